@@ -1,0 +1,49 @@
+"""What every frame source's config has."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import Field
+
+from trailmark.config.base import PluginConfig
+
+__all__ = ["Mounting", "SourceConfig"]
+
+
+class Mounting(PluginConfig):
+    """Where a sensor sits on the robot: ``point_base = pose_base_sensor @ point_sensor``."""
+
+    x: float = 0.0
+    """Forward [m]."""
+    y: float = 0.0
+    """To the left [m]."""
+    z: float = 0.0
+    """Up [m]."""
+    roll_deg: float = 0.0
+    """Turn about x [deg]."""
+    pitch_deg: float = 0.0
+    """Turn about y [deg]."""
+    yaw_deg: float = 0.0
+    """Turn about z [deg]."""
+
+
+class SourceConfig(PluginConfig):
+    """Base of every source's config. All but `on_bad_frame` is the pipeline's work, not the source's."""
+
+    calibration: str | dict[str, Any] | None = None
+    """Calibration of the source's only sensor: a file, or the numbers themselves."""
+    mounting: Mounting | None = None
+    """Mounting of the source's only sensor."""
+    ground_truth: str | None = None
+    """TUM file with the true trajectory of base."""
+    time_offset_s: float = 0.0
+    """Added to every stamp of this source [s]."""
+    start_s: float | None = Field(None, ge=0)
+    """Skip what comes earlier than this after the first frame [s]."""
+    stop_s: float | None = Field(None, gt=0)
+    """End this long after the first frame [s]."""
+    rename: dict[str, str] = Field(default_factory=dict)
+    """New names for the source's sensors: old to new."""
+    on_bad_frame: Literal["error", "skip"] = "error"
+    """What an unreadable frame, a changed size or a stamp that goes back does: end the run, or be counted and skipped."""

@@ -1,0 +1,269 @@
+"""What localizers say, what estimators answer, and what is believed.
+
+Every estimate is about ``base``, at the stamp it is about, and all but `Lost` carry a (3, 3)
+information matrix (inverse covariance) of their three numbers, in their order and units.
+A direction that was not measured has no information; its rows need not be axes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.errors import ShapeError
+from trailmark.frames.payloads import read_only
+from trailmark.geometry import Pose2, Twist2
+
+__all__ = [
+    "Applied",
+    "Belief",
+    "Estimate",
+    "Fix",
+    "Lost",
+    "Motion",
+    "PathOffset",
+    "information_along",
+    "information_from_covariance",
+    "information_from_sigmas",
+]
+
+Matrix = npt.NDArray[np.float64]
+_NO_DETAILS: Mapping[str, float] = MappingProxyType({})
+
+
+def _no_details() -> Mapping[str, float]:
+    return _NO_DETAILS
+
+
+def information_from_sigmas(*sigmas: float) -> Matrix:
+    """Return the information of independent standard deviations; ``inf`` says "not measured".
+
+    Raises
+    ------
+    ValueError
+        If a sigma is not positive.
+    """
+    values = np.asarray(sigmas, dtype=np.float64)
+    if not np.all(values > 0):  # also refuses NaN
+        raise ValueError(f"standard deviations must be positive, not {sigmas}")
+    return np.diag(1.0 / (values * values))
+
+
+def information_from_covariance(covariance: npt.ArrayLike) -> Matrix:
+    """Return the inverse of a covariance matrix, symmetric to the last bit.
+
+    Raises
+    ------
+    ValueError
+        If it is not symmetric and positive definite.
+    """
+    matrix = np.asarray(covariance, dtype=np.float64)
+    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
+        raise ShapeError(f"a covariance is square, not {matrix.shape}")
+    if not np.allclose(matrix, matrix.T, rtol=1e-6, atol=1e-12 * max(1e-300, float(np.abs(matrix).max()))):
+        raise ValueError("the covariance is not symmetric")
+    try:
+        factor = np.linalg.inv(np.linalg.cholesky((matrix + matrix.T) / 2.0))
+    except np.linalg.LinAlgError:
+        raise ValueError("the covariance is not positive definite") from None
+    return np.asarray(factor.T @ factor)
+
+
+def information_along(direction: npt.ArrayLike, sigma: float) -> Matrix:
+    """Return the rank-one information of a single measured number.
+
+    Parameters
+    ----------
+    direction : (3,) float
+        How the measured number changes with the three numbers of the estimate (its Jacobian row).
+    sigma : float
+        Standard deviation of the measured number, in its own unit.
+    """
+    row = np.asarray(direction, dtype=np.float64)
+    if not sigma > 0:
+        raise ValueError(f"a standard deviation must be positive, not {sigma}")
+    return np.outer(row, row) / (sigma * sigma)
+
+
+def _frozen_information(information: npt.ArrayLike) -> Matrix:
+    matrix = np.asarray(information, dtype=np.float64)
+    if matrix.shape != (3, 3):
+        raise ShapeError(f"information must have shape (3, 3), not {matrix.shape}")
+    return read_only(matrix)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """Relative motion of base between two stamps.
+
+    It begins where the localizer's last motion ended, or leaves a gap that the estimator bridges.
+
+    Attributes
+    ----------
+    since_s, stamp_s : float
+        From when to when [s].
+    pose_since_now : Pose2
+        Base at `stamp_s` as seen from base at `since_s`.
+    information : (3, 3) float64
+        Of (x, y, theta) of `pose_since_now` [1/m^2, 1/m^2, 1/rad^2 on the diagonal].
+    details : mapping of str to float
+        Further numbers of the method, recorded beside the estimate.
+    """
+
+    since_s: float
+    stamp_s: float
+    pose_since_now: Pose2
+    information: Matrix
+    details: Mapping[str, float] = field(default_factory=_no_details, repr=False)
+
+    def __post_init__(self) -> None:
+        if not self.stamp_s > self.since_s:
+            raise ShapeError(f"a motion must end after it begins: since {self.since_s} s to {self.stamp_s} s")
+        object.__setattr__(self, "information", _frozen_information(self.information))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fix:
+    """Absolute pose of base in the map.
+
+    Attributes
+    ----------
+    stamp_s : float
+        The instant it is about [s].
+    pose_map_base : Pose2
+        Base in the map.
+    information : (3, 3) float64
+        Of (x, y, theta) of `pose_map_base`, in map axes.
+    details : mapping of str to float
+        Further numbers of the method, recorded beside the estimate.
+    """
+
+    stamp_s: float
+    pose_map_base: Pose2
+    information: Matrix
+    details: Mapping[str, float] = field(default_factory=_no_details, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "information", _frozen_information(self.information))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PathOffset:
+    """A fix in path coordinates; the taught sense also when the path is driven backwards.
+
+    Attributes
+    ----------
+    stamp_s : float
+        The instant it is about [s].
+    station_m : float
+        Way along the path [m].
+    lateral_m : float
+        Offset to the left of the path [m].
+    heading_rad : float
+        Turn from the taught heading, counter-clockwise [rad].
+    information : (3, 3) float64
+        Of (station, lateral, heading).
+    details : mapping of str to float
+        Further numbers of the method, recorded beside the estimate.
+    """
+
+    stamp_s: float
+    station_m: float
+    lateral_m: float
+    heading_rad: float
+    information: Matrix
+    details: Mapping[str, float] = field(default_factory=_no_details, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "information", _frozen_information(self.information))
+
+
+@dataclass(frozen=True, slots=True)
+class Lost:
+    """The localizer looked and cannot say. (An empty answer means that it did not look.)
+
+    Attributes
+    ----------
+    stamp_s : float
+        The instant it looked at [s].
+    reason : str
+        Why, in a few words.
+    details : mapping of str to float
+        Further numbers of the method, recorded beside the estimate.
+    """
+
+    stamp_s: float
+    reason: str
+    details: Mapping[str, float] = field(default_factory=_no_details, repr=False)
+
+
+Estimate = Motion | Fix | PathOffset | Lost
+
+
+@dataclass(frozen=True, slots=True)
+class Applied:
+    """What an estimator did with an estimate; every estimate gets one, and it is recorded.
+
+    Attributes
+    ----------
+    status : str
+        ``accepted``; ``gated`` (contradicts the belief); ``late`` (older than the history); ``refused``
+        (malformed: NaN, negative information, a stamp that cannot be); ``unused`` (the estimator does not
+        use this localizer, or the estimate is `Lost`).
+    reason : str
+        Why, when not accepted.
+    nis : float or None
+        Normalised innovation squared, where the estimator computes one.
+    dof : int or None
+        Rank of the measurement that `nis` is to be compared with.
+    """
+
+    status: Literal["accepted", "gated", "late", "refused", "unused"]
+    reason: str = ""
+    nis: float | None = None
+    dof: int | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Belief:
+    """Where the robot is believed to be.
+
+    Attributes
+    ----------
+    stamp_s : float
+        The instant it is about [s].
+    pose_map_base : Pose2 or None
+        Base in the map, None while unknown.
+    covariance : (3, 3) float64 or None
+        Of (x, y, theta) of `pose_map_base`, in map axes; None where unknown or not estimated.
+    pose_odom_base : Pose2
+        Base where motion alone has carried it; drifts, never jumps.
+    twist : Twist2
+        Velocity in base axes.
+    travelled_m : float
+        Length of the way driven, from motion alone [m].
+    on_path : PathOffset or None
+        The same belief in path coordinates; None without a path or a pose.
+    fix_age_m : float
+        Way driven since the last accepted absolute estimate; ``inf`` before the first [m].
+    motion_age_s : float
+        Time since the last accepted `Motion`; ``inf`` before the first [s].
+    health : mapping of str to str
+        What the estimator wants to be known of its sources, by name: for example ``"silent for 1.2 s"``.
+    """
+
+    stamp_s: float
+    pose_map_base: Pose2 | None = None
+    covariance: Matrix | None = None
+    pose_odom_base: Pose2 = Pose2()
+    twist: Twist2 = Twist2()
+    travelled_m: float = 0.0
+    on_path: PathOffset | None = None
+    fix_age_m: float = float("inf")
+    motion_age_s: float = float("inf")
+    health: Mapping[str, str] = field(default_factory=dict, repr=False)

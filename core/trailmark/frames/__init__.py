@@ -1,0 +1,43 @@
+"""What a sensor gives: frames with one payload each, and what is known about the sensor."""
+
+from trailmark.frames.calibration import (
+    Arrays,
+    Calibration,
+    DepthCamera,
+    GroundPlane,
+    Omni,
+    Pinhole,
+)
+from trailmark.frames.payloads import (
+    RGBD,
+    Frame,
+    Image,
+    Imu,
+    Odometry,
+    Payload,
+    Record,
+    Scalar,
+    Scan,
+)
+from trailmark.frames.sensors import PAYLOAD_KINDS, SensorInfo, payload_kind
+
+__all__ = [
+    "PAYLOAD_KINDS",
+    "RGBD",
+    "Arrays",
+    "Calibration",
+    "DepthCamera",
+    "Frame",
+    "GroundPlane",
+    "Image",
+    "Imu",
+    "Odometry",
+    "Omni",
+    "Payload",
+    "Pinhole",
+    "Record",
+    "Scalar",
+    "Scan",
+    "SensorInfo",
+    "payload_kind",
+]

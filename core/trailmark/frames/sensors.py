@@ -1,0 +1,65 @@
+"""What a source tells about each of its sensors."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from trailmark.errors import ShapeError
+from trailmark.frames.calibration import Calibration
+from trailmark.frames.payloads import RGBD, Image, Imu, Odometry, Payload, Scalar, Scan
+from trailmark.geometry import Pose3
+
+__all__ = ["PAYLOAD_KINDS", "SensorInfo", "payload_kind"]
+
+#: Kinds whose payload is fixed. Any other kind carries a `Record` and means what its source documents.
+PAYLOAD_KINDS: dict[str, type[Payload]] = {
+    "image": Image,
+    "rgbd": RGBD,
+    "scan": Scan,
+    "odometry": Odometry,
+    "imu": Imu,
+    "scalar": Scalar,
+}
+
+_NAME = re.compile(r"[a-z][a-z0-9_]*")
+
+
+def payload_kind(payload: Payload) -> str:
+    """Return the kind of a payload; ``"record"`` for named arrays."""
+    return next((kind for kind, cls in PAYLOAD_KINDS.items() if isinstance(payload, cls)), "record")
+
+
+@dataclass(frozen=True, slots=True)
+class SensorInfo:
+    """What is known about a sensor before its first frame.
+
+    Attributes
+    ----------
+    name : str
+        Lower-case letters, digits and underscores, starting with a letter.
+    kind : str
+        One of `PAYLOAD_KINDS`, or a word of the source's own for a `Record`.
+    size : (int, int) or None
+        Width and height of the picture [px].
+    rate_hz : float or None
+        Nominal rate [Hz].
+    pose_base_sensor : Pose3
+        Mounting: ``point_base = pose_base_sensor @ point_sensor``. For a camera the sensor axes are
+        x forward, y left, z up as for every sensor; the optical axes follow from them by REP-103.
+    calibration : Calibration or None
+        None while unknown.
+    """
+
+    name: str
+    kind: str
+    size: tuple[int, int] | None = None
+    rate_hz: float | None = None
+    pose_base_sensor: Pose3 = Pose3()
+    calibration: Calibration | None = None
+
+    def __post_init__(self) -> None:
+        if not _NAME.fullmatch(self.name):
+            raise ShapeError(
+                f"sensor name {self.name!r}: use lower-case letters, digits and underscores, starting with a letter"
+            )

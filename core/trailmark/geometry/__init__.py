@@ -1,0 +1,18 @@
+"""Planar and spatial poses, twists and trajectories."""
+
+from trailmark.geometry.angles import wrap_angle, wrap_angles
+from trailmark.geometry.se2 import Pose2, Twist2
+from trailmark.geometry.se3 import Pose3
+from trailmark.geometry.trajectory import Trajectory
+from trailmark.geometry.tum import read_tum, write_tum
+
+__all__ = [
+    "Pose2",
+    "Pose3",
+    "Trajectory",
+    "Twist2",
+    "read_tum",
+    "wrap_angle",
+    "wrap_angles",
+    "write_tum",
+]

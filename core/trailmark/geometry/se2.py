@@ -1,0 +1,164 @@
+"""SE(2): poses and twists in the plane."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import overload
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.errors import ShapeError
+from trailmark.geometry.angles import wrap_angle
+
+__all__ = ["Pose2", "Twist2"]
+
+# Below this angle sin(a)/a and (1-cos(a))/a come from their series: the closed forms lose digits.
+_SMALL_ANGLE_RAD = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Pose2:
+    """A pose in the plane, or the transform that it stands for.
+
+    ``pose_a_b`` takes coordinates in b to coordinates in a: ``point_a = pose_a_b @ point_b``,
+    and neighbours cancel: ``pose_a_c = pose_a_b @ pose_b_c``.
+
+    Attributes
+    ----------
+    x, y : float
+        Position [m].
+    theta : float
+        Heading, counter-clockwise, wrapped to [-pi, pi) [rad].
+
+    Raises
+    ------
+    ValueError
+        If a number is not finite: an unknown pose is ``None``, never NaN.
+    """
+
+    x: float = 0.0
+    y: float = 0.0
+    theta: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.x) and math.isfinite(self.y) and math.isfinite(self.theta)):
+            raise ValueError(f"pose is not finite: x={self.x}, y={self.y}, theta={self.theta}")
+        if not -math.pi <= self.theta < math.pi:
+            object.__setattr__(self, "theta", wrap_angle(self.theta))
+
+    @overload
+    def __matmul__(self, other: Pose2) -> Pose2: ...
+    @overload
+    def __matmul__(self, other: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]: ...
+    def __matmul__(self, other: Pose2 | npt.NDArray[np.float64]) -> Pose2 | npt.NDArray[np.float64]:
+        """Compose with a pose, or transform points of shape (2,) or (N, 2) [m]."""
+        cos, sin = math.cos(self.theta), math.sin(self.theta)
+        if isinstance(other, Pose2):
+            return Pose2(
+                self.x + cos * other.x - sin * other.y,
+                self.y + sin * other.x + cos * other.y,
+                self.theta + other.theta,
+            )
+        points = np.asarray(other, dtype=np.float64)
+        if points.shape[-1:] != (2,):
+            raise ShapeError(f"points must have shape (2,) or (N, 2), not {points.shape}")
+        rotation_transposed = np.array([[cos, sin], [-sin, cos]])
+        return np.asarray(points @ rotation_transposed + (self.x, self.y))
+
+    def inverse(self) -> Pose2:
+        """Return ``pose_b_a`` of ``pose_a_b``."""
+        cos, sin = math.cos(self.theta), math.sin(self.theta)
+        return Pose2(-cos * self.x - sin * self.y, sin * self.x - cos * self.y, -self.theta)
+
+    def between(self, other: Pose2) -> Pose2:
+        """Return `other` as seen from here: ``pose_a_b.between(pose_a_c) == pose_b_c``."""
+        cos, sin = math.cos(self.theta), math.sin(self.theta)
+        dx, dy = other.x - self.x, other.y - self.y
+        return Pose2(cos * dx + sin * dy, cos * dy - sin * dx, other.theta - self.theta)
+
+    def distance_to(self, other: Pose2) -> float:
+        """Return the distance between the two positions [m]."""
+        return math.hypot(other.x - self.x, other.y - self.y)
+
+    def interpolate(self, other: Pose2, fraction: float) -> Pose2:
+        """Return the pose at `fraction` of the way to `other`: straight line, shortest turn."""
+        return Pose2(
+            self.x + fraction * (other.x - self.x),
+            self.y + fraction * (other.y - self.y),
+            self.theta + fraction * wrap_angle(other.theta - self.theta),
+        )
+
+    def adjoint(self) -> npt.NDArray[np.float64]:
+        """Return the (3, 3) adjoint: ``twist_a = pose_a_b.adjoint() @ twist_b``, twists as (x, y, theta)."""
+        cos, sin = math.cos(self.theta), math.sin(self.theta)
+        return np.array([[cos, -sin, self.y], [sin, cos, -self.x], [0.0, 0.0, 1.0]])
+
+    def matrix(self) -> npt.NDArray[np.float64]:
+        """Return the homogeneous (3, 3) matrix."""
+        cos, sin = math.cos(self.theta), math.sin(self.theta)
+        return np.array([[cos, -sin, self.x], [sin, cos, self.y], [0.0, 0.0, 1.0]])
+
+    def array(self) -> npt.NDArray[np.float64]:
+        """Return (x, y, theta) as a (3,) array [m, m, rad]."""
+        return np.array([self.x, self.y, self.theta])
+
+    @classmethod
+    def from_array(cls, values: npt.ArrayLike | Sequence[float]) -> Pose2:
+        """Return the pose of an array (x, y, theta) [m, m, rad].
+
+        Raises
+        ------
+        ShapeError
+            If there are not three numbers.
+        """
+        array = np.asarray(values, dtype=np.float64)
+        if array.shape != (3,):
+            raise ShapeError(f"a pose has three numbers (x, y, theta), not shape {array.shape}")
+        return cls(float(array[0]), float(array[1]), float(array[2]))
+
+    @classmethod
+    def exp(cls, forward_m: float, left_m: float, turn_rad: float) -> Pose2:
+        """Return the motion of a constant twist: the arc, not the chord (the exponential of SE(2)).
+
+        Parameters
+        ----------
+        forward_m, left_m : float
+            Distance driven along the moving body's own axes [m].
+        turn_rad : float
+            Turn while driving it [rad].
+        """
+        if abs(turn_rad) < _SMALL_ANGLE_RAD:
+            sine, cosine = 1.0 - turn_rad * turn_rad / 6.0, turn_rad / 2.0
+        else:
+            sine, cosine = math.sin(turn_rad) / turn_rad, (1.0 - math.cos(turn_rad)) / turn_rad
+        return cls(sine * forward_m - cosine * left_m, cosine * forward_m + sine * left_m, turn_rad)
+
+    def log(self) -> tuple[float, float, float]:
+        """Return the constant twist (forward_m, left_m, turn_rad) whose `exp` is this pose."""
+        half = self.theta / 2.0
+        scale = 1.0 - half * half / 3.0 if abs(self.theta) < _SMALL_ANGLE_RAD else half / math.tan(half)
+        return scale * self.x + half * self.y, scale * self.y - half * self.x, self.theta
+
+
+@dataclass(frozen=True, slots=True)
+class Twist2:
+    """Velocity of a body in the plane, along its own axes.
+
+    Attributes
+    ----------
+    forward_mps, left_mps : float
+        Velocity along x (forward) and y (left) of the body [m/s].
+    yaw_radps : float
+        Yaw rate, counter-clockwise [rad/s].
+    """
+
+    forward_mps: float = 0.0
+    left_mps: float = 0.0
+    yaw_radps: float = 0.0
+
+    def after(self, dt_s: float) -> Pose2:
+        """Return the motion when the twist holds for `dt_s` seconds."""
+        return Pose2.exp(self.forward_mps * dt_s, self.left_mps * dt_s, self.yaw_radps * dt_s)

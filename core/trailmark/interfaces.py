@@ -1,0 +1,287 @@
+"""The parts of a pipeline. Plugins implement these; the pipeline runs them.
+
+Every part has the same life: a cheap constructor, `start` (open, load, warm up; again = as new), work,
+and `close` (from any thread, in any state, twice). A method added here later has a default, so that
+plugins written for an older minor version keep working.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.commands import Command
+from trailmark.estimates import Applied, Belief, Estimate
+from trailmark.frames import Frame, SensorInfo
+from trailmark.geometry import Pose2, Trajectory
+from trailmark.paths import Keyframe, Path, Waypoint
+
+__all__ = [
+    "Controller",
+    "Drawer",
+    "Drivable",
+    "Estimator",
+    "FrameSource",
+    "Localizer",
+    "Mode",
+    "Part",
+    "PathStore",
+    "RunEnd",
+    "Session",
+    "Sink",
+]
+
+Mode = Literal["track", "teach", "replay"]
+
+
+class Drawer(ABC):
+    """One localizer's own place in the path store; usable from any thread, writable in teach."""
+
+    @abstractmethod
+    def add(self, keyframe: Keyframe) -> None:
+        """Remember a keyframe; it is committed with the waypoint that follows it.
+
+        Raises
+        ------
+        StoreError
+            If the store is open for reading only.
+        """
+
+    @abstractmethod
+    def keyframes(self) -> Sequence[Keyframe]:
+        """Return all keyframes in the order in which they were added."""
+
+    @abstractmethod
+    def save(self, name: str, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
+        """Store named arrays under a name, replacing what stood there."""
+
+    @abstractmethod
+    def load(self, name: str) -> Mapping[str, npt.NDArray[Any]] | None:
+        """Return the arrays saved under a name, or None."""
+
+
+def _default_rng() -> np.random.Generator:
+    return np.random.default_rng(0)
+
+
+def _no_latency() -> float:
+    return 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Session:
+    """What one part is told when it starts. Every field has a default.
+
+    Attributes
+    ----------
+    name : str
+        The part's name in the config.
+    mode : {"track", "teach", "replay"}
+        Localize only, remember a path, or come back to a remembered one.
+    sensors : mapping of str to SensorInfo
+        All sensors of the run, by name.
+    path : Path or None
+        The taught path, in replay (and in track with a store).
+    start_pose : Pose2 or None
+        Base in the map at the start; None: unknown.
+    drawer : Drawer or None
+        This part's own place in the store.
+    rng : numpy.random.Generator
+        Seeded from (seed, kind, name): adding a part changes no other part's numbers.
+    last_latency_s : callable
+        Returns the duration of this part's last call: measured in realtime, modelled in step [s].
+    """
+
+    name: str = ""
+    mode: Mode = "track"
+    sensors: Mapping[str, SensorInfo] = field(default_factory=lambda: MappingProxyType({}))
+    path: Path | None = None
+    start_pose: Pose2 | None = None
+    drawer: Drawer | None = None
+    rng: np.random.Generator = field(default_factory=_default_rng)
+    last_latency_s: Callable[[], float] = _no_latency
+
+
+class Part(ABC):  # noqa: B024  (each kind of part has abstract methods of its own)
+    """Anything that a config can name."""
+
+    def __init__(self, config: Any) -> None:
+        """Keep the config. Cheap: opens no file or device and compiles nothing."""
+        self.config = config
+
+    def start(self, session: Session) -> None:  # noqa: B027  (a default on purpose)
+        """Open, load and warm up. Called before the clock starts; called again, the part is as new."""
+
+    def close(self) -> None:  # noqa: B027
+        """Release what `start` took. Any thread, any state, twice."""
+
+    def counters(self) -> Mapping[str, int]:
+        """Return what the part counted since `start`, by name: skipped frames, retries, overflows."""
+        return {}
+
+
+class FrameSource(Part):
+    """Gives the frames of one or several sensors in the order of their stamps."""
+
+    @property
+    @abstractmethod
+    def sensors(self) -> Mapping[str, SensorInfo]:
+        """The sensors, by name; known after `start`."""
+
+    @abstractmethod
+    def frames(self) -> Iterator[Frame]:
+        """Yield all frames once, in stamp order.
+
+        The iterator ends at the end of the recording or after `close`.
+
+        Raises
+        ------
+        SourceError
+            If a frame is missing or unreadable, its size changes, or a stamp goes back.
+        """
+
+    def ground_truth(self) -> Trajectory | None:
+        """Return the true trajectory of base where it is known; asked after the last frame."""
+        return None
+
+    #: True for devices: frames come when they come, and what is not taken is lost.
+    is_live: ClassVar[bool] = False
+
+
+class Drivable(FrameSource):
+    """A source that is a robot: it can be driven. It may also drive itself (a person, a scripted route)."""
+
+    @property
+    @abstractmethod
+    def accepts(self) -> frozenset[type[Command]]:
+        """The commands it understands; `Stop` always is one of them."""
+
+    @abstractmethod
+    def drive(self, command: Command) -> None:
+        """Take a command. It holds from the last frame yielded until the next command."""
+
+    #: True when it drives itself, so that a run needs no controller.
+    drives_itself: bool = False
+
+
+class Localizer(Part):
+    """Turns frames into estimates."""
+
+    @abstractmethod
+    def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
+        """Look at a frame of a sensor that the config subscribes to.
+
+        Parameters
+        ----------
+        frame : Frame
+            The frame; its arrays are read-only.
+        belief : Belief
+            What is believed at the frame's stamp, with the estimates of the localizers before this one.
+
+        Returns
+        -------
+        sequence of Estimate
+            Empty: it did not look. `Lost`: it looked and cannot say.
+        """
+
+    def latency_s(self) -> float | None:
+        """Return how long the last call takes by the localizer's own model [s]; None: it has none."""
+        return None
+
+    def finish(self) -> None:
+        """End of teaching: select, train, index; works from the drawer alone and may be repeated."""
+
+
+class Estimator(Part):
+    """Makes one belief of many estimates, whatever order they come in."""
+
+    @abstractmethod
+    def apply(self, source: str, estimate: Estimate) -> Applied:
+        """Take an estimate of a localizer and say what became of it.
+
+        The estimate may be about a past stamp: the estimator keeps a history and replays it.
+        """
+
+    @abstractmethod
+    def belief(self, stamp_s: float | None = None) -> Belief:
+        """Return the belief at a stamp: interpolated in the history, or predicted beyond it.
+
+        None asks for the newest stamp it has heard of.
+        """
+
+
+class Controller(Part):
+    """Turns beliefs into commands. Path, goal and direction come with the session and the config."""
+
+    @property
+    @abstractmethod
+    def gives(self) -> frozenset[type[Command]]:
+        """The commands it may give."""
+
+    @abstractmethod
+    def step(self, belief: Belief) -> Command:
+        """Return the command for a belief that is predicted to now."""
+
+
+class PathStore(Part):
+    """Keeps a taught path. It belongs to the pipeline; localizers see their `Drawer` only."""
+
+    @abstractmethod
+    def append(self, waypoint: Waypoint) -> None:
+        """Add a waypoint to the open transaction."""
+
+    @abstractmethod
+    def path(self) -> Path | None:
+        """Return the committed path, or None while there is none."""
+
+    @abstractmethod
+    def drawer(self, owner: str) -> Drawer:
+        """Return the drawer of one localizer."""
+
+    @abstractmethod
+    def commit(self) -> None:
+        """Make everything so far durable: when this returns, a kill at any instant loses none of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunEnd:
+    """How a run ended, told to the sinks.
+
+    Attributes
+    ----------
+    status : {"done", "stopped", "interrupted", "failed"}
+        At the end of the frames or the goal; by the guard; by the user; by an error.
+    reason : str
+        One line, empty for a plain end.
+    counters : mapping of str to int
+        Frames, drops, late, gated, lost ..., by dotted name.
+    """
+
+    status: Literal["done", "stopped", "interrupted", "failed"]
+    reason: str = ""
+    counters: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
+
+
+class Sink(Part):
+    """Is told what happens: a recorder, a viewer, a bridge. Each method does nothing unless overridden."""
+
+    def on_frame(self, frame: Frame) -> None:
+        """A frame was taken from a source."""
+
+    def on_estimate(self, source: str, estimate: Estimate, applied: Applied) -> None:
+        """An estimate was applied."""
+
+    def on_belief(self, belief: Belief) -> None:
+        """The belief after all localizers saw a frame."""
+
+    def on_command(self, stamp_s: float, command: Command) -> None:
+        """A command was given."""
+
+    def on_end(self, end: RunEnd) -> None:
+        """The run is over."""

@@ -1,0 +1,214 @@
+"""Taught paths: waypoints along the way, and the keyframes that localizers remember beside it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.errors import ShapeError
+from trailmark.frames.payloads import read_only
+from trailmark.geometry import Pose2, wrap_angle
+
+__all__ = ["Keyframe", "OnPath", "Path", "Waypoint"]
+
+
+@dataclass(frozen=True, slots=True)
+class Waypoint:
+    """One pose of a taught path.
+
+    Attributes
+    ----------
+    index : int
+        0, 1, 2, ... in the order of teaching.
+    station_m : float
+        Way driven from the start of the path [m].
+    pose_map_base : Pose2
+        Base in the map when it was laid.
+    """
+
+    index: int
+    station_m: float
+    pose_map_base: Pose2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Keyframe:
+    """What one localizer remembers of one place. It belongs to the localizer, not to a waypoint.
+
+    Attributes
+    ----------
+    station_m : float
+        Way driven from the start of the path [m].
+    stamp_s : float
+        When it was taken [s].
+    pose_map_base : Pose2
+        Base in the map, as believed when it was taken.
+    arrays : mapping of str to ndarray
+        What is remembered; shapes and dtypes are the localizer's own.
+    """
+
+    station_m: float
+    stamp_s: float
+    pose_map_base: Pose2
+    arrays: Mapping[str, npt.NDArray[Any]]
+
+    def __post_init__(self) -> None:
+        views = {name: read_only(np.asarray(array)) for name, array in self.arrays.items()}
+        object.__setattr__(self, "arrays", MappingProxyType(views))
+
+
+@dataclass(frozen=True, slots=True)
+class OnPath:
+    """A pose in path coordinates.
+
+    Attributes
+    ----------
+    station_m : float
+        Way along the path [m].
+    lateral_m : float
+        Offset to the left, seen in the direction of growing station [m].
+    heading_rad : float
+        Turn from the taught heading, counter-clockwise, in [-pi, pi) [rad].
+    """
+
+    station_m: float
+    lateral_m: float
+    heading_rad: float
+
+
+class Path:
+    """An ordered sequence of waypoints, joined by straight lines.
+
+    Path coordinates: the station grows along the lines, lateral is to the left of the line, and the heading
+    is relative to the taught one, which turns evenly between two waypoints.
+
+    Parameters
+    ----------
+    waypoints : iterable of Waypoint
+        In order, stations strictly increasing; at least one.
+
+    Raises
+    ------
+    ShapeError
+        If there is no waypoint or the stations do not increase.
+    """
+
+    __slots__ = ("_headings", "_positions", "_stations", "waypoints")
+
+    def __init__(self, waypoints: Iterable[Waypoint]) -> None:
+        self.waypoints: tuple[Waypoint, ...] = tuple(waypoints)
+        if not self.waypoints:
+            raise ShapeError("a path needs at least one waypoint")
+        poses = np.array([waypoint.pose_map_base.array() for waypoint in self.waypoints])
+        self._stations = np.array([waypoint.station_m for waypoint in self.waypoints])
+        self._positions = poses[:, :2]
+        self._headings = np.unwrap(poses[:, 2])
+        if np.any(np.diff(self._stations) <= 0):
+            first = int(np.flatnonzero(np.diff(self._stations) <= 0)[0])
+            raise ShapeError(f"stations must increase, but waypoint {first + 1} does not lie after waypoint {first}")
+
+    def __len__(self) -> int:
+        return len(self.waypoints)
+
+    def __getitem__(self, index: int) -> Waypoint:
+        return self.waypoints[index]
+
+    @property
+    def length_m(self) -> float:
+        """Way from the first waypoint to the last [m]."""
+        return float(self._stations[-1] - self._stations[0])
+
+    @property
+    def stations(self) -> npt.NDArray[np.float64]:
+        """Station of every waypoint, (N,) [m]."""
+        return self._stations
+
+    @property
+    def positions(self) -> npt.NDArray[np.float64]:
+        """Position of every waypoint in the map, (N, 2) [m]."""
+        return self._positions
+
+    def pose_at(self, station_m: float) -> Pose2:
+        """Return the taught pose at a station; beyond an end, the pose of that end."""
+        if len(self) == 1:
+            return self[0].pose_map_base
+        index, fraction = self._segment_of(station_m)
+        start, stop = self._positions[index], self._positions[index + 1]
+        fraction = min(1.0, max(0.0, fraction))
+        x, y = start + fraction * (stop - start)
+        theta = self._headings[index] + fraction * (self._headings[index + 1] - self._headings[index])
+        return Pose2(float(x), float(y), float(theta))
+
+    def tangent_at(self, station_m: float) -> float:
+        """Return the direction of the line at a station, in the map [rad]."""
+        if len(self) == 1:
+            return self[0].pose_map_base.theta
+        index, _ = self._segment_of(station_m)
+        dx, dy = self._positions[index + 1] - self._positions[index]
+        if dx == 0.0 and dy == 0.0:  # turned on the spot: the heading is all there is
+            return wrap_angle(float(self._headings[index]))
+        return math.atan2(dy, dx)
+
+    def pose_from(self, on_path: OnPath) -> Pose2:
+        """Return the pose in the map of a pose in path coordinates."""
+        taught = self.pose_at(on_path.station_m)
+        tangent = self.tangent_at(on_path.station_m)
+        return Pose2(
+            taught.x - math.sin(tangent) * on_path.lateral_m,
+            taught.y + math.cos(tangent) * on_path.lateral_m,
+            taught.theta + on_path.heading_rad,
+        )
+
+    def locate(self, pose_map_base: Pose2, near_station_m: float | None = None, window_m: float = 1.0) -> OnPath:
+        """Return a pose in path coordinates: the nearest point of the lines.
+
+        Parameters
+        ----------
+        pose_map_base : Pose2
+            Pose in the map.
+        near_station_m : float, optional
+            Where the robot was just now. A path that crosses itself is then searched only within `window_m`
+            of it, unless the pose has left that part of the path by more than `window_m`.
+        """
+        point = np.array([pose_map_base.x, pose_map_base.y])
+        station_m, lateral_m = self._nearest(point, near_station_m, window_m)
+        if near_station_m is not None and abs(lateral_m) > window_m:
+            station_m, lateral_m = self._nearest(point, None, window_m)
+        heading_rad = wrap_angle(pose_map_base.theta - self.pose_at(station_m).theta)
+        return OnPath(station_m, lateral_m, heading_rad)
+
+    def _segment_of(self, station_m: float) -> tuple[int, float]:
+        index = int(np.searchsorted(self._stations, station_m, side="right")) - 1
+        index = min(max(index, 0), len(self) - 2)
+        start, stop = self._stations[index], self._stations[index + 1]
+        return index, float((station_m - start) / (stop - start))
+
+    def _nearest(
+        self, point: npt.NDArray[np.float64], near_station_m: float | None, window_m: float
+    ) -> tuple[float, float]:
+        if len(self) == 1:
+            seen = self[0].pose_map_base.inverse() @ point
+            return float(self._stations[0]), float(seen[1])
+        first, last = 0, len(self) - 1
+        if near_station_m is not None:
+            first = max(0, int(np.searchsorted(self._stations, near_station_m - window_m)) - 1)
+            last = min(last, int(np.searchsorted(self._stations, near_station_m + window_m)) + 1)
+            first, last = min(first, last - 1), max(last, first + 1)
+        starts = self._positions[first:last]
+        lines = self._positions[first + 1 : last + 1] - starts
+        offsets = point - starts
+        squared = np.maximum((lines * lines).sum(axis=1), 1e-18)
+        fractions = np.clip((offsets * lines).sum(axis=1) / squared, 0.0, 1.0)
+        misses = offsets - fractions[:, None] * lines
+        best = int(np.argmin((misses * misses).sum(axis=1)))
+        index = first + best
+        station = self._stations[index] + fractions[best] * (self._stations[index + 1] - self._stations[index])
+        tangent = self.tangent_at(float(self._stations[index]))
+        lateral = math.cos(tangent) * offsets[best, 1] - math.sin(tangent) * offsets[best, 0]
+        return float(station), float(lateral)
