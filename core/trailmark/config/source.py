@@ -46,4 +46,4 @@ class SourceConfig(PluginConfig):
     rename: dict[str, str] = Field(default_factory=dict)
     """New names for the source's sensors: old to new."""
     on_bad_frame: Literal["error", "skip"] = "error"
-    """What an unreadable frame, a changed size or a stamp that goes back does: end the run, or be counted and skipped."""
+    """An unreadable frame, a changed size, a stamp that goes back: ends the run, or is counted and skipped."""
