@@ -1,0 +1,36 @@
+# Everything a contributor runs. `make` lists the targets.
+VENV ?= .venv
+BIN := $(VENV)/bin
+
+.PHONY: help install test long lint types bench docs demo ci
+help:            ## list the targets
+	@sed -n 's/^\([a-z]*\): *[^#]*## /\1	/p' $(MAKEFILE_LIST)
+
+install: $(BIN)/trailmark  ## virtual environment with everything for development
+$(BIN)/trailmark: pyproject.toml
+	python3 -m venv $(VENV)
+	$(BIN)/pip install -q -e '.[dev]'
+
+test: install    ## all tests but the long ones
+	$(BIN)/pytest -n 2
+
+long: install    ## the tests that take minutes
+	$(BIN)/pytest -n 2 -m long
+
+lint: install    ## ruff: lint and format
+	$(BIN)/ruff check . && $(BIN)/ruff format --check .
+
+types: install   ## mypy --strict over core and all plugins
+	$(BIN)/mypy
+
+bench: install   ## the speed benchmarks, quick
+	for file in benchmarks/*.py; do $(BIN)/python $$file --quick || exit 1; done
+
+docs: install    ## the manual, into site/
+	$(BIN)/pip install -q mkdocs-material && $(BIN)/mkdocs build --strict
+
+demo: install    ## the whole story in a minute
+	$(BIN)/trailmark demo
+
+ci:              ## what CI runs, in a fresh clone and a fresh virtual environment
+	bash .ci/run

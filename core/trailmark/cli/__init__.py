@@ -1,0 +1,26 @@
+"""The command line. Commands are imported when they are called, so that ``--help`` stays fast."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+__all__ = ["main"]
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line and exit: 0 done, 1 the run failed, 2 the request was wrong."""
+    from trailmark.cli.errors import exit_code_of
+    from trailmark.cli.root import root, split_plugin_options
+
+    debug = bool(os.environ.get("TRAILMARK_DEBUG"))
+    try:
+        chosen, rest = split_plugin_options(sys.argv[1:] if arguments is None else arguments)
+        root.main(rest, prog_name="trailmark", obj=chosen, standalone_mode=False)
+    except SystemExit:
+        raise
+    except BaseException as error:
+        if debug:
+            raise
+        sys.exit(exit_code_of(error))
+    sys.exit(0)

@@ -1,0 +1,48 @@
+"""How an error looks to the user: what is wrong, where, what to do; never a traceback."""
+
+from __future__ import annotations
+
+import sys
+
+import click
+
+from trailmark.errors import RunError, TrailmarkError
+
+__all__ = ["exit_code_of", "fail", "say"]
+
+
+def say(message: str) -> None:
+    """Write a line to standard error."""
+    click.echo(message, err=True)
+
+
+def fail(message: str, code: int = 1) -> None:
+    """Say what is wrong and leave."""
+    say(f"trailmark: {message}")
+    sys.exit(code)
+
+
+def exit_code_of(error: BaseException) -> int:
+    """Report an error and return the exit code that it means."""
+    if isinstance(error, click.exceptions.Exit):
+        return error.exit_code
+    if isinstance(error, KeyboardInterrupt | click.Abort):
+        say("trailmark: interrupted")
+        return 130
+    if isinstance(error, click.ClickException):
+        error.show()
+        return 2
+    if isinstance(error, BrokenPipeError):  # the reader of our output went away, as `| head` does
+        sys.stderr.close()
+        return 0
+    if isinstance(error, TrailmarkError):
+        say(f"trailmark: {error}")
+        return 1 if isinstance(error, RunError) else 2
+    if isinstance(error, OSError) and error.filename is not None:
+        say(f"trailmark: {error.filename}: {error.strerror}")
+        return 2
+    say(
+        f"trailmark: internal error: {type(error).__name__}: {error}\n"
+        "This is a bug. Run again with TRAILMARK_DEBUG=1 for the traceback, and report it."
+    )
+    return 1

@@ -1,0 +1,80 @@
+"""``trailmark reproduce``: a paper's experiments, its figures beside ours."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from trailmark.cli.errors import say
+from trailmark.cli.root import plugins_of
+from trailmark.errors import ConfigError
+from trailmark.experiments import ExperimentOptions, Row
+
+__all__ = ["reproduce_command"]
+
+
+@click.command("reproduce")
+@click.argument("paper", required=False)
+@click.option("--quick", is_flag=True, help="Short versions.")
+@click.option("--seed", default=0, show_default=True, type=click.IntRange(0), help="First seed.")
+@click.option("--out", type=click.Path(path_type=Path), default=Path("runs/reproduce"), show_default=True)
+@click.option("--json", "as_json", is_flag=True, help="Print the rows as JSON.")
+@click.pass_context
+def reproduce_command(
+    context: click.Context, paper: str | None, quick: bool, seed: int, out: Path, as_json: bool
+) -> None:
+    """Repeat the experiments of PAPER (or `all`); without PAPER, list them."""
+    specs = {spec.name: spec for spec in plugins_of(context).registry.specs("experiment")}
+    if paper is None:
+        _list(specs, as_json)
+        return
+    if paper != "all" and paper not in specs:
+        known = ", ".join(sorted(specs)) or "none (no installed plugin brings one)"
+        raise ConfigError(f"no experiments named '{paper}'; available: {known}, or 'all'")
+    names = sorted(specs) if paper == "all" else [paper]
+    rows: list[Row] = []
+    for name in names:
+        say(f"{name}: {specs[name].summary}")
+        options = ExperimentOptions(quick=quick, seed=seed, out=out / name, report=lambda line: say(f"  {line}"))
+        run: Any = specs[name].load()
+        rows.extend(run(options))
+    if as_json:
+        click.echo(json.dumps([row.document() for row in rows], indent=1))
+    else:
+        _print_table(rows)
+
+
+def _list(specs: dict[str, Any], as_json: bool) -> None:
+    if as_json:
+        listed = [{"name": name, "summary": spec.summary, "reference": spec.reference} for name, spec in specs.items()]
+        click.echo(json.dumps(listed, indent=1))
+        return
+    for name, spec in sorted(specs.items()):
+        click.echo(f"{name:<16}{spec.summary}")
+    if not specs:
+        click.echo("no installed plugin brings experiments")
+
+
+def _print_table(rows: Sequence[Row]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    table.add_column("experiment")
+    table.add_column("item")
+    for column in ("unit", "paper", "bar", "ours", "+-", "n"):
+        table.add_column(column, justify="right", no_wrap=True)
+    table.add_column("")
+    marks = {True: "[green]met[/]", False: "[red]not met[/]", None: ""}
+    for row in rows:
+        numbers = [_number(value) for value in (row.paper, row.bar, row.ours, row.spread)]
+        table.add_row(row.experiment, row.item, row.unit, *numbers, str(row.n), marks[row.met])
+    Console().print(table)
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.3g}"

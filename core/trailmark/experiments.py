@@ -1,0 +1,87 @@
+"""Experiments that plugins register, and the rows that they report: the paper's figure beside ours."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+__all__ = ["Experiment", "ExperimentOptions", "Row"]
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One figure of an experiment.
+
+    Attributes
+    ----------
+    experiment, item, unit : str
+        Which experiment, what was measured, and in what unit.
+    ours : float or None
+        What was measured here; None when it could not be measured.
+    paper, bar, stretch : float or None
+        What the paper reports; what is asked for here; what would be better still.
+    spread : float or None
+        Standard deviation over seeds, in the same unit.
+    better : {"lower", "higher"}
+        Which way is better.
+    n, seeds : int
+        Samples and seeds behind the figure.
+    """
+
+    experiment: str
+    item: str
+    unit: str
+    ours: float | None
+    paper: float | None = None
+    bar: float | None = None
+    stretch: float | None = None
+    spread: float | None = None
+    better: Literal["lower", "higher"] = "lower"
+    n: int = 1
+    seeds: int = 1
+
+    @property
+    def met(self) -> bool | None:
+        """Whether ours reaches the bar; None without a bar."""
+        if self.bar is None:
+            return None
+        if self.ours is None or not math.isfinite(self.ours):
+            return False
+        return self.ours <= self.bar if self.better == "lower" else self.ours >= self.bar
+
+    def document(self) -> dict[str, Any]:
+        """Return the row for JSON; numbers that are not finite become null."""
+        row = {
+            key: None if isinstance(value, float) and not math.isfinite(value) else value
+            for key, value in asdict(self).items()
+        }
+        return row | {"met": self.met}
+
+
+@dataclass(frozen=True, slots=True)
+class ExperimentOptions:
+    """What the command line asks of an experiment.
+
+    Attributes
+    ----------
+    quick : bool
+        Short versions, for a first look and for CI.
+    seed : int
+        First seed; further seeds follow from it.
+    out : Path
+        Folder for runs and plots.
+    report : callable
+        Takes one line of progress.
+    """
+
+    quick: bool
+    seed: int
+    out: Path
+    report: Callable[[str], None]
+
+
+#: An experiment is a function, registered by ``registry.experiment(name, "module:function")``.
+Experiment = Callable[[ExperimentOptions], Sequence[Row]]
