@@ -1,0 +1,163 @@
+"""What a simulated world is made of: the contract between worlds, sensors, vehicles and the source.
+
+A world is a module under ``trailmark_sim.worlds`` with
+
+- ``build(options: WorldOptions) -> World``, named in `trailmark_sim.worlds.WORLDS`;
+- ``SENSORS`` and ``ROUTES``, tuples of the names it knows, so that they can be listed without building it;
+- a docstring whose first line says what it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Protocol, TypeVar
+
+from pydantic import ValidationError
+
+from trailmark.config import PluginConfig
+from trailmark.errors import ConfigError
+from trailmark.frames import Payload, SensorInfo
+from trailmark.geometry import Pose2
+from trailmark.interfaces import Mode
+from trailmark_sim.names import did_you_mean, unknown_name
+from trailmark_sim.routes import Route
+from trailmark_sim.vehicles import Vehicle, VehicleState
+
+__all__ = ["SensorModel", "World", "WorldOptions", "choose_sensors", "parse_options"]
+
+
+class SensorModel(Protocol):
+    """A simulated sensor. What it reads depends on (seed, k, stamp, state) alone, never on what it read before."""
+
+    @property
+    def info(self) -> SensorInfo:
+        """Name, kind, size, mounting and calibration."""
+
+    @property
+    def rate_hz(self) -> float:
+        """Readings per second; reading k is taken at ``k / rate_hz``."""
+
+    def render(self, k: int, stamp_s: float, state: VehicleState) -> Payload:
+        """Return reading number `k`, taken at `stamp_s` from a vehicle in `state`."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WorldOptions:
+    """What the config says of the world that is to be built.
+
+    Attributes
+    ----------
+    seed : int
+        Of everything that differs from run to run: sensor noise, slip, people.
+    world_seed : int
+        Of everything that stays: textures, floors, where things stand.
+    mode : {"track", "teach", "replay"}
+        Some worlds change between teaching and coming back.
+    sensors : tuple of str or None
+        Sensors to build; None: the world's default set.
+    rates_hz : mapping of str to float
+        Rates that differ from the world's, by sensor [Hz].
+    vehicle : Vehicle or None
+        A vehicle other than the world's own.
+    extra : mapping
+        The world's own options, to be read with `parse_options`.
+    base_dir : Path
+        Where relative file names start.
+    """
+
+    seed: int = 0
+    world_seed: int = 1
+    mode: Mode = "track"
+    sensors: tuple[str, ...] | None = None
+    rates_hz: Mapping[str, float] = field(default_factory=dict)
+    vehicle: Vehicle | None = None
+    extra: Mapping[str, Any] = field(default_factory=dict)
+    base_dir: Path = Path()
+
+    def rate_of(self, sensor: str, default_hz: float) -> float:
+        """Return the rate of a sensor: the config's, or the default [Hz]."""
+        return float(self.rates_hz.get(sensor, default_hz))
+
+
+def _nowhere(pose: Pose2) -> str | None:
+    return None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class World:
+    """A simulated world, ready to be driven in.
+
+    Attributes
+    ----------
+    name : str
+        As in `trailmark_sim.worlds.WORLDS`.
+    vehicle : Vehicle
+        What drives in it.
+    sensors : tuple of SensorModel
+        Of the chosen sensors; at equal stamps their frames come in this order.
+    routes : mapping of str to Route
+        Ways to drive, by name; the first is the default.
+    start : Pose2
+        Where the vehicle stands when nothing else is said.
+    collides : callable
+        Takes the pose of the vehicle and returns what it touches there, or None.
+    truth : mapping of str to array
+        What else is known exactly: poles, landmarks. For evaluation and drawing.
+    """
+
+    name: str
+    vehicle: Vehicle
+    sensors: tuple[SensorModel, ...]
+    routes: Mapping[str, Route]
+    start: Pose2
+    collides: Callable[[Pose2], str | None] = _nowhere
+    truth: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+
+
+def choose_sensors(
+    world: str, options: WorldOptions, builders: Mapping[str, Callable[[], SensorModel]], default: tuple[str, ...]
+) -> tuple[SensorModel, ...]:
+    """Build the sensors that the config asks for, in the order of `builders`, and no other.
+
+    Raises
+    ------
+    ConfigError
+        If the config names a sensor that the world does not have.
+    """
+    wanted = default if options.sensors is None else options.sensors
+    for name in (*wanted, *options.rates_hz):
+        if name not in builders:
+            raise ConfigError(f"sim: {unknown_name('sensor', name, builders)} in world {world!r}")
+    return tuple(build() for name, build in builders.items() if name in wanted)
+
+
+Options = TypeVar("Options", bound=PluginConfig)
+
+
+def parse_options(model: type[Options], world: str, extra: Mapping[str, Any]) -> Options:
+    """Return a world's own options as its model.
+
+    Raises
+    ------
+    ConfigError
+        With one line per wrong key or value.
+    """
+    try:
+        return model.model_validate(dict(extra))
+    except ValidationError as error:
+        raise ConfigError("\n".join(_lines(model, world, error))) from None
+
+
+def _lines(model: type[PluginConfig], world: str, error: ValidationError) -> list[str]:
+    lines = []
+    for item in error.errors():
+        where = ".".join(str(part) for part in item["loc"])
+        if item["type"] == "extra_forbidden":
+            known = model.model_fields if len(item["loc"]) == 1 else ()
+            lines.append(f"sim: world {world!r} has no option {where!r}{did_you_mean(str(item['loc'][-1]), known)}")
+        else:
+            lines.append(f"sim: option {where!r} of world {world!r}: {item['msg']}, not {item['input']!r}")
+    return lines
