@@ -1,0 +1,1 @@
+"""Tools for the tests of plugins: synthetic runs with exact ground truth."""
