@@ -1,0 +1,34 @@
+"""Core's own parts; they come through the same door as everybody's."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from trailmark import hookimpl
+
+if TYPE_CHECKING:
+    from trailmark.plugins import Registry
+
+
+@hookimpl
+def trailmark_register(registry: Registry) -> None:
+    """Register the estimator, the path store and the sink that need no plugin."""
+    registry.estimator(
+        "dead_reckoning",
+        "trailmark.estimation.dead_reckoning:DeadReckoning",
+        config="trailmark.estimation.dead_reckoning_config:DeadReckoningConfig",
+        summary="Integrates the motion of one localizer; a fix corrects the pose at its own stamp",
+        reference="Nagai & Watanabe 2015, Eq. (5)",
+    )
+    registry.path_store(
+        "sqlite",
+        "trailmark.stores.sqlite:SqlitePathStore",
+        config="trailmark.stores.sqlite_config:SqliteStoreConfig",
+        summary="One file per taught place; a kill at any instant loses nothing that was committed",
+    )
+    registry.sink(
+        "jsonl",
+        "trailmark.pipeline.jsonl:JsonlSink",
+        config="trailmark.pipeline.jsonl_config:JsonlConfig",
+        summary="Writes beliefs, estimates and commands as lines of JSON, to a file or to standard output",
+    )

@@ -1,0 +1,105 @@
+"""What could be loaded: entry points of installed distributions, and single files."""
+
+from __future__ import annotations
+
+import importlib.util
+import logging
+import re
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from trailmark.errors import PluginLoadError
+
+__all__ = ["ENTRY_POINT_GROUP", "Candidate", "file_candidates", "installed_candidates"]
+
+logger = logging.getLogger(__name__)
+
+#: The entry-point group of Trailmark's plugins.
+ENTRY_POINT_GROUP = "trailmark"
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A plugin that has not been imported yet.
+
+    Attributes
+    ----------
+    name, distribution, version, module : str
+        As in `PluginRecord`.
+    load : callable
+        Imports and returns the plugin object; may raise anything.
+    """
+
+    name: str
+    distribution: str
+    version: str
+    module: str
+    load: Callable[[], Any]
+
+
+def installed_candidates(entry_points: Iterable[metadata.EntryPoint] | None = None) -> list[Candidate]:
+    """Return the plugins of all installed distributions, in the order of (distribution, name).
+
+    The order in which the installer wrote them has no meaning, so it is not kept.
+    """
+    points = _entry_points() if entry_points is None else entry_points
+    known: dict[int, tuple[str, str]] = {}
+    found = []
+    for point in points:
+        distribution, version = known.setdefault(id(point.dist), _identity(point.dist))
+        found.append(Candidate(point.name, distribution, version, point.value, point.load))
+    return sorted(found, key=lambda candidate: (candidate.distribution, candidate.name))
+
+
+def file_candidates(paths: Iterable[Path]) -> list[Candidate]:
+    """Return one-file plugins in the order given; each is a module of its own name."""
+    return [Candidate(path.stem, path.name, "", _module_name(path), partial(_import_file, path)) for path in paths]
+
+
+def _entry_points() -> Iterator[metadata.EntryPoint]:
+    try:
+        yield from metadata.entry_points(group=ENTRY_POINT_GROUP)
+        return
+    except Exception:  # one distribution with a malformed file: ask each by itself
+        logger.debug("entry points cannot be read at once", exc_info=True)
+    for distribution in metadata.distributions():
+        try:
+            yield from distribution.entry_points.select(group=ENTRY_POINT_GROUP)
+        except Exception:
+            logger.warning("the entry points of %s cannot be read", _identity(distribution)[0])
+
+
+def _identity(distribution: metadata.Distribution | None) -> tuple[str, str]:
+    try:
+        return (str(distribution.name), str(distribution.version)) if distribution else ("unknown", "")
+    except Exception:  # metadata without a name or a version
+        return "unknown", ""
+
+
+def _module_name(path: Path) -> str:
+    return "trailmark_file_" + re.sub(r"\W", "_", path.stem)
+
+
+def _import_file(path: Path) -> Any:
+    name = _module_name(path)
+    loaded = sys.modules.get(name)
+    if loaded is not None:
+        if loaded.__file__ == str(path):
+            return loaded  # the same classes, however often plugins are loaded
+        raise PluginLoadError(f"{path} and {loaded.__file__} both make the module {name}: rename one of the files")
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise PluginLoadError(f"{path} is no Python file")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # before it runs: dataclasses and pydantic look their module up
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    return module
