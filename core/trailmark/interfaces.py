@@ -201,6 +201,9 @@ class Localizer(Part):
 class Estimator(Part):
     """Makes one belief of many estimates, whatever order they come in."""
 
+    #: True when it can integrate the `Motion` of one localizer only: a second one needs ``use``.
+    takes_one_motion: ClassVar[bool] = False
+
     @abstractmethod
     def apply(self, source: str, estimate: Estimate) -> Applied:
         """Take an estimate of a localizer and say what became of it.
@@ -247,6 +250,26 @@ class PathStore(Part):
     @abstractmethod
     def commit(self) -> None:
         """Make everything so far durable: when this returns, a kill at any instant loses none of it."""
+
+    def is_finished(self, owner: str) -> bool:
+        """Return whether `Localizer.finish` ran for this owner, or has nothing to work from.
+
+        A store that keeps no book of it answers True: it cannot ask for what it cannot record.
+        """
+        return True
+
+    def mark_finished(self, owner: str) -> None:
+        """Write down that `Localizer.finish` ran for this owner; part of the open transaction."""
+
+    def set_sensors(self, sensors: Mapping[str, SensorInfo]) -> None:
+        """Keep what is known of the sensors the path is taught with; part of the open transaction."""
+
+    def sensors(self) -> Mapping[str, SensorInfo]:
+        """Return the sensors that the path was taught with, by name; empty where none were kept."""
+        return {}
+
+    def set_meta(self, meta: Mapping[str, Any]) -> None:
+        """Keep provenance (JSON-able: versions, git, config); part of the open transaction."""
 
 
 @dataclass(frozen=True, slots=True)
