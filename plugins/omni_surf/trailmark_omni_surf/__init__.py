@@ -1,0 +1,1 @@
+"""Omnidirectional camera and laser (Tasaki et al. 2010)."""

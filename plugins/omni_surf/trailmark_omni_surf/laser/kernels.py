@@ -1,0 +1,182 @@
+"""Kernels of scan matching: rasterise, score start poses, refine one of them."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["normal_equations", "refine", "score_starts", "stamp_nearest", "truncated_cost"]
+
+Array = npt.NDArray[Any]
+
+
+@numba.njit(cache=True, nogil=True)
+def stamp_nearest(
+    points: Array, origin: Array, cell_m: float, reach_m: float, nearest_idx: Array, distance_m: Array
+) -> None:
+    """Write every point into the cells within its reach, where it is nearer than what stands there."""
+    height, width = nearest_idx.shape
+    reach_cells = math.ceil(reach_m / cell_m)
+    for n in range(points.shape[0]):
+        x = (points[n, 0] - origin[0]) / cell_m
+        y = (points[n, 1] - origin[1]) / cell_m
+        column, row = int(x), int(y)
+        for v in range(max(0, row - reach_cells), min(height, row + reach_cells + 1)):
+            dy = (v + 0.5 - y) * cell_m
+            for u in range(max(0, column - reach_cells), min(width, column + reach_cells + 1)):
+                dx = (u + 0.5 - x) * cell_m
+                distance = math.sqrt(dx * dx + dy * dy)
+                if distance < distance_m[v, u]:
+                    distance_m[v, u] = distance
+                    nearest_idx[v, u] = n
+
+
+@numba.njit(cache=True, nogil=True)
+def truncated_cost(
+    points: Array, x: float, y: float, theta: float, origin: Array, cell_m: float, distance_m: Array, reach_m: float
+) -> float:
+    """Return the mean distance of the points to the map at a pose, each at most `reach_m` [m]."""
+    height, width = distance_m.shape
+    cos, sin = math.cos(theta), math.sin(theta)
+    total = 0.0
+    for n in range(points.shape[0]):
+        u = (x + cos * points[n, 0] - sin * points[n, 1] - origin[0]) / cell_m
+        v = (y + sin * points[n, 0] + cos * points[n, 1] - origin[1]) / cell_m
+        if 0.0 <= u < width and 0.0 <= v < height:
+            total += distance_m[int(v), int(u)]
+        else:
+            total += reach_m
+    return float(total / max(points.shape[0], 1))
+
+
+@numba.njit(cache=True, nogil=True)
+def score_starts(
+    points: Array, starts: Array, origin: Array, cell_m: float, distance_m: Array, reach_m: float
+) -> Array:
+    """Return the cost of every start pose (S, 3), (S,) [m]."""
+    costs = np.empty(starts.shape[0])
+    for s in range(starts.shape[0]):
+        costs[s] = truncated_cost(points, starts[s, 0], starts[s, 1], starts[s, 2], origin, cell_m, distance_m, reach_m)
+    return costs
+
+
+@numba.njit(cache=True, nogil=True)
+def normal_equations(
+    points: Array,
+    pose: Array,
+    map_points: Array,
+    map_normals: Array,
+    origin: Array,
+    cell_m: float,
+    nearest_idx: Array,
+    gate_m: float,
+    to_line: bool,
+    hessian: Array,
+    gradient: Array,
+) -> tuple[float, int]:
+    """Accumulate the Gauss-Newton equations of the points within the gate, Huber-weighted at a third of it.
+
+    The unknown is a small motion (dx, dy, dtheta) in map axes about the pose's position. Point to line, map points
+    whose neighbourhood is no line say nothing; point to point, as Besl and McKay match, all count.
+
+    Returns
+    -------
+    squared : float
+        Sum of squared residuals [m^2].
+    n_used : int
+        Points within the gate.
+    """
+    hessian[:] = 0.0
+    gradient[:] = 0.0
+    height, width = nearest_idx.shape
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    squared, n_used = 0.0, 0
+    corner = gate_m / 3.0
+    jacobian = np.empty(3)
+    for n in range(points.shape[0]):
+        rx = cos * points[n, 0] - sin * points[n, 1]
+        ry = sin * points[n, 0] + cos * points[n, 1]
+        u = (pose[0] + rx - origin[0]) / cell_m
+        v = (pose[1] + ry - origin[1]) / cell_m
+        if not (0.0 <= u < width and 0.0 <= v < height):
+            continue
+        idx = nearest_idx[int(v), int(u)]
+        if idx < 0:
+            continue
+        ex = pose[0] + rx - map_points[idx, 0]
+        ey = pose[1] + ry - map_points[idx, 1]
+        distance_squared = ex * ex + ey * ey
+        if distance_squared > gate_m * gate_m:
+            continue
+        n_used += 1
+        nx, ny = map_normals[idx, 0], map_normals[idx, 1]
+        if to_line and nx == 0.0 and ny == 0.0:  # no line: where it lies along the wall is chance, not measurement
+            continue
+        for axis in range(1 if to_line else 2):
+            if not to_line:
+                nx, ny = (1.0, 0.0) if axis == 0 else (0.0, 1.0)
+            residual = nx * ex + ny * ey
+            weight = 1.0 if abs(residual) <= corner else corner / abs(residual)
+            jacobian[0], jacobian[1], jacobian[2] = nx, ny, ny * rx - nx * ry
+            squared += residual * residual
+            for a in range(3):
+                gradient[a] += weight * jacobian[a] * residual
+                for b in range(3):
+                    hessian[a, b] += weight * jacobian[a] * jacobian[b]
+    return squared, n_used
+
+
+@numba.njit(cache=True, nogil=True)
+def refine(
+    points: Array,
+    start: Array,
+    map_points: Array,
+    map_normals: Array,
+    origin: Array,
+    cell_m: float,
+    nearest_idx: Array,
+    gates_m: Array,
+    iterations: int,
+    to_line: bool,
+) -> Array:
+    """Return the pose (3,) after Gauss-Newton steps with each gate in turn; the start when nothing matches."""
+    pose = start.copy()
+    hessian, gradient = np.empty((3, 3)), np.empty(3)
+    for gate in range(gates_m.shape[0]):
+        for _ in range(iterations):
+            _, n_used = normal_equations(
+                points, pose, map_points, map_normals, origin, cell_m, nearest_idx, gates_m[gate], to_line,
+                hessian, gradient,
+            )  # fmt: skip
+            if n_used < 6:
+                return pose
+            trace = hessian[0, 0] + hessian[1, 1] + hessian[2, 2]
+            for a in range(3):  # a corridor leaves one direction free: hold it instead of dividing by nothing
+                hessian[a, a] += 1e-4 * trace + 1e-9
+            step = _solve3(hessian, gradient)
+            pose[0] -= step[0]
+            pose[1] -= step[1]
+            pose[2] -= step[2]
+            if abs(step[0]) + abs(step[1]) < 2e-4 and abs(step[2]) < 1e-4:
+                break
+    return pose
+
+
+@numba.njit(cache=True, nogil=True)
+def _solve3(matrix: Array, vector: Array) -> tuple[float, float, float]:
+    """Solve a symmetric positive definite system of three unknowns (Cholesky; LAPACK costs more than it saves)."""
+    l00 = math.sqrt(matrix[0, 0])
+    l10, l20 = matrix[1, 0] / l00, matrix[2, 0] / l00
+    l11 = math.sqrt(matrix[1, 1] - l10 * l10)
+    l21 = (matrix[2, 1] - l20 * l10) / l11
+    l22 = math.sqrt(matrix[2, 2] - l20 * l20 - l21 * l21)
+    y0 = vector[0] / l00
+    y1 = (vector[1] - l10 * y0) / l11
+    y2 = (vector[2] - l20 * y0 - l21 * y1) / l22
+    x2 = y2 / l22
+    x1 = (y1 - l21 * x2) / l11
+    return (y0 - l10 * x1 - l20 * x2) / l00, x1, x2

@@ -1,0 +1,137 @@
+"""The localizer ``laser_icp``: remembers scans while taught, matches scans to their map afterwards."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.errors import ShapeError, StoreError
+from trailmark.estimates import Belief, Estimate, Fix, Lost
+from trailmark.frames import Frame, Scan
+from trailmark.geometry import Pose2
+from trailmark.interfaces import Localizer, Session
+from trailmark.paths import Keyframe
+from trailmark_omni_surf.laser.config import LaserIcpConfig
+from trailmark_omni_surf.laser.growing_map import GrowingMap
+from trailmark_omni_surf.laser.matching import ScanMatch, SearchWindow, match_scan
+from trailmark_omni_surf.laser.scan_map import ScanMap
+
+__all__ = ["LaserIcp"]
+
+_MIN_POINTS = 20  # fewer returns say nothing about a place
+_MAP = "map"
+
+
+class LaserIcp(Localizer):
+    """Matches planar scans to the taught map, starting from the belief (a camera's fix, or odometry)."""
+
+    config: LaserIcpConfig
+
+    def start(self, session: Session) -> None:
+        """Load the map, and compile the kernels on a scan of a small room."""
+        self._mode, self._drawer = session.mode, session.drawer
+        self._pose_base_laser = session.sensors[self.config.laser].pose_base_sensor.planar()
+        self._window = SearchWindow(span_m=self.config.span_m, span_rad=math.radians(self.config.span_deg))
+        self._growing = GrowingMap()
+        self._last_keyframe: tuple[float, Pose2] | None = None
+        _warm_up()
+        self._map = self._load_map() if self._mode != "teach" else None
+
+    def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
+        """Return a `Fix`, or `Lost` when the scan does not fit or fits in two places; see `match_scan`."""
+        if not isinstance(frame.payload, Scan):
+            raise ShapeError(f"laser_icp takes scans, but sensor {frame.sensor!r} gave {type(frame.payload).__name__}")
+        points_base = self._points(frame.payload)
+        if self._mode == "teach":
+            return self._teach(frame, points_base, belief)
+        if self._map is None:
+            return [Lost(frame.stamp_s, "no map: nothing was taught here")]
+        return [self._localize(self._map, frame.stamp_s, points_base, belief.pose_map_base)]
+
+    def finish(self) -> None:
+        """Build the map from the remembered scans and save it."""
+        if self._drawer is None:
+            return
+        keyframes = self._drawer.keyframes()
+        if keyframes:
+            scans = [keyframe.arrays["points"].astype(np.float64) for keyframe in keyframes]
+            poses = [keyframe.pose_map_base for keyframe in keyframes]
+            scan_map = ScanMap.from_scans(scans, poses, min_hits=self.config.min_hits)
+            self._drawer.save(_MAP, {"points": scan_map.points, "normals": scan_map.normals})
+
+    def _points(self, scan: Scan) -> npt.NDArray[np.float64]:
+        points = scan.points()
+        ranges = np.hypot(points[:, 0], points[:, 1])
+        limit_m = min(self.config.max_range_m, scan.range_max_m)
+        return self._pose_base_laser @ points[(ranges > scan.range_min_m) & (ranges < limit_m)]
+
+    def _load_map(self) -> ScanMap | None:
+        saved = self._drawer.load(_MAP) if self._drawer is not None else None
+        if saved is None:
+            return None
+        try:
+            return ScanMap.from_points(saved["points"], saved["normals"])
+        except KeyError as error:
+            raise StoreError(f"the laser map in the store has no array {error}: teach the place again") from error
+
+    def _teach(self, frame: Frame, points_base: npt.NDArray[np.float64], belief: Belief) -> Sequence[Estimate]:
+        """Match to the map so far, then remember the scan at the corrected pose."""
+        pose = belief.pose_map_base
+        if pose is None or len(points_base) < _MIN_POINTS:
+            return ()
+        estimates: list[Estimate] = []
+        if self.config.correct_while_teaching and self._growing.knows(pose):
+            answer = self._localize(self._growing.scan_map(), frame.stamp_s, points_base, pose)
+            estimates.append(answer)
+            if isinstance(answer, Lost):  # a scan at a doubtful pose would bend the map
+                return estimates
+            pose = answer.pose_map_base if isinstance(answer, Fix) else pose
+        if self._is_new_place(belief.travelled_m, pose):
+            self._remember(frame.stamp_s, belief.travelled_m, pose, points_base)
+        return estimates
+
+    def _is_new_place(self, travelled_m: float, pose: Pose2) -> bool:
+        if self._last_keyframe is None:
+            return True
+        last_m, last_pose = self._last_keyframe
+        turn_rad = abs(last_pose.between(pose).theta)
+        return travelled_m - last_m >= self.config.keyframe_m or turn_rad >= math.radians(self.config.keyframe_deg)
+
+    def _remember(self, stamp_s: float, station_m: float, pose: Pose2, points_base: npt.NDArray[np.float64]) -> None:
+        self._last_keyframe = (station_m, pose)
+        self._growing.add(points_base, pose)
+        if self._drawer is not None:
+            arrays = {"points": points_base.astype(np.float32)}
+            self._drawer.add(Keyframe(station_m, stamp_s, pose, arrays))
+
+    def _localize(
+        self, scan_map: ScanMap, stamp_s: float, points_base: npt.NDArray[np.float64], guess: Pose2 | None
+    ) -> Estimate:
+        if guess is None:
+            return Lost(stamp_s, "no start pose: a scan alone does not tell one shelf from the next")
+        if len(points_base) < _MIN_POINTS:
+            return Lost(stamp_s, f"only {len(points_base)} returns")
+        match = match_scan(scan_map, points_base, guess, self._window, to_line=self.config.error == "line")
+        return self._judge(match, stamp_s)
+
+    def _judge(self, match: ScanMatch, stamp_s: float) -> Estimate:
+        details = {
+            "inlier_share": match.inlier_share,
+            "residual_m": match.residual_m,
+            "cost_m": match.cost_m,
+        }
+        if match.inlier_share < self.config.min_inlier_share:
+            return Lost(stamp_s, f"the scan does not fit the map ({match.inlier_share:.0%} of its points do)", details)
+        if match.runner_up_cost_m - match.cost_m < self.config.ambiguity_margin_m:
+            return Lost(stamp_s, "the scan fits the map in two places", details)
+        return Fix(stamp_s, match.pose_map_base, match.information, details)
+
+
+def _warm_up() -> None:
+    """Compile, or load from the cache, every kernel that a match needs."""
+    wall = np.linspace(-1.0, 1.0, 40)
+    room = np.concatenate([np.stack([wall, np.full(40, side)], axis=1) for side in (-1.0, 1.0)])
+    match_scan(ScanMap.from_scans([room], [Pose2()]), room, Pose2(), SearchWindow(span_m=0.2, span_rad=0.07))

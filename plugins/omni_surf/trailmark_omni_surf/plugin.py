@@ -1,0 +1,23 @@
+"""What this plugin registers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from trailmark import hookimpl
+
+if TYPE_CHECKING:
+    from trailmark.plugins import Registry
+
+
+@hookimpl
+def trailmark_register(registry: Registry) -> None:
+    """Register the localizers."""
+    registry.localizer(
+        "laser_icp",
+        "trailmark_omni_surf.laser.localizer:LaserIcp",
+        config="trailmark_omni_surf.laser.config:LaserIcpConfig",
+        summary="A planar laser against the taught map: multi-start iterative closest points.",
+        reference="Tasaki et al. 2010, Sec. IV-C; Besl & McKay 1992",
+        gives=("fix",),
+    )

@@ -1,0 +1,292 @@
+"""Scan matching against a taught map."""
+
+from __future__ import annotations
+
+import gzip
+import math
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from trailmark.errors import ShapeError
+from trailmark.estimates import Belief, Fix, Lost
+from trailmark.frames import Frame, Image, Scan, SensorInfo
+from trailmark.geometry import Pose2, wrap_angle
+from trailmark.interfaces import Session
+from trailmark_omni_surf.laser import ScanMap, SearchWindow, match_scan
+from trailmark_omni_surf.laser.config import LaserIcpConfig
+from trailmark_omni_surf.laser.kernels import truncated_cost
+from trailmark_omni_surf.laser.localizer import LaserIcp
+
+Points = npt.NDArray[np.float64]
+WALLS = (  # an L-shaped room with a pillar: x1 y1 x2 y2
+    (0.0, 0.0, 6.0, 0.0), (6.0, 0.0, 6.0, 3.0), (6.0, 3.0, 3.5, 3.0), (3.5, 3.0, 3.5, 5.0), (3.5, 5.0, 0.0, 5.0),
+    (0.0, 5.0, 0.0, 0.0), (1.5, 2.0, 1.9, 2.0), (1.9, 2.0, 1.9, 2.4), (1.9, 2.4, 1.5, 2.4), (1.5, 2.4, 1.5, 2.0),
+)  # fmt: skip
+
+
+def ranges_at(pose: Pose2, n_beams: int = 360, noise_m: float = 0.0, seed: int = 0, walls: tuple = WALLS) -> Points:
+    """Exact ranges of a full-circle laser in a room of line segments."""
+    angles = pose.theta + 2 * math.pi * np.arange(n_beams) / n_beams
+    rays = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    best = np.full(n_beams, np.inf)
+    for x1, y1, x2, y2 in walls:
+        edge = np.array([x2 - x1, y2 - y1])
+        to_wall = np.array([x1 - pose.x, y1 - pose.y])
+        cross = rays[:, 0] * edge[1] - rays[:, 1] * edge[0]
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            along_ray = (to_wall[0] * edge[1] - to_wall[1] * edge[0]) / cross
+            along_wall = (to_wall[0] * rays[:, 1] - to_wall[1] * rays[:, 0]) / cross
+        hit = (along_ray > 0) & (along_wall >= 0) & (along_wall <= 1)
+        best = np.where(hit & (along_ray < best), along_ray, best)
+    return best + np.random.default_rng(seed).normal(0.0, noise_m, n_beams)
+
+
+def scan_at(pose: Pose2, **options: float) -> Scan:
+    ranges = ranges_at(pose, **options)  # type: ignore[arg-type]
+    return Scan(ranges, 0.0, 2 * math.pi / len(ranges), 0.05, 20.0)
+
+
+@pytest.fixture(scope="module")
+def room() -> ScanMap:
+    poses = [Pose2(1.0 + 0.2 * i, 1.2, 0.1 * i) for i in range(20)]
+    return ScanMap.from_scans([scan_at(pose, noise_m=0.01, seed=i).points() for i, pose in enumerate(poses)], poses)
+
+
+def error_of(found: Pose2, true: Pose2) -> tuple[float, float]:
+    return found.distance_to(true), abs(wrap_angle(found.theta - true.theta))
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    x=st.floats(0.5, 3.0), y=st.floats(0.4, 1.6), theta=st.floats(-3.1, 3.1),
+    direction=st.floats(-3.1, 3.1), turn=st.floats(-0.17, 0.17),
+)  # fmt: skip
+def test_a_scan_is_found_from_sixty_centimetres_and_ten_degrees(
+    room: ScanMap, x: float, y: float, theta: float, direction: float, turn: float
+) -> None:
+    true = Pose2(x, y, theta)
+    guess = Pose2(x + 0.6 * math.cos(direction), y + 0.6 * math.sin(direction), theta + turn)
+
+    match = match_scan(room, scan_at(true, noise_m=0.01).points(), guess)
+
+    distance_m, heading_rad = error_of(match.pose_map_base, true)
+    assert distance_m < 0.03
+    assert heading_rad < math.radians(0.7)
+    assert match.inlier_share > 0.9
+
+
+def test_point_to_point_finds_the_pose_as_well(room: ScanMap) -> None:
+    true = Pose2(2.0, 1.0, 0.4)
+
+    match = match_scan(room, scan_at(true).points(), Pose2(2.2, 0.9, 0.45), to_line=False)
+
+    assert error_of(match.pose_map_base, true)[0] < 0.05
+
+
+def test_the_raster_names_the_nearest_point_by_brute_force(room: ScanMap) -> None:
+    rng = np.random.default_rng(3)
+    rows, columns = np.nonzero(room.nearest_idx >= 0)
+    chosen = rng.choice(len(rows), 300, replace=False)
+    centres = room.origin + (np.stack([columns[chosen], rows[chosen]], axis=1) + 0.5) * room.cell_m
+
+    distances = np.linalg.norm(centres[:, None, :] - room.points[None, :, :], axis=2)
+
+    np.testing.assert_allclose(room.distance_m[rows[chosen], columns[chosen]], distances.min(axis=1), atol=1e-6)
+
+
+def test_the_cost_kernel_equals_its_plain_twin(room: ScanMap) -> None:
+    points, pose = scan_at(Pose2(2.0, 1.0, 0.0)).points(), Pose2(2.1, 1.1, 0.05)
+    uv = np.floor((pose @ points - room.origin) / room.cell_m).astype(int)
+    inside = ((uv >= 0) & (uv < room.distance_m.shape[::-1])).all(axis=1)
+    plain = np.where(inside, room.distance_m[uv[:, 1] * inside, uv[:, 0] * inside], room.reach_m).mean()
+
+    cost = truncated_cost(points, pose.x, pose.y, pose.theta, room.origin, room.cell_m, room.distance_m, room.reach_m)
+
+    assert cost == pytest.approx(plain, rel=1e-6)
+
+
+def test_a_corridor_leaves_no_information_along_itself() -> None:
+    corridor = ((-50.0, 0.0, 50.0, 0.0), (-50.0, 2.0, 50.0, 2.0))
+    scan = Scan(ranges_at(Pose2(0.0, 1.0, 0.0), walls=corridor), 0.0, 2 * math.pi / 360, 0.05, 10.0)
+    points = scan.points()[np.hypot(*scan.points().T) < 10.0]
+    scan_map = ScanMap.from_scans([points], [Pose2(0.0, 1.0, 0.0)])
+
+    match = match_scan(scan_map, points, Pose2(0.02, 1.0, 0.0), SearchWindow(span_m=0.2))
+
+    assert match.information[0, 0] < 1e-2 * match.information[1, 1]
+    np.testing.assert_allclose(match.information, match.information.T)
+
+
+def test_walls_smeared_by_wrong_poses_become_lines_again() -> None:
+    rng = np.random.default_rng(5)
+    poses = [Pose2(1.0 + 0.1 * i, 1.2, 0.0) for i in range(30)]
+    said = [Pose2(p.x + rng.normal(0, 0.03), p.y + rng.normal(0, 0.03), p.theta) for p in poses]
+
+    scan_map = ScanMap.from_scans([scan_at(pose).points() for pose in poses], said)
+
+    bottom = scan_map.points[(abs(scan_map.points[:, 1]) < 0.15) & (abs(scan_map.points[:, 0] - 3.0) < 1.5)]
+    assert np.sqrt((bottom[:, 1] ** 2).mean()) < 0.015  # the poses are 3 cm wrong
+
+
+@pytest.mark.parametrize(
+    ("points", "match"),
+    [(np.zeros((4, 2)), "at least 10 points"), (np.zeros((20, 3)), "at least 10 points")],
+)
+def test_a_scan_of_too_few_points_is_refused(room: ScanMap, points: Points, match: str) -> None:
+    with pytest.raises(ShapeError, match=match):
+        match_scan(room, points, Pose2())
+
+
+def test_maps_of_nothing_and_of_everything_are_refused() -> None:
+    with pytest.raises(ShapeError, match="no points"):
+        ScanMap.from_scans([np.empty((0, 2))], [Pose2()])
+    with pytest.raises(ShapeError, match="too much"):
+        ScanMap.from_points(np.array([[0.0, 0.0], [1e6, 1e6]]), np.zeros((2, 2)))
+
+
+class FakeDrawer:
+    """A drawer in memory."""
+
+    def __init__(self) -> None:
+        self.added: list = []
+        self.saved: dict = {}
+
+    def add(self, keyframe: object) -> None:
+        self.added.append(keyframe)
+
+    def keyframes(self) -> list:
+        return self.added
+
+    def save(self, name: str, arrays: dict) -> None:
+        self.saved[name] = arrays
+
+    def load(self, name: str) -> dict | None:
+        return self.saved.get(name)
+
+
+def localizer(mode: str, drawer: FakeDrawer | None = None, **config: object) -> LaserIcp:
+    part = LaserIcp(LaserIcpConfig.model_validate({"laser": "scan", **config}))
+    part.start(Session(mode=mode, sensors={"scan": SensorInfo("scan", "scan")}, drawer=drawer))  # type: ignore[arg-type]
+    return part
+
+
+def taught(drawer: FakeDrawer) -> None:
+    """Teach a two-metre line with odometry that is up to 5 cm off."""
+    part = localizer("teach", drawer)
+    for i in range(21):
+        true = Pose2(1.0 + 0.1 * i, 1.2, 0.02 * i)
+        believed = true @ Pose2(0.002 * i, -0.0015 * i, 0.0)
+        estimates = part.observe(
+            Frame("scan", float(i), scan_at(true, noise_m=0.01, seed=i)),
+            Belief(float(i), believed, travelled_m=0.1 * i),
+        )
+        if i > 0:
+            (fix,) = estimates
+            assert isinstance(fix, Fix)
+            assert error_of(fix.pose_map_base, true)[0] < 0.05
+    part.finish()
+
+
+def test_it_teaches_a_map_and_localizes_in_it() -> None:
+    drawer = FakeDrawer()
+    taught(drawer)
+    part = localizer("replay", drawer)
+    true = Pose2(2.03, 1.15, 0.3)
+
+    (fix,) = part.observe(Frame("scan", 0.0, scan_at(true, noise_m=0.01)), Belief(0.0, Pose2(2.3, 1.4, 0.2)))
+
+    assert isinstance(fix, Fix)
+    distance_m, heading_rad = error_of(fix.pose_map_base, true)
+    assert distance_m < 0.04
+    assert heading_rad < math.radians(1.0)
+    assert np.linalg.eigvalsh(fix.information).min() > 0
+
+
+def test_finish_from_the_drawer_alone_gives_the_same_map() -> None:
+    drawer = FakeDrawer()
+    taught(drawer)
+    before = drawer.saved.pop("map")
+
+    localizer("replay", drawer).finish()
+
+    np.testing.assert_array_equal(drawer.saved["map"]["points"], before["points"])
+
+
+def test_without_a_pose_it_is_lost_and_says_why() -> None:
+    drawer = FakeDrawer()
+    taught(drawer)
+
+    (lost,) = localizer("replay", drawer).observe(Frame("scan", 0.0, scan_at(Pose2(2, 1, 0))), Belief(0.0))
+
+    assert isinstance(lost, Lost)
+    assert "no start pose" in lost.reason
+
+
+def test_a_scan_of_another_place_is_refused() -> None:
+    drawer = FakeDrawer()
+    taught(drawer)
+    elsewhere = Scan(np.random.default_rng(1).uniform(0.3, 8.0, 360), 0.0, 2 * math.pi / 360, 0.05, 20.0)
+
+    (lost,) = localizer("replay", drawer).observe(Frame("scan", 0.0, elsewhere), Belief(0.0, Pose2(2, 1, 0)))
+
+    assert isinstance(lost, Lost)
+    assert "does not fit" in lost.reason
+
+
+def test_an_empty_scan_and_a_missing_map_are_lost_not_errors() -> None:
+    blind = Scan(np.full(360, np.nan), 0.0, 0.017)
+    drawer = FakeDrawer()
+    taught(drawer)
+
+    (without_returns,) = localizer("replay", drawer).observe(Frame("scan", 0.0, blind), Belief(0.0, Pose2()))
+    (without_map,) = localizer("track").observe(Frame("scan", 0.0, blind), Belief(0.0, Pose2()))
+
+    assert isinstance(without_returns, Lost)
+    assert isinstance(without_map, Lost)
+
+
+def test_another_payload_is_a_typed_error() -> None:
+    frame = Frame("scan", 0.0, Image(np.zeros((4, 4), np.uint8)))
+
+    with pytest.raises(ShapeError, match="takes scans"):
+        localizer("track").observe(frame, Belief(0.0))
+
+
+def carmen_scans(path: Path) -> list[tuple[Points, Pose2]]:
+    """Points and corrected pose of every FLASER line."""
+    scans = []
+    with gzip.open(path, "rt") as file:
+        for line in file:
+            fields = line.split()
+            if fields and fields[0] == "FLASER":
+                n = int(fields[1])
+                ranges = np.array(fields[2 : 2 + n], dtype=float)
+                angles = -math.pi / 2 + math.pi * np.arange(n) / n
+                seen = (ranges > 0.1) & (ranges < 20.0)
+                points = np.stack([ranges * np.cos(angles), ranges * np.sin(angles)], axis=1)[seen]
+                scans.append((points, Pose2(*map(float, fields[2 + n : 5 + n]))))
+    return scans
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("log", ["intel", "freiburg-079"])
+def test_real_scans_are_found_from_sixty_centimetres_and_ten_degrees(data_folder: Path, log: str) -> None:
+    scans = carmen_scans(data_folder / "omni" / "laser2d_carmen" / f"{log}-corrected.log.gz")
+    scan_map = ScanMap.from_scans([points for points, _ in scans[::2]], [pose for _, pose in scans[::2]])
+    rng = np.random.default_rng(7)
+    asked = scans[1::2][:: max(1, len(scans) // 500)][:250]
+    found = 0
+    for points, true in asked:
+        direction, side = rng.uniform(0, 2 * math.pi), rng.choice([-1, 1])
+        guess = Pose2(
+            true.x + 0.6 * math.cos(direction), true.y + 0.6 * math.sin(direction), true.theta + side * math.radians(10)
+        )
+        distance_m, heading_rad = error_of(match_scan(scan_map, points, guess).pose_map_base, true)
+        found += distance_m < 0.10 and heading_rad < math.radians(2.0)
+
+    assert found >= 0.95 * len(asked)
