@@ -1,0 +1,76 @@
+"""Metrics of planar trajectories: errors against ground truth, differences without it, consistency."""
+
+from trailmark.evaluation.absolute import (
+    AbsoluteError,
+    EndError,
+    Summary,
+    absolute_error,
+    absolute_errors,
+    end_error,
+    summarize,
+)
+from trailmark.evaluation.alignment import ALIGNMENTS, AlignKind, Alignment, align
+from trailmark.evaluation.association import Pairs, associate
+from trailmark.evaluation.consistency import Consistency, chi2_quantile, consistency_of, nees
+from trailmark.evaluation.estimates_table import OUTCOMES, EstimateTable, read_estimates
+from trailmark.evaluation.latency import Percentiles, percentiles
+from trailmark.evaluation.lateral import LateralError, lateral_error, offsets_from_path
+from trailmark.evaluation.naming import find_metric, metric_name, quantity_of
+from trailmark.evaluation.relative import Drift, RelativeError, drift, relative_error
+from trailmark.evaluation.run_folder import FUSED, GROUND_TRUTH, RunFolder, read_run
+from trailmark.evaluation.run_metrics import RunEvaluation, evaluate_run, evaluate_run_folder, metrics_document
+from trailmark.evaluation.source_statistics import SourceStatistics, source_statistics
+from trailmark.evaluation.tracking import Tracked, tracked_fraction
+from trailmark.evaluation.trajectory_metrics import Evaluation, MetricFunction, Protocol, evaluate, extra_metrics
+
+__all__ = [
+    "ALIGNMENTS",
+    "FUSED",
+    "GROUND_TRUTH",
+    "OUTCOMES",
+    "AbsoluteError",
+    "AlignKind",
+    "Alignment",
+    "Consistency",
+    "Drift",
+    "EndError",
+    "EstimateTable",
+    "Evaluation",
+    "LateralError",
+    "MetricFunction",
+    "Pairs",
+    "Percentiles",
+    "Protocol",
+    "RelativeError",
+    "RunEvaluation",
+    "RunFolder",
+    "SourceStatistics",
+    "Summary",
+    "Tracked",
+    "absolute_error",
+    "absolute_errors",
+    "align",
+    "associate",
+    "chi2_quantile",
+    "consistency_of",
+    "drift",
+    "end_error",
+    "evaluate",
+    "evaluate_run",
+    "evaluate_run_folder",
+    "extra_metrics",
+    "find_metric",
+    "lateral_error",
+    "metric_name",
+    "metrics_document",
+    "nees",
+    "offsets_from_path",
+    "percentiles",
+    "quantity_of",
+    "read_estimates",
+    "read_run",
+    "relative_error",
+    "source_statistics",
+    "summarize",
+    "tracked_fraction",
+]

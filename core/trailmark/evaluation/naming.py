@@ -1,0 +1,31 @@
+"""Names of metrics. A name carries its protocol: ``ate_rmse_m[se2,n=1200]``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+__all__ = ["find_metric", "metric_name", "number_text", "quantity_of"]
+
+
+def metric_name(quantity: str, *protocol: str) -> str:
+    """Return ``quantity[protocol,...]``; the quantity alone without a protocol."""
+    return f"{quantity}[{','.join(protocol)}]" if protocol else quantity
+
+
+def quantity_of(name: str) -> str:
+    """Return the quantity of a metric's name: ``ate_rmse_m`` of ``ate_rmse_m[se2,n=1200]``."""
+    return name.partition("[")[0]
+
+
+def find_metric(metrics: Mapping[str, float | None], quantity: str, *protocol: str) -> float | None:
+    """Return the first metric of a quantity whose protocol holds all the given words, or None."""
+    for name, value in metrics.items():
+        words = name.partition("[")[2].rstrip("]").split(",")
+        if quantity_of(name) == quantity and set(protocol) <= set(words):
+            return value
+    return None
+
+
+def number_text(value: float) -> str:
+    """Return a number for use inside a name: three digits, no trailing zeros, never an exponent."""
+    return f"{float(f'{value:.3g}'):.9f}".rstrip("0").rstrip(".")

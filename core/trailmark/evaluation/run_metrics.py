@@ -1,0 +1,220 @@
+"""Metrics of a run from its folder, and ``metrics.json``."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from trailmark import paths
+from trailmark.errors import DataError
+from trailmark.evaluation.lateral import lateral_error
+from trailmark.evaluation.run_folder import FUSED, GROUND_TRUTH, RunFolder, read_run
+from trailmark.evaluation.source_statistics import SourceStatistics, source_statistics
+from trailmark.evaluation.tracking import tracked_fraction
+from trailmark.evaluation.trajectory_metrics import Evaluation, MetricFunction, Protocol, evaluate, extra_metrics
+from trailmark.geometry import Pose2, Trajectory
+
+__all__ = ["METRICS_FILE", "RunEvaluation", "evaluate_run", "evaluate_run_folder", "metrics_document"]
+
+METRICS_FILE = "metrics.json"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunEvaluation:
+    """The trajectories of a run compared with the truth, or with one of them.
+
+    Attributes
+    ----------
+    run : RunFolder
+        What was read.
+    protocol : Protocol
+        How it was compared.
+    reference : str or None
+        ``groundtruth``; without it ``fused`` or the first localizer; None when there is nothing to compare with.
+    evaluations : mapping of str to Evaluation
+        By trajectory; without the reference and without those that could not be compared.
+    sources : mapping of str to SourceStatistics
+        By localizer, where the run has ``estimates.csv``.
+    problems : mapping of str to str
+        Why a trajectory could not be compared.
+    """
+
+    run: RunFolder
+    protocol: Protocol
+    reference: str | None
+    evaluations: Mapping[str, Evaluation]
+    sources: Mapping[str, SourceStatistics]
+    problems: Mapping[str, str]
+
+    @property
+    def has_truth(self) -> bool:
+        """True when the numbers are errors; False when they are differences."""
+        return self.reference == GROUND_TRUTH
+
+    def reference_trajectory(self) -> Trajectory | None:
+        """Return what the trajectories were compared with."""
+        if self.reference is None:
+            return None
+        return self.run.truth if self.has_truth else self.run.trajectories[self.reference]
+
+
+def evaluate_run(
+    folder: str | Path,
+    *,
+    protocol: Protocol | None = None,
+    metrics: Mapping[str, MetricFunction] | None = None,
+    path: paths.Path | None = None,
+    write: bool = True,
+) -> dict[str, Any]:
+    """Evaluate the folder of a run and write ``metrics.json`` beside its trajectories.
+
+    Parameters
+    ----------
+    folder : path
+        The run.
+    protocol : Protocol, optional
+        How to compare.
+    metrics : mapping of str to function, optional
+        Further metrics, as plugins register them: ``(estimate, truth) -> {name: number}``.
+    path : trailmark.paths.Path, optional
+        The taught path; with it the lateral errors of all trajectories, and of the truth, are told.
+    write : bool
+        False: only return.
+
+    Returns
+    -------
+    dict
+        What is written: ``reference``, ``errors`` (False: the numbers are differences), ``trajectories``,
+        ``sources``, ``problems``.
+
+    Raises
+    ------
+    DataError
+        If the folder is not that of a run, or cannot be written to.
+    """
+    document = metrics_document(evaluate_run_folder(read_run(folder), protocol), metrics=metrics, path=path)
+    if write:
+        _write(Path(folder) / METRICS_FILE, document)
+    return document
+
+
+def evaluate_run_folder(run: RunFolder, protocol: Protocol | None = None) -> RunEvaluation:
+    """Compare the trajectories of a run with its ground truth, or without it with one of them."""
+    protocol = protocol or Protocol()
+    reference = _reference(run)
+    truth = run.truth if reference == GROUND_TRUTH else run.trajectories.get(reference or "")
+    evaluations: dict[str, Evaluation] = {}
+    problems: dict[str, str] = {}
+    for name, trajectory in run.trajectories.items():
+        if truth is None or name == reference:
+            continue
+        try:
+            evaluations[name] = evaluate(
+                trajectory, truth, protocol, span_s=_span(run, truth), against_truth=reference == GROUND_TRUTH
+            )
+        except DataError as error:
+            problems[name] = str(error)
+    sources = _sources(run, evaluations if reference == GROUND_TRUTH else {})
+    return RunEvaluation(run, protocol, reference, evaluations, sources, problems)
+
+
+def metrics_document(
+    evaluated: RunEvaluation,
+    *,
+    metrics: Mapping[str, MetricFunction] | None = None,
+    path: paths.Path | None = None,
+) -> dict[str, Any]:
+    """Return the content of ``metrics.json``; see `evaluate_run`."""
+    problems = list(evaluated.run.problems)
+    trajectories = {name: _trajectory(evaluated, name) for name in evaluated.run.trajectories}
+    for name, evaluation in evaluated.evaluations.items():
+        numbers, complaints = extra_metrics(metrics or {}, evaluation)
+        trajectories[name]["metrics"].update(numbers)
+        problems += [f"{name}: {complaint}" for complaint in complaints]
+    if evaluated.run.truth is not None:
+        trajectories[GROUND_TRUTH] = _plain(evaluated.run.truth)
+    if path is not None:
+        _add_lateral(trajectories, evaluated.run, path)
+    return {
+        "reference": evaluated.reference,
+        "errors": evaluated.has_truth,
+        "align": evaluated.protocol.align,
+        "trajectories": trajectories,
+        "sources": {name: source.document() for name, source in evaluated.sources.items()},
+        "problems": problems,
+    }
+
+
+def _reference(run: RunFolder) -> str | None:
+    if run.truth is not None and len(run.truth) > 1:
+        return GROUND_TRUTH
+    names = [FUSED, *run.trajectories]
+    return next((name for name in names if len(run.trajectories.get(name, ())) > 1), None)
+
+
+def _span(run: RunFolder, reference: Trajectory) -> tuple[float, float]:
+    """Return the time of the run that the reference covers: a recording may be longer than the run."""
+    first_s, last_s = float(reference.stamps_s[0]), float(reference.stamps_s[-1])
+    span = run.span_s()
+    if span is None or not max(first_s, span[0]) < min(last_s, span[1]):
+        return first_s, last_s
+    return max(first_s, span[0]), min(last_s, span[1])
+
+
+def _sources(run: RunFolder, evaluations: Mapping[str, Evaluation]) -> dict[str, SourceStatistics]:
+    if run.estimates is None:
+        return {}
+    spoke = run.estimates.sources()
+    names = [name for name in run.trajectories if name in spoke]
+    names += [name for name in spoke if name not in names]
+    poses = {name: item.absolute.alignment.pose_truth_estimate for name, item in evaluations.items()}
+    truth = run.truth if poses else None
+    return {name: source_statistics(run.estimates.of(name), truth, _pose(poses, name)) for name in names}
+
+
+def _pose(poses: Mapping[str, Pose2], name: str) -> Pose2 | None:
+    return poses.get(name, poses.get(FUSED))
+
+
+def _trajectory(evaluated: RunEvaluation, name: str) -> dict[str, Any]:
+    document = _plain(evaluated.run.trajectories[name])
+    if name in evaluated.evaluations:
+        document.update(evaluated.evaluations[name].document())
+        document["metrics"] = dict(document["metrics"])
+    elif (span := evaluated.run.span_s()) is not None and span[1] > span[0]:
+        document["metrics"] = tracked_fraction(evaluated.run.trajectories[name], *span).metrics()
+    if name in evaluated.problems:
+        document["problem"] = evaluated.problems[name]
+    return document
+
+
+def _plain(trajectory: Trajectory) -> dict[str, Any]:
+    return {"poses": len(trajectory), "length_m": trajectory.length_m(), "metrics": {}}
+
+
+def _add_lateral(trajectories: dict[str, dict[str, Any]], run: RunFolder, path: paths.Path) -> None:
+    known = {**run.trajectories, **({GROUND_TRUTH: run.truth} if run.truth is not None else {})}
+    for name, trajectory in known.items():
+        if len(trajectory):
+            trajectories[name]["metrics"].update(lateral_error(trajectory, path).metrics())
+
+
+def _write(path: Path, document: Mapping[str, Any]) -> None:
+    text = json.dumps(_without_nan(document), indent=1, ensure_ascii=False, allow_nan=False)
+    try:
+        path.write_text(text + "\n", encoding="utf-8")
+    except OSError as error:
+        raise DataError(f"cannot write {path}: {error.strerror or error}") from error
+
+
+def _without_nan(value: Any) -> Any:
+    """Return the document with null for numbers that JSON does not have."""
+    if isinstance(value, Mapping):
+        return {str(key): _without_nan(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_without_nan(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
