@@ -163,6 +163,13 @@ class Path:
             return wrap_angle(self._turns[index])
         return math.atan2(dy, dx)
 
+    def turn_rate_at(self, station_m: float) -> float:
+        """Return how fast the taught heading turns with the station; 0 beyond the ends [rad/m]."""
+        if len(self) == 1 or not self._grid[0] <= station_m <= self._grid[-1]:
+            return 0.0
+        index, _ = self._segment_of(station_m)
+        return (self._turns[index + 1] - self._turns[index]) / (self._grid[index + 1] - self._grid[index])
+
     def pose_from(self, on_path: OnPath) -> Pose2:
         """Return the pose in the map of a pose in path coordinates."""
         taught = self.pose_at(on_path.station_m)

@@ -1,0 +1,182 @@
+"""Odometry: one motion after the other, without a jump."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left
+from dataclasses import dataclass
+
+from trailmark.estimates import Motion
+from trailmark.estimation.symmetric import (
+    ZERO,
+    Sym3,
+    add,
+    congruence,
+    diagonal,
+    inverse,
+    scaled,
+    subtract,
+)
+from trailmark.geometry import Pose2, Twist2
+
+__all__ = ["MotionChain", "OdomState"]
+
+# Stamps this close are one instant: they went through decimals on their way.
+_SAME_INSTANT_S = 1e-6
+
+# A motion 100 times less certain than drift measures nothing; taken at its word it would drown later digits.
+_SAYS_NOTHING = 1e4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OdomState:
+    """Where motion alone has carried base.
+
+    Attributes
+    ----------
+    stamp_s : float
+        The instant it is about [s].
+    pose_odom_base : Pose2
+        Base where motion has carried it from the start.
+    travelled_m : float
+        Length of the way [m].
+    spread : Sym3
+        Covariance of the accumulated error, as a small motion (x, y, theta) of all space about the origin of odom:
+        in these coordinates the errors of successive motions just add up, and those between two stamps are a
+        difference.
+    twist : Twist2
+        Velocity in base axes.
+    motion_age_s : float
+        Time since the last measured motion; ``inf`` before the first [s].
+    """
+
+    stamp_s: float
+    pose_odom_base: Pose2 = Pose2()
+    travelled_m: float = 0.0
+    spread: Sym3 = ZERO
+    twist: Twist2 = Twist2()
+    motion_age_s: float = math.inf
+
+
+class MotionChain:
+    """The motions of a window of time, each beginning where the last one ended.
+
+    A gap is bridged with the last twist. Of a motion that overlaps the chain, the part that is already covered is
+    left out. The chain only grows at its end.
+
+    Parameters
+    ----------
+    drift : Twist2
+        Standard deviation of the velocity while nothing measures it [m/s, m/s, rad/s].
+    """
+
+    def __init__(self, drift: Twist2) -> None:
+        self._drift = diagonal(drift.forward_mps**2, drift.left_mps**2, drift.yaw_radps**2)
+        self._stamps: list[float] = []
+        self._states: list[OdomState] = []  # motion_age_s is 0, or at the end of a bridge its length
+        self._is_whole = True
+        self.n_gaps = 0
+        self.n_overlaps = 0
+
+    @property
+    def end_s(self) -> float:
+        """Stamp until which motion is known; ``-inf`` before the first [s]."""
+        return self._stamps[-1] if self._stamps else -math.inf
+
+    def covers(self, stamp_s: float) -> bool:
+        """Return whether motion is already known until a stamp."""
+        return stamp_s <= self.end_s + _SAME_INSTANT_S
+
+    def append(self, motion: Motion, information: Sym3) -> None:
+        """Add a motion that ends after the chain does, with its checked information."""
+        twist = _twist_of(motion)
+        covariance = self._covariance(information, motion.stamp_s - motion.since_s)
+        step = motion.pose_since_now
+        if not self._stamps:
+            self._push(OdomState(motion.since_s, twist=twist, motion_age_s=0.0))
+        elif motion.since_s > self.end_s + _SAME_INSTANT_S:
+            self.n_gaps += 1
+            self._push(self._coasted(motion.since_s))
+        elif motion.since_s < self.end_s - _SAME_INSTANT_S:
+            self.n_overlaps += 1
+            remaining_s = motion.stamp_s - self.end_s
+            step = twist.after(remaining_s)
+            covariance = scaled(covariance, remaining_s / (motion.stamp_s - motion.since_s))
+        self._push(_moved(self._states[-1], motion.stamp_s, step, twist, covariance))
+
+    def at(self, stamp_s: float) -> OdomState:
+        """Return the state at a stamp: interpolated, or carried on with the last twist.
+
+        Before the first motion base stands at the origin. Stamps older than what is kept get the oldest state that is.
+        """
+        index = bisect_left(self._stamps, stamp_s)
+        if index == len(self._stamps):
+            return self._coasted(stamp_s) if index else OdomState(stamp_s)
+        end = self._states[index]
+        if end.stamp_s == stamp_s:
+            return end
+        if index == 0:
+            return OdomState(stamp_s) if self._is_whole else end
+        return self._between(self._states[index - 1], end, stamp_s)
+
+    def forget(self, horizon_s: float) -> None:
+        """Drop what lies before `horizon_s`, but for the state that is needed to interpolate there."""
+        n_old = bisect_left(self._stamps, horizon_s) - 1
+        if n_old > 0:
+            self._is_whole = False
+            del self._stamps[:n_old], self._states[:n_old]
+
+    def _push(self, state: OdomState) -> None:
+        self._stamps.append(state.stamp_s)
+        self._states.append(state)
+
+    def _covariance(self, information: Sym3, dt_s: float) -> Sym3:
+        """Return the covariance of a motion; a direction that was not measured drifts as in a gap."""
+        covariance = inverse(information)
+        drift = scaled(self._drift, dt_s * dt_s)
+        if covariance is not None and all(covariance[i] < _SAYS_NOTHING * drift[i] for i in (0, 3, 5)):
+            return covariance
+        floor = inverse(drift)
+        return (floor and inverse(add(information, floor))) or drift
+
+    def _coasted(self, stamp_s: float) -> OdomState:
+        last = self._states[-1]
+        dt_s = stamp_s - last.stamp_s
+        drift = scaled(self._drift, dt_s * dt_s)
+        return _moved(last, stamp_s, last.twist.after(dt_s), last.twist, drift, motion_age_s=dt_s)
+
+    def _between(self, start: OdomState, end: OdomState, stamp_s: float) -> OdomState:
+        dt_s = stamp_s - start.stamp_s
+        fraction = dt_s / (end.stamp_s - start.stamp_s)
+        spread = add(start.spread, scaled(subtract(end.spread, start.spread), fraction))
+        return OdomState(
+            stamp_s,
+            start.pose_odom_base @ end.twist.after(dt_s),
+            start.travelled_m + fraction * (end.travelled_m - start.travelled_m),
+            spread,
+            end.twist,
+            dt_s if end.motion_age_s else 0.0,
+        )
+
+
+def _twist_of(motion: Motion) -> Twist2:
+    forward_m, left_m, turn_rad = motion.pose_since_now.log()
+    dt_s = motion.stamp_s - motion.since_s
+    return Twist2(forward_m / dt_s, left_m / dt_s, turn_rad / dt_s)
+
+
+def _moved(
+    before: OdomState, stamp_s: float, step: Pose2, twist: Twist2, covariance: Sym3, motion_age_s: float = 0.0
+) -> OdomState:
+    """Return the state after a motion whose x, y, theta have this covariance (first order)."""
+    pose = before.pose_odom_base @ step
+    cos, sin = math.cos(before.pose_odom_base.theta), math.sin(before.pose_odom_base.theta)
+    dt_s = stamp_s - before.stamp_s
+    return OdomState(
+        stamp_s,
+        pose,
+        before.travelled_m + math.hypot(twist.forward_mps, twist.left_mps) * dt_s,
+        add(before.spread, congruence(covariance, cos, sin, pose.y, -pose.x)),
+        twist,
+        motion_age_s,
+    )

@@ -1,0 +1,106 @@
+"""What an absolute estimate does to the pose at its own stamp."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.estimates import Fix, PathOffset
+from trailmark.estimation.information import Measured
+from trailmark.estimation.symmetric import Sym3, add, congruence, sheared, to_matrix
+from trailmark.geometry import Pose2, wrap_angle
+from trailmark.paths import OnPath, Path
+
+__all__ = ["FixCorrection", "PathCorrection", "covariance_on_path"]
+
+Believed = tuple[Pose2, Sym3]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FixCorrection:
+    """A fix replaces the directions of the pose that it measured; the others keep the belief."""
+
+    fix: Fix
+    measured: Measured
+
+    def apply(self, believed: Believed | None) -> Believed | None:
+        """Return pose and covariance after the fix; None while the pose is still unknown."""
+        gain = self.measured.gain
+        if gain is None:
+            return self.fix.pose_map_base, self.measured.covariance
+        if believed is None:
+            return None
+        pose, covariance = believed
+        measured = self.fix.pose_map_base
+        dx, dy, turn = _gained(gain, measured.x - pose.x, measured.y - pose.y, wrap_angle(measured.theta - pose.theta))
+        return Pose2(pose.x + dx, pose.y + dy, pose.theta + turn), _narrowed(covariance, self.measured, gain)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PathCorrection:
+    """A path offset replaces the path coordinates that it measured."""
+
+    offset: PathOffset
+    measured: Measured
+    path: Path
+
+    def apply(self, believed: Believed | None) -> Believed | None:
+        """Return pose and covariance after the offset; None while the pose is still unknown."""
+        offset, gain = self.offset, self.measured.gain
+        if gain is None:
+            on_path = OnPath(offset.station_m, offset.lateral_m, offset.heading_rad)
+            return self.path.pose_from(on_path), _covariance_in_map(
+                self.measured.covariance, self.path, on_path.station_m
+            )
+        if believed is None:
+            return None
+        pose, covariance = believed
+        before = self.path.locate(pose, offset.station_m)  # measured or not, it says which branch of a crossing
+        ds, dl, turn = _gained(
+            gain,
+            offset.station_m - before.station_m,
+            offset.lateral_m - before.lateral_m,
+            wrap_angle(offset.heading_rad - before.heading_rad),
+        )
+        after = OnPath(before.station_m + ds, before.lateral_m + dl, before.heading_rad + turn)
+        narrowed = _narrowed(covariance_on_path(covariance, self.path, before.station_m), self.measured, gain)
+        return self._shifted(pose, before, after), _covariance_in_map(narrowed, self.path, after.station_m)
+
+    def _shifted(self, pose: Pose2, before: OnPath, after: OnPath) -> Pose2:
+        """Return the pose moved as its path coordinates do.
+
+        What path coordinates cannot say (how far it lies beyond an end) moves along.
+        """
+        placed, moved = self.path.pose_from(before), self.path.pose_from(after)
+        bend = self.path.tangent_at(after.station_m) - self.path.tangent_at(before.station_m)
+        cos, sin = math.cos(bend), math.sin(bend)
+        dx, dy = pose.x - placed.x, pose.y - placed.y
+        turn = wrap_angle(pose.theta - placed.theta)
+        return Pose2(moved.x + cos * dx - sin * dy, moved.y + sin * dx + cos * dy, moved.theta + turn)
+
+
+def covariance_on_path(covariance: Sym3, path: Path, station_m: float) -> Sym3:
+    """Return the covariance of (station, lateral, heading) of a covariance of (x, y, theta)."""
+    tangent = path.tangent_at(station_m)
+    along = congruence(covariance, math.cos(tangent), -math.sin(tangent), 0.0, 0.0)
+    return sheared(along, -path.turn_rate_at(station_m))
+
+
+def _covariance_in_map(covariance: Sym3, path: Path, station_m: float) -> Sym3:
+    tangent = path.tangent_at(station_m)
+    along = sheared(covariance, path.turn_rate_at(station_m))
+    return congruence(along, math.cos(tangent), math.sin(tangent), 0.0, 0.0)
+
+
+def _gained(gain: npt.NDArray[np.float64], *innovation: float) -> tuple[float, float, float]:
+    a, b, c = (gain @ innovation).tolist()
+    return a, b, c
+
+
+def _narrowed(covariance: Sym3, measured: Measured, gain: npt.NDArray[np.float64]) -> Sym3:
+    kept = np.eye(3) - gain
+    (xx, xy, xt), (_, yy, yt), (_, _, tt) = (kept @ to_matrix(covariance) @ kept.T).tolist()
+    return add((xx, xy, xt, yy, yt, tt), measured.covariance)

@@ -1,0 +1,205 @@
+"""Dead reckoning: integrate motion, and let absolute estimates correct the pose at their own stamp.
+
+With a fix of all three numbers this is Eq. (5) of Nagai & Watanabe: a search that began at ``P_search`` and ended
+while the robot was at ``P_found`` gives ``P_corrected = P_search + dT + Rot(dtheta) (P_found - P_search)``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from trailmark.estimates import Applied, Belief, Estimate, Fix, Motion, PathOffset
+from trailmark.estimation.chain import MotionChain, OdomState
+from trailmark.estimation.corrections import FixCorrection, PathCorrection, covariance_on_path
+from trailmark.estimation.dead_reckoning_config import DeadReckoningConfig
+from trailmark.estimation.history import History
+from trailmark.estimation.information import checked_information, measured_directions
+from trailmark.estimation.symmetric import ZERO, Sym3, add, congruence, diagonal, inverse, subtract, to_matrix
+from trailmark.geometry import Pose2, Twist2
+from trailmark.interfaces import Estimator, Session
+
+__all__ = ["DeadReckoning"]
+
+Correction = FixCorrection | PathCorrection
+
+_ACCEPTED = Applied("accepted")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Anchor:
+    """The pose after the last correction, and what odometry said there: later motion is carried on from here."""
+
+    odom: OdomState
+    pose_map_base: Pose2 | None
+    excess: Sym3 = ZERO  # covariance in odom's coordinates, less the spread of odometry until here
+    is_measured: bool = False
+
+    def carried(self, odom: OdomState) -> Pose2 | None:
+        if self.pose_map_base is None:
+            return None
+        return self.pose_map_base @ self.odom.pose_odom_base.between(odom.pose_odom_base)
+
+    def covariance(self, odom: OdomState) -> Sym3:
+        cos, sin = self._turn_map_odom()
+        x, y = odom.pose_odom_base.x, odom.pose_odom_base.y
+        return congruence(add(self.excess, odom.spread), cos, sin, -cos * y - sin * x, cos * x - sin * y)
+
+    def _turn_map_odom(self) -> tuple[float, float]:
+        assert self.pose_map_base is not None
+        turn = self.pose_map_base.theta - self.odom.pose_odom_base.theta
+        return math.cos(turn), math.sin(turn)
+
+
+def _anchored(odom: OdomState, pose: Pose2, covariance: Sym3, is_measured: bool) -> _Anchor:
+    anchor = _Anchor(odom, pose, is_measured=is_measured)
+    cos, sin = anchor._turn_map_odom()
+    x, y = odom.pose_odom_base.x, odom.pose_odom_base.y
+    spread = congruence(covariance, cos, -sin, y, -x)  # the inverse of what `_Anchor.covariance` does
+    return replace(anchor, excess=subtract(spread, odom.spread))
+
+
+class DeadReckoning(Estimator):
+    """Integrates the motion of one localizer; absolute estimates replace what they measured.
+
+    Gaps are bridged with the last twist, overlaps counted once. Nothing is weighed against anything: for that there
+    are filters. An absolute estimate that comes late corrects the pose at its own stamp and everything after it;
+    the result does not depend on the order in which such estimates arrive.
+    """
+
+    takes_one_motion = True
+
+    def __init__(self, config: DeadReckoningConfig) -> None:
+        super().__init__(config)
+        self._config = config
+        self.start(Session())
+
+    def start(self, session: Session) -> None:
+        """Forget everything; begin at the session's start pose, or nowhere."""
+        config = self._config
+        drift_mps, drift_radps = config.drift_sigma_mps, math.radians(config.drift_sigma_deg_per_s)
+        self._path = session.path
+        self._station_m: float | None = None
+        self._chain = MotionChain(Twist2(drift_mps, drift_mps, drift_radps))
+        self._corrections: History[Correction, _Anchor] = History(
+            config.history_s, self._corrected, self._start_anchor(session.start_pose)
+        )
+        self._belief: Belief | None = None
+
+    def counters(self) -> Mapping[str, int]:
+        """Return how many gaps were bridged and overlaps cut."""
+        return {"gaps": self._chain.n_gaps, "overlaps": self._chain.n_overlaps}
+
+    def apply(self, source: str, estimate: Estimate) -> Applied:
+        """Integrate a `Motion`, or correct the pose at the stamp of a `Fix` or `PathOffset`."""
+        if not math.isfinite(estimate.stamp_s):
+            return Applied("refused", f"the stamp is not finite: {estimate.stamp_s}")
+        self._belief = None
+        if isinstance(estimate, Motion):
+            return self._apply_motion(estimate)
+        if isinstance(estimate, Fix | PathOffset):
+            return self._apply_absolute(estimate)
+        self._corrections.advance(estimate.stamp_s)
+        return Applied("unused", f"lost: {estimate.reason}")
+
+    def belief(self, stamp_s: float | None = None) -> Belief:
+        """Return the belief at a stamp: interpolated in the history, or carried on with the last twist.
+
+        A stamp older than the history gets the oldest belief that is kept, with its own stamp.
+        """
+        if stamp_s is None:
+            stamp_s = self._corrections.newest_s if math.isfinite(self._corrections.newest_s) else 0.0
+        if self._belief is None or self._belief.stamp_s != stamp_s:
+            self._belief = self._believed(self._chain.at(stamp_s))
+        return self._belief
+
+    def _start_anchor(self, start_pose: Pose2 | None) -> _Anchor:
+        odom = OdomState(-math.inf)
+        if start_pose is None:
+            return _Anchor(odom, None)
+        variance_m2 = self._config.start_sigma_m**2
+        variance_rad2 = math.radians(self._config.start_sigma_deg) ** 2
+        return _anchored(odom, start_pose, diagonal(variance_m2, variance_m2, variance_rad2), is_measured=False)
+
+    def _apply_motion(self, motion: Motion) -> Applied:
+        information = checked_information(motion.information)
+        if isinstance(information, str):
+            return Applied("refused", information)
+        if self._chain.covers(motion.stamp_s):
+            return self._covered(motion)
+        changed_s = self._chain.end_s
+        self._chain.append(motion, information)
+        self._corrections.advance(motion.stamp_s)
+        self._chain.forget(self._corrections.horizon_s)
+        if self._corrections.last_stamp_s > changed_s:  # it was carried on with the last twist: now it is known
+            self._corrections.replay(changed_s)
+        return _ACCEPTED
+
+    def _covered(self, motion: Motion) -> Applied:
+        if motion.stamp_s < self._corrections.horizon_s:
+            return self._late(motion)
+        return Applied("refused", f"motion is already known until {self._chain.end_s:.6f} s")
+
+    def _apply_absolute(self, estimate: Fix | PathOffset) -> Applied:
+        information = checked_information(estimate.information)
+        if isinstance(information, str):
+            return Applied("refused", information)
+        measured = measured_directions(information)
+        if isinstance(estimate, Fix):
+            correction: Correction = FixCorrection(estimate, measured)
+        elif self._path is None:
+            return Applied("refused", "a path offset needs a path, and this run has none")
+        elif not math.isfinite(estimate.station_m + estimate.lateral_m + estimate.heading_rad):
+            return Applied("refused", "the path offset is not finite")
+        else:
+            correction = PathCorrection(estimate, measured, self._path)
+        return self._correct(estimate, correction)
+
+    def _correct(self, estimate: Fix | PathOffset, correction: Correction) -> Applied:
+        if not correction.measured.rank:
+            return Applied("refused", "it has no information")
+        anchor = self._corrections.insert(estimate.stamp_s, correction)
+        if anchor is None:
+            return self._late(estimate)
+        self._chain.forget(self._corrections.horizon_s)
+        if anchor.pose_map_base is None:
+            return Applied("unused", f"the pose is unknown, and this says {correction.measured.rank} of its 3 numbers")
+        return _ACCEPTED
+
+    def _late(self, estimate: Motion | Fix | PathOffset) -> Applied:
+        age_s = self._corrections.newest_s - estimate.stamp_s
+        return Applied("late", f"{age_s:.3f} s old, the history reaches back {self._config.history_s:g} s")
+
+    def _corrected(self, anchor: _Anchor, stamp_s: float, correction: Correction) -> _Anchor:
+        """Return the anchor after a correction: the step of the history."""
+        odom = self._chain.at(stamp_s)
+        pose = anchor.carried(odom)
+        corrected = correction.apply(None if pose is None else (pose, anchor.covariance(odom)))
+        if corrected is None:
+            return anchor
+        return _anchored(odom, *corrected, is_measured=True)
+
+    def _believed(self, odom: OdomState) -> Belief:
+        anchor = self._corrections.state_at(odom.stamp_s)
+        pose = anchor.carried(odom)
+        covariance = None if pose is None else anchor.covariance(odom)
+        return Belief(
+            odom.stamp_s,
+            pose,
+            None if covariance is None else to_matrix(covariance),
+            odom.pose_odom_base,
+            odom.twist,
+            odom.travelled_m,
+            None if pose is None or covariance is None else self._on_path(odom.stamp_s, pose, covariance),
+            odom.travelled_m - anchor.odom.travelled_m if anchor.is_measured else math.inf,
+            odom.motion_age_s,
+        )
+
+    def _on_path(self, stamp_s: float, pose: Pose2, covariance: Sym3) -> PathOffset | None:
+        if self._path is None:
+            return None
+        located = self._path.locate(pose, self._station_m)
+        self._station_m = located.station_m
+        information = inverse(covariance_on_path(covariance, self._path, located.station_m)) or ZERO
+        return PathOffset(stamp_s, located.station_m, located.lateral_m, located.heading_rad, to_matrix(information))

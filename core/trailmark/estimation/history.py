@@ -1,0 +1,111 @@
+"""A bounded history of measurements: what came late is inserted where it belongs, and what followed is replayed.
+
+An estimator is a pure step function, ``state' = step(state, stamp_s, measurement)``. Its history keeps the
+measurements of a window of time in the order of their stamps, each with a snapshot of the state after it, so the
+state is always what it would be had everything come in order::
+
+    history = History(span_s=10.0, step=my_step, initial=State())
+    state = history.insert(stamp_s, measurement)      # None: older than the window
+    state = history.state_at(stamp_s)                 # then predict from it to stamp_s
+
+A filter of its own makes `step` predict to the stamp and update there, and lets the state carry what came of it
+(its innovation, whether it was gated), so that ``history.insert`` hands that back too.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+__all__ = ["History"]
+
+M = TypeVar("M")
+S = TypeVar("S")
+
+
+class History(Generic[M, S]):
+    """Measurements of the last `span_s` seconds, and the state after each of them.
+
+    Measurements of one stamp stand in the order in which they arrived.
+
+    Parameters
+    ----------
+    span_s : float
+        Length of the window: how much later than the newest a measurement may come [s].
+    step : callable
+        ``step(state, stamp_s, measurement)`` returns the state after a measurement. It must not change the state
+        that it is given: states are the snapshots.
+    initial : S
+        The state before the first measurement.
+    """
+
+    def __init__(self, span_s: float, step: Callable[[S, float, M], S], initial: S) -> None:
+        self._span_s = span_s
+        self._step = step
+        self._before = initial  # the state at the beginning of the window
+        self._stamps: list[float] = []
+        self._measurements: list[M] = []
+        self._states: list[S] = []
+        self._newest_s = -math.inf
+
+    def __len__(self) -> int:
+        return len(self._stamps)
+
+    @property
+    def newest_s(self) -> float:
+        """The newest stamp heard of; ``-inf`` before the first [s]."""
+        return self._newest_s
+
+    @property
+    def horizon_s(self) -> float:
+        """The beginning of the window: what is older comes too late [s]."""
+        return self._newest_s - self._span_s
+
+    @property
+    def last_stamp_s(self) -> float:
+        """Stamp of the newest measurement in the window; ``-inf`` if there is none [s]."""
+        return self._stamps[-1] if self._stamps else -math.inf
+
+    def advance(self, stamp_s: float) -> None:
+        """Let the window end at `stamp_s`, unless it ends later; what falls out is forgotten."""
+        if stamp_s <= self._newest_s:
+            return
+        self._newest_s = stamp_s
+        n_old = bisect_left(self._stamps, self.horizon_s)
+        if n_old:
+            self._before = self._states[n_old - 1]
+            del self._stamps[:n_old], self._measurements[:n_old], self._states[:n_old]
+
+    def insert(self, stamp_s: float, measurement: M) -> S | None:
+        """Put a measurement where it belongs and replay what follows it.
+
+        Returns
+        -------
+        S or None
+            The state right after the measurement; None if its stamp lies before the window.
+        """
+        if stamp_s < self.horizon_s:
+            return None
+        self.advance(stamp_s)
+        index = bisect_right(self._stamps, stamp_s)
+        self._stamps.insert(index, stamp_s)
+        self._measurements.insert(index, measurement)
+        self._states.insert(index, self._before)
+        self._replay(index)
+        return self._states[index]
+
+    def replay(self, since_s: float) -> None:
+        """Do all measurements later than `since_s` again: something that `step` looks at has changed there."""
+        self._replay(bisect_right(self._stamps, since_s))
+
+    def state_at(self, stamp_s: float) -> S:
+        """Return the state after the last measurement at or before a stamp."""
+        index = bisect_right(self._stamps, stamp_s)
+        return self._states[index - 1] if index else self._before
+
+    def _replay(self, index: int) -> None:
+        state = self._states[index - 1] if index else self._before
+        for i in range(index, len(self._stamps)):
+            state = self._states[i] = self._step(state, self._stamps[i], self._measurements[i])

@@ -1,0 +1,105 @@
+"""What an information matrix says: whether it can be one, and which directions were measured."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.estimation.symmetric import NOTHING, Sym3, inverse, to_matrix
+
+__all__ = ["Measured", "checked_information", "measured_directions"]
+
+Matrix = npt.NDArray[np.float64]
+
+# Relative to the diagonal: beyond rounding, and far below any correlation that means something.
+_ASYMMETRIC = 1e-6
+_NEGATIVE = 1e-9
+_UNMEASURED = 1e-12
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Measured:
+    """How an absolute estimate replaces what it measured.
+
+    With ``x`` believed and ``z`` measured, ``x' = x + gain (z - x)`` and
+    ``P' = (1 - gain) P (1 - gain)^T + covariance``.
+
+    Attributes
+    ----------
+    rank : int
+        How many directions were measured, 0 to 3.
+    gain : (3, 3) float64 or None
+        Projection on the measured directions; None when all three are, and everything is replaced.
+    covariance : Sym3
+        Of the measured directions; zero elsewhere.
+    """
+
+    rank: int
+    gain: Matrix | None
+    covariance: Sym3
+
+
+def checked_information(information: Matrix) -> Sym3 | str:
+    """Return the information as six floats, or why it cannot be one.
+
+    Parameters
+    ----------
+    information : (3, 3) float64
+        What a localizer gave: it has the shape, but may hold anything.
+    """
+    (xx, xy, xt), (yx, yy, yt), (tx, ty, tt) = information.tolist()
+    total = xx + xy + xt + yx + yy + yt + tx + ty + tt
+    if not math.isfinite(total):
+        return "the information is not finite"
+    if xx < 0.0 or yy < 0.0 or tt < 0.0:
+        return f"the information has a negative diagonal: {xx:g}, {yy:g}, {tt:g}"
+    if xy != yx or xt != tx or yt != ty:
+        for a, b, scale in ((xy, yx, xx * yy), (xt, tx, xx * tt), (yt, ty, yy * tt)):
+            if abs(a - b) > _ASYMMETRIC * max(abs(a), abs(b), _ASYMMETRIC * math.sqrt(scale)):
+                return f"the information is not symmetric: {a:g} against {b:g}"
+    checked = (xx, (xy + yx) / 2.0, (xt + tx) / 2.0, yy, (yt + ty) / 2.0, tt)
+    is_plainly_fine = xy == xt == yt == 0.0 or inverse(checked) is not None
+    return checked if is_plainly_fine or _is_positive(checked) else "the information is negative in a direction"
+
+
+def measured_directions(information: Sym3) -> Measured:
+    """Return which directions an information matrix measures, and how well.
+
+    A measured number that mixes axes, such as a visual shift of offset and heading, is split so that each axis
+    contributes equally to it; the split does not depend on units.
+    """
+    covariance = inverse(information)
+    if covariance is not None:
+        return Measured(3, None, covariance)
+    # In units of each axis's own sigma the matrix has a unit diagonal, and rank is a plain question.
+    sigmas = np.array([1.0 / math.sqrt(value) if value > NOTHING else 0.0 for value in _diagonal(information)])
+    roots = np.divide(1.0, sigmas, out=np.zeros(3), where=sigmas > 0.0)
+    values, vectors = np.linalg.eigh(_normalised(information))
+    is_measured = values > _UNMEASURED
+    directions, weights = vectors[:, is_measured], values[is_measured]
+    gain = sigmas[:, None] * (directions @ directions.T) * roots
+    spread = sigmas[:, None] * ((directions / weights) @ directions.T) * sigmas
+    xx, xy, xt, _, yy, yt, _, _, tt = spread.ravel().tolist()
+    return Measured(int(is_measured.sum()), gain, (xx, xy, xt, yy, yt, tt))
+
+
+def _diagonal(information: Sym3) -> tuple[float, float, float]:
+    return information[0], information[3], information[5]
+
+
+def _normalised(information: Sym3) -> Matrix:
+    """Return the matrix with a diagonal of ones, and zeros where nothing was measured."""
+    roots = np.array([1.0 / math.sqrt(value) if value > NOTHING else 0.0 for value in _diagonal(information)])
+    return np.asarray(roots[:, None] * to_matrix(information) * roots)
+
+
+def _is_positive(information: Sym3) -> bool:
+    """Return whether no direction has negative information, to rounding."""
+    xx, xy, xt, yy, yt, tt = information
+    # An axis without information has none in common with the others either.
+    if any(a == 0.0 and (b or c) for a, b, c in ((xx, xy, xt), (yy, xy, yt), (tt, xt, yt))):
+        return False
+    return float(np.linalg.eigvalsh(_normalised(information))[0]) > -_NEGATIVE
