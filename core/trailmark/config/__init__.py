@@ -1,6 +1,47 @@
-"""Typed configuration."""
+"""Typed configuration: what plugins write their configs with, and how a config becomes a run."""
 
 from trailmark.config.base import UNNAMED, PluginConfig, Sensor, SensorRole, sensor_roles
+from trailmark.config.calibrations import read_calibration
+from trailmark.config.document import Document, read_document
+from trailmark.config.files import ConfigPath, ExistingFile, ExistingPath
+from trailmark.config.host import StopWhen
+from trailmark.config.load import load_run_config
+from trailmark.config.roles import refuse_duplicate_sensors, resolve_all_roles, resolve_roles
+from trailmark.config.run import (
+    EstimatorEntry,
+    LocalizerEntry,
+    PartEntry,
+    PathStoreEntry,
+    RunConfig,
+    SensorOverride,
+    SourceEntry,
+)
 from trailmark.config.source import Mounting, SourceConfig
 
-__all__ = ["UNNAMED", "Mounting", "PluginConfig", "Sensor", "SensorRole", "SourceConfig", "sensor_roles"]
+__all__ = [
+    "UNNAMED",
+    "ConfigPath",
+    "Document",
+    "EstimatorEntry",
+    "ExistingFile",
+    "ExistingPath",
+    "LocalizerEntry",
+    "Mounting",
+    "PartEntry",
+    "PathStoreEntry",
+    "PluginConfig",
+    "RunConfig",
+    "Sensor",
+    "SensorOverride",
+    "SensorRole",
+    "SourceConfig",
+    "SourceEntry",
+    "StopWhen",
+    "load_run_config",
+    "read_calibration",
+    "read_document",
+    "refuse_duplicate_sensors",
+    "resolve_all_roles",
+    "resolve_roles",
+    "sensor_roles",
+]

@@ -7,6 +7,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from trailmark.config.base import PluginConfig
+from trailmark.config.files import ExistingFile
 
 __all__ = ["Mounting", "SourceConfig"]
 
@@ -31,11 +32,11 @@ class Mounting(PluginConfig):
 class SourceConfig(PluginConfig):
     """Base of every source's config. All but `on_bad_frame` is the pipeline's work, not the source's."""
 
-    calibration: str | dict[str, Any] | None = None
+    calibration: ExistingFile | dict[str, Any] | None = None
     """Calibration of the source's only sensor: a file, or the numbers themselves."""
     mounting: Mounting | None = None
     """Mounting of the source's only sensor."""
-    ground_truth: str | None = None
+    ground_truth: ExistingFile | None = None
     """TUM file with the true trajectory of base."""
     time_offset_s: float = 0.0
     """Added to every stamp of this source [s]."""

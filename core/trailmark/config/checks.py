@@ -1,0 +1,95 @@
+"""Checks across the parts of a config."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from trailmark.config.base import UNNAMED, PluginConfig, sensor_roles
+from trailmark.config.document import Problems
+from trailmark.errors import PluginError
+from trailmark.plugins import Kind
+from trailmark.plugins.hints import nearest_or_all
+
+if TYPE_CHECKING:
+    from trailmark.config.parts import Part
+
+__all__ = ["check_classes", "check_motion", "check_use", "sensors_of"]
+
+
+def check_use(localizers: Iterable[str], estimator: Part, problems: Problems) -> None:
+    """Note names under ``estimator.use`` that no localizer has."""
+    known = list(localizers)
+    for index, name in enumerate(estimator.options.use or ()):
+        if name not in known:
+            hint = nearest_or_all(name, known, "localizers")
+            problems.add(("estimator", "use", index), f"no localizer is called {name!r}{hint}")
+
+
+def check_motion(localizers: Mapping[str, Part], estimator: Part, problems: Problems) -> None:
+    """Note two localizers that would tell the same motion twice: 10 m would become 20.
+
+    Under dead reckoning only one of those used may give motion. Under other estimators two may, if they look at
+    different sensors or ``use`` says that both are meant.
+    """
+    use = estimator.options.use
+    used = [name for name in localizers if use is None or name in use]
+    moving = {name: localizers[name].config for name in used if "motion" in localizers[name].spec.gives}
+    if estimator.spec.name == "dead_reckoning":
+        if len(moving) > 1:
+            first, second = list(moving)[:2]
+            problems.add(
+                ("localizers", second),
+                f"{first!r} and {second!r} both give motion, and dead_reckoning takes it from one: "
+                f"say which with estimator: {{use: [{first}]}}, or choose an estimator that weighs them",
+            )
+    elif use is None:
+        refuse_one_sensor_twice(moving, problems)
+
+
+def refuse_one_sensor_twice(moving: Mapping[str, PluginConfig], problems: Problems) -> None:
+    """Note two localizers that give motion from the same sensor; sensors not named yet are not compared."""
+    seen: dict[str, str] = {}
+    for name, config in moving.items():
+        for sensor in sensors_of(config):
+            if seen.setdefault(sensor, name) != name:
+                problems.add(
+                    ("localizers", name),
+                    f"{seen[sensor]!r} and {name!r} both give motion of the sensor {sensor!r}, which would count "
+                    f"twice: say which with estimator: {{use: [{seen[sensor]}, ...]}}",
+                )
+                break
+
+
+def sensors_of(config: PluginConfig) -> list[str]:
+    """Return the sensors that a localizer's config names, in the order of its roles."""
+    names: list[str] = []
+    for role in sensor_roles(type(config)):
+        value = getattr(config, role)
+        names += [value] if isinstance(value, str) else list(value or ())
+    return [name for name in names if name != UNNAMED]
+
+
+def check_classes(parts: Sequence[Part | None], problems: Problems) -> None:
+    """Import the class of every part, and note those that cannot be had or are of the wrong kind."""
+    from trailmark import interfaces
+
+    wanted: dict[Kind, type] = {
+        "source": interfaces.FrameSource,
+        "localizer": interfaces.Localizer,
+        "estimator": interfaces.Estimator,
+        "path_store": interfaces.PathStore,
+        "controller": interfaces.Controller,
+        "sink": interfaces.Sink,
+    }
+    for part in parts:
+        if part is None:
+            continue
+        try:
+            found = part.spec.load()
+        except PluginError as error:
+            problems.add((*part.keys, "plugin"), str(error))
+            continue
+        base = wanted[part.spec.kind]
+        if not (isinstance(found, type) and issubclass(found, base)):
+            problems.add((*part.keys, "plugin"), f"{part.spec.target} of {part.spec.origin} is no {base.__name__}")

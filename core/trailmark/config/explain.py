@@ -1,0 +1,137 @@
+"""Pydantic's findings in our words, at the keys where they belong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, TypeVar, get_args
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from trailmark.config.document import Key, Keys, Problems
+from trailmark.config.files import BASE_DIR
+from trailmark.plugins.hints import did_you_mean, nearest_or_all
+
+__all__ = ["key_names", "validated"]
+
+M = TypeVar("M", bound=BaseModel)
+
+
+def validated(
+    model: type[M], data: Mapping[str, Any], keys: Keys, problems: Problems, base_dir: Any, also: Iterable[str] = ()
+) -> M | None:
+    """Validate data that stands at some keys; note what is wrong with it.
+
+    Parameters
+    ----------
+    model : type
+        A pydantic model.
+    data : mapping
+        What was written.
+    keys : tuple
+        Where it was written.
+    problems : Problems
+        Takes what is wrong.
+    base_dir : Path
+        Where relative paths start.
+    also : iterable of str
+        Keys that are right at this place without being the model's: offered as the nearest right name.
+
+    Returns
+    -------
+    model or None
+        None if anything is wrong.
+    """
+    try:
+        return model.model_validate(dict(data), context={BASE_DIR: base_dir})
+    except ValidationError as error:
+        found = [(_path_in(data, details), details) for details in error.errors(include_url=False)]
+        for path, details in _telling(found):
+            problems.add(keys + path, _words(details, path, model, also))
+        return None
+
+
+def key_names(model: type[BaseModel]) -> list[str]:
+    """Return the keys that a model takes at its top, as they are written."""
+    return [info.alias or name for name, info in model.model_fields.items()]
+
+
+def _path_in(data: Any, details: ErrorDetails) -> Keys:
+    """Keep the keys that stand in the data: pydantic adds the names of union branches and validators."""
+    path: list[Key] = []
+    for part in details["loc"]:
+        if _has(data, part):
+            path.append(part)
+            data = data[part]
+    return tuple(path)
+
+
+def _has(data: Any, part: Key) -> bool:
+    if isinstance(data, Mapping):
+        return part in data
+    return isinstance(data, list | tuple) and isinstance(part, int) and part < len(data)
+
+
+def _telling(found: list[tuple[Keys, ErrorDetails]]) -> list[tuple[Keys, ErrorDetails]]:
+    """Of the branches of a union, keep the finding that fits what was meant.
+
+    A branch that stumbles over the type as a whole says less than one that found a wrong key or value in it.
+    """
+    kept = []
+    for path, details in found:
+        says_more = any(
+            other is not details and (path == where[: len(path)]) and (where != path or not _is_type(other))
+            for where, other in found
+        )
+        if not (_is_type(details) and says_more):
+            kept.append((path, details))
+    return kept
+
+
+def _is_type(details: ErrorDetails) -> bool:
+    return details["type"].endswith(("_type", "_parsing"))
+
+
+def _words(details: ErrorDetails, path: Keys, model: type[BaseModel], also: Iterable[str]) -> str:
+    match details["type"]:
+        case "extra_forbidden":
+            known = _keys_at(model, path[:-1]) + (list(also) if len(path) == 1 else [])
+            return f"unknown key{nearest_or_all(str(path[-1]), known, 'keys')}"
+        case "missing":
+            return f"missing key {str(details['loc'][-1])!r}"
+        case "value_error":
+            return str(details["ctx"]["error"])
+        case "literal_error" | "enum":
+            expected = details["ctx"]["expected"]
+            hint = did_you_mean(str(details["input"]), expected.split("'")[1::2])
+            return f"must be {expected}, not {_shown(details['input'])}{hint}"
+    message = details["msg"]
+    if message.startswith("Input should "):
+        wanted = message.removeprefix("Input should ").partition(", unable to parse")[0]
+        return f"must {wanted}, not {_shown(details['input'])}"
+    return message[:1].lower() + message[1:]
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "a mapping"
+    if isinstance(value, list | tuple) and len(repr(value)) > 40:
+        return f"a list of {len(value)}"
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _keys_at(model: type[BaseModel], path: Keys) -> list[str]:
+    """Return the keys that are right at a place within a model."""
+    models = [model]
+    for key in path:
+        fields = [info for each in models for name, info in each.model_fields.items() if (info.alias or name) == key]
+        if fields:  # anything else is an index or a key of a plain mapping, of the same model
+            models = [inner for info in fields for inner in _models_in(info.annotation)]
+    return [name for each in models for name in key_names(each)]
+
+
+def _models_in(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [model for argument in get_args(annotation) for model in _models_in(argument)]

@@ -1,0 +1,64 @@
+"""Paths in configs: relative ones start at the config's folder, not where the program was started."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, ValidationInfo
+
+from trailmark.plugins.hints import did_you_mean
+
+__all__ = ["BASE_DIR", "ConfigPath", "ExistingFile", "ExistingPath", "resolved"]
+
+#: Key of the validation context under which the host gives the config's folder.
+BASE_DIR = "base_dir"
+
+
+def resolved(value: str | Path, base_dir: Path | None = None) -> Path:
+    """Return a path with ``~`` expanded; a relative one starts at `base_dir`, or at the working folder."""
+    path = Path(value).expanduser()
+    return path if path.is_absolute() else (base_dir or Path.cwd()) / path
+
+
+def _base_dir(info: ValidationInfo) -> Path | None:
+    context: dict[str, Any] = info.context or {}
+    return context.get(BASE_DIR)
+
+
+def _resolve(value: Path, info: ValidationInfo) -> Path:
+    return resolved(value, _base_dir(info))
+
+
+def _resolve_existing(value: Path, info: ValidationInfo) -> Path:
+    path = _resolve(value, info)
+    if not path.exists():
+        raise ValueError(f"no such file or folder: {path}{_nearby(path)}")
+    return path
+
+
+def _resolve_file(value: str, info: ValidationInfo) -> str:
+    path = _resolve_existing(Path(value), info)
+    if not path.is_file():
+        raise ValueError(f"is a folder, not a file: {path}")
+    return str(path)
+
+
+def _nearby(path: Path) -> str:
+    """Name what the folder holds instead, or the part of the path where it goes wrong."""
+    folder = path.parent
+    if folder.is_dir():
+        return did_you_mean(path.name, (entry.name for entry in folder.iterdir()))
+    while not folder.is_dir():
+        folder = folder.parent
+    return f" ({folder} is the last folder of it that exists)"
+
+
+ConfigPath = Annotated[Path, AfterValidator(_resolve)]
+"""A path that need not exist yet; relative ones start at the config's folder."""
+
+ExistingPath = Annotated[Path, AfterValidator(_resolve_existing)]
+"""A file or folder that must exist; relative ones start at the config's folder. Missing: an error with line."""
+
+ExistingFile = Annotated[str, AfterValidator(_resolve_file)]
+"""As `ExistingPath`, but a file, and kept as text."""

@@ -1,0 +1,144 @@
+"""The keys that the host gives to a config: sections, and options beside each plugin's own keys."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import Field, ValidationError, ValidatorFunctionWrapHandler, field_validator
+
+from trailmark.config.base import PluginConfig
+from trailmark.config.files import ExistingFile
+from trailmark.config.source import Mounting
+from trailmark.plugins.hints import did_you_mean
+from trailmark.plugins.spec import Kind
+
+__all__ = [
+    "DEFAULT_PLUGINS",
+    "HOST_OPTIONS",
+    "RESERVED_NAMES",
+    "EstimatorOptions",
+    "LocalizerOptions",
+    "NoOptions",
+    "PathStoreOptions",
+    "PluginsSection",
+    "RunSettings",
+    "SensorSection",
+    "StopWhen",
+]
+
+#: Names that a run's files use for something else.
+RESERVED_NAMES = ("fused", "groundtruth")
+
+#: What stands where a section names no plugin.
+DEFAULT_PLUGINS: dict[Kind, str] = {"estimator": "dead_reckoning", "path_store": "sqlite"}
+
+
+class NoOptions(PluginConfig):
+    """The host adds nothing but ``plugin``."""
+
+
+class LocalizerOptions(PluginConfig):
+    """What every localizer takes besides its own keys."""
+
+    is_async: bool = Field(default=False, alias="async")
+    """Works beside the run: its estimates arrive late, about the frame that they were made of."""
+    latency_ms: float | None = Field(default=None, ge=0)
+    """How late an async localizer's estimates arrive in step pace; default: its own model [ms]."""
+    on_error: Literal["fail", "disable"] = "fail"
+    """When it raises: end the run, or switch it off, say so and go on."""
+
+
+class EstimatorOptions(PluginConfig):
+    """What every estimator takes besides its own keys."""
+
+    use: tuple[str, ...] | None = None
+    """Localizers whose estimates it takes; default: all. The others run and are recorded as unused."""
+
+
+class PathStoreOptions(PluginConfig):
+    """What every path store takes besides its own keys."""
+
+    spacing_m: float = Field(default=0.05, gt=0)
+    """Way between two waypoints while teaching [m]."""
+
+
+#: Options of the host by kind of part.
+HOST_OPTIONS: dict[Kind, type[PluginConfig]] = {
+    "source": NoOptions,
+    "localizer": LocalizerOptions,
+    "estimator": EstimatorOptions,
+    "path_store": PathStoreOptions,
+    "controller": NoOptions,
+    "sink": NoOptions,
+}
+
+
+class SensorSection(PluginConfig):
+    """What a source does not know about a sensor."""
+
+    mounting: Mounting | None = None
+    """Where it sits on the robot."""
+    calibration: ExistingFile | dict[str, Any] | None = None
+    """A file, or the numbers themselves."""
+
+
+class StopWhen(PluginConfig):
+    """When the robot is stopped whatever the controller says; left out: never."""
+
+    fix_age_m: float | None = Field(default=None, gt=0)
+    """Way since the last accepted absolute estimate [m]."""
+    motion_age_s: float | None = Field(default=None, gt=0)
+    """Time since the last accepted motion [s]."""
+
+
+class PluginsSection(PluginConfig):
+    """Which plugins the run may load; names of entry points or distributions."""
+
+    enable: tuple[str, ...] | None = None
+    """Only these and core; default: all that are installed."""
+    block: tuple[str, ...] = ()
+    """Not these."""
+    require: tuple[str, ...] = ()
+    """Distributions that must be installed, as pip writes them: ``trailmark-mrclam>=0.1``."""
+
+
+class RunSettings(PluginConfig):
+    """A run: what gives frames, what looks at them, what is believed, what drives."""
+
+    mode: Literal["track", "teach", "replay"] = "track"
+    """Localize only, remember a path, or come back to a remembered one; the commands set it."""
+    sources: dict[str, Any] = Field(default_factory=dict)
+    """Frame sources by name, merged by stamp; the sensor of a one-sensor source bears the source's name."""
+    sensors: dict[str, Any] = Field(default_factory=dict)
+    """What sources do not know about their sensors, by sensor."""
+    localizers: dict[str, Any] = Field(default_factory=dict)
+    """Localizers by name, asked in this order."""
+    estimator: dict[str, Any] | str | None = None
+    """Makes one belief of all estimates; default: dead_reckoning."""
+    path_store: dict[str, Any] | str | None = None
+    """Keeps taught paths; default where one is needed: sqlite."""
+    controller: dict[str, Any] | str | None = None
+    """Turns beliefs into commands."""
+    sinks: tuple[Any, ...] = ()
+    """Are told what happens."""
+    start: Literal["first", "last", "unknown"] | tuple[float, float, float] = "first"
+    """Where the robot starts: at the first or last pose of the path, nobody knows, or [x m, y m, heading deg]."""
+    control_hz: float = Field(default=70.0, gt=0)
+    """The controller is asked at most this often; 70 frames a second is what the ground-camera paper ran at [Hz]."""
+    stop_when: StopWhen = StopWhen()
+    """When the robot is stopped whatever the controller says."""
+    pace: Literal["step", "realtime"] | None = None
+    """As fast as possible and reproducible, or held to the stamps; default: realtime for live sources only."""
+    seed: int = Field(default=0, ge=0)
+    """Every part draws its random numbers from this and its own name."""
+    plugins: PluginsSection = PluginsSection()
+    """Which plugins the run may load."""
+
+    @field_validator("start", mode="wrap")
+    @classmethod
+    def _explain_start(cls, value: Any, validate: ValidatorFunctionWrapHandler) -> Any:
+        try:
+            return validate(value)
+        except ValidationError:  # of a union, which speaks of each branch by itself
+            hint = did_you_mean(str(value), ("first", "last", "unknown"))
+            raise ValueError(f"must be first, last, unknown or [x m, y m, heading deg], not {value!r}{hint}") from None

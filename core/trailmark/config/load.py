@@ -1,0 +1,219 @@
+"""From what was written to a `RunConfig`, or to one line for each thing that is wrong."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+from trailmark.config.calibrations import with_absolute_files
+from trailmark.config.checks import check_classes, check_motion, check_use
+from trailmark.config.document import Document, Problems, read_document
+from trailmark.config.explain import validated
+from trailmark.config.host import PluginsSection, RunSettings, SensorSection
+from trailmark.config.overrides import Override, with_overrides
+from trailmark.config.parts import Part, PartReader
+from trailmark.config.requirements import unmet
+from trailmark.config.run import (
+    EstimatorEntry,
+    LocalizerEntry,
+    PartEntry,
+    PathStoreEntry,
+    RunConfig,
+    SensorOverride,
+    SourceEntry,
+)
+from trailmark.errors import ConfigError
+from trailmark.geometry import Pose2
+from trailmark.plugins import Plugins
+
+__all__ = ["load_run_config"]
+
+
+def load_run_config(
+    config: str | Path | Mapping[str, Any] | Document,
+    *,
+    plugins: Plugins,
+    overrides: Sequence[Override] = (),
+    mode: Literal["track", "teach", "replay"] | None = None,
+    base_dir: Path | None = None,
+) -> RunConfig:
+    """Read, check and resolve a config.
+
+    Parameters
+    ----------
+    config : path, mapping or Document
+        A YAML or TOML file, or the same as plain data.
+    plugins : Plugins
+        What may be named.
+    overrides : sequence of str or (str, value)
+        ``"localizers.floor.plugin=klt"`` with the value in YAML, or keys and a value.
+    mode : str, optional
+        Set by the commands; wins over the config's.
+    base_dir : Path, optional
+        Where relative paths start; default: the file's folder, for a mapping the working folder.
+
+    Raises
+    ------
+    ConfigError
+        With one line for everything that is wrong: where it stands, what it is, the nearest right name.
+    """
+    document = read_document(config, base_dir)
+    changes = [*overrides, *([("mode", mode)] if mode else [])]
+    problems = Problems(document)
+    usable = _usable_plugins(document, plugins, problems)
+    document, notices = with_overrides(document, changes, usable.registry)
+    problems = Problems(document)
+    usable = _usable_plugins(document, plugins, problems)
+    return _RunReader(document, usable, notices, problems).read()
+
+
+def _usable_plugins(document: Document, plugins: Plugins, problems: Problems) -> Plugins:
+    raw = document.data.get("plugins")
+    if not isinstance(raw, Mapping):
+        return plugins
+    section = validated(PluginsSection, raw, ("plugins",), problems, document.base_dir)
+    if section is None:
+        return plugins
+    for index, requirement in enumerate(section.require):
+        if story := unmet(requirement):
+            problems.add(("plugins", "require", index), story)
+    try:
+        return plugins.restricted(section.enable, section.block)
+    except ConfigError as error:
+        problems.add(("plugins",), str(error))
+        return plugins
+
+
+class _RunReader:
+    """Reads a document section by section, so that one wrong section hides no other."""
+
+    def __init__(self, document: Document, plugins: Plugins, notices: tuple[str, ...], problems: Problems) -> None:
+        self._written = document
+        self._plugins = plugins
+        self._notices = notices
+        self._problems = problems
+        self._parts = PartReader(document, plugins.registry, problems)
+
+    def read(self) -> RunConfig:
+        settings = self._settings()
+        sources = self._parts.named("sources", "source")
+        calibrations = {
+            name: self._parts.calibration((*part.keys, "calibration"), getattr(part.config, "calibration", None))
+            for name, part in sources.items()
+        }
+        sensors, sensor_documents = self._sensors()
+        localizers = self._parts.named("localizers", "localizer")
+        estimator = self._parts.single("estimator", is_needed=True)
+        store = self._parts.single("path_store", is_needed=settings is not None and settings.mode != "track")
+        controller = self._parts.single("controller")
+        sinks = self._parts.listed("sinks", "sink")
+        self._check(localizers, estimator, [*sources.values(), store, controller, *sinks])
+        if settings is None or estimator is None:  # noted, so raised above
+            raise AssertionError("a config without settings or estimator went unnoticed")
+        return RunConfig(
+            mode=settings.mode,
+            sources={name: _source(name, part, calibrations[name]) for name, part in sources.items()},
+            sensors=sensors,
+            localizers={name: _localizer(name, part) for name, part in localizers.items()},
+            estimator=EstimatorEntry("estimator", estimator.spec, estimator.config, estimator.options.use),
+            path_store=None if store is None else _path_store(store),
+            controller=None if controller is None else PartEntry("controller", controller.spec, controller.config),
+            sinks=_sinks(sinks),
+            start=_start(settings.start),
+            control_hz=settings.control_hz,
+            stop_when=settings.stop_when,
+            pace=settings.pace,
+            seed=settings.seed,
+            base_dir=self._written.base_dir,
+            plugins=self._plugins,
+            document=_resolved(settings, sources, sensor_documents, localizers, estimator, store, controller, sinks),
+            notices=self._notices,
+            written=self._written,
+        )
+
+    def _settings(self) -> RunSettings | None:
+        given = {key: value for key, value in self._written.data.items() if value is not None}
+        return validated(RunSettings, given, (), self._problems, self._written.base_dir)
+
+    def _sensors(self) -> tuple[dict[str, SensorOverride], dict[str, Any]]:
+        raw = self._written.data.get("sensors")
+        overrides: dict[str, SensorOverride] = {}
+        documents: dict[str, Any] = {}
+        for name, entry in raw.items() if isinstance(raw, Mapping) else ():
+            keys = ("sensors", name)
+            self._parts.check_name(keys, str(name))
+            if not isinstance(entry, Mapping):
+                self._problems.add(keys, "must be a mapping with the keys 'mounting' and 'calibration'")
+                continue
+            section = validated(SensorSection, entry, keys, self._problems, self._written.base_dir)
+            if section is not None:
+                calibration = self._parts.calibration((*keys, "calibration"), section.calibration)
+                overrides[str(name)] = SensorOverride(section.mounting, calibration)
+                dumped = section.model_dump(mode="json", exclude_none=True)
+                documents[str(name)] = with_absolute_files(dumped, self._written.base_dir)
+        return overrides, documents
+
+    def _check(self, localizers: dict[str, Part], estimator: Part | None, others: list[Part | None]) -> None:
+        raw = self._written.data.get("localizers")
+        names = [str(name) for name in raw] if isinstance(raw, Mapping) else []
+        if estimator is not None:
+            check_use(names, estimator, self._problems)
+        self._problems.raise_if_any()
+        if estimator is not None:
+            check_motion(localizers, estimator, self._problems)
+        check_classes([*others, *localizers.values(), estimator], self._problems)
+        self._problems.raise_if_any()
+
+
+def _source(name: str, part: Part, calibration: Any) -> SourceEntry:
+    return SourceEntry(name, part.spec, part.config, calibration)  # type: ignore[arg-type]  # checked by the reader
+
+
+def _localizer(name: str, part: Part) -> LocalizerEntry:
+    options = part.options
+    latency_s = None if options.latency_ms is None else options.latency_ms / 1e3
+    return LocalizerEntry(name, part.spec, part.config, options.is_async, latency_s, options.on_error)
+
+
+def _path_store(part: Part) -> PathStoreEntry:
+    return PathStoreEntry("path_store", part.spec, part.config, part.options.spacing_m)
+
+
+def _sinks(parts: list[Part]) -> tuple[PartEntry, ...]:
+    count: Counter[str] = Counter()
+    entries = []
+    for part in parts:
+        count[part.spec.name] += 1
+        suffix = f"_{count[part.spec.name]}" if count[part.spec.name] > 1 else ""
+        entries.append(PartEntry(part.spec.name + suffix, part.spec, part.config))
+    return tuple(entries)
+
+
+def _start(start: Any) -> Any:
+    return start if isinstance(start, str) else Pose2(start[0], start[1], math.radians(start[2]))
+
+
+def _resolved(
+    settings: RunSettings,
+    sources: dict[str, Part],
+    sensors: dict[str, Any],
+    localizers: dict[str, Part],
+    estimator: Part,
+    store: Part | None,
+    controller: Part | None,
+    sinks: list[Part],
+) -> dict[str, Any]:
+    plain = settings.model_dump(mode="json")
+    parts: dict[str, Any] = {
+        "sources": {name: part.document for name, part in sources.items()},
+        "sensors": sensors,
+        "localizers": {name: part.document for name, part in localizers.items()},
+        "estimator": estimator.document,
+        "path_store": store and store.document,
+        "controller": controller and controller.document,
+        "sinks": [part.document for part in sinks],
+    }
+    return {key: parts.get(key, value) for key, value in plain.items()}

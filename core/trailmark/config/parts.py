@@ -1,0 +1,146 @@
+"""Reading the parts of a config: each with the model of the plugin that it names."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from trailmark.config.base import UNNAMED, PluginConfig, sensor_roles
+from trailmark.config.calibrations import read_calibration, with_absolute_files
+from trailmark.config.document import Document, Keys, Problems
+from trailmark.config.explain import key_names, validated
+from trailmark.config.host import DEFAULT_PLUGINS, HOST_OPTIONS, RESERVED_NAMES
+from trailmark.config.source import SourceConfig
+from trailmark.errors import ConfigError, PluginError
+from trailmark.frames import Calibration
+from trailmark.plugins import Kind, Registry, Spec
+
+__all__ = ["Part", "PartReader", "part_document"]
+
+_NAME = re.compile(r"[a-z][a-z0-9_]*")
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A part that was read: its plugin, its own keys, the host's options, and how it would be written out."""
+
+    keys: Keys
+    spec: Spec
+    config: PluginConfig
+    options: Any
+    document: dict[str, Any]
+
+
+class PartReader:
+    """Reads parts and notes what is wrong with them.
+
+    Validation starts from the plugin's name, so that an error speaks of that plugin's keys alone.
+    """
+
+    def __init__(self, document: Document, registry: Registry, problems: Problems) -> None:
+        self._document = document
+        self._registry = registry
+        self._problems = problems
+
+    def named(self, section: str, kind: Kind) -> dict[str, Part]:
+        """Read a section that holds parts by name."""
+        raw = self._document.data.get(section)
+        if not isinstance(raw, Mapping):
+            return {}
+        parts = {str(name): self.one((section, name), kind, entry) for name, entry in raw.items()}
+        for name in parts:
+            self.check_name((section, name), name)
+        return {name: part for name, part in parts.items() if part is not None}
+
+    def listed(self, section: str, kind: Kind) -> list[Part]:
+        """Read a section that is a list of parts."""
+        raw = self._document.data.get(section)
+        if not isinstance(raw, list | tuple):
+            return []
+        parts = [self.one((section, index), kind, entry) for index, entry in enumerate(raw)]
+        return [part for part in parts if part is not None]
+
+    def single(self, kind: Kind, is_needed: bool = False) -> Part | None:
+        """Read a section that is one part; None where it is left out and not needed."""
+        raw = self._document.data.get(kind)
+        if raw is None and not is_needed:
+            return None
+        return self.one((kind,), kind, {} if raw is None else raw)
+
+    def one(self, keys: Keys, kind: Kind, raw: Any) -> Part | None:
+        """Read one part; None if anything is wrong with it."""
+        if not isinstance(raw, Mapping):
+            self._problems.add(keys, "must be a mapping with the key 'plugin', or the name of a plugin")
+            return None
+        spec = self._spec(keys, kind, raw)
+        model = None if spec is None else self._model(keys, kind, spec)
+        if spec is None or model is None:
+            return None
+        host = HOST_OPTIONS[kind]
+        theirs = ["plugin", *key_names(host)]
+        given = {key: value for key, value in raw.items() if key in theirs and key != "plugin"}
+        own = {key: value for key, value in raw.items() if key not in theirs}
+        options = validated(host, given, keys, self._problems, self._document.base_dir)
+        config = validated(model, own, keys, self._problems, self._document.base_dir, also=theirs)
+        if options is None or config is None:
+            return None
+        name = str(raw.get("plugin", spec.name))
+        return Part(keys, spec, config, options, part_document(name, config, options, self._document))
+
+    def calibration(self, keys: Keys, value: Any) -> Calibration | None:
+        """Read a calibration; None where none is given or it cannot be read."""
+        if value is None:
+            return None
+        try:
+            return read_calibration(value, self._document.base_dir)
+        except ConfigError as error:
+            self._problems.add(keys, str(error))
+            return None
+
+    def check_name(self, keys: Keys, name: str) -> None:
+        """Note a name that files or messages could not carry."""
+        if not _NAME.fullmatch(name):
+            self._problems.add(keys, f"the name {name!r} must be lower-case letters, digits and _, a letter first")
+        elif name in RESERVED_NAMES:
+            self._problems.add(keys, f"the name {name!r} is reserved: a run's files use it")
+
+    def _spec(self, keys: Keys, kind: Kind, raw: Mapping[str, Any]) -> Spec | None:
+        name = raw.get("plugin", DEFAULT_PLUGINS.get(kind))
+        if name is None:
+            available = ", ".join(self._registry.names(kind)) or "none"
+            self._problems.add(keys, f"missing key 'plugin'; {kind}s: {available}")
+            return None
+        if not isinstance(name, str):
+            self._problems.add((*keys, "plugin"), f"must be the name of a plugin, not {name!r}")
+            return None
+        try:
+            return self._registry.find(kind, name)
+        except PluginError as error:
+            self._problems.add((*keys, "plugin"), str(error))
+            return None
+
+    def _model(self, keys: Keys, kind: Kind, spec: Spec) -> type[PluginConfig] | None:
+        wanted: type[PluginConfig] = SourceConfig if kind == "source" else PluginConfig
+        try:
+            model = spec.load_config() if spec.config or kind != "source" else SourceConfig
+        except PluginError as error:
+            self._problems.add((*keys, "plugin"), str(error))
+            return None
+        clash = {"plugin", *key_names(HOST_OPTIONS[kind])} & set(key_names(model))
+        if clash or not issubclass(model, wanted):
+            why = f"uses the host's own keys {sorted(clash)}" if clash else f"is no {wanted.__name__}"
+            self._problems.add((*keys, "plugin"), f"the config of {spec.name!r} of {spec.origin} {why}")
+            return None
+        return model
+
+
+def part_document(plugin: str, config: PluginConfig, options: PluginConfig, written: Document) -> dict[str, Any]:
+    """Return a part as a config would give it: every default filled in, roles left to the host left out."""
+    own = config.model_dump(mode="json", by_alias=True)
+    unnamed = [name for name in sensor_roles(type(config)) if getattr(config, name) == UNNAMED]
+    kept = {key: value for key, value in own.items() if key not in unnamed}
+    if isinstance(config, SourceConfig) and config.calibration is not None:
+        kept["calibration"] = with_absolute_files(kept["calibration"], written.base_dir)
+    return {"plugin": plugin, **kept, **options.model_dump(mode="json", by_alias=True)}

@@ -1,0 +1,117 @@
+"""YAML 1.2 with line numbers: ``1e-3`` is a number, ``no`` is a string, nothing but plain data comes out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from ruamel.yaml import YAML
+from ruamel.yaml.constructor import SafeConstructor
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
+from ruamel.yaml.reader import ReaderError
+
+from trailmark.config.document import Key, TextError
+
+__all__ = ["dump_yaml", "parse_value", "read_yaml"]
+
+
+class _Constructor(SafeConstructor):
+    """Dates stay text, as YAML 1.2 has it: a folder may be called 2026-11-20."""
+
+
+_Constructor.add_constructor("tag:yaml.org,2002:timestamp", SafeConstructor.construct_yaml_str)
+
+
+def _yaml() -> YAML:
+    yaml = YAML(typ="safe", pure=True)
+    yaml.Constructor = _Constructor
+    return yaml
+
+
+def read_yaml(text: str) -> tuple[Any, Callable[[tuple[Key, ...]], int | None]]:
+    """Return the data and a function from keys to the line where they stand.
+
+    Raises
+    ------
+    TextError
+        If it is no YAML, a key stands twice in a mapping, or an alias lies within its own anchor.
+    """
+    try:
+        root = _yaml().compose(text)
+        _check(root, set(), set())
+        data = _yaml().load(text)
+    except MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        story = ", ".join(part for part in (error.context, error.problem) if part)
+        raise TextError(f"YAML syntax: {story}", mark.line + 1, mark.column + 1) from error
+    except ReaderError as error:
+        line = text.count("\n", 0, error.position) + 1
+        raise TextError(f"YAML syntax: the character {chr(error.character)!r} is not allowed", line) from error
+    except YAMLError as error:
+        raise TextError(f"YAML syntax: {error}") from error
+    return data, lambda keys: _line(root, keys)
+
+
+def parse_value(text: str) -> Any:
+    """Return the value of a piece of YAML, as it stands after ``--set key=``."""
+    return read_yaml(text)[0]
+
+
+def dump_yaml(data: Any) -> str:
+    """Return plain data as YAML, keys in their order."""
+    from io import StringIO
+
+    yaml = YAML(typ="safe", pure=True)
+    yaml.default_flow_style = False
+    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
+    yaml.width = 120
+    stream = StringIO()
+    yaml.dump(data, stream)
+    return stream.getvalue()
+
+
+def _check(node: Node | None, open_nodes: set[int], done: set[int]) -> None:
+    """Refuse keys that stand twice and nodes that contain themselves."""
+    if node is None or isinstance(node, ScalarNode) or id(node) in done:
+        return
+    if id(node) in open_nodes:
+        raise TextError("an alias stands within its own anchor", node.start_mark.line + 1)
+    open_nodes.add(id(node))
+    if isinstance(node, MappingNode):
+        _refuse_duplicates(node)
+    for child in _children(node):
+        _check(child, open_nodes, done)
+    done.add(id(node))
+
+
+def _refuse_duplicates(node: MappingNode) -> None:
+    first: dict[str, int] = {}
+    for key, _ in node.value:
+        line = key.start_mark.line + 1
+        if isinstance(key, ScalarNode) and first.setdefault(key.value, line) != line:
+            raise TextError(f"duplicate key {key.value!r}: it stands on line {first[key.value]} already", line)
+
+
+def _children(node: Node) -> list[Node]:
+    return [value for _, value in node.value] if isinstance(node, MappingNode) else list(node.value)
+
+
+def _line(node: Node | None, keys: tuple[Key, ...]) -> int | None:
+    """Return the line of the innermost key that stands in the text."""
+    line = None
+    for wanted in keys:
+        found = _step(node, wanted)
+        if found is None:
+            break
+        line, node = found
+    return line
+
+
+def _step(node: Node | None, wanted: Key) -> tuple[int, Node] | None:
+    if isinstance(node, MappingNode):
+        pairs = (pair for pair in node.value if str(pair[0].value) == str(wanted))
+        return next(((key.start_mark.line + 1, value) for key, value in pairs), None)
+    if isinstance(node, SequenceNode) and isinstance(wanted, int) and wanted < len(node.value):
+        return node.value[wanted].start_mark.line + 1, node.value[wanted]
+    return None
