@@ -81,7 +81,7 @@ WRONG = {
     "sinks.1.to=x": r"--set sinks.1.to=x: sinks is a list of 1; its items are 0 to 0, not 1",
     "sinks.first.to=x": r"sinks is a list of 1; its items are 0 to 0, not first",
     "localizers.floor.search_px.deep=1": r"localizers.floor.search_px is 5, which has no keys",
-    "localizers.floor.plugin=kltt": r"--set: localizers.floor.plugin: no localizer 'kltt' \(did you mean 'klt'\?\)",
+    "localizers.floor.plugin=kltt": r"--set: localizers.floor.plugin: no localizer named 'kltt' \(did",
     "sed=1": r"--set: sed: unknown key \(did you mean 'seed'\?\)",
     "seed=-1": r"--set: seed: must be greater than or equal to 0, not -1",
 }
