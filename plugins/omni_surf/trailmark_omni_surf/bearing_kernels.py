@@ -1,0 +1,123 @@
+"""Kernels of localization from bearings: the closed form, its refinement, the error of each landmark."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["bearing_errors", "closed_form", "cost_and_step", "refine"]
+
+Array = npt.NDArray[Any]
+
+
+@numba.njit(cache=True, nogil=True)
+def bearing_errors(landmarks: Array, bearings: Array, pose: Array) -> Array:
+    """Return measured minus predicted bearing of every landmark, alpha - beta of Eq. (4), in [-pi, pi) [rad]."""
+    errors = np.empty(bearings.shape[0])
+    for n in range(bearings.shape[0]):
+        beta = math.atan2(landmarks[n, 1] - pose[1], landmarks[n, 0] - pose[0]) - pose[2]  # Eq. (6)
+        error = bearings[n] - beta
+        errors[n] = error - 2.0 * math.pi * math.floor((error + math.pi) / (2.0 * math.pi))
+    return errors
+
+
+@numba.njit(cache=True, nogil=True)
+def closed_form(landmarks: Array, bearings: Array, weights: Array) -> Array:
+    """Return the pose (x, y, theta) of at least three bearings; NaN where they do not define one.
+
+    A landmark lies on its ray: ``sin(phi) (x - X) - cos(phi) (y - Y) = 0`` with ``phi = alpha + Theta``. In
+    c = cos Theta, s = sin Theta, p = s X - c Y and q = c X + s Y this is linear and homogeneous; p and q are
+    eliminated, and the smallest eigenvector of what remains is (c, s) up to its sign, which the landmarks lying
+    ahead of their rays, not behind, decide.
+    """
+    pose = np.full(3, np.nan)
+    centre_x, centre_y = landmarks[:, 0].mean(), landmarks[:, 1].mean()
+    m = np.zeros((4, 4))
+    row = np.empty(4)
+    for n in range(bearings.shape[0]):
+        x, y = landmarks[n, 0] - centre_x, landmarks[n, 1] - centre_y
+        sin, cos = math.sin(bearings[n]), math.cos(bearings[n])
+        row[0], row[1], row[2], row[3] = sin * x - cos * y, cos * x + sin * y, -cos, -sin
+        for a in range(4):
+            for b in range(4):
+                m[a, b] += weights[n] * row[a] * row[b]
+    determinant = m[2, 2] * m[3, 3] - m[2, 3] * m[3, 2]
+    if determinant <= 1e-12 * (m[2, 2] + m[3, 3]) ** 2:  # all bearings alike: p and q stay open
+        return pose
+    i22, i33, i23 = m[3, 3] / determinant, m[2, 2] / determinant, -m[2, 3] / determinant
+    k = np.empty((2, 2))
+    for a in range(2):
+        for b in range(2):
+            k[a, b] = m[a, b] - (m[a, 2] * (i22 * m[2, b] + i23 * m[3, b]) + m[a, 3] * (i23 * m[2, b] + i33 * m[3, b]))
+    theta = 0.5 * math.atan2(2.0 * k[0, 1], k[0, 0] - k[1, 1]) + 0.5 * math.pi  # the small axis of k
+    c, s = math.cos(theta), math.sin(theta)
+    h0, h1 = m[2, 0] * c + m[2, 1] * s, m[3, 0] * c + m[3, 1] * s
+    p, q = -(i22 * h0 + i23 * h1), -(i23 * h0 + i33 * h1)
+    pose[0], pose[1] = s * p + c * q + centre_x, s * q - c * p + centre_y
+    ahead = 0.0
+    for n in range(bearings.shape[0]):
+        dx, dy = landmarks[n, 0] - pose[0], landmarks[n, 1] - pose[1]
+        along = math.cos(bearings[n] + theta) * dx + math.sin(bearings[n] + theta) * dy
+        ahead += weights[n] if along > 0.0 else -weights[n]
+    if ahead < 0.0:
+        theta += math.pi
+    pose[2] = theta - 2.0 * math.pi * math.floor((theta + math.pi) / (2.0 * math.pi))
+    return pose
+
+
+@numba.njit(cache=True, nogil=True)
+def cost_and_step(
+    landmarks: Array, bearings: Array, pose: Array, corner_rad: float, hessian: Array, gradient: Array
+) -> float:
+    """Accumulate the Gauss-Newton equations of the bearings with Huber weights; return the robust cost [rad^2]."""
+    hessian[:] = 0.0
+    gradient[:] = 0.0
+    errors = bearing_errors(landmarks, bearings, pose)
+    jacobian = np.empty(3)
+    cost = 0.0
+    for n in range(bearings.shape[0]):
+        dx, dy = landmarks[n, 0] - pose[0], landmarks[n, 1] - pose[1]
+        squared = max(dx * dx + dy * dy, 1e-4)  # nearer than a centimetre a bearing means nothing
+        jacobian[0], jacobian[1], jacobian[2] = -dy / squared, dx / squared, 1.0  # of the error: minus d beta
+        size = abs(errors[n])
+        weight = 1.0 if size <= corner_rad else corner_rad / size
+        cost += size * size if size <= corner_rad else corner_rad * (2.0 * size - corner_rad)
+        for a in range(3):
+            gradient[a] += weight * jacobian[a] * errors[n]
+            for b in range(3):
+                hessian[a, b] += weight * jacobian[a] * jacobian[b]
+    return cost
+
+
+@numba.njit(cache=True, nogil=True)
+def refine(landmarks: Array, bearings: Array, start: Array, corner_rad: float, iterations: int) -> Array:
+    """Return the pose of least robust bearing error near the start (Levenberg-Marquardt).
+
+    Undamped steps run away on a few badly placed triples; damped ones never end worse than they began.
+    """
+    pose = start.copy()
+    hessian, gradient = np.empty((3, 3)), np.empty(3)
+    cost = cost_and_step(landmarks, bearings, pose, corner_rad, hessian, gradient)
+    damping = 1e-3
+    for _ in range(iterations):
+        damped = hessian.copy()
+        for a in range(3):
+            damped[a, a] += damping * (hessian[a, a] + 1e-9)
+        trial = pose - np.linalg.solve(damped, gradient)
+        trial_hessian, trial_gradient = np.empty((3, 3)), np.empty(3)
+        trial_cost = cost_and_step(landmarks, bearings, trial, corner_rad, trial_hessian, trial_gradient)
+        if trial_cost < cost:
+            converged = cost - trial_cost < 1e-12 + 1e-9 * cost
+            pose, cost, hessian, gradient = trial, trial_cost, trial_hessian, trial_gradient
+            damping *= 0.1
+            if converged:
+                break
+        else:
+            damping *= 10.0
+            if damping > 1e6:
+                break
+    return pose

@@ -1,0 +1,213 @@
+"""Localization from bearings, and landmarks measured from known poses."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from trailmark.errors import ShapeError
+from trailmark.geometry import Pose2, wrap_angle, wrap_angles
+from trailmark_omni_surf.bearing_kernels import closed_form
+from trailmark_omni_surf.bearings import BearingNoise, locate
+from trailmark_omni_surf.landmarks import FEATURE_NAMES, landmark_features, measure_landmark
+
+Array = npt.NDArray[np.float64]
+SQUARE = np.array([[0.0, 0.0], [6.0, 0.0], [6.0, 6.0], [0.0, 6.0], [3.0, 8.0]])
+
+inside = st.floats(0.5, 5.5)
+headings = st.floats(-math.pi, 3.14)
+
+
+def bearings_at(pose: Pose2, landmarks: Array) -> Array:
+    return wrap_angles(np.arctan2(landmarks[:, 1] - pose.y, landmarks[:, 0] - pose.x) - pose.theta)
+
+
+@settings(deadline=None)
+@given(x=inside, y=inside, theta=headings)
+def test_exact_bearings_give_the_exact_pose_in_closed_form(x: float, y: float, theta: float) -> None:
+    pose = Pose2(x, y, theta)
+
+    found = closed_form(SQUARE, bearings_at(pose, SQUARE), np.ones(5))
+
+    np.testing.assert_allclose(found[:2], [x, y], atol=1e-7)
+    assert abs(wrap_angle(found[2] - theta)) < 1e-7
+
+
+@settings(deadline=None)
+@given(x=inside, y=inside, theta=headings)
+def test_three_exact_bearings_are_enough_off_the_danger_circle(x: float, y: float, theta: float) -> None:
+    pose = Pose2(x, y, theta)
+    assume(abs(math.hypot(x - 3.0, y - 3.0) - math.hypot(3.0, 3.0)) > 0.5)
+
+    fix = locate(SQUARE[:3], bearings_at(pose, SQUARE[:3]), BearingNoise(max_position_sigma_m=10.0))
+
+    assert fix is not None
+    assert fix.pose_map_base.distance_to(pose) < 1e-5
+
+
+@settings(deadline=None)
+@given(x=st.floats(2, 4), y=st.floats(2, 4), theta=headings, seed=st.integers(0, 1000))
+def test_two_of_seven_wrong_landmarks_are_found_out(x: float, y: float, theta: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    landmarks = np.concatenate([SQUARE, [[-1.0, 3.0], [7.0, 2.5]]])
+    pose = Pose2(x, y, theta)
+    bearings = bearings_at(pose, landmarks) + rng.normal(0.0, math.radians(0.3), 7)
+    wrong = rng.choice(7, 2, replace=False)
+    bearings[wrong] += rng.choice([-1, 1], 2) * rng.uniform(0.6, 2.0, 2)
+
+    fix = locate(landmarks, wrap_angles(bearings))
+
+    assert fix is not None
+    assert fix.pose_map_base.distance_to(pose) < 0.25
+    assert not fix.is_inlier[wrong].any()
+
+
+def test_landmarks_on_a_circle_with_the_robot_are_refused() -> None:
+    angles = np.array([0.3, 1.5, 2.9, 4.0])
+    circle = 3.0 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+    assert locate(circle, bearings_at(Pose2(3.0, 0.0, 0.2), circle)) is None
+
+
+@pytest.mark.parametrize("bearings", [[0.1, 0.1, 0.1], [0.0, np.nan, 1.0]])
+def test_bearings_that_say_nothing_give_no_answer(bearings: list[float]) -> None:
+    assert locate(SQUARE[:3], np.array(bearings)) is None
+
+
+def test_two_landmarks_are_not_enough() -> None:
+    assert locate(SQUARE[:2], np.zeros(2)) is None
+
+
+def test_arrays_that_do_not_fit_are_refused() -> None:
+    with pytest.raises(ShapeError, match=r"must be \(N, 2\) and \(N,\)"):
+        locate(SQUARE, np.zeros(3))
+
+
+def test_information_matches_the_scatter_of_many_noisy_fixes() -> None:
+    rng = np.random.default_rng(3)
+    pose, sigma_rad = Pose2(2.0, 2.5, 0.4), math.radians(1.0)
+    fixes = [
+        locate(SQUARE, bearings_at(pose, SQUARE) + rng.normal(0.0, sigma_rad, 5), BearingNoise(sigma_rad))
+        for _ in range(800)
+    ]
+
+    errors = np.array([pose_error(fix.pose_map_base, pose) for fix in fixes if fix is not None])
+    nees = np.einsum("ni,nij,nj->n", errors, np.array([fix.information for fix in fixes if fix is not None]), errors)
+
+    assert len(errors) == 800
+    assert 2.0 < nees.mean() < 3.6  # 3 degrees of freedom; the noise estimate only ever grows
+
+
+def pose_error(found: Pose2, true: Pose2) -> tuple[float, float, float]:
+    return found.x - true.x, found.y - true.y, wrap_angle(found.theta - true.theta)
+
+
+@given(x=st.floats(-5, 5), y=st.floats(2, 8))
+def test_rays_of_known_poses_meet_in_the_landmark(x: float, y: float) -> None:
+    poses = np.array([[-1.0, 0.0, 0.3], [0.0, 0.1, -2.0], [1.0, -0.1, 1.0], [2.0, 0.0, 3.0]])
+    bearings = np.arctan2(y - poses[:, 1], x - poses[:, 0]) - poses[:, 2]
+
+    measurement = measure_landmark(poses, bearings)
+
+    assert measurement is not None
+    np.testing.assert_allclose(measurement.position, [x, y], atol=1e-6)
+
+
+def test_the_printed_tangents_agree_away_from_ninety_degrees_and_fail_at_it() -> None:
+    poses = np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 2.0, 0.0]])
+    ahead = np.arctan2(1.0 - poses[:, 1], 4.0)
+    sideways = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [3.0, 0.0, 0.0]])
+    above = np.arctan2(3.0, 1.0 - sideways[:, 0])
+    above[1] += 0.02  # the ray that points to 90 degrees is a little wrong, and its tangent is -50
+
+    printed, ours = (measure_landmark(poses, ahead, form=form) for form in ("tangent", "sine_cosine"))
+    blown, right = (measure_landmark(sideways, above, form=form) for form in ("tangent", "sine_cosine"))
+
+    assert printed is not None
+    assert ours is not None
+    assert right is not None
+    assert blown is not None
+    np.testing.assert_allclose(printed.position, ours.position, atol=1e-9)
+    assert np.linalg.norm(blown.position - [1.0, 3.0]) > 1.5 * np.linalg.norm(right.position - [1.0, 3.0])
+
+
+def test_a_mismatched_observation_is_left_out() -> None:
+    poses = np.column_stack([np.linspace(0, 3, 9), np.zeros(9), np.zeros(9)])
+    bearings = np.arctan2(4.0, 1.5 - poses[:, 0])
+    bearings[4] += 0.3
+
+    measurement = measure_landmark(poses, bearings)
+
+    assert measurement is not None
+    assert not measurement.is_inlier[4]
+    np.testing.assert_allclose(measurement.position, [1.5, 4.0], atol=1e-6)
+
+
+def test_observations_from_one_place_measure_nothing() -> None:
+    poses = np.zeros((5, 3))
+
+    assert measure_landmark(poses, np.full(5, 0.7)) is None
+
+
+def test_the_six_features_stand_in_the_papers_order() -> None:
+    poses = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 1.0, 0.0]])
+    bearings = np.arctan2(4.0 - poses[:, 1], 1.0 - poses[:, 0])
+    measurement = measure_landmark(poses, bearings)
+    assert measurement is not None
+
+    features = dict(zip(FEATURE_NAMES, landmark_features(poses, bearings, np.array([80, 90, 100.0]), measurement)))
+
+    assert features["n_observations"] == 3
+    assert features["error_rad2"] == pytest.approx(0.0, abs=1e-12)
+    assert features["mean_image_distance_px"] == pytest.approx(90.0)
+    assert features["variance_x_m2"] == pytest.approx(2 / 3)
+    assert features["variance_y_m2"] == pytest.approx(2 / 9)
+    assert features["variance_direction_rad2"] > 0
+
+
+def roh_bearings(folder: Path) -> list[tuple[Pose2, Array]]:
+    """Known positions and their measured bearings."""
+    places = []
+    for path in sorted(folder.glob("(*.csv")):
+        x, y = map(float, re.findall(r"[XY]([\d.]+)[,)]", path.name))
+        places.append((Pose2(x, y, math.pi / 2), np.radians(np.loadtxt(path, delimiter=","))))
+    return places
+
+
+@pytest.mark.data
+def test_real_beacons_are_within_ten_centimetres_in_the_median(data_folder: Path) -> None:
+    folder = data_folder / "omni" / "bearing"
+    beacons = np.loadtxt(folder / "landmark.csv", delimiter=",")
+    errors = []
+    for pose, rows in roh_bearings(folder):
+        for bearings in rows[::4]:
+            fix = locate(beacons, bearings)
+            assert fix is not None
+            errors.append(fix.pose_map_base.distance_to(pose))
+
+    assert np.median(errors) <= 0.10
+    assert np.quantile(errors, 0.95) <= 0.30
+
+
+@pytest.mark.data
+def test_real_triples_are_within_a_metre_or_refused(data_folder: Path) -> None:
+    folder = data_folder / "omni" / "bearing"
+    beacons = np.loadtxt(folder / "landmark.csv", delimiter=",")
+    answered = total = 0
+    for pose, rows in roh_bearings(folder):
+        for bearings, triple in itertools.product(rows[::4], itertools.combinations(range(4), 3)):
+            fix = locate(beacons[list(triple)], bearings[list(triple)])
+            total += 1
+            if fix is not None:
+                answered += 1
+                assert fix.pose_map_base.distance_to(pose) <= 1.0
+
+    assert answered >= 0.7 * total
