@@ -31,6 +31,7 @@ from trailmark.plugins.spec import Spec
 __all__ = ["ENTRY_POINT_GROUP", "Plugins", "discover_plugins", "load_plugins"]
 
 logger = logging.getLogger(__name__)
+logger.addHandler(logging.NullHandler())  # the command line prints the records; without it, logging decides
 
 
 class Plugins:

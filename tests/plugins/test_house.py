@@ -1,0 +1,77 @@
+"""Guards: every plugin folder is packaged and registered, and listing plugins stays light."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from trailmark.plugins import HookSpecs, load_plugins
+
+ROOT = Path(__file__).parents[2]
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+FOLDERS = sorted(path.name for path in (ROOT / "plugins").iterdir() if path.is_dir())
+
+HEAVY = {"cv2", "numba", "sklearn", "scipy", "filterpy", "matplotlib"}
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_every_plugin_folder_is_packaged_registered_and_typed(folder):
+    package = f"plugins/{folder}/trailmark_{folder}"
+
+    assert (ROOT / package / "py.typed").is_file()
+    assert package in PYPROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]
+    assert PYPROJECT["project"]["entry-points"]["trailmark"].get(folder) == f"trailmark_{folder}.plugin"
+    assert f"trailmark_{folder}" in PYPROJECT["tool"]["mypy"]["packages"]
+
+
+def test_everything_that_is_packaged_stands_in_the_tree():
+    for package in PYPROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]:
+        assert (ROOT / package / "__init__.py").is_file(), package
+
+
+def imported_by(code: str) -> set[str]:
+    program = f"import sys\n{code}\nprint(*sorted({{name.partition('.')[0] for name in sys.modules}}))"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    return set(done.stdout.split())
+
+
+def test_importing_the_registry_imports_neither_numpy_nor_pydantic():
+    assert not imported_by("import trailmark.plugins") & (HEAVY | {"numpy", "pydantic"})
+
+
+def test_loading_and_listing_all_plugins_imports_nothing_heavy():
+    code = "from trailmark.plugins import load_plugins; load_plugins().registry.specs()"
+
+    assert not imported_by(code) & HEAVY
+
+
+def test_importing_every_config_imports_nothing_heavy():
+    code = (
+        "from trailmark.errors import PluginLoadError\n"
+        "from trailmark.plugins import load_plugins\n"
+        "for spec in load_plugins().registry.specs():\n"
+        "    try: spec.load_config()\n"
+        "    except PluginLoadError: pass"
+    )
+
+    assert not imported_by(code) & HEAVY
+
+
+def test_every_hook_carries_the_prefix_and_a_description():
+    hooks = [name for name in vars(HookSpecs) if not name.startswith("_")]
+
+    assert "trailmark_register" in hooks
+    for name in hooks:
+        assert name.startswith("trailmark_")
+        assert getattr(HookSpecs, name).__doc__
+
+
+def test_every_registered_part_has_a_summary_and_unique_name():
+    specs = load_plugins().registry.specs()
+
+    assert all(spec.summary for spec in specs)
+    assert len({(spec.kind, spec.name) for spec in specs}) == len(specs)
