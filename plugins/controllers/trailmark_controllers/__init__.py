@@ -1,0 +1,1 @@
+"""Controllers that bring a robot along a taught path."""

@@ -1,0 +1,22 @@
+"""What this plugin registers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from trailmark import hookimpl
+
+if TYPE_CHECKING:
+    from trailmark.plugins import Registry
+
+
+@hookimpl
+def trailmark_register(registry: Registry) -> None:
+    """Register the controllers."""
+    registry.controller(
+        "path_tracking_4ws",
+        "trailmark_controllers.path_tracking:PathTracking4WS",
+        config="trailmark_controllers.path_tracking_config:PathTrackingConfig",
+        summary="Follows a taught path with front and rear steering, there and back",
+        reference="Nagai & Watanabe 2015, Eqs. (6)-(8)",
+    )
