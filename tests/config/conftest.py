@@ -116,9 +116,8 @@ def small_registry() -> Registry:
     registry.localizer("any", Silent, AnyConfig)
     registry.localizer("broken", "not_there_at_all:Localizer", KltConfig)
     registry.localizer("wrong_kind", Unmoved)
-    registry.estimator("dead_reckoning", Unmoved)
+    registry.localizer("twin", Silent, KltConfig)
     registry.estimator("kalman", Unmoved)
-    registry.path_store("sqlite", Nowhere, StoreConfig)
     registry.controller("track", Standing, TrackConfig)
     registry.controller("stand", Standing)
     registry.sink("jsonl", Sink, LinesConfig)
@@ -127,12 +126,21 @@ def small_registry() -> Registry:
 
 @pytest.fixture(scope="session")
 def plugins() -> Plugins:
-    """Plugins as a process would have them: one that loaded, one that did not."""
+    """Plugins as a process would have them: core, two that loaded, one that did not."""
+    core = Registry(Owner("core", "trailmark", "1.0", __name__))
+    core.estimator("dead_reckoning", Unmoved)
+    core.path_store("sqlite", Nowhere, StoreConfig)
+    other = Registry(Owner("other", "tm-other", "2.0", __name__))
+    other.localizer("twin", Silent, GroundConfig)
     small = PluginRecord("small", "tm-small", "1.0", __name__, "ok", specs=small_registry().specs())
     spoilt = PluginRecord("spoilt", "tm-spoilt", "0.3", "spoilt", "failed", "ImportError: no", "Traceback")
+    first = PluginRecord("core", "trailmark", "1.0", __name__, "ok", specs=core.specs())
+    second = PluginRecord("other", "tm-other", "2.0", __name__, "ok", specs=other.specs())
     manager = pluggy.PluginManager("trailmark")
     manager.register(small_registry, "tm-small:small")
-    return Plugins(manager, [small, spoilt])
+    manager.register(other, "tm-other:other")
+    manager.register(core, "trailmark:core")
+    return Plugins(manager, [first, small, second, spoilt])
 
 
 @pytest.fixture

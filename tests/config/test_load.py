@@ -145,8 +145,18 @@ def test_a_document_may_be_changed_before_it_is_loaded(plugins, write):
 
 
 def test_plugins_that_a_run_may_not_use_are_not_found(plugins, write):
-    with pytest.raises(ConfigError, match=r"line 2: localizers.x.plugin: no localizer named 'klt'; available: none"):
+    with pytest.raises(ConfigError, match=r"line 2: localizers.x.plugin: no localizer named 'klt'; available: twin"):
         load_run_config(write("plugins: {block: [small]}\nlocalizers: {x: klt}"), plugins=plugins)
+    kept = load_run_config(write("plugins: {enable: [other]}\nlocalizers: {x: twin}"), plugins=plugins)
+    assert kept.localizers["x"].spec.distribution == "tm-other"
+    assert [record.status for record in kept.plugins.records] == ["ok", "disabled", "ok", "failed"]
+
+
+def test_a_distribution_picks_one_of_two_parts_of_one_name(plugins, write):
+    config = load_run_config(write("localizers: {x: 'tm-other:twin'}"), plugins=plugins)
+
+    assert config.localizers["x"].spec.distribution == "tm-other"
+    assert config.document["localizers"]["x"]["plugin"] == "tm-other:twin"
 
 
 def test_a_requirement_that_is_met_is_no_problem(plugins, write):

@@ -95,7 +95,7 @@ def test_a_config_that_cannot_be_imported_leaves_the_part_open(plugins):
 
 
 def test_a_name_offered_twice_is_written_with_its_distribution(plugins):
-    record = plugins.records[0]
+    record = plugins.records[1]
     twin = PluginRecord(
         "twin",
         "tm-twin",

@@ -39,7 +39,7 @@ WRONG = {
     "an unknown plugin": (
         SOURCES + "localizers:\n  floor: {plugin: ground-vo}\n",
         "config.yaml line 4: localizers.floor.plugin: no localizer named 'ground-vo' (did you mean 'ground_vo'?); "
-        "available: any, broken, ground_map, ground_vo, klt, stereo, wrong_kind. "
+        "available: any, broken, ground_map, ground_vo, klt, stereo, twin, wrong_kind. "
         "Did not load: plugin 'spoilt' (tm-spoilt 0.3). Run 'trailmark plugins' to see what is installed",
     ),
     "a missing file": (
@@ -105,7 +105,22 @@ WRONG = {
     ),
     "a section that is a list": (
         "sources: [image_folder]\n",
-        "config.yaml line 1: sources: must be a valid dictionary, not ['image_folder']",
+        "config.yaml line 1: sources: must be a mapping, not ['image_folder']",
+    ),
+    "neither of two types": (
+        SOURCES + "sensors: {floor: {calibration: 4}}\n",
+        "config.yaml line 3: sensors.floor.calibration: must be text or a mapping, not 4",
+    ),
+    "a fraction for a count": ("seed: 1.5\n", "config.yaml line 1: seed: must be a valid integer, not 1.5"),
+    "a key that is a number": ("1: 2\n", "config.yaml line 1: 1: a key must be text"),
+    "a typo in a model within a config": (
+        SOURCES + "sensors:\n  floor:\n    mounting:\n      yaw_dg: 90\n",
+        "config.yaml line 6: sensors.floor.mounting.yaw_dg: unknown key (did you mean 'yaw_deg'?)",
+    ),
+    "two distributions with one name": (
+        "localizers:\n  a: twin\n",
+        "config.yaml line 2: localizers.a.plugin: localizer 'twin' is offered by plugin 'small' (tm-small 1.0) and "
+        "plugin 'other' (tm-other 2.0): write tm-other:twin or tm-small:twin",
     ),
     "a name that a file could not have": (
         SOURCES + "localizers:\n  Floor cam: klt\n",
@@ -155,7 +170,8 @@ WRONG = {
     ),
     "a plugin to block that is not installed": (
         "plugins: {block: [smal]}\n",
-        "config.yaml line 1: plugins: no plugin named 'smal' (did you mean 'small'?); installed: small, spoilt",
+        "config.yaml line 1: plugins: no plugin named 'smal' (did you mean 'small'?); "
+        "installed: core, other, small, spoilt",
     ),
     "two motions under dead reckoning": (
         "localizers:\n  a: ground_vo\n  b: klt\n",

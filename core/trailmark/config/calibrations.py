@@ -14,6 +14,9 @@ from trailmark.frames import Calibration
 __all__ = ["read_calibration", "with_absolute_files"]
 
 
+_ARRAY_FILES = (".npy", ".png")
+
+
 def read_calibration(value: str | Path | Mapping[str, Any], base_dir: Path | None = None) -> Calibration:
     """Return the calibration of a YAML, TOML or JSON file, or of a mapping.
 
@@ -44,6 +47,6 @@ def with_absolute_files(value: Any, base_dir: Path) -> Any:
     """Return a calibration with the files that it names made absolute, so that it may be copied elsewhere."""
     if isinstance(value, Mapping):
         return {key: with_absolute_files(item, base_dir) for key, item in value.items()}
-    if isinstance(value, str) and resolved(value, base_dir).is_file():
+    if isinstance(value, str) and value.endswith(_ARRAY_FILES):
         return str(resolved(value, base_dir))
     return value

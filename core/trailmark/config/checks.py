@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 from trailmark.config.base import UNNAMED, PluginConfig, sensor_roles
@@ -14,7 +14,7 @@ from trailmark.plugins.hints import nearest_or_all
 if TYPE_CHECKING:
     from trailmark.config.parts import Part
 
-__all__ = ["check_classes", "check_motion", "check_use", "sensors_of"]
+__all__ = ["check_classes", "check_motion", "check_use", "refuse_one_sensor_twice", "sensors_of"]
 
 
 def check_use(localizers: Iterable[str], estimator: Part, problems: Problems) -> None:
@@ -70,7 +70,7 @@ def sensors_of(config: PluginConfig) -> list[str]:
     return [name for name in names if name != UNNAMED]
 
 
-def check_classes(parts: Sequence[Part | None], problems: Problems) -> None:
+def check_classes(parts: Iterable[Part], problems: Problems) -> None:
     """Import the class of every part, and note those that cannot be had or are of the wrong kind."""
     from trailmark import interfaces
 
@@ -83,8 +83,6 @@ def check_classes(parts: Sequence[Part | None], problems: Problems) -> None:
         "sink": interfaces.Sink,
     }
     for part in parts:
-        if part is None:
-            continue
         try:
             found = part.spec.load()
         except PluginError as error:

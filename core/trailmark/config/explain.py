@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from typing import Any, TypeVar, get_args
 
@@ -15,6 +16,17 @@ from trailmark.plugins.hints import did_you_mean, nearest_or_all
 __all__ = ["key_names", "validated"]
 
 M = TypeVar("M", bound=BaseModel)
+
+_TYPE_WORDS = {
+    "dict_type": "a mapping",
+    "list_type": "a list",
+    "mapping_type": "a mapping",
+    "model_attributes_type": "a mapping",
+    "model_type": "a mapping",
+    "path_type": "a path",
+    "string_type": "text",
+    "tuple_type": "a list",
+}
 
 
 def validated(
@@ -46,8 +58,15 @@ def validated(
         return model.model_validate(dict(data), context={BASE_DIR: base_dir})
     except ValidationError as error:
         found = [(_path_in(data, details), details) for details in error.errors(include_url=False)]
+        wanted: dict[Keys, list[str]] = {}
         for path, details in _telling(found):
-            problems.add(keys + path, _words(details, path, model, also))
+            if _is_type(details):  # several for one key: the branches of a union
+                wanted.setdefault(path, []).append(_type_words(details))
+            else:
+                problems.add(keys + path, _words(details, path, model, also))
+        inputs = {path: details["input"] for path, details in found}
+        for path, types in wanted.items():
+            problems.add(keys + path, f"must be {' or '.join(dict.fromkeys(types))}, not {_shown(inputs[path])}")
         return None
 
 
@@ -89,7 +108,7 @@ def _telling(found: list[tuple[Keys, ErrorDetails]]) -> list[tuple[Keys, ErrorDe
 
 
 def _is_type(details: ErrorDetails) -> bool:
-    return details["type"].endswith(("_type", "_parsing"))
+    return details["type"].endswith(("_type", "_parsing", "_from_float"))
 
 
 def _words(details: ErrorDetails, path: Keys, model: type[BaseModel], also: Iterable[str]) -> str:
@@ -97,6 +116,8 @@ def _words(details: ErrorDetails, path: Keys, model: type[BaseModel], also: Iter
         case "extra_forbidden":
             known = _keys_at(model, path[:-1]) + (list(also) if len(path) == 1 else [])
             return f"unknown key{nearest_or_all(str(path[-1]), known, 'keys')}"
+        case "invalid_key":
+            return "a key must be text"
         case "missing":
             return f"missing key {str(details['loc'][-1])!r}"
         case "value_error":
@@ -107,9 +128,16 @@ def _words(details: ErrorDetails, path: Keys, model: type[BaseModel], also: Iter
             return f"must be {expected}, not {_shown(details['input'])}{hint}"
     message = details["msg"]
     if message.startswith("Input should "):
-        wanted = message.removeprefix("Input should ").partition(", unable to parse")[0]
-        return f"must {wanted}, not {_shown(details['input'])}"
+        return f"must {message.removeprefix('Input should ')}, not {_shown(details['input'])}"
     return message[:1].lower() + message[1:]
+
+
+def _type_words(details: ErrorDetails) -> str:
+    words = _TYPE_WORDS.get(details["type"])
+    if words is not None:
+        return words
+    told = details["msg"].removeprefix("Input should be ")
+    return re.split(r", (?:unable|got) ", told)[0]
 
 
 def _shown(value: Any) -> str:

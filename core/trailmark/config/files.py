@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,7 +18,7 @@ BASE_DIR = "base_dir"
 
 def resolved(value: str | Path, base_dir: Path | None = None) -> Path:
     """Return a path with ``~`` expanded; a relative one starts at `base_dir`, or at the working folder."""
-    path = Path(value).expanduser()
+    path = Path(os.path.expanduser(value))
     return path if path.is_absolute() else (base_dir or Path.cwd()) / path
 
 
@@ -32,14 +33,14 @@ def _resolve(value: Path, info: ValidationInfo) -> Path:
 
 def _resolve_existing(value: Path, info: ValidationInfo) -> Path:
     path = _resolve(value, info)
-    if not path.exists():
+    if not os.path.exists(path):  # unlike Path.exists() never raises: too long, no permission, no such host
         raise ValueError(f"no such file or folder: {path}{_nearby(path)}")
     return path
 
 
 def _resolve_file(value: str, info: ValidationInfo) -> str:
     path = _resolve_existing(Path(value), info)
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise ValueError(f"is a folder, not a file: {path}")
     return str(path)
 
@@ -47,9 +48,9 @@ def _resolve_file(value: str, info: ValidationInfo) -> str:
 def _nearby(path: Path) -> str:
     """Name what the folder holds instead, or the part of the path where it goes wrong."""
     folder = path.parent
-    if folder.is_dir():
-        return did_you_mean(path.name, (entry.name for entry in folder.iterdir()))
-    while not folder.is_dir():
+    if os.path.isdir(folder):
+        return did_you_mean(path.name, os.listdir(folder) if os.access(folder, os.R_OK) else ())
+    while not os.path.isdir(folder):
         folder = folder.parent
     return f" ({folder} is the last folder of it that exists)"
 

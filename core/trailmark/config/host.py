@@ -113,11 +113,11 @@ class RunSettings(PluginConfig):
     """What sources do not know about their sensors, by sensor."""
     localizers: dict[str, Any] = Field(default_factory=dict)
     """Localizers by name, asked in this order."""
-    estimator: dict[str, Any] | str | None = None
+    estimator: Any = None
     """Makes one belief of all estimates; default: dead_reckoning."""
-    path_store: dict[str, Any] | str | None = None
+    path_store: Any = None
     """Keeps taught paths; default where one is needed: sqlite."""
-    controller: dict[str, Any] | str | None = None
+    controller: Any = None
     """Turns beliefs into commands."""
     sinks: tuple[Any, ...] = ()
     """Are told what happens."""

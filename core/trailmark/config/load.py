@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -25,7 +26,9 @@ from trailmark.config.run import (
     SensorOverride,
     SourceEntry,
 )
+from trailmark.config.source import SourceConfig
 from trailmark.errors import ConfigError
+from trailmark.frames import Calibration
 from trailmark.geometry import Pose2
 from trailmark.plugins import Plugins
 
@@ -87,6 +90,29 @@ def _usable_plugins(document: Document, plugins: Plugins, problems: Problems) ->
         return plugins
 
 
+@dataclass(frozen=True, slots=True)
+class _Sections:
+    """A document's sections, each read and validated by itself; None and missing parts where something is wrong."""
+
+    settings: RunSettings | None
+    sources: dict[str, Part]
+    calibrations: dict[str, Calibration | None]
+    sensors: dict[str, SensorOverride]
+    sensor_documents: dict[str, Any]
+    localizers: dict[str, Part]
+    estimator: Part | None
+    path_store: Part | None
+    controller: Part | None
+    sinks: list[Part]
+
+    @property
+    def parts(self) -> list[Part]:
+        """All parts that could be read."""
+        single = [self.path_store, self.controller, self.estimator]
+        several = [*self.sources.values(), *self.localizers.values(), *self.sinks]
+        return [*several, *(part for part in single if part is not None)]
+
+
 class _RunReader:
     """Reads a document section by section, so that one wrong section hides no other."""
 
@@ -98,30 +124,21 @@ class _RunReader:
         self._parts = PartReader(document, plugins.registry, problems)
 
     def read(self) -> RunConfig:
-        settings = self._settings()
-        sources = self._parts.named("sources", "source")
-        calibrations = {
-            name: self._parts.calibration((*part.keys, "calibration"), getattr(part.config, "calibration", None))
-            for name, part in sources.items()
-        }
-        sensors, sensor_documents = self._sensors()
-        localizers = self._parts.named("localizers", "localizer")
-        estimator = self._parts.single("estimator", is_needed=True)
-        store = self._parts.single("path_store", is_needed=settings is not None and settings.mode != "track")
-        controller = self._parts.single("controller")
-        sinks = self._parts.listed("sinks", "sink")
-        self._check(localizers, estimator, [*sources.values(), store, controller, *sinks])
-        if settings is None or estimator is None:  # noted, so raised above
-            raise AssertionError("a config without settings or estimator went unnoticed")
+        sections = self._sections()
+        self._check(sections)
+        settings, estimator = sections.settings, sections.estimator
+        assert settings is not None  # otherwise there was a problem, and it was raised
+        assert estimator is not None
+        store, controller = sections.path_store, sections.controller
         return RunConfig(
             mode=settings.mode,
-            sources={name: _source(name, part, calibrations[name]) for name, part in sources.items()},
-            sensors=sensors,
-            localizers={name: _localizer(name, part) for name, part in localizers.items()},
+            sources={name: _source(name, part, sections.calibrations[name]) for name, part in sections.sources.items()},
+            sensors=sections.sensors,
+            localizers={name: _localizer(name, part) for name, part in sections.localizers.items()},
             estimator=EstimatorEntry("estimator", estimator.spec, estimator.config, estimator.options.use),
             path_store=None if store is None else _path_store(store),
             controller=None if controller is None else PartEntry("controller", controller.spec, controller.config),
-            sinks=_sinks(sinks),
+            sinks=_sinks(sections.sinks),
             start=_start(settings.start),
             control_hz=settings.control_hz,
             stop_when=settings.stop_when,
@@ -129,10 +146,31 @@ class _RunReader:
             seed=settings.seed,
             base_dir=self._written.base_dir,
             plugins=self._plugins,
-            document=_resolved(settings, sources, sensor_documents, localizers, estimator, store, controller, sinks),
+            document=_resolved(settings, sections),
             notices=self._notices,
             written=self._written,
         )
+
+    def _sections(self) -> _Sections:
+        settings = self._settings()
+        sources = self._parts.named("sources", "source")
+        sensors, sensor_documents = self._sensors()
+        return _Sections(
+            settings=settings,
+            sources=sources,
+            calibrations={name: self._calibration(part) for name, part in sources.items()},
+            sensors=sensors,
+            sensor_documents=sensor_documents,
+            localizers=self._parts.named("localizers", "localizer"),
+            estimator=self._parts.single("estimator", is_needed=True),
+            path_store=self._parts.single("path_store", is_needed=settings is not None and settings.mode != "track"),
+            controller=self._parts.single("controller"),
+            sinks=self._parts.listed("sinks", "sink"),
+        )
+
+    def _calibration(self, source: Part) -> Calibration | None:
+        assert isinstance(source.config, SourceConfig)  # the reader of parts saw to it
+        return self._parts.calibration((*source.keys, "calibration"), source.config.calibration)
 
     def _settings(self) -> RunSettings | None:
         given = {key: value for key, value in self._written.data.items() if value is not None}
@@ -156,20 +194,22 @@ class _RunReader:
                 documents[str(name)] = with_absolute_files(dumped, self._written.base_dir)
         return overrides, documents
 
-    def _check(self, localizers: dict[str, Part], estimator: Part | None, others: list[Part | None]) -> None:
+    def _check(self, sections: _Sections) -> None:
+        """Raise what is wrong: first what was written, then what only imported classes can tell."""
         raw = self._written.data.get("localizers")
         names = [str(name) for name in raw] if isinstance(raw, Mapping) else []
-        if estimator is not None:
-            check_use(names, estimator, self._problems)
+        if sections.estimator is not None:
+            check_use(names, sections.estimator, self._problems)
         self._problems.raise_if_any()
-        if estimator is not None:
-            check_motion(localizers, estimator, self._problems)
-        check_classes([*others, *localizers.values(), estimator], self._problems)
+        if sections.estimator is not None:
+            check_motion(sections.localizers, sections.estimator, self._problems)
+        check_classes(sections.parts, self._problems)
         self._problems.raise_if_any()
 
 
-def _source(name: str, part: Part, calibration: Any) -> SourceEntry:
-    return SourceEntry(name, part.spec, part.config, calibration)  # type: ignore[arg-type]  # checked by the reader
+def _source(name: str, part: Part, calibration: Calibration | None) -> SourceEntry:
+    assert isinstance(part.config, SourceConfig)
+    return SourceEntry(name, part.spec, part.config, calibration)
 
 
 def _localizer(name: str, part: Part) -> LocalizerEntry:
@@ -196,24 +236,14 @@ def _start(start: Any) -> Any:
     return start if isinstance(start, str) else Pose2(start[0], start[1], math.radians(start[2]))
 
 
-def _resolved(
-    settings: RunSettings,
-    sources: dict[str, Part],
-    sensors: dict[str, Any],
-    localizers: dict[str, Part],
-    estimator: Part,
-    store: Part | None,
-    controller: Part | None,
-    sinks: list[Part],
-) -> dict[str, Any]:
-    plain = settings.model_dump(mode="json")
+def _resolved(settings: RunSettings, sections: _Sections) -> dict[str, Any]:
+    """Return the config with all defaults, in the order of the settings."""
+    single = {"estimator": sections.estimator, "path_store": sections.path_store, "controller": sections.controller}
     parts: dict[str, Any] = {
-        "sources": {name: part.document for name, part in sources.items()},
-        "sensors": sensors,
-        "localizers": {name: part.document for name, part in localizers.items()},
-        "estimator": estimator.document,
-        "path_store": store and store.document,
-        "controller": controller and controller.document,
-        "sinks": [part.document for part in sinks],
+        "sources": {name: part.document for name, part in sections.sources.items()},
+        "sensors": sections.sensor_documents,
+        "localizers": {name: part.document for name, part in sections.localizers.items()},
+        "sinks": [part.document for part in sections.sinks],
     }
-    return {key: parts.get(key, value) for key, value in plain.items()}
+    parts |= {key: None if part is None else part.document for key, part in single.items()}
+    return {key: parts.get(key, value) for key, value in settings.model_dump(mode="json").items()}

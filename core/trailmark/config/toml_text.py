@@ -34,6 +34,8 @@ def read_toml(text: str) -> tuple[Any, Callable[[tuple[Key, ...]], int | None]]:
         place = _PLACE.search(str(error))
         line, column = (int(place[1]), int(place[2])) if place else (None, None)
         raise TextError(f"TOML syntax: {_PLACE.sub('', str(error))}", line, column) from error
+    except RecursionError as error:
+        raise TextError("TOML: nested too deeply") from error
     lines = _lines(text)
 
     def line_of(keys: tuple[Key, ...]) -> int | None:

@@ -17,7 +17,15 @@ __all__ = ["dump_yaml", "parse_value", "read_yaml"]
 
 
 class _Constructor(SafeConstructor):
-    """Dates stay text, as YAML 1.2 has it: a folder may be called 2026-11-20."""
+    """Dates stay text, as YAML 1.2 has it: a folder may be called 2026-11-20. A wrong value is said with its line."""
+
+    def construct_object(self, node: Node, deep: bool = False) -> Any:
+        try:
+            return super().construct_object(node, deep)
+        except (ValueError, LookupError, TypeError) as error:  # `!!int x`, `!!bool 2`, `0o_`
+            kind = str(node.tag).rpartition(":")[2]
+            mark = node.start_mark
+            raise TextError(f"YAML: {str(node.value)[:40]!r} is no {kind}", mark.line + 1, mark.column + 1) from error
 
 
 _Constructor.add_constructor("tag:yaml.org,2002:timestamp", SafeConstructor.construct_yaml_str)
@@ -50,6 +58,8 @@ def read_yaml(text: str) -> tuple[Any, Callable[[tuple[Key, ...]], int | None]]:
         raise TextError(f"YAML syntax: the character {chr(error.character)!r} is not allowed", line) from error
     except YAMLError as error:
         raise TextError(f"YAML syntax: {error}") from error
+    except RecursionError as error:
+        raise TextError("YAML: nested too deeply") from error
     return data, lambda keys: _line(root, keys)
 
 

@@ -1,0 +1,68 @@
+from __future__ import annotations
+
+import pytest
+from pydantic import ValidationError
+
+from trailmark.config import ConfigPath, ExistingFile, ExistingPath, PluginConfig, read_calibration
+from trailmark.errors import ConfigError
+from trailmark.frames import GroundPlane, Pinhole
+
+
+class Files(PluginConfig):
+    there: ExistingPath | None = None
+    file: ExistingFile | None = None
+    out: ConfigPath | None = None
+
+
+def test_relative_paths_start_at_the_folder_of_the_config(tmp_path):
+    (tmp_path / "a.tum").touch()
+
+    files = Files.model_validate({"there": "a.tum", "file": "a.tum", "out": "b/c"}, context={"base_dir": tmp_path})
+
+    assert files.there == tmp_path / "a.tum"
+    assert files.file == str(tmp_path / "a.tum")
+    assert files.out == tmp_path / "b" / "c"
+
+
+def test_without_a_config_they_start_at_the_working_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.tum").touch()
+
+    assert Files(there="a.tum").there == tmp_path / "a.tum"
+
+
+def test_absolute_paths_and_the_home_folder_stay_what_they_are(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    context = {"base_dir": tmp_path / "elsewhere"}
+
+    assert Files.model_validate({"there": str(tmp_path)}, context=context).there == tmp_path
+    assert Files.model_validate({"out": "~/x"}, context=context).out == tmp_path / "x"
+
+
+@pytest.mark.parametrize("name", ["missing", "x" * 5000, "nul\0byte", "~no_such_user_at_all/x"])
+def test_a_path_that_cannot_exist_is_a_validation_error(tmp_path, name):
+    with pytest.raises(ValidationError, match="no such file or folder"):
+        Files.model_validate({"there": name}, context={"base_dir": tmp_path})
+
+
+def test_a_calibration_may_be_numbers_or_a_file_beside_its_arrays(tmp_path):
+    import numpy as np
+
+    np.save(tmp_path / "flat.npy", np.ones((2, 2), dtype=np.float32))
+    (tmp_path / "floor.yaml").write_text("{metres_per_pixel: 4e-4, flat_field: flat.npy}")
+    (tmp_path / "front.toml").write_text("fx = 500\nfy = 500\ncx = 320\ncy = 240\n")
+    (tmp_path / "front.json").write_text('{"fx": 500, "fy": 500, "cx": 320, "cy": 240}')
+
+    floor = read_calibration("floor.yaml", tmp_path)
+
+    assert isinstance(floor, GroundPlane)
+    assert floor.flat_field is not None
+    assert read_calibration("front.toml", tmp_path) == read_calibration("front.json", tmp_path)
+    assert isinstance(read_calibration({"fx": 5, "fy": 5, "cx": 3, "cy": 2}), Pinhole)
+
+
+def test_a_calibration_file_that_is_no_calibration_is_named(tmp_path):
+    (tmp_path / "bad.yaml").write_text("{fx: 1, fy: 2}")
+
+    with pytest.raises(ConfigError, match=r"^bad.yaml: calibration lacks cx, cy"):
+        read_calibration("bad.yaml", tmp_path)
