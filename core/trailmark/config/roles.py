@@ -43,8 +43,9 @@ def resolve_all_roles(run_config: RunConfig, sensors: Mapping[str, SensorInfo]) 
     problems.raise_if_any()
     document = deepcopy(run_config.document)
     for name, entry in entries.items():
-        roles = sensor_roles(type(entry.config))
-        document["localizers"][name] |= {role: getattr(entry.config, role) for role in roles}
+        written = document["localizers"][name]
+        roles = {role: getattr(entry.config, role) for role in sensor_roles(type(entry.config))}
+        document["localizers"][name] = {"plugin": written["plugin"]} | roles | {**written, **roles}
     return replace(run_config, localizers=entries, document=document)
 
 
