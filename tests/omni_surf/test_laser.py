@@ -17,7 +17,7 @@ from trailmark.estimates import Belief, Fix, Lost
 from trailmark.frames import Frame, Image, Scan, SensorInfo
 from trailmark.geometry import Pose2, wrap_angle
 from trailmark.interfaces import Session
-from trailmark_omni_surf.laser import ScanMap, SearchWindow, match_scan
+from trailmark_omni_surf import ScanMap, SearchWindow, match_scan
 from trailmark_omni_surf.laser.config import LaserIcpConfig
 from trailmark_omni_surf.laser.kernels import truncated_cost
 from trailmark_omni_surf.laser.localizer import LaserIcp

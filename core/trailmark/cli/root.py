@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING
 
 import click
 
 from trailmark import __version__
+
+if TYPE_CHECKING:
+    from trailmark.plugins import Plugins
 
 __all__ = ["ChosenPlugins", "plugins_of", "root", "split_plugin_options"]
 
@@ -66,18 +69,21 @@ def _sort_choice(value: str, block: list[str], files: list[str]) -> None:
         raise click.UsageError(f"--plugin takes no:NAME or a file ./my_plugin.py, not {value!r}")
 
 
-def plugins_of(context: click.Context) -> Any:
-    """Return the plugins for this call; broken ones are named once on standard error."""
+def plugins_of(context: click.Context) -> Plugins:
+    """Return the plugins for this call; broken ones are named once on standard error.
+
+    The commands that list plugins name the broken ones themselves.
+    """
     from trailmark.plugins import load_plugins
 
     root_context = context.find_root()
-    plugins = root_context.meta.get("trailmark.plugins")
+    plugins: Plugins | None = root_context.meta.get("trailmark.plugins")
     if plugins is None:
         chosen: ChosenPlugins = root_context.obj or ChosenPlugins()
         plugins = load_plugins(block=chosen.block, files=chosen.files)
         root_context.meta["trailmark.plugins"] = plugins
-        for record in plugins.records:
-            if record.status == "failed":
+        if root_context.invoked_subcommand != "plugins":
+            for record in plugins.failed:
                 click.echo(f"trailmark: warning: {record.warning()}", err=True)
     return plugins
 

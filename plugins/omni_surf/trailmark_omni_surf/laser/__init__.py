@@ -2,12 +2,9 @@
 
 ::
 
+    from trailmark_omni_surf import ScanMap, match_scan
+
     scan_map = ScanMap.from_scans(scans, poses)
     match = match_scan(scan_map, points_base, pose_guess)
     match.pose_map_base, match.information, match.inlier_share
 """
-
-from trailmark_omni_surf.laser.matching import ScanMatch, SearchWindow, match_scan
-from trailmark_omni_surf.laser.scan_map import ScanMap
-
-__all__ = ["ScanMap", "ScanMatch", "SearchWindow", "match_scan"]
