@@ -66,9 +66,13 @@ class Registry:
         summary: str = "",
         reference: str = "",
         extra: str | None = None,
+        opens: Iterable[str] = (),
     ) -> None:
-        """Register a `FrameSource`; its config derives from `SourceConfig`."""
-        self._add("source", name, target, config, summary, reference, extra)
+        """Register a `FrameSource`; its config derives from `SourceConfig`.
+
+        `opens` names what it plays without a config, see `Spec`.
+        """
+        self._add("source", name, target, config, summary, reference, extra, opens=tuple(opens))
 
     def localizer(
         self,
@@ -214,6 +218,7 @@ class Registry:
         reference: str,
         extra: str | None,
         gives: frozenset[str] = frozenset(),
+        opens: tuple[str, ...] = (),
     ) -> None:
         if not _NAME.fullmatch(name):
             raise ValueError(f"{kind} {name!r}: use lower-case letters, digits and underscores, a letter first")
@@ -230,6 +235,7 @@ class Registry:
                 reference,
                 extra,
                 gives,
+                opens,
                 owner.distribution,
                 owner.version,
                 owner.name,

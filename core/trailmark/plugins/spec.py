@@ -63,6 +63,9 @@ class Spec:
         The pip extra of the distribution that it needs.
     gives : frozenset of str
         What a localizer may say: of ``motion``, ``fix``, ``path_offset``; empty: not told.
+    opens : tuple of str
+        What a source plays without a config: patterns of file names (``*.mp4``), or of a file in a
+        folder (``*/rgb.txt``). Its config then has the key ``path``.
     distribution, version, entry_point : str
         Where it comes from.
     """
@@ -75,6 +78,7 @@ class Spec:
     reference: str = ""
     extra: str | None = None
     gives: frozenset[str] = frozenset()
+    opens: tuple[str, ...] = ()
     distribution: str = ""
     version: str = ""
     entry_point: str = ""
