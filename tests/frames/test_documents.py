@@ -16,6 +16,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
+
 from trailmark.errors import ConfigError
 from trailmark.frames import Arrays, Calibration, DepthCamera, GroundPlane, Omni, Pinhole, SensorInfo
 from trailmark.frames.documents import (
@@ -99,7 +100,7 @@ def test_the_flat_field_travels_inside_the_document() -> None:
 
 
 @pytest.mark.parametrize(
-    "document, expected",
+    ("document", "expected"),
     [
         ({"metres_per_pixel": 3.9e-4}, GroundPlane((3.9e-4, 3.9e-4))),
         ({"metres_per_pixel": [3.9e-4, 4e-4], "lens": PINHOLE}, GroundPlane((3.9e-4, 4e-4), Pinhole(**PINHOLE))),
@@ -123,7 +124,7 @@ def test_people_may_write_angles_in_degrees() -> None:
 
 
 @pytest.mark.parametrize(
-    "document, message",
+    ("document", "message"),
     [
         ({}, "calibration is empty"),
         (3, "calibration must be a mapping"),
@@ -153,7 +154,7 @@ def test_a_wrong_document_is_refused_by_its_key(document: Any, message: str) -> 
 
 
 @pytest.mark.parametrize(
-    "change, message",
+    ("change", "message"),
     [
         ({"dtype": "object"}, "unknown dtype 'object'"),
         ({"dtype": 3}, "must be text"),
@@ -223,7 +224,7 @@ def test_files_that_are_no_arrays_are_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "change, message",
+    ("change", "message"),
     [
         ({"name": "Floor"}, "sensor name 'Floor'"),
         ({"name": None}, "sensor lacks name"),

@@ -1,0 +1,144 @@
+"""The rows of facts and waypoints; what is read is verified against its checksum and the totals."""
+
+from __future__ import annotations
+
+import json
+import math
+import sqlite3
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+from trailmark.errors import ShapeError, StoreError
+from trailmark.geometry import Pose2
+from trailmark.paths import Waypoint
+from trailmark.stores.faults import Damage
+from trailmark.stores.rows import checksum
+
+__all__ = [
+    "Totals",
+    "add_waypoint",
+    "finite",
+    "pose_numbers",
+    "read_document",
+    "read_fact",
+    "read_totals",
+    "read_waypoints",
+    "waypoint_of",
+    "write_fact",
+    "write_totals",
+]
+
+Connection = sqlite3.Connection
+Row = tuple[Any, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Totals:
+    """How many rows there must be: a page that got lost takes its rows along without a trace."""
+
+    waypoints: int = 0
+    drawers: int = 0
+
+
+def write_fact(connection: Connection, key: str, value: Any) -> None:
+    """Keep a JSON-able value under a key, replacing what stood there."""
+    text = json.dumps(value, allow_nan=False, separators=(",", ":"))
+    row = (checksum("facts", key, text), text, key)
+    if connection.execute("UPDATE facts SET crc = ?, value = ? WHERE key = ?", row).rowcount == 0:
+        connection.execute("INSERT INTO facts (crc, value, key) VALUES (?, ?, ?)", row)
+
+
+def read_fact(connection: Connection, key: str) -> Any:
+    """Return the value kept under a key, or None."""
+    rows = connection.execute("SELECT crc, value FROM facts WHERE key = ?", (key,)).fetchmany(2)
+    if not rows:
+        return None
+    crc, text = rows[0]
+    if len(rows) > 1 or crc != checksum("facts", key, text):
+        raise Damage(f"the entry {key!r} is not as it was written")
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise Damage(f"the entry {key!r} cannot be read: {error}") from error
+
+
+def read_document(connection: Connection, key: str) -> dict[str, Any]:
+    """Return the mapping kept under a key; empty where there is none."""
+    document = read_fact(connection, key)
+    if document is not None and not isinstance(document, dict):
+        raise Damage(f"the entry {key!r} is no mapping")
+    return document or {}
+
+
+def write_totals(connection: Connection, totals: Totals) -> None:
+    """Write down how many rows there are."""
+    write_fact(connection, "totals", {"waypoints": totals.waypoints, "drawers": totals.drawers})
+
+
+def read_totals(connection: Connection) -> Totals:
+    """Return how many rows there must be."""
+    document = read_document(connection, "totals")
+    numbers = list(document.values())
+    if list(document) != ["waypoints", "drawers"] or any(type(n) is not int or n < 0 for n in numbers):
+        raise Damage("it does not say how many waypoints and drawers it has")
+    return Totals(*numbers)
+
+
+def add_waypoint(connection: Connection, waypoint: Waypoint) -> None:
+    """Add the next waypoint.
+
+    Raises
+    ------
+    StoreError
+        If its index or station does not follow the last one.
+    """
+    totals = read_totals(connection)
+    index, station_m = int(waypoint.index), finite(waypoint.station_m, "a waypoint's station")
+    if index != totals.waypoints:
+        raise StoreError(f"waypoint {index} does not follow: the store has {totals.waypoints}, so the next is that")
+    last = connection.execute("SELECT station_m FROM waypoints WHERE id = ?", (index - 1,)).fetchone()
+    if last is not None and not last[0] < station_m:
+        raise StoreError(f"waypoint {index} at {station_m} m does not lie after the one before it, at {last[0]} m")
+    numbers = (station_m, *pose_numbers(waypoint.pose_map_base))
+    connection.execute(
+        "INSERT INTO waypoints VALUES (?, ?, ?, ?, ?, ?)", (index, *numbers, checksum("waypoints", index, *numbers))
+    )
+    write_totals(connection, replace(totals, waypoints=index + 1))
+
+
+def read_waypoints(connection: Connection, count: int | None = None) -> Iterator[Waypoint]:
+    """Yield the first `count` waypoints; without it, all there must be."""
+    count = read_totals(connection).waypoints if count is None else count
+    found = 0
+    for row in connection.execute("SELECT * FROM waypoints WHERE id < ? ORDER BY id", (count,)):
+        waypoint = waypoint_of(row)
+        if waypoint.index != found:
+            break
+        found += 1
+        yield waypoint
+    if found != count:
+        raise Damage(f"waypoint {found} of {count} is missing")
+
+
+def waypoint_of(row: Row) -> Waypoint:
+    """Return the waypoint of a row."""
+    index, station_m, x, y, theta, crc = row
+    if crc != checksum("waypoints", index, station_m, x, y, theta):
+        raise Damage(f"waypoint {repr(index)[:60]} is not as it was written")
+    try:
+        return Waypoint(index, finite(station_m, "its station"), Pose2(x, y, theta))
+    except (TypeError, ValueError) as error:
+        raise Damage(f"waypoint {repr(index)[:60]} cannot be read: {error}") from error
+
+
+def finite(value: float, what: str) -> float:
+    """Return a number as SQLite keeps it: finite, and without negative zero."""
+    if not math.isfinite(value):
+        raise ShapeError(f"{what} is not finite: {value}")
+    return float(value) + 0.0
+
+
+def pose_numbers(pose: Pose2) -> tuple[float, float, float]:
+    """Return the numbers of a pose as SQLite keeps them."""
+    return float(pose.x) + 0.0, float(pose.y) + 0.0, float(pose.theta) + 0.0

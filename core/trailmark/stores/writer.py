@@ -1,0 +1,125 @@
+"""The one writer of a path store, and what a killed one leaves beside it.
+
+While it is written, a store has SQLite's write-ahead log beside it (``-wal``, ``-shm``) and the mark of its writer
+(``-writer``). A writer that closes folds all of it into the one file; after a killed one, whoever opens the store next
+and may write there does so.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import sqlite3
+from pathlib import Path
+from typing import Literal
+
+from trailmark.errors import StoreError
+from trailmark.stores.faults import is_in_use, store_errors
+
+__all__ = ["WriterMark", "connect", "fold", "fold_connection", "is_unfolded", "side_files"]
+
+logger = logging.getLogger(__name__)
+
+_SIDE_FILES = ("-wal", "-shm", "-journal")
+_WRITER = "-writer"
+_BUSY_S = 10.0
+_ATTEMPTS = 5
+_MAX_ROW_BYTES = 1_000_000_000
+
+Access = Literal["ro", "rw", "rwc"]
+
+
+def connect(path: Path, access: Access) -> sqlite3.Connection:
+    """Return a connection that trusts nothing in the file; transactions are begun and ended by hand."""
+    connection = sqlite3.connect(
+        f"{path.as_uri()}?mode={access}", _BUSY_S, isolation_level=None, check_same_thread=False, uri=True
+    )
+    connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _MAX_ROW_BYTES)
+    connection.setlimit(sqlite3.SQLITE_LIMIT_ATTACHED, 0)
+    connection.execute("PRAGMA trusted_schema = OFF")
+    connection.execute("PRAGMA cell_size_check = ON")
+    return connection
+
+
+def side_files(path: Path) -> list[Path]:
+    """Return the files of SQLite that stand beside a store."""
+    beside = [path.with_name(path.name + suffix) for suffix in _SIDE_FILES]
+    return [file for file in beside if file.exists()]
+
+
+def is_unfolded(path: Path) -> bool:
+    """Return whether a writer is at work, or left something behind."""
+    return bool(side_files(path)) or path.with_name(path.name + _WRITER).exists()
+
+
+class WriterMark:
+    """Marks a path as being written, across processes, from start to close; the system drops the mark of the dead.
+
+    It is an empty SQLite file, locked as a whole: the same call on every system, and also between two
+    stores of one process. (Locking the store itself would lock its readers out.)
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._file = path.with_name(path.name + _WRITER)
+        self._connection: sqlite3.Connection | None = None
+
+    def take(self, wait_s: float = 1.0) -> None:
+        """Take the mark; a short wait lets those pass who only fold.
+
+        Raises
+        ------
+        StoreError
+            If another writer has it, or the folder cannot be written.
+        """
+        for _ in range(_ATTEMPTS):
+            with store_errors(self._file):
+                connection = sqlite3.connect(self._file, wait_s, isolation_level=None, check_same_thread=False)
+            try:
+                connection.execute("PRAGMA journal_mode = MEMORY")  # a lock needs no journal beside it
+                connection.execute("BEGIN EXCLUSIVE")
+            except sqlite3.Error as error:
+                connection.close()
+                raise self._refusal(error) from error
+            if self._file.exists():  # else its last owner removed it just before it let go
+                self._connection = connection
+                return
+            connection.close()
+        raise StoreError(f"{self._path} is opened and closed for writing by others all the time; try again")
+
+    def give_back(self) -> None:
+        """Let go of the mark and remove it; does nothing without one."""
+        if self._connection is None:
+            return
+        connection, self._connection = self._connection, None
+        with contextlib.suppress(OSError):
+            if self._file.stat().st_size == 0:  # never remove what somebody else put there
+                self._file.unlink()
+        connection.close()
+
+    def _refusal(self, error: sqlite3.Error) -> StoreError:
+        if is_in_use(error):
+            return StoreError(f"{self._path} is being written by another process; end that one, or take another file")
+        return StoreError(f"cannot mark {self._path} as being written with {self._file.name}: {error}")
+
+
+def fold(path: Path) -> None:
+    """Fold what a killed writer left beside a path store into it, where that can be done; no error where not."""
+    if not is_unfolded(path):
+        return
+    mark = WriterMark(path)
+    try:
+        mark.take(wait_s=0.0)
+        with contextlib.closing(connect(path, "rw")) as connection:
+            fold_connection(connection)
+        logger.info("folded what an unfinished writer had left into %s", path)
+    except (StoreError, sqlite3.Error) as error:
+        logger.debug("left %s as it is: %s", path, error)
+    finally:
+        mark.give_back()
+
+
+def fold_connection(connection: sqlite3.Connection) -> None:
+    """Bring the log into the file and leave SQLite's log mode, so that the file stands alone."""
+    connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    connection.execute("PRAGMA journal_mode = DELETE")
