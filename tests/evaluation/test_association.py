@@ -70,13 +70,13 @@ def test_headings_take_the_short_turn_across_pi() -> None:
     assert abs(pairs.truth.headings[1]) == pytest.approx(math.pi)
 
 
-@pytest.mark.parametrize("n", [0, 1])
-def test_too_short_an_estimate_is_refused(n: int) -> None:
+@pytest.mark.parametrize(("n", "count"), [(0, "no poses"), (1, "1 pose")])
+def test_too_short_an_estimate_is_refused(n: int, count: str) -> None:
     short = Trajectory(np.arange(n, dtype=float), np.zeros((n, 3)))
 
-    with pytest.raises(DataError, match=rf"the estimate has {n} poses; at least 2"):
+    with pytest.raises(DataError, match=rf"the estimate has {count}; at least 2"):
         associate(short, _along_x([0.0, 1.0]))
-    with pytest.raises(DataError, match=rf"the ground truth has {n} poses; at least 2"):
+    with pytest.raises(DataError, match=rf"the ground truth has {count}; at least 2"):
         associate(_along_x([0.0, 1.0]), short)
 
 

@@ -91,7 +91,7 @@ def test_a_trajectory_that_cannot_be_compared_says_why_and_the_others_are(
 
     document = evaluate_run(write_run({"short": short, "whole": straight}, truth=straight))
 
-    assert document["trajectories"]["short"]["problem"] == "the estimate has 1 poses; at least 2 are needed"
+    assert document["trajectories"]["short"]["problem"] == "the estimate has 1 pose; at least 2 are needed"
     assert find_metric(document["trajectories"]["whole"]["metrics"], "ate_rmse_m") == pytest.approx(0.0, abs=1e-8)
 
 

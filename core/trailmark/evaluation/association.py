@@ -88,7 +88,8 @@ def associate(
     """
     for name, trajectory in (("estimate", estimate), ("ground truth", truth)):
         if len(trajectory) < 2:
-            raise DataError(f"the {name} has {len(trajectory)} poses; at least 2 are needed")
+            count = "1 pose" if len(trajectory) == 1 else "no poses"
+            raise DataError(f"the {name} has {count}; at least 2 are needed")
     side = _side_to_interpolate(estimate, truth, interpolate)
     dense, sparse = (truth, estimate) if side == "truth" else (estimate, truth)
     tolerance_s = _INTERVALS * median_interval_s(dense) if max_difference_s is None else max_difference_s

@@ -89,14 +89,15 @@ def evaluate_run(
     -------
     dict
         What is written: ``reference``, ``errors`` (False: the numbers are differences), ``trajectories``,
-        ``sources``, ``problems``.
+        ``sources``, ``problems``. A number that is not finite is None.
 
     Raises
     ------
     DataError
         If the folder is not that of a run, or cannot be written to.
     """
-    document = metrics_document(evaluate_run_folder(read_run(folder), protocol), metrics=metrics, path=path)
+    evaluated = evaluate_run_folder(read_run(folder), protocol)
+    document: dict[str, Any] = _without_nan(metrics_document(evaluated, metrics=metrics, path=path))
     if write:
         _write(Path(folder) / METRICS_FILE, document)
     return document
@@ -204,7 +205,7 @@ def _add_lateral(trajectories: dict[str, dict[str, Any]], run: RunFolder, path: 
 
 
 def _write(path: Path, document: Mapping[str, Any]) -> None:
-    text = json.dumps(_without_nan(document), indent=1, ensure_ascii=False, allow_nan=False)
+    text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)
     try:
         path.write_text(text + "\n", encoding="utf-8")
     except OSError as error:

@@ -1,0 +1,85 @@
+"""``trailmark compare``: runs, or the localizers of one run, side by side."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from trailmark.evaluation import ALIGNMENTS, GROUND_TRUTH, AlignKind, Protocol, evaluate_run
+from trailmark.report.tables import Table, Trajectories, consistency_table, sources_table, trajectories_table
+
+__all__ = ["compare_command"]
+
+Runs = Sequence[tuple[str, dict[str, Any]]]
+
+
+@click.command("compare")
+@click.argument("folders", metavar="DIR...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option(
+    "--align",
+    type=click.Choice(ALIGNMENTS),
+    default="se2",
+    show_default=True,
+    help="Lay all positions on the truth, the first pose only, or nothing.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
+def compare_command(folders: tuple[Path, ...], align: AlignKind, as_json: bool) -> None:
+    """Compare runs, or the localizers of one run, against ground truth; without it by their differences."""
+    documents = [evaluate_run(folder, protocol=Protocol(align=align), write=False) for folder in folders]
+    if as_json:
+        shown = [{"folder": str(folder), **document} for folder, document in zip(folders, documents, strict=True)]
+        click.echo(json.dumps(shown, indent=1))
+        return
+    runs = list(zip(_short_names(folders), documents, strict=True))
+    _print(runs)
+
+
+def _print(runs: Runs) -> None:
+    from trailmark.report.console import print_table
+
+    titles = ("run", "trajectory") if len(runs) > 1 else ("trajectory",)
+    for table in _trajectory_tables(runs, titles):
+        print_table(table)
+    sources = [
+        ((run, name) if len(runs) > 1 else (name,), item)
+        for run, document in runs
+        for name, item in document["sources"].items()
+    ]
+    if sources:
+        label_titles = (*titles[:-1], "localizer")
+        tables = (sources_table(sources, label_titles), consistency_table(sources, label_titles))
+        for table in filter(None, tables):
+            print_table(table)
+    for run, document in runs:
+        for problem in document["problems"]:
+            click.echo(f"{run}: {problem}", err=True)
+
+
+def _trajectory_tables(runs: Runs, titles: Sequence[str]) -> list[Table]:
+    """Return a table of errors, and one of differences for each run without ground truth: never both in one."""
+    with_truth = [(run, document) for run, document in runs if document["errors"]]
+    groups = [with_truth] if with_truth else []
+    groups += [[(run, document)] for run, document in runs if not document["errors"]]
+    return [trajectories_table(_rows(group, is_labelled=len(titles) > 1), titles) for group in groups]
+
+
+def _rows(runs: Runs, is_labelled: bool) -> Trajectories:
+    found = [
+        ((run, name) if is_labelled else (name,), item)
+        for run, document in runs
+        for name, item in document["trajectories"].items()
+        if name != GROUND_TRUTH
+    ]
+    first = runs[0][1]
+    labels, items = tuple(label for label, _ in found), tuple(item for _, item in found)
+    return Trajectories(labels, items, first["errors"], first["reference"] or "")
+
+
+def _short_names(folders: Sequence[Path]) -> list[str]:
+    """Return the names of the folders; their paths where two are called the same."""
+    names = [folder.resolve().name for folder in folders]
+    return names if len(set(names)) == len(names) else [str(folder) for folder in folders]

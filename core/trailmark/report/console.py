@@ -1,0 +1,128 @@
+"""The tables of a run on a terminal, and the rows that end ``trailmark run``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from trailmark.evaluation import GROUND_TRUTH, evaluate_run, find_metric
+from trailmark.report.tables import Column, Table, Trajectories, trajectories_table
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table as RichTable
+
+__all__ = ["print_table", "run_table", "summary_rows", "table_console", "to_rich"]
+
+_WIDTH = 100
+
+#: Quantities of a row: key, name with errors, name with differences.
+_QUANTITIES = (
+    ("rmse_m", "ate_rmse_m", "difference_rmse_m"),
+    ("max_m", "ate_max_m", "difference_max_m"),
+    ("heading_rmse_deg", "ate_heading_rmse_deg", "difference_heading_rmse_deg"),
+)
+
+
+def summary_rows(folder: str | Path, document: dict[str, Any] | None = None) -> list[dict[str, Any]]:
+    """Return a row of plain numbers for each localizer of a run, and for the fused trajectory.
+
+    Parameters
+    ----------
+    folder : path
+        The run.
+    document : dict, optional
+        What `evaluate_run` gave for it; default: it is called, and writes nothing.
+
+    Returns
+    -------
+    list of dict
+        ``name``, ``poses``, ``tracked`` (share of time), ``errors`` (False: differences from ``reference``),
+        ``reference``, ``rmse_m``, ``max_m``, ``heading_rmse_deg``, ``drift_percent``, ``end_m``, ``outcomes``
+        (status to count) and ``latency_p95_ms``; None where a number is not known.
+
+    Raises
+    ------
+    DataError
+        If the folder is not that of a run.
+    """
+    if document is None:
+        document = evaluate_run(folder, write=False)
+    names = [name for name in document["trajectories"] if name != GROUND_TRUTH]
+    names = [*(name for name in document["sources"] if name not in names), *names]
+    return [_summary_row(document, name) for name in names]
+
+
+def _summary_row(document: dict[str, Any], name: str) -> dict[str, Any]:
+    trajectory = document["trajectories"].get(name, {"poses": 0, "metrics": {}})
+    source = document["sources"].get(name, {"outcomes": {}, "latency": None})
+    metrics, errors = trajectory["metrics"], document["errors"]
+    used = (trajectory["alignment"]["used"],) if "alignment" in trajectory else ()
+    numbers = {
+        key: find_metric(metrics, error if errors else difference, *used) for key, error, difference in _QUANTITIES
+    }
+    return {
+        "name": name,
+        "poses": trajectory["poses"],
+        "tracked": find_metric(metrics, "tracked_fraction"),
+        "errors": errors,
+        "reference": document["reference"],
+        **numbers,
+        "drift_percent": find_metric(metrics, "drift_percent"),
+        "end_m": find_metric(metrics, "end_error_m" if errors else "end_difference_m"),
+        "outcomes": source["outcomes"],
+        "latency_p95_ms": (source["latency"] or {}).get("p95_ms"),
+    }
+
+
+def run_table(folder: str | Path) -> RichTable:
+    """Return the metrics of a run as a table for a terminal: a row for each localizer and the fused trajectory.
+
+    Raises
+    ------
+    DataError
+        If the folder is not that of a run.
+    """
+    document = evaluate_run(folder, write=False)
+    return to_rich(trajectories_table(Trajectories.of_run(document), ("localizer",)))
+
+
+def to_rich(table: Table) -> RichTable:
+    """Return a table for a terminal. Names are text: nothing in them is markup."""
+    from rich import box
+    from rich.table import Table as RichTable
+    from rich.text import Text
+
+    shown = RichTable(box=box.SIMPLE_HEAD, header_style="bold", pad_edge=False, padding=(0, 0, 0, 1))
+    height = max(len(_header(column)) for column in table.columns)
+    for column in table.columns:
+        lines = _header(column)
+        lines[-1:-1] = [""] * (height - len(lines))  # units stand in one line
+        justify: Literal["right", "left"] = "right" if column.is_number else "left"
+        shown.add_column(Text("\n".join(lines)), justify=justify, no_wrap=column.is_number, overflow="fold")
+    for row in table.rows:
+        shown.add_row(*(Text(cell) for cell in row))
+    return shown
+
+
+def table_console() -> Console:
+    """Return a console as wide as the terminal, and 100 columns wide where there is none."""
+    from rich.console import Console
+
+    console = Console()
+    return console if console.is_terminal else Console(width=_WIDTH)
+
+
+def print_table(table: Table) -> None:
+    """Print a table and what has to be known about it."""
+    from rich.text import Text
+
+    console = table_console()
+    console.print(to_rich(table))
+    for note in table.notes:
+        console.print(Text(note, style="dim"))
+
+
+def _header(column: Column) -> list[str]:
+    """Return title and unit, a line each; short lines keep ten columns within 100 characters."""
+    return [*column.title.split(" ", 1), column.unit]

@@ -1,0 +1,189 @@
+"""The plots of a run. Drawn with matplotlib's Figure alone: no window, no global figure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.evaluation import OUTCOMES
+from trailmark.geometry import Trajectory
+from trailmark.report.numbers import length_unit
+from trailmark.report.series import ErrorSeries, Lane, way
+from trailmark.report.style import INK, MUTED, OUTCOME_COLOURS, LineStyle
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["errors_figure", "outcomes_figure", "timing_figure", "trajectories_figure"]
+
+# Inches of 72 px: a column of the page, where the text then has the size of the page's small text.
+_WIDTH = 6.4
+_HEIGHT = 5.0
+_LEGEND_CHARACTERS = 72
+_LEGEND_ROW = 0.21
+# Above this ratio the best line would lie on the axis of the worst.
+_LOGARITHMIC_ABOVE = 20.0
+
+
+def trajectories_figure(trajectories: Mapping[str, Trajectory], styles: Mapping[str, LineStyle]) -> Figure:
+    """Draw the ways in the plane with equal axes; the start of each is marked."""
+    figure, axes = _figure(_plane_height(trajectories) + _legend_height(trajectories))
+    for name, trajectory in trajectories.items():
+        points, style = way(trajectory), styles[name]
+        axes.plot(*points.T, **_line(name, style))
+        if len(trajectory):
+            axes.plot(*points[0], "o", color=style.colour, markersize=4.5, zorder=style.order + 0.5)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_title("y [m]")
+    axes.set_xlabel("x [m]")
+    _legend(figure, axes)
+    return figure
+
+
+def errors_figure(series: Mapping[str, ErrorSeries], styles: Mapping[str, LineStyle], are_errors: bool) -> Figure:
+    """Draw position and heading errors (or differences) over time."""
+    figure, (above, below) = _figure(_HEIGHT + _legend_height(series), rows=2)
+    word = "error" if are_errors else "difference"
+    rms = [_rms(item.position_m) for item in series.values()]
+    unit, per_m = length_unit(rms)
+    for name, item in series.items():
+        above.plot(item.time_s, per_m * item.position_m, **_line(name, styles[name]))
+        below.plot(item.time_s, item.heading_deg, **_line(name, styles[name]))
+    above.set_title(f"Position {word} [{unit}]")
+    below.set_title(f"Heading {word} [°]")
+    below.set_xlabel("time since start [s]")
+    positive = [value for value in rms if value > 0.0]
+    if positive and max(positive) > _LOGARITHMIC_ABOVE * min(positive):
+        _logarithmic(above, per_m * min(positive) / 10.0)
+    else:
+        above.set_ylim(bottom=0.0)
+    _legend(figure, above)
+    return figure
+
+
+def outcomes_figure(found: Sequence[Lane]) -> Figure:
+    """Draw what became of the estimates of each localizer: in each lane the shares of the outcomes over time."""
+    figure, axes = _figure(1.25 + 0.42 * len(found))
+    for row, lane in enumerate(found):
+        _draw_lane(axes, lane, bottom=-row)
+    axes.set_yticks([0.36 - row for row in range(len(found))], [lane.name for lane in found])
+    axes.tick_params(axis="y", length=0, labelcolor=INK)
+    axes.grid(visible=False, axis="y")
+    axes.spines["left"].set_visible(False)
+    axes.set_ylim(0.06 - len(found) + 0.76, 0.9)
+    axes.set_xlabel("time since start [s]")
+    _outcome_legend(figure, [word for word in OUTCOMES if any(word in lane.counts for lane in found)])
+    return figure
+
+
+def timing_figure(stages: Mapping[str, Mapping[str, float]]) -> Figure:
+    """Draw the durations of each stage: the median, to the 95th and 99th percentile; logarithmic."""
+    figure, axes = _figure(1.15 + 0.3 * len(stages))
+    for row, stage in enumerate(stages.values()):
+        p50, p95, p99 = (max(float(stage.get(f"{word}_ms", 0.0)), 1e-4) for word in ("p50", "p95", "p99"))
+        axes.plot([p50, p99], [-row, -row], color=MUTED, linewidth=1.0, solid_capstyle="butt")
+        axes.plot([p50, p95], [-row, -row], color="#0072b2", linewidth=5.0, solid_capstyle="butt")
+        axes.plot([p50], [-row], "o", color=INK, markersize=6.0)
+    axes.set_xscale("log")
+    axes.xaxis.set_major_formatter(lambda value, _position: f"{value:g}")
+    axes.set_yticks([-row for row in range(len(stages))], list(stages))
+    axes.set_ylim(-len(stages) + 0.4, 0.6)
+    axes.tick_params(axis="y", length=0, labelcolor=INK)
+    axes.grid(visible=False, axis="y")
+    axes.spines["left"].set_visible(False)
+    axes.set_xlabel("duration of a call [ms], logarithmic")
+    _timing_legend(figure)
+    return figure
+
+
+def _figure(height: float, rows: int = 1) -> tuple[Figure, Any]:
+    from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    air = ConstrainedLayoutEngine(h_pad=0.1, w_pad=0.02)  # between the legend and the drawing
+    figure = Figure(figsize=(_WIDTH, height), layout=air)
+    return figure, figure.subplots(rows, sharex=True)
+
+
+def _line(name: str, style: LineStyle) -> dict[str, Any]:
+    return {
+        "label": name,
+        "color": style.colour,
+        "linewidth": style.width,
+        "linestyle": style.dashes,
+        "zorder": style.order,
+    }
+
+
+def _plane_height(trajectories: Mapping[str, Trajectory]) -> float:
+    """Return a height that suits the shape of the ways, between a strip and a square [inch]."""
+    positions = np.concatenate([np.zeros((1, 2)), *(item.positions for item in trajectories.values() if len(item))])
+    width_m, height_m = np.ptp(positions[1:], axis=0) if len(positions) > 1 else (1.0, 1.0)
+    shape = float(height_m / max(width_m, height_m, 1e-9))
+    return 1.1 + (_WIDTH - 1.0) * min(1.0, max(0.3, 1.1 * shape))
+
+
+def _rms(values: npt.NDArray[np.float64]) -> float:
+    return float(np.sqrt(np.nanmean(values * values)))
+
+
+def _logarithmic(axes: Axes, lowest: float) -> None:
+    axes.set_yscale("log")
+    axes.set_ylim(bottom=lowest)
+    axes.yaxis.set_major_formatter(lambda value, _position: f"{value:g}")
+    axes.set_title(axes.get_title(loc="left") + ", logarithmic")
+
+
+def _legend(figure: Figure, axes: Axes) -> None:
+    handles, labels = axes.get_legend_handles_labels()
+    if labels:
+        figure.legend(handles, labels, loc="outside upper left", ncols=_legend_columns(labels))
+
+
+def _legend_columns(names: Collection[str]) -> int:
+    return max(1, min(len(names), _LEGEND_CHARACTERS // (max(map(len, names)) + 7)))
+
+
+def _legend_height(names: Collection[str]) -> float:
+    """Return what the legend needs beyond its first line, so that it takes nothing from the drawing [inch]."""
+    return _LEGEND_ROW * (math.ceil(len(names) / _legend_columns(names)) - 1) if names else 0.0
+
+
+def _draw_lane(axes: Axes, lane: Lane, bottom: float) -> None:
+    level = np.full(len(lane.edges_s) - 1, bottom, dtype=np.float64)
+    for outcome in OUTCOMES:
+        upper = level + 0.72 * lane.shares[outcome]
+        if (upper > level).any():
+            axes.fill_between(
+                lane.edges_s,
+                np.append(level, level[-1]),
+                np.append(upper, upper[-1]),
+                step="post",
+                color=OUTCOME_COLOURS[outcome],
+                linewidth=0.0,
+            )
+        level = upper
+
+
+def _outcome_legend(figure: Figure, outcomes: Sequence[str]) -> None:
+    from matplotlib.patches import Patch
+
+    handles = [Patch(facecolor=OUTCOME_COLOURS[outcome], edgecolor="none", label=outcome) for outcome in outcomes]
+    if handles:
+        figure.legend(handles=handles, loc="outside upper left", ncols=len(handles), handlelength=0.9, handleheight=0.9)
+
+
+def _timing_legend(figure: Figure) -> None:
+    from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], color=INK, marker="o", markersize=6.0, linestyle="none", label="median"),
+        Line2D([], [], color="#0072b2", linewidth=5.0, label="to 95 %"),
+        Line2D([], [], color=MUTED, linewidth=1.0, label="to 99 %"),
+    ]
+    figure.legend(handles=handles, loc="outside upper left", ncols=3)

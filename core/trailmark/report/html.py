@@ -1,0 +1,112 @@
+"""Pieces of the page. Whatever comes from a run is escaped here, and only here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from html import escape
+from importlib.resources import files
+from typing import Any
+
+from trailmark.evaluation import FUSED
+from trailmark.report.style import css_variables, embedded
+from trailmark.report.tables import Column, Table
+
+__all__ = ["counters_html", "facts_html", "figure_html", "notes_html", "page_html", "table_html", "text_html"]
+
+#: Nothing is fetched from anywhere, whatever a name in a run may say.
+_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
+
+
+def page_html(title: str, body: Sequence[str]) -> str:
+    """Return the whole page; the pieces of its body are HTML already."""
+    style = css_variables() + files("trailmark.report").joinpath("report.css").read_text(encoding="utf-8")
+    return "\n".join(
+        [
+            "<!doctype html>",
+            '<html lang="en">',
+            "<head>",
+            '<meta charset="utf-8">',
+            '<meta name="viewport" content="width=device-width, initial-scale=1">',
+            '<meta name="color-scheme" content="light dark">',
+            f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">',
+            f"<title>{escape(title)}</title>",
+            f"<style>\n{style}</style>",
+            "</head>",
+            "<body>",
+            *body,
+            "</body>",
+            "</html>",
+            "",
+        ]
+    )
+
+
+def text_html(text: str, tag: str = "p", css_class: str = "") -> str:
+    """Return a text in a tag."""
+    attribute = f' class="{css_class}"' if css_class else ""
+    return f"<{tag}{attribute}>{escape(text)}</{tag}>"
+
+
+def notes_html(notes: Sequence[str]) -> str:
+    """Return what the reader has to know about a table."""
+    return "\n".join(text_html(note, css_class="note") for note in notes)
+
+
+def table_html(table: Table) -> str:
+    """Return a table with its notes; the row of the fused trajectory stands out."""
+    has_units = any(column.unit for column in table.columns)
+    head = "".join(_header_cell(column, has_units) for column in table.columns)
+    rows = "\n".join(_row(table.columns, row) for row in table.rows)
+    body = f"<table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{rows}\n</tbody>\n</table>"
+    return f'<div class="scroll">{body}</div>\n{notes_html(table.notes)}'
+
+
+def figure_html(svg: str, title: str, caption: str) -> str:
+    """Return a drawing with its title above it."""
+    heading = f"<figcaption>{escape(title)}<span>{escape(caption)}</span></figcaption>"
+    return f"<figure>{heading}\n{embedded(svg, escape(f'{title}: {caption}'))}</figure>"
+
+
+def counters_html(counters: Mapping[str, Any]) -> str:
+    """Return counters by name; zeros are pale."""
+    items = "\n".join(_counter(name, count) for name, count in counters.items())
+    return f'<ul class="counters">\n{items}\n</ul>'
+
+
+def facts_html(facts: Mapping[str, Any]) -> str:
+    """Return facts by name, nested as deep as they are."""
+    return f"<dl>{''.join(_fact(name, value) for name, value in facts.items())}</dl>"
+
+
+def _counter(name: str, count: Any) -> str:
+    attribute = "" if count else ' class="zero"'
+    return f"<li{attribute}><span>{escape(name)}</span><span>{escape(str(count))}</span></li>"
+
+
+def _fact(name: str, value: Any) -> str:
+    return f"<dt>{escape(str(name))}</dt><dd>{_value(value)}</dd>"
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, Mapping) and "base64" in value:  # the numbers themselves are in run.json
+        return escape(f"array {value.get('shape', '')} {value.get('dtype', '')}".strip())
+    if isinstance(value, Mapping):
+        return facts_html(value) if value else escape("none")
+    if isinstance(value, list | tuple):
+        return ", ".join(_value(item) for item in value)
+    return escape("none" if value is None else str(value))
+
+
+def _header_cell(column: Column, has_units: bool) -> str:
+    attribute = ' class="number"' if column.is_number else ""
+    unit = f"<span>{escape(column.unit) or '&nbsp;'}</span>" if has_units else ""
+    return f'<th scope="col"{attribute}>{escape(column.title)}{unit}</th>'
+
+
+def _row(columns: Sequence[Column], cells: Sequence[str]) -> str:
+    texts = [
+        f'<td class="number">{escape(cell)}</td>' if column.is_number else f'<th scope="row">{escape(cell)}</th>'
+        for column, cell in zip(columns, cells, strict=True)
+    ]
+    attribute = ' class="fused"' if FUSED in cells[:2] else ""
+    return f"<tr{attribute}>{''.join(texts)}</tr>"

@@ -1,0 +1,51 @@
+"""Numbers as people read them: three digits, and one unit for a whole column."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+__all__ = ["MISSING", "count_text", "length_unit", "percent_text", "significant"]
+
+MISSING = "\u2013"  # an en dash
+
+_SMALL_M = 0.1
+
+
+def significant(value: float | None, digits: int = 3) -> str:
+    """Return a number with three digits, more before the point, without an exponent unless it is tiny."""
+    if value is None or math.isnan(value):
+        return MISSING
+    if value == 0.0 or math.isinf(value):
+        return f"{value:.0f}"
+    magnitude = math.floor(math.log10(abs(value)))
+    if magnitude < -digits - 1:
+        return f"{value:.1e}"
+    rounded = round(value, max(0, digits - 1 - magnitude))
+    magnitude = math.floor(math.log10(abs(rounded)))  # 9.996 becomes 10.0, not 10.00
+    return f"{rounded:.{max(0, digits - 1 - magnitude)}f}"
+
+
+def percent_text(fraction: float | None) -> str:
+    """Return a share in percent; never 100 when a little is missing, never 0 when there is a little."""
+    if fraction is None or math.isnan(fraction):
+        return MISSING
+    percent = 100.0 * fraction
+    if 99.95 <= percent < 100.0 - 1e-9:
+        return ">99.9"
+    if 1e-9 < percent < 0.05:
+        return "<0.1"
+    return f"{percent:.1f}"
+
+
+def count_text(value: int | None) -> str:
+    """Return a count."""
+    return MISSING if value is None else str(value)
+
+
+def length_unit(values_m: Iterable[float | None]) -> tuple[str, float]:
+    """Return the unit for lengths of similar size and how many of it make a metre: ``mm`` below 0.1 m."""
+    known = sorted(abs(value) for value in values_m if value is not None and math.isfinite(value))
+    if known and known[len(known) // 2] < _SMALL_M:
+        return "mm", 1000.0
+    return "m", 1.0

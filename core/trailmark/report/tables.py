@@ -1,0 +1,277 @@
+"""The tables of a run, as text in cells: the terminal and the page show the same ones."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from trailmark.evaluation import GROUND_TRUTH, OUTCOMES, find_metric, quantity_of
+from trailmark.report.numbers import MISSING, count_text, length_unit, percent_text, significant
+
+__all__ = [
+    "Column",
+    "Table",
+    "Trajectories",
+    "consistency_table",
+    "sources_table",
+    "timing_table",
+    "trajectories_table",
+]
+
+Document = Mapping[str, Any]
+Sources = Sequence[tuple[tuple[str, ...], Document]]
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column: what it shows and in which unit; numbers stand to the right."""
+
+    title: str
+    unit: str = ""
+    is_number: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table of text.
+
+    Attributes
+    ----------
+    columns : tuple of Column
+    rows : tuple of tuple of str
+        A text for each column.
+    notes : tuple of str
+        What the reader has to know, a sentence each.
+    """
+
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[str, ...], ...]
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Trajectories:
+    """Trajectory documents of ``metrics.json`` to be shown in one table.
+
+    Attributes
+    ----------
+    labels : tuple of tuple of str
+        The first cells of each row.
+    documents : tuple of mapping
+        One for each row.
+    errors : bool
+        Whether the numbers are errors against ground truth, or differences.
+    reference : str
+        What the differences are from.
+    """
+
+    labels: tuple[tuple[str, ...], ...]
+    documents: tuple[Document, ...]
+    errors: bool
+    reference: str = ""
+
+    @classmethod
+    def of_run(cls, document: Document) -> Trajectories:
+        """Return the trajectories of one run; not the ground truth, which has nothing to be compared with."""
+        found = {name: item for name, item in document["trajectories"].items() if name != GROUND_TRUTH}
+        labels = tuple((name,) for name in found)
+        return cls(labels, tuple(found.values()), document["errors"], document["reference"] or "")
+
+
+def trajectories_table(trajectories: Trajectories, label_titles: Sequence[str] = ("trajectory",)) -> Table:
+    """Return a row of metrics for each trajectory; columns in which nobody has a number are left out."""
+    documents = trajectories.documents
+    columns: list[tuple[Column, list[str]]] = [
+        (Column("poses"), [count_text(item["poses"]) for item in documents]),
+        (Column("tracked", "%"), [percent_text(_metric(item, "tracked_fraction")) for item in documents]),
+    ]
+    if trajectories.errors:
+        columns += _error_columns(documents)
+    else:
+        columns += _difference_columns(documents)
+    shown = [(column, cells) for column, cells in columns if any(cell.strip() != MISSING for cell in cells)]
+    table = _assembled(label_titles, trajectories.labels, shown)
+    return replace(table, notes=tuple(_notes(trajectories)))
+
+
+def sources_table(sources: Sources, label_titles: Sequence[str] = ("localizer",)) -> Table:
+    """Return a row for each localizer: what became of its estimates, and how old they were on arrival."""
+    outcomes = [outcome for outcome in OUTCOMES if any(outcome in item["outcomes"] for _, item in sources)]
+    columns: list[tuple[Column, list[str]]] = [
+        (Column("estimates"), [count_text(item["estimates"]) for _, item in sources]),
+        *((Column(word), [count_text(item["outcomes"].get(word, 0)) for _, item in sources]) for word in outcomes),
+    ]
+    for word in ("p50", "p95", "max"):
+        latencies = [(item["latency"] or {}).get(f"{word}_ms") for _, item in sources]
+        columns.append(_numbers(f"age {word}", "ms", latencies))
+    return _assembled(label_titles, [label for label, _ in sources], columns)
+
+
+def consistency_table(sources: Sources, label_titles: Sequence[str] = ("localizer",)) -> Table | None:
+    """Return what NIS and NEES say of each localizer that has one; None where none has."""
+    known = [(label, item) for label, item in sources if item["nis"] or item["nees"]]
+    if not known:
+        return None
+    columns = [
+        column
+        for word in ("nis", "nees")
+        if any(item[word] for _, item in known)
+        for column in _consistency_columns(word, [item[word] for _, item in known])
+    ]
+    table = _assembled(label_titles, [label for label, _ in known], columns)
+    return replace(table, notes=tuple(_consistency_notes(known)))
+
+
+def _assembled(
+    label_titles: Sequence[str], labels: Sequence[Sequence[str]], columns: Sequence[tuple[Column, list[str]]]
+) -> Table:
+    titles = [Column(title, is_number=False) for title in label_titles]
+    rows = zip(*(cells for _, cells in columns), strict=True) if columns else [()] * len(labels)
+    return Table(
+        (*titles, *(column for column, _ in columns)),
+        tuple((*label, *row) for label, row in zip(labels, rows, strict=True)),
+    )
+
+
+def timing_table(stages: Mapping[str, Mapping[str, float]]) -> Table:
+    """Return a row for each stage of ``timing.json``."""
+    words = ("mean", "p50", "p95", "p99", "max")
+    rows = [
+        (name, count_text(int(stage.get("n", 0))), *(significant(stage.get(f"{word}_ms")) for word in words))
+        for name, stage in stages.items()
+    ]
+    columns = (Column("stage", is_number=False), Column("calls"), *(Column(word, "ms") for word in words))
+    return Table(columns, tuple(rows))
+
+
+def _error_columns(documents: Sequence[Document]) -> list[tuple[Column, list[str]]]:
+    rmse = [_absolute(item, "ate_rmse_m") for item in documents]
+    lengths = _Lengths(*length_unit(rmse))
+    return [
+        lengths.column("ATE rmse", rmse, _marks(documents)),
+        lengths.column("max", [_absolute(item, "ate_max_m") for item in documents]),
+        _numbers("heading rmse", "°", [_absolute(item, "ate_heading_rmse_deg") for item in documents]),
+        _relative("RPE", "rpe_rmse_m", documents, lengths),
+        _numbers("drift", "%", [_metric(item, "drift_percent") for item in documents]),
+        _numbers("turn drift", "°/m", [_metric(item, "drift_deg_per_m") for item in documents]),
+        lengths.column("end error", [_metric(item, "end_error_m") for item in documents]),
+    ]
+
+
+def _difference_columns(documents: Sequence[Document]) -> list[tuple[Column, list[str]]]:
+    rmse = [_absolute(item, "difference_rmse_m") for item in documents]
+    lengths = _Lengths(*length_unit(rmse))
+    return [
+        lengths.column("difference rmse", rmse, _marks(documents)),
+        lengths.column("max", [_absolute(item, "difference_max_m") for item in documents]),
+        _numbers("heading rmse", "°", [_absolute(item, "difference_heading_rmse_deg") for item in documents]),
+        _relative("relative", "relative_difference_rmse_m", documents, lengths),
+        lengths.column("at the end", [_metric(item, "end_difference_m") for item in documents]),
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class _Lengths:
+    """Columns of lengths in one unit: a table that mixes units invites wrong comparisons."""
+
+    unit: str
+    per_m: float
+
+    def column(
+        self, title: str, values_m: Sequence[float | None], marks: Sequence[str] = ()
+    ) -> tuple[Column, list[str]]:
+        texts = [significant(None if value is None else self.per_m * value) for value in values_m]
+        marked = [text + mark for text, mark in zip(texts, marks or [""] * len(texts), strict=True)]
+        return Column(title, self.unit), marked
+
+
+def _metric(document: Document, quantity: str, *protocol: str) -> float | None:
+    return find_metric(document["metrics"], quantity, *protocol)
+
+
+def _absolute(document: Document, quantity: str) -> float | None:
+    return _metric(document, quantity, document["alignment"]["used"]) if "alignment" in document else None
+
+
+def _numbers(title: str, unit: str, values: Sequence[float | None]) -> tuple[Column, list[str]]:
+    return Column(title, unit), [significant(value) for value in values]
+
+
+def _relative(title: str, quantity: str, documents: Sequence[Document], lengths: _Lengths) -> tuple[Column, list[str]]:
+    """Return the column of relative errors over a distance; the distance stands in the title when it is one."""
+    found = [_first_over_a_distance(item["metrics"], quantity) for item in documents]
+    distances = {distance for distance, value in found if value is not None}
+    values_m = [value for _, value in found]
+    if len(distances) == 1:
+        return lengths.column(f"{title} over {_spaced(distances.pop())}", values_m)
+    return lengths.column(title, values_m, [f" /{distance}" if distance else "" for distance, _ in found])
+
+
+def _first_over_a_distance(metrics: Mapping[str, float | None], quantity: str) -> tuple[str, float | None]:
+    for name, value in metrics.items():
+        distance = name.partition("[")[2].partition(",")[0]
+        if quantity_of(name) == quantity and distance.endswith("m"):
+            return distance, value
+    return "", None
+
+
+def _spaced(distance: str) -> str:
+    return f"{distance[:-1]}\u00a0{distance[-1]}"
+
+
+def _marks(documents: Sequence[Document]) -> list[str]:
+    blank = " " if any(_fell_back(item) for item in documents) else ""  # digits stay below digits
+    return ["*" if _fell_back(item) else blank for item in documents]
+
+
+def _fell_back(document: Document) -> bool:
+    alignment = document.get("alignment")
+    return alignment is not None and alignment["asked"] != alignment["used"]
+
+
+def _notes(trajectories: Trajectories) -> list[str]:
+    compared = [item for item in trajectories.documents if "alignment" in item]
+    notes = []
+    if not trajectories.errors and trajectories.reference:
+        notes.append(f"No ground truth: the numbers are differences from {trajectories.reference}, not errors.")
+    if compared:
+        notes.append(_alignment_note(compared))
+    reasons = {item["alignment"]["reason"] for item in compared if _fell_back(item)}
+    notes += [f"* aligned at the origin: {reason}." for reason in sorted(reasons)]
+    for label, item in zip(trajectories.labels, trajectories.documents, strict=True):
+        if "problem" in item:
+            notes.append(f"{' '.join(label)}: {item['problem']}.")
+    return notes
+
+
+def _alignment_note(compared: Sequence[Document]) -> str:
+    asked = ", ".join(sorted({item["alignment"]["asked"] for item in compared}))
+    pairs = [item["association"]["pairs"] for item in compared]
+    several = (
+        f"{count_text(min(pairs))} to {count_text(max(pairs))}" if min(pairs) < max(pairs) else count_text(pairs[0])
+    )
+    return f"Alignment: {asked}, over {several} pairs of poses."
+
+
+def _consistency_columns(word: str, items: Sequence[Document | None]) -> list[tuple[Column, list[str]]]:
+    interval = [MISSING if item is None else f"{item['lower']:.2f} to {item['upper']:.2f}" for item in items]
+    return [
+        (Column(f"{word.upper()} of"), [MISSING if item is None else count_text(item["n"]) for item in items]),
+        (Column(f"{word.upper()}/dof"), [significant(None if item is None else item["per_dof"]) for item in items]),
+        (Column("expected"), interval),
+    ]
+
+
+def _consistency_notes(sources: Sources) -> list[str]:
+    notes = []
+    for label, item in sources:
+        for word, against in (("nis", "the belief"), ("nees", "the ground truth")):
+            found = item[word]
+            if found and found["verdict"] != "consistent":
+                size = "more" if found["verdict"] == "overconfident" else "less"
+                notes.append(
+                    f"{' '.join(label)} is {found['verdict']} against {against}: its estimates differ by {size}"
+                    f" than their covariances say ({word.upper()}/dof {significant(found['per_dof'])}, 1 expected)."
+                )
+    return notes
