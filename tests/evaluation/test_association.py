@@ -7,7 +7,7 @@ import pytest
 
 from trailmark.errors import DataError
 from trailmark.evaluation import associate
-from trailmark.evaluation.association import median_interval_s, poses_at
+from trailmark.evaluation.association import poses_at, usual_interval_s
 from trailmark.geometry import Trajectory
 
 
@@ -51,6 +51,15 @@ def test_stamps_inside_a_gap_of_the_truth_are_left_out() -> None:
 
     np.testing.assert_allclose(pairs.estimate.stamps_s, [0.0, 0.25, 5.25])
     assert pairs.max_difference_s == pytest.approx(0.15)
+
+
+def test_stamps_that_come_in_bursts_lose_no_pairs() -> None:
+    truth = _along_x(np.sort(np.concatenate([np.arange(0.0, 10.0, 0.02), np.arange(0.001, 10.0, 0.02)])))
+
+    pairs = associate(_along_x(np.arange(0.0, 9.9, 0.1)), truth)
+
+    assert len(pairs) == 99
+    assert usual_interval_s(truth.stamps_s) == pytest.approx(0.019)
 
 
 def test_a_wider_tolerance_bridges_the_gap() -> None:
@@ -100,4 +109,4 @@ def test_one_pose_alone_is_no_trajectory_to_look_up_in() -> None:
     alone = Trajectory([0.0], [[1.0, 2.0, 3.0]])
 
     assert np.isnan(poses_at(alone, np.array([0.0]), 1.0)).all()
-    assert median_interval_s(alone) == math.inf
+    assert usual_interval_s(alone.stamps_s) == math.inf

@@ -1,6 +1,6 @@
 """Which pose of an estimate belongs to which true pose.
 
-The side with the shorter sampling interval is interpolated at the stamps of the other: a straight line
+The side with the shorter usual interval is interpolated at the stamps of the other: a straight line
 between two poses is closer to the way the shorter it is. Nothing is extrapolated, and nothing is
 interpolated inside a gap.
 """
@@ -16,7 +16,7 @@ import numpy.typing as npt
 from trailmark.errors import DataError
 from trailmark.geometry import Trajectory
 
-__all__ = ["Interpolate", "Pairs", "associate", "median_interval_s", "poses_at"]
+__all__ = ["Interpolate", "Pairs", "associate", "poses_at", "usual_interval_s"]
 
 Interpolate = Literal["auto", "truth", "estimate"]
 
@@ -76,7 +76,7 @@ def associate(
     estimate, truth : Trajectory
         Stamps of one clock.
     max_difference_s : float, optional
-        How far the nearest pose of the interpolated side may be away; default: 1.5 of its median
+        How far the nearest pose of the interpolated side may be away; default: 1.5 of its usual
         intervals, so that gaps of three intervals are bridged and longer ones are not [s].
     interpolate : {"auto", "truth", "estimate"}
         Which side is interpolated; "auto": the estimate where it is clearly denser, else the truth.
@@ -92,7 +92,7 @@ def associate(
             raise DataError(f"the {name} has {count}; at least 2 are needed")
     side = _side_to_interpolate(estimate, truth, interpolate)
     dense, sparse = (truth, estimate) if side == "truth" else (estimate, truth)
-    tolerance_s = _INTERVALS * median_interval_s(dense) if max_difference_s is None else max_difference_s
+    tolerance_s = _INTERVALS * usual_interval_s(dense.stamps_s) if max_difference_s is None else max_difference_s
     stamps = sparse.stamps_s[_usable(sparse.stamps_s, dense.stamps_s, tolerance_s)]
     if len(stamps) < 2:
         raise DataError(_no_overlap(estimate, truth, len(stamps), tolerance_s))
@@ -101,9 +101,14 @@ def associate(
     return Pairs(*found, side, tolerance_s, len(estimate), len(truth))
 
 
-def median_interval_s(trajectory: Trajectory) -> float:
-    """Return the median time between two poses; ``inf`` for fewer than two [s]."""
-    return float(np.median(np.diff(trajectory.stamps_s))) if len(trajectory) > 1 else float("inf")
+def usual_interval_s(stamps_s: npt.NDArray[np.float64]) -> float:
+    """Return the time between two stamps that nine of ten intervals do not exceed; ``inf`` for fewer than two [s].
+
+    Not the median: stamps taken on arrival come in bursts, and most intervals are then far below the usual one.
+    """
+    if len(stamps_s) < 2:
+        return float("inf")
+    return float(np.percentile(np.diff(stamps_s), 90.0, method="lower"))
 
 
 def poses_at(
@@ -138,7 +143,7 @@ def _side_to_interpolate(
 ) -> Literal["truth", "estimate"]:
     if interpolate != "auto":
         return interpolate
-    is_denser = median_interval_s(estimate) < _CLEARLY_DENSER * median_interval_s(truth)
+    is_denser = usual_interval_s(estimate.stamps_s) < _CLEARLY_DENSER * usual_interval_s(truth.stamps_s)
     return "estimate" if is_denser else "truth"
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trailmark.errors import DataError
-from trailmark.evaluation.association import median_interval_s, poses_at
+from trailmark.evaluation.association import poses_at, usual_interval_s
 from trailmark.evaluation.consistency import Consistency, consistency_of, nees
 from trailmark.evaluation.estimates_table import EstimateTable
 from trailmark.evaluation.latency import Percentiles, percentiles
@@ -96,7 +96,7 @@ def _consistency_or_none(squares: Array, dof: Array) -> Consistency | None:
 
 def _nees(estimates: EstimateTable, truth: Trajectory, pose_truth_map: Pose2 | None) -> tuple[Array, Array]:
     stated = estimates.where(estimates.outcome != "refused")
-    tolerance_s = _TRUTH_INTERVALS * median_interval_s(truth)
+    tolerance_s = _TRUTH_INTERVALS * usual_interval_s(truth.stamps_s)
     motions, fixes = stated.where(stated.kind == "motion"), stated.where(stated.kind == "fix")
     since, now = (poses_at(truth, stamps, tolerance_s) for stamps in (motions.since_s, motions.stamp_s))
     errors, information = [motions.numbers - between(since, now)], [motions.information]

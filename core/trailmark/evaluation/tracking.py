@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trailmark.errors import DataError
-from trailmark.evaluation.association import median_interval_s
+from trailmark.evaluation.association import usual_interval_s
 from trailmark.evaluation.naming import metric_name, number_text
 from trailmark.geometry import Trajectory
 
@@ -47,7 +47,7 @@ def tracked_fraction(
     Parameters
     ----------
     max_gap_s : float, optional
-        Default: three of the trajectory's median intervals [s].
+        Default: three of the trajectory's usual intervals [s].
 
     Raises
     ------
@@ -58,7 +58,7 @@ def tracked_fraction(
         raise DataError(f"a tracked fraction needs a span of time, not {start_s} to {stop_s} s")
     if len(trajectory) < 2:
         return Tracked(0.0, max_gap_s or 0.0, stop_s - start_s)
-    gap_s = _INTERVALS * median_interval_s(trajectory) if max_gap_s is None else max_gap_s
+    gap_s = _INTERVALS * usual_interval_s(trajectory.stamps_s) if max_gap_s is None else max_gap_s
     clipped = np.clip(trajectory.stamps_s, start_s, stop_s)
     covered = np.diff(clipped)[np.diff(trajectory.stamps_s) <= gap_s].sum()
     return Tracked(float(covered) / (stop_s - start_s), gap_s, stop_s - start_s)

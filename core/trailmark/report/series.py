@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trailmark.evaluation import OUTCOMES, EstimateTable, Evaluation, RunEvaluation, absolute_errors
+from trailmark.evaluation.association import usual_interval_s
 from trailmark.geometry import Trajectory
 
 __all__ = ["MAX_POINTS", "ErrorSeries", "Lane", "error_series", "lanes", "thinned", "way"]
@@ -119,10 +120,7 @@ def _series(evaluation: Evaluation, start_s: float) -> ErrorSeries:
 
 def _breaks(stamps_s: Array) -> npt.NDArray[np.intp]:
     """Return the indices before which there is a gap."""
-    intervals = np.diff(stamps_s)
-    if len(intervals) < 2:
-        return np.empty(0, dtype=np.intp)
-    return np.flatnonzero(intervals > _GAP_INTERVALS * np.median(intervals)) + 1
+    return np.flatnonzero(np.diff(stamps_s) > _GAP_INTERVALS * usual_interval_s(stamps_s)) + 1
 
 
 def _lane(name: str, estimates: EstimateTable, span_s: tuple[float, float]) -> Lane:
@@ -137,7 +135,7 @@ def _lane(name: str, estimates: EstimateTable, span_s: tuple[float, float]) -> L
 
 
 def _bins(stamps_s: Array, first_s: float, last_s: float) -> Array:
-    intervals = np.diff(np.unique(stamps_s))
-    usual_s = float(np.median(intervals)) if len(intervals) else 0.0
+    different_s = np.unique(stamps_s)
+    usual_s = usual_interval_s(different_s) if len(different_s) > 1 else 0.0
     width_s = max((last_s - first_s) / _MAX_BINS, 2.0 * usual_s, 1e-3)
     return np.linspace(first_s, max(last_s, first_s + width_s), max(1, round((last_s - first_s) / width_s)) + 1)
