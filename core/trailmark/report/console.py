@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table as RichTable
 
-__all__ = ["print_table", "run_table", "summary_rows", "table_console", "to_rich"]
+__all__ = ["print_run", "print_table", "run_table", "summary_rows", "table_console", "to_rich"]
 
 _WIDTH = 100
 
@@ -85,6 +85,12 @@ def run_table(folder: str | Path) -> RichTable:
     """
     document = evaluate_run(folder, write=False)
     return to_rich(trajectories_table(Trajectories.of_run(document), ("localizer",)))
+
+
+def print_run(folder: str | Path) -> None:
+    """Print the table of a run, with its notes."""
+    document = evaluate_run(folder, write=False)
+    print_table(trajectories_table(Trajectories.of_run(document), ("localizer",)))
 
 
 def to_rich(table: Table) -> RichTable:

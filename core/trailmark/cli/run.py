@@ -1,0 +1,177 @@
+"""``trailmark run``, ``teach`` and ``replay``: one pipeline, three modes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from trailmark.cli.errors import say
+from trailmark.cli.root import plugins_of
+from trailmark.errors import ConfigError
+
+if TYPE_CHECKING:
+    from trailmark.interfaces import Mode
+    from trailmark.pipeline import RunResult
+    from trailmark.pipeline.plan import Access
+
+__all__ = ["replay_command", "run_command", "teach_command"]
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+_STORE = click.Path(path_type=Path, dir_okay=False)
+
+
+def _run_options(function: _Function) -> _Function:
+    """Add the options that the three commands share."""
+    options = (
+        click.option("--out", type=click.Path(path_type=Path), help="Folder of the run; default runs/DATE-NAME."),
+        click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key: a.b.c=value."),
+        click.option("--overwrite", "overwrite", is_flag=True, help="Replace what an earlier run left in --out."),
+        click.option("--seed", type=click.IntRange(0), help="Seed of all random numbers."),
+        click.option("--pace", type=click.Choice(["step", "realtime"]), help="As fast as possible, or by the stamps."),
+        click.option("--progress", type=click.Choice(["auto", "json", "none"]), default="auto", show_default=True),
+        click.option("--no-report", is_flag=True, help="Leave plots and report out."),
+        click.option("--json", "as_json", is_flag=True, help="Print the rows at the end as JSON."),
+    )
+    for option in reversed(options):
+        function = option(function)
+    return function
+
+
+@click.command("run")
+@click.argument("target", metavar="CONFIG|RECORDING")
+@_run_options
+@click.option("--store", type=_STORE, help="Localize in this taught place, read-only.")
+@click.option("--localizer", "localizers", multiple=True, help="Without a config: a localizer to run.")
+@click.option("--calibration", help="Without a config: the calibration file of the recording's sensor.")
+@click.pass_context
+def run_command(
+    context: click.Context,
+    /,
+    target: str,
+    store: Path | None,
+    localizers: tuple[str, ...],
+    calibration: str | None,
+    **options: Any,
+) -> None:
+    """Run a pipeline over a recording, a camera or a simulated world.
+
+    CONFIG is a YAML or TOML file. A RECORDING (a film, a folder of pictures, a bag, `camera`) needs no config: the
+    source is guessed, and the config is written to the run's folder.
+    """
+    config = _config_of(context, target, localizers, calibration)
+    _execute(context, config, target, store=store, mode=None, access=None, **options)
+
+
+@click.command("teach")
+@click.argument("config", metavar="CONFIG")
+@_run_options
+@click.option("--store", type=_STORE, required=True, help="The path store to write, a file F.trail.")
+@click.option("--append", "append", is_flag=True, help="Go on with the path in the store.")
+@click.option("--overwrite-store", is_flag=True, help="Replace the store, once the first waypoint is there.")
+@click.pass_context
+def teach_command(
+    context: click.Context, /, config: str, store: Path, append: bool, overwrite_store: bool, **options: Any
+) -> None:
+    """Drive or play a path and remember it.
+
+    An existing store needs --append, or --overwrite-store (or --overwrite, which replaces the run's folder too).
+    """
+    if append and (overwrite_store or options["overwrite"]):
+        raise ConfigError("--append goes on with the store and --overwrite replaces it: choose one")
+    access: Access = "append" if append else "overwrite" if overwrite_store or options["overwrite"] else "create"
+    _execute(context, config, config, store=store, mode="teach", access=access, **options)
+
+
+@click.command("replay")
+@click.argument("config", metavar="CONFIG")
+@_run_options
+@click.option("--store", type=_STORE, required=True, help="The path store to follow.")
+@click.option("--reverse", is_flag=True, help="From the end to the start.")
+@click.option("--repeat", type=float, help="Round trips; 0.5 is one way.")
+@click.pass_context
+def replay_command(
+    context: click.Context, /, config: str, store: Path, reverse: bool, repeat: float | None, **options: Any
+) -> None:
+    """Follow a taught path. Without a robot, the commands go to the sinks."""
+    extra = (["start=last", "controller.reverse=true"] if reverse else []) + (
+        [f"controller.repeat={repeat}"] if repeat is not None else []
+    )
+    options["overrides"] = (*options["overrides"], *extra)
+    _execute(context, config, config, store=store, mode="replay", access=None, **options)
+
+
+def _config_of(
+    context: click.Context, target: str, localizers: tuple[str, ...], calibration: str | None
+) -> str | dict[str, Any]:
+    """Return the config file, or the config of a recording that is named alone."""
+    from trailmark.cli.guess import guess_config, is_config
+
+    if is_config(target):
+        if localizers or calibration:
+            raise ConfigError("--localizer and --calibration are for recordings without a config; use --set")
+        return target
+    config = guess_config(target, plugins_of(context).registry)
+    if calibration is not None:
+        (source,) = config["sources"].values()
+        source["calibration"] = str(Path(calibration).resolve())
+    return config | {"localizers": {name: {"plugin": name} for name in localizers}}
+
+
+def _execute(
+    context: click.Context,
+    config: str | dict[str, Any],
+    target: str,
+    *,
+    store: Path | None,
+    mode: Mode | None,
+    access: Access | None,
+    out: Path | None,
+    overrides: tuple[str, ...],
+    overwrite: bool,
+    seed: int | None,
+    pace: str | None,
+    progress: Any,
+    no_report: bool,
+    as_json: bool,
+) -> None:
+    from trailmark.api import run
+    from trailmark.cli.progress import RunProgress
+    from trailmark.pipeline import link_latest, new_folder
+    from trailmark.pipeline.assembly import read_config
+
+    changes = [*overrides, *([f"seed={seed}"] if seed is not None else []), *([f"pace={pace}"] if pace else [])]
+    run_config = read_config(config, plugins=plugins_of(context), overrides=changes, mode=mode, store=store)
+    for notice in run_config.notices:
+        say(notice)
+    if not run_config.sources:
+        raise ConfigError(f"{target}: there are no sources, so no frames; add a section 'sources:'")
+    folder = out or new_folder(Path(target).stem)
+    with RunProgress(progress) as on_step:
+        result = run(
+            run_config, folder, store=None, access=access, overwrite=overwrite, report=not no_report, on_step=on_step
+        )
+    if out is None:
+        link_latest(folder.absolute())
+    _tell(result, folder, as_json, is_quiet=progress == "json", has_report=not no_report)
+    if result.status == "interrupted":
+        raise click.exceptions.Exit(130)
+
+
+def _tell(result: RunResult, folder: Path, as_json: bool, is_quiet: bool, has_report: bool) -> None:
+    """Print how the run ended: a row for each localizer, the folder, the report."""
+    from trailmark.report.console import print_run, summary_rows
+
+    if result.status != "done" or result.reason:
+        say(f"run {result.status}" + (f": {result.reason}" if result.reason else ""))
+    if as_json:
+        rows = {"status": result.status, "reason": result.reason, "folder": str(folder), "rows": summary_rows(folder)}
+        click.echo(json.dumps(rows, indent=1))
+    elif not is_quiet:
+        print_run(folder)
+        click.echo(f"{folder}")
+        if has_report:
+            click.echo(f"{folder / 'report.html'}")
