@@ -1,0 +1,128 @@
+"""One recording of ROS, opened with rosbags; the only place that touches that library."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+
+from trailmark.errors import SourceError
+
+__all__ = ["BagFile", "Message", "open_bag"]
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """A message of a recording.
+
+    Attributes
+    ----------
+    topic : str
+        Where it was sent.
+    where : str
+        Recording, topic and number, for errors.
+    receive_s : float
+        When it was recorded [s].
+    content : object
+        The message.
+    """
+
+    topic: str
+    where: str
+    receive_s: float
+    content: Any
+
+
+class BagFile:
+    """An open recording.
+
+    Attributes
+    ----------
+    path : Path
+        The file or folder.
+    topics : mapping of str to str
+        Topics that hold messages, and their types as ROS 2 writes them.
+    rates_hz : mapping of str to float
+        Mean rate of the topics that hold several [Hz].
+    """
+
+    def __init__(self, path: Path, reader: AnyReader) -> None:
+        self.path = path
+        self._reader = reader
+        counts: dict[str, int] = {}
+        topics: dict[str, str] = {}
+        for connection in reader.connections:
+            if connection.msgcount:
+                topics[connection.topic] = connection.msgtype
+                counts[connection.topic] = counts.get(connection.topic, 0) + connection.msgcount
+        duration_s = reader.duration / 1e9 if topics else 0.0
+        self.topics: Mapping[str, str] = topics
+        self.rates_hz: Mapping[str, float] = {
+            topic: (count - 1) / duration_s for topic, count in counts.items() if count > 1 and duration_s > 0
+        }
+
+    def messages(self, topics: Collection[str]) -> Iterator[Message | SourceError]:
+        """Yield the messages of topics as they were recorded; one that cannot be decoded, as the error.
+
+        Raises
+        ------
+        SourceError
+            If the recording is damaged.
+        """
+        connections = [connection for connection in self._reader.connections if connection.topic in topics]
+        numbers = dict.fromkeys(topics, -1)
+        for connection, receive_ns, raw in self._raw(connections):
+            topic = connection.topic
+            numbers[topic] += 1
+            where = f"{self.path}: message {numbers[topic]} of {topic}"
+            try:
+                content = self._reader.deserialize(raw, connection.msgtype)
+            except Exception as error:  # whatever damaged bytes may cause in there
+                yield SourceError(f"{where} cannot be decoded: {error or type(error).__name__}")
+            else:
+                yield Message(topic, where, receive_ns / 1e9, content)
+
+    def _raw(self, connections: list[Any]) -> Iterator[tuple[Any, int, bytes]]:
+        messages = iter(self._reader.messages(connections)) if connections else iter(())
+        while True:
+            try:
+                item = next(messages, None)
+            except Exception as error:
+                raise SourceError(f"{self.path} is damaged: {error or type(error).__name__}") from error
+            if item is None:
+                return
+            yield item
+
+
+@contextmanager
+def open_bag(path: Path, distribution: str) -> Iterator[BagFile]:
+    """Open a ``.bag`` file (or a folder of them), a folder of a ROS 2 recording, or an ``.mcap`` or ``.db3`` file.
+
+    Parameters
+    ----------
+    path : Path
+        The recording.
+    distribution : str
+        Whose message definitions to take where the recording brings none, for example ``"ros2_humble"``.
+
+    Raises
+    ------
+    SourceError
+        If it cannot be opened.
+    """
+    parts = sorted(path.glob("*.bag")) if path.is_dir() and not (path / "metadata.yaml").exists() else []
+    try:
+        reader = AnyReader(parts or [path], default_typestore=get_typestore(Stores(distribution)))
+        reader.open()
+        bag = BagFile(path, reader)
+    except Exception as error:  # rosbags lets errors of zip, SQLite, YAML and struct through
+        raise SourceError(f"{path}: cannot open the recording: {error or type(error).__name__}") from error
+    try:
+        yield bag
+    finally:
+        reader.close()

@@ -1,0 +1,51 @@
+"""Camera poses in space, seen as poses of base in the plane of the first."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.config import Mounting
+from trailmark.geometry import Pose3, Trajectory
+
+__all__ = ["OPTICAL", "mounting_pose", "planar_trajectory"]
+
+Matrix = npt.NDArray[np.float64]
+
+#: Optical axes (x right, y down, z forward) in sensor axes (x forward, y left, z up), REP-103: columns are the
+#: optical axes as the sensor sees them.
+OPTICAL: Matrix = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+
+
+def mounting_pose(mounting: Mounting | None) -> Pose3:
+    """Return `pose_base_sensor` of a mounting as the config gives it; None: the sensor is base."""
+    if mounting is None:
+        return Pose3()
+    roll, pitch, yaw = (math.radians(deg) for deg in (mounting.roll_deg, mounting.pitch_deg, mounting.yaw_deg))
+    return Pose3(mounting.x, mounting.y, mounting.z, roll, pitch, yaw)
+
+
+def planar_trajectory(stamps_s: Matrix, poses_world_camera: Matrix, pose_base_sensor: Pose3) -> Trajectory:
+    """Project camera poses to the plane of the first base pose.
+
+    ``T_first_i = inv(T_world_camera_0 T_camera_base) T_world_camera_i T_camera_base``; x and y are its
+    translation, theta the heading of its x axis. With the camera itself as base this is x along the first
+    optical axis, y to its left, and the yaw relative to the first camera pose.
+
+    Parameters
+    ----------
+    stamps_s : (N,) float
+        Stamps, strictly increasing [s].
+    poses_world_camera : (N, 4, 4) float
+        Poses of the camera's optical frame in any world.
+    pose_base_sensor : Pose3
+        Mounting of the camera.
+    """
+    T_base_camera = pose_base_sensor.matrix()
+    T_base_camera[:3, :3] = T_base_camera[:3, :3] @ OPTICAL
+    T_world_base = poses_world_camera @ np.linalg.inv(T_base_camera)
+    T_first_base = np.linalg.inv(T_world_base[0]) @ T_world_base if len(T_world_base) else T_world_base
+    headings = np.arctan2(T_first_base[:, 1, 0], T_first_base[:, 0, 0])
+    return Trajectory(stamps_s, np.column_stack([T_first_base[:, 0, 3], T_first_base[:, 1, 3], headings]))

@@ -1,0 +1,35 @@
+"""Registers the sources over files and devices."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from trailmark import hookimpl
+
+if TYPE_CHECKING:
+    from trailmark.plugins import Registry
+
+_SOURCES = (
+    ("image_folder", "ImageFolder", "Pictures in a folder, at a rate or with a file of stamps", ""),
+    ("video", "Video", "A film", ""),
+    ("camera", "Camera", "A live camera or stream", ""),
+    ("tum_rgbd", "TumRgbd", "Colour and depth of the TUM RGB-D benchmark", "Sturm et al. 2012"),
+    ("kitti_odometry", "KittiOdometry", "One camera of the KITTI odometry benchmark", "Geiger et al. 2012"),
+    ("carmen_log", "CarmenLog", "Planar laser and odometry of a CARMEN log", ""),
+    ("csv_odometry", "CsvOdometry", "Odometry from a table: poses, wheels, velocities or distances", ""),
+    ("rosbag", "Rosbag", "Recordings of ROS 1 and ROS 2, and MCAP", ""),
+)
+
+
+@hookimpl
+def trailmark_register(registry: Registry) -> None:
+    """Register every source, by import string."""
+    for name, cls, summary, reference in _SOURCES:
+        registry.source(
+            name,
+            f"trailmark_datasets.{name}:{cls}",
+            config=f"trailmark_datasets.config:{cls}Config",
+            summary=summary,
+            reference=reference,
+            extra="bags" if name == "rosbag" else None,
+        )

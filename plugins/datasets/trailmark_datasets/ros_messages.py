@@ -1,0 +1,174 @@
+"""From ROS messages to payloads. Messages are read by their attributes, so ROS 1 and ROS 2 look alike."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.errors import SourceError
+from trailmark.frames import Image, Imu, Odometry, Pinhole, Scan
+from trailmark.geometry import Pose2, Twist2
+from trailmark_datasets.pictures import as_payload_pixels, decode_raw
+
+__all__ = [
+    "COMPRESSED",
+    "IMAGE_TYPES",
+    "KINDS",
+    "frame_pose",
+    "image",
+    "imu",
+    "is_depth",
+    "lens",
+    "odometry",
+    "pixels",
+    "scan",
+    "stamp_of",
+]
+
+COMPRESSED = "sensor_msgs/msg/CompressedImage"
+IMAGE_TYPES = ("sensor_msgs/msg/Image", COMPRESSED)
+
+#: Kind of sensor of every message type that is understood.
+KINDS = {
+    "sensor_msgs/msg/Image": "image",
+    COMPRESSED: "image",
+    "nav_msgs/msg/Odometry": "odometry",
+    "sensor_msgs/msg/LaserScan": "scan",
+    "sensor_msgs/msg/Imu": "imu",
+}
+
+# dtype, channels, and the order of the channels that makes them BGR
+_ENCODINGS: dict[str, tuple[str, int, tuple[int, ...]]] = {
+    "mono8": ("u1", 1, ()),
+    "8UC1": ("u1", 1, ()),
+    "mono16": ("u2", 1, ()),
+    "16UC1": ("u2", 1, ()),
+    "32FC1": ("f4", 1, ()),
+    "bgr8": ("u1", 3, (0, 1, 2)),
+    "8UC3": ("u1", 3, (0, 1, 2)),
+    "rgb8": ("u1", 3, (2, 1, 0)),
+    "bgra8": ("u1", 4, (0, 1, 2)),
+    "rgba8": ("u1", 4, (2, 1, 0)),
+}
+_COMPRESSED_DEPTH_HEADER = 12  # bytes of quantisation before the PNG
+
+
+def stamp_of(message: Any, where: str) -> float:
+    """Return the stamp of the message's header [s].
+
+    Raises
+    ------
+    SourceError
+        If the sender left it empty.
+    """
+    stamp = message.header.stamp
+    if stamp.sec == 0 and stamp.nanosec == 0:
+        raise SourceError(f"{where}: the header's stamp is empty; set stamps: receive")
+    return float(stamp.sec) + float(stamp.nanosec) / 1e9
+
+
+def pixels(message: Any, where: str) -> npt.NDArray[Any]:
+    """Return the picture of an Image or CompressedImage message: grey, BGR, or depth.
+
+    Returns
+    -------
+    (H, W) or (H, W, 3)
+        uint8, uint16, or float32 for 32FC1.
+
+    Raises
+    ------
+    SourceError
+        If the encoding is not understood or the data do not fit.
+    """
+    if not hasattr(message, "encoding"):
+        return _decoded(message, where)
+    if message.encoding not in _ENCODINGS:
+        raise SourceError(
+            f"{where}: encoding {message.encoding!r} is not understood; understood: {', '.join(_ENCODINGS)}"
+        )
+    code, channels, order = _ENCODINGS[message.encoding]
+    dtype = np.dtype(code).newbyteorder(">" if message.is_bigendian else "<")
+    height, width, step = int(message.height), int(message.width), int(message.step)
+    data = np.ascontiguousarray(message.data).view(np.uint8).ravel()
+    row_bytes = width * channels * dtype.itemsize
+    if height <= 0 or width <= 0 or step < row_bytes or len(data) < height * step:
+        raise SourceError(
+            f"{where}: {len(data)} bytes are no {width}x{height} picture of {message.encoding} with {step} bytes a row"
+        )
+    rows = data[: height * step].reshape(height, step)[:, :row_bytes]
+    picture = np.ascontiguousarray(rows).view(dtype).astype(dtype.newbyteorder("="), copy=False)
+    if channels == 1:
+        return picture
+    return np.ascontiguousarray(picture.reshape(height, width, channels)[:, :, list(order)])
+
+
+def _decoded(message: Any, where: str) -> npt.NDArray[Any]:
+    data = bytes(message.data)
+    if "compressedDepth" in message.format:
+        if "32FC1" in message.format:
+            raise SourceError(f"{where}: compressed depth of 32FC1 is not understood; record 16UC1 or raw depth")
+        data = data[_COMPRESSED_DEPTH_HEADER:]
+    return decode_raw(data, where)
+
+
+def is_depth(message: Any) -> bool:
+    """Tell whether a picture can only be depth."""
+    return getattr(message, "encoding", "") == "32FC1" or "compressedDepth" in getattr(message, "format", "")
+
+
+def image(message: Any, where: str) -> Image:
+    """Return the picture of a message."""
+    if is_depth(message):
+        raise SourceError(f"{where} is depth; pair it with its colour: rgbd: {{name: {{colour: /..., depth: /...}}}}")
+    return Image(as_payload_pixels(pixels(message, where), where, None))
+
+
+def frame_pose(message: Any) -> Pose2:
+    """Return the planar pose of an Odometry message in its own frame."""
+    position, q = message.pose.pose.position, message.pose.pose.orientation
+    yaw = math.atan2(2 * (q.w * q.z + q.x * q.y), q.w * q.w + q.x * q.x - q.y * q.y - q.z * q.z)
+    return Pose2(float(position.x), float(position.y), yaw)
+
+
+def odometry(message: Any, pose_odom_start: Pose2) -> Odometry:
+    """Return the odometry of a message, as seen from where the sensor started."""
+    linear, angular = message.twist.twist.linear, message.twist.twist.angular
+    twist = Twist2(float(linear.x), float(linear.y), float(angular.z))
+    return Odometry(pose_odom_start.inverse() @ frame_pose(message), twist=twist)
+
+
+def scan(message: Any) -> Scan:
+    """Return a scan; ranges outside of what the sensor can measure are NaN."""
+    ranges_m = np.array(message.ranges, dtype=np.float32)
+    range_min_m, range_max_m = float(message.range_min), float(message.range_max)
+    ranges_m[~((ranges_m >= range_min_m) & (ranges_m <= range_max_m))] = np.nan
+    return Scan(ranges_m, float(message.angle_min), float(message.angle_increment), range_min_m, range_max_m)
+
+
+def imu(message: Any) -> Imu:
+    """Return an inertial reading; a covariance that begins with -1 says that the number is not measured."""
+    rates, force, q = message.angular_velocity, message.linear_acceleration, message.orientation
+    has_force = message.linear_acceleration_covariance[0] != -1
+    has_orientation = message.orientation_covariance[0] != -1 and any((q.x, q.y, q.z, q.w))
+    return Imu(
+        np.array([rates.x, rates.y, rates.z]),
+        np.array([force.x, force.y, force.z]) if has_force else None,
+        np.array([q.x, q.y, q.z, q.w]) if has_orientation else None,
+    )
+
+
+def lens(info: Any, is_rectified: bool) -> Pinhole | None:
+    """Return the lens of a CameraInfo message; None where it is not calibrated or of another model."""
+    matrix = np.asarray(info.P if hasattr(info, "P") else info.p).reshape(3, 4)
+    distortion = tuple(float(value) for value in (info.D if hasattr(info, "D") else info.d))
+    if not is_rectified:
+        matrix = np.asarray(info.K if hasattr(info, "K") else info.k).reshape(3, 3)
+        if len(distortion) not in (0, 4, 5, 8) or info.distortion_model not in ("plumb_bob", "rational_polynomial", ""):
+            return None
+    if not (matrix[0, 0] > 0 and matrix[1, 1] > 0):
+        return None
+    fx, fy, cx, cy = (float(matrix[i, j]) for i, j in ((0, 0), (1, 1), (0, 2), (1, 2)))
+    return Pinhole(fx, fy, cx, cy, () if is_rectified or not any(distortion) else distortion)

@@ -1,0 +1,109 @@
+"""Which topics of a recording become which sensors."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+from trailmark.errors import SourceError
+from trailmark_datasets.config import RosbagConfig
+from trailmark_datasets.ros_messages import IMAGE_TYPES, KINDS
+
+__all__ = ["Choice", "choose_topics", "info_topic", "sensor_name"]
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """A topic and what it feeds.
+
+    Attributes
+    ----------
+    sensor : str
+        Name of the sensor.
+    topic : str
+        The topic.
+    kind : str
+        Kind of the sensor.
+    is_named : bool
+        Whether the config named it; others that turn out not to be understood are left out.
+    """
+
+    sensor: str
+    topic: str
+    kind: str
+    is_named: bool
+
+
+def choose_topics(config: RosbagConfig, available: Mapping[str, str], where: str) -> list[Choice]:
+    """Return the topics to read: those of the config, or all that are understood.
+
+    Parameters
+    ----------
+    config : RosbagConfig
+        Its `topics` and `rgbd`.
+    available : mapping of str to str
+        Topics that hold messages, and their types.
+    where : str
+        The recording, for messages.
+
+    Raises
+    ------
+    SourceError
+        If a topic is missing or of a type that is not understood, or two topics make the same name.
+    """
+    choices = []
+    for name, pair in config.rgbd.items():
+        for topic in (pair.colour, pair.depth):
+            _check_topic(topic, available, where, IMAGE_TYPES)
+            choices.append(Choice(name, topic, "rgbd", True))
+    if config.topics is not None:
+        for name, topic in config.topics.items():
+            _check_topic(topic, available, where, tuple(KINDS))
+            choices.append(Choice(name, topic, KINDS[available[topic]], True))
+    else:
+        paired = {choice.topic for choice in choices}
+        rest = (topic for topic in sorted(available) if topic not in paired and available[topic] in KINDS)
+        choices += [Choice(sensor_name(topic), topic, KINDS[available[topic]], False) for topic in rest]
+    if not choices:
+        raise SourceError(f"{where}: no topic is understood; topics: {_listed(available)}")
+    _check_unique(choices, where)
+    return choices
+
+
+def sensor_name(topic: str) -> str:
+    """Return the sensor's name of a topic: ``/front/image_raw`` becomes ``front_image_raw``."""
+    name = re.sub(r"[^a-z0-9]+", "_", topic.lower()).strip("_")
+    return name if name[:1].isalpha() else f"topic_{name}"
+
+
+def info_topic(topic: str) -> str:
+    """Return the topic beside an image topic on which its CameraInfo is sent."""
+    return topic.removesuffix("/compressed").removesuffix("/compressedDepth").rpartition("/")[0] + "/camera_info"
+
+
+def _check_topic(topic: str, available: Mapping[str, str], where: str, types: tuple[str, ...]) -> None:
+    if topic not in available:
+        close = get_close_matches(topic, available, n=1)
+        hint = f" (did you mean {close[0]!r}?)" if close else ""
+        raise SourceError(f"{where}: no messages on topic {topic!r}{hint}; topics: {_listed(available)}")
+    if available[topic] not in types:
+        raise SourceError(
+            f"{where}: topic {topic!r} is of type {available[topic]}; understood here: {', '.join(types)}"
+        )
+
+
+def _check_unique(choices: list[Choice], where: str) -> None:
+    by_name: dict[str, Choice] = {}
+    for choice in choices:
+        other = by_name.setdefault(choice.sensor, choice)
+        if other is not choice and not (other.kind == choice.kind == "rgbd"):
+            raise SourceError(
+                f"{where}: topics {other.topic} and {choice.topic} both make a sensor {choice.sensor!r};"
+                " name them in topics: {name: /topic}"
+            )
+
+
+def _listed(available: Mapping[str, str]) -> str:
+    return ", ".join(f"{topic} ({kind})" for topic, kind in sorted(available.items())) or "none"

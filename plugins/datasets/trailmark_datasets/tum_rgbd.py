@@ -1,0 +1,199 @@
+"""Sequences of the TUM RGB-D benchmark (Sturm et al. 2012)."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.errors import ShapeError, SourceError
+from trailmark.frames import RGBD, DepthCamera, Pinhole, SensorInfo
+from trailmark.geometry import Trajectory
+from trailmark_datasets.config import TumRgbdConfig
+from trailmark_datasets.depth import depth_in_metres, pair_nearest
+from trailmark_datasets.pictures import read_picture, read_raw
+from trailmark_datasets.planar import mounting_pose, planar_trajectory
+from trailmark_datasets.recorded import Reading, Readings, RecordedSource, form_of
+from trailmark_datasets.stamps import Stamp, read_stamps
+from trailmark_datasets.textfiles import lines_of, number
+
+__all__ = ["TumRgbd"]
+
+logger = logging.getLogger(__name__)
+
+#: Depth values per metre of the benchmark.
+DEPTH_FACTOR = 5000.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Pair:
+    colour: Stamp
+    depth: Stamp
+
+
+class TumRgbd(RecordedSource):
+    """Colour and depth, paired by stamp; the frame's stamp is the colour picture's.
+
+    The true poses are those of the camera, interpolated to the frames' stamps and projected to the plane of the
+    first: x along its optical axis, y to its left.
+    """
+
+    config: TumRgbdConfig
+    _name = ""
+    _pairs: tuple[_Pair, ...] = ()
+    _factor = DEPTH_FACTOR
+
+    def _open(self, name: str) -> Iterable[SensorInfo]:
+        self._name = name or "rgbd"
+        colour, depth = self._listed("rgb.txt"), self._listed("depth.txt")
+        self._pairs = self._paired(colour, depth)
+        self._counts["unpaired_colour"] = len(colour) - len(self._pairs)
+        self._counts["unpaired_depth"] = len(depth) - len(self._pairs)
+        lens, factor = _read_camera(self.config.path / "camera.txt")
+        self._factor = self.config.depth_factor or factor or DEPTH_FACTOR
+        first = self._first()
+        self._forms[self._name] = form_of(first)
+        height, width = first.bgr.shape[:2]
+        return (
+            SensorInfo(
+                self._name,
+                "rgbd",
+                size=(width, height),
+                rate_hz=_rate(self._pairs),
+                calibration=DepthCamera(lens) if lens else None,
+            ),
+        )
+
+    def _listed(self, name: str) -> list[Stamp]:
+        stamps = read_stamps(self.config.path / name)
+        for stamp in stamps:
+            if stamp.name is None:
+                raise SourceError(f"{self.config.path / name}: {stamp.where} names no file beside the stamp")
+        return stamps
+
+    def _paired(self, colour: list[Stamp], depth: list[Stamp]) -> tuple[_Pair, ...]:
+        """Pair by stamp; a stamp that goes back stays where it stands, for `frames` to find."""
+        order = np.argsort([stamp.stamp_s for stamp in depth], kind="stable")
+        colour_order = np.argsort([stamp.stamp_s for stamp in colour], kind="stable")
+        indices = pair_nearest(
+            np.array([colour[i].stamp_s for i in colour_order]),
+            np.array([depth[j].stamp_s for j in order]),
+            self.config.max_difference_s,
+        )
+        found = {int(colour_order[i]): int(order[j]) for i, j in indices}
+        if not found:
+            raise SourceError(
+                f"{self.config.path}: no colour picture has a depth picture within {self.config.max_difference_s} s;"
+                f" rgb.txt begins at {colour[0].stamp_s:.6f} s, depth.txt at {depth[0].stamp_s:.6f} s."
+                " Set max_difference_s"
+            )
+        return tuple(_Pair(colour[i], depth[found[i]]) for i in sorted(found))
+
+    def _first(self) -> RGBD:
+        errors: list[SourceError] = []
+        for pair in self._pairs:
+            try:
+                return self._load(pair)
+            except SourceError as error:
+                errors.append(error)
+                if self.config.on_bad_frame == "error":
+                    break
+        raise errors[0]
+
+    def _readings(self) -> Readings:
+        for pair in self._pairs:
+            yield Reading(self._name, pair.colour.stamp_s, pair.colour.where, partial(self._load, pair))
+
+    def _load(self, pair: _Pair) -> RGBD:
+        colour, depth = (self.config.path / str(stamp.name) for stamp in (pair.colour, pair.depth))
+        bgr = read_picture(colour, f"{pair.colour.where} ({colour})", grey=False)
+        where = f"{pair.depth.where} ({depth})"
+        return RGBD(bgr, depth_in_metres(read_raw(depth, where), self._factor, where))
+
+    def ground_truth(self) -> Trajectory | None:
+        """Return the true pose of base at every frame that `groundtruth.txt` covers; None without one."""
+        path = self.config.path / "groundtruth.txt"
+        if not path.exists() or not self._pairs:
+            return None
+        truth_s, poses = _read_poses(path)
+        wanted_s = np.unique([pair.colour.stamp_s for pair in self._pairs])
+        covered_s = wanted_s[_covered(wanted_s, truth_s, self.config.max_truth_gap_s)]
+        logger.info("%s covers %d of %d frames", path, len(covered_s), len(wanted_s))
+        return planar_trajectory(
+            covered_s, _interpolated(covered_s, truth_s, poses), mounting_pose(self.config.mounting)
+        )
+
+
+def _rate(pairs: tuple[_Pair, ...]) -> float | None:
+    gaps = [after.colour.stamp_s - before.colour.stamp_s for before, after in pairwise(pairs)]
+    middle = float(np.median(gaps)) if gaps else 0.0
+    return 1.0 / middle if middle > 0 else None
+
+
+def _read_camera(path: Path) -> tuple[Pinhole | None, float | None]:
+    """Read ``fx fy cx cy [distortion]`` and, on a second line, the depth values per metre."""
+    if not path.exists():
+        return None, None
+    lines = [(f"{path}:{line}", text.replace(",", " ").split()) for line, text in lines_of(path)]
+    if not lines or len(lines[0][1]) < 4:
+        raise SourceError(f"{path}: expected fx fy cx cy, then distortion (4, 5 or 8 numbers) or nothing")
+    where, fields = lines[0]
+    fx, fy, cx, cy, *distortion = (number(field, "a lens parameter", where) for field in fields)
+    try:
+        lens = Pinhole(fx, fy, cx, cy, tuple(distortion))
+    except ShapeError as error:
+        raise SourceError(f"{where}: {error}") from error
+    if len(lines) == 1:
+        return lens, None
+    factor = number(lines[1][1][0], "the depth factor", lines[1][0])
+    if factor <= 0:
+        raise SourceError(f"{lines[1][0]}: the depth factor must be positive, not {factor}")
+    return lens, factor
+
+
+def _read_poses(path: Path) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Read ``t x y z qx qy qz qw`` lines: stamps (N,) and rows x y z qx qy qz qw (N, 7)."""
+    rows: list[list[float]] = []
+    for line, text in lines_of(path):
+        where = f"{path}:{line}"
+        fields = text.replace(",", " ").split()
+        if len(fields) != 8:
+            raise SourceError(f"{where}: expected 8 numbers (t x y z qx qy qz qw), found {len(fields)}")
+        row = [number(field, "a number of the pose", where) for field in fields]
+        if rows and row[0] <= rows[-1][0]:
+            raise SourceError(f"{where}: the stamp of a true pose goes back: {row[0]:.6f} s after {rows[-1][0]:.6f} s")
+        if not 0.9 < float(np.linalg.norm(row[4:])) < 1.1:
+            raise SourceError(f"{where}: qx qy qz qw is no unit quaternion")
+        rows.append(row)
+    table = np.array(rows, dtype=np.float64).reshape(-1, 8)
+    return table[:, 0], table[:, 1:]
+
+
+def _covered(
+    wanted_s: npt.NDArray[np.float64], truth_s: npt.NDArray[np.float64], max_gap_s: float
+) -> npt.NDArray[np.bool_]:
+    """Tell which stamps lie between two true poses that are close enough together."""
+    if len(truth_s) < 2:
+        return np.zeros(len(wanted_s), dtype=np.bool_)
+    after = np.clip(np.searchsorted(truth_s, wanted_s), 1, len(truth_s) - 1)
+    inside = (wanted_s >= truth_s[0]) & (wanted_s <= truth_s[-1])
+    return np.asarray(inside & (truth_s[after] - truth_s[after - 1] <= max_gap_s))
+
+
+def _interpolated(
+    wanted_s: npt.NDArray[np.float64], truth_s: npt.NDArray[np.float64], poses: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """Return homogeneous (M, 4, 4) poses: straight lines and shortest rotations between two true poses."""
+    from scipy.spatial.transform import Rotation, Slerp
+
+    matrices = np.tile(np.eye(4), (len(wanted_s), 1, 1))
+    if len(wanted_s):
+        matrices[:, :3, :3] = Slerp(truth_s, Rotation.from_quat(poses[:, 3:]))(wanted_s).as_matrix()
+        matrices[:, :3, 3] = np.column_stack([np.interp(wanted_s, truth_s, column) for column in poses[:, :3].T])
+    return matrices

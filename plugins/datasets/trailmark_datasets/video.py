@@ -1,0 +1,64 @@
+"""A film."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from functools import partial
+
+import cv2
+
+from trailmark.errors import SourceError
+from trailmark.frames import Image, SensorInfo
+from trailmark_datasets.config import VideoConfig
+from trailmark_datasets.pictures import as_payload_pixels
+from trailmark_datasets.recorded import Reading, Readings, RecordedSource, form_of
+
+__all__ = ["Video"]
+
+
+class Video(RecordedSource):
+    """The frames of a film, at the times that stand in the file or at a rate; the first has stamp 0."""
+
+    config: VideoConfig
+    _name = ""
+
+    def _open(self, name: str) -> Iterable[SensorInfo]:
+        self._name = name or "camera"
+        with self._capture() as capture:
+            if not capture.grab():
+                raise SourceError(f"{self.config.path}: no frames: no film, or a codec that OpenCV does not know")
+            first = self._retrieved(capture, f"{self.config.path} frame 0")
+            rate_hz = self.config.rate_hz or float(capture.get(cv2.CAP_PROP_FPS))
+        self._forms[self._name] = form_of(first)
+        return (SensorInfo(self._name, "image", size=first.size, rate_hz=rate_hz if rate_hz > 0 else None),)
+
+    def _readings(self) -> Readings:
+        rate_hz, last_s = self.config.rate_hz, -1.0
+        with self._capture() as capture:
+            index = 0
+            while capture.grab():
+                where = f"{self.config.path} frame {index}"
+                stamp_s = index / rate_hz if rate_hz else capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
+                if stamp_s <= last_s:  # a container without times: all would be dropped as repeated
+                    yield SourceError(f"{where}: the film gives it {stamp_s:.6f} s after {last_s:.6f} s; set rate_hz")
+                else:
+                    last_s = stamp_s
+                    yield Reading(self._name, stamp_s, where, partial(self._retrieved, capture, where))
+                index += 1
+            announced = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
+        self._counts["announced_but_missing"] = max(0, announced - index)
+
+    @contextmanager
+    def _capture(self) -> Iterator[cv2.VideoCapture]:
+        capture = cv2.VideoCapture(str(self.config.path))
+        try:
+            yield capture
+        finally:
+            capture.release()
+
+    def _retrieved(self, capture: cv2.VideoCapture, where: str) -> Image:
+        decoded, pixels = capture.retrieve()
+        if not decoded or pixels is None:
+            raise SourceError(f"{where}: cannot be decoded")
+        return Image(as_payload_pixels(pixels, where, bool(self.config.grey)))
