@@ -1,0 +1,59 @@
+"""Configs of the localizers without a method of their own."""
+
+from __future__ import annotations
+
+from pydantic import Field, field_validator
+
+from trailmark.config import PluginConfig, Sensor
+
+__all__ = ["ConstantSpeedConfig", "OdometryConfig"]
+
+
+class OdometryConfig(PluginConfig):
+    """Slip of wheel odometry: random walks, so that their variances add up, however the way is cut into steps."""
+
+    wheels: Sensor["odometry"]
+    """The odometry."""
+    distance_sigma: float = Field(0.02, gt=0)
+    """Error of the distance after 1 m; grows with the root of the way [m per root m]."""
+    lateral_sigma: float = Field(0.01, gt=0)
+    """Sideways slip after 1 m; grows with the root of the way [m per root m]."""
+    turn_sigma_deg: float = Field(1.0, gt=0)
+    """Error of the heading after 1 m; grows with the root of the way [deg per root m]."""
+    turning_sigma_deg: float = Field(2.0, ge=0)
+    """Error of the heading after a turn of 1 rad; grows with the root of the turn [deg per root rad]."""
+    rest_sigma: float = Field(0.001, gt=0)
+    """Error of the position after 1 s, also at rest; grows with the root of the time [m per root s]."""
+    rest_sigma_deg: float = Field(0.05, gt=0)
+    """Error of the heading after 1 s, also at rest; grows with the root of the time [deg per root s]."""
+    unmeasured_turn_deg: float | None = Field(20.0, gt=0)
+    """Odometry that gives a distance only: the robot goes straight, give or take this turn after 1 m. null: nothing is
+    said of turn and sideways motion [deg per root m]."""
+    max_speed_mps: float = Field(10.0, gt=0)
+    """A step that is faster is no motion but a restart of the odometry: lost, and begun anew [m/s]."""
+
+
+class ConstantSpeedConfig(PluginConfig):
+    """A robot that drives on at a known speed, whatever it sees."""
+
+    clock: Sensor["image", "rgbd", "scan", "odometry", "imu", "scalar"]
+    """A sensor whose frames say what time it is; what they show is not looked at."""
+    speed_mps: float
+    """Speed; negative backwards [m/s]."""
+    turn_deg_per_s: float = 0.0
+    """Yaw rate, counter-clockwise [deg/s]."""
+    distance_sigma: float = Field(0.3, gt=0)
+    """Error of the distance after 1 s; grows with the root of the time [m per root s]."""
+    lateral_sigma: float = Field(0.1, gt=0)
+    """Error sideways after 1 s; grows with the root of the time [m per root s]."""
+    turn_sigma_deg: float = Field(20.0, gt=0)
+    """Error of the heading after 1 s; grows with the root of the time [deg per root s]."""
+    max_gap_s: float = Field(1.0, gt=0)
+    """A longer time without a frame is left as a gap: the recording may have stood still [s]."""
+
+    @field_validator("speed_mps")
+    @classmethod
+    def _moves(cls, speed_mps: float) -> float:
+        if speed_mps == 0.0:
+            raise ValueError("must not be 0: a robot that stands needs no localizer")
+        return speed_mps

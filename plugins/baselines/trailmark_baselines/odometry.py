@@ -1,0 +1,88 @@
+"""Wheel odometry as a localizer."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from trailmark.estimates import Belief, Estimate, Lost, Motion, information_along, information_from_covariance
+from trailmark.frames import Frame, Odometry
+from trailmark.geometry import Pose2
+from trailmark.interfaces import Localizer, Session
+from trailmark_baselines.config import OdometryConfig
+from trailmark_baselines.spread import Spread, random_walk, step_covariance
+
+__all__ = ["OdometryLocalizer"]
+
+
+class OdometryLocalizer(Localizer):
+    """Turns odometry since the start into motion since the last frame, with a covariance for slip.
+
+    Odometry that gives a distance only is taken as a straight step along x. That it turned is then not measured but
+    assumed: within ``unmeasured_turn_deg``, or, with None, nothing is said but the distance.
+    """
+
+    config: OdometryConfig
+
+    def __init__(self, config: OdometryConfig) -> None:
+        super().__init__(config)
+        self._last: tuple[float, Odometry] | None = None
+
+    def start(self, session: Session) -> None:
+        """Forget the last frame."""
+        self._last = None
+
+    def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
+        """Return the motion since the last frame; the first one is only where it begins."""
+        now = frame.payload
+        if not isinstance(now, Odometry):
+            return ()
+        last, self._last = self._last, (frame.stamp_s, now)
+        if last is None:
+            return ()
+        since_s, before = last
+        dt_s = frame.stamp_s - since_s
+        step = _step(before, now)
+        if step is None:
+            return (Lost(frame.stamp_s, "the odometry changed between pose and distance"),)
+        if math.hypot(step.x, step.y) > self.config.max_speed_mps * dt_s:
+            return (Lost(frame.stamp_s, f"a jump of {math.hypot(step.x, step.y):.3g} m in {dt_s:.3g} s: restarted?"),)
+        if now.pose_start_base is None:
+            return (self._straight(since_s, frame.stamp_s, step.x),)
+        return (self._measured(since_s, frame.stamp_s, step),)
+
+    def _measured(self, since_s: float, stamp_s: float, step: Pose2) -> Motion:
+        config, dt_s = self.config, stamp_s - since_s
+        forward_m, left_m, _ = step.log()
+        driven_m = math.hypot(forward_m, left_m)  # the arc, not the chord
+        rest_m2 = random_walk((config.rest_sigma, dt_s))
+        turn_deg2 = random_walk(
+            (config.turn_sigma_deg, driven_m), (config.turning_sigma_deg, step.theta), (config.rest_sigma_deg, dt_s)
+        )
+        spread = Spread(
+            random_walk((config.distance_sigma, driven_m)) + rest_m2,
+            random_walk((config.lateral_sigma, driven_m)) + rest_m2,
+            turn_deg2 * math.radians(1.0) ** 2,
+        )
+        covariance = step_covariance(step.x, step.y, spread)
+        return Motion(since_s, stamp_s, step, information_from_covariance(covariance))
+
+    def _straight(self, since_s: float, stamp_s: float, distance_m: float) -> Motion:
+        config, dt_s, step = self.config, stamp_s - since_s, Pose2(distance_m)
+        rest_m2 = random_walk((config.rest_sigma, dt_s))
+        along_m2 = random_walk((config.distance_sigma, distance_m)) + rest_m2
+        if config.unmeasured_turn_deg is None:
+            return Motion(since_s, stamp_s, step, information_along((1.0, 0.0, 0.0), math.sqrt(along_m2)))
+        turn_deg2 = random_walk((config.unmeasured_turn_deg, distance_m), (config.rest_sigma_deg, dt_s))
+        across_m2 = random_walk((config.lateral_sigma, distance_m)) + rest_m2
+        spread = Spread(along_m2, across_m2, turn_deg2 * math.radians(1.0) ** 2)
+        return Motion(since_s, stamp_s, step, information_from_covariance(step_covariance(distance_m, 0.0, spread)))
+
+
+def _step(before: Odometry, now: Odometry) -> Pose2 | None:
+    """Return base now as seen from base before; None where the two frames have nothing in common."""
+    if before.pose_start_base is not None and now.pose_start_base is not None:
+        return before.pose_start_base.between(now.pose_start_base)
+    if before.distance_m is not None and now.distance_m is not None:
+        return Pose2(now.distance_m - before.distance_m)
+    return None
