@@ -1,0 +1,134 @@
+"""The canvas on which a floor is painted: greys and the places they belong to."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark_sim.ground import layers
+from trailmark_sim.rng import stream_key
+
+__all__ = ["Canvas"]
+
+
+class Canvas:
+    """Greys of a square piece of floor, painted layer by layer; each layer is a function of the place alone.
+
+    Parameters
+    ----------
+    x, y : (N, N) float64
+        Where each texel lies, in the floor's own axes [m].
+    seed : int
+        Of the floor; every layer has its own numbers of it, by its order.
+    grey : float
+        What it starts with.
+
+    Attributes
+    ----------
+    grey : (N, N) float32
+        The greys so far.
+    """
+
+    def __init__(self, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64], seed: int, grey: float) -> None:
+        self.grey = np.full(x.shape, grey, dtype=np.float32)
+        self._x, self._y = x, y
+        self._seed = seed
+        self._n_layers = 0
+        self._edge: npt.NDArray[np.float64] | None = None
+
+    def clouds(self, cell_m: float | tuple[float, float], gain: float) -> Canvas:
+        """Add smooth noise of one size; cells may be longer along x than along y."""
+        cell_x_m, cell_y_m = cell_m if isinstance(cell_m, tuple) else (cell_m, cell_m)
+        layers.add_clouds(self.grey, self._x, self._y, cell_x_m, cell_y_m, gain, self._next_seed())
+        return self
+
+    def dust(self, gain: float, cell_m: float = 0.0002) -> Canvas:
+        """Add noise as fine as the texels; the lens takes three quarters of it away."""
+        layers.add_dust(self.grey, self._x, self._y, cell_m, gain, self._next_seed())
+        return self
+
+    def grains(
+        self,
+        cell_m: float,
+        gain: float,
+        *,
+        jitter: float = 0.9,
+        gap: float = 0.0,
+        gap_width: float = 0.2,
+        shade: float = 0.0,
+        share: float = 1.0,
+    ) -> Canvas:
+        """Add grains or stones; see `layers.add_grains`."""
+        seed = self._next_seed()
+        layers.add_grains(self.grey, self._x, self._y, cell_m, jitter, gain, gap, gap_width, shade, share, seed)
+        return self
+
+    def specks(
+        self,
+        cell_m: float | tuple[float, float],
+        share: float,
+        gain: float,
+        *,
+        radius: float = 0.4,
+        spread: float = 0.0,
+    ) -> Canvas:
+        """Add sparse round or long specks; see `layers.add_specks`."""
+        cell_x_m, cell_y_m = cell_m if isinstance(cell_m, tuple) else (cell_m, cell_m)
+        seed = self._next_seed()
+        layers.add_specks(self.grey, self._x, self._y, cell_x_m, cell_y_m, share, radius, gain, spread, seed)
+        return self
+
+    def planks(self, length_m: float, width_m: float, gain: float, *, shift: float = -1.0) -> Canvas:
+        """Cut what follows into planks or stones, each with a grey and noise of its own."""
+        self._x, self._y = self._x.copy(), self._y.copy()
+        self._edge = np.empty_like(self._x)
+        seed = self._next_seed()
+        layers.split_planks(self.grey, self._x, self._y, self._edge, length_m, width_m, shift, gain, seed)
+        return self
+
+    def joints(self, width_m: float, gain: float) -> Canvas:
+        """Darken the edges of the planks that were cut before."""
+        if self._edge is None:
+            raise ValueError("joints lie between planks: call planks first")
+        layers.add_joints(self.grey, self._x, self._y, self._edge, width_m, gain, self._next_seed())
+        return self
+
+    def bend(self, cell_m: tuple[float, float], shift_m: float) -> Canvas:
+        """Bend what follows: places slide along y by smooth noise, as grain runs around a knot."""
+        slide = np.zeros_like(self.grey)
+        layers.add_clouds(slide, self._x, self._y, *cell_m, shift_m, self._next_seed())
+        self._y = self._y + slide
+        return self
+
+    def fade(self, share: float, grey: float) -> Canvas:
+        """Pull all greys towards one: lowers the contrast."""
+        self.grey = (grey + (self.grey - grey) * (1.0 - share)).astype(np.float32)
+        return self
+
+    def _next_seed(self) -> np.uint64:
+        self._n_layers += 1
+        return np.uint64(stream_key(self._seed, f"layer {self._n_layers}"))
+
+
+def grid(
+    x_m: float, y_m: float, pitch_m: float, n_texels: int, yaw_rad: float = 0.0
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Return the places of a square of texels in axes turned by `yaw_rad`.
+
+    Parameters
+    ----------
+    x_m, y_m : float
+        Place of the first texel; x grows with columns, y with rows [m].
+    pitch_m : float
+        Distance of the texels [m].
+    n_texels : int
+        Texels on a side.
+    yaw_rad : float
+        Direction of the floor's x axis in the map [rad].
+    """
+    steps = np.arange(n_texels) * pitch_m
+    x, y = np.meshgrid(x_m + steps, y_m + steps)
+    cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+    return cos * x + sin * y, cos * y - sin * x

@@ -1,0 +1,219 @@
+"""Layers of a floor: kernels that add detail to a grey canvas, as functions of the place alone.
+
+Every kernel takes the canvas ``out`` (N, N) float32, the coordinates ``x, y`` (N, N) float64 of its texels [m] and a
+seed (uint64), and adds to the canvas. What a texel gets depends on its coordinates and the seed, never on the
+canvas it lies in: neighbouring tiles fit, and nothing repeats before 2^63 cells are used up.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from trailmark_sim.hashing import hash2, mixed, normal_of, unit_of
+
+__all__ = ["add_clouds", "add_dust", "add_grains", "add_joints", "add_specks", "split_planks"]
+
+Floats = npt.NDArray[Any]
+
+
+@njit(cache=True, nogil=True)
+def add_clouds(
+    out: Floats, x: Floats, y: Floats, cell_x_m: float, cell_y_m: float, gain: float, seed: np.uint64
+) -> None:
+    """Add value noise: normal numbers on a lattice, smoothly interpolated."""
+    last_i, last_j = -(1 << 62), 0
+    a = b = c = d = 0.0
+    for row in range(out.shape[0]):
+        for col in range(out.shape[1]):
+            u, v = x[row, col] / cell_x_m, y[row, col] / cell_y_m
+            i, j = math.floor(u), math.floor(v)
+            if i != last_i or j != last_j:  # most texels share the corners of the one before
+                a, b = normal_of(hash2(i, j, seed)), normal_of(hash2(i + 1, j, seed))
+                c, d = normal_of(hash2(i, j + 1, seed)), normal_of(hash2(i + 1, j + 1, seed))
+                last_i, last_j = i, j
+            u, v = u - i, v - j
+            u, v = u * u * (3.0 - 2.0 * u), v * v * (3.0 - 2.0 * v)
+            above, below = a + (b - a) * u, c + (d - c) * u
+            out[row, col] += gain * (above + (below - above) * v)
+
+
+@njit(cache=True, nogil=True)
+def add_dust(out: Floats, x: Floats, y: Floats, cell_m: float, gain: float, seed: np.uint64) -> None:
+    """Add noise without any smoothing: finer than the texels when the cells are."""
+    for row in range(out.shape[0]):
+        for col in range(out.shape[1]):
+            h = hash2(math.floor(x[row, col] / cell_m), math.floor(y[row, col] / cell_m), seed)
+            out[row, col] += gain * normal_of(h)
+
+
+@njit(cache=True, nogil=True)
+def add_grains(
+    out: Floats,
+    x: Floats,
+    y: Floats,
+    cell_m: float,
+    jitter: float,
+    gain: float,
+    gap: float,
+    gap_width: float,
+    shade: float,
+    share: float,
+    seed: np.uint64,
+) -> None:
+    """Add grains: the cells of scattered points (Voronoi), each of its own grey.
+
+    Parameters
+    ----------
+    cell_m : float
+        Mean distance of the points [m].
+    jitter : float
+        How far points leave their lattice, 0 to 1.
+    gain : float
+        Standard deviation of the greys of grains.
+    gap, gap_width : float
+        Grey added where two grains meet, and how wide the gap is, in cells.
+    shade : float
+        Grey added on the side towards the light and taken off the other, at one cell's distance.
+    share : float
+        Share of the cells that hold a grain; in the others nothing is added.
+    """
+    px, py, tone = np.empty(9), np.empty(9), np.empty(9)
+    last_i, last_j = -(1 << 62), 0
+    for row in range(out.shape[0]):
+        for col in range(out.shape[1]):
+            u, v = x[row, col] / cell_m, y[row, col] / cell_m
+            i, j = math.floor(u), math.floor(v)
+            if i != last_i or j != last_j:
+                for n in range(9):
+                    ni, nj = i - 1 + n % 3, j - 1 + n // 3
+                    h = hash2(ni, nj, seed)
+                    px[n] = ni + 0.5 + (unit_of(h) - 0.5) * jitter
+                    h = mixed(h)
+                    py[n] = nj + 0.5 + (unit_of(h) - 0.5) * jitter
+                    h = mixed(h)
+                    tone[n] = gain * normal_of(h)
+                    if unit_of(mixed(h)) >= share:
+                        tone[n] = np.nan
+                last_i, last_j = i, j
+            first, second, best = 1e9, 1e9, 0
+            for n in range(9):
+                du, dv = u - px[n], v - py[n]
+                squared = du * du + dv * dv
+                if squared < first:
+                    first, second, best = squared, first, n
+                elif squared < second:
+                    second = squared
+            if not math.isnan(tone[best]):
+                value = tone[best] + shade * (u - px[best] - v + py[best])
+                edge = (math.sqrt(second) - math.sqrt(first)) / gap_width
+                out[row, col] += value if edge >= 1.0 else value * edge + gap * (1.0 - edge)
+
+
+@njit(cache=True, nogil=True)
+def add_specks(
+    out: Floats,
+    x: Floats,
+    y: Floats,
+    cell_x_m: float,
+    cell_y_m: float,
+    share: float,
+    radius: float,
+    gain: float,
+    spread: float,
+    seed: np.uint64,
+) -> None:
+    """Add sparse round or, with unequal cells, long specks; each lies within its own cell.
+
+    Parameters
+    ----------
+    cell_x_m, cell_y_m : float
+        Size of a cell [m].
+    share : float
+        Share of the cells that hold a speck.
+    radius : float
+        Largest radius, in cells, at most 0.5; they are between a quarter of it and all of it.
+    gain, spread : float
+        Mean grey at the middle of a speck, and its standard deviation.
+    """
+    last_i, last_j = -(1 << 62), 0
+    cu = cv = r = tone = 0.0
+    for row in range(out.shape[0]):
+        for col in range(out.shape[1]):
+            u, v = x[row, col] / cell_x_m, y[row, col] / cell_y_m
+            i, j = math.floor(u), math.floor(v)
+            if i != last_i or j != last_j:
+                h = hash2(i, j, seed)
+                r = 0.0
+                if unit_of(h) < share:
+                    h = mixed(h)
+                    r = radius * (0.25 + 0.75 * unit_of(h))
+                    h = mixed(h)
+                    cu = r + (1.0 - 2.0 * r) * unit_of(h)
+                    h = mixed(h)
+                    cv = r + (1.0 - 2.0 * r) * unit_of(h)
+                    tone = gain + spread * normal_of(mixed(h))
+                last_i, last_j = i, j
+            if r > 0.0:
+                du, dv = (u - i - cu) / r, (v - j - cv) / r
+                squared = du * du + dv * dv
+                if squared < 1.0:
+                    out[row, col] += tone * (1.0 - squared * squared)
+
+
+@njit(cache=True, nogil=True)
+def add_joints(out: Floats, x: Floats, y: Floats, edge: Floats, width_m: float, gain: float, seed: np.uint64) -> None:
+    """Add grey within `width_m` of an edge whose distances are given, with a ragged rim."""
+    for row in range(out.shape[0]):
+        for col in range(out.shape[1]):
+            if edge[row, col] < 1.5 * width_m:
+                ragged = normal_of(hash2(math.floor(x[row, col] / width_m), math.floor(y[row, col] / width_m), seed))
+                depth = 1.25 - edge[row, col] / width_m + 0.15 * ragged
+                out[row, col] += gain * min(1.0, max(0.0, depth))
+
+
+@njit(cache=True, nogil=True)
+def split_planks(
+    out: Floats,
+    x: Floats,
+    y: Floats,
+    edge: Floats,
+    length_m: float,
+    width_m: float,
+    shift: float,
+    gain: float,
+    seed: np.uint64,
+) -> None:
+    """Cut the floor into rows of planks or stones along x: give each its grey and its own piece of the noise.
+
+    Parameters
+    ----------
+    x, y : (N, N) float64
+        Coordinates; every plank's are moved by a distance of its own, so that its grain is its own.
+    edge : (N, N) float64
+        Receives the distance to the nearest edge [m].
+    length_m, width_m : float
+        Size of a plank [m].
+    shift : float
+        How far each row is shifted along the one before, in lengths; negative: at random.
+    gain : float
+        Standard deviation of the greys of planks.
+    """
+    for row in range(out.shape[0]):
+        for col in range(out.shape[1]):
+            v = y[row, col] / width_m
+            j = math.floor(v)
+            offset = shift * j if shift >= 0.0 else unit_of(hash2(j, 1, seed))
+            u = x[row, col] / length_m + offset
+            i = math.floor(u)
+            h = hash2(i, j, seed)
+            along, across = (u - i) * length_m, (v - j) * width_m
+            edge[row, col] = min(min(along, length_m - along), min(across, width_m - across))
+            out[row, col] += gain * normal_of(h)
+            h = mixed(h)
+            x[row, col] += 1000.0 * math.floor(1000.0 * unit_of(h))
+            y[row, col] += 1000.0 * math.floor(1000.0 * unit_of(mixed(h)))

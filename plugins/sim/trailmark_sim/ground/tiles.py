@@ -1,0 +1,126 @@
+"""Tiles of the ground, painted when they are first seen and kept as long as memory allows."""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from collections.abc import Iterable
+from functools import partial
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+from numpy.lib.stride_tricks import as_strided
+
+from trailmark.errors import ConfigError
+from trailmark_sim.ground.ground import Ground
+from trailmark_sim.workers import run_all
+
+__all__ = ["GREY_STEPS", "TILE_TEXELS", "TileStore"]
+
+#: Texels on the side of a tile.
+TILE_TEXELS = 256
+#: Greys are kept in this many steps of one grey level.
+GREY_STEPS = 256
+
+_SIDE = TILE_TEXELS + 1  # one texel of the next tile, so that interpolation never leaves the tile
+_BYTES = _SIDE * _SIDE * 2
+_FEWEST = 64
+
+Tile = tuple[int, int]
+
+
+class TileStore:
+    """Keeps the tiles seen last.
+
+    Parameters
+    ----------
+    ground : Ground
+        What is on the tiles.
+    psf_m : float
+        Standard deviation of the lens' blur, on the ground [m].
+    cap_mb : float
+        Memory for tiles [MB].
+    threads : int
+        Tiles painted at the same time.
+    """
+
+    def __init__(self, ground: Ground, psf_m: float, cap_mb: float, threads: int) -> None:
+        self.n_slots = int(cap_mb * 1e6 / _BYTES)
+        if self.n_slots < _FEWEST:
+            raise ConfigError(f"sim: tiles need at least {_FEWEST * _BYTES / 1e6:.0f} MB, not {cap_mb:g} MB")
+        self._ground = ground
+        self._kernel = _gaussian(psf_m / ground.texel_m)
+        # Memory that is not written to is not taken: a short run stays small.
+        self.pool = np.empty((self.n_slots, _SIDE, _SIDE), dtype=np.uint16)
+        #: Every texel and its right neighbour as one number of 32 bits, over the same memory: one access, not two.
+        self.pairs = as_strided(self.pool.ravel()[:2].view(np.uint32), (self.pool.size - 1,), (2,))
+        self._slots: OrderedDict[Tile, int] = OrderedDict()
+        self._threads = threads
+        self.n_painted = 0
+
+    @property
+    def tile_m(self) -> float:
+        """Side of a tile [m]."""
+        return TILE_TEXELS * self._ground.texel_m
+
+    @property
+    def bytes_in_use(self) -> int:
+        """Memory taken by tiles [bytes]."""
+        return len(self._slots) * _BYTES
+
+    def slots_of(self, tiles: Iterable[Tile]) -> list[int]:
+        """Return where the tiles stand in `pool`; those that are not there yet are painted."""
+        wanted = list(tiles)
+        missing = []
+        for tile in wanted:
+            if tile in self._slots:
+                self._slots.move_to_end(tile)
+            else:
+                missing.append(tile)
+        if missing:
+            self._paint_all(missing)
+        return [self._slots[tile] for tile in wanted]
+
+    def _paint_all(self, missing: list[Tile]) -> None:
+        for tile in missing:
+            full = len(self._slots) >= self.n_slots
+            self._slots[tile] = self._slots.popitem(last=False)[1] if full else len(self._slots)
+        self.n_painted += len(missing)
+        run_all([partial(self._paint, tile) for tile in missing], self._threads)
+
+    def _paint(self, tile: Tile) -> None:
+        margin = len(self._kernel) // 2
+        texel_m = self._ground.texel_m
+        x_m, y_m = ((n * TILE_TEXELS - margin) * texel_m for n in tile)
+        grey = self._ground.paint(x_m, y_m, _SIDE + 2 * margin)
+        _blur_to_steps(grey, self._kernel, self.pool[self._slots[tile]])
+
+
+def _gaussian(sigma: float) -> npt.NDArray[np.float32]:
+    radius = max(1, math.ceil(3.5 * sigma))
+    steps = np.arange(-radius, radius + 1)
+    weights = np.exp(-0.5 * (steps / max(sigma, 1e-3)) ** 2)
+    return np.asarray(weights / weights.sum(), dtype=np.float32)
+
+
+@njit(cache=True, nogil=True)
+def _blur_to_steps(grey: npt.NDArray[Any], kernel: npt.NDArray[Any], out: npt.NDArray[Any]) -> None:
+    """Blur with a separable kernel and store the inner part in steps of 1/256 grey."""
+    n, taps = out.shape[0], kernel.shape[0]
+    rows = np.zeros((grey.shape[0], n), dtype=np.float32)
+    for row in range(grey.shape[0]):
+        for tap in range(taps):
+            weight = kernel[tap]
+            for col in range(n):
+                rows[row, col] += weight * grey[row, col + tap]
+    line = np.empty(n, dtype=np.float32)
+    for row in range(n):
+        line[:] = np.float32(0.5)
+        for tap in range(taps):
+            weight = kernel[tap] * np.float32(GREY_STEPS)
+            for col in range(n):
+                line[col] += weight * rows[row + tap, col]
+        for col in range(n):
+            out[row, col] = np.uint16(min(max(line[col], np.float32(0.0)), np.float32(65535.0)))
