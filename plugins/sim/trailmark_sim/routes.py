@@ -1,16 +1,22 @@
-"""Routes that a vehicle can be sent along."""
+"""Routes through a world, and how to draw them: pieces of line and arc, or points."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from scipy.interpolate import PchipInterpolator
 
-from trailmark.geometry import Pose2
+from trailmark.errors import ConfigError
+from trailmark.geometry import Pose2, wrap_angle
 from trailmark.paths import Path, Waypoint
 
-__all__ = ["Route"]
+__all__ = ["Route", "arc", "line", "trace"]
+
+_STEP_M = 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,8 +39,88 @@ class Route:
 
     @classmethod
     def from_poses(cls, poses: npt.ArrayLike, speed_mps: float, summary: str = "") -> Route:
-        """Return the route of poses (N, 3) as x, y, theta [m, m, rad]."""
+        """Return the route of poses (N, 3) as x, y, theta [m, m, rad]; no two neighbours in one place."""
         rows = np.asarray(poses, dtype=np.float64)
-        stations = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(rows[:, :2], axis=0).T))])
+        steps = np.hypot(*np.diff(rows[:, :2], axis=0).T)
+        stations = np.concatenate([[0.0], np.cumsum(steps)])
         waypoints = [Waypoint(i, float(s), Pose2.from_array(row)) for i, (s, row) in enumerate(zip(stations, rows))]
         return cls(Path(waypoints), speed_mps, summary)
+
+    @classmethod
+    def through(cls, points: npt.ArrayLike, speed_mps: float, summary: str = "") -> Route:
+        """Return the smooth route through points (N, 2) [m], heading along it."""
+        xy = np.asarray(points, dtype=np.float64)
+        chord = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))])
+        dense = np.linspace(0.0, chord[-1], max(2, round(chord[-1] / _STEP_M) + 1))
+        x, y = (PchipInterpolator(chord, column)(dense) for column in xy.T)
+        return cls.from_poses(np.stack([x, y, np.arctan2(np.gradient(y), np.gradient(x))], axis=1), speed_mps, summary)
+
+    @property
+    def length_m(self) -> float:
+        """Length of the way [m]."""
+        return self.path.length_m
+
+    @property
+    def start(self) -> Pose2:
+        """Where it begins."""
+        return self.path[0].pose_map_base
+
+    def pose_at(self, station_m: float) -> Pose2:
+        """Return the pose on the way, `station_m` from its beginning."""
+        return self.path.pose_at(station_m)
+
+    def curvature_at(self, station_m: float) -> float:
+        """Return how fast the heading turns along the way [rad/m]."""
+        before, after = station_m - 2 * _STEP_M, station_m + 2 * _STEP_M
+        return wrap_angle(self.pose_at(after).theta - self.pose_at(before).theta) / (4 * _STEP_M)
+
+    def at_speed(self, speed_mps: float | None) -> Route:
+        """Return the same way at another speed; None leaves it."""
+        return self if speed_mps is None else replace(self, speed_mps=speed_mps)
+
+
+def line(length_m: float) -> tuple[float, float]:
+    """Return a straight piece for `trace`."""
+    return length_m, 0.0
+
+
+def arc(radius_m: float, angle_deg: float) -> tuple[float, float]:
+    """Return a piece of a circle for `trace`; to the left for a positive angle."""
+    return radius_m * math.radians(abs(angle_deg)), math.copysign(1.0 / radius_m, angle_deg)
+
+
+def trace(start: Pose2, pieces: Sequence[tuple[float, float]], blend_m: float = 0.3) -> npt.NDArray[np.float64]:
+    """Return the poses of a way made of pieces of constant curvature.
+
+    Where pieces meet, the curvature changes over `blend_m` and not at once, as far as a steering wheel is turned
+    on the way; length and turn of the whole stay as they are when the first and last pieces are long enough.
+
+    Parameters
+    ----------
+    start : Pose2
+        Where it begins.
+    pieces : sequence of (length_m, curvature)
+        From `line` and `arc` [m, rad/m].
+    blend_m : float
+        Length over which the curvature changes [m].
+
+    Returns
+    -------
+    (N, 3) float64
+        x, y, theta every 10 mm [m, m, rad].
+    """
+    total_m = sum(length for length, _ in pieces)
+    if not total_m > 0.0:
+        raise ConfigError(f"a route needs a length, not {total_m} m")
+    n_steps = round(total_m / _STEP_M)
+    step_m = total_m / n_steps
+    ends = np.cumsum([length for length, _ in pieces])
+    middles = (np.arange(n_steps) + 0.5) * step_m
+    curvature = np.array([piece[1] for piece in pieces])[np.searchsorted(ends, middles).clip(max=len(pieces) - 1)]
+    n_blend = max(1, round(blend_m / step_m)) | 1
+    padded = np.pad(curvature, n_blend // 2, mode="edge")
+    curvature = np.convolve(padded, np.full(n_blend, 1.0 / n_blend), mode="valid")
+    poses = [start]
+    for kappa in curvature:
+        poses.append(poses[-1] @ Pose2.exp(step_m, 0.0, float(kappa) * step_m))
+    return np.array([pose.array() for pose in poses])
