@@ -6,17 +6,23 @@ from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING
 
+from trailmark.config import PluginConfig
 from trailmark.errors import ConfigError
 from trailmark_sim.names import unknown_name
 
 if TYPE_CHECKING:
     from trailmark_sim.worlds.base import World, WorldOptions
 
-__all__ = ["WORLDS", "build_world", "world_module"]
+__all__ = ["OPTIONS", "WORLDS", "build_world", "options_model", "world_module"]
 
 #: Name to ``"module:function"``; the function takes `WorldOptions` and returns a `World`.
 WORLDS: dict[str, str] = {
     "ground_course": "trailmark_sim.worlds.ground_course:build",
+}
+
+#: Name to ``"module:Model"`` of the world's own options; the module imports nothing heavy. Without: no options.
+OPTIONS: dict[str, str] = {
+    "ground_course": "trailmark_sim.worlds.ground_options:GroundCourseOptions",
 }
 
 
@@ -31,6 +37,13 @@ def world_module(name: str) -> ModuleType:
     if name not in WORLDS:
         raise ConfigError(f"sim: {unknown_name('world', name, WORLDS)}")
     return import_module(WORLDS[name].partition(":")[0])
+
+
+def options_model(name: str) -> type[PluginConfig]:
+    """Import the model of a world's own options: one without fields where it has none."""
+    module, _, attribute = OPTIONS.get(name, "trailmark.config:PluginConfig").partition(":")
+    model: type[PluginConfig] = getattr(import_module(module), attribute)
+    return model
 
 
 def build_world(name: str, options: WorldOptions) -> World:

@@ -4,6 +4,8 @@ A world is a module under ``trailmark_sim.worlds`` with
 
 - ``build(options: WorldOptions) -> World``, named in `trailmark_sim.worlds.WORLDS`;
 - ``SENSORS`` and ``ROUTES``, tuples of the names it knows, so that they can be listed without building it;
+- if it has options, a light module with their model, named in `trailmark_sim.worlds.OPTIONS`: they are then
+  checked, and their files found, when the config is read;
 - a docstring whose first line says what it is.
 """
 
@@ -11,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Protocol, TypeVar
 
@@ -22,7 +23,8 @@ from trailmark.errors import ConfigError
 from trailmark.frames import Payload, SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Mode
-from trailmark_sim.names import did_you_mean, unknown_name
+from trailmark.plugins.hints import did_you_mean
+from trailmark_sim.names import unknown_name
 from trailmark_sim.routes import Route
 from trailmark_sim.vehicles import Vehicle, VehicleState
 
@@ -60,12 +62,14 @@ class WorldOptions:
         Sensors to build; None: the world's default set.
     rates_hz : mapping of str to float
         Rates that differ from the world's, by sensor [Hz].
+    route : str or None
+        The route that will be driven; None: the world's first.
+    threads : int
+        Threads that may render; no byte depends on it.
     vehicle : Vehicle or None
         A vehicle other than the world's own.
     extra : mapping
         The world's own options, to be read with `parse_options`.
-    base_dir : Path
-        Where relative file names start.
     """
 
     seed: int = 0
@@ -73,9 +77,10 @@ class WorldOptions:
     mode: Mode = "track"
     sensors: tuple[str, ...] | None = None
     rates_hz: Mapping[str, float] = field(default_factory=dict)
+    route: str | None = None
+    threads: int = 1
     vehicle: Vehicle | None = None
     extra: Mapping[str, Any] = field(default_factory=dict)
-    base_dir: Path = Path()
 
     def rate_of(self, sensor: str, default_hz: float) -> float:
         """Return the rate of a sensor: the config's, or the default [Hz]."""
@@ -130,7 +135,7 @@ def choose_sensors(
     wanted = default if options.sensors is None else options.sensors
     for name in (*wanted, *options.rates_hz):
         if name not in builders:
-            raise ConfigError(f"sim: {unknown_name('sensor', name, builders)} in world {world!r}")
+            raise ConfigError(f"sim: world {world!r} has {unknown_name('sensor', name, builders)}")
     return tuple(build() for name, build in builders.items() if name in wanted)
 
 

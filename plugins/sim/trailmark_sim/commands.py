@@ -1,0 +1,114 @@
+"""``trailmark sim``: the worlds, a picture, a data set on disk. What is heavy is imported on use."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any, Literal
+
+import click
+
+from trailmark.errors import ConfigError
+
+__all__ = ["sim"]
+
+
+@click.group("sim")
+def sim() -> None:
+    """Simulated worlds: list them, look at them, record a data set."""
+
+
+@sim.command("list")
+@click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
+def list_command(as_json: bool) -> None:
+    """List worlds with their routes, sensors and options."""
+    from trailmark_sim.worlds import WORLDS, options_model, world_module
+
+    rows: list[dict[str, Any]] = []
+    for name in sorted(WORLDS):
+        module = world_module(name)
+        summary = (module.__doc__ or "").strip().splitlines()[0]
+        options = list(options_model(name).model_fields)
+        names = {"routes": list(module.ROUTES), "sensors": list(module.SENSORS), "options": options}
+        rows.append({"world": name, "summary": summary, **names})
+    if as_json:
+        click.echo(json.dumps(rows, indent=1))
+        return
+    for row in rows:
+        click.echo(f"{row['world']}: {row['summary']}")
+        for key in ("routes", "sensors", "options"):
+            click.echo(f"  {key:<8} {', '.join(row[key]) or 'none'}")
+
+
+@sim.command("render")
+@click.argument("world")
+@click.option("--sensor", help="Which sensor; default: the world's last, a camera.")
+@click.option("--at", metavar="X,Y,DEG", help="Pose of the vehicle; default: the start of the route.")
+@click.option("--route", help="Which route; some worlds change with it.")
+@click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="An option of the world, as in configs.")
+@click.option("--mode", type=click.Choice(["teach", "replay"]), default="teach", show_default=True)
+@click.option("--frame", default=0, show_default=True, type=click.IntRange(0), help="Number of the reading: its noise.")
+@click.option("--seed", default=0, show_default=True, type=click.IntRange(0), help="Seed of the noise.")
+@click.option("--world-seed", default=1, show_default=True, type=click.IntRange(0), help="Seed of the place.")
+@click.option("-o", "--out", type=click.Path(path_type=Path, dir_okay=False), required=True, help="PNG to write.")
+@click.pass_context
+def render_command(
+    context: click.Context,
+    world: str,
+    sensor: str | None,
+    at: str | None,
+    route: str | None,
+    settings: tuple[str, ...],
+    mode: Literal["teach", "replay"],
+    frame: int,
+    seed: int,
+    world_seed: int,
+    out: Path,
+) -> None:
+    """Write what a sensor sees from a pose as a picture."""
+    from trailmark.cli.root import plugins_of
+    from trailmark_sim.pictures import picture_of, write_png
+    from trailmark_sim.snapshot import take_snapshot
+    from trailmark_sim.worlds import world_module
+
+    chosen = sensor or world_module(world).SENSORS[-1]
+    start = None if at is None else _pose(at)
+    keys = {"world": world, "route": route, "world_seed": world_seed, "sensors": [chosen], "start": start}
+    payload = take_snapshot(keys, settings, mode, frame, seed, plugins_of(context))
+    write_png(out, picture_of(payload))
+    click.echo(f"{chosen} of {world} -> {out}")
+
+
+@sim.command("record")
+@click.argument("config", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path, file_okay=False), required=True, help="Folder to write to.")
+@click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Override a key of the config.")
+@click.option("--mode", type=click.Choice(["teach", "replay"]), default="teach", show_default=True)
+@click.option("--overwrite", is_flag=True, help="Write into a folder that is not empty.")
+@click.pass_context
+def record_command(
+    context: click.Context,
+    config: Path,
+    out: Path,
+    settings: tuple[str, ...],
+    mode: Literal["teach", "replay"],
+    overwrite: bool,
+) -> None:
+    """Drive the route of CONFIG and write what the sensors saw: an ordinary data set for any program."""
+    from trailmark.cli.root import plugins_of
+    from trailmark_sim.record import record_run
+
+    for line in record_run(config, out, settings, mode, overwrite, plugins_of(context)):
+        click.echo(line)
+
+
+def _pose(text: str) -> list[float]:
+    parts = text.split(",")
+    try:
+        numbers = [float(part) for part in parts]
+    except ValueError:
+        numbers = []
+    if len(numbers) != 3 or not all(math.isfinite(number) for number in numbers):
+        raise ConfigError(f"--at takes X,Y,DEG in metres and degrees, for example 1.5,0,90, not {text!r}")
+    return numbers

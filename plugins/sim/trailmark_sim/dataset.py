@@ -1,0 +1,184 @@
+"""Readings of all sensors as an ordinary data set on disk, in formats that any program reads."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+
+from trailmark.config.yaml_text import dump_yaml
+from trailmark.errors import ConfigError
+from trailmark.frames import RGBD, DepthCamera, Frame, Image, Imu, Odometry, Record, Scalar, Scan, SensorInfo
+from trailmark.frames.array_documents import array_from_document
+from trailmark.frames.documents import calibration_to_document
+from trailmark.geometry import Trajectory, write_tum
+from trailmark_sim.pictures import write_png
+
+__all__ = ["DatasetWriter"]
+
+#: Depth values per metre in 16-bit pictures, as in the TUM RGB-D benchmark.
+_DEPTH_FACTOR = 5000.0
+_HEADERS = {
+    "odometry": "t,x,y,theta",
+    "imu": "t,wx,wy,wz,ax,ay,az",
+    "scalar": "t,value",
+}
+
+
+class DatasetWriter:
+    """Writes frames as they come.
+
+    ========  ====================================================================================
+    kind      on disk
+    ========  ====================================================================================
+    image     ``NAME/000000.png`` ..., ``NAME/timestamps.txt`` (stamp and file)
+    rgbd      ``NAME/rgb/``, ``NAME/depth/`` (16 bit, 5000 a metre), ``rgb.txt``, ``depth.txt``, ``camera.txt`` (TUM)
+    scan      ``NAME.log`` (CARMEN, ``ROBOTLASER1``)
+    odometry  ``NAME.csv``: t, x, y, theta since the start
+    imu       ``NAME.csv``: t, rates, accelerations
+    scalar    ``NAME.csv``: t, value
+    others    ``NAME/000000.npz`` ..., ``NAME/timestamps.txt``
+    ========  ====================================================================================
+
+    Beside them stand ``NAME.calib.yaml`` (arrays of it in ``.npy`` files), ``groundtruth.tum``, and ``config.yaml``
+    with the mountings, which plays the data set again.
+
+    Parameters
+    ----------
+    folder : Path
+        Where to write to; must be empty, or not be there yet, unless `overwrite`.
+    sensors : mapping of str to SensorInfo
+        What will be written.
+    overwrite : bool
+        Write into a folder that is not empty.
+
+    Raises
+    ------
+    ConfigError
+        If the folder holds something already.
+    """
+
+    def __init__(self, folder: Path, sensors: Mapping[str, SensorInfo], overwrite: bool = False) -> None:
+        if folder.is_dir() and any(folder.iterdir()) and not overwrite:
+            raise ConfigError(f"{folder} is not empty; choose another folder, or --overwrite")
+        folder.mkdir(parents=True, exist_ok=True)
+        self.folder, self._sensors = folder, dict(sensors)
+        self._texts: dict[str, TextIO] = {}
+        self.counts = dict.fromkeys(sensors, 0)
+
+    def write(self, frame: Frame) -> None:
+        """Write one frame."""
+        name, payload = frame.sensor, frame.payload
+        number = f"{self.counts[name]:06d}"
+        self.counts[name] += 1
+        match payload:
+            case Image():
+                write_png(self.folder / name / f"{number}.png", payload.pixels)
+                self._line(f"{name}/timestamps.txt", f"{frame.stamp_s!r} {number}.png")
+            case RGBD():
+                self._write_rgbd(name, number, frame.stamp_s, payload)
+            case Scan():
+                self._line(f"{name}.log", _robotlaser(frame.stamp_s, payload))
+            case Odometry() | Imu() | Scalar():
+                self._row(name, frame.stamp_s, payload)
+            case Record():
+                (self.folder / name).mkdir(exist_ok=True)
+                np.savez(self.folder / name / f"{number}.npz", **dict(payload.arrays))  # type: ignore[arg-type]  # no array is called allow_pickle
+                self._line(f"{name}/timestamps.txt", f"{frame.stamp_s!r} {number}.npz")
+
+    def close(self, truth: Trajectory | None) -> None:
+        """Write calibrations, the ground truth, and the config that plays it all again."""
+        for text in self._texts.values():
+            text.close()
+        self._texts.clear()
+        if truth is not None:
+            write_tum(self.folder / "groundtruth.tum", truth)
+        for info in self._sensors.values():
+            if info.calibration is not None:
+                document = self._with_files(calibration_to_document(info.calibration), info.name)
+                (self.folder / f"{info.name}.calib.yaml").write_text(dump_yaml(document))
+        (self.folder / "config.yaml").write_text(dump_yaml(self._config(truth is not None)))
+
+    def _write_rgbd(self, name: str, number: str, stamp_s: float, payload: RGBD) -> None:
+        depth = np.where(np.isfinite(payload.depth_m), payload.depth_m, 0.0) * _DEPTH_FACTOR
+        write_png(self.folder / name / "rgb" / f"{number}.png", payload.bgr)
+        write_png(self.folder / name / "depth" / f"{number}.png", np.rint(np.clip(depth, 0, 65535)).astype(np.uint16))
+        for kind in ("rgb", "depth"):
+            self._line(f"{name}/{kind}.txt", f"{stamp_s!r} {kind}/{number}.png")
+        calibration = self._sensors[name].calibration
+        if number == "000000" and isinstance(calibration, DepthCamera):
+            lens = calibration.colour
+            numbers = (lens.fx, lens.fy, lens.cx, lens.cy, *lens.distortion)
+            self._line(f"{name}/camera.txt", " ".join(repr(float(value)) for value in numbers))
+            self._line(f"{name}/camera.txt", repr(_DEPTH_FACTOR))
+
+    def _row(self, name: str, stamp_s: float, payload: Odometry | Imu | Scalar) -> None:
+        if f"{name}.csv" not in self._texts:
+            self._line(f"{name}.csv", _HEADERS[self._sensors[name].kind])
+        self._line(f"{name}.csv", ",".join(repr(float(value)) for value in (stamp_s, *_values(payload))))
+
+    def _line(self, name: str, line: str) -> None:
+        if name not in self._texts:
+            (self.folder / name).parent.mkdir(parents=True, exist_ok=True)
+            self._texts[name] = (self.folder / name).open("w", encoding="utf-8")
+        self._texts[name].write(line + "\n")
+
+    def _with_files(self, value: Any, stem: str) -> Any:
+        """Return a document whose arrays are files of their own."""
+        if not isinstance(value, dict):
+            return value
+        if "base64" in value:
+            np.save(self.folder / f"{stem}.npy", array_from_document(value, stem))
+            return f"{stem}.npy"
+        return {key: self._with_files(item, f"{stem}.{key}") for key, item in value.items()}
+
+    def _config(self, has_truth: bool) -> dict[str, Any]:
+        """Return the config that plays the data set; what no source reads is left out."""
+        written = {name: info for name, info in self._sensors.items() if info.kind in _SOURCES and self.counts[name]}
+        sources = {name: _SOURCES[info.kind](name) for name, info in written.items()}
+        if has_truth and sources:
+            next(iter(sources.values()))["ground_truth"] = "groundtruth.tum"
+        return {"sources": sources, "sensors": {name: _section(info) for name, info in written.items()}}
+
+
+#: Kind of sensor to the source that plays it again.
+_SOURCES: Mapping[str, Callable[[str], dict[str, Any]]] = {
+    "image": lambda name: {"plugin": "image_folder", "path": name, "timestamps": f"{name}/timestamps.txt"},
+    "rgbd": lambda name: {"plugin": "tum_rgbd", "path": name},
+    "scan": lambda name: {"plugin": "carmen_log", "path": f"{name}.log", "rename": {"laser": name}},
+    "odometry": lambda name: {"plugin": "csv_odometry", "path": f"{name}.csv"},
+}
+
+
+def _section(info: SensorInfo) -> dict[str, Any]:
+    """Return what the config says of a sensor: its mounting, and where its calibration stands."""
+    pose = info.pose_base_sensor
+    angles = {f"{name}_deg": math.degrees(getattr(pose, name)) for name in ("roll", "pitch", "yaw")}
+    section: dict[str, Any] = {"mounting": {"x": pose.x, "y": pose.y, "z": pose.z} | angles}
+    if info.calibration is not None:
+        section["calibration"] = f"{info.name}.calib.yaml"
+    return section
+
+
+def _values(payload: Odometry | Imu | Scalar) -> tuple[float, ...]:
+    """Return the numbers of a row behind its stamp."""
+    if isinstance(payload, Scalar):
+        return (payload.value,)
+    if isinstance(payload, Imu):
+        force = payload.linear_acceleration_mps2
+        return (*payload.angular_velocity_radps, *(np.full(3, np.nan) if force is None else force))
+    pose = payload.pose_start_base
+    assert pose is not None  # what the simulator's wheels always give
+    return pose.x, pose.y, pose.theta
+
+
+def _robotlaser(stamp_s: float, scan: Scan) -> str:
+    """Return a scan as a line of a CARMEN log; beams that nothing came back from have the largest range."""
+    ranges = np.where(np.isfinite(scan.ranges_m), scan.ranges_m, scan.range_max_m)
+    field = (len(ranges) - 1) * scan.angle_step_rad
+    head = (0, scan.angle_min_rad, field, scan.angle_step_rad, scan.range_max_m, 0.0, 0, len(ranges))
+    tail = (0, *(0.0,) * 11, stamp_s, "sim", stamp_s)  # no remissions, poses, velocities or safety distances
+    return " ".join(str(value) for value in ("ROBOTLASER1", *head, *ranges.tolist(), *tail))

@@ -1,0 +1,72 @@
+"""Readings as pictures, to be looked at."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.errors import ConfigError
+from trailmark.frames import RGBD, Image, Payload, Scan
+
+__all__ = ["picture_of", "write_png"]
+
+_SCAN_PX = 640
+_FAR_M = 8.0
+
+
+def picture_of(payload: Payload) -> npt.NDArray[Any]:
+    """Return a reading as a grey or BGR picture.
+
+    Colour and depth stand side by side; a scan is seen from above, the sensor in the middle, forward up.
+
+    Raises
+    ------
+    ConfigError
+        If the reading is nothing to look at: odometry, for example.
+    """
+    if isinstance(payload, Image):
+        return payload.pixels
+    if isinstance(payload, RGBD):
+        return _beside(payload.bgr, _depth_picture(payload.depth_m))
+    if isinstance(payload, Scan):
+        return _scan_picture(payload)
+    raise ConfigError(f"a reading of kind {type(payload).__name__} is no picture: {payload}")
+
+
+def write_png(path: Path, picture: npt.NDArray[Any]) -> None:
+    """Write a picture, lightly compressed: fast, and small enough."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    done, data = cv2.imencode(".png", picture, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    if not done:
+        raise ConfigError(f"OpenCV cannot write a picture of {picture.shape} {picture.dtype} as PNG")
+    path.write_bytes(data.tobytes())
+
+
+def _depth_picture(depth_m: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
+    """Return near as warm and far as cold colours; black where the depth is unknown."""
+    known = np.isfinite(depth_m)
+    near = np.clip(1.0 - np.where(known, depth_m, _FAR_M) / _FAR_M, 0.0, 1.0)
+    picture = cv2.applyColorMap((near * 255).astype(np.uint8), cv2.COLORMAP_TURBO)
+    picture[~known] = 0
+    return np.asarray(picture, dtype=np.uint8)
+
+
+def _scan_picture(scan: Scan) -> npt.NDArray[np.uint8]:
+    reach_m = min(scan.range_max_m, float(np.nanmax(scan.ranges_m, initial=1.0)) * 1.1)
+    picture = np.full((_SCAN_PX, _SCAN_PX), 255, dtype=np.uint8)
+    middle, scale = _SCAN_PX // 2, _SCAN_PX / 2.0 / reach_m
+    for x, y in scan.points():
+        cv2.circle(picture, (round(middle - y * scale), round(middle - x * scale)), 1, 0, -1)
+    cv2.circle(picture, (middle, middle), 4, 128, -1)
+    return picture
+
+
+def _beside(left: npt.NDArray[np.uint8], right: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+    picture = np.zeros((max(left.shape[0], right.shape[0]), left.shape[1] + right.shape[1], 3), dtype=np.uint8)
+    picture[: left.shape[0], : left.shape[1]] = left
+    picture[: right.shape[0], left.shape[1] :] = right
+    return picture

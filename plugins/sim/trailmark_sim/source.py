@@ -1,0 +1,187 @@
+"""The simulator as a frame source that can be driven."""
+
+from __future__ import annotations
+
+import copy
+import heapq
+import logging
+import math
+from collections.abc import Iterator, Mapping
+
+from trailmark.commands import Command, Stop
+from trailmark.errors import ConfigError
+from trailmark.frames import Frame, Payload, SensorInfo
+from trailmark.geometry import Pose2, Trajectory
+from trailmark.interfaces import Drivable, Session
+from trailmark_sim.config import SimConfig
+from trailmark_sim.motion import Motion
+from trailmark_sim.names import unknown_name
+from trailmark_sim.pilots import Pilot
+from trailmark_sim.placing import place_vehicle
+from trailmark_sim.renamed import named
+from trailmark_sim.rng import stream_key
+from trailmark_sim.routes import Route
+from trailmark_sim.vehicles import VehicleState
+from trailmark_sim.worlds import build_world
+from trailmark_sim.worlds.base import SensorModel, World, WorldOptions
+
+__all__ = ["SimSource"]
+
+logger = logging.getLogger(__name__)
+
+
+class SimSource(Drivable):
+    """A vehicle in a simulated world.
+
+    Frames of several sensors come in the order of their stamps; at equal stamps in the order of the world's sensors.
+    A command holds from the last frame yielded. All that is random is keyed by (seed, mode, stream, frame): the
+    same run gives the same bytes, whatever else is asked of it and with however many threads.
+    """
+
+    config: SimConfig
+    _pending: Command | None
+
+    def start(self, session: Session) -> None:
+        """Build the world, put the vehicle down, and render every sensor once to warm up.
+
+        Raises
+        ------
+        ConfigError
+            If the world has no such route or sensor, or the vehicle would stand in something.
+        """
+        config = self.config
+        # A copy of the generator: started again, the source is as new.
+        seed = int(copy.deepcopy(session.rng).integers(1 << 62))
+        self._seed = stream_key(seed, session.mode)
+        self._world = build_world(config.world, self._world_options(session))
+        self._route = self._choose_route()
+        self._sensors = self._named_sensors(session.name)
+        self.drives_itself = config.driver == "route" or (config.driver == "auto" and session.mode != "replay")
+        self._obeys = config.driver != "route" and not (config.driver == "auto" and session.mode == "teach")
+        self._place = place_vehicle(config, session, self._world, self._route)
+        self._refuse_to_stand_in_something(self._place.pose)
+        self._begin()
+        for sensor in self._sensors:
+            sensor.render(0, 0.0, VehicleState(self._place.pose))
+
+    def close(self) -> None:
+        """End the frames."""
+        self._is_closed = True
+
+    @property
+    def world(self) -> World:
+        """The world that was built: its routes, and what else is known exactly; known after `start`."""
+        return self._world
+
+    @property
+    def sensors(self) -> Mapping[str, SensorInfo]:
+        return {sensor.info.name: sensor.info for sensor in self._sensors}
+
+    @property
+    def accepts(self) -> frozenset[type[Command]]:
+        return self._world.vehicle.accepts
+
+    def drive(self, command: Command) -> None:
+        """Take a command. In teach, and with `driver: route`, only `Stop` is obeyed."""
+        if type(command) not in self.accepts:
+            kinds = ", ".join(sorted(kind.__name__ for kind in self.accepts))
+            raise ConfigError(
+                f"the vehicle of world {self.config.world!r} takes {kinds}, not {type(command).__name__};"
+                " choose another controller or vehicle"
+            )
+        if self._obeys or isinstance(command, Stop):
+            self._pending = command
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield the frames of all sensors until the route or the task is done, or time is up."""
+        self._begin()
+        for stamp_s, k, sensor in _schedule(self._sensors):
+            if self._is_closed or self._is_over(stamp_s):
+                return
+            state = self._state_at(stamp_s)
+            yield Frame(sensor.info.name, stamp_s, sensor.render(k, stamp_s, state))
+            if self._pending is not None:
+                self._motion.command(stamp_s, self._pending)
+                self._pending = None
+
+    def look(self, k: int = 0) -> Payload:
+        """Return reading `k` of the first sensor, as if the vehicle stood where it was put down."""
+        sensor = self._sensors[0]
+        return sensor.render(k, k / sensor.rate_hz, VehicleState(self._place.pose))
+
+    def ground_truth(self) -> Trajectory:
+        """Return where the vehicle was at the stamps of the frames."""
+        return Trajectory.from_poses(self._truth)
+
+    def counters(self) -> Mapping[str, int]:
+        """Return how often the vehicle came to touch something."""
+        return {"collisions": self._n_collisions}
+
+    def _begin(self) -> None:
+        pilot = Pilot(self._route, self._world.vehicle, self._place.station_m) if self.drives_itself else None
+        self._motion = Motion(self._world.vehicle, self._place.pose, self._seed, pilot)
+        self._pending = None
+        self._truth: list[tuple[float, Pose2]] = []
+        self._touches: str | None = None
+        self._n_collisions = 0
+        self._is_closed = False
+
+    def _state_at(self, stamp_s: float) -> VehicleState:
+        state = self._motion.state_at(stamp_s)
+        if not self._truth or stamp_s > self._truth[-1][0]:
+            self._truth.append((stamp_s, state.pose_map_base))
+            touches = self._world.collides(state.pose_map_base)
+            if touches is not None and touches != self._touches:
+                self._n_collisions += 1
+                logger.info("the vehicle touches %s at %.3f s", touches, stamp_s)
+            self._touches = touches
+        return state
+
+    def _is_over(self, stamp_s: float) -> bool:
+        config = self.config
+        if config.duration_s is not None and stamp_s >= config.duration_s:
+            return True
+        if self._n_collisions and config.on_collision == "end":
+            return True
+        return self._motion.has_finished or stamp_s - self._motion.stands_since_s > config.patience_s
+
+    def _world_options(self, session: Session) -> WorldOptions:
+        config = self.config
+        return WorldOptions(
+            seed=self._seed,
+            world_seed=config.world_seed,
+            mode=session.mode,
+            sensors=config.sensors,
+            rates_hz=config.rates_hz,
+            route=config.route,
+            threads=config.threads,
+            vehicle=None if config.vehicle is None else config.vehicle.build(),
+            extra=config.options,
+        )
+
+    def _choose_route(self) -> Route:
+        routes = self._world.routes
+        name = self.config.route or next(iter(routes))
+        if name not in routes:
+            raise ConfigError(f"sim: world {self.config.world!r} has {unknown_name('route', name, routes)}")
+        return routes[name].at_speed(self.config.speed_mps)
+
+    def _named_sensors(self, source: str) -> tuple[SensorModel, ...]:
+        """Give the sensor of a one-sensor source the source's name."""
+        sensors = self._world.sensors
+        return (named(sensors[0], source),) if len(sensors) == 1 and source else sensors
+
+    def _refuse_to_stand_in_something(self, pose: Pose2) -> None:
+        touches = self._world.collides(pose)
+        if touches is not None:
+            where = f"({pose.x:.2f} m, {pose.y:.2f} m, {math.degrees(pose.theta):.1f} deg)"
+            raise ConfigError(f"sim: at {where} the vehicle stands in {touches}; choose another start")
+
+
+def _schedule(sensors: tuple[SensorModel, ...]) -> Iterator[tuple[float, int, SensorModel]]:
+    """Yield stamp, number and sensor of all readings for ever, in the order of stamps, then of sensors."""
+    queue = [(0.0, order, 0) for order in range(len(sensors))]
+    while queue:
+        stamp_s, order, k = queue[0]
+        yield stamp_s, k, sensors[order]
+        heapq.heapreplace(queue, ((k + 1) / sensors[order].rate_hz, order, k + 1))

@@ -1,0 +1,161 @@
+"""Vehicles as a config gives them."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from trailmark.config import PluginConfig
+from trailmark_sim.vehicles import Differential, FourWheelSteering, Holonomic, SkidSteer, Vehicle, WheelErrors
+
+__all__ = ["VehicleOptions"]
+
+
+class WheelOptions(PluginConfig):
+    """Why wheel odometry is wrong."""
+
+    scale: float = Field(default=0.01, gt=-1)
+    """Relative error of every distance."""
+    turn_scale: float = Field(default=0.02, gt=-1)
+    """Relative error of every turn."""
+    slip_m: float = Field(default=0.002, ge=0)
+    """Error of the distance after one metre, one standard deviation; grows with the root of the way [m]."""
+    slip_deg: float = Field(default=0.3, ge=0)
+    """Error of the heading after one metre, one standard deviation [deg]."""
+
+    def build(self) -> WheelErrors:
+        """Return it as the vehicles take it."""
+        return WheelErrors(self.scale, self.turn_scale, self.slip_m, math.radians(self.slip_deg))
+
+
+class FourWheelSteeringOptions(PluginConfig):
+    """Front and rear wheels steer separately, as the vehicle of Nagai & Watanabe does."""
+
+    kind: Literal["four_wheel_steering"]
+    """Which vehicle."""
+    length_m: float = Field(default=0.60, gt=0)
+    """Outline [m]."""
+    width_m: float = Field(default=0.39, gt=0)
+    """Outline; the paper's [m]."""
+    max_speed_mps: float = Field(default=0.5, gt=0)
+    """Top speed [m/s]."""
+    max_steer_deg: float = Field(default=18.3, gt=0, lt=60)
+    """Limit of front and rear angles; the paper's [deg]."""
+    min_turning_radius_m: float = Field(default=0.75, gt=0)
+    """Radius at opposite full angles; the paper's [m]."""
+    steer_lag_s: float = Field(default=0.08, ge=0)
+    """Time constant of the servos [s]."""
+    speed_lag_s: float = Field(default=0.15, ge=0)
+    """Time constant of the drive [s]."""
+    asymmetry: float = Field(default=0.0, gt=-1, lt=1)
+    """The linkage turns the wheels this share further to the left and less to the right."""
+    front_trim_deg: float = 0.0
+    """Angle of the front wheels when their servo stands at zero [deg]."""
+    rear_trim_deg: float = 0.0
+    """The same of the rear wheels [deg]."""
+    wheels: WheelOptions = WheelOptions()
+    """Why its odometry is wrong."""
+
+    def build(self) -> Vehicle:
+        """Return the vehicle."""
+        return FourWheelSteering(
+            length_m=self.length_m,
+            width_m=self.width_m,
+            max_speed_mps=self.max_speed_mps,
+            max_steer_rad=math.radians(self.max_steer_deg),
+            min_turning_radius_m=self.min_turning_radius_m,
+            steer_lag_s=self.steer_lag_s,
+            speed_lag_s=self.speed_lag_s,
+            asymmetry=self.asymmetry,
+            front_trim_rad=math.radians(self.front_trim_deg),
+            rear_trim_rad=math.radians(self.rear_trim_deg),
+            wheel_errors=self.wheels.build(),
+        )
+
+
+class DifferentialOptions(PluginConfig):
+    """Two driven wheels and a castor."""
+
+    kind: Literal["differential"]
+    """Which vehicle."""
+    length_m: float = Field(default=0.45, gt=0)
+    """Outline [m]."""
+    width_m: float = Field(default=0.40, gt=0)
+    """Outline [m]."""
+    max_speed_mps: float = Field(default=0.3, gt=0)
+    """Top speed of either wheel [m/s]."""
+    track_m: float = Field(default=0.34, gt=0)
+    """Distance of the wheels [m]."""
+    speed_lag_s: float = Field(default=0.1, ge=0)
+    """Time constant of the drives [s]."""
+    wheels: WheelOptions = WheelOptions()
+    """Why its odometry is wrong."""
+
+    def build(self) -> Vehicle:
+        """Return the vehicle."""
+        sizes = (self.length_m, self.width_m, self.max_speed_mps, self.track_m, self.speed_lag_s)
+        return Differential(*sizes, wheel_errors=self.wheels.build())
+
+
+class SkidSteerOptions(PluginConfig):
+    """Four wheels or crawlers that skid sideways in a turn."""
+
+    kind: Literal["skid_steer"]
+    """Which vehicle."""
+    length_m: float = Field(default=0.60, gt=0)
+    """Outline [m]."""
+    width_m: float = Field(default=0.50, gt=0)
+    """Outline [m]."""
+    max_speed_mps: float = Field(default=0.3, gt=0)
+    """Top speed of either side [m/s]."""
+    track_m: float = Field(default=0.42, gt=0)
+    """Distance of the sides [m]."""
+    speed_lag_s: float = Field(default=0.1, ge=0)
+    """Time constant of the drives [s]."""
+    turn_share: float = Field(default=0.65, gt=0, le=1)
+    """Yaw rate over what the speeds of the sides would give without skidding."""
+    icr_forward_m: float = 0.03
+    """How far before its middle it turns about [m]."""
+    wheels: WheelOptions = WheelOptions()
+    """Why its odometry is wrong."""
+
+    def build(self) -> Vehicle:
+        """Return the vehicle."""
+        sizes = (self.length_m, self.width_m, self.max_speed_mps, self.track_m, self.speed_lag_s)
+        return SkidSteer(
+            *sizes,
+            wheel_errors=self.wheels.build(),
+            turn_share=self.turn_share,
+            icr_forward_m=self.icr_forward_m,
+        )
+
+
+class HolonomicOptions(PluginConfig):
+    """Drives in every direction, as the robot of Tasaki et al. does."""
+
+    kind: Literal["holonomic"]
+    """Which vehicle."""
+    length_m: float = Field(default=0.65, gt=0)
+    """Outline [m]."""
+    width_m: float = Field(default=0.65, gt=0)
+    """Outline; the paper's [m]."""
+    max_speed_mps: float = Field(default=1.0, gt=0)
+    """Top speed; the paper's [m/s]."""
+    max_yaw_degps: float = Field(default=86.0, gt=0)
+    """Top yaw rate [deg/s]."""
+    speed_lag_s: float = Field(default=0.2, ge=0)
+    """Time constant of the drives [s]."""
+    wheels: WheelOptions = WheelOptions()
+    """Why its odometry is wrong."""
+
+    def build(self) -> Vehicle:
+        """Return the vehicle."""
+        limits = (self.max_speed_mps, math.radians(self.max_yaw_degps))
+        return Holonomic(self.length_m, self.width_m, *limits, self.speed_lag_s, self.wheels.build())
+
+
+VehicleOptions = Annotated[
+    FourWheelSteeringOptions | DifferentialOptions | SkidSteerOptions | HolonomicOptions, Field(discriminator="kind")
+]
