@@ -1,0 +1,152 @@
+"""From Python, the same things as from the command line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from trailmark.errors import PluginLoadError, TrailmarkError
+from trailmark.interfaces import Mode
+from trailmark.pipeline import Pipeline, RunResult, Step, link_latest, new_folder
+
+if TYPE_CHECKING:
+    from trailmark.config import RunConfig
+    from trailmark.pipeline.plan import Access
+    from trailmark.plugins import Plugins
+
+__all__ = ["create", "run"]
+
+
+def run(
+    config: RunConfig | str | Path | Mapping[str, Any],
+    out: str | Path | None = None,
+    *,
+    overrides: Sequence[Any] = (),
+    store: str | Path | None = None,
+    mode: Mode | None = None,
+    access: Access | None = None,
+    overwrite: bool = False,
+    report: bool = True,
+    plugins: Plugins | None = None,
+    on_step: Callable[[Pipeline, Step], None] | None = None,
+) -> RunResult:
+    """Run a config to its end and leave a run folder, as ``trailmark run`` does.
+
+    Ctrl-C ends the run and keeps what is done: the result's status is then ``interrupted``.
+
+    Parameters
+    ----------
+    config : RunConfig, path or mapping
+        What to run.
+    out : path, optional
+        The run's folder; default: ``runs/YYYYmmdd-HHMMSS-NAME``, which ``runs/latest`` then links.
+    overrides : sequence of str
+        As ``--set``: ``"localizers.floor.search_px=8"``.
+    store : path, optional
+        The path store, in place of the config's.
+    mode : {"track", "teach", "replay"}, optional
+        In place of the config's.
+    access : {"create", "append", "overwrite"}, optional
+        How teaching opens the path store.
+    overwrite : bool
+        Whether `out` may hold an earlier run.
+    report : bool
+        Whether to write plots and ``report.html``.
+    plugins : Plugins, optional
+        What the config may name; default: all that are installed.
+    on_step : callable, optional
+        Called with the pipeline and every step: progress.
+
+    Returns
+    -------
+    RunResult
+        With metrics.
+
+    Raises
+    ------
+    ConfigError
+        If the request is wrong.
+    RunError, DataError
+        If the run fails; its folder holds what there was.
+    """
+    folder = new_folder(_name_of(config)) if out is None else Path(out)
+    pipeline = Pipeline(
+        config,
+        out=folder,
+        store=store,
+        mode=mode,
+        overrides=overrides,
+        plugins=plugins,
+        access=access,
+        overwrite=overwrite,
+    )
+    with suppress(KeyboardInterrupt), pipeline:  # the pipeline has ended the run by then
+        for step in pipeline:
+            if on_step is not None:
+                on_step(pipeline, step)
+    if out is None:
+        link_latest(folder.absolute())
+    return _evaluated(pipeline, report)
+
+
+def create(kind: str, name: str, *, plugins: Plugins | None = None, **config: Any) -> Any:
+    """Return one part alone, constructed and not started: ``create("localizer", "ground_vo", camera="floor")``.
+
+    Parameters
+    ----------
+    kind, name : str
+        As in a config: ``source``, ``localizer``, ``estimator``, ``path_store``, ``controller``, ``sink``.
+    plugins : Plugins, optional
+        Where to look; default: all that are installed.
+    **config
+        The part's own keys.
+
+    Raises
+    ------
+    UnknownPluginError
+        If nothing of that kind and name is registered; the message names what is.
+    ConfigError
+        If a key is unknown or a value wrong.
+    PluginLoadError
+        If the part cannot be imported or constructed.
+    """
+    from trailmark.config.document import Document, Problems
+    from trailmark.config.explain import validated
+    from trailmark.plugins import load_plugins
+
+    spec = (plugins or load_plugins()).registry.find(kind, name)
+    document = Document(config, name=f"{kind} {name!r}")
+    problems = Problems(document)
+    settings = validated(spec.load_config(), config, (), problems, document.base_dir)
+    problems.raise_if_any()
+    try:
+        return spec.load()(settings)
+    except TrailmarkError:
+        raise
+    except Exception as error:
+        story = f"{kind} {name!r} of {spec.origin} cannot be constructed: {type(error).__name__}: {error}"
+        raise PluginLoadError(story) from error
+
+
+def _name_of(config: Any) -> str:
+    if isinstance(config, str | Path):
+        return Path(config).stem
+    return "run"
+
+
+def _evaluated(pipeline: Pipeline, report: bool) -> RunResult:
+    from trailmark.evaluation.run_metrics import evaluate_run
+
+    result = pipeline.result
+    assert result.folder is not None
+    assert pipeline.config is not None
+    extra = {spec.name: spec.load() for spec in pipeline.config.plugins.registry.specs("metric")}
+    metrics = evaluate_run(result.folder, metrics=extra, path=pipeline.path)
+    if report:
+        from trailmark.report import write_report
+
+        write_report(result.folder, metrics=extra)
+    return replace(result, metrics=metrics)

@@ -1,0 +1,115 @@
+"""What the frames of a source must be: of its sensors, of one kind and size, and in the order of time."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from trailmark.errors import SourceError
+from trailmark.frames import PAYLOAD_KINDS, RGBD, Frame, Image, Payload, Record, SensorInfo, payload_kind
+from trailmark.pipeline.counters import Counters
+
+__all__ = ["FrameChecks"]
+
+logger = logging.getLogger(__name__)
+
+
+class FrameChecks:
+    """Looks at every frame of one source.
+
+    Parameters
+    ----------
+    source : str
+        Its name.
+    sensors : mapping of str to SensorInfo
+        Its sensors.
+    skips : bool
+        Whether a bad frame is left out and counted, or an error.
+    counters : Counters
+        Takes ``source.NAME.repeated`` and ``source.NAME.skipped``.
+    """
+
+    def __init__(self, source: str, sensors: Mapping[str, SensorInfo], skips: bool, counters: Counters) -> None:
+        self._source = source
+        self._checks = {sensor: _Check(info) for sensor, info in sensors.items()}
+        self._skips = skips
+        self._counters = counters
+        self._last_s = -math.inf
+
+    def accept(self, frame: Frame) -> bool:
+        """Return whether a frame is good; one that repeats the stamp of its sensor is left out and counted.
+
+        Raises
+        ------
+        SourceError
+            If the frame is bad, and bad frames are not to be skipped.
+        """
+        check = self._checks.get(frame.sensor)
+        if check is None:
+            return self._refuse(frame, f"is of none of its sensors ({', '.join(self._checks)})")
+        if frame.stamp_s == check.last_s:
+            self._counters.add(f"source.{self._source}.repeated")
+            return False
+        problem = check.problem(frame)
+        if problem is None and frame.stamp_s < self._last_s:
+            problem = f"is older than the source's frame before it ({self._last_s:.6f} s)"
+        if problem is not None:
+            return self._refuse(frame, problem)
+        check.last_s = self._last_s = frame.stamp_s
+        return True
+
+    def _refuse(self, frame: Frame, problem: str) -> bool:
+        message = f"source {self._source!r}: the frame of {frame.sensor!r} at {frame.stamp_s:.6f} s {problem}"
+        if not self._skips:
+            raise SourceError(f"{message}; 'on_bad_frame: skip' leaves such frames out")
+        self._counters.add(f"source.{self._source}.skipped")
+        logger.debug("skipped: %s", message)
+        return False
+
+
+class _Check:
+    """What the frames of one sensor must be, and the stamp of the last."""
+
+    def __init__(self, info: SensorInfo) -> None:
+        self._kind = info.kind
+        self._payload: type[Any] = PAYLOAD_KINDS.get(info.kind, Record)
+        self._size = info.size
+        self._layout: Any = None
+        self.last_s = -math.inf
+
+    def problem(self, frame: Frame) -> str | None:
+        """Return what is wrong with the next frame of the sensor."""
+        payload = frame.payload
+        if not isinstance(payload, self._payload):
+            return f"carries {payload_kind(payload)}, but the sensor is of kind {self._kind}"
+        layout = _layout(payload)
+        if layout != self._layout:
+            if self._layout is not None:
+                return f"changes from {_shown(self._layout)} to {_shown(layout)}"
+            size = _size(payload)
+            if self._size is not None and size is not None and size != self._size:
+                return f"is {size[0]}x{size[1]} px, but the sensor is {self._size[0]}x{self._size[1]} px"
+            self._layout = layout
+        if frame.stamp_s < self.last_s:
+            return f"goes back in time: the one before it was at {self.last_s:.6f} s"
+        return None
+
+
+def _layout(payload: Payload) -> Any:
+    if isinstance(payload, Image):
+        return payload.pixels.shape, payload.pixels.dtype
+    if isinstance(payload, RGBD):
+        return payload.bgr.shape, payload.depth_m.shape
+    return ()
+
+
+def _size(payload: Payload) -> tuple[int, int] | None:
+    if isinstance(payload, Image):
+        return payload.size
+    return (payload.bgr.shape[1], payload.bgr.shape[0]) if isinstance(payload, RGBD) else None
+
+
+def _shown(layout: Any) -> str:
+    return " ".join(str(item) for item in layout)

@@ -1,0 +1,44 @@
+"""Clocks: that of live stamps, and that by which a run in real time waits."""
+
+from __future__ import annotations
+
+import threading
+import time
+from abc import ABC, abstractmethod
+
+__all__ = ["Clock", "SystemClock", "live_stamp_s"]
+
+# Anchored once: a clock that is set while the robot drives must not move its stamps.
+_EPOCH_S = time.time() - time.monotonic()
+
+
+def live_stamp_s() -> float:
+    """Return now as live sources stamp their frames: the monotonic clock, anchored once to the epoch [s]."""
+    return _EPOCH_S + time.monotonic()
+
+
+class Clock(ABC):
+    """Tells the time and waits; another one can take its place in a test."""
+
+    @abstractmethod
+    def now_s(self) -> float:
+        """Return the time; it never goes back [s]."""
+
+    @abstractmethod
+    def wait(self, timeout_s: float, wake: threading.Event) -> None:
+        """Return after `timeout_s` (``inf``: not by itself), or as soon as `wake` is set."""
+
+
+class SystemClock(Clock):
+    """The clock of live stamps."""
+
+    # An endless wait would not hear Ctrl-C on every system.
+    _LONGEST_WAIT_S = 0.5
+
+    def now_s(self) -> float:
+        """Return `live_stamp_s`."""
+        return live_stamp_s()
+
+    def wait(self, timeout_s: float, wake: threading.Event) -> None:
+        """Wait for the event."""
+        wake.wait(max(0.0, min(timeout_s, self._LONGEST_WAIT_S)))

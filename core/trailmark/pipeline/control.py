@@ -1,0 +1,125 @@
+"""Commands: the controller's, or the guard's, and to whom they go."""
+
+from __future__ import annotations
+
+import math
+from array import array
+from time import perf_counter_ns
+
+from trailmark.commands import Command, Stop
+from trailmark.errors import ConfigError, RunError
+from trailmark.estimates import Belief
+from trailmark.interfaces import Controller, Drivable
+from trailmark.pipeline.counters import Counters
+from trailmark.pipeline.guard import Guard
+
+__all__ = ["Control", "check_commands"]
+
+# Cameras jitter: a frame that comes this part of a period too early is on time. The beat keeps the mean rate.
+_SLACK = 0.25
+
+
+class Control:
+    """Asks the controller, at most `control_hz` times a second, and drives the robot.
+
+    A robot that drives itself is not given the controller's commands, and teaching has none; the guard's `Stop`
+    reaches every robot.
+
+    Parameters
+    ----------
+    controller : Controller or None
+        What drives.
+    drivable : Drivable or None
+        What is driven; without one, commands go to sinks alone.
+    guard : Guard
+        Stops the robot whatever the controller says.
+    control_hz : float
+        How often at most [Hz].
+    """
+
+    def __init__(
+        self,
+        controller: Controller | None,
+        drivable: Drivable | None,
+        guard: Guard,
+        control_hz: float,
+        counters: Counters,
+        times: array[int],
+    ) -> None:
+        self._controller = controller
+        self._drivable = drivable
+        self._guard = guard
+        self._period_s = 1.0 / control_hz
+        self._counters = counters
+        self._times = times
+        self._due_s = -math.inf if controller is not None or guard.is_on else math.inf
+
+    @property
+    def due_s(self) -> float:
+        """When the controller may be asked again; ``inf``: never [s]."""
+        return self._due_s
+
+    def step(self, belief: Belief) -> Command | None:
+        """Return the command for now, already given to the robot; None if it is not time yet."""
+        now_s = belief.stamp_s
+        if now_s + _SLACK * self._period_s < self._due_s:
+            return None
+        self._due_s = self._next_due_s(now_s)
+        command: Command | None = self._guard.check(belief) if self._guard.is_on else None
+        if command is not None:
+            self._counters.add("control.guard_stops")
+        elif self._controller is not None:
+            command = self._asked(self._controller, belief)
+        if command is not None:
+            self.drive(command)
+        return command
+
+    def drive(self, command: Command) -> None:
+        """Give a command to the robot, if there is one."""
+        if self._drivable is None:
+            return
+        try:
+            self._drivable.drive(command)
+        except Exception as error:
+            raise RunError(f"the robot did not take {command}: {type(error).__name__}: {error}", "source") from error
+
+    def has_given_up(self, now_s: float) -> bool:
+        """Return whether the guard has held a robot for so long that the run is over."""
+        return self._drivable is not None and self._guard.has_given_up(now_s)
+
+    def _next_due_s(self, now_s: float) -> float:
+        """Keep to the beat, so that the mean rate is right; after a pause begin a new one."""
+        on_beat_s = self._due_s + self._period_s
+        return on_beat_s if on_beat_s > now_s else now_s + self._period_s
+
+    def _asked(self, controller: Controller, belief: Belief) -> Command:
+        began_ns = perf_counter_ns()
+        try:
+            command = controller.step(belief)
+        except Exception as error:
+            story = f"the controller failed at {belief.stamp_s:.6f} s: {type(error).__name__}: {error}"
+            raise RunError(story, "controller") from error
+        self._times.append(perf_counter_ns() - began_ns)
+        self._counters.add("control.commands")
+        return command
+
+
+def check_commands(controller: Controller, drivable: Drivable) -> None:
+    """Refuse a controller that gives commands which the robot does not understand.
+
+    Raises
+    ------
+    ConfigError
+        Naming the commands.
+    """
+    foreign = controller.gives - drivable.accepts - {Stop}
+    if foreign:
+        gives, accepts = _names(foreign), _names(drivable.accepts)
+        raise ConfigError(
+            f"controller: {type(controller).__name__} gives {gives}, but the robot takes {accepts or 'no command'};"
+            " choose a controller for this robot"
+        )
+
+
+def _names(commands: frozenset[type[Command]]) -> str:
+    return ", ".join(sorted(command.__name__ for command in commands))

@@ -1,0 +1,41 @@
+"""Where frames wait for a localizer that is busy."""
+
+from __future__ import annotations
+
+from trailmark.estimates import Belief
+from trailmark.frames import RGBD, Frame, Image, Scan
+
+__all__ = ["Mailbox", "is_snapshot"]
+
+#: A frame, and what was believed at its stamp.
+Letter = tuple[Frame, Belief]
+
+
+def is_snapshot(frame: Frame) -> bool:
+    """Return whether a newer frame of the sensor makes this one worthless (a picture or a scan)."""
+    return isinstance(frame.payload, Image | RGBD | Scan)
+
+
+class Mailbox:
+    """Keeps the latest frame of each Image, RGBD and Scan sensor, and every other frame."""
+
+    def __init__(self) -> None:
+        self._letters: dict[object, Letter] = {}  # in order of stamps
+        self._n_put = 0
+
+    def __len__(self) -> int:
+        return len(self._letters)
+
+    def put(self, frame: Frame, belief: Belief) -> bool:
+        """Leave a frame; returns whether it took the place of an older one."""
+        self._n_put += 1
+        key: object = frame.sensor if is_snapshot(frame) else self._n_put
+        is_overwritten = self._letters.pop(key, None) is not None
+        self._letters[key] = (frame, belief)
+        return is_overwritten
+
+    def take(self) -> Letter | None:
+        """Take the oldest frame out; None if there is none."""
+        if not self._letters:
+            return None
+        return self._letters.pop(next(iter(self._letters)))

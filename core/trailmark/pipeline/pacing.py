@@ -1,0 +1,160 @@
+"""When frames are worked on: as fast as possible, held to their stamps, or as a device gives them.
+
+Each pace is a generator of events: a `Frame`, or a `Tick` at which only the controller is asked.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+from trailmark.frames import Frame
+from trailmark.pipeline.clock import Clock
+from trailmark.pipeline.counters import Counters
+from trailmark.pipeline.sources import Feed
+
+__all__ = ["Event", "RunClock", "Tick", "held_to_stamps", "live"]
+
+# Frames of one sensor that may wait: the one to work on next, and the one that comes meanwhile.
+_WAITING = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """An instant at which the controller is asked although no frame has come."""
+
+    stamp_s: float
+
+
+Event = Frame | Tick
+
+
+class RunClock:
+    """The time of a run in real time: the clock's, moved so that the first recorded frame is on time."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._offset_s = 0.0
+        #: Set when something has happened that a waiting run should look at.
+        self.wake = threading.Event()
+
+    def anchor(self, stamp_s: float) -> None:
+        """Let it be `stamp_s` now."""
+        self._offset_s = stamp_s - self._clock.now_s()
+
+    def now_s(self) -> float:
+        """Return the time in the clock of the frames [s]."""
+        return self._clock.now_s() + self._offset_s
+
+    def wait(self, until_s: float) -> None:
+        """Return at `until_s`, or earlier when woken."""
+        self._clock.wait(until_s - self.now_s(), self.wake)
+        self.wake.clear()
+
+
+def held_to_stamps(frames: Iterator[Frame], clock: RunClock, due_s: Callable[[], float]) -> Iterator[Event]:
+    """Yield recorded frames at the times of their stamps, and ticks between them.
+
+    A run that is too slow gets its frames late, never fewer of them.
+
+    Parameters
+    ----------
+    frames : iterator of Frame
+        The recording.
+    clock : RunClock
+        Anchored at the first frame.
+    due_s : callable
+        Returns when the controller is to be asked next; ``inf``: never [s].
+    """
+    for index, frame in enumerate(frames):
+        if index == 0:
+            clock.anchor(frame.stamp_s)
+        while (now_s := clock.now_s()) < frame.stamp_s:
+            if due_s() <= now_s:
+                yield Tick(now_s)
+            else:
+                clock.wait(min(frame.stamp_s, due_s()))
+        yield frame
+
+
+def live(feeds: Sequence[Feed], clock: RunClock, due_s: Callable[[], float], counters: Counters) -> Iterator[Event]:
+    """Yield the frames of devices as they come, and ticks while none does.
+
+    Every source is read by a thread of its own. Of each sensor two frames may wait; then the oldest is dropped and
+    counted as ``source.NAME.dropped``.
+
+    Raises
+    ------
+    SourceError
+        If a source does; after the frames that came before.
+    """
+    intake = _Intake(counters, clock.wake)
+    for feed in feeds:
+        intake.read(feed)
+    while True:
+        now_s, is_over = clock.now_s(), intake.is_over  # asked first: the last frame may come just before the end
+        if (frame := intake.take()) is not None:
+            yield frame
+        elif is_over:
+            intake.raise_error()
+            return
+        elif -math.inf < due_s() <= now_s:
+            yield Tick(now_s)
+        else:
+            clock.wait(due_s() if due_s() > -math.inf else math.inf)
+
+
+class _Intake:
+    """Takes frames from the threads of live sources."""
+
+    def __init__(self, counters: Counters, wake: threading.Event) -> None:
+        self._counters = counters
+        self._wake = wake
+        self._lock = threading.Lock()
+        self._waiting: dict[str, deque[Frame]] = {}
+        self._n_open = 0
+        self._error: BaseException | None = None
+
+    def read(self, feed: Feed) -> None:
+        """Begin to read a source."""
+        self._n_open += 1
+        threading.Thread(target=self._read, args=(feed,), name=f"source {feed.name}", daemon=True).start()
+
+    @property
+    def is_over(self) -> bool:
+        """Whether all sources have ended, or one has failed."""
+        return self._n_open == 0 or self._error is not None
+
+    def take(self) -> Frame | None:
+        """Return the oldest frame that waits."""
+        with self._lock:
+            queues = [queue for queue in self._waiting.values() if queue]
+            return min(queues, key=lambda queue: queue[0].stamp_s).popleft() if queues else None
+
+    def raise_error(self) -> None:
+        """Raise what a source raised."""
+        if self._error is not None:
+            raise self._error
+
+    def _read(self, feed: Feed) -> None:
+        try:
+            for frame in feed.frames():
+                self._put(feed, frame)
+        except Exception as error:  # carried to the run's thread
+            self._error = error
+        finally:
+            with self._lock:
+                self._n_open -= 1
+            self._wake.set()
+
+    def _put(self, feed: Feed, frame: Frame) -> None:
+        with self._lock:
+            queue = self._waiting.setdefault(frame.sensor, deque())
+            if len(queue) == _WAITING:
+                queue.popleft()
+                self._counters.add(f"source.{feed.name}.dropped")
+            queue.append(frame)
+        self._wake.set()

@@ -1,0 +1,120 @@
+"""The taught place of a run: its path store, its path, and where on it the robot starts."""
+
+from __future__ import annotations
+
+import logging
+from array import array
+from collections.abc import Mapping, Sequence
+
+from trailmark.errors import ConfigError
+from trailmark.frames import SensorInfo
+from trailmark.geometry import Pose2
+from trailmark.interfaces import Drawer, PathStore
+from trailmark.paths import Path
+from trailmark.pipeline.counters import Counters
+from trailmark.pipeline.plan import Access, Plan, PlannedLocalizer
+from trailmark.pipeline.starting import Sessions, Starter, guarded
+from trailmark.pipeline.teaching import ShiftedDrawer, Teaching
+
+__all__ = ["Place"]
+
+logger = logging.getLogger(__name__)
+
+
+class Place:
+    """Opens the path store of a run, if it has one: for reading alone, unless it teaches.
+
+    Attributes
+    ----------
+    path : Path or None
+        The path as it was before the run.
+    start_pose : Pose2 or None
+        Where the robot starts; None: unknown.
+    teaching : Teaching or None
+        Lays waypoints, in teach.
+
+    Raises
+    ------
+    ConfigError
+        If the run needs a store or a path and there is none.
+    """
+
+    def __init__(self, plan: Plan, starter: Starter) -> None:
+        self._plan = plan
+        self._starter = starter
+        self._store: PathStore | None = None
+        self.path: Path | None = None
+        self.teaching: Teaching | None = None
+        if plan.store is not None:
+            self._store = self._open(plan.store.teach_access if plan.mode == "teach" else "read")
+            self.path = self._store.path()
+        elif plan.mode != "track":
+            raise ConfigError(f"mode {plan.mode} needs a path store: give one with --store, or as path_store.path")
+        if plan.mode == "replay" and self.path is None:
+            raise ConfigError("the path store holds no path yet; teach one first")
+        self.start_pose = self._start_pose()
+
+    def drawer(self, owner: str) -> Drawer | None:
+        """Return the drawer of a localizer; None without a store."""
+        if self._store is None:
+            return None
+        drawer = self._store.drawer(owner)
+        offset_m = self.teaching.offset_m if self.teaching is not None else 0.0
+        return ShiftedDrawer(drawer, offset_m) if offset_m else drawer
+
+    def begin_teaching(self, sensors: Mapping[str, SensorInfo], counters: Counters, times: array[int]) -> None:
+        """Make ready to lay waypoints; the store keeps what is known of the sensors."""
+        assert self._plan.store is not None
+        assert self._store is not None
+        self.teaching = Teaching(self._store, self._plan.store.spacing_m, self.start_pose, counters, times)
+        self._store.set_sensors(sensors)
+        self._store.commit()
+
+    def finish_teaching(self, localizers: Sequence[PlannedLocalizer]) -> None:
+        """Let every localizer select, train and index what it was taught, and write down that it did."""
+        assert self._store is not None
+        for planned in localizers:
+            _finish(planned, self._store)
+
+    def finish_leftovers(self, localizers: Sequence[PlannedLocalizer], sessions: Sessions) -> None:
+        """Let localizers finish what an interrupted teaching left, before the path is used."""
+        if self._store is None or self._plan.mode == "teach":
+            return
+        unfinished = [planned for planned in localizers if not self._store.is_finished(planned.name)]
+        if not unfinished:
+            return
+        self._store.close()
+        store = self._open("append")
+        for planned in unfinished:
+            logger.info("teaching of %r was not finished: finishing it", planned.name)
+            session = sessions.of("localizer", planned.name, mode="teach", drawer=store.drawer(planned.name))
+            self._starter.start("localizer", planned.name, planned.localizer, session)
+            _finish(planned, store)
+            planned.localizer.close()
+        store.close()
+        self._store = self._open("read")
+
+    def _open(self, access: Access) -> PathStore:
+        assert self._plan.store is not None
+        store = self._plan.store.build(access)
+        session = Sessions(self._plan.mode, self._plan.seed).of("path_store", "path_store")
+        self._starter.start("path_store", "path_store", store, session)
+        return store
+
+    def _start_pose(self) -> Pose2 | None:
+        start, path = self._plan.start, self.path
+        if isinstance(start, Pose2):
+            return start
+        if start == "unknown":
+            return None
+        if start == "last" and path is None:
+            raise ConfigError("start: last needs a taught path; give a store, or start: [x, y, deg]")
+        if path is None or (start == "first" and self._plan.mode == "teach"):
+            return Pose2()
+        return path[0 if start == "first" else -1].pose_map_base
+
+
+def _finish(planned: PlannedLocalizer, store: PathStore) -> None:
+    guarded(f"localizer {planned.name!r}", "could not finish", planned.localizer.finish)
+    store.mark_finished(planned.name)
+    store.commit()

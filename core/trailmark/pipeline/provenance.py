@@ -1,0 +1,78 @@
+"""Where a result comes from: versions, machine, repositories."""
+
+from __future__ import annotations
+
+import platform
+import re
+import shlex
+import subprocess
+import sys
+from datetime import datetime
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import trailmark
+
+__all__ = ["cpu_model", "git_describe", "package_versions", "provenance"]
+
+_GIT_PATIENCE_S = 5.0
+
+
+def provenance(config_dir: Path | None = None) -> dict[str, Any]:
+    """Return program, command, time, machine and versions, as they stand in ``run.json``.
+
+    Parameters
+    ----------
+    config_dir : Path, optional
+        Folder of the config: the repository that it lies in is named too.
+    """
+    return {
+        "trailmark": trailmark.__version__,
+        "command": shlex.join(sys.argv),
+        "started": datetime.now().astimezone().isoformat(timespec="seconds"),
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "cpu": cpu_model(),
+        "packages": package_versions(),
+        "git": {
+            "trailmark": git_describe(Path(trailmark.__file__).parent),
+            "config": None if config_dir is None else git_describe(config_dir),
+        },
+    }
+
+
+def package_versions() -> dict[str, str]:
+    """Return the versions of the packages that Trailmark asks for, as far as they are installed."""
+    try:
+        wanted = metadata.requires("trailmark") or []
+    except metadata.PackageNotFoundError:  # run from a checkout that is not installed
+        return {}
+    names = {re.split(r"[^A-Za-z0-9._-]", requirement, maxsplit=1)[0].lower() for requirement in wanted}
+    versions = {}
+    for name in sorted(names - {"trailmark"}):
+        try:
+            versions[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue  # of an extra that is not installed
+    return versions
+
+
+def cpu_model() -> str:
+    """Return the name of the processor, as well as the system tells it."""
+    try:
+        text = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return platform.processor() or platform.machine()
+    found = re.search(r"^model name\s*:\s*(.+)$", text, re.MULTILINE)
+    return found.group(1).strip() if found else platform.machine()
+
+
+def git_describe(folder: Path) -> str | None:
+    """Return tag or commit of the repository that a folder lies in, with ``-dirty`` if it was changed."""
+    command = ["git", "-C", str(folder), "describe", "--always", "--dirty", "--tags"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=_GIT_PATIENCE_S, check=False)
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return done.stdout.strip() or None if done.returncode == 0 else None

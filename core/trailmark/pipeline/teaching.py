@@ -1,0 +1,141 @@
+"""Teaching: waypoints along the way, committed together with the keyframes since the last one."""
+
+from __future__ import annotations
+
+import logging
+import math
+from array import array
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from time import perf_counter_ns
+from typing import Any
+
+import numpy.typing as npt
+
+from trailmark.errors import ConfigError
+from trailmark.estimates import Belief
+from trailmark.geometry import Pose2
+from trailmark.interfaces import Drawer, PathStore
+from trailmark.paths import Keyframe, Waypoint
+from trailmark.pipeline.counters import Counters
+
+__all__ = ["ShiftedDrawer", "Teaching"]
+
+logger = logging.getLogger(__name__)
+
+# Ways that went through sums of floats: this much short of a multiple is on it.
+_SLACK_M = 1e-9
+
+# Odometry starts with the robot; a recording that has given no motion for so long has none.
+_GRACE_S = 5.0
+
+
+class ShiftedDrawer(Drawer):
+    """A drawer of a path that is being continued: stations go on where the path ended."""
+
+    def __init__(self, drawer: Drawer, offset_m: float) -> None:
+        self._drawer = drawer
+        self._offset_m = offset_m
+
+    def add(self, keyframe: Keyframe) -> None:
+        """Remember a keyframe."""
+        self._drawer.add(replace(keyframe, station_m=keyframe.station_m + self._offset_m))
+
+    def keyframes(self) -> Sequence[Keyframe]:
+        """Return all keyframes, those of the whole path."""
+        return self._drawer.keyframes()
+
+    def save(self, name: str, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
+        """Store named arrays."""
+        self._drawer.save(name, arrays)
+
+    def load(self, name: str) -> Mapping[str, npt.NDArray[Any]] | None:
+        """Return the arrays saved under a name, or None."""
+        return self._drawer.load(name)
+
+
+class Teaching:
+    """Lays a waypoint at the first frame at or beyond every multiple of `spacing_m`.
+
+    Parameters
+    ----------
+    store : PathStore
+        Open for writing. Its path, if it has one, is continued.
+    spacing_m : float
+        Way between waypoints, measured by `Belief.travelled_m` [m].
+    start_pose : Pose2 or None
+        Where the robot starts; a path is continued from its end straight to there.
+    """
+
+    def __init__(
+        self, store: PathStore, spacing_m: float, start_pose: Pose2 | None, counters: Counters, times: array[int]
+    ) -> None:
+        self._store = store
+        self._spacing_m = spacing_m
+        self._counters = counters
+        self._times = times
+        path = store.path()
+        self._n_waypoints = 0 if path is None else len(path)
+        between_m = 0.0 if path is None else _distance(path[-1].pose_map_base, start_pose, spacing_m)
+        self.offset_m = 0.0 if path is None else path[-1].station_m + between_m
+        self._next_m = 0.0 if path is None or between_m >= spacing_m / 2 else spacing_m
+        self._last_m = -math.inf
+        self._began_s: float | None = None
+        self._has_motion = False
+
+    @property
+    def n_waypoints(self) -> int:
+        """How many waypoints are committed, with those of before."""
+        return self._n_waypoints
+
+    def on_belief(self, belief: Belief) -> None:
+        """Lay a waypoint if the robot has come far enough.
+
+        Raises
+        ------
+        ConfigError
+            If nothing has given any motion.
+        """
+        self._began_s = belief.stamp_s if self._began_s is None else self._began_s
+        if not self._has_motion:
+            self._has_motion = math.isfinite(belief.motion_age_s)
+            if not self._has_motion and belief.stamp_s - self._began_s > _GRACE_S:
+                raise self._no_motion(f"after {_GRACE_S:g} s")
+        if belief.travelled_m >= self._next_m - _SLACK_M and belief.pose_map_base is not None:
+            self._lay(belief)
+
+    def end(self, belief: Belief) -> None:
+        """Lay the last waypoint where the robot stopped, unless one is near; commit what is left.
+
+        Raises
+        ------
+        ConfigError
+            If there was no motion.
+        """
+        if not self._has_motion:
+            raise self._no_motion("in the whole recording")
+        if belief.travelled_m - self._last_m >= self._spacing_m / 2 and belief.pose_map_base is not None:
+            self._lay(belief)
+        self._store.commit()
+
+    def _lay(self, belief: Belief) -> None:
+        assert belief.pose_map_base is not None
+        began_ns = perf_counter_ns()
+        station_m = self.offset_m + belief.travelled_m
+        self._store.append(Waypoint(self._n_waypoints, station_m, belief.pose_map_base))
+        self._store.commit()
+        self._times.append(perf_counter_ns() - began_ns)
+        self._n_waypoints += 1
+        self._last_m = belief.travelled_m
+        self._next_m = (math.floor((belief.travelled_m + _SLACK_M) / self._spacing_m) + 1) * self._spacing_m
+        self._counters.add("teach.waypoints")
+
+    def _no_motion(self, when: str) -> ConfigError:
+        return ConfigError(
+            f"teaching needs motion, and {when} no localizer has given any: add 'odometry' with the robot's wheel"
+            " odometry, or 'constant_speed' if there is none"
+        )
+
+
+def _distance(end: Pose2, start: Pose2 | None, otherwise_m: float) -> float:
+    return otherwise_m if start is None else end.distance_to(start)
