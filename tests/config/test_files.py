@@ -1,9 +1,12 @@
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from pydantic import ValidationError
 
 from trailmark.config import ConfigPath, ExistingFile, ExistingPath, PluginConfig, read_calibration
+from trailmark.config.files import resolved
 from trailmark.errors import ConfigError
 from trailmark.frames import GroundPlane, Pinhole
 
@@ -66,3 +69,16 @@ def test_a_calibration_file_that_is_no_calibration_is_named(tmp_path):
 
     with pytest.raises(ConfigError, match=r"^bad.yaml: calibration lacks cx, cy"):
         read_calibration("bad.yaml", tmp_path)
+
+
+def test_a_variable_in_a_path_is_expanded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RECORDINGS", str(tmp_path))
+
+    assert resolved("${RECORDINGS}/a.bag") == tmp_path / "a.bag"
+
+
+def test_a_variable_that_is_not_set_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("RECORDINGS", raising=False)
+
+    with pytest.raises(ValueError, match="environment variable RECORDINGS is not set"):
+        resolved("${RECORDINGS}/a.bag")

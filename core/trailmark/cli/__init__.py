@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 
@@ -14,6 +15,10 @@ def main(arguments: list[str] | None = None) -> None:
     from trailmark.cli.root import root, split_plugin_options
 
     debug = bool(os.environ.get("TRAILMARK_DEBUG"))
+    logging.basicConfig(
+        format="trailmark: %(levelname)s: %(message)s", level=os.environ.get("TRAILMARK_LOG", "warning").upper()
+    )
+    logging.getLogger("trailmark.plugins").setLevel(logging.ERROR)  # the command line names broken plugins itself
     try:
         chosen, rest = split_plugin_options(sys.argv[1:] if arguments is None else arguments)
         root.main(rest, prog_name="trailmark", obj=chosen, standalone_mode=False)

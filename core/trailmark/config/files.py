@@ -1,8 +1,12 @@
-"""Paths in configs: relative ones start at the config's folder, not where the program was started."""
+"""Paths in configs: relative ones start at the config's folder, not where the program was started.
+
+``~`` and ``${VARIABLE}`` are expanded, so that a config can point to recordings that live elsewhere on each machine.
+"""
 
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,11 +19,26 @@ __all__ = ["BASE_DIR", "ConfigPath", "ExistingFile", "ExistingPath", "resolved"]
 #: Key of the validation context under which the host gives the config's folder.
 BASE_DIR = "base_dir"
 
+_VARIABLE = re.compile(r"\$\{([A-Za-z_][A-Za-z0-9_]*)\}")
+
 
 def resolved(value: str | Path, base_dir: Path | None = None) -> Path:
-    """Return a path with ``~`` expanded; a relative one starts at `base_dir`, or at the working folder."""
-    path = Path(os.path.expanduser(value))
+    """Return a path with ``~`` and ``${VARIABLE}`` expanded; a relative one starts at `base_dir`, or where we work.
+
+    Raises
+    ------
+    ValueError
+        If a variable is not set.
+    """
+    path = Path(os.path.expanduser(_VARIABLE.sub(_value_of, str(value))))
     return path if path.is_absolute() else (base_dir or Path.cwd()) / path
+
+
+def _value_of(match: re.Match[str]) -> str:
+    value = os.environ.get(match[1])
+    if not value:
+        raise ValueError(f"the environment variable {match[1]} is not set; it is part of the path {match.string}")
+    return value
 
 
 def _base_dir(info: ValidationInfo) -> Path | None:
