@@ -1,0 +1,131 @@
+"""``trailmark inspect``: what a source gives, before anything is made of it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from trailmark.cli.errors import say
+from trailmark.cli.root import plugins_of
+from trailmark.errors import ConfigError
+from trailmark.frames import RGBD, Frame, Image, SensorInfo
+from trailmark.interfaces import Session
+from trailmark.pipeline import Feed
+from trailmark.pipeline.assembly import plan_of, read_config
+
+__all__ = ["inspect_command"]
+
+
+@dataclass(slots=True)
+class _Seen:
+    """What was seen of one sensor."""
+
+    info: SensorInfo
+    stamps_s: list[float] = field(default_factory=list)
+    first: Frame | None = None
+
+
+@click.command("inspect")
+@click.argument("target", metavar="CONFIG|RECORDING|camera")
+@click.option("--frames", "n_frames", type=click.IntRange(1), default=300, show_default=True, help="Frames to read.")
+@click.option("--out", type=click.Path(path_type=Path), help="Folder for the first picture of each camera.")
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key of the config.")
+@click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
+@click.pass_context
+def inspect_command(
+    context: click.Context, /, target: str, n_frames: int, out: Path | None, overrides: tuple[str, ...], as_json: bool
+) -> None:
+    """Show the sensors of a source: kinds, sizes, rates, intervals, and their first frames as pictures."""
+    from trailmark.cli.guess import guess_config, is_config
+
+    plugins = plugins_of(context)
+    config = target if is_config(target) else guess_config(target, plugins.registry)
+    run_config = read_config(config, plugins=plugins, overrides=overrides)
+    if not run_config.sources:
+        raise ConfigError(f"{target}: there are no sources to inspect")
+    rows: list[dict[str, Any]] = []
+    for feed in plan_of(run_config).feeds:
+        seen = _look(feed, n_frames)
+        rows += [_row(feed.name, one) for one in seen.values()]
+        if out is not None:
+            _write_pictures(seen, out)
+    if as_json:
+        click.echo(json.dumps(rows, indent=1))
+    else:
+        _print(rows)
+
+
+def _look(feed: Feed, n_frames: int) -> dict[str, _Seen]:
+    """Start a source, read its first frames, close it."""
+    try:
+        feed.start(Session(name=feed.name))
+        seen = {name: _Seen(info) for name, info in feed.sensors.items()}
+        for frame in islice(feed.frames(), n_frames):
+            one = seen[frame.sensor]
+            one.stamps_s.append(frame.stamp_s)
+            one.first = one.first or frame
+    finally:
+        feed.close()
+    return seen
+
+
+def _row(source: str, seen: _Seen) -> dict[str, Any]:
+    info = seen.info
+    intervals_ms = np.diff(seen.stamps_s) * 1e3
+    return {
+        "source": source,
+        "sensor": info.name,
+        "kind": info.kind,
+        "size": list(info.size) if info.size else None,
+        "rate_hz": info.rate_hz,
+        "frames": len(seen.stamps_s),
+        "first_s": seen.stamps_s[0] if seen.stamps_s else None,
+        "interval_ms": {
+            name: float(np.quantile(intervals_ms, q)) for name, q in (("min", 0.0), ("median", 0.5), ("max", 1.0))
+        }
+        if len(intervals_ms)
+        else None,
+        "calibration": type(info.calibration).__name__ if info.calibration is not None else None,
+    }
+
+
+def _write_pictures(seen: dict[str, _Seen], out: Path) -> None:
+    import cv2
+
+    out.mkdir(parents=True, exist_ok=True)
+    for name, one in seen.items():
+        payload = one.first.payload if one.first is not None else None
+        pixels = payload.pixels if isinstance(payload, Image) else payload.bgr if isinstance(payload, RGBD) else None
+        if pixels is not None:
+            path = out / f"{name}.png"
+            cv2.imwrite(str(path), pixels)
+            say(f"wrote {path}")
+
+
+def _print(rows: list[dict[str, Any]]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for column in ("sensor", "kind", "size", "rate", "frames read", "interval min / median / max", "calibration"):
+        table.add_column(column)
+    for row in rows:
+        interval = row["interval_ms"]
+        cells = (
+            row["sensor"],
+            row["kind"],
+            " x ".join(map(str, row["size"])) if row["size"] else "",
+            f"{row['rate_hz']:.4g} Hz" if row["rate_hz"] else "",
+            str(row["frames"]),
+            f"{interval['min']:.1f} / {interval['median']:.1f} / {interval['max']:.1f} ms" if interval else "",
+            row["calibration"] or "none",
+        )
+        table.add_row(*(Text(cell) for cell in cells))
+    Console().print(table)
