@@ -154,3 +154,24 @@ def test_started_again_a_source_is_as_new():
     assert list(old) == []
     assert stamps(source.frames()) == [1.0]
     assert source.counters() == {"repeated": 1}
+
+
+def test_a_sensor_that_lags_too_much_is_skipped_if_the_config_says_so(play):
+    items = [reading(float(i)) for i in range(5)] + [reading(0.5, "b"), reading(4.5, "b")]
+    source = Listed(items, sensors="ab", on_bad_frame="skip")
+
+    frames = play(source)
+
+    assert stamps(frames) == [0.0, 1.0, 2.0, 3.0, 4.0, 4.5]
+    assert source.counters() == {"skipped": 1}
+
+
+def test_close_while_a_frame_is_looked_at_gives_none_after_it():
+    source = Listed([reading(0.0), reading(0.5), reading(0.1, "b"), reading(0.6, "b")], sensors="ab")
+    source.start(Session())
+    frames = source.frames()
+    next(frames)
+
+    source.close()
+
+    assert list(frames) == []

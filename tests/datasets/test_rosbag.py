@@ -215,6 +215,20 @@ def test_damaged_data_inside_a_recording_are_an_error(tmp_path, recording, play)
     assert len(play(bag(path, on_bad_frame="skip"))) == 49
 
 
+def test_a_recording_whose_records_are_damaged_is_an_error_even_when_skipping(tmp_path, recording, play):
+    record = recording()
+    for i in range(50):
+        record.add("/odom", record.odometry(1.0 + i, 0, 0, 0), 1.0 + i)
+    path = record.write(tmp_path)
+    data = bytearray(path.read_bytes())
+    position = data.find(b"base_link", 20_000)
+    data[position : position + 1000] = b"\xff" * 1000  # the lengths of the next record among them
+    path.write_bytes(bytes(data))
+
+    with pytest.raises(SourceError, match=r"a\.bag is damaged"):
+        play(bag(path, on_bad_frame="skip"))
+
+
 def test_an_empty_header_stamp_asks_for_receive_times(tmp_path, recording, play):
     record = recording()
     record.add("/odom", record.odometry(0.0, 0, 0, 0), 7.0)
@@ -344,6 +358,26 @@ def test_compressed_depth_loses_its_header(tmp_path, recording, play):
     (frame,) = play(source)
 
     assert float(frame.payload.depth_m[2, 3]) == pytest.approx(1.1)
+
+
+def test_compressed_depth_of_floats_is_refused(tmp_path, recording):
+    record = recording()
+    record.add("/rgb/image", record.image(1.0, BGR, "bgr8"), 1.0)
+    record.add("/depth/compressedDepth", record.compressed(1.0, b"x" * 99, "32FC1; compressedDepth png"), 1.0)
+    pair = {"colour": "/rgb/image", "depth": "/depth/compressedDepth"}
+
+    with pytest.raises(SourceError, match="message 0 of /depth/compressedDepth: compressed depth of 32FC1"):
+        bag(record.write(tmp_path), rgbd={"kinect": pair}).start(Session())
+
+
+def test_a_first_picture_that_is_bad_is_skipped_too(tmp_path, recording, play):
+    record = recording()
+    record.add("/cam", record.image(1.0, GREY, "yuv422"), 1.0)
+    record.add("/cam", record.image(2.0, GREY, "mono8"), 2.0)
+    source = bag(record.write(tmp_path), topics={"front": "/cam"}, on_bad_frame="skip")
+
+    assert [frame.stamp_s for frame in play(source)] == [2.0]
+    assert source.counters() == {"skipped": 1}
 
 
 def test_colour_and_depth_that_never_meet_are_refused(tmp_path, recording):

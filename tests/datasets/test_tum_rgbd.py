@@ -130,6 +130,12 @@ def tum_truth(path, **keys):
     return truth
 
 
+def test_a_truth_of_one_pose_covers_no_frame(sequence):
+    (sequence / "groundtruth.txt").write_text("10.1 0 0 0 0 0 0 1\n")
+
+    assert len(tum_truth(sequence)) == 0
+
+
 def test_without_a_truth_file_there_is_none(sequence):
     (sequence / "groundtruth.txt").unlink()
     source = tum(sequence)
