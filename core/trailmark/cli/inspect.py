@@ -109,9 +109,10 @@ def _write_pictures(seen: dict[str, _Seen], out: Path) -> None:
 
 
 def _print(rows: list[dict[str, Any]]) -> None:
-    from rich.console import Console
     from rich.table import Table
     from rich.text import Text
+
+    from trailmark.report.console import table_console
 
     table = Table(box=None, header_style="bold", pad_edge=False)
     for column in ("sensor", "kind", "size", "rate", "frames read", "interval min / median / max", "calibration"):
@@ -128,4 +129,4 @@ def _print(rows: list[dict[str, Any]]) -> None:
             row["calibration"] or "none",
         )
         table.add_row(*(Text(cell) for cell in cells))
-    Console().print(table)
+    table_console().print(table)
