@@ -20,6 +20,17 @@ _SOURCES = (
     ("rosbag", "Rosbag", "Recordings of ROS 1 and ROS 2, and MCAP", ""),
 )
 
+# What each plays when it is named without a config.
+_OPENS = {
+    "image_folder": ("*/*.png", "*/*.jpg", "*/*.jpeg", "*/*.bmp", "*/*.pgm", "*/*.tif", "*/*.tiff"),
+    "video": ("*.mp4", "*.avi", "*.mov", "*.mkv", "*.webm", "*.m4v"),
+    "tum_rgbd": ("*/rgb.txt",),
+    "kitti_odometry": ("*/times.txt",),
+    "carmen_log": ("*.log", "*.clf", "*.log.gz", "*.clf.gz"),
+    "csv_odometry": ("*.csv",),
+    "rosbag": ("*.bag", "*.mcap", "*.db3", "*/metadata.yaml"),
+}
+
 
 @hookimpl
 def trailmark_register(registry: Registry) -> None:
@@ -32,4 +43,5 @@ def trailmark_register(registry: Registry) -> None:
             summary=summary,
             reference=reference,
             extra="bags" if name == "rosbag" else None,
+            opens=_OPENS.get(name, ()),
         )
