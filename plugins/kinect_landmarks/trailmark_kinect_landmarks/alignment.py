@@ -1,0 +1,290 @@
+"""Pose from landmarks: closed form of two, weighted robust rigid alignment of more, in the plane or in space.
+
+Everywhere ``points_a = R_a_b points_b + t_a_b``, points one per row, D = 2 or 3 columns.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.errors import ShapeError
+from trailmark.geometry import Pose2
+
+__all__ = [
+    "Alignment",
+    "AlignmentLimits",
+    "Refusal",
+    "align",
+    "kabsch",
+    "planar_covariance",
+    "pose_from_two",
+    "refusal_of",
+]
+
+Array = npt.NDArray[np.float64]
+
+_GATE = {2: 13.8, 3: 16.3}  # chi-square, 99.9 %
+_N_GAUSS_NEWTON = 6
+_HUBER = 2.0  # residuals beyond two sigmas count linearly
+_N_FINALISTS = 5  # sets that are judged with the full covariances
+_MAX_EXHAUSTIVE = 120  # minimal sets tried all, rather than drawn
+
+
+@dataclass(frozen=True, slots=True)
+class AlignmentLimits:
+    """What is too little to answer.
+
+    Attributes
+    ----------
+    min_landmarks : int
+        Landmarks that must agree; at least 2 in the plane and 3 in space.
+    min_separation_m : float
+        The two farthest must be at least this far apart [m].
+    min_angle_rad : float
+        ... and not in line with the camera: their directions differ by this much [rad].
+    """
+
+    min_landmarks: int = 2
+    min_separation_m: float = 0.3
+    min_angle_rad: float = math.radians(2.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """Why there is no pose, in a few words."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Alignment:
+    """A rigid motion.
+
+    Attributes
+    ----------
+    R, t : (D, D), (D,) float64
+        ``points_a = R points_b + t``.
+    covariance : (3, 3) or (6, 6) float64
+        Of the translation and a small rotation on the left, ``R = exp(d) R_true``: (x, y, theta), or
+        (x, y, z, turns about x, y, z).
+    inliers : (N,) bool
+        Which points agree.
+    residual_m : float
+        Root mean square distance of those that agree [m].
+    """
+
+    R: Array
+    t: Array
+    covariance: Array
+    inliers: npt.NDArray[np.bool_]
+    residual_m: float
+
+
+def pose_from_two(A_start: Array, B_start: Array, A_now: Array, B_now: Array) -> Pose2:
+    """Return ``pose_start_now`` from two landmarks in the plane, in closed form.
+
+    The turn is that of the line AB; the middle of AB stays where it is. Points (2,), x forward and y left [m].
+    """
+    line_start, line_now = B_start - A_start, B_now - A_now
+    theta = math.atan2(line_start[1], line_start[0]) - math.atan2(line_now[1], line_now[0])
+    turned = Pose2(0.0, 0.0, theta) @ ((A_now + B_now) / 2.0)
+    middle = (A_start + B_start) / 2.0 - turned
+    return Pose2(float(middle[0]), float(middle[1]), theta)
+
+
+def kabsch(points_a: Array, points_b: Array, weights: Array) -> tuple[Array, Array]:
+    """Return R, t of the weighted least squares of Eq. (2); batches in front: (..., N, D), weights (..., N)."""
+    share = weights / weights.sum(axis=-1, keepdims=True)
+    mean_a = np.einsum("...n,...nd->...d", share, points_a)
+    mean_b = np.einsum("...n,...nd->...d", share, points_b)
+    from_a, from_b = points_a - mean_a[..., None, :], points_b - mean_b[..., None, :]
+    U, _, Vt = np.linalg.svd(np.einsum("...n,...ni,...nj->...ij", share, from_a, from_b))
+    sign = np.ones(U.shape[:-1])
+    sign[..., -1] = np.sign(np.linalg.det(U) * np.linalg.det(Vt))  # a rotation, never a reflection
+    R = np.einsum("...ij,...j,...jk->...ik", U, sign, Vt)
+    return R, mean_a - np.einsum("...ij,...j->...i", R, mean_b)
+
+
+def refusal_of(points_b: Array, limits: AlignmentLimits) -> Refusal | None:
+    """Return why landmarks, as seen now, cannot carry a pose; None when they can."""
+    n, D = points_b.shape
+    needed = max(limits.min_landmarks, D)
+    if n < needed:
+        return Refusal(f"{n} landmarks agree, {needed} are needed")
+    first, second = np.triu_indices(n, 1)
+    separations = np.linalg.norm(points_b[first] - points_b[second], axis=1)
+    if separations.max() < limits.min_separation_m:
+        return Refusal(f"landmarks only {separations.max():.2f} m apart, less than {limits.min_separation_m:g} m")
+    rays = points_b / np.maximum(np.linalg.norm(points_b, axis=1), 1e-9)[:, None]
+    cosines = np.clip(np.einsum("nd,nd->n", rays[first], rays[second]), -1.0, 1.0)
+    if math.acos(float(cosines.min())) < limits.min_angle_rad:
+        return Refusal("landmarks in line with the camera")
+    if D == 3:
+        spread = np.linalg.svd(points_b - points_b.mean(axis=0), compute_uv=False) / math.sqrt(n)
+        if spread[1] < limits.min_separation_m / 6.0:  # the turn about their line stays open
+            return Refusal("landmarks all on one line")
+    return None
+
+
+def align(
+    points_a: Array,
+    points_b: Array,
+    cov_a: Array,
+    cov_b: Array,
+    *,
+    rng: np.random.Generator,
+    limits: AlignmentLimits | None = None,
+    guess: tuple[Array, Array] | None = None,
+    n_tries: int = 96,
+) -> Alignment | Refusal:
+    """Return the rigid motion that most landmarks agree on.
+
+    Consensus of minimal sets, then Gauss-Newton with the covariances of both sides, the far depth of a landmark
+    counting less than its direction, and a Huber loss.
+
+    Parameters
+    ----------
+    points_a, points_b : (N, D) float
+        Remembered and seen, row by row the same landmark [m].
+    cov_a, cov_b : (N, D, D) float
+        Their covariances, in the axes of their points [m^2].
+    rng : Generator
+        Draws the minimal sets when there are too many to try all.
+    guess : (R, t), optional
+        A motion to try as well: the prediction.
+
+    Raises
+    ------
+    ShapeError
+        If the shapes do not fit.
+    """
+    limits = limits or AlignmentLimits()
+    n, D = points_a.shape
+    if points_b.shape != (n, D) or cov_a.shape != (n, D, D) or cov_b.shape != (n, D, D):
+        raise ShapeError(f"{points_a.shape}, {points_b.shape}, {cov_a.shape} and {cov_b.shape} do not belong together")
+    refusal = refusal_of(points_b, limits)
+    if refusal is not None:
+        return refusal
+    R, t = _consensus(points_a, points_b, cov_a, cov_b, guess, rng, n_tries)
+    inliers = _gated(points_a, points_b, cov_a, cov_b, R, t, 4.0)
+    H = np.eye(3 if D == 2 else 6)
+    chi2 = 0.0
+    for _ in range(_N_GAUSS_NEWTON):
+        refusal = refusal_of(points_b[inliers], limits)
+        if refusal is not None:
+            return refusal
+        R, t, H, chi2 = _step(points_a[inliers], points_b[inliers], cov_a[inliers], cov_b[inliers], R, t)
+        inliers = _gated(points_a, points_b, cov_a, cov_b, R, t)
+    refusal = refusal_of(points_b[inliers], limits)
+    if refusal is not None:
+        return refusal
+    misses = points_a[inliers] - points_b[inliers] @ R.T - t
+    dof = max(1, D * int(inliers.sum()) - len(H))
+    covariance = np.linalg.inv(H) * max(1.0, chi2 / dof)
+    return Alignment(R, t, covariance, inliers, math.sqrt(float((misses**2).sum(axis=1).mean())))
+
+
+def _sets(n: int, size: int, rng: np.random.Generator, n_tries: int) -> npt.NDArray[np.intp]:
+    if math.comb(n, size) <= _MAX_EXHAUSTIVE:
+        return np.array(list(combinations(range(n), size)), dtype=np.intp)
+    return np.argsort(rng.random((n_tries, n)), axis=1)[:, :size].astype(np.intp)
+
+
+def _consensus(
+    points_a: Array,
+    points_b: Array,
+    cov_a: Array,
+    cov_b: Array,
+    guess: tuple[Array, Array] | None,
+    rng: np.random.Generator,
+    n_tries: int,
+) -> tuple[Array, Array]:
+    """Return the motion of the minimal set, or the guess, with the least truncated cost."""
+    n, D = points_a.shape
+    sets = _sets(n, D, rng, n_tries)
+    Rs, ts = kabsch(points_a[sets], points_b[sets], np.ones(sets.shape))
+    variance = (np.trace(cov_a, axis1=1, axis2=2) + np.trace(cov_b, axis1=1, axis2=2)) / D
+    misses = points_a - np.einsum("hij,nj->hni", Rs, points_b) - ts[:, None, :]
+    cost = np.minimum((misses**2).sum(axis=2) / variance, _GATE[D]).sum(axis=1)
+    candidates = [(Rs[i], ts[i]) for i in np.argsort(cost)[:_N_FINALISTS]]
+    if guess is not None:
+        candidates.append(guess)
+    exact = [np.minimum(_whitened(points_a, points_b, cov_a, cov_b, R, t)[2], _GATE[D]).sum() for R, t in candidates]
+    return candidates[int(np.argmin(exact))]
+
+
+def _whitened(
+    points_a: Array, points_b: Array, cov_a: Array, cov_b: Array, R: Array, t: Array
+) -> tuple[Array, Array, Array]:
+    """Return residuals (N, D), their information (N, D, D) and squared lengths in sigmas (N,)."""
+    residuals = points_a - points_b @ R.T - t
+    information = np.linalg.inv(cov_a + R @ cov_b @ R.T)
+    squared = np.einsum("ni,nij,nj->n", residuals, information, residuals)
+    return residuals, np.asarray(information, dtype=np.float64), np.asarray(squared)
+
+
+def _gated(
+    points_a: Array, points_b: Array, cov_a: Array, cov_b: Array, R: Array, t: Array, slack: float = 1.0
+) -> npt.NDArray[np.bool_]:
+    squared = _whitened(points_a, points_b, cov_a, cov_b, R, t)[2]
+    return np.asarray(squared < _GATE[points_a.shape[1]] * slack)
+
+
+def _step(
+    points_a: Array, points_b: Array, cov_a: Array, cov_b: Array, R: Array, t: Array
+) -> tuple[Array, Array, Array, float]:
+    """Return the motion after one Gauss-Newton step, its information and the weighted sum of squares before it."""
+    residuals, information, squared = _whitened(points_a, points_b, cov_a, cov_b, R, t)
+    weights = np.minimum(1.0, _HUBER / np.sqrt(np.maximum(squared, 1e-12)))
+    J = _jacobian(points_b @ R.T)
+    weighted = np.einsum("n,nij,njk->nik", weights, information, J)
+    H = np.einsum("nij,nik->jk", J, weighted)
+    delta = np.linalg.solve(H, np.einsum("nij,ni->j", weighted, residuals))
+    D = points_a.shape[1]
+    return _exp(delta[D:]) @ R, t + delta[:D], H, float((weights * squared).sum())
+
+
+def _jacobian(turned: Array) -> Array:
+    """Return d(R p + t) by translation and left rotation, (N, D, 3 or 6)."""
+    n, D = turned.shape
+    J = np.zeros((n, D, 3 if D == 2 else 6))
+    J[:, :, :D] = np.eye(D)
+    if D == 2:
+        J[:, 0, 2], J[:, 1, 2] = -turned[:, 1], turned[:, 0]
+        return J
+    x, y, z = turned.T
+    J[:, 0, 4], J[:, 0, 5] = z, -y
+    J[:, 1, 3], J[:, 1, 5] = -z, x
+    J[:, 2, 3], J[:, 2, 4] = y, -x
+    return J
+
+
+def _exp(turn: Array) -> Array:
+    """Return the rotation matrix of a small turn: an angle (1,), or a rotation vector (3,) [rad]."""
+    if len(turn) == 1:
+        c, s = math.cos(turn[0]), math.sin(turn[0])
+        return np.array([[c, -s], [s, c]])
+    angle = float(np.linalg.norm(turn))
+    if angle < 1e-12:
+        return np.eye(3)
+    x, y, z = turn / angle
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + math.sin(angle) * K + (1.0 - math.cos(angle)) * (K @ K))
+
+
+def planar_covariance(alignment: Alignment) -> Array:
+    """Return the (3, 3) covariance of x, y and heading, the heading being that of the turned x axis."""
+    if len(alignment.t) == 2:
+        return alignment.covariance
+    ahead = alignment.R[:, 0]
+    flat = max(float(ahead[0] ** 2 + ahead[1] ** 2), 1e-6)
+    J = np.zeros((3, 6))
+    J[0, 0] = J[1, 1] = 1.0
+    # d(heading) = (x dy - y dx) / (x^2 + y^2) with d(ahead) = turn x ahead
+    J[2, 3:] = (-ahead[0] * ahead[2] / flat, -ahead[1] * ahead[2] / flat, 1.0)
+    return np.asarray(J @ alignment.covariance @ J.T)
