@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 from trailmark.errors import ConfigError
 from trailmark.frames.documents import sensor_from_document
 from trailmark.stores import drawer_rows, tables
-from trailmark.stores.faults import Damage, DamagedStoreError
+from trailmark.stores.faults import SQLITE_ERRORS, Damage, DamagedStoreError
 from trailmark.stores.files import open_for_reading
 
 __all__ = ["Findings", "check_store"]
@@ -22,7 +22,7 @@ T = TypeVar("T")
 Row = tuple[Any, ...]
 
 _MAX_PROBLEMS = 50
-_MAX_BLIND_STEPS = 10_000  # rows tried one by one behind a damaged page, when the last one is not known
+_MAX_BLIND_STEPS = 200_000  # rows tried one by one behind a damaged page: half a second
 
 
 @dataclass(slots=True)
@@ -65,7 +65,7 @@ class Findings:
         """Return what a reader gives, or None with the problem noted."""
         try:
             return read(*arguments)
-        except (Damage, ConfigError, sqlite3.Error) as error:
+        except (Damage, ConfigError, *SQLITE_ERRORS) as error:
             self.add(error)
             return None
 
@@ -90,7 +90,9 @@ def check_store(path: Path) -> Findings:
             for finding in findings.tried(_page_findings, connection) or ():
                 findings.add(f"pages: {finding}")
             _check_facts(connection, findings)
-            totals = findings.tried(tables.read_totals, connection) or None
+            totals = findings.tried(tables.read_totals, connection)
+            n_facts = findings.tried(tables.count_facts, connection)
+            findings.count("entries", n_facts or 0, None if totals is None else totals.facts)
             _check_waypoints(connection, totals, findings)
             _check_drawers(connection, totals, findings)
     finally:
@@ -143,18 +145,18 @@ def _rows(connection: sqlite3.Connection, table: str, columns: str, findings: Fi
             last = row[0]
             yield row
         return
-    except sqlite3.Error as error:
+    except SQLITE_ERRORS as error:
         findings.add(f"{table} behind row {last}: {error}")
     for number in range(last + 1, _last_id(connection, table, last) + 1):
         try:
             yield from connection.execute(f"SELECT id, {columns} FROM {table} WHERE id = ?", (number,)).fetchall()
-        except sqlite3.Error:
+        except SQLITE_ERRORS:
             continue  # noted above; the totals say how many are missing
 
 
 def _last_id(connection: sqlite3.Connection, table: str, last: int) -> int:
     try:
         found: int | None = connection.execute(f"SELECT max(id) FROM {table}").fetchone()[0]
-    except sqlite3.Error:
+    except SQLITE_ERRORS:
         found = None
-    return last + _MAX_BLIND_STEPS if found is None else min(found, last + 100 * _MAX_BLIND_STEPS)
+    return last + _MAX_BLIND_STEPS if found is None else min(found, last + _MAX_BLIND_STEPS)

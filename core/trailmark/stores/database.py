@@ -11,7 +11,7 @@ from pathlib import Path
 
 from trailmark.errors import StoreError
 from trailmark.stores import tables
-from trailmark.stores.faults import store_errors, told
+from trailmark.stores.faults import SQLITE_ERRORS, store_errors, told
 from trailmark.stores.files import is_path_store, open_for_reading, open_for_writing, use_log
 from trailmark.stores.schema import PAGE_BYTES, VERSION, create_schema
 from trailmark.stores.writer import WriterMark, connect, fold, fold_connection, side_files
@@ -66,20 +66,21 @@ class Database:
         StoreError
             If something stands there that may not be replaced.
         """
-        with _taken(path) as mark:
-            draft = path.with_name(path.name + ".new")
-            with store_errors(path):
-                if path.exists():
-                    _check_replaceable(path, replaces)
-                _remove(draft, *side_files(draft))  # of a writer that was killed: this one holds the mark
-                connection = connect(draft, "rwc")
-                connection.execute(f"PRAGMA page_size = {PAGE_BYTES}")
-                connection.execute("BEGIN IMMEDIATE")
-                create_schema(connection)
-                tables.write_totals(connection, tables.Totals())
-                connection.execute("COMMIT")
+        draft = path.with_name(path.name + ".new")
+        with _taken(path) as mark, store_errors(path), contextlib.ExitStack() as undo:
+            if path.exists():
+                _check_replaceable(path, replaces)
+            _remove(draft, *side_files(draft))  # of a writer that was killed: this one holds the mark
+            connection = connect(draft, "rwc")
             database = cls(path, connection)
             database._draft, database._mark, database._replaces = draft, mark, replaces
+            undo.callback(database.close)
+            connection.execute(f"PRAGMA page_size = {PAGE_BYTES}")
+            connection.execute("BEGIN IMMEDIATE")
+            create_schema(connection)
+            tables.write_totals(connection, tables.Totals())
+            connection.execute("COMMIT")
+            undo.pop_all()
         return database
 
     @contextlib.contextmanager
@@ -109,7 +110,7 @@ class Database:
                 with store_errors(self.path):
                     yield connection
                 connection.execute("RELEASE step")
-            except sqlite3.Error as error:
+            except SQLITE_ERRORS as error:
                 raise self._broke(told(error, self.path)) from error
             except BaseException as error:
                 self._undo_step(connection, error)
@@ -143,7 +144,7 @@ class Database:
             connection, self._connection = self._connection, None
             if connection is None:
                 return
-            with contextlib.suppress(sqlite3.Error):
+            with contextlib.suppress(*SQLITE_ERRORS):
                 if connection.in_transaction:
                     connection.execute("ROLLBACK")
                 if self._mark is not None and self._draft is None:
@@ -188,10 +189,10 @@ class Database:
 
     def _undo_step(self, connection: sqlite3.Connection, error: BaseException) -> None:
         """Take back a step that failed in the middle; when SQLite failed in it, the transaction is gone."""
-        if isinstance(error.__cause__, sqlite3.Error) and isinstance(error, StoreError):
+        if isinstance(error.__cause__, SQLITE_ERRORS) and isinstance(error, StoreError):
             self._broke(error)
             return
-        with contextlib.suppress(sqlite3.Error):  # interrupted before the step began
+        with contextlib.suppress(*SQLITE_ERRORS):  # interrupted before the step began
             connection.execute("ROLLBACK TO step")
             connection.execute("RELEASE step")
 
@@ -199,7 +200,7 @@ class Database:
         """Give up writing: what was committed stays, and every later call says why."""
         self._broken = error
         if self._connection is not None:
-            with contextlib.suppress(sqlite3.Error):
+            with contextlib.suppress(*SQLITE_ERRORS):
                 if self._connection.in_transaction:
                     self._connection.execute("ROLLBACK")
         return error

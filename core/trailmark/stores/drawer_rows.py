@@ -165,10 +165,12 @@ def saved_names(connection: Connection, row: DrawerRow) -> list[str]:
 
 def read_saved(connection: Connection, row: DrawerRow, name: str) -> ArrayMap | None:
     """Return the arrays that were saved under a name, or None."""
-    if name not in saved_names(connection, row):
-        return None
-    values = connection.execute(f"SELECT {SAVED} FROM saved WHERE drawer = ? AND name = ?", (row.id, name)).fetchone()
-    return saved_of(values, row.owner)
+    if name in saved_names(connection, row):
+        values = connection.execute(f"SELECT {SAVED} FROM saved WHERE drawer = ? AND name = ?", (row.id, name))
+        return saved_of(values.fetchone(), row.owner)
+    for other in connection.execute(f"SELECT {SAVED} FROM saved WHERE drawer = ?", (row.id,)):
+        saved_of(other, row.owner)  # else a damaged name would pass for none
+    return None
 
 
 def saved_of(values: Row, owner: str) -> ArrayMap:

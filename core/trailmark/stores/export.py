@@ -42,19 +42,19 @@ def export_store(path: Path, folder: Path) -> list[Path]:
     StoreError
         If the store cannot be read, or the folder is not empty or cannot be written.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if any(folder.iterdir()):
-            raise StoreError(f"{folder} is not empty; name a new folder with --out")
-        with closing(Database.to_read(path)) as database, database.reading() as connection:
+    with closing(Database.to_read(path)) as database, database.reading() as connection:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            if any(folder.iterdir()):
+                raise StoreError(f"{folder} is not empty; name a new folder with --out")
             return [
                 *_write_path(list(tables.read_waypoints(connection)), folder),
                 _write_json(folder / "sensors.json", tables.read_document(connection, "sensors")),
                 _write_json(folder / "provenance.json", tables.read_document(connection, "meta")),
                 *_write_drawers(connection, folder / "drawers"),
             ]
-    except OSError as error:
-        raise StoreError(f"cannot export to {folder}: {error.strerror or error}") from error
+        except OSError as error:
+            raise StoreError(f"cannot export to {folder}: {error.strerror or error}") from error
 
 
 def file_names(names: list[str]) -> list[str]:

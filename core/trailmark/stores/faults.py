@@ -9,7 +9,19 @@ from pathlib import Path
 
 from trailmark.errors import StoreError
 
-__all__ = ["Damage", "DamagedStoreError", "is_in_use", "primary_code", "store_errors", "told"]
+__all__ = [
+    "SQLITE_ERRORS",
+    "Damage",
+    "DamagedStoreError",
+    "is_in_use",
+    "primary_code",
+    "store_errors",
+    "told",
+]
+
+
+#: What SQLite's calls raise. Its messages quote the file, and Python then fails to decode what damage left there.
+SQLITE_ERRORS = (sqlite3.Error, UnicodeDecodeError)
 
 
 class DamagedStoreError(StoreError):
@@ -20,13 +32,13 @@ class Damage(Exception):
     """A row that is not as it was written; the text says which and why."""
 
 
-def primary_code(error: sqlite3.Error) -> int | None:
+def primary_code(error: Exception) -> int | None:
     """Return SQLite's primary result code, or None where the error is Python's own."""
     code: int | None = getattr(error, "sqlite_errorcode", None)
     return None if code is None else code & 0xFF
 
 
-def is_in_use(error: sqlite3.Error) -> bool:
+def is_in_use(error: Exception) -> bool:
     """Return whether another connection stands in the way."""
     return primary_code(error) in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED)
 
@@ -36,7 +48,7 @@ def store_errors(path: Path) -> Iterator[None]:
     """Turn what SQLite and the readers of rows raise into a `StoreError` that names the file."""
     try:
         yield
-    except sqlite3.Error as error:
+    except SQLITE_ERRORS as error:
         raise told(error, path) from error
     except Damage as error:
         raise _damaged(path, str(error)) from error
@@ -44,7 +56,7 @@ def store_errors(path: Path) -> Iterator[None]:
         raise StoreError(f"{path}: {error.strerror or error}") from error
 
 
-def told(error: sqlite3.Error, path: Path) -> StoreError:
+def told(error: Exception, path: Path) -> StoreError:
     """Return the `StoreError` for an error of SQLite: what happened, and what to do."""
     code = primary_code(error)
     if isinstance(error, sqlite3.ProgrammingError):

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from trailmark.errors import StoreError
-from trailmark.stores.faults import primary_code, store_errors
+from trailmark.stores.faults import SQLITE_ERRORS, primary_code, store_errors
 from trailmark.stores.migrations import migrate
 from trailmark.stores.schema import APPLICATION_ID, HEAD_BYTES, VERSION, has_our_mark, identify
 from trailmark.stores.writer import connect, fold, is_unfolded
@@ -31,7 +31,7 @@ def is_path_store(path: Path) -> bool:
     try:
         with contextlib.closing(connect(path, "ro")) as connection:
             return has_our_mark(connection)
-    except sqlite3.Error:  # too damaged for SQLite: the head of the file is looked at as it is
+    except SQLITE_ERRORS:  # too damaged for SQLite: the head of the file is looked at as it is
         with path.open("rb") as file:
             return file.read(HEAD_BYTES)[-4:] == APPLICATION_ID.to_bytes(4, "big")
 

@@ -14,7 +14,7 @@ from trailmark.geometry import Pose2
 from trailmark.paths import Keyframe, Waypoint
 from trailmark.stores import drawer_rows, tables
 from trailmark.stores.faults import Damage
-from trailmark.stores.rows import pack_arrays
+from trailmark.stores.rows import check_name, pack_arrays
 from trailmark.stores.schema import TABLES, VERSION, create_schema
 
 __all__ = ["migrate"]
@@ -51,6 +51,7 @@ def _from_1_to_2(connection: sqlite3.Connection) -> None:
     create_schema(connection, 2)
     tables.write_totals(connection, tables.Totals())
     for key, value in connection.execute("SELECT key, value FROM old_facts").fetchall():
+        check_name(key, "an entry")
         tables.write_fact(connection, key, json.loads(value))
     for index, station_m, x, y, theta in connection.execute("SELECT * FROM old_waypoints ORDER BY idx").fetchall():
         tables.add_waypoint(connection, Waypoint(index, station_m, Pose2(x, y, theta)))
@@ -61,6 +62,7 @@ def _from_1_to_2(connection: sqlite3.Connection) -> None:
 
 
 def _drawer_from_1_to_2(connection: sqlite3.Connection, drawer: int, owner: str, finished: bool) -> None:
+    check_name(owner, "a drawer")
     row = drawer_rows.add_drawer(connection, owner)
     old = connection.execute("SELECT * FROM old_keyframes WHERE drawer = ? ORDER BY id", (drawer,)).fetchall()
     for number, _, station_m, stamp_s, x, y, theta in old:
@@ -69,6 +71,7 @@ def _drawer_from_1_to_2(connection: sqlite3.Connection, drawer: int, owner: str,
         row = drawer_rows.add_keyframe(connection, row, keyframe, *pack_arrays(arrays))
     names = connection.execute("SELECT DISTINCT saved_as FROM old_arrays WHERE drawer = ?", (drawer,)).fetchall()
     for name in [name for (name,) in names if name is not None]:
+        check_name(name, "saved arrays")
         arrays = dict(_arrays_of_1(connection, "saved_as = ?", drawer, name))
         row = drawer_rows.save_arrays(connection, row, name, *pack_arrays(arrays))
     drawer_rows.set_finished(connection, row, finished)

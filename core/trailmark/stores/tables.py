@@ -6,7 +6,7 @@ import json
 import math
 import sqlite3
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 from trailmark.errors import ShapeError, StoreError
@@ -18,6 +18,7 @@ from trailmark.stores.rows import checksum
 __all__ = [
     "Totals",
     "add_waypoint",
+    "count_facts",
     "finite",
     "pose_numbers",
     "read_document",
@@ -33,12 +34,16 @@ Connection = sqlite3.Connection
 Row = tuple[Any, ...]
 
 
+TOTALS = "totals"
+
+
 @dataclass(frozen=True, slots=True)
 class Totals:
     """How many rows there must be: a page that got lost takes its rows along without a trace."""
 
     waypoints: int = 0
     drawers: int = 0
+    facts: int = 1
 
 
 def write_fact(connection: Connection, key: str, value: Any) -> None:
@@ -47,41 +52,64 @@ def write_fact(connection: Connection, key: str, value: Any) -> None:
     row = (checksum("facts", key, text), text, key)
     if connection.execute("UPDATE facts SET crc = ?, value = ? WHERE key = ?", row).rowcount == 0:
         connection.execute("INSERT INTO facts (crc, value, key) VALUES (?, ?, ?)", row)
+        if key != TOTALS:
+            totals = read_totals(connection)
+            write_totals(connection, replace(totals, facts=totals.facts + 1))
 
 
 def read_fact(connection: Connection, key: str) -> Any:
     """Return the value kept under a key, or None."""
-    rows = connection.execute("SELECT crc, value FROM facts WHERE key = ?", (key,)).fetchmany(2)
-    if not rows:
-        return None
-    crc, text = rows[0]
-    if len(rows) > 1 or crc != checksum("facts", key, text):
-        raise Damage(f"the entry {key!r} is not as it was written")
+    rows = connection.execute("SELECT key, crc, value FROM facts WHERE key = ?", (key,)).fetchmany(2)
+    if len(rows) > 1:
+        raise Damage(f"the entry {key!r} is there twice")
+    if rows:
+        return _value_of(rows[0])
+    for row in connection.execute("SELECT key, crc, value FROM facts"):  # else a damaged key would pass for none
+        _value_of(row)
+    return None
+
+
+def _value_of(row: Row) -> Any:
+    key, crc, text = row
+    if crc != checksum("facts", key, text):
+        raise Damage(f"the entry {_short(key)} is not as it was written")
     try:
         return json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise Damage(f"the entry {key!r} cannot be read: {error}") from error
+    except (TypeError, ValueError, RecursionError) as error:
+        raise Damage(f"the entry {_short(key)} cannot be read: {error}") from error
 
 
 def read_document(connection: Connection, key: str) -> dict[str, Any]:
     """Return the mapping kept under a key; empty where there is none."""
     document = read_fact(connection, key)
+    if document is None and count_facts(connection) != read_totals(connection).facts:
+        raise Damage(f"the entry {key!r} may be lost: an entry is missing")
     if document is not None and not isinstance(document, dict):
         raise Damage(f"the entry {key!r} is no mapping")
     return document or {}
 
 
+def count_facts(connection: Connection) -> int:
+    """Return how many entries there are."""
+    (count,) = connection.execute("SELECT count(*) FROM facts").fetchone()
+    return int(count)
+
+
 def write_totals(connection: Connection, totals: Totals) -> None:
     """Write down how many rows there are."""
-    write_fact(connection, "totals", {"waypoints": totals.waypoints, "drawers": totals.drawers})
+    write_fact(connection, TOTALS, asdict(totals))
 
 
 def read_totals(connection: Connection) -> Totals:
     """Return how many rows there must be."""
-    document = read_document(connection, "totals")
-    numbers = list(document.values())
-    if list(document) != ["waypoints", "drawers"] or any(type(n) is not int or n < 0 for n in numbers):
-        raise Damage("it does not say how many waypoints and drawers it has")
+    document = read_fact(connection, TOTALS)
+    numbers = list(document.values()) if isinstance(document, dict) else []
+    if (
+        not numbers
+        or list(document) != [field.name for field in fields(Totals)]
+        or any(type(n) is not int or n < 0 for n in numbers)
+    ):
+        raise Damage("it does not say how many rows it has")
     return Totals(*numbers)
 
 
@@ -125,11 +153,11 @@ def waypoint_of(row: Row) -> Waypoint:
     """Return the waypoint of a row."""
     index, station_m, x, y, theta, crc = row
     if crc != checksum("waypoints", index, station_m, x, y, theta):
-        raise Damage(f"waypoint {repr(index)[:60]} is not as it was written")
+        raise Damage(f"waypoint {_short(index)} is not as it was written")
     try:
         return Waypoint(index, finite(station_m, "its station"), Pose2(x, y, theta))
     except (TypeError, ValueError) as error:
-        raise Damage(f"waypoint {repr(index)[:60]} cannot be read: {error}") from error
+        raise Damage(f"waypoint {_short(index)} cannot be read: {error}") from error
 
 
 def finite(value: float, what: str) -> float:
@@ -142,3 +170,7 @@ def finite(value: float, what: str) -> float:
 def pose_numbers(pose: Pose2) -> tuple[float, float, float]:
     """Return the numbers of a pose as SQLite keeps them."""
     return float(pose.x) + 0.0, float(pose.y) + 0.0, float(pose.theta) + 0.0
+
+
+def _short(value: Any) -> str:
+    return repr(value)[:60]

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Literal
 
 from trailmark.errors import StoreError
-from trailmark.stores.faults import is_in_use, store_errors
+from trailmark.stores.faults import SQLITE_ERRORS, is_in_use, primary_code
 
 __all__ = ["WriterMark", "connect", "fold", "fold_connection", "is_unfolded", "side_files"]
 
@@ -64,7 +64,7 @@ class WriterMark:
         self._file = path.with_name(path.name + _WRITER)
         self._connection: sqlite3.Connection | None = None
 
-    def take(self, wait_s: float = 1.0) -> None:
+    def take(self, wait_s: float = 0.5) -> None:
         """Take the mark; a short wait lets those pass who only fold.
 
         Raises
@@ -73,14 +73,7 @@ class WriterMark:
             If another writer has it, or the folder cannot be written.
         """
         for _ in range(_ATTEMPTS):
-            with store_errors(self._file):
-                connection = sqlite3.connect(self._file, wait_s, isolation_level=None, check_same_thread=False)
-            try:
-                connection.execute("PRAGMA journal_mode = MEMORY")  # a lock needs no journal beside it
-                connection.execute("BEGIN EXCLUSIVE")
-            except sqlite3.Error as error:
-                connection.close()
-                raise self._refusal(error) from error
+            connection = self._locked(wait_s)
             if self._file.exists():  # else its last owner removed it just before it let go
                 self._connection = connection
                 return
@@ -97,10 +90,24 @@ class WriterMark:
                 self._file.unlink()
         connection.close()
 
-    def _refusal(self, error: sqlite3.Error) -> StoreError:
+    def _locked(self, wait_s: float) -> sqlite3.Connection:
+        connection = None
+        try:
+            connection = sqlite3.connect(self._file, wait_s, isolation_level=None, check_same_thread=False)
+            connection.execute("PRAGMA journal_mode = MEMORY")  # a lock needs no journal beside it
+            connection.execute("BEGIN EXCLUSIVE")
+            return connection
+        except SQLITE_ERRORS as error:
+            if connection is not None:
+                connection.close()
+            raise self._refusal(error) from error
+
+    def _refusal(self, error: Exception) -> StoreError:
         if is_in_use(error):
             return StoreError(f"{self._path} is being written by another process; end that one, or take another file")
-        return StoreError(f"cannot mark {self._path} as being written with {self._file.name}: {error}")
+        if primary_code(error) in (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY):
+            return StoreError(f"{self._path} cannot be written: its folder is read-only; copy the store elsewhere")
+        return StoreError(f"{self._path} cannot be marked as being written by {self._file.name}: {error}; remove that")
 
 
 def fold(path: Path) -> None:
@@ -113,7 +120,7 @@ def fold(path: Path) -> None:
         with contextlib.closing(connect(path, "rw")) as connection:
             fold_connection(connection)
         logger.info("folded what an unfinished writer had left into %s", path)
-    except (StoreError, sqlite3.Error) as error:
+    except (StoreError, *SQLITE_ERRORS) as error:
         logger.debug("left %s as it is: %s", path, error)
     finally:
         mark.give_back()
