@@ -12,7 +12,7 @@ from trailmark.cli.root import plugins_of
 from trailmark.errors import ConfigError
 from trailmark.plugins import Plugins
 
-__all__ = ["init_command"]
+__all__ = ["init_command", "starters"]
 
 
 @click.command("init")
@@ -22,21 +22,21 @@ __all__ = ["init_command"]
 @click.pass_context
 def init_command(context: click.Context, name: str | None, out: Path | None, force: bool) -> None:
     """Write a commented starter config; without NAME, list them."""
-    starters = _starters(plugins_of(context))
+    texts = starters(plugins_of(context))
     if name is None:
-        for key, text in starters.items():
+        for key, text in texts.items():
             click.echo(f"{key:<12}{_first_comment(text)}")
         return
-    if name not in starters:
-        raise ConfigError(f"no starter config '{name}'; available: {', '.join(starters) or 'none'}")
+    if name not in texts:
+        raise ConfigError(f"no starter config '{name}'; available: {', '.join(texts) or 'none'}")
     path = out or Path(f"{name}.yaml")
     if path.exists() and not force:
         raise ConfigError(f"{path} exists already; choose another with --out, or overwrite it with --force")
-    path.write_text(starters[name], encoding="utf-8")
+    path.write_text(texts[name], encoding="utf-8")
     click.echo(f"wrote {path}; read it, then: trailmark run {path}")
 
 
-def _starters(plugins: Plugins) -> dict[str, str]:
+def starters(plugins: Plugins) -> dict[str, str]:
     """Return the text of every starter, by name."""
     packages = dict.fromkeys(record.module.partition(":")[0].partition(".")[0] for record in plugins.records)
     found: dict[str, str] = {}

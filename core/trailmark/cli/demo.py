@@ -1,0 +1,116 @@
+"""``trailmark demo``: teach a path, drive it again, say how well, without a robot."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from trailmark.cli.root import plugins_of
+from trailmark.errors import ConfigError
+
+if TYPE_CHECKING:
+    from trailmark.pipeline import RunResult
+    from trailmark.plugins import Plugins
+
+__all__ = ["demo_command"]
+
+
+@click.command("demo")
+@click.option("--out", type=click.Path(path_type=Path), default=Path("runs/demo"), show_default=True)
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of all random numbers.")
+@click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
+@click.pass_context
+def demo_command(context: click.Context, out: Path, seed: int, as_json: bool) -> None:
+    """Teach a path to a simulated robot, let it drive the path again, and report. Takes about a minute.
+
+    An earlier demo in --out is replaced; the config it ran is left there, to be changed and run again.
+    """
+    from trailmark.cli.init import starters
+
+    began_s = time.monotonic()
+    plugins = plugins_of(context)
+    texts = starters(plugins)
+    if "demo" not in texts:
+        raise ConfigError("the demo needs the plugin 'sim', which did not load: run 'trailmark plugins doctor'")
+    _clear(out)
+    config, store = out / "demo.yaml", out / "place.trail"
+    config.write_text(texts["demo"], encoding="utf-8")
+    show = _silent if as_json else click.echo
+    show("Teaching: somebody drives the robot through four gates, and it remembers the floor.")
+    taught = _run(plugins, config, out / "teach", store, "teach", seed)
+    show("Replaying: the robot is put down a little off the start and drives the path by itself.")
+    replayed = _run(plugins, config, out / "replay", store, "replay", seed)
+    figures = _figures(taught, replayed) | {"wall_s": round(time.monotonic() - began_s, 1)}
+    if as_json:
+        click.echo(json.dumps(figures, indent=1))
+    else:
+        _print(figures, out)
+
+
+def _clear(out: Path) -> None:
+    """Make the folder, without what an earlier demo left in it."""
+    out.mkdir(parents=True, exist_ok=True)
+    for name in ("teach", "replay"):
+        shutil.rmtree(out / name, ignore_errors=True)
+    for path in out.glob("place.trail*"):
+        path.unlink()
+
+
+def _run(plugins: Plugins, config: Path, out: Path, store: Path, mode: Any, seed: int) -> RunResult:
+    from trailmark.api import run
+    from trailmark.cli.progress import RunProgress
+
+    with RunProgress("auto") as on_step:
+        return run(config, out, mode=mode, store=store, overrides=[f"seed={seed}"], plugins=plugins, on_step=on_step)
+
+
+def _figures(taught: RunResult, replayed: RunResult) -> dict[str, Any]:
+    """Return what the demo shows: how well the robot held the path, and how well it knew where it was."""
+    from trailmark.evaluation import find_metric
+
+    truth = replayed.metrics["trajectories"]["groundtruth"]["metrics"]
+    lateral = {key: find_metric(truth, f"lateral_{key}_m") for key in ("mean", "max")}
+    errors = {
+        name: find_metric(found["metrics"], "ate_rmse_m", found.get("alignment", {}).get("used", "se2"))
+        for name, found in replayed.metrics["trajectories"].items()
+        if name != "groundtruth"
+    }
+    return {
+        "path_m": taught.metrics["trajectories"]["groundtruth"]["length_m"],
+        "status": replayed.status,
+        "reason": replayed.reason,
+        "lateral_mean_mm": None if lateral["mean"] is None else 1e3 * lateral["mean"],
+        "lateral_max_mm": None if lateral["max"] is None else 1e3 * lateral["max"],
+        "gates_touched": sum(count for name, count in replayed.counters.items() if name.endswith("collisions")),
+        "ate_rmse_mm": {name: None if error is None else 1e3 * error for name, error in errors.items()},
+        "frames": taught.timing["frames"] + replayed.timing["frames"],
+    }
+
+
+def _silent(_: str) -> None:
+    """Say nothing: the figures are asked for as JSON."""
+
+
+def _print(figures: dict[str, Any], out: Path) -> None:
+    lines = [
+        "",
+        f"The robot drove {figures['path_m']:.1f} m: {figures['reason'] or figures['status']}.",
+        f"  truly off the taught path     {figures['lateral_mean_mm']:6.1f} mm on average,"
+        f" {figures['lateral_max_mm']:.1f} mm at most",
+        f"  poles of the gates touched    {figures['gates_touched']:6d}",
+    ]
+    for name, error_mm in figures["ate_rmse_mm"].items():
+        if error_mm is not None:
+            lines.append(f"  error of {name:<20} {error_mm:6.1f} mm rms")
+    lines += [
+        f"  {figures['frames']} frames in {figures['wall_s']:.0f} s",
+        "",
+        f"Pictures   {out / 'replay' / 'report.html'}",
+        f"Try it     trailmark replay {out / 'demo.yaml'} --store {out / 'place.trail'} --reverse",
+    ]
+    click.echo("\n".join(lines))
