@@ -1,0 +1,32 @@
+"""The figures of the demo, held to what its pictures promise."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+FOLDER = Path("runs/demo/replay")
+
+
+def main() -> None:
+    """Leave with exit code 1 and a line for every figure that is wrong."""
+    metrics = json.loads((FOLDER / "metrics.json").read_text(encoding="utf-8"))
+    run = json.loads((FOLDER / "run.json").read_text(encoding="utf-8"))
+    truth = metrics["trajectories"]["groundtruth"]["metrics"]
+    lateral = {name.partition("[")[0]: value for name, value in truth.items() if name.startswith("lateral_")}
+    checks = {
+        "the replay reaches its end": run["status"] == "done" and "end of the path" in run["reason"],
+        "no gate is touched": run["counters"].get("source.robot.collisions") == 0,
+        "the robot stays within 4.4 mm of the path on average": lateral["lateral_mean_m"] <= 0.0044,
+        "and within 20.3 mm always": lateral["lateral_max_m"] <= 0.0203,
+        "the report is there": (FOLDER / "report.html").stat().st_size > 50_000,
+    }
+    for name, is_met in checks.items():
+        print(f"{'ok  ' if is_met else 'FAIL'} {name}")
+    print({name: round(value, 5) for name, value in lateral.items()})
+    sys.exit(0 if all(checks.values()) else 1)
+
+
+if __name__ == "__main__":
+    main()
