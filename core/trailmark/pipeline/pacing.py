@@ -18,6 +18,9 @@ from trailmark.pipeline.sources import Feed
 
 __all__ = ["Event", "RunClock", "Tick", "held_to_stamps", "live"]
 
+# Nobody can wait for less; a difference of two clocks is never exactly zero.
+_NOW_S = 1e-6
+
 # Frames of one sensor that may wait: the one to work on next, and the one that comes meanwhile.
 _WAITING = 2
 
@@ -72,8 +75,8 @@ def held_to_stamps(frames: Iterator[Frame], clock: RunClock, due_s: Callable[[],
     for index, frame in enumerate(frames):
         if index == 0:
             clock.anchor(frame.stamp_s)
-        while (now_s := clock.now_s()) < frame.stamp_s:
-            if due_s() <= now_s:
+        while (now_s := clock.now_s()) < frame.stamp_s - _NOW_S:
+            if due_s() <= now_s + _NOW_S:
                 yield Tick(now_s)
             else:
                 clock.wait(min(frame.stamp_s, due_s()))
@@ -101,7 +104,7 @@ def live(feeds: Sequence[Feed], clock: RunClock, due_s: Callable[[], float], cou
         elif is_over:
             intake.raise_error()
             return
-        elif -math.inf < due_s() <= now_s:
+        elif -math.inf < due_s() <= now_s + _NOW_S:
             yield Tick(now_s)
         else:
             clock.wait(due_s() if due_s() > -math.inf else math.inf)

@@ -1,0 +1,213 @@
+"""Real time, with a clock that passes when somebody waits for it."""
+
+from __future__ import annotations
+
+import threading
+from queue import SimpleQueue
+
+import pytest
+
+from trailmark.commands import Velocity
+from trailmark.errors import RunError, SourceError
+from trailmark.estimates import Fix
+from trailmark.frames import SensorInfo
+from trailmark.geometry import Pose2
+from trailmark.pipeline import Pipeline
+
+
+class Device:
+    """Makes a live source whose frames come when the test says so."""
+
+    @staticmethod
+    def of(fakes, sensor: str = "cam"):
+        class Live(fakes.Recording):
+            is_live = True
+
+            def __init__(self):
+                super().__init__([], [SensorInfo(sensor, "image")])
+                self.queue = SimpleQueue()
+
+            def frames(self):
+                while (item := self.queue.get()) is not None:
+                    if isinstance(item, Exception):
+                        raise item
+                    yield item
+
+            def close(self):
+                self.queue.put(None)
+                super().close()
+
+        return Live()
+
+
+class TestRecorded:
+    def test_frames_are_held_to_their_stamps(self, fakes) -> None:
+        clock = fakes.FakeClock()
+        source = fakes.Recording(fakes.image_frames("cam", [50.0, 50.1, 50.4]))
+
+        seen = [clock.now_s() - 1000.0 for _ in Pipeline(fakes.plan({"cam": source}, pace="realtime"), clock=clock)]
+
+        assert seen == pytest.approx([0.0, 0.1, 0.4])
+
+    def test_a_slow_run_gets_its_frames_late_and_loses_none(self, fakes) -> None:
+        clock = fakes.FakeClock()
+        source = fakes.Recording(fakes.image_frames("cam", [0.0, 0.1, 0.2]))
+
+        def work_hard(frame, belief):
+            clock.t += 0.25
+            return ()
+
+        pipeline = Pipeline(
+            fakes.plan({"cam": source}, {"slow": fakes.Scripted(work_hard)}, pace="realtime"), clock=clock
+        )
+
+        assert len(list(pipeline)) == 3
+        assert clock.waits == []
+        assert clock.t == pytest.approx(1000.75)
+
+    def test_the_controller_is_asked_between_frames(self, fakes) -> None:
+        clock = fakes.FakeClock()
+        source = fakes.Recording(fakes.image_frames("cam", [0.0, 1.0]))
+        chaser = fakes.Chaser(1e9)
+        plan = fakes.plan({"cam": source}, controller=chaser, control_hz=4.0, pace="realtime")
+
+        steps = list(Pipeline(plan, clock=clock))
+
+        assert [round(step.stamp_s, 3) for step in steps] == [0.0, 0.25, 0.5, 0.75, 1.0]
+        assert [step.frame is None for step in steps] == [False, True, True, True, False]
+        assert all(step.command == Velocity(1.0) for step in steps)
+
+    def test_a_simulated_robot_is_asked_at_frames_alone(self, fakes) -> None:
+        robot = fakes.ToyRobot(4)
+        plan = fakes.plan({"robot": robot}, controller=fakes.Chaser(1e9), control_hz=1000.0, pace="realtime")
+
+        steps = list(Pipeline(plan, clock=fakes.FakeClock()))
+
+        assert len(steps) == 4
+
+
+class TestLive:
+    def test_frames_are_taken_as_they_come(self, fakes) -> None:
+        device, clock = Device.of(fakes), fakes.FakeClock()
+        frames = fakes.image_frames("cam", [1000.1, 1000.2])
+        for frame in frames:
+            clock.scheduled.append((frame.stamp_s, lambda frame=frame: device.queue.put(frame)))
+        clock.scheduled.append((1000.3, lambda: device.queue.put(None)))
+
+        steps = list(Pipeline(fakes.plan({"cam": device}, {"vo": fakes.Mover(Pose2(0.1))}), clock=clock))
+
+        assert [step.stamp_s for step in steps] == [1000.1, 1000.2]
+        assert steps[-1].belief.pose_map_base.x == pytest.approx(0.1)
+
+    def test_the_controller_is_asked_when_no_frame_comes(self, fakes) -> None:
+        device, clock = Device.of(fakes), fakes.FakeClock()
+        clock.scheduled = [
+            (1000.0, lambda: device.queue.put(fakes.image_frames("cam", [1000.0])[0])),
+            (1001.05, lambda: device.queue.put(None)),  # unplugged: the robot is not left alone with its last command
+        ]
+        chaser = fakes.Chaser(1e9)
+
+        steps = list(Pipeline(fakes.plan({"cam": device}, controller=chaser, control_hz=10.0), clock=clock))
+
+        assert [round(step.stamp_s, 3) for step in steps] == [round(1000 + i / 10, 3) for i in range(11)]
+        assert [step.frame is not None for step in steps] == [True] + [False] * 10
+
+    def test_the_oldest_frame_is_dropped_and_counted(self, fakes) -> None:
+        device = Device.of(fakes)
+        taken, gate = threading.Event(), threading.Event()
+
+        def block(frame, belief):
+            taken.set()
+            assert gate.wait(10.0)
+            return ()
+
+        pipeline = Pipeline(fakes.plan({"cam": device}, {"slow": fakes.Scripted(block)}))
+        seen: list[float] = []
+        run = threading.Thread(target=lambda: seen.extend(step.stamp_s for step in pipeline))
+        run.start()
+        device.queue.put(fakes.image_frames("cam", [1.0])[0])
+        assert taken.wait(10.0)
+        for stamp_s in (2.0, 3.0, 4.0, 5.0):  # while the run is busy with the first
+            device.queue.put(fakes.image_frames("cam", [stamp_s])[0])
+        device.queue.put(None)
+        while pipeline.plan.feeds[0].n_frames != 5:
+            taken.wait(0.001)
+        gate.set()
+        run.join(10.0)
+
+        assert seen == [1.0, 4.0, 5.0]
+        assert pipeline.result.counters["source.cam.dropped"] == 2
+
+    def test_an_error_of_the_device_reaches_the_run(self, fakes) -> None:
+        device, clock = Device.of(fakes), fakes.FakeClock()
+        clock.scheduled = [
+            (1000.0, lambda: device.queue.put(fakes.image_frames("cam", [1000.0])[0])),
+            (1000.1, lambda: device.queue.put(SourceError("camera 0 does not answer"))),
+        ]
+        pipeline = Pipeline(fakes.plan({"cam": device}), clock=clock)
+
+        with pytest.raises(SourceError, match="camera 0 does not answer"):
+            list(pipeline)
+
+        assert pipeline.result.counters["frames"] == 1
+
+
+class TestWorkers:
+    def test_a_localizer_beside_the_run_answers_when_it_is_done(self, fakes) -> None:
+        busy, gate = threading.Event(), threading.Event()
+
+        def think(frame, belief):
+            busy.set()
+            assert gate.wait(10.0)
+            return (Fix(frame.stamp_s, Pose2(7.0), fakes.GOOD),)
+
+        slow = fakes.Scripted(think)
+        source = fakes.Recording(fakes.image_frames("cam", [i / 10 for i in range(5)]))
+        plan = fakes.plan({"cam": source}, {"map": slow}, more={"map": {"is_async": True}}, pace="realtime")
+        pipeline = Pipeline(plan, clock=fakes.FakeClock())
+
+        assert next(pipeline).estimates == ()
+        assert busy.wait(10.0)
+        for _ in range(4):
+            assert next(pipeline).estimates == ()
+        gate.set()
+        assert next(pipeline, None) is None
+
+        counters = pipeline.result.counters
+        n_seen = len(slow.seen)
+        assert 1 <= n_seen <= 2  # the first, and perhaps the last, which waited
+        assert counters["localizer.map.overwritten"] == 3
+        assert n_seen + counters.get("localizer.map.given_up", 0) == 2
+        assert counters["localizer.map.accepted"] == n_seen
+        assert slow.session.last_latency_s() > 0.0
+
+    def test_an_error_in_a_thread_ends_the_run(self, fakes) -> None:
+        asked = threading.Event()
+
+        def fail(frame, belief):
+            asked.set()
+            raise ValueError("no texture")
+
+        source = fakes.Recording(fakes.image_frames("cam", [0.0]))
+        plan = fakes.plan(
+            {"cam": source}, {"map": fakes.Scripted(fail)}, more={"map": {"is_async": True}}, pace="realtime"
+        )
+        pipeline = Pipeline(plan, clock=fakes.FakeClock())
+        next(pipeline)
+        assert asked.wait(10.0)
+
+        with pytest.raises(
+            RunError, match=r"localizer 'map' failed at the frame of 'cam' at .*: ValueError: no texture"
+        ):
+            next(pipeline)
+
+        assert pipeline.result.status == "failed"
+
+    def test_threads_end_with_the_run(self, fakes) -> None:
+        before = threading.active_count()
+        source = fakes.Recording(fakes.image_frames("cam", [0.0, 0.1]))
+        plan = fakes.plan({"cam": source}, {"map": fakes.Scripted()}, more={"map": {"is_async": True}}, pace="realtime")
+
+        list(Pipeline(plan, clock=fakes.FakeClock()))
+
+        assert threading.active_count() == before
