@@ -1,0 +1,185 @@
+"""What the core itself costs at every frame: frames, parts that do nothing, and a clock.
+
+A run of empty frames through the real pipeline is timed as a whole, once without a localizer and once with N that
+do nothing; the difference by N is the cost of one localizer. Prints a table, or with ``--json`` a list of rows.
+The bar is 50 us per frame and localizer (median of the repetitions).
+
+    python benchmarks/core_overhead.py [--frames 5000] [--repeat 7] [--quick] [--json]
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import json
+import statistics
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter_ns
+
+import numpy as np
+
+from trailmark.config import SourceConfig
+from trailmark.estimates import Belief, Estimate, Fix, Motion, information_from_sigmas
+from trailmark.estimation.dead_reckoning import DeadReckoning
+from trailmark.estimation.dead_reckoning_config import DeadReckoningConfig
+from trailmark.frames import Frame, Image, SensorInfo
+from trailmark.geometry import Pose2
+from trailmark.interfaces import FrameSource, Localizer, Session
+from trailmark.paths import Path as TaughtPath
+from trailmark.paths import Waypoint
+from trailmark.pipeline import Feed, Pipeline, Plan, PlannedLocalizer, Settled
+
+BAR_US = 50.0
+RATE_HZ = 70.0
+STEP_M = 0.0037  # one frame of the ground-camera paper
+GOOD = information_from_sigmas(1e-4, 1e-4, 1e-4)
+
+
+class Blank(FrameSource):
+    """The same picture again and again."""
+
+    def __init__(self, n: int) -> None:
+        super().__init__(None)
+        image = Image(np.zeros((480, 512), np.uint8))
+        self._frames = [Frame("floor", i / RATE_HZ, image) for i in range(n)]
+
+    @property
+    def sensors(self) -> Mapping[str, SensorInfo]:
+        """One camera."""
+        return {"floor": SensorInfo("floor", "image", (512, 480))}
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield frames that were made before."""
+        yield from self._frames
+
+
+class Idle(Localizer):
+    """Looks at nothing and says nothing."""
+
+    def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
+        """Return nothing."""
+        return ()
+
+
+class Ready(Localizer):
+    """Says what it was given: one motion a frame, made before."""
+
+    def __init__(self, n: int) -> None:
+        super().__init__(None)
+        step = Pose2(STEP_M)
+        self._motions = [(Motion(i / RATE_HZ, (i + 1) / RATE_HZ, step, GOOD),) for i in range(n)]
+
+    def start(self, session: Session) -> None:
+        """Begin at the first frame."""
+        self._next = -1
+
+    def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
+        """Return the motion until this frame."""
+        self._next += 1
+        return self._motions[self._next - 1] if self._next else ()
+
+
+@dataclass(frozen=True)
+class Row:
+    """One measurement [us]."""
+
+    item: str
+    median_us: float
+    best_us: float
+    worst_us: float
+
+
+def pipeline_of(source: FrameSource, localizers: Mapping[str, Localizer], out: Path | None = None) -> Pipeline:
+    """Return a run of these parts."""
+    planned = [PlannedLocalizer(name, localizer, frozenset({"floor"})) for name, localizer in localizers.items()]
+    feed = Feed("floor", source, SourceConfig())
+    return Pipeline(
+        Plan(lambda sensors, names_of: Settled(planned), DeadReckoning(DeadReckoningConfig()), [feed]), out=out
+    )
+
+
+def frame_us(n: int, localizers: Mapping[str, Localizer], out: Path | None = None) -> float:
+    """Return the mean time of a frame in one run [us]."""
+    pipeline = pipeline_of(Blank(n), localizers, out)
+    pipeline.start()
+    gc.collect()
+    began_ns = perf_counter_ns()
+    for _ in pipeline:
+        pass
+    return (perf_counter_ns() - began_ns) / n / 1e3
+
+
+def estimator_us(n: int, path: TaughtPath | None) -> dict[str, float]:
+    """Return the mean time of an apply, a belief and a fix that is 200 ms late [us]."""
+    estimator = DeadReckoning(DeadReckoningConfig())
+    estimator.start(Session(start_pose=Pose2(), path=path))
+    spent = {"apply": 0, "belief": 0, "fix": 0}
+    counts = {"apply": n, "belief": n, "fix": 0}
+    for i in range(n):
+        motion = Motion(i / RATE_HZ, (i + 1) / RATE_HZ, Pose2(STEP_M), GOOD)
+        t0 = perf_counter_ns()
+        estimator.apply("vo", motion)
+        t1 = perf_counter_ns()
+        belief = estimator.belief(motion.stamp_s)
+        t2 = perf_counter_ns()
+        spent["apply"] += t1 - t0
+        spent["belief"] += t2 - t1
+        if i % 14 == 13 and belief.pose_map_base is not None:
+            fix = Fix(motion.stamp_s - 0.2, Pose2(STEP_M * i), GOOD)
+            t0 = perf_counter_ns()
+            estimator.apply("map", fix)
+            spent["fix"] += perf_counter_ns() - t0
+            counts["fix"] += 1
+    return {name: spent[name] / counts[name] / 1e3 for name in spent}
+
+
+def measure(n: int, repeat: int) -> list[Row]:
+    """Return all rows; each is measured `repeat` times, interleaved, after one run to warm up."""
+    path = TaughtPath(Waypoint(i, 0.05 * i, Pose2(0.05 * i)) for i in range(2000))
+    samples: dict[str, list[float]] = {}
+    for round_ in range(repeat + 1):
+        with tempfile.TemporaryDirectory() as folder:
+            none = frame_us(n, {})
+            found = {
+                "a frame without a localizer": none,
+                "one localizer that does nothing": frame_us(n, {"a": Idle(None)}) - none,
+                "each of four that do nothing": (frame_us(n, {name: Idle(None) for name in "abcd"}) - none) / 4,
+                "a frame with one localizer, in all": frame_us(n, {"a": Idle(None)}),
+                "a frame with one motion, in all": frame_us(n, {"a": Ready(n)}),
+                "the same, recorded": frame_us(n, {"a": Ready(n)}, Path(folder) / "run"),
+            }
+        found |= {f"estimator: {name}": us for name, us in estimator_us(n, None).items()}
+        found["estimator: belief on a path"] = estimator_us(n, path)["belief"]
+        if round_:
+            for name, us in found.items():
+                samples.setdefault(name, []).append(us)
+    return [
+        Row(name, round(statistics.median(us), 2), round(min(us), 2), round(max(us), 2)) for name, us in samples.items()
+    ]
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--frames", type=int, default=5000)
+    parser.add_argument("--repeat", type=int, default=7)
+    parser.add_argument("--quick", action="store_true", help="fewer frames and repetitions")
+    parser.add_argument("--json", action="store_true")
+    options = parser.parse_args()
+    if options.quick:
+        options.frames, options.repeat = 1000, 3
+    rows = measure(options.frames, options.repeat)
+    if options.json:
+        print(json.dumps([vars(row) | {"bar_us": BAR_US} for row in rows], indent=2))
+        return
+    print(f"{'':38}{'median':>9}{'best':>9}{'worst':>9}   [us], {options.repeat} runs of {options.frames} frames")
+    for row in rows:
+        print(f"{row.item:38}{row.median_us:9.2f}{row.best_us:9.2f}{row.worst_us:9.2f}")
+    print(f"bar: {BAR_US:g} us per frame and localizer")
+
+
+if __name__ == "__main__":
+    main()
