@@ -20,3 +20,10 @@ def trailmark_register(registry: Registry) -> None:
         summary="Follows a taught path with front and rear steering, there and back",
         reference="Nagai & Watanabe 2015, Eqs. (6)-(8)",
     )
+    registry.controller(
+        "drift_steering",
+        "trailmark_controllers.drift_steering:DriftSteering",
+        config="trailmark_controllers.drift_steering_config:DriftSteeringConfig",
+        summary="Replays a taught path's bends and steers against the drift from it",
+        reference="Perroni Filho & Ohya 2014, Sec. IV",
+    )
