@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -31,6 +31,7 @@ def scores_of(taught, seen, usable=ALL, e=5, max_shift=20):
     return shift_scores(local_windows(taught, usable, e), local_windows(seen, usable, e), max_shift)
 
 
+@settings(max_examples=20)
 @given(VECTOR, VECTOR)
 def test_scores_agree_with_plain_correlation(taught, seen):
     np.testing.assert_allclose(scores_of(taught, seen), plain_scores(taught, seen, ALL, 5, 20), atol=1e-9)

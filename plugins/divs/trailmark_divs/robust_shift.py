@@ -119,18 +119,21 @@ def best_over_shifts(
     return best
 
 
+@njit(nogil=True, cache=True)
 def summit(scores: npt.NDArray[np.float64], index: int, reach: int = 0) -> float:
     """Return where the scores peak near an index, to a fraction of a column, as an index.
 
     A parabola through the highest of the scores within `reach` of the index and its neighbours; at an end of
     the array, the end itself.
     """
-    first = max(0, index - reach)
-    top = first + int(np.argmax(scores[first : index + reach + 1]))
-    if not 0 < top < len(scores) - 1:
+    top = max(0, index - reach)
+    for place in range(top, min(len(scores), index + reach + 1)):
+        if scores[place] > scores[top]:
+            top = place
+    if top == 0 or top == len(scores) - 1:
         return float(top)
-    left, centre, right = scores[top - 1 : top + 2]
-    curvature = left - 2.0 * centre + right
+    slope = (scores[top - 1] - scores[top + 1]) / 2.0
+    curvature = scores[top - 1] - 2.0 * scores[top] + scores[top + 1]
     if curvature >= 0.0:
         return float(top)
-    return top + float(np.clip(0.5 * (left - right) / curvature, -0.5, 0.5))
+    return float(top + min(max(slope / curvature, -0.5), 0.5))

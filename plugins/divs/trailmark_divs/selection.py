@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
 
-__all__ = ["FrameSelector", "Select"]
+from trailmark_divs.options import Select
 
-Select = Literal["distance", "time", "every"]
+__all__ = ["FrameSelector"]
 
 _ROUNDING = 1e-6  # stamps since 1970 are good to 0.2 us: a step reached but for rounding is reached
 

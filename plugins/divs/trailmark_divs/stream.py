@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 import numpy.typing as npt
 
@@ -11,11 +9,9 @@ from trailmark.errors import ShapeError
 from trailmark_divs.averaging import trimmed_mean
 from trailmark_divs.difference import column_counts, difference_image, otsu_threshold, percentile_threshold
 from trailmark_divs.layout import Layout
+from trailmark_divs.options import Average, Threshold
 
-__all__ = ["Average", "ChangeStream", "Threshold", "n_trimmed"]
-
-Threshold = Literal["otsu", "p90", "blur_otsu"]
-Average = Literal["trimmed", "mean"]
+__all__ = ["ChangeStream", "n_trimmed"]
 
 _P90 = 0.9
 _BLUR_SIGMA_PX = 1.5
@@ -56,6 +52,7 @@ class ChangeStream:
         keep_pictures: bool = False,
     ) -> None:
         self._layout = layout
+        self._scale = layout.scale
         self._threshold = threshold
         self._n_trimmed = n_trimmed(window, average)
         self._difference = np.empty((layout.n_rows, layout.width_px), dtype=np.uint8)
@@ -114,6 +111,11 @@ class ChangeStream:
         self._remember(sums, level)
         return sums
 
+    @property
+    def newest(self) -> npt.NDArray[np.uint8]:
+        """The last picture as it was compared: blurred where asked for, and 0 where it is masked, (rows, width)."""
+        return self._pair[self._n_pictures % 2]
+
     def vector(self) -> npt.NDArray[np.float64]:
         """Return the change vector of the window, Eqs. (6) and (7), (d,); 0 in unusable columns.
 
@@ -125,8 +127,8 @@ class ChangeStream:
         if not self.is_full:
             raise ShapeError(f"the window holds {self._count} of {len(self._ring)} differences; ask `is_full` first")
         if self._n_trimmed:
-            return trimmed_mean(self._ring, self._n_trimmed) * self._layout.scale
-        return self._total / len(self._ring) * self._layout.scale
+            return trimmed_mean(self._ring, self._n_trimmed) * self._scale
+        return self._total / len(self._ring) * self._scale
 
     def change_image(self) -> npt.NDArray[np.float32]:
         """Return the change image C of Eq. (6), (rows, width) in [0, 1], over what the window holds.

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 from trailmark_divs.robust_shift import summit
 
-__all__ = ["ShiftTracker", "TrackedShift", "evidence_per_score"]
+__all__ = ["REACH", "ShiftTracker", "TrackedShift", "evidence_per_score", "updated_probability"]
 
 #: Columns on each side of the peak that count as the same answer.
 REACH = 2
@@ -72,50 +73,76 @@ class ShiftTracker:
         """Forget: every shift is as likely as any other."""
         n_shifts = 2 * self._max_shift + 1
         self._probability = np.full(n_shifts, 1.0 / n_shifts)
+        self._rest = 0.0
 
     def move(self, columns: float) -> None:
         """Shift the probability by what a known turn of the robot does to the picture [columns]."""
-        places = np.arange(len(self._probability), dtype=np.float64)
-        moved = np.interp(places - columns, places, self._probability, left=0.0, right=0.0)
-        total = float(moved.sum())
-        if total > 0.0:
-            self._probability = moved / total
+        self._rest += columns
+        whole = round(self._rest)
+        self._rest -= whole  # kept for later: interpolating a little every time would wash the probability out
+        if whole == 0:
+            return
+        n_shifts = len(self._probability)
+        places = np.arange(n_shifts) - whole
+        inside = (places >= 0) & (places < n_shifts)
+        moved = np.where(inside, self._probability[np.clip(places, 0, n_shifts - 1)], 0.0)
+        if moved.any():
+            self._probability = moved / moved.sum()
         else:
             self.restart()
 
     def update(self, scores: npt.NDArray[np.float64]) -> TrackedShift:
         """Take the scores of a picture, (2 max_shift + 1,), and return the tracked shift."""
-        spread = _convolved(self._probability, self._kernel)
-        prior = (1.0 - self._leak) * spread + self._leak / len(spread)
-        weighted = prior * np.exp(self._evidence * (scores - scores.max()))
-        self._probability = weighted / weighted.sum()
-        return self._read(scores)
+        self._probability = updated_probability(self._probability, self._kernel, self._leak, self._evidence, scores)
+        place, confidence, margin, score = _read(self._probability, scores)
+        return TrackedShift(place - self._max_shift, confidence, margin, score)
 
-    def _read(self, scores: npt.NDArray[np.float64]) -> TrackedShift:
-        likeliest = int(np.argmax(self._probability))
-        place = summit(scores, likeliest, REACH)
-        near = slice(max(0, likeliest - REACH), likeliest + REACH + 1)
-        top = round(place)
-        elsewhere = np.concatenate([scores[: max(0, top - REACH)], scores[top + REACH + 1 :]])
-        return TrackedShift(
-            columns=place - self._max_shift,
-            confidence=float(self._probability[near].sum()),
-            margin=float(scores[top] - elsewhere.max()) if len(elsewhere) else 0.0,
-            score=float(scores[top]),
-        )
+
+@njit(nogil=True, cache=True)
+def updated_probability(
+    probability: npt.NDArray[np.float64],
+    kernel: npt.NDArray[np.float64],
+    leak: float,
+    evidence: float,
+    scores: npt.NDArray[np.float64],
+) -> npt.NDArray[np.float64]:
+    """Spread a probability with a kernel, leak it to all places, and weigh it by scores; all (n,), kernel odd.
+
+    What would spread over an end stays there.
+    """
+    n_places, reach = len(probability), len(kernel) // 2
+    spread = np.zeros(n_places, dtype=np.float64)
+    for place in range(n_places):
+        for offset in range(-reach, reach + 1):
+            target = min(max(place + offset, 0), n_places - 1)
+            spread[target] += probability[place] * kernel[offset + reach]
+    best = scores.max()
+    total = 0.0
+    for place in range(n_places):
+        prior = (1.0 - leak) * spread[place] + leak / n_places
+        spread[place] = prior * np.exp(evidence * (scores[place] - best))
+        total += spread[place]
+    return spread / total
+
+
+@njit(nogil=True, cache=True)
+def _read(probability: npt.NDArray[np.float64], scores: npt.NDArray[np.float64]) -> tuple[float, float, float, float]:
+    """Return place, confidence, margin and score of the likeliest shift; see `TrackedShift`."""
+    n_places = len(probability)
+    likeliest = int(np.argmax(probability))
+    place = summit(scores, likeliest, REACH)
+    top = round(place)
+    confidence, elsewhere = 0.0, -np.inf
+    for other in range(n_places):
+        if abs(other - likeliest) <= REACH:
+            confidence += probability[other]
+        if abs(other - top) > REACH:
+            elsewhere = max(elsewhere, scores[other])
+    margin = scores[top] - elsewhere if elsewhere > -np.inf else 0.0
+    return place, confidence, margin, scores[top]
 
 
 def _gaussian(sigma: float) -> npt.NDArray[np.float64]:
     reach = max(1, math.ceil(3.0 * sigma))
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
     return np.asarray(kernel / kernel.sum())
-
-
-def _convolved(probability: npt.NDArray[np.float64], kernel: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Convolve; what would run over an end stays there."""
-    reach = len(kernel) // 2
-    wide = np.convolve(probability, kernel)
-    inside = wide[reach:-reach].copy()
-    inside[0] += wide[:reach].sum()
-    inside[-1] += wide[-reach:].sum()
-    return np.asarray(inside)

@@ -1,0 +1,89 @@
+"""Config of the localizer."""
+
+from __future__ import annotations
+
+from pydantic import Field, model_validator
+
+from trailmark.config import PluginConfig, Sensor
+from trailmark_divs.options import Average, Correspond, Gain, Select, Shift, Threshold, TurnSource, WhenBlind
+
+__all__ = ["DivsConfig"]
+
+
+class DivsConfig(PluginConfig):
+    """Differential visual streams (Perroni Filho & Ohya 2014); w = 25, d = 50, e = 5 and q = 1.5 cm are the paper's."""
+
+    camera: Sensor["image", "rgbd"]
+    """Camera that looks along the path."""
+
+    window: int = Field(25, ge=2)
+    """Differences in a change vector, w."""
+    columns: int = Field(50, ge=8)
+    """Columns of a change vector, d."""
+    correlation_window: int = Field(5, ge=3)
+    """Columns of a correlation window, e."""
+    select: Select = "distance"
+    """Which pictures make the stream: by the way driven, by time, or every one."""
+    spacing_m: float = Field(0.015, gt=0)
+    """Way between pictures, q of Eq. (14) [m]."""
+    spacing_s: float = Field(0.05, gt=0)
+    """Time between pictures, with `select: time`; 0.05 s are 1.5 cm at the paper's 0.3 m/s [s]."""
+    region: tuple[float, float] = (0.0, 0.5)
+    """Rows that are looked at, as shares of the height; the paper leaves out the lower half, which shows the floor."""
+    lens_radius: float | None = Field(None, gt=0)
+    """Radius of a fisheye's circle about the picture's centre, as a share of the width; its rim is masked."""
+    threshold: Threshold = "otsu"
+    """What counts as a change: Otsu's method (the paper), the top tenth, or Otsu after a blur (against noise)."""
+    average: Average = "trimmed"
+    """Average over the window: without the outer quarters (against passers-by), or the mean of Eq. (6)."""
+    keep_change_image: bool = False
+    """Keep the pictures of the window, so that the change image can be shown."""
+
+    shift: Shift = "robust"
+    """Local normalised correlation, tracked; or circular correlation and hill climbing, as the reference does."""
+    max_shift_columns: int = Field(20, ge=1)
+    """Largest shift that is looked for, with `shift: robust` [columns]."""
+    confidence: float = Field(0.9, ge=0, lt=1)
+    """A shift less probable than this is not told."""
+
+    correspondence: Correspond = "distance"
+    """What says which taught window belongs to the present one: Eqs. (13), (12), (11), or the change vectors."""
+    look_back: int = Field(4, ge=0)
+    """How many windows further back than expected the next one may lie, with `correspondence: appearance`."""
+    look_ahead: int = Field(6, ge=1)
+    """How many further ahead."""
+    landmark_spacing_m: float | None = Field(None, gt=0)
+    """Least way between places where the place along the path is corrected by appearance; left out: nowhere [m]."""
+
+    gain: Gain = "geometry"
+    """Drift of a shift: by the field of view, by Eqs. (15) and (16), or learned from what turns do to the shift."""
+    field_of_view_deg: float | None = Field(None, gt=0, lt=180)
+    """Horizontal field of view; left out: from the calibration, or else one degree per column as in the paper [deg]."""
+    depth_m: float = Field(6.0, gt=0)
+    """Typical distance of what the upper half shows: sideways drift of this much weighs as one radian [m]."""
+    sigma_columns: float = Field(0.5, gt=0)
+    """Standard deviation of one window's shift [columns]."""
+    lateral_prior_m: float = Field(0.5, gt=0)
+    """How far from the path the robot may stand while nothing is known of its pose yet (one sigma) [m]."""
+
+    turn_limit_deg: float = Field(6.0, gt=0)
+    """A turn of more than this within a window clutters it: a new "time zero" is set [deg]."""
+    turn_source: TurnSource = "auto"
+    """What tells a turn: the belief, the pictures, or the belief as soon as it has ever turned."""
+    when_blind: WhenBlind = "single"
+    """In turns, and until a window is full: compare single pictures, or say `Lost`."""
+
+    @model_validator(mode="after")
+    def _check(self) -> DivsConfig:
+        first, last = self.region
+        if not 0.0 <= first < last <= 1.0:
+            raise ValueError(f"region runs from one share of the height to a larger one, not {first} to {last}")
+        if self.correlation_window > self.columns:
+            raise ValueError(f"correlation_window ({self.correlation_window}) is wider than columns ({self.columns})")
+        most = self.columns - self.correlation_window
+        if self.max_shift_columns > most:
+            raise ValueError(
+                f"max_shift_columns ({self.max_shift_columns}) must leave a correlation window:"
+                f" at most {most} of {self.columns} columns"
+            )
+        return self

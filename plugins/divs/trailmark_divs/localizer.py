@@ -1,0 +1,158 @@
+"""The localizer `divs`: teaches a visual stream, and says by it where the robot is beside the taught path."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.errors import ConfigError
+from trailmark.estimates import Belief, Estimate, Lost
+from trailmark.frames import RGBD, Frame, Image
+from trailmark.geometry import Pose2
+from trailmark.interfaces import Drawer, Localizer, Session
+from trailmark_divs.config import DivsConfig
+from trailmark_divs.drift import DriftLaw, radians_per_column
+from trailmark_divs.eye import TURNING, Eye
+from trailmark_divs.layout import grey_region, make_layout
+from trailmark_divs.memory import Memory, Recording, check_layout, layout_document, summarize
+from trailmark_divs.replay import Replay
+from trailmark_divs.selection import FrameSelector
+from trailmark_divs.warm_up import compile_kernels
+
+__all__ = ["Divs"]
+
+logger = logging.getLogger(__name__)
+
+_SIDEWAYS = 0.5  # cosine of the camera's yaw below which it looks sideways: shifts then tell the station
+
+
+class Divs(Localizer):
+    """Drift from a taught path, from differential visual streams of one camera."""
+
+    config: DivsConfig
+
+    def start(self, session: Session) -> None:
+        """Load what was taught and compile the kernels.
+
+        Raises
+        ------
+        ConfigError
+            If there is no path, nothing to remember it with, or the camera looks sideways.
+        StoreError
+            If the path was taught without this localizer.
+        """
+        self._session = session
+        self._depth_m = self._signed_depth()
+        step = self.config.spacing_s if self.config.select == "time" else self.config.spacing_m
+        self._selector = FrameSelector(self.config.select, step)
+        self._eye: Eye | None = None
+        self._memory: Memory | None = None
+        self._recording: Recording | None = None
+        self._replay: Replay | None = None
+        self._counts = {"looks": 0, "turning": 0, "lost": 0}
+        compile_kernels()
+        drawer = self._drawer()
+        if session.mode == "teach":
+            self._memory = Memory(drawer, _end_of(session))
+        elif session.path is None:
+            raise ConfigError(f"{session.name}: divs needs a taught path; give the run --store, or teach one first")
+        else:
+            self._recording = Recording.from_keyframes(drawer.keyframes())
+
+    def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
+        """Look at a picture if it belongs to the stream; in replay, say where the robot is beside the path."""
+        payload = frame.payload
+        if not isinstance(payload, Image | RGBD) or not self._selector.is_due(frame.stamp_s, belief.travelled_m):
+            return ()
+        eye = self._eye or self._begin(frame, payload)
+        look = eye.look(grey_region(payload, self._layout.rows), frame.stamp_s, belief)
+        if look is None:
+            return ()
+        self._counts["looks"] += 1
+        self._counts["turning"] += look.run == TURNING
+        if self._memory is not None:
+            self._memory.add(look, belief.pose_map_base or Pose2())
+            return ()
+        assert self._replay is not None
+        estimate = self._replay.answer(look, eye.window(), belief)
+        self._counts["lost"] += isinstance(estimate, Lost)
+        return (estimate,)
+
+    def finish(self) -> None:
+        """Write what is left of the teaching, and a summary of what was taught."""
+        if self._memory is not None:
+            self._memory.flush()
+        drawer = self._drawer()
+        keyframes = drawer.keyframes()
+        if not keyframes:
+            logger.warning("%s: no picture was taught", self._session.name)
+            return
+        summary = summarize(Recording.from_keyframes(keyframes))
+        drawer.save("summary", {name: np.array([value]) for name, value in summary.items()})
+        if summary["turning_share"] > 0.5:
+            logger.warning(
+                "%s: turning on %.0f %% of the path, where streams are blind: raise turn_limit_deg or turn more gently",
+                self._session.name,
+                100.0 * summary["turning_share"],
+            )
+
+    def counters(self) -> Mapping[str, int]:
+        """Return the looks taken, those in turns, and the answers that were `Lost`."""
+        return dict(self._counts)
+
+    def change_image(self) -> npt.NDArray[np.float32]:
+        """Return the change image of the window so far, (rows, width) in [0, 1].
+
+        Raises
+        ------
+        ConfigError
+            Without `keep_change_image` in the config, or before the first picture.
+        ShapeError
+            If no difference has been seen since "time zero".
+        """
+        if self._eye is None or not self.config.keep_change_image:
+            raise ConfigError("no change image: set keep_change_image, and show the localizer two pictures first")
+        return self._eye.change_image()
+
+    def _begin(self, frame: Frame, payload: Image | RGBD) -> Eye:
+        """Lay out the columns for the size of the first picture, and get ready for the rest."""
+        config, session = self.config, self._session
+        height, width = (payload.bgr if isinstance(payload, RGBD) else payload.pixels).shape[:2]
+        layout = self._layout = make_layout((width, height), config.columns, config.region, config.lens_radius)
+        info = session.sensors.get(frame.sensor)
+        calibration = None if info is None else info.calibration
+        angle_rad = radians_per_column(calibration, config.field_of_view_deg, layout.column_px, config.columns, width)
+        document = layout_document(layout, config.region, config.lens_radius)
+        if self._memory is not None:
+            self._memory.begin(document, session.name)
+        elif self._recording is not None and session.path is not None:
+            check_layout(self._drawer(), document, session.name)
+            law = DriftLaw(None if config.gain == "paper" else 1.0 / angle_rad, self._depth_m)
+            self._replay = Replay(config, layout, self._recording, session.path, law, angle_rad, frame.stamp_s)
+        self._eye = Eye(config, layout, angle_rad)
+        return self._eye
+
+    def _drawer(self) -> Drawer:
+        if self._session.drawer is None:
+            raise ConfigError(f"{self._session.name}: divs remembers a path in a store; give the run --store")
+        return self._session.drawer
+
+    def _signed_depth(self) -> float:
+        """Return the depth that sideways drift is seen at; negative for a camera that looks back [m]."""
+        info = self._session.sensors.get(self.config.camera)
+        along = 1.0 if info is None else math.cos(info.pose_base_sensor.yaw)
+        if abs(along) < _SIDEWAYS:
+            raise ConfigError(
+                f"{self._session.name}: camera {self.config.camera!r} looks sideways; divs needs one that looks along"
+                " the path. Its mounting is 'sensors: ... mounting: {yaw_deg: ...}'"
+            )
+        return self.config.depth_m / along
+
+
+def _end_of(session: Session) -> float:
+    """Return the station at which this teaching begins: 0, or the end of what was taught before [m]."""
+    return 0.0 if session.path is None else float(session.path.stations[-1])
