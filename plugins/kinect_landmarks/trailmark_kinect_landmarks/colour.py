@@ -1,0 +1,64 @@
+"""Colour: compensation of the light, and the histograms by which landmarks are told apart."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["HUES", "SATURATIONS", "colour_index", "compensate", "histograms", "picture_light", "similarity"]
+
+Bgr = npt.NDArray[np.uint8]
+
+HUES, SATURATIONS, _GREYS = 12, 2, 4
+_N_BINS = HUES * SATURATIONS + _GREYS  # coloured pixels by hue and saturation, the rest by brightness
+_LEAST_SATURATION, _LEAST_VALUE = 50, 40
+
+
+def picture_light(grey: npt.NDArray[np.uint8]) -> float:
+    """Return the ambient light as the picture itself shows it: mean grey level, 0 to 1."""
+    return float(grey[::8, ::8].mean()) / 255.0
+
+
+def compensate(bgr: Bgr, light: float, reference: float, max_gain: float = 6.0) -> Bgr:
+    """Return the picture as it would look in the reference light.
+
+    Parameters
+    ----------
+    bgr : (H, W, 3) uint8
+        Picture.
+    light, reference : float
+        Ambient light now and when the landmarks were remembered, in one unit.
+    max_gain : float
+        More would only show noise.
+    """
+    gain = min(max(reference / max(light, 1e-6), 1.0 / max_gain), max_gain)
+    if abs(gain - 1.0) < 0.1:  # within a tenth the histograms do not change; saves a copy
+        return bgr
+    return np.asarray(cv2.convertScaleAbs(bgr, alpha=gain), dtype=np.uint8)
+
+
+def colour_index(hsv: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+    """Return the histogram bin of every pixel, (H, W) of 0 to 27: a picture of labels, made once per frame."""
+    hue, saturation, value = cv2.split(hsv)
+    coloured = np.asarray(hue, np.uint8) // (180 // HUES) * SATURATIONS + (np.asarray(saturation) >= 128)
+    grey = HUES * SATURATIONS + (np.asarray(value, np.uint8) >> 6)
+    is_grey = (np.asarray(saturation) < _LEAST_SATURATION) | (np.asarray(value) < _LEAST_VALUE)
+    return np.where(is_grey, grey, coloured).astype(np.uint8)
+
+
+def histograms(index: npt.NDArray[np.uint8], uv: npt.NDArray[np.float64], radius_px: int) -> npt.NDArray[np.float32]:
+    """Return the colour histograms around pixels, (N, 28), each with sum 1; windows end at the border."""
+    height, width = index.shape
+    found = np.zeros((len(uv), _N_BINS), dtype=np.float32)
+    for row, (u, v) in enumerate(np.rint(uv).astype(int)):
+        u0, v0 = min(max(u, 0), width - 1), min(max(v, 0), height - 1)
+        window = index[max(0, v0 - radius_px) : v0 + radius_px + 1, max(0, u0 - radius_px) : u0 + radius_px + 1]
+        found[row] = np.bincount(window.ravel(), minlength=_N_BINS)
+    return found / np.maximum(found.sum(axis=1, keepdims=True), 1.0)
+
+
+def similarity(first: npt.NDArray[np.float32], second: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """Return the Bhattacharyya coefficients of histograms, (N, B) and (M, B) to (N, M); 1: the same."""
+    product: npt.NDArray[np.float32] = np.sqrt(first) @ np.sqrt(second).T
+    return product

@@ -1,0 +1,131 @@
+"""Depth that can be trusted: correction of the picture (the paper's Figures 8 to 9), and one depth per landmark."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.frames import Scan
+
+__all__ = ["DepthLimits", "correct_depth", "depth_at", "depth_sigma", "scan_depth"]
+
+Array = npt.NDArray[np.float64]
+Picture = npt.NDArray[np.float32]
+
+_SATURATED = 250  # grey level of a highlight
+_MIN_SHARE = 0.34  # of a landmark's window that must have depth
+_FILL_SHARE = 0.6  # of a hole's surroundings that must have depth
+_KINECT_SIGMA = 1.425e-3  # of depth at 1 m, growing with its square: Khoshelham & Oude Elberink 2012
+
+
+@dataclass(frozen=True, slots=True)
+class DepthLimits:
+    """What depth is believed.
+
+    Attributes
+    ----------
+    near_m, far_m : float
+        Where the sensor measures [m].
+    flying_share : float
+        A pixel this far from the median of its neighbours, as a share of its depth, hangs in the air between two
+        surfaces.
+    """
+
+    near_m: float = 0.4
+    far_m: float = 6.0
+    flying_share: float = 0.03
+
+
+def correct_depth(depth_m: Picture, grey: npt.NDArray[np.uint8] | None, limits: DepthLimits) -> Picture:
+    """Return depth without flying pixels, without what shines, and with small holes filled.
+
+    Parameters
+    ----------
+    depth_m : (H, W) float32
+        Depth, NaN where unknown [m].
+    grey : (H, W) uint8, optional
+        The colour picture of the same size, to tell highlights: a highlight around which most depth is missing is a
+        mirror or gloss, and the depth it has is not that of its surface.
+
+    Returns
+    -------
+    (H, W) float32
+        NaN where unknown; a hole is filled only where most of its surroundings have depth.
+    """
+    known = (depth_m > limits.near_m) & (depth_m < limits.far_m)  # NaN compares false
+    depth = np.where(known, depth_m, np.float32(0.0))
+    median = cv2.medianBlur(depth, 5)
+    share = cv2.blur(known.astype(np.float32), (5, 5))
+    flying = known & (np.abs(depth - median) > limits.flying_share * median)
+    fill = (~known | flying) & (share > _FILL_SHARE) & (median > 0.0)
+    corrected = np.where(fill, median, np.where(known & ~flying, depth, np.float32(np.nan)))
+    if grey is not None and grey.shape == depth.shape:
+        shines = cv2.dilate((grey >= _SATURATED).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+        corrected[shines & (share < 0.5)] = np.nan
+    return np.asarray(corrected, dtype=np.float32)
+
+
+def depth_at(depth_m: Picture, uv: Array, radius_px: int = 2, limits: DepthLimits | None = None) -> Array:
+    """Return the median depth around pixels, NaN where there is too little of it or two surfaces meet.
+
+    Parameters
+    ----------
+    depth_m : (H, W) float32
+        Depth, NaN where unknown [m].
+    uv : (N, 2) float
+        Pixels, rounded to the nearest; the window ends at the border.
+    radius_px : int
+        Half the window [px].
+
+    Returns
+    -------
+    (N,) float64
+        Invalid stays invalid: never a number made of nothing [m].
+    """
+    limits = limits or DepthLimits()
+    if len(uv) == 0:
+        return np.empty(0)
+    height, width = depth_m.shape
+    centre = np.rint(uv).astype(np.intp)
+    steps = np.arange(-radius_px, radius_px + 1)
+    rows = centre[:, 1, None, None] + steps[None, :, None]
+    columns = centre[:, 0, None, None] + steps[None, None, :]
+    inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
+    windows = depth_m[np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)].astype(np.float64)
+    windows = np.where(inside, windows, np.nan).reshape(len(uv), -1)
+    windows.sort(axis=1)  # NaN goes last
+    n_known = np.isfinite(windows).sum(axis=1)
+    row = np.arange(len(uv))
+    low, middle, high = (windows[row, np.maximum(0, (n_known - 1) * q // 4)] for q in (1, 2, 3))
+    one_surface = high - low <= np.maximum(limits.flying_share * middle, 6.0 * depth_sigma(middle))
+    enough = n_known >= _MIN_SHARE * windows.shape[1]
+    return np.where(enough & one_surface, middle, np.nan)
+
+
+def depth_sigma(depth_m: Array) -> Array:
+    """Return the standard deviation of a structured-light depth, (N,) [m]."""
+    return np.asarray(_KINECT_SIGMA * np.square(depth_m) + 1e-3)
+
+
+def scan_depth(scan: Scan, bearings_rad: Array, max_gap_rad: float) -> Array:
+    """Return the ranges of a laser in given directions, NaN where no beam came back near enough.
+
+    Parameters
+    ----------
+    scan : Scan
+        A sweep, or an ultrasound as a single beam.
+    bearings_rad : (N,) float
+        Directions in the laser's axes, counter-clockwise [rad].
+    max_gap_rad : float
+        How far from the beam a landmark may be [rad].
+    """
+    beam = np.rint((bearings_rad - scan.angle_min_rad) / scan.angle_step_rad).astype(np.intp)
+    inside = (beam >= 0) & (beam < len(scan.ranges_m))
+    beam = np.clip(beam, 0, len(scan.ranges_m) - 1)
+    ranges = np.asarray(scan.ranges_m, dtype=np.float64)[beam]
+    near = np.abs(scan.angle_min_rad + beam * scan.angle_step_rad - bearings_rad) <= max_gap_rad
+    measured = (ranges > scan.range_min_m) & (ranges < scan.range_max_m)
+    return np.where(inside & near & measured, ranges, np.nan)

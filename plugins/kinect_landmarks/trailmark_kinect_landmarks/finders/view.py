@@ -1,0 +1,107 @@
+"""What finders look at: one picture at working resolution, and what several of them need of it, made once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from trailmark_kinect_landmarks.colour import colour_index
+
+__all__ = ["Region", "View"]
+
+Grey = npt.NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True)
+class Region:
+    """Something that a finder found.
+
+    Attributes
+    ----------
+    kind : str
+        What it is: ``blob``, ``edge``, ``rectangle``, ``circle``, ``ellipse``, ``line``, ``flat``, ``mser``.
+    u, v, width, height : float
+        Upper left corner and size of the frame drawn around it, in pixels of the whole picture [px].
+    """
+
+    kind: str
+    u: float
+    v: float
+    width: float
+    height: float
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """The pixel that stands for it: the centre of its frame (u, v) [px]."""
+        return self.u + (self.width - 1.0) / 2.0, self.v + (self.height - 1.0) / 2.0
+
+
+class View:
+    """A colour picture with its depth, reduced to a working resolution.
+
+    Parameters
+    ----------
+    bgr : (H, W, 3) uint8
+        The compensated colour picture.
+    depth_m : (H, W) float32
+        Depth registered to it, NaN where unknown [m].
+    scale : float
+        Working resolution as a share of the whole, at most 1.
+    """
+
+    def __init__(self, bgr: Grey, depth_m: npt.NDArray[np.float32], scale: float = 1.0) -> None:
+        self.whole, self.depth_m, self.scale = bgr, depth_m, scale
+
+    @cached_property
+    def bgr(self) -> Grey:
+        """Colour at working resolution."""
+        return self.whole if self.scale == 1.0 else _reduced(self.whole, self.scale)
+
+    @cached_property
+    def grey(self) -> Grey:
+        """Grey at working resolution."""
+        return np.asarray(cv2.cvtColor(self.bgr, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+
+    @cached_property
+    def half(self) -> View:
+        """The same at half the working resolution, for what needs no more."""
+        return View(self.bgr, self.depth_m, 0.5)
+
+    @cached_property
+    def index(self) -> Grey:
+        """Colour classes at working resolution."""
+        return colour_index(np.asarray(cv2.cvtColor(self.bgr, cv2.COLOR_BGR2HSV), dtype=np.uint8))
+
+    @cached_property
+    def edges(self) -> Grey:
+        """Edges (Canny)."""
+        smooth = cv2.GaussianBlur(self.grey, (3, 3), 0)
+        return np.asarray(cv2.Canny(smooth, 40, 100), dtype=np.uint8)
+
+    @cached_property
+    def contours(self) -> Sequence[npt.NDArray[Any]]:
+        """Edges as chains of pixels, those too short to tell anything left out."""
+        found, _ = cv2.findContours(self.edges, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
+        return [chain for chain in found if len(chain) >= 30]
+
+    @cached_property
+    def polygons(self) -> Sequence[npt.NDArray[Any]]:
+        """The contours with as few corners as keep them within 2.5 pixels."""
+        return [cv2.approxPolyDP(chain, 2.5, closed=True) for chain in self.contours]
+
+    def region(self, kind: str, box: Sequence[float]) -> Region:
+        """Return what was found in a box (u, v, width, height) at working resolution."""
+        u, v, width, height = (float(value) for value in box)
+        s = self.scale
+        return Region(kind, (u + 0.5) / s - 0.5, (v + 0.5) / s - 0.5, width / s, height / s)
+
+
+def _reduced(bgr: Grey, scale: float) -> Grey:
+    size = max(1, round(bgr.shape[1] * scale)), max(1, round(bgr.shape[0] * scale))
+    return np.asarray(cv2.resize(bgr, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
