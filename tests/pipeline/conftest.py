@@ -176,6 +176,12 @@ class MemoryStore(PathStore):
     def set_sensors(self, sensors: Mapping[str, SensorInfo]) -> None:
         self.disk["sensors"] = dict(sensors)
 
+    def sensors(self) -> Mapping[str, SensorInfo]:
+        return self.disk.get("sensors", {})
+
+    def set_meta(self, meta: Mapping[str, Any]) -> None:
+        self.disk["meta"] = dict(meta)
+
 
 class ToyRobot(Drivable):
     """A point that obeys `Velocity`; it gives its position as a scalar every 0.1 s, for at most `n` frames."""

@@ -8,7 +8,7 @@ from queue import SimpleQueue
 import pytest
 
 from trailmark.commands import Velocity
-from trailmark.errors import RunError, SourceError
+from trailmark.errors import ConfigError, RunError, SourceError
 from trailmark.estimates import Fix
 from trailmark.frames import SensorInfo
 from trailmark.geometry import Pose2
@@ -150,6 +150,12 @@ class TestLive:
             list(pipeline)
 
         assert pipeline.result.counters["frames"] == 1
+
+    def test_live_and_recorded_sources_do_not_mix(self, fakes) -> None:
+        sources = {"cam": Device.of(fakes), "log": fakes.Recording(fakes.scalar_frames("log", [0.0]))}
+
+        with pytest.raises(ConfigError, match="cam live and log recorded: two clocks make no run"):
+            list(Pipeline(fakes.plan(sources)))
 
 
 class TestWorkers:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from trailmark.errors import ConfigError, RunError
+from trailmark.frames import GroundPlane, SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.paths import Keyframe, Waypoint
 from trailmark.pipeline import Pipeline
@@ -77,6 +78,7 @@ def test_at_the_end_every_localizer_finishes_and_that_is_written_down(fakes) -> 
     assert mover.log == ["start teach", "finish", "close"]
     assert disk["log"] == ["create", "finished vo", "close"]
     assert set(disk["sensors"]) == {"floor"}
+    assert {"trailmark", "git", "started", "config"} <= set(disk["meta"])
 
 
 def test_ctrl_c_is_how_a_person_ends_teaching(fakes) -> None:
@@ -170,6 +172,20 @@ class TestReplay:
         assert disk["log"][5] == "read"
         assert mapper.log[:4] == ["start teach", "finish", "close", "start replay"]
         assert mover.log[0] == "start replay"
+
+    def test_a_sensor_that_has_changed_since_is_named(self, fakes, caplog) -> None:
+        old = SensorInfo("floor", "image", calibration=GroundPlane((1e-3, 1e-3)))
+        source, mover = drive(fakes, 3)
+        plan = fakes.plan(
+            {"floor": source},
+            {"vo": mover},
+            mode="replay",
+            disk={"waypoints": taught_path(), "sensors": {"floor": old}},
+        )
+
+        list(Pipeline(plan))
+
+        assert "sensor 'floor' is not as it was when the path was taught: calibration" in caplog.text
 
     def test_without_a_store_it_is_refused(self, fakes) -> None:
         source, mover = drive(fakes, 3)

@@ -77,6 +77,7 @@ def plan_of(config: RunConfig, access: Access | None = None) -> Plan:
         stop_when=config.stop_when,
         pace=config.pace,
         seed=config.seed,
+        config_dir=config.base_dir,
         call_hook=config.plugins.call_isolated,
     )
 

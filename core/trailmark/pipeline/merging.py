@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import heapq
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 
 from trailmark.errors import ConfigError
 from trailmark.frames import Frame
@@ -18,7 +18,7 @@ logger = logging.getLogger(__name__)
 _SUSPICIOUS_S = 60.0
 
 
-def merged(feeds: Sequence[Feed]) -> Iterator[Frame]:
+def merged(feeds: Sequence[Feed]) -> Generator[Frame]:
     """Yield the frames of all sources in the order of their stamps; those of one stamp in the order of the sources.
 
     A source is asked for its next frame only when its last one has been worked on, so a robot is never ahead of its

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
 
 from trailmark.frames import Frame
@@ -23,6 +23,9 @@ _NOW_S = 1e-6
 
 # Frames of one sensor that may wait: the one to work on next, and the one that comes meanwhile.
 _WAITING = 2
+
+# A device that does not let go is left behind: its thread is a daemon.
+_PATIENCE_S = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +61,7 @@ class RunClock:
         self.wake.clear()
 
 
-def held_to_stamps(frames: Iterator[Frame], clock: RunClock, due_s: Callable[[], float]) -> Iterator[Event]:
+def held_to_stamps(frames: Iterator[Frame], clock: RunClock, due_s: Callable[[], float]) -> Generator[Event]:
     """Yield recorded frames at the times of their stamps, and ticks between them.
 
     A run that is too slow gets its frames late, never fewer of them.
@@ -83,7 +86,7 @@ def held_to_stamps(frames: Iterator[Frame], clock: RunClock, due_s: Callable[[],
         yield frame
 
 
-def live(feeds: Sequence[Feed], clock: RunClock, due_s: Callable[[], float], counters: Counters) -> Iterator[Event]:
+def live(feeds: Sequence[Feed], clock: RunClock, due_s: Callable[[], float], counters: Counters) -> Generator[Event]:
     """Yield the frames of devices as they come, and ticks while none does.
 
     Every source is read by a thread of its own. Of each sensor two frames may wait; then the oldest is dropped and
@@ -97,17 +100,20 @@ def live(feeds: Sequence[Feed], clock: RunClock, due_s: Callable[[], float], cou
     intake = _Intake(counters, clock.wake)
     for feed in feeds:
         intake.read(feed)
-    while True:
-        now_s, is_over = clock.now_s(), intake.is_over  # asked first: the last frame may come just before the end
-        if (frame := intake.take()) is not None:
-            yield frame
-        elif is_over:
-            intake.raise_error()
-            return
-        elif -math.inf < due_s() <= now_s + _NOW_S:
-            yield Tick(now_s)
-        else:
-            clock.wait(due_s() if due_s() > -math.inf else math.inf)
+    try:
+        while True:
+            now_s, is_over = clock.now_s(), intake.is_over  # asked first: the last frame may come just before the end
+            if (frame := intake.take()) is not None:
+                yield frame
+            elif is_over:
+                intake.raise_error()
+                return
+            elif -math.inf < due_s() <= now_s + _NOW_S:
+                yield Tick(now_s)
+            else:
+                clock.wait(due_s() if due_s() > -math.inf else math.inf)
+    finally:
+        intake.join()
 
 
 class _Intake:
@@ -119,12 +125,20 @@ class _Intake:
         self._lock = threading.Lock()
         self._waiting: dict[str, deque[Frame]] = {}
         self._n_open = 0
+        self._threads: list[threading.Thread] = []
         self._error: BaseException | None = None
 
     def read(self, feed: Feed) -> None:
         """Begin to read a source."""
         self._n_open += 1
-        threading.Thread(target=self._read, args=(feed,), name=f"source {feed.name}", daemon=True).start()
+        thread = threading.Thread(target=self._read, args=(feed,), name=f"source {feed.name}", daemon=True)
+        self._threads.append(thread)
+        thread.start()
+
+    def join(self) -> None:
+        """Wait for the threads of sources that are closed; one that hangs is left behind."""
+        for thread in self._threads:
+            thread.join(_PATIENCE_S)
 
     @property
     def is_over(self) -> bool:

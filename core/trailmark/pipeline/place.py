@@ -5,14 +5,17 @@ from __future__ import annotations
 import logging
 from array import array
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from trailmark.errors import ConfigError
 from trailmark.frames import SensorInfo
+from trailmark.frames.documents import sensor_to_document
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Drawer, PathStore
 from trailmark.paths import Path
 from trailmark.pipeline.counters import Counters
 from trailmark.pipeline.plan import Access, Plan, PlannedLocalizer
+from trailmark.pipeline.provenance import provenance
 from trailmark.pipeline.starting import Sessions, Starter, guarded
 from trailmark.pipeline.teaching import ShiftedDrawer, Teaching
 
@@ -62,13 +65,29 @@ class Place:
         offset_m = self.teaching.offset_m if self.teaching is not None else 0.0
         return ShiftedDrawer(drawer, offset_m) if offset_m else drawer
 
-    def begin_teaching(self, sensors: Mapping[str, SensorInfo], counters: Counters, times: array[int]) -> None:
-        """Make ready to lay waypoints; the store keeps what is known of the sensors."""
+    def begin_teaching(
+        self, sensors: Mapping[str, SensorInfo], document: Mapping[str, Any], counters: Counters, times: array[int]
+    ) -> None:
+        """Make ready to lay waypoints; the store keeps sensors, config and provenance."""
         assert self._plan.store is not None
         assert self._store is not None
         self.teaching = Teaching(self._store, self._plan.store.spacing_m, self.start_pose, counters, times)
         self._store.set_sensors(sensors)
+        self._store.set_meta(provenance(self._plan.config_dir) | {"config": dict(document)})
         self._store.commit()
+
+    def warn_of_changes(self, sensors: Mapping[str, SensorInfo]) -> None:
+        """Say which sensors are not as they were when the path was taught."""
+        if self._store is None or self._plan.mode == "teach":
+            return
+        for name, taught in self._store.sensors().items():
+            now = sensors.get(name)
+            if now is None:
+                continue
+            before, after = sensor_to_document(taught), sensor_to_document(now)
+            changed = sorted(key for key in before.keys() | after.keys() if before.get(key) != after.get(key))
+            if changed and changed != ["rate_hz"]:
+                logger.warning("sensor %r is not as it was when the path was taught: %s", name, ", ".join(changed))
 
     def finish_teaching(self, localizers: Sequence[PlannedLocalizer]) -> None:
         """Let every localizer select, train and index what it was taught, and write down that it did."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
 
@@ -118,6 +119,8 @@ class Plan:
         None: realtime for live sources only.
     seed : int
         Of all random numbers.
+    config_dir : pathlib.Path or None
+        Folder of the config: the repository that it lies in is written down.
     call_hook : callable
         Calls a lifecycle hook of all plugins, each by itself: ``call_hook(name, **arguments)``.
     """
@@ -136,6 +139,7 @@ class Plan:
     stop_when: StopWhen = StopWhen()
     pace: Pace | None = None
     seed: int = 0
+    config_dir: Path | None = None
     call_hook: Callable[..., None] = lambda name, **arguments: None
 
     @property

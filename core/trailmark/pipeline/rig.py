@@ -94,6 +94,9 @@ class Rig:
 
     def _start(self, pushed: Mapping[str, SensorInfo]) -> None:
         plan = self.plan
+        if plan.is_live and not all(feed.is_live for feed in plan.feeds):
+            live, recorded = ([f.name for f in plan.feeds if f.is_live is is_live] for is_live in (True, False))
+            raise ConfigError(f"{', '.join(live)} live and {', '.join(recorded)} recorded: two clocks make no run")
         self.place = Place(plan, self._starter)
         path = None if plan.mode == "teach" else self.place.path
         self._sessions = Sessions(plan.mode, plan.seed, path, self.place.start_pose)
@@ -103,9 +106,10 @@ class Rig:
         settled = plan.settle(self.sensors, {feed.name: tuple(feed.sensors) for feed in plan.feeds})
         self.document: Mapping[str, Any] = settled.document
         self.localizers: Sequence[PlannedLocalizer] = settled.localizers
+        self.place.warn_of_changes(self.sensors)
         self.place.finish_leftovers(self.localizers, self._sessions)
         if plan.mode == "teach":
-            self.place.begin_teaching(self.sensors, self.counters, self.times.stage("store"))
+            self.place.begin_teaching(self.sensors, self.document, self.counters, self.times.stage("store"))
 
         self.asked: Sequence[Asked] = [self._start_localizer(planned) for planned in self.localizers]
         self._starter.start("estimator", "estimator", plan.estimator, self._sessions.of("estimator", "estimator"))

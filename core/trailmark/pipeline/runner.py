@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from functools import partial
 
 from trailmark.commands import Stop
@@ -46,7 +46,7 @@ class Runner:
         self._asked = list(rig.asked)
         self.n_frames = 0
 
-    def events(self) -> Iterator[Event]:
+    def events(self) -> Generator[Event]:
         """Yield the frames of the sources and the controller's ticks, as the pace says."""
         rig, plan = self._rig, self._rig.plan
         if not plan.is_realtime:
@@ -97,6 +97,7 @@ class Runner:
 
     def _observe(self, frame: Frame) -> list[Told]:
         self.n_frames += 1
+        self._rig.counters.add("frames")
         self._telling.frame(frame)
         told: list[Told] = []
         for asked in tuple(self._asked):
