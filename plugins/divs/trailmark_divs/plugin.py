@@ -19,4 +19,5 @@ def trailmark_register(registry: Registry) -> None:
         config="trailmark_divs.config:DivsConfig",
         summary="drift from a taught path, from differential visual streams of one uncalibrated camera",
         reference="Perroni Filho & Ohya 2014",
+        gives=("path_offset",),
     )
