@@ -133,7 +133,8 @@ class Pose2:
         if abs(turn_rad) < _SMALL_ANGLE_RAD:
             sine, cosine = 1.0 - turn_rad * turn_rad / 6.0, turn_rad / 2.0
         else:
-            sine, cosine = math.sin(turn_rad) / turn_rad, (1.0 - math.cos(turn_rad)) / turn_rad
+            sine = math.sin(turn_rad) / turn_rad
+            cosine = 2.0 * math.sin(turn_rad / 2.0) ** 2 / turn_rad  # (1 - cos a) / a, without the cancellation
         return cls(sine * forward_m - cosine * left_m, cosine * forward_m + sine * left_m, turn_rad)
 
     def log(self) -> tuple[float, float, float]:

@@ -1,0 +1,144 @@
+"""Estimates and their information matrices."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import FrozenInstanceError
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from trailmark.errors import ShapeError
+from trailmark.estimates import (
+    Applied,
+    Belief,
+    Fix,
+    Lost,
+    Motion,
+    PathOffset,
+    information_along,
+    information_from_covariance,
+    information_from_sigmas,
+)
+from trailmark.geometry import Pose2, Twist2
+
+sigmas = st.floats(1e-6, 1e3)
+squares = hnp.arrays(np.float64, (3, 3), elements=st.floats(-10, 10))
+
+
+class TestInformation:
+    @given(sigmas, sigmas, sigmas)
+    def test_of_sigmas_is_the_inverse_of_their_covariance(self, x: float, y: float, theta: float) -> None:
+        information = information_from_sigmas(x, y, theta)
+
+        np.testing.assert_allclose(
+            information @ np.diag([x * x, y * y, theta * theta]), np.eye(3), rtol=1e-9, atol=1e-12
+        )
+
+    def test_what_was_not_measured_has_none(self) -> None:
+        np.testing.assert_array_equal(information_from_sigmas(0.5, math.inf, 2.0), np.diag([4.0, 0.0, 0.25]))
+
+    @given(squares)
+    def test_of_a_covariance_is_its_inverse_and_symmetric(self, square: np.ndarray) -> None:
+        covariance = square @ square.T + 0.1 * np.eye(3)
+
+        information = information_from_covariance(covariance)
+
+        np.testing.assert_array_equal(information, information.T)
+        np.testing.assert_allclose(information @ covariance, np.eye(3), atol=1e-6)
+
+    def test_of_a_tiny_covariance_keeps_its_digits(self) -> None:
+        information = information_from_covariance(np.diag([1e-12, 1e-10, 1e-14]))
+
+        np.testing.assert_allclose(np.diag(information), [1e12, 1e10, 1e14], rtol=1e-12)
+
+    def test_along_a_direction_has_rank_one(self) -> None:
+        information = information_along([0.0, 1.0, 2.0], 0.1)
+
+        assert np.linalg.matrix_rank(information) == 1
+        np.testing.assert_allclose(information, 100.0 * np.array([[0, 0, 0], [0, 1, 2], [0, 2, 4]]))
+
+    def test_two_directions_add_up(self) -> None:
+        np.testing.assert_allclose(
+            information_along([1, 0, 0], 0.1) + information_along([0, 1, 0], 0.2),
+            information_from_sigmas(0.1, 0.2, math.inf),
+        )
+
+    @pytest.mark.parametrize("sigma", [0.0, -1.0, math.nan])
+    def test_a_sigma_that_is_not_positive_is_refused(self, sigma: float) -> None:
+        with pytest.raises(ValueError, match="must be positive"):
+            information_from_sigmas(1.0, sigma, 1.0)
+        with pytest.raises(ValueError, match="must be positive"):
+            information_along([1, 0, 0], sigma)
+
+    @pytest.mark.parametrize(
+        ("covariance", "message"),
+        [
+            (np.zeros((2, 3)), "a covariance is square"),
+            (np.array([[1.0, 0.5], [0.4, 1.0]]), "not symmetric"),
+            (np.diag([1.0, 0.0]), "not positive definite"),
+            (np.diag([1.0, -1.0]), "not positive definite"),
+            (np.diag([1.0, math.nan]), "not symmetric"),
+        ],
+    )
+    def test_what_is_no_covariance_is_refused(self, covariance: np.ndarray, message: str) -> None:
+        with pytest.raises(ValueError, match=message):
+            information_from_covariance(covariance)
+
+
+class TestEstimates:
+    INFORMATION = information_from_sigmas(0.1, 0.1, 0.01)
+
+    def all(self) -> list[Motion | Fix | PathOffset]:
+        return [
+            Motion(1.0, 2.0, Pose2(), self.INFORMATION),
+            Fix(2.0, Pose2(), self.INFORMATION),
+            PathOffset(2.0, 3.0, 0.1, 0.01, self.INFORMATION),
+        ]
+
+    def test_all_but_lost_carry_an_information_that_cannot_be_changed(self) -> None:
+        for estimate in self.all():
+            with pytest.raises(ValueError, match="read-only"):
+                estimate.information[0, 0] = 0.0
+        assert not hasattr(Lost(2.0, "dark"), "information")
+
+    def test_they_cannot_be_changed(self) -> None:
+        for estimate in [*self.all(), Lost(2.0, "dark")]:
+            with pytest.raises(FrozenInstanceError):
+                estimate.stamp_s = 3.0  # type: ignore[misc]
+
+    def test_information_has_three_rows(self) -> None:
+        for make in (
+            lambda matrix: Motion(1.0, 2.0, Pose2(), matrix),
+            lambda matrix: Fix(2.0, Pose2(), matrix),
+            lambda matrix: PathOffset(2.0, 3.0, 0.1, 0.01, matrix),
+        ):
+            with pytest.raises(ShapeError, match=r"shape \(3, 3\), not \(2, 2\)"):
+                make(np.eye(2))
+
+    @pytest.mark.parametrize("since_s", [2.0, 2.1, math.nan])
+    def test_a_motion_ends_after_it_begins(self, since_s: float) -> None:
+        with pytest.raises(ShapeError, match="must end after it begins"):
+            Motion(since_s, 2.0, Pose2(), self.INFORMATION)
+
+    def test_details_default_to_none_and_cannot_be_shared_by_accident(self) -> None:
+        first, second = Lost(1.0, "dark"), Lost(2.0, "dark")
+
+        assert dict(first.details) == dict(second.details) == {}
+        with pytest.raises(TypeError):
+            first.details["score"] = 1.0  # type: ignore[index]
+
+
+def test_a_belief_starts_with_nothing_known() -> None:
+    belief = Belief(5.0)
+
+    assert (belief.pose_map_base, belief.covariance, belief.on_path) == (None, None, None)
+    assert (belief.pose_odom_base, belief.twist, belief.travelled_m) == (Pose2(), Twist2(), 0.0)
+    assert (belief.fix_age_m, belief.motion_age_s) == (math.inf, math.inf)
+
+
+def test_an_applied_estimate_needs_no_more_than_its_status() -> None:
+    assert Applied("accepted") == Applied("accepted", "", None, None)
