@@ -43,12 +43,13 @@ def provenance(config_dir: Path | None = None) -> dict[str, Any]:
 
 
 def package_versions() -> dict[str, str]:
-    """Return the versions of the packages that Trailmark asks for, as far as they are installed."""
+    """Return the versions of the packages that Trailmark needs at run time, as far as they are installed."""
     try:
         wanted = metadata.requires("trailmark") or []
     except metadata.PackageNotFoundError:  # run from a checkout that is not installed
         return {}
-    names = {re.split(r"[^A-Za-z0-9._-]", requirement, maxsplit=1)[0].lower() for requirement in wanted}
+    at_run_time = [requirement for requirement in wanted if not re.search(r"extra\s*==\s*.dev", requirement)]
+    names = {re.split(r"[^A-Za-z0-9._-]", requirement, maxsplit=1)[0].lower() for requirement in at_run_time}
     versions = {}
     for name in sorted(names - {"trailmark"}):
         try:

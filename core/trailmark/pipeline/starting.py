@@ -52,7 +52,7 @@ class Starter:
         self._closing: list[tuple[str, Callable[[], None]]] = []
 
     def start(self, kind: str, name: str, part: Part, session: Session) -> None:
-        """Start a part; how long it took is the stage ``start.KIND.NAME``.
+        """Start a part; how long it took is the stage ``start.KIND.NAME``, or ``start.KIND`` of the only one.
 
         Raises
         ------
@@ -63,10 +63,12 @@ class Starter:
 
     def run(self, kind: str, name: str, start: Callable[[], None], close: Callable[[], None]) -> None:
         """Start something that is no part by itself."""
-        self.on_close(f"{kind} {name!r}", close)
+        part = kind if name == kind else f"{kind} {name!r}"
+        self.on_close(part, close)
         began_ns = perf_counter_ns()
-        guarded(f"{kind} {name!r}", "could not start", start)
-        self._times.stage(f"start.{kind}.{name}").append(perf_counter_ns() - began_ns)
+        guarded(part, "could not start", start)
+        stage = f"start.{kind}" if name == kind else f"start.{kind}.{name}"
+        self._times.stage(stage).append(perf_counter_ns() - began_ns)
 
     def on_close(self, what: str, close: Callable[[], None]) -> None:
         """Remember to close something."""
