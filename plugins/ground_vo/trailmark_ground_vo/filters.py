@@ -1,0 +1,121 @@
+"""Kernels on whole pictures: transpose, flat field, smoothing; the slow ones with vectors and as plain loops."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark_ground_vo.compiled import kernel
+from trailmark_ground_vo.vector import LANES, smooth_across, smooth_down, transpose_block
+
+__all__ = ["GAIN_ONE", "SMOOTH_SCALE", "flatten", "smooth", "smooth_plain", "transpose", "transpose_plain"]
+
+#: A gain of 1 in the fixed-point gains of `flatten`.
+GAIN_ONE = 256
+
+#: What `smooth` multiplies grey levels with: the weights 1 4 6 4 1 add up to 16 along each axis.
+SMOOTH_SCALE = 256
+
+Grey = npt.NDArray[np.uint8]
+Words = npt.NDArray[np.uint16]
+
+
+@kernel
+def transpose(image: Grey) -> Grey:
+    """Return the transposed picture, (W, H) uint8."""
+    height, width = image.shape
+    out = np.empty((width, height), np.uint8)
+    for y in range(0, height - LANES + 1, LANES):
+        for x in range(0, width - LANES + 1, LANES):
+            transpose_block(image, y * width + x, width, out, x * height + y, height)
+    for y in range(height - height % LANES, height):
+        for x in range(width):
+            out[x, y] = image[y, x]
+    for x in range(width - width % LANES, width):
+        for y in range(height):
+            out[x, y] = image[y, x]
+    return out
+
+
+@kernel
+def transpose_plain(image: Grey) -> Grey:
+    """Return the transposed picture, (W, H) uint8, without vectors."""
+    height, width = image.shape
+    out = np.empty((width, height), np.uint8)
+    for x in range(width):
+        for y in range(height):
+            out[x, y] = image[y, x]
+    return out
+
+
+@kernel
+def flatten(image: Grey, gain: Words) -> Grey:
+    """Return ``round(image * gain / 256)``, at most 255.
+
+    Parameters
+    ----------
+    image : (H, W) uint8
+        Picture.
+    gain : (H, W) uint16
+        Gain of each pixel, `GAIN_ONE` for 1.
+    """
+    height, width = image.shape
+    out = np.empty((height, width), np.uint8)
+    for y in range(height):
+        for x in range(width):  # int32: in 16 bits numba would leave the vector registers
+            level = (np.int32(image[y, x]) * np.int32(gain[y, x]) + np.int32(128)) >> np.int32(8)
+            out[y, x] = min(np.int32(255), level)
+    return out
+
+
+@kernel
+def smooth(image: Grey) -> Words:
+    """Return 256 times the picture smoothed with the weights 1 4 6 4 1 along both axes, edges repeated.
+
+    Exact: 256 * 255 still fits into 16 bits.
+    """
+    height, width = image.shape
+    out = np.empty((height, width), np.uint16)
+    line = np.empty(width + 4, np.uint16)
+    last = height - 1
+    for y in range(height):
+        rows = (
+            max(y - 2, 0) * width,
+            max(y - 1, 0) * width,
+            y * width,
+            min(y + 1, last) * width,
+            min(y + 2, last) * width,
+        )
+        for x in range(0, width - LANES + 1, LANES):
+            smooth_down(image, rows, x, line, x + 2)
+        if width % LANES:
+            smooth_down(image, rows, width - LANES, line, width - LANES + 2)
+        line[0] = line[1] = line[2]
+        line[width + 2] = line[width + 3] = line[width + 1]
+        for x in range(0, width - LANES + 1, LANES):
+            smooth_across(line, x + 2, out, y * width + x)
+        if width % LANES:
+            smooth_across(line, width - LANES + 2, out, y * width + width - LANES)
+    return out
+
+
+@kernel
+def smooth_plain(image: Grey) -> Words:
+    """Do what `smooth` does, without vectors."""
+    height, width = image.shape
+    out = np.empty((height, width), np.uint16)
+    line = np.empty(width + 4, np.int32)
+    last = height - 1
+    for y in range(height):
+        above, before = image[max(y - 2, 0)], image[max(y - 1, 0)]
+        after, below = image[min(y + 1, last)], image[min(y + 2, last)]
+        middle = image[y]
+        for x in range(width):
+            outer = np.int32(above[x]) + np.int32(below[x])
+            inner = np.int32(before[x]) + np.int32(after[x])
+            line[x + 2] = outer + 4 * inner + 6 * np.int32(middle[x])
+        line[0] = line[1] = line[2]
+        line[width + 2] = line[width + 3] = line[width + 1]
+        for x in range(width):
+            out[y, x] = line[x] + line[x + 4] + 4 * (line[x + 1] + line[x + 3]) + 6 * line[x + 2]
+    return out

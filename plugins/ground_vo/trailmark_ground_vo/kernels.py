@@ -1,0 +1,68 @@
+"""Which build of the kernels runs: with vectors, or plain where the compiler refuses them."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark_ground_vo.filters import smooth, smooth_plain, transpose, transpose_plain
+from trailmark_ground_vo.search import SadSearch, sad_search, sad_search_plain
+
+__all__ = ["Kernels", "load_kernels"]
+
+logger = logging.getLogger(__name__)
+
+Grey = npt.NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True)
+class Kernels:
+    """The kernels that exist twice; both give the same bits.
+
+    Attributes
+    ----------
+    transpose, smooth : callable
+        Of `filters`.
+    sad_search : callable
+        Gives the search of a range, of `search`.
+    """
+
+    transpose: Callable[[Grey], Grey]
+    smooth: Callable[[Grey], npt.NDArray[np.uint16]]
+    sad_search: Callable[[int], SadSearch]
+
+
+_PLAIN = Kernels(transpose_plain, smooth_plain, sad_search_plain)
+_VECTOR = Kernels(transpose, smooth, sad_search)
+
+
+@lru_cache
+def load_kernels(use_vectors: bool = True) -> Kernels:
+    """Return the kernels that work on this machine, compiled.
+
+    Parameters
+    ----------
+    use_vectors : bool
+        False takes the plain ones.
+    """
+    if use_vectors:
+        try:
+            _try_out(_VECTOR)
+        except Exception as error:  # whatever numba or LLVM raise here, the plain kernels do the work
+            logger.warning("vector kernels do not compile (%s); the plain ones are about ten times slower", error)
+        else:
+            return _VECTOR
+    _try_out(_PLAIN)
+    return _PLAIN
+
+
+def _try_out(kernels: Kernels) -> None:
+    image = np.arange(64 * 64, dtype=np.uint32).reshape(64, 64).astype(np.uint8)
+    spots = np.full((2, 1, 1), 32, np.int64)
+    kernels.smooth(image)
+    kernels.sad_search(2)(image, kernels.transpose(image), spots, image[0, :1])

@@ -1,0 +1,94 @@
+"""Motion from a downward camera."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from trailmark.estimates import Belief, Estimate, Lost, Motion
+from trailmark.frames import Frame, SensorInfo
+from trailmark.interfaces import Localizer, Session
+from trailmark_ground_vo.config import GroundVOConfig
+from trailmark_ground_vo.motion import ground_information, pose_prev_now
+from trailmark_ground_vo.picture import PictureReader, camera_of, ground_plane
+from trailmark_ground_vo.tracker import Miss, RelativeTracker, Step
+
+__all__ = ["GroundVO"]
+
+
+class GroundVO(Localizer):
+    """Tells the motion of the robot from picture to picture of the ground (Nagai & Watanabe 2015, Sec. II-A).
+
+    Answers a `Motion` for every picture but the first, or `Lost` when a picture does not fit to the ones before. A
+    short loss is bridged: the next motion begins where the last one ended. After a long one it leaves a gap.
+    """
+
+    config: GroundVOConfig
+
+    def __init__(self, config: GroundVOConfig) -> None:
+        super().__init__(config)
+        self._sensor: SensorInfo
+        self._reader: PictureReader
+        self._tracker: RelativeTracker | None = None
+        self._counts = {"lost": 0}
+
+    def start(self, session: Session) -> None:
+        """Check the camera's calibration and compile the kernels.
+
+        Raises
+        ------
+        ConfigError
+            If the camera has no scale, or its pictures are too small.
+        """
+        self._sensor = camera_of(session, self.config.camera)
+        self._reader = PictureReader(self._sensor)
+        self._scale = ground_plane(self._sensor).metres_per_pixel
+        self._mounting = self._sensor.pose_base_sensor.planar()
+        self._mounting_inverse = self._mounting.inverse()
+        self._tracker, self._counts = None, {"lost": 0}
+        self._warm_up(self._sensor.size or _USUAL_SIZE)
+
+    def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
+        """Compare the picture with the one before.
+
+        Raises
+        ------
+        ShapeError
+            If size or kind of the pictures change.
+        """
+        if frame.sensor != self._sensor.name:
+            return ()
+        image = self._reader.read(frame)
+        if self._tracker is None:
+            self._tracker = self._new_tracker((image.shape[1], image.shape[0]))
+        step = self._tracker.step(image, frame.stamp_s)
+        if step is None:
+            return ()
+        if isinstance(step, Miss):
+            self._counts["lost"] += 1
+            return (Lost(frame.stamp_s, step.reason, step.details),)
+        return (self._motion(step, frame.stamp_s),)
+
+    def counters(self) -> Mapping[str, int]:
+        """Return how often the track was lost."""
+        return dict(self._counts)
+
+    def _new_tracker(self, size: tuple[int, int]) -> RelativeTracker:
+        return RelativeTracker(self.config, size, self._scale[1] / self._scale[0])
+
+    def _warm_up(self, size: tuple[int, int]) -> None:
+        tracker = self._new_tracker(size)
+        noise = np.random.default_rng(0).integers(0, 256, (size[1], size[0]), np.uint8)
+        for stamp_s in range(3):
+            tracker.step(noise, float(stamp_s))
+
+    def _motion(self, step: Step, stamp_s: float) -> Motion:
+        camera = pose_prev_now(step.motion, self._scale)
+        information = ground_information(step.information, camera, self._scale, self._mounting)
+        pose = self._mounting @ camera @ self._mounting_inverse
+        return Motion(step.since_s, stamp_s, pose, information, step.details)
+
+
+#: Size of the paper's camera, to compile for when the source does not tell.
+_USUAL_SIZE = (512, 480)

@@ -1,0 +1,23 @@
+"""What this plugin registers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from trailmark import hookimpl
+
+if TYPE_CHECKING:
+    from trailmark.plugins import Registry
+
+
+@hookimpl
+def trailmark_register(registry: Registry) -> None:
+    """Register the localizers for a downward camera."""
+    registry.localizer(
+        "ground_vo",
+        "trailmark_ground_vo.localizer:GroundVO",
+        config="trailmark_ground_vo.config:GroundVOConfig",
+        summary="motion from a downward camera: two groups of reference pixels, refined to a hundredth of a pixel",
+        reference="Nagai & Watanabe 2015",
+        gives=("motion",),
+    )

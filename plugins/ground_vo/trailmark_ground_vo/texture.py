@@ -1,0 +1,201 @@
+"""Pixels for the refinement: steep ones, spread evenly, that remember what they looked like.
+
+The search wants extremes, whose absolute difference has a sharp minimum; there the slope vanishes, so that they
+say little about fractions of a pixel. The refinement therefore has its own pixels: in every segment of a vertical
+line the one with the steepest slope along u and the one along v. They live on the smoothed picture and roll along
+like the groups of the search. While a pixel lives, its intensity is averaged over the pictures that it was seen in:
+the noise of the one picture that it was chosen in is what heading and position would drift with.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark_ground_vo.compiled import float_kernel, kernel
+from trailmark_ground_vo.extremes import Area
+
+__all__ = [
+    "AGE",
+    "SLOPE_U",
+    "SLOPE_V",
+    "VALUE",
+    "Texture",
+    "X",
+    "Y",
+    "advance_texture",
+    "residuals",
+    "select_texture",
+]
+
+#: Rows of a texture: coordinates [px]; what the pixel looks like and its slopes [1/px], in units of the smoothed
+#: picture; pictures that the look is averaged over.
+X, Y, VALUE, SLOPE_U, SLOPE_V, AGE = range(6)
+
+#: How far to both sides a pixel that jumped over the upper or lower edge looks for a steep one [px].
+_ROW_REACH_PX = 8
+
+Smooth = npt.NDArray[np.uint16]
+Floats = npt.NDArray[np.float32]
+
+#: Remembered pixels, (6, N) float32, a row for each of the names above. Pixel n is of segment ``n // 2 % n_segments``
+#: and steep along u when n is even; it stays so when it jumps.
+Texture = npt.NDArray[np.float32]
+
+
+@kernel
+def _slope(picture: Smooth, u: int, v: int, along_u: bool) -> np.int32:
+    if along_u:  # signed, or numba would wrap below zero
+        return np.int32(picture[v, u + 1]) - np.int32(picture[v, u - 1])
+    return np.int32(picture[v + 1, u]) - np.int32(picture[v - 1, u])
+
+
+@kernel
+def _steepest_in_column(picture: Smooth, u: int, top: int, bottom: int, along_u: bool) -> int:
+    best, steepest = top, np.int32(-1)
+    for v in range(top, bottom):
+        slope = abs(_slope(picture, u, v, along_u))
+        if slope > steepest:
+            best, steepest = v, slope
+    return best
+
+
+@kernel
+def _steepest_in_row(picture: Smooth, v: int, left: int, right: int, along_u: bool) -> int:
+    best, steepest = left, np.int32(-1)
+    for u in range(left, right):
+        slope = abs(_slope(picture, u, v, along_u))
+        if slope > steepest:
+            best, steepest = u, slope
+    return best
+
+
+@kernel
+def _put(texture: Texture, n: int, picture: Smooth, u: int, v: int) -> None:
+    texture[X, n], texture[Y, n], texture[VALUE, n] = u, v, picture[v, u]
+    texture[SLOPE_U, n] = 0.5 * _slope(picture, u, v, True)
+    texture[SLOPE_V, n] = 0.5 * _slope(picture, u, v, False)
+    texture[AGE, n] = 1.0
+
+
+@kernel
+def select_texture(picture: Smooth, area: Area, n_segments: int, step_px: int) -> Texture:
+    """Return the initial pixels: of every `step_px`-th line and each of its segments the steepest along u and v."""
+    left, top, right, bottom = area
+    height = (bottom - top) // n_segments
+    texture = np.empty((6, 2 * n_segments * ((right - left) // step_px)), np.float32)
+    for n in range(texture.shape[1]):
+        u = left + n // (2 * n_segments) * step_px
+        first = top + n // 2 % n_segments * height
+        _put(texture, n, picture, u, _steepest_in_column(picture, u, first, first + height, n % 2 == 0))
+    return texture
+
+
+@float_kernel
+def residuals(
+    picture: Smooth, texture: Texture, centre: tuple[float, float], motion: tuple[float, float, float], aspect: float
+) -> Floats:
+    """Return picture minus remembered value at every pixel after a motion (bilinear), (N,) float32.
+
+    Coordinates beyond the edge of the picture are moved inside.
+    """
+    height, width = picture.shape
+    pixels = picture.reshape(-1)
+    cos = np.float32(math.cos(motion[2]))
+    across, down = np.float32(math.sin(motion[2]) * aspect), np.float32(math.sin(motion[2]) / aspect)
+    from_x, from_y = np.float32(centre[0]), np.float32(centre[1])
+    to_x, to_y = np.float32(centre[0] + motion[0]), np.float32(centre[1] + motion[1])
+    last_u, last_v, stride = np.int32(width - 2), np.int32(height - 2), np.int32(width)
+    n_pixels = texture.shape[1]
+    corners = np.empty(n_pixels, np.int32)
+    fractions_u, fractions_v = np.empty(n_pixels, np.float32), np.empty(n_pixels, np.float32)
+    for n in range(n_pixels):  # two loops: this one runs in vectors, the one that looks up cannot
+        dx, dy = texture[X, n] - from_x, texture[Y, n] - from_y
+        x, y = cos * dx + across * dy + to_x, cos * dy - down * dx + to_y
+        u, v = min(max(np.int32(x), np.int32(0)), last_u), min(max(np.int32(y), np.int32(0)), last_v)
+        fractions_u[n], fractions_v[n], corners[n] = x - np.float32(u), y - np.float32(v), v * stride + u
+    out = np.empty(n_pixels, np.float32)
+    for n in range(n_pixels):
+        upper = np.uintp(corners[n])  # unsigned: numba need not ask whether it counts from the end
+        lower = upper + np.uintp(width)
+        a, b = np.float32(np.int32(pixels[upper])), np.float32(np.int32(pixels[upper + np.uintp(1)]))
+        c, d = np.float32(np.int32(pixels[lower])), np.float32(np.int32(pixels[lower + np.uintp(1)]))
+        above, below = a + fractions_u[n] * (b - a), c + fractions_u[n] * (d - c)
+        out[n] = above + fractions_v[n] * (below - above) - texture[VALUE, n]
+    return out
+
+
+@float_kernel
+def advance_texture(
+    picture: Smooth,
+    texture: Texture,
+    differences: Floats,
+    area: Area,
+    n_segments: int,
+    centre: tuple[float, float],
+    motion: tuple[float, float, float],
+    aspect: float,
+    memory: float,
+    clip: float,
+) -> tuple[Texture, int]:
+    """Move the pixels with the picture, average what they look like, and let those that leave the area jump.
+
+    Parameters
+    ----------
+    picture : (H, W) uint16
+        The smoothed picture that they have been found in.
+    texture : (6, N) float32
+        Before the motion.
+    differences : (N,) float32
+        The `residuals` of the motion.
+    area, n_segments
+        As in `select_texture`.
+    centre, motion, aspect
+        As in `extremes.advance`.
+    memory : float
+        Pictures that a value is averaged over at most; 1 keeps the first.
+    clip : float
+        Largest difference that enters the average, in units of `picture`.
+
+    Returns
+    -------
+    texture : (6, N) float32
+        After the motion.
+    n_fresh : int
+        Pixels that have jumped.
+    """
+    left, top, right, bottom = area
+    height = (bottom - top) // n_segments
+    cos, sin = math.cos(motion[2]), math.sin(motion[2])
+    to_x, to_y = centre[0] + motion[0], centre[1] + motion[1]
+    n_pixels = texture.shape[1]
+    out = np.empty_like(texture)
+    for n in range(n_pixels):
+        dx, dy = texture[X, n] - centre[0], texture[Y, n] - centre[1]
+        out[X, n] = cos * dx + sin * aspect * dy + to_x
+        out[Y, n] = cos * dy - sin / aspect * dx + to_y
+        out[SLOPE_U, n] = cos * texture[SLOPE_U, n] + sin / aspect * texture[SLOPE_V, n]
+        out[SLOPE_V, n] = cos * texture[SLOPE_V, n] - sin * aspect * texture[SLOPE_U, n]
+        age = min(texture[AGE, n] + 1.0, memory)
+        news = min(max(differences[n], -clip), clip) / age
+        out[AGE, n], out[VALUE, n] = age, texture[VALUE, n] + (news if memory > 1.0 else 0.0)
+    n_fresh = 0
+    for n in range(n_pixels):
+        u, v = math.floor(out[X, n] + 0.5), math.floor(out[Y, n] + 0.5)
+        if left <= u < right and top <= v < bottom:
+            continue
+        n_fresh += 1
+        if not left <= u < right:
+            u += right - left if u < left else left - right
+            u = min(max(u, left), right - 1)
+            first = top + n // 2 % n_segments * height
+            v = _steepest_in_column(picture, u, first, first + height, n % 2 == 0)
+        else:
+            v += bottom - top if v < top else top - bottom
+            v = min(max(v, top), bottom - 1)
+            first, last = max(left, u - _ROW_REACH_PX), min(right, u + _ROW_REACH_PX + 1)
+            u = _steepest_in_row(picture, v, first, last, n % 2 == 0)
+        _put(out, n, picture, u, v)
+    return out, n_fresh

@@ -1,0 +1,91 @@
+"""How far to trust a motion.
+
+A tracker that rolls along does not err anew in every picture: it compares with remembered pixels, so that the error
+against them stays as it is until they are replaced. What grows is the error that enters with new pixels. The
+covariance of one motion is therefore that of the alignment times the share of pixels replaced in that picture, and
+the sum over a way is the drift that is seen on it, not the sum of the noise of single pictures.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.estimates import information_from_covariance
+from trailmark_ground_vo.compiled import kernel
+
+__all__ = ["drift_information", "response_covariance", "whole_pixel_information"]
+
+Matrix = npt.NDArray[np.float64]
+
+#: Variance of rounding to whole pixels.
+ROUNDING_PX2 = 1.0 / 12.0
+
+#: Share of the alignment's covariance that a motion has even when no pixel was replaced.
+_FLOOR = 1e-3
+
+
+@kernel
+def response_covariance(errors: npt.NDArray[np.int32], best: int, n_pixels: int) -> Matrix:
+    """Return the covariance of the shift (u, v) that a search found, (2, 2) [px^2].
+
+    Every candidate counts with exp(-(E - E_min) / T) (after Singh & Allen). The sum of N differences scatters by about
+    the square root of N times one of them, so T = E_min / sqrt(N). Along a grain, where E hardly grows, many
+    candidates count; where E is sharp, rounding to whole pixels is what is left.
+
+    Parameters
+    ----------
+    errors : (K, J, I) int32
+        Sums of absolute differences.
+    best : int
+        Their minimum.
+    n_pixels : int
+        N.
+    """
+    temperature = max(1.0, best / math.sqrt(n_pixels))
+    total = mean_u = mean_v = uu = uv = vv = 0.0
+    _, size_j, size_i = errors.shape
+    for plane in errors:
+        for j in range(size_j):
+            for i in range(size_i):
+                excess = (plane[j, i] - best) / temperature
+                if excess < 12.0:
+                    weight = math.exp(-excess)
+                    total += weight
+                    mean_u += weight * i
+                    mean_v += weight * j
+                    uu += weight * i * i
+                    uv += weight * i * j
+                    vv += weight * j * j
+    mean_u, mean_v = mean_u / total, mean_v / total
+    out = np.empty((2, 2), np.float64)
+    out[0, 0] = uu / total - mean_u * mean_u + ROUNDING_PX2
+    out[1, 1] = vv / total - mean_v * mean_v + ROUNDING_PX2
+    out[0, 1] = out[1, 0] = uv / total - mean_u * mean_v
+    return out
+
+
+def whole_pixel_information(first: Matrix, second: Matrix, distance_px: float, aspect: float) -> Matrix:
+    """Return the information of (u, v, turn) of Eq. (3) from the covariances of two shifts, (3, 3)."""
+    lever = 1.0 / (distance_px * aspect)
+    jacobian = np.array([[0.5, 0.0, 0.5, 0.0], [0.0, 0.5, 0.0, 0.5], [lever, 0.0, -lever, 0.0]])
+    both = np.zeros((4, 4))
+    both[:2, :2], both[2:, 2:] = first, second
+    return information_from_covariance(jacobian @ both @ jacobian.T)
+
+
+def drift_information(alignment: Matrix, replaced: float, growth: float) -> Matrix:
+    """Return the information of what one motion adds to the way, from that of its alignment.
+
+    Parameters
+    ----------
+    alignment : (3, 3) float64
+        Information of the alignment with the remembered pixels.
+    replaced : float
+        Share of the remembered pixels that were replaced in this picture.
+    growth : float
+        Measured: variance of the drift per full replacement, over the alignment's.
+    """
+    return alignment / max(_FLOOR, growth * replaced)

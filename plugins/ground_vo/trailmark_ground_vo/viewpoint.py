@@ -1,0 +1,153 @@
+"""One tracking area with its group of reference pixels: where it is searched for and how it moves along."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark_ground_vo.extremes import Area, Group, advance, select
+from trailmark_ground_vo.kernels import Kernels
+from trailmark_ground_vo.motion import ImageMotion
+from trailmark_ground_vo.search import Errors, centre_out, places, reach, rotation_angles, summarise
+from trailmark_ground_vo.uncertainty import response_covariance
+
+__all__ = ["Match", "Picture", "SearchRange", "Viewpoint"]
+
+Grey = npt.NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Picture:
+    """A picture in the forms that the search reads.
+
+    Attributes
+    ----------
+    image, image_t : (H, W) and (W, H) uint8
+        The picture and its transpose.
+    half, half_t : (H / 2, W / 2) and (W / 2, H / 2) uint8, or None
+        The same at half the resolution, where the pyramid needs it.
+    """
+
+    image: Grey
+    image_t: Grey
+    half: Grey | None = None
+    half_t: Grey | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SearchRange:
+    """The candidates of a search: shifts of +-`shift_px`, turns of +-`steps` times `step_rad`."""
+
+    shift_px: int
+    steps: int
+    step_rad: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Match:
+    """Where a group was found.
+
+    Attributes
+    ----------
+    motion : ImageMotion
+        About the centre of the area; the shift is prediction plus search, v = p + (i, j).
+    error, mean_error : float
+        Least absolute difference, and the mean over all candidates, per pixel [grey levels].
+    covariance : (2, 2) float64
+        Of the shift [px^2].
+    """
+
+    motion: ImageMotion
+    error: float
+    mean_error: float
+    covariance: npt.NDArray[np.float64]
+
+    @property
+    def ratio(self) -> float:
+        """Least error over mean error: near 0 for a sharp match, near 1 for none."""
+        return self.error / self.mean_error if self.mean_error > 0.0 else 1.0
+
+
+class Viewpoint:
+    """A tracking area and its group."""
+
+    def __init__(self, area: Area, search: SearchRange, aspect: float, kernels: Kernels) -> None:
+        self.area = area
+        self.centre = ((area[0] + area[2] - 1) / 2.0, (area[1] + area[3] - 1) / 2.0)
+        self._shift_px = search.shift_px
+        self._step_rad = search.step_rad
+        self._angles = rotation_angles(search.steps, search.step_rad)
+        self._aspect = aspect
+        self._kernels = kernels
+        self._group: Group
+        self._half_values: Grey
+
+    def begin(self, picture: Picture, n_pixels: int) -> None:
+        """Choose the reference pixels in a picture."""
+        self._group = Group(*select(picture.image, self.area, n_pixels))
+        if picture.half is not None:
+            rows, columns = _halved(self._group.y, picture.half, 0), _halved(self._group.x, picture.half, 1)
+            self._half_values = picture.half[rows, columns]
+
+    def find(self, picture: Picture, shift: tuple[float, float]) -> Match:
+        """Search all candidates around a predicted shift, Eqs. (1) and (2)."""
+        values, angles = self._group.values, self._angles
+        errors = self._errors(picture.image, picture.image_t, values, shift, angles, self._shift_px, 1)
+        return self._match(errors, shift, angles)
+
+    def find_in_pyramid(self, picture: Picture, shift: tuple[float, float]) -> Match:
+        """Search at half resolution with every second turn, then finely around what was found."""
+        assert picture.half is not None
+        assert picture.half_t is not None
+        angles, coarse_px = self._angles[::2].copy(), -(-self._shift_px // 2)
+        errors = self._errors(picture.half, picture.half_t, self._half_values, shift, angles, coarse_px, 2)
+        k, j, i, _, mean = summarise(errors, centre_out(errors.shape[0], errors.shape[1]))
+        near = (shift[0] + 2 * (i - coarse_px), shift[1] + 2 * (j - coarse_px))
+        around = angles[k] + rotation_angles(1, self._step_rad)
+        fine = self._errors(picture.image, picture.image_t, self._group.values, near, around, 2, 1)
+        return self._match(fine, near, around, mean)
+
+    def advance(self, picture: Picture, motion: ImageMotion, grid: float) -> float:
+        """Move the group with the picture; returns the share of pixels that jumped."""
+        moved = (motion.u, motion.v, motion.turn_rad)
+        x, y, values, fresh = advance(picture.image, *self._group, self.area, self.centre, moved, self._aspect, grid)
+        self._group = Group(x, y, values, self._group.brightest)
+        if picture.half is not None:
+            rows, columns = _halved(self._group.y, picture.half, 0), _halved(self._group.x, picture.half, 1)
+            self._half_values = np.where(fresh, picture.half[rows, columns], self._half_values)
+        return float(np.count_nonzero(fresh)) / len(fresh)
+
+    def _errors(
+        self,
+        image: Grey,
+        image_t: Grey,
+        values: Grey,
+        shift: tuple[float, float],
+        angles: npt.NDArray[np.float64],
+        shift_px: int,
+        scale: int,
+    ) -> Errors:
+        height, width = image.shape
+        limits = (shift_px, width - 1 - reach(shift_px), shift_px, height - 1 - reach(shift_px))
+        x, y, centre = self._group.x, self._group.y, self.centre
+        if scale != 1:  # the middle of a block of 2 x 2 pixels
+            x, y = (x - 0.5) / scale, (y - 0.5) / scale
+            centre = ((centre[0] - 0.5) / scale, (centre[1] - 0.5) / scale)
+        spots = places(x, y, centre, (shift[0] / scale, shift[1] / scale), angles, self._aspect, limits)
+        return self._kernels.sad_search(shift_px)(image, image_t, spots, values)
+
+    def _match(
+        self, errors: Errors, shift: tuple[float, float], angles: npt.NDArray[np.float64], mean: float | None = None
+    ) -> Match:
+        n_pixels, shift_px = len(self._group.values), errors.shape[1] // 2
+        k, j, i, best, own_mean = summarise(errors, centre_out(errors.shape[0], errors.shape[1]))
+        motion = ImageMotion(shift[0] + i - shift_px, shift[1] + j - shift_px, float(angles[k]))
+        covariance = response_covariance(errors, best, n_pixels)
+        return Match(motion, best / n_pixels, (own_mean if mean is None else mean) / n_pixels, covariance)
+
+
+def _halved(coordinates: npt.NDArray[np.float64], half: Grey, axis: int) -> npt.NDArray[np.intp]:
+    nearest = np.floor(coordinates / 2.0 + 0.25).astype(np.intp)  # (x - 0.5) / 2, rounded
+    return np.clip(nearest, 0, half.shape[axis] - 1)

@@ -1,0 +1,33 @@
+"""What the plugin registers, and how cheap that is."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+from trailmark.plugins import Registry
+from trailmark_ground_vo import plugin
+from trailmark_ground_vo.config import GroundVOConfig
+from trailmark_ground_vo.localizer import GroundVO
+
+
+def test_the_localizers_and_their_configs_can_be_loaded():
+    registry = Registry()
+
+    plugin.trailmark_register(registry)
+
+    spec = registry.find("localizer", "ground_vo")
+    assert spec.load() is GroundVO
+    assert spec.load_config() is GroundVOConfig
+    assert spec.gives == {"motion"}
+
+
+def test_registering_imports_nothing_heavy():
+    code = (
+        "import sys, trailmark_ground_vo.plugin, trailmark_ground_vo.config;"
+        "print([m for m in ('cv2', 'numba', 'scipy', 'sklearn', 'matplotlib') if m in sys.modules])"
+    )
+
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+
+    assert shown.stdout.strip() == "[]"
