@@ -89,7 +89,7 @@ def use_log(connection: sqlite3.Connection) -> None:
     """Write through a log from here on: readers are never in the way, and a commit waits for no disk.
 
     A commit is in the hands of the operating system when it returns, so it outlives the process; losing power
-    may cost the newest commits, never the file (docs/decisions/path-store-format.md).
+    may cost the newest commits, never the file (docs/decisions/0004-path-store-format.md).
     """
     connection.execute("PRAGMA journal_mode = WAL")
     connection.execute("PRAGMA synchronous = NORMAL")
