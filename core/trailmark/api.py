@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -83,12 +82,17 @@ def run(
         access=access,
         overwrite=overwrite,
     )
-    with suppress(KeyboardInterrupt), pipeline:  # the pipeline has ended the run by then
-        for step in pipeline:
-            if on_step is not None:
-                on_step(pipeline, step)
-    if out is None:
-        link_latest(folder.absolute())
+    try:
+        with pipeline:
+            for step in pipeline:
+                if on_step is not None:
+                    on_step(pipeline, step)
+    except KeyboardInterrupt:
+        if not pipeline.has_ended:  # before the first frame there is nothing to keep
+            raise
+    finally:
+        if out is None and folder.exists():
+            link_latest(folder.absolute())
     return _evaluated(pipeline, report)
 
 

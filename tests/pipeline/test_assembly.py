@@ -113,6 +113,19 @@ def test_the_config_of_a_run_gives_the_same_run(config: Path, plugins, tmp_path:
     assert "camera: floor" in (tmp_path / "a/config.yaml").read_text()  # the role is filled in
 
 
+@pytest.mark.parametrize("n_steps", [0, 5])
+def test_ctrl_c_keeps_what_is_done(config: Path, plugins, tmp_path: Path, n_steps: int) -> None:
+    def on_step(pipeline, step):
+        if step.stamp_s >= 0.1 * n_steps:
+            raise KeyboardInterrupt
+
+    result = trailmark.run(config, tmp_path / "run", plugins=plugins, report=False, on_step=on_step)
+
+    assert result.status == "interrupted"
+    assert result.counters["frames"] == n_steps + 1
+    assert json.loads((tmp_path / "run/run.json").read_text())["reason"] == "interrupted by the user"
+
+
 def test_without_a_folder_a_new_one_is_made_and_linked(config: Path, plugins, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
 

@@ -7,6 +7,8 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from trailmark.config import Mounting, SensorOverride, SourceConfig
 from trailmark.errors import ConfigError, DataError, SourceError
@@ -177,6 +179,19 @@ class TestMerge:
         }
 
         assert stamps_of(fakes, sources) == [("b", 0.0), ("a", 0.5), ("b", 1.0), ("a", 1.0), ("a", 1.5), ("b", 2.0)]
+
+    @settings(max_examples=40, deadline=None)
+    @given(st.lists(st.lists(st.integers(0, 20), min_size=1, unique=True), min_size=1, max_size=4))
+    def test_any_sources_come_out_as_if_sorted(self, fakes, stamps: list[list[int]]) -> None:
+        everywhere = [[-1, *sorted(some), 21] for some in stamps]  # they begin and end together
+        sources = {
+            f"s{i}": fakes.Recording(fakes.scalar_frames(f"s{i}", map(float, some)))
+            for i, some in enumerate(everywhere)
+        }
+
+        expected = sorted((float(stamp), i) for i, some in enumerate(everywhere) for stamp in some)
+
+        assert stamps_of(fakes, sources) == [(f"s{i}", stamp) for stamp, i in expected]
 
     def test_frames_are_pulled_one_at_a_time(self, fakes) -> None:
         source = fakes.Recording(fakes.scalar_frames("a", [0.0, 1.0, 2.0]))

@@ -126,6 +126,13 @@ def test_teaching_without_motion_is_refused_with_a_hint(fakes, n: int, when: str
         list(Pipeline(fakes.plan({"floor": source}, {"map": fakes.Scripted()}, mode="teach", disk={})))
 
 
+def test_teaching_from_nowhere_is_refused(fakes) -> None:
+    source, mover = drive(fakes, 20)
+
+    with pytest.raises(ConfigError, match="nothing was taught, because the pose was never known"):
+        list(Pipeline(fakes.plan({"floor": source}, {"vo": mover}, mode="teach", disk={}, start="unknown")))
+
+
 def test_a_path_is_continued_where_it_ended(fakes) -> None:
     disk = {"waypoints": taught_path(), "keyframes": [], "commits": []}
     source, mover = drive(fakes, 101, 0.01)

@@ -198,6 +198,11 @@ class Pipeline:
         return teaching.n_waypoints if teaching is not None else 0
 
     @property
+    def has_ended(self) -> bool:
+        """Whether there is a result."""
+        return self._run is not None and self._run.result is not None
+
+    @property
     def result(self) -> RunResult:
         """How the run ended.
 

@@ -110,10 +110,12 @@ class Teaching:
         Raises
         ------
         ConfigError
-            If there was no motion.
+            If there was no motion, or nobody ever knew the pose.
         """
         if not self._has_motion:
             raise self._no_motion("in the whole recording")
+        if not self._n_waypoints and belief.pose_map_base is None:
+            raise ConfigError("nothing was taught, because the pose was never known: give start: [x, y, deg]")
         if belief.travelled_m - self._last_m >= self._spacing_m / 2 and belief.pose_map_base is not None:
             self._lay(belief)
         self._store.commit()

@@ -1,0 +1,126 @@
+"""Counters, timing, random numbers, mailboxes, provenance."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from trailmark.estimates import Belief
+from trailmark.frames import Frame, Image, Scalar, Scan
+from trailmark.pipeline.counters import Counters
+from trailmark.pipeline.mailbox import Mailbox
+from trailmark.pipeline.provenance import git_describe, provenance
+from trailmark.pipeline.seeds import part_rng
+from trailmark.pipeline.timing import StageTimes
+
+
+def test_percentiles_are_those_of_every_call() -> None:
+    times = StageTimes()
+    stage = times.stage("estimator")
+    for ms in range(1, 101):
+        stage.append(ms * 1_000_000)
+    times.stage("never ran")
+
+    row = times.table()["estimator"]
+
+    assert row == {"n": 100, "mean_ms": 50.5, "p50_ms": 50.5, "p95_ms": 95.05, "p99_ms": 99.01, "max_ms": 100.0}
+    assert list(times.table()) == ["estimator"]
+
+
+def test_counters_of_parts_stand_below_their_own_name() -> None:
+    counters = Counters()
+    counters.add("frames", 3)
+    counters.add("source.cam.skipped")
+
+    merged = counters.merged({"source.cam": {"skipped": 2, "retries": 1}})
+
+    assert merged == {"frames": 3, "source.cam.retries": 1, "source.cam.skipped": 3}
+    assert counters["frames"] == 3
+    assert counters["nothing"] == 0
+
+
+def test_random_numbers_depend_on_seed_kind_and_name_alone() -> None:
+    numbers = {
+        (seed, kind, name): part_rng(seed, kind, name).random()
+        for seed in (0, 1)
+        for kind in ("localizer", "source")
+        for name in ("floor", "floor_map")
+    }
+
+    assert len(set(numbers.values())) == 8
+    assert part_rng(0, "localizer", "floor").random() == numbers[0, "localizer", "floor"]
+    # The same on every machine and in every process: a changed digest would change every recorded result.
+    assert part_rng(0, "localizer", "floor").integers(1 << 32) == 1902808673
+
+
+class TestMailbox:
+    @staticmethod
+    def frame(sensor: str, stamp_s: float) -> Frame:
+        payload = {"cam": Image(np.zeros((1, 1), np.uint8)), "laser": Scan(np.zeros(2), 0.0, 0.1), "light": Scalar(0.0)}
+        return Frame(sensor, stamp_s, payload[sensor])
+
+    def test_it_keeps_the_latest_picture_and_everything_else(self) -> None:
+        mailbox = Mailbox()
+        put = [("cam", 0), ("light", 1), ("laser", 2), ("cam", 3), ("light", 4), ("laser", 5)]
+
+        overwritten = [mailbox.put(self.frame(sensor, stamp), Belief(stamp)) for sensor, stamp in put]
+
+        assert overwritten == [False, False, False, True, False, True]
+        taken = [mailbox.take() for _ in range(5)]
+        assert [letter and letter[0].stamp_s for letter in taken] == [1, 3, 4, 5, None]
+
+    @settings(max_examples=50, deadline=None)
+    @given(st.lists(st.sampled_from(["cam", "laser", "light"]), max_size=30))
+    def test_what_waits_comes_out_in_order_and_nothing_is_lost_unseen(self, sensors: list[str]) -> None:
+        mailbox = Mailbox()
+        n_overwritten = sum(mailbox.put(self.frame(s, i), Belief(float(i))) for i, s in enumerate(sensors))
+
+        letters = []
+        while (letter := mailbox.take()) is not None:
+            letters.append(letter)
+
+        stamps = [frame.stamp_s for frame, _ in letters]
+        assert stamps == sorted(stamps)
+        assert len(letters) + n_overwritten == len(sensors)
+        assert all(belief.stamp_s == frame.stamp_s for frame, belief in letters)
+
+
+class TestProvenance:
+    def test_a_folder_outside_of_a_repository_has_no_version(self, tmp_path: Path) -> None:
+        assert git_describe(tmp_path) is None
+        assert git_describe(tmp_path / "missing") is None
+
+    def test_a_changed_repository_says_so(self, tmp_path: Path) -> None:
+        git = ["git", "-C", str(tmp_path), "-c", "user.name=t", "-c", "user.email=t@example.org"]
+        (tmp_path / "config.yaml").write_text("mode: track\n")
+        for arguments in (["init", "-q"], ["add", "."], ["commit", "-qm", "one"], ["tag", "v1"]):
+            subprocess.run([*git, *arguments], check=True)
+        assert git_describe(tmp_path) == "v1"
+
+        (tmp_path / "config.yaml").write_text("mode: teach\n")
+
+        assert git_describe(tmp_path) == "v1-dirty"
+
+    def test_it_names_what_a_reader_needs_to_repeat_the_run(self) -> None:
+        facts = provenance()
+
+        assert facts["packages"]["numpy"] == np.__version__
+        assert "pytest" not in facts["packages"]  # not needed at run time
+        assert facts["cpu"]
+        assert facts["git"]["config"] is None
+
+
+@pytest.mark.parametrize("module", ["trailmark.pipeline", "trailmark.api", "trailmark.estimation.dead_reckoning"])
+def test_the_pipeline_imports_nothing_heavy(module: str) -> None:
+    heavy = ("cv2", "numba", "sklearn", "scipy", "filterpy", "matplotlib")
+    code = f"import sys, {module}; print([name for name in {heavy} if name in sys.modules])"
+
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+
+    assert done.stdout.strip() == "[]"
