@@ -104,6 +104,13 @@ def test_a_config_runs_to_a_complete_folder(config: Path, plugins, tmp_path: Pat
     assert json.loads((tmp_path / "run/run.json").read_text())["plugins"]["trailmark:core"] == trailmark.__version__
 
 
+def test_a_run_has_a_report(config: Path, plugins, tmp_path: Path) -> None:
+    result = trailmark.run(config, tmp_path / "run", plugins=plugins)
+
+    assert (tmp_path / "run/report.html").stat().st_size > 1000
+    assert "fused" in result.metrics["trajectories"]
+
+
 def test_the_config_of_a_run_gives_the_same_run(config: Path, plugins, tmp_path: Path) -> None:
     trailmark.run(config, tmp_path / "a", plugins=plugins, report=False, overrides=["localizers.vo.step_m=0.2"])
     trailmark.run(tmp_path / "a/config.yaml", tmp_path / "b", plugins=plugins, report=False)

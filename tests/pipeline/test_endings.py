@@ -9,6 +9,8 @@ import pytest
 from trailmark.commands import Stop, Velocity
 from trailmark.errors import ConfigError, RunError, SourceError
 from trailmark.estimates import Fix
+from trailmark.estimation.dead_reckoning import DeadReckoning
+from trailmark.estimation.dead_reckoning_config import DeadReckoningConfig
 from trailmark.frames import SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Sink
@@ -285,3 +287,78 @@ class TestFeed:
             pipeline.feed(fakes.image_frames("cam", [1.0])[0])
             with pytest.raises(SourceError, match="goes back in time"):
                 pipeline.feed(fakes.image_frames("cam", [0.5])[0])
+
+
+class TestPartsThatFail:
+    def test_a_controller_that_raises_is_named_and_the_robot_stops(self, fakes) -> None:
+        class Confused(fakes.Chaser):
+            def step(self, belief):
+                raise ZeroDivisionError("no path ahead")
+
+        robot = fakes.ToyRobot()
+
+        with pytest.raises(RunError, match=r"the controller failed at 0\.000000 s: ZeroDivisionError: no path ahead"):
+            list(Pipeline(fakes.plan({"robot": robot}, controller=Confused(1.0))))
+        assert isinstance(robot.commands[-1], Stop)
+
+    def test_a_robot_that_takes_no_command_ends_the_run_and_is_still_closed(self, fakes, caplog) -> None:
+        class Deaf(fakes.ToyRobot):
+            def drive(self, command):
+                raise OSError("serial port closed")
+
+        robot = Deaf()
+        pipeline = Pipeline(fakes.plan({"robot": robot}, controller=fakes.Chaser(1.0)))
+
+        with pytest.raises(RunError, match=r"the robot did not take Velocity.*OSError: serial port closed"):
+            list(pipeline)
+
+        assert "the robot did not take Stop" in caplog.text
+        assert robot.log[-1] == "close"
+        assert pipeline.result.status == "failed"
+
+    @pytest.mark.parametrize("method", ["apply", "belief"])
+    def test_an_estimator_that_raises_is_named(self, fakes, method: str) -> None:
+        class Singular(DeadReckoning):
+            pass
+
+        def fail(self, *arguments):
+            raise ArithmeticError("S is singular")
+
+        setattr(Singular, method, fail)
+        plan = fakes.plan(
+            {"cam": camera(fakes)}, {"vo": fakes.Mover(Pose2(0.1))}, estimator=Singular(DeadReckoningConfig())
+        )
+
+        with pytest.raises(RunError, match=r"the estimator failed at .*: ArithmeticError: S is singular"):
+            list(Pipeline(plan))
+
+    def test_a_ground_truth_that_fails_costs_a_warning(self, fakes, caplog) -> None:
+        class Untrue(fakes.Recording):
+            def ground_truth(self):
+                raise OSError("no such file")
+
+        pipeline = Pipeline(fakes.plan({"cam": Untrue(fakes.image_frames("cam", [0.0]))}))
+
+        list(pipeline)
+
+        assert pipeline.result.ground_truth is None
+        assert "source 'cam' gives no ground truth: OSError: no such file" in caplog.text
+
+    def test_a_folder_that_cannot_be_written_ends_the_run(self, fakes, tmp_path) -> None:
+        source = camera(fakes)
+        pipeline = Pipeline(fakes.plan({"cam": source}), out=tmp_path / "run")
+        next(pipeline)
+        (tmp_path / "run/timing.json").mkdir()
+
+        with pytest.raises(RunError, match=r"cannot write to .*run: Is a directory"):
+            list(pipeline)
+
+        assert source.log[-1] == "close"
+
+    def test_a_start_that_fails_leaves_no_empty_folder(self, fakes, tmp_path) -> None:
+        plan = fakes.plan({"cam": camera(fakes)}, start="last")
+
+        with pytest.raises(ConfigError, match="start: last"):
+            Pipeline(plan, out=tmp_path / "run").start()
+
+        assert not (tmp_path / "run").exists()
