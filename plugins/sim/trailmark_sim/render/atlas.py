@@ -1,0 +1,80 @@
+"""Textures in one flat array, each with its mip-map: every level half as large as the one before."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.errors import ShapeError
+
+__all__ = ["Atlas", "build_atlas"]
+
+_MOST_LEVELS = 12
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Atlas:
+    """Textures for the kernels.
+
+    Attributes
+    ----------
+    texels : (N,) uint32
+        Red, green and blue in the lowest three bytes. Reflectance is the square of a byte over 255.
+    starts : (n, 12) int64
+        Where each level of each texture begins.
+    sizes : (n, 3) int32
+        Width, height (powers of two) and number of levels.
+    """
+
+    texels: npt.NDArray[np.uint32]
+    starts: npt.NDArray[np.int64]
+    sizes: npt.NDArray[np.int32]
+
+
+def build_atlas(images: Sequence[npt.NDArray[np.uint8]]) -> Atlas:
+    """Return the atlas of RGB pictures (H, W, 3), whose sides are powers of two.
+
+    Raises
+    ------
+    ShapeError
+        If a side is not.
+    """
+    pieces, starts, sizes = [], np.zeros((len(images), _MOST_LEVELS), np.int64), np.zeros((len(images), 3), np.int32)
+    at = 0
+    for number, image in enumerate(images):
+        levels = _levels(image)
+        sizes[number] = image.shape[1], image.shape[0], len(levels)
+        for level, small in enumerate(levels):
+            starts[number, level] = at
+            pieces.append(small)
+            at += small.size
+    return Atlas(np.concatenate(pieces), starts, sizes)
+
+
+def _levels(image: npt.NDArray[np.uint8]) -> list[npt.NDArray[np.uint32]]:
+    height, width = image.shape[:2]
+    if image.dtype != np.uint8 or image.shape[2:] != (3,) or height & (height - 1) or width & (width - 1):
+        raise ShapeError(f"a texture is (H, W, 3) uint8 with powers of two as sides, not {image.shape} {image.dtype}")
+    # Light adds up, not its root: the means are taken of squares.
+    linear = np.square(image.astype(np.float32))
+    levels = [_packed(image)]
+    while max(linear.shape[:2]) > 1 and len(levels) < _MOST_LEVELS:
+        linear = _halved(linear)
+        levels.append(_packed(np.round(np.sqrt(linear)).astype(np.uint8)))
+    return levels
+
+
+def _halved(linear: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    if linear.shape[0] > 1:
+        linear = (linear[0::2] + linear[1::2]) * np.float32(0.5)
+    if linear.shape[1] > 1:
+        linear = (linear[:, 0::2] + linear[:, 1::2]) * np.float32(0.5)
+    return linear
+
+
+def _packed(image: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint32]:
+    wide = image.astype(np.uint32)
+    return np.ravel(wide[..., 0] | wide[..., 1] << np.uint32(8) | wide[..., 2] << np.uint32(16))

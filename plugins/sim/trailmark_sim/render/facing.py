@@ -1,0 +1,58 @@
+"""The kernel that says how steeply each ray meets its surface, and how much that mirrors: for depth sensors."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from trailmark_sim.render.rays import LANES
+from trailmark_sim.render.shapes import CYLINDER, RECTANGLE
+
+__all__ = ["face_tiles"]
+
+_F = np.float32
+_ZERO, _ONE = _F(0.0), _F(1.0)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def face_tiles(
+    first: int,
+    last: int,
+    rays: npt.NDArray[Any],
+    ranges: npt.NDArray[Any],
+    hits: npt.NDArray[Any],
+    kinds: npt.NDArray[Any],
+    frames: npt.NDArray[Any],
+    eyes: npt.NDArray[Any],
+    looks: npt.NDArray[Any],
+    cosines: npt.NDArray[Any],
+    shine: npt.NDArray[Any],
+) -> None:
+    """Fill `cosines` and `shine` (T, 64) of some tiles; both are 0 where a ray meets nothing."""
+    for tile in range(first, last):
+        for lane in range(LANES):
+            p = hits[tile, lane]
+            cosines[tile, lane], shine[tile, lane] = _ZERO, _ZERO
+            if p < 0:
+                continue
+            m, q, t = frames[p], eyes[p], ranges[tile, lane]
+            dx, dy, dz = rays[tile, 0, lane], rays[tile, 1, lane], rays[tile, 2, lane]
+            shine[tile, lane] = looks[p, 6]
+            if kinds[p] == RECTANGLE:
+                cosines[tile, lane] = abs(m[0, 0] * dx + m[0, 1] * dy + m[0, 2] * dz)
+                continue
+            l0 = q[0] + t * (m[0, 0] * dx + m[0, 1] * dy + m[0, 2] * dz)
+            l1 = q[1] + t * (m[1, 0] * dx + m[1, 1] * dy + m[1, 2] * dz)
+            l2 = q[2] + t * (m[2, 0] * dx + m[2, 1] * dy + m[2, 2] * dz)
+            if kinds[p] == CYLINDER:
+                is_top = l1 * l1 + l2 * l2 < _F(0.999)
+                l0, l1, l2 = (_ONE, _ZERO, _ZERO) if is_top else (_ZERO, l1, l2)
+            nx = l0 * m[0, 0] + l1 * m[1, 0] + l2 * m[2, 0]
+            ny = l0 * m[0, 1] + l1 * m[1, 1] + l2 * m[2, 1]
+            nz = l0 * m[0, 2] + l1 * m[1, 2] + l2 * m[2, 2]
+            length = math.sqrt(nx * nx + ny * ny + nz * nz)
+            cosines[tile, lane] = abs(nx * dx + ny * dy + nz * dz) / length

@@ -1,0 +1,134 @@
+"""A camera as the kernels see it: unit rays in tiles of 64, each tile with a cone around it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.errors import ShapeError
+
+__all__ = ["LANES", "RayTable", "ray_table"]
+
+#: Rays of a tile: as many as the kernels do in one go.
+LANES = 64
+_SIDE = 8
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RayTable:
+    """Unit rays of a central camera (or a laser), in the sensor's axes.
+
+    Attributes
+    ----------
+    shape : (int, int)
+        Rows and columns of the picture.
+    rays : (T, 3, 64) float32
+        Directions; lanes of a tile that show nothing repeat another.
+    pixels : (T, 64) int32
+        Where in the flat picture each goes; -1: nowhere.
+    axes : (T, 3) float32
+        Middle of the cone around each tile.
+    spread : (T, 2) float32
+        Cosine and sine of half its opening.
+    pixel_rad : (T,) float32
+        Angle between neighbouring rays [rad].
+    """
+
+    shape: tuple[int, int]
+    rays: npt.NDArray[np.float32]
+    pixels: npt.NDArray[np.int32]
+    axes: npt.NDArray[np.float32]
+    spread: npt.NDArray[np.float32]
+    pixel_rad: npt.NDArray[np.float32]
+
+    @property
+    def n_tiles(self) -> int:
+        """Number of tiles."""
+        return len(self.rays)
+
+    @property
+    def n_rays(self) -> int:
+        """Number of rays that show something."""
+        return int((self.pixels >= 0).sum())
+
+    def picture(self, values: npt.NDArray[np.float32], nothing: float) -> npt.NDArray[np.float32]:
+        """Return values (T, 64) of the rays as a picture (H, W)."""
+        out = np.full(self.shape[0] * self.shape[1], nothing, dtype=np.float32)
+        shows = self.pixels >= 0
+        out[self.pixels[shows]] = values[shows]
+        return out.reshape(self.shape)
+
+
+def ray_table(directions: npt.NDArray[np.float64], mask: npt.NDArray[np.bool_] | None = None) -> RayTable:
+    """Return the table of a picture's rays.
+
+    Parameters
+    ----------
+    directions : (H, W, 3) float64
+        Unit vectors; a row of rays alone (H = 1) is cut into pieces of 64.
+    mask : (H, W) bool or None
+        Which pixels show anything.
+
+    Raises
+    ------
+    ShapeError
+        If the shapes do not fit or no pixel shows anything.
+    """
+    if directions.ndim != 3 or directions.shape[2] != 3:
+        raise ShapeError(f"directions must be (H, W, 3), not {directions.shape}")
+    shape = directions.shape[:2]
+    shown = np.ones(shape, dtype=np.bool_) if mask is None else mask
+    if shown.shape != shape or not shown.any():
+        raise ShapeError(f"the mask must be {shape} and show something")
+    pixels = _tiles(shown)
+    rays = directions.reshape(-1, 3)[_filled(pixels)]
+    axes, cosines = _cones(rays)
+    sines = np.sqrt(1.0 - cosines**2)
+    return RayTable(
+        (shape[0], shape[1]),
+        np.ascontiguousarray(rays.transpose(0, 2, 1), dtype=np.float32),
+        pixels,
+        axes.astype(np.float32),
+        np.stack([cosines, sines], axis=1).astype(np.float32),
+        _pixel_angles(directions, pixels).astype(np.float32),
+    )
+
+
+def _tiles(shown: npt.NDArray[np.bool_]) -> npt.NDArray[np.int32]:
+    """Return the flat pixels of each tile that shows something, (T, 64), -1 for the others."""
+    rows, cols = shown.shape
+    side_v, side_u = (1, LANES) if rows == 1 else (_SIDE, _SIDE)
+    flat = np.where(shown, np.arange(rows * cols).reshape(rows, cols), -1)
+    padded = np.pad(flat, ((0, -rows % side_v), (0, -cols % side_u)), constant_values=-1)
+    n_v, n_u = padded.shape[0] // side_v, padded.shape[1] // side_u
+    tiles = padded.reshape(n_v, side_v, n_u, side_u).transpose(0, 2, 1, 3).reshape(-1, LANES)
+    return np.ascontiguousarray(tiles[(tiles >= 0).any(axis=1)], dtype=np.int32)
+
+
+def _filled(pixels: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]:
+    """Return the pixels with a valid one in place of each -1."""
+    first = pixels[np.arange(len(pixels)), (pixels >= 0).argmax(axis=1)]
+    return np.where(pixels >= 0, pixels, first[:, None]).astype(np.int64)
+
+
+def _cones(rays: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Return axis and cosine of half the opening, a hair wider than the rays need."""
+    axes = rays.mean(axis=1)
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    cosines = np.einsum("tlc,tc->tl", rays, axes).min(axis=1)
+    return axes, np.cos(np.arccos(np.clip(cosines, -1.0, 1.0)) + 1e-3)
+
+
+def _pixel_angles(directions: npt.NDArray[np.float64], pixels: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
+    """Return the typical angle between neighbouring rays of each tile."""
+    steps = [np.linalg.norm(np.diff(directions, axis=axis), axis=2) for axis in (0, 1) if directions.shape[axis] > 1]
+    if not steps:
+        return np.full(len(pixels), math.radians(0.1))
+    whole = [
+        np.pad(step, [(0, n - m) for n, m in zip(directions.shape[:2], step.shape)], mode="edge") for step in steps
+    ]
+    angle = np.sqrt(np.mean([step**2 for step in whole], axis=0)).ravel()
+    return np.asarray(angle[_filled(pixels)].mean(axis=1))

@@ -1,0 +1,206 @@
+"""A scene: shapes with surfaces, lights, and the light baked on every surface."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark_sim.render.atlas import Atlas, build_atlas
+from trailmark_sim.render.bake import Lighting, bake_light
+from trailmark_sim.render.shapes import RECTANGLE, Shape, cylinder, ellipsoid, rectangle
+
+__all__ = ["Scene", "SceneBuilder", "Surface"]
+
+Colour = tuple[float, float, float]
+Triple = Sequence[float] | npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Surface:
+    """What a shape looks like.
+
+    Attributes
+    ----------
+    texture : int
+        Number of the texture, from `SceneBuilder.texture`; 0 is plain white.
+    repeat : (float, float)
+        How often the texture fits along u and v.
+    tint : (float, float, float)
+        Multiplies the texture's reflectance: red, green, blue.
+    emission : float
+        Light that it sends out by itself: a lamp, a window, a screen.
+    shine : float
+        Share of the light that is mirrored; from 0.2 on a depth sensor sees holes.
+    is_floor : bool
+        People cast their shadows on it.
+    blocks_light : bool
+        False for lamps and window panes.
+    """
+
+    texture: int = 0
+    repeat: tuple[float, float] = (1.0, 1.0)
+    tint: Colour = (1.0, 1.0, 1.0)
+    emission: float = 0.0
+    shine: float = 0.0
+    is_floor: bool = False
+    blocks_light: bool = True
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """Everything the kernels need to know of a world, as arrays; P shapes.
+
+    Attributes
+    ----------
+    kinds : (P,) int8
+    frames : (P, 3, 3) float64
+    origins, centres : (P, 3) float64
+    radii : (P,) float64
+        Of the shapes; see `Shape`.
+    looks : (P, 8) float32
+        Repeat along u and v, red, green, blue, emission, shine, texels per metre.
+    textures : (P,) int32
+        Number of each texture.
+    floors : (P,) bool
+        Which are floors.
+    light : (N, 3) float32
+        Baked light, red, green, blue.
+    patches : (P, 3) int32
+        Where the light of each shape begins, and how many columns and rows it has.
+    atlas : Atlas
+        The textures.
+    sky : (H, W, 3) float32
+        Light from where no shape is: rows from straight up to straight down, columns by azimuth from -pi.
+    key : (3,) float64
+        Direction to the brightest light; for highlights.
+    n_fixed : int
+        Shapes from here on move: `actors` writes their frames.
+    """
+
+    kinds: npt.NDArray[np.int8]
+    frames: npt.NDArray[np.float64]
+    origins: npt.NDArray[np.float64]
+    centres: npt.NDArray[np.float64]
+    radii: npt.NDArray[np.float64]
+    looks: npt.NDArray[np.float32]
+    textures: npt.NDArray[np.int32]
+    floors: npt.NDArray[np.bool_]
+    light: npt.NDArray[np.float32]
+    patches: npt.NDArray[np.int32]
+    atlas: Atlas
+    sky: npt.NDArray[np.float32]
+    key: npt.NDArray[np.float64]
+    n_fixed: int
+
+
+@dataclass
+class SceneBuilder:
+    """Collects shapes and textures, then bakes the light.
+
+    Attributes
+    ----------
+    lighting : Lighting
+        Lamps, sun and sky.
+    sky : (H, W, 3) float32 or None
+        What is seen where nothing stands; None: black.
+    """
+
+    lighting: Lighting
+    sky: npt.NDArray[np.float32] | None = None
+    _shapes: list[Shape] = field(default_factory=list)
+    _surfaces: list[Surface] = field(default_factory=list)
+    _movers: list[tuple[Shape, Surface]] = field(default_factory=list)
+    _images: list[npt.NDArray[np.uint8]] = field(default_factory=lambda: [np.full((1, 1, 3), 255, np.uint8)])
+
+    def texture(self, image: npt.NDArray[np.uint8]) -> int:
+        """Add a texture (H, W, 3) RGB uint8 and return its number."""
+        self._images.append(image)
+        return len(self._images) - 1
+
+    def add(self, shape: Shape, surface: Surface) -> None:
+        """Add a shape."""
+        self._shapes.append(shape)
+        self._surfaces.append(surface)
+
+    def add_mover(self, shape: Shape, surface: Surface) -> None:
+        """Add a shape that will move; movers come after all that is fixed, in the order they are added."""
+        self._movers.append((shape, surface))
+
+    def rectangle(self, corner: Triple, along: Triple, up: Triple, surface: Surface) -> None:
+        """Add a rectangle; see `shapes.rectangle`."""
+        self.add(rectangle(corner, along, up), surface)
+
+    def cylinder(self, x: float, y: float, z: float, radius_m: float, height_m: float, surface: Surface) -> None:
+        """Add an upright cylinder."""
+        self.add(cylinder(x, y, z, radius_m, height_m), surface)
+
+    def ellipsoid(
+        self, centre: Sequence[float], semi_axes_m: Sequence[float], surface: Surface, yaw_rad: float = 0.0
+    ) -> None:
+        """Add an ellipsoid."""
+        self.add(ellipsoid(centre, semi_axes_m, yaw_rad), surface)
+
+    def box(
+        self,
+        middle: tuple[float, float, float],
+        size: tuple[float, float, float],
+        surface: Surface,
+        yaw_rad: float = 0.0,
+        front: Surface | None = None,
+        top: Surface | None = None,
+    ) -> None:
+        """Add a box that stands at height ``middle[2]``; its front looks along the yaw."""
+        length, width, height = size
+        x, y, z = middle
+        forward = np.array([math.cos(yaw_rad), math.sin(yaw_rad), 0.0])
+        left = np.array([-forward[1], forward[0], 0.0])
+        base, up = np.array([x, y, z]), np.array([0.0, 0.0, height])
+        sides = ((forward, length, left, width), (left, width, -forward, length))
+        faces = [
+            side for out, deep, along, wide in sides for side in ((out, deep, along, wide), (-out, deep, -along, wide))
+        ]
+        for number, (out, deep, along, wide) in enumerate(faces):
+            corner = base + out * deep / 2.0 - along * wide / 2.0
+            look = front if number == 0 and front is not None else surface
+            self.rectangle(corner, along * wide, up, look)
+        corner = base + up - forward * length / 2.0 + left * width / 2.0
+        self.rectangle(corner, -left * width, forward * length, top or surface)
+
+    def build(self, threads: int = 1) -> Scene:
+        """Bake the light and return the scene."""
+        shapes = [*self._shapes, *(shape for shape, _ in self._movers)]
+        surfaces = [*self._surfaces, *(surface for _, surface in self._movers)]
+        atlas = build_atlas(self._images)
+        light, patches = bake_light(
+            shapes, [surface.blocks_light for surface in self._surfaces], self.lighting, threads
+        )
+        sky = np.zeros((2, 2, 3), np.float32) if self.sky is None else self.sky
+        return Scene(
+            kinds=np.array([shape.kind for shape in shapes], np.int8),
+            frames=np.stack([shape.frame for shape in shapes]),
+            origins=np.stack([shape.origin for shape in shapes]),
+            centres=np.stack([shape.centre for shape in shapes]),
+            radii=np.array([shape.radius_m for shape in shapes]),
+            looks=np.array([_look(shape, surface, atlas) for shape, surface in zip(shapes, surfaces)], np.float32),
+            textures=np.array([surface.texture for surface in surfaces], np.int32),
+            floors=np.array([surface.is_floor for surface in surfaces]),
+            light=light,
+            patches=patches,
+            atlas=atlas,
+            sky=sky,
+            key=self.lighting.key(),
+            n_fixed=len(self._shapes),
+        )
+
+
+def _look(shape: Shape, surface: Surface, atlas: Atlas) -> tuple[float, ...]:
+    width, height, _ = atlas.sizes[surface.texture]
+    along = surface.repeat[0] * width / shape.size_m[0]
+    up = surface.repeat[1] * height / shape.size_m[1]
+    # The geometric mean of both directions: neither is blurred nor aliased much.
+    density = math.sqrt(along * up) if shape.kind == RECTANGLE else max(along, up)
+    return (*surface.repeat, *surface.tint, surface.emission, surface.shine, density)

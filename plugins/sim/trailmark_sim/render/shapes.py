@@ -1,0 +1,86 @@
+"""The three shapes a world is made of, each as a frame of its own in which it is a unit shape.
+
+A point of a ray is ``q + t m`` with ``q = frames @ (eye - origin)`` and ``m = frames @ direction``; in it
+
+- a rectangle is ``l0 = 0`` with ``l1, l2`` in [0, 1], and `l0` is the distance before its face;
+- a cylinder is ``l1^2 + l2^2 = 1`` with ``l0`` in [0, 1], closed at its top;
+- an ellipsoid is ``l0^2 + l1^2 + l2^2 = 1``; `l0` points up.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["CYLINDER", "ELLIPSOID", "RECTANGLE", "Shape", "cylinder", "ellipsoid", "rectangle"]
+
+RECTANGLE, CYLINDER, ELLIPSOID = 0, 1, 2
+Vector = npt.NDArray[np.float64]
+Triple = Sequence[float] | Vector
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shape:
+    """One shape.
+
+    Attributes
+    ----------
+    kind : int
+        `RECTANGLE`, `CYLINDER` or `ELLIPSOID`.
+    frame : (3, 3) float64
+        Rows take a vector of the map to the shape's own axes [1/m; the first row of a rectangle: 1].
+    origin : (3,) float64
+        Where those axes start [m].
+    centre : (3,) float64
+        Middle of a sphere around it [m].
+    radius_m : float
+        Radius of that sphere [m].
+    size_m : (float, float)
+        Length of the surface along u and v [m].
+    """
+
+    kind: int
+    frame: Vector
+    origin: Vector
+    centre: Vector
+    radius_m: float
+    size_m: tuple[float, float]
+
+
+def rectangle(corner: Triple, along: Triple, up: Triple) -> Shape:
+    """Return a rectangle from its lower left corner, as seen from before its face; ``along x up`` faces the viewer.
+
+    Raises
+    ------
+    ValueError
+        If the two sides are not at right angles or have no length.
+    """
+    origin, a, b = (np.asarray(v, dtype=np.float64) for v in (corner, along, up))
+    width, height = math.hypot(*a), math.hypot(*b)
+    if not (width > 0.0 and height > 0.0) or abs(float(a @ b)) > 1e-9 * width * height:
+        raise ValueError(f"the sides of a rectangle are at right angles and longer than 0, not {along} and {up}")
+    normal = np.cross(a, b) / (width * height)
+    frame = np.stack([normal, a / width**2, b / height**2])
+    return Shape(RECTANGLE, frame, origin, origin + (a + b) / 2.0, math.hypot(width, height) / 2.0, (width, height))
+
+
+def cylinder(x: float, y: float, z: float, radius_m: float, height_m: float, yaw_rad: float = 0.0) -> Shape:
+    """Return an upright cylinder that stands at height `z`; its texture begins behind, seen along the yaw."""
+    cos, sin = math.cos(yaw_rad) / radius_m, math.sin(yaw_rad) / radius_m
+    frame = np.array([[0.0, 0.0, 1.0 / height_m], [cos, sin, 0.0], [-sin, cos, 0.0]])
+    centre = np.array([x, y, z + height_m / 2.0])
+    size_m = (2.0 * math.pi * radius_m, height_m)
+    return Shape(CYLINDER, frame, np.array([x, y, z]), centre, math.hypot(radius_m, height_m / 2.0), size_m)
+
+
+def ellipsoid(centre: Sequence[float], semi_axes_m: Sequence[float], yaw_rad: float = 0.0) -> Shape:
+    """Return an ellipsoid with one axis upright, the others turned by the yaw."""
+    a, b, c = semi_axes_m
+    cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+    frame = np.array([[0.0, 0.0, 1.0 / c], [cos / a, sin / a, 0.0], [-sin / b, cos / b, 0.0]])
+    middle = np.asarray(centre, dtype=np.float64)
+    return Shape(ELLIPSOID, frame, middle, middle, max(a, b, c), (math.pi * (a + b), math.pi * c / 2.0))

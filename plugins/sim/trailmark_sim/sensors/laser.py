@@ -1,0 +1,116 @@
+"""A planar laser range finder."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from trailmark.frames import Scan, SensorInfo
+from trailmark.geometry import Pose2, Pose3
+from trailmark_sim.render.rays import ray_table
+from trailmark_sim.render.scene import Scene
+from trailmark_sim.render.view import Moment, View
+from trailmark_sim.rng import frame_rng
+from trailmark_sim.vehicles import VehicleState
+
+__all__ = ["LaserRig", "LaserSensor"]
+
+#: Below this cosine a beam slides along the surface and little comes back.
+_GRAZING = 0.05
+#: A surface that mirrors this much sends the beam elsewhere, unless it is met squarely.
+_SHINY, _SQUARE = 0.3, 0.95
+
+
+@dataclass(frozen=True, slots=True)
+class LaserRig:
+    """Size, errors and place of a laser. The defaults are those of a scanner of 240 deg and 10 Hz.
+
+    Attributes
+    ----------
+    n_beams : int
+        Beams of a sweep.
+    field_rad : float
+        Angle from the first to the last beam [rad].
+    range_min_m, range_max_m : float
+        What it can measure [m].
+    noise_m, noise_share : float
+        Standard deviation of a range: a part that is always there, and one that grows with the range [m, 1].
+    dropout : float
+        Share of beams that are lost for no reason.
+    rate_hz : float
+        Sweeps per second [Hz].
+    mounting : Pose3
+        ``point_base = mounting @ point_sensor``.
+    """
+
+    n_beams: int = 681
+    field_rad: float = math.radians(240.0)
+    range_min_m: float = 0.06
+    range_max_m: float = 12.0
+    noise_m: float = 0.008
+    noise_share: float = 0.002
+    dropout: float = 0.003
+    rate_hz: float = 10.0
+    mounting: Pose3 = Pose3(x=0.28, z=0.30)
+
+
+class LaserSensor:
+    """Ranges to what stands around, at the height of the laser.
+
+    Parameters
+    ----------
+    name : str
+        Name of the sensor.
+    scene : Scene
+        What stands there.
+    rig : LaserRig
+        How it measures.
+    moment_at : callable
+        Takes a stamp [s] and the pose of the vehicle and returns where people are.
+    seed : int
+        Of the noise.
+    """
+
+    def __init__(
+        self, name: str, scene: Scene, rig: LaserRig, moment_at: Callable[[float, Pose2], Moment], seed: int
+    ) -> None:
+        self.rig, self.rate_hz = rig, rig.rate_hz
+        self.info = SensorInfo(name, "scan", None, rig.rate_hz, rig.mounting)
+        self._scene, self._moment_at, self._seed = scene, moment_at, seed
+        angles = self.angle_min_rad + self.angle_step_rad * np.arange(rig.n_beams)
+        self._table = ray_table(np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=-1)[None])
+
+    @property
+    def angle_min_rad(self) -> float:
+        """Direction of the first beam [rad]."""
+        return -self.rig.field_rad / 2.0
+
+    @property
+    def angle_step_rad(self) -> float:
+        """Step to the next beam [rad]."""
+        return self.rig.field_rad / (self.rig.n_beams - 1)
+
+    def render(self, k: int, stamp_s: float, state: VehicleState) -> Scan:
+        """Return sweep number `k`."""
+        rig = self.rig
+        true_m, returns = self._cast(stamp_s, state)
+        rng = frame_rng(self._seed, f"{self.info.name}/noise", k)
+        sigma = np.hypot(rig.noise_m, rig.noise_share * true_m)
+        ranges = true_m + sigma * rng.standard_normal(rig.n_beams)
+        returns &= rng.random(rig.n_beams) >= rig.dropout
+        returns &= (ranges >= rig.range_min_m) & (ranges <= rig.range_max_m)
+        measured = np.where(returns, ranges, np.nan).astype(np.float32)
+        return Scan(measured, self.angle_min_rad, self.angle_step_rad, rig.range_min_m, rig.range_max_m)
+
+    def _cast(self, stamp_s: float, state: VehicleState) -> tuple[np.ndarray, np.ndarray]:
+        """Return the true ranges (N,), and which beams come back."""
+        pose = Pose3.from_planar(state.pose_map_base) @ self.rig.mounting
+        view = View(self._scene, self._table, pose, self._moment_at(stamp_s, state.pose_map_base))
+        cosines, shine = view.facing()
+        comes_back = (cosines > _GRAZING) & ((shine < _SHINY) | (cosines > _SQUARE)) & ~view.is_nothing
+        ranges = self._table.picture(view.ranges_m, math.inf)[0].astype(np.float64)
+        returns = self._table.picture(comes_back.astype(np.float32), 0.0)[0] > 0.5
+        return np.where(returns, ranges, 0.0), returns

@@ -1,0 +1,115 @@
+"""Rooms and what stands in them, for several worlds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from trailmark_sim.render.bake import Lamp
+from trailmark_sim.render.develop import Sensitometry
+from trailmark_sim.render.scene import SceneBuilder, Surface
+
+__all__ = ["Room", "add_room", "hang", "lamp_panels", "response", "show_lamps"]
+
+#: What hangs on a wall stands so far before it [m].
+_GAP_M = 0.006
+
+
+@dataclass(frozen=True, slots=True)
+class Room:
+    """An upright room.
+
+    Attributes
+    ----------
+    west, east, south, north : float
+        Its walls [m].
+    height_m : float
+        Of its ceiling [m].
+    """
+
+    west: float
+    east: float
+    south: float
+    north: float
+    height_m: float
+
+    def wall(self, side: str) -> tuple[tuple[float, float], tuple[float, float], float]:
+        """Return the lower left corner of a wall as seen from inside, the direction along it, and its length."""
+        wide, deep = self.east - self.west, self.north - self.south
+        return {
+            "south": ((self.east, self.south), (-1.0, 0.0), wide),
+            "north": ((self.west, self.north), (1.0, 0.0), wide),
+            "west": ((self.west, self.south), (0.0, 1.0), deep),
+            "east": ((self.east, self.north), (0.0, -1.0), deep),
+        }[side]
+
+
+def add_room(
+    builder: SceneBuilder,
+    room: Room,
+    floor: tuple[int, float],
+    ceiling: tuple[int, float],
+    walls: dict[str, tuple[int, float]],
+) -> None:
+    """Add floor, ceiling and walls; each a texture and the length that it covers once [m]."""
+    wide, deep = room.east - room.west, room.north - room.south
+    (texture, tile_m), (above, panel_m) = floor, ceiling
+    ground = Surface(texture, (wide / tile_m, deep / tile_m), is_floor=True)
+    builder.rectangle((room.west, room.south, 0.0), (wide, 0, 0), (0, deep, 0), ground)
+    top = Surface(above, (wide / panel_m, deep / panel_m))
+    builder.rectangle((room.west, room.north, room.height_m), (wide, 0, 0), (0, -deep, 0), top)
+    for side, (paper, length_m) in walls.items():
+        (x, y), (ax, ay), long = room.wall(side)
+        surface = Surface(paper, (long / length_m, room.height_m / length_m))
+        builder.rectangle((x, y, 0.0), (ax * long, ay * long, 0.0), (0.0, 0.0, room.height_m), surface)
+
+
+def hang(
+    builder: SceneBuilder,
+    room: Room,
+    side: str,
+    along_m: float,
+    bottom_m: float,
+    size: tuple[float, float],
+    surface: Surface,
+) -> None:
+    """Hang a picture, a door or a window on a wall, `along_m` from its left corner as seen from inside."""
+    (x, y), (ax, ay), _ = room.wall(side)
+    out = (ay, -ax)  # into the room
+    corner = (x + ax * along_m + out[0] * _GAP_M, y + ay * along_m + out[1] * _GAP_M, bottom_m)
+    builder.rectangle(corner, (ax * size[0], ay * size[0], 0.0), (0.0, 0.0, size[1]), surface)
+
+
+def lamp_panels(
+    xs: Sequence[float], ys: Sequence[float], height_m: float, size: tuple[float, float], power: float
+) -> tuple[Lamp, ...]:
+    """Return a grid of ceiling lamps."""
+    light = (power, power * 0.97, power * 0.90)
+    return tuple(
+        Lamp((x, y, height_m - 0.03), (size[0], 0.0, 0.0), (0.0, size[1], 0.0), (0.0, 0.0, -1.0), light)
+        for x in xs
+        for y in ys
+    )
+
+
+def show_lamps(builder: SceneBuilder, lamps: Sequence[Lamp], emission: float) -> None:
+    """Add what is seen of lamps."""
+    glow = Surface(tint=(1.0, 0.98, 0.94), emission=emission, blocks_light=False)
+    for lamp in lamps:
+        x, y, z = lamp.centre
+        wide, deep = lamp.along[0], lamp.across[1]
+        builder.rectangle((x - wide / 2, y + deep / 2, z + 0.01), (wide, 0, 0), (0, -deep, 0), glow)
+
+
+def response(
+    exposure: float | None, noise: float, blur_px: float | None, default_blur_px: float, vignette: float = 0.25
+) -> Sensitometry:
+    """Return how a camera sees, from options."""
+    plain = Sensitometry()
+    return Sensitometry(
+        exposure=exposure,
+        vignette=vignette,
+        read_noise=plain.read_noise * noise,
+        shot_noise=plain.shot_noise * noise,
+        blur_px=default_blur_px if blur_px is None else blur_px,
+    )

@@ -1,0 +1,71 @@
+"""Options of the worlds with walls; imports nothing heavy."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from trailmark.config import PluginConfig
+
+__all__ = ["CorridorOptions", "HallwayOptions", "LabOptions", "StreetOptions", "SupermarketOptions"]
+
+
+class _CameraOptions(PluginConfig):
+    exposure: float | None = Field(default=None, gt=0)
+    """Fixed exposure of the cameras; left out: automatic."""
+    noise: float = Field(default=1.0, ge=0, le=20)
+    """Scales the noise of the cameras; 0 is none."""
+    blur_px: float | None = Field(default=None, ge=0, le=5)
+    """Blur of the lens, one standard deviation; left out: the world's [px]."""
+
+
+class SupermarketOptions(_CameraOptions):
+    """Options of the world `supermarket`."""
+
+    people: int = Field(default=0, ge=0, le=8)
+    """How many people walk about."""
+    lighting: Literal["all", "half"] = "all"
+    """All lamps, or every other one."""
+
+
+class _RgbdOptions(_CameraOptions):
+    people: int = Field(default=0, ge=0, le=4)
+    """How many people walk about."""
+    light_level: float = Field(default=1.0, gt=0, le=3)
+    """Brightness of the lamps; with a fixed exposure pictures become darker, and the light sensor tells."""
+    registered: bool = False
+    """Give depth on the pixels of the colour picture; otherwise as the depth camera sees it."""
+    depth_noise: float = Field(default=1.0, ge=0, le=20)
+    """Scales the noise of the disparity; 0 is none."""
+
+
+class LabOptions(_RgbdOptions):
+    """Options of the world `lab`."""
+
+
+class HallwayOptions(_RgbdOptions):
+    """Options of the world `hallway`."""
+
+
+class _ForwardOptions(_CameraOptions):
+    people: int = Field(default=0, ge=0, le=6)
+    """How many people walk about."""
+    time: Literal["morning", "afternoon"] = "morning"
+    """Where the sun stands."""
+    vibration_mrad: float | None = Field(default=None, ge=0, le=50)
+    """How much the floor shakes the camera, one standard deviation; left out: the world's [mrad]."""
+
+
+class CorridorOptions(_ForwardOptions):
+    """Options of the world `corridor`."""
+
+    lamps: Literal["all", "half", "off"] = "all"
+    """Which lamps are on."""
+
+
+class StreetOptions(_ForwardOptions):
+    """Options of the world `street`."""
+
+    cars: int = Field(default=4, ge=0, le=6)
+    """How many cars are parked."""

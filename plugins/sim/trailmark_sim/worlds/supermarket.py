@@ -1,0 +1,251 @@
+"""A supermarket of 10 x 10 m: shelves of equal shape with different goods and signs, a refrigerator, a checkout.
+
+After the mock supermarket of Tasaki et al., Sec. IV: a holonomic robot 0.65 m wide, an omnidirectional camera 1.2 m
+high at 15 Hz and a laser. The wall at x = 0 is white and bare. It also carries a ground camera, so that one robot has
+every kind of sensor.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from functools import cache, partial
+
+import numpy as np
+
+from trailmark.geometry import Pose2, Pose3
+from trailmark_sim.actors import Crowd, Walk
+from trailmark_sim.ground.camera import GroundCamera, GroundRig
+from trailmark_sim.ground.ground import Floor, Ground, Zone
+from trailmark_sim.ground.optics import Optics
+from trailmark_sim.render import lettering, textures
+from trailmark_sim.render.bake import Lighting
+from trailmark_sim.render.lenses import Catadioptric
+from trailmark_sim.render.scene import Scene, SceneBuilder, Surface
+from trailmark_sim.rng import frame_rng, stream_key
+from trailmark_sim.routes import Route
+from trailmark_sim.sensors.camera import CameraSensor
+from trailmark_sim.sensors.imu import ImuSensor
+from trailmark_sim.sensors.laser import LaserRig, LaserSensor
+from trailmark_sim.sensors.light import LightSensor
+from trailmark_sim.sensors.odometry import WheelOdometry
+from trailmark_sim.vehicles import Holonomic
+from trailmark_sim.worlds.base import SensorModel, World, WorldOptions, choose_sensors, parse_options
+from trailmark_sim.worlds.furnishing import Room, add_room, hang, lamp_panels, response, show_lamps
+from trailmark_sim.worlds.scene_options import SupermarketOptions
+from trailmark_sim.worlds.solids import Solids
+
+__all__ = ["ROUTES", "SENSORS", "build"]
+
+SENSORS = ("wheels", "imu", "light", "floor", "laser", "omni")
+ROUTES = ("wall", "round", "goal")
+
+_ROOM = Room(0.0, 10.0, 0.0, 10.0, 3.0)
+_SPEED_MPS = 0.4
+_CAMERA_M = 1.2
+#: Middle, length, depth and height of the shelves, all alike [m].
+_SHELVES = tuple((x, y) for y in (4.6, 6.6, 8.6) for x in (3.2, 7.0))
+_SHELF_M = (2.4, 0.8, 1.8)
+_BOARDS = 4
+#: Middle, length and depth [m].
+_FRIDGE = (7.4, 0.4, 2.8, 0.8)
+_CHECKOUT = (9.35, 2.6, 0.8, 1.0)
+#: Middle and radius [m].
+_POLES = ((0.35, 9.65, 0.15), (9.6, 6.6, 0.15))
+_GOODS = ("CEREALS", "COFFEE", "PASTA", "SOAP", "WINE", "SNACKS")
+_SIGN_COLOURS = ((25, 70, 150), (140, 35, 30), (30, 110, 60), (200, 130, 20), (100, 40, 110), (20, 120, 130))
+_WALKS = (
+    ((1.0, 5.6), (9.0, 5.6)),
+    ((5.1, 3.6), (5.1, 9.5)),
+    ((1.2, 3.3), (8.0, 3.3), (8.0, 1.4), (1.2, 1.4)),
+    ((1.0, 7.6), (9.0, 7.6)),
+    ((1.1, 3.8), (1.1, 9.3), (4.9, 9.3), (4.9, 3.8)),
+    ((8.9, 4.2), (8.9, 9.4)),
+    ((5.4, 7.7), (8.8, 7.7), (8.8, 5.5), (5.4, 5.5)),
+    ((1.4, 5.4), (4.8, 5.4), (4.8, 7.4), (1.4, 7.4)),
+)
+
+
+def build(options: WorldOptions) -> World:
+    """Build the supermarket."""
+    given = parse_options(SupermarketOptions, "supermarket", options.extra)
+    vehicle = options.vehicle or Holonomic()
+    crowd = _crowd(given.people, options.seed)
+    solids = _solids()
+    scene = cache(partial(_scene, given, options, crowd))  # built when the first sensor needs it
+    film = response(given.exposure, given.noise, given.blur_px, 0.9, vignette=0.3)
+    builders: Mapping[str, Callable[[], SensorModel]] = {
+        "wheels": partial(WheelOdometry, rate_hz=options.rate_of("wheels", 50.0)),
+        "imu": partial(ImuSensor, rate_hz=options.rate_of("imu", 100.0), seed=options.seed),
+        "light": partial(
+            LightSensor, partial(_light_lux, given.lighting), rate_hz=options.rate_of("light", 10.0), seed=options.seed
+        ),
+        "floor": partial(_floor_camera, options),
+        "laser": lambda: LaserSensor(
+            "laser", scene(), LaserRig(rate_hz=options.rate_of("laser", 10.0)), crowd.at, options.seed
+        ),
+        "omni": lambda: CameraSensor(
+            "omni",
+            scene(),
+            Catadioptric(),
+            Pose3(z=_CAMERA_M),
+            options.rate_of("omni", 15.0),
+            film,
+            crowd.at,
+            options.seed,
+            threads=options.threads,
+        ),
+    }
+    return World(
+        name="supermarket",
+        vehicle=vehicle,
+        sensors=choose_sensors("supermarket", options, builders, default=("wheels", "laser", "omni")),
+        routes=_routes(),
+        start=Pose2(1.0, 2.0, 0.0),
+        collides=partial(solids.touched, vehicle),
+        truth={"shelves": np.array(_SHELVES), "goal": np.array([5.55, 3.11])},
+    )
+
+
+def _routes() -> dict[str, Route]:
+    x = np.arange(1.0, 5.0 + 1e-9, 0.01)
+    wall = np.stack([x, np.full_like(x, 2.0), np.zeros_like(x)], axis=1)
+    corners = [(1.0, 2.0), (5.0, 2.2), (5.1, 5.6), (8.9, 5.6), (8.9, 7.6), (5.1, 7.6), (1.0, 7.6), (1.0, 2.6)]
+    return {
+        "wall": Route.from_poses(wall, _SPEED_MPS, "4 m along a line beside a wall"),
+        "round": Route.through(_rounded(corners, 0.35), _SPEED_MPS, "through all aisles"),
+        "goal": Route.through(
+            _rounded([(1.2, 7.6), (5.1, 7.6), (5.2, 3.11), (5.55, 3.11)], 0.15), _SPEED_MPS, "to the goal"
+        ),
+    }
+
+
+def _rounded(corners: list[tuple[float, float]], radius_m: float) -> list[tuple[float, float]]:
+    """Return corners cut off, so that a smooth way goes through."""
+    points = [corners[0]]
+    for before, corner, after in zip(corners[:-2], corners[1:-1], corners[2:]):
+        here = np.array(corner)
+        for other in (before, after):
+            way = np.array(other) - here
+            points.append(tuple((here + way * radius_m / np.hypot(*way)).tolist()))
+    return [*points, corners[-1]]
+
+
+def _crowd(n: int, seed: int) -> Crowd:
+    rng = frame_rng(seed, "walks")
+    speeds, starts = rng.uniform(0.5, 1.2, len(_WALKS)), rng.uniform(0.0, 12.0, len(_WALKS))
+    return Crowd([Walk(way, float(v), float(s)) for way, v, s in zip(_WALKS[:n], speeds, starts)], seed)
+
+
+def _solids() -> Solids:
+    solids = Solids(_ROOM.west, _ROOM.east, _ROOM.south, _ROOM.north)
+    for x, y in _SHELVES:
+        solids.box("a shelf", x, y, _SHELF_M[0], _SHELF_M[1])
+    solids.box("the refrigerator", *_FRIDGE)
+    solids.box("the checkout", *_CHECKOUT)
+    for x, y, radius in _POLES:
+        solids.pole("a pole", x, y, radius)
+    return solids
+
+
+def _light_lux(lighting: str, pose: Pose2, stamp_s: float) -> float:
+    level = 520.0 if lighting == "all" else 290.0
+    return level * (1.0 + 0.15 * math.cos(2.0 * math.pi * pose.x / 2.5) * math.cos(2.0 * math.pi * pose.y / 3.3))
+
+
+def _floor_camera(options: WorldOptions) -> GroundCamera:
+    rig = GroundRig(rate_hz=options.rate_of("floor", 70.0))
+    texel_m = min(rig.metres_per_pixel) / 1.5
+    ground = Ground([Zone(Floor("terrazzo"))], stream_key(options.world_seed, "supermarket"), texel_m=texel_m)
+    ground.load()
+    return GroundCamera("floor", ground, rig, Optics(), options.seed, threads=options.threads)
+
+
+def _scene(given: SupermarketOptions, options: WorldOptions, crowd: Crowd) -> Scene:
+    rng = frame_rng(options.world_seed, "supermarket")
+    lamps = lamp_panels((1.25, 3.75, 6.25, 8.75), (1.7, 5.0, 8.3), _ROOM.height_m, (1.2, 0.3), 2.6)
+    lit = lamps if given.lighting == "all" else lamps[::2]
+    builder = SceneBuilder(Lighting(lit, (0.42, 0.42, 0.41)))
+    _add_walls(builder, rng)
+    show_lamps(builder, lit, 6.0)
+    for number, (x, y) in enumerate(_SHELVES):
+        _add_shelf(builder, rng, x, y, number)
+    _add_fridge(builder, rng)
+    _add_checkout(builder, rng)
+    pole = Surface(builder.texture(textures.plaster(rng, (200, 196, 186), 128, 0.04)), (2.0, 4.0))
+    for x, y, radius in _POLES:
+        builder.cylinder(x, y, 0.0, radius, _ROOM.height_m, pole)
+    crowd.add_to(builder, builder.texture(textures.clouds(rng, (150, 150, 150), (255, 255, 255), 64, 0.6)))
+    return builder.build(options.threads)
+
+
+def _add_walls(builder: SceneBuilder, rng: np.random.Generator) -> None:
+    white = builder.texture(textures.plaster(rng, (232, 231, 226), 512, 0.008))
+    paint = builder.texture(textures.plaster(rng, (205, 200, 182), 512, 0.02))
+    floor = builder.texture(textures.speckle(rng, (168, 164, 154), 512, 0.06, joints=4))
+    ceiling = builder.texture(textures.panels(rng, (222, 222, 218)))
+    walls = {"west": (white, 4.0), "south": (paint, 3.0), "east": (paint, 3.0), "north": (paint, 3.0)}
+    add_room(builder, _ROOM, (floor, 2.4), (ceiling, 2.4), walls)
+    for side, along_m in (
+        ("south", 5.2),
+        ("south", 7.0),
+        ("north", 0.8),
+        ("north", 4.3),
+        ("north", 8.1),
+        ("east", 1.2),
+        ("east", 5.4),
+    ):
+        size_m = float(rng.uniform(0.7, 1.2))
+        look = Surface(builder.texture(lettering.poster(rng)))
+        hang(builder, _ROOM, side, along_m, float(rng.uniform(1.0, 1.5)), (size_m, size_m), look)
+    hang(builder, _ROOM, "south", 8.6, 0.0, (1.0, 2.1), Surface(builder.texture(textures.door(rng, (150, 110, 75)))))
+    hang(
+        builder, _ROOM, "east", 3.2, 0.0, (1.8, 2.1), Surface(builder.texture(textures.door(rng, (120, 130, 140), 512)))
+    )
+    clock = Surface(tint=(0.9, 0.9, 0.88))
+    builder.ellipsoid((6.2, 9.97, 2.4), (0.2, 0.03, 0.2), clock)
+
+
+def _add_shelf(builder: SceneBuilder, rng: np.random.Generator, x: float, y: float, number: int) -> None:
+    length, depth, height = _SHELF_M
+    metal = Surface(builder.texture(textures.plaster(rng, (150, 150, 152), 64, 0.03)), (2.0, 2.0))
+    builder.box((x, y, 0.0), _SHELF_M, metal)
+    step = (height - 0.12) / _BOARDS
+    for out in (1.0, -1.0):
+        for board in range(_BOARDS):
+            goods = Surface(builder.texture(textures.products(rng, 1024, 128, int(rng.integers(9, 16)))))
+            corner = (x + out * length / 2.0, y + out * (depth / 2.0 + 0.005), 0.1 + board * step)
+            builder.rectangle(corner, (-out * length, 0.0, 0.0), (0.0, 0.0, step - 0.04), goods)
+    colour = _SIGN_COLOURS[number]
+    name = Surface(builder.texture(lettering.sign(_GOODS[number], colour, (245, 245, 240), 512, 256)))
+    for out in (1.0, -1.0):
+        corner = (x + out * 0.45, y + out * 0.012, height + 0.05)
+        builder.rectangle(corner, (-out * 0.9, 0.0, 0.0), (0.0, 0.0, 0.42), name)
+        end = (x + out * (length / 2.0 + 0.006), y - out * 0.3, 0.75)
+        face = Surface(builder.texture(lettering.poster(rng)))
+        builder.rectangle(end, (0.0, out * 0.6, 0.0), (0.0, 0.0, 0.8), face)
+
+
+def _add_fridge(builder: SceneBuilder, rng: np.random.Generator) -> None:
+    x, y, length, depth = _FRIDGE
+    steel = Surface(builder.texture(textures.plaster(rng, (215, 218, 220), 64, 0.02)), (2.0, 2.0), shine=0.1)
+    builder.box((x, y, 0.0), (length, depth, 2.1), steel)
+    for row in range(4):
+        goods = Surface(
+            builder.texture(textures.products(rng, 1024, 128, 14)), tint=(0.85, 0.95, 1.0), emission=0.35, shine=0.15
+        )
+        corner = (x + length / 2.0 - 0.08, y + depth / 2.0 + 0.005, 0.22 + row * 0.42)
+        builder.rectangle(corner, (-(length - 0.16), 0.0, 0.0), (0.0, 0.0, 0.4), goods)
+    board = Surface(builder.texture(lettering.sign("FRESH DAIRY", (230, 235, 240), (20, 60, 130), 512, 64)))
+    builder.rectangle((x + 1.2, y + depth / 2.0 + 0.006, 1.92), (-2.4, 0.0, 0.0), (0.0, 0.0, 0.16), board)
+
+
+def _add_checkout(builder: SceneBuilder, rng: np.random.Generator) -> None:
+    x, y, length, depth = _CHECKOUT
+    body = Surface(builder.texture(textures.plaster(rng, (70, 74, 80), 64, 0.05)), (2.0, 2.0))
+    builder.box((x, y, 0.0), (length, depth, 0.95), body)
+    builder.box((x + 0.1, y, 0.95), (0.12, 0.5, 0.55), body, math.pi)
+    screen = Surface(builder.texture(lettering.notice(rng)), emission=1.0, blocks_light=False)
+    builder.rectangle((x + 0.03, y + 0.22, 1.0), (0.0, -0.44, 0.0), (0.0, 0.0, 0.42), screen)
+    board = Surface(builder.texture(lettering.sign("SELF CHECKOUT", (240, 200, 30), (20, 20, 20), 512, 128)))
+    builder.rectangle((x - length / 2.0 - 0.006, y + 0.45, 0.45), (0.0, -0.9, 0.0), (0.0, 0.0, 0.3), board)

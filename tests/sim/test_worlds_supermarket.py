@@ -1,0 +1,111 @@
+"""The supermarket and its sensors."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from trailmark.errors import ConfigError
+from trailmark.frames import Image, Scan
+from trailmark.geometry import Pose2
+from trailmark_sim.vehicles import VehicleState
+from trailmark_sim.worlds import build_world
+from trailmark_sim.worlds.base import World, WorldOptions
+
+
+def _world(threads: int = 1, **extra: object) -> World:
+    return build_world("supermarket", WorldOptions(seed=3, sensors=("laser", "omni"), threads=threads, extra=extra))
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    return _world()
+
+
+def test_the_same_bytes_come_from_one_and_two_threads(world: World) -> None:
+    state = VehicleState(Pose2(1.2, 2.0, 0.3))
+    two = _world(2)
+
+    for sensor, other in zip(world.sensors, two.sensors):
+        first, second = sensor.render(4, 0.4, state), other.render(4, 0.4, state)
+        if isinstance(first, Image) and isinstance(second, Image):
+            np.testing.assert_array_equal(first.pixels, second.pixels)
+        if isinstance(first, Scan) and isinstance(second, Scan):
+            np.testing.assert_array_equal(first.ranges_m, second.ranges_m)
+
+
+def test_the_laser_measures_the_walls_within_its_noise(world: World) -> None:
+    laser = world.sensors[0]
+    pose = Pose2(1.5, 2.5, math.pi)  # looks at the white wall at x = 0 from 1.5 - 0.28 m
+    errors = []
+
+    for k in range(20):
+        scan = laser.render(k, k / 10, VehicleState(pose))
+        assert isinstance(scan, Scan)
+        angles = scan.angles()
+        seen = (np.abs(angles) < 0.8) & np.isfinite(scan.ranges_m)
+        errors.append(scan.ranges_m[seen] - (1.5 - 0.28) / np.cos(angles[seen]))
+
+    error = np.concatenate(errors)
+    assert abs(error.mean()) < 5e-4
+    assert error.std() == pytest.approx(0.0085, rel=0.1)
+
+
+def test_shelves_look_alike_to_the_laser_and_different_to_the_camera(world: World) -> None:
+    laser, omni = world.sensors
+    before = [VehicleState(Pose2(x, 5.6, math.pi / 2)) for x in (3.2, 7.0)]
+
+    scans = [laser.render(0, 0.0, state) for state in before]
+    pictures = [omni.render(0, 0.0, state) for state in before]
+
+    ahead = slice(300, 381)
+    first, second = (scan.ranges_m[ahead] for scan in scans if isinstance(scan, Scan))
+    assert np.nanmedian(np.abs(first - second)) < 0.02
+    top = [picture.pixels[20:80, 120:200].astype(float) for picture in pictures if isinstance(picture, Image)]
+    assert np.abs(top[0] - top[1]).mean() > 15.0
+
+
+def test_the_wall_at_x_0_is_bare(world: World) -> None:
+    picture = world.sensors[1].render(0, 0.0, VehicleState(Pose2(1.0, 2.0, math.pi)))
+
+    assert isinstance(picture, Image)
+    wall, other = picture.pixels[20:60, 130:190], picture.pixels[180:220, 130:190]
+    assert (
+        np.abs(np.diff(wall.astype(float), axis=1)).mean() < 0.7 * np.abs(np.diff(other.astype(float), axis=1)).mean()
+    )
+
+
+def test_people_walk_and_make_room(world: World) -> None:
+    crowded = _world(people=8)
+    state = VehicleState(Pose2(5.1, 5.6, 0.0))
+
+    scans = [crowded.sensors[0].render(0, stamp_s, state) for stamp_s in np.arange(0.0, 20.0, 0.5)]
+
+    nearest = [float(np.nanmin(scan.ranges_m)) for scan in scans if isinstance(scan, Scan)]
+    assert min(nearest) > 0.15
+    assert len(np.unique(np.round(nearest, 2))) > 10
+
+
+def test_a_vehicle_in_a_shelf_or_a_wall_is_noticed(world: World) -> None:
+    assert world.collides(Pose2(3.2, 4.6, 0.0)) == "a shelf"
+    assert world.collides(Pose2(0.2, 5.0, 0.0)) == "a wall"
+    assert world.collides(world.start) is None
+    for route in world.routes.values():
+        stations = np.linspace(0.0, route.length_m, 120)
+        assert {world.collides(route.pose_at(float(s))) for s in stations} == {None}
+
+
+def test_nine_people_are_too_many() -> None:
+    with pytest.raises(ConfigError, match=r"people.*8"):
+        _world(people=9)
+
+
+def test_half_of_the_lamps_give_other_light() -> None:
+    state = VehicleState(Pose2(1.2, 2.0, 0.0))
+
+    pictures = [_world(lighting=light, exposure=0.5).sensors[1].render(0, 0.0, state) for light in ("all", "half")]
+
+    bright, dim = (float(p.pixels.mean()) for p in pictures if isinstance(p, Image))
+    assert dim < 0.95 * bright
