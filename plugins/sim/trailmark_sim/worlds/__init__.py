@@ -18,11 +18,13 @@ __all__ = ["OPTIONS", "WORLDS", "build_world", "options_model", "world_module"]
 #: Name to ``"module:function"``; the function takes `WorldOptions` and returns a `World`.
 WORLDS: dict[str, str] = {
     "ground_course": "trailmark_sim.worlds.ground_course:build",
+    "supermarket": "trailmark_sim.worlds.supermarket:build",
 }
 
 #: Name to ``"module:Model"`` of the world's own options; the module imports nothing heavy. Without: no options.
 OPTIONS: dict[str, str] = {
     "ground_course": "trailmark_sim.worlds.ground_options:GroundCourseOptions",
+    "supermarket": "trailmark_sim.worlds.scene_options:SupermarketOptions",
 }
 
 
