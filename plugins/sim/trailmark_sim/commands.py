@@ -103,6 +103,33 @@ def record_command(
         click.echo(line)
 
 
+@sim.command("statistics")
+@click.argument("pictures", nargs=-1, type=click.Path(path_type=Path))
+@click.option("--floors", is_flag=True, help="Also the built-in floors, as the ground camera sees them.")
+@click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
+def statistics_command(pictures: tuple[Path, ...], floors: bool, as_json: bool) -> None:
+    """Print contrast, spectrum and features of PICTURES: how alike are the simulator and the world?"""
+    from dataclasses import asdict
+
+    from trailmark_sim.ground.floors import FLOORS
+    from trailmark_sim.ground.ground import Floor
+    from trailmark_sim.ground.statistics import floor_statistics
+    from trailmark_sim.realism import photo_statistics
+
+    if not pictures and not floors:
+        raise ConfigError("give pictures, or --floors")
+    rows = [{"picture": path.name} | asdict(photo_statistics(path)) for path in pictures]
+    names = sorted(FLOORS) if floors else []
+    rows += [{"picture": f"floor {name}"} | asdict(floor_statistics(Floor(name))) for name in names]
+    if as_json:
+        click.echo(json.dumps(rows, indent=1))
+        return
+    click.echo("  ".join([f"{'picture':<28}", *(f"{key:>8}" for key in rows[0] if key != "picture")]))
+    for row in rows:
+        numbers = [f"{value:8.3g}" for value in row.values() if isinstance(value, float)]
+        click.echo("  ".join([f"{row['picture']:<28}", *numbers]))
+
+
 def _pose(text: str) -> list[float]:
     parts = text.split(",")
     try:

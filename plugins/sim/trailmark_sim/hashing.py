@@ -11,7 +11,7 @@ _K1 = np.uint64(0x9E3779B97F4A7C15)
 _K2 = np.uint64(0xC2B2AE3D27D4EB4F)
 _K3 = np.uint64(0xBF58476D1CE4E5B9)
 _K4 = np.uint64(0x94D049BB133111EB)
-_S11, _S16, _S29, _S31, _S32 = (np.uint64(n) for n in (11, 16, 29, 31, 32))
+_S11, _S16, _S27, _S30, _S31 = (np.uint64(n) for n in (11, 16, 27, 30, 31))
 _LOW16 = np.uint64(0xFFFF)
 _UNIT = 1.0 / (1 << 53)
 _UNIT16 = 1.0 / (1 << 16)
@@ -21,8 +21,8 @@ _ROOT3 = 3.0**0.5
 @njit(cache=True, nogil=True)
 def mixed(value: np.uint64) -> np.uint64:
     """Return the 64-bit hash of a 64-bit number (the finaliser of SplitMix64)."""
-    value = (value ^ (value >> _S32)) * _K3
-    value = (value ^ (value >> _S29)) * _K4
+    value = (value ^ (value >> _S30)) * _K3
+    value = (value ^ (value >> _S27)) * _K4
     return value ^ (value >> _S31)
 
 

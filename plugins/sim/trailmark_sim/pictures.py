@@ -12,7 +12,7 @@ import numpy.typing as npt
 from trailmark.errors import ConfigError
 from trailmark.frames import RGBD, Image, Payload, Scan
 
-__all__ = ["picture_of", "write_png"]
+__all__ = ["picture_of", "read_grey", "write_png"]
 
 _SCAN_PX = 640
 _FAR_M = 8.0
@@ -35,6 +35,23 @@ def picture_of(payload: Payload) -> npt.NDArray[Any]:
     if isinstance(payload, Scan):
         return _scan_picture(payload)
     raise ConfigError(f"a reading of kind {type(payload).__name__} is no picture: {payload}")
+
+
+def read_grey(path: Path) -> npt.NDArray[np.uint8]:
+    """Read a picture as grey levels; the name may hold any characters.
+
+    Raises
+    ------
+    ConfigError
+        If it is not there, or no picture.
+    """
+    if not path.is_file():
+        raise ConfigError(f"the picture {str(path)!r} is not there")
+    data = np.fromfile(path, dtype=np.uint8)
+    grey = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
+    if grey is None:
+        raise ConfigError(f"{str(path)!r} is not a picture that OpenCV can read")
+    return np.asarray(grey, dtype=np.uint8)
 
 
 def write_png(path: Path, picture: npt.NDArray[Any]) -> None:

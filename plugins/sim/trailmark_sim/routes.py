@@ -114,9 +114,10 @@ def trace(start: Pose2, pieces: Sequence[tuple[float, float]], blend_m: float = 
         raise ConfigError(f"a route needs a length, not {total_m} m")
     n_steps = round(total_m / _STEP_M)
     step_m = total_m / n_steps
-    ends = np.cumsum([length for length, _ in pieces])
-    middles = (np.arange(n_steps) + 0.5) * step_m
-    curvature = np.array([piece[1] for piece in pieces])[np.searchsorted(ends, middles).clip(max=len(pieces) - 1)]
+    lengths, curvatures = np.array(pieces, dtype=np.float64).T
+    ends = np.concatenate([[0.0], np.cumsum(lengths)])
+    turns = np.concatenate([[0.0], np.cumsum(lengths * curvatures)])
+    curvature = np.diff(np.interp(np.arange(n_steps + 1) * step_m, ends, turns)) / step_m
     n_blend = max(1, round(blend_m / step_m)) | 1
     padded = np.pad(curvature, n_blend // 2, mode="edge")
     curvature = np.convolve(padded, np.full(n_blend, 1.0 / n_blend), mode="valid")

@@ -23,18 +23,18 @@ def wood(canvas: Canvas) -> None:
 def asphalt(canvas: Canvas) -> None:
     """Stones of two sizes in a dark binder."""
     canvas.clouds(0.12, 2.0)
-    canvas.grains(0.006, 6.0, gap=-6.0, gap_width=0.25, share=0.5)
-    canvas.grains(0.0016, 11.0, gap=-8.0, gap_width=0.3, share=0.8)
-    canvas.dust(32.0)
+    canvas.grains(0.006, 5.0, gap=-5.0, gap_width=0.25, share=0.5)
+    canvas.grains(0.0014, 9.0, gap=-7.0, gap_width=0.3, share=0.6)
+    canvas.dust(36.0)
     canvas.specks(0.006, 0.15, 60.0, radius=0.15, spread=20.0)
 
 
 def concrete(canvas: Canvas) -> None:
-    """Trowelled: fine sand, clouds, a few pores and scratches."""
+    """Trowelled: fine sand, clouds, pores and a few scratches."""
     canvas.clouds(0.15, 1.5).clouds(0.02, 1.5).clouds(0.004, 2.0)
-    canvas.clouds(0.001, 4.0).dust(26.0)
-    canvas.specks(0.006, 0.10, -70.0, radius=0.15, spread=20.0)
-    canvas.specks((0.05, 0.0015), 0.01, -12.0)
+    canvas.dust(28.5)
+    canvas.specks(0.003, 0.035, -220.0, radius=0.20, spread=30.0)
+    canvas.specks((0.04, 0.0016), 0.015, -70.0, radius=0.3, spread=20.0)
 
 
 def pavers(canvas: Canvas) -> None:
@@ -42,7 +42,7 @@ def pavers(canvas: Canvas) -> None:
     canvas.planks(0.2, 0.1, 4.0, shift=0.5)
     canvas.clouds(0.03, 3.0)
     canvas.grains(0.004, 18.0, gap=-4.0, gap_width=0.3, share=0.35)
-    canvas.grains(0.0014, 22.0, gap=-10.0, gap_width=0.35, share=0.7)
+    canvas.grains(0.0014, 18.0, gap=-8.0, gap_width=0.35, share=0.6)
     canvas.dust(36.0)
     canvas.joints(0.004, -45.0)
 
@@ -50,35 +50,34 @@ def pavers(canvas: Canvas) -> None:
 def gravel(canvas: Canvas) -> None:
     """Loose stones of two sizes with shadows between them."""
     canvas.clouds(0.1, 4.0)
-    canvas.grains(0.003, 22.0, gap=-40.0, gap_width=0.4, shade=10.0)
+    canvas.grains(0.0034, 22.0, gap=-38.0, gap_width=0.4, shade=10.0)
     canvas.grains(0.010, 24.0, gap=-55.0, gap_width=0.3, shade=14.0, share=0.5)
-    canvas.grains(0.0013, 16.0).dust(60.0)
+    canvas.dust(50.0)
 
 
 def carpet(canvas: Canvas) -> None:
     """Loops of yarn in loose rows."""
     canvas.clouds(0.08, 3.0)
-    canvas.grains(0.0018, 22.0, jitter=0.7, gap=-50.0, gap_width=0.5, shade=12.0)
-    canvas.dust(60.0)
+    canvas.grains(0.0016, 28.0, jitter=0.7, gap=-65.0, gap_width=0.5, shade=14.0)
+    canvas.dust(65.0)
 
 
 def terrazzo(canvas: Canvas) -> None:
-    """Chips of stone in a polished matrix, slabs of 400 mm."""
-    canvas.planks(0.4, 0.4, 2.0, shift=0.0)
+    """Chips of stone in a polished matrix, slabs of 300 mm."""
+    canvas.planks(0.3, 0.3, 2.0, shift=0.0)
     canvas.clouds(0.05, 1.5)
-    canvas.grains(0.014, 16.0, jitter=1.0, gap=0.0, gap_width=0.15, share=0.35)
-    canvas.grains(0.006, 14.0, jitter=1.0, gap=0.0, gap_width=0.2, share=0.35)
-    canvas.grains(0.0025, 12.0, jitter=1.0, gap=0.0, gap_width=0.2, share=0.35)
-    canvas.dust(18.0)
-    canvas.joints(0.001, -25.0)
+    canvas.grains(0.012, 27.0, jitter=1.0, gap_width=0.08, share=0.13)
+    canvas.grains(0.006, 23.0, jitter=1.0, gap_width=0.12, share=0.07)
+    canvas.dust(26.0)
+    canvas.joints(0.0020, -100.0)
 
 
 def soil(canvas: Canvas) -> None:
     """Trodden earth with crumbs, small stones and straw."""
-    canvas.clouds(0.08, 4.0).clouds(0.025, 4.0).clouds(0.008, 6.0)
-    canvas.grains(0.004, 12.0, gap=-16.0, gap_width=0.4, share=0.7)
-    canvas.grains(0.0015, 22.0, gap=-20.0, gap_width=0.4, share=0.7)
-    canvas.dust(50.0)
+    canvas.clouds(0.08, 4.0).clouds(0.025, 4.0).clouds(0.008, 5.0)
+    canvas.grains(0.004, 11.0, gap=-14.0, gap_width=0.4, share=0.5)
+    canvas.grains(0.0013, 18.0, gap=-14.0, gap_width=0.4, share=0.2)
+    canvas.dust(66.0)
     canvas.specks(0.010, 0.15, 60.0, radius=0.25, spread=20.0)
     canvas.specks((0.03, 0.0025), 0.03, 35.0, spread=10.0)
 

@@ -20,6 +20,7 @@ from scipy.special import ndtri
 
 from trailmark.errors import ConfigError
 from trailmark_sim.hashing import hash2, mixed, unit_of
+from trailmark_sim.pictures import read_grey
 from trailmark_sim.rng import stream_key
 
 __all__ = ["Photo", "load_photo"]
@@ -32,6 +33,7 @@ _TRIANGLE_SHARE = 0.3
 _N_GREYS = 2048
 _SPAN = 4.0
 _SMALLEST_PX = 64
+_MOST_TEXELS = 200_000_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,24 +42,27 @@ class Photo:
 
     Attributes
     ----------
-    normal : (H, W) float32
-        Greys by their rank, as values of a normal distribution.
+    grey : (H, W) uint8
+        The picture.
+    normals : (256,) float32
+        Value of a normal distribution for every grey, by its rank in the picture.
     greys : (N,) float32
         Grey of a normal value: its inverse.
     pitch_m : float
         Size of one of its pixels on the floor [m].
     """
 
-    normal: npt.NDArray[np.float32]
+    grey: npt.NDArray[np.uint8]
+    normals: npt.NDArray[np.float32]
     greys: npt.NDArray[np.float32]
     pitch_m: float
 
     def paint(self, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64], seed: int) -> npt.NDArray[np.float32]:
         """Return the greys at places (N, N), in the floor's own axes [m]."""
         out = np.empty(x.shape, dtype=np.float32)
-        side_m = _TRIANGLE_SHARE * min(self.normal.shape) * self.pitch_m
+        side_m = _TRIANGLE_SHARE * min(self.grey.shape) * self.pitch_m
         key = np.uint64(stream_key(seed, "photo"))
-        _paint_pieces(out, x, y, self.normal, self.greys, side_m, self.pitch_m, key)
+        _paint_pieces(out, x, y, self.grey, self.normals, self.greys, side_m, self.pitch_m, key)
         return out
 
 
@@ -78,35 +83,40 @@ def load_photo(path: Path, width_m: float | None, texel_m: float) -> Photo:
     ConfigError
         If it cannot be read, or is too small.
     """
-    data = np.fromfile(path, dtype=np.uint8) if path.is_file() else None
-    if data is None:
-        raise ConfigError(f"sim: the photograph {str(path)!r} of a floor is not there")
-    grey = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
-    if grey is None:
-        raise ConfigError(f"sim: {str(path)!r} is not a picture that OpenCV can read")
+    grey = read_grey(path)
     pitch_m = PHOTO_PITCH_M if width_m is None else width_m / grey.shape[1]
-    if texel_m > 1.2 * pitch_m:
-        size = [max(1, round(n * pitch_m / texel_m)) for n in (grey.shape[1], grey.shape[0])]
-        pitch_m *= grey.shape[1] / size[0]
-        grey = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
+    size = [max(1, round(n * pitch_m / texel_m)) for n in (grey.shape[1], grey.shape[0])]
+    _refuse_too_large(path, size)
+    # One pixel a texel: read at whole pixels, the pieces lose no sharpness. One per cent is not worth a loss either.
+    if abs(size[0] / grey.shape[1] - 1.0) > 0.01:
+        filtering = cv2.INTER_AREA if size[0] < grey.shape[1] else cv2.INTER_CUBIC
+        grey = np.asarray(cv2.resize(grey, size, interpolation=filtering), dtype=np.uint8)
     if min(grey.shape) < _SMALLEST_PX:
         raise ConfigError(
             f"sim: the photograph {str(path)!r} covers {grey.shape[1]} x {grey.shape[0]} texels of"
             f" {texel_m * 1e3:.2f} mm; at least {_SMALLEST_PX} x {_SMALLEST_PX} are needed (is its width right?)"
         )
-    return Photo(*_by_rank(np.asarray(grey, dtype=np.uint8)), pitch_m)
+    return Photo(grey, *_by_rank(grey), texel_m)
+
+
+def _refuse_too_large(path: Path, size: list[int]) -> None:
+    if size[0] * size[1] > _MOST_TEXELS:
+        raise ConfigError(
+            f"sim: the photograph {str(path)!r} covers {size[0]} x {size[1]} texels of the floor, more than"
+            f" {_MOST_TEXELS // 10**6} million; make it smaller, or is its width wrong?"
+        )
 
 
 def _by_rank(grey: npt.NDArray[np.uint8]) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-    """Return the picture as normal values by rank, and the table that leads back."""
+    """Return the normal value of every grey by its rank, and the table that leads back."""
     counts = np.bincount(grey.ravel(), minlength=256)
     ranks = (np.cumsum(counts) - counts / 2.0) / grey.size
     present = np.flatnonzero(counts)
-    normal_of_grey = np.zeros(256)
-    normal_of_grey[present] = ndtri(ranks[present])
+    normals = np.zeros(256)
+    normals[present] = ndtri(ranks[present])
     steps = np.linspace(-_SPAN, _SPAN, _N_GREYS)
-    greys = np.interp(steps, normal_of_grey[present], present.astype(np.float64))
-    return normal_of_grey[grey].astype(np.float32), greys.astype(np.float32)
+    greys = np.interp(steps, normals[present], present.astype(np.float64))
+    return normals.astype(np.float32), greys.astype(np.float32)
 
 
 @njit(cache=True, nogil=True)
@@ -114,13 +124,14 @@ def _paint_pieces(
     out: npt.NDArray[Any],
     x: npt.NDArray[Any],
     y: npt.NDArray[Any],
-    normal: npt.NDArray[Any],
+    grey: npt.NDArray[Any],
+    normals: npt.NDArray[Any],
     greys: npt.NDArray[Any],
     side_m: float,
     pitch_m: float,
     seed: np.uint64,
 ) -> None:
-    root3 = math.sqrt(3.0)
+    root3, reach = math.sqrt(3.0), side_m / pitch_m
     scale = (greys.shape[0] - 1) / (2.0 * _SPAN)
     for row in range(out.shape[0]):
         for col in range(out.shape[1]):
@@ -143,8 +154,11 @@ def _paint_pieces(
                 weight = (weight * weight * weight) ** 2  # sixth power: narrow seams, large pieces
                 if weight < 1e-4:
                     continue
-                du, dv = (px - side_m * (ci + 0.5 * cj)) / pitch_m, (py - side_m * cj * root3 / 2.0) / pitch_m
-                total += weight * _piece(normal, du, dv, side_m / pitch_m, hash2(ci, cj, seed))
+                corner_u, corner_v = side_m * (ci + 0.5 * cj) / pitch_m, side_m * cj * root3 / 2.0 / pitch_m
+                h = hash2(ci, cj, seed)
+                u = px / pitch_m + _piece_offset(grey.shape[1], reach, corner_u, h)
+                v = py / pitch_m + _piece_offset(grey.shape[0], reach, corner_v, mixed(h))
+                total += weight * _bilinear(grey, normals, u, v)
                 squares += weight * weight
             value = (total / math.sqrt(squares) + _SPAN) * scale
             value = min(max(value, 0.0), greys.shape[0] - 1.001)
@@ -153,13 +167,17 @@ def _paint_pieces(
 
 
 @njit(cache=True, nogil=True)
-def _piece(normal: npt.NDArray[Any], du: float, dv: float, reach: float, h: np.uint64) -> float:
-    """Return the photograph at an offset from a corner's own place in it, bilinear [px]."""
-    height, width = normal.shape
-    u = reach + 1.0 + (width - 3.0 - 2.0 * reach) * unit_of(h) + du
-    v = reach + 1.0 + (height - 3.0 - 2.0 * reach) * unit_of(mixed(h)) + dv
+def _piece_offset(size: int, reach: float, corner: float, h: np.uint64) -> float:
+    """Return by how many whole pixels a corner's piece is moved, so that all of it lies in the photograph."""
+    place = reach + 2.0 + (size - 5.0 - 2.0 * reach) * unit_of(h)
+    return float(math.floor(place - corner))
+
+
+@njit(cache=True, nogil=True)
+def _bilinear(grey: npt.NDArray[Any], normals: npt.NDArray[Any], u: float, v: float) -> float:
     i, j = int(u), int(v)
     fu, fv = u - i, v - j
-    above = normal[j, i] + (normal[j, i + 1] - normal[j, i]) * fu
-    below = normal[j + 1, i] + (normal[j + 1, i + 1] - normal[j + 1, i]) * fu
+    a, b = normals[grey[j, i]], normals[grey[j, i + 1]]
+    c, d = normals[grey[j + 1, i]], normals[grey[j + 1, i + 1]]
+    above, below = a + (b - a) * fu, c + (d - c) * fu
     return float(above + (below - above) * fv)

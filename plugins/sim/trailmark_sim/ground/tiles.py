@@ -50,7 +50,7 @@ class TileStore:
         self.n_slots = int(cap_mb * 1e6 / _BYTES)
         if self.n_slots < _FEWEST:
             raise ConfigError(f"sim: tiles need at least {_FEWEST * _BYTES / 1e6:.0f} MB, not {cap_mb:g} MB")
-        self._ground = ground
+        self.ground = ground
         self._kernel = _gaussian(psf_m / ground.texel_m)
         # Memory that is not written to is not taken: a short run stays small.
         self.pool = np.empty((self.n_slots, _SIDE, _SIDE), dtype=np.uint16)
@@ -63,7 +63,7 @@ class TileStore:
     @property
     def tile_m(self) -> float:
         """Side of a tile [m]."""
-        return TILE_TEXELS * self._ground.texel_m
+        return TILE_TEXELS * self.ground.texel_m
 
     @property
     def bytes_in_use(self) -> int:
@@ -92,9 +92,9 @@ class TileStore:
 
     def _paint(self, tile: Tile) -> None:
         margin = len(self._kernel) // 2
-        texel_m = self._ground.texel_m
+        texel_m = self.ground.texel_m
         x_m, y_m = ((n * TILE_TEXELS - margin) * texel_m for n in tile)
-        grey = self._ground.paint(x_m, y_m, _SIDE + 2 * margin)
+        grey = self.ground.paint(x_m, y_m, _SIDE + 2 * margin)
         _blur_to_steps(grey, self._kernel, self.pool[self._slots[tile]])
 
 

@@ -170,8 +170,8 @@ def _zones(course: GroundCourseOptions, name: str, route: Route) -> list[Zone]:
 
 
 def _covers(course: GroundCourseOptions, options: WorldOptions, route: Route) -> list[Zone]:
-    lies = [cover for cover in course.covered if cover.when == "always" or options.mode == "replay"]
-    return [Zone(_floor(cover), _cover_box(route, cover)) for cover in lies]
+    zones = [(cover, Zone(_floor(cover), _cover_box(route, cover))) for cover in course.covered]
+    return [zone for cover, zone in zones if cover.when == "always" or options.mode == "replay"]
 
 
 def _cover_box(route: Route, cover: Covered) -> tuple[float, float, float, float]:

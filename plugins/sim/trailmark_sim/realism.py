@@ -1,0 +1,133 @@
+"""Statistics of pictures, to hold simulated ones against photographs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.errors import ConfigError, ShapeError
+from trailmark_sim.pictures import read_grey
+
+__all__ = ["PictureStatistics", "photo_statistics", "picture_statistics", "spectral_slope"]
+
+_SPECTRUM_PX = 256
+#: Where the slope is fitted, in cycles over 256 px: from structures of 64 px to 3 px.
+_SPECTRUM_BAND = (4, 90)
+_PATCH_PX, _REACH_PX, _N_PATCHES = 44, 32, 40
+_SMALLEST_PX = 256
+_WINDOW_PX = (512, 480)
+
+
+@dataclass(frozen=True, slots=True)
+class PictureStatistics:
+    """What makes a picture easy or hard to track.
+
+    Attributes
+    ----------
+    std : float
+        Contrast: standard deviation of the greys [grey levels].
+    slope : float
+        Power of the spectrum falls with this exponent of the frequency; 0 is white noise, 2 to 3 a landscape.
+    sift : float
+        SIFT key points per megapixel.
+    corners : float
+        Corners (Shi & Tomasi, quality 0.01, 5 px apart) per megapixel.
+    edges : float
+        Share of Canny edges (100, 200).
+    distinct : float
+        How much worse the second-best place of a 44 x 44 patch within 32 px is than the best, with noise of 2:
+        the ratio of their rms differences, median over patches. 1 is hopeless.
+    """
+
+    std: float
+    slope: float
+    sift: float
+    corners: float
+    edges: float
+    distinct: float
+
+    @classmethod
+    def mean(cls, several: list[PictureStatistics]) -> PictureStatistics:
+        """Return the mean over pictures."""
+        columns = (np.mean([getattr(one, field.name) for one in several]) for field in fields(cls))
+        return cls(*(float(value) for value in columns))
+
+
+def picture_statistics(grey: npt.NDArray[np.uint8]) -> PictureStatistics:
+    """Return the statistics of a grey picture of at least 256 x 256.
+
+    Raises
+    ------
+    ShapeError
+        If it is no such picture.
+    """
+    if grey.ndim != 2 or grey.dtype != np.uint8 or min(grey.shape) < _SMALLEST_PX:
+        raise ShapeError(f"statistics need a grey picture of 256 x 256 at least, not {grey.shape} {grey.dtype}")
+    megapixels = grey.size / 1e6
+    corners = cv2.goodFeaturesToTrack(grey, 100_000, 0.01, 5)
+    return PictureStatistics(
+        std=float(grey.std()),
+        slope=spectral_slope(grey),
+        sift=len(cv2.SIFT.create().detect(grey)) / megapixels,
+        corners=(0 if corners is None else len(corners)) / megapixels,
+        edges=float((cv2.Canny(grey, 100, 200) > 0).mean()),
+        distinct=_distinctiveness(grey),
+    )
+
+
+def photo_statistics(path: Path) -> PictureStatistics:
+    """Return the mean statistics of four windows of 512 x 480 of a photograph, or of all of a smaller one.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot be read, or is smaller than 256 x 256.
+    """
+    grey = read_grey(path)
+    if min(grey.shape) < _SMALLEST_PX:
+        raise ConfigError(
+            f"{path}: statistics need a picture of 256 x 256 at least, not {grey.shape[1]} x {grey.shape[0]}"
+        )
+    height, width = min(grey.shape[0], _WINDOW_PX[1]), min(grey.shape[1], _WINDOW_PX[0])
+    rows, cols = (0, grey.shape[0] - height), (0, grey.shape[1] - width)
+    windows = [grey[row : row + height, col : col + width] for row in rows for col in cols]
+    return PictureStatistics.mean([picture_statistics(np.ascontiguousarray(window)) for window in windows])
+
+
+def spectral_slope(grey: npt.NDArray[Any]) -> float:
+    """Return the negative exponent of the power spectrum, averaged over windows and directions."""
+    n = _SPECTRUM_PX
+    window = np.outer(np.hanning(n), np.hanning(n))
+    power = np.zeros((n, n))
+    for row in range(0, grey.shape[0] - n + 1, n // 2):
+        for col in range(0, grey.shape[1] - n + 1, n // 2):
+            part = grey[row : row + n, col : col + n].astype(np.float64)
+            power += np.abs(np.fft.fft2((part - part.mean()) * window)) ** 2
+    frequency = np.fft.fftfreq(n, 1.0 / n)
+    radius = np.rint(np.hypot(frequency[:, None], frequency[None, :])).astype(int)
+    rings = np.bincount(radius.ravel(), power.ravel()) / np.bincount(radius.ravel())
+    band = np.arange(_SPECTRUM_BAND[0], _SPECTRUM_BAND[1] + 1)
+    return float(-np.polyfit(np.log(band), np.log(np.maximum(rings[band], 1e-9)), 1)[0])
+
+
+def _distinctiveness(grey: npt.NDArray[np.uint8]) -> float:
+    rng = np.random.default_rng(0)
+    picture = grey.astype(np.float32)
+    noisy = picture + rng.normal(0.0, 2.0, grey.shape).astype(np.float32)
+    ratios = []
+    for _ in range(_N_PATCHES):
+        row = int(rng.integers(_REACH_PX, grey.shape[0] - _REACH_PX - _PATCH_PX))
+        col = int(rng.integers(_REACH_PX, grey.shape[1] - _REACH_PX - _PATCH_PX))
+        patch = noisy[row : row + _PATCH_PX, col : col + _PATCH_PX]
+        reach = _REACH_PX + _PATCH_PX
+        around = picture[row - _REACH_PX : row + reach, col - _REACH_PX : col + reach]
+        squared = np.maximum(cv2.matchTemplate(around, patch, cv2.TM_SQDIFF), 1e-6)
+        best = squared[_REACH_PX, _REACH_PX]
+        squared[_REACH_PX - 2 : _REACH_PX + 3, _REACH_PX - 2 : _REACH_PX + 3] = np.inf
+        ratios.append(float(np.sqrt(squared.min() / best)))
+    return float(np.median(ratios))
