@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -27,10 +28,10 @@ class DictDrawer(Drawer):
     """A drawer that forgets with the process."""
 
     def __init__(self):
-        self.rows, self.named = [], {}
+        self.rows, self.named, self.offset_m = [], {}, 0.0
 
     def add(self, keyframe):
-        self.rows.append(keyframe)
+        self.rows.append(replace(keyframe, station_m=keyframe.station_m + self.offset_m))
 
     def keyframes(self):
         return tuple(self.rows)

@@ -13,6 +13,7 @@ from trailmark.geometry import Pose2, Pose3
 from trailmark.interfaces import Session
 from trailmark_divs.config import DivsConfig
 from trailmark_divs.localizer import Divs
+from trailmark_divs.memory import Recording
 
 AFTERNOON = {"gamma": 0.7, "noise": 4.0}
 
@@ -32,9 +33,9 @@ def median(offsets, name):
 def test_teaching_says_nothing_and_remembers_a_look_every_step(taught):
     drawer, _ = taught
 
-    stations = np.concatenate([keyframe.arrays["stations"] for keyframe in drawer.keyframes()])
-    np.testing.assert_allclose(np.diff(stations[:, 1]), 0.015, atol=1e-9)
-    assert len(stations) == 400
+    stations_m = Recording.from_keyframes(drawer.keyframes()).stations_m
+    np.testing.assert_allclose(np.diff(stations_m[:, 1]), 0.015, atol=1e-9)
+    assert len(stations_m) == 400
     assert drawer.load("summary")["turning_share"] == 0.0
 
 

@@ -43,7 +43,7 @@ class DivsConfig(PluginConfig):
     """Local normalised correlation, tracked; or circular correlation and hill climbing, as the reference does."""
     max_shift_columns: int = Field(20, ge=1)
     """Largest shift that is looked for, with `shift: robust` [columns]."""
-    confidence: float = Field(0.9, ge=0, lt=1)
+    confidence: float = Field(0.8, ge=0, lt=1)
     """A shift less probable than this is not told."""
 
     correspondence: Correspond = "distance"

@@ -57,7 +57,7 @@ class Divs(Localizer):
         compile_kernels()
         drawer = self._drawer()
         if session.mode == "teach":
-            self._memory = Memory(drawer, _end_of(session))
+            self._memory = Memory(drawer)
         elif session.path is None:
             raise ConfigError(f"{session.name}: divs needs a taught path; give the run --store, or teach one first")
         else:
@@ -151,8 +151,3 @@ class Divs(Localizer):
                 " the path. Its mounting is 'sensors: ... mounting: {yaw_deg: ...}'"
             )
         return self.config.depth_m / along
-
-
-def _end_of(session: Session) -> float:
-    """Return the station at which this teaching begins: 0, or the end of what was taught before [m]."""
-    return 0.0 if session.path is None else float(session.path.stations[-1])

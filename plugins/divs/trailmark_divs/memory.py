@@ -61,13 +61,10 @@ class Memory:
     ----------
     drawer : Drawer
         Where to.
-    start_m : float
-        Station at which the way of this session begins [m].
     """
 
-    def __init__(self, drawer: Drawer, start_m: float) -> None:
+    def __init__(self, drawer: Drawer) -> None:
         self._drawer = drawer
-        self._start_m = start_m
         self._looks: list[Look] = []
         self._pose = Pose2()
         self._first_run, self._start_rad = _continued(drawer)
@@ -90,18 +87,18 @@ class Memory:
         if not self._looks:
             return
         looks, self._looks = self._looks, []
+        station_m = looks[-1].travelled_m[1]
         sums = np.array([look.sums for look in looks])
         profiles = np.array([look.profile for look in looks]) * _PROFILE_UNITS
         arrays = {
             "sums": sums.astype(np.uint32 if sums.max() > np.iinfo(np.uint16).max else np.uint16),
             "profiles": np.round(profiles).astype(np.uint16),
             "runs": np.array([TURNING if look.run == TURNING else look.run + self._first_run for look in looks]),
-            "stations": np.array([look.travelled_m for look in looks]) + self._start_m,
+            "ways": np.array([look.travelled_m for look in looks]) - station_m,  # so that a path can be continued
             "stamps": np.array([look.stamps_s for look in looks]),
             "headings": np.array([look.heading_rad for look in looks]) + self._start_rad,
         }
-        station_m, stamp_s = float(arrays["stations"][-1, 1]), float(arrays["stamps"][-1, 1])
-        self._drawer.add(Keyframe(station_m, stamp_s, self._pose, arrays))
+        self._drawer.add(Keyframe(station_m, looks[-1].stamps_s[1], self._pose, arrays))
 
 
 def _continued(drawer: Drawer) -> tuple[int, float]:
@@ -152,15 +149,16 @@ class Recording:
         try:
             arrays = {
                 name: np.concatenate([keyframe.arrays[name] for keyframe in keyframes])
-                for name in ("sums", "profiles", "runs", "stations", "stamps", "headings")
+                for name in ("sums", "profiles", "runs", "stamps", "headings")
             }
+            stations_m = np.concatenate([keyframe.station_m + keyframe.arrays["ways"] for keyframe in keyframes])
         except (KeyError, ValueError) as error:
             raise StoreError(f"the keyframes are not those of a visual stream: {error}") from error
         return cls(
             arrays["sums"].astype(np.int64),
             arrays["profiles"] / _PROFILE_UNITS,
             arrays["runs"].astype(np.int64),
-            arrays["stations"].astype(np.float64),
+            stations_m.astype(np.float64),
             arrays["stamps"].astype(np.float64),
             arrays["headings"].astype(np.float64),
         )

@@ -1,0 +1,77 @@
+"""Short versions of the benchmark, on recordings that are not shipped, held to the bars."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).parents[2]
+
+pytestmark = pytest.mark.data
+
+
+@pytest.fixture(scope="module")
+def bench():
+    spec = importlib.util.spec_from_file_location("divs_benchmark", REPOSITORY / "benchmarks" / "divs.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    yield module
+    del sys.modules[spec.name]
+
+
+@pytest.fixture(scope="module")
+def street(bench, data_folder):
+    return bench.read(data_folder / "divs" / "kitti_raw_stereo" / "left")
+
+
+@pytest.fixture(scope="module")
+def ours(bench):
+    """Rows of ours only: the peers have tests of their own."""
+    return {"divs": bench.make_divs}
+
+
+def by_item(rows):
+    return {row.item: row for row in rows}
+
+
+def assert_met(rows, n_bars):
+    judged = {item: row for item, row in by_item(rows).items() if row.bar is not None}
+    assert len(judged) == n_bars
+    assert not {item: (row.ours, row.bar) for item, row in judged.items() if not row.met}
+
+
+def test_known_shifts_of_a_street_meet_their_bars(bench, street, ours, monkeypatch):
+    monkeypatch.setattr(bench, "ALL", ours)
+
+    assert_met(bench.crop_rows(street, (0, 8, -24, 48)), 8)
+
+
+def test_a_camera_half_a_metre_to_the_right_is_seen_there(bench, street, ours, data_folder, monkeypatch):
+    monkeypatch.setattr(bench, "ALL", ours)
+    right = bench.read(data_folder / "divs" / "kitti_raw_stereo" / "right")
+
+    assert_met(bench.stereo_rows(street, right), 3)
+
+
+def test_a_corridor_walked_nearer_the_left_wall_is_positive(bench, ours, data_folder, monkeypatch):
+    monkeypatch.setattr(bench, "ALL", ours)
+    walks = [bench.read(data_folder / "divs" / "corridor" / walk) for walk in ("ref", "query")]
+
+    assert_met(bench.corridor_rows(*walks), 2)
+
+
+def test_the_place_is_found_by_appearance_alone(bench, street):
+    assert_met(bench.appearance_rows(street), 2)
+
+
+def test_streams_hold_out_where_a_single_picture_is_fooled_by_yaw(bench, street, monkeypatch):
+    monkeypatch.setattr(bench, "ALL", {"divs": bench.make_divs, "phase_shift": bench.PEERS["phase_shift"]})
+
+    rows = by_item(bench.crop_rows(street, (0, -24)))
+
+    item = "same, degraded, 3 off, w 25"
+    assert 3 * rows[f"{item}: MAE"].ours < rows[f"{item}: MAE [phase_shift]"].ours
