@@ -84,8 +84,7 @@ class TaughtPictures(Localizer):
         """Return the shift between two described pictures as a share of the width, and its score."""
 
     def _remember(self, stamp_s: float, payload: Image | RGBD, belief: Belief) -> None:
-        start_m = 0.0 if self._session.path is None else float(self._session.path.stations[-1])
-        station_m = start_m + belief.travelled_m
+        station_m = belief.travelled_m
         if station_m - self._last_m < self.config.spacing_m - 1e-9:
             return
         self._last_m = station_m
