@@ -65,6 +65,8 @@ class RunProgress(AbstractContextManager["RunProgress"]):
 
     def _show(self, step: Step) -> None:
         now_s = time.monotonic()
+        if self._n_frames <= 1:  # what came before was starting
+            self._began_s = self._shown_s = now_s
         if now_s - self._shown_s < (_BAR_S if self._bar is not None else _LINE_S):
             return
         self._shown_s = now_s
