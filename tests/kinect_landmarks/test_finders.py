@@ -112,7 +112,7 @@ def test_a_box_before_a_wall_is_flat() -> None:
 def test_a_stable_area_is_found_without_colour() -> None:
     bgr = _canvas()
     cv2.rectangle(bgr, (300, 200), (330, 225), (40, 40, 40), -1)
-    bgr = cv2.GaussianBlur(bgr, (11, 11), 0)
+    bgr = cv2.GaussianBlur(bgr, (31, 31), 0)
 
     assert _near(find(View(bgr, WALL_M), ["mser"]), 315, 212.5)
 

@@ -20,6 +20,7 @@ __all__ = [
     "AlignmentLimits",
     "Refusal",
     "align",
+    "jacobian",
     "kabsch",
     "planar_covariance",
     "pose_from_two",
@@ -30,7 +31,7 @@ Array = npt.NDArray[np.float64]
 
 _GATE = {2: 13.8, 3: 16.3}  # chi-square, 99.9 %
 _N_GAUSS_NEWTON = 6
-_HUBER = 2.0  # residuals beyond two sigmas count linearly
+_SOFT = 9.0  # squared sigmas at which a residual counts a quarter
 _N_FINALISTS = 5  # sets that are judged with the full covariances
 _MAX_EXHAUSTIVE = 120  # minimal sets tried all, rather than drawn
 
@@ -145,7 +146,7 @@ def align(
     """Return the rigid motion that most landmarks agree on.
 
     Consensus of minimal sets, then Gauss-Newton with the covariances of both sides, the far depth of a landmark
-    counting less than its direction, and a Huber loss.
+    counting less than its direction, and a redescending loss: a landmark that begins to move must not pull.
 
     Parameters
     ----------
@@ -240,16 +241,16 @@ def _step(
 ) -> tuple[Array, Array, Array, float]:
     """Return the motion after one Gauss-Newton step, its information and the weighted sum of squares before it."""
     residuals, information, squared = _whitened(points_a, points_b, cov_a, cov_b, R, t)
-    weights = np.minimum(1.0, _HUBER / np.sqrt(np.maximum(squared, 1e-12)))
-    J = _jacobian(points_b @ R.T)
-    weighted = np.einsum("n,nij,njk->nik", weights, information, J)
-    H = np.einsum("nij,nik->jk", J, weighted)
-    delta = np.linalg.solve(H, np.einsum("nij,ni->j", weighted, residuals))
+    weights = np.square(_SOFT / (_SOFT + squared))  # Geman & McClure: what hardly fits hardly counts
+    J = jacobian(points_b @ R.T)
+    informed = information @ J
+    weighted = weights[:, None, None] * informed
+    delta = np.linalg.solve(np.einsum("nij,nik->jk", J, weighted), np.einsum("nij,ni->j", weighted, residuals))
     D = points_a.shape[1]
-    return _exp(delta[D:]) @ R, t + delta[:D], H, float((weights * squared).sum())
+    return _exp(delta[D:]) @ R, t + delta[:D], np.einsum("nij,nik->jk", J, informed), float(squared.sum())
 
 
-def _jacobian(turned: Array) -> Array:
+def jacobian(turned: Array) -> Array:
     """Return d(R p + t) by translation and left rotation, (N, D, 3 or 6)."""
     n, D = turned.shape
     J = np.zeros((n, D, 3 if D == 2 else 6))

@@ -55,10 +55,10 @@ def histograms(index: npt.NDArray[np.uint8], uv: npt.NDArray[np.float64], radius
         u0, v0 = min(max(u, 0), width - 1), min(max(v, 0), height - 1)
         window = index[max(0, v0 - radius_px) : v0 + radius_px + 1, max(0, u0 - radius_px) : u0 + radius_px + 1]
         found[row] = np.bincount(window.ravel(), minlength=_N_BINS)
-    return found / np.maximum(found.sum(axis=1, keepdims=True), 1.0)
+    found /= np.maximum(found.sum(axis=1, keepdims=True), 1.0)
+    return found
 
 
 def similarity(first: npt.NDArray[np.float32], second: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     """Return the Bhattacharyya coefficients of histograms, (N, B) and (M, B) to (N, M); 1: the same."""
-    product: npt.NDArray[np.float32] = np.sqrt(first) @ np.sqrt(second).T
-    return product
+    return np.asarray(np.dot(np.sqrt(first), np.sqrt(second).T), dtype=np.float32)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 import numpy.typing as npt
@@ -82,7 +84,7 @@ def patches_of(
     return [(int(u), int(v), int(w), int(h)) for u, v, w, h, _ in stats[good]]
 
 
-def _at(view: View, scale: float, kind: str, box: tuple[int, int, int, int] | npt.NDArray[np.int32]) -> Region:
+def _at(view: View, scale: float, kind: str, box: Sequence[int]) -> Region:
     """Return a region found at a share of the view's own resolution."""
     u, v, width, height = (float(value) for value in box)
     region = (u + 0.5) / scale - 0.5, (v + 0.5) / scale - 0.5, width / scale, height / scale

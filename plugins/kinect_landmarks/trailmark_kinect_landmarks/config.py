@@ -1,0 +1,118 @@
+"""Configs of the localizers that look at RGB-D pictures."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from trailmark.config import ConfigPath, PluginConfig, Sensor
+
+__all__ = ["CropConfig", "KinectFlowConfig", "KinectLandmarksConfig", "RgbdConfig"]
+
+FinderName = Literal["blobs", "rectangles", "edges", "ellipses", "lines", "flats", "mser", "hough_circles"]
+
+
+class CropConfig(BaseModel):
+    """Lines of the colour picture that the depth camera does not see."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+    left: int = Field(0, ge=0)
+    """Columns at the left [px]."""
+    right: int = Field(0, ge=0)
+    """Columns at the right [px]."""
+    top: int = Field(0, ge=0)
+    """Lines at the top [px]."""
+    bottom: int = Field(0, ge=0)
+    """Lines at the bottom [px]."""
+
+
+class RgbdConfig(PluginConfig):
+    """What the localizers share: the camera, its depth, and when landmarks carry a pose."""
+
+    camera: Sensor["rgbd"]
+    """Colour camera with depth."""
+    scan: Sensor["scan"] | None = None
+    """Laser or ultrasound that fills in where a landmark has no depth (glass, gloss)."""
+
+    solve: Literal["space", "plane"] = "space"
+    """space: in three dimensions, then projected to the plane of the start; for hand-held cameras and tilting robots.
+    plane: as the paper, for robots that stay level; needs two landmarks instead of three."""
+    angles: Literal["pinhole", "linear"] = "pinhole"
+    """linear: "counting pixels" as the paper, up to 0.94 deg off."""
+    depth_kind: Literal["z", "range"] | None = None
+    """What depth measures: z from the camera's plane, range along the ray (as the paper's equations are printed).
+    Default: as the calibration says, and z where it does not."""
+    crop: CropConfig | None = None
+    """The paper's calibration, Eqs. (3)-(6): lines of colour that depth does not see. Replaces the calibration's."""
+    field_of_view_deg: float = Field(57.0, gt=0.0, lt=170.0)
+    """Horizontal capture angle of the colour camera, for sensors without a calibration (Kinect: 57) [deg]."""
+
+    near_m: float = Field(0.4, gt=0.0)
+    """Depth nearer than this is not believed [m]."""
+    far_m: float = Field(6.0, gt=0.0)
+    """Depth farther than this is not believed [m]."""
+
+    min_landmarks: int = Field(3, ge=2)
+    """Landmarks that must agree before there is an answer; in the plane 2 are enough for the paper, which keeps a
+    third in reserve."""
+    min_separation_m: float = Field(0.3, gt=0.0)
+    """Landmarks nearer to one another than this are degenerate [m]."""
+    min_angle_deg: float = Field(2.0, gt=0.0, lt=90.0)
+    """Landmarks in line with the camera, to within this, are degenerate [deg]."""
+
+    @model_validator(mode="after")
+    def _near_before_far(self) -> RgbdConfig:
+        if self.near_m >= self.far_m:
+            raise ValueError(f"near_m ({self.near_m:g}) must be less than far_m ({self.far_m:g})")
+        return self
+
+
+class KinectLandmarksConfig(RgbdConfig):
+    """Landmarks found, remembered, found again and triangulated (Toth et al. 2015)."""
+
+    light: Sensor["scalar"] | None = None
+    """Ambient light; without it the picture's own brightness is used."""
+    answer: Literal["fix", "motion"] = "fix"
+    """fix: the pose relative to the remembered start. motion: how it changed since the last answer."""
+
+    finders: tuple[FinderName, ...] = Field(
+        ("blobs", "rectangles", "edges", "ellipses", "lines", "flats", "mser"), min_length=1
+    )
+    """Landmark finders, the most useful first: when time is short the last are left out first."""
+    point: Literal["corner", "centre"] = "corner"
+    """Pixel that stands for a landmark: the best marked one in its frame, or the frame's centre as in the paper."""
+    refind: Literal["flow", "look"] = "flow"
+    """flow: follow landmarks from picture to picture by optical flow, and look for the others. look: look for all,
+    by colours and vicinity."""
+    adapt: bool = True
+    """Whether fuzzy rules choose finders and resolution; otherwise all run on the whole picture."""
+    allowed_ms: float | None = Field(None, gt=0.0)
+    """Time allowed for a picture; default: the time between two [ms]."""
+
+    landmarks: int = Field(60, ge=3)
+    """Landmarks wanted in each picture, reserve included."""
+    alike: float = Field(0.75, gt=0.0, le=1.0)
+    """How alike a landmark must look to be taken for a remembered one, 0 to 1."""
+    search_px: float = Field(40.0, gt=0.0)
+    """How far from where it should be a landmark is looked for [px]."""
+    trial: int = Field(3, ge=1)
+    """Sightings in agreement before a new landmark votes on the pose."""
+    moved_after: int = Field(5, ge=1)
+    """Sightings in a row against all others after which a landmark counts as moved and is set aside."""
+
+    restart_s: float = Field(1.0, gt=0.0)
+    """Lost for so long, it remembers anew where it is believed to be, and says with what uncertainty [s]."""
+
+    debug_images: ConfigPath | None = None
+    """Folder for the paper's six stage pictures (Figures 5-10) of every picture; slow."""
+
+
+class KinectFlowConfig(RgbdConfig):
+    """Optical-flow localization: the paper's second mode, Eqs. (1)-(2)."""
+
+    points: int = Field(150, ge=10)
+    """Points followed from picture to picture."""
+    apart_px: int = Field(10, ge=2)
+    """Least distance of two points [px]."""

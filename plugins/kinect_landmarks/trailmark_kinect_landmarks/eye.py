@@ -1,0 +1,114 @@
+"""Looking at a picture: compensate the light, correct depth, find landmarks, describe and measure them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.frames import RGBD, Scan
+from trailmark_kinect_landmarks.camera import Camera
+from trailmark_kinect_landmarks.colour import compensate, picture_light
+from trailmark_kinect_landmarks.config import KinectLandmarksConfig
+from trailmark_kinect_landmarks.finders import View, find
+from trailmark_kinect_landmarks.fuzzy import Plan
+from trailmark_kinect_landmarks.landmarks import KINDS, Seen, anchors, describe, spread_out
+
+__all__ = ["Eye", "Picture"]
+
+Array = npt.NDArray[np.float64]
+Kinds = npt.NDArray[np.int8]
+
+_SIGMA_PX = {"corner": 1.0, "centre": 2.5}
+_APART_PX = 12.0
+_MARGIN_PX = 6
+_LEAST_CORNERNESS = 2e-5  # below it a pixel is like its neighbours and cannot be found again
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Picture:
+    """A picture made ready.
+
+    Attributes
+    ----------
+    original : (H, W, 3) uint8
+        As it came.
+    view : View
+        Compensated colour and corrected depth, for the finders.
+    grey : (H, W) uint8
+        Compensated, whole.
+    registered_m, depth_m : (H, W) float32
+        Depth as the colour camera sees it, before and after correction [m].
+    light : float
+        Ambient light as a share of the reference.
+    scan : Scan or None
+        The newest sweep of the laser.
+    """
+
+    original: npt.NDArray[np.uint8]
+    view: View
+    grey: npt.NDArray[np.uint8]
+    registered_m: npt.NDArray[np.float32]
+    depth_m: npt.NDArray[np.float32]
+    light: float
+    scan: Scan | None
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height [px]."""
+        return self.grey.shape[1], self.grey.shape[0]
+
+
+class Eye:
+    """Prepares pictures and sees landmarks in them.
+
+    Parameters
+    ----------
+    config : KinectLandmarksConfig
+        Which finders, which pixel.
+    camera : Camera
+        Measures.
+    """
+
+    def __init__(self, config: KinectLandmarksConfig, camera: Camera) -> None:
+        self._config, self._camera = config, camera
+        #: Light in which landmarks were remembered, in the unit of the light sensor, or of pictures; None at first.
+        self.reference_light: float | None = None
+
+    def prepare(self, payload: RGBD, measured_light: float | None, scan: Scan | None, scale: float) -> Picture:
+        """Return the picture in the reference light, with its depth registered and corrected."""
+        light = measured_light
+        if light is None:
+            light = picture_light(np.asarray(payload.bgr[..., 1]))  # green stands for brightness
+        if self.reference_light is None:
+            self.reference_light = max(light, 1e-6)
+        bgr = compensate(payload.bgr, light, self.reference_light)
+        registered_m = self._camera.registered(payload)
+        depth_m = self._camera.corrected(registered_m, payload.bgr)
+        view = View(bgr, depth_m, scale)
+        grey = view.grey if scale == 1.0 else np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY), np.uint8)
+        return Picture(payload.bgr, view, grey, registered_m, depth_m, light / self.reference_light, scan)
+
+    def find(self, picture: Picture, plan: Plan, taken_uv: Array, n: int) -> Seen:
+        """Return up to `n` landmarks that the finders see and that have depth, away from those that are known."""
+        regions = find(picture.view, plan.finders)
+        uv, strength = anchors(picture.grey, regions, self._config.point)
+        last = np.array(picture.size) - 1 - _MARGIN_PX
+        good = np.all((uv >= _MARGIN_PX) & (uv <= last), axis=1) & (strength > _LEAST_CORNERNESS)
+        rows = np.flatnonzero(good)
+        # more than wanted, since some will have no depth
+        rows = rows[spread_out(uv[rows], strength[rows], taken_uv, _APART_PX, 2 * n)]
+        kind = np.array([KINDS.index(regions[row].kind) for row in rows], dtype=np.int8)
+        side = np.array([max(regions[row].width, regions[row].height) for row in rows], dtype=np.float64)
+        seen = self.look_at(picture, uv[rows], kind, side)
+        return seen.rows(np.flatnonzero(np.isfinite(seen.points_base).all(axis=1))[:n])
+
+    def look_at(self, picture: Picture, uv: Array, kind: Kinds, side_px: Array) -> Seen:
+        """Return what is seen at pixels; landmarks without depth have NaN points."""
+        lens = self._camera.lens(picture.size)
+        measured = self._camera.measure(uv, picture.depth_m, _SIGMA_PX[self._config.point], picture.scan)
+        histogram, vicinity = describe(picture.grey, picture.view.half.index, uv)
+        size_m = side_px * np.nan_to_num(measured.sights.dV, nan=1.0) / lens.fx
+        return Seen(uv, kind, size_m, histogram, vicinity, measured.points_base, measured.cov_base)

@@ -1,0 +1,159 @@
+"""What is seen of landmarks in one picture: pixel, kind, vicinity, and the point in space with its covariance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from trailmark_kinect_landmarks.colour import histograms
+from trailmark_kinect_landmarks.finders import Region
+
+__all__ = ["KINDS", "Seen", "anchors", "describe", "point_covariances", "spread_out", "vicinities"]
+
+Array = npt.NDArray[np.float64]
+Grey = npt.NDArray[np.uint8]
+
+KINDS = ("blob", "edge", "rectangle", "circle", "ellipse", "line", "flat", "mser")
+
+_NEAR_PX, _WIDE_PX = 7, 20  # half sizes of the windows whose colours are remembered
+_VICINITY_PX = 24  # the "constantly set vicinity" of the paper
+_VICINITY_CELLS = 8
+_MAX_ANCHOR_BOX_PX = 40
+_CORNERNESS_BLOCK = 5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """Landmarks as one picture shows them, a row each.
+
+    Attributes
+    ----------
+    uv : (N, 2) float64
+        Pixels that stand for them [px].
+    kind : (N,) int8
+        Index into `KINDS`.
+    size_m : (N,) float64
+        Size of the frame around them, at their depth [m].
+    histogram : (N, B) float32
+        Colours of the near and the wider surroundings.
+    vicinity : (N, C) float32
+        Brightness around them, mean 0 and length 1.
+    points_base : (N, 3) float64
+        Where they stand, in base axes [m].
+    cov_base : (N, 3, 3) float64
+        Of that [m^2].
+    """
+
+    uv: Array
+    kind: npt.NDArray[np.int8]
+    size_m: Array
+    histogram: npt.NDArray[np.float32]
+    vicinity: npt.NDArray[np.float32]
+    points_base: Array
+    cov_base: Array
+
+    def __len__(self) -> int:
+        return len(self.uv)
+
+    def rows(self, which: npt.NDArray[np.intp] | npt.NDArray[np.bool_]) -> Seen:
+        """Return some of them."""
+        return Seen(
+            self.uv[which],
+            self.kind[which],
+            self.size_m[which],
+            self.histogram[which],
+            self.vicinity[which],
+            self.points_base[which],
+            self.cov_base[which],
+        )
+
+
+def anchors(grey: Grey, regions: list[Region], at: str) -> tuple[Array, Array]:
+    """Return the pixels that stand for regions, (N, 2), and how well marked each is, (N,).
+
+    Parameters
+    ----------
+    at : {"corner", "centre"}
+        ``centre`` of the frame, as in the paper. ``corner``: the best marked pixel within the frame.
+        Differs from the paper: the centre of a blob moves with its outline by several pixels, a corner does not.
+    """
+    centres = np.array([region.centre for region in regions], dtype=np.float64).reshape(-1, 2)
+    cornerness = cv2.cornerMinEigenVal(grey, _CORNERNESS_BLOCK)
+    height, width = grey.shape
+    if at == "centre" or not regions:
+        whole = np.clip(np.rint(centres).astype(int), 0, (width - 1, height - 1))
+        return centres, cornerness[whole[:, 1], whole[:, 0]].astype(np.float64)
+    uv, strength = np.empty_like(centres), np.zeros(len(regions))
+    for row, (region, (u, v)) in enumerate(zip(regions, centres, strict=True)):
+        half_u, half_v = (min(side, _MAX_ANCHOR_BOX_PX) / 2.0 + 2.0 for side in (region.width, region.height))
+        u0, v0 = max(0, int(u - half_u)), max(0, int(v - half_v))
+        window = cornerness[v0 : int(v + half_v) + 1, u0 : int(u + half_u) + 1]
+        if window.size == 0:
+            uv[row] = u, v
+            continue
+        at_v, at_u = divmod(int(window.argmax()), window.shape[1])
+        uv[row], strength[row] = (u0 + at_u, v0 + at_v), window[at_v, at_u]
+    return _subpixel(grey, uv), strength
+
+
+def _subpixel(grey: Grey, uv: Array) -> Array:
+    criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 10, 0.03)
+    refined = cv2.cornerSubPix(grey, uv.astype(np.float32).reshape(-1, 1, 2), (3, 3), (-1, -1), criteria)
+    refined = np.asarray(refined, dtype=np.float64).reshape(-1, 2)
+    near = np.abs(refined - uv).max(axis=1, keepdims=True) <= 3.0
+    return np.where(near, refined, uv)
+
+
+def spread_out(uv: Array, strength: Array, taken_uv: Array, apart_px: float, n: int) -> npt.NDArray[np.intp]:
+    """Return the best marked pixels, best first, none nearer than `apart_px` to another or to one that is taken."""
+    kept: list[int] = []
+    occupied = [*taken_uv]
+    for row in np.argsort(-strength, kind="stable"):
+        if len(kept) >= n:
+            break
+        if not occupied or np.abs(np.asarray(occupied) - uv[row]).max(axis=1).min() >= apart_px:
+            kept.append(int(row))
+            occupied.append(uv[row])
+    return np.array(kept, dtype=np.intp)
+
+
+def vicinities(grey: Grey, uv: Array) -> npt.NDArray[np.float32]:
+    """Return the brightness around pixels on a coarse grid, (N, 64), each with mean 0 and length 1."""
+    cell = _VICINITY_PX // _VICINITY_CELLS
+    smooth = cv2.blur(grey, (cell, cell)).astype(np.float32)
+    steps = (np.arange(_VICINITY_CELLS) - (_VICINITY_CELLS - 1) / 2.0) * cell
+    rows = np.clip(np.rint(uv[:, 1, None, None] + steps[:, None]).astype(np.intp), 0, grey.shape[0] - 1)
+    columns = np.clip(np.rint(uv[:, 0, None, None] + steps[None, :]).astype(np.intp), 0, grey.shape[1] - 1)
+    patches = smooth[rows, columns].reshape(len(uv), _VICINITY_CELLS**2)
+    patches -= patches.mean(axis=1, keepdims=True)
+    lengths = np.linalg.norm(patches, axis=1, keepdims=True)
+    return np.asarray(patches / np.maximum(lengths, 1e-6), dtype=np.float32)
+
+
+def describe(grey: Grey, index: Grey, uv: Array) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+    """Return histograms (N, B), each with sum 1, and vicinities (N, C) of pixels; see `Seen`."""
+    step = index.shape[1] / grey.shape[1]  # colour classes may be made at a lower resolution
+    near, wide = (histograms(index, uv * step, max(1, round(radius * step))) for radius in (_NEAR_PX, _WIDE_PX))
+    return np.concatenate([near, wide], axis=1) * np.float32(0.5), vicinities(grey, uv)
+
+
+def point_covariances(points_sensor: Array, sigma_px: Array, sigma_depth_m: Array, focal_px: float) -> Array:
+    """Return the covariances of points, (N, 3, 3): long along the ray by the depth, thin across it by the pixel.
+
+    Parameters
+    ----------
+    points_sensor : (N, 3) float
+        In sensor axes, x forward [m].
+    sigma_px, sigma_depth_m : (N,) float
+        Standard deviations of the pixel [px] and of the depth [m].
+    """
+    ahead = np.maximum(points_sensor[:, :1], 1e-3)
+    along = points_sensor / ahead * sigma_depth_m[:, None]
+    across_m = ahead[:, 0] * sigma_px / focal_px
+    covariances = np.einsum("ni,nj->nij", along, along)
+    covariances[:, [1, 2], [1, 2]] += (across_m**2)[:, None]
+    covariances[:, 0, 0] += 1e-8
+    return np.asarray(covariances)

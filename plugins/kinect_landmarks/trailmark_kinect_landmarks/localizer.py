@@ -1,0 +1,211 @@
+"""The localizer `kinect_landmarks`: finds landmarks, remembers them, finds them again, triangulates."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.errors import ShapeError
+from trailmark.estimates import Belief, Estimate, Fix, Lost, Motion, information_from_covariance
+from trailmark.frames import RGBD, Frame, Scalar, Scan
+from trailmark.geometry import Pose2, Pose3
+from trailmark.interfaces import Localizer, Session
+from trailmark.paths import Keyframe
+from trailmark_kinect_landmarks.alignment import Refusal
+from trailmark_kinect_landmarks.camera import Camera, alignment_limits
+from trailmark_kinect_landmarks.config import KinectLandmarksConfig
+from trailmark_kinect_landmarks.effort import Effort
+from trailmark_kinect_landmarks.eye import Eye, Picture
+from trailmark_kinect_landmarks.memory import Memory, MemoryLimits
+from trailmark_kinect_landmarks.paper_numbers import paper_numbers
+from trailmark_kinect_landmarks.stages import StagePictures
+from trailmark_kinect_landmarks.tracker import Sighting, Solved, Tracker
+
+__all__ = ["KinectLandmarks"]
+
+logger = logging.getLogger(__name__)
+
+Array = npt.NDArray[np.float64]
+
+_MAP = "map"
+_LIGHT = "light"
+#: Of a fix however many landmarks agree: what all of them share (calibration, stamps).
+_FLOOR = np.diag([0.003**2, 0.003**2, 0.0015**2])
+#: Of a pose at which landmarks are remembered anew after a while without any.
+_RESTART = np.diag([0.3**2, 0.3**2, 0.35**2])
+_START_LANDMARKS = 3
+
+
+class KinectLandmarks(Localizer):
+    """Pose from landmarks in colour and depth (Toth et al. 2015)."""
+
+    config: KinectLandmarksConfig
+
+    def start(self, session: Session) -> None:
+        """Load the map of this place where there is one; otherwise landmarks are remembered from the start pose on."""
+        config = self.config
+        self._session = session
+        self._camera = Camera(
+            config, session.sensors[config.camera], session.sensors[config.scan] if config.scan else None
+        )
+        self._eye = Eye(config, self._camera)
+        self._memory = Memory(MemoryLimits(config.trial, config.moved_after))
+        self._tracker = Tracker(config, self._camera, self._eye, self._memory, alignment_limits(config), session.rng)
+        self._effort = Effort(config, session.sensors[config.camera].rate_hz)
+        self._stages = StagePictures(config.debug_images) if config.debug_images else None
+        self._light: float | None = None
+        self._scan: Scan | None = None
+        self._poses: list[tuple[float, Array]] = []  # the last two: stamps and T_map_base
+        self._start_pose: Pose2 | None = None
+        self._told: tuple[float, Pose2, Array] | None = None
+        self._counts = {"lost": 0, "restarts": 0, "relocalized": 0}
+        if session.mode != "teach":
+            self._load()
+
+    def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
+        """Look at a picture; readings of the light sensor and the laser are kept for the next one."""
+        payload = frame.payload
+        if isinstance(payload, Scalar):
+            self._light = payload.value
+            return ()
+        if isinstance(payload, Scan):
+            self._scan = payload
+            return ()
+        if not isinstance(payload, RGBD):
+            raise ShapeError(f"kinect_landmarks takes rgbd, but {frame.sensor!r} gave {type(payload).__name__}")
+        return self._observe(frame.stamp_s, payload, belief)
+
+    def _observe(self, stamp_s: float, payload: RGBD, belief: Belief) -> Sequence[Estimate]:
+        plan = self._effort.plan(self._session.last_latency_s())
+        picture = self._eye.prepare(payload, self._light, self._scan, plan.scale)
+        predicted = self._predicted(stamp_s)
+        again, others = self._tracker.look(picture, plan, predicted)
+        if len(self._memory) == 0:
+            return self._begin(stamp_s, others, belief)
+        solved = self._tracker.solve(again, predicted)
+        if isinstance(solved, Refusal):
+            self._effort.looked(picture, plan, len(again), 0)
+            return [self._lost(stamp_s, solved.reason, again, others, belief)]
+        self._effort.looked(picture, plan, len(again) + len(others), len(solved.agreeing))
+        rows = self._tracker.learn(solved, again, others)
+        self._remember(stamp_s, belief, solved.T_map_base, rows)
+        self._counts["relocalized"] += predicted is None
+        self._poses = [*self._poses[-1:], (stamp_s, solved.T_map_base)]
+        if self._stages is not None:
+            self._stages.write(stamp_s, picture, solved.agreeing, self._camera)
+        return self._answer(stamp_s, solved, picture)
+
+    def latency_s(self) -> float:
+        """Return what the last picture takes by the finders that looked at it [s]."""
+        return self._effort.latency_s
+
+    def finish(self) -> None:
+        """Gather the landmarks that were remembered on the way into a map."""
+        drawer = self._session.drawer
+        keyframes = [] if drawer is None else drawer.keyframes()
+        if drawer is None or not keyframes:
+            return
+        gathered = Memory()
+        for keyframe in keyframes:
+            gathered.load({name: array for name, array in keyframe.arrays.items() if name != _LIGHT})
+        drawer.save(_MAP, gathered.arrays() | {_LIGHT: keyframes[0].arrays[_LIGHT]})
+
+    def counters(self) -> Mapping[str, int]:
+        """Return how often it was lost, began anew, or found back."""
+        return {**self._counts, "remembered": len(self._memory), "moved": int(self._memory.is_moved.sum())}
+
+    def _load(self) -> None:
+        saved = self._session.drawer.load(_MAP) if self._session.drawer is not None else None
+        if saved is None:
+            return
+        self._memory.load({name: array for name, array in saved.items() if name != _LIGHT})
+        self._eye.reference_light = float(saved[_LIGHT][0])
+        self._start_pose = self._session.start_pose or Pose2()
+        if self._session.start_pose is not None and self.config.solve == "plane":
+            self._poses = [(-np.inf, Pose3.from_planar(self._session.start_pose).matrix())]
+
+    def _begin(self, stamp_s: float, others: Sighting, belief: Belief) -> Sequence[Estimate]:
+        """Remember what is seen from the start; only if it could carry a pose."""
+        pose = belief.pose_map_base or self._session.start_pose
+        if pose is None:
+            return [self._lost_now(stamp_s, "no start pose, and no map of this place", {})]
+        needed = max(_START_LANDMARKS, self.config.min_landmarks)
+        if len(others) < needed:
+            return [self._lost_now(stamp_s, f"{len(others)} landmarks with depth, {needed} are needed", {})]
+        T_map_base = Pose3.from_planar(pose).matrix()
+        rows = self._tracker.remember(others, T_map_base, np.zeros((3, 3)))
+        self._remember(stamp_s, belief, T_map_base, rows)
+        self._start_pose = pose
+        self._poses = [(stamp_s, T_map_base)]
+        self._told = (stamp_s, pose, np.zeros((3, 3)))
+        return ()
+
+    def _predicted(self, stamp_s: float) -> Array | None:
+        """Return the pose carried on with the last velocity; None while lost."""
+        if not self._poses:
+            return None
+        last_s, last = self._poses[-1]
+        if stamp_s - last_s > self.config.restart_s and np.isfinite(last_s):
+            return None
+        if len(self._poses) < 2:
+            return last
+        before_s, before = self._poses[0]
+        share = (stamp_s - last_s) / (last_s - before_s)
+        step = np.linalg.inv(before) @ last
+        return last @ step if 0.5 < share < 2.0 else last
+
+    def _lost(self, stamp_s: float, reason: str, again: Sighting, others: Sighting, belief: Belief) -> Lost:
+        """Say so; after a while begin anew from where the robot is believed to be."""
+        details = {"n_landmarks": float(len(again) + len(others)), "n_refound": float(len(again))}
+        since_s = stamp_s - self._poses[-1][0] if self._poses else np.inf
+        has_motion = belief.motion_age_s < self.config.restart_s and belief.pose_map_base is not None
+        may_restart = bool(self._poses) and np.isfinite(since_s) and since_s > self.config.restart_s
+        if may_restart and len(others) >= max(_START_LANDMARKS, self.config.min_landmarks):
+            T_map_base = self._poses[-1][1]
+            if has_motion and belief.pose_map_base is not None:
+                T_map_base = Pose3.from_planar(belief.pose_map_base).matrix()
+            self._tracker.remember(others, T_map_base, _RESTART)
+            self._poses = [(stamp_s, T_map_base)]
+            self._counts["restarts"] += 1
+            reason += "; remembers anew"
+        return self._lost_now(stamp_s, reason, details)
+
+    def _lost_now(self, stamp_s: float, reason: str, details: Mapping[str, float]) -> Lost:
+        self._counts["lost"] += 1
+        self._told = None  # a motion begins anew after a gap
+        return Lost(stamp_s, reason, details)
+
+    def _remember(self, stamp_s: float, belief: Belief, T_map_base: Array, rows: npt.NDArray[np.intp]) -> None:
+        """Keep new landmarks in the drawer while teaching."""
+        drawer = self._session.drawer
+        if self._session.mode != "teach" or drawer is None or len(rows) == 0:
+            return
+        arrays = self._memory.arrays(rows) | {_LIGHT: np.array([self._eye.reference_light])}
+        pose = Pose3.from_matrix(T_map_base).planar()
+        drawer.add(Keyframe(belief.travelled_m, stamp_s, pose, arrays))
+
+    def _answer(self, stamp_s: float, solved: Solved, picture: Picture) -> Sequence[Estimate]:
+        R, t = solved.T_map_base[:3, :3], solved.T_map_base[:3, 3]
+        pose = Pose2(float(t[0]), float(t[1]), float(np.arctan2(R[1, 0], R[0, 0])))
+        covariance = solved.covariance + _FLOOR
+        details = paper_numbers(solved.agreeing.seen, (self._start_pose or Pose2()).between(pose), self._camera)
+        details |= {
+            "n_agree": float(len(solved.agreeing)),
+            "n_reserve": float(len(solved.agreeing) - self.config.min_landmarks),
+            "n_remembered": float(len(self._memory)),
+            "n_moved": float(self._memory.is_moved.sum()),
+            "residual_m": solved.residual_m,
+            "light": picture.light,
+        } | self._effort.details()
+        if self.config.answer == "fix":
+            return [Fix(stamp_s, pose, information_from_covariance(covariance), details)]
+        told, self._told = self._told, (stamp_s, pose, covariance)
+        if told is None:
+            return ()
+        since_s, since, before = told
+        turn = Pose2(theta=-since.theta).matrix()
+        spread = turn @ (covariance + before) @ turn.T
+        return [Motion(since_s, stamp_s, since.between(pose), information_from_covariance(spread), details)]

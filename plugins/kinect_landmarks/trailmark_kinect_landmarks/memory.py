@@ -1,0 +1,146 @@
+"""The landmarks that are remembered: where they stand, how they look, and whether they have been moved."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.errors import StoreError
+from trailmark_kinect_landmarks.landmarks import Seen
+
+__all__ = ["Memory", "MemoryLimits"]
+
+Array = npt.NDArray[np.float64]
+Rows = npt.NDArray[np.intp]
+
+_MEMORY = 25  # sightings that count
+_STORED = ("points", "cov", "anchor_cov", "kind", "size_m", "histogram", "vicinity", "n_seen")
+
+
+@dataclass(frozen=True, slots=True)
+class MemoryLimits:
+    """When a landmark is trusted.
+
+    Attributes
+    ----------
+    trial : int
+        Sightings in agreement with the others before it may vote on the pose.
+    moved_after : int
+        Sightings in a row against the others after which it is set aside as moved.
+    """
+
+    trial: int = 3
+    moved_after: int = 5
+
+
+def _rows(*shape: int) -> Any:
+    return field(default_factory=lambda: np.empty((0, *shape)))
+
+
+@dataclass(slots=True, eq=False)
+class Memory:
+    """All landmarks, a row each; a row's number is the landmark's identity for as long as the memory lives.
+
+    Attributes
+    ----------
+    points : (N, 3) float64
+        In map axes [m].
+    cov : (N, 3, 3) float64
+        Of the point, as measured from the pose at which it was remembered, in map axes [m^2].
+    anchor_cov : (N, 3, 3) float64
+        Of that pose's (x, y, heading): shared by all that was remembered there.
+    kind, size_m, histogram, vicinity
+        As in `Seen`.
+    n_seen : (N,) int
+        Sightings in agreement.
+    n_against : (N,) int
+        Sightings in a row against the others.
+    is_moved : (N,) bool
+        Set aside.
+    """
+
+    limits: MemoryLimits = field(default_factory=MemoryLimits)
+    points: Array = _rows(3)
+    cov: Array = _rows(3, 3)
+    anchor_cov: Array = _rows(3, 3)
+    kind: npt.NDArray[np.int8] = field(default_factory=lambda: np.empty(0, np.int8))
+    size_m: Array = _rows()
+    histogram: npt.NDArray[np.float32] = field(default_factory=lambda: np.empty((0, 0), np.float32))
+    vicinity: npt.NDArray[np.float32] = field(default_factory=lambda: np.empty((0, 0), np.float32))
+    n_seen: npt.NDArray[np.intp] = field(default_factory=lambda: np.empty(0, np.intp))
+    n_against: npt.NDArray[np.intp] = field(default_factory=lambda: np.empty(0, np.intp))
+    is_moved: npt.NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, np.bool_))
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def votes(self, rows: Rows) -> npt.NDArray[np.bool_]:
+        """Return which landmarks may vote on the pose: on trial no longer, and not moved."""
+        return np.asarray((self.n_seen[rows] >= self.limits.trial) & ~self.is_moved[rows])
+
+    def add(self, seen: Seen, R_map_base: Array, t_map_base: Array, anchor_cov: Array, is_trusted: bool) -> Rows:
+        """Remember what is seen from a pose; returns the new rows. `is_trusted` spares them the trial."""
+        n, first = len(seen), len(self)
+        points = seen.points_base @ R_map_base.T + t_map_base
+        self._append(
+            {
+                "points": points,
+                "cov": R_map_base @ seen.cov_base @ R_map_base.T,
+                "anchor_cov": np.tile(anchor_cov, (n, 1, 1)),
+                "kind": seen.kind,
+                "size_m": seen.size_m,
+                "histogram": seen.histogram,
+                "vicinity": seen.vicinity,
+                "n_seen": np.full(n, self.limits.trial if is_trusted else 1, np.intp),
+            }
+        )
+        return np.arange(first, first + n)
+
+    def agree(self, rows: Rows, points_map: Array, cov_map: Array) -> None:
+        """Take sightings that agree with the pose: refine the points, end trials, forgive.
+
+        A Kalman update each, with a fading memory: never more certain than `_MEMORY` sightings.
+        """
+        prior = self.cov[rows] * (1.0 + 1.0 / _MEMORY)
+        gain = prior @ np.linalg.inv(prior + cov_map)
+        self.points[rows] += np.einsum("nij,nj->ni", gain, points_map - self.points[rows])
+        posterior = prior - gain @ prior
+        self.cov[rows] = (posterior + posterior.transpose(0, 2, 1)) / 2.0
+        self.n_seen[rows] += 1
+        self.n_against[rows] = 0
+
+    def disagree(self, rows: Rows) -> None:
+        """Take sightings against the pose, Eqs. (1)-(2): what keeps moving against the others is set aside."""
+        self.n_against[rows] += 1
+        self.is_moved[rows] |= self.n_against[rows] >= self.limits.moved_after
+
+    def arrays(self, rows: Rows | None = None) -> dict[str, npt.NDArray[Any]]:
+        """Return what is worth keeping of some landmarks, or of all, for a store."""
+        which = slice(None) if rows is None else rows
+        return {name: np.asarray(getattr(self, name)[which]) for name in _STORED}
+
+    def load(self, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
+        """Add landmarks from a store.
+
+        Raises
+        ------
+        StoreError
+            If arrays are missing or do not belong together.
+        """
+        missing = [name for name in _STORED if name not in arrays]
+        if missing or len({len(arrays[name]) for name in _STORED}) != 1:
+            what = f"lack {', '.join(missing)}" if missing else "differ in length"
+            raise StoreError(f"the landmarks in the store {what}: teach the place again")
+        self._append({name: np.asarray(arrays[name]) for name in _STORED})
+
+    def _append(self, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
+        n, is_empty = len(arrays["points"]), len(self) == 0
+        for name in _STORED:
+            known, new = getattr(self, name), arrays[name]
+            setattr(self, name, np.array(new) if is_empty else np.concatenate([known, new]))
+        self.n_against = np.concatenate([self.n_against, np.zeros(n, np.intp)])
+        self.is_moved = np.concatenate([self.is_moved, np.zeros(n, np.bool_)])

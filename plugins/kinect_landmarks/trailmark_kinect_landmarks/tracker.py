@@ -1,0 +1,242 @@
+"""Which landmarks of the memory are in the picture, and the pose they carry."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark_kinect_landmarks.alignment import Alignment, AlignmentLimits, Refusal, align, planar_covariance
+from trailmark_kinect_landmarks.camera import Camera
+from trailmark_kinect_landmarks.config import KinectLandmarksConfig
+from trailmark_kinect_landmarks.eye import Eye, Picture
+from trailmark_kinect_landmarks.fuzzy import Plan
+from trailmark_kinect_landmarks.landmarks import Seen
+from trailmark_kinect_landmarks.memory import Memory
+from trailmark_kinect_landmarks.refinding import consistent, follow, match_anywhere, match_near, resemblance
+
+__all__ = ["Sighting", "Solved", "Tracker"]
+
+Array = npt.NDArray[np.float64]
+Rows = npt.NDArray[np.intp]
+
+_STILL_ALIKE = 0.35  # a followed landmark that looks less like itself has slid off
+_GATE = 16.3  # chi-square of three numbers, 99.9 %
+_MODEL_SIGMA_M = 0.004  # what calibration and rounding of depth add to every point
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sighting:
+    """Landmarks of a picture with their rows in the memory.
+
+    Attributes
+    ----------
+    seen : Seen
+        What is seen.
+    rows : (N,) int
+        Their rows; -1: not known yet.
+    """
+
+    seen: Seen
+    rows: Rows
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def pick(self, which: Rows | npt.NDArray[np.bool_]) -> Sighting:
+        """Return some of them."""
+        return Sighting(self.seen.rows(which), self.rows[which])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solved:
+    """A pose.
+
+    Attributes
+    ----------
+    T_map_base : (4, 4) float64
+        In space; with ``solve: plane`` level and at height 0.
+    covariance : (3, 3) float64
+        Of the planar pose: of the measurements, and of the poses at which the landmarks were remembered.
+    agreeing : Sighting
+        Landmarks that agree with the pose.
+    residual_m : float
+        Root mean square distance [m].
+    """
+
+    T_map_base: Array
+    covariance: Array
+    agreeing: Sighting
+    residual_m: float
+
+
+class Tracker:
+    """Finds remembered landmarks again and solves for the pose.
+
+    Parameters
+    ----------
+    config : KinectLandmarksConfig
+        How.
+    camera, eye, memory
+        The parts that measure, see and remember.
+    limits : AlignmentLimits
+        When landmarks carry a pose.
+    rng : Generator
+        Draws minimal sets.
+    """
+
+    def __init__(
+        self,
+        config: KinectLandmarksConfig,
+        camera: Camera,
+        eye: Eye,
+        memory: Memory,
+        limits: AlignmentLimits,
+        rng: np.random.Generator,
+    ) -> None:
+        self._config, self._camera, self._eye, self._memory = config, camera, eye, memory
+        self._limits, self._rng = limits, rng
+        self._before: Picture | None = None
+        self._followed: tuple[Rows, Array] = (np.empty(0, np.intp), np.empty((0, 2)))
+
+    def look(self, picture: Picture, plan: Plan, T_map_base: Array | None) -> tuple[Sighting, Sighting]:
+        """Return the landmarks that are found again, and all others that are seen; `T_map_base`: predicted."""
+        again = self._follow(picture, plan, T_map_base)
+        wanted = max(self._config.landmarks - len(again), self._config.landmarks // 3)
+        found = self._eye.find(picture, plan, again.seen.uv, wanted)
+        pairs = self._recognised(found, again.rows, picture, plan, T_map_base)
+        others = np.setdiff1d(np.arange(len(found)), pairs[:, 0])
+        again = _joined([again, Sighting(found.rows(pairs[:, 0]), pairs[:, 1])])
+        self._before = picture
+        self._followed = again.rows, again.seen.uv
+        measured = np.flatnonzero(np.isfinite(again.seen.points_base).all(axis=1))
+        return again.pick(measured), Sighting(found.rows(others), np.full(len(others), -1, np.intp))
+
+    def solve(self, again: Sighting, T_map_base: Array | None) -> Solved | Refusal:
+        """Return the pose that the landmarks agree on: of those that may vote or, where they are too few, of all."""
+        able = np.asarray(~self._memory.is_moved[again.rows])
+        voting = self._memory.votes(again.rows)
+        answer = self._aligned(again.pick(voting), T_map_base)
+        if isinstance(answer, Refusal) and able.sum() > voting.sum():
+            answer = self._aligned(again.pick(able), T_map_base)
+        return answer
+
+    def learn(self, solved: Solved, again: Sighting, others: Sighting) -> Rows:
+        """Refine what agrees, count what does not, remember what is new; returns the new rows."""
+        R, t = solved.T_map_base[:3, :3], solved.T_map_base[:3, 3]
+        points = again.seen.points_base @ R.T + t
+        cov = R @ again.seen.cov_base @ R.T + _MODEL_SIGMA_M**2 * np.eye(3)
+        agrees = self._agree(points - self._memory.points[again.rows], cov + self._memory.cov[again.rows])
+        self._memory.agree(again.rows[agrees], points[agrees], cov[agrees])
+        self._memory.disagree(again.rows[~agrees])
+        rows, uv = self._followed
+        stays = ~np.isin(rows, again.rows[~agrees])
+        room = max(0, self._config.landmarks - int(agrees.sum()))
+        new = others.seen.rows(np.arange(min(room, len(others))))
+        new_rows = self._memory.add(new, R, t, solved.covariance, is_trusted=False)
+        self._keep(rows[stays], uv[stays], new_rows, new.uv)
+        return new_rows
+
+    def remember(self, others: Sighting, T_map_base: Array, anchor_cov: Array) -> Rows:
+        """Remember all that is seen from a pose that is taken for granted; returns the new rows."""
+        rows = self._memory.add(others.seen, T_map_base[:3, :3], T_map_base[:3, 3], anchor_cov, is_trusted=True)
+        self._keep(np.empty(0, np.intp), np.empty((0, 2)), rows, others.seen.uv)
+        return rows
+
+    def _keep(self, rows: Rows, uv: Array, new_rows: Rows, new_uv: Array) -> None:
+        self._followed = np.concatenate([rows, new_rows]), np.concatenate([uv, new_uv])
+
+    def _follow(self, picture: Picture, plan: Plan, T_map_base: Array | None) -> Sighting:
+        """Follow the landmarks of the picture before; those that slid off or were set aside are let go."""
+        rows, uv = self._followed
+        kept = ~self._memory.is_moved[rows]
+        rows, uv = rows[kept], uv[kept]
+        if self._before is None or self._config.refind != "flow" or self._before.size != picture.size:
+            rows, uv = rows[:0], uv[:0]
+        if len(rows) == 0:
+            return Sighting(self._eye.look_at(picture, uv, np.empty(0, np.int8), np.empty(0)), rows)
+        assert self._before is not None
+        guess = None if T_map_base is None else self._expected(rows, picture, T_map_base)
+        if guess is not None:
+            guess = np.where(np.isfinite(guess), guess, uv)
+        now, good = follow(self._before.grey, picture.grey, uv, guess)
+        rows, now = rows[good], now[good]
+        seen = self._eye.look_at(picture, now, self._memory.kind[rows], np.ones(len(rows)))
+        seen = replace(seen, size_m=self._memory.size_m[rows])
+        alike = np.einsum("nc,nc->n", seen.vicinity, self._memory.vicinity[rows])
+        still = alike >= _STILL_ALIKE
+        return Sighting(seen.rows(still), rows[still])
+
+    def _recognised(self, found: Seen, taken: Rows, picture: Picture, plan: Plan, T_map_base: Array | None) -> Rows:
+        """Return pairs (row of `found`, row of the memory), (K, 2)."""
+        memory = self._memory
+        free = ~memory.is_moved
+        free[taken] = False
+        rows = np.flatnonzero(free)
+        expected = None
+        if T_map_base is not None and len(rows):
+            expected = self._expected(rows, picture, T_map_base)
+            near = np.all(
+                (expected > -self._config.search_px) & (expected < np.array(picture.size) + self._config.search_px),
+                axis=1,
+            )
+            rows, expected = rows[near], expected[near]
+        if len(rows) == 0 or len(found) == 0:
+            return np.empty((0, 2), np.intp)
+        alike = resemblance(
+            found.histogram, found.vicinity, memory.histogram[rows], memory.vicinity[rows], plan.by_colour
+        )
+        if expected is None:
+            pairs = match_anywhere(alike, found.size_m, memory.size_m[rows], self._config.alike)
+            pairs = consistent(pairs, found.points_base, memory.points[rows])
+        else:
+            sizes = found.size_m, memory.size_m[rows]
+            pairs = match_near(alike, found.uv, expected, self._config.search_px, *sizes, self._config.alike)
+        return np.stack([pairs[:, 0], rows[pairs[:, 1]]], axis=1)
+
+    def _expected(self, rows: Rows, picture: Picture, T_map_base: Array) -> Array:
+        points_base = (self._memory.points[rows] - T_map_base[:3, 3]) @ T_map_base[:3, :3]
+        return self._camera.project(points_base, picture.size)
+
+    def _aligned(self, sighting: Sighting, T_map_base: Array | None) -> Solved | Refusal:
+        D = 2 if self._config.solve == "plane" else 3
+        memory, seen = self._memory, sighting.seen
+        model = _MODEL_SIGMA_M**2 * np.eye(D)
+        guess = None if T_map_base is None else (T_map_base[:D, :D], T_map_base[:D, 3])
+        answer = align(
+            memory.points[sighting.rows][:, :D],
+            seen.points_base[:, :D],
+            memory.cov[sighting.rows][:, :D, :D],
+            seen.cov_base[:, :D, :D] + model,
+            rng=self._rng,
+            limits=self._limits,
+            guess=guess,
+        )
+        if isinstance(answer, Refusal):
+            return answer
+        agreeing = sighting.pick(answer.inliers)
+        anchored = memory.anchor_cov[agreeing.rows].mean(axis=0)
+        covariance = planar_covariance(answer) + anchored
+        return Solved(_homogeneous(answer), covariance, agreeing, answer.residual_m)
+
+    def _agree(self, misses: Array, cov: Array) -> npt.NDArray[np.bool_]:
+        D = 2 if self._config.solve == "plane" else 3
+        information = np.linalg.inv(cov[:, :D, :D])
+        squared = np.einsum("ni,nij,nj->n", misses[:, :D], information, misses[:, :D])
+        return np.atleast_1d(squared < _GATE)
+
+
+def _homogeneous(alignment: Alignment) -> Array:
+    D = len(alignment.t)
+    T = np.eye(4)
+    T[:D, :D], T[:D, 3] = alignment.R, alignment.t
+    return T
+
+
+def _joined(parts: Sequence[Sighting]) -> Sighting:
+    seen = [part.seen for part in parts if len(part)] or [parts[0].seen]
+    fields = ("uv", "kind", "size_m", "histogram", "vicinity", "points_base", "cov_base")
+    arrays = [np.concatenate([getattr(item, name) for item in seen]) for name in fields]
+    return Sighting(Seen(*arrays), np.concatenate([part.rows for part in parts]))

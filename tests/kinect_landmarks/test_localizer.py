@@ -1,0 +1,261 @@
+"""The localizers in a rendered room with exact truth, and on a real recording."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from trailmark.errors import ConfigError, ShapeError, StoreError
+from trailmark.estimates import Belief, Estimate, Fix, Lost, Motion
+from trailmark.frames import RGBD, Frame, Image, SensorInfo
+from trailmark.geometry import Pose2
+from trailmark.interfaces import Session
+from trailmark_kinect_landmarks.config import KinectFlowConfig, KinectLandmarksConfig
+from trailmark_kinect_landmarks.flow import KinectFlow
+from trailmark_kinect_landmarks.localizer import KinectLandmarks
+
+from .conftest import SENSORS, Drive, MemoryDrawer, Room, arc
+
+
+def _landmarks(**options: object) -> KinectLandmarks:
+    return KinectLandmarks(KinectLandmarksConfig(camera="kinect", **options))
+
+
+def _misses(answers: list[Estimate], poses: list[Pose2]) -> np.ndarray:
+    """Distance and turn of every fix from the truth [m, rad]."""
+    rows = [
+        (fix.pose_map_base.distance_to(pose), abs(pose.between(fix.pose_map_base).theta))
+        for fix, pose in ((answer, poses[round(answer.stamp_s * 30)]) for answer in answers)
+        if isinstance(fix, Fix)
+    ]
+    return np.array(rows).reshape(-1, 2)
+
+
+@pytest.mark.parametrize("solve", ["plane", "space"])
+def test_a_drive_through_a_room_is_known_to_a_centimetre(drive: Drive, solve: str) -> None:
+    poses = arc(40)
+
+    answers = drive(_landmarks(solve=solve), poses)
+
+    misses = _misses(answers, poses)
+    assert len(misses) == len(poses) - 1
+    assert math.sqrt((misses[:, 0] ** 2).mean()) < 0.01  # 1 cm
+    assert math.degrees(math.sqrt((misses[:, 1] ** 2).mean())) < 0.3
+
+
+@pytest.mark.parametrize("options", [{"point": "centre"}, {"refind": "look"}, {"angles": "linear"}, {"adapt": False}])
+def test_the_paper_s_own_choices_find_the_way_too(drive: Drive, options: dict[str, object]) -> None:
+    poses = arc(20)
+
+    misses = _misses(drive(_landmarks(**options), poses), poses)
+
+    assert len(misses) >= 0.9 * (len(poses) - 1)
+    assert misses[:, 0].max() < 0.10  # 10 cm: centres of blobs move with their outline
+
+
+def test_the_answer_carries_the_paper_s_numbers(drive: Drive) -> None:
+    poses = arc(10)
+
+    fix = drive(_landmarks(), poses)[-1]
+
+    assert isinstance(fix, Fix)
+    d = fix.details
+    assert d["AB"] == pytest.approx(math.hypot(d["dx_B"] - d["dx_A"], d["dV_A"] - d["dV_B"]))
+    assert d["Dir"] == pytest.approx(d["dV_A"] - d["dV_B"])
+    assert d["omega"] == pytest.approx(math.atan(abs(d["Dir"]) / (d["dx_B"] - d["dx_A"])))
+    assert d["dx_A"] == pytest.approx(d["dM_A"] * math.tan(d["alpha_A"]))
+    assert d["dy_B"] == pytest.approx(d["dV_B"] * math.tan(d["beta_B"]))
+    assert d["epsilon"] == pytest.approx(math.hypot(d["epsilon_x"], d["epsilon_y"]))
+    assert d["epsilon"] == pytest.approx(math.hypot(poses[-1].x, poses[-1].y), abs=0.02)
+
+
+def test_motions_add_up_to_the_way(drive: Drive) -> None:
+    poses = arc(15)
+    pose = poses[0]
+
+    answers = drive(_landmarks(answer="motion"), poses)
+
+    for before, after in itertools.pairwise(answers):
+        assert isinstance(before, Motion)
+        assert isinstance(after, Motion)
+        assert after.since_s == before.stamp_s
+    for motion in answers:
+        assert isinstance(motion, Motion)
+        pose = pose @ motion.pose_since_now
+    assert pose.distance_to(poses[-1]) < 0.02
+
+
+def test_light_switched_down_to_a_fifth_is_lived_through(drive: Drive) -> None:
+    poses = arc(30)
+
+    answers = drive(_landmarks(light="light"), poses, light=lambda i: 1.0 if i < 12 else 0.2)
+
+    misses = _misses(answers, poses)
+    assert len(misses) >= 0.9 * (len(poses) - 1)
+    assert misses[:, 0].max() < 0.05
+
+
+def test_a_box_that_is_carried_away_moves_the_robot_nowhere(drive: Drive) -> None:
+    poses = arc(30)
+    localizer = _landmarks()
+
+    answers = drive(localizer, poses, box_left_m=lambda i: 0.0 if i < 6 else 0.02 * (i - 6))
+
+    assert _misses(answers, poses)[:, 0].max() < 0.02
+    assert localizer.counters()["moved"] > 0
+
+
+def test_a_taught_place_is_found_again_without_a_start_pose(drive: Drive) -> None:
+    drawer, poses = MemoryDrawer(), arc(20)
+    teacher = _landmarks()
+    drive(teacher, poses, mode="teach", drawer=drawer)
+    teacher.finish()
+    first = drawer.load("map")
+    teacher.finish()  # may be repeated
+    later = [Pose2(0.05 + 0.01 * i, 0.1, 0.05) for i in range(8)]
+
+    answers = drive(_landmarks(), later, mode="replay", drawer=drawer, start_pose=None)
+
+    misses = _misses(answers, later)
+    assert len(misses) >= 7
+    assert misses[:, 0].max() < 0.03
+    assert first is not None
+    np.testing.assert_array_equal(first["points"], drawer.load("map")["points"])  # type: ignore[index]
+
+
+def test_a_map_that_lacks_arrays_is_refused(drive: Drive) -> None:
+    drawer = MemoryDrawer()
+    drawer.save("map", {"points": np.zeros((2, 3)), "light": np.ones(1)})
+
+    with pytest.raises(StoreError, match=r"lack cov.*teach the place again"):
+        drive(_landmarks(), arc(2), mode="replay", drawer=drawer)
+
+
+def test_without_a_start_pose_or_a_map_it_cannot_say(drive: Drive) -> None:
+    answers = drive(_landmarks(), arc(2), start_pose=None)
+
+    assert [answer.reason for answer in answers if isinstance(answer, Lost)] == [
+        "no start pose, and no map of this place"
+    ] * 2
+
+
+@pytest.mark.parametrize("depth_m", [2.0, np.nan])
+def test_a_blank_wall_and_missing_depth_are_lost_with_a_reason(depth_m: float) -> None:
+    localizer = _landmarks()
+    localizer.start(Session(sensors=SENSORS, start_pose=Pose2()))
+    blank = RGBD(np.full((480, 640, 3), 120, np.uint8), np.full((480, 640), depth_m, np.float32))
+
+    (answer,) = localizer.observe(Frame("kinect", 0.0, blank), Belief(0.0, Pose2()))
+
+    assert isinstance(answer, Lost)
+    assert answer.reason == "0 landmarks with depth, 3 are needed"
+
+
+def test_a_covered_camera_is_lost_and_found_again(room: Room) -> None:
+    localizer = _landmarks()
+    localizer.start(Session(sensors=SENSORS, start_pose=Pose2(), rng=np.random.default_rng(7)))
+    dark = RGBD(np.zeros((480, 640, 3), np.uint8), np.full((480, 640), np.nan, np.float32))
+    answers: list[Estimate] = []
+
+    for i in range(12):
+        payload = dark if 4 <= i < 8 else room.look(Pose2(0.01 * i))
+        answers += localizer.observe(Frame("kinect", i / 30.0, payload), Belief(i / 30.0, Pose2()))
+
+    assert [type(answer) for answer in answers] == [Fix] * 3 + [Lost] * 4 + [Fix] * 4
+    assert isinstance(answers[-1], Fix)
+    assert answers[-1].pose_map_base.distance_to(Pose2(0.11)) < 0.02
+
+
+def test_other_payloads_are_refused() -> None:
+    localizer = _landmarks()
+    localizer.start(Session(sensors=SENSORS))
+
+    with pytest.raises(ShapeError, match="takes rgbd, but 'kinect' gave Image"):
+        localizer.observe(Frame("kinect", 0.0, Image(np.zeros((4, 4), np.uint8))), Belief(0.0))
+
+
+def test_depth_of_another_size_needs_a_calibration(room: Room) -> None:
+    localizer = _landmarks()
+    localizer.start(Session(sensors={"kinect": SensorInfo("kinect", "rgbd")}, start_pose=Pose2()))
+    seen = room.look(Pose2())
+
+    with pytest.raises(ConfigError, match="depth has 320 x 240 px and colour 640 x 480; give the calibration"):
+        localizer.observe(Frame("kinect", 0.0, RGBD(seen.bgr, seen.depth_m[::2, ::2])), Belief(0.0, Pose2()))
+
+
+def test_near_beyond_far_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"near_m \(7\) must be less than far_m \(6\)"):
+        KinectLandmarksConfig(camera="kinect", near_m=7.0)
+
+
+def test_six_stage_pictures_are_written(drive: Drive, tmp_path: Path) -> None:
+    drive(_landmarks(debug_images=tmp_path / "stages"), arc(3))
+
+    names = sorted(path.name for path in (tmp_path / "stages").iterdir())
+    assert len(names) == 12  # the first picture is remembered, the others are answered
+    assert names[5] == "000000_6_angles.png"
+    assert cv2.imread(str(tmp_path / "stages" / names[5])).shape == (480, 640, 3)
+
+
+def test_the_same_run_gives_the_same_numbers(drive: Drive) -> None:
+    first, second = (drive(_landmarks(), arc(8)) for _ in range(2))
+
+    assert [a.pose_map_base for a in first if isinstance(a, Fix)] == [
+        b.pose_map_base for b in second if isinstance(b, Fix)
+    ]
+
+
+@pytest.mark.parametrize("solve", ["plane", "space"])
+def test_optical_flow_gives_the_motion(drive: Drive, solve: str) -> None:
+    poses = arc(20)
+    pose = poses[0]
+
+    for motion in drive(KinectFlow(KinectFlowConfig(camera="kinect", solve=solve)), poses):
+        assert isinstance(motion, Motion)
+        pose = pose @ motion.pose_since_now
+
+    assert pose.distance_to(poses[-1]) < 0.01
+
+
+def test_optical_flow_sets_a_moving_box_aside(drive: Drive) -> None:
+    poses = [Pose2()] * 15
+    pose = Pose2()
+
+    answers = drive(KinectFlow(KinectFlowConfig(camera="kinect")), poses, box_left_m=lambda i: 0.02 * i)
+
+    for motion in answers:
+        assert isinstance(motion, Motion)
+        pose = pose @ motion.pose_since_now
+    assert pose.distance_to(Pose2()) < 0.01
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("plugin", ["kinect_landmarks", "kinect_flow"])
+def test_a_real_hand_held_recording_is_tracked(data_folder: Path, plugin: str) -> None:
+    import trailmark
+    from trailmark.evaluation import evaluate
+    from trailmark.geometry import Trajectory
+
+    source = trailmark.create("source", "tum_rgbd", path=data_folder / "rgbd" / "fr1_rpy_0_5s")
+    source.start(Session(name="rgbd"))
+    localizer = trailmark.create("localizer", plugin, camera="rgbd")
+    localizer.start(Session(sensors=source.sensors, start_pose=Pose2(), rng=np.random.default_rng(0)))
+    poses = [(0.0, Pose2())][:0]
+    pose, n = Pose2(), 0
+    for frame in source.frames():
+        n += 1
+        for answer in localizer.observe(frame, Belief(frame.stamp_s, pose)):
+            if isinstance(answer, Fix | Motion):
+                pose = answer.pose_map_base if isinstance(answer, Fix) else pose @ answer.pose_since_now
+                poses.append((frame.stamp_s, pose))
+    evaluation = evaluate(Trajectory.from_poses(poses), source.ground_truth())
+
+    one_second = next(error for error in evaluation.relative if error.unit == "s")
+    assert len(poses) >= 0.9 * n
+    assert evaluation.absolute.position.rmse <= 0.11
+    assert one_second.position.rmse <= 0.14
