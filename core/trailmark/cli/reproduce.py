@@ -60,8 +60,9 @@ def _list(specs: dict[str, Any], as_json: bool) -> None:
 
 
 def _print_table(rows: Sequence[Row]) -> None:
-    from rich.console import Console
     from rich.table import Table
+
+    from trailmark.report.console import table_console
 
     table = Table(box=None, header_style="bold", pad_edge=False)
     table.add_column("experiment")
@@ -73,7 +74,7 @@ def _print_table(rows: Sequence[Row]) -> None:
     for row in rows:
         numbers = [_number(value) for value in (row.paper, row.bar, row.ours, row.spread)]
         table.add_row(row.experiment, row.item, row.unit, *numbers, str(row.n), marks[row.met])
-    Console().print(table)
+    table_console().print(table)
 
 
 def _number(value: float | None) -> str:
