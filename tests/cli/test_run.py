@@ -164,3 +164,20 @@ def _teach_and_kill(config: Path, store: Path, after_waypoints: int) -> int:
             os.kill(process.pid, signal.SIGKILL)
     process.wait()
     return reported
+
+
+def test_ctrl_c_keeps_what_is_done_and_says_so(wheels_config: Path, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "trailmark.cli", "teach", str(wheels_config), "--store", str(tmp_path / "a.trail")]
+    command += ["--out", str(tmp_path / "out"), "--progress", "json", "--no-report", "--pace", "realtime"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    for _ in range(3):
+        process.stdout.readline()
+
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=60)
+
+    assert process.returncode == 130
+    assert "interrupted" in said
+    assert "Traceback" not in said
+    assert json.loads((tmp_path / "out" / "run.json").read_text())["status"] == "interrupted"

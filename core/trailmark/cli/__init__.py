@@ -21,11 +21,11 @@ def main(arguments: list[str] | None = None) -> None:
     logging.getLogger("trailmark.plugins").setLevel(logging.ERROR)  # the command line names broken plugins itself
     try:
         chosen, rest = split_plugin_options(sys.argv[1:] if arguments is None else arguments)
-        root.main(rest, prog_name="trailmark", obj=chosen, standalone_mode=False)
+        code = root.main(rest, prog_name="trailmark", obj=chosen, standalone_mode=False)
     except SystemExit:
         raise
     except BaseException as error:
         if debug:
             raise
         sys.exit(exit_code_of(error))
-    sys.exit(0)
+    sys.exit(code if isinstance(code, int) else 0)  # click hands the code of an early exit back
