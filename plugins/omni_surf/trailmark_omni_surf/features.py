@@ -12,7 +12,16 @@ import numpy.typing as npt
 from trailmark.errors import ConfigError
 from trailmark.frames import Image
 
-__all__ = ["FeatureExtractor", "FeatureName", "Features", "create_features", "grey_of", "match"]
+__all__ = [
+    "FeatureExtractor",
+    "FeatureName",
+    "Features",
+    "create_features",
+    "grey_of",
+    "match",
+    "match_squared",
+    "squared_distances",
+]
 
 FeatureName = Literal["surf", "sift", "orb", "akaze", "cv2_surf"]
 
@@ -47,6 +56,11 @@ class Features:
 
     def __len__(self) -> int:
         return len(self.uv)
+
+    def chosen(self, which: npt.NDArray[np.bool_]) -> Features:
+        """Return some of them, in the same order."""
+        arrays = (self.uv, self.descriptors, self.sign, self.response, self.scale_px, self.angle_rad)
+        return Features(*(array[which] for array in arrays))  # type: ignore[arg-type]
 
 
 class FeatureExtractor(Protocol):
@@ -125,16 +139,33 @@ def match(
     distances : (K,) float64
         Distance of each.
     """
-    nothing = np.empty(0, dtype=np.intp)
-    if len(query) == 0 or len(train) == 0:
-        return nothing, nothing, np.empty(0)
+    return match_squared(squared_distances(query, query_sign, train, train_sign), max_distance, ratio)
+
+
+def squared_distances(
+    query: npt.NDArray[np.float32],
+    query_sign: npt.NDArray[np.int8],
+    train: npt.NDArray[np.float32],
+    train_sign: npt.NDArray[np.int8],
+) -> npt.NDArray[np.float64]:
+    """Return squared distances between unit vectors, (N, M) float64; infinite between bright and dark blobs."""
     squared = np.maximum(2.0 - 2.0 * (query @ train.T).astype(np.float64), 0.0)
-    squared[(query_sign[:, None] * train_sign[None, :].astype(np.int16)) < 0] = np.inf
+    squared[(query_sign[:, None].astype(np.int16) * train_sign[None, :]) < 0] = np.inf
+    return np.asarray(squared)
+
+
+def match_squared(
+    squared: npt.NDArray[np.float64], max_distance: float, ratio: float | None
+) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], npt.NDArray[np.float64]]:
+    """Do what `match` does, for squared distances (N, M) that are known already."""
+    nothing = np.empty(0, dtype=np.intp)
+    if squared.size == 0:
+        return nothing, nothing, np.empty(0)
     nearest = squared.argmin(axis=1)
-    rows = np.arange(len(query))
+    rows = np.arange(len(squared))
     best = squared[rows, nearest]
     is_match = (squared.argmin(axis=0)[nearest] == rows) & (best <= max_distance**2)
-    if ratio is not None and len(train) > 1:
+    if ratio is not None and squared.shape[1] > 1:
         second = np.partition(squared, 1, axis=1)[:, 1]
         is_match &= best <= ratio**2 * second
     chosen = np.flatnonzero(is_match)
