@@ -1,0 +1,44 @@
+"""Candidates of a taught place, for labelling by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.errors import ConfigError
+from trailmark.interfaces import Session
+from trailmark.stores import SqlitePathStore, SqliteStoreConfig
+
+__all__ = ["stored_candidates"]
+
+Array = npt.NDArray[np.float64]
+
+
+def stored_candidates(path: Path, localizer: str) -> tuple[Array, Array]:
+    """Return the six features and the measured positions of all candidates, (N, 6) and (N, 2).
+
+    Parameters
+    ----------
+    path : Path
+        The path store.
+    localizer : str
+        Name of the localizer that remembered them.
+
+    Raises
+    ------
+    ConfigError
+        If that localizer left no candidates there.
+    StoreError
+        If the file is no path store.
+    """
+    store = SqlitePathStore(SqliteStoreConfig(path=str(path), access="read"))
+    store.start(Session())
+    try:
+        saved = store.drawer(localizer).load("candidates")
+    finally:
+        store.close()
+    if saved is None:
+        raise ConfigError(f"{path} holds no candidates of a localizer {localizer!r}; see 'trailmark store info {path}'")
+    return np.asarray(saved["features"], np.float64), np.asarray(saved["measured"], np.float64)
