@@ -1,0 +1,60 @@
+"""Config of the omnidirectional camera's localizer."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from trailmark.config import ConfigPath, PluginConfig, Sensor
+
+__all__ = ["OmniSurfConfig"]
+
+
+class OmniSurfConfig(PluginConfig):
+    """Landmarks from an uncalibrated omnidirectional camera (Tasaki et al. 2010)."""
+
+    camera: Sensor["image"]
+    """The omnidirectional camera."""
+    features: Literal["surf", "sift", "orb", "akaze", "cv2_surf"] = "surf"
+    """Kind of features. SURF is covered by patents in some countries; `sift` is the free choice."""
+    quality: Literal["fast", "quality"] = "fast"
+    """Of our SURF: on the picture as it is, or on one of twice the size."""
+    n_features: int = Field(250, ge=20)
+    """Features of a picture, the strongest."""
+    descriptor_gate: float = Field(0.4, gt=0, le=2)
+    """T_F of Eq. (1) between unit vectors: the paper's 40 on a scale where vectors have length 100."""
+    ratio: float = Field(0.85, gt=0, le=1)
+    """A match must be this much nearer than the second nearest landmark."""
+    position_gate_px: float = Field(1.5, gt=0)
+    """T_x of Eq. (2) [px]."""
+    n_longest: int = Field(9, ge=1)
+    """K: of the points seen from one place, so many of the longest-lived become candidates."""
+    keyframe_m: float = Field(0.1, gt=0)
+    """In teach, observations are remembered every so far [m]."""
+    keyframe_deg: float = Field(10.0, gt=0)
+    """In teach, observations are remembered after a turn of this much [deg]."""
+    selection: Literal["svm", "covariance", "all"] = "svm"
+    """How candidates become landmarks: the trained machine, the covariance of their position, or all of them."""
+    model: ConfigPath | None = None
+    """Selection model written by `trailmark omni train`; left out, the one that comes with the plugin."""
+    label_distance_m: float = Field(0.6, gt=0)
+    """T_d: how far a measured landmark may be off; `selection: covariance` asks twice its sigma to be below it [m]."""
+    tracking_error_deg: float = Field(5.0, gt=0, lt=90)
+    """T_p: a landmark with a larger tracking error, Eq. (4), is removed [deg]."""
+    min_tracked: int = Field(5, ge=3)
+    """T_n: with more landmarks than this the next picture is tracked; otherwise features are detected again."""
+    min_agreeing: int = Field(5, ge=4)
+    """So many landmarks must agree on a pose found without a start. (The paper: more than three.)"""
+    bearing_sigma_deg: float = Field(1.0, gt=0)
+    """Noise of a good bearing, positions of landmarks included [deg]."""
+    max_position_sigma_m: float = Field(0.5, gt=0)
+    """A pose less certain than this is none [m]."""
+    use_tracking: bool = True
+    """Main flow by tracking; off, every picture goes through the sub flow (the paper's simple method)."""
+    check_centre: bool = True
+    """Look for the image circle also where the calibration names a centre, and refuse a picture that contradicts it."""
+    max_centre_error_px: float = Field(6.0, gt=0)
+    """Largest distance between the centre found and the one named [px]."""
+    min_circle_coverage: float = Field(0.6, gt=0, le=1)
+    """Share of the rim that must be seen as a circle."""

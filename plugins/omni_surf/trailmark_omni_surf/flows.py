@@ -1,0 +1,165 @@
+"""The two flows of localization: tracked landmarks (main) and detected ones (sub); Tasaki et al. 2010, Sec. III-B."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.geometry import Pose2
+from trailmark_omni_surf.bearings import BearingFix, BearingNoise, locate
+from trailmark_omni_surf.circle import BearingCamera
+from trailmark_omni_surf.features import FeatureExtractor
+from trailmark_omni_surf.landmark_map import LandmarkMap
+from trailmark_omni_surf.tracking import track_points
+
+__all__ = ["Finding", "FlowOptions", "by_detection", "by_tracking", "chance_agreements"]
+
+Grey = npt.NDArray[np.uint8]
+
+_MAX_CHANCE = 1e-2
+
+
+@dataclass(frozen=True, slots=True)
+class FlowOptions:
+    """What both flows ask.
+
+    Attributes
+    ----------
+    noise : BearingNoise
+        Noise of bearings, T_p, and how certain a pose must be.
+    descriptor_gate, ratio : float
+        T_F, and how much nearer than the second a match must be.
+    min_agreeing : int
+        Landmarks that must agree on a pose found without a start.
+    """
+
+    noise: BearingNoise
+    descriptor_gate: float
+    ratio: float
+    min_agreeing: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Finding:
+    """What a flow says of one picture.
+
+    Attributes
+    ----------
+    fix : BearingFix or None
+        Pose of the camera in the map.
+    landmark_idx : (N,) intp
+        Landmarks that are left after step 4: their tracking error is below T_p.
+    uv : (N, 2) float64
+        Where they are in the picture [px].
+    n_seen : int
+        Landmarks matched or tracked before that.
+    reason : str
+        Why there is no pose.
+    """
+
+    fix: BearingFix | None
+    landmark_idx: npt.NDArray[np.intp]
+    uv: npt.NDArray[np.float64]
+    n_seen: int
+    reason: str = ""
+
+
+def by_detection(
+    image: Grey,
+    extract: FeatureExtractor,
+    landmarks: LandmarkMap,
+    camera: BearingCamera,
+    options: FlowOptions,
+    start: Pose2 | None = None,
+) -> Finding:
+    """Detect features, match them with the landmarks and locate the camera; the sub flow.
+
+    Parameters
+    ----------
+    image : (H, W) uint8
+        Grey picture.
+    extract, landmarks, camera : FeatureExtractor, LandmarkMap, BearingCamera
+        What finds features, the map, and what turns pixels into bearings.
+    options : FlowOptions
+        Gates.
+    start : Pose2, optional
+        Where the camera may be. A pose found without it is preferred when more landmarks agree with that.
+    """
+    features = extract(image)
+    feature_idx, landmark_idx = landmarks.match(features, options.descriptor_gate, options.ratio)
+    uv = features.uv[feature_idx]
+    inside = camera.is_inside(uv, 0.0)
+    uv, landmark_idx = uv[inside], landmark_idx[inside]
+    n = len(uv)
+    if n < options.min_agreeing:
+        return _nothing(n, f"{n} landmarks recognised, {options.min_agreeing} are needed")
+    positions, bearings = landmarks.positions[landmark_idx], camera.bearings(uv)
+    fixes = [locate(positions, bearings, options.noise)]
+    if start is not None:
+        fixes.append(locate(positions, bearings, options.noise, start))
+    found = max((fix for fix in fixes if fix is not None), key=lambda fix: int(fix.is_inlier.sum()), default=None)
+    if found is None:
+        return _nothing(n, f"the bearings of {n} recognised landmarks do not tell one place")
+    n_agreeing = int(found.is_inlier.sum())
+    if n_agreeing < options.min_agreeing:
+        return _nothing(n, f"{n_agreeing} of {n} recognised landmarks agree, {options.min_agreeing} are needed")
+    if chance_agreements(n, n_agreeing, options.noise.gate_rad) > _MAX_CHANCE:
+        return _nothing(n, f"{n_agreeing} of {n} recognised landmarks agree: that may be chance")
+    return Finding(found, landmark_idx[found.is_inlier], uv[found.is_inlier], n)
+
+
+def by_tracking(
+    previous: Grey,
+    image: Grey,
+    last: Finding,
+    landmarks: LandmarkMap,
+    camera: BearingCamera,
+    options: FlowOptions,
+    start: Pose2,
+) -> Finding:
+    """Track the landmarks of the last picture into this one and locate the camera; the main flow.
+
+    Landmarks whose tracking error, Eq. (4), exceeds T_p are removed: something else is tracked by now.
+
+    Parameters
+    ----------
+    previous, image : (H, W) uint8
+        Grey pictures.
+    last : Finding
+        Of the previous picture.
+    landmarks, camera, options : LandmarkMap, BearingCamera, FlowOptions
+        As in `by_detection`.
+    start : Pose2
+        Where the camera is, from the last pose and the motion since.
+    """
+    uv, is_tracked = track_points(previous, image, last.uv, return_px=None)
+    kept = is_tracked & camera.is_inside(uv, 0.0)
+    uv, landmark_idx = uv[kept], last.landmark_idx[kept]
+    n = len(uv)
+    if n < 3:
+        return _nothing(n, f"{n} landmarks tracked, 3 are needed")
+    fix = locate(landmarks.positions[landmark_idx], camera.bearings(uv), options.noise, start)
+    if fix is None:
+        return _nothing(n, f"the bearings of {n} tracked landmarks do not tell the place")
+    if 2 * int(fix.is_inlier.sum()) <= n:
+        return _nothing(n, f"{int(fix.is_inlier.sum())} of {n} tracked landmarks agree")
+    return Finding(fix, landmark_idx[fix.is_inlier], uv[fix.is_inlier], n)
+
+
+def chance_agreements(n: int, n_agreeing: int, gate_rad: float) -> float:
+    """Return how many poses so well supported are expected among wrong matches (an a-contrario bound).
+
+    Every triple of `n` bearings proposes a pose; each further wrong bearing agrees with it by chance once in
+    ``pi / gate`` times.
+    """
+    p = min(gate_rad / math.pi, 1.0)
+    spare, needed = n - 3, n_agreeing - 3
+    tail = math.fsum(math.comb(spare, k) * p**k * (1.0 - p) ** (spare - k) for k in range(needed, spare + 1))
+    return math.comb(n, 3) * tail
+
+
+def _nothing(n: int, reason: str) -> Finding:
+    return Finding(None, np.empty(0, dtype=np.intp), np.empty((0, 2)), n, reason)
