@@ -11,6 +11,7 @@ import numpy as np
 from trailmark.geometry import Pose2
 from trailmark_sim.render.scene import Colour, SceneBuilder, Surface
 from trailmark_sim.render.shapes import Shape, ellipsoid
+from trailmark_sim.render.textures import clouds
 from trailmark_sim.render.view import Moment
 from trailmark_sim.rng import frame_rng
 
@@ -85,8 +86,10 @@ class Crowd:
         self._sizes = rng.uniform(0.92, 1.06, len(self._walks))
         self._colours = [_clothes(rng) for _ in self._walks]
 
-    def add_to(self, builder: SceneBuilder, cloth: int) -> None:
-        """Add everybody to a scene as moving shapes; `cloth` is the texture of what they wear."""
+    def add_to(self, builder: SceneBuilder) -> None:
+        """Add everybody to a scene as moving shapes."""
+        weave = clouds(frame_rng(0, "cloth"), (150, 150, 150), (255, 255, 255), 64, 0.6)
+        cloth = builder.texture(weave)
         for walk, size, colours in zip(self._walks, self._sizes, self._colours):
             pose = walk.at(0.0)
             for part in _PARTS:

@@ -20,7 +20,7 @@ Colour = tuple[float, float, float]
 
 _N_OPEN = 48
 _ROUND_PATCH = (12, 6)
-_MOST_TEXELS = 64
+_MOST_TEXELS = 256
 #: Light is looked for this far before a surface, so that a surface does not shade itself [m].
 _LIFT_M = 2e-3
 _NEVER = 1e30

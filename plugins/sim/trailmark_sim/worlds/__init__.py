@@ -17,13 +17,21 @@ __all__ = ["OPTIONS", "WORLDS", "build_world", "options_model", "world_module"]
 
 #: Name to ``"module:function"``; the function takes `WorldOptions` and returns a `World`.
 WORLDS: dict[str, str] = {
+    "corridor": "trailmark_sim.worlds.corridor:build",
+    "hallway": "trailmark_sim.worlds.hallway:build",
+    "lab": "trailmark_sim.worlds.lab:build",
     "ground_course": "trailmark_sim.worlds.ground_course:build",
+    "street": "trailmark_sim.worlds.street:build",
     "supermarket": "trailmark_sim.worlds.supermarket:build",
 }
 
 #: Name to ``"module:Model"`` of the world's own options; the module imports nothing heavy. Without: no options.
 OPTIONS: dict[str, str] = {
+    "corridor": "trailmark_sim.worlds.scene_options:CorridorOptions",
+    "hallway": "trailmark_sim.worlds.scene_options:HallwayOptions",
+    "lab": "trailmark_sim.worlds.scene_options:LabOptions",
     "ground_course": "trailmark_sim.worlds.ground_options:GroundCourseOptions",
+    "street": "trailmark_sim.worlds.scene_options:StreetOptions",
     "supermarket": "trailmark_sim.worlds.scene_options:SupermarketOptions",
 }
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from functools import cache, partial
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -70,9 +70,9 @@ def build(options: WorldOptions) -> World:
     """Build the supermarket."""
     given = parse_options(SupermarketOptions, "supermarket", options.extra)
     vehicle = options.vehicle or Holonomic()
-    crowd = _crowd(given.people, options.seed)
+    crowd = _crowd(given, options.seed)
     solids = _solids()
-    scene = cache(partial(_scene, given, options, crowd))  # built when the first sensor needs it
+    scene = partial(_scene, given, options.world_seed, options.seed if given.people else 0, options.threads)
     film = response(given.exposure, given.noise, given.blur_px, 0.9, vignette=0.3)
     builders: Mapping[str, Callable[[], SensorModel]] = {
         "wheels": partial(WheelOdometry, rate_hz=options.rate_of("wheels", 50.0)),
@@ -131,10 +131,10 @@ def _rounded(corners: list[tuple[float, float]], radius_m: float) -> list[tuple[
     return [*points, corners[-1]]
 
 
-def _crowd(n: int, seed: int) -> Crowd:
+def _crowd(given: SupermarketOptions, seed: int) -> Crowd:
     rng = frame_rng(seed, "walks")
     speeds, starts = rng.uniform(0.5, 1.2, len(_WALKS)), rng.uniform(0.0, 12.0, len(_WALKS))
-    return Crowd([Walk(way, float(v), float(s)) for way, v, s in zip(_WALKS[:n], speeds, starts)], seed)
+    return Crowd([Walk(way, float(v), float(s)) for way, v, s in zip(_WALKS[: given.people], speeds, starts)], seed)
 
 
 def _solids() -> Solids:
@@ -161,8 +161,9 @@ def _floor_camera(options: WorldOptions) -> GroundCamera:
     return GroundCamera("floor", ground, rig, Optics(), options.seed, threads=options.threads)
 
 
-def _scene(given: SupermarketOptions, options: WorldOptions, crowd: Crowd) -> Scene:
-    rng = frame_rng(options.world_seed, "supermarket")
+@lru_cache(maxsize=1)
+def _scene(given: SupermarketOptions, world_seed: int, seed: int, threads: int) -> Scene:
+    rng = frame_rng(world_seed, "supermarket")
     lamps = lamp_panels((1.25, 3.75, 6.25, 8.75), (1.7, 5.0, 8.3), _ROOM.height_m, (1.2, 0.3), 2.6)
     lit = lamps if given.lighting == "all" else lamps[::2]
     builder = SceneBuilder(Lighting(lit, (0.42, 0.42, 0.41)))
@@ -175,8 +176,10 @@ def _scene(given: SupermarketOptions, options: WorldOptions, crowd: Crowd) -> Sc
     pole = Surface(builder.texture(textures.plaster(rng, (200, 196, 186), 128, 0.04)), (2.0, 4.0))
     for x, y, radius in _POLES:
         builder.cylinder(x, y, 0.0, radius, _ROOM.height_m, pole)
-    crowd.add_to(builder, builder.texture(textures.clouds(rng, (150, 150, 150), (255, 255, 255), 64, 0.6)))
-    return builder.build(options.threads)
+    _crowd(given, seed).add_to(
+        builder, builder.texture(textures.clouds(rng, (150, 150, 150), (255, 255, 255), 64, 0.6))
+    )
+    return builder.build(threads)
 
 
 def _add_walls(builder: SceneBuilder, rng: np.random.Generator) -> None:

@@ -1,0 +1,90 @@
+"""A differential drive that looks forward (Perroni Filho & Ohya 2014, Sec. V), for corridor and street."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from functools import partial
+
+from trailmark.frames import Pinhole
+from trailmark.geometry import Pose2, Pose3
+from trailmark_sim.actors import Crowd, Walk
+from trailmark_sim.render.lenses import PinholeLens
+from trailmark_sim.render.scene import Scene
+from trailmark_sim.rng import frame_rng
+from trailmark_sim.routes import Route, line, trace
+from trailmark_sim.sensors.camera import CameraSensor, Shaking
+from trailmark_sim.sensors.imu import ImuSensor
+from trailmark_sim.sensors.light import LightSensor
+from trailmark_sim.sensors.odometry import WheelOdometry
+from trailmark_sim.vehicles import Differential
+from trailmark_sim.worlds.base import SensorModel, World, WorldOptions, choose_sensors
+from trailmark_sim.worlds.furnishing import response
+from trailmark_sim.worlds.scene_options import CorridorOptions, StreetOptions
+from trailmark_sim.worlds.solids import Solids
+
+__all__ = ["SENSORS", "forward_world", "straight", "to_and_fro"]
+
+SENSORS = ("wheels", "imu", "light", "front")
+
+#: Speed of all experiments of the paper [m/s].
+_SPEED_MPS = 0.3
+_LENS = PinholeLens(640, 480, Pinhole(525.0, 525.0, 319.5, 239.5))
+_MOUNTING = Pose3(x=0.15, z=0.55, pitch=math.radians(-2.0))
+
+
+def straight(length_m: float, summary: str) -> dict[str, Route]:
+    """Return the straight route along x."""
+    return {"straight": Route.from_poses(trace(Pose2(), [line(length_m)]), _SPEED_MPS, summary)}
+
+
+def to_and_fro(n: int, seed: int, first_m: float, last_m: float, lanes_m: tuple[float, ...]) -> Crowd:
+    """Return people who walk along x and back, each in a lane of their own."""
+    rng = frame_rng(seed, "walks")
+    walks = []
+    for person in range(n):
+        left_m = lanes_m[person % len(lanes_m)]
+        way = ((first_m, left_m), (last_m, left_m * 0.9))
+        walks.append(Walk(way, float(rng.uniform(0.7, 1.4)), float(rng.uniform(0.0, 2.0 * (last_m - first_m)))))
+    return Crowd(walks, seed)
+
+
+def forward_world(
+    name: str,
+    options: WorldOptions,
+    given: CorridorOptions | StreetOptions,
+    build_scene: Callable[[], Scene],
+    crowd: Crowd,
+    solids: Solids,
+    routes: Mapping[str, Route],
+    level_lux: Callable[[Pose2, float], float],
+    vibration_rad: float,
+) -> World:
+    """Return the world with its sensors; `vibration_rad` is the floor's where the options give none [rad]."""
+    vehicle = options.vehicle or Differential()
+    shakes = vibration_rad if given.vibration_mrad is None else given.vibration_mrad / 1e3
+    builders: Mapping[str, Callable[[], SensorModel]] = {
+        "wheels": partial(WheelOdometry, rate_hz=options.rate_of("wheels", 50.0)),
+        "imu": partial(ImuSensor, rate_hz=options.rate_of("imu", 100.0), seed=options.seed),
+        "light": partial(LightSensor, level_lux, rate_hz=options.rate_of("light", 10.0), seed=options.seed),
+        "front": lambda: CameraSensor(
+            "front",
+            build_scene(),
+            _LENS,
+            _MOUNTING,
+            options.rate_of("front", 20.0),
+            response(given.exposure, given.noise, given.blur_px, 0.7),
+            crowd.at,
+            options.seed,
+            Shaking(shakes, shakes * 0.3, options.seed),
+            options.threads,
+        ),
+    }
+    return World(
+        name=name,
+        vehicle=vehicle,
+        sensors=choose_sensors(name, options, builders, default=("wheels", "front")),
+        routes=routes,
+        start=Pose2(),
+        collides=partial(solids.touched, vehicle),
+    )

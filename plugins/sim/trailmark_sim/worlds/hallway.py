@@ -1,0 +1,126 @@
+"""A bare hallway of 14 x 3 m with a few coloured things, posters, glass and steel.
+
+The "less structured environment" of Toth et al. 2015, for a colour and depth camera.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache, partial
+
+import numpy as np
+
+from trailmark.geometry import Pose2
+from trailmark_sim.actors import Crowd
+from trailmark_sim.render import lettering, textures
+from trailmark_sim.render.bake import Lighting
+from trailmark_sim.render.scene import Colour, Scene, SceneBuilder, Surface
+from trailmark_sim.rng import frame_rng
+from trailmark_sim.routes import Route
+from trailmark_sim.worlds.base import World, WorldOptions, parse_options
+from trailmark_sim.worlds.forward_rig import to_and_fro
+from trailmark_sim.worlds.furnishing import Room, add_room, hang, lamp_panels, show_lamps
+from trailmark_sim.worlds.rgbd_rig import SENSORS, rgbd_world
+from trailmark_sim.worlds.scene_options import HallwayOptions
+from trailmark_sim.worlds.solids import Solids
+
+__all__ = ["ROUTES", "SENSORS", "build"]
+
+ROUTES = ("straight",)
+
+_ROOM = Room(-1.0, 13.0, -1.5, 1.5, 2.8)
+_SPEED_MPS = 0.3
+#: Coloured things on the floor: shape, middle, size [m], colour.
+_THINGS: tuple[tuple[str, float, float, float, Colour], ...] = (
+    ("box", 3.2, 1.15, 0.45, (0.70, 0.06, 0.05)),
+    ("cylinder", 5.0, -1.15, 0.16, (0.05, 0.35, 0.10)),
+    ("ball", 7.2, 1.1, 0.24, (0.85, 0.45, 0.03)),
+    ("box", 9.2, -1.15, 0.40, (0.05, 0.12, 0.60)),
+    ("cylinder", 11.2, 1.1, 0.18, (0.80, 0.70, 0.05)),
+)
+
+
+def build(options: WorldOptions) -> World:
+    """Build the hallway."""
+    given = parse_options(HallwayOptions, "hallway", options.extra)
+    crowd = _crowd(given, options.seed)
+    solids = Solids(_ROOM.west, _ROOM.east, _ROOM.south, _ROOM.north)
+    for shape, x, y, size, _ in _THINGS:
+        if shape == "box":
+            solids.box("a box", x, y, size, size, 0.5)
+        else:
+            solids.pole(f"a {shape}", x, y, size)
+    x_m = np.arange(0.0, 10.0 + 1e-9, 0.01)
+    route = np.stack([x_m, np.zeros_like(x_m), np.zeros_like(x_m)], axis=1)
+    return rgbd_world(
+        "hallway",
+        options,
+        given,
+        partial(_scene, given, options.world_seed, options.seed if given.people else 0, options.threads),
+        crowd,
+        solids,
+        {"straight": Route.from_poses(route, _SPEED_MPS, "10 m along the hallway")},
+        partial(_light_lux, given.light_level),
+    )
+
+
+def _crowd(given: HallwayOptions, seed: int) -> Crowd:
+    return to_and_fro(given.people, seed, 0.0, 12.0, (0.5, -0.5, 0.2, -0.2))
+
+
+def _light_lux(level: float, pose: Pose2, stamp_s: float) -> float:
+    return 300.0 * level * (1.0 + 0.2 * math.cos(2.0 * math.pi * pose.x / 3.0))
+
+
+@lru_cache(maxsize=1)
+def _scene(given: HallwayOptions, world_seed: int, seed: int, threads: int) -> Scene:
+    rng = frame_rng(world_seed, "hallway")
+    level = given.light_level
+    lamps = lamp_panels((0.5, 3.5, 6.5, 9.5, 12.0), (0.0,), _ROOM.height_m, (1.2, 0.3), 2.6 * level)
+    builder = SceneBuilder(Lighting(lamps, (0.30 * level, 0.30 * level, 0.29 * level)))
+    _add_walls(builder, rng)
+    show_lamps(builder, lamps, 6.0 * level)
+    card = builder.texture(textures.plaster(rng, (235, 235, 235), 128, 0.05))
+    for shape, x, y, size, colour in _THINGS:
+        surface = Surface(card, (1.0, 1.0), colour)
+        if shape == "box":
+            builder.box((x, y, 0.0), (size, size, size * 1.6), surface, 0.5)
+        elif shape == "cylinder":
+            builder.cylinder(x, y, 0.0, size, 1.0, surface)
+        else:
+            builder.ellipsoid((x, y, size), (size, size, size), surface)
+    builder.cylinder(12.6, -1.1, 0.0, 0.22, 0.9, Surface(tint=(0.55, 0.56, 0.58), shine=0.6))
+    _crowd(given, seed).add_to(
+        builder, builder.texture(textures.clouds(rng, (150, 150, 150), (255, 255, 255), 64, 0.6))
+    )
+    return builder.build(threads)
+
+
+def _add_walls(builder: SceneBuilder, rng: np.random.Generator) -> None:
+    paint = builder.texture(textures.plaster(rng, (212, 208, 196), 1024, 0.025))
+    brick = builder.texture(textures.bricks(rng, (176, 128, 104), 512, 16, 8, 0.10))
+    floor = builder.texture(textures.speckle(rng, (140, 128, 112), 512, 0.14, joints=4))
+    ceiling = builder.texture(textures.panels(rng, (212, 212, 206)))
+    walls = {"south": (paint, 2.8), "north": (brick, 1.4), "west": (paint, 2.8), "east": (paint, 2.8)}
+    add_room(builder, _ROOM, (floor, 1.6), (ceiling, 2.4), walls)
+    for x in (2.0, 6.0, 10.4):
+        look = Surface(builder.texture(textures.door(rng, (120, 132, 142))))
+        hang(builder, _ROOM, "south", _ROOM.east - x - 0.95, 0.0, (0.95, 2.1), look)
+    for side, along_m in (
+        ("south", 4.4),
+        ("south", 8.6),
+        ("north", 3.0),
+        ("north", 6.4),
+        ("north", 10.0),
+        ("east", 1.0),
+    ):
+        size_m = float(rng.uniform(0.6, 0.9))
+        hang(builder, _ROOM, side, along_m, 1.1, (size_m, size_m), Surface(builder.texture(lettering.poster(rng))))
+    for along_m in (3.3, 7.2, 11.6):
+        size_m = float(rng.uniform(0.4, 0.6))
+        look = Surface(builder.texture(lettering.notice(rng)))
+        hang(builder, _ROOM, "south", along_m, 1.2, (size_m, size_m), look)
+    glass = Surface(builder.texture(textures.window(rng, 256, 2)), tint=(0.3, 0.35, 0.4), shine=0.4)
+    hang(builder, _ROOM, "north", 8.0, 0.2, (1.4, 2.0), glass)
+    base = Surface(builder.texture(textures.boards(rng, (92, 74, 58), 64, 1)), (12.0, 1.0))
+    hang(builder, _ROOM, "south", 0.0, 0.0, (14.0, 0.1), base)

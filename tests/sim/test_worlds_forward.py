@@ -1,0 +1,99 @@
+"""Corridor and street, and the camera that looks along them."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from trailmark.errors import ConfigError
+from trailmark.frames import Image
+from trailmark.geometry import Pose2, Pose3
+from trailmark_sim.sensors.camera import CameraSensor, Shaking
+from trailmark_sim.vehicles import VehicleState
+from trailmark_sim.worlds import WORLDS, build_world
+from trailmark_sim.worlds.base import World, WorldOptions
+
+NAMES = [name for name in ("corridor", "street") if name in WORLDS]
+
+
+def _world(name: str, threads: int = 1, **extra: object) -> World:
+    return build_world(name, WorldOptions(seed=5, sensors=("front",), threads=threads, extra=extra))
+
+
+def _picture(world: World, pose: Pose2, k: int = 0, travelled_m: float = 0.0) -> npt.NDArray[np.uint8]:
+    payload = world.sensors[0].render(k, k / 20.0, VehicleState(pose, travelled_m=travelled_m))
+    assert isinstance(payload, Image)
+    return payload.pixels
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_one_and_two_threads_give_the_same_bytes(name: str) -> None:
+    one, two = (_picture(_world(name, threads, people=2), Pose2(1.0, 0.1, 0.05), 2) for threads in (1, 2))
+
+    np.testing.assert_array_equal(one, two)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_morning_and_afternoon_differ_in_light_and_not_in_place(name: str) -> None:
+    morning, afternoon = (_world(name, time=time, noise=0, vibration_mrad=0) for time in ("morning", "afternoon"))
+    pose = VehicleState(Pose2(2.0, 0.0, 0.0))
+
+    views = [world.sensors[0].view(0.0, pose) for world in (morning, afternoon)]  # type: ignore[attr-defined]
+
+    np.testing.assert_array_equal(views[0].ranges_m, views[1].ranges_m)
+    light = [view.radiance().mean(axis=2) for view in views]
+    ratio = light[1] / np.maximum(light[0], 1e-3)
+    assert np.percentile(ratio, 95) > 1.5 * np.percentile(ratio, 5)
+
+
+def test_windows_of_the_corridor_are_too_bright_for_the_camera() -> None:
+    picture = _picture(_world("corridor"), Pose2(0.0, 0.0, 0.0))
+
+    assert (picture[:, :320] >= 250).all(axis=2).mean() > 0.02
+
+
+def test_a_turn_of_five_degrees_shifts_the_picture_by_what_the_lens_says() -> None:
+    world = _world("corridor", noise=0, vibration_mrad=0, blur_px=0)
+    straight, turned = (_picture(world, Pose2(3.0, 0.0, yaw)).mean(axis=2) for yaw in (0.0, np.radians(2.0)))
+
+    # Far things, in the middle, move to the right when the robot turns to the left.
+    patch = straight[200:240, 300:340]
+    scores = [np.abs(turned[200:240, 300 + d : 340 + d] - patch).mean() for d in range(40)]
+
+    assert int(np.argmin(scores)) == pytest.approx(525.0 * np.tan(np.radians(2.0)), abs=1.0)
+
+
+def test_the_floor_shakes_the_camera_at_the_same_places() -> None:
+    shaking = Shaking(2e-3, 1e-3, 4)
+
+    poses = [shaking.at(0.01 * n) for n in range(2000)]
+
+    assert shaking.at(3.3) == shaking.at(3.3)
+    assert np.std([pose.pitch for pose in poses]) == pytest.approx(2e-3, rel=0.2)
+    assert np.std([pose.z for pose in poses]) == pytest.approx(1e-3, rel=0.2)
+    assert Shaking().at(1.0) == Pose3()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_route_is_free_and_walls_are_not(name: str) -> None:
+    world = _world(name)
+
+    for route in world.routes.values():
+        stations = np.linspace(0.0, route.length_m, 80)
+        assert {world.collides(route.pose_at(float(s))) for s in stations} == {None}
+    assert world.collides(Pose2(5.0, 50.0, 0.0)) is not None
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_wrong_option_names_the_world_and_the_nearest(name: str) -> None:
+    with pytest.raises(ConfigError, match=rf"{name}.*peopel.*people"):
+        _world(name, peopel=2)
+
+
+def test_the_camera_runs_at_the_rate_of_the_paper() -> None:
+    sensor = _world("corridor").sensors[0]
+
+    assert isinstance(sensor, CameraSensor)
+    assert sensor.rate_hz == 20.0
+    assert sensor.info.size == (640, 480)
