@@ -43,14 +43,25 @@ class DictDrawer(Drawer):
         return self.named.get(name)
 
 
+#: Walls y = +-1.5 m and an end wall at x = 16 m; a corner to the left at x = 8 m.
+STRAIGHT_WALLS = ((-3.0, 1.5, 16.0, 1.5), (-3.0, -1.5, 16.0, -1.5), (16.0, -1.5, 16.0, 1.5))
+CORNER_WALLS = (
+    (-3.0, 1.5, 6.5, 1.5),
+    (6.5, 1.5, 6.5, 16.0),
+    (-3.0, -1.5, 9.5, -1.5),
+    (9.5, -1.5, 9.5, 16.0),
+    (6.5, 16.0, 9.5, 16.0),
+)
+
+
 class Corridor:
-    """Walls y = +-1.5 m and an end wall at x = 16 m, 160 x 120 px, 60 deg."""
+    """Walls seen by a camera of 160 x 120 px and 60 deg."""
 
     size = (160, 120)
     focal_px = 80 / math.tan(math.radians(30))
-    walls = ((-3.0, 1.5, 16.0, 1.5), (-3.0, -1.5, 16.0, -1.5), (16.0, -1.5, 16.0, 1.5))
 
-    def __init__(self, seed=1):
+    def __init__(self, walls=STRAIGHT_WALLS, seed=1):
+        self.walls = walls
         rng = np.random.default_rng(seed)
         self.textures = [self._texture(rng, math.hypot(b[2] - b[0], b[3] - b[1])) for b in self.walls]
 
@@ -126,6 +137,11 @@ def run(corridor, config, session, n, y_m=0.0, heading_rad=0.0, start_m=0.0, has
 @pytest.fixture(scope="session")
 def corridor():
     return Corridor()
+
+
+@pytest.fixture(scope="session")
+def corner():
+    return Corridor(CORNER_WALLS, seed=2)
 
 
 @pytest.fixture
