@@ -81,9 +81,7 @@ def _scene(given: CorridorOptions, world_seed: int, seed: int, threads: int) -> 
     show_lamps(builder, lit, 6.0)
     _add_doors(builder, rng)
     _add_things(builder, rng)
-    _crowd(given, seed).add_to(
-        builder, builder.texture(textures.clouds(rng, (150, 150, 150), (255, 255, 255), 64, 0.6))
-    )
+    _crowd(given, seed).add_to(builder)
     return builder.build(threads)
 
 

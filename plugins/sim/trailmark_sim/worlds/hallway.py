@@ -90,9 +90,7 @@ def _scene(given: HallwayOptions, world_seed: int, seed: int, threads: int) -> S
         else:
             builder.ellipsoid((x, y, size), (size, size, size), surface)
     builder.cylinder(12.6, -1.1, 0.0, 0.22, 0.9, Surface(tint=(0.55, 0.56, 0.58), shine=0.6))
-    _crowd(given, seed).add_to(
-        builder, builder.texture(textures.clouds(rng, (150, 150, 150), (255, 255, 255), 64, 0.6))
-    )
+    _crowd(given, seed).add_to(builder)
     return builder.build(threads)
 
 

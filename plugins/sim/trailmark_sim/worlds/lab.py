@@ -111,9 +111,7 @@ def _scene(given: LabOptions, world_seed: int, seed: int, threads: int) -> Scene
         _add_table(builder, rng, table)
     _add_things(builder, rng)
     _add_clutter(builder, rng)
-    _crowd(given, seed).add_to(
-        builder, builder.texture(textures.clouds(rng, (150, 150, 150), (255, 255, 255), 64, 0.6))
-    )
+    _crowd(given, seed).add_to(builder)
     return builder.build(threads)
 
 

@@ -176,9 +176,7 @@ def _scene(given: SupermarketOptions, world_seed: int, seed: int, threads: int) 
     pole = Surface(builder.texture(textures.plaster(rng, (200, 196, 186), 128, 0.04)), (2.0, 4.0))
     for x, y, radius in _POLES:
         builder.cylinder(x, y, 0.0, radius, _ROOM.height_m, pole)
-    _crowd(given, seed).add_to(
-        builder, builder.texture(textures.clouds(rng, (150, 150, 150), (255, 255, 255), 64, 0.6))
-    )
+    _crowd(given, seed).add_to(builder)
     return builder.build(threads)
 
 
