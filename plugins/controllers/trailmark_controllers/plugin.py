@@ -27,3 +27,10 @@ def trailmark_register(registry: Registry) -> None:
         summary="Replays a taught path's bends and steers against the drift from it",
         reference="Perroni Filho & Ohya 2014, Sec. IV",
     )
+    registry.controller(
+        "goal_seeking",
+        "trailmark_controllers.goal_seeking:GoalSeeking",
+        config="trailmark_controllers.goal_seeking_config:GoalSeekingConfig",
+        summary="Drives to a goal pose from anywhere, and stands while lost",
+        reference="Tasaki et al. 2010, Sec. IV-C",
+    )
