@@ -20,6 +20,13 @@ def trailmark_register(registry: Registry) -> None:
         summary="Integrates the motion of one localizer; a fix corrects the pose at its own stamp",
         reference="Nagai & Watanabe 2015, Eq. (5)",
     )
+    registry.estimator(
+        "kalman",
+        "trailmark.estimation.kalman.estimator:Kalman",
+        config="trailmark.estimation.kalman_config:KalmanConfig",
+        summary="Weighs any mix of localizers by their covariances; late, wrong and silent ones included",
+        reference="Extended Kalman filter (filterpy)",
+    )
     registry.path_store(
         "sqlite",
         "trailmark.stores.sqlite:SqlitePathStore",

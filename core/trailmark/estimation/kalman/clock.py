@@ -1,0 +1,39 @@
+"""Stamps that cannot be: a clock that was set, or stands still."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+__all__ = ["ClockGuard"]
+
+
+class ClockGuard:
+    """Tells estimates that are merely late from those of another time.
+
+    Parameters
+    ----------
+    jump_s : float
+        A stamp further than this from the newest is of another time [s].
+    n_to_reset : int or None
+        How many in a row must agree on the other time before it is believed; None: it never is.
+    """
+
+    def __init__(self, jump_s: float, n_to_reset: int | None) -> None:
+        self._jump_s = jump_s
+        self._n_to_reset = n_to_reset
+        self._jumped_s = -math.inf
+        self._n = 0
+
+    def judged(self, stamp_s: float, newest_s: float) -> Literal["here", "elsewhere", "reset"]:
+        """Return whether a stamp is of the time that the estimator lives in, given the newest that it has heard of."""
+        if abs(stamp_s - newest_s) <= self._jump_s or newest_s == -math.inf:
+            self._n = 0
+            return "here"
+        agrees = abs(stamp_s - self._jumped_s) <= self._jump_s
+        self._n = self._n + 1 if agrees else 1
+        self._jumped_s = stamp_s
+        if self._n_to_reset is None or self._n < self._n_to_reset:
+            return "elsewhere"
+        self._n = 0
+        return "reset"

@@ -1,0 +1,31 @@
+"""Whether an innovation can be chance, and how much weight it keeps."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+from scipy.special import gammaincinv
+
+from trailmark.estimation.kalman_config import Loss
+
+__all__ = ["threshold", "weight"]
+
+
+@lru_cache(maxsize=64)
+def threshold(probability: float, dof: int) -> float:
+    """Return the NIS that a right estimate stays below with this probability: the quantile of chi-square."""
+    return float(2.0 * gammaincinv(dof / 2.0, probability))
+
+
+def weight(loss: Loss, nis: float, dof: int, scale: float) -> float:
+    """Return the weight of an estimate: 1 near the belief, less with distance.
+
+    That of an iteratively reweighted least-squares step; the distance is in standard deviations of the innovation.
+    """
+    distance = math.sqrt(nis / dof) / scale
+    if loss == "cauchy":
+        return 1.0 / (1.0 + distance * distance)
+    if loss == "huber" and distance > 1.0:
+        return 1.0 / distance
+    return 1.0

@@ -1,0 +1,89 @@
+"""Absolute estimates as measurements of unit noise: a square root of their information, times what they say."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.estimates import Fix, PathOffset
+from trailmark.estimation.kalman.trust import Trust, root_of
+from trailmark.estimation.symmetric import Sym3
+from trailmark.geometry import Pose2, wrap_angle
+from trailmark.paths import OnPath, Path
+
+__all__ = ["Measurement", "fix_measurement", "path_measurement"]
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Measurement:
+    """A `Fix`, or with a path a `PathOffset`.
+
+    Attributes
+    ----------
+    key : tuple
+        Puts the measurements of one instant into an order that does not depend on their arrival.
+    source : str
+        The localizer.
+    trust : Trust
+        How its estimates are taken.
+    values : (float, float, float)
+        x, y, theta; or station, lateral, heading.
+    root : (k, 3) float64
+        One row for each measured direction: ``root^T root`` is the information.
+    path : Path or None
+        In whose coordinates the values are.
+    """
+
+    key: tuple[str, tuple[float, ...]]
+    source: str
+    trust: Trust
+    values: tuple[float, float, float]
+    root: Array
+    path: Path | None = None
+
+    def innovation(self, x: Array) -> tuple[Array, Array]:
+        """Return measured less predicted, (k,), and the Jacobian of the prediction, (k, 3)."""
+        believed = x.tolist()
+        jacobian = self.root
+        if self.path is not None:
+            on_path = self.path.locate(Pose2(*believed), self.values[0])
+            jacobian = self.root @ _path_jacobian(self.path, on_path.station_m)
+            believed = on_path.station_m, on_path.lateral_m, on_path.heading_rad
+        a, b, turn = self.values
+        return self.root @ (a - believed[0], b - believed[1], wrap_angle(turn - believed[2])), jacobian
+
+    def as_start(self) -> tuple[Array, Array] | None:
+        """Return a pose and its covariance from this alone; None if it does not say a whole pose."""
+        if len(self.root) < 3:
+            return None
+        inverse = np.linalg.inv(self.root)
+        if self.path is not None:
+            station_m, lateral_m, heading_rad = self.values
+            inverse = np.linalg.inv(_path_jacobian(self.path, station_m)) @ inverse
+            return self.path.pose_from(OnPath(station_m, lateral_m, heading_rad)).array(), inverse @ inverse.T
+        x, y, theta = self.values
+        return np.array([x, y, wrap_angle(theta)]), inverse @ inverse.T
+
+
+def fix_measurement(source: str, fix: Fix, information: Sym3, trust: Trust) -> Measurement:
+    """Return a fix as a measurement."""
+    values = fix.pose_map_base.x, fix.pose_map_base.y, fix.pose_map_base.theta
+    return Measurement((source, values + information), source, trust, values, root_of(information))
+
+
+def path_measurement(source: str, offset: PathOffset, information: Sym3, trust: Trust, path: Path) -> Measurement:
+    """Return a path offset as a measurement."""
+    values = offset.station_m, offset.lateral_m, offset.heading_rad
+    return Measurement((source, values + information), source, trust, values, root_of(information), path)
+
+
+def _path_jacobian(path: Path, station_m: float) -> Array:
+    """Return d(station, lateral, heading) / d(x, y, theta): the taught heading turns with the station."""
+    tangent, rate = path.tangent_at(station_m), path.turn_rate_at(station_m)
+    cos, sin = math.cos(tangent), math.sin(tangent)
+    return np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [-rate * cos, -rate * sin, 1.0]])

@@ -1,0 +1,97 @@
+"""Config of the Kalman estimator."""
+
+from __future__ import annotations
+
+from typing import Literal, Self
+
+from pydantic import Field, model_validator
+
+from trailmark.config import PluginConfig
+
+__all__ = ["KalmanConfig", "Loss", "SourceTreatment"]
+
+Loss = Literal["none", "huber", "cauchy"]
+
+
+class SourceTreatment(PluginConfig):
+    """How the estimates of one localizer are taken; what is left out is as for all."""
+
+    gate: float | Literal["off"] | None = None
+    """Probability with which a right estimate passes the chi-square test; "off": no test."""
+    loss: Loss | None = None
+    """How an estimate loses weight with its distance from the belief."""
+    sigma_scale: float = Field(default=1.0, gt=0)
+    """Factor on the standard deviations that the localizer states."""
+    floor_m: float | None = Field(default=None, gt=0)
+    """Smallest standard deviation of a position, station or offset that is believed [m]."""
+    floor_deg: float | None = Field(default=None, gt=0)
+    """Smallest standard deviation of a heading that is believed [deg]."""
+    sigmas: tuple[float | None, float | None, float | None] | None = None
+    """Standard deviations in place of what the localizer states; null says "not measured" [m, m, deg]."""
+    timeout_s: float | None = Field(default=None, gt=0)
+    """Silence that is reported in the health of the belief [s]."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        _check_gate(self.gate)
+        if self.sigmas is not None and not all(sigma is None or sigma > 0 for sigma in self.sigmas):
+            raise ValueError(f"sigmas must be positive or null, not {list(self.sigmas)}")
+        return self
+
+
+class KalmanConfig(PluginConfig):
+    """Weighs the estimates of any number of localizers by what they say of their own certainty."""
+
+    history_s: float = Field(default=10.0, gt=0)
+    """How late an estimate may come and still correct everything after it [s]."""
+    start_sigma_m: float = Field(default=0.01, gt=0)
+    """Standard deviation of a known start, along x and along y [m]."""
+    start_sigma_deg: float = Field(default=0.5, gt=0)
+    """Standard deviation of the heading of a known start [deg]."""
+    drift_sigma_mps: float = Field(default=0.5, gt=0)
+    """Standard deviation of the velocity while nothing measures it: in a gap, or ahead of the newest motion [m/s]."""
+    drift_sigma_deg_per_s: float = Field(default=30.0, gt=0)
+    """The same of the yaw rate [deg/s]."""
+    coast_s: float = Field(default=1.0, gt=0)
+    """How long the last velocity is held in a gap, and how long an unmeasured velocity keeps its direction [s]."""
+    motions: Literal["independent", "intersection"] = "independent"
+    """Several localizers that give motion of one interval: their errors have nothing in common, or nobody knows
+    (covariance intersection with equal weights: two that agree are no more certain than one)."""
+    gate: float | Literal["off"] = 0.999
+    """Probability with which a right estimate passes the chi-square test of its innovation; "off": no test."""
+    loss: Loss = "none"
+    """How an estimate loses weight with its distance from the belief."""
+    loss_scale: float = Field(default=2.0, gt=0)
+    """Distance at which the loss begins, in standard deviations of the innovation."""
+    recover_after: int = Field(default=5, ge=1)
+    """Rejections in a row of one localizer after which the belief is doubted instead of the localizer."""
+    support_s: float = Field(default=3.0, ge=0)
+    """It is not doubted while another localizer, accepted within this time, measures the same directions [s]."""
+    floor_m: float = Field(default=1e-6, gt=0)
+    """Smallest standard deviation of a position that is believed [m]."""
+    floor_deg: float = Field(default=1e-4, gt=0)
+    """Smallest standard deviation of a heading that is believed [deg]."""
+    timeout_s: float = Field(default=2.0, gt=0)
+    """Silence of a localizer that is reported in the health of the belief [s]."""
+    time_jump_s: float = Field(default=60.0, gt=0)
+    """A stamp that is further than this from the newest is a jump of the clock [s]."""
+    time_jump: Literal["reset", "refuse"] = "reset"
+    """Refuse estimates of another time always, or begin anew there when `time_jump_after` in a row agree."""
+    time_jump_after: int = Field(default=5, ge=1)
+    """How many estimates in a row must agree on the new time."""
+    max_per_stamp: int = Field(default=64, ge=1)
+    """Absolute estimates of one localizer about one instant; more are refused: its clock stands still."""
+    sources: dict[str, SourceTreatment] = Field(default_factory=dict)
+    """What is different for single localizers, by name."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        _check_gate(self.gate)
+        if self.time_jump_s <= self.history_s:
+            raise ValueError(f"time_jump_s ({self.time_jump_s:g}) must be longer than history_s ({self.history_s:g})")
+        return self
+
+
+def _check_gate(gate: float | str | None) -> None:
+    if isinstance(gate, float) and not 0.0 < gate < 1.0:
+        raise ValueError(f'gate must be a probability between 0 and 1, or "off", not {gate:g}')
