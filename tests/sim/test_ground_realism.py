@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 from trailmark.errors import ShapeError
+from trailmark.recording import write_png
 from trailmark_sim.ground.ground import Floor
 from trailmark_sim.ground.statistics import floor_statistics
-from trailmark_sim.pictures import read_grey, write_png
+from trailmark_sim.pictures import read_grey
 from trailmark_sim.realism import PictureStatistics, photo_statistics, picture_statistics, spectral_slope
 
 #: Photographs of the same kind of floor. Carpet and gravel have none among the recordings.

@@ -68,7 +68,8 @@ def render_command(
 ) -> None:
     """Write what a sensor sees from a pose as a picture."""
     from trailmark.cli.root import plugins_of
-    from trailmark_sim.pictures import picture_of, write_png
+    from trailmark.recording import write_png
+    from trailmark_sim.pictures import picture_of
     from trailmark_sim.snapshot import take_snapshot
     from trailmark_sim.worlds import world_module
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from trailmark.errors import ConfigError
 from trailmark.frames import RGBD, Image, Payload, Scan
 
-__all__ = ["picture_of", "read_grey", "write_png"]
+__all__ = ["picture_of", "read_grey"]
 
 _SCAN_PX = 640
 _FAR_M = 8.0
@@ -52,15 +52,6 @@ def read_grey(path: Path) -> npt.NDArray[np.uint8]:
     if grey is None:
         raise ConfigError(f"{str(path)!r} is not a picture that OpenCV can read")
     return np.asarray(grey, dtype=np.uint8)
-
-
-def write_png(path: Path, picture: npt.NDArray[Any]) -> None:
-    """Write a picture, lightly compressed: fast, and small enough."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    done, data = cv2.imencode(".png", picture, [cv2.IMWRITE_PNG_COMPRESSION, 1])
-    if not done:
-        raise ConfigError(f"OpenCV cannot write a picture of {picture.shape} {picture.dtype} as PNG")
-    path.write_bytes(data.tobytes())
 
 
 def _depth_picture(depth_m: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:

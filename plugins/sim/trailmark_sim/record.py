@@ -10,8 +10,8 @@ from trailmark.errors import ConfigError
 from trailmark.interfaces import Mode, Session
 from trailmark.pipeline.seeds import part_rng
 from trailmark.plugins import Plugins
+from trailmark.recording import DatasetWriter
 from trailmark_sim.config import SimConfig
-from trailmark_sim.dataset import DatasetWriter
 from trailmark_sim.source import SimSource
 
 __all__ = ["record_run"]

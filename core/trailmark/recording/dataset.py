@@ -15,7 +15,7 @@ from trailmark.frames import RGBD, DepthCamera, Frame, Image, Imu, Odometry, Rec
 from trailmark.frames.array_documents import array_from_document
 from trailmark.frames.documents import calibration_to_document
 from trailmark.geometry import Trajectory, write_tum
-from trailmark_sim.pictures import write_png
+from trailmark.recording.pictures import write_png
 
 __all__ = ["DatasetWriter"]
 
