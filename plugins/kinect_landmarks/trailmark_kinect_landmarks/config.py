@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from trailmark.config import ConfigPath, PluginConfig, Sensor
 
-__all__ = ["CropConfig", "KinectFlowConfig", "KinectLandmarksConfig", "RgbdConfig"]
+__all__ = ["FINDER_NAMES", "CropConfig", "KinectFlowConfig", "KinectLandmarksConfig", "RgbdConfig"]
 
 FinderName = Literal["blobs", "rectangles", "edges", "ellipses", "lines", "flats", "mser", "hough_circles"]
+#: All that `finders` may name.
+FINDER_NAMES: tuple[FinderName, ...] = get_args(FinderName)
 
 
 class CropConfig(BaseModel):

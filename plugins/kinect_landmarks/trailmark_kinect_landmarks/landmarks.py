@@ -110,13 +110,15 @@ def _subpixel(grey: Grey, uv: Array) -> Array:
 def spread_out(uv: Array, strength: Array, taken_uv: Array, apart_px: float, n: int) -> npt.NDArray[np.intp]:
     """Return the best marked pixels, best first, none nearer than `apart_px` to another or to one that is taken."""
     kept: list[int] = []
-    occupied = [*taken_uv]
+    free = np.ones(len(uv), dtype=np.bool_)
+    if len(taken_uv):
+        free = np.abs(uv[:, None] - taken_uv[None]).max(axis=2).min(axis=1) >= apart_px
     for row in np.argsort(-strength, kind="stable"):
         if len(kept) >= n:
             break
-        if not occupied or np.abs(np.asarray(occupied) - uv[row]).max(axis=1).min() >= apart_px:
+        if free[row]:
             kept.append(int(row))
-            occupied.append(uv[row])
+            free &= np.abs(uv - uv[row]).max(axis=1) >= apart_px
     return np.array(kept, dtype=np.intp)
 
 

@@ -23,6 +23,7 @@ Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]
 
 _STILL_ALIKE = 0.35  # a followed landmark that looks less like itself has slid off
+_ENOUGH = 12  # landmarks that agree, so that those on trial need not be asked
 _GATE = 16.3  # chi-square of three numbers, 99.9 %
 _MODEL_SIGMA_M = 0.004  # what calibration and rounding of depth add to every point
 
@@ -115,12 +116,14 @@ class Tracker:
         return again.pick(measured), Sighting(found.rows(others), np.full(len(others), -1, np.intp))
 
     def solve(self, again: Sighting, T_map_base: Array | None) -> Solved | Refusal:
-        """Return the pose that the landmarks agree on: of those that may vote or, where they are too few, of all."""
+        """Return the pose that the landmarks agree on: of those that may vote; where few do, of those on trial too."""
         able = np.asarray(~self._memory.is_moved[again.rows])
         voting = self._memory.votes(again.rows)
         answer = self._aligned(again.pick(voting), T_map_base)
-        if isinstance(answer, Refusal) and able.sum() > voting.sum():
-            answer = self._aligned(again.pick(able), T_map_base)
+        n_agree = 0 if isinstance(answer, Refusal) else len(answer.agreeing)
+        if n_agree < _ENOUGH and able.sum() > voting.sum():
+            of_all = self._aligned(again.pick(able), T_map_base)
+            answer = answer if isinstance(of_all, Refusal) else of_all
         return answer
 
     def learn(self, solved: Solved, again: Sighting, others: Sighting) -> Rows:
