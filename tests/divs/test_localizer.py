@@ -291,3 +291,51 @@ def test_a_camera_that_looks_sideways_is_refused(corridor, replaying):
 def test_a_path_taught_with_other_columns_is_refused(corridor, replaying, drive):
     with pytest.raises(ConfigError, match="taught with columns 50, but the config says 40"):
         drive(corridor, DivsConfig(camera="front", columns=40), replaying, 3)
+
+
+@pytest.mark.parametrize("how", [{}, {"correspondence": "appearance"}, {"landmark_spacing_m": 1.0}])
+def test_a_path_shorter_than_a_window_has_nothing_to_compare_but_single_pictures(
+    corridor, drawer, replaying, drive, how
+):
+    config = DivsConfig(camera="front", **how)
+    session = replace(replaying, drawer=drawer)
+
+    localizer, _, _ = drive(corridor, config, replace(session, mode="teach", path=None), 20)
+    localizer.finish()
+    _, _, answers = drive(corridor, config, session, 60)
+
+    assert {answer.reason for answer in lost(answers[40:])} <= {
+        "nothing was taught here",
+        "searching the place on the path",
+    }
+    assert len(lost(answers[40:])) == 20
+
+
+@pytest.mark.parametrize("threshold", ["p90", "blur_otsu"])
+@pytest.mark.parametrize("is_colour", [False, True])
+def test_read_only_grey_and_colour_pictures_give_the_same_drift(corridor, drawer, replaying, threshold, is_colour):
+    config = DivsConfig(camera="front", threshold=threshold)
+    shifts = []
+    for mode, y_m in (("teach", 0.0), ("replay", 0.2)):
+        localizer, rng = Divs(config), np.random.default_rng(3)
+        localizer.start(replace(replaying, mode=mode, drawer=drawer))
+        for k in range(80):
+            pose = Pose2(0.015 * k, y_m, 0.0)
+            grey = corridor.picture(pose, rng)
+            payload = Image(np.repeat(grey[:, :, None], 3, axis=2) if is_colour else grey)
+            on_path = PathOffset(0.05 * k, pose.x, 0.0, 0.0, np.zeros((3, 3)))
+            belief = Belief(0.05 * k, pose, pose_odom_base=Pose2(pose.x), travelled_m=pose.x, on_path=on_path)
+            answer = localizer.observe(Frame("front", 0.05 * k, payload), belief)
+            shifts += [offset.details["shift_columns"] for offset in spoken([answer])]
+        localizer.finish()
+
+    assert 0.5 < np.median(shifts) < 3.0
+
+
+def test_before_it_is_started_it_has_counted_nothing_and_closes():
+    localizer = Divs(DivsConfig(camera="front"))
+
+    assert localizer.counters() == {"looks": 0, "turning": 0, "lost": 0}
+    with pytest.raises(ConfigError, match="no change image"):
+        localizer.change_image()
+    localizer.close()

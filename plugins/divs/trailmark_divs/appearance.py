@@ -101,6 +101,9 @@ class AppearanceFilter:
         self._smoothing = 1.0 / window
         self.restart()
 
+    def __len__(self) -> int:
+        return len(self._windows)
+
     @property
     def is_searching(self) -> bool:
         """True while the place is not known: from the start, and after it was lost."""
@@ -189,6 +192,8 @@ class ByAppearance(Correspondence):
 
     def match(self, window: Window, belief: Belief) -> Match | None:
         """Return the match; None while the place is not clear."""
+        if not len(self._places):
+            return None
         advance_m = None
         if self._travelled_m is not None and math.isfinite(belief.motion_age_s):
             advance_m = direction(belief) * (window.travelled_m - self._travelled_m)

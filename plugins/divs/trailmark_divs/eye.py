@@ -22,6 +22,7 @@ __all__ = ["TURNING", "Eye", "Look", "Window"]
 TURNING = -1
 
 _MOST_TURN_COLUMNS = 6  # between two pictures
+_ROUNDING_RAD = 1e-6  # an estimator that was never told of a turn may still turn by rounding
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,7 +163,7 @@ class Eye:
         """Return the turn between two pictures, by the belief or by what they show [rad]."""
         config = self._config
         step_rad = wrap_angle(now.odom_rad - before.odom_rad)
-        if config.turn_source == "auto" and (step_rad != 0.0 or belief.twist.yaw_radps != 0.0):
+        if config.turn_source == "auto" and max(abs(step_rad), abs(belief.twist.yaw_radps)) > _ROUNDING_RAD:
             self._belief_turns = True  # something on this robot measures turns
         if self._belief_turns:
             return step_rad

@@ -35,6 +35,11 @@ class Divs(Localizer):
 
     config: DivsConfig
 
+    def __init__(self, config: DivsConfig) -> None:
+        super().__init__(config)
+        self._eye: Eye | None = None
+        self._counts = {"looks": 0, "turning": 0, "lost": 0}
+
     def start(self, session: Session) -> None:
         """Load what was taught and compile the kernels.
 
@@ -49,11 +54,11 @@ class Divs(Localizer):
         self._depth_m = self._signed_depth()
         step = self.config.spacing_s if self.config.select == "time" else self.config.spacing_m
         self._selector = FrameSelector(self.config.select, step)
-        self._eye: Eye | None = None
+        self._eye = None
         self._memory: Memory | None = None
         self._recording: Recording | None = None
         self._replay: Replay | None = None
-        self._counts = {"looks": 0, "turning": 0, "lost": 0}
+        self._counts = dict.fromkeys(self._counts, 0)
         compile_kernels()
         drawer = self._drawer()
         if session.mode == "teach":
