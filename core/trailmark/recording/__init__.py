@@ -1,0 +1,6 @@
+"""Recording: the frames of any source as a data set on disk, in formats that any program reads."""
+
+from trailmark.recording.dataset import DatasetWriter
+from trailmark.recording.pictures import write_png
+
+__all__ = ["DatasetWriter", "write_png"]
