@@ -28,3 +28,22 @@ def trailmark_register(registry: Registry) -> None:
         reference="Perroni Filho & Ohya 2014 (correspondence by time)",
         gives=("motion",),
     )
+    for name, cls, summary in (
+        ("column_ncc", "ColumnNCC", "Offset from taught pictures, by correlating the means of their columns"),
+        ("patch_ncc", "PatchNCC", "Offset from taught pictures, by correlating small patch-normalised ones"),
+        ("phase_shift", "PhaseShift", "Offset from taught pictures, by phase correlation"),
+    ):
+        registry.localizer(
+            name,
+            f"trailmark_baselines.appearance.localizer:{cls}",
+            config=f"trailmark_baselines.appearance.config:{cls}Config",
+            summary=summary,
+            gives=("path_offset",),
+        )
+    registry.localizer(
+        "orb_rgbd",
+        "trailmark_baselines.rgbd.localizer:OrbRgbd",
+        config="trailmark_baselines.rgbd.config:OrbRgbdConfig",
+        summary="Motion of an RGB-D camera: ORB features with depth, aligned rigidly under RANSAC",
+        gives=("motion",),
+    )
