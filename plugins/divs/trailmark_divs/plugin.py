@@ -17,7 +17,7 @@ def trailmark_register(registry: Registry) -> None:
         "divs",
         "trailmark_divs.localizer:Divs",
         config="trailmark_divs.config:DivsConfig",
-        summary="drift from a taught path, from differential visual streams of one uncalibrated camera",
+        summary="Drift from a taught path, from differential visual streams of one uncalibrated camera",
         reference="Perroni Filho & Ohya 2014",
         gives=("path_offset",),
     )

@@ -17,7 +17,7 @@ def trailmark_register(registry: Registry) -> None:
         "ground_vo",
         "trailmark_ground_vo.localizer:GroundVO",
         config="trailmark_ground_vo.config:GroundVOConfig",
-        summary="motion from a downward camera: two groups of reference pixels, refined to a hundredth of a pixel",
+        summary="Motion from a downward camera: two groups of reference pixels, refined to a hundredth of a pixel",
         reference="Nagai & Watanabe 2015",
         gives=("motion",),
     )

@@ -19,7 +19,7 @@ def trailmark_register(registry: Registry) -> None:
         "kinect_landmarks",
         "trailmark_kinect_landmarks.localizer:KinectLandmarks",
         config="trailmark_kinect_landmarks.config:KinectLandmarksConfig",
-        summary="pose from landmarks that are found, remembered and found again in colour and depth",
+        summary="Pose from landmarks that are found, remembered and found again in colour and depth",
         reference=_REFERENCE,
         gives=("fix", "motion"),
     )
@@ -27,7 +27,7 @@ def trailmark_register(registry: Registry) -> None:
         "kinect_flow",
         "trailmark_kinect_landmarks.flow:KinectFlow",
         config="trailmark_kinect_landmarks.config:KinectFlowConfig",
-        summary="motion between two pictures with depth, by optical flow",
+        summary="Motion between two pictures with depth, by optical flow",
         reference=f"{_REFERENCE}, Eqs. (1)-(2)",
         gives=("motion",),
     )

@@ -19,7 +19,7 @@ def trailmark_register(registry: Registry) -> None:
         "omni_surf",
         "trailmark_omni_surf.localizer:OmniSurf",
         config="trailmark_omni_surf.config:OmniSurfConfig",
-        summary="Landmarks from an uncalibrated omnidirectional camera: pose without a start pose.",
+        summary="Landmarks from an uncalibrated omnidirectional camera: pose without a start pose",
         reference="Tasaki et al. 2010",
         gives=("fix",),
     )
@@ -27,7 +27,7 @@ def trailmark_register(registry: Registry) -> None:
         "laser_icp",
         "trailmark_omni_surf.laser.localizer:LaserIcp",
         config="trailmark_omni_surf.laser.config:LaserIcpConfig",
-        summary="A planar laser against the taught map: multi-start iterative closest points.",
+        summary="A planar laser against the taught map: multi-start iterative closest points",
         reference="Tasaki et al. 2010, Sec. IV-C; Besl & McKay 1992",
         gives=("fix",),
     )

@@ -19,7 +19,7 @@ def trailmark_register(registry: Registry) -> None:
         "sim",
         "trailmark_sim.source:SimSource",
         config="trailmark_sim.config:SimConfig",
-        summary="simulated worlds, sensors and vehicles, in closed loop, with exact ground truth",
+        summary="Simulated worlds, sensors and vehicles, in closed loop, with exact ground truth",
     )
 
 
