@@ -18,6 +18,7 @@ Points = npt.NDArray[np.float64]
 _WINDOW_PX = (15, 15)
 _N_LEVELS = 3
 _STOP = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 15, 0.03)
+_MIN_APART_PX = 4.0  # a new track begins this far from the others
 _N_ENDED = 400  # ended tracks that may still be joined with a later one
 
 
@@ -210,11 +211,12 @@ class TrackBook:
     def _begin(self, features: Features, taken: set[int]) -> list[tuple[_Track, int]]:
         """Begin tracks at free features, the strongest first; join them with ended ones where they look alike."""
         occupied = np.array([track.uv for track in self._tracks]).reshape(-1, 2)
-        free = [
-            k
-            for k in range(len(features))
-            if k not in taken and (not len(occupied) or np.hypot(*(occupied - features.uv[k]).T).min() > 4.0)
-        ][: max(0, self.options.max_tracks - len(self._tracks))]
+        is_free = np.ones(len(features), dtype=bool)
+        is_free[list(taken)] = False
+        if len(occupied):
+            apart = np.linalg.norm(features.uv[:, None] - occupied[None], axis=2)
+            is_free &= (apart >= _MIN_APART_PX).all(axis=1)
+        free = np.flatnonzero(is_free)[: max(0, self.options.max_tracks - len(self._tracks))].tolist()
         joined = self._rejoin(features, np.array(free, dtype=np.intp))
         pairs: list[tuple[_Track, int]] = []
         for k in free:
