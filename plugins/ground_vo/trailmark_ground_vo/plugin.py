@@ -21,3 +21,9 @@ def trailmark_register(registry: Registry) -> None:
         reference="Nagai & Watanabe 2015",
         gives=("motion",),
     )
+    registry.experiment(
+        "nagai2015",
+        "trailmark_ground_vo.experiments:nagai2015",
+        summary="Path tracking with only a downward camera: straight lines over several floors",
+        reference="Nagai & Watanabe 2015, Sec. IV",
+    )
