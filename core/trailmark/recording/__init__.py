@@ -2,5 +2,6 @@
 
 from trailmark.recording.dataset import DatasetWriter
 from trailmark.recording.pictures import write_png
+from trailmark.recording.record import Recording, record_sources
 
-__all__ = ["DatasetWriter", "write_png"]
+__all__ = ["DatasetWriter", "Recording", "record_sources", "write_png"]

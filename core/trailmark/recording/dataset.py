@@ -10,7 +10,7 @@ from typing import Any, TextIO
 import numpy as np
 
 from trailmark.config.yaml_text import dump_yaml
-from trailmark.errors import ConfigError
+from trailmark.errors import ConfigError, SourceError
 from trailmark.frames import RGBD, DepthCamera, Frame, Image, Imu, Odometry, Record, Scalar, Scan, SensorInfo
 from trailmark.frames.array_documents import array_from_document
 from trailmark.frames.documents import calibration_to_document
@@ -21,11 +21,8 @@ __all__ = ["DatasetWriter"]
 
 #: Depth values per metre in 16-bit pictures, as in the TUM RGB-D benchmark.
 _DEPTH_FACTOR = 5000.0
-_HEADERS = {
-    "odometry": "t,x,y,theta",
-    "imu": "t,wx,wy,wz,ax,ay,az",
-    "scalar": "t,value",
-}
+#: Farther than any laser sees: no return is lost when the log is played, which says itself what the range is.
+_BEYOND_M = 1e6
 
 
 class DatasetWriter:
@@ -37,14 +34,15 @@ class DatasetWriter:
     image     ``NAME/000000.png`` ..., ``NAME/timestamps.txt`` (stamp and file)
     rgbd      ``NAME/rgb/``, ``NAME/depth/`` (16 bit, 5000 a metre), ``rgb.txt``, ``depth.txt``, ``camera.txt`` (TUM)
     scan      ``NAME.log`` (CARMEN, ``ROBOTLASER1``)
-    odometry  ``NAME.csv``: t, x, y, theta since the start
+    odometry  ``NAME.csv``: t, x, y, theta since the start; or t, distance
     imu       ``NAME.csv``: t, rates, accelerations
     scalar    ``NAME.csv``: t, value
     others    ``NAME/000000.npz`` ..., ``NAME/timestamps.txt``
     ========  ====================================================================================
 
     Beside them stand ``NAME.calib.yaml`` (arrays of it in ``.npy`` files), ``groundtruth.tum``, and ``config.yaml``
-    with the mountings, which plays the data set again.
+    with the mountings, which plays the data set again. Depth is rounded to 0.2 mm and ends at 13.1 m; what no source
+    reads (`playable`) is for other programs.
 
     Parameters
     ----------
@@ -67,10 +65,22 @@ class DatasetWriter:
         folder.mkdir(parents=True, exist_ok=True)
         self.folder, self._sensors = folder, dict(sensors)
         self._texts: dict[str, TextIO] = {}
+        self._headers: dict[str, str] = {}
         self.counts = dict.fromkeys(sensors, 0)
 
+    @property
+    def playable(self) -> tuple[str, ...]:
+        """The sensors that were written and that ``config.yaml`` plays again."""
+        return tuple(name for name, info in self._sensors.items() if info.kind in _SOURCES and self.counts[name])
+
     def write(self, frame: Frame) -> None:
-        """Write one frame."""
+        """Write one frame.
+
+        Raises
+        ------
+        SourceError
+            If odometry gives a pose and later only a distance, or the other way round.
+        """
         name, payload = frame.sensor, frame.payload
         number = f"{self.counts[name]:06d}"
         self.counts[name] += 1
@@ -116,9 +126,13 @@ class DatasetWriter:
             self._line(f"{name}/camera.txt", repr(_DEPTH_FACTOR))
 
     def _row(self, name: str, stamp_s: float, payload: Odometry | Imu | Scalar) -> None:
+        columns = _columns(payload)
+        header = ",".join(("t", *columns))
+        if self._headers.setdefault(name, header) != header:
+            raise SourceError(f"sensor {name!r} gives {header} at {stamp_s:.6f} s, and {self._headers[name]} before")
         if f"{name}.csv" not in self._texts:
-            self._line(f"{name}.csv", _HEADERS[self._sensors[name].kind])
-        self._line(f"{name}.csv", ",".join(repr(float(value)) for value in (stamp_s, *_values(payload))))
+            self._line(f"{name}.csv", header)
+        self._line(f"{name}.csv", ",".join(repr(float(value)) for value in (stamp_s, *columns.values())))
 
     def _line(self, name: str, line: str) -> None:
         if name not in self._texts:
@@ -137,7 +151,7 @@ class DatasetWriter:
 
     def _config(self, has_truth: bool) -> dict[str, Any]:
         """Return the config that plays the data set; what no source reads is left out."""
-        written = {name: info for name, info in self._sensors.items() if info.kind in _SOURCES and self.counts[name]}
+        written = {name: self._sensors[name] for name in self.playable}
         sources = {name: _SOURCES[info.kind](name) for name, info in written.items()}
         if has_truth and sources:
             next(iter(sources.values()))["ground_truth"] = "groundtruth.tum"
@@ -148,7 +162,12 @@ class DatasetWriter:
 _SOURCES: Mapping[str, Callable[[str], dict[str, Any]]] = {
     "image": lambda name: {"plugin": "image_folder", "path": name, "timestamps": f"{name}/timestamps.txt"},
     "rgbd": lambda name: {"plugin": "tum_rgbd", "path": name},
-    "scan": lambda name: {"plugin": "carmen_log", "path": f"{name}.log", "rename": {"laser": name}},
+    "scan": lambda name: {
+        "plugin": "carmen_log",
+        "path": f"{name}.log",
+        "range_max_m": _BEYOND_M,
+        "rename": {"laser": name},
+    },
     "odometry": lambda name: {"plugin": "csv_odometry", "path": f"{name}.csv"},
 }
 
@@ -163,22 +182,25 @@ def _section(info: SensorInfo) -> dict[str, Any]:
     return section
 
 
-def _values(payload: Odometry | Imu | Scalar) -> tuple[float, ...]:
-    """Return the numbers of a row behind its stamp."""
+def _columns(payload: Odometry | Imu | Scalar) -> dict[str, float]:
+    """Return the columns of a row behind its stamp."""
     if isinstance(payload, Scalar):
-        return (payload.value,)
+        return {"value": payload.value}
     if isinstance(payload, Imu):
         force = payload.linear_acceleration_mps2
-        return (*payload.angular_velocity_radps, *(np.full(3, np.nan) if force is None else force))
-    pose = payload.pose_start_base
-    assert pose is not None  # what the simulator's wheels always give
-    return pose.x, pose.y, pose.theta
+        numbers = (*payload.angular_velocity_radps, *(np.full(3, np.nan) if force is None else force))
+        return dict(zip(("wx", "wy", "wz", "ax", "ay", "az"), numbers, strict=True))
+    if (pose := payload.pose_start_base) is not None:
+        return {"x": pose.x, "y": pose.y, "theta": pose.theta}
+    assert payload.distance_m is not None  # odometry has one or the other
+    return {"distance": payload.distance_m}
 
 
 def _robotlaser(stamp_s: float, scan: Scan) -> str:
     """Return a scan as a line of a CARMEN log; beams that nothing came back from have the largest range."""
-    ranges = np.where(np.isfinite(scan.ranges_m), scan.ranges_m, scan.range_max_m)
+    range_max_m = min(scan.range_max_m, _BEYOND_M)
+    ranges = np.where(np.isfinite(scan.ranges_m), scan.ranges_m, range_max_m).astype(np.float64)
     field = (len(ranges) - 1) * scan.angle_step_rad
-    head = (0, scan.angle_min_rad, field, scan.angle_step_rad, scan.range_max_m, 0.0, 0, len(ranges))
-    tail = (0, *(0.0,) * 11, stamp_s, "sim", stamp_s)  # no remissions, poses, velocities or safety distances
+    head = (0, scan.angle_min_rad, field, scan.angle_step_rad, range_max_m, 0.0, 0, len(ranges))
+    tail = (0, *(0.0,) * 11, stamp_s, "trailmark", stamp_s)  # no remissions, poses, velocities or safety distances
     return " ".join(str(value) for value in ("ROBOTLASER1", *head, *ranges.tolist(), *tail))

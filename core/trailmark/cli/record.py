@@ -1,0 +1,75 @@
+"""``trailmark record``: any source to disk, in formats that any program reads."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from trailmark.cli.errors import say
+from trailmark.cli.root import plugins_of
+from trailmark.errors import ConfigError
+
+if TYPE_CHECKING:
+    from trailmark.recording import Recording
+
+__all__ = ["record_command"]
+
+
+@click.command("record")
+@click.argument("target", metavar="CONFIG|RECORDING|camera")
+@click.option("--out", type=click.Path(path_type=Path, file_okay=False), required=True, help="Folder to write to.")
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key of the config.")
+@click.option("--overwrite", is_flag=True, help="Write into a folder that is not empty.")
+@click.option("--progress", type=click.Choice(["auto", "none"]), default="auto", show_default=True)
+@click.option("--json", "as_json", is_flag=True, help="Print the counts as JSON.")
+@click.pass_context
+def record_command(
+    context: click.Context,
+    /,
+    target: str,
+    out: Path,
+    overrides: tuple[str, ...],
+    overwrite: bool,
+    progress: Any,
+    as_json: bool,
+) -> None:
+    """Write what the sources of CONFIG give to a folder: pictures, tables, calibrations and a config.yaml.
+
+    `trailmark run DIR/config.yaml` plays them again. Ctrl-C ends a recording and keeps it; localizers are not run.
+    """
+    from trailmark.cli.guess import guess_config, is_config
+    from trailmark.cli.progress import RunProgress
+    from trailmark.pipeline.assembly import read_config
+    from trailmark.recording import record_sources
+
+    plugins = plugins_of(context)
+    config = target if is_config(target) else guess_config(target, plugins.registry)
+    run_config = read_config(config, plugins=plugins, overrides=overrides)
+    if not run_config.sources:
+        raise ConfigError(f"{target}: there are no sources to record; add a section 'sources:'")
+    with RunProgress(progress) as on_step:
+        recording = record_sources(run_config, out, overwrite=overwrite, on_step=on_step)
+    _tell(recording, out, as_json)
+    if recording.status == "interrupted":
+        raise click.exceptions.Exit(130)
+
+
+def _tell(recording: Recording, out: Path, as_json: bool) -> None:
+    """Print what was written; on standard error what will be missed."""
+    unplayed = [name for name, count in recording.frames.items() if count and name not in recording.playable]
+    if recording.status != "done":
+        say(f"recording {recording.status}: what came before is kept")
+    if unplayed:
+        say(f"{', '.join(unplayed)}: written for other programs; no source plays it again")
+    if recording.n_dropped:
+        say(f"{recording.n_dropped} frames were dropped: they came faster than they could be written")
+    if as_json:
+        document = {"status": recording.status, "folder": str(out), "frames": dict(recording.frames)}
+        click.echo(json.dumps(document | {"playable": recording.playable, "dropped": recording.n_dropped}, indent=1))
+        return
+    for name, count in recording.frames.items():
+        click.echo(f"{count:>8} frames of {name}")
+    click.echo(f"{out / 'config.yaml'}")
