@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -33,6 +34,7 @@ class Room:
         self._box = self._boards(rng, 72, 96, 14)
         columns, rows = np.meshgrid(np.arange(640), np.arange(480))
         ahead = np.ones((480, 640))
+        self._look = lru_cache(maxsize=64)(self._render)  # tests drive the same way
         self._rays = np.stack([ahead, -(columns - LENS.cx) / LENS.fx, -(rows - LENS.cy) / LENS.fy], axis=-1)
 
     @staticmethod
@@ -46,6 +48,10 @@ class Room:
 
     def look(self, pose: Pose2, light: float = 1.0, box_left_m: float = 0.0) -> RGBD:
         """Return what is seen from a pose; the box is moved to the left."""
+        seen = self._look(pose, box_left_m)
+        return seen if light == 1.0 else RGBD((seen.bgr * light).astype(np.uint8), seen.depth_m)
+
+    def _render(self, pose: Pose2, box_left_m: float) -> RGBD:
         rays = self._rays @ Pose3.from_planar(pose).rotation().T
         bgr, depth = np.zeros((480, 640, 3), np.uint8), np.full((480, 640), np.nan, np.float32)
         middle = 5.0, 2.5
@@ -57,7 +63,7 @@ class Room:
             inside = (u >= 0) & (v >= 0) & (u <= texture.shape[1] - 1) & (v <= texture.shape[0] - 1)
             seen = cv2.remap(texture, u.astype(np.float32), v.astype(np.float32), cv2.INTER_LINEAR)
             bgr[inside], depth[inside] = seen[inside], way[inside]
-        return RGBD((bgr * light).astype(np.uint8), depth)
+        return RGBD(bgr, depth)
 
 
 class MemoryDrawer(Drawer):

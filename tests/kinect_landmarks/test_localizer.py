@@ -128,6 +128,19 @@ def test_a_taught_place_is_found_again_without_a_start_pose(drive: Drive) -> Non
     np.testing.assert_array_equal(first["points"], drawer.load("map")["points"])  # type: ignore[index]
 
 
+def test_a_wrong_start_pose_in_a_taught_place_is_overruled(drive: Drive) -> None:
+    drawer, poses = MemoryDrawer(), arc(8)
+    teacher = _landmarks(solve="plane")
+    drive(teacher, poses, mode="teach", drawer=drawer)
+    teacher.finish()
+
+    answers = drive(_landmarks(solve="plane"), poses, mode="replay", drawer=drawer, start_pose=Pose2(0.0, 3.0, 1.0))
+
+    misses = _misses(answers, poses)
+    assert len(misses) >= 6
+    assert misses[-1, 0] < 0.03
+
+
 def test_a_map_that_lacks_arrays_is_refused(drive: Drive) -> None:
     drawer = MemoryDrawer()
     drawer.save("map", {"points": np.zeros((2, 3)), "light": np.ones(1)})

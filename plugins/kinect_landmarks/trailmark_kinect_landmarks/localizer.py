@@ -176,6 +176,8 @@ class KinectLandmarks(Localizer):
     def _lost_now(self, stamp_s: float, reason: str, details: Mapping[str, float]) -> Lost:
         self._counts["lost"] += 1
         self._told = None  # a motion begins anew after a gap
+        if self._poses and not np.isfinite(self._poses[-1][0]):
+            self._poses = []  # the start pose did not fit the map: search all of it
         return Lost(stamp_s, reason, details)
 
     def _remember(self, stamp_s: float, belief: Belief, T_map_base: Array, rows: npt.NDArray[np.intp]) -> None:

@@ -1,0 +1,98 @@
+"""What is remembered, for how sure, and what has been moved."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from trailmark.errors import StoreError
+from trailmark_kinect_landmarks.landmarks import Seen
+from trailmark_kinect_landmarks.memory import Memory, MemoryLimits
+
+ROW = np.array([0])
+
+
+def _seen(n: int = 2) -> Seen:
+    points = np.stack([np.full(n, 2.0), np.arange(n, dtype=float), np.zeros(n)], axis=1)
+    cov = np.tile(np.eye(3) * 1e-4, (n, 1, 1))
+    look = np.ones((n, 4), np.float32)
+    return Seen(np.zeros((n, 2)), np.zeros(n, np.int8), np.ones(n), look, look, points, cov)
+
+
+def _memory(is_trusted: bool = False) -> Memory:
+    memory = Memory(MemoryLimits(trial=3, moved_after=2))
+    memory.add(_seen(), np.eye(3), np.zeros(3), np.zeros((3, 3)), is_trusted)
+    return memory
+
+
+def test_a_new_landmark_votes_after_its_trial() -> None:
+    memory = _memory()
+    votes = [bool(memory.votes(ROW)[0])]
+
+    for _ in range(2):
+        memory.agree(ROW, memory.points[ROW].copy(), np.eye(3)[None] * 1e-4)
+        votes.append(bool(memory.votes(ROW)[0]))
+
+    assert votes == [False, False, True]
+
+
+def test_what_is_remembered_at_the_start_votes_at_once() -> None:
+    assert _memory(is_trusted=True).votes(np.array([0, 1])).all()
+
+
+def test_landmarks_are_remembered_in_map_axes() -> None:
+    memory = Memory()
+    quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+
+    memory.add(_seen(1), quarter, np.array([1.0, 0.0, 0.0]), np.zeros((3, 3)), is_trusted=True)
+
+    np.testing.assert_allclose(memory.points, [[1.0, 2.0, 0.0]])
+
+
+def test_sightings_average_out_and_stay_able_to_learn() -> None:
+    memory, rng = _memory(), np.random.default_rng(7)
+    true = memory.points[0].copy()
+
+    for _ in range(300):
+        memory.agree(ROW, true[None] + rng.normal(0.0, 0.01, (1, 3)), np.eye(3)[None] * 1e-4)
+
+    assert np.abs(memory.points[0] - true).max() < 0.006
+    assert 1e-6 < memory.cov[0, 0, 0] < 1e-5  # a twenty-fifth of one sighting's
+
+
+def test_what_moves_against_the_others_is_set_aside() -> None:
+    memory = _memory(is_trusted=True)
+
+    memory.disagree(ROW)
+    assert memory.votes(ROW).all()
+    memory.disagree(ROW)
+
+    assert memory.is_moved.tolist() == [True, False]
+    assert not memory.votes(ROW).any()
+
+
+def test_one_sighting_in_agreement_forgives() -> None:
+    memory = _memory(is_trusted=True)
+
+    memory.disagree(ROW)
+    memory.agree(ROW, memory.points[ROW].copy(), np.eye(3)[None] * 1e-4)
+    memory.disagree(ROW)
+
+    assert not memory.is_moved.any()
+
+
+def test_what_is_stored_is_what_is_loaded() -> None:
+    memory, again = _memory(), Memory()
+
+    again.load(memory.arrays())
+
+    for name, array in memory.arrays().items():
+        np.testing.assert_array_equal(again.arrays()[name], array)
+
+
+def test_arrays_that_do_not_belong_together_are_refused() -> None:
+    arrays = _memory().arrays()
+    arrays["kind"] = arrays["kind"][:1]
+
+    with pytest.raises(StoreError, match="differ in length: teach the place again"):
+        Memory().load(arrays)
