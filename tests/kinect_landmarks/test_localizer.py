@@ -17,7 +17,7 @@ from trailmark.geometry import Pose2
 from trailmark.interfaces import Session
 from trailmark_kinect_landmarks.config import KinectFlowConfig, KinectLandmarksConfig
 from trailmark_kinect_landmarks.flow import KinectFlow
-from trailmark_kinect_landmarks.localizer import KinectLandmarks
+from trailmark_kinect_landmarks.localizer import KinectLandmarks, KinectMotion
 
 from .conftest import SENSORS, Drive, MemoryDrawer, Room, arc
 
@@ -78,7 +78,7 @@ def test_motions_add_up_to_the_way(drive: Drive) -> None:
     poses = arc(15)
     pose = poses[0]
 
-    answers = drive(_landmarks(answer="motion"), poses)
+    answers = drive(KinectMotion(KinectLandmarksConfig(camera="kinect")), poses)
 
     for before, after in itertools.pairwise(answers):
         assert isinstance(before, Motion)

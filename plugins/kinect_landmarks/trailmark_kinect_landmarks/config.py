@@ -76,9 +76,6 @@ class KinectLandmarksConfig(RgbdConfig):
 
     light: Sensor["scalar"] | None = None
     """Ambient light; without it the picture's own brightness is used."""
-    answer: Literal["fix", "motion"] = "fix"
-    """fix: the pose relative to the remembered start. motion: how it changed since the last answer."""
-
     finders: tuple[FinderName, ...] = Field(
         ("blobs", "rectangles", "edges", "ellipses", "lines", "flats", "mser"), min_length=1
     )

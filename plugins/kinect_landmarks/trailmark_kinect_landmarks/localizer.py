@@ -1,4 +1,4 @@
-"""The localizer `kinect_landmarks`: finds landmarks, remembers them, finds them again, triangulates."""
+"""The localizers `kinect_landmarks` and `kinect_motion`: find landmarks, remember, find them again, triangulate."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from trailmark_kinect_landmarks.paper_numbers import paper_numbers
 from trailmark_kinect_landmarks.stages import StagePictures
 from trailmark_kinect_landmarks.tracker import Sighting, Solved, Tracker
 
-__all__ = ["KinectLandmarks"]
+__all__ = ["KinectLandmarks", "KinectMotion"]
 
 logger = logging.getLogger(__name__)
 
@@ -202,10 +202,22 @@ class KinectLandmarks(Localizer):
             "residual_m": solved.residual_m,
             "light": picture.light,
         } | self._effort.details()
-        if self.config.answer == "fix":
-            return [Fix(stamp_s, pose, information_from_covariance(covariance), details)]
+        return self._estimates(stamp_s, pose, covariance, details)
+
+    def _estimates(
+        self, stamp_s: float, pose: Pose2, covariance: Array, details: Mapping[str, float]
+    ) -> Sequence[Estimate]:
+        return [Fix(stamp_s, pose, information_from_covariance(covariance), details)]
+
+
+class KinectMotion(KinectLandmarks):
+    """The same, told as motion since the last answer: for estimators that fuse it with fixes of others."""
+
+    def _estimates(
+        self, stamp_s: float, pose: Pose2, covariance: Array, details: Mapping[str, float]
+    ) -> Sequence[Estimate]:
         told, self._told = self._told, (stamp_s, pose, covariance)
-        if told is None:
+        if told is None:  # the first after a gap has nothing to begin from
             return ()
         since_s, since, before = told
         turn = Pose2(theta=-since.theta).matrix()

@@ -21,7 +21,15 @@ def trailmark_register(registry: Registry) -> None:
         config="trailmark_kinect_landmarks.config:KinectLandmarksConfig",
         summary="Pose from landmarks that are found, remembered and found again in colour and depth",
         reference=_REFERENCE,
-        gives=("fix", "motion"),
+        gives=("fix",),
+    )
+    registry.localizer(
+        "kinect_motion",
+        "trailmark_kinect_landmarks.localizer:KinectMotion",
+        config="trailmark_kinect_landmarks.config:KinectLandmarksConfig",
+        summary="kinect_landmarks, told as motion since the last answer",
+        reference=_REFERENCE,
+        gives=("motion",),
     )
     registry.localizer(
         "kinect_flow",
