@@ -127,3 +127,12 @@ def test_automatic_exposure_is_not_misled_by_a_window() -> None:
 
     assert plain == pytest.approx(2.5)
     assert with_window > 0.8 * plain
+
+
+def test_light_is_baked_the_same_with_one_and_two_threads() -> None:
+    lamp = Lamp((0.0, 0.0, 0.0), (0.0, 0.5, 0.0), (0.0, 0.0, 0.5), (1.0, 0.0, 0.0), (3.0, 2.0, 1.0))
+    builder = SceneBuilder(Lighting((lamp,)))
+    _wall(builder, Surface())
+    builder.ellipsoid((1.0, 0.0, 0.0), (0.2, 0.2, 0.2), Surface())
+
+    np.testing.assert_array_equal(builder.build(1).light, builder.build(2).light)

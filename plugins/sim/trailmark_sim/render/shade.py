@@ -144,8 +144,8 @@ def _texture(
     low = min((bits >> 23) - 127, n_levels - 1)
     rest = _F(bits & 0x7FFFFF) * _PER_MANTISSA
     high = min(low + 1, n_levels - 1)
-    # Half of all pixels need one level only; between two the change is quick but not sudden.
-    part = min(_ONE, max(_ZERO, rest * _TWO - _HALF))
+    # Most pixels need one level only; between two the change is quick but not sudden.
+    part = min(_ONE, max(_ZERO, rest * _F(3.0) - _ONE))
     share = _ONE / _F(n_taps)
     fine, coarse = np.uint64(0), np.uint64(0)
     for tap in range(n_taps):

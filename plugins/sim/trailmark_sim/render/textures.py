@@ -115,7 +115,7 @@ def bricks(
 
 def paving(rng: np.random.Generator, colour: Rgb, size: int = 512, rows: int = 8, contrast: float = 0.08) -> Picture:
     """Return square slabs with dirty joints and stains."""
-    grey = 1.0 + 0.07 * noise(rng, size, 0.2, 1.0) + 0.07 * noise(rng, size, 1.2)
+    grey = 1.0 + 0.11 * noise(rng, size, 0.1, 0.8) + 0.07 * noise(rng, size, 1.2)
     side = size // rows
     for row in range(rows):
         for column in range(rows):
@@ -150,7 +150,7 @@ def clouds(rng: np.random.Generator, dark: Rgb, bright: Rgb, size: int = 256, sl
 def foliage(rng: np.random.Generator, colour: Rgb = (70, 95, 45), size: int = 256) -> Picture:
     """Return leaves: bright ones over dark gaps."""
     leaf, gap = noise(rng, size, 0.1, 2.5), noise(rng, size, 0.8, 2.0)
-    grey = 0.75 + 0.28 * leaf + 0.22 * gap
+    grey = 0.75 + 0.38 * leaf + 0.26 * gap
     picture = tinted(np.clip(grey, 0.12, 1.9), colour)
     hue = noise(rng, size, 0.3, 2.0)[..., None] * np.array([14.0, 6.0, 2.0])
     return np.asarray(np.clip(picture + hue, 0, 255), np.uint8)
@@ -188,8 +188,8 @@ def _packet(rng: np.random.Generator, wide: int, high: int) -> Picture:
         packet[:, : wide // 3] = contrast
     else:
         cv2.rectangle(packet, (2, high // 3), (max(3, wide - 3), 2 * high // 3), contrast.tolist(), -1)
-    for line in range(int(rng.integers(1, 5))):
-        top = int(high * rng.uniform(0.1, 0.85))
+    for line in range(int(rng.integers(3, 9))):
+        top = int(high * rng.uniform(0.05, 0.9))
         left, right = sorted(rng.integers(1, max(3, wide - 1), 2).tolist())
         packet[top : top + 1 + line % 2, left : right + 1] = rng.uniform(0, 255, 3)
     # Packets are round or bent: their edges are darker.
@@ -223,7 +223,7 @@ def window(rng: np.random.Generator, size: int = 256, panes: int = 2) -> Picture
 
 def facade(rng: np.random.Generator, colour: Rgb, size: int = 1024, rows: int = 4, columns: int = 6) -> Picture:
     """Return a house front: plaster or brick, rows of windows with different curtains and reflections."""
-    wall = bricks(rng, colour, size, 64, 32, 0.08) if rng.random() < 0.5 else plaster(rng, colour, size, 0.035)
+    wall = bricks(rng, colour, size, 64, 32, 0.16) if rng.random() < 0.5 else plaster(rng, colour, size, 0.07)
     picture = np.ascontiguousarray(wall)
     high, wide = size // rows, size // columns
     for row in range(rows):

@@ -50,7 +50,7 @@ def build(options: WorldOptions) -> World:
         "corridor",
         options,
         given,
-        partial(_scene, given, options.world_seed, options.seed if given.people else 0, options.threads),
+        partial(_scene, given.scenery(), options.world_seed, options.seed if given.people else 0, options.threads),
         crowd,
         solids,
         straight(_ROUTE_M, "20 m along the corridor"),
@@ -74,7 +74,7 @@ def _scene(given: CorridorOptions, world_seed: int, seed: int, threads: int) -> 
     lamps = lamp_panels(np.arange(0.0, 29.0, 3.2).tolist(), (0.0,), _ROOM.height_m, (1.2, 0.25), 1.5)
     lit = lamps[::2] if given.lamps == "half" else lamps if given.lamps == "all" else ()
     direction, sunlight = _SUN[given.time]
-    ambient = (0.30, 0.31, 0.33) if lit else (0.22, 0.23, 0.25)
+    ambient = (0.20, 0.21, 0.23) if lit else (0.15, 0.16, 0.18)
     builder = SceneBuilder(Lighting(lit, ambient, direction, sunlight, texel_m=0.25))
     _add_shell(builder, rng)
     _add_windows(builder, rng)
@@ -87,7 +87,7 @@ def _scene(given: CorridorOptions, world_seed: int, seed: int, threads: int) -> 
 
 def _add_shell(builder: SceneBuilder, rng: np.random.Generator) -> None:
     paint = builder.texture(textures.plaster(rng, (206, 203, 190), 1024, 0.035))
-    floor = builder.texture(textures.speckle(rng, (142, 136, 122), 512, 0.16, joints=4))
+    floor = builder.texture(textures.speckle(rng, (122, 116, 104), 512, 0.18, joints=4))
     ceiling = builder.texture(textures.panels(rng, (205, 205, 200)))
     walls = {"south": (paint, 2.7), "west": (paint, 2.7), "east": (paint, 2.7)}
     add_room(builder, _ROOM, (floor, 1.8), (ceiling, 2.4), walls)
@@ -100,10 +100,13 @@ def _add_shell(builder: SceneBuilder, rng: np.random.Generator) -> None:
         surface = Surface(paint, (wide / 2.7, high / 2.7))
         builder.rectangle((x, _ROOM.north, z), (wide, 0, 0), (0, 0, high), surface)
     board = Surface(builder.texture(textures.boards(rng, (92, 74, 58), 64, 1)), (20.0, 1.0))
-    hang(builder, _ROOM, "south", 0.0, 0.0, (length, 0.12), board)
-    hang(builder, _ROOM, "north", 0.0, 0.0, (length, 0.12), board)
+    hang(builder, _ROOM, "south", 0.0, 0.0, (length, 0.12), board, layer=1)
+    hang(builder, _ROOM, "north", 0.0, 0.0, (length, 0.12), board, layer=1)
+    dado = Surface(builder.texture(textures.plaster(rng, (96, 108, 100), 512, 0.05)), (20.0, 0.5))
+    for side in ("south", "north"):
+        hang(builder, _ROOM, side, 0.0, 0.12, (length, 0.73), dado, layer=1)
     rail = Surface(builder.texture(textures.boards(rng, (150, 110, 70), 64, 1)), (20.0, 1.0))
-    hang(builder, _ROOM, "south", 0.0, 0.85, (length, 0.10), rail)
+    hang(builder, _ROOM, "south", 0.0, 0.85, (length, 0.10), rail, layer=1)
 
 
 def _add_windows(builder: SceneBuilder, rng: np.random.Generator) -> None:
@@ -115,6 +118,7 @@ def _add_windows(builder: SceneBuilder, rng: np.random.Generator) -> None:
         sill = Surface(tint=(0.75, 0.74, 0.7))
         builder.rectangle((x, _ROOM.north, _SILL_M), (_WINDOW_M, 0, 0), (0, 0.12, 0), sill)
         high = _LINTEL_M - _SILL_M
+        builder.rectangle((x, _ROOM.north + 0.12, _LINTEL_M), (_WINDOW_M, 0, 0), (0, -0.12, 0), sill)
         builder.rectangle((x, _ROOM.north, _SILL_M), (0, 0.12, 0), (0, 0, high), sill)
         builder.rectangle((x + _WINDOW_M, _ROOM.north + 0.12, _SILL_M), (0, -0.12, 0), (0, 0, high), sill)
     glass = Surface(builder.texture(textures.window(rng, 256, 2)), emission=2.5, blocks_light=False)

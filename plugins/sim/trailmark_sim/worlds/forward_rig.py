@@ -73,7 +73,7 @@ def forward_world(
             _LENS,
             _MOUNTING,
             options.rate_of("front", 20.0),
-            response(given.exposure, given.noise, given.blur_px, 0.7),
+            response(given.exposure, given.noise, given.blur_px, 0.5),
             crowd.at,
             options.seed,
             Shaking(shakes, shakes * 0.3, options.seed),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from trailmark_sim.render.bake import Lamp
 from trailmark_sim.render.develop import Sensitometry
@@ -11,8 +11,8 @@ from trailmark_sim.render.scene import SceneBuilder, Surface
 
 __all__ = ["Room", "add_room", "hang", "lamp_panels", "response", "show_lamps"]
 
-#: What hangs on a wall stands so far before it [m].
-_GAP_M = 0.006
+#: Each layer on a wall stands so far before the one below [m].
+_GAP_M = 0.003
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,12 +72,17 @@ def hang(
     bottom_m: float,
     size: tuple[float, float],
     surface: Surface,
+    layer: int = 2,
 ) -> None:
-    """Hang a picture, a door or a window on a wall, `along_m` from its left corner as seen from inside."""
+    """Hang a picture, a door or a window on a wall, `along_m` from its left corner as seen from inside.
+
+    What has a higher `layer` hides what has a lower one; paint and skirting boards have 1.
+    """
     (x, y), (ax, ay), _ = room.wall(side)
-    out = (ay, -ax)  # into the room
-    corner = (x + ax * along_m + out[0] * _GAP_M, y + ay * along_m + out[1] * _GAP_M, bottom_m)
-    builder.rectangle(corner, (ax * size[0], ay * size[0], 0.0), (0.0, 0.0, size[1]), surface)
+    out, gap_m = (ay, -ax), _GAP_M * layer  # into the room
+    corner = (x + ax * along_m + out[0] * gap_m, y + ay * along_m + out[1] * gap_m, bottom_m)
+    flat = replace(surface, blocks_light=False)  # so thin that it casts no shadow on its wall
+    builder.rectangle(corner, (ax * size[0], ay * size[0], 0.0), (0.0, 0.0, size[1]), flat)
 
 
 def lamp_panels(

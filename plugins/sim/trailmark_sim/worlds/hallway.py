@@ -56,7 +56,7 @@ def build(options: WorldOptions) -> World:
         "hallway",
         options,
         given,
-        partial(_scene, given, options.world_seed, options.seed if given.people else 0, options.threads),
+        partial(_scene, given.scenery(), options.world_seed, options.seed if given.people else 0, options.threads),
         crowd,
         solids,
         {"straight": Route.from_poses(route, _SPEED_MPS, "10 m along the hallway")},
@@ -76,8 +76,8 @@ def _light_lux(level: float, pose: Pose2, stamp_s: float) -> float:
 def _scene(given: HallwayOptions, world_seed: int, seed: int, threads: int) -> Scene:
     rng = frame_rng(world_seed, "hallway")
     level = given.light_level
-    lamps = lamp_panels((0.5, 3.5, 6.5, 9.5, 12.0), (0.0,), _ROOM.height_m, (1.2, 0.3), 2.6 * level)
-    builder = SceneBuilder(Lighting(lamps, (0.30 * level, 0.30 * level, 0.29 * level)))
+    lamps = lamp_panels((0.5, 3.5, 6.5, 9.5, 12.0), (0.0,), _ROOM.height_m, (1.2, 0.3), 3.0 * level)
+    builder = SceneBuilder(Lighting(lamps, (0.20 * level, 0.20 * level, 0.19 * level)))
     _add_walls(builder, rng)
     show_lamps(builder, lamps, 6.0 * level)
     card = builder.texture(textures.plaster(rng, (235, 235, 235), 128, 0.05))
@@ -97,7 +97,7 @@ def _scene(given: HallwayOptions, world_seed: int, seed: int, threads: int) -> S
 def _add_walls(builder: SceneBuilder, rng: np.random.Generator) -> None:
     paint = builder.texture(textures.plaster(rng, (212, 208, 196), 1024, 0.025))
     brick = builder.texture(textures.bricks(rng, (176, 128, 104), 512, 16, 8, 0.10))
-    floor = builder.texture(textures.speckle(rng, (140, 128, 112), 512, 0.14, joints=4))
+    floor = builder.texture(textures.speckle(rng, (104, 94, 82), 512, 0.18, joints=4))
     ceiling = builder.texture(textures.panels(rng, (212, 212, 206)))
     walls = {"south": (paint, 2.8), "north": (brick, 1.4), "west": (paint, 2.8), "east": (paint, 2.8)}
     add_room(builder, _ROOM, (floor, 1.6), (ceiling, 2.4), walls)
@@ -121,4 +121,4 @@ def _add_walls(builder: SceneBuilder, rng: np.random.Generator) -> None:
     glass = Surface(builder.texture(textures.window(rng, 256, 2)), tint=(0.3, 0.35, 0.4), shine=0.4)
     hang(builder, _ROOM, "north", 8.0, 0.2, (1.4, 2.0), glass)
     base = Surface(builder.texture(textures.boards(rng, (92, 74, 58), 64, 1)), (12.0, 1.0))
-    hang(builder, _ROOM, "south", 0.0, 0.0, (14.0, 0.1), base)
+    hang(builder, _ROOM, "south", 0.0, 0.0, (14.0, 0.1), base, layer=1)

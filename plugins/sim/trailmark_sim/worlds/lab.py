@@ -70,7 +70,7 @@ def build(options: WorldOptions) -> World:
         "lab",
         options,
         given,
-        partial(_scene, given, options.world_seed, options.seed if given.people else 0, options.threads),
+        partial(_scene, given.scenery(), options.world_seed, options.seed if given.people else 0, options.threads),
         crowd,
         solids,
         _routes(),
@@ -104,7 +104,7 @@ def _scene(given: LabOptions, world_seed: int, seed: int, threads: int) -> Scene
     rng = frame_rng(world_seed, "lab")
     level = given.light_level
     lamps = lamp_panels((1.6, 4.0, 6.4), (1.6, 4.4), _ROOM.height_m, (1.2, 0.3), 3.0 * level)
-    builder = SceneBuilder(Lighting(lamps, (0.30 * level, 0.30 * level, 0.29 * level), texel_m=0.15))
+    builder = SceneBuilder(Lighting(lamps, (0.22 * level, 0.22 * level, 0.21 * level), texel_m=0.15))
     _add_walls(builder, rng)
     show_lamps(builder, lamps, 6.0 * level)
     for table in _TABLES:
@@ -117,7 +117,7 @@ def _scene(given: LabOptions, world_seed: int, seed: int, threads: int) -> Scene
 
 def _add_walls(builder: SceneBuilder, rng: np.random.Generator) -> None:
     paint = builder.texture(textures.plaster(rng, (214, 212, 204), 1024, 0.02))
-    floor = builder.texture(textures.speckle(rng, (120, 126, 132), 512, 0.10, joints=2))
+    floor = builder.texture(textures.speckle(rng, (104, 110, 118), 512, 0.22, joints=2))
     ceiling = builder.texture(textures.panels(rng, (215, 215, 210)))
     walls = dict.fromkeys(("south", "north", "west", "east"), (paint, 2.8))
     add_room(builder, _ROOM, (floor, 1.2), (ceiling, 2.4), walls)
@@ -138,10 +138,10 @@ def _add_table(
 ) -> None:
     x, y, length, width, height, yaw = table
     wood = Surface(builder.texture(textures.boards(rng, (176, 140, 96), 256, 2)), (3.0, 1.0))
-    body = Surface(builder.texture(textures.plaster(rng, (120, 122, 126), 128, 0.04)), (3.0, 1.0))
+    body = Surface(builder.texture(textures.products(rng, 1024, 128, 20)))
     builder.box((x, y, 0.0), (length, width, height), body, yaw, top=wood)
     along = max(length, width)
-    for place in np.arange(-along / 2.0 + 0.4, along / 2.0 - 0.3, 0.62):
+    for place in np.arange(-along / 2.0 + 0.3, along / 2.0 - 0.25, 0.42):
         dx, dy = (place, 0.0) if length > width else (0.0, place)
         _add_thing_on_table(builder, rng, x + dx, y + dy, height)
 
@@ -155,7 +155,7 @@ def _add_thing_on_table(builder: SceneBuilder, rng: np.random.Generator, x: floa
         size = (float(rng.uniform(0.15, 0.35)), float(rng.uniform(0.15, 0.3)), float(rng.uniform(0.15, 0.45)))
         builder.box((x, y, z), size, picture, yaw)
     elif kind == 2:
-        screen = Surface(builder.texture(lettering.notice(rng)), emission=0.8, shine=0.25, blocks_light=False)
+        screen = Surface(builder.texture(lettering.notice(rng)), emission=0.3, shine=0.25, blocks_light=False)
         away = math.atan2(3.0 - y, 4.0 - x)
         dark = Surface(tint=(0.03, 0.03, 0.035))
         builder.box((x, y, z + 0.08), (0.05, 0.55, 0.36), dark, away, front=screen)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, Self
 
 from pydantic import Field
 
 from trailmark.config import PluginConfig
 
 __all__ = ["CorridorOptions", "HallwayOptions", "LabOptions", "StreetOptions", "SupermarketOptions"]
+
+#: What changes pictures, but not what there is to see.
+_OF_CAMERAS = ("exposure", "noise", "blur_px", "registered", "depth_noise", "vibration_mrad")
 
 
 class _CameraOptions(PluginConfig):
@@ -18,6 +21,12 @@ class _CameraOptions(PluginConfig):
     """Scales the noise of the cameras; 0 is none."""
     blur_px: float | None = Field(default=None, ge=0, le=5)
     """Blur of the lens, one standard deviation; left out: the world's [px]."""
+
+    def scenery(self) -> Self:
+        """Return the options of the place alone, as if the cameras were left as they are: the same, the same scene."""
+        fields = type(self).model_fields
+        plain = {name: fields[name].default for name in _OF_CAMERAS if name in fields}
+        return self.model_copy(update=plain)
 
 
 class SupermarketOptions(_CameraOptions):

@@ -54,7 +54,7 @@ def build(options: WorldOptions) -> World:
         "street",
         options,
         given,
-        partial(_scene, given, options.world_seed, options.seed if given.people else 0, options.threads),
+        partial(_scene, given.scenery(), options.world_seed, options.seed if given.people else 0, options.threads),
         _crowd(given, options.seed),
         solids,
         straight(_ROUTE_M, "30 m along the street"),
@@ -109,7 +109,7 @@ def _sky(rng: np.random.Generator, sun: npt.NDArray[np.float64]) -> npt.NDArray[
 
 def _add_ground(builder: SceneBuilder, rng: np.random.Generator) -> None:
     long = _EAST_M - _WEST_M + 40.0
-    slabs = builder.texture(textures.paving(rng, (158, 152, 140), 1024, 8, 0.07))
+    slabs = builder.texture(textures.paving(rng, (158, 152, 140), 1024, 16, 0.13))
     tar = builder.texture(textures.speckle(rng, (92, 92, 94), 512, 0.22))
     green = builder.texture(textures.foliage(rng, (86, 104, 58), 512))
 

@@ -72,8 +72,8 @@ def build(options: WorldOptions) -> World:
     vehicle = options.vehicle or Holonomic()
     crowd = _crowd(given, options.seed)
     solids = _solids()
-    scene = partial(_scene, given, options.world_seed, options.seed if given.people else 0, options.threads)
-    film = response(given.exposure, given.noise, given.blur_px, 0.9, vignette=0.3)
+    scene = partial(_scene, given.scenery(), options.world_seed, options.seed if given.people else 0, options.threads)
+    film = response(given.exposure, given.noise, given.blur_px, 0.62, vignette=0.3)
     builders: Mapping[str, Callable[[], SensorModel]] = {
         "wheels": partial(WheelOdometry, rate_hz=options.rate_of("wheels", 50.0)),
         "imu": partial(ImuSensor, rate_hz=options.rate_of("imu", 100.0), seed=options.seed),
@@ -183,7 +183,7 @@ def _scene(given: SupermarketOptions, world_seed: int, seed: int, threads: int) 
 def _add_walls(builder: SceneBuilder, rng: np.random.Generator) -> None:
     white = builder.texture(textures.plaster(rng, (232, 231, 226), 512, 0.008))
     paint = builder.texture(textures.plaster(rng, (205, 200, 182), 512, 0.02))
-    floor = builder.texture(textures.speckle(rng, (168, 164, 154), 512, 0.06, joints=4))
+    floor = builder.texture(textures.speckle(rng, (150, 146, 136), 512, 0.09, joints=4))
     ceiling = builder.texture(textures.panels(rng, (222, 222, 218)))
     walls = {"west": (white, 4.0), "south": (paint, 3.0), "east": (paint, 3.0), "north": (paint, 3.0)}
     add_room(builder, _ROOM, (floor, 2.4), (ceiling, 2.4), walls)
