@@ -1,0 +1,1 @@
+"""Landmarks of the UTIAS MRCLAM data sets for Trailmark."""

@@ -1,0 +1,92 @@
+"""The source and the localizer, on a recording made by hand."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from trailmark_mrclam.config import MrclamLandmarksConfig, RangeBearingConfig
+from trailmark_mrclam.localizer import RangeBearing, exact_pose, sighting
+from trailmark_mrclam.source import MrclamLandmarks
+
+from trailmark.errors import SourceError
+from trailmark.estimates import Belief, Fix, Lost
+from trailmark.frames import Record
+from trailmark.geometry import Pose2
+from trailmark.interfaces import Session
+
+MOUNTED = Pose2(0.1, 0.05, 0.3)
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    (tmp_path / "Barcodes.dat").write_text("# Subject # Barcode #\n 1 5\n 6 72\n 7 27\n")
+    (tmp_path / "Landmark_Groundtruth.dat").write_text("6 4.0 0.0 0.001 0.001\n7 0.0 3.0 0.001 0.001\n")
+    measurements = tmp_path / "Robot1_Measurement.dat"
+    measurements.write_text("# Time\n10.0 72 4.0 0.0\n10.0 27 3.0 1.5708\n10.5 5 1.0 0.0\n11.0 72 3.5 0.1\n")
+    return measurements
+
+
+def opened(recording: Path) -> MrclamLandmarks:
+    source = MrclamLandmarks(MrclamLandmarksConfig(path=recording))
+    source.start(Session(name="landmarks"))
+    return source
+
+
+def test_sightings_of_one_instant_are_one_frame_and_other_robots_are_left_out(recording: Path) -> None:
+    frames = list(opened(recording).frames())
+
+    assert [frame.stamp_s for frame in frames] == [10.0, 11.0]
+    assert isinstance(frames[0].payload, Record)
+    assert frames[0].payload.arrays["ids"].tolist() == [6, 7]
+
+
+@pytest.mark.parametrize("line", ["12.0 72 4.0", "12.0 72 nan 0.0", "12.0 72 far 0.0"])
+def test_a_malformed_line_is_named(recording: Path, line: str) -> None:
+    recording.write_text(recording.read_text() + line + "\n")
+
+    with pytest.raises(SourceError, match=r"Robot1_Measurement.dat:6"):
+        opened(recording)
+
+
+def test_a_fix_says_what_a_sighting_says_and_no_more(recording: Path) -> None:
+    source = opened(recording)
+    localizer = RangeBearing(RangeBearingConfig(sightings="landmarks"))
+    localizer.start(Session(sensors=source.sensors))
+    frame = next(source.frames())
+
+    fixes = localizer.observe(frame, Belief(10.0, Pose2(0.2, -0.1, 0.1), np.diag([0.1, 0.1, 0.1])))
+
+    assert len(fixes) == 2
+    for fix in fixes:
+        assert isinstance(fix, Fix)
+        assert np.linalg.matrix_rank(fix.information, tol=1e-6) == 2
+    assert isinstance(localizer.observe(frame, Belief(10.0))[0], Lost)
+
+
+def test_derivatives_are_those_of_the_sighting() -> None:
+    pose, landmark, step = Pose2(1.0, 2.0, 0.7), (4.0, -1.0), 1e-6
+
+    _, rows = sighting(pose, landmark, MOUNTED)
+
+    for column, (dx, dy, turn) in enumerate(np.eye(3) * step):
+        ahead, _ = sighting(Pose2(pose.x + dx, pose.y + dy, pose.theta + turn), landmark, MOUNTED)
+        behind, _ = sighting(Pose2(pose.x - dx, pose.y - dy, pose.theta - turn), landmark, MOUNTED)
+        np.testing.assert_allclose(rows[:, column], (ahead - behind) / (2 * step), atol=1e-6)
+
+
+def test_the_exact_pose_sees_the_landmark_exactly_also_from_a_belief_that_is_far_off() -> None:
+    seen, landmark = np.array([3.0, 0.4]), (4.0, -1.0)
+
+    for believed in (Pose2(1.0, 0.0, 0.0), Pose2(0.0, 3.0, math.pi / 2), Pose2(5.0, 5.0, -3.0)):
+        pose = exact_pose(believed, np.diag([0.5, 0.5, 0.5]), landmark, seen, MOUNTED)
+        assert pose is not None
+        np.testing.assert_allclose(sighting(pose, landmark, MOUNTED)[0], seen, atol=1e-9)
+
+
+def test_from_on_top_of_a_landmark_it_is_lost() -> None:
+    landmark = (4.0, -1.0)
+
+    assert exact_pose(Pose2(*landmark), np.eye(3), landmark, np.array([1.0, 0.0]), Pose2()) is None
