@@ -165,6 +165,16 @@ def test_a_long_exposure_is_the_mean_of_the_instants_along_the_way() -> None:
     assert np.abs(seen - expected).mean() < 0.15 * np.abs(seen - still).mean()
 
 
+def test_a_picture_smeared_over_a_tenth_of_a_metre_shows_no_foreign_ground() -> None:
+    fast = VehicleState(Pose2(0.0, 0.0, 0.4), Twist2(1.0, 0.2, 1.0))
+    reference = camera("pavers", optics=replace(PLAIN, exposure_s=0.1)).radiance(fast)
+    used = camera("pavers", optics=replace(PLAIN, exposure_s=0.1))
+
+    used.radiance(at(7.0, 1.0, 0.0))  # fills the first slot with other ground
+
+    np.testing.assert_array_equal(used.radiance(fast), reference)
+
+
 def test_height_jitter_scales_the_picture_about_its_middle() -> None:
     nodding = camera(optics=replace(PLAIN, height_jitter=0.01))
     level = np.linalg.inv(camera().ground_pixel(at(0, 0, 0)))

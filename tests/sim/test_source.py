@@ -180,19 +180,25 @@ def test_a_stop_that_is_done_ends_the_frames() -> None:
     assert stamps[-1] == pytest.approx(0.5 + 0.15 * math.log(0.2 / 1e-4), abs=0.05)
 
 
-def test_in_track_the_route_drives_until_the_first_command() -> None:
+def test_in_track_the_route_drives_until_a_stop() -> None:
     made = source("track")
-    poses = []
 
     for frame in islice(made.frames(), 600):
-        poses.append(frame.stamp_s)
-        if frame.stamp_s > 3.0:
-            made.drive(Stop("enough"))
+        made.drive(Stop("enough") if frame.stamp_s > 3.0 else Steer4WS(0.0, 0.0, -0.5))
 
     assert made.drives_itself
     before, after = (made.ground_truth().at([stamp]).poses[0, 0] for stamp in (3.0, 4.5))
     assert before > 0.5
     assert after - before < 0.26 * 0.2
+
+
+def test_in_track_commands_drive_when_the_config_says_so() -> None:
+    made = source("track", driver="commands")
+
+    drive_with(made, Steer4WS(0.0, 0.0, 0.2), 1.0)
+
+    assert not made.drives_itself
+    assert made.ground_truth().length_m() == pytest.approx(0.2 * (1.0 - 0.15), rel=0.02)
 
 
 def test_in_teach_only_stop_is_obeyed() -> None:
@@ -222,6 +228,28 @@ def test_closed_from_outside_the_frames_end() -> None:
     made.close()
 
     assert list(frames) == []
+
+
+def test_closed_before_the_first_frame_there_is_none() -> None:
+    made = source()
+
+    made.close()
+
+    assert list(made.frames()) == []
+
+
+def test_before_the_start_it_can_be_asked_and_closed() -> None:
+    made = SimSource(SimConfig())
+
+    made.close()
+
+    assert made.counters() == {"collisions": 0}
+    assert len(made.ground_truth()) == 0
+
+
+def test_a_speed_beyond_the_vehicles_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"speed_mps is 2, but the vehicle drives 0.5 m/s at most"):
+        source(speed_mps=2.0)
 
 
 def taught(scale: float = 1.01, bend: float = 0.001) -> Path:
@@ -278,7 +306,7 @@ def test_touching_a_pole_is_counted_once_and_may_end_the_run() -> None:
     for made in (counted, ended):
         drive_with(made, Steer4WS(0.0, 0.0, 0.4), 6.0)
 
-    assert counted.counters() == {"collisions": 1}
+    assert counted.counters() == ended.counters() == {"collisions": 1}
     assert counted.ground_truth().poses[-1, 0] > 2.2  # beyond the gate
     assert ended.ground_truth().poses[-1, 0] < 1.5
 

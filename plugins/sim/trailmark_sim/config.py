@@ -25,9 +25,9 @@ class SimConfig(SourceConfig):
     """Which of the world's routes; left out: its first."""
     speed_mps: float | None = Field(default=None, gt=0)
     """Speed to drive the route with; left out: the route's own [m/s]."""
-    driver: Literal["auto", "route", "commands"] = "auto"
-    """Who drives: the route, commands, or (auto) the route in teach, commands in replay, and in track the route
-    until the first command."""
+    driver: Literal["auto", "route", "commands", "keyboard"] = "auto"
+    """Who drives: the route, commands, the keys of the terminal (with `pace: realtime`), or (auto) the route in teach
+    and track, commands in replay. Only `commands` lets a controller drive in track."""
     start: tuple[float, float, float] | None = None
     """Where the vehicle is put down: x, y and heading; left out: at the beginning of the route, in replay where
     the run believes it starts [m, m, deg]."""

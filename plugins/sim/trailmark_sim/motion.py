@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from trailmark.commands import Command, Stop
 from trailmark.geometry import Pose2
-from trailmark_sim.pilots import Pilot
+from trailmark_sim.pilots import Driver
 from trailmark_sim.rng import frame_rng
 from trailmark_sim.vehicles import Vehicle, VehicleState
 
@@ -35,11 +35,11 @@ class Motion:
         Where it stands at stamp 0.
     seed : int
         Of the wheels' slip.
-    pilot : Pilot or None
+    pilot : Driver or None
         Drives until the first command is given; None: it stands until then.
     """
 
-    def __init__(self, vehicle: Vehicle, pose: Pose2, seed: int, pilot: Pilot | None) -> None:
+    def __init__(self, vehicle: Vehicle, pose: Pose2, seed: int, pilot: Driver | None) -> None:
         self._vehicle, self._seed = vehicle, seed
         self.pilot = pilot
         self._state = VehicleState(pose)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Protocol
 
 from trailmark.commands import Command, Steer4WS, Stop, Velocity
 from trailmark.geometry import Pose2
@@ -10,7 +11,7 @@ from trailmark.paths import OnPath
 from trailmark_sim.routes import Route
 from trailmark_sim.vehicles import FourWheelSteering, Holonomic, SkidSteer, Vehicle, VehicleState
 
-__all__ = ["Pilot"]
+__all__ = ["Driver", "Pilot"]
 
 #: Way over which an error of the position is driven out [m]: critically damped.
 _CORRECT_OVER_M = 0.25
@@ -18,6 +19,13 @@ _CORRECT_OVER_M = 0.25
 _BRAKE_MPS2 = 0.15
 #: What it creeps with at the very end [m/s].
 _CREEP_MPS = 0.01
+
+
+class Driver(Protocol):
+    """Whoever drives without commands: a pilot on a route, a person at the keys."""
+
+    def step(self, state: VehicleState) -> Command:
+        """Return what to do now; `Stop` with `done` ends the run."""
 
 
 class Pilot:
@@ -54,7 +62,7 @@ class Pilot:
             return self._slide(on_path, speed_mps)
         curvature = self._curvature(on_path, speed_mps)
         if isinstance(self._vehicle, FourWheelSteering):
-            angle = math.atan(curvature * self._vehicle.wheelbase_m / 2.0)
+            angle = self._vehicle.steering_for(curvature)
             return Steer4WS(angle, -angle, speed_mps)
         share = self._vehicle.turn_share if isinstance(self._vehicle, SkidSteer) else 1.0  # the rest is skidding
         return Velocity(speed_mps, 0.0, curvature * speed_mps / share)

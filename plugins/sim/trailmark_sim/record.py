@@ -52,12 +52,14 @@ def record_run(
     writer = DatasetWriter(out, source.sensors, overwrite)
     yield f"recording {', '.join(source.sensors)} of {given.world} to {out}"
     last_s = 0.0
-    for frame in source.frames():
-        writer.write(frame)
-        if frame.stamp_s >= last_s + 10.0:
-            last_s += 10.0
-            yield f"  {last_s:.0f} s"
-    truth = source.ground_truth()
-    writer.close(truth)
+    try:
+        for frame in source.frames():
+            writer.write(frame)
+            if frame.stamp_s >= last_s + 10.0:
+                last_s += 10.0
+                yield f"  {last_s:.0f} s"
+    finally:  # what was written until an interrupt plays again
+        truth = source.ground_truth()
+        writer.close(truth)
     counts = ", ".join(f"{count} of {sensor}" for sensor, count in writer.counts.items())
     yield f"{truth.length_m():.2f} m, {counts}, {source.counters()['collisions']} collisions"

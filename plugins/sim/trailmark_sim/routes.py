@@ -74,9 +74,9 @@ class Route:
         before, after = station_m - 2 * _STEP_M, station_m + 2 * _STEP_M
         return wrap_angle(self.pose_at(after).theta - self.pose_at(before).theta) / (4 * _STEP_M)
 
-    def at_speed(self, speed_mps: float | None) -> Route:
-        """Return the same way at another speed; None leaves it."""
-        return self if speed_mps is None else replace(self, speed_mps=speed_mps)
+    def at_speed(self, speed_mps: float) -> Route:
+        """Return the same way at another speed."""
+        return replace(self, speed_mps=speed_mps)
 
 
 def line(length_m: float) -> tuple[float, float]:

@@ -10,6 +10,7 @@ from trailmark.frames import Payload
 from trailmark.interfaces import Mode, Session
 from trailmark.pipeline.seeds import part_rng
 from trailmark.plugins import Plugins
+from trailmark_sim.config import SimConfig
 from trailmark_sim.source import SimSource
 
 __all__ = ["take_snapshot"]
@@ -44,6 +45,7 @@ def take_snapshot(
     document = {"sources": {"sim": {"plugin": "sim"} | given}}
     overrides = [f"sources.sim.options.{setting}" for setting in settings]
     config = load_run_config(document, plugins=plugins, overrides=overrides).sources["sim"].config
+    assert isinstance(config, SimConfig)  # the plugin's own
     source = SimSource(config)
     source.start(Session(mode=mode, rng=part_rng(seed, "source", "sim")))
     return source.look(frame)

@@ -14,9 +14,10 @@ from trailmark.frames import Frame, Payload, SensorInfo
 from trailmark.geometry import Pose2, Trajectory
 from trailmark.interfaces import Drivable, Session
 from trailmark_sim.config import SimConfig
+from trailmark_sim.keyboard import KEYS_HELP, KeyboardPilot, Terminal
 from trailmark_sim.motion import Motion
 from trailmark_sim.names import unknown_name
-from trailmark_sim.pilots import Pilot
+from trailmark_sim.pilots import Driver, Pilot
 from trailmark_sim.placing import place_vehicle
 from trailmark_sim.renamed import named
 from trailmark_sim.rng import stream_key
@@ -28,6 +29,9 @@ from trailmark_sim.worlds.base import SensorModel, World, WorldOptions
 __all__ = ["SimSource"]
 
 logger = logging.getLogger(__name__)
+
+#: How often it is checked whether the vehicle touches something [s].
+_CHECK_S = 0.02
 
 
 class SimSource(Drivable):
@@ -41,6 +45,12 @@ class SimSource(Drivable):
     config: SimConfig
     _pending: Command | None
 
+    def __init__(self, config: SimConfig) -> None:
+        super().__init__(config)
+        self._terminal: Terminal | None = None
+        self._is_closed = False
+        self._forget()
+
     def start(self, session: Session) -> None:
         """Build the world, put the vehicle down, and render every sensor once to warm up.
 
@@ -50,23 +60,31 @@ class SimSource(Drivable):
             If the world has no such route or sensor, or the vehicle would stand in something.
         """
         config = self.config
+        self._is_closed = False
+        self._forget()
         # A copy of the generator: started again, the source is as new.
         seed = int(copy.deepcopy(session.rng).integers(1 << 62))
         self._seed = stream_key(seed, session.mode)
         self._world = build_world(config.world, self._world_options(session))
         self._route = self._choose_route()
         self._sensors = self._named_sensors(session.name)
-        self.drives_itself = config.driver == "route" or (config.driver == "auto" and session.mode != "replay")
-        self._obeys = config.driver != "route" and not (config.driver == "auto" and session.mode == "teach")
+        auto = "commands" if session.mode == "replay" else "route"
+        self._driver = auto if config.driver == "auto" else config.driver
+        self.drives_itself = self._driver != "commands"
         self._place = place_vehicle(config, session, self._world, self._route)
         self._refuse_to_stand_in_something(self._place.pose)
-        self._begin()
+        if self._driver == "keyboard":
+            self._terminal = Terminal()
+            logger.warning("drive with the keys: %s", KEYS_HELP)
         for sensor in self._sensors:
             sensor.render(0, 0.0, VehicleState(self._place.pose))
 
     def close(self) -> None:
-        """End the frames."""
+        """End the frames, and give the terminal back."""
         self._is_closed = True
+        if self._terminal is not None:
+            self._terminal.close()
+            self._terminal = None
 
     @property
     def world(self) -> World:
@@ -82,19 +100,20 @@ class SimSource(Drivable):
         return self._world.vehicle.accepts
 
     def drive(self, command: Command) -> None:
-        """Take a command. In teach, and with `driver: route`, only `Stop` is obeyed."""
+        """Take a command. While it drives itself, only `Stop` is obeyed."""
         if type(command) not in self.accepts:
             kinds = ", ".join(sorted(kind.__name__ for kind in self.accepts))
             raise ConfigError(
                 f"the vehicle of world {self.config.world!r} takes {kinds}, not {type(command).__name__};"
                 " choose another controller or vehicle"
             )
-        if self._obeys or isinstance(command, Stop):
+        if not self.drives_itself or isinstance(command, Stop):
             self._pending = command
 
     def frames(self) -> Iterator[Frame]:
         """Yield the frames of all sensors until the route or the task is done, or time is up."""
-        self._begin()
+        self._forget()
+        self._motion = Motion(self._world.vehicle, self._place.pose, self._seed, self._hired())
         for stamp_s, k, sensor in _schedule(self._sensors):
             if self._is_closed or self._is_over(stamp_s):
                 return
@@ -117,25 +136,33 @@ class SimSource(Drivable):
         """Return how often the vehicle came to touch something."""
         return {"collisions": self._n_collisions}
 
-    def _begin(self) -> None:
-        pilot = Pilot(self._route, self._world.vehicle, self._place.station_m) if self.drives_itself else None
-        self._motion = Motion(self._world.vehicle, self._place.pose, self._seed, pilot)
+    def _forget(self) -> None:
         self._pending = None
         self._truth: list[tuple[float, Pose2]] = []
         self._touches: str | None = None
-        self._n_collisions = 0
-        self._is_closed = False
+        self._n_collisions = self._n_checks = 0
+
+    def _hired(self) -> Driver | None:
+        """Return who drives; None: whoever gives commands."""
+        if self._terminal is not None:
+            return KeyboardPilot(self._world.vehicle, self._terminal)
+        return Pilot(self._route, self._world.vehicle, self._place.station_m) if self._driver == "route" else None
 
     def _state_at(self, stamp_s: float) -> VehicleState:
+        while self._n_checks * _CHECK_S <= stamp_s:  # on a grid: sensors do not change what is counted
+            self._check_touch(self._n_checks * _CHECK_S)
+            self._n_checks += 1
         state = self._motion.state_at(stamp_s)
         if not self._truth or stamp_s > self._truth[-1][0]:
             self._truth.append((stamp_s, state.pose_map_base))
-            touches = self._world.collides(state.pose_map_base)
-            if touches is not None and touches != self._touches:
-                self._n_collisions += 1
-                logger.info("the vehicle touches %s at %.3f s", touches, stamp_s)
-            self._touches = touches
         return state
+
+    def _check_touch(self, stamp_s: float) -> None:
+        touches = self._world.collides(self._motion.state_at(stamp_s).pose_map_base)
+        if touches is not None and touches != self._touches:
+            self._n_collisions += 1
+            logger.info("the vehicle touches %s at %.2f s", touches, stamp_s)
+        self._touches = touches
 
     def _is_over(self, stamp_s: float) -> bool:
         config = self.config
@@ -164,7 +191,10 @@ class SimSource(Drivable):
         name = self.config.route or next(iter(routes))
         if name not in routes:
             raise ConfigError(f"sim: world {self.config.world!r} has {unknown_name('route', name, routes)}")
-        return routes[name].at_speed(self.config.speed_mps)
+        wanted, fastest = self.config.speed_mps, self._world.vehicle.max_speed_mps
+        if wanted is not None and wanted > fastest:
+            raise ConfigError(f"sim: speed_mps is {wanted:g}, but the vehicle drives {fastest:g} m/s at most")
+        return routes[name].at_speed(min(wanted or routes[name].speed_mps, fastest))
 
     def _named_sensors(self, source: str) -> tuple[SensorModel, ...]:
         """Give the sensor of a one-sensor source the source's name."""

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trailmark.frames import GroundPlane, Image, SensorInfo
-from trailmark.geometry import Pose2, Pose3
+from trailmark.geometry import Pose3
 from trailmark_sim.ground.ground import Ground
 from trailmark_sim.ground.optics import Optics, led_light
 from trailmark_sim.ground.tiles import TILE_TEXELS, TileStore
@@ -22,7 +22,7 @@ __all__ = ["GroundCamera", "GroundRig"]
 
 #: A smear of less than this is not rendered: the lens' own blur hides it [px].
 _SMEAR_PX = 0.5
-_MOST_INSTANTS = 8
+_MOST_INSTANTS = 32
 #: Lengths of the bumps that make the camera nod [m].
 _BUMPS_M = (0.02, 0.5)
 _N_BUMPS = 6
@@ -94,7 +94,9 @@ class GroundCamera:
         )
         self.rate_hz = rig.rate_hz
         self.tiles = TileStore(ground, optics.psf_px * min(scale), cap_mb, threads)
-        self._texel_m = ground.texel_m
+        self._texel_map = np.diag([1.0 / ground.texel_m, 1.0 / ground.texel_m, 1.0])
+        self._pose_base_camera = rig.mounting.planar()
+        self._plane_pixel = _plane_pixel(rig)
         self._seed = seed
         self._bumps = _bumps(seed, name)
         self._threads = threads
@@ -126,16 +128,8 @@ class GroundCamera:
 
     def ground_pixel(self, state: VehicleState) -> npt.NDArray[np.float64]:
         """Return the homography (3, 3) from pixels to the map [m]: the camera's closed form."""
-        scale_u, scale_v = self.rig.metres_per_pixel
-        to_plane = np.array(
-            [
-                [scale_u, 0.0, -scale_u * (self.rig.width - 1) / 2.0],
-                [0.0, -scale_v, scale_v * (self.rig.height - 1) / 2.0],  # seen from above, v grows to the right
-                [0.0, 0.0, 1.0],
-            ]
-        )
-        pose = state.pose_map_base @ self.rig.mounting.planar()
-        return np.asarray(pose.matrix() @ self._nod(state.travelled_m) @ to_plane)
+        pose_map_camera = state.pose_map_base @ self._pose_base_camera
+        return np.asarray(pose_map_camera.matrix() @ self._nod(state.travelled_m) @ self._plane_pixel)
 
     def _nod(self, travelled_m: float) -> npt.NDArray[np.float64]:
         """Return what height and tilt make of the plane: shift, scale and keystone, (3, 3) in metres."""
@@ -159,10 +153,13 @@ class GroundCamera:
         speed = math.hypot(twist.forward_mps, twist.left_mps) + abs(twist.yaw_radps) * reach_m
         smear_px = speed * exposure_s / min(self.rig.metres_per_pixel)
         n = 1 if smear_px < _SMEAR_PX else min(_MOST_INSTANTS, 1 + math.ceil(smear_px))
-        moves = [twist.after(exposure_s * ((i + 0.5) / n - 0.5)) if n > 1 else Pose2() for i in range(n)]
-        to_texels = np.diag([1.0 / self._texel_m, 1.0 / self._texel_m, 1.0])
-        still = state.pose_map_base.inverse().matrix() @ self.ground_pixel(state)
-        return np.stack([to_texels @ (state.pose_map_base @ move).matrix() @ still for move in moves])
+        sharp = self._texel_map @ self.ground_pixel(state)
+        if n == 1:
+            return sharp[np.newaxis]
+        map_base = state.pose_map_base.matrix()
+        base_texel = np.linalg.inv(self._texel_map @ map_base)
+        moves = (twist.after(exposure_s * ((i + 0.5) / n - 0.5)).matrix() for i in range(n))
+        return np.stack([self._texel_map @ map_base @ move @ base_texel @ sharp for move in moves])
 
     def _region(self, state: VehicleState) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float64]]:
         """Return where the tiles under the picture stand in the pool, and the homographies into their region."""
@@ -175,13 +172,25 @@ class GroundCamera:
         x, y = (math.floor(n / TILE_TEXELS) for n in texel.min(axis=(0, 2)) - 1.0)
         n_cols, n_rows = (math.floor(n / TILE_TEXELS) + 1 - low for n, low in zip(texel.max(axis=(0, 2)) + 1.0, (x, y)))
         middle = np.linalg.inv(texel_pixel[len(texel_pixel) // 2])
-        margin_px = 2.0 + _MOST_INSTANTS * (len(texel_pixel) - 1)
+        margin_px = 2.0 + float(np.abs(texel - texel[len(texel) // 2]).max())  # a pixel is more than a texel
         touched = touched_tiles(middle, (x, y, n_cols, n_rows), (width, height), margin_px)
         rows, cols = np.nonzero(touched)
         slots = np.zeros(touched.shape, dtype=np.int32)
         slots[rows, cols] = self.tiles.slots_of([(x + c, y + r) for r, c in zip(rows.tolist(), cols.tolist())])
         to_region = np.array([[1.0, 0.0, -x * TILE_TEXELS], [0.0, 1.0, -y * TILE_TEXELS], [0.0, 0.0, 1.0]])
         return slots, to_region @ texel_pixel
+
+
+def _plane_pixel(rig: GroundRig) -> npt.NDArray[np.float64]:
+    """Return the matrix (3, 3) from pixels to camera axes on the ground [m]."""
+    scale_u, scale_v = rig.metres_per_pixel
+    return np.array(
+        [
+            [scale_u, 0.0, -scale_u * (rig.width - 1) / 2.0],
+            [0.0, -scale_v, scale_v * (rig.height - 1) / 2.0],  # seen from above, v grows to the right
+            [0.0, 0.0, 1.0],
+        ]
+    )
 
 
 def _bumps(seed: int, name: str) -> npt.NDArray[np.float64]:

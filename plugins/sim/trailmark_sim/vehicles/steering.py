@@ -58,6 +58,10 @@ class FourWheelSteering(Vehicle):
         """Distance of the axles [m]: ``2 R tan(limit)``."""
         return 2.0 * self.min_turning_radius_m * math.tan(self.max_steer_rad)
 
+    def steering_for(self, curvature: float) -> float:
+        """Return the front angle, the rear's being its opposite, for a curvature [rad, 1/m]."""
+        return math.atan(curvature * self.wheelbase_m / 2.0)
+
     @property
     def accepts(self) -> frozenset[type[Command]]:
         return frozenset({Steer4WS, Stop})
