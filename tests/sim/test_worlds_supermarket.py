@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from trailmark.errors import ConfigError
-from trailmark.frames import Image, Scan
+from trailmark.frames import Image, Scan, payload_kind
 from trailmark.geometry import Pose2
 from trailmark_sim.vehicles import VehicleState
 from trailmark_sim.worlds import build_world
@@ -109,3 +109,15 @@ def test_half_of_the_lamps_give_other_light() -> None:
 
     bright, dim = (float(p.pixels.mean()) for p in pictures if isinstance(p, Image))
     assert dim < 0.95 * bright
+
+
+def test_one_robot_carries_every_kind_of_sensor() -> None:
+    names = ("wheels", "imu", "light", "floor", "laser", "front", "rgbd", "omni")
+    whole = build_world("supermarket", WorldOptions(seed=3, sensors=names))
+    state = VehicleState(whole.start)
+
+    readings = {sensor.info.name: payload_kind(sensor.render(0, 0.0, state)) for sensor in whole.sensors}
+
+    assert tuple(readings) == names
+    assert set(readings.values()) == {"odometry", "imu", "scalar", "image", "scan", "rgbd"}
+    assert {sensor.info.name: sensor.info.kind for sensor in whole.sensors} == readings

@@ -1,8 +1,8 @@
 """A supermarket of 10 x 10 m: shelves of equal shape with different goods and signs, a refrigerator, a checkout.
 
 After the mock supermarket of Tasaki et al., Sec. IV: a holonomic robot 0.65 m wide, an omnidirectional camera 1.2 m
-high at 15 Hz and a laser. The wall at x = 0 is white and bare. It also carries a ground camera, so that one robot has
-every kind of sensor.
+high at 15 Hz and a laser. The wall at x = 0 is white and bare. One robot may carry every kind of sensor here: also a
+ground camera, a camera that looks forward, colour and depth.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from functools import lru_cache, partial
 
 import numpy as np
 
+from trailmark.frames import Pinhole
 from trailmark.geometry import Pose2, Pose3
 from trailmark_sim.actors import Crowd, Walk
 from trailmark_sim.ground.camera import GroundCamera, GroundRig
@@ -20,7 +21,7 @@ from trailmark_sim.ground.ground import Floor, Ground, Zone
 from trailmark_sim.ground.optics import Optics
 from trailmark_sim.render import lettering, textures
 from trailmark_sim.render.bake import Lighting
-from trailmark_sim.render.lenses import Catadioptric
+from trailmark_sim.render.lenses import Catadioptric, PinholeLens
 from trailmark_sim.render.scene import Scene, SceneBuilder, Surface
 from trailmark_sim.rng import frame_rng, stream_key
 from trailmark_sim.routes import Route
@@ -29,6 +30,7 @@ from trailmark_sim.sensors.imu import ImuSensor
 from trailmark_sim.sensors.laser import LaserRig, LaserSensor
 from trailmark_sim.sensors.light import LightSensor
 from trailmark_sim.sensors.odometry import WheelOdometry
+from trailmark_sim.sensors.rgbd import RgbdRig, RgbdSensor
 from trailmark_sim.vehicles import Holonomic
 from trailmark_sim.worlds.base import SensorModel, World, WorldOptions, choose_sensors, parse_options
 from trailmark_sim.worlds.furnishing import Room, add_room, hang, lamp_panels, response, show_lamps
@@ -37,12 +39,14 @@ from trailmark_sim.worlds.solids import Solids
 
 __all__ = ["ROUTES", "SENSORS", "build"]
 
-SENSORS = ("wheels", "imu", "light", "floor", "laser", "omni")
+SENSORS = ("wheels", "imu", "light", "floor", "laser", "front", "rgbd", "omni")
 ROUTES = ("wall", "round", "goal")
 
 _ROOM = Room(0.0, 10.0, 0.0, 10.0, 3.0)
 _SPEED_MPS = 0.4
 _CAMERA_M = 1.2
+_FRONT = PinholeLens(640, 480, Pinhole(525.0, 525.0, 319.5, 239.5))
+_FRONT_MOUNTING = Pose3(x=0.30, z=0.60)
 #: Middle, length, depth and height of the shelves, all alike [m].
 _SHELVES = tuple((x, y) for y in (4.6, 6.6, 8.6) for x in (3.2, 7.0))
 _SHELF_M = (2.4, 0.8, 1.8)
@@ -83,6 +87,26 @@ def build(options: WorldOptions) -> World:
         "floor": partial(_floor_camera, options),
         "laser": lambda: LaserSensor(
             "laser", scene(), LaserRig(rate_hz=options.rate_of("laser", 10.0)), crowd.at, options.seed
+        ),
+        "front": lambda: CameraSensor(
+            "front",
+            scene(),
+            _FRONT,
+            _FRONT_MOUNTING,
+            options.rate_of("front", 20.0),
+            film,
+            crowd.at,
+            options.seed,
+            threads=options.threads,
+        ),
+        "rgbd": lambda: RgbdSensor(
+            "rgbd",
+            scene(),
+            RgbdRig(rate_hz=options.rate_of("rgbd", 30.0), mounting=_FRONT_MOUNTING),
+            film,
+            crowd.at,
+            options.seed,
+            options.threads,
         ),
         "omni": lambda: CameraSensor(
             "omni",
