@@ -1,10 +1,13 @@
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
+from importlib.resources import files
 
 import pytest
 from pydantic import ValidationError
+from ruamel.yaml import YAML
 
 from trailmark.config import sensor_roles
 from trailmark_divs.config import DivsConfig
@@ -42,3 +45,14 @@ def test_config_and_plugin_import_nothing_heavy():
     code = f"import sys, trailmark_divs.plugin, trailmark_divs.config; sys.exit(bool({heavy} & set(sys.modules)))"
 
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_the_starter_config_names_what_there_is():
+    text = (files("trailmark_divs") / "starters" / "divs.yaml").read_text(encoding="utf-8")
+    document = YAML(typ="safe").load(text)
+
+    streams = dict(document["localizers"]["streams"])
+    assert streams.pop("plugin") == "divs"
+    assert DivsConfig(**streams).camera == "front"
+    for key in re.findall(r"^    # (\w+):", text, flags=re.MULTILINE):
+        assert key in DivsConfig.model_fields
