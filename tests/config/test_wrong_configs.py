@@ -95,6 +95,10 @@ WRONG = {
         "sources:\n  floor: {plugin: image_folder, path: frames}\n",
         "config.yaml line 2: sources.floor: missing key 'rate_hz'",
     ),
+    "a typo in a key that must be there": (
+        "sources:\n  floor: {plugin: image_folder, path: frames, rate_hx: 70}\n",
+        "config.yaml line 2: sources.floor.rate_hx: unknown key (did you mean 'rate_hz'?)",
+    ),
     "a part that is a number": (
         "sources:\n  floor: 3\n",
         "config.yaml line 2: sources.floor: must be a mapping with the key 'plugin', or the name of a plugin",

@@ -102,9 +102,17 @@ def _telling(found: list[tuple[Keys, ErrorDetails]]) -> list[tuple[Keys, ErrorDe
             other is not details and (path == where[: len(path)]) and (where != path or not _is_type(other))
             for where, other in found
         )
-        if not (_is_type(details) and says_more):
+        if not (_is_type(details) and says_more) and not _is_misspelt(path, details, found):
             kept.append((path, details))
     return kept
+
+
+def _is_misspelt(path: Keys, details: ErrorDetails, found: list[tuple[Keys, ErrorDetails]]) -> bool:
+    """Whether a missing key stands there under a name much like it: the unknown key then tells the story."""
+    if details["type"] != "missing":
+        return False
+    unknown = [str(at[-1]) for at, other in found if other["type"] == "extra_forbidden" and at[:-1] == path]
+    return any(did_you_mean(name, [str(details["loc"][-1])]) for name in unknown)
 
 
 def _is_type(details: ErrorDetails) -> bool:
