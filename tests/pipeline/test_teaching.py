@@ -126,6 +126,27 @@ def test_teaching_without_motion_is_refused_with_a_hint(fakes, n: int, when: str
         list(Pipeline(fakes.plan({"floor": source}, {"map": fakes.Scripted()}, mode="teach", disk={})))
 
 
+def test_a_place_that_could_not_be_taught_is_as_it_was(fakes) -> None:
+    disk = {}
+    source, silent = drive(fakes, 100)[0], fakes.Scripted(lambda frame, belief: ())
+
+    with pytest.raises(ConfigError, match="teaching needs motion"):
+        list(Pipeline(fakes.plan({"floor": source}, {"vo": silent}, mode="teach", disk=disk)))
+
+    assert disk["commits"] == []
+
+
+def test_the_first_waypoint_is_where_the_robot_stood_before_it_moved(fakes) -> None:
+    frames = fakes.Recording(fakes.image_frames("floor", [0.5 * i for i in range(6)]))
+    mover = fakes.Mover(Pose2(0.1))
+    disk = {}
+
+    list(Pipeline(fakes.plan({"floor": frames}, {"vo": mover}, mode="teach", disk=disk)))
+
+    assert disk["waypoints"][0] == Waypoint(0, 0.0, Pose2())
+    assert disk["waypoints"][1].station_m == pytest.approx(0.1)
+
+
 def test_teaching_from_nowhere_is_refused(fakes) -> None:
     source, mover = drive(fakes, 20)
 

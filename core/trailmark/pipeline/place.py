@@ -68,13 +68,12 @@ class Place:
     def begin_teaching(
         self, sensors: Mapping[str, SensorInfo], document: Mapping[str, Any], counters: Counters, times: array[int]
     ) -> None:
-        """Make ready to lay waypoints; the store keeps sensors, config and provenance."""
+        """Make ready to lay waypoints; the store keeps sensors, config and provenance with the first of them."""
         assert self._plan.store is not None
         assert self._store is not None
         self.teaching = Teaching(self._store, self._plan.store.spacing_m, self.start_pose, counters, times)
         self._store.set_sensors(sensors)
         self._store.set_meta(provenance(self._plan.config_dir) | {"config": dict(document)})
-        self._store.commit()
 
     def warn_of_changes(self, sensors: Mapping[str, SensorInfo]) -> None:
         """Say which sensors are not as they were when the path was taught."""

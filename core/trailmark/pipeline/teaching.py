@@ -57,6 +57,8 @@ class ShiftedDrawer(Drawer):
 class Teaching:
     """Lays a waypoint at the first frame at or beyond every multiple of `spacing_m`.
 
+    The first, where the robot stood, is laid when there is motion: what cannot be taught leaves no path.
+
     Parameters
     ----------
     store : PathStore
@@ -82,6 +84,7 @@ class Teaching:
         self._last_m = -math.inf
         self._began_s: float | None = None
         self._has_motion = False
+        self._first: Belief | None = None
 
     @property
     def n_waypoints(self) -> int:
@@ -101,8 +104,13 @@ class Teaching:
             self._has_motion = math.isfinite(belief.motion_age_s)
             if not self._has_motion and belief.stamp_s - self._began_s > _GRACE_S:
                 raise self._no_motion(f"after {_GRACE_S:g} s")
-        if belief.travelled_m >= self._next_m - _SLACK_M and belief.pose_map_base is not None:
-            self._lay(belief)
+        if not self._has_motion:
+            self._first = self._first or (belief if belief.pose_map_base is not None else None)
+            return
+        if self._first is not None:
+            first, self._first = self._first, None
+            self._lay_if_due(first)
+        self._lay_if_due(belief)
 
     def end(self, belief: Belief) -> None:
         """Lay the last waypoint where the robot stopped, unless one is near; commit what is left.
@@ -119,6 +127,10 @@ class Teaching:
         if belief.travelled_m - self._last_m >= self._spacing_m / 2 and belief.pose_map_base is not None:
             self._lay(belief)
         self._store.commit()
+
+    def _lay_if_due(self, belief: Belief) -> None:
+        if belief.travelled_m >= self._next_m - _SLACK_M and belief.pose_map_base is not None:
+            self._lay(belief)
 
     def _lay(self, belief: Belief) -> None:
         assert belief.pose_map_base is not None
