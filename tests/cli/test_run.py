@@ -85,7 +85,11 @@ def test_a_folder_that_is_not_empty_is_kept(trailmark: Run, wheels_config: Path,
         (("rnu", "wheels.yaml"), ("rnu", "run")),
         (("run", "wheels.yaml", "--sed", "3"), ("--sed", "--seed")),
         (("teach", "wheels.yaml"), ("--store",)),
+        (("run",), ("trailmark run: missing argument", "'trailmark run --help' shows how")),
+        (("run", "wheels.yaml", "--pace", "fast"), ("--pace", "'step', 'realtime'")),
         (("replay", "wheels.yaml", "--store", "no.trail"), ("no.trail",)),
+        (("replay", "wheels.yaml", "--store", "no.trail", "--reverse"), ("--reverse", "wheels.yaml", "controller")),
+        (("replay", "wheels.yaml", "--store", "no.trail", "--repeat", "2"), ("--repeat", "controller")),
         (("evaluate", "no.tum", "no2.tum"), ("no.tum",)),
         (("reproduce", "nobody1999"), ("nobody1999", "available")),
         (("--plugin", "what", "plugins"), ("no:NAME",)),
@@ -100,6 +104,14 @@ def test_a_wrong_request_is_said_in_words_with_exit_code_2(
     assert all(word in done.stderr for word in words), done.stderr
     assert "Traceback" not in done.stderr
     assert "internal error" not in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_a_group_without_a_command_shows_its_help(trailmark: Run) -> None:
+    done = trailmark("store")
+
+    assert done.returncode == 2
+    assert "Read and verify every row." in done.stderr
 
 
 def test_a_path_is_taught_looked_into_and_extended(trailmark: Run, wheels_config: Path, tmp_path: Path) -> None:

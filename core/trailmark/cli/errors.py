@@ -22,6 +22,18 @@ def fail(message: str, code: int = 1) -> None:
     sys.exit(code)
 
 
+def _show(error: click.ClickException) -> None:
+    """Say what click found wrong with the arguments, in one line; a group without a command shows its help."""
+    if isinstance(error, click.exceptions.NoArgsIsHelpError):
+        error.show()
+        return
+    context = error.ctx if isinstance(error, click.UsageError) else None
+    command = "trailmark" if context is None else context.command_path
+    message = " ".join(error.format_message().rstrip(".").split())  # choices stand on lines of their own
+    hint = "" if "--help" in message or "id you mean" in message else f"; '{command} --help' shows how"
+    say(f"{command}: {message[:1].lower()}{message[1:]}{hint}")
+
+
 def exit_code_of(error: BaseException) -> int:
     """Report an error and return the exit code that it means."""
     if isinstance(error, click.exceptions.Exit):
@@ -30,7 +42,7 @@ def exit_code_of(error: BaseException) -> int:
         say("trailmark: interrupted")
         return 130
     if isinstance(error, click.ClickException):
-        error.show()
+        _show(error)
         return 2
     if isinstance(error, BrokenPipeError):  # the reader of our output went away, as `| head` does
         sys.stderr.close()

@@ -100,8 +100,21 @@ def replay_command(
     extra = (["start=last", "controller.reverse=true"] if reverse else []) + (
         [f"controller.repeat={repeat}"] if repeat is not None else []
     )
+    if extra:
+        _need_controller(context, config, options["overrides"], "--reverse" if reverse else "--repeat")
     options["overrides"] = (*options["overrides"], *extra)
     _execute(context, config, config, store=store, mode="replay", access=None, **options)
+
+
+def _need_controller(context: click.Context, config: str, overrides: tuple[str, ...], option: str) -> None:
+    """Refuse an option that only a controller understands, where there is none."""
+    from trailmark.config import load_run_config
+
+    if load_run_config(config, plugins=plugins_of(context), overrides=overrides).controller is None:
+        raise ConfigError(
+            f"{option} is for the controller, and {config} has none; add a section 'controller:',"
+            " for example controller: {plugin: path_tracking_4ws}"
+        )
 
 
 def _config_of(
