@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 from trailmark_mrclam.config import MrclamLandmarksConfig, RangeBearingConfig
-from trailmark_mrclam.localizer import RangeBearing, exact_pose, sighting
+from trailmark_mrclam.localizer import RangeBearing, most_likely_fix, sighting
 from trailmark_mrclam.source import MrclamLandmarks
 
 from trailmark.errors import SourceError
@@ -77,16 +76,23 @@ def test_derivatives_are_those_of_the_sighting() -> None:
         np.testing.assert_allclose(rows[:, column], (ahead - behind) / (2 * step), atol=1e-6)
 
 
-def test_the_exact_pose_sees_the_landmark_exactly_also_from_a_belief_that_is_far_off() -> None:
-    seen, landmark = np.array([3.0, 0.4]), (4.0, -1.0)
+def test_the_fix_leads_to_where_an_iterated_filter_arrives() -> None:
+    believed, covariance, landmark = Pose2(1.0, 0.0, 0.2), np.diag([0.3, 0.2, 0.1]), (4.0, -1.0)
+    seen, variances = np.array([2.6, -0.3]), np.array([0.04, 0.01])
 
-    for believed in (Pose2(1.0, 0.0, 0.0), Pose2(0.0, 3.0, math.pi / 2), Pose2(5.0, 5.0, -3.0)):
-        pose = exact_pose(believed, np.diag([0.5, 0.5, 0.5]), landmark, seen, MOUNTED)
-        assert pose is not None
-        np.testing.assert_allclose(sighting(pose, landmark, MOUNTED)[0], seen, atol=1e-9)
+    found = most_likely_fix(believed, covariance, landmark, seen, variances, MOUNTED)
+
+    assert found is not None
+    pose, rows = found
+    information = (rows.T / variances) @ rows
+    shift = np.linalg.solve(np.linalg.inv(covariance) + information, information @ (pose.array() - believed.array()))
+    x, y, theta = believed.array() + shift
+    predicted, rows = sighting(Pose2(x, y, theta), landmark, MOUNTED)
+    gradient = np.linalg.solve(covariance, shift) - rows.T @ ((seen - predicted) / variances)
+    np.testing.assert_allclose(gradient, 0.0, atol=1e-4)
 
 
 def test_from_on_top_of_a_landmark_it_is_lost() -> None:
-    landmark = (4.0, -1.0)
+    landmark, seen = (4.0, -1.0), np.array([1.0, 0.0])
 
-    assert exact_pose(Pose2(*landmark), np.eye(3), landmark, np.array([1.0, 0.0]), Pose2()) is None
+    assert most_likely_fix(Pose2(*landmark), np.eye(3), landmark, seen, np.ones(2), Pose2()) is None

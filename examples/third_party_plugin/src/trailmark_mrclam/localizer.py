@@ -15,12 +15,12 @@ from trailmark.geometry import Pose2, wrap_angle
 from trailmark.interfaces import Localizer, Session
 from trailmark_mrclam.config import RangeBearingConfig
 
-__all__ = ["RangeBearing", "exact_pose", "sighting"]
+__all__ = ["RangeBearing", "most_likely_fix", "sighting"]
 
 Array = npt.NDArray[np.float64]
 
-_MOST_STEPS = 20
-_EXACT = 1e-9  # [m, rad]
+_MOST_STEPS = 10
+_SETTLED = 1e-6  # [m, rad]
 _NEAREST_M = 0.05  # closer than this a bearing says nothing
 
 
@@ -45,10 +45,10 @@ class RangeBearing(Localizer):
         self._landmarks = {landmark_id: (float(x), float(y)) for landmark_id, (x, y) in zip(ids, positions)}
         self._pose_base_sensor = info.pose_base_sensor.planar()
         sigmas = np.array([self.config.range_sigma_m, math.radians(self.config.bearing_sigma_deg)])
-        self._weights = sigmas**-2
+        self._variances = sigmas**2
 
     def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
-        """Return a fix for each sighting, the pose near the belief from which it would be exact."""
+        """Return a fix for each sighting."""
         if not isinstance(frame.payload, Record):
             return ()
         if belief.pose_map_base is None or belief.covariance is None:
@@ -63,12 +63,18 @@ class RangeBearing(Localizer):
     def _estimate(self, stamp_s: float, belief: Belief, landmark_id: int, seen: Array) -> Estimate:
         assert belief.pose_map_base is not None
         assert belief.covariance is not None
-        landmark = self._landmarks[landmark_id]
-        pose = exact_pose(belief.pose_map_base, belief.covariance, landmark, seen, self._pose_base_sensor)
-        if pose is None:
-            return Lost(stamp_s, f"no pose near the belief sees landmark {landmark_id} so")
-        _, rows = sighting(pose, landmark, self._pose_base_sensor)
-        information = (rows.T * self._weights) @ rows
+        found = most_likely_fix(
+            belief.pose_map_base,
+            belief.covariance,
+            self._landmarks[landmark_id],
+            seen,
+            self._variances,
+            self._pose_base_sensor,
+        )
+        if found is None:
+            return Lost(stamp_s, f"on top of landmark {landmark_id}")
+        pose, rows = found
+        information = (rows.T / self._variances) @ rows
         return Fix(stamp_s, pose, (information + information.T) / 2.0, {"landmark": float(landmark_id)})
 
 
@@ -86,12 +92,18 @@ def sighting(pose: Pose2, landmark: tuple[float, float], pose_base_sensor: Pose2
     return np.array([range_m, wrap_angle(math.atan2(dy, dx) - sensor.theta)]), np.array(rows)
 
 
-def exact_pose(
-    believed: Pose2, covariance: Array, landmark: tuple[float, float], seen: Array, pose_base_sensor: Pose2
-) -> Pose2 | None:
-    """Return a pose from which a sighting would be exact, near a belief in the metric of its covariance.
+def most_likely_fix(
+    believed: Pose2,
+    covariance: Array,
+    landmark: tuple[float, float],
+    seen: Array,
+    variances: Array,
+    pose_base_sensor: Pose2,
+) -> tuple[Pose2, Array] | None:
+    """Return a pose from which a sighting is exact, to first order, and the derivatives that this holds with.
 
-    Newton's steps, each the shortest that makes the linearised sighting exact; None if they do not converge.
+    The derivatives are those at the pose that belief and sighting together make most likely (the iterated extended
+    Kalman filter): an estimator that takes the fix to the same belief arrives there.
 
     Parameters
     ----------
@@ -99,23 +111,26 @@ def exact_pose(
         The belief.
     landmark : (float, float)
         Its place in the map [m].
-    seen : (2,) float64
-        Range and bearing [m, rad].
+    seen, variances : (2,) float64
+        Range and bearing, and their variances [m, rad].
     pose_base_sensor : Pose2
         The sensor's mounting.
+
+    Returns
+    -------
+    (Pose2, (2, 3) float64) or None
+        None on top of the landmark, where a bearing says nothing.
     """
-    shift = np.zeros(3)
+    shift, noise = np.zeros(3), np.diag(variances)
     for _ in range(_MOST_STEPS):
         pose = Pose2(believed.x + shift[0], believed.y + shift[1], believed.theta + shift[2])
         predicted, rows = sighting(pose, landmark, pose_base_sensor)
-        miss = np.array([seen[0] - predicted[0], wrap_angle(float(seen[1] - predicted[1]))])
         if predicted[0] < _NEAREST_M:
             return None
-        if np.abs(miss).max() < _EXACT:
-            return pose
+        miss = np.array([seen[0] - predicted[0], wrap_angle(float(seen[1] - predicted[1]))])
         gain = covariance @ rows.T
-        try:
-            shift = shift + gain @ np.linalg.solve(rows @ gain, miss)
-        except np.linalg.LinAlgError:
-            return None
-    return None
+        before, shift = shift, gain @ np.linalg.solve(rows @ gain + noise, miss + rows @ shift)
+        if np.abs(shift - before).max() < _SETTLED:
+            break
+    rest = rows.T @ np.linalg.solve(rows @ rows.T, miss)
+    return Pose2(pose.x + rest[0], pose.y + rest[1], pose.theta + rest[2]), rows
