@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from trailmark.errors import ShapeError
 from trailmark.geometry import Pose2, wrap_angle, wrap_angles
-from trailmark_omni_surf.bearing_kernels import closed_form
+from trailmark_omni_surf.bearing_kernels import bearing_errors, closed_form, consensus
 from trailmark_omni_surf.bearings import BearingNoise, locate
 from trailmark_omni_surf.landmarks import FEATURE_NAMES, landmark_features, measure_landmark
 
@@ -211,3 +211,25 @@ def test_real_triples_are_within_a_metre_or_refused(data_folder: Path) -> None:
                 assert fix.pose_map_base.distance_to(pose) <= 1.0
 
     assert answered >= 0.7 * total
+
+
+def test_the_consensus_is_the_best_of_all_triples() -> None:
+    rng = np.random.default_rng(11)
+    landmarks = rng.uniform(-5.0, 5.0, (8, 2))
+    bearings = np.arctan2(landmarks[:, 1] - 0.4, landmarks[:, 0] + 0.7) + rng.normal(0.0, 0.02, 8)
+    bearings[:3] += (1.0, -2.0, 0.7)  # mismatches
+    gate_rad = math.radians(5.0)
+
+    def support(pose: Array) -> float:
+        errors = np.abs(bearing_errors(landmarks, bearings, pose))
+        inliers = errors[errors <= gate_rad]
+        return float((1.0 - inliers / (gate_rad * 8)).sum()) if np.isfinite(pose).all() else -1.0
+
+    poses = [
+        closed_form(landmarks[list(idx)], bearings[list(idx)], np.ones(3))
+        for idx in itertools.combinations(range(8), 3)
+    ]
+    found = consensus(landmarks, bearings, gate_rad, 1)
+
+    assert support(found) == pytest.approx(max(support(pose) for pose in poses))
+    np.testing.assert_allclose(found[:2], (-0.7, 0.4), atol=0.3)

@@ -236,3 +236,12 @@ def test_many_agreeing_are_no_chance_and_few_of_many_are() -> None:
 def test_candidates_of_a_missing_store_are_refused(tmp_path: Path) -> None:
     with pytest.raises(StoreError):
         stored_candidates(tmp_path / "none.trail", "omni")
+
+
+def test_tracking_is_refreshed_by_detection(omni: Any, room: Any, taught: Any) -> None:
+    localizer = started(room, taught, refresh_every=4)
+
+    answers = [look(localizer, omni, room, Pose2(0.02 * k, 0.0, 0.0), k / 15) for k in range(10)]
+
+    assert [answer.details["tracked"] for answer in answers] == [0, 1, 1, 1, 0, 1, 1, 1, 0, 1]
+    assert localizer.counters()["sub_flow"] == 3

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from trailmark.errors import ConfigError, ShapeError
 from trailmark.frames import Image
-from trailmark_omni_surf.features import create_features, grey_of, match
+from trailmark_omni_surf.features import create_features, grey_of, match, squared_distances
 from trailmark_omni_surf.surf.descriptor import describe, haar, region_weights
 from trailmark_omni_surf.surf.detector import Surf, SurfOptions
 from trailmark_omni_surf.surf.extrema import find_maxima
@@ -313,3 +313,15 @@ def test_pictures_become_grey() -> None:
 
     assert grey_of(Image(colour)).shape == (4, 4)
     assert (grey_of(Image(np.full((4, 4), 0x1234, np.uint16))) == 0x12).all()
+
+
+def test_descriptor_distances_equal_their_plain_twin() -> None:
+    rng = np.random.default_rng(1)
+    query, train = (rng.normal(size=(n, 64)).astype(np.float32) for n in (9, 14))
+    query /= np.linalg.norm(query, axis=1, keepdims=True)
+    train /= np.linalg.norm(train, axis=1, keepdims=True)
+    signs = rng.choice(np.array([-1, 0, 1], np.int8), 9), rng.choice(np.array([-1, 0, 1], np.int8), 14)
+    plain = ((query[:, None] - train[None]) ** 2).sum(axis=2)
+    plain[np.multiply.outer(*signs) < 0] = np.inf
+
+    np.testing.assert_allclose(squared_distances(query, signs[0], train, signs[1]), plain, atol=1e-5)

@@ -9,7 +9,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["bearing_errors", "closed_form", "cost_and_step", "refine"]
+__all__ = ["bearing_errors", "closed_form", "consensus", "cost_and_step", "refine"]
 
 Array = npt.NDArray[Any]
 
@@ -67,6 +67,46 @@ def closed_form(landmarks: Array, bearings: Array, weights: Array) -> Array:
         theta += math.pi
     pose[2] = theta - 2.0 * math.pi * math.floor((theta + math.pi) / (2.0 * math.pi))
     return pose
+
+
+@numba.njit(cache=True, nogil=True)
+def consensus(landmarks: Array, bearings: Array, gate_rad: float, every: int) -> Array:
+    """Return the closed-form pose that most landmarks agree with; NaN where none is defined.
+
+    Candidates are the pose of all bearings and that of every `every`-th triple of them; of two with equally many
+    within the gate the one with the smaller errors wins.
+    """
+    n = bearings.shape[0]
+    best = closed_form(landmarks, bearings, np.ones(n))
+    best_score = _support(landmarks, bearings, best, gate_rad)
+    weights, idx = np.ones(3), np.empty(3, np.intp)
+    count = 0
+    for i in range(n - 2):
+        for j in range(i + 1, n - 1):
+            for k in range(j + 1, n):
+                count += 1
+                if (count - 1) % every != 0:
+                    continue
+                idx[0], idx[1], idx[2] = i, j, k
+                pose = closed_form(landmarks[idx], bearings[idx], weights)
+                score = _support(landmarks, bearings, pose, gate_rad)
+                if score > best_score:
+                    best, best_score = pose, score
+    return best
+
+
+@numba.njit(cache=True, nogil=True)
+def _support(landmarks: Array, bearings: Array, pose: Array, gate_rad: float) -> float:
+    """Return how many landmarks agree with a pose, less their mean error over the gate; -1 for no pose."""
+    if not np.isfinite(pose).all():
+        return -1.0
+    errors = bearing_errors(landmarks, bearings, pose)
+    score = 0.0
+    for n in range(errors.shape[0]):
+        size = abs(errors[n])
+        if size <= gate_rad:
+            score += 1.0 - size / (gate_rad * errors.shape[0] + 1e-12)
+    return score
 
 
 @numba.njit(cache=True, nogil=True)

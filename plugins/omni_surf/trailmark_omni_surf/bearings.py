@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import dataclass
 
@@ -11,7 +10,7 @@ import numpy.typing as npt
 
 from trailmark.errors import ShapeError
 from trailmark.geometry import Pose2
-from trailmark_omni_surf.bearing_kernels import bearing_errors, closed_form, cost_and_step, refine
+from trailmark_omni_surf.bearing_kernels import bearing_errors, consensus, cost_and_step, refine
 
 __all__ = ["BearingFix", "BearingNoise", "locate"]
 
@@ -100,29 +99,11 @@ def locate(
     return _refined(landmarks, bearings, pose, noise)
 
 
-def _triples(n: int) -> npt.NDArray[np.intp]:
-    """Return index triples, all of them or an even choice, the same each time."""
-    total = math.comb(n, 3)
-    every = max(1, math.ceil(total / _MAX_TRIPLES))
-    return np.array(list(itertools.islice(itertools.combinations(range(n), 3), 0, None, every)), dtype=np.intp)
-
-
 def _consensus(landmarks: Array, bearings: Array, gate_rad: float) -> Array | None:
     """Return the closed-form pose that most landmarks agree with."""
-    weights = np.ones(3)
-    best: Array | None = None
-    best_score = -math.inf
-    candidates = [closed_form(landmarks, bearings, np.ones(len(bearings)))]
-    candidates += [closed_form(landmarks[idx], bearings[idx], weights) for idx in _triples(len(bearings))]
-    for pose in candidates:
-        if not np.isfinite(pose).all():
-            continue
-        errors = np.abs(bearing_errors(landmarks, bearings, pose))
-        is_inlier = errors <= gate_rad
-        score = is_inlier.sum() - errors[is_inlier].sum() / (gate_rad * len(errors) + 1e-12)
-        if score > best_score:
-            best, best_score = pose, score
-    return best
+    every = max(1, math.ceil(math.comb(len(bearings), 3) / _MAX_TRIPLES))
+    pose = consensus(landmarks, bearings, gate_rad, every)
+    return pose if np.isfinite(pose).all() else None
 
 
 def _refined(landmarks: Array, bearings: Array, pose: Array, noise: BearingNoise) -> BearingFix | None:

@@ -44,6 +44,9 @@ class OmniSurfConfig(PluginConfig):
     """T_p: a landmark with a larger tracking error, Eq. (4), is removed [deg]."""
     min_tracked: int = Field(5, ge=3)
     """T_n: with more landmarks than this the next picture is tracked; otherwise features are detected again."""
+    refresh_every: int = Field(15, ge=1)
+    """After so many tracked pictures features are detected again: what tracking drifts by cannot be seen in its own
+    errors. (Not in the paper.)"""
     min_agreeing: int = Field(5, ge=4)
     """So many landmarks must agree on a pose found without a start. (The paper: more than three.)"""
     bearing_sigma_deg: float = Field(1.0, gt=0)

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from trailmark.errors import ConfigError
 from trailmark.frames import Image
+from trailmark_omni_surf.matching_kernels import squared_unit_distances
 
 __all__ = [
     "FeatureExtractor",
@@ -149,9 +150,10 @@ def squared_distances(
     train_sign: npt.NDArray[np.int8],
 ) -> npt.NDArray[np.float64]:
     """Return squared distances between unit vectors, (N, M) float64; infinite between bright and dark blobs."""
-    squared = np.maximum(2.0 - 2.0 * (query @ train.T).astype(np.float64), 0.0)
-    squared[(query_sign[:, None].astype(np.int16) * train_sign[None, :]) < 0] = np.inf
-    return np.asarray(squared)
+    out = np.empty((len(query), len(train)))
+    if out.size:
+        squared_unit_distances(query, query_sign, np.ascontiguousarray(train.T), train_sign, out)
+    return out
 
 
 def match_squared(

@@ -15,7 +15,7 @@ from trailmark_omni_surf.features import FeatureExtractor
 from trailmark_omni_surf.landmark_map import LandmarkMap
 from trailmark_omni_surf.tracking import track_points
 
-__all__ = ["Finding", "FlowOptions", "by_detection", "by_tracking", "chance_agreements"]
+__all__ = ["NOTHING", "Finding", "FlowOptions", "by_detection", "by_tracking", "chance_agreements"]
 
 Grey = npt.NDArray[np.uint8]
 
@@ -163,3 +163,7 @@ def chance_agreements(n: int, n_agreeing: int, gate_rad: float) -> float:
 
 def _nothing(n: int, reason: str) -> Finding:
     return Finding(None, np.empty(0, dtype=np.intp), np.empty((0, 2)), n, reason)
+
+
+#: What a flow says that was not gone.
+NOTHING = _nothing(0, "")

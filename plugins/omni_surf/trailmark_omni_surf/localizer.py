@@ -18,7 +18,7 @@ from trailmark_omni_surf.bearings import BearingFix, BearingNoise
 from trailmark_omni_surf.centre import CentreFinder
 from trailmark_omni_surf.config import OmniSurfConfig
 from trailmark_omni_surf.features import Features, create_features, grey_of
-from trailmark_omni_surf.flows import Finding, FlowOptions, by_detection, by_tracking
+from trailmark_omni_surf.flows import NOTHING, Finding, FlowOptions, by_detection, by_tracking
 from trailmark_omni_surf.landmark_map import Candidates, LandmarkMap, keyframe_arrays, measured_candidates
 from trailmark_omni_surf.selection import SelectionModel, shipped_model
 from trailmark_omni_surf.tracking import TrackBook, TrackOptions
@@ -29,6 +29,7 @@ __all__ = ["OmniSurf"]
 Grey = npt.NDArray[np.uint8]
 
 _MAP = "landmarks"
+_ENOUGH_SHARE = 0.6  # a refresh that finds fewer of the tracked landmarks than this is not taken
 
 
 class OmniSurf(Localizer):
@@ -37,6 +38,7 @@ class OmniSurf(Localizer):
     config: OmniSurfConfig
     _image: Grey | None
     _finding: Finding
+    _n_tracked: int
     _last_pose: tuple[Pose2, Pose2] | None
 
     def start(self, session: Session) -> None:
@@ -143,24 +145,35 @@ class OmniSurf(Localizer):
     def _localize(self, landmarks: LandmarkMap, stamp_s: float, image: Grey, belief: Belief) -> Estimate:
         """Track while enough landmarks are tracked (main flow), detect otherwise (sub flow)."""
         start = self._expected(belief)
-        finding: Finding | None = None
-        is_tracked = False
-        if self._is_main_flow(image) and start is not None:
-            assert self._image is not None
-            finding = by_tracking(
-                self._image, image, self._finding, landmarks, self._centre.camera, self._options, start
-            )
-            self._counters["main_flow"] += 1
-            self._counters["landmarks_removed"] += finding.n_seen - len(finding.uv)
-            is_tracked = finding.fix is not None
-        if finding is None or finding.fix is None:  # differs from the paper: a failed main flow costs no picture
-            finding = by_detection(image, self._extract, landmarks, self._centre.camera, self._options, start)
-            self._counters["sub_flow"] += 1
+        tracked = self._track(landmarks, image, start)
+        finding, is_tracked = tracked, True
+        if tracked.fix is None or self._n_tracked >= self.config.refresh_every:
+            # Differs from the paper: a failed main flow costs no picture, and one that goes well is refreshed.
+            detected = self._detect(landmarks, image, start)
+            if tracked.fix is None or len(detected.uv) >= _ENOUGH_SHARE * len(tracked.uv):
+                finding, is_tracked = detected, False
         if finding.fix is None:
             self._forget()
             return Lost(stamp_s, finding.reason, {"landmarks": float(finding.n_seen)})
         self._image, self._finding = image, finding
         return self._answer(stamp_s, finding, finding.fix, belief, is_tracked)
+
+    def _track(self, landmarks: LandmarkMap, image: Grey, start: Pose2 | None) -> Finding:
+        """Main flow, where it can be gone."""
+        if start is None or not self._is_main_flow(image):
+            return NOTHING
+        assert self._image is not None
+        found = by_tracking(self._image, image, self._finding, landmarks, self._centre.camera, self._options, start)
+        self._n_tracked += 1
+        self._counters["main_flow"] += 1
+        self._counters["landmarks_removed"] += found.n_seen - len(found.uv)
+        return found
+
+    def _detect(self, landmarks: LandmarkMap, image: Grey, start: Pose2 | None) -> Finding:
+        """Sub flow."""
+        self._n_tracked = 0
+        self._counters["sub_flow"] += 1
+        return by_detection(image, self._extract, landmarks, self._centre.camera, self._options, start)
 
     def _is_main_flow(self, image: Grey) -> bool:
         """Step 5: more than T_n landmarks are left."""
@@ -194,7 +207,8 @@ class OmniSurf(Localizer):
 
     def _forget(self) -> None:
         self._image = None
-        self._finding = Finding(None, np.empty(0, dtype=np.intp), np.empty((0, 2)), 0)
+        self._finding = NOTHING
+        self._n_tracked = 0
         self._last_pose = None
 
     def _load_map(self) -> LandmarkMap | None:

@@ -69,6 +69,7 @@ def orient(integral: Array, points: Array, angles: Array) -> None:
         Out.
     """
     bins = np.empty((_N_BINS, 2), np.float64)
+    gauss = np.exp(-np.arange(_ORIENTATION_RADIUS**2) / (2.0 * _ORIENTATION_SIGMA**2))
     for n in range(points.shape[0]):
         scale = points[n, 2]
         half = max(1, int(2.0 * scale + 0.5))
@@ -81,7 +82,7 @@ def orient(integral: Array, points: Array, angles: Array) -> None:
                 u = math.floor(points[n, 0] + j * scale + 1.0)
                 v = math.floor(points[n, 1] + i * scale + 1.0)
                 du, dv = haar(integral, u, v, half)
-                weight = math.exp(-squared / (2.0 * _ORIENTATION_SIGMA**2))
+                weight = gauss[squared]
                 k = int((math.atan2(dv, du) + math.pi) * (_N_BINS / (2.0 * math.pi)))
                 k = min(k, _N_BINS - 1)
                 bins[k, 0] += weight * du

@@ -33,7 +33,7 @@ def find_maxima(
         u, v, scale [px], determinant, layer, and the size of its filter [px].
     """
     n_layers, height, width = layers.shape
-    is_peak = np.zeros(width, np.uint8)
+    is_peak = np.zeros(width, np.int32)  # as wide as a determinant, so that the marking vectorises
     count = 0
     limit = np.float32(threshold)
     for layer in range(1, n_layers - 1):
@@ -65,10 +65,10 @@ def _mark_peaks(
     n = here.shape[0] - 2
     left, centre, right = here, here[1:], here[2:]
     up, down, below, above, marks = up[1:], down[1:], below[1:], above[1:], is_peak[1:]
-    total = 0
+    total = np.int32(0)
     for k in range(n):
         value = centre[k]
-        mark = (
+        mark = np.int32(
             (value > limit)
             & (value >= left[k])
             & (value > right[k])
@@ -79,7 +79,7 @@ def _mark_peaks(
         )
         marks[k] = mark
         total += mark
-    return total > 0
+    return bool(total > 0)
 
 
 @numba.njit(cache=True, nogil=True)
