@@ -17,7 +17,7 @@ def test_where_vectors_do_not_compile_the_plain_kernels_do_the_work(monkeypatch,
     def refuse(image):
         raise RuntimeError("no such instruction")
 
-    broken = kernels.Kernels(refuse, refuse, lambda search_px: refuse)
+    broken = kernels.Kernels(refuse, refuse, lambda search_px: refuse, lambda search_px: refuse)
     monkeypatch.setattr(kernels, "_VECTOR", broken)
     kernels.load_kernels.cache_clear()
 

@@ -7,8 +7,9 @@ import sys
 
 from trailmark.plugins import Registry
 from trailmark_ground_vo import plugin
-from trailmark_ground_vo.config import GroundVOConfig
+from trailmark_ground_vo.config import GroundMapConfig, GroundVOConfig
 from trailmark_ground_vo.localizer import GroundVO
+from trailmark_ground_vo.map_localizer import GroundMap
 
 
 def test_the_localizers_and_their_configs_can_be_loaded():
@@ -20,6 +21,10 @@ def test_the_localizers_and_their_configs_can_be_loaded():
     assert spec.load() is GroundVO
     assert spec.load_config() is GroundVOConfig
     assert spec.gives == {"motion"}
+    spec = registry.find("localizer", "ground_map")
+    assert spec.load() is GroundMap
+    assert spec.load_config() is GroundMapConfig
+    assert spec.gives == {"fix"}
 
 
 def test_registering_imports_nothing_heavy():

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from trailmark.config import PluginConfig, Sensor
 
-__all__ = ["GroundVOConfig"]
+__all__ = ["GroundMapConfig", "GroundVOConfig"]
 
 
 class GroundVOConfig(PluginConfig):
@@ -52,5 +52,45 @@ class GroundVOConfig(PluginConfig):
     """Refinement: residual beyond which a pixel counts less (Huber) [grey levels]."""
     max_iterations: int = Field(8, ge=1, le=50)
     """Refinement: steps at most."""
+    use_vectors: bool = True
+    """Use the vector kernels; false takes the plain ones, which give the same bits, slower."""
+
+
+class GroundMapConfig(PluginConfig):
+    """Registration and absolute search of ground patches (Nagai & Watanabe 2015, Sec. II-B)."""
+
+    camera: Sensor["image"]
+    """The downward camera."""
+    spacing_m: float = Field(0.05, gt=0)
+    """A patch is registered every time this way has been driven (paper: 0.05) [m]."""
+    patch_px: int = Field(44, ge=12, multiple_of=4)
+    """Side of a patch, in pixels of the half-size picture (paper: 0.18 W, that is 44) [px]."""
+    reach_m: float = Field(0.025, gt=0)
+    """A patch is searched for when its place is believed to be this near (paper: 0.025) [m]."""
+    search_px: int = Field(32, ge=4, le=64)
+    """Range of the search to all sides, in pixels of the half-size picture (paper: 32, that is 0.025 m) [px]."""
+    rotation_steps: int = Field(15, ge=1, le=90)
+    """Steps of the rotational search to either side (paper: 15)."""
+    rotation_step_deg: float = Field(math.degrees(1 / 128), gt=0, le=5)
+    """Step of the rotational search; 1/128 rad, the paper's 0.448 deg [deg]."""
+    search: Literal["exhaustive", "pyramid"] = "exhaustive"
+    """exhaustive: every candidate, as Eq. (1) says; pyramid: quarter-size first, ten times faster."""
+    high_pass: bool = True
+    """Search pictures of even brightness and contrast; false: raw intensities, as in the paper."""
+    refined: bool = True
+    """Refine what is found to a hundredth of a pixel; false: whole pixels, as in the paper."""
+    tolerance_px: float = Field(3.0, gt=0)
+    """Groups agree when they are found this close to the whole patch, in pixels of the half-size picture [px]."""
+    min_groups: int = Field(3, ge=1, le=4)
+    """Groups that must agree (paper: all 4). With 3, dirt on one of them does not hide the place."""
+    weak_shift_px: float = Field(6.0, ge=0)
+    """With fewer than 4 groups, the farthest that the place may lie from where it was expected, in pixels of the
+    half-size picture (5 mm): on other ground one search in a thousand has 3 groups agree, anywhere [px]."""
+    min_correlation: float = Field(0.4, ge=0, lt=1)
+    """Least correlation of the patch with the place where it was found."""
+    max_attempts: int = Field(10, ge=1)
+    """Pictures in which a patch is searched for until it is given up for this pass (paper: 1)."""
+    global_batch: int = Field(20, ge=1)
+    """Patches tried per picture while the start is unknown."""
     use_vectors: bool = True
     """Use the vector kernels; false takes the plain ones, which give the same bits, slower."""

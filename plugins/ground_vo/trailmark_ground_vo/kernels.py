@@ -10,6 +10,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
+from trailmark_ground_vo.absolute import PatchSearch, patch_search, patch_search_plain
 from trailmark_ground_vo.filters import smooth, smooth_plain, transpose, transpose_plain
 from trailmark_ground_vo.search import SadSearch, sad_search, sad_search_plain
 
@@ -30,15 +31,18 @@ class Kernels:
         Of `filters`.
     sad_search : callable
         Gives the search of a range, of `search`.
+    patch_search : callable
+        Gives the search for a patch, of `absolute`.
     """
 
     transpose: Callable[[Grey], Grey]
     smooth: Callable[[Grey], npt.NDArray[np.uint16]]
     sad_search: Callable[[int], SadSearch]
+    patch_search: Callable[[int], PatchSearch]
 
 
-_PLAIN = Kernels(transpose_plain, smooth_plain, sad_search_plain)
-_VECTOR = Kernels(transpose, smooth, sad_search)
+_PLAIN = Kernels(transpose_plain, smooth_plain, sad_search_plain, patch_search_plain)
+_VECTOR = Kernels(transpose, smooth, sad_search, patch_search)
 
 
 @lru_cache

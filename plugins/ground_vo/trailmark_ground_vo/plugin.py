@@ -21,6 +21,14 @@ def trailmark_register(registry: Registry) -> None:
         reference="Nagai & Watanabe 2015",
         gives=("motion",),
     )
+    registry.localizer(
+        "ground_map",
+        "trailmark_ground_vo.map_localizer:GroundMap",
+        config="trailmark_ground_vo.config:GroundMapConfig",
+        summary="Pose from a downward camera: patches of the ground, registered while teaching and searched for again",
+        reference="Nagai & Watanabe 2015",
+        gives=("fix",),
+    )
     registry.experiment(
         "nagai2015",
         "trailmark_ground_vo.experiments:nagai2015",

@@ -20,6 +20,8 @@ from numba import types
 __all__ = [
     "CHUNK",
     "LANES",
+    "PAIRS",
+    "add_pairs",
     "add_window",
     "padded_columns",
     "padded_rows",
@@ -40,6 +42,9 @@ def intrinsic(function: Callable[..., Any]) -> Any:
 
 #: Pixels that one vector holds.
 LANES = 16
+
+#: Pairs of pixels of 7 bits whose absolute differences certainly fit into a sum of 16 bits: 258 * 254 < 2**16.
+PAIRS = 258
 
 #: Reference pixels whose absolute differences certainly fit into a sum of 16 bits: 256 * 255 < 2**16.
 CHUNK = 256
@@ -81,10 +86,10 @@ def _fill(kind: Any, value: int) -> Any:
     return ir.Constant(kind, [value] * kind.count)
 
 
-def _splat(builder: Any, value: Any) -> Any:
-    undefined = ir.Constant(ir.VectorType(value.type, LANES), ir.Undefined)
+def _splat(builder: Any, value: Any, lanes: int) -> Any:
+    undefined = ir.Constant(ir.VectorType(value.type, lanes), ir.Undefined)
     first = builder.insert_element(undefined, value, ir.Constant(_I32, 0))
-    return builder.shuffle_vector(first, undefined, ir.Constant(_LONGS, [0] * LANES))
+    return builder.shuffle_vector(first, undefined, ir.Constant(ir.VectorType(_I32, lanes), [0] * lanes))
 
 
 def _absolute(builder: Any, vector: Any) -> Any:
@@ -154,7 +159,7 @@ def add_window(
         sums = _Sums(builder, rows * across + down)
         first, last, step = arguments[6], arguments[7], ir.Constant(_I64, 1)
         with cgutils.for_range_slice(builder, first, last, step, intp=_I64) as (n, _):
-            value = _splat(builder, builder.load(builder.gep(minus_values, [n])))
+            value = _splat(builder, builder.load(builder.gep(minus_values, [n])), LANES)
             row = builder.gep(image, [builder.load(builder.gep(offsets, [n]))])
             for j in range(rows):
                 for i in range(across):
@@ -234,3 +239,71 @@ def smooth_across(typing_context: Any, line: Any, offset: Any, out: Any, offset_
         return context.get_dummy_value()
 
     return types.void(line, offset, out, offset_out), generate
+
+
+@intrinsic
+def add_pairs(
+    typing_context: Any,
+    rows: Any,
+    columns: Any,
+    image: Any,
+    offset: Any,
+    offsets: Any,
+    values: Any,
+    start: Any,
+    stop: Any,
+    out: Any,
+    offset_out: Any,
+) -> Any:
+    """Add up absolute differences of pixels of 7 bits over ``rows`` x ``columns`` shifts (constants).
+
+    Two differences of 7 bits fit into 8, so that pixels are taken in pairs and widened once for both. Pairs from
+    `start` to `stop` (at most `PAIRS`) go by; `image` and `values` are int8 from 0 to 127, `columns` is a multiple of
+    `LANES`, and `out` takes (rows, columns) int32 from `offset_out` on. `offset` is added to all offsets.
+    """
+    n_rows, n_columns = rows.literal_value, columns.literal_value
+    per_row = n_columns // (2 * LANES) if n_columns % (2 * LANES) == 0 else 0
+    lanes = 2 * LANES if per_row else LANES
+    per_row = per_row or n_columns // LANES
+    bytes_kind, words_kind = ir.VectorType(_I8, lanes), ir.VectorType(_I16, lanes // 2)
+    arguments_types = (rows, columns, image, offset, offsets, values, start, stop, out, offset_out)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        def pointer(position: int, shift: Any = None) -> Any:
+            return _pointer(context, builder, signature.args[position], arguments[position], shift)
+
+        image, offsets, values = pointer(2, arguments[3]), pointer(4), pointer(5)
+        stride = cgutils.unpack_tuple(builder, make_array(signature.args[2])(context, builder, arguments[2]).shape)[1]
+        totals = [[cgutils.alloca_once(builder, words_kind) for _ in range(2)] for _ in range(n_rows * per_row)]
+        for both in totals:
+            for total in both:
+                builder.store(_fill(words_kind, 0), total)
+        one = ir.Constant(_I64, 1)
+        with cgutils.for_range_slice(builder, arguments[6], arguments[7], one, intp=_I64) as (pair, _):
+            pixels = []
+            for n in (builder.shl(pair, one), builder.add(builder.shl(pair, one), one)):
+                value = _splat(builder, builder.load(builder.gep(values, [n])), lanes)
+                pixels.append((value, builder.gep(image, [builder.load(builder.gep(offsets, [n]))])))
+            for j in range(n_rows):
+                for i in range(per_row):
+                    sums = [
+                        _absolute(builder, builder.sub(value, _load(builder, _at(builder, row, lanes * i), bytes_kind)))
+                        for value, row in pixels
+                    ]
+                    words = builder.bitcast(builder.add(*sums), words_kind)
+                    even, odd = totals[j * per_row + i]
+                    low, high = builder.and_(words, _fill(words_kind, 255)), builder.lshr(words, _fill(words_kind, 8))
+                    builder.store(builder.add(builder.load(even), low), even)
+                    builder.store(builder.add(builder.load(odd), high), odd)
+                pixels = [(value, builder.gep(row, [stride])) for value, row in pixels]
+        half = lanes // 2
+        mask = ir.Constant(ir.VectorType(_I32, lanes), [i // 2 + half * (i % 2) for i in range(lanes)])
+        target = pointer(8, arguments[9])
+        for index, (even, odd) in enumerate(totals):
+            merged = builder.shuffle_vector(builder.load(even), builder.load(odd), mask)
+            place = _at(builder, target, lanes * index)
+            wide = ir.VectorType(_I32, lanes)
+            _store(builder, builder.add(_load(builder, place, wide), builder.zext(merged, wide)), place)
+        return context.get_dummy_value()
+
+    return types.void(*arguments_types), generate

@@ -1,0 +1,236 @@
+"""Registering the ground while a path is taught, and correcting the pose with it afterwards."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.errors import ConfigError, StoreError
+from trailmark.estimates import Belief, Estimate, Fix, Lost
+from trailmark.frames import Frame, SensorInfo
+from trailmark.geometry import Pose2
+from trailmark.interfaces import Drawer, Localizer, Session
+from trailmark.paths import Keyframe
+from trailmark_ground_vo.config import GroundMapConfig
+from trailmark_ground_vo.motion import ImageMotion, ground_information, pose_prev_now
+from trailmark_ground_vo.patch import Found, PatchFinder, View
+from trailmark_ground_vo.picture import PictureReader, camera_of, ground_plane
+
+__all__ = ["GroundMap"]
+
+#: Duration of a search on one core of 2024, kernel and refinement [s].
+_LATENCY_S = {"exhaustive": 5e-3, "pyramid": 1e-3}
+
+#: What sums of steps may be off [m].
+_ROUNDING_M = 1e-9
+
+_SETTINGS = "settings"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Places:
+    """What was registered: patches and the poses of the camera and of base."""
+
+    patches: list[npt.NDArray[np.uint8]]
+    cameras: list[Pose2]
+    positions: npt.NDArray[np.float64]
+
+
+class GroundMap(Localizer):
+    """Remembers patches of the ground and finds them again (Nagai & Watanabe 2015, Sec. II-B).
+
+    In teach it registers a patch every 0.05 m. Afterwards it searches for a patch as soon as its place is believed to
+    be within 0.025 m, until it is found or given up for this pass, and answers a `Fix`, or `Lost` when the groups do
+    not agree. While the pose is unknown it looks for all patches, some in each picture.
+    """
+
+    config: GroundMapConfig
+
+    def __init__(self, config: GroundMapConfig) -> None:
+        super().__init__(config)
+        self._sensor: SensorInfo
+        self._reader: PictureReader
+        self._drawer: Drawer
+        self._finder: PatchFinder | None = None
+        self._places: _Places | None = None
+        self._next_m = 0.0
+
+    def start(self, session: Session) -> None:
+        """Load what was registered and compile the kernels.
+
+        Raises
+        ------
+        ConfigError
+            If there is no path store, or the camera has no scale.
+        StoreError
+            If what is stored is not what this config registers.
+        """
+        if session.drawer is None:
+            raise ConfigError(
+                f"localizer {session.name!r}: ground_map registers patches and searches for them, but there is no"
+                " path store; use `trailmark teach` or `replay`, or `run` with --store"
+            )
+        self._drawer = session.drawer
+        self._sensor = camera_of(session, self.config.camera)
+        self._reader = PictureReader(self._sensor)
+        self._scale = ground_plane(self._sensor).metres_per_pixel
+        self._mounting = self._sensor.pose_base_sensor.planar()
+        self._mounting_inverse = self._mounting.inverse()
+        self._next_m = 0.0
+        self._tried, self._attempts, self._cursor = -1, 0, 0
+        self._searches = 0
+        self._counts = {"registered": 0, "searched": 0, "accepted": 0, "rejected": 0}
+        self._finder = None
+        self._places = None if session.mode == "teach" else self._load()
+        if session.mode == "teach":
+            self._drawer.save(_SETTINGS, self._settings())
+        self._warm_up(self._sensor.size or (512, 480))
+
+    def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
+        """Register the ground, or search for a patch that ought to be seen."""
+        if frame.sensor != self._sensor.name:
+            return ()
+        self._searches = 0
+        if self._places is None:
+            self._teach(frame, belief)
+            return ()
+        if not self._places.patches:
+            return ()
+        if belief.pose_map_base is None:
+            return self._look_everywhere(frame)
+        return self._look_nearby(frame, belief.pose_map_base)
+
+    def latency_s(self) -> float:
+        """Return how long the last call takes: its searches, each of the usual duration."""
+        return self._searches * _LATENCY_S[self.config.search]
+
+    def counters(self) -> Mapping[str, int]:
+        """Return what was registered, searched, accepted and rejected."""
+        return dict(self._counts)
+
+    def _teach(self, frame: Frame, belief: Belief) -> None:
+        if belief.pose_map_base is None or belief.travelled_m < self._next_m - _ROUNDING_M:
+            return
+        view = self._view(frame)
+        patch = self._the_finder().register(view)
+        self._drawer.add(Keyframe(belief.travelled_m, frame.stamp_s, belief.pose_map_base, {"patch": patch}))
+        # the next place lies on the grid of the way, so that overshooting by a picture does not add up
+        passed = math.floor((belief.travelled_m + _ROUNDING_M) / self.config.spacing_m)
+        self._next_m = (passed + 1) * self.config.spacing_m
+        self._counts["registered"] += 1
+
+    def _look_nearby(self, frame: Frame, pose_map_base: Pose2) -> Sequence[Estimate]:
+        """Search for the nearest patch that is in reach and has not been dealt with on this pass."""
+        assert self._places is not None
+        camera = pose_map_base @ self._mounting
+        nearest = self._nearest(pose_map_base, camera)
+        if nearest != self._tried:
+            self._tried, self._attempts = nearest, 0
+        if nearest < 0 or self._attempts >= self.config.max_attempts:
+            return ()
+        self._attempts += 1
+        found = self._find(self._view(frame), nearest, camera)
+        if found.reason:
+            self._counts["rejected"] += 1
+            return (Lost(frame.stamp_s, found.reason, {"place": float(nearest), **found.details}),)
+        self._attempts = self.config.max_attempts  # done, until another patch is nearer
+        self._counts["accepted"] += 1
+        return (self._fix(frame.stamp_s, nearest, found),)
+
+    def _nearest(self, pose_map_base: Pose2, camera: Pose2) -> int:
+        """Return the nearest place within reach whose heading the search covers, or -1."""
+        assert self._places is not None
+        offsets = self._places.positions - (pose_map_base.x, pose_map_base.y)
+        distances = np.hypot(offsets[:, 0], offsets[:, 1])
+        near = np.flatnonzero(distances <= self.config.reach_m)
+        finder = self._the_finder()
+        usable = [n for n in near if finder.is_in_reach(self._expected(int(n), camera))]
+        return int(min(usable, key=lambda n: float(distances[n]))) if usable else -1
+
+    def _look_everywhere(self, frame: Frame) -> Sequence[Estimate]:
+        """Try some of the patches where they were registered; all four groups must agree."""
+        assert self._places is not None
+        view, n_places = self._view(frame), len(self._places.patches)
+        for _ in range(min(self.config.global_batch, n_places)):
+            place = self._cursor % n_places
+            self._cursor += 1
+            found = self._find(view, place, self._places.cameras[place])
+            if not found.reason and found.details["agreeing"] == 4:
+                self._cursor -= 1  # should the answer not be believed, this place comes first again
+                self._counts["accepted"] += 1
+                return (self._fix(frame.stamp_s, place, found),)
+        return (Lost(frame.stamp_s, f"start unknown: tried {self._cursor} of {n_places} places"),)
+
+    def _find(self, view: View, place: int, camera: Pose2) -> Found:
+        assert self._places is not None
+        self._searches += 1
+        self._counts["searched"] += 1
+        return self._the_finder().find(view, self._places.patches[place], self._expected(place, camera))
+
+    def _expected(self, place: int, camera: Pose2) -> ImageMotion:
+        """Return how the content has moved since a patch was registered, were the camera there."""
+        assert self._places is not None
+        content = camera.between(self._places.cameras[place])
+        return ImageMotion(content.x / self._scale[0], -content.y / self._scale[1], content.theta)
+
+    def _fix(self, stamp_s: float, place: int, found: Found) -> Fix:
+        assert self._places is not None
+        motion = pose_prev_now(found.motion, self._scale)
+        pose = self._places.cameras[place] @ motion @ self._mounting_inverse
+        information = ground_information(found.information, motion, self._scale, self._mounting)
+        # of the motion of base since the patch was registered, in the axes of base then: turn to those of the map
+        heading = self._places.cameras[place].theta - self._mounting.theta
+        turn = Pose2(0.0, 0.0, heading).matrix()
+        return Fix(stamp_s, pose, turn @ information @ turn.T, {"place": float(place), **found.details})
+
+    def _view(self, frame: Frame) -> View:
+        image = self._reader.read(frame)
+        if self._finder is None:
+            self._finder = self._new_finder((image.shape[1], image.shape[0]))
+        return self._finder.view(image)
+
+    def _the_finder(self) -> PatchFinder:
+        assert self._finder is not None
+        return self._finder
+
+    def _new_finder(self, size: tuple[int, int]) -> PatchFinder:
+        return PatchFinder(self.config, size, self._scale[1] / self._scale[0])
+
+    def _warm_up(self, size: tuple[int, int]) -> None:
+        self._finder = self._new_finder(size)
+        view = self._finder.view(np.random.default_rng(0).integers(0, 256, (size[1], size[0]), np.uint8))
+        self._finder.find(view, self._finder.register(view), ImageMotion(0.0, 0.0, 0.0))
+        if self._sensor.size is None:
+            self._finder = None
+
+    def _settings(self) -> dict[str, npt.NDArray[np.int64]]:
+        return {"high_pass": np.array([int(self.config.high_pass)]), "patch_px": np.array([self.config.patch_px])}
+
+    def _load(self) -> _Places:
+        stored = self._drawer.load(_SETTINGS)
+        for name, value in self._settings().items() if stored is not None else ():
+            taught = stored[name] if stored is not None and name in stored else None
+            if taught is None or not np.array_equal(taught, value):
+                raise StoreError(
+                    f"the patches of localizer 'ground_map' were taught with {name} = {taught}, but the config has"
+                    f" {value}; set it as taught, or teach anew"
+                )
+        keyframes = self._drawer.keyframes()
+        patches = [self._patch(keyframe) for keyframe in keyframes]
+        cameras = [keyframe.pose_map_base @ self._mounting for keyframe in keyframes]
+        positions = np.array([[k.pose_map_base.x, k.pose_map_base.y] for k in keyframes]).reshape(-1, 2)
+        return _Places(patches, cameras, positions)
+
+    def _patch(self, keyframe: Keyframe) -> npt.NDArray[np.uint8]:
+        patch, side = keyframe.arrays.get("patch"), self.config.patch_px
+        if patch is None or patch.shape != (side, side) or patch.dtype != np.uint8:
+            found = "no patch" if patch is None else f"a patch of {patch.shape} {patch.dtype}"
+            raise StoreError(
+                f"the keyframe of ground_map at {keyframe.station_m:.3f} m holds {found} instead of"
+                f" ({side}, {side}) uint8; teach anew"
+            )
+        return np.array(patch, np.uint8, order="C")

@@ -1,0 +1,245 @@
+"""Registering a patch of the ground, and finding it again: Sec. II-B of Nagai & Watanabe (2015)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.errors import ConfigError
+from trailmark_ground_vo.absolute import group_places, quadrants
+from trailmark_ground_vo.alignment import align_patch
+from trailmark_ground_vo.config import GroundMapConfig
+from trailmark_ground_vo.kernels import Kernels, load_kernels
+from trailmark_ground_vo.levels import half_picture, levelled, seven_bits, tamed
+from trailmark_ground_vo.motion import ImageMotion
+from trailmark_ground_vo.search import centre_out, rotation_angles, summarise
+
+__all__ = ["Found", "PatchFinder", "View"]
+
+Grey = npt.NDArray[np.uint8]
+Bits7 = npt.NDArray[np.int8]
+Flags = npt.NDArray[np.bool_]
+Matrix = npt.NDArray[np.float64]
+
+#: The picture and its patches at half the resolution of the camera.
+_HALF = 2.0
+
+#: Standard deviation of a match that is not refined: rounding to a pixel and to two steps of the rotation.
+_ROUNDING = 1.0 / math.sqrt(12.0)
+
+#: Range of the fine search after the coarse one of the pyramid, in pixels of the half-size picture.
+_FINE_PX = 4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Found:
+    """What a search for a patch gave.
+
+    Attributes
+    ----------
+    motion : ImageMotion
+        From the picture in which the patch was registered to this one, about the middle, in full-size pixels.
+    information : (3, 3) float64
+        Of (u, v, turn).
+    reason : str
+        Why it is not to be believed; empty when it is.
+    details : mapping of str to float
+        ``agreeing``: groups that agree; ``error_ratio``: least error over mean error; ``correlation``: of the patch
+        with the place; ``shift_px``: how far from where it was expected, in full-size pixels.
+    """
+
+    motion: ImageMotion
+    information: Matrix
+    reason: str
+    details: Mapping[str, float]
+
+
+class View:
+    """A picture in the forms that the search for patches reads, made when asked for.
+
+    Parameters
+    ----------
+    levels : (H, W) uint8
+        The half-size picture.
+    is_levelled : bool
+        Whether it is high-passed.
+    kernels : Kernels
+        The build to use.
+    """
+
+    def __init__(self, levels: Grey, is_levelled: bool, kernels: Kernels) -> None:
+        self.levels = levels
+        self.is_levelled = is_levelled
+        self._kernels = kernels
+
+    @cached_property
+    def bits(self) -> tuple[Bits7, Bits7]:
+        """The picture in seven bits and its transpose."""
+        return self._with_transpose(seven_bits(self.levels, self.is_levelled))
+
+    @cached_property
+    def coarse_bits(self) -> tuple[Bits7, Bits7]:
+        """The same at half that resolution."""
+        return self._with_transpose(_halved(self.bits[0]))
+
+    @cached_property
+    def smooth(self) -> npt.NDArray[np.uint16]:
+        """The smoothed picture, for the refinement."""
+        return self.smoothed(self.levels)
+
+    def smoothed(self, levels: Grey) -> npt.NDArray[np.uint16]:
+        """Return a picture of this kind, or a part of one, as the refinement compares it."""
+        return self._kernels.smooth(tamed(levels) if self.is_levelled else levels)
+
+    def _with_transpose(self, bits: Bits7) -> tuple[Bits7, Bits7]:
+        return bits, self._kernels.transpose(bits.view(np.uint8)).view(np.int8)
+
+
+def _halved(bits: Bits7) -> Bits7:
+    return half_picture(bits.view(np.uint8)).view(np.int8)
+
+
+class PatchFinder:
+    """Takes patches out of pictures and finds them again.
+
+    Parameters
+    ----------
+    config : GroundMapConfig
+        Parameters of the paper, and of what was added.
+    size : (int, int)
+        Width and height of the full-size picture [px].
+    aspect : float
+        Metres per pixel along v over those along u.
+
+    Raises
+    ------
+    ConfigError
+        If the picture is too small for patch and search.
+    """
+
+    def __init__(self, config: GroundMapConfig, size: tuple[int, int], aspect: float = 1.0) -> None:
+        self._config = config
+        self._aspect = aspect
+        self._kernels = load_kernels(config.use_vectors)
+        self._size = (size[0] // 2, size[1] // 2)
+        self._middle = ((self._size[0] - 1) / 2.0, (self._size[1] - 1) / 2.0)
+        step_rad = math.radians(config.rotation_step_deg)
+        self._angles = rotation_angles(config.rotation_steps, step_rad)
+        self._step_rad = step_rad
+        needed = 2 * (config.search_px + math.ceil(config.patch_px / math.sqrt(2.0)) + 1)
+        if min(self._size) < needed:
+            raise ConfigError(
+                f"pictures of {size[0]} x {size[1]} are too small for patches of {config.patch_px} px (patch_px) and"
+                f" a search of +-{config.search_px} px (search_px): each side needs {2 * needed} px"
+            )
+        #: Farthest shift of a patch from the middle that can be searched around [half-size px].
+        self._farthest_px = min(self._size) / 2.0 - needed / 2.0
+
+    def view(self, image: Grey) -> View:
+        """Return a full-size picture in the forms that are registered and searched."""
+        half = half_picture(image)
+        return View(levelled(half) if self._config.high_pass else half, self._config.high_pass, self._kernels)
+
+    def register(self, view: View) -> Grey:
+        """Return the patch in the middle of a picture, (44, 44) uint8: 1936 bytes."""
+        side = self._config.patch_px
+        left, top = (self._size[0] - side) // 2, (self._size[1] - side) // 2
+        return view.levels[top : top + side, left : left + side].copy()
+
+    def is_in_reach(self, expected: ImageMotion) -> bool:
+        """Return whether a patch that is expected after this motion can be searched for in the picture."""
+        shift = max(abs(expected.u), abs(expected.v)) / _HALF
+        return shift <= self._farthest_px + self._config.search_px and abs(expected.turn_rad) <= self._angles[-1]
+
+    def find(self, view: View, patch: Grey, expected: ImageMotion) -> Found:
+        """Search for a patch around the motion that is expected since it was registered."""
+        limit = self._farthest_px
+        shift = [float(round(min(max(part / _HALF, -limit), limit))) for part in (expected.u, expected.v)]
+        search = self._search_pyramid if self._config.search == "pyramid" else self._search_all
+        motion, agreeing, ratio = search(view, patch, (shift[0], shift[1]), expected.turn_rad)
+        groups = agreeing if agreeing.any() else ~agreeing
+        aligned = align_patch(view.smooth, view.smoothed(patch), self._middle, motion, self._aspect, groups)
+        details = {
+            "agreeing": float(np.count_nonzero(agreeing)),
+            "error_ratio": ratio,
+            "correlation": aligned.correlation,
+            "shift_px": math.hypot(_HALF * motion.u - expected.u, _HALF * motion.v - expected.v),
+        }
+        if self._config.refined:
+            motion, information = aligned.motion, aligned.information
+        else:
+            information = np.diag([1.0 / _ROUNDING**2, 1.0 / _ROUNDING**2, 1.0 / self._step_rad**2])
+        full = ImageMotion(_HALF * motion.u, _HALF * motion.v, motion.turn_rad)
+        information = information / np.outer([_HALF, _HALF, 1.0], [_HALF, _HALF, 1.0])
+        return Found(full, information, self._why_not(details), details)
+
+    def _why_not(self, details: Mapping[str, float]) -> str:
+        agreeing, correlation, shift_px = (details[name] for name in ("agreeing", "correlation", "shift_px"))
+        if agreeing < self._config.min_groups:
+            return f"only {agreeing:.0f} of 4 groups agree (covered or changed ground)"
+        if agreeing < 4 and shift_px > _HALF * self._config.weak_shift_px:
+            return f"{agreeing:.0f} of 4 groups agree on a place {shift_px:.0f} px off (covered or changed ground)"
+        if correlation < self._config.min_correlation:
+            return f"correlation {correlation:.2f} is too low (covered or changed ground)"
+        return ""
+
+    def _search_all(
+        self, view: View, patch: Grey, shift: tuple[float, float], turn_rad: float
+    ) -> tuple[ImageMotion, Flags, float]:
+        """Evaluate Eq. (1) for every candidate and every group."""
+        values = quadrants(seven_bits(patch, view.is_levelled))
+        errors = self._errors(view.bits, values, shift, turn_rad + self._angles, self._config.search_px)
+        return self._consensus(errors, shift, turn_rad + self._angles, self._config.tolerance_px)
+
+    def _search_pyramid(
+        self, view: View, patch: Grey, shift: tuple[float, float], turn_rad: float
+    ) -> tuple[ImageMotion, Flags, float]:
+        """Decide at quarter size, with every second turn, and look closer only there."""
+        bits, angles = seven_bits(patch, view.is_levelled), (turn_rad + self._angles)[::2].copy()
+        half_shift = (shift[0] / 2.0, shift[1] / 2.0)
+        coarse_px = -(-self._config.search_px // 2)
+        errors = self._errors(view.coarse_bits, quadrants(_halved(bits)), half_shift, angles, coarse_px)
+        tolerance_px = max(1.0, self._config.tolerance_px / 2.0)
+        coarse, agreeing, ratio = self._consensus(errors, half_shift, angles, tolerance_px)
+        near = (float(round(2.0 * coarse.u)), float(round(2.0 * coarse.v)))
+        around = coarse.turn_rad + rotation_angles(1, self._step_rad)
+        fine = self._errors(view.bits, quadrants(bits), near, around, _FINE_PX)
+        motion, _, _ = self._consensus(fine, near, around, self._config.tolerance_px)
+        return motion, agreeing, ratio
+
+    def _errors(
+        self,
+        bits: tuple[Bits7, Bits7],
+        values: Bits7,
+        shift: tuple[float, float],
+        angles: npt.NDArray[np.float64],
+        shift_px: int,
+    ) -> npt.NDArray[np.int32]:
+        height, width = bits[0].shape
+        side = 2 * math.isqrt(values.shape[1])
+        v, u = np.asarray(np.mgrid[:side, :side] - (side - 1) / 2.0, np.float64)
+        centre = ((width - 1) / 2.0 + shift[0], (height - 1) / 2.0 + shift[1])
+        limits = (shift_px, width - 2 - shift_px, shift_px, height - 2 - shift_px)
+        spots = group_places(quadrants(u), quadrants(v), centre, angles, self._aspect, limits)
+        return self._kernels.patch_search(shift_px)(*bits, spots, values)
+
+    def _consensus(
+        self,
+        errors: npt.NDArray[np.int32],
+        shift: tuple[float, float],
+        angles: npt.NDArray[np.float64],
+        tolerance_px: float,
+    ) -> tuple[ImageMotion, Flags, float]:
+        """Return where the whole patch lies, which groups agree, and least error over mean error."""
+        _, n_angles, size, _ = errors.shape
+        ranks = centre_out(n_angles, size)
+        k, j, i, least, mean = summarise(errors.sum(axis=0, dtype=np.int32), ranks)
+        own = np.array([summarise(group, ranks)[1:3] for group in errors])
+        agreeing = np.max(np.abs(own - (j, i)), axis=1) <= tolerance_px
+        motion = ImageMotion(shift[0] + i - size // 2, shift[1] + j - size // 2, float(angles[k]))
+        return motion, agreeing, least / mean if mean > 0.0 else 1.0
