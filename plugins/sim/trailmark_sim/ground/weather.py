@@ -73,7 +73,7 @@ def _normal_quantile(share: float) -> float:
 
 @njit(cache=True, nogil=True)
 def _lay_leaves(out: npt.NDArray[Any], x: npt.NDArray[Any], y: npt.NDArray[Any], share: float, seed: np.uint64) -> None:
-    """Cover the floor with leaves: ellipses 30 to 70 mm long, pointed, with a bright rib; they hide what is below."""
+    """Cover the floor with leaves: 30 to 70 mm long, pointed, with a rib and veins; they hide what is below."""
     leaf = np.zeros((9, 6))  # centre x, y [m], cos, sin of its direction, half length [m], grey; length 0: none
     last_i, last_j = -(1 << 62), 0
     for row in range(out.shape[0]):
@@ -90,8 +90,10 @@ def _lay_leaves(out: npt.NDArray[Any], x: npt.NDArray[Any], y: npt.NDArray[Any],
                     along = (dx * leaf[n, 2] + dy * leaf[n, 3]) / half
                     across = (dy * leaf[n, 2] - dx * leaf[n, 3]) / half
                     if abs(along) < 1.0 and abs(across) < 0.4 * (1.0 - along * along):
-                        rib = 25.0 if abs(across) < 0.02 else 0.0
-                        out[row, col] = leaf[n, 5] + rib + 0.15 * (out[row, col] - leaf[n, 5])
+                        # The rib, the veins that leave it, and spots of a millimetre.
+                        detail = 25.0 if abs(across) < 0.02 else 6.0 * math.sin(24.0 * (along - 0.8 * abs(across)))
+                        spot = hash2(math.floor(x[row, col] * 1000.0), math.floor(y[row, col] * 1000.0), seed)
+                        out[row, col] = leaf[n, 5] + detail + 5.0 * normal_of(spot)
 
 
 @njit(cache=True, nogil=True)
