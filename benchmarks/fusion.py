@@ -90,7 +90,9 @@ def main() -> None:
 def measured(folder: Path, robot: int, case: str) -> Row:
     """Return the errors of one robot in one case."""
     sys.path.insert(0, str(PLUGIN))
-    plugins = load_plugins(files=[PLUGIN / "trailmark_mrclam" / "plugin.py"])
+    plugins = load_plugins(
+        files=[PLUGIN / "trailmark_mrclam" / "plugin.py", Path(__file__).with_name("delayed_landmarks.py")]
+    )
     truth = _truth(folder / f"Robot{robot}_Groundtruth.dat")
     with tempfile.TemporaryDirectory() as scratch:
         config = _config(folder, robot, case, truth, Path(scratch))
@@ -140,7 +142,7 @@ def _config(folder: Path, robot: int, case: str, truth: Trajectory, scratch: Pat
     beside = {"barcodes": str(folder / "Barcodes.dat"), "landmarks": str(folder / "Landmark_Groundtruth.dat")}
     landmarks: dict[str, Any] = {"plugin": "range_bearing"}
     if case == "late":
-        landmarks |= {"async": True, "latency_ms": 2000}
+        landmarks = {"plugin": "delayed_range_bearing", "delay_s": 2.0}
     return {
         "sources": {
             "wheels": {
