@@ -29,13 +29,23 @@ class FrameChecks:
         Whether a bad frame is left out and counted, or an error.
     counters : Counters
         Takes ``source.NAME.repeated`` and ``source.NAME.skipped``.
+    remedy : str
+        What to do about a bad frame, at the end of the message; none for frames that a program pushes.
     """
 
-    def __init__(self, source: str, sensors: Mapping[str, SensorInfo], skips: bool, counters: Counters) -> None:
+    def __init__(
+        self,
+        source: str,
+        sensors: Mapping[str, SensorInfo],
+        skips: bool,
+        counters: Counters,
+        remedy: str = "; 'on_bad_frame: skip' leaves such frames out",
+    ) -> None:
         self._source = source
         self._checks = {sensor: _Check(info) for sensor, info in sensors.items()}
         self._skips = skips
         self._counters = counters
+        self._remedy = remedy
         self._last_s = -math.inf
 
     def accept(self, frame: Frame) -> bool:
@@ -63,7 +73,7 @@ class FrameChecks:
     def _refuse(self, frame: Frame, problem: str) -> bool:
         message = f"source {self._source!r}: the frame of {frame.sensor!r} at {frame.stamp_s:.6f} s {problem}"
         if not self._skips:
-            raise SourceError(f"{message}; 'on_bad_frame: skip' leaves such frames out")
+            raise SourceError(f"{message}{self._remedy}")
         self._counters.add(f"source.{self._source}.skipped")
         logger.debug("skipped: %s", message)
         return False

@@ -71,7 +71,7 @@ class Run:
         self._recorder = recorder
         self._on_end = on_end
         self._lock = threading.RLock()
-        self._checks = FrameChecks("feed", pushed, False, self._counters)
+        self._checks = FrameChecks("feed", pushed, False, self._counters, remedy="")
         self.rig = Rig(plan, self._counters, self._times, clock, pushed)
         self.result: RunResult | None = None
         try:
