@@ -28,8 +28,8 @@ class OmniSurfConfig(PluginConfig):
     """A match must be this much nearer than the second nearest landmark."""
     position_gate_px: float = Field(1.5, gt=0)
     """T_x of Eq. (2) [px]."""
-    n_longest: int = Field(9, ge=1)
-    """K: of the points seen from one place, so many of the longest-lived become candidates."""
+    n_longest: int = Field(40, ge=1)
+    """K: of the points seen from one place, so many of the longest-lived become candidates. (The paper: 9.)"""
     keyframe_m: float = Field(0.1, gt=0)
     """In teach, observations are remembered every so far [m]."""
     keyframe_deg: float = Field(10.0, gt=0)

@@ -135,7 +135,9 @@ def by_tracking(
     start : Pose2
         Where the camera is, from the last pose and the motion since.
     """
-    uv, is_tracked = track_points(previous, image, last.uv, return_px=None)
+    uv, is_tracked = track_points(previous, image, last.uv)
+    if 2 * int(is_tracked.sum()) < len(last.uv):  # carried away, or something large stands in the way
+        return _nothing(int(is_tracked.sum()), f"{int(is_tracked.sum())} of {len(last.uv)} landmarks tracked")
     kept = is_tracked & camera.is_inside(uv, 0.0)
     uv, landmark_idx = uv[kept], last.landmark_idx[kept]
     n = len(uv)
