@@ -18,8 +18,10 @@ from trailmark.config import read_calibration
 from trailmark.errors import ConfigError
 from trailmark.frames import RGBD, GroundPlane, Image, Odometry, Scan
 from trailmark.geometry import Pose2, read_tum
+from trailmark_sim.describe import option_rows
 from trailmark_sim.ground.floors import FLOORS
 from trailmark_sim.pictures import picture_of
+from trailmark_sim.worlds import WORLDS
 
 CONFIG = """
 sources:
@@ -54,6 +56,25 @@ def test_list_as_json_can_be_read() -> None:
     course = next(row for row in rows if row["world"] == "ground_course")
     assert course["sensors"] == ["wheels", "imu", "light", "floor"]
     assert "covered" in course["options"]
+
+
+def test_list_of_one_world_explains_its_options() -> None:
+    result = trailmark("list", "ground_course")
+
+    lines = {line.split()[0]: line for line in result.stdout.splitlines()}
+    assert "512" in lines["camera.width"]
+    assert "Width of the picture [px]" in lines["camera.width"]
+    assert {"covered.from_m", "in_replay.wet", "texture"} <= set(lines)
+
+
+def test_list_of_a_world_that_is_not_there_names_the_nearest() -> None:
+    assert "did you mean 'street'" in failure(trailmark("list", "stret"))
+
+
+def test_every_option_of_every_world_is_explained() -> None:
+    for world in WORLDS:
+        for row in option_rows(world):
+            assert row["meaning"], f"{world}: {row['key']}"
 
 
 def test_help_imports_nothing_heavy() -> None:

@@ -20,22 +20,20 @@ def sim() -> None:
 
 
 @sim.command("list")
+@click.argument("world", required=False)
 @click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
-def list_command(as_json: bool) -> None:
-    """List worlds with their routes, sensors and options."""
-    from trailmark_sim.worlds import WORLDS, options_model, world_module
+def list_command(world: str | None, as_json: bool) -> None:
+    """List worlds with their routes and sensors, or the options of one WORLD with their meaning."""
+    from trailmark_sim.describe import option_rows, world_rows
 
-    rows: list[dict[str, Any]] = []
-    for name in sorted(WORLDS):
-        module = world_module(name)
-        summary = (module.__doc__ or "").strip().splitlines()[0]
-        options = list(options_model(name).model_fields)
-        names = {"routes": list(module.ROUTES), "sensors": list(module.SENSORS), "options": options}
-        rows.append({"world": name, "summary": summary, **names})
+    rows: list[dict[str, Any]] = list(world_rows() if world is None else option_rows(world))
     if as_json:
         click.echo(json.dumps(rows, indent=1))
         return
     for row in rows:
+        if world is not None:
+            click.echo(f"{row['key']:<26}{row['default']:<16}{row['meaning']}")
+            continue
         click.echo(f"{row['world']}: {row['summary']}")
         for key in ("routes", "sensors", "options"):
             click.echo(f"  {key:<8} {', '.join(row[key]) or 'none'}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 
 __all__ = ["in_bands", "run_all"]
 
@@ -23,7 +23,10 @@ def run_all(work: Sequence[Callable[[], None]], threads: int) -> None:
         return
     shares = [work[n::threads] for n in range(1, min(threads, len(work)))]
     others = [_pool().submit(_do, share) for share in shares]
-    _do(work[0::threads])
+    try:
+        _do(work[0::threads])
+    finally:
+        wait(others)  # nobody works on a picture that was given up
     for other in others:
         other.result()
 
