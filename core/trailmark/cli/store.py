@@ -65,7 +65,7 @@ def check_command(file: Path, as_json: bool) -> None:
 
 @store_group.command("export")
 @click.argument("file", type=_FILE)
-@click.option("--out", "folder", type=_FILE, help="New or empty folder; default: the store's name without its ending.")
+@click.option("--out", "folder", type=_FILE, help="New or empty folder; default: NAME-export.")
 @click.option("--json", "as_json", is_flag=True, help="Print the files as JSON.")
 def export_command(file: Path, folder: Path | None, as_json: bool) -> None:
     """Write path, drawers and sensors as TUM, CSV, JSON and NPZ files."""
