@@ -83,7 +83,7 @@ class GroundMap(Localizer):
         self._next_m = 0.0
         self._tried, self._attempts, self._cursor = -1, 0, 0
         self._searches = 0
-        self._counts = {"registered": 0, "searched": 0, "accepted": 0, "rejected": 0}
+        self._counts = {"registered": 0, "searched": 0, "found": 0, "rejected": 0}
         self._finder = None
         self._places = None if session.mode == "teach" else self._load()
         if session.mode == "teach":
@@ -109,7 +109,7 @@ class GroundMap(Localizer):
         return self._searches * _LATENCY_S[self.config.search]
 
     def counters(self) -> Mapping[str, int]:
-        """Return what was registered, searched, accepted and rejected."""
+        """Return what was registered, searched, found and rejected."""
         return dict(self._counts)
 
     def _teach(self, frame: Frame, belief: Belief) -> None:
@@ -138,7 +138,7 @@ class GroundMap(Localizer):
             self._counts["rejected"] += 1
             return (Lost(frame.stamp_s, found.reason, {"place": float(nearest), **found.details}),)
         self._attempts = self.config.max_attempts  # done, until another patch is nearer
-        self._counts["accepted"] += 1
+        self._counts["found"] += 1
         return (self._fix(frame.stamp_s, nearest, found),)
 
     def _nearest(self, pose_map_base: Pose2, camera: Pose2) -> int:
@@ -161,7 +161,7 @@ class GroundMap(Localizer):
             found = self._find(view, place, self._places.cameras[place])
             if not found.reason and found.details["agreeing"] == 4:
                 self._cursor -= 1  # should the answer not be believed, this place comes first again
-                self._counts["accepted"] += 1
+                self._counts["found"] += 1
                 return (self._fix(frame.stamp_s, place, found),)
         return (Lost(frame.stamp_s, f"start unknown: tried {self._cursor} of {n_places} places"),)
 
