@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import subprocess
 import sys
 import tomllib
@@ -84,3 +85,28 @@ def test_every_registered_part_has_a_summary_and_unique_name():
 
     assert all(spec.summary for spec in specs)
     assert len({(spec.kind, spec.name) for spec in specs}) == len(specs)
+
+
+def imported(file: Path) -> set[str]:
+    """Return the packages that a module imports anywhere, functions and type checking included."""
+    found = set()
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.partition(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            found.add(node.module.partition(".")[0])
+    return found
+
+
+@pytest.mark.parametrize("package", [ROOT / "core" / "trailmark", *sorted(ROOT.glob("plugins/*/trailmark_*"))])
+def test_core_imports_no_plugin_and_a_plugin_no_other(package):
+    files = list(package.rglob("*.py"))
+    strangers = {
+        f"{file.relative_to(package)} imports {name}"
+        for file in files
+        for name in imported(file)
+        if name.startswith("trailmark_") and name != package.name
+    }
+
+    assert files
+    assert strangers == set()
