@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trailmark.errors import ConfigError, ShapeError
-from trailmark.estimates import Belief, Estimate, Fix, Lost
+from trailmark.estimates import Belief, Estimate, Fix, Lost, information_from_covariance
 from trailmark.frames import Frame, Image, Omni
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Localizer, Session
@@ -199,11 +199,14 @@ class OmniSurf(Localizer):
         return Fix(stamp_s, pose_map_base, self._about_base(fix), details)
 
     def _about_base(self, fix: BearingFix) -> npt.NDArray[np.float64]:
-        """Carry the information from the camera's position to base: the lever arm ties position to heading."""
+        """Carry the information from the camera to base, and add what the landmarks are off together."""
         lever = fix.pose_map_base @ self._pose_camera_base
         dx, dy = fix.pose_map_base.x - lever.x, fix.pose_map_base.y - lever.y
         jacobian = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])  # camera pose after base pose
-        return np.asarray(jacobian.T @ fix.information @ jacobian)
+        covariance = np.linalg.inv(jacobian.T @ fix.information @ jacobian)
+        heading_rad = math.radians(self.config.map_sigma_deg)
+        covariance += np.diag([self.config.map_sigma_m**2, self.config.map_sigma_m**2, heading_rad**2])
+        return information_from_covariance((covariance + covariance.T) / 2.0)
 
     def _forget(self) -> None:
         self._image = None
