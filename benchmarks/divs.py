@@ -63,6 +63,11 @@ def make_divs(window: int = 25, **settings: Any) -> Localizer:
     return Divs(DivsConfig.model_validate(CAMERA | defaults | settings))
 
 
+def make_stream(window: int = 25, **settings: Any) -> Localizer:
+    """Return ours without single pictures in turns: what the stream says by itself."""
+    return make_divs(window, **settings | {"when_blind": "silent"})
+
+
 def make_paper(window: int = 25, **settings: Any) -> Localizer:
     """Return ours as the reference does it: plain mean, circular correlation, hill climbing."""
     return make_divs(window, **settings | {"shift": "paper", "average": "mean", "when_blind": "silent"})
@@ -73,7 +78,8 @@ PEERS: dict[str, Maker] = {
     "patch_ncc": lambda **_: PatchNCC(PatchNCCConfig.model_validate(CAMERA)),
     "phase_shift": lambda **_: PhaseShift(PhaseShiftConfig.model_validate(CAMERA)),
 }
-ALL: dict[str, Maker] = {"divs": make_divs, "divs, as the reference": make_paper, **PEERS}
+OURS: dict[str, Maker] = {"divs": make_divs, "stream alone": make_stream, "as the reference": make_paper}
+ALL: dict[str, Maker] = OURS | PEERS
 
 
 class DictDrawer(Drawer):
@@ -98,7 +104,7 @@ class DictDrawer(Drawer):
 
 @dataclass
 class Found:
-    """What a localizer said, one entry for every picture after the first window."""
+    """What a localizer said after the first window."""
 
     error_px: list[float] = field(default_factory=list)
     shift_px: list[float] = field(default_factory=list)
@@ -112,22 +118,12 @@ class Found:
             shift_px = estimate[0].details["shift_px"]
             self.shift_px.append(shift_px)
             self.error_px.append(abs(shift_px - truth_px))
-            self.has_sign.append(truth_px == 0 or shift_px * truth_px > 0)
+            if truth_px:  # no shift has no sign to get right
+                self.has_sign.append(shift_px * truth_px > 0)
 
-    @property
-    def speaks(self) -> float:
-        """Share of the pictures that it spoke on."""
-        return len(self.error_px) / self.n_asked
-
-    @property
-    def mae_px(self) -> float:
-        """Mean absolute error of what it said [px]."""
-        return float(np.mean(self.error_px))
-
-    @property
-    def sign(self) -> float:
-        """Share of right signs in what it said."""
-        return float(np.mean(self.has_sign))
+    def rates(self) -> tuple[float, float, float]:
+        """Return the mean absolute error [px], and the shares of right signs and of pictures spoken on."""
+        return float(np.mean(self.error_px)), float(np.mean(self.has_sign)), len(self.error_px) / self.n_asked
 
 
 def session(mode: Any, drawer: Drawer, n: int) -> Session:
@@ -229,10 +225,10 @@ def crop_rows(street: Pictures, shifts_px: Sequence[int]) -> Iterator[Row]:
     for item, case, settings, (mae, mae_stretch, sign, sign_stretch, speaks) in cases:
         for name, make in ALL.items():
             found = crop_case(make, *case, **settings)
-            row = partial(_row, n=len(found.error_px), name=name)
-            yield row(f"{item}: MAE", "px", found.mae_px, mae, mae_stretch)
-            yield row(f"{item}: sign right", "1", found.sign, sign, sign_stretch, "higher")
-            yield row(f"{item}: speaks", "1", found.speaks, speaks, None, "higher")
+            row, (mae_px, right, said) = partial(_row, n=len(found.error_px), name=name), found.rates()
+            yield row(f"{item}: MAE", "px", mae_px, mae, mae_stretch)
+            yield row(f"{item}: sign right", "1", right, sign, sign_stretch, "higher")
+            yield row(f"{item}: speaks", "1", said, speaks, None, "higher")
 
 
 def disparity_px(left: Pictures, right: Pictures) -> float:
