@@ -81,6 +81,15 @@ def test_a_pilot_keeps_every_vehicle_on_the_route_and_stops_at_its_end(vehicle: 
     assert state.pose_map_base.distance_to(BENDS.pose_at(99.0)) < 3e-3 + tolerance_m
 
 
+def test_a_pilot_does_not_stop_where_the_route_passes_its_own_end() -> None:
+    around = Route.from_poses(trace(Pose2(), [line(2.0), arc(0.8, 180), line(1.5)]), 0.25)
+
+    motion = driven(Holonomic(), around)
+
+    # the end is level with a place on the first line
+    assert motion.state_at(1e3).pose_map_base.distance_to(around.pose_at(99.0)) < 0.02
+
+
 def test_a_pilot_drives_with_the_speed_of_the_route() -> None:
     motion = Motion(FourWheelSteering(), BENDS.start, 1, Pilot(BENDS, FourWheelSteering()))
 

@@ -19,6 +19,8 @@ _CORRECT_OVER_M = 0.25
 _BRAKE_MPS2 = 0.15
 #: What it creeps with at the very end [m/s].
 _CREEP_MPS = 0.01
+#: This near to the end a place level with it is the end itself [m].
+_NEAR_END_M = 0.1
 
 
 class Driver(Protocol):
@@ -69,8 +71,11 @@ class Pilot:
 
     def _along(self, pose: Pose2, on_path: OnPath) -> float:
         """Return the station, growing on beyond the end of the route."""
-        ahead = self._route.pose_at(self._route.length_m).inverse() @ pose
-        return self._route.length_m + ahead.x if abs(ahead.x) < 0.1 and ahead.x > 0.0 else on_path.station_m
+        length_m = self._route.length_m
+        if length_m - on_path.station_m > _NEAR_END_M:  # a route may pass its own end long before it is there
+            return on_path.station_m
+        ahead = self._route.pose_at(length_m).inverse() @ pose
+        return length_m + ahead.x if 0.0 < ahead.x < _NEAR_END_M else on_path.station_m
 
     def _speed(self, rest_m: float) -> float:
         """Return the speed from which it can still stop at the end."""
