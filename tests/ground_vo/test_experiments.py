@@ -17,7 +17,7 @@ def test_straight_lines_give_the_papers_three_figures_for_two_modes(
     monkeypatch.setattr(experiments, "_QUICK_S", 4.0)
     said: list[str] = []
 
-    rows = experiments.nagai2015(ExperimentOptions(quick=True, seed=3, out=tmp_path, report=said.append))
+    rows = experiments._straight_rows(ExperimentOptions(quick=True, seed=3, out=tmp_path, report=said.append))
 
     assert len(said) == 2
     assert [row.unit for row in rows] == ["%", "%", "deg/m"] * 2
