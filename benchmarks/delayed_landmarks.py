@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 class DelayedConfig(RangeBearingConfig):
     """Landmarks whose fixes are held back."""
 
-    clock: Sensor["odometry"]  # noqa: F821
+    clock: Sensor["odometry"]  # noqa: F821, UP037
     """A sensor whose frames say what time it is."""
     delay_s: float = Field(2.0, gt=0)
     """How late fixes arrive [s]."""

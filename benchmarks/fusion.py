@@ -6,7 +6,11 @@ time, 2 s late, 10 % of the ranges off by 3 m, and a wrong start (1 m and 90 deg
 RMSE against motion capture, without alignment. One set of noise figures for all.
 
     TRAILMARK_DATA=/path/to/recordings python benchmarks/fusion.py [--robots 1 2] [--cases clean late] [--json]
+    TRAILMARK_DATA=/path/to/recordings python benchmarks/fusion.py --husky
     python benchmarks/fusion.py --cost
+
+``--husky``: where odometry and IMU of robot_localization's test1 bag end, beside the end that its own test expects.
+That is parity with another filter, not truth: by GPS the robot ends 13 m from its start, not 87.
 """
 
 from __future__ import annotations
@@ -38,6 +42,7 @@ Array = npt.NDArray[np.float64]
 
 PLUGIN = Path(__file__).parents[1] / "examples" / "third_party_plugin" / "src"
 ROBOTS = (1, 2, 3, 4, 5)
+HUSKY_END = (-40.05, -77.00)
 CASES = ("clean", "late", "outliers", "wrong_start")
 ODOMETRY = {
     "plugin": "odometry",
@@ -71,14 +76,18 @@ def main() -> None:
     parser.add_argument("--robots", type=int, nargs="+", default=ROBOTS)
     parser.add_argument("--cases", nargs="+", choices=CASES, default=CASES)
     parser.add_argument("--cost", action="store_true", help="time estimates instead")
+    parser.add_argument("--husky", action="store_true", help="odometry and IMU of a bag instead")
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()
     if arguments.cost:
         print(json.dumps(costs(), indent=None if arguments.json else 2))
         return
-    folder = Path(os.environ.get("TRAILMARK_DATA", "")) / "fusion" / "mrclam_D6"
+    folder = Path(os.environ.get("TRAILMARK_DATA", "")) / "fusion" / ("" if arguments.husky else "mrclam_D6")
     if not folder.is_dir():
         sys.exit(f"no recordings at {folder}; set TRAILMARK_DATA to their folder")
+    if arguments.husky:
+        print(json.dumps(husky(folder / "rl_test1.bag")))
+        return
     if not arguments.json:
         print("robot case          rmse    p95    max [m]  heading [deg]  settled [s], rmse then  gated  doubted")
     for case in arguments.cases:
@@ -104,6 +113,24 @@ def measured(folder: Path, robot: int, case: str) -> Row:
                 rows.append((step.stamp_s, pose.x, pose.y, pose.theta))
             counters = pipeline.result.counters
     return _errors(robot, case, np.array(rows), truth, counters)
+
+
+def husky(bag: Path) -> dict[str, float]:
+    """Return where odometry and IMU end, and how far from where robot_localization's test expects it [m]."""
+    mounting = {"y": -0.3, "z": 0.52, "yaw_deg": -90, "roll_deg": 90}
+    config = {
+        "sources": {"bag": {"plugin": "rosbag", "path": str(bag)}},
+        "sensors": {"imu_data": {"mounting": mounting}},
+        "localizers": {"wheels": {"plugin": "odometry"}, "imu": {"plugin": "inertial", "heading_sigma_deg": 1.0}},
+        "estimator": {"plugin": "kalman", "start_sigma_deg": 180.0},
+        "start": [0.0, 0.0, 0.0],
+        "pace": "step",
+    }
+    with Pipeline(config, plugins=load_plugins(files=[Path(__file__).with_name("inertial.py")])) as pipeline:
+        for step in pipeline:
+            pose = step.belief.pose_map_base
+    assert pose is not None
+    return {"x_m": pose.x, "y_m": pose.y, "from_expected_m": math.hypot(pose.x - HUSKY_END[0], pose.y - HUSKY_END[1])}
 
 
 def costs(n: int = 4000, history: int = 140) -> dict[str, float]:

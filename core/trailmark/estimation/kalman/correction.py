@@ -19,9 +19,9 @@ __all__ = ["Correction", "nis_of"]
 
 Array = npt.NDArray[np.float64]
 
-# The covariance is inflated by factors of 4; 40 of them span 24 decades.
-_MOST_INFLATIONS = 40
-_WHOLE_CIRCLE_RAD2 = math.pi**2
+# What may be doubted, and how far: position to 1 km, heading to all round [m, rad].
+_DOUBTS = ((np.diag([1.0, 1.0, 0.0]), 1e3), (np.diag([0.0, 0.0, 1.0]), math.pi))
+_LEAST_DOUBT = 1e-3
 
 
 class Correction:
@@ -29,7 +29,8 @@ class Correction:
 
     A measurement that fails its chi-square test is gated: the belief stays. After `recover_after` failures of one
     localizer in a row, with no other localizer accepted of late that measures the same directions, it is the belief
-    that is doubted: its covariance grows until the measurement is nothing unusual, and then the measurement is taken.
+    that is doubted: position and heading each, until either alone would make the measurement nothing unusual. Then the
+    measurement is taken.
     """
 
     def __init__(self, config: KalmanConfig, ekf: PoseEkf) -> None:
@@ -136,15 +137,21 @@ def _accepted(
 
 
 def _inflated(covariance: Array, innovation: Array, jacobian: Array) -> Array:
-    """Return the covariance enlarged until the innovation is nothing unusual; a heading at most all round."""
-    for _ in range(_MOST_INFLATIONS):
-        covariance = 4.0 * covariance
-        if nis_of(innovation, jacobian, covariance) <= len(innovation):
-            break
-    if covariance[2, 2] > _WHOLE_CIRCLE_RAD2:
-        narrowed = np.array([1.0, 1.0, math.sqrt(_WHOLE_CIRCLE_RAD2 / covariance[2, 2])])
-        covariance = narrowed[:, None] * covariance * narrowed
-    return covariance
+    """Return the covariance of a doubted belief: position and heading each, so far as it explains the innovation.
+
+    Scaled as it is, a covariance would put all doubt where it is large already: a heading that is wrong by 90 deg would
+    be mended, and the position that is wrong with it kept.
+    """
+    doubted = covariance
+    for axes, largest in _DOUBTS:
+        unexplained = nis_of(innovation, jacobian, covariance + largest * largest * axes)
+        sigma = _LEAST_DOUBT
+        while sigma < largest and (
+            nis_of(innovation, jacobian, covariance + sigma * sigma * axes) > unexplained + len(innovation)
+        ):
+            sigma *= 2.0
+        doubted = doubted + min(sigma, largest) ** 2 * axes
+    return doubted
 
 
 def _spans(rows: Array, wanted: Array) -> bool:
