@@ -24,7 +24,7 @@ types: install   ## mypy --strict over core and all plugins
 	$(BIN)/mypy
 
 bench: install   ## the speed benchmarks, quick
-	for file in benchmarks/*.py; do $(BIN)/python $$file --quick || exit 1; done
+	PYTHON=$(BIN)/python bash benchmarks/quick.sh
 
 docs: install    ## the manual, into site/
 	$(BIN)/pip install -q mkdocs-material && $(BIN)/mkdocs build --strict

@@ -76,6 +76,7 @@ METHODS: dict[str, Any] = {
     "optical flow (second mode)": lambda: KinectFlow(KinectFlowConfig(**ROLE)),
     "ORB + depth + RANSAC-Kabsch": lambda: OrbRgbd(OrbRgbdConfig(**ROLE)),
 }
+_QUICK = ("fuzzy rules choose (default)", "ORB + depth + RANSAC-Kabsch")
 _BARS = {"all finders": (15.0, 30.0), "blobs and rectangles": (25.0, 60.0)}
 
 
@@ -160,6 +161,7 @@ def main() -> None:
     """Measure, and print a table or JSON."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--seeds", type=int, default=1, help="runs of each method")
+    parser.add_argument("--quick", action="store_true", help="the default and the baseline only")
     parser.add_argument("--json", action="store_true", help="print rows as JSON")
     options = parser.parse_args()
     cv2.setNumThreads(1)
@@ -167,9 +169,11 @@ def main() -> None:
     if recording is None:
         raise SystemExit(f"no recording {SEQUENCE}; set TRAILMARK_DATA to the folder that holds rgbd/{SEQUENCE}")
     rows: list[Row] = []
-    for name, make in METHODS.items():
+    names = _QUICK if options.quick else tuple(METHODS)
+    for name in names:
+        make = METHODS[name]
         rows += rows_of(name, [play(make(), recording, seed) for seed in range(options.seeds)])
-    rows += finder_rows(recording)
+    rows += [] if options.quick else finder_rows(recording)
     if options.json:
         print(json.dumps([row.document() for row in rows], indent=1))
         return

@@ -1,0 +1,23 @@
+#!/usr/bin/env bash
+# A quick pass of every benchmark: do they run, and are the figures of the right size. PYTHON names the interpreter.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+python=${PYTHON:-python}
+export TRAILMARK_DATA=${TRAILMARK_DATA:-$(realpath -m ../shared/data)}
+
+bench() {
+    printf '\n--- benchmarks/%s\n' "$*"
+    "$python" benchmarks/"$@"
+}
+
+bench core_overhead.py --quick
+bench omni_surf.py --quick
+bench sim_ground.py --frames 70 --floor wood
+bench sim_render.py --repeat 1
+if [ -d "$TRAILMARK_DATA" ]; then
+    bench divs.py --quick
+    bench kinect_landmarks.py --quick
+    bench fusion.py --robots 1 --cases clean
+else
+    echo "no recordings at $TRAILMARK_DATA: the benchmarks on real data are left out"
+fi
