@@ -48,7 +48,7 @@ def test_every_segment_of_a_line_gives_its_steepest_pixels(texture):
     picture = looked_at(0.0, 0.0, 0.0).astype(float)
     along_u = np.abs(picture[:, 2:] - picture[:, :-2])  # of columns 1 to W - 2
 
-    assert texture.shape == (6, 88 * 5 * 2)
+    assert texture.shape == (8, 88 * 5 * 2)
     for n in (0, 2, 8, 400):  # even: along u
         u, v, segment = int(texture[X, n]), int(texture[Y, n]), n // 2 % 5
         first = 40 + 32 * segment
@@ -139,7 +139,7 @@ def test_the_best_start_leaves_the_least_residual(texture):
     picture = looked_at(5.2, 0.1, 0.0)
     starts = np.array([[0.0, 0.0, 0.0], [5.0, 0.0, 0.0], [5.0, 3.0, 0.0]])
 
-    assert best_start(picture, texture, CENTRE, starts, 1.0, CLIP, 4) == 1
+    assert best_start(picture, texture, CENTRE, starts, 1.0, CLIP) == 1
 
 
 def test_the_clipped_mean_counts_an_outlier_as_no_more_than_the_clip():

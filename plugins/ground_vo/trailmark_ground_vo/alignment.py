@@ -104,7 +104,8 @@ def _texture_of(patch: Smooth, middle: tuple[float, float]) -> Texture:
     inner = slice(_RIM_PX, side - _RIM_PX)
     values = patch.astype(np.float32)
     v, u = np.mgrid[:side, :side].astype(np.float32) - np.float32((side - 1) / 2.0)
-    rows = [u + middle[0], v + middle[1], values, *np.gradient(values)[::-1], np.ones_like(values)]
+    x, y = u + middle[0], v + middle[1]
+    rows = [x, y, values, *np.gradient(values)[::-1], np.ones_like(values), x, y]
     return np.stack([row[inner, inner].ravel() for row in rows]).astype(np.float32)
 
 

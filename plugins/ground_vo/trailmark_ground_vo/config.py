@@ -52,6 +52,8 @@ class GroundVOConfig(PluginConfig):
     """Refinement: residual beyond which a pixel counts less (Huber) [grey levels]."""
     max_iterations: int = Field(8, ge=1, le=50)
     """Refinement: steps at most."""
+    learn_flat_field: bool | None = None
+    """Learn while driving how uneven the light is; left out: when the calibration has no flat field. Refined mode."""
     use_vectors: bool = True
     """Use the vector kernels; false takes the plain ones, which give the same bits, slower."""
 

@@ -69,4 +69,4 @@ def _try_out(kernels: Kernels) -> None:
     image = np.arange(64 * 64, dtype=np.uint32).reshape(64, 64).astype(np.uint8)
     spots = np.full((2, 1, 1), 32, np.int64)
     kernels.smooth(image)
-    kernels.sad_search(2)(image, kernels.transpose(image), spots, image[0, :1])
+    kernels.sad_search(8)(image, kernels.transpose(image), spots, image[0, :1])

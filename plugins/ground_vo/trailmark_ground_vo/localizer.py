@@ -31,7 +31,7 @@ class GroundVO(Localizer):
         self._sensor: SensorInfo
         self._reader: PictureReader
         self._tracker: RelativeTracker | None = None
-        self._counts = {"lost": 0}
+        self._counts = {"lost": 0, "flat_fields": 0}
 
     def start(self, session: Session) -> None:
         """Check the camera's calibration and compile the kernels.
@@ -46,7 +46,7 @@ class GroundVO(Localizer):
         self._scale = ground_plane(self._sensor).metres_per_pixel
         self._mounting = self._sensor.pose_base_sensor.planar()
         self._mounting_inverse = self._mounting.inverse()
-        self._tracker, self._counts = None, {"lost": 0}
+        self._tracker, self._counts = None, {"lost": 0, "flat_fields": 0}
         self._warm_up(self._sensor.size or _USUAL_SIZE)
 
     def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
@@ -68,14 +68,22 @@ class GroundVO(Localizer):
         if isinstance(step, Miss):
             self._counts["lost"] += 1
             return (Lost(frame.stamp_s, step.reason, step.details),)
+        flat_field = self._tracker.new_flat_field()
+        if flat_field is not None:
+            self._counts["flat_fields"] += 1
+            self._reader.learn(flat_field)
+            self._tracker.refresh(self._reader.read(frame))
         return (self._motion(step, frame.stamp_s),)
 
     def counters(self) -> Mapping[str, int]:
-        """Return how often the track was lost."""
+        """Return how often the track was lost, and how often the flat field was learned anew."""
         return dict(self._counts)
 
     def _new_tracker(self, size: tuple[int, int]) -> RelativeTracker:
-        return RelativeTracker(self.config, size, self._scale[1] / self._scale[0])
+        config = self.config
+        if config.learn_flat_field is None:
+            config = config.model_copy(update={"learn_flat_field": not self._reader.has_flat_field})
+        return RelativeTracker(config, size, self._scale[1] / self._scale[0])
 
     def _warm_up(self, size: tuple[int, int]) -> None:
         tracker = self._new_tracker(size)

@@ -164,18 +164,18 @@ class PatchFinder:
         motion, agreeing, ratio = search(view, patch, (shift[0], shift[1]), expected.turn_rad)
         groups = agreeing if agreeing.any() else ~agreeing
         aligned = align_patch(view.smooth, view.smoothed(patch), self._middle, motion, self._aspect, groups)
-        details = {
-            "agreeing": float(np.count_nonzero(agreeing)),
-            "error_ratio": ratio,
-            "correlation": aligned.correlation,
-            "shift_px": math.hypot(_HALF * motion.u - expected.u, _HALF * motion.v - expected.v),
-        }
         if self._config.refined:
             motion, information = aligned.motion, aligned.information
         else:
             information = np.diag([1.0 / _ROUNDING**2, 1.0 / _ROUNDING**2, 1.0 / self._step_rad**2])
         full = ImageMotion(_HALF * motion.u, _HALF * motion.v, motion.turn_rad)
         information = information / np.outer([_HALF, _HALF, 1.0], [_HALF, _HALF, 1.0])
+        details = {
+            "agreeing": float(np.count_nonzero(agreeing)),
+            "error_ratio": ratio,
+            "correlation": aligned.correlation,
+            "shift_px": math.hypot(full.u - expected.u, full.v - expected.v),
+        }
         return Found(full, information, self._why_not(details), details)
 
     def _why_not(self, details: Mapping[str, float]) -> str:

@@ -73,9 +73,11 @@ class PictureReader:
 
     def __init__(self, sensor: SensorInfo) -> None:
         plane = ground_plane(sensor)
+        self.has_flat_field = plane.flat_field is not None
         self._name = sensor.name
         self._lens = plane.lens if plane.lens is not None and any(plane.lens.distortion) else None
         self._gain = None if plane.flat_field is None else _gain(plane.flat_field)
+        self._learned_gain: npt.NDArray[np.uint16] | None = None
         self._kind: tuple[tuple[int, ...], np.dtype[np.generic]] | None = None
         self._shift_bits = 0
         self._maps: tuple[npt.NDArray[np.int16], npt.NDArray[np.uint16]] | None = None
@@ -105,7 +107,13 @@ class PictureReader:
         grey = self._grey(pixels)
         if self._gain is not None:
             grey = flatten(grey, self._gain)
-        return grey if self._maps is None else self._undistorted(grey)
+        if self._maps is not None:
+            grey = self._undistorted(grey)
+        return grey if self._learned_gain is None else flatten(grey, self._learned_gain)
+
+    def learn(self, flat_field: npt.NDArray[np.float32]) -> None:
+        """Correct with this flat field from now on, beside that of the calibration."""
+        self._learned_gain = _gain(flat_field)
 
     def _begin(self, pixels: npt.NDArray[np.generic]) -> None:
         height, width = pixels.shape[:2]

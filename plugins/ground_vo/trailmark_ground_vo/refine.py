@@ -111,28 +111,19 @@ def _normal_equations(
 @kernel
 def _solve(a: Matrix, b: npt.NDArray[np.float64]) -> tuple[float, float, float]:
     """Return the solution of a symmetric (3, 3) system; what the system does not determine is left at zero."""
-    factor, pivots = np.eye(3), np.zeros(3)
-    for i in range(3):
-        for j in range(i):
-            shared = a[i, j]
-            for m in range(j):
-                shared -= factor[i, m] * pivots[m] * factor[j, m]
-            factor[i, j] = shared / pivots[j] if pivots[j] > 0.0 else 0.0
-        rest = a[i, i]
-        for m in range(i):
-            rest -= factor[i, m] * factor[i, m] * pivots[m]
-        pivots[i] = rest if rest > _LEAST_SHARE * a[i, i] else 0.0
-    z, x = np.zeros(3), np.zeros(3)
-    for i in range(3):
-        z[i] = b[i]
-        for j in range(i):
-            z[i] -= factor[i, j] * z[j]
-    for i in (2, 1, 0):
-        if pivots[i] > 0.0:
-            x[i] = z[i] / pivots[i]
-            for j in range(i + 1, 3):
-                x[i] -= factor[j, i] * x[j]
-    return x[0], x[1], x[2]
+    d_0 = a[0, 0]
+    i_0 = 1.0 / d_0 if d_0 > 0.0 else 0.0  # inverse pivots, zero where there is nothing left to divide by
+    l_10, l_20 = a[0, 1] * i_0, a[0, 2] * i_0
+    d_1 = a[1, 1] - l_10 * a[0, 1]
+    i_1 = 1.0 / d_1 if d_1 > _LEAST_SHARE * a[1, 1] else 0.0
+    c_21 = a[1, 2] - l_20 * a[0, 1]
+    l_21 = c_21 * i_1
+    d_2 = a[2, 2] - l_20 * a[0, 2] - l_21 * c_21
+    i_2 = 1.0 / d_2 if d_2 > _LEAST_SHARE * a[2, 2] else 0.0
+    z_1 = b[1] - l_10 * b[0]
+    x_2 = (b[2] - l_20 * b[0] - l_21 * z_1) * i_2
+    x_1 = z_1 * i_1 - l_21 * x_2
+    return b[0] * i_0 - l_10 * x_1 - l_20 * x_2, x_1, x_2
 
 
 @kernel
@@ -151,7 +142,7 @@ def refine(
     ----------
     picture : (H, W) uint16
         The new picture, smoothed.
-    texture : (6, N) float32
+    texture : (8, N) float32
         The remembered pixels.
     centre : (float, float)
         Centre of the turn [px].
@@ -191,20 +182,13 @@ def refine(
 
 @float_kernel
 def best_start(
-    picture: Smooth,
-    texture: Texture,
-    centre: tuple[float, float],
-    starts: Matrix,
-    aspect: float,
-    clip: float,
-    every: int,
+    picture: Smooth, texture: Texture, centre: tuple[float, float], starts: Matrix, aspect: float, clip: float
 ) -> int:
-    """Return which of the motions in `starts`, (M, 3), leaves the least clipped residual on every `every`-th pixel."""
-    few = texture[:, ::every].copy()
+    """Return which of the motions in `starts`, (M, 3), leaves the least clipped residual."""
     best, least = 0, math.inf
     for m in range(len(starts)):
         motion = (starts[m, 0], starts[m, 1], starts[m, 2])
-        cost = mean_clipped(residuals(picture, few, centre, motion, aspect), clip)
+        cost = mean_clipped(residuals(picture, texture, centre, motion, aspect), clip)
         if cost < least:
             best, least = m, cost
     return best

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from trailmark_ground_vo.config import GroundVOConfig
 from trailmark_ground_vo.extremes import Area
 from trailmark_ground_vo.filters import SMOOTH_SCALE
+from trailmark_ground_vo.flat_field import FlatFieldLearner
 from trailmark_ground_vo.kernels import Kernels
 from trailmark_ground_vo.motion import ImageMotion
 from trailmark_ground_vo.refine import best_start, mean_clipped, refine
@@ -60,6 +61,7 @@ class Refinement:
         self._centre = ((size[0] - 1) / 2.0, (size[1] - 1) / 2.0)
         self._aspect = aspect
         self._kernels = kernels
+        self._learner = FlatFieldLearner(size, aspect) if config.learn_flat_field else None
         self._texture: Texture
 
     def begin(self, image: Grey) -> None:
@@ -72,7 +74,8 @@ class Refinement:
         """Return the refined motion, at least as good as the best start, and move along with it."""
         picture, texture = self._kernels.smooth(image), self._texture
         candidates = np.array([start.array() for start in starts])
-        start = starts[best_start(picture, texture, self._centre, candidates, self._aspect, _CLIP, _EVERY)]
+        few = np.ascontiguousarray(texture[:, ::_EVERY])
+        start = starts[best_start(picture, few, self._centre, candidates, self._aspect, _CLIP)]
         motion = (start.u, start.v, start.turn_rad)
         huber = self._config.huber_levels * SMOOTH_SCALE
         refined, curvature, iterations = refine(
@@ -84,6 +87,8 @@ class Refinement:
             motion = refined
         else:
             after = before
+        if self._learner is not None:
+            self._learner.add(texture, after, motion)
         replaced = self._advance(picture, after, motion)
         sigma = _SIGMA_OVER_MEAN * max(1.0, mean_clipped(after, _CLIP))
         details = {
@@ -92,6 +97,10 @@ class Refinement:
             "replaced": replaced,
         }
         return Aligned(ImageMotion(*motion), curvature / (sigma * sigma), details)
+
+    def new_flat_field(self) -> npt.NDArray[np.float32] | None:
+        """Return the flat field that was learned, (H, W) relative to its mean, when there is a new one."""
+        return None if self._learner is None else self._learner.news()
 
     def _advance(
         self,

@@ -82,7 +82,10 @@ def places(
 @kernel
 def _in_bands(v: Places) -> Places:
     """Return the order of the pixels by bands of rows (a counting sort)."""
-    n_bands = v.max() // _BAND_PX + 2
+    last = 0
+    for n in range(len(v)):
+        last = max(last, v[n])
+    n_bands = last // _BAND_PX + 2
     starts = np.zeros(n_bands, np.int64)
     for n in range(len(v)):
         starts[v[n] // _BAND_PX + 1] += 1

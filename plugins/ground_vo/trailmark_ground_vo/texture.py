@@ -19,6 +19,8 @@ from trailmark_ground_vo.extremes import Area
 
 __all__ = [
     "AGE",
+    "SEEN_X",
+    "SEEN_Y",
     "SLOPE_U",
     "SLOPE_V",
     "VALUE",
@@ -31,8 +33,8 @@ __all__ = [
 ]
 
 #: Rows of a texture: coordinates [px]; what the pixel looks like and its slopes [1/px], in units of the smoothed
-#: picture; pictures that the look is averaged over.
-X, Y, VALUE, SLOPE_U, SLOPE_V, AGE = range(6)
+#: picture; pictures that the look is averaged over, and the mean of the coordinates where it was seen in them [px].
+X, Y, VALUE, SLOPE_U, SLOPE_V, AGE, SEEN_X, SEEN_Y = range(8)
 
 #: How far to both sides a pixel that jumped over the upper or lower edge looks for a steep one [px].
 _ROW_REACH_PX = 8
@@ -40,7 +42,7 @@ _ROW_REACH_PX = 8
 Smooth = npt.NDArray[np.uint16]
 Floats = npt.NDArray[np.float32]
 
-#: Remembered pixels, (6, N) float32, a row for each of the names above. Pixel n is of segment ``n // 2 % n_segments``
+#: Remembered pixels, (8, N) float32, a row for each of the names above. Pixel n is of segment ``n // 2 % n_segments``
 #: and steep along u when n is even; it stays so when it jumps.
 Texture = npt.NDArray[np.float32]
 
@@ -77,7 +79,7 @@ def _put(texture: Texture, n: int, picture: Smooth, u: int, v: int) -> None:
     texture[X, n], texture[Y, n], texture[VALUE, n] = u, v, picture[v, u]
     texture[SLOPE_U, n] = 0.5 * _slope(picture, u, v, True)
     texture[SLOPE_V, n] = 0.5 * _slope(picture, u, v, False)
-    texture[AGE, n] = 1.0
+    texture[AGE, n], texture[SEEN_X, n], texture[SEEN_Y, n] = 1.0, u, v
 
 
 @kernel
@@ -85,7 +87,7 @@ def select_texture(picture: Smooth, area: Area, n_segments: int, step_px: int) -
     """Return the initial pixels: of every `step_px`-th line and each of its segments the steepest along u and v."""
     left, top, right, bottom = area
     height = (bottom - top) // n_segments
-    texture = np.empty((6, 2 * n_segments * ((right - left) // step_px)), np.float32)
+    texture = np.empty((8, 2 * n_segments * ((right - left) // step_px)), np.float32)
     for n in range(texture.shape[1]):
         u = left + n // (2 * n_segments) * step_px
         first = top + n // 2 % n_segments * height
@@ -146,7 +148,7 @@ def advance_texture(
     ----------
     picture : (H, W) uint16
         The smoothed picture that they have been found in.
-    texture : (6, N) float32
+    texture : (8, N) float32
         Before the motion.
     differences : (N,) float32
         The `residuals` of the motion.
@@ -161,7 +163,7 @@ def advance_texture(
 
     Returns
     -------
-    texture : (6, N) float32
+    texture : (8, N) float32
         After the motion.
     n_fresh : int
         Pixels that have jumped.
@@ -181,6 +183,8 @@ def advance_texture(
         age = min(texture[AGE, n] + 1.0, memory)
         news = min(max(differences[n], -clip), clip) / age
         out[AGE, n], out[VALUE, n] = age, texture[VALUE, n] + (news if memory > 1.0 else 0.0)
+        out[SEEN_X, n] = texture[SEEN_X, n] + ((out[X, n] - texture[SEEN_X, n]) / age if memory > 1.0 else 0.0)
+        out[SEEN_Y, n] = texture[SEEN_Y, n] + ((out[Y, n] - texture[SEEN_Y, n]) / age if memory > 1.0 else 0.0)
     n_fresh = 0
     for n in range(n_pixels):
         u, v = math.floor(out[X, n] + 0.5), math.floor(out[Y, n] + 0.5)

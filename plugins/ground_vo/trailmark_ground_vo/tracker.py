@@ -181,17 +181,28 @@ class RelativeTracker:
         self._since_s, self._interval_s, self._n_missed = stamp_s, elapsed_s, 0
         return step
 
+    def new_flat_field(self) -> npt.NDArray[np.float32] | None:
+        """Return the flat field that was learned, (H, W) relative to its mean, when there is a new one."""
+        return None if self._refinement is None else self._refinement.new_flat_field()
+
+    def refresh(self, image: Grey) -> None:
+        """Choose all pixels anew, in the picture of the last step with another flat field."""
+        self._choose(self._picture(image))
+
     def _miss(self, picture: Picture, stamp_s: float) -> None:
         """Wait for a better picture, but not for long: what is remembered gets out of reach."""
         self._n_missed += 1
         if self._n_missed > self._config.patience_frames:
             self._begin(picture, stamp_s)
 
-    def _begin(self, picture: Picture, stamp_s: float) -> None:
+    def _choose(self, picture: Picture) -> None:
         for viewpoint in self._viewpoints:
             viewpoint.begin(picture, self._config.n_pixels)
         if self._refinement is not None:
             self._refinement.begin(picture.image)
+
+    def _begin(self, picture: Picture, stamp_s: float) -> None:
+        self._choose(picture)
         self._since_s, self._interval_s, self._n_missed, self._last = stamp_s, 0.0, 0, None
         self._usual.clear()
 
