@@ -6,6 +6,11 @@ import os
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+# How long an example takes says more about the machine than about the code; CI tries the same examples each time.
+settings.register_profile("trailmark", deadline=None, derandomize=bool(os.environ.get("CI")))
+settings.load_profile("trailmark")
 
 REPOSITORY = Path(__file__).parents[1]
 
