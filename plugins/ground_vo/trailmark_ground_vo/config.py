@@ -32,8 +32,8 @@ class GroundVOConfig(PluginConfig):
     margin_px: int = Field(64, ge=8)
     """Rim of the picture without reference pixels, so that none is lost while searching [px]."""
     centre_distance_px: int | None = Field(None, ge=8)
-    """D of Eq. (3), the distance of the two viewpoints; left out: 128 in mode paper, where the tracking areas
-    overlap as in Fig. 1, 192 else, where they do not [px, for a picture 480 px high]."""
+    """D of Eq. (3), the distance of the two viewpoints; left out: in a picture 480 px high 128 in mode paper, where the
+    tracking areas overlap as in Fig. 1, and 192 else, where they do not [px]."""
     wide_search: bool = True
     """Search the whole range of shifts when nothing is known of the motion: at the start and when the track is lost."""
     max_error_ratio: float = Field(0.8, gt=0, le=1)

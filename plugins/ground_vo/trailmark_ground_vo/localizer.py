@@ -86,6 +86,7 @@ class GroundVO(Localizer):
         return RelativeTracker(config, size, self._scale[1] / self._scale[0])
 
     def _warm_up(self, size: tuple[int, int]) -> None:
+        self._reader.warm_up()
         tracker = self._new_tracker(size)
         noise = np.random.default_rng(0).integers(0, 256, (size[1], size[0]), np.uint8)
         for stamp_s in range(3):

@@ -201,6 +201,7 @@ class GroundMap(Localizer):
         return PatchFinder(self.config, size, self._scale[1] / self._scale[0])
 
     def _warm_up(self, size: tuple[int, int]) -> None:
+        self._reader.warm_up()
         self._finder = self._new_finder(size)
         view = self._finder.view(np.random.default_rng(0).integers(0, 256, (size[1], size[0]), np.uint8))
         self._finder.find(view, self._finder.register(view), ImageMotion(0.0, 0.0, 0.0))

@@ -111,6 +111,10 @@ class PictureReader:
             grey = self._undistorted(grey)
         return grey if self._learned_gain is None else flatten(grey, self._learned_gain)
 
+    def warm_up(self) -> None:
+        """Compile what the first pictures will need."""
+        flatten(np.zeros((16, 16), np.uint8), np.full((16, 16), GAIN_ONE, np.uint16))
+
     def learn(self, flat_field: npt.NDArray[np.float32]) -> None:
         """Correct with this flat field from now on, beside that of the calibration."""
         self._learned_gain = _gain(flat_field)

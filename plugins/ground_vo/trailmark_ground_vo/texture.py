@@ -130,6 +130,38 @@ def residuals(
 
 
 @float_kernel
+def _carried(
+    texture: Texture,
+    differences: Floats,
+    centre: tuple[float, float],
+    motion: tuple[float, float, float],
+    aspect: float,
+    memory: float,
+    clip: float,
+) -> Texture:
+    """Return the pixels after a motion, wherever they are; all in float32, so that the loop runs in vectors."""
+    cos = np.float32(math.cos(motion[2]))
+    across, down = np.float32(math.sin(motion[2]) * aspect), np.float32(math.sin(motion[2]) / aspect)
+    from_x, from_y = np.float32(centre[0]), np.float32(centre[1])
+    to_x, to_y = np.float32(centre[0] + motion[0]), np.float32(centre[1] + motion[1])
+    one, oldest, most = np.float32(1.0), np.float32(memory), np.float32(clip)
+    is_averaged = np.float32(1.0 if memory > 1.0 else 0.0)
+    out = np.empty_like(texture)
+    for n in range(texture.shape[1]):
+        dx, dy = texture[X, n] - from_x, texture[Y, n] - from_y
+        x, y = cos * dx + across * dy + to_x, cos * dy - down * dx + to_y
+        age = min(texture[AGE, n] + one, oldest)
+        share = is_averaged / age
+        out[X, n], out[Y, n], out[AGE, n] = x, y, age
+        out[VALUE, n] = texture[VALUE, n] + share * min(max(differences[n], -most), most)
+        out[SLOPE_U, n] = cos * texture[SLOPE_U, n] + down * texture[SLOPE_V, n]
+        out[SLOPE_V, n] = cos * texture[SLOPE_V, n] - across * texture[SLOPE_U, n]
+        out[SEEN_X, n] = texture[SEEN_X, n] + share * (x - texture[SEEN_X, n])
+        out[SEEN_Y, n] = texture[SEEN_Y, n] + share * (y - texture[SEEN_Y, n])
+    return out
+
+
+@kernel
 def advance_texture(
     picture: Smooth,
     texture: Texture,
@@ -170,21 +202,8 @@ def advance_texture(
     """
     left, top, right, bottom = area
     height = (bottom - top) // n_segments
-    cos, sin = math.cos(motion[2]), math.sin(motion[2])
-    to_x, to_y = centre[0] + motion[0], centre[1] + motion[1]
+    out = _carried(texture, differences, centre, motion, aspect, memory, clip)
     n_pixels = texture.shape[1]
-    out = np.empty_like(texture)
-    for n in range(n_pixels):
-        dx, dy = texture[X, n] - centre[0], texture[Y, n] - centre[1]
-        out[X, n] = cos * dx + sin * aspect * dy + to_x
-        out[Y, n] = cos * dy - sin / aspect * dx + to_y
-        out[SLOPE_U, n] = cos * texture[SLOPE_U, n] + sin / aspect * texture[SLOPE_V, n]
-        out[SLOPE_V, n] = cos * texture[SLOPE_V, n] - sin * aspect * texture[SLOPE_U, n]
-        age = min(texture[AGE, n] + 1.0, memory)
-        news = min(max(differences[n], -clip), clip) / age
-        out[AGE, n], out[VALUE, n] = age, texture[VALUE, n] + (news if memory > 1.0 else 0.0)
-        out[SEEN_X, n] = texture[SEEN_X, n] + ((out[X, n] - texture[SEEN_X, n]) / age if memory > 1.0 else 0.0)
-        out[SEEN_Y, n] = texture[SEEN_Y, n] + ((out[Y, n] - texture[SEEN_Y, n]) / age if memory > 1.0 else 0.0)
     n_fresh = 0
     for n in range(n_pixels):
         u, v = math.floor(out[X, n] + 0.5), math.floor(out[Y, n] + 0.5)

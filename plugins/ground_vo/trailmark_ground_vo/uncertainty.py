@@ -13,7 +13,6 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from trailmark.estimates import information_from_covariance
 from trailmark_ground_vo.compiled import kernel
 
 __all__ = ["drift_information", "response_covariance", "whole_pixel_information"]
@@ -69,11 +68,16 @@ def response_covariance(errors: npt.NDArray[np.int32], best: int, n_pixels: int)
 
 def whole_pixel_information(first: Matrix, second: Matrix, distance_px: float, aspect: float) -> Matrix:
     """Return the information of (u, v, turn) of Eq. (3) from the covariances of two shifts, (3, 3)."""
-    lever = 1.0 / (distance_px * aspect)
-    jacobian = np.array([[0.5, 0.0, 0.5, 0.0], [0.0, 0.5, 0.0, 0.5], [lever, 0.0, -lever, 0.0]])
-    both = np.zeros((4, 4))
-    both[:2, :2], both[2:, 2:] = first, second
-    return information_from_covariance(jacobian @ both @ jacobian.T)
+    lever = 1.0 / (distance_px * aspect)  # turn = lever (u_1 - u_2), shift = (shift_1 + shift_2) / 2
+    both, apart = (first + second) / 4.0, (first - second) * (lever / 2.0)
+    turn = lever * lever * (first[0, 0] + second[0, 0])
+    covariance = [
+        [both[0, 0], both[0, 1], apart[0, 0]],
+        [both[0, 1], both[1, 1], apart[0, 1]],
+        [apart[0, 0], apart[0, 1], turn],
+    ]
+    inverse = np.linalg.inv(np.array(covariance))
+    return np.asarray((inverse + inverse.T) / 2.0)
 
 
 def drift_information(alignment: Matrix, replaced: float, growth: float) -> Matrix:
