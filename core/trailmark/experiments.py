@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 __all__ = ["Experiment", "ExperimentOptions", "Row"]
+
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +31,8 @@ class Row:
         Which way is better.
     n, seeds : int
         Samples and seeds behind the figure.
+    note : str
+        What a reader must know of it, such as how the paper measured.
     """
 
     experiment: str
@@ -42,6 +46,7 @@ class Row:
     better: Literal["lower", "higher"] = "lower"
     n: int = 1
     seeds: int = 1
+    note: str = ""
 
     @property
     def met(self) -> bool | None:
@@ -72,15 +77,48 @@ class ExperimentOptions:
     seed : int
         First seed; further seeds follow from it.
     out : Path
-        Folder for runs and plots.
+        Folder for runs and plots: every ``*.svg`` in it becomes a picture of the written results.
     report : callable
         Takes one line of progress.
+    jobs : int
+        Processes that independent runs may be spread over.
     """
 
     quick: bool
     seed: int
     out: Path
     report: Callable[[str], None]
+    jobs: int = 1
+
+    def map(self, function: Callable[..., _T], arguments: Iterable[tuple[Any, ...]]) -> list[_T]:
+        """Call a function with each tuple of arguments, in up to `jobs` processes, and return the answers in order.
+
+        Parameters
+        ----------
+        function : callable
+            Stands at the top of a module, so that another process finds it by name.
+        arguments : iterable of tuple
+            Picklable, as the answers are.
+
+        Raises
+        ------
+        Exception
+            What the first failing call raised; calls that have not begun are dropped then.
+        """
+        calls = list(arguments)
+        if self.jobs == 1 or len(calls) < 2:
+            return [function(*call) for call in calls]
+        from concurrent.futures import ProcessPoolExecutor
+        from multiprocessing import get_context
+
+        # Spawned, not forked: threads of OpenCV and numba do not survive a fork.
+        with ProcessPoolExecutor(min(self.jobs, len(calls)), mp_context=get_context("spawn")) as pool:
+            futures = [pool.submit(function, *call) for call in calls]
+            try:
+                return [future.result() for future in futures]
+            except BaseException:
+                pool.shutdown(wait=False, cancel_futures=True)
+                raise
 
 
 #: An experiment is a function, registered by ``registry.experiment(name, "module:function")``.

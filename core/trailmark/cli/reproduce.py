@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -22,12 +23,16 @@ __all__ = ["reproduce_command"]
 @click.option("--quick", is_flag=True, help="Short versions.")
 @click.option("--seed", default=0, show_default=True, type=click.IntRange(0), help="First seed.")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("runs/reproduce"), show_default=True)
+@click.option("--jobs", default=1, show_default=True, type=click.IntRange(1), help="Runs at a time.")
 @click.option("--json", "as_json", is_flag=True, help="Print the rows as JSON.")
 @click.pass_context
 def reproduce_command(
-    context: click.Context, paper: str | None, quick: bool, seed: int, out: Path, as_json: bool
+    context: click.Context, paper: str | None, quick: bool, seed: int, out: Path, jobs: int, as_json: bool
 ) -> None:
-    """Repeat the experiments of PAPER (or `all`); without PAPER, list them."""
+    """Repeat the experiments of PAPER (or `all`); without PAPER, list them.
+
+    Rows, plots and a page of Markdown are written to a folder for each paper under --out.
+    """
     specs = {spec.name: spec for spec in plugins_of(context).registry.specs("experiment")}
     if paper is None:
         _list(specs, as_json)
@@ -38,14 +43,26 @@ def reproduce_command(
     names = sorted(specs) if paper == "all" else [paper]
     rows: list[Row] = []
     for name in names:
-        say(f"{name}: {specs[name].summary}")
-        options = ExperimentOptions(quick=quick, seed=seed, out=out / name, report=lambda line: say(f"  {line}"))
-        run: Any = specs[name].load()
-        rows.extend(run(options))
+        found = _repeat(specs[name], quick, seed, out / name, jobs)
+        rows.extend(found)
+        if not as_json:
+            _print_table(specs[name].summary, found)
+            say(f"{out / name / 'results.md'}")
     if as_json:
         click.echo(json.dumps([row.document() for row in rows], indent=1))
-    else:
-        _print_table(rows)
+
+
+def _repeat(spec: Any, quick: bool, seed: int, folder: Path, jobs: int) -> Sequence[Row]:
+    from trailmark.pipeline.provenance import provenance
+    from trailmark.report.experiment import write_experiment
+
+    say(f"{spec.name}: {spec.summary}")
+    began_s, origin = time.monotonic(), provenance()
+    folder.mkdir(parents=True, exist_ok=True)
+    options = ExperimentOptions(quick, seed, folder, report=lambda line: say(f"  {line}"), jobs=jobs)
+    rows: Sequence[Row] = spec.load()(options)
+    write_experiment(folder, spec.summary, spec.reference, rows, origin, time.monotonic() - began_s)
+    return rows
 
 
 def _list(specs: dict[str, Any], as_json: bool) -> None:
@@ -59,12 +76,12 @@ def _list(specs: dict[str, Any], as_json: bool) -> None:
         click.echo("no installed plugin brings experiments")
 
 
-def _print_table(rows: Sequence[Row]) -> None:
+def _print_table(title: str, rows: Sequence[Row]) -> None:
     from rich.table import Table
 
     from trailmark.report.console import table_console
 
-    table = Table(box=None, header_style="bold", pad_edge=False)
+    table = Table(box=None, header_style="bold", pad_edge=False, title=title, title_justify="left", title_style="bold")
     table.add_column("experiment")
     table.add_column("item")
     for column in ("unit", "paper", "bar", "ours", "+-", "n"):
