@@ -125,11 +125,20 @@ class _LazyGroup(click.Group):
     def _plugin_commands(self, context: click.Context) -> dict[str, click.Command]:
         commands: dict[str, click.Command] | None = context.meta.get("trailmark.plugin_commands")
         if commands is None:
-            group = click.Group()
+            group = click.Group(commands={"calibrate": _calibrate_group()})
             plugins_of(context).call_isolated("trailmark_commands", group=group)
-            commands = {name: command for name, command in group.commands.items() if name not in _COMMANDS}
+            commands = {
+                name: command
+                for name, command in group.commands.items()
+                if name not in _COMMANDS and not (isinstance(command, click.Group) and not command.commands)
+            }
             context.meta["trailmark.plugin_commands"] = commands
         return commands
+
+
+def _calibrate_group() -> click.Group:
+    """Return the group that plugins share: each adds the sensor it can calibrate."""
+    return click.Group("calibrate", help="Measure what a sensor needs to know about itself, with uncertainty.")
 
 
 @click.group(cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})

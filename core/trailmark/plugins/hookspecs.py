@@ -37,4 +37,8 @@ class HookSpecs:
 
     @_hookspec
     def trailmark_commands(self, group: click.Group) -> None:
-        """Add commands to the command line; import what they need inside them."""
+        """Add commands to the command line; import what they need inside them.
+
+        The group ``calibrate`` is there already and shared: a plugin that calibrates a sensor adds its command to
+        ``group.commands["calibrate"]``. Without any it is not shown.
+        """
