@@ -97,3 +97,13 @@ def test_the_camera_runs_at_the_rate_of_the_paper() -> None:
     assert isinstance(sensor, CameraSensor)
     assert sensor.rate_hz == 20.0
     assert sensor.info.size == (640, 480)
+
+
+def test_a_smaller_picture_shows_the_same_view() -> None:
+    full, small = (_world("street", noise=0, vibration_mrad=0, blur_px=0, width_px=w) for w in (640, 160))
+
+    large, little = (_picture(world, Pose2(2.0, 0.0, 0.0)).astype(float) for world in (full, small))
+    reduced = large.reshape(120, 4, 160, 4, 3).mean(axis=(1, 3))
+
+    assert little.shape == (120, 160, 3)
+    assert np.corrcoef(reduced.ravel(), little.ravel())[0, 1] > 0.97

@@ -29,7 +29,8 @@ SENSORS = ("wheels", "imu", "light", "front")
 
 #: Speed of all experiments of the paper [m/s].
 _SPEED_MPS = 0.3
-_LENS = PinholeLens(640, 480, Pinhole(525.0, 525.0, 319.5, 239.5))
+#: Of pictures 640 px wide [px].
+_FOCAL_PX = 525.0
 _MOUNTING = Pose3(x=0.15, z=0.55, pitch=math.radians(-2.0))
 
 
@@ -70,7 +71,7 @@ def forward_world(
         "front": lambda: CameraSensor(
             "front",
             build_scene(),
-            _LENS,
+            _lens(given.width_px),
             _MOUNTING,
             options.rate_of("front", 20.0),
             response(given.exposure, given.noise, given.blur_px, 0.5),
@@ -88,3 +89,11 @@ def forward_world(
         start=Pose2(),
         collides=partial(solids.touched, vehicle),
     )
+
+
+def _lens(width_px: int) -> PinholeLens:
+    """Return the lens for pictures of a width: always the same view, 4:3."""
+    height_px = width_px * 3 // 4
+    focal_px = _FOCAL_PX * width_px / 640.0
+    middle = (width_px - 1) / 2.0, (height_px - 1) / 2.0
+    return PinholeLens(width_px, height_px, Pinhole(focal_px, focal_px, *middle))

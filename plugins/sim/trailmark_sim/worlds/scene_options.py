@@ -11,7 +11,7 @@ from trailmark.config import PluginConfig
 __all__ = ["CorridorOptions", "HallwayOptions", "LabOptions", "StreetOptions", "SupermarketOptions"]
 
 #: What changes pictures, but not what there is to see.
-_OF_CAMERAS = ("exposure", "noise", "blur_px", "registered", "depth_noise", "vibration_mrad")
+_OF_CAMERAS = ("exposure", "noise", "blur_px", "registered", "depth_noise", "vibration_mrad", "width_px")
 
 
 class _CameraOptions(PluginConfig):
@@ -64,6 +64,8 @@ class _ForwardOptions(_CameraOptions):
     """Where the sun stands."""
     vibration_mrad: float | None = Field(default=None, ge=0, le=50)
     """How much the floor shakes the camera, one standard deviation; left out: the world's [mrad]."""
+    width_px: int = Field(default=640, ge=160, le=1280, multiple_of=4)
+    """Width of the front camera's pictures, 4:3 and always of the same view; fewer pixels cost less [px]."""
 
 
 class CorridorOptions(_ForwardOptions):
