@@ -13,6 +13,7 @@ from trailmark.commands import Stop, Velocity
 from trailmark.estimates import Belief
 from trailmark.geometry import Pose2, Twist2, wrap_angle
 from trailmark.interfaces import Session
+from trailmark.paths import Path, Waypoint
 from trailmark_controllers.goal_seeking import GoalSeeking
 from trailmark_controllers.goal_seeking_config import GoalSeekingConfig
 
@@ -31,14 +32,22 @@ def belief(pose: Pose2 | None, fix_age_m: float = 0.0, sigma_m: float | None = N
 
 
 def drive(
-    controller: GoalSeeking, pose: Pose2, noise_m: float = 0.0, dt_s: float = 0.05, steps: int = 4000
+    controller: GoalSeeking,
+    pose: Pose2,
+    noise_m: float = 0.0,
+    dt_s: float = 0.05,
+    steps: int = 4000,
+    seen: list[Pose2] | None = None,
 ) -> tuple[Pose2, list[Velocity]]:
     """Drive with perfect wheels until done; return where the robot stands and what it was told."""
     rng = np.random.default_rng(4)
     told: list[Velocity] = []
     for _ in range(steps):
-        seen = Pose2(pose.x + rng.normal(0, noise_m), pose.y + rng.normal(0, noise_m), pose.theta)
-        command = controller.step(belief(seen))
+        if seen is not None:
+            seen.append(pose)
+        command = controller.step(
+            belief(Pose2(pose.x + rng.normal(0, noise_m), pose.y + rng.normal(0, noise_m), pose.theta))
+        )
         if isinstance(command, Stop):
             if command.done:
                 return pose, told
@@ -149,6 +158,35 @@ def test_starting_again_is_as_new() -> None:
     controller.start(Session())
 
     assert controller.step(belief(Pose2(1.0, 0.0, 0.0))) == Stop("at the goal, making sure")
+
+
+def corner() -> Path:
+    """Return a path of two legs around a corner: 4 m along x, then 4 m along y."""
+    points = [(0.1 * k, 0.0, 0.0) for k in range(41)] + [(4.0, 0.1 * k, math.pi / 2) for k in range(1, 41)]
+    return Path(Waypoint(k, 0.1 * k, Pose2(*point)) for k, point in enumerate(points))
+
+
+@pytest.mark.parametrize("kind", ["differential", "holonomic"])
+@pytest.mark.parametrize(("goal", "start"), [((4.4, 3.0), Pose2(0.5, 0.3, 2.0)), ((0.5, -0.3), Pose2(3.8, 3.5, -1.0))])
+def test_the_taught_path_leads_around_the_corner(kind: str, goal: tuple[float, float], start: Pose2) -> None:
+    controller = GoalSeeking(GoalSeekingConfig.model_validate({"goal": goal, "drive": kind}))
+    controller.start(Session(mode="replay", path=corner()))
+    places: list[Pose2] = []
+
+    end, _ = drive(controller, start, seen=places)
+
+    assert math.hypot(end.x - goal[0], end.y - goal[1]) <= 0.04
+    assert all(abs(corner().locate(place).lateral_m) <= 0.5 for place in places)
+
+
+def test_the_straight_way_cuts_the_corner_when_asked_for() -> None:
+    controller = GoalSeeking(GoalSeekingConfig.model_validate({"goal": (4.0, 3.0), "way": "straight"}))
+    controller.start(Session(mode="replay", path=corner()))
+
+    command = controller.step(belief(Pose2(0.0, 0.0, math.atan2(3.0, 4.0))))
+
+    assert isinstance(command, Velocity)
+    assert (command.forward_mps, command.yaw_radps) == pytest.approx((0.5, 0.0))
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from trailmark.estimates import Belief
 from trailmark.geometry import Pose2, wrap_angle
 from trailmark.interfaces import Controller, Session
 from trailmark_controllers.goal_seeking_config import GoalSeekingConfig
+from trailmark_controllers.taught_way import TaughtWay
 
 __all__ = ["GoalSeeking"]
 
@@ -18,7 +19,11 @@ _LEAVE_FACTOR = 2.0  # the goal is left again only this many tolerances away: a 
 
 
 class GoalSeeking(Controller):
-    """Drives to a goal with `Velocity` commands, and stands while it does not know where it is."""
+    """Drives to a goal with `Velocity` commands, and stands while it does not know where it is.
+
+    In replay it goes along the taught path, which was free, as far as that leads towards the goal; from there, and
+    without a path from the start, straight.
+    """
 
     config: GoalSeekingConfig
 
@@ -32,6 +37,8 @@ class GoalSeeking(Controller):
         x, y, *heading_deg = self.config.goal
         self._goal = Pose2(x, y, math.radians(heading_deg[0]) if heading_deg else 0.0)
         self._has_heading = bool(heading_deg)
+        path = session.path if self.config.way == "taught" else None
+        self._way = None if path is None else TaughtWay(path, self._goal, self.config.lookahead_m)
         self._is_there = False
         self._n_settled = 0
 
@@ -42,6 +49,9 @@ class GoalSeeking(Controller):
         if pose is None or reason:
             self._n_settled = 0
             return Stop(reason)
+        next_point = self._way.next_point(pose) if self._way is not None else None
+        if next_point is not None:
+            return self._along(pose.between(next_point))
         to_goal = pose.between(self._goal)
         distance_m = math.hypot(to_goal.x, to_goal.y)
         limit_m = self.config.arrive_m * (_LEAVE_FACTOR if self._is_there else 1.0)
@@ -76,6 +86,16 @@ class GoalSeeking(Controller):
         if self._n_settled >= self.config.settle_steps:
             return Stop("the goal is reached", done=True)
         return Stop("at the goal, making sure")
+
+    def _along(self, to_point: Pose2) -> Velocity:
+        """Head for a point of the taught path, without braking for it."""
+        self._n_settled, self._is_there = 0, False
+        far_m = max(self.config.slow_down_m, math.hypot(to_point.x, to_point.y))
+        if self.config.drive == "holonomic":
+            bearing_rad = math.atan2(to_point.y, to_point.x)
+            speed_mps = self._speed_mps(far_m)
+            return Velocity(speed_mps * math.cos(bearing_rad), speed_mps * math.sin(bearing_rad), 0.0)
+        return self._turn_and_drive(to_point, far_m)
 
     def _turn_and_drive(self, to_goal: Pose2, distance_m: float) -> Velocity:
         """Turn towards the goal and drive; nearby goals behind are reached backwards."""

@@ -18,6 +18,11 @@ class GoalSeekingConfig(PluginConfig):
     """Where to: [x, y], or [x, y, deg] to end with a heading; metres and degrees in the map."""
     drive: Literal["differential", "holonomic"] = "differential"
     """What the robot can do: turn and drive forward, or drive any way at once."""
+    way: Literal["taught", "straight"] = "taught"
+    """In replay, along the taught path as far as it leads towards the goal, or straight from the start. Nothing
+    looks out for what stands in the way."""
+    lookahead_m: float = Field(0.4, gt=0)
+    """On the taught path it heads for the point so far ahead [m]."""
     speed_mps: float = Field(0.5, gt=0)
     """Speed far from the goal; the paper's robot could do 1.0 m/s [m/s]."""
     creep_mps: float = Field(0.03, gt=0)
