@@ -57,6 +57,19 @@ def test_a_route_through_points_passes_them() -> None:
         assert route.path.locate(Pose2(float(x), float(y))).lateral_m == pytest.approx(0.0, abs=2e-3)
 
 
+def test_a_swaying_route_weaves_about_the_way_and_ends_where_it_does() -> None:
+    way = Route.from_poses(trace(Pose2(1.0, 2.0, 0.5), [line(4.0), arc(2.0, 60), line(4.0)]), 0.25)
+
+    swaying = way.swaying(0.003, np.random.default_rng(7))
+
+    assert swaying.start == way.start
+    assert swaying.path[-1].pose_map_base.distance_to(way.path[-1].pose_map_base) < 1e-9
+    lateral = np.array([way.path.locate(waypoint.pose_map_base).lateral_m for waypoint in swaying.path])
+    assert np.sqrt(np.mean(lateral**2)) == pytest.approx(0.003, rel=0.25)
+    ahead = np.array([w.pose_map_base.inverse() @ p for w, p in zip(swaying.path, swaying.path.positions[1:])])
+    assert np.abs(np.arctan2(ahead[:, 1], ahead[:, 0])).max() < 2e-3  # headings along the way
+
+
 def test_a_route_without_length_is_refused() -> None:
     with pytest.raises(ConfigError, match="a route needs a length, not 0"):
         trace(Pose2(), [line(0.0)])

@@ -25,6 +25,8 @@ class SimConfig(SourceConfig):
     """Which of the world's routes; left out: its first."""
     speed_mps: float | None = Field(default=None, gt=0)
     """Speed to drive the route with; left out: the route's own [m/s]."""
+    sway_m: float = Field(default=0.0, ge=0, le=0.05)
+    """How far the route weaves to either side, as a hand steers, root mean square; `world_seed` says where [m]."""
     driver: Literal["auto", "route", "commands", "keyboard"] = "auto"
     """Who drives: the route, commands, the keys of the terminal (with `pace: realtime`), or (auto) the route in teach
     and track, commands in replay. Only `commands` lets a controller drive in track."""

@@ -17,6 +17,9 @@ from trailmark.paths import Path, Waypoint
 __all__ = ["Route", "arc", "line", "trace"]
 
 _STEP_M = 0.01
+#: Lengths of the waves in which a hand weaves, and over which they begin and end [m].
+_SWAY_M = (1.1, 1.9, 3.1)
+_SWAY_FADES_M = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,6 +80,26 @@ class Route:
     def at_speed(self, speed_mps: float) -> Route:
         """Return the same way at another speed."""
         return replace(self, speed_mps=speed_mps)
+
+    def swaying(self, sway_m: float, rng: np.random.Generator) -> Route:
+        """Return the way as a hand steers it, weaving about this one; it begins and ends where this one does.
+
+        Parameters
+        ----------
+        sway_m : float
+            Offset to the side, root mean square [m].
+        rng : numpy.random.Generator
+            Draws where the waves begin.
+        """
+        stations = self.path.stations
+        phases = rng.uniform(0.0, 2.0 * math.pi, len(_SWAY_M))
+        waves = [np.sin(2.0 * math.pi * stations / length + phase) for length, phase in zip(_SWAY_M, phases)]
+        share = np.clip(np.minimum(stations, stations[-1] - stations) / _SWAY_FADES_M, 0.0, 1.0)
+        left_m = sway_m * math.sqrt(2.0 / len(_SWAY_M)) * np.sum(waves, axis=0) * share**2 * (3.0 - 2.0 * share)
+        turns = np.arctan(np.gradient(left_m, stations))
+        turns[[0, -1]] = 0.0  # they fade out; one-sided differences do not quite
+        poses = [w.pose_map_base @ Pose2(0.0, float(y), float(t)) for w, y, t in zip(self.path, left_m, turns)]
+        return Route.from_poses([pose.array() for pose in poses], self.speed_mps, self.summary)
 
 
 def line(length_m: float) -> tuple[float, float]:

@@ -20,7 +20,7 @@ from trailmark_sim.names import unknown_name
 from trailmark_sim.pilots import Driver, Pilot
 from trailmark_sim.placing import place_vehicle
 from trailmark_sim.renamed import named
-from trailmark_sim.rng import stream_key
+from trailmark_sim.rng import frame_rng, stream_key
 from trailmark_sim.routes import Route
 from trailmark_sim.vehicles import VehicleState
 from trailmark_sim.worlds import build_world
@@ -187,14 +187,15 @@ class SimSource(Drivable):
         )
 
     def _choose_route(self) -> Route:
-        routes = self._world.routes
-        name = self.config.route or next(iter(routes))
+        config, routes = self.config, self._world.routes
+        name = config.route or next(iter(routes))
         if name not in routes:
-            raise ConfigError(f"sim: world {self.config.world!r} has {unknown_name('route', name, routes)}")
-        wanted, fastest = self.config.speed_mps, self._world.vehicle.max_speed_mps
+            raise ConfigError(f"sim: world {config.world!r} has {unknown_name('route', name, routes)}")
+        wanted, fastest = config.speed_mps, self._world.vehicle.max_speed_mps
         if wanted is not None and wanted > fastest:
             raise ConfigError(f"sim: speed_mps is {wanted:g}, but the vehicle drives {fastest:g} m/s at most")
-        return routes[name].at_speed(min(wanted or routes[name].speed_mps, fastest))
+        route = routes[name].at_speed(min(wanted or routes[name].speed_mps, fastest))
+        return route.swaying(config.sway_m, frame_rng(config.world_seed, "sway")) if config.sway_m else route
 
     def _named_sensors(self, source: str) -> tuple[SensorModel, ...]:
         """Give the sensor of a one-sensor source the source's name."""
