@@ -67,7 +67,7 @@ def test_a_swaying_route_weaves_about_the_way_and_ends_where_it_does() -> None:
     lateral = np.array([way.path.locate(waypoint.pose_map_base).lateral_m for waypoint in swaying.path])
     assert np.sqrt(np.mean(lateral**2)) == pytest.approx(0.003, rel=0.25)
     ahead = np.array([w.pose_map_base.inverse() @ p for w, p in zip(swaying.path, swaying.path.positions[1:])])
-    assert np.abs(np.arctan2(ahead[:, 1], ahead[:, 0])).max() < 2e-3  # headings along the way
+    assert np.abs(np.arctan2(ahead[:, 1], ahead[:, 0])).max() < 3.5e-3  # half a step in the sharpest bend, 0.7 / m
 
 
 def test_a_route_without_length_is_refused() -> None:
