@@ -92,6 +92,8 @@ class RgbdSensor:
         Of the noise.
     threads : int
         Threads that render; no byte depends on it.
+    light_at : callable
+        Takes a stamp [s] and returns the light as a share of that in the scene.
     """
 
     def __init__(
@@ -103,6 +105,7 @@ class RgbdSensor:
         moment_at: Callable[[float, Pose2], Moment],
         seed: int,
         threads: int = 1,
+        light_at: Callable[[float], float] = lambda _: 1.0,
     ) -> None:
         self.rig, self.rate_hz = rig, rig.rate_hz
         size = (rig.width, rig.height)
@@ -114,6 +117,7 @@ class RgbdSensor:
         )
         self.info = SensorInfo(name, "rgbd", size, rig.rate_hz, rig.mounting, calibration)
         self._scene, self._moment_at, self._seed, self._threads = scene, moment_at, seed, threads
+        self._light_at = light_at
         self._colour_rays = ray_table(*PinholeLens(*size, rig.colour).directions())
         self._depth_rays = ray_table(*PinholeLens(*size, self._lens).directions())
         self._film = Film(response, (rig.height, rig.width), seed, name)
@@ -123,7 +127,9 @@ class RgbdSensor:
         moment = self._moment_at(stamp_s, state.pose_map_base)
         pose = Pose3.from_planar(state.pose_map_base) @ self.rig.mounting
         view = View(self._scene, self._colour_rays, pose, moment, self._threads)
-        bgr = self._film.develop(view.radiance(), k, 1.0, self._threads)
+        # Light adds up: less of all lamps is less of every pixel.
+        radiance = view.radiance() * np.float32(self._light_at(stamp_s))
+        bgr = self._film.develop(radiance, k, 1.0, self._threads)
         return RGBD(bgr, self._depth(k, pose, moment))
 
     def _depth(self, k: int, pose: Pose3, moment: Moment) -> npt.NDArray[np.float32]:

@@ -11,14 +11,15 @@ from functools import lru_cache, partial
 import numpy as np
 
 from trailmark.geometry import Pose2
-from trailmark_sim.actors import Crowd
+from trailmark_sim.actors import Crowd, Walk
+from trailmark_sim.props import Troupe
 from trailmark_sim.render import lettering, textures
 from trailmark_sim.render.bake import Lighting
 from trailmark_sim.render.scene import Colour, Scene, SceneBuilder, Surface
 from trailmark_sim.rng import frame_rng
 from trailmark_sim.routes import Route
 from trailmark_sim.worlds.base import World, WorldOptions, parse_options
-from trailmark_sim.worlds.forward_rig import to_and_fro
+from trailmark_sim.worlds.crate import with_crate
 from trailmark_sim.worlds.furnishing import Room, add_room, hang, lamp_panels, show_lamps
 from trailmark_sim.worlds.rgbd_rig import SENSORS, rgbd_world
 from trailmark_sim.worlds.scene_options import HallwayOptions
@@ -64,8 +65,13 @@ def build(options: WorldOptions) -> World:
     )
 
 
-def _crowd(given: HallwayOptions, seed: int) -> Crowd:
-    return to_and_fro(given.people, seed, 0.0, 12.0, (0.5, -0.5, 0.2, -0.2))
+def _crowd(given: HallwayOptions, seed: int) -> Troupe:
+    rng = frame_rng(seed, "walks")
+    walks = []
+    for left_m in (0.5, -0.5, 0.2, -0.2)[: given.people]:
+        way = ((0.0, left_m), (12.0, left_m * 0.9))
+        walks.append(Walk(way, float(rng.uniform(0.7, 1.4)), float(rng.uniform(0.0, 24.0))))
+    return with_crate(given, Crowd(walks, seed), 3.0, -1.0, 0.0, 6.0)
 
 
 def _light_lux(level: float, pose: Pose2, stamp_s: float) -> float:

@@ -12,12 +12,14 @@ import numpy as np
 
 from trailmark.geometry import Pose2
 from trailmark_sim.actors import Crowd, Walk
+from trailmark_sim.props import Troupe
 from trailmark_sim.render import lettering, textures
 from trailmark_sim.render.bake import Lighting
 from trailmark_sim.render.scene import Colour, Scene, SceneBuilder, Surface
 from trailmark_sim.rng import frame_rng
 from trailmark_sim.routes import Route
 from trailmark_sim.worlds.base import World, WorldOptions, parse_options
+from trailmark_sim.worlds.crate import with_crate
 from trailmark_sim.worlds.furnishing import Room, add_room, hang, lamp_panels, show_lamps
 from trailmark_sim.worlds.rgbd_rig import SENSORS, rgbd_world
 from trailmark_sim.worlds.scene_options import LabOptions
@@ -78,10 +80,10 @@ def build(options: WorldOptions) -> World:
     )
 
 
-def _crowd(given: LabOptions, seed: int) -> Crowd:
+def _crowd(given: LabOptions, seed: int) -> Troupe:
     rng = frame_rng(seed, "walks")
     walks = [Walk(way, float(rng.uniform(0.4, 1.0)), float(rng.uniform(0, 8))) for way in _WALKS[: given.people]]
-    return Crowd(walks, seed)
+    return with_crate(given, Crowd(walks, seed), 3.5, 3.5, math.pi / 2, 1.2)
 
 
 def _routes() -> dict[str, Route]:

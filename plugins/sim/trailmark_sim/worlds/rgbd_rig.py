@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from functools import partial
 
 from trailmark.geometry import Pose2
-from trailmark_sim.actors import Crowd
+from trailmark_sim.props import Troupe
 from trailmark_sim.render.scene import Scene
 from trailmark_sim.routes import Route
 from trailmark_sim.sensors.imu import ImuSensor
@@ -30,7 +31,7 @@ def rgbd_world(
     options: WorldOptions,
     given: LabOptions | HallwayOptions,
     build_scene: Callable[[], Scene],
-    crowd: Crowd,
+    crowd: Troupe,
     solids: Solids,
     routes: Mapping[str, Route],
     level_lux: Callable[[Pose2, float], float],
@@ -45,14 +46,22 @@ def rgbd_world(
         disparity_step_px=plain.disparity_step_px if given.depth_noise > 0 else 0.0,
     )
     film = response(given.exposure, given.noise, given.blur_px, 0.7)
+    dims_s = math.inf if given.dims_s is None else given.dims_s
+
+    def light_at(stamp_s: float) -> float:
+        return given.dims_to if stamp_s >= dims_s else 1.0
+
+    def lux_at(pose: Pose2, stamp_s: float) -> float:
+        return level_lux(pose, stamp_s) * light_at(stamp_s)
+
     builders: Mapping[str, Callable[[], SensorModel]] = {
         "wheels": partial(WheelOdometry, rate_hz=options.rate_of("wheels", 50.0)),
         "imu": partial(ImuSensor, rate_hz=options.rate_of("imu", 100.0), seed=options.seed),
-        "light": partial(LightSensor, level_lux, rate_hz=options.rate_of("light", 10.0), seed=options.seed),
+        "light": partial(LightSensor, lux_at, rate_hz=options.rate_of("light", 10.0), seed=options.seed),
         "laser": lambda: LaserSensor(
             "laser", build_scene(), LaserRig(rate_hz=options.rate_of("laser", 10.0)), crowd.at, options.seed
         ),
-        "rgbd": lambda: RgbdSensor("rgbd", build_scene(), rig, film, crowd.at, options.seed, options.threads),
+        "rgbd": lambda: RgbdSensor("rgbd", build_scene(), rig, film, crowd.at, options.seed, options.threads, light_at),
     }
     return World(
         name=name,

@@ -11,7 +11,10 @@ from trailmark.config import PluginConfig
 __all__ = ["CorridorOptions", "HallwayOptions", "LabOptions", "StreetOptions", "SupermarketOptions"]
 
 #: What changes pictures, but not what there is to see.
-_OF_CAMERAS = ("exposure", "noise", "blur_px", "registered", "depth_noise", "vibration_mrad", "width_px")
+_OF_CAMERAS = (
+    *("exposure", "noise", "blur_px", "registered", "depth_noise", "vibration_mrad", "width_px"),
+    *("dims_s", "dims_to", "crate_s"),
+)
 
 
 class _CameraOptions(PluginConfig):
@@ -43,6 +46,14 @@ class _RgbdOptions(_CameraOptions):
     """How many people walk about."""
     light_level: float = Field(default=1.0, gt=0, le=3)
     """Brightness of the lamps; with a fixed exposure pictures become darker, and the light sensor tells."""
+    dims_s: float | None = Field(default=None, ge=0)
+    """From this stamp on all lamps are turned down; left out: never [s]."""
+    dims_to: float = Field(default=0.2, gt=0, le=1)
+    """... to this share."""
+    crate: Literal["none", "stands", "walks_off", "covered"] = "none"
+    """A crate full of print beside the route: it stands, is carried away, or is covered by a cloth."""
+    crate_s: float = Field(default=4.0, ge=0)
+    """When that begins [s]."""
     registered: bool = False
     """Give depth on the pixels of the colour picture; otherwise as the depth camera sees it."""
     depth_noise: float = Field(default=1.0, ge=0, le=20)
