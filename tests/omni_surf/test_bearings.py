@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from trailmark.errors import ShapeError
 from trailmark.geometry import Pose2, wrap_angle, wrap_angles
-from trailmark_omni_surf.bearing_kernels import bearing_errors, closed_form, consensus
+from trailmark_omni_surf.bearing_kernels import bearing_errors, bearing_scales, closed_form, hypotheses
 from trailmark_omni_surf.bearings import BearingNoise, locate
 from trailmark_omni_surf.landmarks import FEATURE_NAMES, landmark_features, measure_landmark
 
@@ -213,23 +213,80 @@ def test_real_triples_are_within_a_metre_or_refused(data_folder: Path) -> None:
     assert answered >= 0.7 * total
 
 
-def test_the_consensus_is_the_best_of_all_triples() -> None:
-    rng = np.random.default_rng(11)
+def mismatched(seed: int = 11) -> tuple[Array, Array]:
+    """Return eight landmarks and their bearings from (-0.7, 0.4, 0), three of them wrong."""
+    rng = np.random.default_rng(seed)
     landmarks = rng.uniform(-5.0, 5.0, (8, 2))
     bearings = np.arctan2(landmarks[:, 1] - 0.4, landmarks[:, 0] + 0.7) + rng.normal(0.0, 0.02, 8)
-    bearings[:3] += (1.0, -2.0, 0.7)  # mismatches
+    bearings[:3] += (1.0, -2.0, 0.7)
+    return landmarks, bearings
+
+
+def plain_support(landmarks: Array, bearings: Array, pose: Array, gate_rad: float) -> float:
+    errors = np.abs(bearing_errors(landmarks, bearings, pose)) / gate_rad
+    return float((1.0 - errors[errors <= 1.0] ** 2).sum()) if np.isfinite(pose).all() else -1.0
+
+
+def test_hypotheses_are_all_triples_with_their_support() -> None:
+    landmarks, bearings = mismatched()
     gate_rad = math.radians(5.0)
+    triples = [list(idx) for idx in itertools.combinations(range(8), 3)]
 
-    def support(pose: Array) -> float:
-        errors = np.abs(bearing_errors(landmarks, bearings, pose))
-        inliers = errors[errors <= gate_rad]
-        return float((1.0 - inliers / (gate_rad * 8)).sum()) if np.isfinite(pose).all() else -1.0
+    poses, supports = hypotheses(landmarks, bearings, gate_rad, 1)
 
-    poses = [
-        closed_form(landmarks[list(idx)], bearings[list(idx)], np.ones(3))
-        for idx in itertools.combinations(range(8), 3)
-    ]
-    found = consensus(landmarks, bearings, gate_rad, 1)
+    expected = [closed_form(landmarks, bearings, np.ones(8))]
+    expected += [closed_form(landmarks[idx], bearings[idx], np.ones(3)) for idx in triples]
+    np.testing.assert_allclose(poses, expected)
+    np.testing.assert_allclose(supports, [plain_support(landmarks, bearings, pose, gate_rad) for pose in expected])
+    np.testing.assert_allclose(poses[supports.argmax(), :2], (-0.7, 0.4), atol=0.3)
+    assert len(hypotheses(landmarks, bearings, gate_rad, 5)[0]) == 1 + math.ceil(56 / 5)
 
-    assert support(found) == pytest.approx(max(support(pose) for pose in poses))
-    np.testing.assert_allclose(found[:2], (-0.7, 0.4), atol=0.3)
+
+def test_a_fix_knows_how_well_another_place_would_do() -> None:
+    landmarks, bearings = mismatched()
+    shifted = landmarks + np.array([3.0, 0.0])  # the same things once more, 3 m further
+
+    clear = locate(landmarks, bearings)
+    doubtful = locate(np.concatenate([landmarks, shifted]), np.concatenate([bearings, bearings]))
+
+    assert clear is not None
+    assert doubtful is not None
+    assert clear.rival_support < 0.75 * clear.support
+    assert doubtful.rival_support > 0.8 * doubtful.support
+
+
+def test_the_widest_gap_goes_once_around() -> None:
+    bearings = np.array([3.0, -3.0, 0.0, 1.0])
+    seen = locate(10.0 * np.stack([np.cos(bearings), np.sin(bearings)], axis=1), bearings)
+
+    assert seen is not None
+    assert seen.widest_gap_rad(bearings) == pytest.approx(3.0)
+
+
+def test_a_landmark_counts_by_how_well_it_was_measured_across_the_line_of_sight() -> None:
+    landmarks = np.array([[4.0, 0.0], [0.0, 4.0]])
+    along_x = np.tile(np.diag([0.25, 0.0]), (2, 1, 1))
+
+    scales = bearing_scales(landmarks, along_x, np.zeros(3), math.radians(1.0))
+
+    sigma_rad = math.hypot(math.radians(1.0), 0.5 / 4.0)
+    np.testing.assert_allclose(scales, [1.0, math.radians(1.0) / sigma_rad])
+
+
+def test_badly_measured_landmarks_do_not_bend_the_pose() -> None:
+    pose = Pose2(2.5, 3.5, 0.4)
+    landmarks = np.concatenate([SQUARE, [[3.0, 6.5], [6.5, 3.0]]])
+    bearings = bearings_at(pose, landmarks)
+    believed = landmarks + np.array([[0.0, 0.0]] * 5 + [[0.25, 0.0], [0.0, 0.25]])
+    covariances = np.array([np.eye(2) * (1e-4 if k < 5 else 0.06) for k in range(7)])
+
+    alike, weighed = locate(believed, bearings), locate(believed, bearings, covariances=covariances)
+
+    assert alike is not None
+    assert weighed is not None
+    assert weighed.pose_map_base.distance_to(pose) < 0.25 * alike.pose_map_base.distance_to(pose)
+
+
+def test_covariances_of_another_shape_are_refused() -> None:
+    with pytest.raises(ShapeError, match="covariances of 5 landmarks"):
+        locate(SQUARE, np.zeros(5), covariances=np.zeros((5, 2)))

@@ -9,7 +9,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["bearing_errors", "closed_form", "consensus", "cost_and_step", "refine"]
+__all__ = ["bearing_errors", "bearing_scales", "closed_form", "cost_and_step", "hypotheses", "refine", "support"]
 
 Array = npt.NDArray[Any]
 
@@ -23,6 +23,22 @@ def bearing_errors(landmarks: Array, bearings: Array, pose: Array) -> Array:
         error = bearings[n] - beta
         errors[n] = error - 2.0 * math.pi * math.floor((error + math.pi) / (2.0 * math.pi))
     return errors
+
+
+@numba.njit(cache=True, nogil=True)
+def bearing_scales(landmarks: Array, covariances: Array, pose: Array, sigma_rad: float) -> Array:
+    """Return what makes the error of every landmark comparable: noise of a bearing over that of this one, (N,).
+
+    What a landmark was mismeasured by across the line of sight is seen as an error of its bearing.
+    """
+    scales = np.empty(landmarks.shape[0])
+    for n in range(landmarks.shape[0]):
+        dx, dy = landmarks[n, 0] - pose[0], landmarks[n, 1] - pose[1]
+        squared = max(dx * dx + dy * dy, 1e-4)
+        c = covariances[n]
+        across = dy * dy * c[0, 0] - 2.0 * dx * dy * c[0, 1] + dx * dx * c[1, 1]
+        scales[n] = sigma_rad / math.sqrt(sigma_rad * sigma_rad + max(across, 0.0) / (squared * squared))
+    return scales
 
 
 @numba.njit(cache=True, nogil=True)
@@ -70,17 +86,18 @@ def closed_form(landmarks: Array, bearings: Array, weights: Array) -> Array:
 
 
 @numba.njit(cache=True, nogil=True)
-def consensus(landmarks: Array, bearings: Array, gate_rad: float, every: int) -> Array:
-    """Return the closed-form pose that most landmarks agree with; NaN where none is defined.
+def hypotheses(landmarks: Array, bearings: Array, gate_rad: float, every: int) -> tuple[Array, Array]:
+    """Return closed-form poses (T, 3), NaN where none is defined, and their `support`, (T,).
 
-    Candidates are the pose of all bearings and that of every `every`-th triple of them; of two with equally many
-    within the gate the one with the smaller errors wins.
+    The first is the pose of all bearings; the others are those of every `every`-th triple of them.
     """
     n = bearings.shape[0]
-    best = closed_form(landmarks, bearings, np.ones(n))
-    best_score = _support(landmarks, bearings, best, gate_rad)
+    n_poses = 1 + (n * (n - 1) * (n - 2) // 6 + every - 1) // every
+    poses, supports = np.empty((n_poses, 3)), np.empty(n_poses)
+    poses[0] = closed_form(landmarks, bearings, np.ones(n))
+    supports[0] = support(landmarks, bearings, poses[0], gate_rad)
     weights, idx = np.ones(3), np.empty(3, np.intp)
-    count = 0
+    count, taken = 0, 1
     for i in range(n - 2):
         for j in range(i + 1, n - 1):
             for k in range(j + 1, n):
@@ -88,32 +105,37 @@ def consensus(landmarks: Array, bearings: Array, gate_rad: float, every: int) ->
                 if (count - 1) % every != 0:
                     continue
                 idx[0], idx[1], idx[2] = i, j, k
-                pose = closed_form(landmarks[idx], bearings[idx], weights)
-                score = _support(landmarks, bearings, pose, gate_rad)
-                if score > best_score:
-                    best, best_score = pose, score
-    return best
+                poses[taken] = closed_form(landmarks[idx], bearings[idx], weights)
+                supports[taken] = support(landmarks, bearings, poses[taken], gate_rad)
+                taken += 1
+    return poses, supports
 
 
 @numba.njit(cache=True, nogil=True)
-def _support(landmarks: Array, bearings: Array, pose: Array, gate_rad: float) -> float:
-    """Return how many landmarks agree with a pose, less their mean error over the gate; -1 for no pose."""
+def support(landmarks: Array, bearings: Array, pose: Array, gate_rad: float) -> float:
+    """Return how many landmarks agree with a pose, each the less the larger its error; -1 for no pose.
+
+    Wrong matches that agree by chance fill the gate evenly and count two thirds, right ones nearly one.
+    """
     if not np.isfinite(pose).all():
         return -1.0
     errors = bearing_errors(landmarks, bearings, pose)
     score = 0.0
     for n in range(errors.shape[0]):
-        size = abs(errors[n])
-        if size <= gate_rad:
-            score += 1.0 - size / (gate_rad * errors.shape[0] + 1e-12)
+        share = abs(errors[n]) / gate_rad
+        if share <= 1.0:
+            score += 1.0 - share * share
     return score
 
 
 @numba.njit(cache=True, nogil=True)
 def cost_and_step(
-    landmarks: Array, bearings: Array, pose: Array, corner_rad: float, hessian: Array, gradient: Array
+    landmarks: Array, bearings: Array, scales: Array, pose: Array, corner_rad: float, hessian: Array, gradient: Array
 ) -> float:
-    """Accumulate the Gauss-Newton equations of the bearings with Huber weights; return the robust cost [rad^2]."""
+    """Accumulate the Gauss-Newton equations of the bearings with Huber weights; return the robust cost [rad^2].
+
+    Errors and their derivatives are multiplied by `scales`, see `bearing_scales`.
+    """
     hessian[:] = 0.0
     gradient[:] = 0.0
     errors = bearing_errors(landmarks, bearings, pose)
@@ -122,26 +144,27 @@ def cost_and_step(
     for n in range(bearings.shape[0]):
         dx, dy = landmarks[n, 0] - pose[0], landmarks[n, 1] - pose[1]
         squared = max(dx * dx + dy * dy, 1e-4)  # nearer than a centimetre a bearing means nothing
+        scale = scales[n]
         jacobian[0], jacobian[1], jacobian[2] = -dy / squared, dx / squared, 1.0  # of the error: minus d beta
-        size = abs(errors[n])
+        size = abs(errors[n]) * scale
         weight = 1.0 if size <= corner_rad else corner_rad / size
         cost += size * size if size <= corner_rad else corner_rad * (2.0 * size - corner_rad)
         for a in range(3):
-            gradient[a] += weight * jacobian[a] * errors[n]
+            gradient[a] += weight * scale * scale * jacobian[a] * errors[n]
             for b in range(3):
-                hessian[a, b] += weight * jacobian[a] * jacobian[b]
+                hessian[a, b] += weight * scale * scale * jacobian[a] * jacobian[b]
     return cost
 
 
 @numba.njit(cache=True, nogil=True)
-def refine(landmarks: Array, bearings: Array, start: Array, corner_rad: float, iterations: int) -> Array:
+def refine(landmarks: Array, bearings: Array, scales: Array, start: Array, corner_rad: float, iterations: int) -> Array:
     """Return the pose of least robust bearing error near the start (Levenberg-Marquardt).
 
     Undamped steps run away on a few badly placed triples; damped ones never end worse than they began.
     """
     pose = start.copy()
     hessian, gradient = np.empty((3, 3)), np.empty(3)
-    cost = cost_and_step(landmarks, bearings, pose, corner_rad, hessian, gradient)
+    cost = cost_and_step(landmarks, bearings, scales, pose, corner_rad, hessian, gradient)
     damping = 1e-3
     for _ in range(iterations):
         damped = hessian.copy()
@@ -149,7 +172,7 @@ def refine(landmarks: Array, bearings: Array, start: Array, corner_rad: float, i
             damped[a, a] += damping * (hessian[a, a] + 1e-9)
         trial = pose - np.linalg.solve(damped, gradient)
         trial_hessian, trial_gradient = np.empty((3, 3)), np.empty(3)
-        trial_cost = cost_and_step(landmarks, bearings, trial, corner_rad, trial_hessian, trial_gradient)
+        trial_cost = cost_and_step(landmarks, bearings, scales, trial, corner_rad, trial_hessian, trial_gradient)
         if trial_cost < cost:
             converged = cost - trial_cost < 1e-12 + 1e-9 * cost
             pose, cost, hessian, gradient = trial, trial_cost, trial_hessian, trial_gradient

@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from trailmark.errors import ShapeError
-from trailmark.geometry import Pose2
-from trailmark_omni_surf.bearing_kernels import bearing_errors, consensus, cost_and_step, refine
+from trailmark.geometry import Pose2, wrap_angles
+from trailmark_omni_surf.bearing_kernels import (
+    bearing_errors,
+    bearing_scales,
+    cost_and_step,
+    hypotheses,
+    refine,
+    support,
+)
 
 __all__ = ["BearingFix", "BearingNoise", "locate"]
 
 Array = npt.NDArray[np.float64]
 
-_MAX_TRIPLES = 200
+_MAX_TRIPLES = 300
+_ELSEWHERE_M, _ELSEWHERE_RAD = 0.5, math.radians(10.0)
 _ITERATIONS = 20
 
 
@@ -54,21 +62,37 @@ class BearingFix:
         Bearing error of every landmark: the tracking-error criterion E of Eq. (4), with its sign [rad].
     is_inlier : (N,) bool
         Landmarks within the gate.
+    support : float
+        How many landmarks agree, each the less the larger its error.
+    rival_support : float
+        The same of the best pose elsewhere (0.5 m or 10 deg away); 0 where a start was given and none was looked for.
     """
 
     pose_map_base: Pose2
     information: Array
     errors_rad: Array
     is_inlier: npt.NDArray[np.bool_]
+    support: float = 0.0
+    rival_support: float = 0.0
+
+    def widest_gap_rad(self, bearings: Array) -> float:
+        """Return the widest angle between neighbours among the landmarks that agree, seen from the robot [rad]."""
+        seen = np.sort(bearings[self.is_inlier])
+        return float(np.diff(seen, append=seen[0] + 2.0 * math.pi).max())
 
 
 def locate(
-    landmarks: Array, bearings: Array, noise: BearingNoise | None = None, start: Pose2 | None = None
+    landmarks: Array,
+    bearings: Array,
+    noise: BearingNoise | None = None,
+    start: Pose2 | None = None,
+    covariances: Array | None = None,
 ) -> BearingFix | None:
     """Return the pose that sees the landmarks under the bearings, or None when they do not tell.
 
     Without a start pose every triple of landmarks (an even choice when there are many) gives a pose in closed form,
-    and the one that most landmarks agree with is refined over those. With a start pose, that is refined.
+    and the one with the best support is refined over the landmarks that agree with it. With a start pose, that is
+    refined.
 
     Parameters
     ----------
@@ -80,6 +104,8 @@ def locate(
         Noise and gates.
     start : Pose2, optional
         Where the robot is, roughly.
+    covariances : (N, 2, 2) float64, optional
+        Of the landmarks: a badly measured one counts less, most where its error lies across the line of sight [m^2].
 
     Raises
     ------
@@ -93,43 +119,56 @@ def locate(
     noise = noise or BearingNoise()
     landmarks = np.ascontiguousarray(landmarks, dtype=np.float64)
     bearings = np.ascontiguousarray(bearings, dtype=np.float64)
-    pose = start.array() if start is not None else _consensus(landmarks, bearings, noise.gate_rad)
-    if pose is None:
-        return None
-    return _refined(landmarks, bearings, pose, noise)
-
-
-def _consensus(landmarks: Array, bearings: Array, gate_rad: float) -> Array | None:
-    """Return the closed-form pose that most landmarks agree with."""
+    covariances = np.zeros((len(landmarks), 2, 2)) if covariances is None else np.ascontiguousarray(covariances)
+    if covariances.shape != (len(landmarks), 2, 2):
+        raise ShapeError(f"covariances of {len(landmarks)} landmarks must be (N, 2, 2), not {covariances.shape}")
+    if start is not None:
+        return _refined(landmarks, bearings, covariances, start.array(), noise)
     every = max(1, math.ceil(math.comb(len(bearings), 3) / _MAX_TRIPLES))
-    pose = consensus(landmarks, bearings, gate_rad, every)
-    return pose if np.isfinite(pose).all() else None
+    poses, supports = hypotheses(landmarks, bearings, noise.gate_rad, every)
+    best = int(supports.argmax())
+    if not np.isfinite(poses[best]).all():
+        return None
+    fix = _refined(landmarks, bearings, covariances, poses[best], noise)
+    return None if fix is None else replace(fix, rival_support=_rival_support(fix.pose_map_base, poses, supports))
 
 
-def _refined(landmarks: Array, bearings: Array, pose: Array, noise: BearingNoise) -> BearingFix | None:
+def _rival_support(pose: Pose2, poses: Array, supports: Array) -> float:
+    """Return the best support of a hypothesis that is elsewhere."""
+    is_far = np.hypot(poses[:, 0] - pose.x, poses[:, 1] - pose.y) > _ELSEWHERE_M
+    is_turned = np.abs(wrap_angles(poses[:, 2] - pose.theta)) > _ELSEWHERE_RAD
+    return float(np.max(supports, where=is_far | is_turned, initial=0.0))
+
+
+def _refined(
+    landmarks: Array, bearings: Array, covariances: Array, pose: Array, noise: BearingNoise
+) -> BearingFix | None:
     """Refine over the landmarks within the gate, gate again, and refuse what is not determined."""
     is_inlier = np.abs(bearing_errors(landmarks, bearings, pose)) <= noise.gate_rad
     for _ in range(3):
         if is_inlier.sum() < 3:
             return None
-        pose = refine(landmarks[is_inlier], bearings[is_inlier], pose, 2.0 * noise.sigma_rad, _ITERATIONS)
+        seen, scales = landmarks[is_inlier], bearing_scales(landmarks, covariances, pose, noise.sigma_rad)[is_inlier]
+        pose = refine(seen, bearings[is_inlier], scales, pose, 2.0 * noise.sigma_rad, _ITERATIONS)
         errors = bearing_errors(landmarks, bearings, pose)
         before, is_inlier = is_inlier, np.abs(errors) <= noise.gate_rad
         if np.array_equal(before, is_inlier):
             break
     if is_inlier.sum() < 3:
         return None
-    information = _information(landmarks[is_inlier], bearings[is_inlier], pose, noise.sigma_rad)
+    scales = bearing_scales(landmarks, covariances, pose, noise.sigma_rad)
+    information = _information(landmarks[is_inlier], bearings[is_inlier], scales[is_inlier], pose, noise.sigma_rad)
     limit_m = noise.max_position_sigma_m / (2.0 if is_inlier.sum() == 3 else 1.0)  # three bearings hide every error
     if information is None or _position_sigma(information) > limit_m:
         return None
-    return BearingFix(Pose2.from_array(pose), information, errors, is_inlier)
+    agreeing = support(landmarks, bearings, pose, noise.gate_rad)
+    return BearingFix(Pose2.from_array(pose), information, errors, is_inlier, agreeing)
 
 
-def _information(landmarks: Array, bearings: Array, pose: Array, sigma_rad: float) -> Array | None:
+def _information(landmarks: Array, bearings: Array, scales: Array, pose: Array, sigma_rad: float) -> Array | None:
     """Return the information of the pose, with the noise as large as the residuals say it is, if larger."""
     hessian, gradient = np.empty((3, 3)), np.empty(3)
-    squared = cost_and_step(landmarks, bearings, pose, math.inf, hessian, gradient)
+    squared = cost_and_step(landmarks, bearings, scales, pose, math.inf, hessian, gradient)
     spare = len(bearings) - 3
     variance = max(sigma_rad**2, squared / spare) if spare > 0 else sigma_rad**2
     if np.linalg.cond(hessian) > 1e10:

@@ -47,8 +47,14 @@ class OmniSurfConfig(PluginConfig):
     refresh_every: int = Field(15, ge=1)
     """After so many tracked pictures features are detected again: what tracking drifts by cannot be seen in its own
     errors. (Not in the paper.)"""
-    min_agreeing: int = Field(5, ge=4)
-    """So many landmarks must agree on a pose found without a start. (The paper: more than three.)"""
+    min_agreeing: int = Field(10, ge=4)
+    """So many landmarks must agree on a pose found without a start, each counted the less the larger its error. (The
+    paper: more than three.)"""
+    max_rival_share: float = Field(0.85, gt=0, le=1)
+    """A pose elsewhere with more than this share of its support makes it ambiguous. (Not in the paper.)"""
+    max_gap_deg: float = Field(200.0, gt=0, le=360)
+    """Widest angle around it without a landmark that agrees: one board alone may be another board. (Not in the
+    paper.) [deg]"""
     bearing_sigma_deg: float = Field(1.0, gt=0)
     """Noise of a good bearing, positions of landmarks included [deg]."""
     map_sigma_m: float = Field(0.03, ge=0)

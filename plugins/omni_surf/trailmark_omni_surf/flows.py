@@ -20,6 +20,7 @@ __all__ = ["NOTHING", "Finding", "FlowOptions", "by_detection", "by_tracking", "
 Grey = npt.NDArray[np.uint8]
 
 _MAX_CHANCE = 1e-2
+_MIN_EXPECTED = 5  # landmarks that must agree on a pose near where it was expected
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,13 +34,19 @@ class FlowOptions:
     descriptor_gate, ratio : float
         T_F, and how much nearer than the second a match must be.
     min_agreeing : int
-        Landmarks that must agree on a pose found without a start.
+        Landmarks that must agree on a pose found without a start, each counted the less the larger its error.
+    max_rival_share : float
+        A pose elsewhere with more than this share of the support makes such a pose ambiguous.
+    max_gap_rad : float
+        Widest angle without an agreeing landmark, seen from such a pose [rad].
     """
 
     noise: BearingNoise
     descriptor_gate: float
     ratio: float
     min_agreeing: int
+    max_rival_share: float
+    max_gap_rad: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,29 +93,55 @@ def by_detection(
     options : FlowOptions
         Gates.
     start : Pose2, optional
-        Where the camera may be. A pose found without it is preferred when more landmarks agree with that.
+        Where the camera may be. A pose found without it is preferred when it is beyond doubt and has more support.
     """
     features = extract(image)
     feature_idx, landmark_idx = landmarks.match(features, options.descriptor_gate, options.ratio)
     uv = features.uv[feature_idx]
     inside = camera.is_inside(uv, 0.0)
     uv, landmark_idx = uv[inside], landmark_idx[inside]
-    n = len(uv)
-    if n < options.min_agreeing:
-        return _nothing(n, f"{n} landmarks recognised, {options.min_agreeing} are needed")
-    positions, bearings = landmarks.positions[landmark_idx], camera.bearings(uv)
-    fixes = [locate(positions, bearings, options.noise)]
+    positions, covariances = landmarks.positions[landmark_idx], landmarks.covariances[landmark_idx]
+    bearings = camera.bearings(uv)
+    anywhere = locate(positions, bearings, options.noise, covariances=covariances)
+    doubt = _doubt(anywhere, bearings, options)
+    found = None if doubt else anywhere
     if start is not None:
-        fixes.append(locate(positions, bearings, options.noise, start))
-    found = max((fix for fix in fixes if fix is not None), key=lambda fix: int(fix.is_inlier.sum()), default=None)
+        near = locate(positions, bearings, options.noise, start, covariances)
+        if near is not None and _is_expected(near, anywhere, found, options):
+            found = near
     if found is None:
-        return _nothing(n, f"the bearings of {n} recognised landmarks do not tell one place")
-    n_agreeing = int(found.is_inlier.sum())
-    if n_agreeing < options.min_agreeing:
-        return _nothing(n, f"{n_agreeing} of {n} recognised landmarks agree, {options.min_agreeing} are needed")
+        return _nothing(len(uv), doubt)
+    return Finding(found, landmark_idx[found.is_inlier], uv[found.is_inlier], len(uv))
+
+
+def _doubt(fix: BearingFix | None, bearings: npt.NDArray[np.float64], options: FlowOptions) -> str:
+    """Return why a pose that was found without a start is not believed, or nothing."""
+    n, needed = len(bearings), options.min_agreeing
+    if n < needed:
+        return f"{n} landmarks recognised, {needed} are needed"
+    if fix is None:
+        return f"the bearings of {n} recognised landmarks do not tell one place"
+    n_agreeing = int(fix.is_inlier.sum())
+    if fix.support < needed:
+        return f"{n_agreeing} of {n} recognised landmarks agree, by their errors worth {fix.support:.1f} of {needed}"
     if chance_agreements(n, n_agreeing, options.noise.gate_rad) > _MAX_CHANCE:
-        return _nothing(n, f"{n_agreeing} of {n} recognised landmarks agree: that may be chance")
-    return Finding(found, landmark_idx[found.is_inlier], uv[found.is_inlier], n)
+        return f"{n_agreeing} of {n} recognised landmarks agree: that may be chance"
+    if fix.rival_support > options.max_rival_share * fix.support:
+        return f"{n_agreeing} of {n} recognised landmarks agree, and nearly as many on another place"
+    gap_rad = fix.widest_gap_rad(bearings)
+    if gap_rad > options.max_gap_rad:
+        return f"{n_agreeing} of {n} recognised landmarks agree, all on one side ({math.degrees(gap_rad):.0f} deg free)"
+    return ""
+
+
+def _is_expected(near: BearingFix, anywhere: BearingFix | None, found: BearingFix | None, options: FlowOptions) -> bool:
+    """Return whether the pose near the start is the better answer: where it was expected, less is asked."""
+    n, n_agreeing = len(near.is_inlier), int(near.is_inlier.sum())
+    if n_agreeing < _MIN_EXPECTED or chance_agreements(n, n_agreeing, options.noise.gate_rad) > _MAX_CHANCE:
+        return False
+    if found is not None:
+        return near.support >= found.support
+    return anywhere is None or near.support >= options.max_rival_share * anywhere.support
 
 
 def by_tracking(
@@ -143,7 +176,8 @@ def by_tracking(
     n = len(uv)
     if n < 3:
         return _nothing(n, f"{n} landmarks tracked, 3 are needed")
-    fix = locate(landmarks.positions[landmark_idx], camera.bearings(uv), options.noise, start)
+    positions, covariances = landmarks.positions[landmark_idx], landmarks.covariances[landmark_idx]
+    fix = locate(positions, camera.bearings(uv), options.noise, start, covariances)
     if fix is None:
         return _nothing(n, f"the bearings of {n} tracked landmarks do not tell the place")
     if 2 * int(fix.is_inlier.sum()) <= n:

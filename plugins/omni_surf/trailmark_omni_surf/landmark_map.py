@@ -173,6 +173,8 @@ class LandmarkMap:
     ----------
     positions : (L, 2) float64
         In the map [m].
+    covariances : (L, 2, 2) float64
+        Of the positions [m^2].
     exemplars : (M, D) float32
         Descriptors of all landmarks, those of one landmark in a row.
     exemplar_sign : (M,) int8
@@ -184,6 +186,7 @@ class LandmarkMap:
     """
 
     positions: Array
+    covariances: Array
     exemplars: npt.NDArray[np.float32]
     exemplar_sign: npt.NDArray[np.int8]
     first: npt.NDArray[np.intp]
@@ -197,6 +200,7 @@ class LandmarkMap:
         counts = np.array([len(stack) for stack in exemplars], dtype=np.intp)
         return cls(
             candidates.positions[chosen],
+            candidates.covariances[chosen],
             np.concatenate(exemplars) if exemplars else np.empty((0, 1), np.float32),
             np.repeat(candidates.sign[chosen], counts),
             np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.intp) if len(counts) else counts,
@@ -222,6 +226,7 @@ class LandmarkMap:
         """Return all of it as arrays for a drawer."""
         return {
             "positions": self.positions,
+            "covariances": self.covariances,
             "exemplars": self.exemplars,
             "exemplar_sign": self.exemplar_sign,
             "first": self.first.astype(np.int64),
@@ -240,6 +245,7 @@ class LandmarkMap:
         try:
             return cls(
                 np.asarray(arrays["positions"], dtype=np.float64),
+                np.asarray(arrays["covariances"], dtype=np.float64),
                 np.asarray(arrays["exemplars"], dtype=np.float32),
                 np.asarray(arrays["exemplar_sign"], dtype=np.int8),
                 np.asarray(arrays["first"], dtype=np.intp),

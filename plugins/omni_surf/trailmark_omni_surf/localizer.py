@@ -231,7 +231,14 @@ def _flow_options(config: OmniSurfConfig) -> FlowOptions:
     noise = BearingNoise(
         math.radians(config.bearing_sigma_deg), math.radians(config.tracking_error_deg), config.max_position_sigma_m
     )
-    return FlowOptions(noise, config.descriptor_gate, config.ratio, config.min_agreeing)
+    return FlowOptions(
+        noise,
+        config.descriptor_gate,
+        config.ratio,
+        config.min_agreeing,
+        config.max_rival_share,
+        math.radians(config.max_gap_deg),
+    )
 
 
 def _track_options(config: OmniSurfConfig) -> TrackOptions:
