@@ -6,6 +6,7 @@ from trailmark.config.document import Document, read_document
 from trailmark.config.files import ConfigPath, ExistingFile, ExistingPath
 from trailmark.config.host import StopWhen
 from trailmark.config.load import load_run_config
+from trailmark.config.perturbation import Occluders, Perturbation, WrongCalibration
 from trailmark.config.roles import refuse_duplicate_sensors, resolve_all_roles, resolve_roles
 from trailmark.config.run import (
     EstimatorEntry,
@@ -27,8 +28,10 @@ __all__ = [
     "ExistingPath",
     "LocalizerEntry",
     "Mounting",
+    "Occluders",
     "PartEntry",
     "PathStoreEntry",
+    "Perturbation",
     "PluginConfig",
     "RunConfig",
     "Sensor",
@@ -37,6 +40,7 @@ __all__ = [
     "SourceConfig",
     "SourceEntry",
     "StopWhen",
+    "WrongCalibration",
     "load_run_config",
     "read_calibration",
     "read_document",

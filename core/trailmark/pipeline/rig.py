@@ -125,10 +125,13 @@ class Rig:
             self._starter.run("source", feed.name, partial(feed.start, session), feed.close)
             found |= feed.sensors
         overrides = self.plan.sensors
-        return {
+        known = {
             name: corrected(info, overrides[name].mounting, overrides[name].calibration) if name in overrides else info
             for name, info in found.items()
         }
+        for feed in self.plan.feeds:
+            known |= {name: feed.believed(known[name]) for name in feed.sensors}
+        return known
 
     def _start_localizer(self, planned: PlannedLocalizer) -> Asked:
         is_realtime = self.plan.is_realtime

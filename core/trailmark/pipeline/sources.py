@@ -15,6 +15,7 @@ from trailmark.geometry import Pose3, Trajectory, read_tum
 from trailmark.interfaces import Drivable, FrameSource, Session
 from trailmark.pipeline.checks import FrameChecks
 from trailmark.pipeline.counters import Counters
+from trailmark.pipeline.perturbing import Perturber, misjudged
 
 __all__ = ["Feed", "corrected"]
 
@@ -48,6 +49,7 @@ class Feed:
         self._times: array[int] = array("q")
         self._is_closed = False
         self._truth: Trajectory | None = None
+        self._perturber: Perturber | None = None
         self.sensors: Mapping[str, SensorInfo] = {}
         self.n_frames = 0
         self.first_s = -math.inf
@@ -75,6 +77,10 @@ class Feed:
         self._truth = None if path is None else read_tum(path)  # a wrong file shows before the run, not after it
         self.source.start(session)
         self.sensors = self._named(self.source.sensors)
+        faults = self._options.perturb
+        self._perturber = (
+            None if faults is None else Perturber(self.name, faults, self.sensors, session.rng, self._counters)
+        )
 
     def close(self) -> None:
         """Close the source; `frames` then ends. Any thread, twice."""
@@ -86,13 +92,22 @@ class Feed:
         return self.source.counters()
 
     def frames(self) -> Iterator[Frame]:
-        """Yield the frames between ``start_s`` and ``stop_s``, none twice.
+        """Yield the frames between ``start_s`` and ``stop_s``, none twice, with the faults that are asked for.
 
         Raises
         ------
         SourceError
             If the source fails, gives what it must not, or gives nothing at all.
         """
+        return self._good() if self._perturber is None else self._perturber.frames(self._good())
+
+    def believed(self, info: SensorInfo) -> SensorInfo:
+        """Return a sensor as the run shall believe it to be: as it is, unless its calibration is wrong on purpose."""
+        faults = self._options.perturb
+        is_meant = info.name in self.sensors and (faults is not None and info.name in (faults.sensors or self.sensors))
+        return misjudged(info, faults.wrong) if is_meant and faults is not None and faults.wrong is not None else info
+
+    def _good(self) -> Iterator[Frame]:
         start_s, stop_s = self._options.start_s or 0.0, self._options.stop_s or math.inf
         checks = FrameChecks(self.name, self.sensors, self._options.on_bad_frame == "skip", self._counters)
         opened_s: float | None = None
