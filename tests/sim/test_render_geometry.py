@@ -9,7 +9,7 @@ import pytest
 
 from trailmark.errors import ShapeError
 from trailmark.frames import Pinhole
-from trailmark.geometry import Pose3
+from trailmark.geometry import Pose2, Pose3
 from trailmark_sim.render.bake import Lighting
 from trailmark_sim.render.lenses import Catadioptric, Fisheye, Lens, PinholeLens
 from trailmark_sim.render.rays import ray_table
@@ -125,6 +125,26 @@ def test_a_rectangle_is_seen_from_its_face_only() -> None:
 
     assert before.ranges_m.ravel()[0] == pytest.approx(2.0, abs=1e-6)
     assert behind.is_nothing.all()
+
+
+def test_a_part_stands_where_its_pose_says() -> None:
+    """A room of its own axes, turned and moved: a ray in it is as long as in the room at the origin."""
+    table = ray_table(*LENSES["pinhole"].directions())
+    eye, part = Pose3(0.3, -0.2, 1.1, 0.02, -0.03, 0.4), Pose2(4.0, -2.0, 2.1)
+    builder = SceneBuilder(Lighting())
+    for here in (builder.placed(part), builder.placed(Pose2(4.0, 0.0)).placed(Pose2(0.0, -2.0, 2.1))):
+        here.rectangle((2.0, 2.0, 0.0), (0.0, -4.0, 0.0), (0.0, 0.0, 2.5), Surface())
+        here.cylinder(1.5, 0.4, 0.0, 0.2, 1.2, Surface())
+        here.ellipsoid((1.2, -0.5, 1.0), (0.3, 0.1, 0.2), Surface(), 0.4)
+
+    plain = SceneBuilder(Lighting())
+    for _ in range(2):
+        plain.rectangle((2.0, 2.0, 0.0), (0.0, -4.0, 0.0), (0.0, 0.0, 2.5), Surface())
+        plain.cylinder(1.5, 0.4, 0.0, 0.2, 1.2, Surface())
+        plain.ellipsoid((1.2, -0.5, 1.0), (0.3, 0.1, 0.2), Surface(), 0.4)
+
+    placed = View(builder.build(), table, Pose3.from_planar(part) @ eye)
+    np.testing.assert_allclose(placed.ranges_m, View(plain.build(), table, eye).ranges_m, rtol=2e-5)
 
 
 def test_sides_that_are_not_square_are_refused() -> None:

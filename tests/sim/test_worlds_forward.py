@@ -75,14 +75,48 @@ def test_the_floor_shakes_the_camera_at_the_same_places() -> None:
     assert Shaking().at(1.0) == Pose3()
 
 
+@pytest.mark.parametrize("route", ["straight", "bends"])
 @pytest.mark.parametrize("name", NAMES)
-def test_the_route_is_free_and_walls_are_not(name: str) -> None:
-    world = _world(name)
+def test_the_route_is_free_and_walls_are_not(name: str, route: str) -> None:
+    world = build_world(name, WorldOptions(sensors=("wheels",), route=route))
+    chosen = next(iter(world.routes.values()))
 
-    for route in world.routes.values():
-        stations = np.linspace(0.0, route.length_m, 80)
-        assert {world.collides(route.pose_at(float(s))) for s in stations} == {None}
+    stations = np.linspace(0.0, chosen.length_m, 80)
+    assert {world.collides(chosen.pose_at(float(s))) for s in stations} == {None}
+    assert list(world.routes) == [route, *({"straight", "bends"} - {route})]
     assert world.collides(Pose2(5.0, 50.0, 0.0)) is not None
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_bends_turn_left_and_right_at_right_angles(name: str) -> None:
+    world = build_world(name, WorldOptions(sensors=("wheels",), route="bends"))
+    route = world.routes["bends"]
+    headings = np.array([route.pose_at(s).theta for s in np.arange(0.0, route.length_m, 0.05)])
+
+    assert route.length_m == pytest.approx(50.0, abs=0.5)
+    assert headings.max() == pytest.approx(np.pi / 2, abs=1e-6)
+    assert np.abs(headings[[0, -1]]).max() < 1e-6
+    assert np.diff(headings).max() > 0.02 > np.abs(headings).min()
+    # Between the wings stands a wall, between the legs a house.
+    assert world.collides(Pose2(8.0, 10.0)) in {"a wall", "a house"}
+    assert world.collides(Pose2(31.0, 3.0)) in {"a wall", "a house"}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_camera_sees_structure_all_along_the_bends(name: str) -> None:
+    options = WorldOptions(seed=5, sensors=("front",), route="bends", extra={"width_px": 160, "noise": 0})
+    world = build_world(name, options)
+    sensor, route = world.sensors[0], world.routes["bends"]
+    assert isinstance(sensor, CameraSensor)
+
+    for station_m in np.arange(0.0, route.length_m, 1.25):
+        state = VehicleState(route.pose_at(float(station_m)), travelled_m=float(station_m))
+        picture = _picture(world, state.pose_map_base, 1, float(station_m))[:, :, 1]
+        nothing = sensor.table.picture(sensor.view(0.0, state).is_nothing.astype(np.float32), 0.0)
+        assert not nothing[68:].any()  # 2 deg below the horizon there is ground everywhere
+        assert name == "street" or not nothing.any()
+        # Every column, down to a fifth of the picture's width, has something to hold on to.
+        assert picture.reshape(120, 5, 32).std(axis=(0, 2)).min() > 8.0
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -107,3 +141,8 @@ def test_a_smaller_picture_shows_the_same_view() -> None:
 
     assert little.shape == (120, 160, 3)
     assert np.corrcoef(reduced.ravel(), little.ravel())[0, 1] > 0.97
+
+
+def test_a_route_that_is_not_there_names_those_that_are() -> None:
+    with pytest.raises(ConfigError, match=r"no route named 'bend'.*bends"):
+        build_world("street", WorldOptions(route="bend"))

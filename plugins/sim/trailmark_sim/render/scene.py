@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.geometry import Pose2
 from trailmark_sim.render.atlas import Atlas, build_atlas
 from trailmark_sim.render.bake import Lighting, bake_light
-from trailmark_sim.render.shapes import RECTANGLE, Shape, cylinder, ellipsoid, rectangle
+from trailmark_sim.render.shapes import RECTANGLE, Shape, cylinder, ellipsoid, moved, rectangle
 
 __all__ = ["Scene", "SceneBuilder", "Surface"]
 
@@ -115,6 +116,11 @@ class SceneBuilder:
     _surfaces: list[Surface] = field(default_factory=list)
     _movers: list[tuple[Shape, Surface]] = field(default_factory=list)
     _images: list[npt.NDArray[np.uint8]] = field(default_factory=lambda: [np.full((1, 1, 3), 255, np.uint8)])
+    _pose: Pose2 = Pose2()
+
+    def placed(self, pose_map_part: Pose2) -> SceneBuilder:
+        """Return a builder of the same scene that takes the coordinates of a part: a wing, a street around a corner."""
+        return replace(self, _pose=self._pose @ pose_map_part)
 
     def texture(self, image: npt.NDArray[np.uint8]) -> int:
         """Add a texture (H, W, 3) RGB uint8 and return its number."""
@@ -123,7 +129,7 @@ class SceneBuilder:
 
     def add(self, shape: Shape, surface: Surface) -> None:
         """Add a shape."""
-        self._shapes.append(shape)
+        self._shapes.append(shape if self._pose == Pose2() else moved(shape, self._pose))
         self._surfaces.append(surface)
 
     def add_mover(self, shape: Shape, surface: Surface) -> None:

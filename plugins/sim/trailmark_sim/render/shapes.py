@@ -11,12 +11,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["CYLINDER", "ELLIPSOID", "RECTANGLE", "Shape", "cylinder", "ellipsoid", "rectangle"]
+from trailmark.geometry import Pose2
+
+__all__ = ["CYLINDER", "ELLIPSOID", "RECTANGLE", "Shape", "cylinder", "ellipsoid", "moved", "rectangle"]
 
 RECTANGLE, CYLINDER, ELLIPSOID = 0, 1, 2
 Vector = npt.NDArray[np.float64]
@@ -84,3 +86,12 @@ def ellipsoid(centre: Sequence[float], semi_axes_m: Sequence[float], yaw_rad: fl
     frame = np.array([[0.0, 0.0, 1.0 / c], [cos / a, sin / a, 0.0], [-sin / b, cos / b, 0.0]])
     middle = np.asarray(centre, dtype=np.float64)
     return Shape(ELLIPSOID, frame, middle, middle, max(a, b, c), (math.pi * (a + b), math.pi * c / 2.0))
+
+
+def moved(shape: Shape, pose_map_part: Pose2) -> Shape:
+    """Return a shape of a part that stands at a pose, in the map."""
+    cos, sin = math.cos(pose_map_part.theta), math.sin(pose_map_part.theta)
+    turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    at = np.array([pose_map_part.x, pose_map_part.y, 0.0])
+    origin, centre = turn @ shape.origin + at, turn @ shape.centre + at
+    return replace(shape, frame=shape.frame @ turn.T, origin=origin, centre=centre)

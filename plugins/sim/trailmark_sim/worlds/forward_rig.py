@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from trailmark.frames import Pinhole
@@ -12,7 +12,7 @@ from trailmark_sim.actors import Crowd, Walk
 from trailmark_sim.render.lenses import PinholeLens
 from trailmark_sim.render.scene import Scene
 from trailmark_sim.rng import frame_rng
-from trailmark_sim.routes import Route, line, trace
+from trailmark_sim.routes import Route, trace
 from trailmark_sim.sensors.camera import CameraSensor, Shaking
 from trailmark_sim.sensors.imu import ImuSensor
 from trailmark_sim.sensors.light import LightSensor
@@ -23,7 +23,7 @@ from trailmark_sim.worlds.furnishing import response
 from trailmark_sim.worlds.scene_options import CorridorOptions, StreetOptions
 from trailmark_sim.worlds.solids import Solids
 
-__all__ = ["SENSORS", "forward_world", "straight", "to_and_fro"]
+__all__ = ["SENSORS", "forward_world", "route_along", "to_and_fro"]
 
 SENSORS = ("wheels", "imu", "light", "front")
 
@@ -34,19 +34,19 @@ _FOCAL_PX = 525.0
 _MOUNTING = Pose3(x=0.15, z=0.55, pitch=math.radians(-2.0))
 
 
-def straight(length_m: float, summary: str) -> dict[str, Route]:
-    """Return the straight route along x."""
-    return {"straight": Route.from_poses(trace(Pose2(), [line(length_m)]), _SPEED_MPS, summary)}
+def route_along(pieces: Sequence[tuple[float, float]], summary: str) -> Route:
+    """Return the route of pieces of line and arc that begins at the origin, along x."""
+    return Route.from_poses(trace(Pose2(), pieces), _SPEED_MPS, summary)
 
 
-def to_and_fro(n: int, seed: int, first_m: float, last_m: float, lanes_m: tuple[float, ...]) -> Crowd:
-    """Return people who walk along x and back, each in a lane of their own."""
+def to_and_fro(n: int, seed: int, length_m: float, ways: Sequence[Sequence[tuple[float, float]]]) -> Crowd:
+    """Return people who walk ways of about `length_m` there and back, each on one of their own."""
     rng = frame_rng(seed, "walks")
     walks = []
     for person in range(n):
-        left_m = lanes_m[person % len(lanes_m)]
-        way = ((first_m, left_m), (last_m, left_m * 0.9))
-        walks.append(Walk(way, float(rng.uniform(0.7, 1.4)), float(rng.uniform(0.0, 2.0 * (last_m - first_m)))))
+        way = tuple(ways[person % len(ways)])
+        speed_mps, start_m = float(rng.uniform(0.7, 1.4)), float(rng.uniform(0.0, 2.0 * length_m))
+        walks.append(Walk(way + way[-2:0:-1], speed_mps, start_m))
     return Crowd(walks, seed)
 
 

@@ -9,7 +9,7 @@ from trailmark_sim.render.bake import Lamp
 from trailmark_sim.render.develop import Sensitometry
 from trailmark_sim.render.scene import SceneBuilder, Surface
 
-__all__ = ["Room", "add_room", "hang", "lamp_panels", "response", "show_lamps"]
+__all__ = ["Room", "add_room", "add_wall", "hang", "lamp_panels", "response", "show_lamps"]
 
 #: Each layer on a wall stands so far before the one below [m].
 _GAP_M = 0.003
@@ -58,10 +58,16 @@ def add_room(
     builder.rectangle((room.west, room.south, 0.0), (wide, 0, 0), (0, deep, 0), ground)
     top = Surface(above, (wide / panel_m, deep / panel_m))
     builder.rectangle((room.west, room.north, room.height_m), (wide, 0, 0), (0, -deep, 0), top)
-    for side, (paper, length_m) in walls.items():
-        (x, y), (ax, ay), long = room.wall(side)
-        surface = Surface(paper, (long / length_m, room.height_m / length_m))
-        builder.rectangle((x, y, 0.0), (ax * long, ay * long, 0.0), (0.0, 0.0, room.height_m), surface)
+    for side, paper in walls.items():
+        add_wall(builder, room, side, paper)
+
+
+def add_wall(builder: SceneBuilder, room: Room, side: str, paper: tuple[int, float]) -> None:
+    """Add one wall: a texture and the length that it covers once [m]."""
+    (x, y), (ax, ay), long = room.wall(side)
+    texture, length_m = paper
+    surface = Surface(texture, (long / length_m, room.height_m / length_m))
+    builder.rectangle((x, y, 0.0), (ax * long, ay * long, 0.0), (0.0, 0.0, room.height_m), surface)
 
 
 def hang(

@@ -1,40 +1,52 @@
-"""A paved street of 60 m between houses, with trees and parked cars, in the morning or the afternoon.
+"""A paved street of 60 m between houses, with trees and parked cars, in the morning or the afternoon; or two bends.
 
-After the "outdoors" of Perroni Filho & Ohya 2014, Sec. V: tiles that shake the robot, sun and shadow, people.
+After the "outdoors" of Perroni Filho & Ohya 2014, Sec. V: tiles that shake the robot, sun and shadow, people. The
+route chooses the plan of the street.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import lru_cache, partial
+from itertools import zip_longest
 
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.errors import ConfigError
 from trailmark.geometry import Pose2
 from trailmark_sim.actors import Crowd
+from trailmark_sim.names import unknown_name
 from trailmark_sim.render import lettering, textures
 from trailmark_sim.render.bake import Lighting
 from trailmark_sim.render.scene import Scene, SceneBuilder, Surface
 from trailmark_sim.rng import frame_rng
+from trailmark_sim.routes import arc, line
 from trailmark_sim.worlds.base import World, WorldOptions, parse_options
-from trailmark_sim.worlds.forward_rig import SENSORS, forward_world, straight, to_and_fro
+from trailmark_sim.worlds.forward_rig import SENSORS, forward_world, route_along, to_and_fro
 from trailmark_sim.worlds.scene_options import StreetOptions
 from trailmark_sim.worlds.solids import Solids
+from trailmark_sim.worlds.street_legs import PLANS, HouseRow, Leg, Plan
 
 __all__ = ["ROUTES", "SENSORS", "build"]
 
-ROUTES = ("straight",)
+ROUTES = ("straight", "bends")
 
-_WEST_M, _EAST_M = -8.0, 62.0
-#: House fronts, and the edge of the paved way, to the left and right of the route [m].
-_NORTH_M, _SOUTH_M, _KERB_M = 6.0, -7.5, 2.2
-_ROUTE_M = 30.0
-_CARS = ((6.0, -4.4), (12.5, -4.5), (20.5, -4.3), (27.0, -4.5), (38.0, -4.4), (46.0, -4.4))
-_TREES = ((4.0, 3.4), (11.0, 3.5), (18.0, 3.3), (25.0, 3.5), (33.0, 3.4), (42.0, 3.5), (15.5, -6.3), (31.0, -6.2))
+Rgb = tuple[int, int, int]
+
+_ROUTES = {
+    "straight": route_along([line(30.0)], "30 m along the street"),
+    "bends": route_along([line(18.0), arc(2.0, 90), line(14.0), arc(2.0, -90), line(12.0)], "50 m around two corners"),
+}
 _PAINTS = (
     *((0.35, 0.03, 0.03), (0.55, 0.56, 0.58), (0.04, 0.07, 0.2)),
     *((0.6, 0.6, 0.57), (0.02, 0.02, 0.025), (0.1, 0.2, 0.12)),
 )
+_WORDS: tuple[tuple[str, Rgb], ...] = (
+    *(("SLOW", (200, 160, 20)), ("STOP", (160, 20, 25)), ("PARK", (25, 70, 150)), ("SCHOOL", (220, 130, 20))),
+)
+#: House fronts to the left and right of the route [m].
+_NORTH_M, _SOUTH_M = 6.0, -10.0
 #: Direction to the sun, colour of its light, and light of the sky.
 _SUN = {
     "morning": ((0.55, 0.45, 0.55), (2.6, 2.2, 1.7), (0.55, 0.60, 0.70)),
@@ -43,28 +55,48 @@ _SUN = {
 
 
 def build(options: WorldOptions) -> World:
-    """Build the street."""
+    """Build the street of the chosen route."""
     given = parse_options(StreetOptions, "street", options.extra)
-    solids = Solids(_WEST_M, _EAST_M, _SOUTH_M, _NORTH_M)
-    for x, y in _CARS[: given.cars]:
-        solids.box("a car", x, y, 4.2, 1.7)
-    for x, y in _TREES:
-        solids.pole("a tree", x, y, 0.16)
+    name = options.route or ROUTES[0]
+    if name not in ROUTES:
+        raise ConfigError(f"sim: world 'street' has {unknown_name('route', name, ROUTES)}")
+    people = options.seed if given.people else 0
     return forward_world(
         "street",
         options,
         given,
-        partial(_scene, given.scenery(), options.world_seed, options.seed if given.people else 0, options.threads),
-        _crowd(given, options.seed),
-        solids,
-        straight(_ROUTE_M, "30 m along the street"),
+        partial(_scene, name, given.scenery(), options.world_seed, people, options.threads),
+        _crowd(name, given, options.seed),
+        _solids(PLANS[name], given.cars),
+        {name: _ROUTES[name]} | _ROUTES,
         partial(_light_lux, given.time),
         vibration_rad=2e-3,
     )
 
 
-def _crowd(given: StreetOptions, seed: int) -> Crowd:
-    return to_and_fro(given.people, seed, 1.0, 50.0, (1.3, -1.5, 1.8, -2.0, 0.9, -1.0))
+def _parked(plan: Plan, n: int) -> list[Pose2]:
+    """Return where the first `n` cars stand: one in each leg, then the next in each."""
+    rounds = zip_longest(*([leg.pose @ Pose2(x, y) for x, y in leg.cars] for leg in plan.legs))
+    return [car for one in rounds for car in one if car is not None][:n]
+
+
+def _solids(plan: Plan, n_cars: int) -> Solids:
+    solids = Solids(*plan.bounds)
+    for block in plan.blocks:
+        middle = ((block.west + block.east) / 2.0, (block.south + block.north) / 2.0)
+        solids.box("a house", *middle, block.east - block.west, block.north - block.south)
+    for car in _parked(plan, n_cars):
+        solids.box("a car", car.x, car.y, 4.2, 1.7, car.theta)
+    for leg in plan.legs:
+        for x, y in leg.trees:
+            tree = leg.pose @ Pose2(x, y)
+            solids.pole("a tree", tree.x, tree.y, 0.16)
+    return solids
+
+
+def _crowd(name: str, given: StreetOptions, seed: int) -> Crowd:
+    ways = [PLANS[name].lane(left_m) for left_m in (1.3, -1.5, 1.8, -2.0, 0.9, -1.0)]
+    return to_and_fro(given.people, seed, 49.0 if name == "straight" else 62.0, ways)
 
 
 def _light_lux(time: str, pose: Pose2, stamp_s: float) -> float:
@@ -73,22 +105,27 @@ def _light_lux(time: str, pose: Pose2, stamp_s: float) -> float:
 
 
 @lru_cache(maxsize=1)
-def _scene(given: StreetOptions, world_seed: int, seed: int, threads: int) -> Scene:
-    rng = frame_rng(world_seed, "street")
+def _scene(name: str, given: StreetOptions, world_seed: int, seed: int, threads: int) -> Scene:
+    rng, plan = frame_rng(world_seed, "street"), PLANS[name]
     direction, sunlight, ambient = _SUN[given.time]
     lighting = Lighting((), ambient, direction, sunlight, reach_m=4.0, texel_m=0.5)
     builder = SceneBuilder(lighting, _sky(rng, np.array(direction)))
-    _add_ground(builder, rng)
-    _add_houses(builder, rng)
+    _add_ground(builder, rng, plan)
+    _add_houses(builder, rng, plan)
     bark = Surface(builder.texture(textures.boards(rng, (92, 74, 58), 128, 8)), (1.0, 3.0))
     leaf = builder.texture(textures.foliage(rng, (74, 98, 46), 256))
-    for x, y in _TREES:
-        _add_tree(builder, rng, x, y, bark, leaf)
+    for leg in plan.legs:
+        for x, y in leg.trees:
+            _add_tree(builder.placed(leg.pose), rng, x, y, bark, leaf)
     paints = [_PAINTS[n] for n in rng.permutation(len(_PAINTS))]
-    for (x, y), paint in list(zip(_CARS, paints))[: given.cars]:
-        _add_car(builder, rng, x, y, paint)
-    _add_signs(builder, rng)
-    _crowd(given, seed).add_to(builder)
+    for car, paint in zip(_parked(plan, given.cars), paints):
+        _add_car(builder.placed(car), rng, paint)
+    words = iter(_WORDS)
+    for leg in plan.legs:
+        _add_signs(builder.placed(leg.pose), leg, words)
+    for leg in plan.legs:
+        _add_boards(builder.placed(leg.pose), rng, leg)
+    _crowd(name, given, seed).add_to(builder)
     return builder.build(threads)
 
 
@@ -107,46 +144,56 @@ def _sky(rng: np.random.Generator, sun: npt.NDArray[np.float64]) -> npt.NDArray[
     return np.asarray(2.0 * light, np.float32)
 
 
-def _add_ground(builder: SceneBuilder, rng: np.random.Generator) -> None:
-    long = _EAST_M - _WEST_M + 40.0
+def _add_ground(builder: SceneBuilder, rng: np.random.Generator, plan: Plan) -> None:
     slabs = builder.texture(textures.paving(rng, (158, 152, 140), 1024, 16, 0.13))
     tar = builder.texture(textures.speckle(rng, (92, 92, 94), 512, 0.22))
     green = builder.texture(textures.foliage(rng, (86, 104, 58), 512))
-
-    def strip(south: float, north: float, texture: int, tile_m: float, z: float) -> None:
-        surface = Surface(texture, (long / tile_m, (north - south) / tile_m), is_floor=True)
-        builder.rectangle((_WEST_M - 20.0, south, z), (long, 0, 0), (0, north - south, 0), surface)
-
-    strip(-_KERB_M - 0.3, _KERB_M, slabs, 3.2, 0.0)
-    strip(_SOUTH_M - 3.0, -_KERB_M - 0.3, tar, 2.0, -0.1)
-    strip(_KERB_M, _NORTH_M + 3.0, green, 1.6, 0.0)
+    looks = {"slabs": (slabs, 3.2), "tar": (tar, 2.0), "green": (green, 1.6)}
+    for strip in plan.strips:
+        texture, tile_m = looks[strip.ground]
+        long, wide = strip.east - strip.west, strip.north - strip.south
+        surface = Surface(texture, (long / tile_m, wide / tile_m), is_floor=True)
+        builder.rectangle((strip.west, strip.south, strip.z), (long, 0, 0), (0, wide, 0), surface)
     stone = Surface(builder.texture(textures.plaster(rng, (150, 148, 140), 128, 0.08)), (60.0, 1.0))
-    builder.rectangle((_WEST_M, -_KERB_M - 0.3, -0.1), (_EAST_M - _WEST_M, 0, 0), (0, 0, 0.1), stone)
+    for leg, (first, last) in zip(plan.legs, plan.kerbs, strict=True):
+        builder.placed(leg.pose).rectangle((first, -2.5, -0.1), (last - first, 0, 0), (0, 0, 0.1), stone)
     drain = Surface(tint=(0.05, 0.05, 0.05), is_floor=True)
-    for x in (3.0, 9.5, 16.0, 22.0, 36.0):
-        builder.rectangle((x, 0.9, 0.003), (0.5, 0, 0), (0, 0.4, 0), drain)
+    for leg in plan.legs:
+        for x in leg.drains:
+            builder.placed(leg.pose).rectangle((x, 0.9, 0.003), (0.5, 0, 0), (0, 0.4, 0), drain)
 
 
-def _add_houses(builder: SceneBuilder, rng: np.random.Generator) -> None:
+def _add_houses(builder: SceneBuilder, rng: np.random.Generator, plan: Plan) -> None:
     colours = ((196, 178, 148), (172, 120, 96), (205, 200, 188), (150, 142, 130), (188, 160, 120), (160, 110, 92))
     colours_of = [colours[n] for n in rng.permutation(len(colours))]
     fronts = [builder.texture(textures.facade(rng, colour, 512, 3, 4)) for colour in colours_of]
     gables = [builder.texture(textures.plaster(rng, colour, 256, 0.05)) for colour in colours_of]
-    for side, y in (("north", _NORTH_M), ("south", _SOUTH_M - 2.5)):
-        x = _WEST_M - 10.0
-        while x < _EAST_M + 10.0:
-            wide, high = float(rng.uniform(9.0, 15.0)), float(rng.uniform(7.0, 12.0))
-            kind = int(rng.integers(len(fronts)))
-            # Whole windows: four to a texture's width and three to its height.
-            repeat = (max(3, round(wide / 2.4)) / 4.0, max(2, round(high / 3.0)) / 3.0)
-            front, gable = Surface(fronts[kind], repeat), Surface(gables[kind], (2.0, 3.0))
-            set_back = float(rng.uniform(0.0, 0.8)) * (1.0 if side == "north" else -1.0)
-            middle = (x + wide / 2.0, y + set_back + (3.0 if side == "north" else -3.0), -0.1)
-            heading = -np.pi / 2 if side == "north" else np.pi / 2
-            builder.box(middle, (6.0, wide, high), gable, heading, front=front)
-            x += wide + (float(rng.uniform(0.0, 2.5)) if rng.random() < 0.5 else 0.0)
+    for leg in plan.legs:
+        for row in leg.houses:
+            _add_row(builder.placed(leg.pose), rng, row, fronts, gables)
     end = Surface(fronts[2], (2.0, 4.0 / 3.0))
-    builder.box((_EAST_M + 9.0, -1.0, -0.1), (6.0, 20.0, 12.0), end, np.pi, front=end)
+    x, y, wide = plan.end
+    builder.box((x, y, -0.1), (6.0, wide, 12.0), end, np.pi, front=end)
+
+
+def _add_row(
+    builder: SceneBuilder, rng: np.random.Generator, row: HouseRow, fronts: list[int], gables: list[int]
+) -> None:
+    side = 1.0 if row.side == "north" else -1.0
+    x, y = row.west, _NORTH_M if row.side == "north" else _SOUTH_M
+    while x < row.east:
+        wide, high = float(rng.uniform(9.0, 15.0)), float(rng.uniform(7.0, 12.0))
+        if row.is_cut and row.east - x - wide < 5.0:  # nothing narrower than 5 m is left over
+            wide = row.east - x
+        kind = int(rng.integers(len(fronts)))
+        # Whole windows: four to a texture's width and three to its height.
+        repeat = (max(3, round(wide / 2.4)) / 4.0, max(2, round(high / 3.0)) / 3.0)
+        front, gable = Surface(fronts[kind], repeat), Surface(gables[kind], (2.0, 3.0))
+        set_back = float(rng.uniform(0.0, 0.8)) * side
+        builder.box(
+            (x + wide / 2.0, y + set_back + 3.0 * side, -0.1), (6.0, wide, high), gable, -side * np.pi / 2, front
+        )
+        x += wide + (float(rng.uniform(0.0, 2.5)) if rng.random() < 0.5 else 0.0)
 
 
 def _add_tree(builder: SceneBuilder, rng: np.random.Generator, x: float, y: float, bark: Surface, leaf: int) -> None:
@@ -158,34 +205,35 @@ def _add_tree(builder: SceneBuilder, rng: np.random.Generator, x: float, y: floa
         builder.ellipsoid(middle, (a, b, c), Surface(leaf, (5.0, 2.5)), float(rng.uniform(0, 3)))
 
 
-def _add_car(
-    builder: SceneBuilder, rng: np.random.Generator, x: float, y: float, paint: tuple[float, float, float]
-) -> None:
+def _add_car(builder: SceneBuilder, rng: np.random.Generator, paint: tuple[float, float, float]) -> None:
     body = Surface(builder.texture(textures.plaster(rng, (240, 240, 240), 64, 0.01)), tint=paint, shine=0.25)
     glass = Surface(builder.texture(textures.clouds(rng, (20, 25, 30), (130, 150, 165), 128, 1.5)), shine=0.35)
-    builder.box((x, y, 0.15), (4.2, 1.7, 0.6), body)
-    builder.box((x - 0.2, y, 0.75), (2.2, 1.5, 0.55), glass, top=body)
+    builder.box((0.0, 0.0, 0.15), (4.2, 1.7, 0.6), body)
+    builder.box((-0.2, 0.0, 0.75), (2.2, 1.5, 0.55), glass, top=body)
     tyre, hub = Surface(tint=(0.02, 0.02, 0.02)), Surface(tint=(0.4, 0.4, 0.42))
     for forward in (-1.3, 1.3):
-        builder.ellipsoid((x + forward, y + 0.83, 0.22), (0.32, 0.06, 0.32), tyre)
-        builder.ellipsoid((x + forward, y + 0.88, 0.22), (0.16, 0.04, 0.16), hub)
+        builder.ellipsoid((forward, 0.83, 0.22), (0.32, 0.06, 0.32), tyre)
+        builder.ellipsoid((forward, 0.88, 0.22), (0.16, 0.04, 0.16), hub)
     lamp = Surface(tint=(0.7, 0.08, 0.05))
-    builder.rectangle((x - 2.106, y + 0.75, 0.5), (0.0, -0.3, 0.0), (0.0, 0.0, 0.14), lamp)
-    builder.rectangle((x - 2.106, y - 0.45, 0.5), (0.0, -0.3, 0.0), (0.0, 0.0, 0.14), lamp)
+    builder.rectangle((-2.106, 0.75, 0.5), (0.0, -0.3, 0.0), (0.0, 0.0, 0.14), lamp)
+    builder.rectangle((-2.106, -0.45, 0.5), (0.0, -0.3, 0.0), (0.0, 0.0, 0.14), lamp)
     number = lettering.sign(f"TM {rng.integers(100, 999)}", (235, 235, 225), (20, 20, 25), 256, 64)
     plate = Surface(builder.texture(number))
-    builder.rectangle((x - 2.106, y + 0.26, 0.35), (0.0, -0.52, 0.0), (0.0, 0.0, 0.12), plate)
+    builder.rectangle((-2.106, 0.26, 0.35), (0.0, -0.52, 0.0), (0.0, 0.0, 0.12), plate)
 
 
-def _add_signs(builder: SceneBuilder, rng: np.random.Generator) -> None:
+def _add_signs(builder: SceneBuilder, leg: Leg, words: Iterator[tuple[str, Rgb]]) -> None:
     post = Surface(tint=(0.3, 0.31, 0.32))
-    words = (("SLOW", (200, 160, 20)), ("STOP", (160, 20, 25)), ("PARK", (25, 70, 150)), ("SCHOOL", (220, 130, 20)))
-    for (word, colour), x in zip(words, (8.0, 17.5, 28.5, 40.0)):
+    for x in leg.signs:
+        word, colour = next(words)
         builder.cylinder(x, 2.5, 0.0, 0.035, 2.6, post)
         board = Surface(builder.texture(lettering.sign(word, colour, (245, 245, 245), 256, 256)))
         builder.rectangle((x - 0.05, 2.85, 1.9), (0.0, -0.7, 0.0), (0.0, 0.0, 0.7), board)
-    for x in (6.5, 13.5, 23.0, 35.0):
+    for x in leg.posts:
         builder.cylinder(x, -2.35, 0.0, 0.06, 0.9, Surface(tint=(0.12, 0.12, 0.13)))
-    for x in (5.0, 14.0, 21.5):
+
+
+def _add_boards(builder: SceneBuilder, rng: np.random.Generator, leg: Leg) -> None:
+    for x in leg.boards:
         board = Surface(builder.texture(lettering.poster(rng)))
         builder.box((x, 2.9, 0.3), (0.1, 1.0, 1.4), board, np.pi)
