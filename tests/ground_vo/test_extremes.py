@@ -61,7 +61,7 @@ def test_a_pixel_that_leaves_sideways_jumps_to_the_extreme_of_the_opposite_line(
     np.testing.assert_array_equal(y[brightest], 10 + columns.argmax(axis=0))
 
 
-def test_a_pixel_that_leaves_over_the_edge_jumps_to_an_extreme_near_its_line(image):
+def test_a_pixel_that_leaves_over_the_edge_jumps_to_an_extreme_of_a_free_line_near_its_own(image):
     group = select(image, AREA, 128)
 
     x, y, values, fresh = advance(image, *group, AREA, CENTRE, (0.0, -20.0, 0.0), 1.0, 0.0)
@@ -70,10 +70,28 @@ def test_a_pixel_that_leaves_over_the_edge_jumps_to_an_extreme_near_its_line(ima
     np.testing.assert_array_equal(fresh, over)
     np.testing.assert_array_equal(y[over], group[1][over] - 20 + 48)
     assert np.all(np.abs(x[over] - group[0][over]) <= 16)
+    taken = {int(u) for u in group[0][group[3] & ~over]}
     for n in np.flatnonzero(over & group[3]):
-        u = int(group[0][n])
-        row = image[int(y[n]), max(20, u - 16) : min(84, u + 17)]
-        assert values[n] == row.max()
+        u, v = int(group[0][n]), int(y[n])
+        near = list(range(max(20, u - 16), min(84, u + 17)))
+        free = [line for line in near if line not in taken]
+        assert values[n] == image[v, free or near].max()
+        taken.add(int(x[n]))
+
+
+@pytest.mark.parametrize("motion", [(-6.4, 0.3, 0.012), (1.7, 4.3, -0.021), (0.4, -0.6, 0.035)])
+def test_pixels_stay_different_ones_on_a_long_curved_drive(motion):
+    """Pixels that land on one line would be one pixel from then on; a few of them would be left."""
+    rng = np.random.default_rng(5)
+    group = select(rng.integers(0, 256, (80, 120), np.uint8), AREA, 128)
+
+    for _ in range(600):
+        image = rng.integers(0, 256, (80, 120), np.uint8)
+        x, y, values, _ = advance(image, *group, AREA, CENTRE, motion, 1.0, 0.0)
+        group = (x, y, values, group[3])
+
+    places = np.floor(np.column_stack([group[0], group[1], group[3]]) + 0.5)
+    assert len(np.unique(places, axis=0)) > 100
 
 
 def test_all_pixels_stay_in_the_area_whatever_the_motion(image):

@@ -191,3 +191,20 @@ def test_pixels_and_slopes_turn_with_the_picture_and_jump_at_the_edge(texture):
     turned = cos * texture[SLOPE_U] + sin * texture[SLOPE_V]
     np.testing.assert_allclose(moved[SLOPE_U][stayed], turned[stayed], rtol=1e-4, atol=0.5)
     assert np.all((moved[X] >= 39.5) & (moved[X] < 215.5) & (moved[Y] >= 39.5) & (moved[Y] < 199.5))
+
+
+@pytest.mark.parametrize("motion", [(-6.4, 0.3, 0.012), (1.7, 4.3, -0.021), (0.4, -0.6, 0.035)])
+def test_pixels_stay_different_and_spread_on_a_long_curved_drive(motion):
+    rng = np.random.default_rng(5)
+    picture = smooth(rng.integers(0, 256, (240, 256), np.uint8))
+    texture = select_texture(picture, AREA, 5, 2)
+    n_pixels = texture.shape[1]
+
+    for _ in range(400):
+        differences = np.zeros(n_pixels, np.float32)
+        texture, _ = advance_texture(picture, texture, differences, AREA, 5, CENTRE, motion, 1.0, 10.0, HUBER)
+
+    places = np.floor(np.column_stack([texture[X], texture[Y], np.arange(n_pixels) % 2]) + 0.5)
+    assert len(np.unique(places, axis=0)) > 0.9 * n_pixels
+    cells, _, _ = np.histogram2d(texture[X], texture[Y], bins=(8, 8), range=((40, 216), (40, 200)))
+    assert cells.min() > 0.5 * n_pixels / 64

@@ -3,8 +3,9 @@
 The search wants extremes, whose absolute difference has a sharp minimum; there the slope vanishes, so that they
 say little about fractions of a pixel. The refinement therefore has its own pixels: in every segment of a vertical
 line the one with the steepest slope along u and the one along v. They live on the smoothed picture and roll along
-like the groups of the search. While a pixel lives, its intensity is averaged over the pictures that it was seen in:
-the noise of the one picture that it was chosen in is what heading and position would drift with.
+like the groups of the search, each to a cell of line and segment that has none of its kind. While a pixel lives, its
+intensity is averaged over the pictures that it was seen in: the noise of the one picture that it was chosen in is
+what heading and position would drift with.
 """
 
 from __future__ import annotations
@@ -36,14 +37,14 @@ __all__ = [
 #: picture; pictures that the look is averaged over, and the mean of the coordinates where it was seen in them [px].
 X, Y, VALUE, SLOPE_U, SLOPE_V, AGE, SEEN_X, SEEN_Y = range(8)
 
-#: How far to both sides a pixel that jumped over the upper or lower edge looks for a steep one [px].
-_ROW_REACH_PX = 8
+#: How far to both sides a pixel that jumped looks for a free cell [px].
+_REACH_PX = 16
 
 Smooth = npt.NDArray[np.uint16]
 Floats = npt.NDArray[np.float32]
 
-#: Remembered pixels, (8, N) float32, a row for each of the names above. Pixel n is of segment ``n // 2 % n_segments``
-#: and steep along u when n is even; it stays so when it jumps.
+#: Remembered pixels, (8, N) float32, a row for each of the names above. Pixel n is steep along u when n is even, and
+#: stays so when it jumps.
 Texture = npt.NDArray[np.float32]
 
 
@@ -61,16 +62,6 @@ def _steepest_in_column(picture: Smooth, u: int, top: int, bottom: int, along_u:
         slope = abs(_slope(picture, u, v, along_u))
         if slope > steepest:
             best, steepest = v, slope
-    return best
-
-
-@kernel
-def _steepest_in_row(picture: Smooth, v: int, left: int, right: int, along_u: bool) -> int:
-    best, steepest = left, np.int32(-1)
-    for u in range(left, right):
-        slope = abs(_slope(picture, u, v, along_u))
-        if slope > steepest:
-            best, steepest = u, slope
     return best
 
 
@@ -93,6 +84,39 @@ def select_texture(picture: Smooth, area: Area, n_segments: int, step_px: int) -
         first = top + n // 2 % n_segments * height
         _put(texture, n, picture, u, _steepest_in_column(picture, u, first, first + height, n % 2 == 0))
     return texture
+
+
+@kernel
+def _free_cell(taken: npt.NDArray[np.bool_], u: int, segment: int, left: int, right: int) -> tuple[int, int]:
+    """Return column and segment of the free cell nearest to a column, own segment first; or where it was."""
+    n_segments, n_lines = taken.shape
+    for distance in range(_REACH_PX + 1):
+        for side in (1, -1):
+            near = u + side * distance
+            if not left <= near < right:
+                continue
+            line = (near - left) * n_lines // (right - left)
+            for other in range(n_segments):
+                wanted = (segment + other) % n_segments
+                if not taken[wanted, line]:
+                    return near, wanted
+    return u, segment
+
+
+@kernel
+def _rows_of(segment: int, n_segments: int, top: int, bottom: int) -> tuple[int, int]:
+    height = (bottom - top) // n_segments
+    first = top + segment * height
+    return first, bottom if segment == n_segments - 1 else first + height
+
+
+@kernel
+def _new_rows(v: int, segment: int, n_segments: int, top: int, bottom: int) -> tuple[int, int]:
+    """Return the rows at the edge that came into the area while a pixel went out to row `v` beyond the other one."""
+    first, last = _rows_of(segment, n_segments, top, bottom)
+    if v < top:
+        return max(first, last - (top - v) - 1), last
+    return first, min(last, first + (v - bottom) + 2)
 
 
 @float_kernel
@@ -204,21 +228,26 @@ def advance_texture(
     height = (bottom - top) // n_segments
     out = _carried(texture, differences, centre, motion, aspect, memory, clip)
     n_pixels = texture.shape[1]
-    n_fresh = 0
+    n_lines = n_pixels // (2 * n_segments)
+    taken, n_fresh = np.zeros((2, n_segments, n_lines), np.bool_), 0
+    for n in range(n_pixels):
+        u, v = math.floor(out[X, n] + 0.5), math.floor(out[Y, n] + 0.5)
+        if left <= u < right and top <= v < bottom:
+            taken[n % 2, min((v - top) // height, n_segments - 1), (u - left) * n_lines // (right - left)] = True
     for n in range(n_pixels):
         u, v = math.floor(out[X, n] + 0.5), math.floor(out[Y, n] + 0.5)
         if left <= u < right and top <= v < bottom:
             continue
         n_fresh += 1
-        if not left <= u < right:
-            u += right - left if u < left else left - right
-            u = min(max(u, left), right - 1)
-            first = top + n // 2 % n_segments * height
-            v = _steepest_in_column(picture, u, first, first + height, n % 2 == 0)
+        cells = taken[n % 2]
+        if left <= u < right:
+            segment = 0 if v >= bottom else n_segments - 1
+            u, _ = _free_cell(cells[segment : segment + 1], u, 0, left, right)
+            first, last = _new_rows(v, segment, n_segments, top, bottom)
         else:
-            v += bottom - top if v < top else top - bottom
-            v = min(max(v, top), bottom - 1)
-            first, last = max(left, u - _ROW_REACH_PX), min(right, u + _ROW_REACH_PX + 1)
-            u = _steepest_in_row(picture, v, first, last, n % 2 == 0)
-        _put(out, n, picture, u, v)
+            u += right - left if u < left else left - right
+            u, segment = _free_cell(cells, min(max(u, left), right - 1), n // 2 % n_segments, left, right)
+            first, last = _rows_of(segment, n_segments, top, bottom)
+        cells[segment, (u - left) * n_lines // (right - left)] = True
+        _put(out, n, picture, u, _steepest_in_column(picture, u, first, last, n % 2 == 0))
     return out, n_fresh

@@ -39,7 +39,7 @@ _STILL = (ImageMotion(0.0, 0.0, 0.0), ImageMotion(0.0, 0.0, 0.0))
 _USUAL_FRAMES = 50
 
 #: Drift variance per replacement of all pixels over that of one alignment, measured on ten floors (see README.md).
-_GROWTH_WHOLE_PIXELS, _GROWTH_REFINED = 1.0, 5.0
+_GROWTH_WHOLE_PIXELS, _GROWTH_REFINED = 0.15, 2.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
