@@ -17,7 +17,16 @@ def registry() -> Registry:
     return registry
 
 
-@pytest.mark.parametrize(("name", "role"), [("odometry", "wheels"), ("constant_speed", "clock")])
+@pytest.mark.parametrize(
+    ("name", "role"),
+    [
+        ("odometry", "wheels"),
+        ("constant_speed", "clock"),
+        ("klt", "camera"),
+        ("orb", "camera"),
+        ("phase_correlation", "camera"),
+    ],
+)
 def test_they_give_motion_and_look_at_one_sensor(registry, name, role):
     spec = registry.find("localizer", name)
 

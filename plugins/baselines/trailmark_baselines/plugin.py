@@ -47,3 +47,15 @@ def trailmark_register(registry: Registry) -> None:
         summary="Motion of an RGB-D camera: ORB features with depth, aligned rigidly under RANSAC",
         gives=("motion",),
     )
+    for name, cls, summary in (
+        ("klt", "klt:KLT", "Motion of a downward camera: corners tracked from key frames, rigid under RANSAC"),
+        ("orb", "orb:ORB", "Motion of a downward camera: ORB features of key frames, rigid under RANSAC"),
+        ("phase_correlation", "phase:PhaseCorrelation", "Motion of a downward camera: phase correlation of windows"),
+    ):
+        registry.localizer(
+            name,
+            f"trailmark_baselines.ground.{cls}",
+            config=f"trailmark_baselines.ground.config:{cls.partition(':')[2]}Config",
+            summary=summary,
+            gives=("motion",),
+        )
