@@ -14,6 +14,7 @@ from trailmark.frames import Omni
 from trailmark.geometry import Pose2, wrap_angle
 from trailmark_omni_surf.centre import CentreFinder
 from trailmark_omni_surf.circle import BearingCamera, find_circle
+from trailmark_omni_surf.circle_kernels import rim_coverages
 from trailmark_omni_surf.config import OmniSurfConfig
 
 
@@ -99,3 +100,19 @@ def test_the_ring_leaves_out_hub_and_rim() -> None:
     inside = camera.is_inside(np.array([[100.0, 100.0], [150.0, 100.0], [189.0, 100.0], [122.0, 100.0]]))
 
     assert inside.tolist() == [False, True, False, False]
+
+
+def test_coverage_counts_the_sectors_that_show_an_edge_across_the_radius() -> None:
+    angles = np.radians(np.arange(0.5, 180.5))  # half a circle, and the same turned by 90 degrees: along the rim
+    rim = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    points, tangents = (160.0, 120.0) + 100.0 * rim, rim[:, ::-1] * (-1.0, 1.0)
+    circles = np.array([[160.0, 120.0, 100.0], [160.0, 120.0, 90.0], [0.0, 120.0, 100.0], [160.0, 112.0, 100.0]])
+
+    across = rim_coverages(circles, points, rim, 320, 240, 3.0, 0.94, 180)
+    along = rim_coverages(circles, points, tangents, 320, 240, 3.0, 0.94, 180)
+
+    assert across[0] == pytest.approx(0.5, abs=0.02)
+    assert across[1] == 0.0  # another radius
+    assert across[2] == 0.0  # less than half of it is in the picture
+    assert 0.05 < across[3] < 0.2  # 8 px off: near the ends of the half circle alone
+    assert not along.any()

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from trailmark.errors import ConfigError, ShapeError
 from trailmark.frames import Image
 from trailmark_omni_surf.features import create_features, grey_of, match, squared_distances
+from trailmark_omni_surf.matching_kernels import nearest_groups
 from trailmark_omni_surf.surf.descriptor import describe, haar, region_weights
 from trailmark_omni_surf.surf.detector import Surf, SurfOptions
 from trailmark_omni_surf.surf.extrema import find_maxima
@@ -325,3 +326,21 @@ def test_descriptor_distances_equal_their_plain_twin() -> None:
     plain[np.multiply.outer(*signs) < 0] = np.inf
 
     np.testing.assert_allclose(squared_distances(query, signs[0], train, signs[1]), plain, atol=1e-5)
+
+
+def test_nearest_groups_are_those_of_the_table_of_all_distances() -> None:
+    rng = np.random.default_rng(5)
+    query, train = (rng.normal(size=(n, 16)).astype(np.float32) for n in (30, 60))
+    query /= np.linalg.norm(query, axis=1, keepdims=True)
+    train /= np.linalg.norm(train, axis=1, keepdims=True)
+    signs = rng.integers(-1, 2, 30).astype(np.int8), rng.integers(-1, 2, 60).astype(np.int8)
+    first = np.array([0, 3, 4, 10, 11, 25, 40, 59])
+
+    found = nearest_groups(query, signs[0], np.ascontiguousarray(train.T), signs[1], first)
+
+    table = np.minimum.reduceat(squared_distances(query, signs[0], train, signs[1]), first, axis=1)
+    ordered = np.sort(table, axis=1)
+    np.testing.assert_array_equal(found[0], table.argmin(axis=1))
+    np.testing.assert_allclose(found[1], ordered[:, 0], atol=1e-6)
+    np.testing.assert_allclose(found[2], ordered[:, 1], atol=1e-6)
+    np.testing.assert_array_equal(found[3], table.argmin(axis=0))

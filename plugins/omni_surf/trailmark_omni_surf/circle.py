@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from trailmark.errors import ShapeError
 from trailmark.frames import Omni
+from trailmark_omni_surf.circle_kernels import rim_coverages
 
 __all__ = ["BearingCamera", "ImageCircle", "find_circle"]
 
@@ -62,12 +63,12 @@ def find_circle(image: npt.NDArray[np.uint8], tolerance_px: float = 1.5) -> Imag
     if len(points) < 50:
         return None
     rng = np.random.default_rng(0)  # the same picture gives the same circle
-    best: ImageCircle | None = None
-    for candidate in _candidates(points, directions, image.shape, rng):
-        found = _judge(candidate, points, directions, image.shape, 2.0 * tolerance_px)[0]
-        if best is None or found.coverage > best.coverage:
-            best = found
-    return None if best is None else _refined(best, points, directions, image.shape, tolerance_px)
+    circles = _candidates(points, directions, image.shape, rng)
+    if not len(circles):
+        return None
+    height, width = image.shape
+    coverages = rim_coverages(circles, points, directions, width, height, 2.0 * tolerance_px, _ALIGNED, _N_SECTORS)
+    return _refined(circles[int(coverages.argmax())], points, directions, image.shape, tolerance_px)
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,10 +189,9 @@ def _judge(
 
 
 def _refined(
-    found: ImageCircle, points: Array, directions: Array, shape: tuple[int, ...], tolerance_px: float
+    circle: Array, points: Array, directions: Array, shape: tuple[int, ...], tolerance_px: float
 ) -> ImageCircle:
     """Fit the circle to its own edges by Gauss-Newton, with a gate that closes."""
-    circle = np.array([found.centre_u, found.centre_v, found.radius_px])
     for gate_px in (4.0, 3.0, 2.0, 2.0, 1.0, 1.0):
         _, on_rim = _judge(circle, points, directions, shape, gate_px * tolerance_px)
         if on_rim.sum() < 10:

@@ -20,7 +20,6 @@ __all__ = [
     "create_features",
     "grey_of",
     "match",
-    "match_squared",
     "squared_distances",
 ]
 
@@ -140,7 +139,19 @@ def match(
     distances : (K,) float64
         Distance of each.
     """
-    return match_squared(squared_distances(query, query_sign, train, train_sign), max_distance, ratio)
+    squared = squared_distances(query, query_sign, train, train_sign)
+    nothing = np.empty(0, dtype=np.intp)
+    if squared.size == 0:
+        return nothing, nothing, np.empty(0)
+    nearest = squared.argmin(axis=1)
+    rows = np.arange(len(squared))
+    best = squared[rows, nearest]
+    is_match = (squared.argmin(axis=0)[nearest] == rows) & (best <= max_distance**2)
+    if ratio is not None and squared.shape[1] > 1:
+        second = np.partition(squared, 1, axis=1)[:, 1]
+        is_match &= best <= ratio**2 * second
+    chosen = np.flatnonzero(is_match)
+    return chosen, nearest[chosen], np.sqrt(best[chosen])
 
 
 def squared_distances(
@@ -154,24 +165,6 @@ def squared_distances(
     if out.size:
         squared_unit_distances(query, query_sign, np.ascontiguousarray(train.T), train_sign, out)
     return out
-
-
-def match_squared(
-    squared: npt.NDArray[np.float64], max_distance: float, ratio: float | None
-) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], npt.NDArray[np.float64]]:
-    """Do what `match` does, for squared distances (N, M) that are known already."""
-    nothing = np.empty(0, dtype=np.intp)
-    if squared.size == 0:
-        return nothing, nothing, np.empty(0)
-    nearest = squared.argmin(axis=1)
-    rows = np.arange(len(squared))
-    best = squared[rows, nearest]
-    is_match = (squared.argmin(axis=0)[nearest] == rows) & (best <= max_distance**2)
-    if ratio is not None and squared.shape[1] > 1:
-        second = np.partition(squared, 1, axis=1)[:, 1]
-        is_match &= best <= ratio**2 * second
-    chosen = np.flatnonzero(is_match)
-    return chosen, nearest[chosen], np.sqrt(best[chosen])
 
 
 class _OpenCvFeatures:

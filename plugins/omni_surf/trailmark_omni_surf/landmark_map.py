@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -15,8 +15,9 @@ from trailmark.errors import StoreError
 from trailmark.geometry import Pose2
 from trailmark.paths import Keyframe
 from trailmark_omni_surf.circle import BearingCamera
-from trailmark_omni_surf.features import Features, match_squared, squared_distances
+from trailmark_omni_surf.features import Features
 from trailmark_omni_surf.landmarks import landmark_features, measure_landmark
+from trailmark_omni_surf.matching_kernels import nearest_groups
 from trailmark_omni_surf.tracking import Observations
 
 __all__ = ["Candidates", "LandmarkMap", "keyframe_arrays", "measured_candidates"]
@@ -183,6 +184,8 @@ class LandmarkMap:
         Index of each landmark's first exemplar.
     feature_name : str
         What kind of features they are.
+    exemplar_columns : (D, M) float32
+        The descriptors once more, as columns: matching runs along memory.
     """
 
     positions: Array
@@ -191,6 +194,10 @@ class LandmarkMap:
     exemplar_sign: npt.NDArray[np.int8]
     first: npt.NDArray[np.intp]
     feature_name: str
+    exemplar_columns: npt.NDArray[np.float32] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "exemplar_columns", np.ascontiguousarray(self.exemplars.T))
 
     @classmethod
     def of(cls, candidates: Candidates, is_chosen: npt.NDArray[np.bool_], feature_name: str) -> LandmarkMap:
@@ -217,10 +224,13 @@ class LandmarkMap:
         nothing = np.empty(0, dtype=np.intp)
         if not len(self) or not len(features) or features.descriptors.shape[1] != self.exemplars.shape[1]:
             return nothing, nothing
-        squared = squared_distances(features.descriptors, features.sign, self.exemplars, self.exemplar_sign)
-        by_landmark = np.minimum.reduceat(squared, self.first, axis=1)
-        feature_idx, landmark_idx, _ = match_squared(by_landmark, max_distance, ratio)
-        return feature_idx, landmark_idx
+        nearest, squared, second, nearest_feature = nearest_groups(
+            features.descriptors, features.sign, self.exemplar_columns, self.exemplar_sign, self.first
+        )
+        is_mutual = nearest_feature[nearest] == np.arange(len(features))
+        is_match = is_mutual & (squared <= max_distance**2) & (squared <= ratio**2 * second)
+        feature_idx = np.flatnonzero(is_match)
+        return feature_idx, nearest[feature_idx]
 
     def to_arrays(self) -> dict[str, npt.NDArray[Any]]:
         """Return all of it as arrays for a drawer."""
