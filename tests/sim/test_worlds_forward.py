@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 import pytest
 
 from trailmark.errors import ConfigError
-from trailmark.frames import Image
+from trailmark.frames import RGBD, DepthCamera, Image
 from trailmark.geometry import Pose2, Pose3
+from trailmark_sim.render.lenses import PinholeLens
 from trailmark_sim.sensors.camera import CameraSensor, Shaking
+from trailmark_sim.sensors.true_depth import TrueDepthSensor
 from trailmark_sim.vehicles import VehicleState
 from trailmark_sim.worlds import WORLDS, build_world
 from trailmark_sim.worlds.base import World, WorldOptions
@@ -146,3 +149,50 @@ def test_a_smaller_picture_shows_the_same_view() -> None:
 def test_a_route_that_is_not_there_names_those_that_are() -> None:
     with pytest.raises(ConfigError, match=r"no route named 'bend'.*bends"):
         build_world("street", WorldOptions(route="bend"))
+
+
+def test_depth_tells_where_every_pixel_of_another_picture_goes() -> None:
+    """Half a metre further on and turned by 3 deg: the second picture, fetched by depth and poses, is the first."""
+    extra = {"width_px": 320, "noise": 0, "vibration_mrad": 0, "blur_px": 0, "exposure": 1.0}
+    world = build_world("corridor", WorldOptions(sensors=("front_depth", "front"), extra=extra))
+    sensors = {sensor.info.name: sensor for sensor in world.sensors}
+    info = sensors["front_depth"].info
+    assert isinstance(info.calibration, DepthCamera)
+    lens = PinholeLens(320, 240, info.calibration.colour)
+    first, second = Pose2(3.0, 0.0, 0.0), Pose2(3.5, 0.02, np.radians(3.0))
+
+    seen = sensors["front_depth"].render(0, 0.0, VehicleState(first))
+    other = sensors["front"].render(0, 0.0, VehicleState(second))
+
+    assert isinstance(seen, RGBD)
+    assert isinstance(other, Image)
+    rays = lens.directions()[0]
+    points = (rays / rays[..., :1] * seen.depth_m[..., None]).reshape(-1, 3)
+    pose_first, pose_second = (Pose3.from_planar(pose) @ info.pose_base_sensor for pose in (first, second))
+    uv = lens.project((pose_second.inverse() @ pose_first).transform(points)).reshape(240, 320, 2).astype(np.float32)
+    fetched = cv2.remap(other.pixels, uv[..., 0], uv[..., 1], cv2.INTER_LINEAR, borderValue=(0, 0, 0))
+    inside = (uv >= 1).all(axis=2) & (uv <= (318, 238)).all(axis=2)
+    error = np.abs(fetched.astype(float) - seen.bgr).mean(axis=2)[inside]
+    assert inside.mean() > 0.6
+    assert np.median(error) < 2.0  # grey levels; 14 for the picture as it stands
+    assert np.isfinite(seen.depth_m).all()
+
+
+def test_the_colour_of_the_depth_is_the_picture_of_the_camera() -> None:
+    world = build_world("street", WorldOptions(sensors=("front_depth", "front"), extra={"width_px": 160, "noise": 0}))
+    depth, front = (sensor.render(2, 0.1, VehicleState(Pose2(1.0))) for sensor in world.sensors)
+
+    assert isinstance(depth, RGBD)
+    assert isinstance(front, Image)
+    np.testing.assert_array_equal(depth.bgr, front.pixels)
+    assert np.isnan(depth.depth_m[:40]).any()  # the sky
+    assert np.nanmin(depth.depth_m) > 0.5
+
+
+def test_depth_needs_a_perspective_camera() -> None:
+    world = build_world("supermarket", WorldOptions(sensors=("omni",)))
+    omni = world.sensors[0]
+    assert isinstance(omni, CameraSensor)
+
+    with pytest.raises(ConfigError, match="perspective camera, which 'omni' is not"):
+        TrueDepthSensor(omni)

@@ -98,7 +98,8 @@ class Route:
         left_m = sway_m * math.sqrt(2.0 / len(_SWAY_M)) * np.sum(waves, axis=0) * share**2 * (3.0 - 2.0 * share)
         turns = np.arctan(np.gradient(left_m, stations))
         turns[[0, -1]] = 0.0  # they fade out; one-sided differences do not quite
-        poses = [w.pose_map_base @ Pose2(0.0, float(y), float(t)) for w, y, t in zip(self.path, left_m, turns)]
+        places = [self.path[k].pose_map_base for k in range(len(self.path))]
+        poses = [place @ Pose2(0.0, float(y), float(t)) for place, y, t in zip(places, left_m, turns, strict=True)]
         return Route.from_poses([pose.array() for pose in poses], self.speed_mps, self.summary)
 
 

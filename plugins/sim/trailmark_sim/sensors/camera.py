@@ -100,6 +100,7 @@ class CameraSensor:
     ) -> None:
         self.rate_hz = rate_hz
         self.info = SensorInfo(name, "image", (lens.width, lens.height), rate_hz, mounting, _calibration(lens))
+        self.lens = lens
         self._scene, self._moment_at, self._shaking, self._threads = scene, moment_at, shaking, threads
         directions, mask = lens.directions()
         self.table = ray_table(directions, mask)
@@ -107,8 +108,11 @@ class CameraSensor:
 
     def render(self, k: int, stamp_s: float, state: VehicleState) -> Image:
         """Return picture number `k`."""
-        radiance = self.view(stamp_s, state).radiance()
-        return Image(self._film.develop(radiance, k, 1.0, self._threads))
+        return self.develop(self.view(stamp_s, state), k)
+
+    def develop(self, view: View, k: int) -> Image:
+        """Return picture number `k` of what is before the lens."""
+        return Image(self._film.develop(view.radiance(), k, 1.0, self._threads))
 
     def view(self, stamp_s: float, state: VehicleState) -> View:
         """Return what is before the lens."""

@@ -17,6 +17,7 @@ from trailmark_sim.sensors.camera import CameraSensor, Shaking
 from trailmark_sim.sensors.imu import ImuSensor
 from trailmark_sim.sensors.light import LightSensor
 from trailmark_sim.sensors.odometry import WheelOdometry
+from trailmark_sim.sensors.true_depth import TrueDepthSensor
 from trailmark_sim.vehicles import Differential
 from trailmark_sim.worlds.base import SensorModel, World, WorldOptions, choose_sensors
 from trailmark_sim.worlds.furnishing import response
@@ -25,7 +26,7 @@ from trailmark_sim.worlds.solids import Solids
 
 __all__ = ["SENSORS", "forward_world", "route_along", "to_and_fro"]
 
-SENSORS = ("wheels", "imu", "light", "front")
+SENSORS = ("wheels", "imu", "light", "front_depth", "front")
 
 #: Speed of all experiments of the paper [m/s].
 _SPEED_MPS = 0.3
@@ -64,22 +65,27 @@ def forward_world(
     """Return the world with its sensors; `vibration_rad` is the floor's where the options give none [rad]."""
     vehicle = options.vehicle or Differential()
     shakes = vibration_rad if given.vibration_mrad is None else given.vibration_mrad / 1e3
-    builders: Mapping[str, Callable[[], SensorModel]] = {
-        "wheels": partial(WheelOdometry, rate_hz=options.rate_of("wheels", 50.0)),
-        "imu": partial(ImuSensor, rate_hz=options.rate_of("imu", 100.0), seed=options.seed),
-        "light": partial(LightSensor, level_lux, rate_hz=options.rate_of("light", 10.0), seed=options.seed),
-        "front": lambda: CameraSensor(
-            "front",
+
+    def camera(sensor: str) -> CameraSensor:
+        return CameraSensor(
+            sensor,
             build_scene(),
             _lens(given.width_px),
             _MOUNTING,
-            options.rate_of("front", 20.0),
+            options.rate_of(sensor, 20.0),
             response(given.exposure, given.noise, given.blur_px, 0.5),
             crowd.at,
             options.seed,
             Shaking(shakes, shakes * 0.3, options.seed),
             options.threads,
-        ),
+        )
+
+    builders: Mapping[str, Callable[[], SensorModel]] = {
+        "wheels": partial(WheelOdometry, rate_hz=options.rate_of("wheels", 50.0)),
+        "imu": partial(ImuSensor, rate_hz=options.rate_of("imu", 100.0), seed=options.seed),
+        "light": partial(LightSensor, level_lux, rate_hz=options.rate_of("light", 10.0), seed=options.seed),
+        "front_depth": lambda: TrueDepthSensor(camera("front_depth")),
+        "front": lambda: camera("front"),
     }
     return World(
         name=name,

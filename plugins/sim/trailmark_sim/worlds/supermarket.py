@@ -31,6 +31,7 @@ from trailmark_sim.sensors.laser import LaserRig, LaserSensor
 from trailmark_sim.sensors.light import LightSensor
 from trailmark_sim.sensors.odometry import WheelOdometry
 from trailmark_sim.sensors.rgbd import RgbdRig, RgbdSensor
+from trailmark_sim.sensors.true_depth import TrueDepthSensor
 from trailmark_sim.vehicles import Holonomic
 from trailmark_sim.worlds.base import SensorModel, World, WorldOptions, choose_sensors, parse_options
 from trailmark_sim.worlds.furnishing import Room, add_room, hang, lamp_panels, response, show_lamps
@@ -39,7 +40,7 @@ from trailmark_sim.worlds.solids import Solids
 
 __all__ = ["ROUTES", "SENSORS", "build"]
 
-SENSORS = ("wheels", "imu", "light", "floor", "laser", "front", "rgbd", "omni")
+SENSORS = ("wheels", "imu", "light", "floor", "laser", "front_depth", "front", "rgbd", "omni")
 ROUTES = ("wall", "round", "goal")
 
 _ROOM = Room(0.0, 10.0, 0.0, 10.0, 3.0)
@@ -78,6 +79,12 @@ def build(options: WorldOptions) -> World:
     solids = _solids()
     scene = partial(_scene, given.scenery(), options.world_seed, options.seed if given.people else 0, options.threads)
     film = response(given.exposure, given.noise, given.blur_px, 0.62, vignette=0.3)
+
+    def front(sensor: str) -> CameraSensor:
+        rate_hz = options.rate_of(sensor, 20.0)
+        place = (_FRONT, _FRONT_MOUNTING, rate_hz)
+        return CameraSensor(sensor, scene(), *place, film, crowd.at, options.seed, threads=options.threads)
+
     builders: Mapping[str, Callable[[], SensorModel]] = {
         "wheels": partial(WheelOdometry, rate_hz=options.rate_of("wheels", 50.0)),
         "imu": partial(ImuSensor, rate_hz=options.rate_of("imu", 100.0), seed=options.seed),
@@ -88,17 +95,8 @@ def build(options: WorldOptions) -> World:
         "laser": lambda: LaserSensor(
             "laser", scene(), LaserRig(rate_hz=options.rate_of("laser", 10.0)), crowd.at, options.seed
         ),
-        "front": lambda: CameraSensor(
-            "front",
-            scene(),
-            _FRONT,
-            _FRONT_MOUNTING,
-            options.rate_of("front", 20.0),
-            film,
-            crowd.at,
-            options.seed,
-            threads=options.threads,
-        ),
+        "front_depth": lambda: TrueDepthSensor(front("front_depth")),
+        "front": lambda: front("front"),
         "rgbd": lambda: RgbdSensor(
             "rgbd",
             scene(),
