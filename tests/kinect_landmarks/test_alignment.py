@@ -21,6 +21,7 @@ from trailmark_kinect_landmarks.alignment import (
     planar_covariance,
     pose_from_two,
 )
+from trailmark_kinect_landmarks.expectation import Expected
 
 Array = npt.NDArray[np.float64]
 SIGMA_M = 0.01
@@ -152,7 +153,9 @@ def test_a_landmark_with_poor_depth_counts_by_its_direction() -> None:
         ray = point / np.linalg.norm(point)
         cov[i] = 1e-6 * np.eye(2) + (0.2**2 if i < 2 else 1e-6) * np.outer(ray, ray)
 
-    found = align(start, now, cov, cov, rng=np.random.default_rng(7), guess=(np.eye(2), np.zeros(2)))
+    found = align(
+        start, now, cov, cov, rng=np.random.default_rng(7), expected=Expected(np.eye(2), np.zeros(2), 0.05, 0.05)
+    )
 
     assert isinstance(found, Alignment)
     np.testing.assert_allclose(found.t, 0.0, atol=0.01)  # 1 cm, although two of three miss by 0.32 m

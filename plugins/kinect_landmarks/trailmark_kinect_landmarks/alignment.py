@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from trailmark.errors import ShapeError
 from trailmark.geometry import Pose2
+from trailmark_kinect_landmarks.expectation import Expected
 
 __all__ = [
     "Alignment",
@@ -32,6 +33,7 @@ Array = npt.NDArray[np.float64]
 _GATE = {2: 13.8, 3: 16.3}  # chi-square, 99.9 %
 _N_GAUSS_NEWTON = 6
 _SOFT = 9.0  # squared sigmas at which a residual counts a quarter
+_TRUSTED_SHARE = 0.5  # of the landmarks that agree with where the prediction leads, so that nothing else is tried
 _N_FINALISTS = 5  # sets that are judged with the full covariances
 _MAX_EXHAUSTIVE = 120  # minimal sets tried all, rather than drawn
 
@@ -140,13 +142,15 @@ def align(
     *,
     rng: np.random.Generator,
     limits: AlignmentLimits | None = None,
-    guess: tuple[Array, Array] | None = None,
+    expected: Expected | None = None,
     n_tries: int = 96,
 ) -> Alignment | Refusal:
     """Return the rigid motion that most landmarks agree on.
 
-    Consensus of minimal sets, then Gauss-Newton with the covariances of both sides, the far depth of a landmark
-    counting less than its direction, and a redescending loss: a landmark that begins to move must not pull.
+    Gauss-Newton with the covariances of both sides, the far depth of a landmark counting less than its direction, and
+    a redescending loss: a landmark that begins to move must not pull. It starts at the prediction, where half of all
+    landmarks agree with where that leads ("expected movement", as the paper proposes); otherwise at the consensus of
+    minimal sets. Consensus alone may follow a thing that walks: far landmarks forgive a shift that a turn makes up for.
 
     Parameters
     ----------
@@ -156,8 +160,8 @@ def align(
         Their covariances, in the axes of their points [m^2].
     rng : Generator
         Draws the minimal sets when there are too many to try all.
-    guess : (R, t), optional
-        A motion to try as well: the prediction.
+    expected : Expected, optional
+        The motion that is expected. It chooses landmarks; the answer is made of landmarks alone.
 
     Raises
     ------
@@ -171,8 +175,13 @@ def align(
     refusal = refusal_of(points_b, limits)
     if refusal is not None:
         return refusal
-    R, t = _consensus(points_a, points_b, cov_a, cov_b, guess, rng, n_tries)
-    inliers = _gated(points_a, points_b, cov_a, cov_b, R, t, 4.0)
+    able = None if expected is None else _from_expected(points_a, points_b, cov_a, cov_b, expected)
+    if able is None or expected is None:
+        able = np.ones(n, dtype=np.bool_)
+        R, t = _consensus(points_a, points_b, cov_a, cov_b, expected, rng, n_tries)
+        inliers = _gated(points_a, points_b, cov_a, cov_b, R, t, 4.0)
+    else:
+        R, t, inliers = expected.R, expected.t, able
     H = np.eye(3 if D == 2 else 6)
     chi2 = 0.0
     for _ in range(_N_GAUSS_NEWTON):
@@ -180,7 +189,7 @@ def align(
         if refusal is not None:
             return refusal
         R, t, H, chi2 = _step(points_a[inliers], points_b[inliers], cov_a[inliers], cov_b[inliers], R, t)
-        inliers = _gated(points_a, points_b, cov_a, cov_b, R, t)
+        inliers = able & _gated(points_a, points_b, cov_a, cov_b, R, t)
     refusal = refusal_of(points_b[inliers], limits)
     if refusal is not None:
         return refusal
@@ -188,6 +197,24 @@ def align(
     dof = max(1, D * int(inliers.sum()) - len(H))
     covariance = np.linalg.inv(H) * max(1.0, chi2 / dof)
     return Alignment(R, t, covariance, inliers, math.sqrt(float((misses**2).sum(axis=1).mean())))
+
+
+def _from_expected(
+    points_a: Array, points_b: Array, cov_a: Array, cov_b: Array, expected: Expected
+) -> npt.NDArray[np.bool_] | None:
+    """Return which landmarks agree with the expected motion; None when most do not.
+
+    The loss is as wide as the median residual asks for, and narrows as that falls: an expectation that is off is off
+    for all landmarks alike. What it is worth keeps a thing that walks from turning the robot.
+    """
+    R, t = expected.R, expected.t
+    for _ in range(_N_GAUSS_NEWTON):
+        median = float(np.median(_whitened(points_a, points_b, cov_a, cov_b, R, t)[2]))
+        if not math.isfinite(median):
+            return None
+        R, t, _, _ = _step(points_a, points_b, cov_a, cov_b, R, t, max(_SOFT, 2.0 * median), expected)
+    agreeing = _gated(points_a, points_b, cov_a, cov_b, R, t)
+    return agreeing if agreeing.mean() >= _TRUSTED_SHARE else None
 
 
 def _sets(n: int, size: int, rng: np.random.Generator, n_tries: int) -> npt.NDArray[np.intp]:
@@ -201,11 +228,11 @@ def _consensus(
     points_b: Array,
     cov_a: Array,
     cov_b: Array,
-    guess: tuple[Array, Array] | None,
+    expected: Expected | None,
     rng: np.random.Generator,
     n_tries: int,
 ) -> tuple[Array, Array]:
-    """Return the motion of the minimal set, or the guess, with the least truncated cost."""
+    """Return the motion of the minimal set, or the expected one, with the least truncated cost."""
     n, D = points_a.shape
     sets = _sets(n, D, rng, n_tries)
     Rs, ts = kabsch(points_a[sets], points_b[sets], np.ones(sets.shape))
@@ -213,8 +240,8 @@ def _consensus(
     misses = points_a - np.einsum("hij,nj->hni", Rs, points_b) - ts[:, None, :]
     cost = np.minimum((misses**2).sum(axis=2) / variance, _GATE[D]).sum(axis=1)
     candidates = [(Rs[i], ts[i]) for i in np.argsort(cost)[:_N_FINALISTS]]
-    if guess is not None:
-        candidates.append(guess)
+    if expected is not None:
+        candidates.append((expected.R, expected.t))
     exact = [np.minimum(_whitened(points_a, points_b, cov_a, cov_b, R, t)[2], _GATE[D]).sum() for R, t in candidates]
     return candidates[int(np.argmin(exact))]
 
@@ -237,15 +264,25 @@ def _gated(
 
 
 def _step(
-    points_a: Array, points_b: Array, cov_a: Array, cov_b: Array, R: Array, t: Array
+    points_a: Array,
+    points_b: Array,
+    cov_a: Array,
+    cov_b: Array,
+    R: Array,
+    t: Array,
+    soft: float = _SOFT,
+    expected: Expected | None = None,
 ) -> tuple[Array, Array, Array, float]:
     """Return the motion after one Gauss-Newton step, its information and the weighted sum of squares before it."""
     residuals, information, squared = _whitened(points_a, points_b, cov_a, cov_b, R, t)
-    weights = np.square(_SOFT / (_SOFT + squared))  # Geman & McClure: what hardly fits hardly counts
+    weights = np.square(soft / (soft + squared))  # Geman & McClure: what hardly fits hardly counts
     J = jacobian(points_b @ R.T)
     informed = information @ J
     weighted = weights[:, None, None] * informed
-    delta = np.linalg.solve(np.einsum("nij,nik->jk", J, weighted), np.einsum("nij,ni->j", weighted, residuals))
+    H, g = np.einsum("nij,nik->jk", J, weighted), np.einsum("nij,ni->j", weighted, residuals)
+    if expected is not None:
+        H, g = H + np.diag(expected.information), g + expected.information * expected.seen_from(R, t)
+    delta = np.linalg.solve(H, g)
     D = points_a.shape[1]
     return _exp(delta[D:]) @ R, t + delta[:D], np.einsum("nij,nik->jk", J, informed), float(squared.sum())
 

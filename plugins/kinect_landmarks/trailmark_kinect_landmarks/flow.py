@@ -17,6 +17,7 @@ from trailmark.interfaces import Localizer, Session
 from trailmark_kinect_landmarks.alignment import Alignment, Refusal, align, planar_covariance
 from trailmark_kinect_landmarks.camera import Camera, alignment_limits
 from trailmark_kinect_landmarks.config import KinectFlowConfig
+from trailmark_kinect_landmarks.expectation import Expectation
 from trailmark_kinect_landmarks.refinding import follow
 
 __all__ = ["KinectFlow"]
@@ -61,6 +62,7 @@ class KinectFlow(Localizer):
         self._before: Grey | None = None
         self._followed: _Points | None = None
         self._T_start_base = np.eye(4)
+        self._expectation = Expectation()
         self._told: tuple[float, Pose2, Array] | None = None
         self._n_lost = 0
 
@@ -81,6 +83,7 @@ class KinectFlow(Localizer):
         before, self._before = self._before, grey
         if before is None or before.shape != grey.shape or self._followed is None:
             self._renew(grey, depth_m)
+            self._expectation.begin(frame.stamp_s, self._T_start_base)
             self._told = (frame.stamp_s, self._pose(), np.zeros((3, 3)))
             return ()
         return [self._moved(frame.stamp_s, before, grey, depth_m)]
@@ -89,16 +92,18 @@ class KinectFlow(Localizer):
         assert self._followed is not None
         uv, good = follow(before, grey, self._followed.uv)
         followed = self._followed.rows(good, uv)
-        answer = self._aligned(followed, depth_m)
+        answer = self._aligned(stamp_s, followed, depth_m)
         if isinstance(answer, Refusal):
             self._n_lost += 1
             self._told = None
             self._renew(grey, depth_m)
+            self._expectation.begin(stamp_s, self._T_start_base)
             return Lost(stamp_s, answer.reason, {"n_points": float(len(uv))})
         alignment, inliers = answer
         D = len(alignment.t)
         self._T_start_base = np.eye(4)
         self._T_start_base[:D, :D], self._T_start_base[:D, 3] = alignment.R, alignment.t
+        self._expectation.took(stamp_s, self._T_start_base)
         self._followed = followed.rows(inliers, followed.uv)
         if inliers.sum() < _RENEW * self.config.points:
             self._renew(grey, depth_m)
@@ -116,7 +121,7 @@ class KinectFlow(Localizer):
         return Motion(since_s, stamp_s, since.between(pose), information, details)
 
     def _aligned(
-        self, followed: _Points, depth_m: npt.NDArray[np.float32]
+        self, stamp_s: float, followed: _Points, depth_m: npt.NDArray[np.float32]
     ) -> tuple[Alignment, npt.NDArray[np.bool_]] | Refusal:
         """Solve Eq. (2); also returns which points to go on with: all that agree, or have no depth now."""
         measured = self._camera.measure(followed.uv, depth_m, _SIGMA_PX, self._scan)
@@ -129,7 +134,7 @@ class KinectFlow(Localizer):
             measured.cov_base[known, :D, :D] + _MODEL_SIGMA_M**2 * np.eye(D),
             rng=self._rng,
             limits=alignment_limits(self.config),
-            guess=(self._T_start_base[:D, :D], self._T_start_base[:D, 3]),
+            expected=self._expectation.motion(stamp_s, D),
         )
         if isinstance(answer, Refusal):
             return answer

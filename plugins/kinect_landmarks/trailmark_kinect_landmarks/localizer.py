@@ -18,6 +18,7 @@ from trailmark_kinect_landmarks.alignment import Refusal
 from trailmark_kinect_landmarks.camera import Camera, alignment_limits
 from trailmark_kinect_landmarks.config import KinectLandmarksConfig
 from trailmark_kinect_landmarks.effort import Effort
+from trailmark_kinect_landmarks.expectation import Expectation, Expected
 from trailmark_kinect_landmarks.eye import Eye, Picture
 from trailmark_kinect_landmarks.memory import Memory, MemoryLimits
 from trailmark_kinect_landmarks.paper_numbers import paper_numbers
@@ -58,7 +59,7 @@ class KinectLandmarks(Localizer):
         self._stages = StagePictures(config.debug_images) if config.debug_images else None
         self._light: float | None = None
         self._scan: Scan | None = None
-        self._poses: list[tuple[float, Array]] = []  # the last two: stamps and T_map_base
+        self._expectation = Expectation()
         self._start_pose: Pose2 | None = None
         self._told: tuple[float, Pose2, Array] | None = None
         self._counts = {"lost": 0, "restarts": 0, "relocalized": 0}
@@ -81,19 +82,19 @@ class KinectLandmarks(Localizer):
     def _observe(self, stamp_s: float, payload: RGBD, belief: Belief) -> Sequence[Estimate]:
         plan = self._effort.plan(self._session.last_latency_s())
         picture = self._eye.prepare(payload, self._light, self._scan, plan.scale)
-        predicted = self._predicted(stamp_s)
-        again, others = self._tracker.look(picture, plan, predicted)
+        expected = self._expected(stamp_s)
+        again, others = self._tracker.look(picture, plan, self._expectation.pose(stamp_s) if expected else None)
         if len(self._memory) == 0:
             return self._begin(stamp_s, others, belief)
-        solved = self._tracker.solve(again, predicted)
+        solved = self._tracker.solve(again, expected)
         if isinstance(solved, Refusal):
             self._effort.looked(picture, plan, len(again), 0)
             return [self._lost(stamp_s, solved.reason, again, others, belief)]
         self._effort.looked(picture, plan, len(again) + len(others), len(solved.agreeing))
         rows = self._tracker.learn(solved, again, others)
         self._remember(stamp_s, belief, solved.T_map_base, rows)
-        self._counts["relocalized"] += predicted is None
-        self._poses = [*self._poses[-1:], (stamp_s, solved.T_map_base)]
+        self._counts["relocalized"] += expected is None
+        self._expectation.took(stamp_s, solved.T_map_base)
         if self._stages is not None:
             self._stages.write(stamp_s, picture, solved.agreeing, self._camera)
         return self._answer(stamp_s, solved, picture)
@@ -125,7 +126,7 @@ class KinectLandmarks(Localizer):
         self._eye.reference_light = float(saved[_LIGHT][0])
         self._start_pose = self._session.start_pose or Pose2()
         if self._session.start_pose is not None and self.config.solve == "plane":
-            self._poses = [(-np.inf, Pose3.from_planar(self._session.start_pose).matrix())]
+            self._expectation.begin(-np.inf, Pose3.from_planar(self._session.start_pose).matrix())
 
     def _begin(self, stamp_s: float, others: Sighting, belief: Belief) -> Sequence[Estimate]:
         """Remember what is seen from the start; only if it could carry a pose."""
@@ -139,36 +140,29 @@ class KinectLandmarks(Localizer):
         rows = self._tracker.remember(others, T_map_base, np.zeros((3, 3)))
         self._remember(stamp_s, belief, T_map_base, rows)
         self._start_pose = pose
-        self._poses = [(stamp_s, T_map_base)]
+        self._expectation.begin(stamp_s, T_map_base)
         self._told = (stamp_s, pose, np.zeros((3, 3)))
         return ()
 
-    def _predicted(self, stamp_s: float) -> Array | None:
-        """Return the pose carried on with the last velocity; None while lost."""
-        if not self._poses:
+    def _expected(self, stamp_s: float) -> Expected | None:
+        """Return the expected pose; None while lost."""
+        last = self._expectation.last
+        if last is None or (np.isfinite(last[0]) and stamp_s - last[0] > self.config.restart_s):
             return None
-        last_s, last = self._poses[-1]
-        if stamp_s - last_s > self.config.restart_s and np.isfinite(last_s):
-            return None
-        if len(self._poses) < 2:
-            return last
-        before_s, before = self._poses[0]
-        share = (stamp_s - last_s) / (last_s - before_s)
-        step = np.linalg.inv(before) @ last
-        return last @ step if 0.5 < share < 2.0 else last
+        return self._expectation.motion(stamp_s, 2 if self.config.solve == "plane" else 3)
 
     def _lost(self, stamp_s: float, reason: str, again: Sighting, others: Sighting, belief: Belief) -> Lost:
         """Say so; after a while begin anew from where the robot is believed to be."""
         details = {"n_landmarks": float(len(again) + len(others)), "n_refound": float(len(again))}
-        since_s = stamp_s - self._poses[-1][0] if self._poses else np.inf
+        last = self._expectation.last
         has_motion = belief.motion_age_s < self.config.restart_s and belief.pose_map_base is not None
-        may_restart = bool(self._poses) and np.isfinite(since_s) and since_s > self.config.restart_s
-        if may_restart and len(others) >= max(_START_LANDMARKS, self.config.min_landmarks):
-            T_map_base = self._poses[-1][1]
+        may_restart = last is not None and np.isfinite(last[0]) and stamp_s - last[0] > self.config.restart_s
+        if last is not None and may_restart and len(others) >= max(_START_LANDMARKS, self.config.min_landmarks):
+            T_map_base = last[1]
             if has_motion and belief.pose_map_base is not None:
                 T_map_base = Pose3.from_planar(belief.pose_map_base).matrix()
             self._tracker.remember(others, T_map_base, _RESTART)
-            self._poses = [(stamp_s, T_map_base)]
+            self._expectation.begin(stamp_s, T_map_base)
             self._counts["restarts"] += 1
             reason += "; remembers anew"
         return self._lost_now(stamp_s, reason, details)
@@ -176,8 +170,9 @@ class KinectLandmarks(Localizer):
     def _lost_now(self, stamp_s: float, reason: str, details: Mapping[str, float]) -> Lost:
         self._counts["lost"] += 1
         self._told = None  # a motion begins anew after a gap
-        if self._poses and not np.isfinite(self._poses[-1][0]):
-            self._poses = []  # the start pose did not fit the map: search all of it
+        last = self._expectation.last
+        if last is not None and not np.isfinite(last[0]):
+            self._expectation.forget()  # the start pose did not fit the map: search all of it
         return Lost(stamp_s, reason, details)
 
     def _remember(self, stamp_s: float, belief: Belief, T_map_base: Array, rows: npt.NDArray[np.intp]) -> None:

@@ -8,9 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from trailmark_kinect_landmarks.alignment import Alignment, AlignmentLimits, Refusal, align, planar_covariance
+from trailmark_kinect_landmarks.alignment import (
+    Alignment,
+    AlignmentLimits,
+    Refusal,
+    align,
+    planar_covariance,
+)
 from trailmark_kinect_landmarks.camera import Camera
 from trailmark_kinect_landmarks.config import KinectLandmarksConfig
+from trailmark_kinect_landmarks.expectation import Expected
 from trailmark_kinect_landmarks.eye import Eye, Picture
 from trailmark_kinect_landmarks.fuzzy import Plan
 from trailmark_kinect_landmarks.landmarks import Seen
@@ -115,14 +122,14 @@ class Tracker:
         measured = np.flatnonzero(np.isfinite(again.seen.points_base).all(axis=1))
         return again.pick(measured), Sighting(found.rows(others), np.full(len(others), -1, np.intp))
 
-    def solve(self, again: Sighting, T_map_base: Array | None) -> Solved | Refusal:
+    def solve(self, again: Sighting, expected: Expected | None) -> Solved | Refusal:
         """Return the pose that the landmarks agree on: of those that may vote; where few do, of those on trial too."""
         able = np.asarray(~self._memory.is_moved[again.rows])
         voting = self._memory.votes(again.rows)
-        answer = self._aligned(again.pick(voting), T_map_base)
+        answer = self._aligned(again.pick(voting), expected)
         n_agree = 0 if isinstance(answer, Refusal) else len(answer.agreeing)
         if n_agree < _ENOUGH and able.sum() > voting.sum():
-            of_all = self._aligned(again.pick(able), T_map_base)
+            of_all = self._aligned(again.pick(able), expected)
             answer = answer if isinstance(of_all, Refusal) else of_all
         return answer
 
@@ -203,11 +210,10 @@ class Tracker:
         points_base = (self._memory.points[rows] - T_map_base[:3, 3]) @ T_map_base[:3, :3]
         return self._camera.project(points_base, picture.size)
 
-    def _aligned(self, sighting: Sighting, T_map_base: Array | None) -> Solved | Refusal:
+    def _aligned(self, sighting: Sighting, expected: Expected | None) -> Solved | Refusal:
         D = 2 if self._config.solve == "plane" else 3
         memory, seen = self._memory, sighting.seen
         model = _MODEL_SIGMA_M**2 * np.eye(D)
-        guess = None if T_map_base is None else (T_map_base[:D, :D], T_map_base[:D, 3])
         answer = align(
             memory.points[sighting.rows][:, :D],
             seen.points_base[:, :D],
@@ -215,7 +221,7 @@ class Tracker:
             seen.cov_base[:, :D, :D] + model,
             rng=self._rng,
             limits=self._limits,
-            guess=guess,
+            expected=expected,
         )
         if isinstance(answer, Refusal):
             return answer

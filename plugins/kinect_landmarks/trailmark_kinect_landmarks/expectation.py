@@ -1,0 +1,112 @@
+"""The movement that is expected, by which the paper tells moving things from the robot's own movement."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["Expectation", "Expected"]
+
+Array = npt.NDArray[np.float64]
+
+_LEARNS = 0.15  # what the newest miss counts
+_SLACK = 2.0  # sigmas of the misses of late that an expectation is worth
+_FLOOR_M, _FLOOR_RAD = 0.003, math.radians(0.1)
+_UNKNOWN_M, _UNKNOWN_RAD = 0.1, math.radians(5.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Expected:
+    """The motion that is expected, and what the expectation is worth.
+
+    Attributes
+    ----------
+    R, t : (D, D), (D,) float64
+        ``points_a = R points_b + t``.
+    sigma_m, sigma_rad : float
+        Standard deviations along every axis and about it [m, rad].
+    """
+
+    R: Array
+    t: Array
+    sigma_m: float
+    sigma_rad: float
+
+    @property
+    def information(self) -> Array:
+        """Inverse variances of translation and rotation, (3,) or (6,)."""
+        D = len(self.t)
+        return np.array([self.sigma_m**-2] * D + [self.sigma_rad**-2] * (1 if D == 2 else 3))
+
+    def seen_from(self, R: Array, t: Array) -> Array:
+        """Return how far it is from another motion: translation, and rotation on the left, (3,) or (6,)."""
+        turn = self.R @ R.T
+        if len(t) == 2:
+            return np.array([*(self.t - t), math.atan2(turn[1, 0], turn[0, 0])])
+        axis = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / 2.0
+        sine = float(np.linalg.norm(axis))
+        angle = math.atan2(sine, (float(np.trace(turn)) - 1.0) / 2.0)
+        return np.concatenate([self.t - t, axis * (angle / sine if sine > 1e-9 else 1.0)])
+
+
+class Expectation:
+    """Carries the pose on with the last velocity, and knows how far off that has been of late.
+
+    A robot on wheels moves evenly: what it sees against its expectation moves by itself. A camera in a hand does not,
+    and is expected to be anywhere near.
+    """
+
+    def __init__(self) -> None:
+        self._poses: list[tuple[float, Array]] = []  # the last two: stamps and T_map_base
+        self._variance_m2, self._variance_rad2 = _UNKNOWN_M**2, _UNKNOWN_RAD**2
+
+    @property
+    def last(self) -> tuple[float, Array] | None:
+        """Stamp and pose of the last answer; the stamp is -inf for a start that was told; None: lost."""
+        return self._poses[-1] if self._poses else None
+
+    def begin(self, stamp_s: float, T_map_base: Array) -> None:
+        """Begin anew at a pose."""
+        self._poses = [(stamp_s, T_map_base)]
+        self._variance_m2, self._variance_rad2 = _UNKNOWN_M**2, _UNKNOWN_RAD**2
+
+    def forget(self) -> None:
+        """Expect nothing."""
+        self._poses = []
+
+    def took(self, stamp_s: float, T_map_base: Array) -> None:
+        """Take a pose that was found, and learn how good the expectation was."""
+        expected = self.pose(stamp_s)
+        if expected is not None and len(self._poses) == 2:
+            miss = np.linalg.inv(expected) @ T_map_base
+            cosine = (np.trace(miss[:3, :3]) - 1.0) / 2.0
+            turn_rad = math.acos(min(1.0, max(-1.0, float(cosine))))
+            self._variance_m2 += _LEARNS * (float(miss[:3, 3] @ miss[:3, 3]) - self._variance_m2)
+            self._variance_rad2 += _LEARNS * (turn_rad**2 - self._variance_rad2)
+        self._poses = [*self._poses[-1:], (stamp_s, T_map_base)]
+
+    def pose(self, stamp_s: float) -> Array | None:
+        """Return T_map_base expected at a stamp; None without a pose to begin from."""
+        if not self._poses:
+            return None
+        last_s, last = self._poses[-1]
+        if len(self._poses) < 2:
+            return last
+        before_s, before = self._poses[0]
+        share = (stamp_s - last_s) / (last_s - before_s)
+        return last @ (np.linalg.inv(before) @ last) if 0.5 < share < 2.0 else last
+
+    def motion(self, stamp_s: float, n_dimensions: int) -> Expected | None:
+        """Return what is expected at a stamp, in the plane (2) or in space (3), and what it is worth."""
+        T = self.pose(stamp_s)
+        if T is None:
+            return None
+        last_s = self._poses[-1][0]
+        is_regular = len(self._poses) == 2 and stamp_s - last_s < 2.0 * (last_s - self._poses[0][0])
+        variances = (self._variance_m2, self._variance_rad2) if is_regular else (_UNKNOWN_M**2, _UNKNOWN_RAD**2)
+        sigma_m, sigma_rad = (_SLACK * math.sqrt(variance) for variance in variances)
+        D = n_dimensions
+        return Expected(T[:D, :D], T[:D, 3], max(sigma_m, _FLOOR_M), max(sigma_rad, _FLOOR_RAD))

@@ -1,0 +1,117 @@
+"""What movement is expected, and what that is worth against things that move."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from trailmark.geometry import Pose2, Pose3
+from trailmark_kinect_landmarks.alignment import Alignment, align
+from trailmark_kinect_landmarks.expectation import Expectation, Expected
+
+
+def _T(x: float, turn_rad: float = 0.0) -> np.ndarray:
+    return Pose3.from_planar(Pose2(x, 0.0, turn_rad)).matrix()
+
+
+def _driven(steps_m: list[float]) -> Expectation:
+    expectation = Expectation()
+    expectation.begin(0.0, _T(0.0))
+    x = 0.0
+    for i, step_m in enumerate(steps_m):
+        x += step_m
+        expectation.took(0.1 * (i + 1), _T(x))
+    return expectation
+
+
+def test_the_velocity_is_carried_on() -> None:
+    expectation = Expectation()
+    expectation.begin(0.0, _T(0.0))
+    expectation.took(0.1, _T(0.03, 0.1))
+
+    expected = expectation.pose(0.2)
+
+    assert expected is not None
+    np.testing.assert_allclose(expected, _T(0.03, 0.1) @ _T(0.03, 0.1), atol=1e-12)
+
+
+def test_after_a_pause_the_velocity_is_no_longer_known() -> None:
+    expectation = _driven([0.03] * 30)
+    regular, late = expectation.motion(3.1, 2), expectation.motion(3.6, 2)
+
+    assert regular is not None
+    assert late is not None
+    assert late.t == pytest.approx([0.9, 0.0])
+    assert late.sigma_m > 10 * regular.sigma_m
+
+
+def test_even_driving_is_worth_more_than_a_shaking_hand() -> None:
+    even, shaky = _driven([0.03] * 40), _driven([0.03, -0.03] * 20)
+    one, other = even.motion(4.1, 2), shaky.motion(4.1, 2)
+
+    assert one is not None
+    assert other is not None
+    assert one.sigma_m < 0.01 < 0.1 < other.sigma_m
+
+
+def test_nothing_is_expected_of_what_is_forgotten() -> None:
+    expectation = _driven([0.03])
+    expectation.forget()
+
+    assert expectation.pose(0.2) is None
+    assert expectation.motion(0.2, 3) is None
+    assert expectation.last is None
+
+
+@pytest.mark.parametrize("n_dimensions", [2, 3])
+def test_an_expectation_knows_how_far_off_a_pose_is(n_dimensions: int) -> None:
+    D = n_dimensions
+    T = Pose3(0.1, 0.2, 0.0, yaw=0.3).matrix()
+
+    off = Expected(T[:D, :D], T[:D, 3], 0.1, 0.1).seen_from(np.eye(D), np.zeros(D))
+
+    np.testing.assert_allclose(off, [0.1, 0.2, 0.3] if D == 2 else [0.1, 0.2, 0.0, 0.0, 0.0, 0.3], atol=1e-12)
+
+
+def test_a_crate_that_walks_before_a_far_wall_does_not_turn_the_robot() -> None:
+    # Far landmarks alone forgive a shift that a turn makes up for: a near crate has it all its own way without the
+    # expected movement.
+    rng = np.random.default_rng(7)
+    wall = np.stack([np.full(40, 5.0), np.linspace(-2.0, 2.0, 40)], axis=1)
+    crate = np.stack([np.full(17, 2.2), 0.6 + 0.02 * np.arange(17)], axis=1)
+    then = np.concatenate([wall, crate])
+    away = np.linalg.norm(then, axis=1)
+    sigma_depth, sigma_side = 1.4e-3 * away**2, away / 525.0
+    now = then + rng.normal(size=then.shape) * np.stack([sigma_depth, sigma_side], axis=1) * 0.7
+    now[40:, 1] += 0.05
+    cov = np.zeros((57, 2, 2))
+    cov[:, 0, 0], cov[:, 1, 1] = sigma_depth**2, sigma_side**2
+    nothing = np.tile(np.eye(2) * 1e-6, (57, 1, 1))
+    expected = Expected(np.eye(2), np.zeros(2), 0.005, math.radians(0.2))
+
+    without = align(then, now, nothing, cov, rng=np.random.default_rng(1))
+    found = align(then, now, nothing, cov, rng=np.random.default_rng(1), expected=expected)
+    by_the_wall = align(then[:40], now[:40], nothing[:40], cov[:40], rng=np.random.default_rng(1))
+
+    assert isinstance(without, Alignment)
+    assert isinstance(found, Alignment)
+    assert np.linalg.norm(without.t) > 0.05
+    assert isinstance(by_the_wall, Alignment)
+    np.testing.assert_allclose(found.t, by_the_wall.t, atol=1e-3)
+    assert not found.inliers[40:].any()
+    assert found.inliers[:40].mean() > 0.9
+
+
+def test_an_expectation_that_is_far_off_is_overruled() -> None:
+    rng = np.random.default_rng(3)
+    then = rng.uniform((1.0, -2.0), (4.0, 2.0), (30, 2))
+    true = Pose2(0.8, -0.4, 0.5)
+    now = true.inverse() @ then
+    cov = np.tile(np.eye(2) * 1e-4, (30, 1, 1))
+
+    found = align(then, now, cov, cov, rng=rng, expected=Expected(np.eye(2), np.zeros(2), 0.003, 0.002))
+
+    assert isinstance(found, Alignment)
+    np.testing.assert_allclose(found.t, [0.8, -0.4], atol=1e-9)
