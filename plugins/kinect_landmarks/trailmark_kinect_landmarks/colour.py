@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["HUES", "SATURATIONS", "colour_index", "compensate", "histograms", "picture_light", "similarity"]
+__all__ = ["HUES", "SATURATIONS", "Light", "colour_index", "compensate", "histograms", "picture_light", "similarity"]
 
 Bgr = npt.NDArray[np.uint8]
 
@@ -20,19 +22,53 @@ def picture_light(grey: npt.NDArray[np.uint8]) -> float:
     return float(grey[::8, ::8].mean()) / 255.0
 
 
-def compensate(bgr: Bgr, light: float, reference: float, max_gain: float = 6.0) -> Bgr:
+@dataclass(frozen=True, slots=True)
+class Light:
+    """How bright it is.
+
+    Attributes
+    ----------
+    picture : float
+        Mean grey level of the picture, 0 to 1.
+    measured : float or None
+        By a sensor of ambient light, in its unit.
+    """
+
+    picture: float
+    measured: float | None = None
+
+    def share_of(self, reference: Light) -> float:
+        """Return the light as a share of the reference: by the sensor where there is one, else by the picture."""
+        if self.measured is not None and reference.measured is not None:
+            return self.measured / max(reference.measured, 1e-6)
+        return self.picture / max(reference.picture, 1e-6)
+
+    def gain_to(self, reference: Light) -> float:
+        """Return the factor that takes grey levels to the reference.
+
+        The picture tells how its camera took the change of light: in full, by the root of it, or not at all where it
+        exposes by itself. The sensor tells how much of that was light and not another view.
+        """
+        gain = reference.picture / max(self.picture, 1e-6)
+        if self.measured is None or reference.measured is None:
+            return gain
+        most = reference.measured / max(self.measured, 1e-6)
+        return min(max(gain, min(1.0, most)), max(1.0, most))
+
+
+def compensate(bgr: Bgr, gain: float, max_gain: float = 6.0) -> Bgr:
     """Return the picture as it would look in the reference light.
 
     Parameters
     ----------
     bgr : (H, W, 3) uint8
         Picture.
-    light, reference : float
-        Ambient light now and when the landmarks were remembered, in one unit.
+    gain : float
+        Of `Light.gain_to`.
     max_gain : float
         More would only show noise.
     """
-    gain = min(max(reference / max(light, 1e-6), 1.0 / max_gain), max_gain)
+    gain = min(max(gain, 1.0 / max_gain), max_gain)
     if abs(gain - 1.0) < 0.1:  # within a tenth the histograms do not change; saves a copy
         return bgr
     return np.asarray(cv2.convertScaleAbs(bgr, alpha=gain), dtype=np.uint8)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from trailmark.frames import RGBD, Scan
 from trailmark_kinect_landmarks.camera import Camera
-from trailmark_kinect_landmarks.colour import compensate, picture_light
+from trailmark_kinect_landmarks.colour import Light, compensate, picture_light
 from trailmark_kinect_landmarks.config import KinectLandmarksConfig
 from trailmark_kinect_landmarks.finders import View, find
 from trailmark_kinect_landmarks.fuzzy import Plan
@@ -74,22 +74,20 @@ class Eye:
 
     def __init__(self, config: KinectLandmarksConfig, camera: Camera) -> None:
         self._config, self._camera = config, camera
-        #: Light in which landmarks were remembered, in the unit of the light sensor, or of pictures; None at first.
-        self.reference_light: float | None = None
+        #: Light in which landmarks were remembered; None at first.
+        self.reference_light: Light | None = None
 
     def prepare(self, payload: RGBD, measured_light: float | None, scan: Scan | None, scale: float) -> Picture:
         """Return the picture in the reference light, with its depth registered and corrected."""
-        light = measured_light
-        if light is None:
-            light = picture_light(np.asarray(payload.bgr[..., 1]))  # green stands for brightness
+        light = Light(picture_light(np.asarray(payload.bgr[..., 1])), measured_light)  # green stands for brightness
         if self.reference_light is None:
-            self.reference_light = max(light, 1e-6)
-        bgr = compensate(payload.bgr, light, self.reference_light)
+            self.reference_light = light
+        bgr = compensate(payload.bgr, light.gain_to(self.reference_light))
         registered_m = self._camera.registered(payload)
         depth_m = self._camera.corrected(registered_m, payload.bgr)
         view = View(bgr, depth_m, scale)
         grey = view.grey if scale == 1.0 else np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY), np.uint8)
-        return Picture(payload.bgr, view, grey, registered_m, depth_m, light / self.reference_light, scan)
+        return Picture(payload.bgr, view, grey, registered_m, depth_m, light.share_of(self.reference_light), scan)
 
     def find(self, picture: Picture, plan: Plan, taken_uv: Array, n: int) -> Seen:
         """Return up to `n` landmarks that the finders see and that have depth, away from those that are known."""

@@ -16,6 +16,7 @@ from trailmark.interfaces import Localizer, Session
 from trailmark.paths import Keyframe
 from trailmark_kinect_landmarks.alignment import Refusal
 from trailmark_kinect_landmarks.camera import Camera, alignment_limits
+from trailmark_kinect_landmarks.colour import Light
 from trailmark_kinect_landmarks.config import KinectLandmarksConfig
 from trailmark_kinect_landmarks.effort import Effort
 from trailmark_kinect_landmarks.expectation import Expectation, Expected
@@ -123,7 +124,8 @@ class KinectLandmarks(Localizer):
         if saved is None:
             return
         self._memory.load({name: array for name, array in saved.items() if name != _LIGHT})
-        self._eye.reference_light = float(saved[_LIGHT][0])
+        picture, measured = (*saved[_LIGHT], np.nan)[:2]
+        self._eye.reference_light = Light(float(picture), None if np.isnan(measured) else float(measured))
         self._start_pose = self._session.start_pose or Pose2()
         if self._session.start_pose is not None and self.config.solve == "plane":
             self._expectation.begin(-np.inf, Pose3.from_planar(self._session.start_pose).matrix())
@@ -180,7 +182,9 @@ class KinectLandmarks(Localizer):
         drawer = self._session.drawer
         if self._session.mode != "teach" or drawer is None or len(rows) == 0:
             return
-        arrays = self._memory.arrays(rows) | {_LIGHT: np.array([self._eye.reference_light])}
+        light = self._eye.reference_light or Light(1.0)
+        lights = np.array([light.picture, np.nan if light.measured is None else light.measured])
+        arrays = self._memory.arrays(rows) | {_LIGHT: lights}
         pose = Pose3.from_matrix(T_map_base).planar()
         drawer.add(Keyframe(belief.travelled_m, stamp_s, pose, arrays))
 
