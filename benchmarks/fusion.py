@@ -117,16 +117,9 @@ def measured(folder: Path, robot: int, case: str) -> Row:
 
 def husky(bag: Path) -> dict[str, float]:
     """Return where odometry and IMU end, and how far from where robot_localization's test expects it [m]."""
-    mounting = {"y": -0.3, "z": 0.52, "yaw_deg": -90, "roll_deg": 90}
-    config = {
-        "sources": {"bag": {"plugin": "rosbag", "path": str(bag)}},
-        "sensors": {"imu_data": {"mounting": mounting}},
-        "localizers": {"wheels": {"plugin": "odometry"}, "imu": {"plugin": "inertial", "heading_sigma_deg": 1.0}},
-        "estimator": {"plugin": "kalman", "start_sigma_deg": 180.0},
-        "start": [0.0, 0.0, 0.0],
-        "pace": "step",
-    }
-    with Pipeline(config, plugins=load_plugins(files=[Path(__file__).with_name("inertial.py")])) as pipeline:
+    example = Path(__file__).parents[1] / "examples" / "real" / "husky_bag.yaml"
+    source = f"sources.bag.path={json.dumps(str(bag))}"
+    with Pipeline(example, overrides=[source]) as pipeline:
         for step in pipeline:
             pose = step.belief.pose_map_base
     assert pose is not None

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from trailmark.estimates import Belief, Lost, Motion
 from trailmark.frames import Frame, Odometry, Scalar
-from trailmark.geometry import Pose2
+from trailmark.geometry import Pose2, Twist2
 from trailmark.interfaces import Session
 from trailmark_baselines.config import OdometryConfig
 from trailmark_baselines.odometry import OdometryLocalizer
@@ -154,3 +154,24 @@ def test_other_frames_are_not_looked_at():
 def test_sigmas_must_be_positive(key):
     with pytest.raises(ValidationError, match=f"{key}\n.*greater than 0"):
         localizer(**{key: 0.0})
+
+
+class TestVelocity:
+    def moving(self, stamp_s: float, pose: Pose2, twist: Twist2 | None) -> Frame:
+        return Frame("wheels", stamp_s, Odometry(pose, None, twist))
+
+    def test_it_drives_the_mean_of_two_velocities_whatever_the_pose_says(self):
+        first = self.moving(1.0, Pose2(), Twist2(1.0, 0.0, 0.2))
+        second = self.moving(1.5, Pose2(9.0, 9.0, 2.0), Twist2(2.0, 0.0, 0.4))
+
+        (motion,) = observed(localizer(reads="velocity"), first, second)
+
+        expected = Pose2.exp(0.75, 0.0, 0.15)
+        np.testing.assert_allclose(motion.pose_since_now.array(), expected.array(), atol=1e-12)
+
+    def test_without_a_velocity_it_is_lost_and_says_so(self):
+        (lost,) = observed(
+            localizer(reads="velocity"), self.moving(1.0, Pose2(), None), self.moving(1.5, Pose2(0.1), None)
+        )
+
+        assert lost == Lost(1.5, "the odometry gives no velocity")

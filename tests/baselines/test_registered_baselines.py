@@ -34,3 +34,11 @@ def test_they_give_motion_and_look_at_one_sensor(registry, name, role):
     assert spec.gives == {"motion"}
     assert list(sensor_roles(spec.load_config())) == [role]
     assert all(field.description for field in spec.load_config().model_fields.values())
+
+
+def test_the_inertial_unit_gives_motion_and_a_heading(registry):
+    spec = registry.find("localizer", "imu")
+
+    assert issubclass(spec.load(), Localizer)
+    assert spec.gives == {"motion", "fix"}
+    assert all(field.description for field in spec.load_config().model_fields.values())

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import Field, field_validator
 
 from trailmark.config import PluginConfig, Sensor
 
-__all__ = ["ConstantSpeedConfig", "OdometryConfig"]
+__all__ = ["ConstantSpeedConfig", "ImuConfig", "OdometryConfig"]
 
 
 class OdometryConfig(PluginConfig):
@@ -14,6 +16,9 @@ class OdometryConfig(PluginConfig):
 
     wheels: Sensor["odometry"]
     """The odometry."""
+    reads: Literal["pose", "velocity"] = "pose"
+    """What is taken of a frame: the way since the start, which loses nothing with a frame, or the velocity, averaged
+    over two frames; where the robot adds up its way worse than it measures its speed."""
     distance_sigma: float = Field(0.02, gt=0)
     """Error of the distance after 1 m; grows with the root of the way [m per root m]."""
     lateral_sigma: float = Field(0.01, gt=0)
@@ -57,3 +62,20 @@ class ConstantSpeedConfig(PluginConfig):
         if speed_mps == 0.0:
             raise ValueError("must not be 0: a robot that stands needs no localizer")
         return speed_mps
+
+
+class ImuConfig(PluginConfig):
+    """What an inertial unit says of the heading. How it is mounted is the sensor's to say."""
+
+    imu: Sensor["imu"]
+    """The inertial unit."""
+    turn_sigma_deg: float = Field(0.2, gt=0)
+    """Error of the turn after 1 s; grows with the root of the time [deg per root s]."""
+    bias_deg_per_s: float = 0.0
+    """Rate that it shows at rest, about the vertical axis of base; taken off [deg/s]."""
+    heading_sigma_deg: float | None = Field(None, gt=0)
+    """Standard deviation of the absolute heading, where the unit has one; left out: it is not used [deg]."""
+    north_deg: float = 0.0
+    """Heading of the unit's zero in the map, counter-clockwise; added to the absolute heading [deg]."""
+    max_gap_s: float = Field(0.5, gt=0)
+    """Between readings farther apart the turn is not known: a gap is left [s]."""

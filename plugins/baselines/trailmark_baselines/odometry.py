@@ -42,12 +42,14 @@ class OdometryLocalizer(Localizer):
             return ()
         since_s, before = last
         dt_s = frame.stamp_s - since_s
-        step = _step(before, now)
+        reads_velocity = self.config.reads == "velocity"
+        step = _driven(before, now, dt_s) if reads_velocity else _step(before, now)
         if step is None:
-            return (Lost(frame.stamp_s, "the odometry changed between pose and distance"),)
+            missing = "gives no velocity" if reads_velocity else "changed between pose and distance"
+            return (Lost(frame.stamp_s, f"the odometry {missing}"),)
         if math.hypot(step.x, step.y) > self.config.max_speed_mps * dt_s:
             return (Lost(frame.stamp_s, f"a jump of {math.hypot(step.x, step.y):.3g} m in {dt_s:.3g} s: restarted?"),)
-        if now.pose_start_base is None:
+        if now.pose_start_base is None and not reads_velocity:
             return (self._straight(since_s, frame.stamp_s, step.x),)
         return (self._measured(since_s, frame.stamp_s, step),)
 
@@ -86,3 +88,15 @@ def _step(before: Odometry, now: Odometry) -> Pose2 | None:
     if before.distance_m is not None and now.distance_m is not None:
         return Pose2(now.distance_m - before.distance_m)
     return None
+
+
+def _driven(before: Odometry, now: Odometry, dt_s: float) -> Pose2 | None:
+    """Return the step at the mean of two velocities; None where a frame has none."""
+    if before.twist is None or now.twist is None:
+        return None
+    half_s = dt_s / 2.0
+    return Pose2.exp(
+        half_s * (before.twist.forward_mps + now.twist.forward_mps),
+        half_s * (before.twist.left_mps + now.twist.left_mps),
+        half_s * (before.twist.yaw_radps + now.twist.yaw_radps),
+    )

@@ -28,6 +28,13 @@ def trailmark_register(registry: Registry) -> None:
         reference="Perroni Filho & Ohya 2014 (correspondence by time)",
         gives=("motion",),
     )
+    registry.localizer(
+        "imu",
+        "trailmark_baselines.imu:ImuLocalizer",
+        config="trailmark_baselines.config:ImuConfig",
+        summary="Turn of an inertial unit's gyro, and its absolute heading where it has one",
+        gives=("motion", "fix"),
+    )
     for name, cls, summary in (
         ("column_ncc", "ColumnNCC", "Offset from taught pictures, by correlating the means of their columns"),
         ("patch_ncc", "PatchNCC", "Offset from taught pictures, by correlating small patch-normalised ones"),

@@ -1,0 +1,80 @@
+"""An inertial unit as a localizer: a gyro, and where the unit has one a compass."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.estimates import Belief, Estimate, Fix, Lost, Motion, information_from_sigmas
+from trailmark.frames import Frame, Imu
+from trailmark.geometry import Pose2
+from trailmark.interfaces import Localizer, Session
+from trailmark_baselines.config import ImuConfig
+
+__all__ = ["ImuLocalizer"]
+
+Array = npt.NDArray[np.float64]
+
+
+class ImuLocalizer(Localizer):
+    """Says how base has turned, and where it heads if the unit knows; both are of rank one.
+
+    The turn is a `Motion` that measured no way, the heading a `Fix` that measured no place.
+    """
+
+    config: ImuConfig
+
+    def start(self, session: Session) -> None:
+        """Look up how the unit is mounted, and forget the last reading."""
+        self._rotation_base_imu = session.sensors[self.config.imu].pose_base_sensor.rotation()
+        self._last: tuple[float, float] | None = None
+
+    def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
+        """Return the turn since the last reading, and the heading."""
+        reading = frame.payload
+        if not isinstance(reading, Imu):
+            return ()
+        rate_radps = float(self._rotation_base_imu[2] @ reading.angular_velocity_radps)
+        if not math.isfinite(rate_radps):
+            self._last = None
+            return (Lost(frame.stamp_s, "the rate is not a number"),)
+        rate_radps -= math.radians(self.config.bias_deg_per_s)
+        last, self._last = self._last, (frame.stamp_s, rate_radps)
+        estimates: list[Estimate] = []
+        if last is not None and frame.stamp_s - last[0] <= self.config.max_gap_s:
+            estimates.append(self._turn(*last, frame.stamp_s, rate_radps))
+        sigma_deg = self.config.heading_sigma_deg
+        if sigma_deg is not None and reading.quat_xyzw is not None:
+            estimates.append(self._heading(frame.stamp_s, reading.quat_xyzw, math.radians(sigma_deg)))
+        return estimates
+
+    def _turn(self, since_s: float, before_radps: float, stamp_s: float, rate_radps: float) -> Motion:
+        dt_s = stamp_s - since_s
+        turn = Pose2(0.0, 0.0, (before_radps + rate_radps) / 2.0 * dt_s)
+        return Motion(since_s, stamp_s, turn, _of_heading(math.radians(self.config.turn_sigma_deg) * math.sqrt(dt_s)))
+
+    def _heading(self, stamp_s: float, quat_xyzw: Array, sigma_rad: float) -> Fix | Lost:
+        norm = float(np.linalg.norm(quat_xyzw))
+        if not (math.isfinite(norm) and norm > 0.5):  # some drivers send zeros for "unknown"
+            return Lost(stamp_s, f"the orientation is no rotation: its quaternion has norm {norm:.3g}")
+        forward = _rotation(quat_xyzw / norm) @ self._rotation_base_imu[0]  # base's x axis, in the unit's world
+        heading_rad = math.atan2(float(forward[1]), float(forward[0])) + math.radians(self.config.north_deg)
+        return Fix(stamp_s, Pose2(0.0, 0.0, heading_rad), _of_heading(sigma_rad))
+
+
+def _of_heading(sigma_rad: float) -> Array:
+    return information_from_sigmas(math.inf, math.inf, sigma_rad)
+
+
+def _rotation(quat_xyzw: Array) -> Array:
+    x, y, z, w = quat_xyzw.tolist()
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
