@@ -162,6 +162,7 @@ class Replay:
             "shift_deg": math.degrees(shift.columns * self._radians_per_column),
             "confidence": shift.confidence,
             "margin": shift.margin,
+            "score": shift.score,
         }
 
     def _bend(self, station_m: float) -> float:
