@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from trailmark.estimates import (
@@ -37,8 +37,23 @@ AHEAD = Pose2(0.1)
 Told = tuple[str, Estimate]
 
 
+# The same tests for both filters.
+FILTER = {"kind": "ekf"}
+
+
+# The mean over sigma points of a way whose heading is uncertain is shorter than the way at the mean heading, rightly
+# so. Figures worked out by hand to many digits are those of the extended filter.
+EKF_ONLY = pytest.mark.parametrize("kind", ["ekf"], indirect=True)
+
+
+@pytest.fixture(autouse=True, params=["ekf", "ukf"])
+def kind(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    monkeypatch.setitem(FILTER, "kind", request.param)
+    return str(request.param)
+
+
 def started(start_pose: Pose2 | None = ORIGIN, path: Path | None = None, **config: object) -> Kalman:
-    estimator = Kalman(KalmanConfig.model_validate(config))
+    estimator = Kalman(KalmanConfig.model_validate({"filter": FILTER["kind"], **config}))
     estimator.start(Session(start_pose=start_pose, path=path))
     return estimator
 
@@ -65,6 +80,7 @@ def told(estimator: Kalman, estimates: Sequence[Told]) -> Belief:
 
 
 class TestMotion:
+    @EKF_ONLY
     def test_motion_is_chained_and_its_covariance_adds_up(self) -> None:
         estimator = started()
 
@@ -81,6 +97,7 @@ class TestMotion:
         assert belief.motion_age_s == 0.0
         assert belief.fix_age_m == math.inf
 
+    @EKF_ONLY
     def test_a_motion_cut_by_a_fix_that_says_nothing_new_is_as_uncertain_as_in_one_piece(self) -> None:
         covariance = np.array([[1e-4, 2e-5, 1e-5], [2e-5, 3e-4, 9e-5], [1e-5, 9e-5, 1e-4]])
         motion = Motion(0.0, 1.0, Pose2(1.0, 0.2, 0.4), information_from_covariance(covariance))
@@ -93,6 +110,7 @@ class TestMotion:
         np.testing.assert_allclose(covariance_of(cut.belief(1.0)), covariance_of(whole.belief(1.0)), rtol=1e-9)
         np.testing.assert_allclose(pose_of(cut.belief(1.0)).array(), pose_of(whole.belief(1.0)).array(), atol=1e-9)
 
+    @EKF_ONLY
     def test_two_localizers_of_the_same_motion_are_weighed(self) -> None:
         estimator = started()
 
@@ -111,6 +129,7 @@ class TestMotion:
 
         assert covariance_of(estimator.belief(1.0))[0, 0] == pytest.approx(0.01**2 + 0.1**2)
 
+    @EKF_ONLY
     def test_a_gyro_and_a_distance_make_one_motion(self) -> None:
         estimator = started()
 
@@ -136,6 +155,7 @@ class TestMotion:
         assert pose_of(belief).theta == pytest.approx(0.04, abs=1e-6)
         assert covariance_of(belief)[2, 2] > math.radians(5.0) ** 2
 
+    @EKF_ONLY
     def test_motions_of_one_localizer_that_overlap_count_once(self) -> None:
         estimator = started()
 
@@ -144,6 +164,7 @@ class TestMotion:
 
         assert pose_of(estimator.belief()).x == pytest.approx(1.5)
 
+    @EKF_ONLY
     def test_a_gap_is_coasted_and_then_base_stands(self) -> None:
         estimator = started()
         drive(estimator, 10)
@@ -168,6 +189,7 @@ class TestCorrection:
         assert applied.nis == pytest.approx(0.1**2 / (0.1**2 + 0.1**2))
         assert pose_of(estimator.belief(0.0)).x == pytest.approx(0.05)
 
+    @EKF_ONLY
     def test_an_unmeasured_direction_costs_nothing_and_hurts_nothing(self) -> None:
         estimator = started()
         along = information_along((1.0, 1.0, 0.0), 0.01)
@@ -221,6 +243,7 @@ class TestCorrection:
 
         assert estimator.belief().fix_age_m == pytest.approx(0.5)
 
+    @EKF_ONLY
     def test_a_fix_that_contradicts_is_gated_and_says_why(self) -> None:
         estimator = started()
         drive(estimator, 10)
@@ -250,7 +273,7 @@ def _heard(seed: int) -> list[Told]:
 
 
 class TestOrder:
-    @settings(max_examples=40, deadline=None)
+    @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
     @given(seed=st.integers(0, 9), shuffle=st.randoms(use_true_random=False))
     def test_any_order_of_arrival_gives_what_the_right_order_gives(self, seed: int, shuffle: object) -> None:
         heard = _heard(seed)
@@ -334,6 +357,7 @@ class TestOdometry:
         assert estimator.belief().travelled_m == pytest.approx(1.0)
         assert estimator.belief().pose_odom_base.x == pytest.approx(1.0)
 
+    @EKF_ONLY
     def test_beliefs_of_a_history_interpolate_the_motion(self) -> None:
         estimator = started()
         drive(estimator, 10)

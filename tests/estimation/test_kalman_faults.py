@@ -23,8 +23,23 @@ ORIGIN = Pose2()
 DAY_S = 86_400.0
 
 
+# The same tests for both filters.
+FILTER = {"kind": "ekf"}
+
+
+# The mean over sigma points of a way whose heading is uncertain is shorter than the way at the mean heading, rightly
+# so. Figures worked out by hand to many digits are those of the extended filter.
+EKF_ONLY = pytest.mark.parametrize("kind", ["ekf"], indirect=True)
+
+
+@pytest.fixture(autouse=True, params=["ekf", "ukf"])
+def kind(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    monkeypatch.setitem(FILTER, "kind", request.param)
+    return str(request.param)
+
+
 def started(start_pose: Pose2 | None = ORIGIN, **config: object) -> Kalman:
-    estimator = Kalman(KalmanConfig.model_validate(config))
+    estimator = Kalman(KalmanConfig.model_validate({"filter": FILTER["kind"], **config}))
     estimator.start(Session(start_pose=start_pose))
     return estimator
 
@@ -160,6 +175,7 @@ class TestClock:
         assert pose_of(twice.belief()) == pose_of(once.belief())
 
     @pytest.mark.parametrize("jump_s", [-DAY_S, DAY_S])
+    @EKF_ONLY
     def test_one_stamp_of_another_day_is_refused(self, jump_s: float) -> None:
         estimator = driven(started(), 5)
 
@@ -171,6 +187,7 @@ class TestClock:
         assert pose_of(estimator.belief()).x == pytest.approx(1.0)
 
     @pytest.mark.parametrize("jump_s", [-DAY_S, DAY_S])
+    @EKF_ONLY
     def test_when_all_clocks_are_set_it_begins_anew_there(self, jump_s: float) -> None:
         estimator = driven(started(), 5)
         estimator.belief()
@@ -266,7 +283,7 @@ class TestRecovery:
 
         assert {verdict.status for verdict in statuses} == {"gated"}
         assert "others support the belief" in statuses[-1].reason
-        assert estimator.belief().health["liar"] == "contradicts the belief, 100 in a row"
+        assert estimator.belief().health["liar"] == "contradicts the belief, 20 of late"
         assert abs(pose_of(estimator.belief()).y) < 0.02
 
     def test_a_liar_that_comes_to_its_senses_is_heard_again(self) -> None:
@@ -294,6 +311,7 @@ class TestRecovery:
 
 
 class TestSilence:
+    @EKF_ONLY
     def test_a_silent_localizer_is_named_and_the_belief_goes_on_predicted(self) -> None:
         estimator = driven(started(timeout_s=1.0, sources={"camera": {}}), 5)
         assert estimator.belief().health == {"camera": "not heard of yet"}
@@ -306,6 +324,7 @@ class TestSilence:
         assert pose_of(belief).x == pytest.approx(2.5, abs=1e-6)
         assert belief.fix_age_m == pytest.approx(2.0)
 
+    @EKF_ONLY
     def test_all_silent_the_belief_stays_finite_and_says_so(self) -> None:
         estimator = driven(started(), 5)
 

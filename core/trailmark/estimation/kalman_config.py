@@ -30,6 +30,9 @@ class SourceTreatment(PluginConfig):
     """Standard deviations in place of what the localizer states; null says "not measured" [m, m, deg]."""
     timeout_s: float | None = Field(default=None, gt=0)
     """Silence that is reported in the health of the belief [s]."""
+    errors: Literal["independent", "gyro_bias", "scale"] = "independent"
+    """What the errors of its motion have in common, to be estimated: nothing, a constant yaw rate, or a factor of the
+    way (wheels that are larger or smaller than believed)."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -42,6 +45,11 @@ class SourceTreatment(PluginConfig):
 class KalmanConfig(PluginConfig):
     """Weighs the estimates of any number of localizers by what they say of their own certainty."""
 
+    filter: Literal["ekf", "ukf"] = "ekf"
+    """Extended (derivatives) or unscented (sigma points, five times the cost)."""
+    model: Literal["pose", "velocity"] = "pose"
+    """pose: velocity is what motion said last. velocity: velocity and yaw rate are estimated, also from fixes alone;
+    in a gap they fade within `coast_s`."""
     history_s: float = Field(default=10.0, gt=0)
     """How late an estimate may come and still correct everything after it [s]."""
     start_sigma_m: float = Field(default=0.01, gt=0)
@@ -64,13 +72,19 @@ class KalmanConfig(PluginConfig):
     loss_scale: float = Field(default=2.0, gt=0)
     """Distance at which the loss begins, in standard deviations of the innovation."""
     recover_after: int = Field(default=5, ge=1)
-    """Rejections in a row of one localizer after which the belief is doubted instead of the localizer."""
+    """How many more must be rejected of one localizer than accepted until the belief is doubted, not the localizer."""
     support_s: float = Field(default=3.0, ge=0)
     """It is not doubted while another localizer, accepted within this time, measures the same directions [s]."""
     floor_m: float = Field(default=1e-6, gt=0)
     """Smallest standard deviation of a position that is believed [m]."""
     floor_deg: float = Field(default=1e-4, gt=0)
     """Smallest standard deviation of a heading that is believed [deg]."""
+    gyro_bias_sigma_deg_per_s: float = Field(default=1.0, gt=0)
+    """Where `errors: gyro_bias` is said: what is known of the bias at first [deg/s]."""
+    scale_sigma: float = Field(default=0.05, gt=0)
+    """Where `errors: scale` is said: what is known of the factor at first, as a share."""
+    wander_s: float = Field(default=600.0, gt=0)
+    """Time in which a common error may change by its sigma [s]."""
     timeout_s: float = Field(default=2.0, gt=0)
     """Silence of a localizer that is reported in the health of the belief [s]."""
     time_jump_s: float = Field(default=60.0, gt=0)

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from trailmark.estimation.kalman.ekf import PoseEkf
+from trailmark.estimation.kalman.ekf import Moves
 from trailmark.estimation.kalman.gate import threshold, weight
+from trailmark.estimation.kalman.innovation import Innovation, Measures, nis_of
+from trailmark.estimation.kalman.layout import Layout
 from trailmark.estimation.kalman.measurements import Measurement
-from trailmark.estimation.kalman.state import FilterState, Verdict
+from trailmark.estimation.kalman.recovery import agreed_pose, directions_of
+from trailmark.estimation.kalman.state import FilterState, Suspect, Verdict
 from trailmark.estimation.kalman_config import KalmanConfig
-from trailmark.estimation.symmetric import Sym3, inverse, to_matrix
 
-__all__ = ["Correction", "nis_of"]
+__all__ = ["Correction", "Filter"]
 
 Array = npt.NDArray[np.float64]
 
@@ -23,46 +26,55 @@ Array = npt.NDArray[np.float64]
 _DOUBTS = ((np.diag([1.0, 1.0, 0.0]), 1e3), (np.diag([0.0, 0.0, 1.0]), math.pi))
 _LEAST_DOUBT = 1e-3
 
+# Rejected estimates that are kept of each localizer, and for how long [s].
+_MOST_SUSPECTS, _SUSPECT_S = 30, 15.0
+# So many times `recover_after` rejections are waited for an agreement, before one alone is believed.
+_PATIENCE = 4
+
+
+class Filter(Protocol):
+    """What predicts and updates; filterpy's EKF or UKF."""
+
+    def moved(self, x: Array, covariance: Array, moves: Moves) -> tuple[Array, Array]:
+        """Return state and covariance after a motion."""
+
+    def corrected(self, x: Array, covariance: Array, seen: Innovation, measures: Measures) -> tuple[Array, Array]:
+        """Return state and covariance after a measurement."""
+
 
 class Correction:
     """Corrects a filter state with a measurement.
 
-    A measurement that fails its chi-square test is gated: the belief stays. After `recover_after` failures of one
-    localizer in a row, with no other localizer accepted of late that measures the same directions, it is the belief
-    that is doubted: position and heading each, until either alone would make the measurement nothing unusual. Then the
-    measurement is taken.
+    A measurement that fails its chi-square test is gated: the belief stays. Once a localizer has had `recover_after`
+    more rejected than accepted, with no other localizer accepted of late that measures the same directions, it is the
+    belief that is doubted. If what was rejected of late agrees on one pose, that pose is the belief from then on. If it
+    never measured all directions, or after four times as many rejections without agreement, position and heading are
+    each doubted until either alone would make the measurement nothing unusual, and it is taken.
     """
 
-    def __init__(self, config: KalmanConfig, ekf: PoseEkf) -> None:
+    def __init__(self, config: KalmanConfig, kalman: Filter, layout: Layout) -> None:
         self._recover_after = config.recover_after
         self._support_s = config.support_s
         self._loss_scale = config.loss_scale
-        self._ekf = ekf
+        self._filter = kalman
+        self._layout = layout
 
     def corrected(self, state: FilterState, measurement: Measurement) -> FilterState:
         """Return the state after a measurement, with the verdict on it as its last."""
         dof = len(measurement.root)
-        before, covariance, story = state.x, state.covariance, ""
+        before, covariance = state.x, state.covariance
         if before is None or covariance is None:
             return self._begun(state, measurement)
-        innovation, jacobian = measurement.innovation(before)
-        nis = nis_of(innovation, jacobian, covariance)
+        if measurement.replaces:
+            return self._set(state, before, covariance, measurement)
+        seen = Innovation(*measurement.innovation(before), covariance)
         trust = measurement.trust
-        if trust.gate is not None and nis > threshold(trust.gate, dof):
-            n = state.rejected.get(measurement.source, 0) + 1
-            story = self._story(state, measurement, jacobian, n)
-            if story:
-                reason = f"NIS {nis:.1f} of {dof} dof, the gate is {threshold(trust.gate, dof):.1f}{story}"
-                return _gated(state, measurement.source, n, Verdict("gated", nis, dof, reason))
-            covariance = _inflated(covariance, innovation, jacobian)
-            story = f"the belief contradicted {n} in a row and was doubted"
-            state = replace(state, n_recoveries=state.n_recoveries + 1)
-        weighted = weight(trust.loss, nis, dof, self._loss_scale)
-        if weighted != 1.0:
-            root = math.sqrt(weighted)
-            innovation, jacobian = root * innovation, root * jacobian
-        x, covariance = self._ekf.corrected(before, covariance, innovation, jacobian)
-        return _accepted(state, measurement, x, covariance, jacobian, Verdict("accepted", nis, dof, story))
+        if trust.gate is not None and seen.nis > threshold(trust.gate, dof):
+            return self._rejected(state, before, covariance, measurement, seen)
+        weighted = weight(trust.loss, seen.nis, dof, self._loss_scale)
+        used = seen if weighted == 1.0 else seen.weighted(weighted, covariance)
+        x, covariance = self._filter.corrected(before, covariance, used, measurement)
+        return _accepted(state, measurement, x, covariance, seen.jacobian[:, :3], Verdict("accepted", seen.nis, dof))
 
     def _begun(self, state: FilterState, measurement: Measurement) -> FilterState:
         start = measurement.as_start()
@@ -70,54 +82,107 @@ class Correction:
         if start is None:
             reason = f"the pose is unknown, and this says {dof} of its 3 numbers"
             return replace(state, verdicts=(*state.verdicts, Verdict("unused", None, dof, reason)))
-        return _accepted(state, measurement, *start, measurement.root, Verdict("accepted", None, dof))
+        begun = self._layout.begun(*start)
+        return _accepted(state, measurement, *begun, measurement.root, Verdict("accepted", None, dof))
 
-    def _story(self, state: FilterState, measurement: Measurement, jacobian: Array, n: int) -> str:
-        """Return why a failed measurement stays out; empty when the belief is to be doubted instead."""
+    def _set(self, state: FilterState, x: Array, covariance: Array, measurement: Measurement) -> FilterState:
+        start = measurement.as_start()
+        assert start is not None
+        placed = self._layout.placed(x, covariance, *start)
+        state = replace(state, rejected={}, suspects={}, supports={})
+        return _accepted(state, measurement, *placed, measurement.root, Verdict("accepted", None, 3))
+
+    def _rejected(
+        self, state: FilterState, x: Array, covariance: Array, measurement: Measurement, seen: Innovation
+    ) -> FilterState:
+        """Return the state after a measurement that fails its test: it stays out, or the belief is wrong."""
+        source, dof = measurement.source, len(measurement.root)
+        n = min(state.rejected.get(source, 0) + 1, _PATIENCE * self._recover_after)  # who comes to his senses is heard
+        suspects = _suspects(state, measurement)
+        limit = threshold(measurement.trust.gate or 0.0, dof)
+        story = f"NIS {seen.nis:.1f} of {dof} dof, the gate is {limit:.1f}"
         if n < self._recover_after:
-            return f"; {n} in a row" if n > 1 else " "
+            return _gated(state, source, n, suspects, Verdict("gated", seen.nis, dof, _more(story, n)))
+        if self._is_supported(state, source, seen.jacobian[:, :3]):
+            story = f"{_more(story, n)}, but others support the belief"
+            return _gated(state, source, n, suspects, Verdict("gated", seen.nis, dof, story))
+        if directions_of(suspects) == 3:
+            agreed = agreed_pose(suspects, state.odom, x)
+            if agreed is not None:
+                story = f"the belief contradicted {n} of late; they agree on another pose, which was taken"
+                return self._moved_to(
+                    state, x, covariance, agreed, measurement, Verdict("accepted", seen.nis, dof, story)
+                )
+            if n < _PATIENCE * self._recover_after:
+                story = f"{_more(story, n)}, and they do not agree on another pose"
+                return _gated(state, source, n, suspects, Verdict("gated", seen.nis, dof, story))
+        return self._doubted(state, x, covariance, measurement, seen, n)
+
+    def _moved_to(
+        self,
+        state: FilterState,
+        x: Array,
+        covariance: Array,
+        agreed: tuple[Array, Array],
+        measurement: Measurement,
+        verdict: Verdict,
+    ) -> FilterState:
+        placed = self._layout.placed(x, covariance, *agreed)
+        state = replace(state, n_recoveries=state.n_recoveries + 1, rejected={}, suspects={})
+        return _accepted(state, measurement, *placed, measurement.root, verdict)
+
+    def _doubted(
+        self, state: FilterState, x: Array, covariance: Array, measurement: Measurement, seen: Innovation, n: int
+    ) -> FilterState:
+        inflated = _inflated(covariance, seen.innovation, seen.jacobian)
+        again = Innovation(seen.innovation, seen.jacobian, inflated)
+        x, covariance = self._filter.corrected(x, inflated, again, measurement)
+        source = measurement.source
+        state = replace(
+            state,
+            n_recoveries=state.n_recoveries + 1,
+            rejected={**state.rejected, source: 0},
+            suspects={**state.suspects, source: ()},
+        )
+        story = f"the belief contradicted {n} of late and was doubted"
+        verdict = Verdict("accepted", seen.nis, len(measurement.root), story)
+        return _accepted(state, measurement, x, covariance, seen.jacobian[:, :3], verdict)
+
+    def _is_supported(self, state: FilterState, source: str, jacobian: Array) -> bool:
+        """Return whether other localizers, accepted of late, measure these directions: then the belief is right."""
         directions = [
             rows
-            for source, (stamp_s, rows) in state.supports.items()
-            if source != measurement.source and state.stamp_s - stamp_s <= self._support_s
+            for other, (stamp_s, rows) in state.supports.items()
+            if other != source and state.stamp_s - stamp_s <= self._support_s
         ]
-        if directions and _spans(np.vstack(directions), jacobian):
-            return f"; {n} in a row, but others support the belief"
-        return ""
+        return bool(directions) and _spans(np.vstack(directions), jacobian)
 
 
-def nis_of(innovation: Array, jacobian: Array, covariance: Array) -> float:
-    """Return ``y^T S^-1 y`` with ``S = H P H^T + 1``, before any update (filterpy knows it only after).
-
-    In plain floats: with one or two rows the others are those of a measurement that agrees.
-    """
-    y0, y1, y2 = (*innovation.tolist(), 0.0, 0.0)[:3]
-    spread = (jacobian @ covariance @ jacobian.T).ravel().tolist()
-    if len(spread) == 1:
-        return float(y0 * y0 / (spread[0] + 1.0))
-    if len(spread) == 4:
-        xx, xy, _, yy = spread
-        s: Sym3 = (xx + 1.0, xy, 0.0, yy + 1.0, 0.0, 1.0)
-    else:
-        xx, xy, xt, _, yy, yt, _, _, tt = spread
-        s = (xx + 1.0, xy, xt, yy + 1.0, yt, tt + 1.0)
-    inverted = inverse(s)
-    if inverted is None:  # one direction is 1e12 times less certain than another
-        size = len(innovation)
-        return float(innovation @ np.linalg.solve(to_matrix(s)[:size, :size], innovation))
-    xx, xy, xt, yy, yt, tt = inverted
-    return float(xx * y0 * y0 + yy * y1 * y1 + tt * y2 * y2 + 2.0 * (xy * y0 * y1 + xt * y0 * y2 + yt * y1 * y2))
+def _more(story: str, n: int) -> str:
+    return f"{story}; {n} of late" if n > 1 else story
 
 
-def _gated(state: FilterState, source: str, n: int, verdict: Verdict) -> FilterState:
-    return replace(state, rejected={**state.rejected, source: n}, verdicts=(*state.verdicts, verdict))
+def _suspects(state: FilterState, measurement: Measurement) -> tuple[Suspect, ...]:
+    """Return what was rejected of a localizer of late, this measurement included."""
+    since_s = state.stamp_s - _SUSPECT_S
+    kept = [one for one in state.suspects.get(measurement.source, ()) if one.stamp_s >= since_s]
+    return (*kept[1 - _MOST_SUSPECTS :], Suspect(state.stamp_s, state.odom, measurement))
+
+
+def _gated(state: FilterState, source: str, n: int, suspects: tuple[Suspect, ...], verdict: Verdict) -> FilterState:
+    return replace(
+        state,
+        rejected={**state.rejected, source: n},
+        suspects={**state.suspects, source: suspects},
+        verdicts=(*state.verdicts, verdict),
+    )
 
 
 def _accepted(
     state: FilterState, measurement: Measurement, x: Array, covariance: Array, jacobian: Array, verdict: Verdict
 ) -> FilterState:
     source = measurement.source
-    rejected = {**state.rejected, source: 0} if state.rejected.get(source) else state.rejected
+    n = state.rejected.get(source)
     return FilterState(
         state.stamp_s,
         x,
@@ -129,9 +194,12 @@ def _accepted(
         state.odom,
         state.travelled_m,
         state.travelled_m,
-        rejected,
+        {**state.rejected, source: n - 1} if n else state.rejected,
         {**state.supports, source: (state.stamp_s, jacobian)},
+        state.suspects,
         state.n_recoveries,
+        state.left_out,
+        state.checks,
         (*state.verdicts, verdict),
     )
 
@@ -144,13 +212,15 @@ def _inflated(covariance: Array, innovation: Array, jacobian: Array) -> Array:
     """
     doubted = covariance
     for axes, largest in _DOUBTS:
-        unexplained = nis_of(innovation, jacobian, covariance + largest * largest * axes)
+        unit = np.zeros_like(covariance)
+        unit[:3, :3] = axes
+        unexplained = nis_of(innovation, jacobian, covariance + largest * largest * unit)
         sigma = _LEAST_DOUBT
         while sigma < largest and (
-            nis_of(innovation, jacobian, covariance + sigma * sigma * axes) > unexplained + len(innovation)
+            nis_of(innovation, jacobian, covariance + sigma * sigma * unit) > unexplained + len(innovation)
         ):
             sigma *= 2.0
-        doubted = doubted + min(sigma, largest) ** 2 * axes
+        doubted = doubted + min(sigma, largest) ** 2 * unit
     return doubted
 
 

@@ -7,21 +7,30 @@ from collections import Counter
 from collections.abc import Mapping
 
 import numpy as np
+import numpy.typing as npt
 
+from trailmark.errors import ShapeError
 from trailmark.estimates import Applied, Belief, Estimate, Fix, Lost, Motion, PathOffset
 from trailmark.estimation.corrections import covariance_on_path
 from trailmark.estimation.history import History
 from trailmark.estimation.kalman.clock import ClockGuard
-from trailmark.estimation.kalman.correction import Correction
-from trailmark.estimation.kalman.ekf import PoseEkf
+from trailmark.estimation.kalman.correction import Correction, Filter
+from trailmark.estimation.kalman.ekf import Ekf
 from trailmark.estimation.kalman.health import Listening, health_of
 from trailmark.estimation.kalman.knot import Knot
-from trailmark.estimation.kalman.measurements import Measurement, fix_measurement, path_measurement
+from trailmark.estimation.kalman.layout import Layout
+from trailmark.estimation.kalman.measurements import (
+    Measurement,
+    fix_measurement,
+    path_measurement,
+    placed_measurement,
+)
 from trailmark.estimation.kalman.motions import Motions, StatedMotion
 from trailmark.estimation.kalman.odometry import PublishedOdometry
 from trailmark.estimation.kalman.prediction import Prediction
 from trailmark.estimation.kalman.state import FilterState
 from trailmark.estimation.kalman.trust import Trust
+from trailmark.estimation.kalman.ukf import Ukf
 from trailmark.estimation.kalman_config import KalmanConfig
 from trailmark.estimation.symmetric import ZERO, inverse, to_matrix
 from trailmark.frames.payloads import read_only
@@ -52,11 +61,11 @@ class Kalman(Estimator):
     def start(self, session: Session) -> None:
         """Forget everything; begin at the session's start pose, or nowhere."""
         config = self.config
-        ekf = PoseEkf()
+        self._layout = layout = Layout.of(config)
+        self._filter: Filter = Ukf(layout.n) if config.filter == "ukf" else Ekf(layout.n)
         self._path = session.path
         self._station_m: float | None = None
-        self._correction = Correction(config, ekf)
-        self._ekf = ekf
+        self._correction = Correction(config, self._filter, layout)
         self._odometry = PublishedOdometry()
         self._clock = ClockGuard(config.time_jump_s, config.time_jump_after if config.time_jump == "reset" else None)
         self._ears = {source: Listening(Trust.of(config, source)) for source in config.sources}
@@ -67,6 +76,16 @@ class Kalman(Estimator):
     def counters(self) -> Mapping[str, int]:
         """Return what was refused, repaired, replayed and doubted."""
         return {**self._counted, "recoveries": self._history.state_at(math.inf).n_recoveries}
+
+    def common_errors(self) -> Mapping[str, tuple[float, float]]:
+        """Return the common errors now believed, by localizer: value and standard deviation [rad/s, or a share]."""
+        state = self._history.state_at(math.inf)
+        if state.x is None or state.covariance is None:
+            return {}
+        return {
+            source: (float(state.x[i]), math.sqrt(float(state.covariance[i, i])))
+            for source, i in ((source, common.index) for source, common in self._layout.common.items())
+        }
 
     def apply(self, source: str, estimate: Estimate) -> Applied:
         """Take an estimate and say what became of it.
@@ -84,6 +103,47 @@ class Kalman(Estimator):
             ear.heard(estimate.stamp_s)
         return applied
 
+    def set_pose(
+        self,
+        pose_map_base: Pose2,
+        covariance: npt.NDArray[np.float64] | None = None,
+        stamp_s: float | None = None,
+    ) -> Applied:
+        """Say where base is, whatever was believed: what was heard about later instants is applied again from there.
+
+        Parameters
+        ----------
+        pose_map_base : Pose2
+            Base in the map.
+        covariance : (3, 3) float64, optional
+            Of (x, y, theta); left out, that of a known start.
+        stamp_s : float, optional
+            When; left out, at the newest stamp heard of [s].
+
+        Returns
+        -------
+        Applied
+            ``accepted``; ``late``, if it is about an instant older than the history; ``refused``.
+        """
+        newest_s = self._history.newest_s
+        stamp_s = newest_s if stamp_s is None else stamp_s
+        covariance = self._start_covariance() if covariance is None else np.asarray(covariance, dtype=np.float64)
+        if covariance.shape != (3, 3):
+            raise ShapeError(f"a covariance of (x, y, theta) must have shape (3, 3), not {covariance.shape}")
+        if not (np.isfinite(covariance).all() and np.linalg.eigvalsh(covariance)[0] > 0.0):
+            return self._refused("set_pose", "the covariance is not positive definite")
+        self._belief = None
+        self._counted["poses_set"] += 1
+        if newest_s == -math.inf and stamp_s == -math.inf:  # nothing was heard yet: it is the start
+            self._begin(FilterState(-math.inf, *self._layout.begun(pose_map_base.array(), covariance)))
+            return _ACCEPTED
+        is_elsewhere = newest_s > -math.inf and abs(stamp_s - newest_s) > self.config.time_jump_s
+        if is_elsewhere or not math.isfinite(stamp_s):
+            return self._refused("set_pose", f"the stamp {stamp_s:g} s is of another time")
+        if stamp_s < self._history.horizon_s:
+            return Applied("late", f"the history reaches back {self.config.history_s:g} s")
+        return self._correct(stamp_s, placed_measurement(pose_map_base, covariance))
+
     def belief(self, stamp_s: float | None = None) -> Belief:
         """Return the belief at a stamp: predicted from the last estimates before it.
 
@@ -100,12 +160,19 @@ class Kalman(Estimator):
     def _start_state(self, start_pose: Pose2 | None) -> FilterState:
         if start_pose is None:
             return FilterState(-math.inf, None, None)
+        begun = self._layout.begun(start_pose.array(), self._start_covariance())
+        return FilterState(-math.inf, *begun)
+
+    def _start_covariance(self) -> npt.NDArray[np.float64]:
         sigma_m, sigma_rad = self.config.start_sigma_m, math.radians(self.config.start_sigma_deg)
-        return FilterState(-math.inf, start_pose.array(), np.diag([sigma_m**2, sigma_m**2, sigma_rad**2]))
+        return np.diag([sigma_m**2, sigma_m**2, sigma_rad**2])
+
+    def _gate_of(self, source: str) -> float | None:
+        return self._ears[source].trust.gate
 
     def _begin(self, state: FilterState) -> None:
         self._motions = Motions()
-        self._prediction = Prediction(self.config, self._motions, self._ekf)
+        self._prediction = Prediction(self.config, self._motions, self._filter, self._layout, self._gate_of)
         self._knots: dict[float, Knot] = {}
         self._history: History[Knot, FilterState] = History(self.config.history_s, self._step, state)
         self._kept_since_s = -math.inf
@@ -166,6 +233,18 @@ class Kalman(Estimator):
             if stamp_s not in self._knots and stamp_s >= self._history.horizon_s:
                 self._knots[stamp_s] = knot = Knot()
                 self._history.insert(stamp_s, knot)
+        return self._moved(source, motion.stamp_s)
+
+    def _moved(self, source: str, stamp_s: float) -> Applied:
+        """Return what became of a motion: left out, if it contradicts the others and the velocity before."""
+        state = self._history.state_at(stamp_s)
+        if not state.checks:
+            return _ACCEPTED
+        for other, nis, dof in state.checks:
+            if other == source:
+                if source not in state.left_out:
+                    return Applied("accepted", "", nis, dof)
+                return Applied("gated", f"NIS {nis:.1f} of {dof} dof against the motion of others", nis, dof)
         return _ACCEPTED
 
     def _correct(self, stamp_s: float, measurement: Measurement) -> Applied:
@@ -222,11 +301,11 @@ class Kalman(Estimator):
         self._rejoin()
         state = self._state_at(stamp_s)
         pose_odom_base, travelled_m = self._odometry.publish(state)
-        pose = None if state.x is None else Pose2(*state.x.tolist())
+        pose = None if state.x is None else Pose2(*state.x[:3].tolist())
         return Belief(
             state.stamp_s,
             pose,
-            None if state.covariance is None else read_only(state.covariance),
+            None if state.covariance is None else read_only(state.covariance[:3, :3]),
             pose_odom_base,
             state.twist,
             travelled_m,
@@ -241,7 +320,7 @@ class Kalman(Estimator):
             return None
         located = self._path.locate(pose, self._station_m)
         self._station_m = located.station_m
-        xx, xy, xt, _, yy, yt, _, _, tt = state.covariance.ravel().tolist()
+        xx, xy, xt, _, yy, yt, _, _, tt = state.covariance[:3, :3].ravel().tolist()
         information = inverse(covariance_on_path((xx, xy, xt, yy, yt, tt), self._path, located.station_m)) or ZERO
         return PathOffset(
             state.stamp_s, located.station_m, located.lateral_m, located.heading_rad, to_matrix(information)

@@ -50,7 +50,9 @@ def health_of(listening: Mapping[str, Listening], state: FilterState, recover_af
         if ear.n_refused >= _REFUSED_OFTEN:
             health[source] = f"refused {ear.n_refused} in a row: {ear.refusal}"
         elif n_rejected >= recover_after:
-            health[source] = f"contradicts the belief, {n_rejected} in a row"
+            health[source] = f"contradicts the belief, {n_rejected} of late"
+        elif source in state.left_out:
+            health[source] = "its motion contradicts the others and the velocity before"
         elif state.stamp_s - ear.last_s > ear.trust.timeout_s:
             silence_s = state.stamp_s - ear.last_s
             health[source] = f"silent for {silence_s:.1f} s" if silence_s < float("inf") else "not heard of yet"

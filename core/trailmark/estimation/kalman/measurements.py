@@ -14,7 +14,7 @@ from trailmark.estimation.symmetric import Sym3
 from trailmark.geometry import Pose2, wrap_angle
 from trailmark.paths import OnPath, Path
 
-__all__ = ["Measurement", "fix_measurement", "path_measurement"]
+__all__ = ["Measurement", "fix_measurement", "path_measurement", "placed_measurement"]
 
 Array = npt.NDArray[np.float64]
 
@@ -37,6 +37,8 @@ class Measurement:
         One row for each measured direction: ``root^T root`` is the information.
     path : Path or None
         In whose coordinates the values are.
+    replaces : bool
+        Whether the belief is replaced instead of corrected.
     """
 
     key: tuple[str, tuple[float, ...]]
@@ -45,15 +47,18 @@ class Measurement:
     values: tuple[float, float, float]
     root: Array
     path: Path | None = None
+    replaces: bool = False
 
     def innovation(self, x: Array) -> tuple[Array, Array]:
-        """Return measured less predicted, (k,), and the Jacobian of the prediction, (k, 3)."""
-        believed = x.tolist()
+        """Return measured less predicted, (k,), and the Jacobian of the prediction, (k, n), at a state of n numbers."""
+        believed = x[:3].tolist()
         jacobian = self.root
         if self.path is not None:
             on_path = self.path.locate(Pose2(*believed), self.values[0])
             jacobian = self.root @ _path_jacobian(self.path, on_path.station_m)
             believed = on_path.station_m, on_path.lateral_m, on_path.heading_rad
+        if len(x) > 3:
+            jacobian = np.hstack([jacobian, np.zeros((len(jacobian), len(x) - 3))])
         a, b, turn = self.values
         return self.root @ (a - believed[0], b - believed[1], wrap_angle(turn - believed[2])), jacobian
 
@@ -74,6 +79,14 @@ def fix_measurement(source: str, fix: Fix, information: Sym3, trust: Trust) -> M
     """Return a fix as a measurement."""
     values = fix.pose_map_base.x, fix.pose_map_base.y, fix.pose_map_base.theta
     return Measurement((source, values + information), source, trust, values, root_of(information))
+
+
+def placed_measurement(pose: Pose2, covariance: Array) -> Measurement:
+    """Return a pose that was set: it comes before all else of its instant, and replaces the belief."""
+    values = pose.x, pose.y, pose.theta
+    root = np.linalg.inv(np.linalg.cholesky(covariance))
+    trust = Trust(None, "none", math.inf, 1.0, (0.0, 0.0), None)
+    return Measurement(("", (*values, *covariance.ravel().tolist())), "", trust, values, root, replaces=True)
 
 
 def path_measurement(source: str, offset: PathOffset, information: Sym3, trust: Trust, path: Path) -> Measurement:

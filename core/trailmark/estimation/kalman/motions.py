@@ -1,25 +1,20 @@
 """What several localizers say of the motion between any two stamps.
 
-Rule for several localizers: their intervals are cut at each other's ends. Within a shared piece each says a step, that
-of its constant twist, and the steps are weighed by their information (independent errors, or covariance intersection
-with equal weights). Of two motions of *one* localizer that overlap, the one that began first counts.
+Their intervals are cut at each other's ends. Within a shared piece each says a step, that of its constant twist. Of two
+motions of *one* localizer that overlap, the one that began first counts. `weighing` makes one step of several.
 """
 
 from __future__ import annotations
 
 import math
 from bisect import bisect_left, bisect_right
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from trailmark.estimates import Motion
-from trailmark.estimation.symmetric import ZERO, Sym3, add, congruence, inverse, scaled
-from trailmark.geometry import Pose2, Twist2, wrap_angle
+from trailmark.estimation.symmetric import ZERO, Sym3, congruence, inverse, scaled
+from trailmark.geometry import Pose2, Twist2
 
-__all__ = ["Motions", "StatedMotion", "Step", "fused"]
-
-# A step 100 times less certain than drift measures nothing; taken at its word it would drown later digits.
-_SAYS_NOTHING = 1e4
+__all__ = ["Motions", "StatedMotion", "Step"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -181,71 +176,16 @@ class Motions:
         found = [at for track in self._tracks.values() for at in track.ends_between(since_s, stamp_s)]
         return sorted(set(found)) if found else found
 
-    def steps(self, since_s: float, stamp_s: float) -> list[Step]:
+    def steps(self, since_s: float, stamp_s: float) -> list[tuple[str, Step]]:
         """Return what each localizer says of an interval without cuts; empty: nobody measured it."""
         steps = []
-        for track in self._tracks.values():
+        for source, track in self._tracks.items():
             motion = track.covering(since_s, stamp_s)
             if motion is not None:
-                steps.append(motion.between(since_s, stamp_s))
+                steps.append((source, motion.between(since_s, stamp_s)))
         return steps
 
     def forget(self, horizon_s: float) -> None:
         """Drop what lies before a stamp."""
         for track in self._tracks.values():
             track.forget(horizon_s)
-
-
-def fused(steps: Sequence[Step], dt_s: float, held: Twist2, drift: Sym3, is_independent: bool) -> tuple[Step, bool]:
-    """Return the step that several localizers measured together, and whether they measured all of it.
-
-    Parameters
-    ----------
-    steps : sequence of Step
-        At least one, over the same interval.
-    dt_s : float
-        Its length [s].
-    held : Twist2
-        The velocity before: a direction that nobody measured goes on with it.
-    drift : Sym3
-        Covariance of a step that nobody measured.
-    is_independent : bool
-        Whether information adds up; otherwise it is averaged.
-    """
-    first = steps[0]
-    if len(steps) == 1 and first.covariance is not None and _says_something(first.covariance, drift):
-        return first, True
-    share = 1.0 if is_independent else 1.0 / len(steps)
-    information, moment = ZERO, (0.0, 0.0, 0.0)
-    for step in steps:
-        own = step.information if step.covariance is None else inverse(step.covariance)
-        own = scaled(own or ZERO, share)
-        information = add(information, own)
-        moment = _plus(moment, _times(own, step.x, step.y, first.turn + wrap_angle(step.turn - first.turn)))
-    covariance = inverse(information)
-    is_measured = covariance is not None and _says_something(covariance, drift)
-    if not is_measured:
-        coasted, floor = held.after(dt_s), inverse(drift) or ZERO
-        moment = _plus(moment, _times(floor, coasted.x, coasted.y, coasted.theta))
-        covariance = inverse(add(information, floor)) or drift
-    assert covariance is not None
-    x, y, turn = _times(covariance, *moment)
-    forward_m, left_m, turn_rad = Pose2(x, y, turn).log()
-    return Step(x, y, turn, covariance, None, Twist2(forward_m / dt_s, left_m / dt_s, turn_rad / dt_s)), is_measured
-
-
-def _says_something(covariance: Sym3, drift: Sym3) -> bool:
-    return (
-        covariance[0] < _SAYS_NOTHING * drift[0]
-        and covariance[3] < _SAYS_NOTHING * drift[3]
-        and covariance[5] < _SAYS_NOTHING * drift[5]
-    )
-
-
-def _times(a: Sym3, x: float, y: float, turn: float) -> tuple[float, float, float]:
-    xx, xy, xt, yy, yt, tt = a
-    return xx * x + xy * y + xt * turn, xy * x + yy * y + yt * turn, xt * x + yt * y + tt * turn
-
-
-def _plus(a: tuple[float, float, float], b: tuple[float, float, float]) -> tuple[float, float, float]:
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]

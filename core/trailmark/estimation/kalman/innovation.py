@@ -1,0 +1,95 @@
+"""What a measurement says against a belief: computed once, for the gate and for the update."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.errors import ShapeError
+from trailmark.estimation.symmetric import Sym3, inverse, to_matrix
+
+__all__ = ["Innovation", "Measures", "nis_of"]
+
+Array = npt.NDArray[np.float64]
+
+
+class Measures(Protocol):
+    """A measurement of unit noise, of any state."""
+
+    def innovation(self, x: Array) -> tuple[Array, Array]:
+        """Return measured less predicted, (k,), angles wrapped, and the Jacobian of the prediction, (k, 3)."""
+
+
+class Innovation:
+    """An innovation with what was computed of it.
+
+    Parameters
+    ----------
+    innovation : (k,) float64
+        Measured less predicted, angles wrapped, in standard deviations of the measurement; k is at most 3.
+    jacobian : (k, n) float64
+        How the prediction changes with the state.
+    covariance : (n, n) float64
+        Of the state.
+
+    Attributes
+    ----------
+    cross : (n, k) float64
+        ``P H^T``.
+    inverse : (k, k) float64
+        ``S^-1`` with ``S = H P H^T + 1``.
+    nis : float
+        ``y^T S^-1 y``, before any update (filterpy knows it only after).
+    scale : float
+        Root of the weight that a robust loss has left it.
+
+    Raises
+    ------
+    ShapeError
+        If the shapes do not fit: numpy would broadcast them.
+    """
+
+    __slots__ = ("cross", "innovation", "inverse", "jacobian", "nis", "scale")
+
+    def __init__(self, innovation: Array, jacobian: Array, covariance: Array, scale: float = 1.0) -> None:
+        if jacobian.shape != (len(innovation), len(covariance)) or innovation.ndim != 1:
+            raise ShapeError(
+                f"innovation {innovation.shape}, jacobian {jacobian.shape} and covariance {covariance.shape} do not fit"
+            )
+        self.innovation, self.jacobian, self.scale = innovation, jacobian, scale
+        self.cross = covariance @ jacobian.T
+        self.inverse = _inverse(jacobian @ self.cross)
+        self.nis = float(innovation @ self.inverse @ innovation)
+
+    def weighted(self, weight: float, covariance: Array) -> Innovation:
+        """Return the same with its information scaled, as a robust loss asks."""
+        root = weight**0.5
+        return Innovation(root * self.innovation, root * self.jacobian, covariance, root)
+
+
+def nis_of(innovation: Array, jacobian: Array, covariance: Array) -> float:
+    """Return ``y^T S^-1 y`` with ``S = H P H^T + 1``."""
+    return float(innovation @ _inverse(jacobian @ covariance @ jacobian.T) @ innovation)
+
+
+def _inverse(spread: Array) -> Array:
+    """Return ``(H P H^T + 1)^-1``; up to three rows in plain floats."""
+    size = len(spread)
+    if size == 1:
+        return np.array([[1.0 / (spread.item() + 1.0)]])
+    if size == 2:
+        xx, xy, _, yy = spread.ravel().tolist()
+        xx, yy = xx + 1.0, yy + 1.0
+        det = xx * yy - xy * xy
+        if det > 1e-12 * xx * yy:
+            return np.array([[yy / det, -xy / det], [-xy / det, xx / det]])
+    elif size == 3:
+        xx, xy, xt, _, yy, yt, _, _, tt = spread.ravel().tolist()
+        s: Sym3 = (xx + 1.0, xy, xt, yy + 1.0, yt, tt + 1.0)
+        inverted = inverse(s)
+        if inverted is not None:
+            return to_matrix(inverted)
+    # More rows, or one direction is 1e12 times less certain than another.
+    return np.asarray(np.linalg.inv(spread + np.eye(size)))

@@ -1,0 +1,183 @@
+"""One step of several that localizers measured over the same piece of time, and which of them cannot be right.
+
+Steps are weighed by their information: independent errors, or covariance intersection with equal weights. A step that
+contradicts all others is tested against the velocity before, too. If it contradicts that as well it is left out; if no
+step does, nobody knows who is wrong, and all count for as much less as they disagree.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from trailmark.estimation.kalman.gate import threshold
+from trailmark.estimation.kalman.motions import Step
+from trailmark.estimation.kalman.trust import root_of
+from trailmark.estimation.symmetric import ZERO, Sym3, add, inverse, scaled, to_matrix
+from trailmark.geometry import Pose2, Twist2, wrap_angle
+
+__all__ = ["Judged", "fused", "information_of", "judged", "nis_between"]
+
+# A step 100 times less certain than drift measures nothing; taken at its word it would drown later digits.
+_SAYS_NOTHING = 1e4
+
+Told = tuple[str, Step]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Judged:
+    """What is left of several steps.
+
+    Attributes
+    ----------
+    steps : sequence of (str, Step)
+        Those that count.
+    left_out : tuple of str
+        Localizers whose steps do not.
+    checks : tuple of (str, float, int)
+        Localizer, NIS of its step against the others, degrees of freedom.
+    """
+
+    steps: Sequence[Told]
+    left_out: tuple[str, ...] = ()
+    checks: tuple[tuple[str, float, int], ...] = ()
+
+
+def judged(
+    steps: Sequence[Told], dt_s: float, held: Twist2, drift: Sym3, gate_of: Callable[[str], float | None]
+) -> Judged:
+    """Return which steps count.
+
+    Parameters
+    ----------
+    steps : sequence of (str, Step)
+        By localizer, at least two.
+    dt_s : float
+        Length of the piece [s].
+    held : Twist2
+        The velocity before.
+    drift : Sym3
+        Covariance of the step that a held velocity predicts.
+    gate_of : callable
+        Probability with which a right step of a localizer passes; None: no test.
+    """
+    kept, left_out, found = list(steps), [], {}
+    while len(kept) > 1:
+        checks = _checks(kept, dt_s, held, drift)
+        found.update({source: (nis, dof) for source, nis, dof in checks})
+        failing = [k for k, (source, nis, dof) in enumerate(checks) if _fails(nis, dof, gate_of(source))]
+        if not failing:
+            break
+        before = _held_step(held, dt_s, drift)
+        surprise = {k: nis_between(kept[k][1], before) for k in failing}
+        worst = max(failing, key=lambda k: surprise[k][0])
+        source = kept[worst][0]
+        if not _fails(*surprise[worst], gate_of(source)):
+            disagreement = max(nis / dof for _, nis, dof in checks)
+            kept = [(name, _less_certain(step, disagreement)) for name, step in kept]
+            break
+        left_out.append(source)
+        del kept[worst]
+    return Judged(kept, tuple(left_out), tuple((source, *found[source]) for source, _ in steps if source in found))
+
+
+def _checks(steps: Sequence[Told], dt_s: float, held: Twist2, drift: Sym3) -> list[tuple[str, float, int]]:
+    if len(steps) == 2 and steps[0][1].covariance is not None and steps[1][1].covariance is not None:
+        nis, dof = nis_between(steps[0][1], steps[1][1])
+        return [(source, nis, dof) for source, _ in steps]
+    checks = []
+    for k, (source, step) in enumerate(steps):
+        others = [other for i, (_, other) in enumerate(steps) if i != k]
+        checks.append((source, *nis_between(step, fused(others, dt_s, held, drift, True)[0])))
+    return checks
+
+
+def nis_between(step: Step, other: Step) -> tuple[float, int]:
+    """Return NIS and degrees of freedom of a step against another whose covariance is known."""
+    assert other.covariance is not None
+    dx, dy, turn = step.x - other.x, step.y - other.y, wrap_angle(step.turn - other.turn)
+    if step.covariance is not None:
+        weight = inverse(add(step.covariance, other.covariance))
+        if weight is not None:
+            a, b, c = _times(weight, dx, dy, turn)
+            return dx * a + dy * b + turn * c, 3
+    root = root_of(information_of(step))
+    away = root @ (dx, dy, turn)
+    spread = root @ to_matrix(other.covariance) @ root.T + np.eye(len(root))
+    return float(away @ np.linalg.solve(spread, away)), len(root)
+
+
+def information_of(step: Step) -> Sym3:
+    """Return the information of a step."""
+    return (step.information if step.covariance is None else inverse(step.covariance)) or ZERO
+
+
+def _held_step(held: Twist2, dt_s: float, drift: Sym3) -> Step:
+    ahead = held.after(dt_s)
+    return Step(ahead.x, ahead.y, ahead.theta, drift, None, held)
+
+
+def _fails(nis: float, dof: int, gate: float | None) -> bool:
+    return gate is not None and dof > 0 and nis > threshold(gate, dof)
+
+
+def _less_certain(step: Step, factor: float) -> Step:
+    if step.covariance is not None:
+        return replace(step, covariance=scaled(step.covariance, factor))
+    return replace(step, information=scaled(step.information or ZERO, 1.0 / factor))
+
+
+def fused(steps: Sequence[Step], dt_s: float, held: Twist2, drift: Sym3, is_independent: bool) -> tuple[Step, bool]:
+    """Return the step that several localizers measured together, and whether they measured all of it.
+
+    Parameters
+    ----------
+    steps : sequence of Step
+        At least one, over the same interval.
+    dt_s : float
+        Its length [s].
+    held : Twist2
+        The velocity before: a direction that nobody measured goes on with it.
+    drift : Sym3
+        Covariance of a step that nobody measured.
+    is_independent : bool
+        Whether information adds up; otherwise it is averaged.
+    """
+    first = steps[0]
+    if len(steps) == 1 and first.covariance is not None and _says_something(first.covariance, drift):
+        return first, True
+    share = 1.0 if is_independent else 1.0 / len(steps)
+    information, moment = ZERO, (0.0, 0.0, 0.0)
+    for step in steps:
+        own = scaled(information_of(step), share)
+        information = add(information, own)
+        moment = _plus(moment, _times(own, step.x, step.y, first.turn + wrap_angle(step.turn - first.turn)))
+    covariance = inverse(information)
+    is_measured = covariance is not None and _says_something(covariance, drift)
+    if not is_measured:
+        coasted, floor = held.after(dt_s), inverse(drift) or ZERO
+        moment = _plus(moment, _times(floor, coasted.x, coasted.y, coasted.theta))
+        covariance = inverse(add(information, floor)) or drift
+    assert covariance is not None
+    x, y, turn = _times(covariance, *moment)
+    forward_m, left_m, turn_rad = Pose2(x, y, turn).log()
+    return Step(x, y, turn, covariance, None, Twist2(forward_m / dt_s, left_m / dt_s, turn_rad / dt_s)), is_measured
+
+
+def _says_something(covariance: Sym3, drift: Sym3) -> bool:
+    return (
+        covariance[0] < _SAYS_NOTHING * drift[0]
+        and covariance[3] < _SAYS_NOTHING * drift[3]
+        and covariance[5] < _SAYS_NOTHING * drift[5]
+    )
+
+
+def _times(a: Sym3, x: float, y: float, turn: float) -> tuple[float, float, float]:
+    xx, xy, xt, yy, yt, tt = a
+    return xx * x + xy * y + xt * turn, xy * x + yy * y + yt * turn, xt * x + yt * y + tt * turn
+
+
+def _plus(a: tuple[float, float, float], b: tuple[float, float, float]) -> tuple[float, float, float]:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]

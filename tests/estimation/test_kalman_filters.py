@@ -1,0 +1,127 @@
+"""The two filters: the update against filterpy's own, and the unscented one against the extended one."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from filterpy.kalman import ExtendedKalmanFilter
+
+from trailmark.errors import ShapeError
+from trailmark.estimates import Fix, information_from_sigmas
+from trailmark.estimation.kalman.correction import Filter
+from trailmark.estimation.kalman.ekf import Ekf, Moves
+from trailmark.estimation.kalman.innovation import Innovation, nis_of
+from trailmark.estimation.kalman.measurements import fix_measurement
+from trailmark.estimation.kalman.trust import Trust
+from trailmark.estimation.kalman.ukf import Ukf
+from trailmark.estimation.kalman_config import KalmanConfig
+from trailmark.geometry import Pose2
+
+TRUST = Trust.of(KalmanConfig(), "any")
+
+
+def covariance(rng: np.random.Generator, n: int) -> np.ndarray:
+    rows = rng.normal(size=(n, n)) * 0.1
+    return rows @ rows.T + 1e-4 * np.eye(n)
+
+
+@pytest.mark.parametrize("k", [1, 2, 3])
+@pytest.mark.parametrize("n", [3, 5])
+def test_the_update_is_that_of_filterpy(k: int, n: int) -> None:
+    rng = np.random.default_rng(10 * k + n)
+    x, prior = rng.normal(size=n), covariance(rng, n)
+    innovation, jacobian = rng.normal(size=k), rng.normal(size=(k, n)) * 5.0
+    theirs = ExtendedKalmanFilter(n, k)
+    theirs.x, theirs.P = x.copy(), prior.copy()
+    theirs.update(innovation, lambda _: jacobian, lambda _: np.zeros(k), R=np.eye(k))
+
+    ours, posterior = Ekf(n).corrected(x, prior, Innovation(innovation, jacobian, prior), NotAsked())
+
+    np.testing.assert_allclose(ours, theirs.x, rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(posterior, theirs.P, rtol=1e-10, atol=1e-12)
+
+
+class NotAsked:
+    def innovation(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        raise AssertionError("the extended filter has its innovation")
+
+
+@pytest.mark.parametrize("k", [1, 2, 3, 4])
+def test_nis_is_the_squared_innovation_in_its_own_covariance(k: int) -> None:
+    rng = np.random.default_rng(k)
+    innovation, jacobian, prior = rng.normal(size=k), rng.normal(size=(k, 3)), covariance(rng, 3)
+    expected = innovation @ np.linalg.inv(jacobian @ prior @ jacobian.T + np.eye(k)) @ innovation
+
+    assert Innovation(innovation, jacobian, prior).nis == pytest.approx(expected)
+    assert nis_of(innovation, jacobian, prior) == pytest.approx(expected)
+
+
+def test_shapes_that_numpy_would_broadcast_are_refused() -> None:
+    with pytest.raises(ShapeError, match="do not fit"):
+        Innovation(np.zeros((3, 1)), np.eye(3), np.eye(3))
+    with pytest.raises(ShapeError, match="do not fit"):
+        Innovation(np.zeros(2), np.eye(3), np.eye(3))
+
+
+def test_a_posterior_stays_positive_over_eighteen_orders_of_certainty() -> None:
+    kalman, x, prior = Ekf(3), np.zeros(3), 1e6 * np.eye(3)
+    for sigma in (1e-6, 1e3, 1e-6, 1e-3):
+        fix = fix_measurement(
+            "any",
+            Fix(0.0, Pose2(), information_from_sigmas(sigma, sigma, 1.0)),
+            (sigma**-2, 0, 0, sigma**-2, 0, 1.0),
+            TRUST,
+        )
+        x, prior = kalman.corrected(x, prior, Innovation(*fix.innovation(x), prior), fix)
+
+        assert np.linalg.eigvalsh(prior)[0] > 0.0
+        np.testing.assert_allclose(prior, prior.T, rtol=1e-9, atol=1e-20)
+
+
+def turned(x: np.ndarray, step: tuple[float, float, float]) -> Moves:
+    cos, sin = math.cos(x[2]), math.sin(x[2])
+    dx, dy = cos * step[0] - sin * step[1], sin * step[0] + cos * step[1]
+    jacobian = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])
+    return Moves(x + np.array([dx, dy, step[2]]), jacobian, 1e-6 * np.eye(3), step)
+
+
+@pytest.mark.parametrize("heading", [0.3, math.pi - 1e-3, -math.pi + 1e-3])
+def test_both_filters_agree_where_the_belief_is_narrow(heading: float) -> None:
+    x, prior = np.array([1.0, 2.0, heading]), np.diag([1e-4, 2e-4, 1e-6])
+    fix = fix_measurement(
+        "any", Fix(0.0, Pose2(1.11, 2.0, heading + 0.003), np.eye(3)), (1e4, 0, 0, 1e4, 0, 1e6), TRUST
+    )
+    results = []
+    for kalman in (Ekf(3), Ukf(3)):
+        moved, spread = kalman.moved(x, prior, turned(x, (0.1, 0.0, 0.002)))
+        moved[2] = math.remainder(moved[2], math.tau)
+        results.append(kalman.corrected(moved, spread, Innovation(*fix.innovation(moved), spread), fix))
+
+    (x_extended, spread_extended), (x_unscented, spread_unscented) = results
+    difference = x_unscented - x_extended
+    difference[2] = math.remainder(difference[2], math.tau)
+    np.testing.assert_allclose(difference, 0.0, atol=1e-7)
+    np.testing.assert_allclose(spread_unscented, spread_extended, rtol=1e-3, atol=1e-9)
+
+
+def test_an_unscented_way_with_an_uncertain_heading_is_as_short_as_its_true_mean() -> None:
+    sigma = 0.5
+    x, prior = np.zeros(3), np.diag([1e-9, 1e-9, sigma**2])
+    kalman: Filter = Ukf(3)
+
+    moved, spread = kalman.moved(x, prior, turned(x, (10.0, 0.0, 0.0)))
+
+    assert moved[0] == pytest.approx(10.0 * math.exp(-(sigma**2) / 2.0), rel=0.01)  # E cos of a normal angle
+    true_variance = 50.0 * (1.0 + math.exp(-2.0 * sigma**2)) - 100.0 * math.exp(-(sigma**2))
+    assert 0.5 * true_variance < spread[0, 0] < 1.5 * true_variance  # the extended filter says 0
+
+
+def test_what_the_unscented_filter_is_given_may_be_singular() -> None:
+    x, prior = np.zeros(3), np.diag([1e-4, 1e-4, 0.0])
+
+    moved, spread = Ukf(3).moved(x, prior, turned(x, (0.1, 0.0, 0.0)))
+
+    assert np.isfinite(moved).all()
+    assert np.isfinite(spread).all()
