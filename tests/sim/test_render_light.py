@@ -15,6 +15,7 @@ from trailmark_sim.render.develop import Film, Sensitometry, auto_exposure
 from trailmark_sim.render.lenses import Catadioptric, Fisheye, Lens, PinholeLens
 from trailmark_sim.render.rays import ray_table
 from trailmark_sim.render.scene import SceneBuilder, Surface
+from trailmark_sim.render.shapes import ellipsoid, rectangle
 from trailmark_sim.render.view import View
 
 LENS = PinholeLens(64, 48, Pinhole(60.0, 60.0, 31.5, 23.5))
@@ -181,3 +182,29 @@ def _edge_errors(
         step = rays[v, u + 1] - rays[v, u]
         errors.append(float((rays[v, u] + part * step)[1] / step[1]))
     return errors
+
+
+def test_movers_of_a_place_look_as_if_built_with_it() -> None:
+    """A mover with a texture of its own, added to a place that is there: the same light to the bit."""
+    rng = np.random.default_rng(7)
+    wall, ball = (rng.integers(0, 255, (16, 16, 3), np.uint8) for _ in range(2))
+    lighting = Lighting((Lamp((0.0, 0.0, 2.0), (0.2, 0.0, 0.0), (0.0, 0.2, 0.0)),))
+
+    def place() -> SceneBuilder:
+        builder = SceneBuilder(lighting)
+        _wall(builder, Surface(builder.texture(wall)))
+        return builder
+
+    def add_ball(builder: SceneBuilder) -> None:
+        look = Surface(builder.texture(ball), tint=(0.9, 0.8, 0.7))
+        builder.add_mover(ellipsoid((1.5, 0.1, 0.0), (0.2, 0.1, 0.3), 0.4), look)
+        builder.add_mover(rectangle((1.2, 0.4, 0.0), (0.0, -0.2, 0.0), (0.0, 0.0, 0.2)), Surface(builder.texture(wall)))
+
+    whole = place()
+    add_ball(whole)
+    scenes = [whole.build(), place().build().with_movers(add_ball), whole.build().with_movers(add_ball)]
+
+    seen = [View(scene, ray_table(*LENS.directions()), Pose3()).radiance() for scene in scenes]
+    np.testing.assert_array_equal(seen[0], seen[1])
+    np.testing.assert_array_equal(seen[0], seen[2])
+    assert place().build().with_movers(lambda builder: None).n_fixed == 1

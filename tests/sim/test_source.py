@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from trailmark.commands import Command, Steer4WS, Stop, Velocity
 from trailmark.errors import ConfigError
-from trailmark.frames import Frame, Image, Imu, Odometry, Scalar
+from trailmark.frames import Frame, Image, Imu, Odometry, Scalar, Scan
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Mode, Session
 from trailmark.paths import Path, Waypoint
@@ -297,6 +297,45 @@ def test_a_start_inside_something_is_refused() -> None:
         ConfigError, match=r"at \(1.50 m, 0.20 m, 0.0 deg\) the vehicle stands in the left pole of gate 1"
     ):
         source(route="indoor", start=[1.5, 0.2, 0.0])
+
+
+def test_a_random_start_is_free_and_anywhere() -> None:
+    keys = {"world": "supermarket", "sensors": ["wheels"], "start": "random", "options": {}}
+
+    starts = []
+    for seed in range(100):
+        made = source("replay", seed=seed, **keys)
+        next(iter(made.frames()))
+        starts.append(made.ground_truth()[0][1])
+
+    assert {made.world.collides(pose) for pose in starts} == {None}
+    x, y, headings = np.array([pose.array() for pose in starts]).T
+    assert min(np.ptp(x), np.ptp(y)) > 7.5  # of 10 m
+    assert np.histogram(headings, 4, (-math.pi, math.pi))[0].min() > 10
+    again = source("replay", seed=7, **keys)
+    next(iter(again.frames()))
+    assert again.ground_truth()[0][1] == starts[7]
+
+
+def test_where_nothing_is_free_a_random_start_is_refused() -> None:
+    fat = {"kind": "holonomic", "width_m": 9.9}
+    with pytest.raises(ConfigError, match="no free place found in world 'supermarket' for start: random"):
+        source("replay", world="supermarket", sensors=["wheels"], start="random", options={}, vehicle=fat)
+
+
+@pytest.mark.parametrize("n_people", [0, 8])
+def test_it_drives_around_the_supermarket_among_people(n_people: int) -> None:
+    rates = {"wheels": 10, "laser": 1}
+    keys = {"world": "supermarket", "route": "round", "sensors": ["wheels", "laser"], "rates_hz": rates}
+
+    made = source(**keys, options={"people": n_people})
+    scans = [frame.payload for frame in made.frames() if isinstance(frame.payload, Scan)]
+
+    truth = made.ground_truth()
+    assert made.counters() == {"collisions": 0}
+    assert truth.length_m() == pytest.approx(made.world.routes["round"].length_m, abs=0.05)
+    assert len(scans) > 60
+    assert min(float(np.nanmin(scan.ranges_m)) for scan in scans) > 0.1
 
 
 def test_touching_a_pole_is_counted_once_and_may_end_the_run() -> None:

@@ -11,7 +11,7 @@ from trailmark.errors import ConfigError
 from trailmark.frames import Image, Scan, payload_kind
 from trailmark.geometry import Pose2
 from trailmark_sim.vehicles import VehicleState
-from trailmark_sim.worlds import build_world
+from trailmark_sim.worlds import build_world, supermarket
 from trailmark_sim.worlds.base import World, WorldOptions
 
 
@@ -109,6 +109,22 @@ def test_half_of_the_lamps_give_other_light() -> None:
 
     bright, dim = (float(p.pixels.mean()) for p in pictures if isinstance(p, Image))
     assert dim < 0.95 * bright
+
+
+def test_other_people_in_the_same_place_look_as_in_a_place_built_for_them() -> None:
+    """What stands is built once; whoever moves is added for each run."""
+    state = VehicleState(Pose2(1.2, 2.0, 0.3))
+    extra = {"people": 5}
+
+    _world(people=2)
+    second = build_world("supermarket", WorldOptions(seed=8, sensors=("omni",), extra=extra)).sensors[0]
+    supermarket._stage.cache_clear()
+    alone = build_world("supermarket", WorldOptions(seed=8, sensors=("omni",), extra=extra)).sensors[0]
+
+    pictures = [sensor.render(3, 0.2, state) for sensor in (second, alone)]
+    assert isinstance(pictures[0], Image)
+    assert isinstance(pictures[1], Image)
+    np.testing.assert_array_equal(pictures[0].pixels, pictures[1].pixels)
 
 
 def test_one_robot_carries_every_kind_of_sensor() -> None:

@@ -15,7 +15,7 @@ from trailmark_sim.render.textures import clouds
 from trailmark_sim.render.view import Moment
 from trailmark_sim.rng import frame_rng
 
-__all__ = ["Crowd", "Walk"]
+__all__ = ["Crowd", "Walk", "add_cloth"]
 
 _STRIDE_M = 1.3
 _SWING_M = 0.16
@@ -88,8 +88,7 @@ class Crowd:
 
     def add_to(self, builder: SceneBuilder) -> None:
         """Add everybody to a scene as moving shapes."""
-        weave = clouds(frame_rng(0, "cloth"), (150, 150, 150), (255, 255, 255), 64, 0.6)
-        cloth = builder.texture(weave)
+        cloth = add_cloth(builder)
         for walk, size, colours in zip(self._walks, self._sizes, self._colours):
             pose = walk.at(0.0)
             for part in _PARTS:
@@ -106,6 +105,11 @@ class Crowd:
             np.array([shape.centre for shape in shapes]).reshape(-1, 3),
             np.array([(x, y, 0.45, 0.55) for x, y, _, _ in poses], np.float32).reshape(-1, 4),
         )
+
+
+def add_cloth(builder: SceneBuilder) -> int:
+    """Add what people wear to the textures of a scene, the same for everybody, and return its number."""
+    return builder.texture(clouds(frame_rng(0, "cloth"), (150, 150, 150), (255, 255, 255), 64, 0.6))
 
 
 def _aside(pose: tuple[float, float, float, float], vehicle: Pose2 | None) -> tuple[float, float, float, float]:

@@ -30,9 +30,9 @@ class SimConfig(SourceConfig):
     driver: Literal["auto", "route", "commands", "keyboard"] = "auto"
     """Who drives: the route, commands, the keys of the terminal (with `pace: realtime`), or (auto) the route in teach
     and track, commands in replay. Only `commands` lets a controller drive in track."""
-    start: tuple[float, float, float] | None = None
-    """Where the vehicle is put down: x, y and heading; left out: at the beginning of the route, in replay where
-    the run believes it starts [m, m, deg]."""
+    start: tuple[float, float, float] | Literal["random"] | None = None
+    """Where the vehicle is put down: x, y and heading, or `random`: anywhere free in the world, by the run's seed; left
+    out: at the beginning of the route, in replay where the run believes it starts [m, m, deg]."""
     put_off: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """How far off the start it is put down in replay: forward, left, turned [m, m, deg]."""
     sensors: tuple[str, ...] | None = Field(default=None, min_length=1)

@@ -5,13 +5,21 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
+from trailmark.errors import ConfigError
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Session
 from trailmark_sim.config import SimConfig
+from trailmark_sim.rng import frame_rng
 from trailmark_sim.routes import Route
 from trailmark_sim.worlds.base import World
 
 __all__ = ["Place", "place_vehicle"]
+
+#: A random start is so far from everything, and in a world without walls so far beside its route at most [m].
+_MARGIN_M, _BESIDE_M = 0.1, 0.5
+_TRIES = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,13 +38,20 @@ class Place:
     station_m: float
 
 
-def place_vehicle(config: SimConfig, session: Session, world: World, route: Route) -> Place:
-    """Return where the vehicle stands.
+def place_vehicle(config: SimConfig, session: Session, world: World, route: Route, seed: int = 0) -> Place:
+    """Return where the vehicle stands; `seed` says where that is for ``start: random``.
 
     In replay the run says where on the taught path it believes to start. The taught poses have drifted from the
     truth, so that not the pose counts but the place on the path: as far along the route, and as far beside it.
+
+    Raises
+    ------
+    ConfigError
+        If no free place is found for ``start: random``.
     """
-    if config.start is not None:
+    if config.start == "random":
+        pose = _anywhere(world, route, seed)
+    elif config.start is not None:
         x, y, theta_deg = config.start
         pose = Pose2(x, y, math.radians(theta_deg))
     elif session.mode == "replay":
@@ -57,3 +72,21 @@ def _on_route(session: Session, route: Route) -> Pose2:
     share = (on_path.station_m - path[0].station_m) / path.length_m
     taught = route.pose_at(share * route.length_m)
     return taught @ Pose2(0.0, on_path.lateral_m, on_path.heading_rad)
+
+
+def _anywhere(world: World, route: Route, seed: int) -> Pose2:
+    """Return a pose at which nothing is touched, not even `_MARGIN_M` further on to any side."""
+    west, east, south, north = world.area or _around(route)
+    rng = frame_rng(seed, "start")
+    around = [Pose2(_MARGIN_M * math.cos(a), _MARGIN_M * math.sin(a)) for a in np.arange(8) * math.pi / 4.0]
+    for _ in range(_TRIES):
+        pose = Pose2(rng.uniform(west, east), rng.uniform(south, north), rng.uniform(-math.pi, math.pi))
+        if all(world.collides(pose @ aside) is None for aside in (Pose2(), *around)):
+            return pose
+    raise ConfigError(f"sim: no free place found in world {world.name!r} for start: random; give x, y and heading")
+
+
+def _around(route: Route) -> tuple[float, float, float, float]:
+    xy = route.path.positions
+    (west, south), (east, north) = xy.min(axis=0) - _BESIDE_M, xy.max(axis=0) + _BESIDE_M
+    return float(west), float(east), float(south), float(north)

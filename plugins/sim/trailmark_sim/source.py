@@ -71,7 +71,7 @@ class SimSource(Drivable):
         auto = "commands" if session.mode == "replay" else "route"
         self._driver = auto if config.driver == "auto" else config.driver
         self.drives_itself = self._driver != "commands"
-        self._place = place_vehicle(config, session, self._world, self._route)
+        self._place = place_vehicle(config, session, self._world, self._route, self._seed)
         self._refuse_to_stand_in_something(self._place.pose)
         if self._driver == "keyboard":
             self._terminal = Terminal()

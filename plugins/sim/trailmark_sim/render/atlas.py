@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from trailmark.errors import ShapeError
 
-__all__ = ["Atlas", "build_atlas"]
+__all__ = ["Atlas", "build_atlas", "join_atlases"]
 
 _MOST_LEVELS = 12
 
@@ -52,6 +52,15 @@ def build_atlas(images: Sequence[npt.NDArray[np.uint8]]) -> Atlas:
             pieces.append(small)
             at += small.size
     return Atlas(np.concatenate(pieces), starts, sizes)
+
+
+def join_atlases(first: Atlas, second: Atlas) -> Atlas:
+    """Return the atlas of all textures of both; those of the second come last."""
+    return Atlas(
+        np.concatenate([first.texels, second.texels]),
+        np.concatenate([first.starts, second.starts + len(first.texels)]),
+        np.concatenate([first.sizes, second.sizes]),
+    )
 
 
 def _levels(image: npt.NDArray[np.uint8]) -> list[npt.NDArray[np.uint32]]:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from trailmark.geometry import Pose2
-from trailmark_sim.render.atlas import Atlas, build_atlas
+from trailmark_sim.render.atlas import Atlas, build_atlas, join_atlases
 from trailmark_sim.render.bake import Lighting, bake_light
 from trailmark_sim.render.shapes import RECTANGLE, Shape, cylinder, ellipsoid, moved, rectangle
 
@@ -18,6 +20,7 @@ __all__ = ["Scene", "SceneBuilder", "Surface"]
 
 Colour = tuple[float, float, float]
 Triple = Sequence[float] | npt.NDArray[np.float64]
+_WHITE = np.full((1, 1, 3), 255, np.uint8)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +83,10 @@ class Scene:
         Direction to the brightest light; for highlights.
     n_fixed : int
         Shapes from here on move: `actors` writes their frames.
+    lighting : Lighting
+        What it was lit by.
+    prints : mapping of bytes to int
+        Digest and number of each texture.
     """
 
     kinds: npt.NDArray[np.int8]
@@ -96,6 +103,46 @@ class Scene:
     sky: npt.NDArray[np.float32]
     key: npt.NDArray[np.float64]
     n_fixed: int
+    lighting: Lighting
+    prints: Mapping[bytes, int]
+
+    def with_movers(self, add_to: Callable[[SceneBuilder], None]) -> Scene:
+        """Return the same place with other moving shapes; nothing that stands is computed again.
+
+        Parameters
+        ----------
+        add_to : callable
+            Takes a builder and adds the movers, and nothing else.
+        """
+        builder = SceneBuilder(self.lighting, _prints=dict(self.prints), _images=[])
+        add_to(builder)
+        movers = builder.parts()
+        if not movers.shapes:
+            return self
+        n = self.n_fixed
+        atlas = self.atlas if not movers.images else join_atlases(self.atlas, build_atlas(movers.images))
+        light, patches = bake_light(movers.shapes, [], self.lighting)
+        first = self.patches[n, 0] if n < len(self.patches) else len(self.light)
+        patches[:, 0] += first
+        moving = _columns(movers, atlas)
+        joined: dict[str, Any] = {name: np.concatenate([getattr(self, name)[:n], moving[name]]) for name in moving}
+        return replace(
+            self,
+            **joined,
+            light=np.concatenate([self.light[:first], light]),
+            patches=np.concatenate([self.patches[:n], patches]),
+            atlas=atlas,
+            prints=builder._prints,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class _Parts:
+    """What a builder has collected: shapes, their surfaces, and textures."""
+
+    shapes: list[Shape]
+    surfaces: list[Surface]
+    images: list[npt.NDArray[np.uint8]]
 
 
 @dataclass
@@ -115,7 +162,8 @@ class SceneBuilder:
     _shapes: list[Shape] = field(default_factory=list)
     _surfaces: list[Surface] = field(default_factory=list)
     _movers: list[tuple[Shape, Surface]] = field(default_factory=list)
-    _images: list[npt.NDArray[np.uint8]] = field(default_factory=lambda: [np.full((1, 1, 3), 255, np.uint8)])
+    _images: list[npt.NDArray[np.uint8]] = field(default_factory=lambda: [_WHITE])
+    _prints: dict[bytes, int] = field(default_factory=lambda: {_print_of(_WHITE): 0})
     _pose: Pose2 = Pose2()
 
     def placed(self, pose_map_part: Pose2) -> SceneBuilder:
@@ -123,9 +171,12 @@ class SceneBuilder:
         return replace(self, _pose=self._pose @ pose_map_part)
 
     def texture(self, image: npt.NDArray[np.uint8]) -> int:
-        """Add a texture (H, W, 3) RGB uint8 and return its number."""
-        self._images.append(image)
-        return len(self._images) - 1
+        """Add a texture (H, W, 3) RGB uint8 and return its number; what is there already is not added again."""
+        digest = _print_of(image)
+        if digest not in self._prints:
+            self._prints[digest] = len(self._prints)
+            self._images.append(image)
+        return self._prints[digest]
 
     def add(self, shape: Shape, surface: Surface) -> None:
         """Add a shape."""
@@ -178,29 +229,45 @@ class SceneBuilder:
 
     def build(self, threads: int = 1) -> Scene:
         """Bake the light and return the scene."""
-        shapes = [*self._shapes, *(shape for shape, _ in self._movers)]
-        surfaces = [*self._surfaces, *(surface for _, surface in self._movers)]
-        atlas = build_atlas(self._images)
-        light, patches = bake_light(
-            shapes, [surface.blocks_light for surface in self._surfaces], self.lighting, threads
-        )
-        sky = np.zeros((2, 2, 3), np.float32) if self.sky is None else self.sky
+        parts = self.parts()
+        atlas = build_atlas(parts.images)
+        solid = [surface.blocks_light for surface in self._surfaces]
+        light, patches = bake_light(parts.shapes, solid, self.lighting, threads)
         return Scene(
-            kinds=np.array([shape.kind for shape in shapes], np.int8),
-            frames=np.stack([shape.frame for shape in shapes]),
-            origins=np.stack([shape.origin for shape in shapes]),
-            centres=np.stack([shape.centre for shape in shapes]),
-            radii=np.array([shape.radius_m for shape in shapes]),
-            looks=np.array([_look(shape, surface, atlas) for shape, surface in zip(shapes, surfaces)], np.float32),
-            textures=np.array([surface.texture for surface in surfaces], np.int32),
-            floors=np.array([surface.is_floor for surface in surfaces]),
+            **_columns(parts, atlas),
             light=light,
             patches=patches,
             atlas=atlas,
-            sky=sky,
+            sky=np.zeros((2, 2, 3), np.float32) if self.sky is None else self.sky,
             key=self.lighting.key(),
             n_fixed=len(self._shapes),
+            lighting=self.lighting,
+            prints=self._prints,
         )
+
+    def parts(self) -> _Parts:
+        """Return all shapes, what moves last, with their surfaces, and the textures."""
+        shapes = [*self._shapes, *(shape for shape, _ in self._movers)]
+        return _Parts(shapes, [*self._surfaces, *(surface for _, surface in self._movers)], self._images)
+
+
+def _columns(parts: _Parts, atlas: Atlas) -> dict[str, npt.NDArray[Any]]:
+    """Return a row for each shape of what the kernels know of it but its light."""
+    shapes, surfaces = parts.shapes, parts.surfaces
+    return {
+        "kinds": np.array([shape.kind for shape in shapes], np.int8),
+        "frames": np.stack([shape.frame for shape in shapes]),
+        "origins": np.stack([shape.origin for shape in shapes]),
+        "centres": np.stack([shape.centre for shape in shapes]),
+        "radii": np.array([shape.radius_m for shape in shapes]),
+        "looks": np.array([_look(shape, surface, atlas) for shape, surface in zip(shapes, surfaces)], np.float32),
+        "textures": np.array([surface.texture for surface in surfaces], np.int32),
+        "floors": np.array([surface.is_floor for surface in surfaces]),
+    }
+
+
+def _print_of(image: npt.NDArray[np.uint8]) -> bytes:
+    return hashlib.blake2b(f"{image.shape}".encode() + image.tobytes(), digest_size=16).digest()
 
 
 def _look(shape: Shape, surface: Surface, atlas: Atlas) -> tuple[float, ...]:

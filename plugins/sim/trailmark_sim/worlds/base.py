@@ -111,6 +111,8 @@ class World:
         Takes the pose of the vehicle and returns what it touches there, or None.
     truth : mapping of str to array
         What else is known exactly: poles, landmarks. For evaluation and drawing.
+    area : (float, float, float, float) or None
+        West, east, south and north end of where a vehicle may be put down; None: beside the route [m].
     """
 
     name: str
@@ -120,6 +122,7 @@ class World:
     start: Pose2
     collides: Callable[[Pose2], str | None] = _nowhere
     truth: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+    area: tuple[float, float, float, float] | None = None
 
 
 def choose_sensors(

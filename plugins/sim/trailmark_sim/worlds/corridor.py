@@ -13,7 +13,7 @@ import numpy as np
 
 from trailmark.errors import ConfigError
 from trailmark.geometry import Pose2
-from trailmark_sim.actors import Crowd
+from trailmark_sim.actors import Crowd, add_cloth
 from trailmark_sim.names import unknown_name
 from trailmark_sim.render import lettering, textures
 from trailmark_sim.render.bake import Lamp, Lighting
@@ -23,7 +23,7 @@ from trailmark_sim.routes import arc, line
 from trailmark_sim.worlds.base import World, WorldOptions, parse_options
 from trailmark_sim.worlds.corridor_wings import PLANS, WINDOW_M, Wing, add_wings
 from trailmark_sim.worlds.forward_rig import SENSORS, forward_world, route_along, to_and_fro
-from trailmark_sim.worlds.furnishing import hang, lamp_panels, show_lamps
+from trailmark_sim.worlds.furnishing import hang, lamp_panels, peopled, show_lamps
 from trailmark_sim.worlds.scene_options import CorridorOptions
 from trailmark_sim.worlds.solids import Solids
 
@@ -46,13 +46,14 @@ def build(options: WorldOptions) -> World:
     plan = options.route or ROUTES[0]
     if plan not in ROUTES:
         raise ConfigError(f"sim: world 'corridor' has {unknown_name('route', plan, ROUTES)}")
-    people = options.seed if given.people else 0
+    crowd = _crowd(plan, given, options.seed)
+    stage = partial(_stage, plan, given.scenery(), options.world_seed, options.threads)
     return forward_world(
         "corridor",
         options,
         given,
-        partial(_scene, plan, given.scenery(), options.world_seed, people, options.threads),
-        _crowd(plan, given, options.seed),
+        peopled(stage, crowd),
+        crowd,
         _solids(plan),
         {plan: _ROUTES[plan]} | _ROUTES,
         partial(_light_lux, plan, {"all": 320.0, "half": 200.0, "off": 90.0}[given.lamps]),
@@ -105,8 +106,8 @@ def _lamps(plan: str) -> tuple[Lamp, ...]:
     return first + second + lamp_panels(np.arange(19.2, 36.0, 3.2).tolist(), (16.8,), _HEIGHT_M, (1.2, 0.25), 1.5)
 
 
-@lru_cache(maxsize=1)
-def _scene(plan: str, given: CorridorOptions, world_seed: int, seed: int, threads: int) -> Scene:
+@lru_cache(maxsize=2)
+def _stage(plan: str, given: CorridorOptions, world_seed: int, threads: int) -> Scene:
     rng = frame_rng(world_seed, "corridor")
     wings, lamps = PLANS[plan], _lamps(plan)
     lit = lamps[::2] if given.lamps == "half" else lamps if given.lamps == "all" else ()
@@ -117,7 +118,7 @@ def _scene(plan: str, given: CorridorOptions, world_seed: int, seed: int, thread
     show_lamps(builder, lit, 6.0)
     _add_doors(builder, rng, wings)
     _add_things(builder, rng, wings)
-    _crowd(plan, given, seed).add_to(builder)
+    add_cloth(builder)
     return builder.build(threads)
 
 

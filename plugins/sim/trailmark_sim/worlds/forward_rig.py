@@ -94,6 +94,7 @@ def forward_world(
         routes=routes,
         start=Pose2(),
         collides=partial(solids.touched, vehicle),
+        area=solids.area,
     )
 
 

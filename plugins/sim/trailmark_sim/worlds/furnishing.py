@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
+from trailmark_sim.props import Troupe
 from trailmark_sim.render.bake import Lamp
 from trailmark_sim.render.develop import Sensitometry
-from trailmark_sim.render.scene import SceneBuilder, Surface
+from trailmark_sim.render.scene import Scene, SceneBuilder, Surface
 
-__all__ = ["Room", "add_room", "add_wall", "hang", "lamp_panels", "response", "show_lamps"]
+__all__ = ["Room", "add_room", "add_wall", "hang", "lamp_panels", "peopled", "response", "show_lamps"]
 
 #: Each layer on a wall stands so far before the one below [m].
 _GAP_M = 0.003
@@ -124,3 +126,13 @@ def response(
         shot_noise=plain.shot_noise * noise,
         blur_px=default_blur_px if blur_px is None else blur_px,
     )
+
+
+def peopled(stage: Callable[[], Scene], troupe: Troupe) -> Callable[[], Scene]:
+    """Return what builds a scene once, when it is first asked for: what stands, and whoever moves there."""
+
+    @cache
+    def scene() -> Scene:
+        return stage().with_movers(troupe.add_to)
+
+    return scene

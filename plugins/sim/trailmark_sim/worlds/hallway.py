@@ -11,7 +11,7 @@ from functools import lru_cache, partial
 import numpy as np
 
 from trailmark.geometry import Pose2
-from trailmark_sim.actors import Crowd, Walk
+from trailmark_sim.actors import Crowd, Walk, add_cloth
 from trailmark_sim.props import Troupe
 from trailmark_sim.render import lettering, textures
 from trailmark_sim.render.bake import Lighting
@@ -20,7 +20,7 @@ from trailmark_sim.rng import frame_rng
 from trailmark_sim.routes import Route
 from trailmark_sim.worlds.base import World, WorldOptions, parse_options
 from trailmark_sim.worlds.crate import with_crate
-from trailmark_sim.worlds.furnishing import Room, add_room, hang, lamp_panels, show_lamps
+from trailmark_sim.worlds.furnishing import Room, add_room, hang, lamp_panels, peopled, show_lamps
 from trailmark_sim.worlds.rgbd_rig import SENSORS, rgbd_world
 from trailmark_sim.worlds.scene_options import HallwayOptions
 from trailmark_sim.worlds.solids import Solids
@@ -57,7 +57,7 @@ def build(options: WorldOptions) -> World:
         "hallway",
         options,
         given,
-        partial(_scene, given.scenery(), options.world_seed, options.seed if given.people else 0, options.threads),
+        peopled(partial(_stage, given.scenery(), options.world_seed, options.threads), crowd),
         crowd,
         solids,
         {"straight": Route.from_poses(route, _SPEED_MPS, "10 m along the hallway")},
@@ -78,8 +78,8 @@ def _light_lux(level: float, pose: Pose2, stamp_s: float) -> float:
     return 300.0 * level * (1.0 + 0.2 * math.cos(2.0 * math.pi * pose.x / 3.0))
 
 
-@lru_cache(maxsize=1)
-def _scene(given: HallwayOptions, world_seed: int, seed: int, threads: int) -> Scene:
+@lru_cache(maxsize=2)
+def _stage(given: HallwayOptions, world_seed: int, threads: int) -> Scene:
     rng = frame_rng(world_seed, "hallway")
     level = given.light_level
     lamps = lamp_panels((0.5, 3.5, 6.5, 9.5, 12.0), (0.0,), _ROOM.height_m, (1.2, 0.3), 3.0 * level)
@@ -96,7 +96,7 @@ def _scene(given: HallwayOptions, world_seed: int, seed: int, threads: int) -> S
         else:
             builder.ellipsoid((x, y, size), (size, size, size), surface)
     builder.cylinder(12.6, -1.1, 0.0, 0.22, 0.9, Surface(tint=(0.55, 0.56, 0.58), shine=0.6))
-    _crowd(given, seed).add_to(builder)
+    add_cloth(builder)
     return builder.build(threads)
 
 

@@ -11,7 +11,7 @@ from functools import lru_cache, partial
 import numpy as np
 
 from trailmark.geometry import Pose2
-from trailmark_sim.actors import Crowd, Walk
+from trailmark_sim.actors import Crowd, Walk, add_cloth
 from trailmark_sim.props import Troupe
 from trailmark_sim.render import lettering, textures
 from trailmark_sim.render.bake import Lighting
@@ -20,7 +20,7 @@ from trailmark_sim.rng import frame_rng
 from trailmark_sim.routes import Route
 from trailmark_sim.worlds.base import World, WorldOptions, parse_options
 from trailmark_sim.worlds.crate import with_crate
-from trailmark_sim.worlds.furnishing import Room, add_room, hang, lamp_panels, show_lamps
+from trailmark_sim.worlds.furnishing import Room, add_room, hang, lamp_panels, peopled, show_lamps
 from trailmark_sim.worlds.rgbd_rig import SENSORS, rgbd_world
 from trailmark_sim.worlds.scene_options import LabOptions
 from trailmark_sim.worlds.solids import Solids
@@ -72,7 +72,7 @@ def build(options: WorldOptions) -> World:
         "lab",
         options,
         given,
-        partial(_scene, given.scenery(), options.world_seed, options.seed if given.people else 0, options.threads),
+        peopled(partial(_stage, given.scenery(), options.world_seed, options.threads), crowd),
         crowd,
         solids,
         _routes(),
@@ -101,8 +101,8 @@ def _light_lux(level: float, pose: Pose2, stamp_s: float) -> float:
     return 420.0 * level * (1.0 + 0.12 * math.cos(2.0 * math.pi * pose.x / 2.6))
 
 
-@lru_cache(maxsize=1)
-def _scene(given: LabOptions, world_seed: int, seed: int, threads: int) -> Scene:
+@lru_cache(maxsize=2)
+def _stage(given: LabOptions, world_seed: int, threads: int) -> Scene:
     rng = frame_rng(world_seed, "lab")
     level = given.light_level
     lamps = lamp_panels((1.6, 4.0, 6.4), (1.6, 4.4), _ROOM.height_m, (1.2, 0.3), 3.0 * level)
@@ -113,7 +113,7 @@ def _scene(given: LabOptions, world_seed: int, seed: int, threads: int) -> Scene
         _add_table(builder, rng, table)
     _add_things(builder, rng)
     _add_clutter(builder, rng)
-    _crowd(given, seed).add_to(builder)
+    add_cloth(builder)
     return builder.build(threads)
 
 

@@ -70,4 +70,5 @@ def rgbd_world(
         routes=routes,
         start=next(iter(routes.values())).start,
         collides=partial(solids.touched, vehicle),
+        area=solids.area,
     )

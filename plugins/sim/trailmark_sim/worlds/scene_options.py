@@ -10,10 +10,10 @@ from trailmark.config import PluginConfig
 
 __all__ = ["CorridorOptions", "HallwayOptions", "LabOptions", "StreetOptions", "SupermarketOptions"]
 
-#: What changes pictures, but not what there is to see.
-_OF_CAMERAS = (
+#: What changes pictures, but nothing that stands.
+_NOT_OF_THE_PLACE = (
     *("exposure", "noise", "blur_px", "registered", "depth_noise", "vibration_mrad", "width_px"),
-    *("dims_s", "dims_to", "crate_s"),
+    *("people", "dims_s", "dims_to", "crate", "crate_s"),
 )
 
 
@@ -26,9 +26,9 @@ class _CameraOptions(PluginConfig):
     """Blur of the lens, one standard deviation; left out: the world's [px]."""
 
     def scenery(self) -> Self:
-        """Return the options of the place alone, as if the cameras were left as they are: the same, the same scene."""
+        """Return the options of the place, without those of cameras and of what moves: the same, the same place."""
         fields = type(self).model_fields
-        plain = {name: fields[name].default for name in _OF_CAMERAS if name in fields}
+        plain = {name: fields[name].default for name in _NOT_OF_THE_PLACE if name in fields}
         return self.model_copy(update=plain)
 
 

@@ -43,6 +43,11 @@ class Solids:
     _boxes: list[_Box] = field(default_factory=list)
     _poles: list[tuple[str, float, float, float]] = field(default_factory=list)
 
+    @property
+    def area(self) -> tuple[float, float, float, float]:
+        """West, east, south and north wall [m]."""
+        return self.west, self.east, self.south, self.north
+
     def box(self, name: str, x: float, y: float, length_m: float, width_m: float, yaw_rad: float = 0.0) -> None:
         """Add a box, `length_m` along its yaw."""
         self._boxes.append(_Box(name, Pose2(x, y, yaw_rad), length_m / 2.0, width_m / 2.0))

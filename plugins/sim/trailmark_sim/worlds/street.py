@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from trailmark.errors import ConfigError
 from trailmark.geometry import Pose2
-from trailmark_sim.actors import Crowd
+from trailmark_sim.actors import Crowd, add_cloth
 from trailmark_sim.names import unknown_name
 from trailmark_sim.render import lettering, textures
 from trailmark_sim.render.bake import Lighting
@@ -24,6 +24,7 @@ from trailmark_sim.rng import frame_rng
 from trailmark_sim.routes import arc, line
 from trailmark_sim.worlds.base import World, WorldOptions, parse_options
 from trailmark_sim.worlds.forward_rig import SENSORS, forward_world, route_along, to_and_fro
+from trailmark_sim.worlds.furnishing import peopled
 from trailmark_sim.worlds.scene_options import StreetOptions
 from trailmark_sim.worlds.solids import Solids
 from trailmark_sim.worlds.street_legs import PLANS, HouseRow, Leg, Plan
@@ -60,13 +61,14 @@ def build(options: WorldOptions) -> World:
     name = options.route or ROUTES[0]
     if name not in ROUTES:
         raise ConfigError(f"sim: world 'street' has {unknown_name('route', name, ROUTES)}")
-    people = options.seed if given.people else 0
+    crowd = _crowd(name, given, options.seed)
+    stage = partial(_stage, name, given.scenery(), options.world_seed, options.threads)
     return forward_world(
         "street",
         options,
         given,
-        partial(_scene, name, given.scenery(), options.world_seed, people, options.threads),
-        _crowd(name, given, options.seed),
+        peopled(stage, crowd),
+        crowd,
         _solids(PLANS[name], given.cars),
         {name: _ROUTES[name]} | _ROUTES,
         partial(_light_lux, given.time),
@@ -104,8 +106,8 @@ def _light_lux(time: str, pose: Pose2, stamp_s: float) -> float:
     return level * (0.7 if int(pose.x / 7.0) % 2 else 1.0)
 
 
-@lru_cache(maxsize=1)
-def _scene(name: str, given: StreetOptions, world_seed: int, seed: int, threads: int) -> Scene:
+@lru_cache(maxsize=2)
+def _stage(name: str, given: StreetOptions, world_seed: int, threads: int) -> Scene:
     rng, plan = frame_rng(world_seed, "street"), PLANS[name]
     direction, sunlight, ambient = _SUN[given.time]
     lighting = Lighting((), ambient, direction, sunlight, reach_m=4.0, texel_m=0.5)
@@ -125,7 +127,7 @@ def _scene(name: str, given: StreetOptions, world_seed: int, seed: int, threads:
         _add_signs(builder.placed(leg.pose), leg, words)
     for leg in plan.legs:
         _add_boards(builder.placed(leg.pose), rng, leg)
-    _crowd(name, given, seed).add_to(builder)
+    add_cloth(builder)
     return builder.build(threads)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from trailmark.frames import Pinhole
 from trailmark.geometry import Pose2, Pose3
-from trailmark_sim.actors import Crowd, Walk
+from trailmark_sim.actors import Crowd, Walk, add_cloth
 from trailmark_sim.ground.camera import GroundCamera, GroundRig
 from trailmark_sim.ground.ground import Floor, Ground, Zone
 from trailmark_sim.ground.optics import Optics
@@ -34,7 +34,7 @@ from trailmark_sim.sensors.rgbd import RgbdRig, RgbdSensor
 from trailmark_sim.sensors.true_depth import TrueDepthSensor
 from trailmark_sim.vehicles import Holonomic
 from trailmark_sim.worlds.base import SensorModel, World, WorldOptions, choose_sensors, parse_options
-from trailmark_sim.worlds.furnishing import Room, add_room, hang, lamp_panels, response, show_lamps
+from trailmark_sim.worlds.furnishing import Room, add_room, hang, lamp_panels, peopled, response, show_lamps
 from trailmark_sim.worlds.scene_options import SupermarketOptions
 from trailmark_sim.worlds.solids import Solids
 
@@ -77,7 +77,7 @@ def build(options: WorldOptions) -> World:
     vehicle = options.vehicle or Holonomic()
     crowd = _crowd(given, options.seed)
     solids = _solids()
-    scene = partial(_scene, given.scenery(), options.world_seed, options.seed if given.people else 0, options.threads)
+    scene = peopled(partial(_stage, given.scenery(), options.world_seed, options.threads), crowd)
     film = response(given.exposure, given.noise, given.blur_px, 0.62, vignette=0.3)
 
     def front(sensor: str) -> CameraSensor:
@@ -125,6 +125,7 @@ def build(options: WorldOptions) -> World:
         routes=_routes(),
         start=Pose2(1.0, 2.0, 0.0),
         collides=partial(solids.touched, vehicle),
+        area=solids.area,
         truth={"shelves": np.array(_SHELVES), "goal": np.array([5.55, 3.11])},
     )
 
@@ -183,8 +184,8 @@ def _floor_camera(options: WorldOptions) -> GroundCamera:
     return GroundCamera("floor", ground, rig, Optics(), options.seed, threads=options.threads)
 
 
-@lru_cache(maxsize=1)
-def _scene(given: SupermarketOptions, world_seed: int, seed: int, threads: int) -> Scene:
+@lru_cache(maxsize=2)
+def _stage(given: SupermarketOptions, world_seed: int, threads: int) -> Scene:
     rng = frame_rng(world_seed, "supermarket")
     lamps = lamp_panels((1.25, 3.75, 6.25, 8.75), (1.7, 5.0, 8.3), _ROOM.height_m, (1.2, 0.3), 2.6)
     lit = lamps if given.lighting == "all" else lamps[::2]
@@ -198,7 +199,7 @@ def _scene(given: SupermarketOptions, world_seed: int, seed: int, threads: int) 
     pole = Surface(builder.texture(textures.plaster(rng, (200, 196, 186), 128, 0.04)), (2.0, 4.0))
     for x, y, radius in _POLES:
         builder.cylinder(x, y, 0.0, radius, _ROOM.height_m, pole)
-    _crowd(given, seed).add_to(builder)
+    add_cloth(builder)
     return builder.build(threads)
 
 
