@@ -25,7 +25,7 @@ MOUNTING = Pose2(0.2, -0.1, 0.5)
 
 
 def config(**changes: object) -> OmniSurfConfig:
-    return OmniSurfConfig.model_validate({"camera": "omni", **changes})
+    return OmniSurfConfig.model_validate({"camera": "omni", "confirm_pictures": 1, **changes})
 
 
 @pytest.fixture(scope="module")
@@ -131,6 +131,29 @@ def test_a_robot_carried_away_finds_itself_again(omni: Any, room: Any, taught: A
     assert isinstance(answers[-1], Fix)
     assert errors(answers[-1], true)[0] < 0.15
     assert all(isinstance(answer, Lost) or errors(answer, true)[0] < 0.5 for answer in answers)
+
+
+def test_an_unexpected_place_is_told_when_two_pictures_agree(omni: Any, room: Any, taught: Any) -> None:
+    localizer = started(room, taught, confirm_pictures=2)
+    drive = [Pose2(-1.0 + 0.1 * k, 0.0, 0.2 * k) for k in range(4)]
+
+    first, *others = (look(localizer, omni, room, pose, k / 15) for k, pose in enumerate(drive))
+
+    assert isinstance(first, Lost)
+    assert "looking again to make sure" in first.reason
+    assert all(isinstance(answer, Fix) for answer in others)
+
+
+def test_two_pictures_that_contradict_each_other_are_not_believed(omni: Any, room: Any, taught: Any) -> None:
+    localizer = started(room, taught, confirm_pictures=2)
+    images = [room.render(Pose2(x, 0.2, 0.5) @ MOUNTING) for x in (-0.9, 0.9, -0.9, 0.9)]
+
+    answers = [
+        localizer.observe(omni.frame(image, float(k)), Belief(float(k), pose_odom_base=Pose2()))[0]
+        for k, image in enumerate(images)
+    ]
+
+    assert all(isinstance(answer, Lost) for answer in answers)
 
 
 def test_someone_in_the_way_costs_landmarks_but_not_the_pose(omni: Any, room: Any, taught: Any) -> None:

@@ -48,6 +48,8 @@ class GoalSeeking(Controller):
         reason = self._why_stand(belief)
         if pose is None or reason:
             self._n_settled = 0
+            if pose is None and self.config.search_dps > 0.0:
+                return Velocity(0.0, 0.0, math.radians(self.config.search_dps))
             return Stop(reason)
         next_point = self._way.next_point(pose) if self._way is not None else None
         if next_point is not None:

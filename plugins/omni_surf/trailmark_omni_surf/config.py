@@ -52,6 +52,10 @@ class OmniSurfConfig(PluginConfig):
     paper: more than three.)"""
     max_rival_share: float = Field(0.85, gt=0, le=1)
     """A pose elsewhere with more than this share of its support makes it ambiguous. (Not in the paper.)"""
+    min_agreeing_share: float = Field(0.35, ge=0, le=1)
+    """And this share of the recognised landmarks. (Not in the paper.)"""
+    confirm_pictures: int = Field(2, ge=1)
+    """A place that was not expected is told when so many pictures in a row have found it. (Not in the paper.)"""
     max_gap_deg: float = Field(200.0, gt=0, le=360)
     """Widest angle around it without a landmark that agrees: one board alone may be another board. (Not in the
     paper.) [deg]"""
@@ -64,7 +68,7 @@ class OmniSurfConfig(PluginConfig):
     max_position_sigma_m: float = Field(0.5, gt=0)
     """A pose less certain than this is none [m]."""
     use_tracking: bool = True
-    """Main flow by tracking; off, every picture goes through the sub flow (the paper's simple method)."""
+    """Main flow by tracking; off, every picture goes through the sub flow, by itself (the paper's simple method)."""
     check_centre: bool = True
     """Look for the image circle also where the calibration names a centre, and refuse a picture that contradicts it."""
     max_centre_error_px: float = Field(6.0, gt=0)

@@ -37,6 +37,8 @@ class FlowOptions:
         Landmarks that must agree on a pose found without a start, each counted the less the larger its error.
     max_rival_share : float
         A pose elsewhere with more than this share of the support makes such a pose ambiguous.
+    min_agreeing_share : float
+        Share of the recognised landmarks that must agree on such a pose.
     max_gap_rad : float
         Widest angle without an agreeing landmark, seen from such a pose [rad].
     """
@@ -46,6 +48,7 @@ class FlowOptions:
     ratio: float
     min_agreeing: int
     max_rival_share: float
+    min_agreeing_share: float
     max_gap_rad: float
 
 
@@ -124,7 +127,8 @@ def _doubt(fix: BearingFix | None, bearings: npt.NDArray[np.float64], options: F
     n_agreeing = int(fix.is_inlier.sum())
     if fix.support < needed:
         return f"{n_agreeing} of {n} recognised landmarks agree, by their errors worth {fix.support:.1f} of {needed}"
-    if chance_agreements(n, n_agreeing, options.noise.gate_rad) > _MAX_CHANCE:
+    is_chance = chance_agreements(n, n_agreeing, options.noise.gate_rad) > _MAX_CHANCE
+    if is_chance or n_agreeing < options.min_agreeing_share * n:
         return f"{n_agreeing} of {n} recognised landmarks agree: that may be chance"
     if fix.rival_support > options.max_rival_share * fix.support:
         return f"{n_agreeing} of {n} recognised landmarks agree, and nearly as many on another place"

@@ -29,6 +29,7 @@ __all__ = ["OmniSurf"]
 Grey = npt.NDArray[np.uint8]
 
 _MAP = "landmarks"
+_SAME_PLACE_M, _SAME_PLACE_RAD = 0.5, math.radians(15.0)
 _ENOUGH_SHARE = 0.6  # a refresh that finds fewer of the tracked landmarks than this is not taken
 
 
@@ -40,6 +41,7 @@ class OmniSurf(Localizer):
     _finding: Finding
     _n_tracked: int
     _last_pose: tuple[Pose2, Pose2] | None
+    _pending: tuple[Pose2, Pose2, int] | None
 
     def start(self, session: Session) -> None:
         """Load the landmarks and compile the kernels.
@@ -64,6 +66,7 @@ class OmniSurf(Localizer):
         self._book = TrackBook(_track_options(config))
         self._last_keyframe: tuple[float, Pose2] | None = None
         self._forget()
+        self._pending = None
         self._counters = {"main_flow": 0, "sub_flow": 0, "landmarks_removed": 0}
         warm_up(self._extract)
         self._landmarks = self._load_map() if self._mode != "teach" else None
@@ -154,9 +157,28 @@ class OmniSurf(Localizer):
                 finding, is_tracked = detected, False
         if finding.fix is None:
             self._forget()
+            self._pending = None
             return Lost(stamp_s, finding.reason, {"landmarks": float(finding.n_seen)})
+        if not self._is_sure(finding.fix.pose_map_base, start, belief.pose_odom_base):
+            self._forget()
+            reason = f"{len(finding.uv)} landmarks agree on a place: looking again to make sure"
+            return Lost(stamp_s, reason, {"landmarks": float(finding.n_seen)})
         self._image, self._finding = image, finding
         return self._answer(stamp_s, finding, finding.fix, belief, is_tracked)
+
+    def _is_sure(self, pose_map_camera: Pose2, start: Pose2 | None, pose_odom_base: Pose2) -> bool:
+        """Return whether a pose is where it was expected, or was found in enough pictures in a row."""
+        if start is not None and _is_near(start, pose_map_camera):
+            self._pending = None
+            return True
+        n_seen = 1
+        if self._pending is not None:
+            pose_before, odom_before, n_before = self._pending
+            moved = self._pose_camera_base @ odom_before.between(pose_odom_base) @ self._pose_base_camera
+            if _is_near(pose_before @ moved, pose_map_camera):
+                n_seen = n_before + 1
+        self._pending = (pose_map_camera, pose_odom_base, n_seen)
+        return n_seen >= self.config.confirm_pictures
 
     def _track(self, landmarks: LandmarkMap, image: Grey, start: Pose2 | None) -> Finding:
         """Main flow, where it can be gone."""
@@ -181,8 +203,11 @@ class OmniSurf(Localizer):
         return self.config.use_tracking and is_same_size and len(self._finding.uv) > self.config.min_tracked
 
     def _expected(self, belief: Belief) -> Pose2 | None:
-        """Return where the camera should be: the last pose, carried along by the motion since."""
-        if self._last_pose is None:
+        """Return where the camera should be: the last pose, carried along by the motion since.
+
+        Without tracking there is none: every picture is looked at by itself.
+        """
+        if self._last_pose is None or not self.config.use_tracking:
             return None
         pose_map_base, pose_odom_base = self._last_pose
         return pose_map_base @ pose_odom_base.between(belief.pose_odom_base) @ self._pose_base_camera
@@ -227,6 +252,11 @@ class OmniSurf(Localizer):
         return landmarks
 
 
+def _is_near(expected: Pose2, pose: Pose2) -> bool:
+    off = expected.between(pose)
+    return math.hypot(off.x, off.y) <= _SAME_PLACE_M and abs(off.theta) <= _SAME_PLACE_RAD
+
+
 def _flow_options(config: OmniSurfConfig) -> FlowOptions:
     noise = BearingNoise(
         math.radians(config.bearing_sigma_deg), math.radians(config.tracking_error_deg), config.max_position_sigma_m
@@ -237,6 +267,7 @@ def _flow_options(config: OmniSurfConfig) -> FlowOptions:
         config.ratio,
         config.min_agreeing,
         config.max_rival_share,
+        config.min_agreeing_share,
         math.radians(config.max_gap_deg),
     )
 

@@ -1,0 +1,45 @@
+"""The paper's future work: how accurate and how fast it stays while people walk about."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from trailmark.experiments import ExperimentOptions, Row
+from trailmark_omni_surf.experiments.place import TaughtPlace, supermarket
+from trailmark_omni_surf.experiments.variants import drive
+
+__all__ = ["people_rows"]
+
+#: People, and the share of pictures that must be answered [%].
+_CROWDS = ((0, 99.0), (4, 95.0), (8, 90.0))
+_QUICK_S = 3.0
+
+
+def people_rows(options: ExperimentOptions, place: TaughtPlace) -> list[Row]:
+    """Return share, largest error and time by the number of people, through all aisles."""
+    crowds = _CROWDS[1:2] if options.quick else _CROWDS
+    developed, calls = place.variants["developed"], []
+    for people, _ in crowds:
+        source = supermarket(route="round", sensors=["wheels", "omni"], options={"people": people})
+        if options.quick:
+            source["duration_s"] = _QUICK_S
+        calls.append(([developed], source, options.seed + 200 + people))
+    rows: list[Row] = []
+    for (people, bar), found in zip(crowds, options.map(drive, calls)):
+        answers = found["developed"]
+        errors, name = answers.errors_m, f"{people} people walking"
+        is_bad = (errors > 0.5) & (answers.nees > 16.0)
+        options.report(f"{name}: {100 * answers.fixed_share:.1f} % answered, worst {float(np.nanmax(errors)):.2f} m")
+        common: dict[str, Any] = {"n": len(errors)}
+        rows += [
+            Row(name, "pictures answered", "%", 100 * answers.fixed_share, None, bar, better="higher", **common),
+            Row(name, "error, mean", "m", float(np.nanmean(errors)), spread=float(np.nanstd(errors)), **common),
+            Row(name, "error, largest of all answers", "m", float(np.nanmax(errors)), None, 1.0, **common),
+            Row(name, "answers more than 0.5 m off with NEES > 16", "", float(is_bad.sum()), None, 0.0, **common),
+            Row(name, "pictures tracked", "%", 100 * float(np.nanmean(answers.tracked)), better="higher", **common),
+            Row(name, "CPU time of a picture, mean", "ms", float(answers.cpu_ms.mean()),
+                spread=float(answers.cpu_ms.std()), **common),
+        ]  # fmt: skip
+    return rows
