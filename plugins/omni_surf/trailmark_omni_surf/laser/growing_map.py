@@ -14,6 +14,7 @@ __all__ = ["GrowingMap"]
 
 _N_RECENT = 30  # scans; more would only slow the raster down, older ones come back by `_REVISIT_M`
 _REVISIT_M = 1.5
+_THIN_M = 0.10  # coarser than the map that is kept: this one is made anew for every scan that is remembered
 
 
 class GrowingMap:
@@ -41,7 +42,8 @@ class GrowingMap:
         """Return the map around the newest scan."""
         if self._map is None:
             chosen = [self._scans[idx] for idx in self._chosen()]
-            self._map = ScanMap.from_scans([scan for scan, _ in chosen], [pose for _, pose in chosen], min_hits=1)
+            scans, poses = [scan for scan, _ in chosen], [pose for _, pose in chosen]
+            self._map = ScanMap.from_scans(scans, poses, min_hits=1, thin_m=_THIN_M)
         return self._map
 
     def _chosen(self) -> list[int]:

@@ -61,7 +61,7 @@ class ScanMap:
         poses_map_base: Sequence[Pose2],
         *,
         min_hits: int = 2,
-        thin_m: float = 0.10,
+        thin_m: float = 0.05,
         cell_m: float = 0.05,
         reach_m: float = 0.5,
     ) -> ScanMap:
