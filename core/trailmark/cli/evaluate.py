@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import click
 
-from trailmark.errors import DataError
+from trailmark.errors import ConfigError, DataError
 from trailmark.evaluation import ALIGNMENTS, AlignKind, Protocol, evaluate
 from trailmark.geometry import Trajectory, read_tum
+from trailmark.paths import Path as TaughtPath
 from trailmark.report.tables import Trajectories, trajectories_table
 
 __all__ = ["evaluate_command"]
@@ -34,11 +36,29 @@ __all__ = ["evaluate_command"]
     metavar="SECONDS",
     help="How far the nearest pose may be away in time.  [default: 1.5 intervals]",
 )
+@click.option("--noise", is_flag=True, help="EST is a run's estimates.csv: print the noise of each localizer.")
+@click.option(
+    "--store", type=click.Path(path_type=Path), metavar="F.trail", help="With --noise: the path that offsets are about."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print all metrics as JSON.")
 def evaluate_command(
-    truth: Path, estimates: tuple[Path, ...], align: AlignKind, max_difference_s: float | None, as_json: bool
+    truth: Path,
+    estimates: tuple[Path, ...],
+    align: AlignKind,
+    max_difference_s: float | None,
+    noise: bool,
+    store: Path | None,
+    as_json: bool,
 ) -> None:
-    """Metrics in the plane for trajectories of any program, in the TUM format (t x y z qx qy qz qw)."""
+    """Metrics in the plane for trajectories of any program, in the TUM format (t x y z qx qy qz qw).
+
+    With --noise the errors of what each localizer of a run said, as the lines that tell them to the estimator `kalman`.
+    """
+    if noise:
+        _print_noise(truth, estimates, store, as_json)
+        return
+    if store is not None:
+        raise ConfigError("--store belongs to --noise")
     protocol = Protocol(align=align, max_difference_s=max_difference_s)
     true_way = read_tum(truth)
     documents = [_document(path, true_way, protocol) for path in estimates]
@@ -51,6 +71,38 @@ def evaluate_command(
         _print(estimates, documents)
     if problems:
         raise click.exceptions.Exit(1)
+
+
+def _print_noise(truth: Path, estimates: Sequence[Path], store: Path | None, as_json: bool) -> None:
+    from trailmark.evaluation.estimates_table import read_estimates
+    from trailmark.evaluation.measured_noise import config_lines, measured_noise
+
+    path = None if store is None else _path_of(store)
+    for table in estimates:
+        found = measured_noise(read_estimates(table), read_tum(truth), path)
+        if not found:
+            raise DataError(f"{table}: no localizer said enough while the truth is known")
+        if as_json:
+            documents = {source: asdict(one) for source, one in found.items()}
+            click.echo(json.dumps({"file": str(table), "noise": documents}, indent=1))
+        else:
+            click.echo(config_lines(found))
+
+
+def _path_of(store: Path) -> TaughtPath:
+    from trailmark.interfaces import Session
+    from trailmark.stores.sqlite import SqlitePathStore
+    from trailmark.stores.sqlite_config import SqliteStoreConfig
+
+    opened = SqlitePathStore(SqliteStoreConfig(path=str(store.resolve())))
+    opened.start(Session(mode="replay"))
+    try:
+        path = opened.path()
+    finally:
+        opened.close()
+    if path is None:
+        raise DataError(f"{store} holds no path")
+    return path
 
 
 def _document(path: Path, truth: Trajectory, protocol: Protocol) -> dict[str, Any]:
