@@ -24,6 +24,7 @@ _COMMANDS = {
     "inspect": ("trailmark.cli.inspect:inspect_command", "Look at a source: sensors, rates, first frames."),
     "record": ("trailmark.cli.record:record_command", "Write any source to disk as a data set."),
     "init": ("trailmark.cli.init:init_command", "Write a commented starter config."),
+    "bench": ("trailmark.cli.bench:bench_group", "Cross localizers, sources, faults and seeds; compare them."),
     "reproduce": ("trailmark.cli.reproduce:reproduce_command", "Repeat a paper's experiments: paper and ours."),
     "compare": ("trailmark.cli.compare:compare_command", "Compare runs, or the localizers of one run."),
     "evaluate": ("trailmark.cli.evaluate:evaluate_command", "Metrics for trajectories of any program."),

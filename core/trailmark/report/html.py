@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Mapping, Sequence
+from hashlib import sha256
 from html import escape
 from importlib.resources import files
 from typing import Any
@@ -17,9 +19,25 @@ __all__ = ["counters_html", "facts_html", "figure_html", "notes_html", "page_htm
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 
 
-def page_html(title: str, body: Sequence[str]) -> str:
-    """Return the whole page; the pieces of its body are HTML already."""
-    style = css_variables() + files("trailmark.report").joinpath("report.css").read_text(encoding="utf-8")
+def page_html(title: str, body: Sequence[str], *, style: str = "", script: str = "") -> str:
+    """Return the whole page; the pieces of its body are HTML already.
+
+    Parameters
+    ----------
+    title : str
+        Of the window.
+    body : sequence of str
+        In their order.
+    style : str
+        Rules besides those of all reports.
+    script : str
+        The only one that the page lets run.
+    """
+    style = css_variables() + files("trailmark.report").joinpath("report.css").read_text(encoding="utf-8") + style
+    policy = _POLICY
+    if script:
+        digest = b64encode(sha256(script.encode()).digest()).decode()
+        policy += f"; script-src 'sha256-{digest}'"
     return "\n".join(
         [
             "<!doctype html>",
@@ -28,12 +46,13 @@ def page_html(title: str, body: Sequence[str]) -> str:
             '<meta charset="utf-8">',
             '<meta name="viewport" content="width=device-width, initial-scale=1">',
             '<meta name="color-scheme" content="light dark">',
-            f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">',
+            f'<meta http-equiv="Content-Security-Policy" content="{policy}">',
             f"<title>{escape(title)}</title>",
             f"<style>\n{style}</style>",
             "</head>",
             "<body>",
             *body,
+            *([f"<script>{script}</script>"] if script else []),
             "</body>",
             "</html>",
             "",

@@ -1,0 +1,161 @@
+"""``python -m trailmark.bench.child FOLDER PARENT``: one cell, in a process of its own.
+
+It reads ``cell.json`` of the folder and leaves ``run/`` (and ``teach/``), ``metrics.json``, ``detail.json`` and, last
+and at once, ``result.json``. What goes wrong is said in one line, the last on standard error.
+"""
+
+from __future__ import annotations
+
+import faulthandler
+import json
+import logging
+import os
+import signal
+import sys
+import traceback
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from trailmark.bench.process import DETAIL_FILE, EXIT_FAILED, EXIT_SKIPPED, REQUEST_FILE, RESULT_FILE
+from trailmark.errors import ConfigError, TrailmarkError
+
+__all__ = ["main"]
+
+_STORE = "place.trail"
+
+
+class _UnfitError(ConfigError):
+    """No sensor of the source suits the localizer: the cell means nothing."""
+
+
+def main(arguments: list[str]) -> int:
+    """Run the cell of a folder; return the exit code."""
+    folder = Path(arguments[0])
+    _die_with(int(arguments[1]))
+    faulthandler.register(signal.SIGUSR1)
+    logging.basicConfig(format="%(levelname)s: %(message)s", level=os.environ.get("TRAILMARK_LOG", "warning").upper())
+    try:
+        request = json.loads((folder / REQUEST_FILE).read_text(encoding="utf-8"))
+        _limit(request["limits"])
+        _write(folder / RESULT_FILE, _run(request, folder))
+    except _UnfitError as error:
+        return _say(EXIT_SKIPPED, error)
+    except MemoryError as error:
+        traceback.print_exc()
+        limit = request["limits"].get("memory_mb")
+        return _say(EXIT_FAILED, f"out of memory{f' (limit {limit:g} MB)' if limit else ''}: {error}".rstrip(": "))
+    except TrailmarkError as error:
+        cause = error.__cause__
+        if cause is not None and not isinstance(cause, TrailmarkError):
+            traceback.print_exc()
+        return _say(EXIT_FAILED, error)
+    except Exception as error:
+        traceback.print_exc()
+        return _say(EXIT_FAILED, f"{type(error).__name__}: {error}")
+    return 0
+
+
+def _run(request: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    from trailmark.bench.measure import measured
+    from trailmark.config import Document, load_run_config
+    from trailmark.evaluation import Protocol, evaluate_run
+    from trailmark.plugins import load_plugins
+
+    chosen = request["plugins"]
+    plugins = load_plugins(block=chosen["block"], files=chosen["files"])
+    base_dir = Path(request["base_dir"])
+
+    def load(document: dict[str, Any]) -> Any:
+        return load_run_config(Document(document, "cell.json", base_dir), plugins=plugins)
+
+    config, store = load(request["document"]), None
+    _pin_opencv(int(request["limits"]["threads"]))
+    if request["teach"] is not None:
+        store = folder / _STORE
+        taught = _drive(load(request["teach"]), folder / "teach", store)
+        if taught.result.status != "done":
+            raise ConfigError(f"teaching {taught.result.status}: {taught.result.reason}".rstrip(": "))
+    pipeline = _drive(config, folder / "run", store)
+    extra = {spec.name: spec.load() for spec in plugins.registry.specs("metric")}
+    protocol = Protocol(align=request["align"])
+    document = evaluate_run(folder / "run", protocol=protocol, metrics=extra, path=pipeline.path)
+    if store is not None and not request["keep_stores"]:
+        store.unlink(missing_ok=True)
+    result, detail = measured(request, pipeline.result, document, folder / "run")
+    _write(folder / DETAIL_FILE, detail)
+    return result
+
+
+def _drive(config: Any, out: Path, store: Path | None) -> Any:
+    """Run a pipeline to its end and return it."""
+    from trailmark.pipeline import Pipeline
+
+    pipeline = Pipeline(config, out=out, store=store)
+    settle = pipeline.plan.settle
+
+    def fitting(*found: Any) -> Any:
+        try:
+            return settle(*found)
+        except ConfigError as error:
+            raise _UnfitError(str(error)) from error
+
+    pipeline.plan = replace(pipeline.plan, settle=fitting)
+    with pipeline:
+        for _ in pipeline:
+            pass
+    return pipeline
+
+
+def _die_with(parent: int) -> None:
+    """End when the bench is killed: nobody would take the result."""
+    if sys.platform != "linux":
+        return
+    import ctypes
+
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None, use_errno=True).prctl(1, signal.SIGKILL, 0, 0, 0)  # PR_SET_PDEATHSIG
+    if os.getppid() != parent:
+        os._exit(EXIT_FAILED)
+
+
+def _limit(limits: Mapping[str, Any]) -> None:
+    """Limit memory and size of files from here on; core dumps of cells that crash are of no use."""
+    import resource
+
+    wanted = {resource.RLIMIT_AS: limits["memory_mb"], resource.RLIMIT_FSIZE: limits["file_mb"]}
+    for which, limit_mb in wanted.items():
+        if limit_mb is not None:
+            _, hard = resource.getrlimit(which)
+            size = int(limit_mb * 1e6)
+            resource.setrlimit(which, (size if hard == resource.RLIM_INFINITY else min(size, hard), hard))
+    with suppress(ValueError, OSError):
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+def _pin_opencv(threads: int) -> None:
+    cv2 = sys.modules.get("cv2")  # only where a part of this run has imported it
+    if cv2 is not None:
+        cv2.setNumThreads(threads)
+
+
+def _write(path: Path, document: Any) -> None:
+    """Write JSON so that it is there as a whole or not at all."""
+    text = json.dumps(document, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    draft = path.with_suffix(".part")
+    draft.write_text(text + "\n", encoding="utf-8")
+    draft.replace(path)
+
+
+def _say(code: int, error: object) -> int:
+    line = "; ".join(part.strip() for part in str(error).splitlines() if part.strip())
+    print(line or type(error).__name__, file=sys.stderr, flush=True)
+    return code
+
+
+if __name__ == "__main__":
+    found = main(sys.argv[1:])
+    sys.stderr.flush()
+    os._exit(found)  # what libraries do on the way out takes time, and sometimes crashes

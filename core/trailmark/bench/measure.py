@@ -1,0 +1,179 @@
+"""What is kept of a cell: its figures for the tables, and a small picture of the run for its page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.evaluation import (
+    GROUND_TRUTH,
+    Evaluation,
+    Protocol,
+    RunEvaluation,
+    evaluate_run_folder,
+    read_run,
+)
+from trailmark.geometry import Trajectory
+from trailmark.pipeline import RunResult
+
+__all__ = ["DETAIL_POINTS", "measured"]
+
+Array = npt.NDArray[np.float64]
+
+#: Points of a line on the page of a cell.
+DETAIL_POINTS = 160
+
+_STEPS = 4000
+_MOST_WAYS = 5
+
+
+def measured(
+    request: Mapping[str, Any], result: RunResult, document: Mapping[str, Any], folder: Path
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return ``result.json`` and ``detail.json`` of a cell that has run.
+
+    Parameters
+    ----------
+    request : mapping
+        Of the cell.
+    result : RunResult
+        How the run ended.
+    document : mapping
+        ``metrics.json`` of the run.
+    folder : Path
+        The run's folder.
+    """
+    subject, localizer = request["subject"], request["localizer"]
+    evaluated = evaluate_run_folder(read_run(folder), Protocol(align=request["align"]))
+    state, reason = _verdict(result, document, subject, localizer)
+    answer = {
+        "state": state,
+        "reason": reason,
+        "errors": document["errors"],
+        "metrics": _metrics(document, subject, localizer),
+        "times": _times(result, localizer),
+        "counters": {name: count for name, count in result.counters.items() if count},
+        "alignment": document["trajectories"].get(subject, {}).get("alignment", {}).get("used"),
+    }
+    return answer, _detail(request, evaluated, document, result)
+
+
+def _verdict(result: RunResult, document: Mapping[str, Any], subject: str, localizer: str) -> tuple[str, str]:
+    """Return state and reason: a run that was stopped, or says nothing to compare, is no result."""
+    if result.status != "done":
+        return "failed", f"{result.status}: {result.reason}".rstrip(": ")
+    trajectory = document["trajectories"].get(subject)
+    if trajectory is None or not trajectory["poses"]:
+        return "failed", f"'{subject}' gave no pose"
+    told = document["sources"].get(localizer, {"estimates": 0, "outcomes": {}})
+    if told["estimates"] <= told["outcomes"].get("lost", 0):  # a belief that nobody feeds stands still, and is a pose
+        return "failed", f"'{localizer}' never said where it is"
+    if "problem" in trajectory:
+        return "failed", str(trajectory["problem"])
+    return "ok", ""
+
+
+def _metrics(document: Mapping[str, Any], subject: str, localizer: str) -> dict[str, float | None]:
+    found: dict[str, float | None] = {}
+    for group, name in (("trajectories", subject), ("sources", localizer)):
+        found |= document[group].get(name, {}).get("metrics", {})
+    return found
+
+
+def _times(result: RunResult, localizer: str) -> dict[str, float]:
+    """Return how long it took: the cell's localizer per call, and the whole run."""
+    timing = result.timing
+    stage = timing["stages"].get(f"localizer.{localizer}", {})
+    times = {f"call_{name}": value for name, value in stage.items() if name.endswith("_ms")}
+    frames, wall_s = timing["frames"], timing["wall_s"]
+    return {**times, "frames": frames, "run_s": wall_s, "frames_per_s": frames / wall_s if wall_s else 0.0}
+
+
+def _detail(
+    request: Mapping[str, Any], evaluated: RunEvaluation, document: Mapping[str, Any], result: RunResult
+) -> dict[str, Any]:
+    run = evaluated.run
+    subject = evaluated.evaluations.get(request["subject"])
+    about = {key: run.run.get(key) for key in ("trailmark", "started", "python", "platform", "cpu", "git", "packages")}
+    return {
+        "ways": _ways(evaluated, request["subject"]),
+        "errors": None if subject is None else _errors(subject),
+        "stages": {
+            name: [stage[f"{word}_ms"] for word in ("p50", "p95", "p99", "max")]
+            for name, stage in result.timing["stages"].items()
+            if name.startswith(("localizer.", "estimator", "source."))
+        },
+        "sources": {
+            name: {key: item[key] for key in ("estimates", "outcomes", "nis", "nees")}
+            for name, item in document["sources"].items()
+        },
+        "config": run.config_text,
+        "provenance": about | {"code": request["code"], "data": request["data"]},
+    }
+
+
+def _ways(evaluated: RunEvaluation, subject: str) -> dict[str, Any]:
+    """Return truth and trajectories, aligned as their errors are, as whole numbers of a step [m]."""
+    ways: dict[str, Array] = {}
+    if evaluated.has_truth and evaluated.run.truth is not None:
+        ways[GROUND_TRUTH] = _positions(_within(evaluated.run.truth, evaluated.run.span_s()))
+    names = sorted(evaluated.run.trajectories, key=lambda name: name != subject)
+    for name in names[:_MOST_WAYS]:
+        trajectory, compared = evaluated.run.trajectories[name], evaluated.evaluations.get(name)
+        if len(trajectory) and (compared is not None or not evaluated.has_truth):
+            laid = trajectory if compared is None else compared.absolute.alignment.apply(trajectory)
+            ways[name] = _positions(laid)
+    if not ways:
+        return {}
+    everything = np.concatenate(list(ways.values()))
+    low = everything.min(axis=0)
+    step = max(float((everything.max(axis=0) - low).max()) / _STEPS, 1e-6)
+    lines = {name: np.rint((points - low) / step).astype(int).tolist() for name, points in ways.items()}
+    return {"step": _short(step), "low": [_short(value) for value in low.tolist()], "lines": lines}
+
+
+def _within(trajectory: Trajectory, span_s: tuple[float, float] | None) -> Trajectory:
+    if span_s is None:
+        return trajectory
+    inside = (trajectory.stamps_s >= span_s[0]) & (trajectory.stamps_s <= span_s[1])
+    return Trajectory(trajectory.stamps_s[inside], trajectory.poses[inside]) if inside.any() else trajectory
+
+
+def _positions(trajectory: Trajectory) -> Array:
+    return np.asarray(trajectory.positions[_thin(len(trajectory))], dtype=np.float64)
+
+
+def _thin(n: int) -> npt.NDArray[np.intp]:
+    return np.unique(np.linspace(0, n - 1, min(n, DETAIL_POINTS)).astype(np.intp))
+
+
+def _errors(evaluation: Evaluation) -> dict[str, list[float]]:
+    """Return errors over the true way: distance, and across the true heading (left is positive) [m, mm, mm, deg].
+
+    Of each piece of the way the largest error stays: a peak is what one looks for.
+    """
+    truth = evaluation.pairs.truth
+    estimate = evaluation.absolute.alignment.apply(evaluation.pairs.estimate)
+    way_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(truth.positions, axis=0), axis=1))])
+    error = estimate.positions - truth.positions
+    heading = truth.poses[:, 2]
+    lateral = -np.sin(heading) * error[:, 0] + np.cos(heading) * error[:, 1]
+    turn = np.degrees((estimate.poses[:, 2] - heading + np.pi) % (2 * np.pi) - np.pi)
+    distance = np.hypot(*error.T)
+    pieces = np.array_split(np.arange(len(distance)), min(len(distance), DETAIL_POINTS))
+    kept = np.array([piece[np.argmax(distance[piece])] for piece in pieces])
+    return {
+        "way_m": [_short(value) for value in way_m[kept].tolist()],
+        "distance_mm": [_short(1e3 * value) for value in distance[kept].tolist()],
+        "lateral_mm": [_short(1e3 * value) for value in lateral[kept].tolist()],
+        "turn_deg": [_short(value) for value in turn[kept].tolist()],
+    }
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.4g}") if math.isfinite(value) else 0.0
