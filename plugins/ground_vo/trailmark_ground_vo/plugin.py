@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 from trailmark import hookimpl
 
 if TYPE_CHECKING:
+    import click
+
     from trailmark.plugins import Registry
 
 
@@ -35,3 +37,13 @@ def trailmark_register(registry: Registry) -> None:
         summary="Path tracking with only a downward camera: straight lines, and the indoor course there and back",
         reference="Nagai & Watanabe 2015, Sec. IV",
     )
+
+
+@hookimpl
+def trailmark_commands(group: click.Group) -> None:
+    """Add `trailmark calibrate ground`."""
+    from trailmark_ground_vo.commands import ground
+
+    calibrate = group.commands["calibrate"]
+    assert hasattr(calibrate, "add_command")
+    calibrate.add_command(ground)

@@ -1,0 +1,207 @@
+"""The drive of a calibration: from a config to the motions of its camera."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from trailmark.commands import Command, Steer4WS, Stop, Velocity
+from trailmark.config import RunConfig
+from trailmark.errors import ConfigError, DataError
+from trailmark.estimates import Belief, Lost, Motion
+from trailmark.frames import Frame, GroundPlane, SensorInfo
+from trailmark.geometry import Pose3
+from trailmark.interfaces import Drivable, Session
+from trailmark.pipeline import Feed
+from trailmark.pipeline.assembly import plan_of
+from trailmark.pipeline.sources import corrected
+from trailmark_ground_vo.calibration import Assumed, Steps
+from trailmark_ground_vo.config import GroundVOConfig
+from trailmark_ground_vo.localizer import GroundVO
+
+__all__ = ["Seen", "Speeds", "observe_drive"]
+
+#: Time to stand still before, between and after moves when the command drives [s].
+_PAUSE_S = 0.8
+
+
+#: Takes the time between the last two pictures, gives the next command; None is the end.
+_Orders = Generator[Command | None, float, None]
+
+
+@dataclass(frozen=True, slots=True)
+class Speeds:
+    """How the command drives a robot that it may drive.
+
+    Attributes
+    ----------
+    distance_m : float
+        Straight ahead; negative backwards [m].
+    turn_rad : float
+        In place, counter-clockwise; 0: no turn [rad].
+    speed_mps, turn_radps : float
+        How fast.
+    """
+
+    distance_m: float
+    turn_rad: float
+    speed_mps: float = 0.2
+    turn_radps: float = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What the camera saw.
+
+    Attributes
+    ----------
+    sensor : SensorInfo
+        The camera, as the config has it.
+    assumed : Assumed
+        Scales that the motions are in.
+    steps : Steps
+        The motions.
+    n_pictures, n_lost : int
+        Pictures, and those that fit to none.
+    """
+
+    sensor: SensorInfo
+    assumed: Assumed
+    steps: Steps
+    n_pictures: int
+    n_lost: int
+
+
+def observe_drive(config: RunConfig, camera: str | None, drive: Speeds | None, say: Callable[[str], None]) -> Seen:
+    """Play the source of a config, drive the robot if that is asked for, and return the motions of its camera.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such camera, or nothing that could be driven.
+    DataError
+        If no picture fits to the one before.
+    """
+    plan = plan_of(config)
+    if not plan.feeds:
+        raise ConfigError("the config has no source: a recording, a camera or a simulated world")
+    feed, sensor = _started(plan.feeds, plan.sensors, camera)
+    try:
+        return _watched(feed, sensor, drive, say)
+    finally:
+        feed.close()
+
+
+def _started(feeds: Sequence[Feed], overrides: Mapping[str, object], camera: str | None) -> tuple[Feed, SensorInfo]:
+    """Start the source that has the camera; all others are left alone."""
+    known = []
+    for feed in feeds:
+        feed.start(Session(name=feed.name, mode="replay"))
+        cameras = [info for info in feed.sensors.values() if info.kind == "image"]
+        fitting = [info for info in cameras if camera in (None, info.name)]
+        if len(fitting) == 1:
+            return feed, _believed(feed, fitting[0], overrides)
+        feed.close()
+        known += [info.name for info in cameras]
+    if camera is None and len(known) > 1:
+        raise ConfigError(f"there are several cameras: {', '.join(known)}; say which with --camera")
+    raise ConfigError(f"no camera {camera or ''!r}; there are: {', '.join(known) or 'none'}")
+
+
+def _believed(feed: Feed, info: SensorInfo, overrides: Mapping[str, object]) -> SensorInfo:
+    override = overrides.get(info.name)
+    if override is not None:
+        info = corrected(info, override.mounting, override.calibration)  # type: ignore[attr-defined]
+    return feed.believed(info)
+
+
+def _watched(feed: Feed, sensor: SensorInfo, drive: Speeds | None, say: Callable[[str], None]) -> Seen:
+    plane = sensor.calibration
+    if plane is not None and not isinstance(plane, GroundPlane):
+        raise ConfigError(f"sensor {sensor.name!r} is calibrated as a {type(plane).__name__}, not as a ground camera")
+    plane = plane or GroundPlane((1.0, 1.0))
+    localizer = GroundVO(GroundVOConfig.model_validate({"camera": sensor.name}))
+    bare = replace(sensor, pose_base_sensor=Pose3(), calibration=plane)
+    localizer.start(Session(name="calibrate", sensors={sensor.name: bare}))
+    rows, n_pictures, n_lost = [], 0, 0
+    with suppress(KeyboardInterrupt):  # how a person says that the drive is over
+        for frame in _frames(feed, sensor, drive, say):
+            n_pictures += 1
+            for estimate in localizer.observe(frame, Belief(frame.stamp_s)):
+                if isinstance(estimate, Motion):
+                    pose, covariance = estimate.pose_since_now, np.linalg.pinv(estimate.information)
+                    variance = float(covariance[0, 0] + covariance[1, 1]) / 2.0
+                    rows.append((estimate.since_s, frame.stamp_s, pose.x, pose.y, pose.theta, variance))
+                n_lost += isinstance(estimate, Lost)
+    if not rows:
+        raise DataError(f"{n_pictures} pictures of {sensor.name!r}, and no two of them fit together")
+    return Seen(sensor, Assumed(plane.metres_per_pixel), Steps(*np.array(rows).T), n_pictures, n_lost)
+
+
+def _frames(feed: Feed, sensor: SensorInfo, drive: Speeds | None, say: Callable[[str], None]) -> Iterator[Frame]:
+    """Yield the pictures of the camera; on the way, drive."""
+    robot = feed.drivable
+    if drive is None:
+        yield from (frame for frame in feed.frames() if frame.sensor == sensor.name)
+        return
+    if robot is None or robot.drives_itself:
+        raise ConfigError(f"source {feed.name!r} cannot be driven by commands; leave --drive out and drive it yourself")
+    last_s: float | None = None
+    orders: _Orders | None = None
+    for frame in feed.frames():
+        if frame.sensor != sensor.name:
+            continue
+        yield frame
+        if orders is None:
+            orders = _orders(robot, drive, say)
+            next(orders)
+        elif last_s is not None:
+            command = orders.send(frame.stamp_s - last_s)
+            if command is None:
+                return
+            robot.drive(command)
+        last_s = frame.stamp_s
+
+
+def _orders(robot: Drivable, drive: Speeds, say: Callable[[str], None]) -> _Orders:
+    """Take the time between two pictures, give the command for the next: in sum exactly the distance and the turn."""
+    straight: Callable[[float], Command]
+    if Velocity in robot.accepts:
+        straight = lambda speed: Velocity(speed)  # noqa: E731
+    elif Steer4WS in robot.accepts:
+        straight = lambda speed: Steer4WS(0.0, 0.0, speed)  # noqa: E731
+    else:
+        raise ConfigError("the robot takes neither velocities nor steering angles")
+    still = Stop("calibration: stand still")
+    yield from _during(_PAUSE_S, lambda _: still)
+    say(f"driving {drive.distance_m:g} m")
+    yield from _amount(drive.distance_m, drive.speed_mps, straight)
+    yield from _during(_PAUSE_S, lambda _: straight(0.0))
+    if drive.turn_rad and Velocity in robot.accepts:
+        say(f"turning by {math.degrees(drive.turn_rad):.0f} deg")
+        yield from _amount(drive.turn_rad, drive.turn_radps, lambda rate: Velocity(0.0, 0.0, rate))
+        yield from _during(_PAUSE_S, lambda _: straight(0.0))
+    elif drive.turn_rad:
+        say("this vehicle cannot turn in place: the lever arm stays as it is")
+    yield None
+
+
+def _during(time_s: float, command: Callable[[float], Command]) -> _Orders:
+    dt_s = yield command(0.0)
+    while time_s > 0.0:
+        time_s -= dt_s
+        dt_s = yield command(0.0)
+
+
+def _amount(amount: float, rate: float, command: Callable[[float], Command]) -> _Orders:
+    """Yield commands whose rates times their time sum up to `amount`, the last one slower to fit."""
+    left, sign = abs(amount), math.copysign(1.0, amount)
+    dt_s = yield command(0.0)
+    while left > 1e-9:
+        now = min(rate, left / dt_s)
+        left -= now * dt_s
+        dt_s = yield command(sign * now)

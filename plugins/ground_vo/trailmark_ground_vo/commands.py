@@ -1,0 +1,154 @@
+"""``trailmark calibrate ground``. What is heavy is imported on use."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from trailmark.errors import ConfigError
+
+if TYPE_CHECKING:
+    from trailmark.frames import GroundPlane
+    from trailmark_ground_vo.calibration import Calibrated
+
+__all__ = ["ground"]
+
+_GUIDE = """\
+Calibrating a camera that looks at the ground. The robot must
+  1. stand still,
+  2. drive straight, as far as --distance says (measure it with a tape), and stand still,
+  3. turn in place, a whole turn at best, and stand still.
+One second of standing still is enough. More straight moves: give --distance for each, in the order of driving; moves
+to the side, with --sideways, tell the scale across. Without 3 the place of the camera stays as it is."""
+
+
+@click.command("ground")
+@click.argument("config", metavar="CONFIG|RECORDING|camera")
+@click.option(
+    "--distance", "distances", type=float, multiple=True, required=True, help="Length of a straight move [m]."
+)
+@click.option("--sideways", type=float, multiple=True, help="Length of a straight move across the robot [m].")
+@click.option("--distance-sigma", default=0.001, show_default=True, help="How well a length is known [m].")
+@click.option("--backward", is_flag=True, help="The robot drove backwards.")
+@click.option("--drive", "is_driven", is_flag=True, help="Drive the robot, or the simulated one, by commands.")
+@click.option("--turn", "turn_deg", default=360.0, show_default=True, help="With --drive: turn in place [deg].")
+@click.option("--camera", help="Which camera; default: the only one.")
+@click.option("--out", type=click.Path(path_type=Path, dir_okay=False), help="File to write [NAME.calib.yaml].")
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key of the config.")
+@click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
+@click.pass_context
+def ground(
+    context: click.Context,
+    config: str,
+    distances: tuple[float, ...],
+    sideways: tuple[float, ...],
+    distance_sigma: float,
+    backward: bool,
+    is_driven: bool,
+    turn_deg: float,
+    camera: str | None,
+    out: Path | None,
+    overrides: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """Scale, heading and place of a camera that looks at the ground: drive a known distance, turn in place.
+
+    CONFIG is a config, a recording or `camera`. Every figure comes with its uncertainty (95 %). Writes the scale as a
+    file that `sensors:` takes, and prints the mounting beside it.
+    """
+    _check(distances, sideways, distance_sigma, is_driven)
+    from trailmark.cli.errors import say
+    from trailmark.cli.guess import guess_config, is_config
+    from trailmark.cli.root import plugins_of
+    from trailmark.pipeline.assembly import read_config
+    from trailmark_ground_vo.calibration import Known, calibrate
+    from trailmark_ground_vo.calibration_drive import Speeds, observe_drive
+
+    plugins = plugins_of(context)
+    run_config = read_config(
+        config if is_config(config) else guess_config(config, plugins.registry), plugins=plugins, overrides=overrides
+    )
+    if not as_json:
+        say(_GUIDE)
+    sign = -1.0 if backward else 1.0
+    drive = Speeds(sign * distances[0], math.radians(turn_deg)) if is_driven else None
+    seen = observe_drive(run_config, camera, drive, say)
+    found = calibrate(seen.steps, Known(distances, sideways, distance_sigma, backward), seen.assumed)
+    file = out or Path(f"{seen.sensor.name}.calib.yaml")
+    _write(file, seen.sensor.calibration, found, seen.sensor.name)
+    if as_json:
+        click.echo(json.dumps(_document(found, seen.sensor.name, seen.n_pictures, seen.n_lost) | {"file": str(file)}))
+        return
+    for line in _lines(found, seen.sensor.name, file):
+        click.echo(line)
+
+
+def _check(distances: tuple[float, ...], sideways: tuple[float, ...], sigma: float, is_driven: bool) -> None:
+    if any(not length > 0.0 or not math.isfinite(length) for length in (*distances, *sideways, sigma)):
+        raise ConfigError("--distance, --sideways and --distance-sigma are lengths in metres, greater than 0")
+    if is_driven and len(distances) + len(sideways) > 1:
+        raise ConfigError("--drive drives one straight move: give one --distance and no --sideways")
+
+
+def _write(file: Path, calibration: Any, found: Calibrated, name: str) -> None:
+    """Write the calibration; a flat field goes into a file of its own beside it."""
+    import numpy as np
+
+    from trailmark.config.yaml_text import dump_yaml
+    from trailmark.frames.documents import calibration_to_document
+
+    document: dict[str, Any] = {"metres_per_pixel": [float(f"{scale:.7g}") for scale in found.metres_per_pixel]}
+    plane: GroundPlane | None = calibration
+    try:
+        if plane is not None and plane.lens is not None:
+            document["lens"] = calibration_to_document(plane.lens)
+        if plane is not None and plane.flat_field is not None:
+            flat = file.with_name(f"{file.name.split('.')[0]}.flat.npy")
+            np.save(flat, plane.flat_field)
+            document["flat_field"] = flat.name
+        comment = "\n".join(f"# {line}".rstrip() for line in _lines(found, name, file))
+        file.write_text(f"{comment}\n{dump_yaml(document)}", encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"cannot write {file}: {error}") from error
+
+
+def _lines(found: Calibrated, name: str, file: Path) -> list[str]:
+    (along_u, along_v), sigmas = found.metres_per_pixel, found.metres_per_pixel_sigma
+    lines = [f"scale along u   {1e3 * along_u:.5f} +- {2e3 * sigmas[0]:.5f} mm/px (95 %)"]
+    ratio = "" if found.has_both_scales else ": not measured, ratio to u as before (--sideways measures it)"
+    lines.append(f"scale along v   {1e3 * along_v:.5f} +- {2e3 * sigmas[1]:.5f} mm/px{ratio}")
+    lines.append(
+        f"heading         {math.degrees(found.yaw_rad):.3f} +- {math.degrees(2 * found.yaw_sigma_rad):.3f} deg"
+    )
+    mounting = f"yaw_deg: {math.degrees(found.yaw_rad):.3f}"
+    if found.lever_m is None or found.lever_sigma_m is None:
+        lines.append("place           not measured: no turn in place")
+    else:
+        for axis, value, sigma in zip(("forward", "left"), found.lever_m, found.lever_sigma_m):
+            lines.append(f"{axis:16}{1e3 * value:.2f} +- {2e3 * sigma:.2f} mm")
+        mounting = f"x: {found.lever_m[0]:.5f}, y: {found.lever_m[1]:.5f}, {mounting}"
+    lines += ["for the config:", "sensors:", f"  {name}: {{mounting: {{{mounting}}}, calibration: {file.name}}}"]
+    return lines
+
+
+def _document(found: Calibrated, name: str, n_pictures: int, n_lost: int) -> dict[str, Any]:
+    lever, lever_sigma = found.lever_m, found.lever_sigma_m
+    return {
+        "sensor": name,
+        "metres_per_pixel": list(found.metres_per_pixel),
+        "metres_per_pixel_sigma": list(found.metres_per_pixel_sigma),
+        "has_both_scales": found.has_both_scales,
+        "yaw_deg": math.degrees(found.yaw_rad),
+        "yaw_sigma_deg": math.degrees(found.yaw_sigma_rad),
+        "x_m": lever and lever[0],
+        "y_m": lever and lever[1],
+        "x_sigma_m": lever_sigma and lever_sigma[0],
+        "y_sigma_m": lever_sigma and lever_sigma[1],
+        "turned_deg": math.degrees(found.turned_rad),
+        "pictures": n_pictures,
+        "lost": n_lost,
+    }

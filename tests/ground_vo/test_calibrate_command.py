@@ -1,0 +1,113 @@
+"""``trailmark calibrate ground``, as a user runs it: driven in the simulator, and from a recording."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import cv2
+import pytest
+
+from trailmark.cli import main
+from trailmark.config import read_calibration
+from trailmark.geometry import Pose2, Pose3
+from trailmark.testing.ground import Ground, GroundCamera
+
+CAMERA = GroundCamera((512, 480), (3.9e-4, 3.9e-4), Pose3(x=0.08, y=0.02, yaw=math.radians(176.0)), noise_sigma=2.0)
+SIMULATED = """
+sources:
+  floor:
+    plugin: sim
+    world: ground_course
+    vehicle: {kind: differential}
+    sensors: [floor]
+    threads: 1
+    options: {camera: {x_m: 0.1, yaw_deg: 176.0}}
+    perturb: {wrong: {scale: 1.03, yaw_deg: 2.0, x_m: 0.03, y_m: -0.02}}
+"""
+
+
+def trailmark(capsys, *arguments: str) -> tuple[int, str, str]:
+    capsys.readouterr()
+    with pytest.raises(SystemExit) as end:
+        main(list(arguments))
+    said = capsys.readouterr()
+    return int(end.value.code or 0), said.out, said.err
+
+
+@pytest.fixture
+def there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_what_is_believed_wrongly_is_found_within_the_stated_uncertainty(there, capsys):
+    (there / "robot.yaml").write_text(SIMULATED)
+
+    code, out, error = trailmark(
+        capsys, "calibrate", "ground", "robot.yaml", "--distance", "0.3", "--drive", "--turn", "100", "--json"
+    )
+
+    assert code == 0, error
+    found = json.loads(out)
+    assert abs(found["metres_per_pixel"][0] - 0.2 / 512) < 2 * found["metres_per_pixel_sigma"][0]
+    assert abs(math.remainder(found["yaw_deg"] - 176.0, 360.0)) < 2 * found["yaw_sigma_deg"]
+    assert abs(found["x_m"] - 0.1) < 2 * found["x_sigma_m"]
+    assert abs(found["y_m"]) < 2 * found["y_sigma_m"]
+    assert found["metres_per_pixel_sigma"][0] < 0.005 * found["metres_per_pixel"][0]
+    assert found["yaw_sigma_deg"] < 0.2
+    assert found["x_sigma_m"] < 1e-3
+    plane = read_calibration(there / "floor.calib.yaml")
+    assert plane.metres_per_pixel == pytest.approx(found["metres_per_pixel"], rel=1e-6)
+    assert plane.flat_field.shape == (480, 512)
+    assert "turning by 100 deg" in error
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory) -> Path:
+    """A folder of pictures: standing, 0.12 m straight, standing, a turn of 70 deg, standing."""
+    folder = tmp_path_factory.mktemp("pictures")
+    ground = Ground.procedural(seed=3, size_px=512, grain_px=1.5)
+    straight, turn = Pose2(0.12 / 32), Pose2(0.0, 0.0, math.radians(70.0 / 56))
+    pose = Pose2()
+    for index, step in enumerate([*[Pose2()] * 26, *[straight] * 32, *[Pose2()] * 26, *[turn] * 56, *[Pose2()] * 26]):
+        cv2.imwrite(str(folder / f"{index:04}.png"), CAMERA.image(ground, pose, seed=1, index=index))
+        pose = pose @ step
+    return folder
+
+
+def test_a_recording_of_a_camera_of_unknown_scale_is_enough(there, recording, capsys):
+    (there / "mine.yaml").write_text(f"sources: {{floor: {{plugin: image_folder, path: {recording}, rate_hz: 70}}}}\n")
+
+    code, out, error = trailmark(capsys, "calibrate", "ground", "mine.yaml", "--distance", "0.12", "--out", "a.yaml")
+
+    assert code == 0, error
+    assert "The robot must" in error
+    assert "scale along u   0.39" in out
+    assert "not measured, ratio to u as before" in out
+    line = next(line for line in out.splitlines() if line.startswith("  floor: "))
+    (there / "used.yaml").write_text(
+        f"sources: {{floor: {{plugin: image_folder, path: {recording}, rate_hz: 70}}}}\nsensors:\n{line}\n"
+        "localizers: {floor: {plugin: ground_vo}}\n"
+    )
+    code, out, error = trailmark(capsys, "run", "used.yaml")
+    assert code == 0, error
+    assert read_calibration(there / "a.yaml").metres_per_pixel[0] == pytest.approx(3.9e-4, rel=0.01)
+
+
+def test_what_is_missing_is_said_in_a_line(there, recording, capsys):
+    (there / "mine.yaml").write_text(f"sources: {{floor: {{plugin: image_folder, path: {recording}, rate_hz: 70}}}}\n")
+    command = ("calibrate", "ground", "mine.yaml")
+
+    for arguments, complaint in (
+        ((*command, "--distance", "0.12", "--distance", "0.2"), "2 straight moves were announced"),
+        ((*command, "--distance", "-1"), "greater than 0"),
+        ((*command, "--distance", "0.1", "--drive"), "cannot be driven"),
+        ((*command, "--distance", "0.1", "--camera", "roof"), "no camera 'roof'; there are: floor"),
+    ):
+        code, _, error = trailmark(capsys, *arguments)
+        assert code == 2
+        assert complaint in error
+        assert "Traceback" not in error
+    assert not (there / "floor.calib.yaml").exists()
