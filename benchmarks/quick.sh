@@ -11,6 +11,9 @@ bench() {
 }
 
 bench core_overhead.py --quick
+bench ground_vo.py --quick
+bench ground_accuracy.py --quick --what curve --methods refined klt
+bench ground_map.py --quick --what spoilt
 bench omni_surf.py --quick
 bench sim_ground.py --frames 70 --floor wood
 bench sim_render.py --repeat 1
