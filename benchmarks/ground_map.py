@@ -8,8 +8,8 @@
   paper's Fig. 13); *left* is the true error of the pose, relative to the taught place, in the picture in which
   the correction counts: one picture after it was taken, or 14 (the paper's 196 ms), by Eq. (5).
 * spoilt: 2 m, of which 0.5 m are covered with another floor, or 30 % of the ground with blobs of 8 to 23 mm, or 10 %
-  with specks of 0.4 to 1.6 mm (radii). False: accepted and more than 5 mm off the truth. Places that the cover touches are not
-  counted among those that could be found.
+  with specks of 0.4 to 1.6 mm (radii). False: accepted and more than 5 mm off the truth.
+  Places that the cover touches are not counted among those that could be found.
 * start: the pose is unknown at random places of the course; pictures until the first `Fix`, and its error.
 
 FOLDER/ground_map.md is the page. The camera and the floors are those of ground_accuracy.py.
