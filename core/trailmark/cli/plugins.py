@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -89,6 +90,25 @@ def doctor_command(context: click.Context, deep: bool, as_json: bool) -> None:
     click.echo(
         f"{loaded} of {len(plugins.records)} plugins loaded; {_count(errors, 'error')}, {_count(warnings, 'warning')}"
     )
+
+
+@plugins_group.command("new")
+@click.argument("name")
+@click.option("--localizer", "parts", flag_value="localizer", multiple=True, help="With a localizer (the default).")
+@click.option("--source", "parts", flag_value="source", multiple=True, help="With a frame source.")
+@click.option("--controller", "parts", flag_value="controller", multiple=True, help="With a controller.")
+@click.option("--sink", "parts", flag_value="sink", multiple=True, help="With a sink.")
+@click.option("--metric", "parts", flag_value="metric", multiple=True, help="With a metric.")
+@click.option("--into", type=click.Path(path_type=Path), default=Path(), help="Folder that gets the new one.")
+def new_command(name: str, parts: Sequence[str], into: Path) -> None:
+    """Write a plugin NAME to begin with: a distribution that installs and passes its own tests."""
+    from trailmark.scaffold import write_distribution
+
+    folder = write_distribution(name, tuple(dict.fromkeys(parts)) or ("localizer",), into)
+    click.echo(f"wrote {folder}; now:")
+    click.echo(f"  pip install -e {folder}")
+    click.echo(f"  pytest {folder}")
+    click.echo(f"  trailmark plugins show {name}")
 
 
 def _specs_called(plugins: Plugins, name: str) -> list[Spec]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,6 +63,9 @@ class Trajectory:
 
     def __getitem__(self, index: int) -> tuple[float, Pose2]:
         return float(self.stamps_s[index]), Pose2.from_array(self.poses[index])
+
+    def __iter__(self) -> Iterator[tuple[float, Pose2]]:
+        return (self[index] for index in range(len(self)))
 
     @property
     def positions(self) -> npt.NDArray[np.float64]:

@@ -16,7 +16,7 @@ camera's axes are x along +u and y along -v of its picture, with the origin at t
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, overload
@@ -27,11 +27,9 @@ import numpy.typing as npt
 from trailmark.errors import ShapeError
 from trailmark.frames import Frame, GroundPlane, Image, Pinhole, SensorInfo
 from trailmark.geometry import Pose2, Pose3, Trajectory
+from trailmark.testing.motions import MotionLaw, circle, straight, true_poses
 
 __all__ = ["Ground", "GroundCamera", "GroundFrames", "GroundRun", "MotionLaw", "circle", "ground_run", "straight"]
-
-#: Pose of base in the map at a time [s], in closed form.
-MotionLaw = Callable[[float], Pose2]
 
 Grey = npt.NDArray[np.float32]
 
@@ -215,36 +213,6 @@ class GroundCamera:
         return np.asarray(ideal, np.float64).reshape(n * height, n * width, 2)
 
 
-def straight(
-    speed_mps: float, heading_rad: float = 0.0, sway_m: float = 0.0, sway_s: float = 3.0, shake_rad: float = 0.0
-) -> MotionLaw:
-    """Return a straight drive from the origin that may sway to the sides and shake about the vertical.
-
-    Parameters
-    ----------
-    sway_m, sway_s : float
-        Amplitude and period of the sway [m, s].
-    shake_rad : float
-        Amplitude of a yaw vibration of 11 Hz [rad].
-    """
-    start = Pose2(0.0, 0.0, heading_rad)
-
-    def pose(time_s: float) -> Pose2:
-        sway = sway_m * math.sin(2.0 * math.pi * time_s / sway_s)
-        return start @ Pose2(speed_mps * time_s, sway, shake_rad * math.sin(2.0 * math.pi * 11.0 * time_s))
-
-    return pose
-
-
-def circle(speed_mps: float, radius_m: float) -> MotionLaw:
-    """Return a drive on a circle from the origin, to the left for a positive radius."""
-
-    def pose(time_s: float) -> Pose2:
-        return Pose2.exp(speed_mps * time_s, 0.0, speed_mps * time_s / radius_m)
-
-    return pose
-
-
 @dataclass(frozen=True, eq=False)
 class GroundFrames(Sequence[Frame]):
     """The frames of a run, rendered when asked for and never kept."""
@@ -291,6 +259,11 @@ class GroundRun:
     truth: Trajectory
     sensor: SensorInfo
 
+    @property
+    def sensors(self) -> Mapping[str, SensorInfo]:
+        """The camera, by its name."""
+        return {self.sensor.name: self.sensor}
+
     def over(self, ground: Ground) -> GroundRun:
         """Return the same drive over another floor."""
         return replace(self, frames=replace(self.frames, ground=ground))
@@ -321,7 +294,6 @@ def ground_run(
     """
     ground = Ground.procedural(seed) if ground is None else ground
     camera = GroundCamera(noise_sigma=3.0) if camera is None else camera
-    stamps_s = np.arange(n_frames) / rate_hz
-    truth = Trajectory.from_poses((float(stamp_s), motion(float(stamp_s))) for stamp_s in stamps_s)
+    truth = true_poses(motion, n_frames, rate_hz)
     frames = GroundFrames(ground, camera, truth, sensor, seed)
     return GroundRun(frames, truth, camera.sensor_info(sensor, rate_hz))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from trailmark.errors import ConfigError, StoreError
+from trailmark.errors import ConfigError, ShapeError, StoreError
 from trailmark.estimates import Belief, Estimate, Lost, PathOffset, information_along
 from trailmark.frames import RGBD, Frame, Image, Pinhole
 from trailmark.geometry import Pose2
@@ -59,7 +59,13 @@ class TaughtPictures(Localizer):
         self._stations_m = np.array([keyframe.station_m for keyframe in self._keyframes])
 
     def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
-        """Remember a picture, or compare it with the taught one nearest along the path."""
+        """Remember a picture, or compare it with the taught one nearest along the path.
+
+        Raises
+        ------
+        ShapeError
+            If the pictures are of another size than the taught ones.
+        """
         payload = frame.payload
         if not isinstance(payload, Image | RGBD):
             return ()
@@ -70,7 +76,13 @@ class TaughtPictures(Localizer):
             return (Lost(frame.stamp_s, "the place on the path is not known"),)
         row = int(np.argmin(np.abs(self._stations_m - belief.on_path.station_m)))
         grey = self._region(payload)
-        share, score = self.shift(self._keyframes[row].arrays["picture"], self.describe(grey))
+        taught, seen = self._keyframes[row].arrays["picture"], self.describe(grey)
+        if taught.shape != seen.shape:
+            raise ShapeError(
+                f"sensor {frame.sensor!r}: the taught pictures became {taught.shape}, this one {seen.shape};"
+                " replay with the size of picture that was taught"
+            )
+        share, score = self.shift(taught, seen)
         if score < self.config.min_score:
             return (Lost(frame.stamp_s, "no clear match", {"score": score}),)
         return (self._offset(frame, grey.shape[1], float(self._stations_m[row]), share, score),)

@@ -11,6 +11,7 @@ from typing import Generic, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.errors import ShapeError
 from trailmark.estimates import Belief, Estimate, Lost, Motion, information_from_covariance
 from trailmark.frames import Frame
 from trailmark.geometry import Pose2
@@ -87,6 +88,7 @@ class GroundPeer(Localizer, Generic[View]):
         """
         self.camera: Camera = ground_camera(session, self.config.camera)
         self._track: _Track[View] | None = None
+        self._shape: tuple[int, ...] | None = None
         self._counts = {"lost": 0, "key_frames": 0}
 
     def counters(self) -> Mapping[str, int]:
@@ -94,10 +96,19 @@ class GroundPeer(Localizer, Generic[View]):
         return dict(self._counts)
 
     def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
-        """Return the motion since the picture before, or `Lost`."""
+        """Return the motion since the picture before, or `Lost`.
+
+        Raises
+        ------
+        ShapeError
+            If the pictures change their size.
+        """
         if frame.sensor != self.camera.name:
             return ()
         image = self.camera.grey(frame)
+        self._shape = self._shape or image.shape
+        if image.shape != self._shape:
+            raise ShapeError(f"sensor {frame.sensor!r} gave pictures of {self._shape}, and now one of {image.shape}")
         view = self.view(image)
         if self._track is None:
             self._begin(view, Pose2(), frame.stamp_s)

@@ -21,6 +21,8 @@ Floats = npt.NDArray[np.float32]
 
 #: Standard deviation that a window's shift has at least [px].
 _SIGMA_PX = 0.05
+#: Two pictures without any contrast correlate perfectly, wherever they are [grey levels].
+_LEAST_CONTRAST = 0.5
 #: Angles in which the spectrum is compared: half a turn, in this many rows.
 _N_ANGLES = 360
 
@@ -85,6 +87,8 @@ class PhaseCorrelation(GroundPeer[_View]):
         spread_px = math.sqrt(float(np.mean(np.sum(left_m**2, axis=1)))) / unit_m
         response = float(responses.mean())
         details = {"response": response, "spread_px": spread_px}
+        if min(float(key.image.std()), float(now.image.std())) < _LEAST_CONTRAST:
+            return Unaligned("nothing to see", details)
         if response < config.min_response:
             return Unaligned(f"no peak: response {response:.3f}", details)
         if spread_px > config.tolerance_px:

@@ -1,0 +1,133 @@
+"""Synthetic runs of sensors that are no cameras: wheels, inertia, light and landmarks; and what every run has."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from trailmark.frames import Arrays, Frame, Imu, Odometry, Record, Scalar, SensorInfo
+from trailmark.geometry import Trajectory, Twist2, wrap_angle
+from trailmark.testing.motions import MotionLaw, circle, true_poses
+
+__all__ = ["AnyRun", "SyntheticRun", "imu_run", "landmark_run", "light_run", "odometry_run"]
+
+
+class AnyRun(Protocol):
+    """What the checks need of a run: frames, sensors and truth."""
+
+    @property
+    def frames(self) -> Sequence[Frame]: ...
+    @property
+    def sensors(self) -> Mapping[str, SensorInfo]: ...
+    @property
+    def truth(self) -> Trajectory: ...
+
+
+@dataclass(frozen=True, eq=False)
+class SyntheticRun:
+    """Frames with exact ground truth.
+
+    Attributes
+    ----------
+    frames : sequence of Frame
+        In stamp order, perhaps of several sensors.
+    sensors : mapping of str to SensorInfo
+        What a source would say of them.
+    truth : Trajectory
+        True pose of base in the map.
+    """
+
+    frames: Sequence[Frame]
+    sensors: Mapping[str, SensorInfo]
+    truth: Trajectory
+
+    def with_sensors(self, *others: SyntheticRun) -> SyntheticRun:
+        """Return this run with the frames of others of the same motion, merged by stamp."""
+        frames = sorted((frame for run in (self, *others) for frame in run.frames), key=lambda frame: frame.stamp_s)
+        sensors = {name: info for run in (self, *others) for name, info in run.sensors.items()}
+        return SyntheticRun(tuple(frames), sensors, self.truth)
+
+
+def odometry_run(
+    motion: MotionLaw | None = None, n_frames: int = 100, *, rate_hz: float = 20.0, sensor: str = "wheels"
+) -> SyntheticRun:
+    """Return exact wheel odometry of a drive: pose, distance and velocity since the start."""
+    motion = motion or circle(0.3, 1.0)
+    truth = true_poses(motion, n_frames, rate_hz)
+    start, travelled_m = motion(0.0), truth.travelled_m()
+    frames = tuple(
+        Frame(sensor, stamp_s, Odometry(start.between(pose), float(travelled_m[index]), _twist(motion, stamp_s)))
+        for index, (stamp_s, pose) in enumerate(truth)
+    )
+    return SyntheticRun(frames, {sensor: SensorInfo(sensor, "odometry", rate_hz=rate_hz)}, truth)
+
+
+def imu_run(
+    motion: MotionLaw | None = None, n_frames: int = 200, *, rate_hz: float = 100.0, sensor: str = "imu"
+) -> SyntheticRun:
+    """Return the exact yaw rate of a drive, with gravity and an orientation."""
+    motion = motion or circle(0.3, 1.0)
+    truth = true_poses(motion, n_frames, rate_hz)
+    frames = tuple(
+        Frame(
+            sensor,
+            stamp_s,
+            Imu(
+                np.array([0.0, 0.0, _twist(motion, stamp_s).yaw_radps]),
+                np.array([0.0, 0.0, 9.81]),
+                np.array([0.0, 0.0, math.sin(pose.theta / 2), math.cos(pose.theta / 2)]),
+            ),
+        )
+        for stamp_s, pose in truth
+    )
+    return SyntheticRun(frames, {sensor: SensorInfo(sensor, "imu", rate_hz=rate_hz)}, truth)
+
+
+def light_run(
+    motion: MotionLaw | None = None, n_frames: int = 50, *, rate_hz: float = 10.0, sensor: str = "light"
+) -> SyntheticRun:
+    """Return an ambient light that rises and falls along the drive [lux]."""
+    truth = true_poses(motion or circle(0.3, 1.0), n_frames, rate_hz)
+    frames = tuple(
+        Frame(sensor, stamp_s, Scalar(300.0 + 200.0 * math.sin(pose.x + 2.0 * pose.y))) for stamp_s, pose in truth
+    )
+    return SyntheticRun(frames, {sensor: SensorInfo(sensor, "scalar", rate_hz=rate_hz)}, truth)
+
+
+def landmark_run(
+    motion: MotionLaw | None = None,
+    n_frames: int = 50,
+    *,
+    kind: str = "range_bearing",
+    rate_hz: float = 5.0,
+    n_landmarks: int = 6,
+    seed: int = 0,
+    sensor: str = "sightings",
+) -> SyntheticRun:
+    """Return exact ranges and bearings of known landmarks about the origin, all seen all the time.
+
+    A frame's `Record` has ``ids``, ``ranges_m`` and ``bearings_rad``; the calibration (`Arrays`) says where the
+    landmarks stand: ``ids`` and ``positions_map``.
+    """
+    rng = np.random.default_rng(seed)
+    positions, ids = rng.uniform(-5.0, 5.0, (n_landmarks, 2)), np.arange(1, n_landmarks + 1)
+    truth = true_poses(motion or circle(0.3, 1.0), n_frames, rate_hz)
+    frames = []
+    for stamp_s, pose in truth:
+        away = positions - [pose.x, pose.y]
+        bearings = [wrap_angle(math.atan2(dy, dx) - pose.theta) for dx, dy in away]
+        arrays = {"ids": ids, "ranges_m": np.hypot(away[:, 0], away[:, 1]), "bearings_rad": np.array(bearings)}
+        frames.append(Frame(sensor, stamp_s, Record(arrays)))
+    calibration = Arrays({"ids": ids, "positions_map": positions})
+    info = SensorInfo(sensor, kind, rate_hz=rate_hz, calibration=calibration)
+    return SyntheticRun(tuple(frames), {sensor: info}, truth)
+
+
+def _twist(motion: MotionLaw, stamp_s: float, step_s: float = 1e-4) -> Twist2:
+    """Return the velocity in base axes, by a central difference."""
+    forward_m, left_m, turn_rad = motion(stamp_s - step_s).between(motion(stamp_s + step_s)).log()
+    return Twist2(forward_m / (2 * step_s), left_m / (2 * step_s), turn_rad / (2 * step_s))
