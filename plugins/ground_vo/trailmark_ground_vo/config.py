@@ -88,8 +88,8 @@ class GroundMapConfig(PluginConfig):
     weak_shift_px: float = Field(6.0, ge=0)
     """With fewer than 4 groups, the farthest that the place may lie from where it was expected, in pixels of the
     half-size picture (5 mm): on other ground one search in a thousand has 3 groups agree, anywhere [px]."""
-    min_correlation: float = Field(0.4, ge=0, lt=1)
-    """Least correlation of the patch with the place where it was found."""
+    min_correlation: float = Field(0.4, ge=-1, lt=1)
+    """Least correlation of the patch with the place where it was found; -1: any."""
     max_attempts: int = Field(10, ge=1)
     """Pictures in which a patch is searched for until it is given up for this pass (paper: 1)."""
     global_batch: int = Field(20, ge=1)

@@ -1,0 +1,23 @@
+"""The paper's experiments (Sec. IV), in the simulator: ``trailmark reproduce nagai2015``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from trailmark.experiments import ExperimentOptions, Row
+from trailmark_ground_vo.experiments.cover import cover_rows
+from trailmark_ground_vo.experiments.indoor import indoor_rows
+from trailmark_ground_vo.experiments.outdoor import outdoor_rows
+from trailmark_ground_vo.experiments.runs import forget_finished
+from trailmark_ground_vo.experiments.straight import straight_rows
+from trailmark_ground_vo.experiments.times import time_rows
+
+__all__ = ["nagai2015"]
+
+
+def nagai2015(options: ExperimentOptions) -> Sequence[Row]:
+    """Repeat the experiments of Nagai & Watanabe 2015."""
+    sections = (straight_rows, cover_rows, indoor_rows, outdoor_rows, time_rows)
+    rows = [row for section in sections for row in section(options)]
+    forget_finished(options.out)
+    return rows

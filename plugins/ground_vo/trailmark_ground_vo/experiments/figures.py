@@ -1,0 +1,130 @@
+"""The paper's figures 10 to 13 and 16 to 18, of our runs, as SVG."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.geometry import Trajectory
+from trailmark_ground_vo.experiments.playback import Playback
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["draw_indoor", "draw_outdoor"]
+
+Floats = npt.NDArray[np.float64]
+
+_BLUE, _RED, _GREY, _INK = "#0072b2", "#d55e00", "#a3abb5", "#1c1f23"
+#: Points of a way farther apart than this are drawn [m].
+_STEP_M = 0.05
+
+
+def draw_indoor(out: Path, found: Playback, poles: Floats) -> None:
+    """Draw Figs. 10 to 13; poles (N, 3) are x, y and radius [m]."""
+    _draw(out / "figure_10.svg", lambda axes: _registered(axes, found, poles), (6.4, 3.4))
+    _draw(out / "figure_11.svg", lambda axes: _with_and_without(axes, found), (6.4, 3.4))
+    _draw(out / "figure_12.svg", lambda axes: _offsets(axes, found))
+    _draw(out / "figure_13.svg", lambda axes: _detected(axes, found))
+
+
+def draw_outdoor(out: Path, found: Playback) -> None:
+    """Draw Figs. 16 to 18."""
+    _draw(out / "figure_16.svg", lambda axes: _trajectories(axes, found), (6.4, 5.2))
+    _draw(out / "figure_17.svg", lambda axes: _deviations(axes, found))
+    _draw(out / "figure_18.svg", lambda axes: _intervals(axes, found))
+
+
+def _draw(path: Path, draw: Callable[[Axes], None], size_inch: tuple[float, float] = (6.4, 2.8)) -> None:
+    from matplotlib.figure import Figure
+
+    from trailmark.report.style import plotting, svg_of
+
+    with plotting(path.stem):
+        figure = Figure(figsize=size_inch, layout="constrained")
+        axes = figure.subplots()
+        draw(axes)
+        handles, labels = axes.get_legend_handles_labels()
+        if labels:
+            figure.legend(handles, labels, loc="outside upper left", ncols=4)
+        path.write_text(svg_of(figure), encoding="utf-8")
+
+
+def _registered(axes: Axes, found: Playback, poles: Floats) -> None:
+    points = np.array([keyframe.pose_map_base.array()[:2] for keyframe in found.registrations])
+    axes.plot(*points.T, ".", color=_BLUE, markersize=2.5, label=f"{len(points)} registrations")
+    if len(poles):
+        axes.plot(*poles[:, :2].T, "o", color=_INK, markersize=4.0, label="poles of the gates")
+    _plane(axes)
+
+
+def _with_and_without(axes: Axes, found: Playback) -> None:
+    _way(axes, found.taught, _GREY, "taught", width=4.0)
+    _way(axes, found.relative_only, _BLUE, "without correction")
+    _way(axes, found.fused, _RED, "with correction")
+    _plane(axes)
+
+
+def _offsets(axes: Axes, found: Playback) -> None:
+    offsets_mm = 1e3 * found.at_searches()[:, 1]
+    _by_direction(axes, found, found.travelled_m, offsets_mm)
+    axes.set_title("offset of the vehicle from the recorded path [mm]")
+    axes.set_xlabel("way [m]")
+
+
+def _detected(axes: Axes, found: Playback) -> None:
+    believed = found.searches.is_found
+    axes.plot(found.travelled_m[believed], 1e3 * found.detected_m(), color=_BLUE, linewidth=0.8)
+    axes.set_ylim(bottom=0.0)
+    axes.set_title("error detected by the absolute search [mm]")
+    axes.set_xlabel("way [m]")
+
+
+def _trajectories(axes: Axes, found: Playback) -> None:
+    _way(axes, found.taught, _GREY, "recording", width=4.0)
+    _way(axes, found.relative_only, _INK, "playback without correction", width=0.9)
+    for direction, colour, label in ((1, _BLUE, "forward"), (-1, _RED, "reverse")):
+        stamps = found.searches.stamps_s[found.directions == direction]
+        if len(stamps):
+            _way(axes, found.fused.between(stamps[0], stamps[-1]), colour, label)
+    _plane(axes)
+
+
+def _deviations(axes: Axes, found: Playback) -> None:
+    offsets = found.at_searches()
+    _by_direction(axes, found, offsets[:, 0], 1e3 * offsets[:, 1])
+    axes.set_title("deviation of the vehicle from the recorded path [mm]")
+    axes.set_xlabel("station on the path [m]")
+
+
+def _intervals(axes: Axes, found: Playback) -> None:
+    believed = found.searches.is_found
+    axes.plot(found.travelled_m[believed][1:], 1e3 * found.intervals_m(), color=_BLUE, linewidth=0.8)
+    axes.set_ylim(bottom=0.0)
+    axes.set_title("way between corrections [mm]")
+    axes.set_xlabel("way [m]")
+
+
+def _by_direction(axes: Axes, found: Playback, x: Floats, y: Floats) -> None:
+    """Draw values at the searches, in a colour of its own for each direction; a gap where it turns."""
+    for direction, colour, label in ((1, _BLUE, "forward"), (-1, _RED, "reverse")):
+        values = np.where(found.directions == direction, y, np.nan)
+        if np.isfinite(values).any():
+            axes.plot(x, values, color=colour, linewidth=0.8, label=label)
+
+
+def _way(axes: Axes, trajectory: Trajectory, colour: str, label: str, width: float = 1.2) -> None:
+    step = np.floor(trajectory.travelled_m() / _STEP_M)
+    kept = np.concatenate([[True], np.diff(step) > 0])
+    points: Any = trajectory.positions[kept]
+    axes.plot(*points.T, color=colour, linewidth=width, label=label)
+
+
+def _plane(axes: Axes) -> None:
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_title("y [m]")
+    axes.set_xlabel("x [m]")
