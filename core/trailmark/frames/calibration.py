@@ -114,7 +114,8 @@ class DepthCamera:
     depth : Pinhole or None
         The depth camera; None when depth is registered to colour, pixel by pixel.
     pose_colour_depth : Pose3
-        ``point_colour = pose_colour_depth @ point_depth``.
+        ``point_colour = pose_colour_depth @ point_depth``, in sensor axes (x forward, y left, z up) as every pose of a
+        sensor.
     depth_kind : {"z", "range"}
         Whether depth is measured along the optical axis or along the ray.
     """

@@ -111,9 +111,8 @@ class RgbdSensor:
         size = (rig.width, rig.height)
         self._lens = rig.colour if rig.is_registered else rig.depth
         self._beside_m = 0.0 if rig.is_registered else rig.baseline_m
-        # Optical axes: right is the sensor's -y, so a camera on the left stands at a negative x.
         calibration = DepthCamera(
-            rig.colour, None if rig.is_registered else rig.depth, Pose3(x=-self._beside_m), depth_kind="z"
+            rig.colour, None if rig.is_registered else rig.depth, Pose3(y=self._beside_m), depth_kind="z"
         )
         self.info = SensorInfo(name, "rgbd", size, rig.rate_hz, rig.mounting, calibration)
         self._scene, self._moment_at, self._seed, self._threads = scene, moment_at, seed, threads

@@ -23,6 +23,7 @@ WORLDS: dict[str, str] = {
     "ground_course": "trailmark_sim.worlds.ground_course:build",
     "street": "trailmark_sim.worlds.street:build",
     "supermarket": "trailmark_sim.worlds.supermarket:build",
+    "target": "trailmark_sim.worlds.target:build",
 }
 
 #: Name to ``"module:Model"`` of the world's own options; the module imports nothing heavy. Without: no options.
@@ -33,6 +34,7 @@ OPTIONS: dict[str, str] = {
     "ground_course": "trailmark_sim.worlds.ground_options:GroundCourseOptions",
     "street": "trailmark_sim.worlds.scene_options:StreetOptions",
     "supermarket": "trailmark_sim.worlds.scene_options:SupermarketOptions",
+    "target": "trailmark_sim.worlds.scene_options:LabOptions",
 }
 
 
