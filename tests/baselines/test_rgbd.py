@@ -131,3 +131,29 @@ def test_a_real_hand_held_recording_is_tracked(data_folder: Path) -> None:
     assert len(poses) == 149
     assert evaluation.absolute.position.rmse < 0.08
     assert math.isfinite(evaluation.absolute.heading.rmse)
+
+
+def test_a_picture_without_anything_is_skipped_and_nothing_of_the_way_lost() -> None:
+    localizer = _localizer()
+    blank = RGBD(np.zeros((480, 640, 3), np.uint8), np.full((480, 640), np.nan, np.float32))
+
+    _observe(localizer, 0.0, _wall())
+    (lost,) = _observe(localizer, 0.1, blank)
+    (motion,) = _observe(localizer, 0.2, _wall(left_px=21.0))
+
+    assert isinstance(lost, Lost)
+    assert isinstance(motion, Motion)
+    assert motion.since_s == 0.0
+    assert motion.pose_since_now.y == pytest.approx(-21.0 / 525.0 * WALL_M, abs=5e-3)
+
+
+def test_where_nothing_is_known_again_it_begins_anew() -> None:
+    localizer = _localizer()
+    blank = RGBD(np.zeros((480, 640, 3), np.uint8), np.full((480, 640), np.nan, np.float32))
+    _observe(localizer, 0.0, _wall())
+
+    for i in range(1, 7):
+        (lost,) = _observe(localizer, 0.1 * i, blank)
+        assert isinstance(lost, Lost)
+
+    assert localizer.counters() == {"lost": 6}

@@ -24,6 +24,7 @@ Array = npt.NDArray[np.float64]
 _SENSOR_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # REP-103
 _SIGMA_M = 0.01  # of a pair at 1 m
 _FLOOR = np.diag([0.002**2, 0.002**2, 0.002**2])
+_PATIENCE = 5  # pictures without a motion until it begins anew
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,7 +36,10 @@ class _Features:
 
 
 class OrbRgbd(Localizer):
-    """Frame-to-frame motion in space from ORB features with depth, projected to the plane of the first pose."""
+    """Frame-to-frame motion in space from ORB features with depth, projected to the plane of the first pose.
+
+    A picture that shows no motion is skipped: the next one is compared with the last good one, so that nothing is lost.
+    """
 
     config: OrbRgbdConfig
 
@@ -62,7 +66,7 @@ class OrbRgbd(Localizer):
         self._rng = session.rng
         self._before: _Features | None = None
         self._T_first_base = np.eye(4)
-        self._n_lost = 0
+        self._n_lost = self._n_in_a_row = 0
 
     def counters(self) -> Mapping[str, int]:
         """Return how often it was lost."""
@@ -73,8 +77,9 @@ class OrbRgbd(Localizer):
         if not isinstance(frame.payload, RGBD):
             raise ShapeError(f"orb_rgbd takes rgbd, but {frame.sensor!r} gave {type(frame.payload).__name__}")
         now = self._features(frame.stamp_s, frame.payload)
-        before, self._before = self._before, now
+        before = self._before
         if before is None:
+            self._before = now
             return ()
         pairs = self._pairs(before, now)
         depth_m = np.maximum(before.depth_m[pairs[:, 0]], now.depth_m[pairs[:, 1]])
@@ -85,8 +90,12 @@ class OrbRgbd(Localizer):
         details = {"n_pairs": float(len(pairs)), "n_agree": float(n_agree)}
         if found is None or n_agree < self.config.min_pairs:
             self._n_lost += 1
+            self._n_in_a_row += 1
+            if self._n_in_a_row >= _PATIENCE:  # nothing of it is in sight any more
+                self._before, self._n_in_a_row = now, 0
             return [Lost(now.stamp_s, f"{n_agree} pairs agree, {self.config.min_pairs} are needed", details)]
         R, t, inliers = found
+        self._before, self._n_in_a_row = now, 0
         return [self._motion(before.stamp_s, now, R, t, now.points_base[pairs[inliers, 1]], details)]
 
     def _motion(
