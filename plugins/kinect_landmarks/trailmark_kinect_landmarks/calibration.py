@@ -16,7 +16,7 @@ from trailmark.errors import ConfigError
 from trailmark.frames import DepthCamera
 from trailmark.geometry import Pose3
 
-__all__ = ["Crop", "depth_pixels", "optical_transform", "ratios", "register_depth"]
+__all__ = ["Crop", "depth_pixels", "optical_transform", "ratios", "register_depth", "sensor_transform"]
 
 Array = npt.NDArray[np.float64]
 
@@ -100,6 +100,13 @@ def optical_transform(pose_colour_depth: Pose3) -> Array:
     axes = np.eye(4)
     axes[:3, :3] = _OPTICAL
     return np.asarray(axes.T @ pose_colour_depth.matrix() @ axes)
+
+
+def sensor_transform(T_colour_depth: Array) -> Pose3:
+    """Return the pose between the sensor axes of a (4, 4) transform between the optical axes."""
+    axes = np.eye(4)
+    axes[:3, :3] = _OPTICAL
+    return Pose3.from_matrix(axes @ T_colour_depth @ axes.T)
 
 
 def register_depth(

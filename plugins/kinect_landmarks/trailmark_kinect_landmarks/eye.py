@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import cv2
@@ -22,7 +23,7 @@ Array = npt.NDArray[np.float64]
 Kinds = npt.NDArray[np.int8]
 
 _SIGMA_PX = {"corner": 1.0, "centre": 2.5}
-_APART_PX = 12.0
+_APART_PX, _APART_AT = 12.0, 60  # so far apart when so many are wanted; fewer are spread wider
 _MARGIN_PX = 6
 _LEAST_CORNERNESS = 2e-5  # below it a pixel is like its neighbours and cannot be found again
 
@@ -95,9 +96,12 @@ class Eye:
         uv, strength = anchors(picture.grey, regions, self._config.point)
         last = np.array(picture.size) - 1 - _MARGIN_PX
         good = np.all((uv >= _MARGIN_PX) & (uv <= last), axis=1) & (strength > _LEAST_CORNERNESS)
+        if picture.scan is None:
+            good &= _has_depth(picture.depth_m, uv)
         rows = np.flatnonzero(good)
-        # more than wanted, since some will have no depth
-        rows = rows[spread_out(uv[rows], strength[rows], taken_uv, _APART_PX, 2 * n)]
+        # more than wanted, since depth may turn out to be that of two surfaces
+        apart_px = max(_APART_PX, _APART_PX * math.sqrt(_APART_AT / self._config.landmarks))
+        rows = rows[spread_out(uv[rows], strength[rows], taken_uv, apart_px, 2 * n)]
         kind = np.array([KINDS.index(regions[row].kind) for row in rows], dtype=np.int8)
         side = np.array([max(regions[row].width, regions[row].height) for row in rows], dtype=np.float64)
         seen = self.look_at(picture, uv[rows], kind, side)
@@ -110,3 +114,10 @@ class Eye:
         histogram, vicinity = describe(picture.grey, picture.view.half.index, uv)
         size_m = side_px * np.nan_to_num(measured.sights.dV, nan=1.0) / lens.fx
         return Seen(uv, kind, size_m, histogram, vicinity, measured.points_base, measured.cov_base)
+
+
+def _has_depth(depth_m: npt.NDArray[np.float32], uv: Array) -> npt.NDArray[np.bool_]:
+    """Return which pixels have depth themselves."""
+    last = np.array(depth_m.shape[::-1]) - 1
+    whole = np.clip(np.rint(uv).astype(np.intp), 0, last)
+    return np.asarray(np.isfinite(depth_m[whole[:, 1], whole[:, 0]]))

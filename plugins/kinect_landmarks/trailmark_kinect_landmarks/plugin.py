@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 from trailmark import hookimpl
 
 if TYPE_CHECKING:
+    import click
+
     from trailmark.plugins import Registry
 
 _REFERENCE = "Toth, Paulovic, Palkova & Vacho 2015"
@@ -14,7 +16,7 @@ _REFERENCE = "Toth, Paulovic, Palkova & Vacho 2015"
 
 @hookimpl
 def trailmark_register(registry: Registry) -> None:
-    """Register the localizers for an RGB-D camera."""
+    """Register the localizers for an RGB-D camera, and the experiments."""
     registry.localizer(
         "kinect_landmarks",
         "trailmark_kinect_landmarks.localizer:KinectLandmarks",
@@ -39,3 +41,17 @@ def trailmark_register(registry: Registry) -> None:
         reference=f"{_REFERENCE}, Eqs. (1)-(2)",
         gives=("motion",),
     )
+    registry.experiment(
+        "toth2015",
+        "trailmark_kinect_landmarks.experiments:toth2015",
+        summary="Landmarks with a Kinect: laboratory and hallway, rates, speeds, things that move, light",
+        reference=_REFERENCE,
+    )
+
+
+@hookimpl
+def trailmark_commands(group: click.Group) -> None:
+    """Add `trailmark calibrate rgbd`."""
+    from trailmark_kinect_landmarks.calibrating.command import rgbd
+
+    group.commands["calibrate"].add_command(rgbd)  # type: ignore[attr-defined]

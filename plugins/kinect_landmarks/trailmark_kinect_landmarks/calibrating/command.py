@@ -1,0 +1,235 @@
+"""``trailmark calibrate rgbd``; what is heavy is imported on use."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from trailmark.errors import ConfigError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from trailmark.frames import DepthCamera, Pinhole
+    from trailmark.plugins import Plugins
+    from trailmark_kinect_landmarks.calibrating.board import BoardView
+
+__all__ = ["rgbd"]
+
+Size = tuple[int, int]
+
+_KINECT_DEG = 57.0  # usual capture angle of the colour camera
+_NUDGE = "move a bright flat rectangle before both cameras, near and far, to all sides, turned this way and that"
+
+
+@click.command("rgbd")
+@click.argument("recording", metavar="[CONFIG|RECORDING|camera]", required=False)
+@click.option("--out", type=click.Path(path_type=Path, dir_okay=False), required=True, help="Calibration to write.")
+@click.option("--board", metavar="WxH", help="Sides of the rectangle [m], as 0.60x0.45: lenses and pose, not a crop.")
+@click.option("--colour", type=click.Path(path_type=Path), help="Calibration of the colour lens, where it is known.")
+@click.option("--sensor", help="The camera; with --depth the colour camera.")
+@click.option("--depth", help="The depth camera, where it is another sensor with 16-bit pictures.")
+@click.option(
+    "--depth-factor", default=1000.0, show_default=True, type=click.FloatRange(1.0), help="Its values a metre."
+)
+@click.option("--frames", "n_frames", default=300, show_default=True, type=click.IntRange(1), help="Pairs to look at.")
+@click.option("--every", default=1, show_default=True, type=click.IntRange(1), help="Look at every n-th pair.")
+@click.option("--edges", metavar="LEFT,RIGHT,TOP,BOTTOM", help="Instead of a recording: see above.")
+@click.option("--size", default="640x480", show_default=True, metavar="WxH", help="With --edges: colour picture [px].")
+@click.option("--depth-size", metavar="WxH", help="With --edges: depth picture [px]; default: as --size.")
+@click.option("--overwrite", is_flag=True, help="Replace the file that is there.")
+@click.pass_context
+def rgbd(
+    context: click.Context,
+    /,
+    recording: str | None,
+    out: Path,
+    board: str | None,
+    colour: Path | None,
+    sensor: str | None,
+    depth: str | None,
+    depth_factor: float,
+    n_frames: int,
+    every: int,
+    edges: str | None,
+    size: str,
+    depth_size: str | None,
+    overwrite: bool,
+) -> None:
+    """Tell which depth pixel belongs to which colour pixel (Toth et al. 2015, Eqs. 3-6).
+
+    Move a bright flat rectangle before both cameras, to all sides of the picture, and give the recording: the crop of
+    the colour picture and the ratios follow. With the rectangle's size (--board) both lenses and the pose between them
+    follow as well, which is right at every distance; a crop is right at that of the rectangle alone.
+
+    By hand, as the paper does: move the rectangle until it touches the left border of the depth picture, note the
+    column of that edge in the colour picture, do the same at the other three, and give --edges.
+    """
+    from trailmark.cli.root import plugins_of
+
+    if out.exists() and not overwrite:
+        raise ConfigError(f"{out} is there already; choose another --out, or --overwrite")
+    if (recording is None) == (edges is None):
+        raise ConfigError(f"give a recording, or --edges, and not both; for a recording {_NUDGE}")
+    if edges is not None:
+        _by_hand(edges, _size(size, "--size"), _size(depth_size or size, "--depth-size"), colour, out)
+        return
+    assert recording is not None
+    sides = _sides(board) if board else None
+    views, sizes = _views(recording, plugins_of(context), sensor, depth, depth_factor, n_frames, every)
+    _from_views(views, *sizes, sides, colour, out)
+
+
+def _by_hand(edges: str, colour_size: Size, depth_size: Size, colour: Path | None, out: Path) -> None:
+    from trailmark_kinect_landmarks.calibrating.crop_ratios import as_depth_camera
+    from trailmark_kinect_landmarks.calibration import Crop
+
+    numbers = _numbers(edges, ",", 4, "--edges takes LEFT,RIGHT,TOP,BOTTOM in colour pixels, as 33,606,25,454")
+    left, right, top, bottom = numbers
+    if not (0 <= left < right < colour_size[0] and 0 <= top < bottom < colour_size[1]):
+        raise ConfigError(
+            f"--edges {edges}: left before right, top before bottom, within {colour_size[0]} x {colour_size[1]} px"
+        )
+    crop = Crop.from_rectangles((left, right, top, bottom), colour_size)
+    _say_crop(crop, colour_size, depth_size)
+    _write(as_depth_camera(crop, _lens(colour, colour_size), colour_size, depth_size), out)
+
+
+def _views(
+    recording: str,
+    plugins: Plugins,
+    sensor: str | None,
+    depth: str | None,
+    depth_factor: float,
+    n_frames: int,
+    every: int,
+) -> tuple[list[BoardView], tuple[Size, Size]]:
+    """Return all views of the rectangle in a recording, and the sizes of both pictures."""
+    from itertools import islice
+
+    from trailmark.cli.errors import say
+    from trailmark.cli.guess import guess_config, is_config
+    from trailmark.pipeline.assembly import plan_of, read_config
+    from trailmark_kinect_landmarks.calibrating.board import find_board
+    from trailmark_kinect_landmarks.calibrating.recordings import choose_sensors, pairs, started
+
+    config = recording if is_config(recording) else guess_config(recording, plugins.registry)
+    feeds = plan_of(read_config(config, plugins=plugins)).feeds
+    views: list[BoardView] = []
+    n, sizes = 0, None
+    try:
+        chosen = choose_sensors(started(feeds), sensor, depth)
+        for bgr, depth_m in islice(pairs(feeds, chosen, depth_factor, every), n_frames):
+            n, sizes = n + 1, ((bgr.shape[1], bgr.shape[0]), (depth_m.shape[1], depth_m.shape[0]))
+            view = find_board(bgr, depth_m)
+            if view is not None:
+                views.append(view)
+    finally:
+        for feed in feeds:
+            feed.close()
+    if sizes is None:
+        raise ConfigError(f"{recording} gives no pair of a colour and a depth picture")
+    say(f"the rectangle is seen whole by both cameras in {len(views)} of {n} pairs")
+    return views, sizes
+
+
+def _from_views(
+    views: Sequence[BoardView],
+    colour_size: Size,
+    depth_size: Size,
+    sides: tuple[float, float] | None,
+    colour: Path | None,
+    out: Path,
+) -> None:
+    from trailmark_kinect_landmarks.calibrating.crop_ratios import as_depth_camera, fit_crop
+
+    fit = fit_crop(views, colour_size, depth_size)
+    if sides is None:
+        _say_crop(fit.crop, colour_size, depth_size)
+        click.echo(f"borders        +-{fit.sigma_px:.1f} px; corners of the rectangle miss by {fit.rms_px:.1f} px rms")
+        _write(as_depth_camera(fit.crop, _lens(colour, colour_size), colour_size, depth_size), out)
+        return
+    import math
+
+    from trailmark_kinect_landmarks.calibrating.lenses import fit_lenses
+
+    known = _lens(colour, colour_size) if colour is not None else None
+    found = fit_lenses(views, sides, colour_size, depth_size, known)
+    pose = found.camera.pose_colour_depth
+    assert found.camera.depth is not None
+    for name, lens, sigma in zip(("colour", "depth"), (found.camera.colour, found.camera.depth), found.sigma_focal_px):
+        told = "as given" if name == "colour" and known is not None else f"+-{sigma:.1f} px"
+        click.echo(f"{name:<15}fx {lens.fx:.1f}, fy {lens.fy:.1f}, cx {lens.cx:.1f}, cy {lens.cy:.1f} px ({told})")
+    shift = ", ".join(f"{axis} {1e3 * value:.1f}" for axis, value in zip("xyz", (pose.x, pose.y, pose.z)))
+    turn = ", ".join(
+        f"{axis} {math.degrees(value):.2f}"
+        for axis, value in zip(("roll", "pitch", "yaw"), (pose.roll, pose.pitch, pose.yaw))
+    )
+    click.echo(f"depth camera   {shift} mm (+-{1e3 * found.sigma_shift_m:.1f}), as seen from colour")
+    click.echo(f"               {turn} deg (+-{math.degrees(found.sigma_turn_rad):.2f})")
+    click.echo(f"corners        miss by {found.rms_px:.2f} px rms, by crop ratios {fit.rms_px:.2f} px")
+    _write(found.camera, out)
+
+
+def _say_crop(crop: Any, colour_size: Size, depth_size: Size) -> None:
+    from trailmark_kinect_landmarks.calibration import ratios
+
+    R_x, R_y = ratios(depth_size, crop.size(colour_size))
+    click.echo(f"crop           left {crop.left}, right {crop.right}, top {crop.top}, bottom {crop.bottom} px")
+    click.echo(f"Eqs. (3), (4)  R_x {R_x:.4f}, R_y {R_y:.4f}")
+
+
+def _write(camera: DepthCamera, out: Path) -> None:
+    from trailmark.cli.errors import say
+    from trailmark.config.yaml_text import dump_yaml
+    from trailmark.frames.documents import calibration_to_document
+
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        out.write_text(dump_yaml(calibration_to_document(camera)), encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"cannot write {out}: {error.strerror}") from error
+    say(f"wrote {out}; use it as  sensors: {{NAME: {{calibration: {out.name}}}}}")
+
+
+def _lens(path: Path | None, size: Size) -> Pinhole:
+    """Return the colour lens of a calibration; without one, that of a Kinect."""
+    from trailmark.config import read_calibration
+    from trailmark.frames import DepthCamera, Pinhole
+    from trailmark_kinect_landmarks.calibrating.crop_ratios import lens_of_angle
+
+    if path is None:
+        return lens_of_angle(size, _KINECT_DEG)
+    known = read_calibration(path)
+    lens = known.colour if isinstance(known, DepthCamera) else known
+    if not isinstance(lens, Pinhole):
+        raise ConfigError(f"{path} is no calibration of a colour camera: fx, fy, cx and cy are needed")
+    return lens
+
+
+def _size(text: str, option: str) -> Size:
+    width, height = _numbers(text, "x", 2, f"{option} takes WIDTHxHEIGHT in pixels, as 640x480")
+    if min(width, height) < 1 or width % 1 or height % 1:
+        raise ConfigError(f"{option} takes whole pixels, as 640x480, not {text!r}")
+    return int(width), int(height)
+
+
+def _sides(text: str) -> tuple[float, float]:
+    width, height = _numbers(text, "x", 2, "--board takes WIDTHxHEIGHT in metres, as 0.60x0.45")
+    if not 0.05 <= min(width, height) <= max(width, height) <= 5.0:
+        raise ConfigError(f"--board is in metres, 0.05 to 5, not {text!r}")
+    return width, height
+
+
+def _numbers(text: str, separator: str, n: int, usage: str) -> list[float]:
+    import math
+
+    try:
+        numbers = [float(part) for part in text.split(separator)]
+    except ValueError:
+        numbers = []
+    if len(numbers) != n or not all(math.isfinite(number) for number in numbers):
+        raise ConfigError(f"{usage}, not {text!r}")
+    return numbers
