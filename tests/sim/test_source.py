@@ -271,6 +271,15 @@ def test_in_replay_it_stands_where_the_run_believes_on_the_true_route(index: int
     np.testing.assert_allclose(pose.array(), [expected_x, 0.0, 0.0], atol=2e-3)  # the drift of 0.1 m is not the robot's
 
 
+def test_at_the_end_of_a_path_that_stops_before_the_route_does_it_stands_there() -> None:
+    part = Path(waypoint for waypoint in taught() if waypoint.station_m <= 4.0)
+
+    made = source(session=Session(name="robot", mode="replay", path=part, start_pose=part[-1].pose_map_base))
+
+    next(iter(made.frames()))
+    np.testing.assert_allclose(made.ground_truth()[0][1].array(), [part.length_m, 0.0, 0.0], atol=2e-3)
+
+
 def test_it_is_put_down_beside_the_start_in_replay_alone() -> None:
     off = [0.0, 0.01, 2.0]
 

@@ -20,6 +20,8 @@ __all__ = ["Place", "place_vehicle"]
 #: A random start is so far from everything, and in a world without walls so far beside its route at most [m].
 _MARGIN_M, _BESIDE_M = 0.1, 0.5
 _TRIES = 1000
+#: By what share the length of a taught path may be wrong.
+_WRONGLY_MEASURED = 0.15
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,8 +71,10 @@ def _on_route(session: Session, route: Route) -> Pose2:
     if path is None or believed is None or path.length_m == 0.0:
         return route.start
     on_path = path.locate(believed)
-    share = (on_path.station_m - path[0].station_m) / path.length_m
-    taught = route.pose_at(share * route.length_m)
+    # A taught path of about the route's length is the whole route, measured wrongly; a shorter one is a part of it.
+    stretched = route.length_m / path.length_m
+    scale = stretched if abs(stretched - 1.0) < _WRONGLY_MEASURED else 1.0
+    taught = route.pose_at((on_path.station_m - path[0].station_m) * scale)
     return taught @ Pose2(0.0, on_path.lateral_m, on_path.heading_rad)
 
 
