@@ -59,6 +59,30 @@ def test_a_lasting_jump_is_followed_within_two_windows():
     assert tracked.confidence > 0.98
 
 
+def test_where_turns_are_measured_a_weak_false_peak_does_not_win_by_lasting():
+    blind, knowing = ShiftTracker(20, 25), ShiftTracker(20, 25)
+    knowing.are_turns_measured = True
+    for tracker in (blind, knowing):
+        run(tracker, peak_at(3), 100)
+
+    false = peak_at(3, 0.30) + peak_at(-12, 0.36)
+    fooled, held = (run(tracker, false, 200) for tracker in (blind, knowing))
+
+    assert fooled.columns == pytest.approx(-12.0, abs=0.1)
+    assert held.columns == pytest.approx(3.0, abs=0.1)
+
+
+def test_where_turns_are_measured_a_clear_jump_is_still_followed_within_three_windows():
+    tracker = ShiftTracker(20, 25)
+    tracker.are_turns_measured = True
+    run(tracker, peak_at(3), 100)
+
+    tracked = run(tracker, peak_at(-12), 75)
+
+    assert tracked.columns == pytest.approx(-12.0, abs=1e-6)
+    assert tracked.confidence > 0.98
+
+
 def test_a_slow_drift_is_followed_without_lag():
     tracker = ShiftTracker(20, 25)
 

@@ -118,6 +118,11 @@ class Eye:
         """True in a turn that the stream cannot see through."""
         return self._is_turning
 
+    @property
+    def are_turns_measured(self) -> bool:
+        """True when the belief tells of turns; see `turn_source`."""
+        return self._belief_turns
+
     def look(self, grey: npt.NDArray[np.uint8], stamp_s: float, belief: Belief) -> Look | None:
         """Take a picture of the stream; None for the first, which has nothing to differ from.
 

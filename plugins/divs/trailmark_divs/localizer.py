@@ -83,7 +83,7 @@ class Divs(Localizer):
             self._memory.add(look, belief.pose_map_base or Pose2())
             return ()
         assert self._replay is not None
-        estimate = self._replay.answer(look, eye.window(), belief)
+        estimate = self._replay.answer(look, eye.window(), belief, eye.are_turns_measured)
         self._counts["lost"] += isinstance(estimate, Lost)
         return (estimate,)
 

@@ -78,7 +78,7 @@ class Replay:
         self._relative_rad: float | None = None  # heading less the taught one, at the last comparison
         self._has_been_full = False
 
-    def answer(self, look: Look, window: Window | None, belief: Belief) -> Estimate:
+    def answer(self, look: Look, window: Window | None, belief: Belief, are_turns_measured: bool = False) -> Estimate:
         """Return the offset from the path, or why there is none.
 
         Parameters
@@ -89,7 +89,11 @@ class Replay:
             The window that ends with it, when there is a full one.
         belief : Belief
             What is believed at the newer picture of the look.
+        are_turns_measured : bool
+            The belief tells of turns, so that they need not be seen in the shift.
         """
+        # A gain that is still to be learned says little of what a turn does to the shift.
+        self._tracker.are_turns_measured = are_turns_measured and self._config.gain != "learned"
         if window is None:
             is_turn = look.run == TURNING or self._has_been_full
             return self._glance(look, belief, "turning" if is_turn else "the window is not full yet")

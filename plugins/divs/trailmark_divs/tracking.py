@@ -19,9 +19,11 @@ REACH = 2
 # A peak that stands out by this much for a whole window of differences is worth odds of 100 to 1.
 _MARGIN = 0.17
 _ODDS = 100.0
-# How far the shift wanders while a window passes by (one sigma) [columns], and how often it jumps anywhere.
-_WANDER_COLUMNS = 2.2
-_JUMPS_PER_WINDOW = 0.025
+# How far the shift wanders while a window passes by (one sigma) [columns], and how often it jumps anywhere: where
+# nothing measures turns, and where they are measured and the tracker moves with them, so that only sideways drift and
+# things of other depths remain. Then a far jump takes the evidence of several windows.
+_WANDER_COLUMNS, _JUMPS_PER_WINDOW = 2.2, 0.025
+_WANDER_WITH_TURNS_COLUMNS, _JUMPS_WITH_TURNS_PER_WINDOW = 1.5, 1e-6
 
 
 def evidence_per_score(window: int) -> float:
@@ -55,18 +57,36 @@ class TrackedShift:
     score: float
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Wandering:
+    """What may happen to the shift from picture to picture: how it spreads, and how often it jumps."""
+
+    kernel: npt.NDArray[np.float64]
+    leak: float
+
+    @classmethod
+    def of(cls, wander_columns: float, jumps_per_window: float, window: int) -> _Wandering:
+        return cls(_gaussian(wander_columns / math.sqrt(window)), min(0.5, jumps_per_window / window))
+
+
 class ShiftTracker:
     """A histogram filter over the shift.
 
     A bounded search around a filtered shift, with global re-initialisation, in one rule: the probability spreads
     a little between pictures, leaks a little to all shifts, and is multiplied by what the scores say.
+
+    Attributes
+    ----------
+    are_turns_measured : bool
+        Something measures turns, and `move` is told of them: the shift then wanders less and jumps hardly ever.
     """
 
     def __init__(self, max_shift: int, window: int) -> None:
         self._max_shift = max_shift
         self._evidence = evidence_per_score(window)
-        self._leak = min(0.5, _JUMPS_PER_WINDOW / window)
-        self._kernel = _gaussian(_WANDER_COLUMNS / math.sqrt(window))
+        self._wandering = _Wandering.of(_WANDER_COLUMNS, _JUMPS_PER_WINDOW, window)
+        self._with_turns = _Wandering.of(_WANDER_WITH_TURNS_COLUMNS, _JUMPS_WITH_TURNS_PER_WINDOW, window)
+        self.are_turns_measured = False
         self.restart()
 
     def restart(self) -> None:
@@ -93,7 +113,8 @@ class ShiftTracker:
 
     def update(self, scores: npt.NDArray[np.float64]) -> TrackedShift:
         """Take the scores of a picture, (2 max_shift + 1,), and return the tracked shift."""
-        self._probability = updated_probability(self._probability, self._kernel, self._leak, self._evidence, scores)
+        how = self._with_turns if self.are_turns_measured else self._wandering
+        self._probability = updated_probability(self._probability, how.kernel, how.leak, self._evidence, scores)
         place, confidence, margin, score = _read(self._probability, scores)
         return TrackedShift(place - self._max_shift, confidence, margin, score)
 

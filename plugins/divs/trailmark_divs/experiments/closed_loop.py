@@ -19,7 +19,7 @@ _PAPER_ANGLES_DEG = (5.0, -5.0)
 _AFTERNOON = {"time": "afternoon", "people": 3}
 _WIDTH_PX = 160
 #: The paper's closed loop is outdoors.
-_N_SEEDS, _N_PEER_SEEDS = {"street": 20, "corridor": 5}, {"street": 5, "corridor": 1}
+_N_SEEDS, _N_PEER_SEEDS = {"street": 20, "corridor": 3}, {"street": 1, "corridor": 1}
 _SIZES = (("street", 640), ("corridor", 320))
 _END_M, _END_DEG, _GROWTH_M = 0.30, 3.0, 0.10
 

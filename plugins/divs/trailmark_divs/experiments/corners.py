@@ -16,7 +16,7 @@ __all__ = ["corner_rows"]
 _AFTERNOON = {"time": "afternoon", "people": 3}
 _WIDTH_PX = 160
 _LENGTH_M = 50.0
-_N_SEEDS = {"corridor": 10, "street": 5}
+_N_SEEDS = {"corridor": 10, "street": 3}
 _N_OTHERS = {"corridor": 1, "street": 0}  # what is not judged: variants and peers
 _NEAR_M = 0.3
 #: How the place along the path is found; the first is what is judged.

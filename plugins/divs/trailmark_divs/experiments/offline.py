@@ -27,9 +27,9 @@ from trailmark_divs.experiments.true_shift import Eyepiece, Surroundings
 
 __all__ = ["LOCALIZERS", "Answers", "DepthKeeper", "compare", "offline_drive", "offline_rows", "with_depth"]
 
-_WIDTH_PX = 320
+_WIDTH_PX = 160
 _LENGTH_M = 10.0
-_N_SEEDS = 2
+_N_SEEDS = 1
 _DEPTH_HZ = 2.0
 _PAPER: Mapping[str, Any] = {
     **STREAMS,
