@@ -32,7 +32,8 @@ def float_kernel(function: _Function) -> _Function:
 
 
 def _compiled(function: _Function, fastmath: Any) -> _Function:
-    options: dict[str, Any] = {"nogil": True, "fastmath": fastmath}
+    # the entry for C callers would be compiled too, and nobody calls it
+    options: dict[str, Any] = {"nogil": True, "fastmath": fastmath, "no_cfunc_wrapper": True}
     try:
         compiled: _Function = numba.njit(cache=True, **options)(function)
     except RuntimeError as error:

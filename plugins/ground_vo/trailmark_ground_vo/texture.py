@@ -87,7 +87,9 @@ def select_texture(picture: Smooth, area: Area, n_segments: int, step_px: int) -
 
 
 @kernel
-def _free_cell(taken: npt.NDArray[np.bool_], u: int, segment: int, left: int, right: int) -> tuple[int, int]:
+def _free_cell(
+    taken: npt.NDArray[np.bool_], u: int, segment: int, n_tried: int, left: int, right: int
+) -> tuple[int, int]:
     """Return column and segment of the free cell nearest to a column, own segment first; or where it was."""
     n_segments, n_lines = taken.shape
     for distance in range(_REACH_PX + 1):
@@ -96,7 +98,7 @@ def _free_cell(taken: npt.NDArray[np.bool_], u: int, segment: int, left: int, ri
             if not left <= near < right:
                 continue
             line = (near - left) * n_lines // (right - left)
-            for other in range(n_segments):
+            for other in range(n_tried):
                 wanted = (segment + other) % n_segments
                 if not taken[wanted, line]:
                     return near, wanted
@@ -230,6 +232,7 @@ def advance_texture(
     n_pixels = texture.shape[1]
     n_lines = n_pixels // (2 * n_segments)
     taken, n_fresh = np.zeros((2, n_segments, n_lines), np.bool_), 0
+    n_edge = min(1, n_segments)  # no literal: numba would compile what takes it twice
     for n in range(n_pixels):
         u, v = math.floor(out[X, n] + 0.5), math.floor(out[Y, n] + 0.5)
         if left <= u < right and top <= v < bottom:
@@ -242,11 +245,11 @@ def advance_texture(
         cells = taken[n % 2]
         if left <= u < right:
             segment = 0 if v >= bottom else n_segments - 1
-            u, _ = _free_cell(cells[segment : segment + 1], u, 0, left, right)
+            u, segment = _free_cell(cells, u, segment, n_edge, left, right)
             first, last = _new_rows(v, segment, n_segments, top, bottom)
         else:
             u += right - left if u < left else left - right
-            u, segment = _free_cell(cells, min(max(u, left), right - 1), n // 2 % n_segments, left, right)
+            u, segment = _free_cell(cells, min(max(u, left), right - 1), n // 2 % n_segments, n_segments, left, right)
             first, last = _rows_of(segment, n_segments, top, bottom)
         cells[segment, (u - left) * n_lines // (right - left)] = True
         _put(out, n, picture, u, _steepest_in_column(picture, u, first, last, n % 2 == 0))
