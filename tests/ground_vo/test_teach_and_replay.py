@@ -33,7 +33,6 @@ controller: {plugin: path_tracking_4ws}
 #: Half a minute is more than any playback takes; the path ends at 0.85 m.
 PLAYBACK = ("sources.floor.duration_s=30",)
 END_M = 0.85
-AT_THE_END = ("start=last", f"sources.floor.start=[{END_M}, 0, 0]")
 
 
 def command_line(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -70,17 +69,17 @@ def test_one_way_is_driven_and_it_stops_at_the_end(taught: Path) -> None:
 
 
 def test_at_the_end_it_drives_back_without_being_told(taught: Path) -> None:
-    _, truth = replay(taught, *AT_THE_END)
+    _, truth = replay(taught, "start=last")
 
+    np.testing.assert_allclose(truth.positions[0], (END_M, 0.0), atol=0.01)
     np.testing.assert_allclose(truth.positions[-1], (0.0, 0.0), atol=0.01)
     assert np.abs(truth.headings).max() < 0.05  # backwards, not turned
 
 
 def test_from_the_command_line_it_reverses_and_repeats_round_trips(taught: Path) -> None:
-    extra = ("--set", PLAYBACK[0], "--set", AT_THE_END[1])
     asked = ("replay", "config.yaml", "--store", "path.trail", "--reverse", "--repeat", "1.5", "--out", "there")
 
-    done = command_line(taught, *asked, *extra)
+    done = command_line(taught, *asked, "--set", *PLAYBACK)
 
     assert done.returncode == 0, done.stderr
     truth = read_tum(taught / "there" / "trajectories" / "groundtruth.tum")

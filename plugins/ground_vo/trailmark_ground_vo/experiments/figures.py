@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,17 +26,17 @@ _STEP_M = 0.05
 
 def draw_indoor(out: Path, found: Playback, poles: Floats) -> None:
     """Draw Figs. 10 to 13; poles (N, 3) are x, y and radius [m]."""
-    _draw(out / "figure_10.svg", lambda axes: _registered(axes, found, poles), (6.4, 3.4))
-    _draw(out / "figure_11.svg", lambda axes: _with_and_without(axes, found), (6.4, 3.4))
-    _draw(out / "figure_12.svg", lambda axes: _offsets(axes, found))
-    _draw(out / "figure_13.svg", lambda axes: _detected(axes, found))
+    _draw(out / "figure_10_registered_path.svg", lambda axes: _registered(axes, found, poles), (6.4, 3.4))
+    _draw(out / "figure_11_with_and_without_correction.svg", lambda axes: _with_and_without(axes, found), (6.4, 3.4))
+    _draw(out / "figure_12_offset_from_the_path.svg", lambda axes: _offsets(axes, found))
+    _draw(out / "figure_13_error_detected.svg", lambda axes: _detected(axes, found))
 
 
-def draw_outdoor(out: Path, found: Playback) -> None:
-    """Draw Figs. 16 to 18."""
-    _draw(out / "figure_16.svg", lambda axes: _trajectories(axes, found), (6.4, 5.2))
-    _draw(out / "figure_17.svg", lambda axes: _deviations(axes, found))
-    _draw(out / "figure_18.svg", lambda axes: _intervals(axes, found))
+def draw_outdoor(out: Path, found: Sequence[Playback]) -> None:
+    """Draw Figs. 16 to 18 of the ways of a day: forward, and back."""
+    _draw(out / "figure_16_trajectories_outdoors.svg", lambda axes: _trajectories(axes, found), (6.4, 5.2))
+    _draw(out / "figure_17_deviation_outdoors.svg", lambda axes: _deviations(axes, found))
+    _draw(out / "figure_18_way_between_corrections.svg", lambda axes: _intervals(axes, found))
 
 
 def _draw(path: Path, draw: Callable[[Axes], None], size_inch: tuple[float, float] = (6.4, 2.8)) -> None:
@@ -84,26 +84,29 @@ def _detected(axes: Axes, found: Playback) -> None:
     axes.set_xlabel("way [m]")
 
 
-def _trajectories(axes: Axes, found: Playback) -> None:
-    _way(axes, found.taught, _GREY, "recording", width=4.0)
-    _way(axes, found.relative_only, _INK, "playback without correction", width=0.9)
-    for direction, colour, label in ((1, _BLUE, "forward"), (-1, _RED, "reverse")):
-        stamps = found.searches.stamps_s[found.directions == direction]
-        if len(stamps):
-            _way(axes, found.fused.between(stamps[0], stamps[-1]), colour, label)
+def _trajectories(axes: Axes, found: Sequence[Playback]) -> None:
+    _way(axes, found[0].taught, _GREY, "recording", width=4.0)
+    for playback, colour, label in zip(found, (_BLUE, _RED), ("forward", "reverse")):
+        _way(axes, playback.relative_only, colour, f"{label}, without correction", width=0.7)
+    for playback, colour, label in zip(found, (_BLUE, _RED), ("forward", "reverse")):
+        _way(axes, playback.fused, colour, label, width=1.4)
     _plane(axes)
 
 
-def _deviations(axes: Axes, found: Playback) -> None:
-    offsets = found.at_searches()
-    _by_direction(axes, found, offsets[:, 0], 1e3 * offsets[:, 1])
+def _deviations(axes: Axes, found: Sequence[Playback]) -> None:
+    for playback in found:
+        offsets = playback.at_searches()
+        _by_direction(axes, playback, offsets[:, 0], 1e3 * offsets[:, 1])
     axes.set_title("deviation of the vehicle from the recorded path [mm]")
     axes.set_xlabel("station on the path [m]")
 
 
-def _intervals(axes: Axes, found: Playback) -> None:
-    believed = found.searches.is_found
-    axes.plot(found.travelled_m[believed][1:], 1e3 * found.intervals_m(), color=_BLUE, linewidth=0.8)
+def _intervals(axes: Axes, found: Sequence[Playback]) -> None:
+    began_m = 0.0
+    for playback, colour, label in zip(found, (_BLUE, _RED), ("forward", "reverse")):
+        way_m = playback.travelled_m[playback.searches.is_found][1:]
+        axes.plot(began_m + way_m, 1e3 * playback.intervals_m(), color=colour, linewidth=0.8, label=label)
+        began_m += float(playback.travelled_m[-1])
     axes.set_ylim(bottom=0.0)
     axes.set_title("way between corrections [mm]")
     axes.set_xlabel("way [m]")
@@ -113,7 +116,7 @@ def _by_direction(axes: Axes, found: Playback, x: Floats, y: Floats) -> None:
     """Draw values at the searches, in a colour of its own for each direction; a gap where it turns."""
     for direction, colour, label in ((1, _BLUE, "forward"), (-1, _RED, "reverse")):
         values = np.where(found.directions == direction, y, np.nan)
-        if np.isfinite(values).any():
+        if np.isfinite(values).sum() > 5:  # where it stands at first it drives neither way
             axes.plot(x, values, color=colour, linewidth=0.8, label=label)
 
 

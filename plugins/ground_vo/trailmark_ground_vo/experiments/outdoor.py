@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,18 +27,18 @@ class _Day:
         Options of the world.
     put_off : (m, m, deg)
         How far off the start a hand puts the vehicle: forward, left, turned.
-    trips : float
-        Round trips; 0.5 is one way.
+    ways : sequence of str
+        ``forward``, ``reverse``: each a playback of its own.
     """
 
     weather: Mapping[str, Any]
     put_off: tuple[float, float, float]
-    trips: float = 0.5
+    ways: Sequence[str] = ("forward",)
 
 
 #: The last is the paper's future work.
 _DAYS: Mapping[str, _Day] = {
-    "next day": _Day({"day": 2, "dirt": 0.2}, (0.0, 0.006, 0.5), trips=1.0),
+    "next day": _Day({"day": 2, "dirt": 0.2}, (0.0, 0.006, 0.5), ("forward", "reverse")),
     "five days after": _Day({"day": 6, "dirt": 0.4, "gain": 0.95, "offset": 3.0}, (0.004, -0.008, -0.6)),
     "wet, with leaves": _Day({"day": 9, "dirt": 0.2, "wet": 0.3, "leaves_per_m2": 10.0}, (-0.003, 0.005, 0.4)),
 }
@@ -46,20 +46,24 @@ _DAYS: Mapping[str, _Day] = {
 _PLAYBACK_HZ = 35.0
 _QUICK_S = 5.0  # of teaching: about 1.2 m
 _STORE = "outdoor.trail"
+_FALSE_M = 5e-3
 
 
 def outdoor_rows(options: ExperimentOptions) -> list[Row]:
     """Return the rows of Sec. IV-D and draw Figs. 16 to 18."""
     days = list(_DAYS)[:1] if options.quick else list(_DAYS)
     taught = _teach(options.out, options.seed, options.quick)
-    folders = options.map(_repeat_on, [(options.out, options.seed, day) for day in days])
+    calls = [(options.out, options.seed, day, way) for day in days for way in _DAYS[day].ways]
+    folders = dict(zip([call[2:] for call in calls], options.map(_repeat, calls)))
     rows: list[Row] = []
-    for day, folder in zip(days, folders):
-        found = read_playback(taught, folder, options.out / _STORE)
-        options.report(f"outdoors, {day}: {int(found.searches.is_found.sum())} corrections, {found.reason}")
+    for day in days:
+        found = [read_playback(taught, folders[day, way], options.out / _STORE) for way in _DAYS[day].ways]
+        for way, playback in zip(_DAYS[day].ways, found):
+            n_found = int(playback.searches.is_found.sum())
+            options.report(f"outdoors, {day}, {way}: {n_found} corrections, {playback.reason}")
         if day == days[0]:
             draw_outdoor(options.out, found)
-            rows += _taught_rows(found, options)
+            rows += _taught_rows(found[0], options)
         rows += _day_rows(day, found, options.quick)
     return rows
 
@@ -69,17 +73,18 @@ def _teach(out: Path, seed: int, is_quick: bool) -> Path:
     return drive(out / "outdoor-teach", tracking_config(course("outdoor", **limits), seed), out / _STORE, "teach")
 
 
-def _repeat_on(out: Path, seed: int, day: str) -> Path:
-    """Drive the course there and back on another day."""
+def _repeat(out: Path, seed: int, day: str, way: str) -> Path:
+    """Drive the course on another day, from one of its ends."""
     ground = _DAYS[day]
+    where: dict[str, Any] = {"start": "first" if way == "forward" else "last"}
     source = course(
         "outdoor",
         options={"in_replay": dict(ground.weather)},
         put_off=list(ground.put_off),
         rates_hz={"floor": _PLAYBACK_HZ},
     )
-    config = tracking_config(source, seed, repeat=ground.trips, stop_when={"fix_age_m": 5.0})
-    return drive(out / f"outdoor-{day.replace(',', '').replace(' ', '-')}", config, out / _STORE, "replay")
+    config = tracking_config(source, seed, stop_when={"fix_age_m": 5.0}, **where)
+    return drive(out / f"outdoor-{day.replace(',', '').replace(' ', '-')}-{way}", config, out / _STORE, "replay")
 
 
 def _taught_rows(found: Playback, options: ExperimentOptions) -> list[Row]:
@@ -96,33 +101,33 @@ def _taught_rows(found: Playback, options: ExperimentOptions) -> list[Row]:
     ]
 
 
-def _day_rows(day: str, found: Playback, is_quick: bool) -> list[Row]:
+def _day_rows(day: str, found: Sequence[Playback], is_quick: bool) -> list[Row]:
     """Return the rows of a day; the paper has figures of the next day, and a similar result five days after."""
-    there = "there and back" if _DAYS[day].trips == 1.0 else "there"
-    name = f"D {'short' if is_quick else '243.4 m'} {there}, {day}"
+    name = f"D {'short' if is_quick else '243.4 m'}, {day}, {' and '.join(_DAYS[day].ways)}"
     is_papers = day != "wet, with leaves"
-    lateral_mm, turned_deg = 1e3 * np.abs(found.offsets[:, 1]), np.degrees(np.abs(found.offsets[:, 2]))
-    true_mm = 1e3 * found.corrected_m()
+    offsets = np.abs(np.concatenate([playback.offsets for playback in found]))
+    lateral_mm, turned_deg = 1e3 * offsets[:, 1], np.degrees(offsets[:, 2])
+    is_found = np.concatenate([playback.searches.is_found for playback in found])
+    intervals_m = np.concatenate([playback.intervals_m() for playback in found])
+    true_mm = 1e3 * np.concatenate([playback.corrected_m() for playback in found])
+    n_false = sum(int((playback.false_m() > _FALSE_M).sum()) for playback in found)
+    n, n_searches = len(offsets), len(is_found)
     figures = [
-        ("offset from the path, mean", "mm", float(lateral_mm.mean()), 4.1),
-        ("offset from the path, max", "mm", float(lateral_mm.max()), 25.0),
-        ("angular offset, mean", "deg", float(turned_deg.mean()), 0.49),
-        ("angular offset, max", "deg", float(turned_deg.max()), 3.2),
-        ("searches rejected", "%", found.rejected_percent(), 8.5),
-        ("way between corrections, mean", "m", float(found.intervals_m().mean()), 0.062),
+        ("offset from the path, mean", "mm", float(lateral_mm.mean()), 4.1, n),
+        ("offset from the path, max", "mm", float(lateral_mm.max()), 25.0, n),
+        ("angular offset, mean", "deg", float(turned_deg.mean()), 0.49, n),
+        ("angular offset, max", "deg", float(turned_deg.max()), 3.2, n),
+        ("searches rejected", "%", 100.0 * float(np.mean(~is_found)), 8.5, n_searches),
+        ("way between corrections, mean", "m", float(intervals_m.mean()), 0.062, len(intervals_m)),
     ]
-    n, n_searches = len(found.offsets), len(found.searches.places)
-    rows = [
-        Row(
-            name, item, unit, ours, paper if is_papers else None, paper, paper / 2,
-            n=n_searches if "searches" in item or "corrections" in item else n,
-        )
-        for item, unit, ours, paper in figures
-    ]  # fmt: skip
     return [
-        *rows,
+        *(
+            Row(name, item, unit, ours, paper if is_papers else None, paper, paper / 2, n=samples)
+            for item, unit, ours, paper, samples in figures
+        ),
+        Row(name, "way between corrections, max", "m", float(intervals_m.max()), n=len(intervals_m)),
         Row(name, "true error after correction, mean", "mm", float(true_mm.mean()), n=len(true_mm)),
         Row(name, "true error after correction, max", "mm", float(true_mm.max()), n=len(true_mm)),
-        Row(name, "false corrections (more than 5 mm)", "", int((found.false_m() > 5e-3).sum()), None, 0, n=n_searches),
-        Row(name, "end of the path missed by", "mm", 1e3 * found.end_miss_m, None, 20.0, 5.0),
+        Row(name, "false corrections (more than 5 mm)", "", n_false, None, 0, n=n_searches),
+        Row(name, "end of the path missed by", "mm", 1e3 * max(one.end_miss_m for one in found), None, 20.0, 5.0),
     ]
