@@ -56,5 +56,5 @@ def test_a_correction_that_comes_late_is_as_good(late, camera, ground, drawer):
     assert len(counted) >= 5
     errors = [believed.between(true) for believed, true in counted]  # the map of the teaching is almost the truth
     misses_m = np.array([math.hypot(error.x, error.y) for error in errors])
-    assert np.all(misses_m < 0.4e-3), misses_m
+    assert np.all(misses_m < 0.15e-3), misses_m
     assert np.all(np.abs([error.theta for error in errors]) < math.radians(0.3))

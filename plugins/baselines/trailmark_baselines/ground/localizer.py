@@ -30,6 +30,8 @@ _LEAST_SHARE = 1e-3
 #: Variance of the drift per key frame over that of one alignment, measured with KLT on procedural floors: what is
 #: wrong with a corner is partly wrong in all pictures, and with its neighbours.
 _GROWTH = 4.0
+#: What a key frame errs by however many pairs there are: the bias of finding fractions of a pixel [px].
+_BIAS_PX = 0.03
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,7 +164,9 @@ class GroundPeer(Localizer, Generic[View]):
         before, step = track.pose_key_last, track.pose_key_last.between(found.pose_key_now)
         travelled = self._travelled(found.pose_key_now, image.shape)
         share = min(1.0, max(_LEAST_SHARE, self._travelled(step, image.shape)))
-        motion = self._motion(before, step, _GROWTH * share * found.covariance, (track.last_s, stamp_s), found.details)
+        bias_m = _BIAS_PX * max(self.camera.plane.metres_per_pixel)
+        covariance = share * (_GROWTH * found.covariance + np.diag([bias_m**2, bias_m**2, 0.0]))
+        motion = self._motion(before, step, covariance, (track.last_s, stamp_s), found.details)
         track.step, track.step_s = step, stamp_s - track.last_s
         track.last, track.pose_key_last, track.last_s, track.n_failed = view, found.pose_key_now, stamp_s, 0
         if travelled >= 1.0 or found.is_thin:
