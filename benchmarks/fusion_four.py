@@ -213,18 +213,19 @@ def summary(rows: Sequence[Row]) -> list[str]:
         "| failed | how | fused ATE | best alone | failed one | fused / best: median, worst | fused / failed: worst |",
         "|---|---|---|---|---|---|---|",
     ]
-    for failed, fault in dict.fromkeys((row.failed, row.fault) for row in rows):
-        some = [row for row in rows if (row.failed, row.fault) == (failed, fault)]
+    for name, fault in dict.fromkeys((row.failed, row.fault) for row in rows):
+        some = [row for row in rows if (row.failed, row.fault) == (name, fault)]
         ratios = [row.fused_m / row.best_m for row in some]
-        broken = [row.alone_m[failed] for row in some] if failed in GROUPS else []
-        worst = max((row.fused_m / row.alone_m[failed] for row in some), default=0.0) if broken else math.nan
+        broken = [row.alone_m[name] for row in some] if name in GROUPS else []
+        worst = max((row.fused_m / row.alone_m[name] for row in some), default=0.0) if broken else math.nan
         fused_mm, best_mm = (
             1e3 * float(np.median([getattr(row, key) for row in some])) for key in ("fused_m", "best_m")
         )
-        failed_mm = 1e3 * float(np.median(broken)) if broken else math.nan
+        failed = f"{1e3 * float(np.median(broken)):.1f} mm" if broken else "-"
+        against = f"{worst:.2f}" if broken else "-"
         lines.append(
-            f"| {failed} | {fault} | {fused_mm:.1f} mm | {best_mm:.1f} mm | {failed_mm:.1f} mm"
-            f" | {float(np.median(ratios)):.2f}, {max(ratios):.2f} | {worst:.2f} |"
+            f"| {name} | {fault} | {fused_mm:.1f} mm | {best_mm:.1f} mm | {failed}"
+            f" | {float(np.median(ratios)):.2f}, {max(ratios):.2f} | {against} |"
         )
     return [*lines, "", *verdicts(rows)]
 

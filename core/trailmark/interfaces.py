@@ -218,6 +218,30 @@ class Estimator(Part):
         None asks for the newest stamp it has heard of.
         """
 
+    def set_pose(
+        self,
+        pose_map_base: Pose2,
+        covariance: npt.NDArray[np.float64] | None = None,
+        stamp_s: float | None = None,
+    ) -> Applied:
+        """Be told where base is, by a person or a program that knows, whatever was believed.
+
+        Parameters
+        ----------
+        pose_map_base : Pose2
+            Base in the map.
+        covariance : (3, 3) float64, optional
+            Of (x, y, theta); left out, that of a known start.
+        stamp_s : float, optional
+            When; left out, at the newest stamp heard of [s].
+
+        Returns
+        -------
+        Applied
+            An estimator that cannot, which is the default, refuses.
+        """
+        return Applied("refused", f"{type(self).__name__} cannot be told a pose")
+
 
 class Controller(Part):
     """Turns beliefs into commands. Path, goal and direction come with the session and the config."""

@@ -509,3 +509,16 @@ def test_the_order_in_which_fixes_arrive_does_not_matter(estimates: list[Fix], r
         if first.pose_map_base is not None:
             np.testing.assert_allclose(first.pose_map_base.between(second.pose_map_base).array(), 0.0, atol=1e-9)
             np.testing.assert_allclose(first.covariance, second.covariance, rtol=1e-9, atol=1e-9)
+
+
+def test_a_pose_can_be_set_and_is_driven_on() -> None:
+    estimator = DeadReckoning(DeadReckoningConfig())
+    estimator.start(Session())
+    for i in range(10):
+        estimator.apply("wheels", Motion(0.1 * i, 0.1 * (i + 1), Pose2(0.1), information_from_sigmas(1e-3, 1e-3, 1e-3)))
+
+    assert estimator.set_pose(Pose2(5.0, 6.0, math.pi / 2), stamp_s=0.5).status == "accepted"
+
+    pose = estimator.belief().pose_map_base
+    assert pose is not None
+    np.testing.assert_allclose(pose.array(), [5.0, 6.5, math.pi / 2], atol=1e-9)

@@ -121,3 +121,53 @@ def test_a_fast_and_a_slow_odometry_together_are_as_good_as_they_say() -> None:
 
     low, high = bounds(3 * N_RUNS)
     assert low < nees < high
+
+
+def with_common_errors(seed: int, kind: str) -> tuple[float, float]:
+    """Drive with a biased gyro and wheels of a wrong size; return NEES of the pose, and of the two errors."""
+    rng = np.random.default_rng(5000 + seed)
+    sources = {"gyro": {"errors": "gyro_bias"}, "wheels": {"errors": "scale"}}
+    sigmas = {"gyro_bias_sigma_deg_per_s": 0.5, "scale_sigma": 0.03, "wander_s": 1e9}
+    start = {"start_sigma_m": START_SIGMAS[0], "start_sigma_deg": 2.0, "gate": "off", "filter": kind}
+    estimator = Kalman(KalmanConfig.model_validate({**start, **sigmas, "sources": sources}))
+    truth, bias, scale = Pose2(1.0, 2.0, 0.5), rng.normal(0.0, math.radians(0.5)), rng.normal(0.0, 0.03)
+    estimator.start(Session(start_pose=noisy(truth, START_SIGMAS, rng)))
+    for i in range(N_STEPS):
+        forward_m, turn = 0.05, 0.05 * math.sin(0.2 * i)
+        since_s, stamp_s = i * STEP_S, (i + 1) * STEP_S
+        truth = truth @ Pose2(forward_m, 0.0, turn)
+        wheels = Pose2(
+            (1.0 + scale) * forward_m + rng.normal(0.0, 2e-3), rng.normal(0.0, 1e-3), turn + rng.normal(0.0, 0.02)
+        )
+        gyro = Pose2(0.0, 0.0, turn + bias * STEP_S + rng.normal(0.0, 1e-3))
+        estimator.apply("wheels", Motion(since_s, stamp_s, wheels, information_from_sigmas(2e-3, 1e-3, 0.02)))
+        estimator.apply("gyro", Motion(since_s, stamp_s, gyro, information_from_sigmas(math.inf, math.inf, 1e-3)))
+        if i % 10 == 9:
+            sigmas_m = (0.02, 0.02, 0.02)
+            estimator.apply("camera", Fix(stamp_s, noisy(truth, sigmas_m, rng), information_from_sigmas(*sigmas_m)))
+    belief = estimator.belief()
+    assert belief.pose_map_base is not None
+    assert belief.covariance is not None
+    found = estimator.common_errors()
+    errors = [(found["gyro"][0] - bias) / found["gyro"][1], (found["wheels"][0] - scale) / found["wheels"][1]]
+    return squared(belief.pose_map_base.array() - truth.array(), belief.covariance), sum(e * e for e in errors)
+
+
+@pytest.mark.parametrize("kind", ["ekf", "ukf"])
+def test_common_errors_are_as_well_known_as_they_say(kind: str) -> None:
+    n = N_RUNS if kind == "ekf" else N_RUNS // 4
+
+    nees = np.array([with_common_errors(seed, kind) for seed in range(n)]).sum(axis=0)
+
+    for value, dof in zip(nees, (3 * n, 2 * n)):
+        low, high = bounds(dof)
+        assert low < value < high
+
+
+def test_the_unscented_filter_is_as_good_as_it_says() -> None:
+    n = N_RUNS // 4
+
+    nees = sum(Drive(seed, filter="ukf").run("line") for seed in range(n))
+
+    low, high = bounds(3 * n)
+    assert low < nees < high

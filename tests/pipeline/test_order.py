@@ -165,3 +165,18 @@ def test_motion_of_a_window_may_speak_of_the_past(fakes) -> None:
 
     assert last.belief.pose_map_base.x == pytest.approx(0.35)  # carried on from 0.25 s to 0.3 s
     assert last.belief.motion_age_s == pytest.approx(0.05)
+
+
+def test_between_two_steps_a_person_may_say_where_the_robot_is(fakes) -> None:
+    pipeline = Pipeline(
+        fakes.plan({"cam": fakes.Recording(fakes.image_frames("cam", stamps(5)))}, {"vo": fakes.Mover(Pose2(0.1))})
+    )
+    poses = []
+
+    for k, step in enumerate(pipeline):
+        poses.append(step.belief.pose_map_base)
+        if k == 2:
+            assert pipeline.set_pose(Pose2(7.0, 8.0, 0.0)).status == "accepted"
+
+    assert poses[2].x == pytest.approx(0.2)
+    assert (poses[3].x, poses[3].y) == pytest.approx((7.1, 8.0))

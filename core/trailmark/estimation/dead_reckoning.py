@@ -10,7 +10,19 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from trailmark.estimates import Applied, Belief, Estimate, Fix, Motion, PathOffset
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.estimates import (
+    Applied,
+    Belief,
+    Estimate,
+    Fix,
+    Motion,
+    PathOffset,
+    information_from_covariance,
+    information_from_sigmas,
+)
 from trailmark.estimation.chain import MotionChain, OdomState
 from trailmark.estimation.corrections import FixCorrection, PathCorrection, covariance_on_path
 from trailmark.estimation.dead_reckoning_config import DeadReckoningConfig
@@ -113,6 +125,22 @@ class DeadReckoning(Estimator):
         if self._belief is None or self._belief.stamp_s != stamp_s:
             self._belief = self._believed(self._chain.at(stamp_s))
         return self._belief
+
+    def set_pose(
+        self,
+        pose_map_base: Pose2,
+        covariance: npt.NDArray[np.float64] | None = None,
+        stamp_s: float | None = None,
+    ) -> Applied:
+        """Say where base is: a fix that replaces the whole pose."""
+        if covariance is None:
+            sigma_rad = math.radians(self._config.start_sigma_deg)
+            information = information_from_sigmas(self._config.start_sigma_m, self._config.start_sigma_m, sigma_rad)
+        else:
+            information = information_from_covariance(covariance)
+        if stamp_s is None:
+            stamp_s = self.belief().stamp_s
+        return self.apply("set_pose", Fix(stamp_s, pose_map_base, information))
 
     def _start_anchor(self, start_pose: Pose2 | None) -> _Anchor:
         odom = OdomState(-math.inf)

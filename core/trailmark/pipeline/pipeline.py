@@ -9,9 +9,14 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+import numpy as np
+import numpy.typing as npt
+
 from trailmark.config import RunConfig
 from trailmark.errors import ConfigError, RunError
+from trailmark.estimates import Applied
 from trailmark.frames import Frame, SensorInfo
+from trailmark.geometry import Pose2
 from trailmark.interfaces import Mode
 from trailmark.paths import Path as TaughtPath
 from trailmark.pipeline.assembly import plan_of, read_config
@@ -173,6 +178,31 @@ class Pipeline:
         if not self._pushed:
             raise ConfigError("frames cannot be fed before their sensors are known: Pipeline(..., sensors=[...])")
         return self._started().push(frame)
+
+    def set_pose(
+        self,
+        pose_map_base: Pose2,
+        covariance: npt.NDArray[np.float64] | None = None,
+        stamp_s: float | None = None,
+    ) -> Applied:
+        """Tell the estimator where base is, between two steps: a person has put the robot somewhere, or sees it there.
+
+        Parameters
+        ----------
+        pose_map_base : Pose2
+            Base in the map.
+        covariance : (3, 3) float64, optional
+            Of (x, y, theta); left out, that of a known start.
+        stamp_s : float, optional
+            When; left out, at the newest stamp heard of [s].
+
+        Returns
+        -------
+        Applied
+            ``accepted``, or why not.
+        """
+        self._started()
+        return self.plan.estimator.set_pose(pose_map_base, covariance, stamp_s)
 
     # --- what is known of it ---------------------------------------------------------------------------------------
 

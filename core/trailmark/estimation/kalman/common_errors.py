@@ -26,6 +26,7 @@ Array = npt.NDArray[np.float64]
 
 # A scale is never believed to be further off than this: a wheel half or twice its size.
 _LEAST_SCALE, _MOST_SCALE = -0.5, 1.0
+_UNKNOWN = 1e6
 
 
 class _Linear:
@@ -98,7 +99,8 @@ class CommonErrors:
         drift: Sym3,
     ) -> tuple[Array, Array]:
         before, (source, step) = freed[:-1], freed[-1]
-        mean, _ = fused([other for _, other in before], dt_s, held, drift, True)
+        # What the others did not measure is next to unknown; the velocity before is theirs, and counted already.
+        mean, _ = fused([other for _, other in before], dt_s, held, scaled(drift, _UNKNOWN), True)
         assert mean.covariance is not None
         root = root_of(information_of(step))
         away = np.array([step.x - mean.x, step.y - mean.y, wrap_angle(step.turn - mean.turn)])

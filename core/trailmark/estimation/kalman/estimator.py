@@ -109,7 +109,7 @@ class Kalman(Estimator):
         covariance: npt.NDArray[np.float64] | None = None,
         stamp_s: float | None = None,
     ) -> Applied:
-        """Say where base is, whatever was believed: what was heard about later instants is applied again from there.
+        """Be told where base is, whatever was believed; what was heard about later instants is applied from there.
 
         Parameters
         ----------
