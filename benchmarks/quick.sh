@@ -24,3 +24,14 @@ if [ -d "$TRAILMARK_DATA" ]; then
 else
     echo "no recordings at $TRAILMARK_DATA: the benchmarks on real data are left out"
 fi
+
+# The benches of configs, a corner of each: cells start, give figures, and end in tables and a report.
+out=$(mktemp -d)
+trap 'rm -rf "$out"' EXIT
+cells() {
+    printf '\n--- benchmarks/%s\n' "$*"
+    "$python" -m trailmark.cli bench "benchmarks/$1" --out "$out/$1" --jobs 2 "${@:2}"
+}
+cells grand.yaml --only matrix=ground --only source=wood --only perturbation=clean --only seed=0 \
+    --only localizer=ground_vo,klt,orb,phase_correlation,odometry --set bench.cells.0.sources.wood.duration_s=1
+cells speed.yaml --only matrix=ground --only seed=0 --set bench.cells.0.sources.wood.duration_s=1

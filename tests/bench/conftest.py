@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
+import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from trailmark.bench import Index, load_bench, run_bench
+from trailmark.bench import Cell, Index, Outcome, load_bench, run_bench
 from trailmark.bench.executors.config import LocalConfig
 from trailmark.bench.executors.local import LocalExecutor
 from trailmark.plugins import Plugins, load_plugins
@@ -44,3 +47,71 @@ def run_cells() -> Callable[..., dict[str, str]]:
             return {record.label: record.state for record in index.records()}
 
     return run
+
+
+CONFIG = "mode: track\nsources:\n  robot:\n    plugin: sim\nlocalizers:\n" + "".join(
+    f"  l{i}: {{plugin: x}}\n" for i in range(20)
+)
+
+
+def synthetic_bench(folder: Path, sources: int = 3, localizers: int = 4, seeds: int = 5, fails: float = 0.1) -> Index:
+    """Return the index of a bench with a cell for each combination; some failed, with a log."""
+    rng = np.random.default_rng(7)
+    index = Index(folder, write=True)
+    cells = [
+        Cell(f"{n:020x}", "", {"source": f"world_{s}", "localizer": f"method_{m}", "seed": i}, {})
+        for n, (s, m, i) in enumerate(np.ndindex(sources, localizers, seeds))
+    ]
+    index.enter(cells)
+    index.set_meta(metrics=["ate_rmse_m", "tracked_fraction", "nees_per_dof"], baseline="method_0", name="synthetic")
+    with index.together():
+        for cell in cells:
+            s, m = (int(str(cell.coordinates[axis]).rpartition("_")[2]) for axis in ("source", "localizer"))
+            index.finished(cell.id, *_finished(rng, s, m, fails))
+    return index
+
+
+def _finished(rng: np.random.Generator, s: int, m: int, fails: float) -> tuple[Outcome, Any, Any]:
+    process = {"wall_s": 2.0, "cpu_s": float(rng.uniform(1, 3)), "peak_rss_mb": 150.0, "load": 1.0, "host": "here"}
+    if rng.random() < fails:
+        return (
+            Outcome("crashed", "ended by SIGSEGV (segmentation fault)", "Fatal <b>error</b>\n</script>", **process),
+            None,
+            None,
+        )
+    error = 0.01 * (1 + s) * (1 + 0.3 * m) * math.exp(0.2 * rng.standard_normal())
+    metrics = {
+        "ate_rmse_m[se2,n=1200]": error,
+        "tracked_fraction[gap<=0.3s]": float(rng.uniform(0.9, 1.0)),
+        "nees_per_dof[n=9,dof=27]": float(rng.lognormal()),
+    }
+    result = {
+        "state": "ok",
+        "reason": "",
+        "errors": True,
+        "metrics": metrics,
+        "times": {"call_p95_ms": 3.0},
+        "alignment": "se2",
+    }
+    way = np.cumsum(rng.uniform(0, 0.1, 100))
+    points = np.rint(np.stack([400 * way, 100 * np.sin(way)], axis=1)).astype(int).tolist()
+    series = {name: short(rng.standard_normal(100)) for name in ("distance_mm", "lateral_mm", "turn_deg")}
+    detail = {
+        "ways": {"step": 0.01, "low": [0.0, 0.0], "lines": {"groundtruth": points, "method": points}},
+        "errors": {"way_m": short(way), **series},
+        "stages": {"localizer.method": [1.0, 2.0, 3.0, 4.0]},
+        "sources": {"method": {"estimates": 9, "outcomes": {}, "nis": None, "nees": None}},
+        "config": CONFIG,
+        "provenance": {"trailmark": "0.1.0", "packages": {f"package_{i}": "1.0" for i in range(20)}},
+    }
+    return Outcome("ok", **process), result, json.dumps(detail).encode()
+
+
+def short(values: Any) -> list[float]:
+    return [float(f"{value:.3g}") for value in values]
+
+
+@pytest.fixture(scope="session")
+def synthetic() -> Callable[..., Index]:
+    """Return the maker of benches that nobody ran: cells with figures drawn at random."""
+    return synthetic_bench

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -121,13 +122,15 @@ def test_a_finished_cell_is_never_run_twice(bench_of, run_cells, tmp_path: Path)
 
 def test_what_fits_no_sensor_is_skipped_with_the_reason(bench_of, run_cells, tmp_path: Path) -> None:
     sources = {"wheels": {"plugin": "toy_wheels"}, "lamp": {"plugin": "toy_wheels", "kind": "other"}}
-    bench = bench_of({"sources": sources, "localizers": ["toy"]}, run={"sources": {}})
+    bench = bench_of({"sources": sources, "localizers": ["toy"], "seeds": 3}, run={"sources": {}})
 
-    states = run_cells(bench, tmp_path)
+    states = run_cells(bench, tmp_path, jobs=1)
 
-    assert states == {"wheels, toy, seed 0": "ok", "lamp, toy, seed 0": "skipped"}
+    assert states == {f"{s}, toy, seed {i}": e for s, e in (("wheels", "ok"), ("lamp", "skipped")) for i in range(3)}
     with Index(tmp_path) as index:
-        assert "no sensor of kind odometry for 'wheels'" in index.records()[1].reason
+        lamp = index.records()[3:]
+    assert all("no sensor of kind odometry for 'wheels'" in record.reason for record in lamp)
+    assert [record.attempts for record in lamp] == [1, 0, 0]  # another seed would not bring a sensor
 
 
 def test_a_cell_is_taught_first_in_a_store_of_its_own(bench_of, run_cells, tmp_path: Path) -> None:
@@ -225,7 +228,8 @@ def test_a_bench_that_is_killed_goes_on_and_leaves_no_process(tmp_path: Path) ->
 def test_ctrl_c_keeps_what_is_finished(tmp_path: Path) -> None:
     (tmp_path / "b.yaml").write_text(CONFIG.format(seeds=3))
     arguments = command(tmp_path / "b.yaml", "--out", tmp_path / "out", "--no-report")
-    bench = subprocess.Popen(arguments, stderr=subprocess.PIPE, text=True)
+    listen = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # tests in the background would not
+    bench = subprocess.Popen(arguments, stderr=subprocess.PIPE, text=True, preexec_fn=listen)
     assert bench.stderr is not None
     for line in bench.stderr:
         if line.startswith("2/6"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -109,7 +110,7 @@ def test_occluders_cover_a_square_that_moves_on(fakes) -> None:
 
     covered = [frame.payload.pixels != 100 for frame in seen]
     assert max(mask.sum() for mask in covered) == pytest.approx(30 * 30, rel=0.05)
-    assert any((a != b).any() for a, b in zip(covered, covered[1:]))
+    assert any((a != b).any() for a, b in pairwise(covered))
 
 
 def test_an_occluder_leaves_no_depth(fakes) -> None:

@@ -100,6 +100,7 @@ class Index:
         self.folder = Path(folder)
         path = self.folder / INDEX_FILE
         self._lock: Any = None
+        self._depth = 0
         if write:
             self._take(self.folder)
         elif not path.is_file():
@@ -167,9 +168,9 @@ class Index:
                 [(cell_id,) for cell_id in cell_ids],
             )
 
-    def finished(self, cell_id: str, outcome: Outcome, result: Any = None, detail: Any = None) -> None:
-        """Write down what became of a cell."""
-        packed = None if detail is None else zlib.compress(json.dumps(detail, separators=(",", ":")).encode(), 6)
+    def finished(self, cell_id: str, outcome: Outcome, result: Any = None, detail: bytes | None = None) -> None:
+        """Write down what became of a cell; `detail` is the content of its ``detail.json``, for its page."""
+        packed = None if detail is None else zlib.compress(detail, 6)
         with self._transaction() as db:
             db.execute(
                 "UPDATE cells SET state = ?, reason = ?, stderr = ?, finished_s = ?, wall_s = ?, cpu_s = ?,"
@@ -214,11 +215,10 @@ class Index:
         row = self._db.execute("SELECT stderr FROM cells WHERE id = ?", (cell_id,)).fetchone()
         return "" if row is None else str(row[0])
 
-    def details(self) -> Iterator[tuple[str, dict[str, Any] | None, str]]:
-        """Yield id, ``detail.json`` and standard error of the cells in their order."""
+    def details(self) -> Iterator[tuple[str, bytes | None, str]]:
+        """Yield id, ``detail.json`` as zlib packs it, and standard error of the cells in their order."""
         rows = self._db.execute("SELECT id, detail, stderr FROM cells WHERE wanted = 1 ORDER BY ordinal, id")
-        for cell_id, packed, stderr in rows:
-            yield cell_id, None if packed is None else json.loads(zlib.decompress(packed)), stderr
+        yield from rows
 
     # --- what else there is --------------------------------------------------------------------------------------
 
@@ -267,7 +267,20 @@ class Index:
                     self._db.executescript(f"BEGIN; {_TABLES} PRAGMA user_version = {_SCHEMA}; COMMIT;")
 
     @contextmanager
+    def together(self) -> Iterator[None]:
+        """Write many things in one transaction, all or none."""
+        with self._transaction():
+            self._depth += 1
+            try:
+                yield
+            finally:
+                self._depth -= 1
+
+    @contextmanager
     def _transaction(self) -> Iterator[sqlite3.Connection]:
+        if self._depth:
+            yield self._db
+            return
         try:
             with self._db:
                 yield self._db

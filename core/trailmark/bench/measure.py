@@ -26,7 +26,7 @@ __all__ = ["DETAIL_POINTS", "measured"]
 Array = npt.NDArray[np.float64]
 
 #: Points of a line on the page of a cell.
-DETAIL_POINTS = 160
+DETAIL_POINTS = 100
 
 _STEPS = 4000
 _MOST_WAYS = 5
@@ -82,7 +82,8 @@ def _metrics(document: Mapping[str, Any], subject: str, localizer: str) -> dict[
     found: dict[str, float | None] = {}
     for group, name in (("trajectories", subject), ("sources", localizer)):
         found |= document[group].get(name, {}).get("metrics", {})
-    return found
+    truth = document["trajectories"].get(GROUND_TRUTH, {}).get("metrics", {})
+    return found | {f"true_{name}": value for name, value in truth.items()}  # how a robot that was driven really went
 
 
 def _times(result: RunResult, localizer: str) -> dict[str, float]:
@@ -176,4 +177,4 @@ def _errors(evaluation: Evaluation) -> dict[str, list[float]]:
 
 
 def _short(value: float) -> float:
-    return float(f"{value:.4g}") if math.isfinite(value) else 0.0
+    return float(f"{value:.3g}") if math.isfinite(value) else 0.0

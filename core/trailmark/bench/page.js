@@ -219,9 +219,14 @@ function makeFilters() {
 async function detailOf(cell) {
   const holder = $(`chunk-${cell.chunk}`);
   if (!holder) return null;
-  const bytes = Uint8Array.from(atob(holder.textContent), (letter) => letter.charCodeAt(0));
-  const text = await new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).text();
-  return JSON.parse(text)[cell.id] || null;
+  const line = holder.textContent.split("\n").find((text) => text.startsWith(cell.id));
+  const [detail, stderr] = await Promise.all(line.split(" ").slice(1).map(unpacked));
+  return { ...detail, stderr };
+}
+async function unpacked(text) {
+  if (!text) return null;
+  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  return JSON.parse(await new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"))).text());
 }
 
 const SVG = "http://www.w3.org/2000/svg";

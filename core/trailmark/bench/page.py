@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import base64
-import gzip
 import json
 import math
+import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from html import escape
@@ -18,6 +18,7 @@ from trailmark.bench.summary import Metric, Namer, Summary, summarized
 from trailmark.bench.tables import bench_tables, metric_title, scaled_column
 from trailmark.errors import DataError
 from trailmark.report.html import facts_html, page_html, table_html, text_html
+from trailmark.report.tables import Table
 
 __all__ = ["PAGE_FILE", "write_page"]
 
@@ -43,12 +44,12 @@ def write_page(index: Index, *, baseline: str | None = None) -> Path:
     summary, records, meta = summarized(index, baseline=baseline), index.records(), index.meta()
     chunks = list(_chunks(index))
     places = {cell_id: number for number, (ids, _) in enumerate(chunks) for cell_id in ids}
-    document = _document(summary, records, places)
+    document, tables = _document(summary, records, places), bench_tables(summary)
     body = [
         _header(summary, meta),
-        _overview(summary),
+        _overview(tables),
         _cells_section(),
-        _tables(summary),
+        _tables(summary, tables),
         _provenance(meta),
         "</main>",
         '<main id="cell" hidden></main>',
@@ -68,22 +69,25 @@ def write_page(index: Index, *, baseline: str | None = None) -> Path:
 
 
 def _chunks(index: Index) -> Iterator[tuple[list[str], str]]:
-    """Yield ids and packed details of cells, some at a time: neighbours have most of their text in common."""
-    waiting: dict[str, Any] = {}
-    for cell_id, detail, stderr in index.details():
+    """Yield ids of some cells, and a line for each: id, packed detail, packed end of the log."""
+    ids: list[str] = []
+    lines: list[str] = []
+    for cell_id, packed, stderr in index.details():
         tail = "\n".join(stderr.splitlines()[-_LOG_LINES:])
-        if detail is not None or tail:
-            waiting[cell_id] = {**(detail or {}), **({"stderr": tail} if tail else {})}
-        if len(waiting) == _CHUNK:
-            yield list(waiting), _packed(waiting)
-            waiting = {}
-    if waiting:
-        yield list(waiting), _packed(waiting)
+        if packed is None and not tail:
+            continue
+        ids.append(cell_id)
+        log = zlib.compress(json.dumps(tail).encode()) if tail else b""
+        lines.append(f"{cell_id} {_base64(packed or b'')} {_base64(log)}")
+        if len(ids) == _CHUNK:
+            yield ids, "\n".join(lines)
+            ids, lines = [], []
+    if ids:
+        yield ids, "\n".join(lines)
 
 
-def _packed(document: Mapping[str, Any]) -> str:
-    text = json.dumps(document, separators=(",", ":"), ensure_ascii=False)
-    return base64.b64encode(gzip.compress(text.encode(), 5, mtime=0)).decode()
+def _base64(content: bytes) -> str:
+    return base64.b64encode(content).decode()
 
 
 def _document(summary: Summary, records: list[Record], places: Mapping[str, int]) -> dict[str, Any]:
@@ -191,14 +195,14 @@ def _header(summary: Summary, meta: Mapping[str, Any]) -> str:
     return f'<main id="bench"><header>\n{title}\n{line}\n{states}</header>'
 
 
-def _overview(summary: Summary) -> str:
+def _overview(tables: list[Table]) -> str:
     controls = '<p class="controls"><label>Quantity <select id="metric"></select></label></p>'
     heat = '<div class="scroll"><table class="heat" id="heat"></table></div><p class="note" id="heat-note"></p>'
     statistics = (
         '<div class="scroll"><table id="statistics"></table></div>'
         '<button class="more" id="more-statistics" hidden></button>'
     )
-    notes = [f"<p class='note'>{escape(note)}</p>" for table in bench_tables(summary)[1:2] for note in table.notes]
+    notes = [f"<p class='note'>{escape(note)}</p>" for table in tables[1:2] for note in table.notes]
     parts = [text_html("Overview", "h2"), controls, heat, text_html("Statistics", "h2"), statistics, *notes]
     return "\n".join(parts)
 
@@ -219,9 +223,8 @@ def _cells_section() -> str:
     )
 
 
-def _tables(summary: Summary) -> str:
+def _tables(summary: Summary, tables: list[Table]) -> str:
     """Return the methods over all conditions, and why cells gave nothing."""
-    tables = bench_tables(summary)
     parts = [text_html("Methods over all conditions", "h2"), table_html(tables[-1])] if len(summary.methods) > 1 else []
     if summary.reasons:
         rows = "".join(f"<li>{count} &times; {escape(reason)}</li>" for reason, count in summary.reasons.items())

@@ -119,7 +119,7 @@ def _recover(cells: Sequence[Cell], index: Index) -> None:
             if outcome is None:
                 index.again([cell.id])
             else:
-                index.finished(cell.id, Outcome(**outcome), _json(folder / RESULT_FILE), _json(folder / DETAIL_FILE))
+                index.finished(cell.id, Outcome(**outcome), _json(folder / RESULT_FILE), _bytes(folder / DETAIL_FILE))
 
 
 class _Round:
@@ -161,7 +161,9 @@ class _Round:
     def _work(self, queue: deque[Cell], slots: int) -> None:
         while queue or self._running:
             while queue and len(self._running) < slots:
-                self._begin(queue.popleft())
+                cell = queue.popleft()
+                if self._states.get(cell.id) != "skipped":
+                    self._begin(cell)
             for finished in self._executor.wait(_WAIT_S):
                 self._take(finished)
             self._tell()
@@ -184,8 +186,21 @@ class _Round:
         self._left = [other for other in self._left if other is not cell]
         self._walls.add(cell, finished.outcome.wall_s)
         self._tell(cell, finished.outcome.state, finished.outcome.reason)
+        if finished.outcome.state == "skipped":
+            self._skip_like(cell, finished.outcome)
 
-    def _keep(self, finished: Finished) -> tuple[Any, Any]:
+    def _skip_like(self, cell: Cell, outcome: Outcome) -> None:
+        """Skip what differs in seed or faults alone: neither makes a sensor that is not there."""
+        alike = [other for other in self._left if _fit_of(other) == _fit_of(cell) and other.id not in self._running]
+        for other in alike:
+            self._index.finished(other.id, Outcome("skipped", outcome.reason))
+            self._states[other.id] = "skipped"
+        gone = {other.id for other in alike}
+        self._left = [other for other in self._left if other.id not in gone]
+        if alike:
+            self._tell()
+
+    def _keep(self, finished: Finished) -> tuple[Any, bytes | None]:
         """Move what a cell left to its place, at once; return its result and detail."""
         place = self._index.folder / CELLS / finished.id
         try:
@@ -198,7 +213,7 @@ class _Round:
             raise DataError(
                 f"cannot write {place}: {error.strerror or error}; finished cells are kept: run the bench again"
             ) from error
-        return _json(place / RESULT_FILE), _json(place / DETAIL_FILE)
+        return _json(place / RESULT_FILE), _bytes(place / DETAIL_FILE)
 
     def _tell(self, finished: Cell | None = None, state: str = "", reason: str = "") -> None:
         counts: dict[str, int] = {}
@@ -208,6 +223,11 @@ class _Round:
         slots = max(1, min(self._executor.slots if self._running else 1, len(self._left) or 1))
         left_s = None if left_s is None else left_s / slots
         self._on_progress(Progress(counts, tuple(self._running.values()), left_s, finished, state, reason))
+
+
+def _fit_of(cell: Cell) -> tuple[Any, ...]:
+    kept = {axis: value for axis, value in cell.coordinates.items() if axis not in ("seed", "perturbation")}
+    return (cell.matrix, *kept.items())
 
 
 def estimated_s(cells: Iterable[Cell], records: Sequence[Record]) -> list[float | None]:
@@ -263,4 +283,11 @@ def _json(path: Path) -> Any:
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
+        return None
+
+
+def _bytes(path: Path) -> bytes | None:
+    try:
+        return path.read_bytes()
+    except OSError:
         return None

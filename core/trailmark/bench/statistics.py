@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from statistics import median
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +19,7 @@ __all__ = [
     "RESAMPLES",
     "Comparison",
     "Spread",
+    "compare_all",
     "compare_pairs",
     "holm",
     "mean_ranks",
@@ -139,22 +141,35 @@ def compare_pairs(values: Sequence[float], baseline: Sequence[float]) -> Compari
 
     Two failures are equal; one failure is the largest difference of all.
     """
-    ours, theirs = np.asarray(values, dtype=np.float64), np.asarray(baseline, dtype=np.float64)
-    both = np.isinf(ours) & np.isinf(theirs)
-    with np.errstate(invalid="ignore"):
-        difference = np.where(both, 0.0, ours - theirs)
-    (spread,) = spreads([difference.tolist()])
-    finite = np.isfinite(ours) & np.isfinite(theirs)
-    positive = finite & (ours > 0) & (theirs > 0)
+    return compare_all([(values, baseline)])[0]
+
+
+def compare_all(pairs: Sequence[tuple[Sequence[float], Sequence[float]]]) -> list[Comparison]:
+    """Return `compare_pairs` of each (values, baseline)."""
+    differences = [[_difference(*both) for both in zip(*pair, strict=True)] for pair in pairs]
+    return [
+        _comparison(*pair, difference, spread)
+        for pair, difference, spread in zip(pairs, differences, spreads(differences), strict=True)
+    ]
+
+
+def _difference(ours: float, theirs: float) -> float:
+    return 0.0 if math.isinf(ours) and math.isinf(theirs) else ours - theirs
+
+
+def _comparison(
+    ours: Sequence[float], theirs: Sequence[float], difference: Sequence[float], spread: Spread
+) -> Comparison:
+    is_positive = all(0.0 < value < math.inf for value in (*ours, *theirs))
     return Comparison(
         n=len(difference),
         difference=spread.median,
         low=spread.low,
         high=spread.high,
-        ratio=float(np.median(ours / theirs)) if len(ours) and positive.all() else None,
-        wins=int((difference < 0).sum()),
-        losses=int((difference > 0).sum()),
-        p=signed_rank_p(difference.tolist()),
+        ratio=median(a / b for a, b in zip(ours, theirs, strict=True)) if is_positive and ours else None,
+        wins=sum(value < 0.0 for value in difference),
+        losses=sum(value > 0.0 for value in difference),
+        p=signed_rank_p(difference),
     )
 
 

@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from trailmark.bench.cell import UNSUCCESSFUL
 from trailmark.bench.index import Index, Record
-from trailmark.bench.statistics import Comparison, Spread, compare_pairs, holm, mean_ranks, spreads
+from trailmark.bench.statistics import Comparison, Spread, compare_all, compare_pairs, holm, mean_ranks, spreads
 from trailmark.errors import ConfigError
 from trailmark.evaluation import find_metric
 from trailmark.plugins.hints import nearest_or_all
@@ -288,6 +288,7 @@ def _entries(records: Sequence[Record], metrics: Sequence[Metric], namer: Namer)
     groups: dict[tuple[str, str], list[Record]] = {}
     for record in records:
         groups.setdefault((namer.method(record), namer.condition(record)), []).append(record)
+    groups = {key: group for key, group in groups.items() if any(record.state != "skipped" for record in group)}
     entries = {
         (method, condition): Entry(
             method,
@@ -299,10 +300,10 @@ def _entries(records: Sequence[Record], metrics: Sequence[Metric], namer: Namer)
     }
     for metric in metrics:
         known = [entry for entry in entries.values() if _is_measured(entry, metric)]
-        rows = [[_oriented(metric, value) for value in entry.values[metric.name].values()] for entry in known]
+        rows = [list(entry.values[metric.name].values()) for entry in known]
+        if metric.better != "near one":  # of what should be one, the sides are told apart
+            rows = [[_oriented(metric, value) for value in row] for row in rows]
         for entry, spread in zip(known, spreads(rows), strict=True):
-            if metric.better == "near one":
-                spread = _as_values(entry, metric)
             entry.spreads[metric.name] = spread
     return entries
 
@@ -311,12 +312,6 @@ def _is_measured(entry: Entry, metric: Metric) -> bool:
     """Whether there is a number, or only failures: without any result, failures alone tell."""
     values = entry.values[metric.name]
     return bool(values) and (entry.n_ok == 0 or any(math.isfinite(value) for value in values.values()))
-
-
-def _as_values(entry: Entry, metric: Metric) -> Spread:
-    """Return the spread of the values themselves: of a quantity that should be one, its sides are told apart."""
-    (spread,) = spreads([list(entry.values[metric.name].values())])
-    return spread
 
 
 def _values(metric: Metric, records: Sequence[Record]) -> dict[Any, float]:
@@ -372,17 +367,18 @@ def _compare(
         if found is not None and record.coordinates.get(axis) != baseline:
             partner[namer.method(record), namer.condition(record)] = found
     for metric in metrics:
-        compared: list[tuple[Entry, Comparison]] = []
+        compared: list[Entry] = []
+        rows: list[tuple[list[float], list[float]]] = []
         for key, other in partner.items():
             ours, theirs = entries[key].values[metric.name], entries[other].values[metric.name]
             seeds = [seed for seed in ours if seed in theirs]
             if seeds:
-                pair = compare_pairs(
-                    [_oriented(metric, ours[seed]) for seed in seeds],
-                    [_oriented(metric, theirs[seed]) for seed in seeds],
+                compared.append(entries[key])
+                rows.append(
+                    ([_oriented(metric, ours[s]) for s in seeds], [_oriented(metric, theirs[s]) for s in seeds])
                 )
-                compared.append((entries[key], pair))
-        for (entry, pair), adjusted in zip(compared, holm([pair.p for _, pair in compared]), strict=True):
+        pairs = compare_all(rows)
+        for entry, pair, adjusted in zip(compared, pairs, holm([pair.p for pair in pairs]), strict=True):
             entry.comparisons[metric.name] = (pair, adjusted)
 
 

@@ -1,0 +1,57 @@
+// Tries out the report of a bench; what it finds becomes the title, which the browser prints with the page.
+window.told = [];
+addEventListener("error", (event) => told.push(event.message));
+addEventListener("unhandledrejection", (event) => told.push(String(event.reason)));
+addEventListener("securitypolicyviolation", (event) => told.push(`policy: ${event.violatedDirective}`));
+const tell = async () => {
+  const wait = (ms) => new Promise((done) => setTimeout(done, ms));
+  const found = {};
+  const rows = () => [...document.querySelectorAll("#cells tbody tr")];
+  found.ready = document.documentElement.dataset.ready;
+  found.rows = rows().length;
+  const first = (table) => document.querySelector(`${table} tbody tr`).children;
+  const heads = [...document.querySelectorAll("#cells th[data-sort]")];
+  const error = heads.findIndex((head) => head.textContent.includes("ATE rmse"));
+  heads[error].click();
+  const column = () => rows().map((row) => parseFloat(row.children[error].textContent)).filter((value) => !Number.isNaN(value));
+  found.ascending = column().every((value, i, all) => i === 0 || all[i - 1] <= value);
+  heads[error].click();
+  found.descending = column().every((value, i, all) => i === 0 || all[i - 1] >= value);
+  const filter = document.getElementById("filter");
+  filter.value = "world_1 method_2";
+  filter.dispatchEvent(new Event("input"));
+  found.filtered = rows().every((row) => row.textContent.includes("world_1") && row.textContent.includes("method_2"));
+  found.count = document.getElementById("count").textContent;
+  filter.value = "";
+  filter.dispatchEvent(new Event("input"));
+  const metric = document.getElementById("metric");
+  metric.value = 1;
+  metric.dispatchEvent(new Event("change"));
+  found.heat = document.querySelectorAll("#heat td").length;
+  found.note = document.getElementById("heat-note").textContent;
+  const chip = document.querySelector(".chip.crashed");
+  if (chip) {
+    chip.click();
+    found.crashed = rows().every((row) => row.textContent.includes("crashed"));
+    rows()[0].click();
+    await wait(400);
+    found.log = document.getElementById("cell").textContent.includes("Fatal <b>error</b>");
+    location.hash = "";
+    await wait(100);
+    chip.click();
+  }
+  const ok = rows().find((row) => row.textContent.startsWith("ok"));
+  ok.click();
+  await wait(600);
+  found.plots = document.querySelectorAll("#cell svg.plot").length;
+  found.config = document.getElementById("cell").textContent.includes("plugin: sim");
+  found.hidden = document.getElementById("bench").hidden;
+  location.hash = "";
+  await wait(100);
+  found.back = !document.getElementById("bench").hidden;
+  found.width = document.documentElement.scrollWidth - document.documentElement.clientWidth;
+  found.fetched = performance.getEntriesByType("resource").length;
+  found.errors = window.told || [];
+  document.title = "PROBE" + JSON.stringify(found) + "END";
+};
+addEventListener("load", () => setTimeout(tell, 50));
