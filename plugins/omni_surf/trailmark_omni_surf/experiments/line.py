@@ -10,7 +10,7 @@ import numpy.typing as npt
 from trailmark.experiments import ExperimentOptions, Row
 from trailmark_omni_surf.experiments.place import TaughtPlace, supermarket
 from trailmark_omni_surf.experiments.plots import draw_line
-from trailmark_omni_surf.experiments.variants import Answers, drive
+from trailmark_omni_surf.experiments.variants import Answers, drive, largest_of, mean_of, sd_of
 
 __all__ = ["line_rows"]
 
@@ -36,7 +36,8 @@ def line_rows(options: ExperimentOptions, place: TaughtPlace) -> list[Row]:
     calls = [(variants, source, options.seed + 100 + k) for k in range(n_runs)]
     runs = options.map(drive, calls)
     for name in names:
-        options.report(f"line, {name}: {1e3 * float(np.nanmean(_pooled(runs, name))):.0f} mm mean error")
+        mean_m = mean_of(_pooled(runs, name))
+        options.report(f"line, {name}: " + ("no answers" if mean_m is None else f"{1e3 * mean_m:.0f} mm mean error"))
     draw_line(options.out / "fig6_positions.svg", runs[0])
     rows = [*_table_rows(runs), *_wall_rows(runs)]
     if not options.quick:
@@ -67,11 +68,11 @@ def _table_rows(runs: Runs) -> list[Row]:
     name = "Table 1"
     note = "the paper measures the distance to the route; that is the row below"
     return [
-        Row(name, "developed, true position error, mean", "m", float(errors[is_answered].mean()), 0.38, 0.20, 0.10,
+        Row(name, "developed, true position error, mean", "m", mean_of(errors), 0.38, 0.20, 0.10,
             note=note, **common),
-        Row(name, "developed, true position error, SD", "m", float(errors[is_answered].std()), 0.21, 0.15, **common),
-        Row(name, "developed, distance to the route, mean", "m", float(route.mean()), 0.38, **common),
-        Row(name, "developed, distance to the route, SD", "m", float(route.std()), 0.21, **common),
+        Row(name, "developed, true position error, SD", "m", sd_of(errors), 0.21, 0.15, **common),
+        Row(name, "developed, distance to the route, mean", "m", mean_of(route), 0.38, **common),
+        Row(name, "developed, distance to the route, SD", "m", sd_of(route), 0.21, **common),
         Row(name, "developed, pictures answered", "%", 100 * float(is_answered.mean()), better="higher", **common),
         Row(name, "developed, CPU time of a picture, mean", "ms", float(times.mean()), 16.4, 5.0, 2.0,
             float(times.std()), note="+- is the SD over pictures; the first picture's search for the centre is in",
@@ -86,9 +87,9 @@ def _simple_rows(runs: Runs, variant: str) -> list[Row]:
     common: dict[str, Any] = {"n": len(errors), "seeds": len(runs)}
     name, story = "Table 1", _SIMPLE[variant]
     return [
-        Row(name, f"{story}: true position error, mean", "m", float(np.nanmean(errors)), 1.61, **common),
-        Row(name, f"{story}: true position error, SD", "m", float(np.nanstd(errors)), 1.36, **common),
-        Row(name, f"{story}: distance to the route, mean", "m", float(route.mean()), 1.61, **common),
+        Row(name, f"{story}: true position error, mean", "m", mean_of(errors), 1.61, **common),
+        Row(name, f"{story}: true position error, SD", "m", sd_of(errors), 1.36, **common),
+        Row(name, f"{story}: distance to the route, mean", "m", mean_of(route), 1.61, **common),
         Row(name, f"{story}: pictures answered", "%", 100 * float(np.isfinite(errors).mean()), better="higher",
             **common),
         Row(name, f"{story}: CPU time of a picture, mean", "ms", float(times.mean()), 46.8, None, None,
@@ -103,10 +104,9 @@ def _wall_rows(runs: Runs) -> list[Row]:
         x = run["developed"].truth[:, 0]
         errors.append(run["developed"].errors_m[(x >= _WHITE_WALL_M[0]) & (x <= _WHITE_WALL_M[1])])
     pooled = np.concatenate(errors)
-    worst = float(np.nanmax(pooled)) if np.isfinite(pooled).any() else None
     common: dict[str, Any] = {"n": len(pooled), "seeds": len(runs)}
     return [
-        Row("White wall, x 1.0 to 1.5 m", "developed, largest error", "m", worst, 0.6, 0.6, 0.2, **common),
+        Row("White wall, x 1.0 to 1.5 m", "developed, largest error", "m", largest_of(pooled), 0.6, 0.6, 0.2, **common),
         Row("White wall, x 1.0 to 1.5 m", "developed, pictures answered", "%",
             100 * float(np.isfinite(pooled).mean()), better="higher", **common),
     ]  # fmt: skip
@@ -135,7 +135,7 @@ def _run_means(runs: Runs, name: str, item: str) -> npt.NDArray[np.float64]:
     """Return the mean error [m] or CPU time [ms] of every run."""
     if item == "time":
         return np.array([float(run[name].cpu_ms.mean()) for run in runs])
-    return np.array([float(np.nanmean(run[name].errors_m)) for run in runs])
+    return np.array([mean_of(run[name].errors_m) for run in runs], dtype=np.float64)
 
 
 def _other_rows(runs: Runs) -> list[Row]:
@@ -147,9 +147,8 @@ def _other_rows(runs: Runs) -> list[Row]:
     ):
         errors = _pooled(runs, name)
         common: dict[str, Any] = {"n": len(errors), "seeds": len(runs)}
-        mean, sd = float(np.nanmean(errors)), float(np.nanstd(errors))
         rows += [
-            Row("Departures", f"{story}: error, mean", "m", mean, spread=sd, **common),
+            Row("Departures", f"{story}: error, mean", "m", mean_of(errors), spread=sd_of(errors), **common),
             Row("Departures", f"{story}: pictures answered", "%", 100 * float(np.isfinite(errors).mean()),
                 better="higher", **common),
             Row("Departures", f"{story}: CPU time of a picture", "ms", float(_times(runs, name).mean()), **common),
@@ -165,12 +164,12 @@ def _selection_rows(runs: Runs, place: TaughtPlace) -> list[Row]:
         ("unselected", f"all {place.n_candidates}"),
         ("random", f"{place.n_landmarks} at random"),
     ):
-        means = np.array([float(np.nanmean(run[name].errors_m)) for run in runs])
-        tracked = np.array([float(np.nanmean(run[name].tracked)) for run in runs])
+        means = _run_means(runs, name, "error")
+        tracked = np.array([float(np.nansum(run[name].tracked)) / len(run[name].tracked) for run in runs])
         fixed = np.array([run[name].fixed_share for run in runs])
         common: dict[str, Any] = {"n": len(runs), "seeds": len(runs)}
         rows += [
-            Row("Selection", f"{story}: error, mean", "m", float(means.mean()), note=_interval(means, "m"), **common),
+            Row("Selection", f"{story}: error, mean", "m", mean_of(means), note=_interval(means, "m"), **common),
             Row("Selection", f"{story}: pictures answered by tracking", "%", 100 * float(tracked.mean()),
                 better="higher", note=_interval(100 * tracked, "%"), **common),
             Row("Selection", f"{story}: pictures answered", "%", 100 * float(fixed.mean()), better="higher",

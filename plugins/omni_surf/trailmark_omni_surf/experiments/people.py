@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from trailmark.experiments import ExperimentOptions, Row
 from trailmark_omni_surf.experiments.place import TaughtPlace, supermarket
-from trailmark_omni_surf.experiments.variants import drive
+from trailmark_omni_surf.experiments.variants import drive, largest_of, mean_of, sd_of
 
 __all__ = ["people_rows"]
 
@@ -31,14 +29,14 @@ def people_rows(options: ExperimentOptions, place: TaughtPlace) -> list[Row]:
         answers = found["developed"]
         errors, name = answers.errors_m, f"{people} people walking"
         is_bad = (errors > 0.5) & (answers.nees > 16.0)
-        options.report(f"{name}: {100 * answers.fixed_share:.1f} % answered, worst {float(np.nanmax(errors)):.2f} m")
+        options.report(f"{name}: {100 * answers.fixed_share:.1f} % answered, {int(is_bad.sum())} bad")
         common: dict[str, Any] = {"n": len(errors)}
         rows += [
             Row(name, "pictures answered", "%", 100 * answers.fixed_share, None, bar, better="higher", **common),
-            Row(name, "error, mean", "m", float(np.nanmean(errors)), spread=float(np.nanstd(errors)), **common),
-            Row(name, "error, largest of all answers", "m", float(np.nanmax(errors)), None, 1.0, **common),
+            Row(name, "error, mean", "m", mean_of(errors), spread=sd_of(errors), **common),
+            Row(name, "error, largest of all answers", "m", largest_of(errors), None, 1.0, **common),
             Row(name, "answers more than 0.5 m off with NEES > 16", "", float(is_bad.sum()), None, 0.0, **common),
-            Row(name, "pictures tracked", "%", 100 * float(np.nanmean(answers.tracked)), better="higher", **common),
+            Row(name, "pictures tracked", "%", 100 * (mean_of(answers.tracked) or 0.0), better="higher", **common),
             Row(name, "CPU time of a picture, mean", "ms", float(answers.cpu_ms.mean()),
                 spread=float(answers.cpu_ms.std()), **common),
         ]  # fmt: skip

@@ -22,7 +22,7 @@ from trailmark_omni_surf.config import OmniSurfConfig
 from trailmark_omni_surf.experiments.plain_surf import PlainSurf
 from trailmark_omni_surf.localizer import OmniSurf
 
-__all__ = ["Answers", "Variant", "drive"]
+__all__ = ["Answers", "Variant", "drive", "largest_of", "mean_of", "sd_of"]
 
 Array = npt.NDArray[np.float64]
 
@@ -107,6 +107,24 @@ class Answers:
     def fixed_share(self) -> float:
         """Share of the pictures that were answered."""
         return float(np.isfinite(self.said[:, 0]).mean())
+
+
+def mean_of(values: Array) -> float | None:
+    """Return the mean of what is a number; None where nothing is."""
+    numbers = values[np.isfinite(values)]
+    return float(numbers.mean()) if len(numbers) else None
+
+
+def sd_of(values: Array) -> float | None:
+    """Return the standard deviation of what is a number; None where nothing is."""
+    numbers = values[np.isfinite(values)]
+    return float(numbers.std()) if len(numbers) else None
+
+
+def largest_of(values: Array) -> float | None:
+    """Return the largest number; None where there is none."""
+    numbers = values[np.isfinite(values)]
+    return float(numbers.max()) if len(numbers) else None
 
 
 def drive(variants: Sequence[Variant], source: Mapping[str, Any], seed: int) -> dict[str, Answers]:
