@@ -10,9 +10,12 @@
 * spoilt: 2 m, of which 0.5 m are covered with another floor, or 30 % of the ground with blobs of 8 to 23 mm, or 10 %
   with specks of 0.4 to 1.6 mm (radii). False: accepted and more than 5 mm off the truth.
   Places that the cover touches are not counted among those that could be found.
-* start: the pose is unknown at random places of the course; pictures until the first `Fix`, and its error.
+* start: the pose is unknown at random places of the course; pictures until the first `Fix`, and its error. On floors
+  that never repeat themselves: the simulator makes an endless floor of a photograph by showing pieces of it again,
+  and what is the same ground cannot be told apart.
 
-FOLDER/ground_map.md is the page. The camera and the floors are those of ground_accuracy.py.
+Rows are kept in FOLDER/ground_map.jsonl, new ones replacing old ones; FOLDER/ground_map.md is the page of all.
+The camera and the floors are those of ground_accuracy.py.
 """
 
 from __future__ import annotations
@@ -22,7 +25,7 @@ import json
 import math
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -47,6 +50,7 @@ from trailmark_ground_vo.map_localizer import GroundMap
 from trailmark_sim.ground.ground import Ground, Zone
 
 FLOORS = ("wood_floor", "asphalt", "warehouse_concrete_1k")
+START_FLOORS = ("sim:asphalt", "sim:wood")
 CAMERA: dict[str, Any] = {"camera": "floor"}
 #: Keys of ground_map that make it the paper's.
 PAPER = {"high_pass": False, "refined": False, "min_groups": 4, "max_attempts": 1}
@@ -391,7 +395,8 @@ def measure(options: argparse.Namespace) -> Iterator[Row]:
                 yield from course_rows(name, mode, metres)
         if "spoilt" in options.what:
             yield from spoilt_rows(name, min(metres, 2.0))
-        if "start" in options.what:
+    if "start" in options.what:
+        for name in START_FLOORS[: 1 if options.quick else None]:
             yield from start_rows(name, min(metres, 5.0), 3 if options.quick else 20)
 
 
@@ -400,7 +405,7 @@ def page(rows: Sequence[Row], command: str) -> str:
     lines = [
         "# Corrections by ground patches, in open loop", "",
         f"`{command}`; trailmark {__version__}, {datetime.now(UTC).date().isoformat()}.", "",
-        (__doc__ or "").split("\n\n", 2)[2].split("\n\nFOLDER")[0], "",
+        (__doc__ or "").split("\n\n", 2)[2].split("\n\nRows")[0], "",
         "| | | unit | paper | ours | bar | stretch | n | |", "|---|---|---|---|---|---|---|---|---|",
     ]  # fmt: skip
     for row in rows:
@@ -408,6 +413,17 @@ def page(rows: Sequence[Row], command: str) -> str:
         met = "" if row.met is None else "met" if row.met else "not met"
         lines.append(f"| {row.experiment} | {row.item} | {row.unit} | {' | '.join(numbers)} | {row.n} | {met} |")
     return "\n".join(lines) + "\n"
+
+
+def write(folder: Path, rows: Sequence[Row]) -> None:
+    """Add rows to those that are kept, and write the page of all."""
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / "ground_map.jsonl"
+    kept = [Row(**json.loads(line)) for line in file.read_text().splitlines()] if file.is_file() else []
+    by_item = {(row.experiment, row.item): row for row in [*kept, *rows]}
+    file.write_text("".join(json.dumps(asdict(row)) + "\n" for row in by_item.values()), encoding="utf-8")
+    command = " ".join(["python", "benchmarks/ground_map.py", *sys.argv[1:]])
+    (folder / "ground_map.md").write_text(page(list(by_item.values()), command), encoding="utf-8")
 
 
 def main() -> None:
@@ -429,9 +445,7 @@ def main() -> None:
             bar = "" if row.bar is None else f"bar {row.bar:g}  {'met' if row.met else 'NOT MET'}"
             print(f"{row.experiment:24}{row.item:72}{row.ours or 0.0:10.3f} {row.unit:4}{bar:20} n={row.n}", flush=True)
     if options.out is not None:
-        command = " ".join(["python", "benchmarks/ground_map.py", *sys.argv[1:]])
-        options.out.mkdir(parents=True, exist_ok=True)
-        (options.out / "ground_map.md").write_text(page(rows, command), encoding="utf-8")
+        write(options.out, rows)
     if options.json:
         print(json.dumps([row.document() for row in rows], indent=2))
 
