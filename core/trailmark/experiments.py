@@ -8,9 +8,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
-__all__ = ["Experiment", "ExperimentOptions", "Row"]
+__all__ = ["CALLS_FOLDER", "Experiment", "ExperimentOptions", "Row"]
 
 _T = TypeVar("_T")
+
+#: Below the folder of an experiment: the answers of calls, until it is done.
+CALLS_FOLDER = ".calls"
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +85,8 @@ class ExperimentOptions:
         Takes one line of progress.
     jobs : int
         Processes that independent runs may be spread over.
+    is_kept : bool
+        Keep the answers of `map` below `out` until the experiment is done: an interrupted one goes on where it was.
     """
 
     quick: bool
@@ -89,6 +94,7 @@ class ExperimentOptions:
     out: Path
     report: Callable[[str], None]
     jobs: int = 1
+    is_kept: bool = False
 
     def map(self, function: Callable[..., _T], arguments: Iterable[tuple[Any, ...]]) -> list[_T]:
         """Call a function with each tuple of arguments, in up to `jobs` processes, and return the answers in order.
@@ -106,6 +112,10 @@ class ExperimentOptions:
             What the first failing call raised; calls that have not begun are dropped then.
         """
         calls = list(arguments)
+        if self.is_kept:
+            from trailmark.bench.calls import call_in_cells
+
+            return call_in_cells(function, calls, self.out / CALLS_FOLDER, self.jobs, self.report)
         if self.jobs == 1 or len(calls) < 2:
             return [function(*call) for call in calls]
         from concurrent.futures import ProcessPoolExecutor

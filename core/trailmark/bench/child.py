@@ -22,7 +22,7 @@ from typing import Any
 from trailmark.bench.process import DETAIL_FILE, EXIT_FAILED, EXIT_SKIPPED, REQUEST_FILE, RESULT_FILE
 from trailmark.errors import ConfigError, TrailmarkError
 
-__all__ = ["main"]
+__all__ = ["die_with", "main", "say", "write_json"]
 
 _STORE = "place.trail"
 
@@ -34,27 +34,27 @@ class _UnfitError(ConfigError):
 def main(arguments: list[str]) -> int:
     """Run the cell of a folder; return the exit code."""
     folder = Path(arguments[0])
-    _die_with(int(arguments[1]))
+    die_with(int(arguments[1]))
     faulthandler.register(signal.SIGUSR1)
     logging.basicConfig(format="%(levelname)s: %(message)s", level=os.environ.get("TRAILMARK_LOG", "warning").upper())
     try:
         request = json.loads((folder / REQUEST_FILE).read_text(encoding="utf-8"))
         _limit(request["limits"])
-        _write(folder / RESULT_FILE, _run(request, folder))
+        write_json(folder / RESULT_FILE, _run(request, folder))
     except _UnfitError as error:
-        return _say(EXIT_SKIPPED, error)
+        return say(EXIT_SKIPPED, error)
     except MemoryError as error:
         traceback.print_exc()
         limit = request["limits"].get("memory_mb")
-        return _say(EXIT_FAILED, f"out of memory{f' (limit {limit:g} MB)' if limit else ''}: {error}".rstrip(": "))
+        return say(EXIT_FAILED, f"out of memory{f' (limit {limit:g} MB)' if limit else ''}: {error}".rstrip(": "))
     except TrailmarkError as error:
         cause = error.__cause__
         if cause is not None and not isinstance(cause, TrailmarkError):
             traceback.print_exc()
-        return _say(EXIT_FAILED, error)
+        return say(EXIT_FAILED, error)
     except Exception as error:
         traceback.print_exc()
-        return _say(EXIT_FAILED, f"{type(error).__name__}: {error}")
+        return say(EXIT_FAILED, f"{type(error).__name__}: {error}")
     return 0
 
 
@@ -85,7 +85,7 @@ def _run(request: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     if store is not None and not request["keep_stores"]:
         store.unlink(missing_ok=True)
     result, detail = measured(request, pipeline.result, document, folder / "run")
-    _write(folder / DETAIL_FILE, detail)
+    write_json(folder / DETAIL_FILE, detail)
     return result
 
 
@@ -109,7 +109,7 @@ def _drive(config: Any, out: Path, store: Path | None) -> Any:
     return pipeline
 
 
-def _die_with(parent: int) -> None:
+def die_with(parent: int) -> None:
     """End when the bench is killed: nobody would take the result."""
     if sys.platform != "linux":
         return
@@ -141,7 +141,7 @@ def _pin_opencv(threads: int) -> None:
         cv2.setNumThreads(threads)
 
 
-def _write(path: Path, document: Any) -> None:
+def write_json(path: Path, document: Any) -> None:
     """Write JSON so that it is there as a whole or not at all."""
     text = json.dumps(document, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
     draft = path.with_suffix(".part")
@@ -149,7 +149,8 @@ def _write(path: Path, document: Any) -> None:
     draft.replace(path)
 
 
-def _say(code: int, error: object) -> int:
+def say(code: int, error: object) -> int:
+    """Say in one line what went wrong, and return the exit code that goes with it."""
     line = "; ".join(part.strip() for part in str(error).splitlines() if part.strip())
     print(line or type(error).__name__, file=sys.stderr, flush=True)
     return code

@@ -103,7 +103,7 @@ def code_of(specs: Iterable[Spec], source: bool = True) -> dict[str, str]:
 @lru_cache(maxsize=256)
 def source_digest(package: str) -> str:
     found = importlib.util.find_spec(package)
-    if found is None or found.origin is None:
+    if found is None or found.origin is None or not Path(found.origin).is_file():  # built in
         return "unknown"
     origin = Path(found.origin)
     files = [origin]

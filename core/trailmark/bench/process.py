@@ -68,10 +68,13 @@ class CellProcess:
         Of the cell.
     folder : Path
         Its folder.
+    module : str
+        What runs in it, as ``python -m``.
     """
 
-    def __init__(self, request: Mapping[str, Any], folder: Path) -> None:
+    def __init__(self, request: Mapping[str, Any], folder: Path, module: str = "trailmark.bench.child") -> None:
         self._request = request
+        self._module = module
         self._folder = folder
         self._process: subprocess.Popen[bytes] | None = None
         self._is_killed = False
@@ -112,14 +115,15 @@ class CellProcess:
         self._signal(signal.SIGKILL)
 
     def _start(self) -> subprocess.Popen[bytes]:
-        threads = str(self._request["limits"]["threads"])
-        environment = os.environ | dict.fromkeys(_THREAD_VARIABLES, threads) | {"PYTHONHASHSEED": "0"}
+        threads = self._request["limits"]["threads"]
+        pinned = {} if threads is None else dict.fromkeys(_THREAD_VARIABLES, str(threads))
+        environment = os.environ | pinned | {"PYTHONHASHSEED": "0"}
         command = [
             sys.executable,
             "-X",
             "faulthandler",
             "-m",
-            "trailmark.bench.child",
+            self._module,
             str(self._folder),
             str(os.getpid()),
         ]

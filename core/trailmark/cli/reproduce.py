@@ -13,7 +13,7 @@ import click
 from trailmark.cli.errors import say
 from trailmark.cli.root import plugins_of
 from trailmark.errors import ConfigError
-from trailmark.experiments import ExperimentOptions, Row
+from trailmark.experiments import CALLS_FOLDER, ExperimentOptions, Row
 
 __all__ = ["reproduce_command"]
 
@@ -31,7 +31,8 @@ def reproduce_command(
 ) -> None:
     """Repeat the experiments of PAPER (or `all`); without PAPER, list them.
 
-    Rows, plots and a page of Markdown are written to a folder for each paper under --out.
+    Rows, plots and a page of Markdown are written to a folder for each paper under --out. The same command again
+    goes on with an experiment that was interrupted there.
     """
     specs = {spec.name: spec for spec in plugins_of(context).registry.specs("experiment")}
     if paper is None:
@@ -53,16 +54,31 @@ def reproduce_command(
 
 
 def _repeat(spec: Any, quick: bool, seed: int, folder: Path, jobs: int) -> Sequence[Row]:
+    from trailmark.bench.calls import forget_calls
     from trailmark.pipeline.provenance import provenance
     from trailmark.report.experiment import write_experiment
 
     say(f"{spec.name}: {spec.summary}")
     began_s, origin = time.monotonic(), provenance()
     folder.mkdir(parents=True, exist_ok=True)
-    options = ExperimentOptions(quick, seed, folder, report=lambda line: say(f"  {line}"), jobs=jobs)
+    _keep_only_the_same(folder, {"quick": quick, "seed": seed})
+    options = ExperimentOptions(quick, seed, folder, lambda line: say(f"  {line}"), jobs, is_kept=True)
     rows: Sequence[Row] = spec.load()(options)
+    forget_calls(folder / CALLS_FOLDER)
     write_experiment(folder, spec.summary, spec.reference, rows, origin, time.monotonic() - began_s)
     return rows
+
+
+def _keep_only_the_same(folder: Path, request: dict[str, Any]) -> None:
+    """Forget the answers of another request: its files lie in the same places."""
+    from trailmark.bench.calls import forget_calls
+
+    calls = folder / CALLS_FOLDER
+    noted = calls / "request.json"
+    if not noted.is_file() or json.loads(noted.read_text(encoding="utf-8")) != request:
+        forget_calls(calls)
+        calls.mkdir(parents=True)
+        noted.write_text(json.dumps(request), encoding="utf-8")
 
 
 def _list(specs: dict[str, Any], as_json: bool) -> None:

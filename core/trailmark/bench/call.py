@@ -1,0 +1,48 @@
+"""``python -m trailmark.bench.call FOLDER PARENT``: one call of a function, in a process of its own."""
+
+from __future__ import annotations
+
+import faulthandler
+import json
+import os
+import pickle
+import signal
+import sys
+import traceback
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from trailmark.bench.calls import ARGUMENTS_FILE, write_answer
+from trailmark.bench.child import die_with, say, write_json
+from trailmark.bench.process import EXIT_FAILED, REQUEST_FILE, RESULT_FILE
+
+__all__ = ["main"]
+
+
+def main(arguments: list[str]) -> int:
+    """Make the call of a folder; return the exit code."""
+    folder = Path(arguments[0])
+    die_with(int(arguments[1]))
+    faulthandler.register(signal.SIGUSR1)
+    request = json.loads((folder / REQUEST_FILE).read_text(encoding="utf-8"))
+    try:
+        module, _, name = request["function"].partition(":")
+        function: Any = import_module(module)
+        for part in name.split("."):
+            function = getattr(function, part)
+        call = pickle.loads((folder / ARGUMENTS_FILE).read_bytes())  # written by the parent a moment ago
+        write_answer(folder, function(*call))
+    except Exception as error:
+        traceback.print_exc()
+        told = {"module": type(error).__module__, "name": type(error).__name__, "message": str(error)}
+        write_json(folder / "error.json", told)
+        return say(EXIT_FAILED, f"{type(error).__name__}: {error}")
+    write_json(folder / RESULT_FILE, {"state": "ok", "reason": ""})
+    return 0
+
+
+if __name__ == "__main__":
+    found = main(sys.argv[1:])
+    sys.stderr.flush()
+    os._exit(found)

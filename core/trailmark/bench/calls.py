@@ -1,0 +1,226 @@
+"""Calls as cells: functions in processes of their own, whose answers outlive an interrupted program.
+
+``trailmark reproduce`` runs the independent runs of an experiment this way. A call is addressed by its function, its
+arguments and the code of all plugins; an answer that is there is taken. Answers are pickles that only plain data can
+come out of, in the folder of the experiment.
+"""
+
+from __future__ import annotations
+
+import builtins
+import hashlib
+import io
+import json
+import pickle
+import shutil
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
+from contextlib import suppress
+from dataclasses import fields, is_dataclass
+from importlib import import_module
+from pathlib import Path, PurePath
+from typing import Any, TypeVar
+
+from trailmark import errors
+from trailmark.bench.fingerprint import code_of, digest_of, source_digest
+from trailmark.bench.process import CellProcess
+from trailmark.errors import RunError
+
+__all__ = ["ANSWER_FILE", "ARGUMENTS_FILE", "call_in_cells", "forget_calls", "read_plain"]
+
+T = TypeVar("T")
+
+ARGUMENTS_FILE = "arguments.pickle"
+ANSWER_FILE = "answer.pickle"
+
+_DAY_S = 86400.0
+# What numpy needs to put an array together again.
+_NUMPY = {"_reconstruct", "scalar", "_frombuffer", "ndarray", "dtype", "_unpickle"}
+_BUILTIN = {"complex", "set", "frozenset", "slice", "range", "bytearray"}
+
+
+def call_in_cells(
+    function: Callable[..., T],
+    arguments: Sequence[tuple[Any, ...]],
+    folder: Path,
+    jobs: int = 1,
+    report: Callable[[str], None] = lambda line: None,
+) -> list[T]:
+    """Call a function with each tuple of arguments, and return the answers in order.
+
+    Parameters
+    ----------
+    function : callable
+        At the top of a module.
+    arguments : sequence of tuple
+        Picklable, as the answers are; an answer is made of plain data, arrays, and classes of Trailmark or of the
+        function's own package.
+    folder : Path
+        Keeps answers; those that are there are taken.
+    jobs : int
+        1: here, one after the other; more: each call in a process, so many at a time.
+    report : callable
+        Takes one line of progress.
+
+    Raises
+    ------
+    Exception
+        What the first failing call raised; calls that have not begun are dropped then, those in work are ended. The
+        answers of the others are kept.
+    """
+    package = function.__module__.partition(".")[0]
+    code = _code() | {package: source_digest(package)}
+    name = f"{function.__module__}:{function.__qualname__}"
+    places = [folder / digest_of([name, _plain(call), code])[:20] for call in arguments]
+    known = sum((place / ANSWER_FILE).is_file() for place in places)
+    if known:
+        report(f"{known} of {len(places)} answers of an interrupted run are taken")
+    if jobs == 1:
+        return [_here(function, call, place, package) for call, place in zip(arguments, places, strict=True)]
+    return _Round(name, package, jobs).run(arguments, places)
+
+
+def forget_calls(folder: Path) -> None:
+    """Forget answers: what comes next begins anew."""
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+def _here(function: Callable[..., T], call: tuple[Any, ...], place: Path, package: str) -> T:
+    with suppress(RunError):  # what cannot be read is done again
+        if (place / ANSWER_FILE).is_file():
+            known: T = read_plain(place / ANSWER_FILE, package)
+            return known
+    answer = function(*call)
+    place.mkdir(parents=True, exist_ok=True)
+    with suppress(pickle.PicklingError, TypeError, AttributeError):  # what cannot be kept is not
+        write_answer(place, answer)
+    return answer
+
+
+def write_answer(place: Path, answer: Any) -> None:
+    """Write an answer so that it is there as a whole or not at all."""
+    draft = place / f"{ANSWER_FILE}.part"
+    draft.write_bytes(pickle.dumps(answer, protocol=4))
+    draft.replace(place / ANSWER_FILE)
+
+
+class _Round:
+    """Calls in processes, some at a time."""
+
+    def __init__(self, name: str, package: str, jobs: int) -> None:
+        self._name = name
+        self._package = package
+        self._jobs = jobs
+        self._processes: set[CellProcess] = set()
+
+    def run(self, arguments: Sequence[tuple[Any, ...]], places: Sequence[Path]) -> list[Any]:
+        with ThreadPoolExecutor(self._jobs, thread_name_prefix="call") as threads:
+            futures = [threads.submit(self._one, call, place) for call, place in zip(arguments, places, strict=True)]
+            try:
+                done, _ = wait(futures, return_when=FIRST_EXCEPTION)
+                for future in futures:
+                    if future in done:
+                        future.result()  # raises what the first failing call raised
+                return [future.result() for future in futures]
+            except BaseException:
+                threads.shutdown(wait=False, cancel_futures=True)
+                for process in tuple(self._processes):
+                    process.kill()
+                raise
+
+    def _one(self, call: tuple[Any, ...], place: Path) -> Any:
+        with suppress(RunError):
+            if (place / ANSWER_FILE).is_file():
+                return read_plain(place / ANSWER_FILE, self._package)
+        shutil.rmtree(place, ignore_errors=True)
+        place.mkdir(parents=True)
+        (place / ARGUMENTS_FILE).write_bytes(pickle.dumps(call, protocol=4))
+        request = {"function": self._name, "limits": {"timeout_s": _DAY_S, "threads": None}}
+        process = CellProcess(request, place, module="trailmark.bench.call")
+        self._processes.add(process)
+        outcome = process.run()
+        self._processes.discard(process)
+        if outcome.state != "ok":
+            raise _error_of(place, f"{self._name}{_shown(call)} {outcome.state}: {outcome.reason}")
+        return read_plain(place / ANSWER_FILE, self._package)
+
+
+def _error_of(place: Path, story: str) -> Exception:
+    """Return what a call raised, as far as it is an error of Python's own or of Trailmark."""
+    try:
+        told = json.loads((place / "error.json").read_text(encoding="utf-8"))
+        found = getattr(builtins if told["module"] == "builtins" else errors, told["name"])
+        if isinstance(found, type) and issubclass(found, Exception):
+            made: Exception = found(told["message"])
+            return made
+    except (OSError, ValueError, KeyError, AttributeError, TypeError):
+        pass
+    return RunError(story)
+
+
+def _shown(call: tuple[Any, ...]) -> str:
+    text = repr(call)
+    return text if len(text) <= 120 else f"{text[:117]}..."
+
+
+def _code() -> dict[str, str]:
+    from trailmark.plugins import load_plugins
+
+    return code_of(load_plugins().registry.specs())
+
+
+def _plain(value: Any) -> Any:
+    """Return arguments as plain data that say the same on every run."""
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    if isinstance(value, float):
+        return repr(value)
+    if isinstance(value, PurePath):
+        return {"path": str(value)}
+    if isinstance(value, Mapping):
+        return {"mapping": [[_plain(key), _plain(item)] for key, item in value.items()]}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if is_dataclass(value) and not isinstance(value, type):
+        content = [[field.name, _plain(getattr(value, field.name))] for field in fields(value)]
+        return {"class": f"{type(value).__module__}:{type(value).__qualname__}", "fields": content}
+    return {"pickle": hashlib.sha256(pickle.dumps(value, protocol=4)).hexdigest()}
+
+
+def read_plain(path: Path, package: str) -> Any:
+    """Return what a pickle holds: plain data, arrays, and classes of Trailmark or of one other package.
+
+    Raises
+    ------
+    RunError
+        If there is anything else in it, or it cannot be read.
+    """
+    try:
+        return _PlainUnpickler(io.BytesIO(path.read_bytes()), package).load()
+    except (OSError, EOFError, pickle.UnpicklingError, AttributeError, ImportError, IndexError) as error:
+        raise RunError(f"{path} holds no answer that can be read: {error}") from error
+
+
+class _PlainUnpickler(pickle.Unpickler):
+    def __init__(self, file: io.BytesIO, package: str) -> None:
+        super().__init__(file)
+        self._package = package
+
+    def find_class(self, module: str, name: str) -> Any:
+        top = module.partition(".")[0]
+        is_known = (
+            (module == "builtins" and name in _BUILTIN)
+            or (top == "numpy" and name in _NUMPY)
+            or (module == "collections" and name in ("OrderedDict", "deque", "defaultdict", "Counter"))
+            or module in ("pathlib", "pathlib._local", "datetime")
+        )
+        if is_known and "." not in name:
+            return getattr(import_module(module), name)
+        if top == self._package or top == "trailmark" or top.startswith("trailmark_"):
+            with suppress(AttributeError):
+                found: Any = import_module(module)
+                for part in name.split("."):
+                    found = getattr(found, part)
+                if isinstance(found, type) and found.__module__.partition(".")[0] == top:
+                    return found
+        raise pickle.UnpicklingError(f"{module}.{name} has no place in an answer")
