@@ -1,0 +1,108 @@
+"""Pages that the manual makes of the program: every key, every command, and the method cards of the plugins."""
+
+from __future__ import annotations
+
+import posixpath
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+REPOSITORY = Path(__file__).parents[1]
+CARDS = ("ground_vo", "omni_surf", "kinect_landmarks", "divs", "controllers", "sim", "datasets", "baselines")
+
+_LINK = re.compile(r"(!?)\[([^\]]*)\]\((?!https?:|#|mailto:)([^)\s]+)\)")
+
+
+def on_files(files: Any, config: Any) -> Any:
+    """Add the generated pages to those of the folder; what is no page stays out."""
+    from mkdocs.structure.files import File
+
+    for path, text in pages():
+        files.append(File.generated(config, path, content=text))
+    return files
+
+
+def pages() -> Iterator[tuple[str, str]]:
+    """Yield path and text of every generated page."""
+    yield "reference/config.md", config_reference()
+    yield "reference/cli.md", cli_reference()
+    yield "changelog.md", _card(REPOSITORY / "CHANGELOG.md", "changelog.md")
+    for name in CARDS:
+        page = f"methods/{name}.md"
+        yield page, _card(REPOSITORY / "plugins" / name / "README.md", page)
+
+
+def config_reference() -> str:
+    """Return every part with its keys, as `trailmark plugins show` prints them."""
+    from trailmark.config.describe import describe_part
+    from trailmark.plugins import load_plugins
+
+    lines = ["# Config reference", "", "Every part that a config can name, with its keys. Units are in brackets.", ""]
+    kind = ""
+    for spec in load_plugins().registry.specs():
+        if spec.distribution != "trailmark" or spec.kind in ("metric", "experiment"):
+            continue
+        if spec.kind != kind:
+            kind = spec.kind
+            lines += [f"## {kind.replace('_', ' ').capitalize()}s", ""]
+        lines += [f"### {spec.name}", "", f"{spec.summary}.", ""]
+        if spec.reference:
+            lines += [f"After {spec.reference}.", ""]
+        keys = describe_part(spec)
+        if keys:
+            lines += ["| key | type | default | meaning |", "|---|---|---|---|"]
+            lines += [
+                f"| `{key.key}` | {_cell(key.type)} | {_default(key)} | {_cell(key.description)} |" for key in keys
+            ]
+            lines.append("")
+    return "\n".join(lines)
+
+
+def _default(key: Any) -> str:
+    if key.is_required:
+        return "**required**"
+    return "" if key.default is None else f"`{_cell(str(key.default))}`"
+
+
+def _cell(text: str) -> str:
+    return " ".join(text.split()).replace("|", "\\|").replace("<", "&lt;")
+
+
+def cli_reference() -> str:
+    """Return the help of every command."""
+    from trailmark.cli.root import root
+
+    lines = ["# Command line reference", "", "`trailmark --plugin ...` comes before the command.", ""]
+    for words, text in _helps(root, ("trailmark",)):
+        lines += [f"{'#' * min(1 + len(words), 4)} {' '.join(words)}", "", "```text", text, "```", ""]
+    return "\n".join(lines)
+
+
+def _helps(command: Any, words: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], str]]:
+    import click
+
+    context = click.Context(command, info_name=" ".join(words), terminal_width=100, max_content_width=100)
+    if len(words) > 1:
+        yield words, command.get_help(context)
+    if isinstance(command, click.Group):
+        for name in command.list_commands(context):
+            found = command.get_command(context, name)
+            if found is not None and not found.hidden:
+                yield from _helps(found, (*words, name))
+
+
+def _card(source: Path, page: str) -> str:
+    """Return a file of the repository as a page; links to what the manual does not hold become plain words."""
+
+    def moved(found: re.Match[str]) -> str:
+        picture, text, target = found.groups()
+        target, _, anchor = target.partition("#")
+        full = (source.parent / target).resolve()
+        docs = REPOSITORY / "docs"
+        if full.is_relative_to(docs):
+            inside = posixpath.relpath(full.relative_to(docs).as_posix(), posixpath.dirname(page) or ".")
+            return f"{picture}[{text}]({inside}{'#' + anchor if anchor else ''})"
+        return "" if picture else f"{text}"
+
+    return _LINK.sub(moved, source.read_text(encoding="utf-8"))

@@ -1,0 +1,93 @@
+"""What the manual tells to type is typed here: every page's blocks run in order, in a folder of its own.
+
+In a page, comments say what a block is: ``<!-- file: NAME -->`` before a block writes it to a file;
+``<!-- not run: REASON -->`` leaves one out; ``<!-- exit code: 2 -->`` expects a command to fail; and a comment that
+begins with ``prepare`` holds shell lines that make what the reader has at hand, such as a recording.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).parents[2]
+PAGES = [REPOSITORY / "README.md", *sorted((REPOSITORY / "docs").rglob("*.md"))]
+PAGES = [page for page in PAGES if not {"decisions", "results"} & set(page.relative_to(REPOSITORY).parts)]
+
+_PART = re.compile(
+    r"<!--\s*prepare\n(?P<prepare>.*?)-->"
+    r"|(?:<!--\s*(?P<mark>[a-z ]+):\s*(?P<value>.*?)\s*-->\s*\n)?```(?P<language>\w*)[^\n]*\n(?P<text>.*?)```",
+    re.DOTALL,
+)
+_RUN = {"sh": ["bash", "-euo", "pipefail", "-c"], "python": [sys.executable, "-c"]}
+_PATIENCE_S = 300
+
+
+@dataclass(frozen=True)
+class Block:
+    """A block of a page: what it is called, what stands in it, and what is to be done with it."""
+
+    where: str
+    language: str
+    text: str
+    mark: str = ""
+    value: str = ""
+
+
+def blocks(page: Path) -> Iterator[Block]:
+    """Yield the blocks of a page in order."""
+    source = page.read_text(encoding="utf-8")
+    for found in _PART.finditer(source):
+        where = f"{page.relative_to(REPOSITORY)}:{source.count(chr(10), 0, found.start()) + 1}"
+        if found["prepare"] is not None:
+            yield Block(where, "sh", found["prepare"])
+        else:
+            yield Block(where, found["language"], found["text"], found["mark"] or "", found["value"] or "")
+
+
+def is_run(block: Block) -> bool:
+    return block.mark != "not run" and (block.mark == "file" or block.language in _RUN)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(REPOSITORY)))
+def test_every_block_is_run_or_says_why_not(page: Path) -> None:
+    for block in blocks(page):
+        assert block.mark in ("", "file", "not run", "exit code"), f"{block.where}: no comment {block.mark!r} is known"
+        if block.mark in ("not run", "file"):
+            assert block.value, f"{block.where}: say {'why' if block.mark == 'not run' else 'which file'}"
+
+
+@pytest.mark.parametrize(
+    "page",
+    [page for page in PAGES if any(is_run(block) for block in blocks(page))],
+    ids=lambda page: str(page.relative_to(REPOSITORY)),
+)
+def test_what_the_page_tells_to_type_works(page: Path, tmp_path: Path) -> None:
+    environment = os.environ | {
+        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+        "TRAILMARK_SOURCE": str(REPOSITORY),
+    }
+    for block in blocks(page):
+        if not is_run(block):
+            continue
+        if block.mark == "file":
+            (tmp_path / block.value).write_text(block.text, encoding="utf-8")
+            continue
+        done = subprocess.run(
+            [*_RUN[block.language], block.text],
+            cwd=tmp_path,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=_PATIENCE_S,
+            check=False,
+        )
+        expected = int(block.value) if block.mark == "exit code" else 0
+        assert done.returncode == expected, f"{block.where}: {done.stdout[-2000:]}\n{done.stderr[-2000:]}"

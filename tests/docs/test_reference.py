@@ -1,0 +1,108 @@
+"""The generated pages hold every part and every command; every hook and every public name says what it is."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import inspect
+import pkgutil
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+import trailmark
+from trailmark.plugins import load_plugins
+from trailmark.plugins.hookspecs import HookSpecs
+
+REPOSITORY = Path(__file__).parents[2]
+PACKAGES = ("trailmark", *sorted(path.name for path in REPOSITORY.glob("plugins/*/trailmark_*")))
+
+#: Modules that are run or generated, not imported.
+_LEFT_OUT = ("trailmark.cli.__main__", "trailmark.bench.child")
+
+
+@pytest.fixture(scope="module")
+def hooks() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("docs_hooks", REPOSITORY / "docs" / "hooks.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_config_reference_has_every_part_and_key(hooks: ModuleType) -> None:
+    page = hooks.config_reference()
+
+    for spec in load_plugins().registry.specs():
+        if spec.distribution == "trailmark" and spec.kind not in ("metric", "experiment"):
+            assert f"\n### {spec.name}\n" in page
+            for key in spec.load_config().model_fields:
+                assert f"| `{key}` |" in page
+
+
+def test_the_command_reference_has_every_command(hooks: ModuleType) -> None:
+    page = hooks.cli_reference()
+
+    for command in ("demo", "run", "teach", "replay", "bench run", "plugins new", "store info", "sim render"):
+        assert f" trailmark {command}\n" in page
+    assert "Traceback" not in page
+
+
+def test_links_of_a_card_lead_somewhere_or_are_words(hooks: ModuleType) -> None:
+    for path, text in hooks.pages():
+        for _, _, target in hooks._LINK.findall(text):
+            file = target.partition("#")[0]
+            if file and not file.startswith(("../methods", "../reference")):
+                assert (REPOSITORY / "docs" / Path(path).parent / file).exists(), f"{path}: {target}"
+
+
+def modules() -> list[str]:
+    found = []
+    for package in PACKAGES:
+        root = importlib.import_module(package)
+        found += [package, *(one.name for one in pkgutil.walk_packages(root.__path__, f"{package}."))]
+    return [name for name in found if name not in _LEFT_OUT]
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_public_name_says_what_it_is(package: str) -> None:
+    bare = []
+    for name in (one for one in modules() if one.split(".")[0] == package):
+        module = importlib.import_module(name)
+        if not (module.__doc__ or "").strip() and Path(module.__file__ or "").stat().st_size:
+            bare.append(name)
+        for public in getattr(module, "__all__", ()):
+            value = getattr(module, public)
+            if (inspect.isclass(value) or inspect.isfunction(value)) and not (inspect.getdoc(value) or "").strip():
+                bare.append(f"{name}.{public}")
+    assert not bare, f"no docstring: {', '.join(bare)}"
+
+
+def test_every_hook_is_described() -> None:
+    described = (REPOSITORY / "docs").rglob("*.md")
+    text = "\n".join(path.read_text(encoding="utf-8") for path in described)
+    hooks = [name for name in vars(HookSpecs) if name.startswith("trailmark_")]
+
+    assert len(hooks) >= 4
+    for name in hooks:
+        assert (inspect.getdoc(getattr(HookSpecs, name)) or "").strip(), f"{name} has no docstring"
+        assert name in text, f"{name} stands nowhere in the manual"
+
+
+def test_the_manual_builds_without_warnings(tmp_path: Path) -> None:
+    pytest.importorskip("material", reason="needs mkdocs-material")
+    done = subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "-q", "--strict", "-d", str(tmp_path / "site")],
+        cwd=REPOSITORY,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "site" / "reference" / "config" / "index.html").stat().st_size > 10_000
+    assert trailmark.__version__
