@@ -21,16 +21,16 @@ class Atlas:
 
     Attributes
     ----------
-    texels : (N,) uint32
+    texels : (N,) int32
         Red, green and blue in the lowest three bytes. Reflectance is the square of a byte over 255.
-    starts : (n, 12) int64
+    starts : (n, 12) int32
         Where each level of each texture begins.
     sizes : (n, 3) int32
         Width, height (powers of two) and number of levels.
     """
 
-    texels: npt.NDArray[np.uint32]
-    starts: npt.NDArray[np.int64]
+    texels: npt.NDArray[np.int32]
+    starts: npt.NDArray[np.int32]
     sizes: npt.NDArray[np.int32]
 
 
@@ -42,7 +42,7 @@ def build_atlas(images: Sequence[npt.NDArray[np.uint8]]) -> Atlas:
     ShapeError
         If a side is not.
     """
-    pieces, starts, sizes = [], np.zeros((len(images), _MOST_LEVELS), np.int64), np.zeros((len(images), 3), np.int32)
+    pieces, starts, sizes = [], np.zeros((len(images), _MOST_LEVELS), np.int32), np.zeros((len(images), 3), np.int32)
     at = 0
     for number, image in enumerate(images):
         levels = _levels(image)
@@ -58,12 +58,12 @@ def join_atlases(first: Atlas, second: Atlas) -> Atlas:
     """Return the atlas of all textures of both; those of the second come last."""
     return Atlas(
         np.concatenate([first.texels, second.texels]),
-        np.concatenate([first.starts, second.starts + len(first.texels)]),
+        np.concatenate([first.starts, second.starts + np.int32(len(first.texels))]),
         np.concatenate([first.sizes, second.sizes]),
     )
 
 
-def _levels(image: npt.NDArray[np.uint8]) -> list[npt.NDArray[np.uint32]]:
+def _levels(image: npt.NDArray[np.uint8]) -> list[npt.NDArray[np.int32]]:
     height, width = image.shape[:2]
     if image.dtype != np.uint8 or image.shape[2:] != (3,) or height & (height - 1) or width & (width - 1):
         raise ShapeError(f"a texture is (H, W, 3) uint8 with powers of two as sides, not {image.shape} {image.dtype}")
@@ -84,6 +84,6 @@ def _halved(linear: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     return linear
 
 
-def _packed(image: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint32]:
-    wide = image.astype(np.uint32)
-    return np.ravel(wide[..., 0] | wide[..., 1] << np.uint32(8) | wide[..., 2] << np.uint32(16))
+def _packed(image: npt.NDArray[np.uint8]) -> npt.NDArray[np.int32]:
+    wide = image.astype(np.int32)
+    return np.ravel(wide[..., 0] | wide[..., 1] << 8 | wide[..., 2] << 16)

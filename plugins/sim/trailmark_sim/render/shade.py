@@ -1,4 +1,9 @@
-"""The kernel that gives each ray its light: texture, baked light, highlights, sky."""
+"""The kernel that gives each ray its light: texture, baked light, highlights, sky.
+
+The rays of a tile are done surface by surface, in loops without branches over all 64 of them: most tiles show one or
+two surfaces, and eight or sixteen rays are done at once. What is computed for rays that meet something else is thrown
+away; their range counts as 0, so that every number stays finite.
+"""
 
 from __future__ import annotations
 
@@ -7,26 +12,34 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+from numba import carray, njit
 
+from trailmark_sim.render.lanes import float_lanes, int_lanes
 from trailmark_sim.render.rays import LANES
 from trailmark_sim.render.shapes import CYLINDER, RECTANGLE
 
 __all__ = ["shade_tiles"]
 
-_MOST_TAPS = 4
 _F: Any = np.float32
-Rgb = tuple[Any, Any, Any]
+_I: Any = np.int32
 _ZERO, _HALF, _ONE, _TWO, _EIGHT = _F(0.0), _F(0.5), _F(1.0), _F(2.0), _F(8.0)
 _TURN = _F(1.0 / (2.0 * math.pi))
-_LOW, _MIDDLE, _HIGH, _BITS21 = (np.uint64(n) for n in (0xFF, 0xFF00, 0xFF0000, 0x1FFFFF))
-_S13, _S21, _S26, _S42 = (np.uint64(n) for n in (13, 21, 26, 42))
 _PER_MANTISSA = _F(1.0 / (1 << 23))
-_WEIGHT = 1022  # four texels of 255 with these weights, eight times, stay below 2^21
-_PER_BYTE = _F(1.0 / 255.0)
 _HIGHLIGHT = _F(6.0)
+#: Four places of a pixel's footprint, none above or beside another: each axis sees four places a quarter apart.
+_N_TAPS = 4
+_ALONG = np.array([-0.375, -0.125, 0.125, 0.375], np.float32)
+_ACROSS = np.array([0.125, -0.375, 0.375, -0.125], np.float32)
+_PER_TAP = _F(1.0 / (255.0 * 255.0 * _N_TAPS))
+#: Size of the texels that are read over the footprint's short side. With the four places a pixel then has 0.35 to
+#: 0.5 px of blur (one standard deviation) and edges keep their place within a few hundredths of a pixel.
+_TEXEL_PX = _F(0.8)
+#: With texels larger than so many footprints one place in the middle does.
+_LARGE = _F(4.0)
 
 _kernel = njit(cache=True, nogil=True, error_model="numpy")
+_inlined = njit(nogil=True, error_model="numpy", inline="always")
+_LANES = (LANES,)
 
 
 @_kernel
@@ -80,184 +93,396 @@ def shade_tiles(
     out : (H * W, 3) float32
         Receives red, green and blue: 1 is a white wall in unit light.
     """
+    surfaces = carray(int_lanes(), _LANES)
+    u, v, foot = carray(float_lanes(), _LANES), carray(float_lanes(), _LANES), carray(float_lanes(), _LANES)
+    ax, ay, bx, by = (
+        carray(float_lanes(), _LANES),
+        carray(float_lanes(), _LANES),
+        carray(float_lanes(), _LANES),
+        carray(float_lanes(), _LANES),
+    )
+    x, y, wx, wy = (
+        carray(float_lanes(), _LANES),
+        carray(float_lanes(), _LANES),
+        carray(float_lanes(), _LANES),
+        carray(float_lanes(), _LANES),
+    )
+    red, green, blue = carray(float_lanes(), _LANES), carray(float_lanes(), _LANES), carray(float_lanes(), _LANES)
+    lr, lg, lb = carray(float_lanes(), _LANES), carray(float_lanes(), _LANES), carray(float_lanes(), _LANES)
+    part, shade = carray(float_lanes(), _LANES), carray(float_lanes(), _LANES)
+    level = carray(int_lanes(), _LANES)
+    at = (
+        carray(int_lanes(), _LANES),
+        carray(int_lanes(), _LANES),
+        carray(int_lanes(), _LANES),
+        carray(int_lanes(), _LANES),
+    )
     for tile in range(first, last):
-        for lane in range(LANES):
-            pixel = pixels[tile, lane]
-            if pixel < 0:
-                continue
-            dx, dy, dz = rays[tile, 0, lane], rays[tile, 1, lane], rays[tile, 2, lane]
-            p = hits[tile, lane]
+        hit, ray, far = hits[tile], rays[tile], ranges[tile]
+        for number in range(_distinct(hit, surfaces)):
+            p = surfaces[number]
             if p < 0:
-                _sky_light(out, pixel, dx, dy, dz, to_map, sky)
+                _sky_lanes(out, pixels[tile], hit, ray, to_map, sky)
                 continue
-            t = ranges[tile, lane]
-            m0 = frames[p, 0, 0] * dx + frames[p, 0, 1] * dy + frames[p, 0, 2] * dz
-            m1 = frames[p, 1, 0] * dx + frames[p, 1, 1] * dy + frames[p, 1, 2] * dz
-            m2 = frames[p, 2, 0] * dx + frames[p, 2, 1] * dy + frames[p, 2, 2] * dz
-            l0, l1, l2 = eyes[p, 0] + t * m0, eyes[p, 1] + t * m1, eyes[p, 2] + t * m2
-            foot_m = t * pixel_rad[tile]
-            u, v, step_u, step_v, n_taps = l1, l2, _ZERO, _ZERO, 1
-            if kinds[p] == RECTANGLE:
-                cosine = min(_ONE, max(_F(0.02), abs(m0)))
-                stretch = min(_EIGHT, _ONE / cosine)
-                n_taps = min(_MOST_TAPS, int(stretch + _F(0.6)))
-                sine = math.sqrt(max(_F(1e-6), _ONE - cosine * cosine))
-                step_u, step_v = m1 * foot_m * stretch / sine, m2 * foot_m * stretch / sine
-                foot_m *= max(_ONE, stretch / _F(_MOST_TAPS))
+            is_flat = kinds[p] == RECTANGLE
+            n = textures[p]
+            if is_flat:
+                _place_flat(p, hit, ray, far, frames[p], eyes[p], pixel_rad[tile], u, v, foot, ax, ay, bx, by)
             else:
-                u = math.atan2(l2, l1) * _TURN + _HALF
-                v = l0 if kinds[p] == CYLINDER else (l0 + _ONE) * _HALF
-            red, green, blue = _texture(
-                texels, starts, sizes, textures[p], looks, p, u, v, step_u, step_v, n_taps, foot_m * looks[p, 7]
-            )
-            shade = _shadow(t, dx, dy, to_map, dz, shadows) if floors[p] else _ONE
-            lr, lg, lb = _baked(light, patches, p, u, v, kinds[p] != RECTANGLE)
-            gloss = _ZERO
-            if looks[p, 6] > _ZERO:
-                gloss = looks[p, 6] * _mirrored(dx, dy, dz, frames, p, l0, l1, l2, kinds[p], to_map, key)
-            out[pixel, 0] = looks[p, 2] * red * (lr * shade + looks[p, 5]) + gloss * lr
-            out[pixel, 1] = looks[p, 3] * green * (lg * shade + looks[p, 5]) + gloss * lg
-            out[pixel, 2] = looks[p, 4] * blue * (lb * shade + looks[p, 5]) + gloss * lb
+                size = (looks[p, 0] * _F(sizes[n, 0]), looks[p, 1] * _F(sizes[n, 1]))
+                _place_round(
+                    p, hit, ray, far, frames[p], eyes[p], kinds[p], pixel_rad[tile], looks[p, 7], size,
+                    u, v, foot, ax, ay, bx, by,
+                )  # fmt: skip
+            if sizes[n, 2] == 1:
+                _plain(texels[starts[n, 0]], red, green, blue)
+            else:
+                _textured(
+                    texels, starts[n], sizes[n], looks[p], u, v, foot, ax, ay, bx, by,
+                    x, y, wx, wy, part, level, at, red, green, blue,
+                )  # fmt: skip
+            _baked(light, patches[p], is_flat, u, v, wx, wy, at, lr, lg, lb)
+            for lane in range(LANES):
+                shade[lane] = _ONE
+            if floors[p] and shadows.shape[0] > 0:
+                _darken(shade, ray, far, hit, p, to_map, shadows, x, y)
+            shine = looks[p, 6]
+            for lane in range(LANES):
+                pixel = pixels[tile, lane]
+                if hit[lane] != p or pixel < 0:
+                    continue
+                gloss = _ZERO
+                if shine > _ZERO:
+                    gloss = shine * _mirrored(ray, far, lane, frames[p], eyes[p], kinds[p], to_map, key)
+                own = looks[p, 5]
+                out[pixel, 0] = looks[p, 2] * red[lane] * (lr[lane] * shade[lane] + own) + gloss * lr[lane]
+                out[pixel, 1] = looks[p, 3] * green[lane] * (lg[lane] * shade[lane] + own) + gloss * lg[lane]
+                out[pixel, 2] = looks[p, 4] * blue[lane] * (lb[lane] * shade[lane] + own) + gloss * lb[lane]
 
 
 @_kernel
-def _texture(
+def _distinct(hit: npt.NDArray[Any], surfaces: npt.NDArray[Any]) -> int:
+    """Write which surfaces the rays of a tile meet, each once, and return how many."""
+    n = 0
+    previous = _I(-2)
+    for lane in range(LANES):
+        p = hit[lane]
+        if p == previous:
+            continue
+        previous = p
+        is_new = True
+        for k in range(n):
+            is_new = is_new and surfaces[k] != p
+        if is_new:
+            surfaces[n] = p
+            n += 1
+    return n
+
+
+@_inlined
+def _place_flat(
+    p: int,
+    hit: npt.NDArray[Any],
+    ray: npt.NDArray[Any],
+    far: npt.NDArray[Any],
+    m: npt.NDArray[Any],
+    q: npt.NDArray[Any],
+    pixel_rad: Any,
+    u: npt.NDArray[Any],
+    v: npt.NDArray[Any],
+    foot: npt.NDArray[Any],
+    ax: npt.NDArray[Any],
+    ay: npt.NDArray[Any],
+    bx: npt.NDArray[Any],
+    by: npt.NDArray[Any],
+) -> None:
+    """Write where the rays meet a rectangle, and the two sides of each pixel's footprint there, as shares of u and v.
+
+    `foot` receives the texel size that the four places call for [m].
+    """
+    n1 = math.sqrt(m[1, 0] * m[1, 0] + m[1, 1] * m[1, 1] + m[1, 2] * m[1, 2])
+    n2 = math.sqrt(m[2, 0] * m[2, 0] + m[2, 1] * m[2, 1] + m[2, 2] * m[2, 2])
+    per_1, per_2 = _ONE / n1, _ONE / n2
+    for lane in range(LANES):
+        dx, dy, dz = ray[0, lane], ray[1, lane], ray[2, lane]
+        t = far[lane] if hit[lane] == p else _ZERO
+        m0 = m[0, 0] * dx + m[0, 1] * dy + m[0, 2] * dz
+        m1 = m[1, 0] * dx + m[1, 1] * dy + m[1, 2] * dz
+        m2 = m[2, 0] * dx + m[2, 1] * dy + m[2, 2] * dz
+        u[lane], v[lane] = q[1] + t * m1, q[2] + t * m2
+        short = t * pixel_rad
+        # The footprint is longer the more the surface leans, along the ray's shadow on it.
+        stretch = min(_EIGHT, _ONE / max(_F(0.02), abs(m0)))
+        a, b = m1 * per_1, m2 * per_2
+        length = math.sqrt(a * a + b * b)
+        is_square = length < _F(1e-3)
+        per_length = _ONE / max(_F(1e-3), length)
+        a, b = _ONE if is_square else a * per_length, _ZERO if is_square else b * per_length
+        long = short * stretch
+        ax[lane], ay[lane] = a * n1 * long, b * n2 * long
+        bx[lane], by[lane] = -b * n1 * short, a * n2 * short
+        foot[lane] = short * max(_TEXEL_PX, stretch * _F(0.25))
+
+
+@_kernel
+def _place_round(
+    p: int,
+    hit: npt.NDArray[Any],
+    ray: npt.NDArray[Any],
+    far: npt.NDArray[Any],
+    m: npt.NDArray[Any],
+    q: npt.NDArray[Any],
+    kind: int,
+    pixel_rad: Any,
+    density: Any,
+    size: tuple[Any, Any],
+    u: npt.NDArray[Any],
+    v: npt.NDArray[Any],
+    foot: npt.NDArray[Any],
+    ax: npt.NDArray[Any],
+    ay: npt.NDArray[Any],
+    bx: npt.NDArray[Any],
+    by: npt.NDArray[Any],
+) -> None:
+    """The same of a cylinder or an ellipsoid, whose footprints are taken as square."""
+    for lane in range(LANES):
+        u[lane], v[lane], foot[lane] = _ZERO, _ZERO, _ZERO
+        ax[lane], ay[lane], bx[lane], by[lane] = _ZERO, _ZERO, _ZERO, _ZERO
+        if hit[lane] != p:
+            continue
+        dx, dy, dz, t = ray[0, lane], ray[1, lane], ray[2, lane], far[lane]
+        l0 = q[0] + t * (m[0, 0] * dx + m[0, 1] * dy + m[0, 2] * dz)
+        l1 = q[1] + t * (m[1, 0] * dx + m[1, 1] * dy + m[1, 2] * dz)
+        l2 = q[2] + t * (m[2, 0] * dx + m[2, 1] * dy + m[2, 2] * dz)
+        u[lane] = math.atan2(l2, l1) * _TURN + _HALF
+        v[lane] = l0 if kind == CYLINDER else (l0 + _ONE) * _HALF
+        short = t * pixel_rad
+        ax[lane], by[lane] = short * density / size[0], short * density / size[1]
+        foot[lane] = short * _TEXEL_PX
+
+
+@_kernel
+def _plain(texel: Any, red: npt.NDArray[Any], green: npt.NDArray[Any], blue: npt.NDArray[Any]) -> None:
+    per = _F(1.0 / (255.0 * 255.0))
+    r, g, b = _F(texel & 255), _F((texel >> 8) & 255), _F((texel >> 16) & 255)
+    for lane in range(LANES):
+        red[lane], green[lane], blue[lane] = r * r * per, g * g * per, b * b * per
+
+
+@_inlined
+def _textured(
     texels: npt.NDArray[Any],
     starts: npt.NDArray[Any],
-    sizes: npt.NDArray[Any],
-    number: Any,
-    looks: npt.NDArray[Any],
-    p: int,
-    u: Any,
-    v: Any,
-    step_u: Any,
-    step_v: Any,
-    n_taps: int,
-    foot: Any,
-) -> Rgb:
-    """Return the reflectance under a pixel: means of up to four places along its footprint, on two mip levels."""
-    width, height, n_levels = sizes[number, 0], sizes[number, 1], sizes[number, 2]
-    if n_levels == 1:
-        return _reflectance(_spread(texels[starts[number, 0]]), _PER_BYTE)
-    # The exponent of a float is its logarithm, the rest of its bits nearly the fraction: ten times as fast as log2.
-    bits = _F(max(foot, _ONE)).view(np.int32)
-    low = min((bits >> 23) - 127, n_levels - 1)
-    rest = _F(bits & 0x7FFFFF) * _PER_MANTISSA
-    high = min(low + 1, n_levels - 1)
-    # Most pixels need one level only; between two the change is quick but not sudden.
-    part = min(_ONE, max(_ZERO, rest * _F(3.0) - _ONE))
-    share = _ONE / _F(n_taps)
-    fine, coarse = np.uint64(0), np.uint64(0)
+    size: npt.NDArray[Any],
+    look: npt.NDArray[Any],
+    u: npt.NDArray[Any],
+    v: npt.NDArray[Any],
+    foot: npt.NDArray[Any],
+    ax: npt.NDArray[Any],
+    ay: npt.NDArray[Any],
+    bx: npt.NDArray[Any],
+    by: npt.NDArray[Any],
+    x: npt.NDArray[Any],
+    y: npt.NDArray[Any],
+    wx: npt.NDArray[Any],
+    wy: npt.NDArray[Any],
+    part: npt.NDArray[Any],
+    level: npt.NDArray[Any],
+    at: tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any]],
+    red: npt.NDArray[Any],
+    green: npt.NDArray[Any],
+    blue: npt.NDArray[Any],
+) -> None:
+    """Write the reflectance under each pixel: means of four places of its footprint, on two levels of the mip-map."""
+    width, height, top = _I(size[0]), _I(size[1]), _I(size[2] - 1)
+    across, up = look[0] * _F(width), look[1] * _F(height)
+    needs_fine, needs_coarse, largest = _I(0), _I(0), _ZERO
+    for lane in range(LANES):
+        texels_wide = foot[lane] * look[7]
+        largest = max(largest, texels_wide)
+        # The exponent of a float is its logarithm, the rest of its bits nearly the fraction: ten times as fast as log2.
+        bits = _F(max(texels_wide, _ONE)).view(np.int32)
+        rest = _F(bits & _I(0x7FFFFF)) * _PER_MANTISSA
+        low = (bits >> _I(23)) - _I(127)
+        level[lane] = min(low, top)
+        # Most pixels need one level only; between two the change is quick but not sudden.
+        share = _ZERO if low >= top else min(_ONE, max(_ZERO, rest * _F(3.0) - _ONE))
+        part[lane] = share
+        needs_fine |= _I(1) if share < _ONE else _I(0)
+        needs_coarse |= _I(1) if share > _ZERO else _I(0)
+        red[lane], green[lane], blue[lane] = _ZERO, _ZERO, _ZERO
+    n_taps = 1 if largest * _LARGE < _ONE else _N_TAPS
+    scale = _PER_TAP * _F(_N_TAPS // n_taps)
     for tap in range(n_taps):
-        along = (_F(tap) + _HALF) * share - _HALF
-        x = (u + along * step_u) * looks[p, 0] * _F(width)
-        y = (_ONE - (v + along * step_v)) * looks[p, 1] * _F(height)
-        if part < _ONE:
-            fine += _bilinear(texels, starts[number, low], width, height, low, x, y)
-        if part > _ZERO:
-            coarse += _bilinear(texels, starts[number, high], width, height, high, x, y)
-    scale = _PER_BYTE * share / _F(_WEIGHT)
-    if part <= _ZERO:
-        return _reflectance(fine, scale)
-    red, green, blue = _reflectance(coarse, scale)
-    if part >= _ONE:
-        return red, green, blue
-    r, g, b = _reflectance(fine, scale)
-    return r + part * (red - r), g + part * (green - g), b + part * (blue - b)
+        along, aside = (_ALONG[tap], _ACROSS[tap]) if n_taps > 1 else (_ZERO, _ZERO)
+        for lane in range(LANES):
+            x[lane] = (u[lane] + along * ax[lane] + aside * bx[lane]) * across
+            y[lane] = (_ONE - (v[lane] + along * ay[lane] + aside * by[lane])) * up
+        if needs_fine:
+            _find(starts, width, height, level, _I(0), x, y, wx, wy, at)
+            _gather(texels, at, wx, wy, part, -scale, scale, red, green, blue)
+        if needs_coarse:
+            _find(starts, width, height, level, _I(1), x, y, wx, wy, at)
+            _gather(texels, at, wx, wy, part, scale, _ZERO, red, green, blue)
 
 
-# Red, green and blue are summed in one 64-bit number, 21 bits each: a byte, a weight of ten bits, and three bits
-# for up to four places on the way.
+@_inlined
+def _find(
+    starts: npt.NDArray[Any],
+    width: Any,
+    height: Any,
+    level: npt.NDArray[Any],
+    above: Any,
+    x: npt.NDArray[Any],
+    y: npt.NDArray[Any],
+    wx: npt.NDArray[Any],
+    wy: npt.NDArray[Any],
+    at: tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any]],
+) -> None:
+    """Write which four texels lie about each place on a level of the mip-map, and the place between them."""
+    a, b, c, d = at
+    one = _I(1)
+    most = _I(starts.shape[0] - 1)
+    for lane in range(LANES):
+        k = min(level[lane] + above, most)
+        scale = _I((127 - k) << 23).view(np.float32)  # a power of two is its exponent
+        px, py = x[lane] * scale - _HALF, y[lane] * scale - _HALF
+        fx, fy = math.floor(px), math.floor(py)
+        wx[lane], wy[lane] = px - _F(fx), py - _F(fy)
+        i, j = _I(fx), _I(fy)
+        wide, high = max(one, width >> k), max(one, height >> k)
+        i0, i1 = i & (wide - one), (i + one) & (wide - one)
+        j0, j1 = (j & (high - one)) * wide, ((j + one) & (high - one)) * wide
+        start = starts[k]
+        a[lane], b[lane], c[lane], d[lane] = start + j0 + i0, start + j0 + i1, start + j1 + i0, start + j1 + i1
+
+
+@_inlined
+def _gather(
+    texels: npt.NDArray[Any],
+    at: tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any]],
+    wx: npt.NDArray[Any],
+    wy: npt.NDArray[Any],
+    part: npt.NDArray[Any],
+    slope: Any,
+    offset: Any,
+    red: npt.NDArray[Any],
+    green: npt.NDArray[Any],
+    blue: npt.NDArray[Any],
+) -> None:
+    """Add the light of four texels about each place, times ``part * slope + offset``.
+
+    Texels hold the root of their light. It is squared before it is averaged: light adds up, not its root, and an edge
+    would move towards its dark side otherwise.
+    """
+    ia, ib, ic, id_ = at
+    byte, s8, s16 = _I(255), _I(8), _I(16)
+    for lane in range(LANES):
+        ta, tb, tc, td = texels[ia[lane]], texels[ib[lane]], texels[ic[lane]], texels[id_[lane]]
+        weight = part[lane] * slope + offset
+        wd = wx[lane] * wy[lane]
+        wb, wc = wx[lane] - wd, wy[lane] - wd
+        wa = _ONE - wx[lane] - wc
+        ra, rb, rc, rd = _F(ta & byte), _F(tb & byte), _F(tc & byte), _F(td & byte)
+        ga, gb, gc, gd = _F((ta >> s8) & byte), _F((tb >> s8) & byte), _F((tc >> s8) & byte), _F((td >> s8) & byte)
+        ba, bb, bc, bd = _F((ta >> s16) & byte), _F((tb >> s16) & byte), _F((tc >> s16) & byte), _F((td >> s16) & byte)
+        red[lane] += weight * (wa * ra * ra + wb * rb * rb + wc * rc * rc + wd * rd * rd)
+        green[lane] += weight * (wa * ga * ga + wb * gb * gb + wc * gc * gc + wd * gd * gd)
+        blue[lane] += weight * (wa * ba * ba + wb * bb * bb + wc * bc * bc + wd * bd * bd)
+
+
+@_inlined
+def _baked(
+    light: npt.NDArray[Any],
+    patch: npt.NDArray[Any],
+    is_flat: bool,
+    u: npt.NDArray[Any],
+    v: npt.NDArray[Any],
+    wx: npt.NDArray[Any],
+    wy: npt.NDArray[Any],
+    at: tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any]],
+    lr: npt.NDArray[Any],
+    lg: npt.NDArray[Any],
+    lb: npt.NDArray[Any],
+) -> None:
+    """Write the baked light at each place, bilinear; around a round shape the columns close."""
+    start, columns, rows = _I(patch[0]), _I(patch[1]), _I(patch[2])
+    right, top = _F(columns - 1), _F(rows - 1)
+    low = _ZERO if is_flat else -_ONE
+    high = right if is_flat else _F(columns)
+    a, b, c, d = at
+    one, zero = _I(1), _I(0)
+    for lane in range(LANES):
+        x = min(high, max(low, u[lane] * _F(columns) - _HALF))
+        y = min(top, max(_ZERO, v[lane] * _F(rows) - _HALF))
+        fx, fy = math.floor(x), math.floor(y)
+        wx[lane], wy[lane] = x - _F(fx), y - _F(fy)
+        i, j = _I(fx), _I(fy)
+        j1 = min(j + one, rows - one)
+        i0 = i + columns if i < zero else i
+        i0 = i0 - columns if i0 >= columns else i0
+        i1 = i0 + one
+        beyond = columns - one if is_flat else zero
+        i1 = beyond if i1 >= columns else i1
+        a[lane], b[lane] = start + j * columns + i0, start + j * columns + i1
+        c[lane], d[lane] = start + j1 * columns + i0, start + j1 * columns + i1
+    for lane in range(LANES):
+        wd = wx[lane] * wy[lane]
+        wb, wc = wx[lane] - wd, wy[lane] - wd
+        wa = _ONE - wx[lane] - wc
+        ka, kb, kc, kd = a[lane], b[lane], c[lane], d[lane]
+        lr[lane] = wa * light[ka, 0] + wb * light[kb, 0] + wc * light[kc, 0] + wd * light[kd, 0]
+        lg[lane] = wa * light[ka, 1] + wb * light[kb, 1] + wc * light[kc, 1] + wd * light[kd, 1]
+        lb[lane] = wa * light[ka, 2] + wb * light[kb, 2] + wc * light[kc, 2] + wd * light[kd, 2]
 
 
 @_kernel
-def _spread(texel: np.uint32) -> np.uint64:
-    wide = np.uint64(texel)
-    return (wide & _LOW) | ((wide & _MIDDLE) << _S13) | ((wide & _HIGH) << _S26)
-
-
-@_kernel
-def _reflectance(total: np.uint64, scale: Any) -> Rgb:
-    red = _F(np.int32(total & _BITS21)) * scale
-    green = _F(np.int32((total >> _S21) & _BITS21)) * scale
-    blue = _F(np.int32(total >> _S42)) * scale
-    return red * red, green * green, blue * blue
-
-
-@_kernel
-def _bilinear(texels: npt.NDArray[Any], start: int, width: int, height: int, level: int, x: Any, y: Any) -> np.uint64:
-    """Return the weighted sum of four texels about a place of the largest level, read from another level."""
-    scale = _ONE / _F(1 << level)
-    x, y = x * scale - _HALF, y * scale - _HALF
-    wide, high = max(1, width >> level), max(1, height >> level)
-    floor_x, floor_y = math.floor(x), math.floor(y)
-    fx, fy = x - _F(floor_x), y - _F(floor_y)
-    i, j = np.int64(floor_x), np.int64(floor_y)
-    i0, i1, j0, j1 = i & (wide - 1), (i + 1) & (wide - 1), (j & (high - 1)) * wide, ((j + 1) & (high - 1)) * wide
-    a, b = _spread(texels[start + j0 + i0]), _spread(texels[start + j0 + i1])
-    c, d = _spread(texels[start + j1 + i0]), _spread(texels[start + j1 + i1])
-    both = fx * fy
-    wb = np.uint64(np.int32((fx - both) * _F(_WEIGHT)))
-    wc = np.uint64(np.int32((fy - both) * _F(_WEIGHT)))
-    wd = np.uint64(np.int32(both * _F(_WEIGHT)))
-    return a * (np.uint64(_WEIGHT) - wb - wc - wd) + b * wb + c * wc + d * wd
-
-
-@_kernel
-def _baked(light: npt.NDArray[Any], patches: npt.NDArray[Any], p: int, u: Any, v: Any, is_round: bool) -> Rgb:
-    """Return the baked light at a place, bilinear; around a round shape the columns close."""
-    start, columns, rows = patches[p, 0], patches[p, 1], patches[p, 2]
-    x, y = u * _F(columns) - _HALF, v * _F(rows) - _HALF
-    y = min(_F(rows - 1), max(_ZERO, y))
-    if not is_round:
-        x = min(_F(columns - 1), max(_ZERO, x))
-    i, j = math.floor(x), int(y)
-    fx, fy = x - _F(i), y - _F(j)
-    j1 = min(j + 1, rows - 1)
-    i0, i1 = (i % columns, (i + 1) % columns) if is_round else (i, min(i + 1, columns - 1))
-    a, b = start + j * columns + i0, start + j * columns + i1
-    c, d = start + j1 * columns + i0, start + j1 * columns + i1
-    wa, wb, wc, wd = (_ONE - fx) * (_ONE - fy), fx * (_ONE - fy), (_ONE - fx) * fy, fx * fy
-    return (
-        wa * light[a, 0] + wb * light[b, 0] + wc * light[c, 0] + wd * light[d, 0],
-        wa * light[a, 1] + wb * light[b, 1] + wc * light[c, 1] + wd * light[d, 1],
-        wa * light[a, 2] + wb * light[b, 2] + wc * light[c, 2] + wd * light[d, 2],
-    )
-
-
-@_kernel
-def _shadow(t: Any, dx: Any, dy: Any, to_map: npt.NDArray[Any], dz: Any, shadows: npt.NDArray[Any]) -> Any:
-    """Return the light that people leave on the floor."""
-    x = to_map[3, 0] + t * (to_map[0, 0] * dx + to_map[0, 1] * dy + to_map[0, 2] * dz)
-    y = to_map[3, 1] + t * (to_map[1, 0] * dx + to_map[1, 1] * dy + to_map[1, 2] * dz)
-    shade = _ONE
+def _darken(
+    shade: npt.NDArray[Any],
+    ray: npt.NDArray[Any],
+    far: npt.NDArray[Any],
+    hit: npt.NDArray[Any],
+    p: int,
+    to_map: npt.NDArray[Any],
+    shadows: npt.NDArray[Any],
+    x: npt.NDArray[Any],
+    y: npt.NDArray[Any],
+) -> None:
+    """Write the share of the light that people leave on the floor."""
+    for lane in range(LANES):
+        t = far[lane] if hit[lane] == p else _ZERO
+        dx, dy, dz = ray[0, lane], ray[1, lane], ray[2, lane]
+        x[lane] = to_map[3, 0] + t * (to_map[0, 0] * dx + to_map[0, 1] * dy + to_map[0, 2] * dz)
+        y[lane] = to_map[3, 1] + t * (to_map[1, 0] * dx + to_map[1, 1] * dy + to_map[1, 2] * dz)
     for k in range(shadows.shape[0]):
-        ax, ay = x - shadows[k, 0], y - shadows[k, 1]
-        far = (ax * ax + ay * ay) / (shadows[k, 2] * shadows[k, 2])
-        if far < _ONE:
-            shade *= _ONE - shadows[k, 3] * (_ONE - far) * (_ONE - far)
-    return shade
+        sx, sy, per, depth = shadows[k, 0], shadows[k, 1], _ONE / (shadows[k, 2] * shadows[k, 2]), shadows[k, 3]
+        for lane in range(LANES):
+            kx, ky = x[lane] - sx, y[lane] - sy
+            near = max(_ZERO, _ONE - (kx * kx + ky * ky) * per)
+            shade[lane] *= _ONE - depth * near * near
 
 
 @_kernel
 def _mirrored(
-    dx: Any,
-    dy: Any,
-    dz: Any,
-    frames: npt.NDArray[Any],
-    p: int,
-    l0: Any,
-    l1: Any,
-    l2: Any,
+    ray: npt.NDArray[Any],
+    far: npt.NDArray[Any],
+    lane: int,
+    m: npt.NDArray[Any],
+    q: npt.NDArray[Any],
     kind: int,
     to_map: npt.NDArray[Any],
     key: npt.NDArray[Any],
 ) -> Any:
     """Return what a shiny surface mirrors: a bright spot where the key light is, a paler ceiling or sky."""
-    w0, w1, w2 = (_ONE, _ZERO, _ZERO) if kind == RECTANGLE else (_ZERO if kind == CYLINDER else l0, l1, l2)
-    nx = w0 * frames[p, 0, 0] + w1 * frames[p, 1, 0] + w2 * frames[p, 2, 0]
-    ny = w0 * frames[p, 0, 1] + w1 * frames[p, 1, 1] + w2 * frames[p, 2, 1]
-    nz = w0 * frames[p, 0, 2] + w1 * frames[p, 1, 2] + w2 * frames[p, 2, 2]
+    dx, dy, dz, t = ray[0, lane], ray[1, lane], ray[2, lane], far[lane]
+    w0, w1, w2 = _ONE, _ZERO, _ZERO
+    if kind != RECTANGLE:
+        w0 = _ZERO if kind == CYLINDER else q[0] + t * (m[0, 0] * dx + m[0, 1] * dy + m[0, 2] * dz)
+        w1 = q[1] + t * (m[1, 0] * dx + m[1, 1] * dy + m[1, 2] * dz)
+        w2 = q[2] + t * (m[2, 0] * dx + m[2, 1] * dy + m[2, 2] * dz)
+    nx = w0 * m[0, 0] + w1 * m[1, 0] + w2 * m[2, 0]
+    ny = w0 * m[0, 1] + w1 * m[1, 1] + w2 * m[2, 1]
+    nz = w0 * m[0, 2] + w1 * m[1, 2] + w2 * m[2, 2]
     length = math.sqrt(nx * nx + ny * ny + nz * nz)
     nx, ny, nz = nx / length, ny / length, nz / length
     twice = _TWO * (dx * nx + dy * ny + dz * nz)
@@ -273,27 +498,31 @@ def _mirrored(
 
 
 @_kernel
-def _sky_light(
+def _sky_lanes(
     out: npt.NDArray[Any],
-    pixel: int,
-    dx: Any,
-    dy: Any,
-    dz: Any,
+    pixels: npt.NDArray[Any],
+    hit: npt.NDArray[Any],
+    ray: npt.NDArray[Any],
     to_map: npt.NDArray[Any],
     sky: npt.NDArray[Any],
 ) -> None:
-    """Read the sky off its picture, bilinear."""
-    x = to_map[0, 0] * dx + to_map[0, 1] * dy + to_map[0, 2] * dz
-    y = to_map[1, 0] * dx + to_map[1, 1] * dy + to_map[1, 2] * dz
-    z = to_map[2, 0] * dx + to_map[2, 1] * dy + to_map[2, 2] * dz
+    """Read the sky off its picture, bilinear, for the rays that meet nothing."""
     rows, columns = sky.shape[0], sky.shape[1]
-    a = (math.atan2(y, x) * _TURN + _HALF) * _F(columns) - _HALF
-    b = _F(math.acos(min(_ONE, max(-_ONE, z)))) * _TWO * _TURN * _F(rows) - _HALF
-    b = min(_F(rows - 1), max(_ZERO, b))
-    i, j = math.floor(a), int(b)
-    fx, fy = a - _F(i), b - _F(j)
-    i0, i1, j1 = i % columns, (i + 1) % columns, min(j + 1, rows - 1)
-    for c in range(3):
-        upper = sky[j, i0, c] + fx * (sky[j, i1, c] - sky[j, i0, c])
-        lower = sky[j1, i0, c] + fx * (sky[j1, i1, c] - sky[j1, i0, c])
-        out[pixel, c] = upper + fy * (lower - upper)
+    for lane in range(LANES):
+        pixel = pixels[lane]
+        if hit[lane] >= 0 or pixel < 0:
+            continue
+        dx, dy, dz = ray[0, lane], ray[1, lane], ray[2, lane]
+        x = to_map[0, 0] * dx + to_map[0, 1] * dy + to_map[0, 2] * dz
+        y = to_map[1, 0] * dx + to_map[1, 1] * dy + to_map[1, 2] * dz
+        z = to_map[2, 0] * dx + to_map[2, 1] * dy + to_map[2, 2] * dz
+        a = (math.atan2(y, x) * _TURN + _HALF) * _F(columns) - _HALF
+        b = _F(math.acos(min(_ONE, max(-_ONE, z)))) * _TWO * _TURN * _F(rows) - _HALF
+        b = min(_F(rows - 1), max(_ZERO, b))
+        i, j = math.floor(a), int(b)
+        fx, fy = a - _F(i), b - _F(j)
+        i0, i1, j1 = i % columns, (i + 1) % columns, min(j + 1, rows - 1)
+        for c in range(3):
+            upper = sky[j, i0, c] + fx * (sky[j, i1, c] - sky[j, i0, c])
+            lower = sky[j1, i0, c] + fx * (sky[j1, i1, c] - sky[j1, i0, c])
+            out[pixel, c] = upper + fy * (lower - upper)

@@ -1,0 +1,43 @@
+"""Scratch memory for the kernels: one number for each ray of a tile, on the stack.
+
+The compiler knows that nothing else points there. Only so can it do eight or sixteen rays at once in loops that read
+textures at places it cannot foresee.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir  # type: ignore[import-untyped]
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+from trailmark_sim.render.rays import LANES
+
+__all__ = ["float_lanes", "int_lanes"]
+
+
+def _stack_array(context: Any, builder: Any, kind: Any) -> Any:
+    memory = cgutils.alloca_once(builder, ir.ArrayType(context.get_value_type(kind), LANES))
+    return builder.bitcast(memory, context.get_value_type(kind).as_pointer())
+
+
+@intrinsic
+def float_lanes(typingctx: Any = None) -> Any:
+    """Return a pointer to 64 float32 that live as long as the calling kernel; for `numba.carray`."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return _stack_array(context, builder, types.float32)
+
+    return types.CPointer(types.float32)(), codegen
+
+
+@intrinsic
+def int_lanes(typingctx: Any = None) -> Any:
+    """Return a pointer to 64 int32 that live as long as the calling kernel; for `numba.carray`."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return _stack_array(context, builder, types.int32)
+
+    return types.CPointer(types.int32)(), codegen
