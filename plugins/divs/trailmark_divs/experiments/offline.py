@@ -147,12 +147,13 @@ def _rows_of(
     by_angle = {angle: found[k * n_seeds : (k + 1) * n_seeds] for k, angle in enumerate(angles_deg)}
     turned = [drive for angle, drives in by_angle.items() if angle != 0.0 for drive in drives]
     rows = _rows_of_drives(f"{figure} {place.world}, 0 deg", by_angle[0.0], is_turned=False) if 0.0 in by_angle else []
-    rows += _rows_of_drives(f"{figure} {place.world}, +-5 deg", turned)
+    sides = "/".join(f"{angle:+g}" for angle in angles_deg if angle != 0.0)
+    rows += _rows_of_drives(f"{figure} {place.world}, {sides} deg", turned)
     first = {angle: _series(drives[0]["streams"]) for angle, drives in by_angle.items()}
     draw_shifts(options.out / f"figure_{figure[-1]}_{place.world}.svg", first)
     for k, condition in enumerate(conditions):
         start = len(angles_deg) * n_seeds + 2 * k
-        rows += _rows_of_drives(f"{place.world}, {condition}, +-5 deg", found[start : start + 2])
+        rows += _rows_of_drives(f"{place.world}, {condition}, +5/-5 deg", found[start : start + 2])
     options.report(f"{figure} {place.world}: {len(calls)} drives")
     return rows
 
