@@ -54,6 +54,9 @@ METHODS = ("refined", "paper", "klt", "orb", "phase_correlation")
 #: Methods that run with every seed; the others with the first few.
 ALWAYS = ("refined", "klt")
 _SETTLE_FRAMES = 30
+_RATIOS = (
+    "Root mean squares of the seeds that both have driven; straight over the eight floors without the two hard ones."
+)
 
 _CPU = """One thread of a server (AMD EPYC, Zen 5)
 whose two cores others used too: CPU times are of the thread and of `observe` alone, inflated; compare within a row."""
@@ -268,6 +271,7 @@ def page(runs: Sequence[Run], command: str) -> str:
             f" {'met' if row.met else 'not met'} |"
             for row in ratios
         ]
+    lines += ["", _RATIOS] if ratios else []
     lines += _consistency(runs)
     return "\n".join(lines) + "\n"
 
@@ -280,9 +284,8 @@ def _table(runs: Sequence[Run], what: str, floors: Sequence[str], title: str) ->
     items = ("position", "odometer", "heading") if what == "straight" else ("position_1m", "heading_1m")
     cell = "position % / odometer % / heading deg/m" if what == "straight" else "position % / heading deg"
     methods = [method for method in METHODS if any((floor, method) in groups for floor in shown)]
-    seeds = [max(len(groups[floor, method]) for floor in shown if (floor, method) in groups) for method in methods]
-    lines = [title, "", f"{cell}; then median CPU ms; pictures lost where there are any.", ""]
-    lines += ["| floor | " + " | ".join(f"{m} ({n} seeds)" for m, n in zip(methods, seeds)) + " |"]
+    lines = [title, "", f"{cell}; then median CPU ms, drives (seeds), and pictures lost where there are any.", ""]
+    lines += ["| floor | " + " | ".join(methods) + " |"]
     lines += ["|---" * (len(methods) + 1) + "|"]
     for floor in shown:
         cells = [_cell(groups[floor, method], items) if (floor, method) in groups else "" for method in methods]
@@ -293,7 +296,8 @@ def _table(runs: Sequence[Run], what: str, floors: Sequence[str], title: str) ->
 def _cell(group: Sequence[Run], items: Sequence[str]) -> str:
     figures = " / ".join(f"{rms([run[item] for run in group]):.4f}" for item in items)
     lost = sum(run["lost"] for run in group)
-    return f"{figures}; {np.median([run['ms'] for run in group]):.2f} ms" + (f"; {lost} lost" if lost else "")
+    time_ms = np.median([run["ms"] for run in group])
+    return f"{figures}; {time_ms:.2f} ms; {len(group)}" + (f"; {lost} lost" if lost else "")
 
 
 def _consistency(runs: Sequence[Run]) -> list[str]:
