@@ -81,24 +81,6 @@ def test_a_stretch_of_the_outdoor_course_is_driven_forward_and_in_reverse(
     assert sorted(path.name[:9] for path in tmp_path.glob("*.svg")) == ["figure_16", "figure_17", "figure_18"]
 
 
-def test_a_finished_run_is_not_repeated_until_it_is_forgotten(tmp_path: Path) -> None:
-    config = {
-        "sources": {"floor": runs.course("straight", duration_s=0.2)},
-        "localizers": {"floor": {"plugin": "ground_vo"}},
-        "seed": 0,
-    }
-
-    def stamp(seed: int) -> int:
-        return (runs.drive(tmp_path / "run", config | {"seed": seed}) / "run.json").stat().st_mtime_ns
-
-    first = stamp(0)
-    assert stamp(0) == first
-    assert stamp(1) > first
-    second = stamp(1)
-    runs.forget_finished(tmp_path)
-    assert stamp(1) > second
-
-
 def test_the_gates_are_half_a_metre_wide() -> None:
     poles = runs.poles_of(runs.course("indoor"))
 

@@ -8,7 +8,6 @@ from trailmark.experiments import ExperimentOptions, Row
 from trailmark_ground_vo.experiments.cover import cover_rows
 from trailmark_ground_vo.experiments.indoor import indoor_rows
 from trailmark_ground_vo.experiments.outdoor import outdoor_rows
-from trailmark_ground_vo.experiments.runs import forget_finished
 from trailmark_ground_vo.experiments.straight import straight_rows
 from trailmark_ground_vo.experiments.times import time_rows
 
@@ -18,6 +17,4 @@ __all__ = ["nagai2015"]
 def nagai2015(options: ExperimentOptions) -> Sequence[Row]:
     """Repeat the experiments of Nagai & Watanabe 2015."""
     sections = (straight_rows, cover_rows, indoor_rows, outdoor_rows, time_rows)
-    rows = [row for section in sections for row in section(options)]
-    forget_finished(options.out)
-    return rows
+    return [row for section in sections for row in section(options)]

@@ -52,7 +52,7 @@ _FALSE_M = 5e-3
 def outdoor_rows(options: ExperimentOptions) -> list[Row]:
     """Return the rows of Sec. IV-D and draw Figs. 16 to 18."""
     days = list(_DAYS)[:1] if options.quick else list(_DAYS)
-    taught = _teach(options.out, options.seed, options.quick)
+    (taught,) = options.map(_teach, [(options.out, options.seed, options.quick)])
     calls = [(options.out, options.seed, day, way) for day in days for way in _DAYS[day].ways]
     folders = dict(zip([call[2:] for call in calls], options.map(_repeat, calls)))
     rows: list[Row] = []

@@ -1,14 +1,12 @@
-"""Runs of plain configs, and what becomes of them when an experiment is interrupted.
+"""Runs of plain configs.
 
 Written in the words of a config, so that every part can be swapped there: nothing here imports another plugin.
 """
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping, Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from trailmark.experiments import ExperimentOptions
-from trailmark.interfaces import Session
+from trailmark.interfaces import Mode, Session
 from trailmark.paths import Keyframe
+from trailmark.pipeline.plan import Access
 
 __all__ = [
     "PAPER_MAP",
@@ -25,7 +24,6 @@ __all__ = [
     "SWAY_M",
     "course",
     "drive",
-    "forget_finished",
     "keyframes",
     "photographs",
     "poles_of",
@@ -38,8 +36,6 @@ PIXEL_M = (0.200 / 512 * 0.188 / 480) ** 0.5
 SWAY_M = 0.003
 #: `ground_map` as the paper prints it.
 PAPER_MAP: Mapping[str, Any] = {"high_pass": False, "refined": False, "min_groups": 4, "max_attempts": 1}
-
-_DONE = "done.json"
 
 
 def course(route: str, world_seed: int = 1, **keys: Any) -> dict[str, Any]:
@@ -70,29 +66,13 @@ def tracking_config(
     }
 
 
-def drive(folder: Path, config: Mapping[str, Any], store: Path | None = None, mode: str = "track") -> Path:
-    """Run a config into a folder, and return the folder.
-
-    A long experiment that was interrupted goes on where it stopped: a run that this very request has finished in this
-    folder is not repeated, until `forget_finished`.
-    """
+def drive(folder: Path, config: Mapping[str, Any], store: Path | None = None, mode: Mode = "track") -> Path:
+    """Run a config into a folder, and return the folder."""
     from trailmark.api import run
 
-    asked = {"config": config, "store": str(store), "mode": mode, "version": version("trailmark")}
-    done = folder / _DONE
-    if done.is_file() and json.loads(done.read_text(encoding="utf-8")) == json.loads(json.dumps(asked)):
-        return folder
-    access: Any = "overwrite" if mode == "teach" else None
-    how: Any = mode
-    run(config, folder, mode=how, store=store, access=access, overwrite=True, report=False)
-    done.write_text(json.dumps(asked), encoding="utf-8")
+    access: Access | None = "overwrite" if mode == "teach" else None
+    run(config, folder, mode=mode, store=store, access=access, overwrite=True, report=False)
     return folder
-
-
-def forget_finished(out: Path) -> None:
-    """Let the next experiment in this folder begin anew."""
-    for done in out.glob(f"*/{_DONE}"):
-        done.unlink()
 
 
 def keyframes(store: Path, owner: str = "floor_map") -> Sequence[Keyframe]:
