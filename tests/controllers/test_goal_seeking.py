@@ -121,7 +121,9 @@ def test_it_stands_until_it_knows_where_it_is_and_the_run_goes_on() -> None:
 def test_it_looks_around_on_the_spot_when_asked_to() -> None:
     controller = started(search_dps=20.0)
 
-    assert controller.step(belief(None)) == Velocity(0.0, 0.0, math.radians(20.0))
+    assert controller.step(Belief(3.0)) == Velocity(0.0, 0.0, math.radians(20.0))
+    assert controller.step(Belief(38.0)) == Velocity(0.0, 0.0, math.radians(20.0))
+    assert controller.step(Belief(39.1)) == Stop("the pose is not known yet")
     assert controller.step(belief(Pose2(), fix_age_m=2.5)) == Stop("lost: 2.50 m without a fix", done=False)
 
 

@@ -15,6 +15,7 @@ from trailmark_controllers.taught_way import TaughtWay
 
 __all__ = ["GoalSeeking"]
 
+_SEARCH_DEG = 720.0
 _LEAVE_FACTOR = 2.0  # the goal is left again only this many tolerances away: a turn on it moves the belief a little
 
 
@@ -41,6 +42,7 @@ class GoalSeeking(Controller):
         self._way = None if path is None else TaughtWay(path, self._goal, self.config.lookahead_m)
         self._is_there = False
         self._n_settled = 0
+        self._search_began_s: float | None = None
 
     def step(self, belief: Belief) -> Command:
         """Return the velocity for a belief; `Stop` while lost, `Stop(done=True)` at the goal."""
@@ -48,9 +50,8 @@ class GoalSeeking(Controller):
         reason = self._why_stand(belief)
         if pose is None or reason:
             self._n_settled = 0
-            if pose is None and self.config.search_dps > 0.0:
-                return Velocity(0.0, 0.0, math.radians(self.config.search_dps))
-            return Stop(reason)
+            return self._look_around(belief.stamp_s) if pose is None else Stop(reason)
+        self._search_began_s = None
         next_point = self._way.next_point(pose) if self._way is not None else None
         if next_point is not None:
             return self._along(pose.between(next_point))
@@ -82,6 +83,15 @@ class GoalSeeking(Controller):
             if sigma_m > config.max_sigma_m:
                 return f"lost: the position is known to {sigma_m:.2f} m only"
         return ""
+
+    def _look_around(self, stamp_s: float) -> Command:
+        """Turn on the spot, twice around; then stand, and leave it to the guard to end the run."""
+        search_dps = self.config.search_dps
+        if self._search_began_s is None:
+            self._search_began_s = stamp_s
+        if search_dps * (stamp_s - self._search_began_s) >= _SEARCH_DEG or search_dps == 0.0:
+            return Stop("the pose is not known yet")
+        return Velocity(0.0, 0.0, math.radians(search_dps))
 
     def _settle(self) -> Stop:
         self._n_settled += 1

@@ -38,7 +38,8 @@ class GoalSeekingConfig(PluginConfig):
     reverse_m: float = Field(0.3, ge=0)
     """A differential robot drives back to a goal that lies behind it and nearer than this [m]."""
     search_dps: float = Field(0.0, ge=0)
-    """Turn on the spot so fast while the pose is not known yet: another heading may show more. 0: stand [deg/s]."""
+    """Turn on the spot so fast, twice around, while the pose is not known yet: another heading may show more. 0: stand
+    [deg/s]."""
     arrive_m: float = Field(0.02, gt=0)
     """The goal counts as reached this close to it [m]."""
     arrive_deg: float = Field(2.0, gt=0, lt=180)

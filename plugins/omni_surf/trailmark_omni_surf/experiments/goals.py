@@ -26,12 +26,13 @@ __all__ = ["GoalDrive", "drive_to_goal", "goal_rows", "random_starts", "taught_p
 
 GOAL = (5.55, 3.11)
 _ARRIVED_M, _BESIDE_M = 0.10, 0.5
-#: Four trials, as in the paper, which does not say from where: x, y [m], heading [deg].
-_TRIALS = ((1.2, 7.6, -90.0), (8.8, 6.6, 90.0), (2.4, 2.2, 180.0), (5.1, 6.6, 20.0))
+#: Four trials, as in the paper, which does not say from where; at most 0.5 m beside the taught drive, as the random
+#: starts: x, y [m], heading [deg].
+_TRIALS = ((1.2, 7.6, -90.0), (8.8, 6.6, 90.0), (2.4, 2.2, 180.0), (5.2, 7.4, 20.0))
 _PAPER_M = (0.01, 0.04, 0.06, 0.01)
 _QUICK_START = (3.2, 2.3, 140.0)
 _N_RANDOM = 100
-_SEARCH_DPS = 20.0
+_SEARCH_DPS, _LIMIT_S = 20.0, 120.0
 _SPEED_MPS = 0.8  # the paper's robot: 1.0 m/s at most
 
 Start = tuple[float, float, float]
@@ -118,7 +119,7 @@ def drive_to_goal(store: Path, start: Start, seed: int, folder: Path) -> GoalDri
     from trailmark.api import run
 
     config = {
-        "sources": {"robot": supermarket(route="round", driver="commands", start=list(start))},
+        "sources": {"robot": supermarket(route="round", driver="commands", start=list(start), duration_s=_LIMIT_S)},
         "localizers": {
             "wheels": {"plugin": "odometry"},
             "omni": {"plugin": "omni_surf", "camera": "omni"},
