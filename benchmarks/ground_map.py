@@ -297,8 +297,10 @@ def course_rows(name: str, mode: str, metres: float) -> Iterator[Row]:
         means[latency] = float(left_mm.mean())
         if latency == 1:
             detected_mm = 1e3 * np.array(out.detected_m)
-            yield _row(label, f"{name}: detected, mean", "mm", detected_mm.mean(), 0.63, 0.63, 0.2, n=len(detected_mm))
-            yield _row(label, f"{name}: detected, max", "mm", detected_mm.max(), 4.6, 4.6, 1.5, n=len(detected_mm))
+            bars = ((0.63, 0.2), (4.6, 1.5)) if is_refined else ((None, None), (None, None))
+            n = len(detected_mm)
+            yield _row(label, f"{name}: detected, mean", "mm", detected_mm.mean(), 0.63, *bars[0], n=n)
+            yield _row(label, f"{name}: detected, max", "mm", detected_mm.max(), 4.6, *bars[1], n=n)
             share = 100.0 * len(set(out.places)) / n_places
             yield _row(label, f"{name}: places found", "%", share, 91.5, 95.0, 99.0, better="higher", n=n_places)
             yield _row(label, f"{name}: searches rejected", "", out.n_rejected, n=out.n_rejected + len(out.places))
@@ -315,8 +317,9 @@ def course_rows(name: str, mode: str, metres: float) -> Iterator[Row]:
         yield _row(label, f"{name}: heading left, {when}, mean", "deg", heading_deg, n=len(left_mm))
         yield _row(label, f"{name}: every picture, {when}, mean", "mm", 1e3 * np.mean(out.every_m), n=len(out.every_m))
         yield _row(label, f"{name}: false corrections, {when}", "", out.n_false, None, 0.0, n=len(out.places))
-    bars = (2.0, 1.2) if is_refined else (None, None)
-    yield _row(label, f"{name}: left, 14 pictures late / 1 picture", "", means[14] / means[1], None, *bars, n=n_places)
+    most_late = (2.0, 1.2) if is_refined else (None, None)
+    late = means[14] / means[1]
+    yield _row(label, f"{name}: left, 14 pictures late / 1 picture", "", late, None, *most_late, n=n_places)
 
 
 def spoilt_rows(name: str, metres: float) -> Iterator[Row]:
