@@ -155,7 +155,7 @@ def with_common_errors(seed: int, kind: str) -> tuple[float, float]:
 
 @pytest.mark.parametrize("kind", ["ekf", "ukf"])
 def test_common_errors_are_as_well_known_as_they_say(kind: str) -> None:
-    n = N_RUNS if kind == "ekf" else N_RUNS // 4
+    n = N_RUNS // 2 if kind == "ekf" else N_RUNS // 8
 
     nees = np.array([with_common_errors(seed, kind) for seed in range(n)]).sum(axis=0)
 
@@ -165,7 +165,7 @@ def test_common_errors_are_as_well_known_as_they_say(kind: str) -> None:
 
 
 def test_the_unscented_filter_is_as_good_as_it_says() -> None:
-    n = N_RUNS // 4
+    n = N_RUNS // 8
 
     nees = sum(Drive(seed, filter="ukf").run("line") for seed in range(n))
 
