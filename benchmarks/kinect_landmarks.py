@@ -14,7 +14,7 @@ import argparse
 import json
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -76,8 +76,9 @@ METHODS: dict[str, Any] = {
     "optical flow (second mode)": lambda: KinectFlow(KinectFlowConfig(**ROLE)),
     "ORB + depth + RANSAC-Kabsch": lambda: OrbRgbd(OrbRgbdConfig(**ROLE)),
 }
-_QUICK = ("fuzzy rules choose (default)", "ORB + depth + RANSAC-Kabsch")
-_BARS = {"all finders": (15.0, 30.0), "blobs and rectangles": (25.0, 60.0)}
+_BASELINE = "ORB + depth + RANSAC-Kabsch"
+_QUICK = ("fuzzy rules choose (default)", _BASELINE)
+_BARS = {"all finders": (15.0, 30.0), "all finders, refind by look": (15.0, 30.0), "blobs and rectangles": (25.0, 60.0)}
 
 
 def load() -> Recording | None:
@@ -143,6 +144,18 @@ def rows_of(name: str, outcomes: Sequence[Outcome]) -> list[Row]:
     ]  # fmt: skip
 
 
+def comparison_rows(outcomes: Mapping[str, Sequence[Outcome]]) -> list[Row]:
+    """Return the errors of ours as multiples of the baseline's, of the same run."""
+    rows = []
+    for name in ("all finders", "fuzzy rules choose (default)"):
+        if name not in outcomes or _BASELINE not in outcomes:
+            continue
+        for item, value in (("ATE", "ate_m"), ("RPE over 1 s", "rpe_m")):
+            ours, theirs = (float(np.mean([getattr(o, value) for o in outcomes[key]])) for key in (name, _BASELINE))
+            rows.append(Row(name, f"{item} / {_BASELINE.split(' + ')[0]}'s", "", ours / theirs, stretch=1.3))
+    return rows
+
+
 def finder_rows(recording: Recording) -> list[Row]:
     """Return what each finder costs alone on every tenth picture, shared edges and colour classes included."""
     rows = []
@@ -168,11 +181,10 @@ def main() -> None:
     recording = load()
     if recording is None:
         raise SystemExit(f"no recording {SEQUENCE}; set TRAILMARK_DATA to the folder that holds rgbd/{SEQUENCE}")
-    rows: list[Row] = []
     names = _QUICK if options.quick else tuple(METHODS)
-    for name in names:
-        make = METHODS[name]
-        rows += rows_of(name, [play(make(), recording, seed) for seed in range(options.seeds)])
+    outcomes = {name: [play(METHODS[name](), recording, seed) for seed in range(options.seeds)] for name in names}
+    rows = [row for name in names for row in rows_of(name, outcomes[name])]
+    rows += comparison_rows(outcomes)
     rows += [] if options.quick else finder_rows(recording)
     if options.json:
         print(json.dumps([row.document() for row in rows], indent=1))

@@ -154,7 +154,12 @@ def test_a_landmark_with_poor_depth_counts_by_its_direction() -> None:
         cov[i] = 1e-6 * np.eye(2) + (0.2**2 if i < 2 else 1e-6) * np.outer(ray, ray)
 
     found = align(
-        start, now, cov, cov, rng=np.random.default_rng(7), expected=Expected(np.eye(2), np.zeros(2), 0.05, 0.05)
+        start,
+        now,
+        cov,
+        cov,
+        rng=np.random.default_rng(7),
+        expected=Expected(np.eye(2), np.zeros(2), np.full(2, 0.05), 0.05),
     )
 
     assert isinstance(found, Alignment)

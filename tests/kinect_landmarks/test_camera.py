@@ -7,10 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from trailmark.frames import RGBD, DepthCamera, Pinhole, Scan, SensorInfo
+from trailmark.frames import RGBD, DepthCamera, Pinhole, Scalar, Scan, SensorInfo
 from trailmark.geometry import Pose3
 from trailmark_kinect_landmarks.camera import Camera
 from trailmark_kinect_landmarks.config import CropConfig, KinectFlowConfig
+from trailmark_kinect_landmarks.depth import as_scan
 
 LENS = Pinhole(500.0, 500.0, 320.0, 240.0)
 MOUNTING = Pose3(0.1, 0.02, 0.5, 0.0, 0.1, 0.2)
@@ -100,3 +101,17 @@ def test_a_laser_fills_in_for_glass() -> None:
 
 def test_a_point_behind_the_camera_has_no_pixel() -> None:
     assert np.isnan(_camera().project(np.array([[-1.0, 0.0, 0.5]]), SIZE)).all()
+
+
+def test_an_ultrasound_fills_in_straight_ahead_of_it() -> None:
+    ultrasound = SensorInfo("sonar", "scalar", pose_base_sensor=Pose3(0.3, 0.0, 0.5))
+    info = SensorInfo("kinect", "rgbd", calibration=DepthCamera(LENS), pose_base_sensor=Pose3(0.2, 0.0, 0.5))
+    camera = Camera(KinectFlowConfig(camera="kinect", scan="sonar"), info, ultrasound)
+    uv = np.array([[LENS.cx, LENS.cy], [420.0, LENS.cy]])  # the second beside its beam
+
+    measured = camera.measure(uv, _depth(np.nan), 1.0, as_scan(Scalar(1.7)))
+    nothing = camera.measure(uv, _depth(np.nan), 1.0, as_scan(Scalar(0.0)))
+
+    assert measured.from_scan.tolist() == [True, False]
+    np.testing.assert_allclose(measured.points_base[0], [2.0, 0.0, 0.5], atol=1e-6)
+    assert not nothing.from_scan.any()

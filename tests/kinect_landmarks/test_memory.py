@@ -96,3 +96,63 @@ def test_arrays_that_do_not_belong_together_are_refused() -> None:
 
     with pytest.raises(StoreError, match="differ in length: teach the place again"):
         Memory().load(arrays)
+
+
+def _at(picture: int, n: int, rng: np.random.Generator) -> Seen:
+    seen = _seen(n)
+    seen.points_base[:] = rng.uniform(-5.0, 5.0, (n, 3))
+    seen.points_base[:, 0] += 0.01 * picture
+    return seen
+
+
+def test_memory_stays_bounded_over_ten_thousand_pictures() -> None:
+    memory, rng = Memory(MemoryLimits(trial=3, moved_after=2, most=300)), np.random.default_rng(7)
+    memory.add(_seen(4), np.eye(3), np.zeros(3), np.zeros((3, 3)), is_trusted=True)
+    memory.size_m[:4] = 7.0  # by which they are known again
+    followed = np.arange(4)
+    most = 0
+
+    for picture in range(10_000):
+        numbers = memory.forget(followed)
+        followed = followed if numbers is None else numbers[followed]
+        assert (followed >= 0).all()
+        if picture % 10 == 0:
+            memory.agree(followed, memory.points[followed].copy(), np.tile(np.eye(3) * 1e-4, (len(followed), 1, 1)))
+        new = memory.add(_at(picture, 3, rng), np.eye(3), np.zeros(3), np.zeros((3, 3)), is_trusted=picture % 5 == 0)
+        assert new[-1] == len(memory) - 1
+        most = max(most, len(memory))
+
+    assert most <= 300 + 3
+    assert (memory.size_m == 7.0).sum() == 4
+    assert len({len(memory.arrays()[name]) for name in memory.arrays()}) == 1
+
+
+def test_those_seen_often_outlive_those_seen_once_and_the_moved_go_first() -> None:
+    memory = Memory(MemoryLimits(trial=1, moved_after=1, most=100))
+    memory.add(_seen(101), np.eye(3), np.zeros(3), np.zeros((3, 3)), is_trusted=True)
+    memory.size_m[:] = np.arange(101)
+    often = np.arange(0, 50)
+    for _ in range(5):
+        memory.agree(often, memory.points[often].copy(), np.tile(np.eye(3) * 1e-4, (50, 1, 1)))
+    memory.disagree(np.array([3, 4]))
+
+    numbers = memory.forget(np.array([100]))
+
+    assert numbers is not None
+    assert len(memory) == 90  # a tenth more than needed
+    assert not np.isin([3.0, 4.0], memory.size_m).any()
+    assert np.isin(np.delete(np.arange(50.0), [3, 4]), memory.size_m).all()
+    assert 100.0 in memory.size_m
+    assert memory.size_m[numbers[100]] == 100.0
+
+
+def test_a_taught_place_is_never_forgotten() -> None:
+    taught, memory = _memory(), Memory(MemoryLimits(most=100))
+    memory.load(taught.arrays())
+
+    for _ in range(200):
+        memory.forget(np.empty(0, np.intp))
+        memory.add(_seen(1), np.eye(3), np.zeros(3), np.zeros((3, 3)), is_trusted=False)
+
+    assert memory.is_taught.sum() == 2
+    assert len(memory) < 2 + 100

@@ -6,7 +6,14 @@ import cv2
 import numpy as np
 import pytest
 
-from trailmark_kinect_landmarks.refinding import consistent, follow, match_anywhere, match_near, resemblance
+from trailmark_kinect_landmarks.refinding import (
+    consistent,
+    follow,
+    match_anywhere,
+    match_near,
+    resemblance,
+    resemblance_where,
+)
 
 
 def _texture() -> np.ndarray:
@@ -90,3 +97,15 @@ def test_nothing_remembered_is_nothing_recognised() -> None:
 
     assert match_anywhere(empty, np.ones(3), np.empty(0), 0.5).shape == (0, 2)
     assert consistent(np.empty((0, 2), np.intp), np.empty((0, 3)), np.empty((0, 3))).shape == (0, 2)
+
+
+@pytest.mark.parametrize("by_colour", [True, False])
+def test_possible_pairs_resemble_one_another_as_all_pairs_do(by_colour: bool) -> None:
+    rng = np.random.default_rng(7)
+    looks = [rng.random((n, 5)).astype(np.float32) for n in (4, 4, 6, 6)]
+    possible = rng.random((4, 6)) < 0.5
+
+    alike = resemblance_where(possible, *looks, by_colour)
+
+    np.testing.assert_allclose(alike[possible], resemblance(*looks, by_colour)[possible], rtol=1e-5)
+    assert (alike[~possible] == -1.0).all()

@@ -33,7 +33,7 @@ Array = npt.NDArray[np.float64]
 _GATE = {2: 13.8, 3: 16.3}  # chi-square, 99.9 %
 _N_GAUSS_NEWTON = 6
 _SOFT = 9.0  # squared sigmas at which a residual counts a quarter
-_TRUSTED_SHARE = 0.5  # of the landmarks that agree with where the prediction leads, so that nothing else is tried
+_TRUSTED_SHARE = 0.4  # of the landmarks that agree with where the prediction leads, so that nothing else is tried
 _N_FINALISTS = 5  # sets that are judged with the full covariances
 _MAX_EXHAUSTIVE = 120  # minimal sets tried all, rather than drawn
 
@@ -148,7 +148,7 @@ def align(
     """Return the rigid motion that most landmarks agree on.
 
     Gauss-Newton with the covariances of both sides, the far depth of a landmark counting less than its direction, and
-    a redescending loss: a landmark that begins to move must not pull. It starts at the prediction, where half of all
+    a redescending loss: a landmark that begins to move must not pull. It starts at the expectation, where 0.4 of all
     landmarks agree with where that leads ("expected movement", as the paper proposes); otherwise at the consensus of
     minimal sets. Consensus alone may follow a thing that walks: far landmarks forgive a shift that a turn makes up for.
 
@@ -161,7 +161,8 @@ def align(
     rng : Generator
         Draws the minimal sets when there are too many to try all.
     expected : Expected, optional
-        The motion that is expected. It chooses landmarks; the answer is made of landmarks alone.
+        The motion that is expected. It chooses landmarks, and steadies what they leave open: far ones before a wall
+        hardly tell a shift from a turn. The covariance is that of the landmarks alone.
 
     Raises
     ------
@@ -175,20 +176,22 @@ def align(
     refusal = refusal_of(points_b, limits)
     if refusal is not None:
         return refusal
-    able = None if expected is None else _from_expected(points_a, points_b, cov_a, cov_b, expected)
-    if able is None or expected is None:
+    led = None if expected is None else _from_expected(points_a, points_b, cov_a, cov_b, expected)
+    if led is None:
         able = np.ones(n, dtype=np.bool_)
         R, t = _consensus(points_a, points_b, cov_a, cov_b, expected, rng, n_tries)
         inliers = _gated(points_a, points_b, cov_a, cov_b, R, t, 4.0)
     else:
-        R, t, inliers = expected.R, expected.t, able
+        R, t, able = led
+        inliers = able
     H = np.eye(3 if D == 2 else 6)
     chi2 = 0.0
     for _ in range(_N_GAUSS_NEWTON):
         refusal = refusal_of(points_b[inliers], limits)
         if refusal is not None:
             return refusal
-        R, t, H, chi2 = _step(points_a[inliers], points_b[inliers], cov_a[inliers], cov_b[inliers], R, t)
+        chosen = points_a[inliers], points_b[inliers], cov_a[inliers], cov_b[inliers]
+        R, t, H, chi2 = _step(*chosen, R, t, expected=None if led is None else expected)
         inliers = able & _gated(points_a, points_b, cov_a, cov_b, R, t)
     refusal = refusal_of(points_b[inliers], limits)
     if refusal is not None:
@@ -201,20 +204,35 @@ def align(
 
 def _from_expected(
     points_a: Array, points_b: Array, cov_a: Array, cov_b: Array, expected: Expected
-) -> npt.NDArray[np.bool_] | None:
-    """Return which landmarks agree with the expected motion; None when most do not.
+) -> tuple[Array, Array, npt.NDArray[np.bool_]] | None:
+    """Return where the expectation leads, and which landmarks agree with it; None when too few do.
 
-    The loss is as wide as the median residual asks for, and narrows as that falls: an expectation that is off is off
-    for all landmarks alike. What it is worth keeps a thing that walks from turning the robot.
+    What is farther off than landmark and expectation allow moves by itself and is left out at once. The loss is as wide
+    as the median residual of the others asks for, and narrows as that falls: an expectation that is off is off for all
+    of them alike.
     """
+    able = _allowed(points_a, points_b, cov_a, cov_b, expected)
+    if able.mean() < _TRUSTED_SHARE:
+        return None
+    a, b, P, Q = points_a[able], points_b[able], cov_a[able], cov_b[able]
     R, t = expected.R, expected.t
     for _ in range(_N_GAUSS_NEWTON):
-        median = float(np.median(_whitened(points_a, points_b, cov_a, cov_b, R, t)[2]))
+        median = float(np.median(_whitened(a, b, P, Q, R, t)[2]))
         if not math.isfinite(median):
             return None
-        R, t, _, _ = _step(points_a, points_b, cov_a, cov_b, R, t, max(_SOFT, 2.0 * median), expected)
-    agreeing = _gated(points_a, points_b, cov_a, cov_b, R, t)
-    return agreeing if agreeing.mean() >= _TRUSTED_SHARE else None
+        R, t, _, _ = _step(a, b, P, Q, R, t, max(_SOFT, 2.0 * median), expected)
+    agreeing = able & _gated(points_a, points_b, cov_a, cov_b, R, t)
+    return (R, t, agreeing) if agreeing.mean() >= _TRUSTED_SHARE else None
+
+
+def _allowed(points_a: Array, points_b: Array, cov_a: Array, cov_b: Array, expected: Expected) -> npt.NDArray[np.bool_]:
+    """Return which landmarks are where they may be, given how sure the expectation is."""
+    R, t = expected.R, expected.t
+    J = jacobian(points_b @ R.T)
+    cov = cov_a + R @ cov_b @ R.T + J @ np.linalg.inv(expected.information) @ J.transpose(0, 2, 1)
+    misses = points_a - points_b @ R.T - t
+    squared = np.einsum("ni,nij,nj->n", misses, np.linalg.inv(cov), misses)
+    return np.asarray(squared < _GATE[points_a.shape[1]])
 
 
 def _sets(n: int, size: int, rng: np.random.Generator, n_tries: int) -> npt.NDArray[np.intp]:
@@ -281,7 +299,7 @@ def _step(
     weighted = weights[:, None, None] * informed
     H, g = np.einsum("nij,nik->jk", J, weighted), np.einsum("nij,ni->j", weighted, residuals)
     if expected is not None:
-        H, g = H + np.diag(expected.information), g + expected.information * expected.seen_from(R, t)
+        H, g = H + expected.information, g + expected.information @ expected.seen_from(R, t)
     delta = np.linalg.solve(H, g)
     D = points_a.shape[1]
     return _exp(delta[D:]) @ R, t + delta[:D], np.einsum("nij,nik->jk", J, informed), float(squared.sum())

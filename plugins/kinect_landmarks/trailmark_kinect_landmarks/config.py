@@ -35,8 +35,9 @@ class RgbdConfig(PluginConfig):
 
     camera: Sensor["rgbd"]
     """Colour camera with depth."""
-    scan: Sensor["scan"] | None = None
-    """Laser or ultrasound that fills in where a landmark has no depth (glass, gloss)."""
+    scan: Sensor["scan", "scalar"] | None = None
+    """Laser or ultrasound that fills in where a landmark has no depth (glass, gloss). A scalar is a range along the x
+    axis of its mounting [m]."""
 
     solve: Literal["space", "plane"] = "space"
     """space: in three dimensions, then projected to the plane of the start; for hand-held cameras and tilting robots.
@@ -100,6 +101,9 @@ class KinectLandmarksConfig(RgbdConfig):
     """Sightings in agreement before a new landmark votes on the pose."""
     moved_after: int = Field(5, ge=1)
     """Sightings in a row against all others after which a landmark counts as moved and is set aside."""
+
+    remembered: int = Field(2000, ge=100)
+    """Landmarks remembered at the same time, those of a taught place not counted; what is worth least is forgotten."""
 
     restart_s: float = Field(1.0, gt=0.0)
     """Lost for so long, it remembers anew where it is believed to be, and says with what uncertainty [s]."""

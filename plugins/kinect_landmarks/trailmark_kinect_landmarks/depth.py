@@ -8,13 +8,14 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from trailmark.frames import Scan
+from trailmark.frames import Scalar, Scan
 
-__all__ = ["DepthLimits", "correct_depth", "depth_at", "depth_sigma", "scan_depth"]
+__all__ = ["DepthLimits", "as_scan", "correct_depth", "depth_at", "depth_sigma", "scan_depth"]
 
 Array = npt.NDArray[np.float64]
 Picture = npt.NDArray[np.float32]
 
+_ONE_BEAM_RAD = 0.1  # any step will do
 _SATURATED = 250  # grey level of a highlight
 _MIN_SHARE = 0.34  # of a landmark's window that must have depth
 _FILL_SHARE = 0.6  # of a hole's surroundings that must have depth
@@ -110,6 +111,13 @@ def depth_sigma(depth_m: Array) -> Array:
     return np.asarray(_KINECT_SIGMA * np.square(depth_m) + 1e-3)
 
 
+def as_scan(payload: Scan | Scalar) -> Scan:
+    """Return a range sensor's reading as a sweep: a single range is a sweep of one beam, straight ahead."""
+    if isinstance(payload, Scan):
+        return payload
+    return Scan(np.array([payload.value if payload.value > 0.0 else np.nan]), 0.0, _ONE_BEAM_RAD)
+
+
 def scan_depth(scan: Scan, bearings_rad: Array, max_gap_rad: float) -> Array:
     """Return the ranges of a laser in given directions, NaN where no beam came back near enough.
 
@@ -122,8 +130,10 @@ def scan_depth(scan: Scan, bearings_rad: Array, max_gap_rad: float) -> Array:
     max_gap_rad : float
         How far from the beam a landmark may be [rad].
     """
+    known = np.isfinite(bearings_rad)
+    bearings_rad = np.where(known, bearings_rad, 0.0)
     beam = np.rint((bearings_rad - scan.angle_min_rad) / scan.angle_step_rad).astype(np.intp)
-    inside = (beam >= 0) & (beam < len(scan.ranges_m))
+    inside = known & (beam >= 0) & (beam < len(scan.ranges_m))
     beam = np.clip(beam, 0, len(scan.ranges_m) - 1)
     ranges = np.asarray(scan.ranges_m, dtype=np.float64)[beam]
     near = np.abs(scan.angle_min_rad + beam * scan.angle_step_rad - bearings_rad) <= max_gap_rad

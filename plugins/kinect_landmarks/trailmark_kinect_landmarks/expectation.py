@@ -12,7 +12,7 @@ __all__ = ["Expectation", "Expected"]
 
 Array = npt.NDArray[np.float64]
 
-_LEARNS = 0.15  # what the newest miss counts
+_LEARNS = 0.15  # what the newest miss counts, the first ones more
 _SLACK = 2.0  # sigmas of the misses of late that an expectation is worth
 _FLOOR_M, _FLOOR_RAD = 0.003, math.radians(0.1)
 _UNKNOWN_M, _UNKNOWN_RAD = 0.1, math.radians(5.0)
@@ -26,20 +26,25 @@ class Expected:
     ----------
     R, t : (D, D), (D,) float64
         ``points_a = R points_b + t``.
-    sigma_m, sigma_rad : float
-        Standard deviations along every axis and about it [m, rad].
+    sigma_m : (D,) float64
+        Standard deviations along the axes of b, the robot's: sideways it is surer than ahead [m].
+    sigma_rad : float
+        ... and of the turn about any axis [rad].
     """
 
     R: Array
     t: Array
-    sigma_m: float
+    sigma_m: Array
     sigma_rad: float
 
     @property
     def information(self) -> Array:
-        """Inverse variances of translation and rotation, (3,) or (6,)."""
+        """Inverse covariance of translation and rotation, (3, 3) or (6, 6)."""
         D = len(self.t)
-        return np.array([self.sigma_m**-2] * D + [self.sigma_rad**-2] * (1 if D == 2 else 3))
+        n = 3 if D == 2 else 6
+        information = np.eye(n) * self.sigma_rad**-2
+        information[:D, :D] = self.R @ np.diag(np.asarray(self.sigma_m) ** -2.0) @ self.R.T
+        return information
 
     def seen_from(self, R: Array, t: Array) -> Array:
         """Return how far it is from another motion: translation, and rotation on the left, (3,) or (6,)."""
@@ -61,7 +66,8 @@ class Expectation:
 
     def __init__(self) -> None:
         self._poses: list[tuple[float, Array]] = []  # the last two: stamps and T_map_base
-        self._variance_m2, self._variance_rad2 = _UNKNOWN_M**2, _UNKNOWN_RAD**2
+        self._variance_m2, self._variance_rad2 = np.full(3, _UNKNOWN_M**2), _UNKNOWN_RAD**2
+        self._n_learned = 0
 
     @property
     def last(self) -> tuple[float, Array] | None:
@@ -71,7 +77,8 @@ class Expectation:
     def begin(self, stamp_s: float, T_map_base: Array) -> None:
         """Begin anew at a pose."""
         self._poses = [(stamp_s, T_map_base)]
-        self._variance_m2, self._variance_rad2 = _UNKNOWN_M**2, _UNKNOWN_RAD**2
+        self._variance_m2, self._variance_rad2 = np.full(3, _UNKNOWN_M**2), _UNKNOWN_RAD**2
+        self._n_learned = 0
 
     def forget(self) -> None:
         """Expect nothing."""
@@ -84,8 +91,10 @@ class Expectation:
             miss = np.linalg.inv(expected) @ T_map_base
             cosine = (np.trace(miss[:3, :3]) - 1.0) / 2.0
             turn_rad = math.acos(min(1.0, max(-1.0, float(cosine))))
-            self._variance_m2 += _LEARNS * (float(miss[:3, 3] @ miss[:3, 3]) - self._variance_m2)
-            self._variance_rad2 += _LEARNS * (turn_rad**2 - self._variance_rad2)
+            self._n_learned += 1
+            gain = max(_LEARNS, 1.0 / self._n_learned)
+            self._variance_m2 += gain * (miss[:3, 3] ** 2 - self._variance_m2)
+            self._variance_rad2 += gain * (turn_rad**2 - self._variance_rad2)
         self._poses = [*self._poses[-1:], (stamp_s, T_map_base)]
 
     def pose(self, stamp_s: float) -> Array | None:
@@ -106,7 +115,8 @@ class Expectation:
             return None
         last_s = self._poses[-1][0]
         is_regular = len(self._poses) == 2 and stamp_s - last_s < 2.0 * (last_s - self._poses[0][0])
-        variances = (self._variance_m2, self._variance_rad2) if is_regular else (_UNKNOWN_M**2, _UNKNOWN_RAD**2)
-        sigma_m, sigma_rad = (_SLACK * math.sqrt(variance) for variance in variances)
+        sigma_m, sigma_rad = np.full(3, _SLACK * _UNKNOWN_M), _SLACK * _UNKNOWN_RAD
+        if is_regular:
+            sigma_m, sigma_rad = _SLACK * np.sqrt(self._variance_m2), _SLACK * math.sqrt(self._variance_rad2)
         D = n_dimensions
-        return Expected(T[:D, :D], T[:D, 3], max(sigma_m, _FLOOR_M), max(sigma_rad, _FLOOR_RAD))
+        return Expected(T[:D, :D], T[:D, 3], np.maximum(sigma_m, _FLOOR_M)[:D], max(sigma_rad, _FLOOR_RAD))

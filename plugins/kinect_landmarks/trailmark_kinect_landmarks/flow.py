@@ -11,12 +11,13 @@ import numpy.typing as npt
 
 from trailmark.errors import ShapeError
 from trailmark.estimates import Belief, Estimate, Lost, Motion, information_from_covariance
-from trailmark.frames import RGBD, Frame, Scan
+from trailmark.frames import RGBD, Frame, Scalar, Scan
 from trailmark.geometry import Pose2, Pose3
 from trailmark.interfaces import Localizer, Session
 from trailmark_kinect_landmarks.alignment import Alignment, Refusal, align, planar_covariance
 from trailmark_kinect_landmarks.camera import Camera, alignment_limits
 from trailmark_kinect_landmarks.config import KinectFlowConfig
+from trailmark_kinect_landmarks.depth import as_scan
 from trailmark_kinect_landmarks.expectation import Expectation
 from trailmark_kinect_landmarks.refinding import follow
 
@@ -73,8 +74,8 @@ class KinectFlow(Localizer):
     def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
         """Return the motion since the picture before, or `Lost` when the points do not carry one."""
         payload = frame.payload
-        if isinstance(payload, Scan):
-            self._scan = payload
+        if isinstance(payload, Scan | Scalar):
+            self._scan = as_scan(payload)
             return ()
         if not isinstance(payload, RGBD):
             raise ShapeError(f"kinect_flow takes rgbd, but sensor {frame.sensor!r} gave {type(payload).__name__}")

@@ -18,6 +18,7 @@ from trailmark_kinect_landmarks.alignment import Refusal
 from trailmark_kinect_landmarks.camera import Camera, alignment_limits
 from trailmark_kinect_landmarks.colour import Light
 from trailmark_kinect_landmarks.config import KinectLandmarksConfig
+from trailmark_kinect_landmarks.depth import as_scan
 from trailmark_kinect_landmarks.effort import Effort
 from trailmark_kinect_landmarks.expectation import Expectation, Expected
 from trailmark_kinect_landmarks.eye import Eye, Picture
@@ -54,7 +55,7 @@ class KinectLandmarks(Localizer):
             config, session.sensors[config.camera], session.sensors[config.scan] if config.scan else None
         )
         self._eye = Eye(config, self._camera)
-        self._memory = Memory(MemoryLimits(config.trial, config.moved_after))
+        self._memory = Memory(MemoryLimits(config.trial, config.moved_after, config.remembered))
         self._tracker = Tracker(config, self._camera, self._eye, self._memory, alignment_limits(config), session.rng)
         self._effort = Effort(config, session.sensors[config.camera].rate_hz)
         self._stages = StagePictures(config.debug_images) if config.debug_images else None
@@ -70,11 +71,11 @@ class KinectLandmarks(Localizer):
     def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
         """Look at a picture; readings of the light sensor and the laser are kept for the next one."""
         payload = frame.payload
+        if frame.sensor == self.config.scan and isinstance(payload, Scan | Scalar):
+            self._scan = as_scan(payload)
+            return ()
         if isinstance(payload, Scalar):
             self._light = payload.value
-            return ()
-        if isinstance(payload, Scan):
-            self._scan = payload
             return ()
         if not isinstance(payload, RGBD):
             raise ShapeError(f"kinect_landmarks takes rgbd, but {frame.sensor!r} gave {type(payload).__name__}")

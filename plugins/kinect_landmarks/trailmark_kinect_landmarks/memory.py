@@ -18,6 +18,8 @@ Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]
 
 _MEMORY = 25  # sightings that count
+_TRIAL_PICTURES = 30
+_RARELY = 64  # so many failed trials are gathered before rows are moved together
 _STORED = ("points", "cov", "anchor_cov", "kind", "size_m", "histogram", "vicinity", "n_seen")
 
 
@@ -31,10 +33,13 @@ class MemoryLimits:
         Sightings in agreement with the others before it may vote on the pose.
     moved_after : int
         Sightings in a row against the others after which it is set aside as moved.
+    most : int
+        Landmarks that are remembered at the same time, those of a taught place not counted.
     """
 
     trial: int = 3
     moved_after: int = 5
+    most: int = 2000
 
 
 def _rows(*shape: int) -> Any:
@@ -43,7 +48,7 @@ def _rows(*shape: int) -> Any:
 
 @dataclass(slots=True, eq=False)
 class Memory:
-    """All landmarks, a row each; a row's number is the landmark's identity for as long as the memory lives.
+    """All landmarks, a row each; a row's number is the landmark's identity until `forget` says otherwise.
 
     Attributes
     ----------
@@ -61,6 +66,10 @@ class Memory:
         Sightings in a row against the others.
     is_moved : (N,) bool
         Set aside.
+    last_seen : (N,) int
+        Number of the picture of the last sighting in agreement.
+    is_taught : (N,) bool
+        From a store: never forgotten.
     """
 
     limits: MemoryLimits = field(default_factory=MemoryLimits)
@@ -74,6 +83,9 @@ class Memory:
     n_seen: npt.NDArray[np.intp] = field(default_factory=lambda: np.empty(0, np.intp))
     n_against: npt.NDArray[np.intp] = field(default_factory=lambda: np.empty(0, np.intp))
     is_moved: npt.NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, np.bool_))
+    last_seen: npt.NDArray[np.intp] = field(default_factory=lambda: np.empty(0, np.intp))
+    is_taught: npt.NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, np.bool_))
+    _picture: int = 0
 
     def __len__(self) -> int:
         return len(self.points)
@@ -112,11 +124,51 @@ class Memory:
         self.cov[rows] = (posterior + posterior.transpose(0, 2, 1)) / 2.0
         self.n_seen[rows] += 1
         self.n_against[rows] = 0
+        self.last_seen[rows] = self._picture
 
     def disagree(self, rows: Rows) -> None:
         """Take sightings against the pose, Eqs. (1)-(2): what keeps moving against the others is set aside."""
         self.n_against[rows] += 1
         self.is_moved[rows] |= self.n_against[rows] >= self.limits.moved_after
+
+    def forget(self, in_sight: Rows) -> Rows | None:
+        """Begin a new picture, and forget what is not worth its place.
+
+        A trial ends where it was not passed within `_TRIAL_PICTURES`. Beyond `MemoryLimits.most` go first the landmarks
+        that moved, then those on trial, then those seen least often (more than `_MEMORY` times counts no more), of
+        these the ones not seen for longest. A tenth more than needed goes, so that this is rare.
+
+        Parameters
+        ----------
+        in_sight : (K,) int
+            Rows that stay.
+
+        Returns
+        -------
+        (N,) int or None
+            New number of each row, -1 for the forgotten; None when all stay.
+        """
+        self._picture += 1
+        stays = self.is_taught.copy()
+        stays[in_sight] = True
+        on_trial = (self.n_seen < self.limits.trial) & ~stays
+        gone = on_trial & (self._picture - self.last_seen > _TRIAL_PICTURES)
+        n_own = int((~self.is_taught).sum())
+        n_too_many = n_own - int(gone.sum()) - self.limits.most
+        if n_too_many > 0:
+            worth = np.lexsort(
+                (self.last_seen, np.minimum(self.n_seen, _MEMORY), ~on_trial, ~self.is_moved)
+            )  # least first
+            worth = worth[~(stays | gone)[worth]]
+            gone[worth[: n_too_many + self.limits.most // 10]] = True
+        elif gone.sum() < _RARELY and n_own <= self.limits.most:
+            return None
+        kept = np.flatnonzero(~gone)
+        for name in (*_STORED, "n_against", "is_moved", "last_seen", "is_taught"):
+            setattr(self, name, getattr(self, name)[kept])
+        numbers = np.full(len(gone), -1, np.intp)
+        numbers[kept] = np.arange(len(kept))
+        return numbers
 
     def arrays(self, rows: Rows | None = None) -> dict[str, npt.NDArray[Any]]:
         """Return what is worth keeping of some landmarks, or of all, for a store."""
@@ -136,6 +188,7 @@ class Memory:
             what = f"lack {', '.join(missing)}" if missing else "differ in length"
             raise StoreError(f"the landmarks in the store {what}: teach the place again")
         self._append({name: np.asarray(arrays[name]) for name in _STORED})
+        self.is_taught[len(self) - len(arrays["points"]) :] = True
 
     def _append(self, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
         n, is_empty = len(arrays["points"]), len(self) == 0
@@ -144,3 +197,5 @@ class Memory:
             setattr(self, name, np.array(new) if is_empty else np.concatenate([known, new]))
         self.n_against = np.concatenate([self.n_against, np.zeros(n, np.intp)])
         self.is_moved = np.concatenate([self.is_moved, np.zeros(n, np.bool_)])
+        self.last_seen = np.concatenate([self.last_seen, np.full(n, self._picture, np.intp)])
+        self.is_taught = np.concatenate([self.is_taught, np.zeros(n, np.bool_)])

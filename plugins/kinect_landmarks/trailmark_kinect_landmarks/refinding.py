@@ -8,7 +8,15 @@ import numpy.typing as npt
 
 from trailmark_kinect_landmarks.colour import similarity
 
-__all__ = ["consistent", "follow", "match_anywhere", "match_near", "resemblance"]
+__all__ = [
+    "consistent",
+    "follow",
+    "is_near",
+    "match_anywhere",
+    "match_near",
+    "resemblance",
+    "resemblance_where",
+]
 
 Array = npt.NDArray[np.float64]
 Floats = npt.NDArray[np.float32]
@@ -66,6 +74,31 @@ def resemblance(
     return np.asarray((pattern + similarity(histogram, other_histogram)) / 2.0, dtype=np.float32)
 
 
+def resemblance_where(
+    possible: npt.NDArray[np.bool_],
+    histogram: Floats,
+    vicinity: Floats,
+    other_histogram: Floats,
+    other_vicinity: Floats,
+    by_colour: bool = True,
+) -> Floats:
+    """Return the same of the possible pairs alone, (N, M), and -1 for all others: most stand elsewhere."""
+    row, column = np.nonzero(possible)
+    alike = np.einsum("kc,kc->k", vicinity[row], other_vicinity[column])
+    if by_colour:
+        root, other_root = np.sqrt(histogram), np.sqrt(other_histogram)
+        alike = (alike + np.einsum("kb,kb->k", root[row], other_root[column])) / 2.0
+    scores = np.full(possible.shape, -1.0, np.float32)
+    scores[row, column] = alike
+    return scores
+
+
+def is_near(uv: Array, expected_uv: Array, radius_px: float) -> npt.NDArray[np.bool_]:
+    """Return which pixels are within a square around others, (N, M)."""
+    miss_px = np.abs(uv[:, None, :] - expected_uv[None]).max(axis=2)
+    return np.asarray(miss_px <= radius_px)
+
+
 def match_near(
     alike: Floats, uv: Array, expected_uv: Array, radius_px: float, size: Array, other_size: Array, least: float
 ) -> Pairs:
@@ -75,8 +108,7 @@ def match_near(
     """
     if alike.size == 0:
         return np.empty((0, 2), np.intp)
-    miss_px = np.abs(uv[:, None, :] - expected_uv[None]).max(axis=2)
-    possible = (miss_px <= radius_px) & _like_size(size, other_size)
+    possible = is_near(uv, expected_uv, radius_px) & _like_size(size, other_size)
     return _mutual(np.where(possible, alike, -1.0).astype(np.float32), least)
 
 

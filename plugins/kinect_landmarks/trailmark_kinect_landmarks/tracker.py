@@ -22,7 +22,15 @@ from trailmark_kinect_landmarks.eye import Eye, Picture
 from trailmark_kinect_landmarks.fuzzy import Plan
 from trailmark_kinect_landmarks.landmarks import Seen
 from trailmark_kinect_landmarks.memory import Memory
-from trailmark_kinect_landmarks.refinding import consistent, follow, match_anywhere, match_near, resemblance
+from trailmark_kinect_landmarks.refinding import (
+    consistent,
+    follow,
+    is_near,
+    match_anywhere,
+    match_near,
+    resemblance,
+    resemblance_where,
+)
 
 __all__ = ["Sighting", "Solved", "Tracker"]
 
@@ -111,6 +119,9 @@ class Tracker:
 
     def look(self, picture: Picture, plan: Plan, T_map_base: Array | None) -> tuple[Sighting, Sighting]:
         """Return the landmarks that are found again, and all others that are seen; `T_map_base`: predicted."""
+        numbers = self._memory.forget(self._followed[0])
+        if numbers is not None:
+            self._followed = numbers[self._followed[0]], self._followed[1]
         again = self._follow(picture, plan, T_map_base)
         wanted = max(self._config.landmarks - len(again), self._config.landmarks // 3)
         found = self._eye.find(picture, plan, again.seen.uv, wanted)
@@ -134,20 +145,22 @@ class Tracker:
         return answer
 
     def learn(self, solved: Solved, again: Sighting, others: Sighting) -> Rows:
-        """Refine what agrees, count what does not, remember what is new; returns the new rows."""
+        """Refine what agrees, count what does not, remember what is new; returns the rows that passed their trial."""
         R, t = solved.T_map_base[:3, :3], solved.T_map_base[:3, 3]
         points = again.seen.points_base @ R.T + t
         cov = R @ again.seen.cov_base @ R.T + _MODEL_SIGMA_M**2 * np.eye(3)
         agrees = self._agree(points - self._memory.points[again.rows], cov + self._memory.cov[again.rows])
         self._memory.agree(again.rows[agrees], points[agrees], cov[agrees])
         self._memory.disagree(again.rows[~agrees])
+        agreeing = again.rows[agrees]
+        passed: Rows = agreeing[self._memory.n_seen[agreeing] == self._memory.limits.trial]
         rows, uv = self._followed
         stays = ~np.isin(rows, again.rows[~agrees])
         room = max(0, self._config.landmarks - int(agrees.sum()))
         new = others.seen.rows(np.arange(min(room, len(others))))
         new_rows = self._memory.add(new, R, t, solved.covariance, is_trusted=False)
         self._keep(rows[stays], uv[stays], new_rows, new.uv)
-        return new_rows
+        return passed
 
     def remember(self, others: Sighting, T_map_base: Array, anchor_cov: Array) -> Rows:
         """Remember all that is seen from a pose that is taken for granted; returns the new rows."""
@@ -195,14 +208,15 @@ class Tracker:
             rows, expected = rows[near], expected[near]
         if len(rows) == 0 or len(found) == 0:
             return np.empty((0, 2), np.intp)
-        alike = resemblance(
-            found.histogram, found.vicinity, memory.histogram[rows], memory.vicinity[rows], plan.by_colour
-        )
+        looks = found.histogram, found.vicinity, memory.histogram[rows], memory.vicinity[rows]
         if expected is None:
+            alike = resemblance(*looks, plan.by_colour)
             pairs = match_anywhere(alike, found.size_m, memory.size_m[rows], self._config.alike)
             pairs = consistent(pairs, found.points_base, memory.points[rows])
         else:
             sizes = found.size_m, memory.size_m[rows]
+            near = is_near(found.uv, expected, self._config.search_px)
+            alike = resemblance_where(near, *looks, plan.by_colour)
             pairs = match_near(alike, found.uv, expected, self._config.search_px, *sizes, self._config.alike)
         return np.stack([pairs[:, 0], rows[pairs[:, 1]]], axis=1)
 

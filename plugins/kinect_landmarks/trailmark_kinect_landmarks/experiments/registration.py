@@ -19,7 +19,7 @@ def registration_plans(options: ExperimentOptions) -> list[Plan]:
     if options.quick:
         return []
     methods = {"by reprojection": LANDMARKS, "by crop ratios": {**LANDMARKS, "crop": _CROP}}
-    return [Plan("registration", "lab", options.seed, methods, {"registered": False})]
+    return [Plan("registration", "lab", options.seed, methods, {"registered": False}, rate_hz=5.0)]
 
 
 def registration_rows(driven: Sequence[Driven]) -> list[Row]:
