@@ -1,0 +1,1 @@
+"""Sinks for programs that show what a robot sees and believes."""

@@ -1,0 +1,282 @@
+"""A run in the message schemas of Foxglove: into an MCAP file, and to who is connected."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+import foxglove
+import numpy as np
+import numpy.typing as npt
+from foxglove import channels, messages
+
+from trailmark.commands import Command
+from trailmark.errors import ConfigError
+from trailmark.estimates import Applied, Belief, Estimate, Fix, Lost, Motion, PathOffset
+from trailmark.frames import RGBD, Frame, Image, Imu, Odometry, Scalar, Scan
+from trailmark.geometry import Pose2, Pose3
+from trailmark.interfaces import RunEnd, Session, Sink
+from trailmark_viewers.config import FoxgloveConfig
+
+__all__ = ["FoxgloveSink"]
+
+_NS = 1_000_000_000
+_ENCODINGS = {("uint8", 2): "mono8", ("uint8", 3): "bgr8", ("uint16", 2): "mono16", ("float32", 2): "32FC1"}
+_ANY = {"type": "object"}
+
+
+class FoxgloveSink(Sink):
+    """Writes what happens as topics.
+
+    ``/sensors/NAME`` the frames, ``/belief`` the pose, ``/tf`` the transforms, ``/belief/numbers``, ``/path`` the
+    taught path, ``/estimates/NAME`` every estimate and what became of it, ``/fixes/NAME`` the poses of fixes,
+    ``/commands``, ``/log``. Frames: ``map``, ``odom``, ``base``, and one of each sensor. Times are the run's stamps.
+    """
+
+    def __init__(self, config: FoxgloveConfig) -> None:
+        super().__init__(config)
+        self._config = config
+        self._context: Any = None
+        self._writer: Any = None
+        self._server: Any = None
+        self._channels: dict[str, Any] = {}
+        self._last_s = 0.0
+
+    def start(self, session: Session) -> None:
+        """Open the file and listen.
+
+        Raises
+        ------
+        ConfigError
+            If the file cannot be written, or the port is taken.
+        """
+        self.close()
+        self._context = foxglove.Context()
+        config = self._config
+        try:
+            if config.path is not None:
+                self._writer = foxglove.open_mcap(config.path, allow_overwrite=True, context=self._context)
+            if config.live:
+                self._server = foxglove.start_server(
+                    name=session.name, host=config.host, port=config.port, context=self._context
+                )
+        except (OSError, RuntimeError) as error:
+            place = config.path if self._writer is None and config.path is not None else f"{config.host}:{config.port}"
+            raise ConfigError(f"foxglove cannot write to {place}: {error}") from error
+        self._mountings = {name: info.pose_base_sensor for name, info in session.sensors.items()}
+        self._path = [] if session.path is None else [w.pose_map_base for w in session.path.waypoints]
+        self._told_still = False
+
+    def close(self) -> None:
+        """Complete the file, and stop listening."""
+        writer, self._writer = self._writer, None
+        server, self._server = self._server, None
+        if writer is not None:
+            writer.close()
+        if server is not None:
+            server.stop()
+        self._channels.clear()
+        self._context = None
+
+    @property
+    def port(self) -> int | None:
+        """Where it listens; None while it does not."""
+        return None if self._server is None else int(self._server.port)
+
+    def on_frame(self, frame: Frame) -> None:
+        """Write a frame."""
+        self._stand_still(frame.stamp_s)
+        topic, stamp_s, name = f"/sensors/{frame.sensor}", frame.stamp_s, frame.sensor
+        match frame.payload:
+            case Image(pixels=pixels):
+                self._picture(topic, stamp_s, name, pixels)
+            case RGBD(bgr=bgr, depth_m=depth_m):
+                self._picture(topic, stamp_s, name, bgr)
+                self._picture(f"{topic}/depth", stamp_s, name, depth_m)
+            case Scan() as scan:
+                self._log(topic, channels.LaserScanChannel, stamp_s, _scan(scan, name, _timestamp(stamp_s)))
+            case Odometry(pose_start_base=pose, distance_m=distance_m):
+                self._json(topic, stamp_s, {"pose_start_base": _plain(pose), "distance_m": distance_m})
+            case Imu() as imu:
+                names = ("angular_velocity_radps", "linear_acceleration_mps2", "quat_xyzw")
+                self._json(topic, stamp_s, {name: _plain(getattr(imu, name)) for name in names})
+            case Scalar(value=value):
+                self._json(topic, stamp_s, {"value": _plain(value)})
+            case record:
+                self._json(topic, stamp_s, {name: _plain(array) for name, array in record.arrays.items()})
+
+    def on_estimate(self, source: str, estimate: Estimate, applied: Applied) -> None:
+        """Write an estimate and what became of it."""
+        told = {"kind": type(estimate).__name__, **_numbers(estimate)}
+        told |= {"status": applied.status, "reason": applied.reason, "nis": _plain(applied.nis)}
+        self._json(f"/estimates/{source}", estimate.stamp_s, told)
+        if isinstance(estimate, Fix):
+            self._pose(f"/fixes/{source}", estimate.stamp_s, "map", estimate.pose_map_base)
+
+    def on_belief(self, belief: Belief) -> None:
+        """Write what is believed, as a pose and as numbers to plot."""
+        stamp_s, pose = belief.stamp_s, belief.pose_map_base
+        if pose is not None:
+            self._pose("/belief", stamp_s, "map", pose)
+            self._transform(stamp_s, "map", "odom", _lifted(pose @ belief.pose_odom_base.inverse()))
+        self._transform(stamp_s, "odom", "base", _lifted(belief.pose_odom_base))
+        on_path = belief.on_path
+        numbers = {
+            "pose_map_base": _plain(pose),
+            "forward_mps": belief.twist.forward_mps,
+            "yaw_radps": belief.twist.yaw_radps,
+            "travelled_m": belief.travelled_m,
+            "fix_age_m": _plain(belief.fix_age_m),
+            "motion_age_s": _plain(belief.motion_age_s),
+            "on_path": None if on_path is None else [on_path.station_m, on_path.lateral_m, on_path.heading_rad],
+        }
+        self._json("/belief/numbers", stamp_s, numbers)
+
+    def on_command(self, stamp_s: float, command: Command) -> None:
+        """Write a command."""
+        self._json("/commands", stamp_s, {"kind": type(command).__name__, **asdict(command)})
+
+    def on_end(self, end: RunEnd) -> None:
+        """Write how the run ended."""
+        level = messages.LogLevel.Error if end.status == "failed" else messages.LogLevel.Info
+        message = messages.Log(
+            timestamp=_timestamp(self._last_s), level=level, message=f"{end.status} {end.reason}".strip(), name="run"
+        )
+        self._log("/log", channels.LogChannel, self._last_s, message)
+
+    # --- what is the same all the time -----------------------------------------------------------------------------
+
+    def _stand_still(self, stamp_s: float) -> None:
+        """Write mountings and taught path, with the first frame: before it there is no time."""
+        if self._told_still:
+            return
+        self._told_still = True
+        for name, mounting in self._mountings.items():
+            self._transform(stamp_s, "base", name, mounting)
+        if self._path:
+            poses = [_message(_lifted(pose)) for pose in self._path]
+            path = messages.PosesInFrame(timestamp=_timestamp(stamp_s), frame_id="map", poses=poses)
+            self._log("/path", channels.PosesInFrameChannel, stamp_s, path)
+
+    # --- messages --------------------------------------------------------------------------------------------------
+
+    def _picture(self, topic: str, stamp_s: float, frame_id: str, pixels: npt.NDArray[Any]) -> None:
+        if self._config.pictures == "none":
+            return
+        timestamp = _timestamp(stamp_s)
+        if self._config.pictures == "jpeg" and pixels.dtype == np.uint8:
+            import cv2
+
+            _, data = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, self._config.jpeg_quality])
+            picture = messages.CompressedImage(
+                timestamp=timestamp, frame_id=frame_id, data=data.tobytes(), format="jpeg"
+            )
+            self._log(topic, channels.CompressedImageChannel, stamp_s, picture)
+            return
+        height, width = pixels.shape[:2]
+        raw = messages.RawImage(
+            timestamp=timestamp,
+            frame_id=frame_id,
+            width=width,
+            height=height,
+            encoding=_ENCODINGS[pixels.dtype.name, pixels.ndim],
+            step=pixels.nbytes // height,
+            data=np.ascontiguousarray(pixels).tobytes(),
+        )
+        self._log(topic, channels.RawImageChannel, stamp_s, raw)
+
+    def _pose(self, topic: str, stamp_s: float, frame_id: str, pose: Pose2) -> None:
+        message = messages.PoseInFrame(timestamp=_timestamp(stamp_s), frame_id=frame_id, pose=_message(_lifted(pose)))
+        self._log(topic, channels.PoseInFrameChannel, stamp_s, message)
+
+    def _transform(self, stamp_s: float, parent: str, child: str, pose: Pose3) -> None:
+        """Write ``pose_parent_child``: Foxglove's transform moves the child's origin within the parent."""
+        message = messages.FrameTransform(
+            timestamp=_timestamp(stamp_s),
+            parent_frame_id=parent,
+            child_frame_id=child,
+            translation=messages.Vector3(x=pose.x, y=pose.y, z=pose.z),
+            rotation=_quaternion(pose),
+        )
+        self._log("/tf", channels.FrameTransformChannel, stamp_s, message)
+
+    def _json(self, topic: str, stamp_s: float, content: Mapping[str, Any]) -> None:
+        channel = self._channels.get(topic)
+        if channel is None:
+            channel = foxglove.Channel(topic, schema=_ANY, context=self._context)
+            self._channels[topic] = channel
+        self._last_s = max(self._last_s, stamp_s)
+        channel.log({"stamp_s": stamp_s, **content}, log_time=_nanoseconds(stamp_s))
+
+    def _log(self, topic: str, kind: Any, stamp_s: float, message: Any) -> None:
+        channel = self._channels.get(topic)
+        if channel is None:
+            channel = self._channels[topic] = kind(topic, context=self._context)
+        self._last_s = max(self._last_s, stamp_s)
+        channel.log(message, log_time=_nanoseconds(stamp_s))
+
+
+def _nanoseconds(stamp_s: float) -> int:
+    return max(0, round(stamp_s * _NS))  # MCAP knows no time before 1970
+
+
+def _timestamp(stamp_s: float) -> Any:
+    seconds, nanoseconds = divmod(_nanoseconds(stamp_s), _NS)
+    return messages.Timestamp(seconds, nanoseconds)
+
+
+def _lifted(pose: Pose2) -> Pose3:
+    return Pose3(pose.x, pose.y, 0.0, 0.0, 0.0, pose.theta)
+
+
+def _quaternion(pose: Pose3) -> Any:
+    """Return the quaternion of roll, pitch and yaw in the order of REP-103."""
+    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(a / 2), math.sin(a / 2)) for a in (pose.roll, pose.pitch, pose.yaw))
+    return messages.Quaternion(
+        x=sr * cp * cy - cr * sp * sy,
+        y=cr * sp * cy + sr * cp * sy,
+        z=cr * cp * sy - sr * sp * cy,
+        w=cr * cp * cy + sr * sp * sy,
+    )
+
+
+def _message(pose: Pose3) -> Any:
+    return messages.Pose(position=messages.Vector3(x=pose.x, y=pose.y, z=pose.z), orientation=_quaternion(pose))
+
+
+def _scan(scan: Scan, frame_id: str, timestamp: Any) -> Any:
+    last_rad = scan.angle_min_rad + scan.angle_step_rad * (len(scan.ranges_m) - 1)
+    ranges = np.asarray(scan.ranges_m, dtype=np.float64).tolist()
+    return messages.LaserScan(
+        timestamp=timestamp,
+        frame_id=frame_id,
+        pose=_message(Pose3()),
+        start_angle=scan.angle_min_rad,
+        end_angle=last_rad,
+        ranges=ranges,
+    )
+
+
+def _numbers(estimate: Estimate) -> dict[str, Any]:
+    match estimate:
+        case Motion():
+            return {"since_s": estimate.since_s, "pose_since_now": _plain(estimate.pose_since_now)}
+        case Fix():
+            return {"pose_map_base": _plain(estimate.pose_map_base)}
+        case PathOffset():
+            return {"on_path": [estimate.station_m, estimate.lateral_m, estimate.heading_rad]}
+        case Lost():
+            return {"lost": estimate.reason}
+
+
+def _plain(value: Any) -> Any:
+    """Return a value for JSON, which knows no infinity."""
+    if isinstance(value, Pose2):
+        return [value.x, value.y, value.theta]
+    if isinstance(value, np.ndarray):
+        return [_plain(item) for item in value.tolist()]
+    if isinstance(value, list):
+        return [_plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
