@@ -2,7 +2,7 @@
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: help install test long lint types bench docs demo ci
+.PHONY: help install test long trust lint types bench docs demo ci
 help:            ## list the targets
 	@sed -n 's/^\([a-z]*\): *[^#]*## /\1	/p' $(MAKEFILE_LIST)
 
@@ -16,6 +16,9 @@ test: install    ## all tests but the long ones
 
 long: install    ## the tests that take minutes
 	$(BIN)/pytest -n 2 -m long
+
+trust: install   ## hostile input by the thousand, kills, damage: all of it
+	$(BIN)/python tests/trust/fuzz.py --cases 20000 --out docs/results/hostile-input.md
 
 lint: install    ## ruff: lint and format
 	$(BIN)/ruff check . && $(BIN)/ruff format --check .

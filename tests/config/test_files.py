@@ -6,6 +6,7 @@ import pytest
 from pydantic import ValidationError
 
 from trailmark.config import ConfigPath, ExistingFile, ExistingPath, PluginConfig, read_calibration
+from trailmark.config.document import read_document
 from trailmark.config.files import resolved
 from trailmark.errors import ConfigError
 from trailmark.frames import GroundPlane, Pinhole
@@ -82,3 +83,13 @@ def test_a_variable_that_is_not_set_is_named(monkeypatch: pytest.MonkeyPatch) ->
 
     with pytest.raises(ValueError, match="environment variable RECORDINGS is not set"):
         resolved("${RECORDINGS}/a.bag")
+
+
+def test_a_device_is_no_recording():
+    with pytest.raises(ValidationError, match="is neither a file nor a folder: /dev/zero"):
+        Files.model_validate({"there": "/dev/zero"})
+
+
+def test_a_device_is_no_config():
+    with pytest.raises(ConfigError, match="/dev/zero is a device, not a config file"):
+        read_document("/dev/zero")

@@ -99,3 +99,8 @@ def test_files_that_cannot_be_read_are_named(tmp_path: Path) -> None:
         read_tum(tmp_path / "picture.png")
     with pytest.raises(DataError, match=r"cannot read trajectory .*missing\.tum"):
         read_tum(tmp_path / "missing.tum")
+
+
+def test_a_device_is_no_trajectory():
+    with pytest.raises(DataError, match="/dev/zero: it is a device, not a file"):
+        read_tum("/dev/zero")

@@ -138,6 +138,8 @@ def _reader(path: Path) -> Callable[[str], tuple[Any, Callable[[Keys], int | Non
 
 
 def _text(path: Path) -> str:
+    if path.is_char_device():  # /dev/zero would be read for ever
+        raise ConfigError(f"{path} is a device, not a config file")
     try:
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:

@@ -54,6 +54,8 @@ def _resolve_existing(value: Path, info: ValidationInfo) -> Path:
     path = _resolve(value, info)
     if not os.path.exists(path):  # unlike Path.exists() never raises: too long, no permission, no such host
         raise ValueError(f"no such file or folder: {path}{_nearby(path)}")
+    if not (os.path.isfile(path) or os.path.isdir(path)):  # /dev/zero would be read for ever
+        raise ValueError(f"is neither a file nor a folder: {path}")
     return path
 
 

@@ -25,6 +25,8 @@ def read_tum(path: str | Path) -> Trajectory:
         If the file cannot be read or a line is malformed; the message names file and line.
     """
     rows: list[tuple[float, float, float, float]] = []
+    if Path(path).is_char_device():  # /dev/zero would be read for ever
+        raise DataError(f"cannot read trajectory {path}: it is a device, not a file")
     try:
         with open(path, encoding="utf-8", errors="strict") as file:
             for number, line in enumerate(file, start=1):
