@@ -412,7 +412,7 @@ def page(rows: Sequence[Row], command: str) -> str:
         "| | | unit | paper | ours | bar | stretch | n | |", "|---|---|---|---|---|---|---|---|---|",
     ]  # fmt: skip
     for row in rows:
-        numbers = ["" if value is None else f"{value:.3g}" for value in (row.paper, row.ours, row.bar, row.stretch)]
+        numbers = ["" if value is None else f"{value:.4g}" for value in (row.paper, row.ours, row.bar, row.stretch)]
         met = "" if row.met is None else "met" if row.met else "not met"
         lines.append(f"| {row.experiment} | {row.item} | {row.unit} | {' | '.join(numbers)} | {row.n} | {met} |")
     return "\n".join(lines) + "\n"
