@@ -259,3 +259,20 @@ def test_what_is_no_picture_is_refused() -> None:
     with pytest.raises(ConfigError, match="is no picture"):
         picture_of(Odometry(Pose2(1.0)))
     assert picture_of(Image(np.ones((2, 2), np.uint8))).shape == (2, 2)
+
+
+@pytest.mark.parametrize("driver", ["auto", "commands"])
+def test_a_controller_that_is_not_asked_is_told(driver: str, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    config = tmp_path / "c.yaml"
+    config.write_text(f"""
+sources: {{robot: {{plugin: sim, world: supermarket, sensors: [wheels], duration_s: 0.1, driver: {driver}}}}}
+localizers: {{wheels: {{plugin: odometry}}}}
+controller: {{plugin: goal_seeking, goal: [5, 3]}}
+""")
+
+    with caplog.at_level("WARNING"):
+        result = CliRunner().invoke(root, ["run", str(config), "--out", str(tmp_path / "out")], catch_exceptions=False)
+
+    assert result.exit_code == 0
+    told = "the robot of source 'robot' drives itself, the controller is not asked"
+    assert any(told in record.getMessage() for record in caplog.records) == (driver == "auto")

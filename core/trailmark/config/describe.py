@@ -92,6 +92,8 @@ def _type(schema: Schema, defs: Schema) -> str:
     if "anyOf" in target:
         choices = dict.fromkeys(_type(choice, defs) for choice in target["anyOf"])
         return " | ".join(choice for choice in choices if choice != "null")
+    if "oneOf" in target:  # several models, told apart by a key of theirs
+        return " | ".join(dict.fromkeys(_type(choice, defs) for choice in target["oneOf"]))
     if "const" in target:
         return str(target["const"])
     if "enum" in target:

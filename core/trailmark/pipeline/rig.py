@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
@@ -24,6 +25,8 @@ from trailmark.pipeline.timing import StageTimes
 from trailmark.pipeline.workers import Worker
 
 __all__ = ["Rig"]
+
+logger = logging.getLogger(__name__)
 
 
 class Rig:
@@ -157,6 +160,11 @@ class Rig:
         drives_itself = robot is not None and robot.drives_itself
         is_played = robot is None and plan.mode == "teach"  # a recording is taught: nobody is to be driven
         controller = None if drives_itself or is_played else plan.controller
+        if drives_itself and plan.controller is not None and plan.mode != "teach":
+            logger.warning(
+                "the robot of source %r drives itself, the controller is not asked: give the source `driver: commands`",
+                next(feed.name for feed in plan.feeds if feed.drivable is not None),
+            )
         if robot is not None:
             self._check_robot(is_driven=controller is not None or drives_itself)
         if controller is not None:

@@ -29,7 +29,7 @@ class SimConfig(SourceConfig):
     """How far the route weaves to either side, as a hand steers, root mean square; `world_seed` says where [m]."""
     driver: Literal["auto", "route", "commands", "keyboard"] = "auto"
     """Who drives: the route, commands, the keys of the terminal (with `pace: realtime`), or (auto) the route in teach
-    and track, commands in replay. Only `commands` lets a controller drive in track."""
+    and track, commands in replay. For a controller in track: `driver: commands`."""
     start: tuple[float, float, float] | Literal["random"] | None = None
     """Where the vehicle is put down: x, y and heading, or `random`: anywhere free in the world, by the run's seed; left
     out: at the beginning of the route, in replay where the run believes it starts [m, m, deg]."""
@@ -40,7 +40,8 @@ class SimConfig(SourceConfig):
     rates_hz: dict[str, float] = Field(default_factory=dict)
     """Rates that differ from the world's, by sensor [Hz]."""
     vehicle: VehicleOptions | None = None
-    """A vehicle other than the world's."""
+    """A vehicle other than the world's: `kind` is four_wheel_steering, differential, skid_steer or holonomic; its other
+    keys are in the README."""
     world_seed: int = Field(default=1, ge=0)
     """Seeds the place itself. Teaching and replay must have the same; the run's seed changes noise and slip alone."""
     duration_s: float | None = Field(default=None, gt=0)
