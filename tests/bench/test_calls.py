@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import operator
 import os
-import pickle
 import signal
 import subprocess
 import sys
@@ -14,9 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from trailmark.bench.calls import ANSWER_FILE, call_in_cells, read_plain
+from trailmark.bench.calls import ANSWER_FILE, call_in_cells, read_plain, write_plain
 from trailmark.errors import RunError
-from trailmark.experiments import ExperimentOptions
+from trailmark.experiments import ExperimentOptions, Row
 from trailmark.geometry import Pose2
 
 
@@ -53,28 +52,40 @@ def test_a_call_that_crashes_is_told_with_its_arguments(tmp_path: Path) -> None:
 
 def test_answers_may_hold_arrays_and_values_of_trailmark(tmp_path: Path) -> None:
     answer = {"pose": Pose2(1.0, 2.0, 3.0), "array": np.arange(6.0).reshape(2, 3), "path": tmp_path, "none": None}
-    (tmp_path / ANSWER_FILE).write_bytes(pickle.dumps(answer))
+    answer |= {"scalar": np.float32(0.1), "row": Row("e", "i", "mm", float("inf")), 3: (1, {2, 3}, b"x", 1j, {})}
+    write_plain(tmp_path / ANSWER_FILE, answer)
 
     found = read_plain(tmp_path / ANSWER_FILE, "trailmark_some")
 
     np.testing.assert_array_equal(found["array"], answer["array"])
-    assert (found["pose"], found["path"]) == (answer["pose"], tmp_path)
+    assert {key: found[key] for key in answer if key != "array"} == {
+        key: answer[key] for key in answer if key != "array"
+    }
+    assert type(found["scalar"]) is np.float32
+    assert type(found["row"]) is Row
 
 
-class Evil:
-    def __init__(self, *call) -> None:
-        self.call = call
+@pytest.mark.parametrize(
+    "content",
+    [
+        *('{"fields": ["subprocess:Popen", {"args": "true"}]}', '{"enum": ["os:system", "true"]}', "[[[", "{}"),
+        *('{"fields": ["trailmark.bench.process:CellProcess", {}]}', '{"named": ["trailmark.bench.calls:json", []]}'),
+        *('{"array": "k05VTVBZ"}', '{"fields": ["trailmark.geometry.se2:Pose2", {"x": 1}]}', '{"a": 1, "b": 2}'),
+        *("[" * 5000, '{"call": ["os:system", "true"]}', "\x80\x04cos\nsystem\n(S'true'\ntR."),
+    ],
+)
+def test_an_answer_runs_no_code(tmp_path: Path, content: str) -> None:
+    (tmp_path / ANSWER_FILE).write_text(content)
 
-    def __reduce__(self):
-        return self.call[0], self.call[1:]
-
-
-@pytest.mark.parametrize("call", [(os.system, "true"), (eval, "1"), (subprocess.Popen, "true")])
-def test_an_answer_runs_no_code(tmp_path: Path, call) -> None:
-    (tmp_path / ANSWER_FILE).write_bytes(pickle.dumps(Evil(*call)))
-
-    with pytest.raises(RunError, match="has no place in an answer"):
+    with pytest.raises(RunError, match="holds no answer that can be read"):
         read_plain(tmp_path / ANSWER_FILE, "trailmark")
+
+
+def test_what_is_no_plain_data_is_not_written(tmp_path: Path) -> None:
+    for value in (object(), np.array([object()]), print, [lambda: None]):
+        with pytest.raises(TypeError):
+            write_plain(tmp_path / ANSWER_FILE, value)
+    assert not list(tmp_path.iterdir())
 
 
 PLUGIN = """

@@ -201,3 +201,11 @@ def test_failures_are_the_worst_and_never_averaged_away(tmp_path: Path) -> None:
     assert (pair.wins, pair.losses, pair.ratio) == (2, 3, None)
     ranks = {row.method: row.rank for row in summary.overall}
     assert ranks == {"a": pytest.approx(1.6), "b": pytest.approx(1.4)}
+
+
+def test_the_schema_of_bench_configs_knows_runs_and_benches() -> None:
+    schema = json.loads(CliRunner().invoke(root, ["schema", "--bench"], obj=ChosenPlugins()).stdout)
+
+    assert {"sources", "localizers", "bench"} <= schema["properties"].keys()
+    assert schema["properties"]["bench"]["properties"]["cells"]
+    assert "bench" not in json.loads(CliRunner().invoke(root, ["schema"], obj=ChosenPlugins()).stdout)["properties"]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import faulthandler
 import json
 import os
-import pickle
 import signal
 import sys
 import traceback
@@ -13,7 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from trailmark.bench.calls import ARGUMENTS_FILE, write_answer
+from trailmark.bench.calls import ANSWER_FILE, ARGUMENTS_FILE, read_plain, write_plain
 from trailmark.bench.child import die_with, say, write_json
 from trailmark.bench.process import EXIT_FAILED, REQUEST_FILE, RESULT_FILE
 
@@ -31,8 +30,8 @@ def main(arguments: list[str]) -> int:
         function: Any = import_module(module)
         for part in name.split("."):
             function = getattr(function, part)
-        call = pickle.loads((folder / ARGUMENTS_FILE).read_bytes())  # written by the parent a moment ago
-        write_answer(folder, function(*call))
+        call = read_plain(folder / ARGUMENTS_FILE, module.partition(".")[0])
+        write_plain(folder / ANSWER_FILE, function(*call))
     except Exception as error:
         traceback.print_exc()
         told = {"module": type(error).__module__, "name": type(error).__name__, "message": str(error)}

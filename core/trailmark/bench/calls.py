@@ -1,42 +1,35 @@
 """Calls as cells: functions in processes of their own, whose answers outlive an interrupted program.
 
 ``trailmark reproduce`` runs the independent runs of an experiment this way. A call is addressed by its function, its
-arguments and the code of all plugins; an answer that is there is taken. Answers are pickles that only plain data can
-come out of, in the folder of the experiment.
+arguments and the code of all plugins; an answer that is there is taken. Answers are JSON (`trailmark.bench.plain`),
+in the folder of the experiment.
 """
 
 from __future__ import annotations
 
 import builtins
-import hashlib
-import io
 import json
-import pickle
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from contextlib import suppress
-from dataclasses import fields, is_dataclass
-from importlib import import_module
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import Any, TypeVar
 
 from trailmark import errors
 from trailmark.bench.fingerprint import code_of, digest_of, source_digest
+from trailmark.bench.plain import from_plain_bytes, to_plain_bytes
 from trailmark.bench.process import CellProcess
 from trailmark.errors import RunError
 
-__all__ = ["ANSWER_FILE", "ARGUMENTS_FILE", "call_in_cells", "forget_calls", "read_plain"]
+__all__ = ["ANSWER_FILE", "ARGUMENTS_FILE", "call_in_cells", "forget_calls", "read_plain", "write_plain"]
 
 T = TypeVar("T")
 
-ARGUMENTS_FILE = "arguments.pickle"
-ANSWER_FILE = "answer.pickle"
+ARGUMENTS_FILE = "arguments.json"
+ANSWER_FILE = "answer.json"
 
 _DAY_S = 86400.0
-# What numpy needs to put an array together again.
-_NUMPY = {"_reconstruct", "scalar", "_frombuffer", "ndarray", "dtype", "_unpickle"}
-_BUILTIN = {"complex", "set", "frozenset", "slice", "range", "bytearray"}
 
 
 def call_in_cells(
@@ -53,7 +46,7 @@ def call_in_cells(
     function : callable
         At the top of a module.
     arguments : sequence of tuple
-        Picklable, as the answers are; an answer is made of plain data, arrays, and classes of Trailmark or of the
+        Plain data, as the answers are: numbers, text, containers, arrays, and dataclasses of Trailmark or of the
         function's own package.
     folder : Path
         Keeps answers; those that are there are taken.
@@ -71,7 +64,7 @@ def call_in_cells(
     package = function.__module__.partition(".")[0]
     code = _code() | {package: source_digest(package)}
     name = f"{function.__module__}:{function.__qualname__}"
-    places = [folder / digest_of([name, _plain(call), code])[:20] for call in arguments]
+    places = [folder / digest_of([name, json.loads(to_plain_bytes(call)), code])[:20] for call in arguments]
     known = sum((place / ANSWER_FILE).is_file() for place in places)
     if known:
         report(f"{known} of {len(places)} answers of an interrupted run are taken")
@@ -92,16 +85,17 @@ def _here(function: Callable[..., T], call: tuple[Any, ...], place: Path, packag
             return known
     answer = function(*call)
     place.mkdir(parents=True, exist_ok=True)
-    with suppress(pickle.PicklingError, TypeError, AttributeError):  # what cannot be kept is not
-        write_answer(place, answer)
+    with suppress(TypeError):  # what cannot be kept is not
+        write_plain(place / ANSWER_FILE, answer)
     return answer
 
 
-def write_answer(place: Path, answer: Any) -> None:
-    """Write an answer so that it is there as a whole or not at all."""
-    draft = place / f"{ANSWER_FILE}.part"
-    draft.write_bytes(pickle.dumps(answer, protocol=4))
-    draft.replace(place / ANSWER_FILE)
+def write_plain(path: Path, value: Any) -> None:
+    """Write a value so that it is there as a whole or not at all; `TypeError` if it is no plain data."""
+    content = to_plain_bytes(value)
+    draft = path.with_name(f"{path.name}.part")
+    draft.write_bytes(content)
+    draft.replace(path)
 
 
 class _Round:
@@ -134,7 +128,7 @@ class _Round:
                 return read_plain(place / ANSWER_FILE, self._package)
         shutil.rmtree(place, ignore_errors=True)
         place.mkdir(parents=True)
-        (place / ARGUMENTS_FILE).write_bytes(pickle.dumps(call, protocol=4))
+        write_plain(place / ARGUMENTS_FILE, call)
         request = {"function": self._name, "limits": {"timeout_s": _DAY_S, "threads": None}}
         process = CellProcess(request, place, module="trailmark.bench.call")
         self._processes.add(process)
@@ -169,26 +163,8 @@ def _code() -> dict[str, str]:
     return code_of(load_plugins().registry.specs())
 
 
-def _plain(value: Any) -> Any:
-    """Return arguments as plain data that say the same on every run."""
-    if value is None or isinstance(value, bool | int | str):
-        return value
-    if isinstance(value, float):
-        return repr(value)
-    if isinstance(value, PurePath):
-        return {"path": str(value)}
-    if isinstance(value, Mapping):
-        return {"mapping": [[_plain(key), _plain(item)] for key, item in value.items()]}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if is_dataclass(value) and not isinstance(value, type):
-        content = [[field.name, _plain(getattr(value, field.name))] for field in fields(value)]
-        return {"class": f"{type(value).__module__}:{type(value).__qualname__}", "fields": content}
-    return {"pickle": hashlib.sha256(pickle.dumps(value, protocol=4)).hexdigest()}
-
-
 def read_plain(path: Path, package: str) -> Any:
-    """Return what a pickle holds: plain data, arrays, and classes of Trailmark or of one other package.
+    """Return what a file of `write_plain` holds; its classes are of Trailmark or of one other package.
 
     Raises
     ------
@@ -196,31 +172,6 @@ def read_plain(path: Path, package: str) -> Any:
         If there is anything else in it, or it cannot be read.
     """
     try:
-        return _PlainUnpickler(io.BytesIO(path.read_bytes()), package).load()
-    except (OSError, EOFError, pickle.UnpicklingError, AttributeError, ImportError, IndexError) as error:
+        return from_plain_bytes(path.read_bytes(), package)
+    except (OSError, ValueError) as error:
         raise RunError(f"{path} holds no answer that can be read: {error}") from error
-
-
-class _PlainUnpickler(pickle.Unpickler):
-    def __init__(self, file: io.BytesIO, package: str) -> None:
-        super().__init__(file)
-        self._package = package
-
-    def find_class(self, module: str, name: str) -> Any:
-        top = module.partition(".")[0]
-        is_known = (
-            (module == "builtins" and name in _BUILTIN)
-            or (top == "numpy" and name in _NUMPY)
-            or (module == "collections" and name in ("OrderedDict", "deque", "defaultdict", "Counter"))
-            or module in ("pathlib", "pathlib._local", "datetime")
-        )
-        if is_known and "." not in name:
-            return getattr(import_module(module), name)
-        if top == self._package or top == "trailmark" or top.startswith("trailmark_"):
-            with suppress(AttributeError):
-                found: Any = import_module(module)
-                for part in name.split("."):
-                    found = getattr(found, part)
-                if isinstance(found, type) and found.__module__.partition(".")[0] == top:
-                    return found
-        raise pickle.UnpicklingError(f"{module}.{name} has no place in an answer")

@@ -102,7 +102,7 @@ function drawHeat() {
   });
   $("heat").replaceChildren(node("thead", {}, head), node("tbody", {}, ...body));
   $("heat-note").textContent = `Median ${shown.title}${shown.unit ? ` [${shown.unit}]` : ""} over seeds; ${shown.better} is better. `
-    + "Darker is further from the best of its column; framed is the best. In red: cells that failed, each counted as the worst result.";
+    + "The stronger the colour, the further from the best of its column; framed is the best. In red: cells that failed, each counted as the worst result.";
 }
 
 const badness = (value) => {

@@ -186,8 +186,9 @@ def _json_html(document: Any) -> str:
 
 def _header(summary: Summary, meta: Mapping[str, Any]) -> str:
     about = meta.get("provenance", {})
-    facts = [f"{sum(summary.counts.values())} cells", f"{len(summary.methods)} methods"]
-    facts.append(f"{len(summary.conditions)} conditions")
+    n_cells = sum(summary.counts.values())
+    numbers = {"cell": n_cells, "method": len(summary.methods), "condition": len(summary.conditions)}
+    facts = [f"{n} {word}{'' if n == 1 else 's'}" for word, n in numbers.items()]
     facts += [f"compared with {summary.baseline}"] if summary.baseline else []
     facts += [f"started {about['started'][:16].replace('T', ' ')}"] if about.get("started") else []
     line = text_html(", ".join(facts) + ".", css_class="summary")

@@ -12,8 +12,9 @@ __all__ = ["schema_command"]
 
 
 @click.command("schema")
+@click.option("--bench", "is_bench", is_flag=True, help="Of bench configs.")
 @click.pass_context
-def schema_command(context: click.Context) -> None:
+def schema_command(context: click.Context, is_bench: bool) -> None:
     """Print the JSON schema of configs with everything that is installed.
 
     \b
@@ -24,4 +25,12 @@ def schema_command(context: click.Context) -> None:
     """
     from trailmark.config.schema import run_config_schema
 
-    click.echo(json.dumps(run_config_schema(plugins_of(context)), indent=1, ensure_ascii=False))
+    schema = run_config_schema(plugins_of(context))
+    if is_bench:
+        from trailmark.bench.config import BenchSection
+
+        section = BenchSection.model_json_schema(by_alias=True)
+        schema["$defs"] |= section.pop("$defs")
+        schema["properties"]["bench"] = section
+        schema |= {"title": "Trailmark bench", "required": ["bench"]}
+    click.echo(json.dumps(schema, indent=1, ensure_ascii=False))
