@@ -98,11 +98,12 @@ class Tracked:
         began = time.thread_time()
         said = self.localizer.observe(frame, Belief(frame.stamp_s))
         self.times_ms.append(1e3 * (time.thread_time() - began))
-        pose, covariance = self.poses[-1] if self.poses else Pose2(), np.zeros((3, 3))
+        pose = self.poses[-1] if self.poses else Pose2()
+        covariance: npt.NDArray[np.float64] = np.zeros((3, 3))
         for estimate in said:
             if isinstance(estimate, Motion):
                 pose = pose @ estimate.pose_since_now
-                covariance = np.linalg.pinv(estimate.information)
+                covariance = np.asarray(np.linalg.pinv(estimate.information), np.float64)
             self.n_lost += isinstance(estimate, Lost)
         self.poses.append(pose)
         self.covariances.append(covariance)

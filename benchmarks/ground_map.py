@@ -360,7 +360,8 @@ def start_rows(name: str, metres: float, n_starts: int) -> Iterator[Row]:
     rng, counts, misses_m = np.random.default_rng(6), [], []
     for n in range(n_starts):
         way_m = float(rng.uniform(0.1, metres - 0.2))
-        aside = Pose2(*rng.normal(0.0, 5e-3, 2).tolist(), math.radians(float(rng.normal(0.0, 1.5))))
+        x, y = rng.normal(0.0, 5e-3, 2).tolist()
+        aside = Pose2(x, y, math.radians(float(rng.normal(0.0, 1.5))))
         law = lambda _, way_m=way_m, aside=aside: at(way_m) @ aside  # noqa: E731
         drive = OpenDrive(name, law, 2 + len(taught.places) // 10, taught.seed, 2 + n)
         robot = Robot(taught.drawer, "refined", is_teaching=False)
@@ -376,7 +377,9 @@ def start_rows(name: str, metres: float, n_starts: int) -> Iterator[Row]:
     label = f"start anywhere, {metres:g} m"
     yield _row(label, f"{name}: found standing still", "%", found, better="higher", n=n_starts)
     yield _row(label, f"{name}: wrong by more than 5 mm", "", wrong, None, 0.0, n=len(counts))
-    yield _row(label, f"{name}: pictures until found, mean", "", np.mean(counts or [math.nan]), n=len(counts))
+    yield _row(
+        label, f"{name}: pictures until found, mean", "", float(np.mean(counts)) if counts else math.nan, n=len(counts)
+    )
     yield _row(label, f"{name}: error, mean", "mm", 1e3 * np.mean(misses_m or [math.nan]), n=len(counts))
 
 

@@ -106,7 +106,8 @@ class Drive:
     def pose(self, index: int) -> Pose2:
         """Return the true pose of a picture, in the map."""
         rng = np.random.default_rng([1, self.seed])
-        start = Pose2(*rng.uniform(0.0, 5.0, 2).tolist(), float(rng.uniform(-math.pi, math.pi)))
+        x, y = rng.uniform(0.0, 5.0, 2).tolist()
+        start = Pose2(x, y, float(rng.uniform(-math.pi, math.pi)))
         return start @ self.law(index / RATE_HZ)
 
     def truth(self) -> Sequence[Pose2]:
