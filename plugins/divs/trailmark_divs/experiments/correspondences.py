@@ -36,7 +36,7 @@ def correspondence_rows(options: ExperimentOptions) -> list[Row]:
     """Return the rows of both worlds: what each says on the same pictures, and where each leads a robot."""
     if options.quick:
         return []
-    return [row for world in ("street",) for row in _rows_of(options, world)]
+    return [row for world in ("street", "corridor") for row in _rows_of(options, world)]
 
 
 def _rows_of(options: ExperimentOptions, world: str) -> list[Row]:
