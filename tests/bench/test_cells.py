@@ -169,6 +169,12 @@ def test_threads_are_pinned_and_load_is_recorded(bench_of, run_cells, tmp_path: 
     assert record.host == os.uname().nodename
 
 
+def test_a_bench_that_has_ended_leaves_one_file(bench_of, run_cells, tmp_path: Path) -> None:
+    run_cells(bench_of({"localizers": ["toy"]}), tmp_path)
+
+    assert sorted(path.name for path in tmp_path.glob("index*")) == ["index.sqlite"]
+
+
 def test_only_one_bench_works_in_a_folder(bench_of, run_cells, tmp_path: Path) -> None:
     from trailmark.errors import ConfigError
 

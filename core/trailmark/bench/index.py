@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import fcntl
 import json
+import os
 import sqlite3
 import time
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -123,6 +124,11 @@ class Index:
     def close(self) -> None:
         """Close the file and let others work in the folder."""
         if hasattr(self, "_db"):
+            if self._lock is not None:
+                with suppress(
+                    sqlite3.Error
+                ):  # one file again, for whoever copies it or may only read; unless one reads
+                    self._db.execute("PRAGMA journal_mode = DELETE")
             self._db.close()
         if self._lock is not None:
             self._lock.close()
@@ -193,7 +199,7 @@ class Index:
 
     def copy(self, other: Index, cell_ids: Iterable[str]) -> None:
         """Take over cells of another bench, with what became of them."""
-        names = [row[1] for row in other._db.execute("PRAGMA table_info(cells)")]
+        names = [row[1] for row in self._db.execute("PRAGMA table_info(cells)")]  # ours: theirs may be anything
         marks = ", ".join("?" * len(names))
         with self._transaction() as db:
             for cell_id in cell_ids:
@@ -247,7 +253,10 @@ class Index:
     def _take(self, folder: Path) -> None:
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            self._lock = (folder / ".lock").open("w")
+            for name in (INDEX_FILE, ".lock", "cells"):  # a stranger's folder may lead out of itself
+                if (folder / name).is_symlink():
+                    raise ConfigError(f"{folder / name} is a link; a bench is not written through one")
+            self._lock = os.fdopen(os.open(folder / ".lock", os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644), "w")
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             self._lock.close()
@@ -293,5 +302,10 @@ class Index:
 def _record(row: Sequence[Any]) -> Record:
     """Return a row of the columns `_COLUMNS`."""
     cell_id, matrix, coordinates, state, reason, attempts, wall_s, cpu_s, peak_rss_mb, load, host, result = row
-    where, figures = json.loads(coordinates), {} if result is None else json.loads(result)
+    try:
+        where, figures = json.loads(coordinates), {} if result is None else json.loads(result)
+    except (ValueError, TypeError, RecursionError) as error:
+        raise DataError(f"the index of the bench is damaged: cell {str(cell_id)[:60]!r}: {error}") from error
+    if not isinstance(where, dict) or not isinstance(figures, dict):
+        raise DataError(f"the index of the bench is damaged: cell {str(cell_id)[:60]!r} has no coordinates or figures")
     return Record(cell_id, matrix, where, state, reason, attempts, wall_s, cpu_s, peak_rss_mb, load, host, figures)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import shutil
+import stat
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,6 +14,8 @@ from trailmark.bench.scheduler import CELLS
 from trailmark.errors import ConfigError, DataError
 
 __all__ = ["merge_benches"]
+
+_ADDRESS = re.compile(r"[0-9a-f]{8,64}")
 
 # Of two outcomes of one cell, the one further left is taken.
 _BEST = ("ok", "failed", "timeout", "crashed", "skipped", "running", "pending")
@@ -28,7 +32,7 @@ def merge_benches(folders: Sequence[Path], out: Path) -> list[str]:
     ConfigError
         If a folder does not exist, or another bench works in `out`.
     DataError
-        If a folder is no bench.
+        If a folder is no bench, or its index names cells by what is no address.
     """
     for folder in folders:
         if not (folder / INDEX_FILE).is_file():
@@ -53,6 +57,7 @@ def _take(merged: Index, other: Index) -> str:
     known = {record.id: record for record in merged.records(everything=True)}
     taken, differing = [], []
     for record in other.records(everything=True):
+        _refuse_other_names(other, record)
         ours = known.get(record.id)
         if ours is not None and ours.state == record.state == "ok" and _figures(ours) != _figures(record):
             differing.append(record.label)
@@ -69,6 +74,14 @@ def _take(merged: Index, other: Index) -> str:
     return told
 
 
+def _refuse_other_names(index: Index, record: Record) -> None:
+    """Refuse what would become a path outside of the folder: a bench may come from a stranger."""
+    if not _ADDRESS.fullmatch(str(record.id)) or record.state not in _BEST:
+        raise DataError(
+            f"{index.folder / INDEX_FILE} is damaged: no cell is called {str(record.id)[:60]!r}, {record.state!r}"
+        )
+
+
 def _figures(record: Record) -> object:
     return record.result.get("metrics")
 
@@ -78,9 +91,15 @@ def _copy(folder: Path, place: Path) -> None:
         return
     try:
         shutil.rmtree(place, ignore_errors=True)
-        shutil.copytree(folder, place)
+        shutil.copytree(folder, place, ignore=_irregular)
     except OSError as error:
         raise ConfigError(f"cannot copy {folder} to {place}: {error.strerror or error}") from error
+
+
+def _irregular(folder: str, names: list[str]) -> list[str]:
+    """Name links, devices and pipes: they lead out of the folder, or have no end."""
+    modes = {name: Path(folder, name).lstat().st_mode for name in names}
+    return [name for name, mode in modes.items() if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))]
 
 
 def _show_all(merged: Index) -> None:

@@ -60,6 +60,7 @@ def write_page(index: Index, *, baseline: str | None = None) -> Path:
     style, script = (own.joinpath(name).read_text(encoding="utf-8") for name in ("page.css", "page.js"))
     path = index.folder / PAGE_FILE
     try:
+        path.unlink(missing_ok=True)  # never through a link of a stranger's folder
         path.write_text(
             page_html(f"{summary.name}, a Trailmark bench", body, style=style, script=script), encoding="utf-8"
         )

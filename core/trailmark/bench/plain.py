@@ -158,7 +158,7 @@ class _Reader:
         cls = self._class(name, object)
         if not is_dataclass(cls) or {field.name for field in fields(cls)} != set(content):
             raise ValueError(f"{name} is no dataclass with the fields {', '.join(content)}")
-        made = object.__new__(cls)
+        made: Any = object.__new__(cls)  # type: ignore[arg-type]
         for field, item in content.items():
             object.__setattr__(made, field, self.value(item))  # as for a copy: nothing of the class is called
         return made
