@@ -125,9 +125,7 @@ class Index:
         """Close the file and let others work in the folder."""
         if hasattr(self, "_db"):
             if self._lock is not None:
-                with suppress(
-                    sqlite3.Error
-                ):  # one file again, for whoever copies it or may only read; unless one reads
+                with suppress(sqlite3.Error):  # one file again, for whoever copies it or may only read
                     self._db.execute("PRAGMA journal_mode = DELETE")
             self._db.close()
         if self._lock is not None:
