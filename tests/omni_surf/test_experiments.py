@@ -128,5 +128,5 @@ def test_the_quick_experiments_run_and_report_every_part(tmp_path: Path) -> None
     assert {"Table 1", "Table 2", "4 people walking", "Laser alone, unknown start"} <= names
     assert all(row["met"] for row in rows if row["bar"] is not None)
     assert all(row["ours"] is not None for row in rows)
-    for plot in ("fig6_positions.svg", "fig7_routes.svg"):
+    for plot in ("tasaki2010_fig6_positions.svg", "tasaki2010_fig7_routes.svg"):
         assert (tmp_path / "tasaki2010" / plot).read_text(encoding="utf-8").startswith("<?xml")

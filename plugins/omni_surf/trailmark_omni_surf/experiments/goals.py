@@ -82,7 +82,7 @@ def goal_rows(options: ExperimentOptions, place: TaughtPlace) -> list[Row]:
     ]
     drives = options.map(drive_to_goal, calls)
     named, random = drives[: len(trials)], drives[len(trials) :]
-    draw_routes(options.out / "fig7_routes.svg", named, GOAL)
+    draw_routes(options.out / "tasaki2010_fig7_routes.svg", named, GOAL)
     rows = []
     for k, found in enumerate(named):
         options.report(f"trial {k + 1}: {1e3 * found.distance_m:.0f} mm from the goal")

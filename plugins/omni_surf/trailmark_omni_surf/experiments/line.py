@@ -38,7 +38,7 @@ def line_rows(options: ExperimentOptions, place: TaughtPlace) -> list[Row]:
     for name in names:
         mean_m = mean_of(_pooled(runs, name))
         options.report(f"line, {name}: " + ("no answers" if mean_m is None else f"{1e3 * mean_m:.0f} mm mean error"))
-    draw_line(options.out / "fig6_positions.svg", runs[0])
+    draw_line(options.out / "tasaki2010_fig6_positions.svg", runs[0])
     rows = [*_table_rows(runs), *_wall_rows(runs)]
     if not options.quick:
         rows += [*_compared_rows(runs), *_other_rows(runs), *_selection_rows(runs, place)]
@@ -160,16 +160,18 @@ def _selection_rows(runs: Runs, place: TaughtPlace) -> list[Row]:
     """Return what the selection buys, with bootstrap intervals over the runs."""
     rows = []
     for name, story in (
-        ("developed", f"{place.n_landmarks} selected"),
-        ("unselected", f"all {place.n_candidates}"),
-        ("random", f"{place.n_landmarks} at random"),
+        ("developed", f"{place.sizes['developed']} selected by the shipped machine"),
+        ("trained", f"{place.sizes['trained']} selected by one trained on 100 of another place"),
+        ("unselected", f"all {place.sizes['unselected']}"),
+        ("random", f"{place.sizes['random']} at random"),
     ):
         means = _run_means(runs, name, "error")
         tracked = np.array([float(np.nansum(run[name].tracked)) / len(run[name].tracked) for run in runs])
         fixed = np.array([run[name].fixed_share for run in runs])
         common: dict[str, Any] = {"n": len(runs), "seeds": len(runs)}
         rows += [
-            Row("Selection", f"{story}: error, mean", "m", mean_of(means), note=_interval(means, "m"), **common),
+            Row("Selection", f"{story}: error, mean", "m", mean_of(means),
+                note=_interval(means, "m") + (f"; {place.training}" if name == "trained" else ""), **common),
             Row("Selection", f"{story}: pictures answered by tracking", "%", 100 * float(tracked.mean()),
                 better="higher", note=_interval(100 * tracked, "%"), **common),
             Row("Selection", f"{story}: pictures answered", "%", 100 * float(fixed.mean()), better="higher",
