@@ -89,7 +89,7 @@ def unknown_start(taught: Taught, start_m: float, seed: int) -> tuple[float, flo
         if step.belief.on_path is not None and not first:
             first.append((step.stamp_s, step.belief.on_path.station_m))
 
-    streams = {"streams": {**STREAMS, "correspondence": "appearance"}}
+    streams = {"appearance": {**STREAMS, "correspondence": "appearance"}}  # under the name that it was taught by
     with tempfile.TemporaryDirectory() as folder:
         result = replay(Path(folder), taught, _AFTERNOON, streams, seed, put_down_m=start_m, on_step=keep)
     if not first or result.ground_truth is None:
