@@ -121,6 +121,22 @@ def test_a_finished_cell_is_never_run_twice(bench_of, run_cells, tmp_path: Path)
         assert [record.attempts for record in index.records()] == [1, 1, 1, 1]
 
 
+def test_the_folders_are_the_record_and_the_index_can_be_made_anew(bench_of, run_cells, tmp_path: Path) -> None:
+    bench = bench_of({"localizers": {"good": "toy", "bad": {"plugin": "toy", "does": "raise"}}})
+    before = run_cells(bench, tmp_path)
+    with Index(tmp_path) as index:
+        told = {record.label: (record.reason, record.result) for record in index.records()}
+    (tmp_path / "index.sqlite").unlink()
+    started: list[str] = []
+
+    after = run_cells(bench, tmp_path, on_progress=lambda p: started.extend(cell.label for cell in p.running))
+
+    assert started == []
+    assert after == before == {"good, seed 0": "ok", "bad, seed 0": "failed"}
+    with Index(tmp_path) as index:
+        assert {record.label: (record.reason, record.result) for record in index.records()} == told
+
+
 def test_what_fits_no_sensor_is_skipped_with_the_reason(bench_of, run_cells, tmp_path: Path) -> None:
     sources = {"wheels": {"plugin": "toy_wheels"}, "lamp": {"plugin": "toy_wheels", "kind": "other"}}
     bench = bench_of({"sources": sources, "localizers": ["toy"], "seeds": 3}, run={"sources": {}})

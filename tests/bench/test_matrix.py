@@ -158,6 +158,16 @@ def test_a_value_that_needs_what_is_not_there_is_skipped(bench_of, tmp_path: Pat
     assert "NOT_SET_AT_ALL is not set" in bench.cells[1].missing
 
 
+def test_a_value_may_have_limits_of_its_own(bench_of) -> None:
+    cells = {"localizers": {"a": "toy", "b": {"plugin": "toy", "scale": 1.1, "limits": {"timeout_s": 7.0}}}}
+
+    a, b = bench_of(cells, limits={"timeout_s": 60.0, "memory_mb": 4000.0}).cells
+
+    assert (a.request["limits"]["timeout_s"], b.request["limits"]["timeout_s"]) == (60.0, 7.0)
+    assert b.request["limits"]["memory_mb"] == 4000.0
+    assert "limits" not in b.request["document"]["localizers"]["b"]
+
+
 def test_teaching_is_the_same_config_with_what_is_different_laid_over_it(bench_of) -> None:
     cells = {
         "localizers": ["toy_fixer"],

@@ -120,6 +120,7 @@ class CellProcess:
         environment = os.environ | pinned | {"PYTHONHASHSEED": "0"}
         command = [
             sys.executable,
+            "-P",  # not a numpy.py of the folder where the bench was started
             "-X",
             "faulthandler",
             "-m",

@@ -109,16 +109,14 @@ def run_bench(
 
 
 def _recover(cells: Sequence[Cell], index: Index) -> None:
-    """Put back what a killed bench left as running; take what had been finished and not been written down."""
+    """Put back what a killed bench left as running; take what had been finished and is not in the index."""
     shutil.rmtree(index.folder / CELLS / _WORK, ignore_errors=True)
     states = index.states()
-    for cell in cells:
-        if states.get(cell.id) == "running":
+    index.again(cell.id for cell in cells if states.get(cell.id) == "running")
+    with index.together():
+        for cell in cells:
             folder = index.folder / CELLS / cell.id
-            outcome = _json(folder / OUTCOME_FILE)
-            if outcome is None:
-                index.again([cell.id])
-            else:
+            if states.get(cell.id) in ("pending", "running") and (outcome := _json(folder / OUTCOME_FILE)) is not None:
                 index.finished(cell.id, Outcome(**outcome), _json(folder / RESULT_FILE), _bytes(folder / DETAIL_FILE))
 
 
