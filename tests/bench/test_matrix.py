@@ -44,6 +44,17 @@ def test_a_value_may_be_several_parts_beside_those_of_the_run(bench_of) -> None:
     assert cell.request["localizer"] == "first"
 
 
+def test_figures_are_told_of_the_localizer_that_they_are_about(bench_of) -> None:
+    pair = {"about": "second", "first": {"plugin": "toy"}, "second": {"plugin": "odometry"}}
+    run = {"estimator": {"use": ["first"]}}
+
+    (cell,) = bench_of({"localizers": {"pair": pair}}, run=run, judging={"trajectory": "localizer"}).cells
+
+    assert (cell.request["localizer"], cell.request["subject"]) == ("second", "second")
+    with pytest.raises(ConfigError, match=r"no localizer is called 'secnd' \(did you mean 'second'"):
+        bench_of({"localizers": {"pair": pair | {"about": "secnd"}}}, run=run)
+
+
 def test_pipelines_estimators_and_perturbations_are_axes(bench_of) -> None:
     cells = {
         "localizers": ["toy"],

@@ -63,7 +63,8 @@ class CellsSection(PluginConfig):
     perturbations: dict[str, Any] = Field(default_factory=dict)
     """By name: what is wrong with the sensors, as under `perturb` of a source; `{}` is nothing."""
     localizers: dict[str, Any] = Field(default_factory=dict)
-    """By name: one localizer, or several by their names; beside those of the run config. A list names plugins."""
+    """By name: one localizer, or several by their names; beside those of the run config. A list names plugins. Times
+    and consistency are told of the first, or of the one that `about` names."""
     installed: Installed | None = None
     """Besides these, every installed localizer of a kind."""
     estimators: dict[str, Any] = Field(default_factory=dict)

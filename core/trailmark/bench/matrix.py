@@ -33,7 +33,7 @@ FORMAT = 1
 _HEX = 20
 
 # Keys of a value of an axis that are the bench's, not those of a part.
-_OWN_KEYS = ("teach", "needs", "limits")
+_OWN_KEYS = ("about", "limits", "needs", "teach")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,6 +70,7 @@ class _Value:
     teach: dict[str, Any] | None = None
     missing: str = ""
     limits: dict[str, Any] = field(default_factory=dict)
+    about: str = ""
 
 
 @dataclass(slots=True)
@@ -293,7 +294,12 @@ class _MatrixReader:
         piece, run_keys, where = self._piece(axis, name, content, keys)
         missing = self._missing(own.get("needs", ()), keys)
         limits = self._limits(own.get("limits", {}), (*keys, "limits"))
-        return _Value(axis, name, piece, run_keys, where, None if teach is None else dict(teach), missing, limits)
+        about = str(own.get("about", ""))
+        if about and about not in piece.get("localizers", {}):
+            hint = nearest_or_all(about, piece.get("localizers", {}), "localizers of it")
+            self._problems.add((*keys, "about"), f"no localizer is called {about!r}{hint}")
+        teach = None if teach is None else dict(teach)
+        return _Value(axis, name, piece, run_keys, where, teach, missing, limits, about)
 
     def _piece(self, axis: str, name: str, content: dict[str, Any], keys: Keys) -> tuple[dict[str, Any], Keys, Keys]:
         """Return a value as a piece of a run config, and which keys of it stand where."""
@@ -407,7 +413,7 @@ class _MatrixReader:
     def _first_localizer(self, values: Sequence[_Value], loaded: RunConfig) -> Iterator[str]:
         for value in values:
             if value.axis == "localizers":
-                yield from value.piece["localizers"]
+                yield from [value.about] if value.about else value.piece["localizers"]
         yield from loaded.localizers
 
     def _loaded(self, data: dict[str, Any], origins: Sequence[tuple[Keys, Keys]]) -> RunConfig:

@@ -1,0 +1,40 @@
+"""The benches in ``benchmarks/`` name what is there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from trailmark.bench import load_bench
+from trailmark.plugins import load_plugins
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+
+
+def test_the_grand_bench_has_every_localizer_and_skips_recordings_that_are_not_there(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delenv("TRAILMARK_DATA", raising=False)
+    plugins = load_plugins()
+
+    bench = load_bench(BENCHMARKS / "grand.yaml", plugins=plugins)
+
+    used = {
+        part["plugin"]
+        for cell in bench.cells
+        if cell.request
+        for part in cell.request["document"]["localizers"].values()
+    }
+    ours = {spec.name for spec in plugins.registry.specs("localizer") if spec.distribution == "trailmark"}
+    assert ours - used <= {"constant_speed", "imu", "kinect_landmarks"}  # no sensor, half a pose, told as kinect_motion
+    missing = {cell.coordinates["source"] for cell in bench.cells if cell.missing}
+    assert missing == {"photo_wood", "photo_asphalt", "fr1_rpy", "robot_1", "robot_2"}
+    assert all("TRAILMARK_DATA is not set" in cell.missing for cell in bench.cells if cell.missing)
+
+
+def test_the_speed_bench_runs_its_cells_alone() -> None:
+    bench = load_bench(BENCHMARKS / "speed.yaml", plugins=load_plugins())
+
+    assert bench.cells
+    assert all(cell.alone and cell.request["limits"]["threads"] == 1 for cell in bench.cells)
