@@ -8,14 +8,17 @@ from __future__ import annotations
 
 from typing import Any
 
-from llvmlite import ir  # type: ignore[import-untyped]
-from numba import types
-from numba.core import cgutils
+from llvmlite import ir
+from numba import types as numba_types
+from numba.core import cgutils as numba_cgutils
 from numba.extending import intrinsic
 
 from trailmark_sim.render.rays import LANES
 
 __all__ = ["float_lanes", "int_lanes"]
+
+types: Any = numba_types
+cgutils: Any = numba_cgutils
 
 
 def _stack_array(context: Any, builder: Any, kind: Any) -> Any:

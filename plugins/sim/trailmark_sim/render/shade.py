@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from numba import carray, njit
+from numba import carray, njit  # type: ignore[attr-defined]
 
 from trailmark_sim.render.lanes import float_lanes, int_lanes
 from trailmark_sim.render.rays import LANES
