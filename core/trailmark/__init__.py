@@ -5,6 +5,7 @@ Importing this package is cheap: what stands behind the names below is loaded on
 
 from __future__ import annotations
 
+import os
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,9 @@ __version__ = "0.1.0"
 
 #: Version of the interfaces that plugins are written against; another major version is refused.
 PLUGIN_API = "1.0"
+
+# Read by OpenCV when it is loaded: a picture whose header announces more pixels is refused before it is decoded.
+os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(1 << 27))
 
 #: Marks hook implementations in plugin modules.
 hookimpl = pluggy.HookimplMarker("trailmark")

@@ -105,7 +105,8 @@ class TestProvenance:
 
         (tmp_path / "config.yaml").write_text("mode: teach\n")
 
-        assert git_describe(tmp_path) == "v1-dirty"
+        assert git_describe(tmp_path, dirty=True) == "v1-dirty"
+        assert git_describe(tmp_path) == "v1"  # not looked at where nobody's code is run
 
     def test_it_names_what_a_reader_needs_to_repeat_the_run(self) -> None:
         facts = provenance()

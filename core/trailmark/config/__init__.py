@@ -3,7 +3,7 @@
 from trailmark.config.base import UNNAMED, PluginConfig, Sensor, SensorRole, sensor_roles
 from trailmark.config.calibrations import read_calibration
 from trailmark.config.document import Document, read_document
-from trailmark.config.files import ConfigPath, ExistingFile, ExistingPath
+from trailmark.config.files import ConfigPath, ExistingFile, ExistingPath, OutputPath
 from trailmark.config.host import StopWhen
 from trailmark.config.load import load_run_config
 from trailmark.config.perturbation import Occluders, Perturbation, WrongCalibration
@@ -29,6 +29,7 @@ __all__ = [
     "LocalizerEntry",
     "Mounting",
     "Occluders",
+    "OutputPath",
     "PartEntry",
     "PathStoreEntry",
     "Perturbation",

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import re
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,7 +15,7 @@ from pydantic import AfterValidator, ValidationInfo
 
 from trailmark.plugins.hints import did_you_mean
 
-__all__ = ["BASE_DIR", "ConfigPath", "ExistingFile", "ExistingPath", "resolved"]
+__all__ = ["BASE_DIR", "ConfigPath", "ExistingFile", "ExistingPath", "IsWritten", "OutputPath", "resolved"]
 
 #: Key of the validation context under which the host gives the config's folder.
 BASE_DIR = "base_dir"
@@ -78,6 +79,15 @@ def _nearby(path: Path) -> str:
 
 ConfigPath = Annotated[Path, AfterValidator(_resolve)]
 """A path that need not exist yet; relative ones start at the config's folder."""
+
+
+@dataclass(frozen=True, slots=True)
+class IsWritten:
+    """Marks a path that is written to."""
+
+
+OutputPath = Annotated[Path, AfterValidator(_resolve), IsWritten()]
+"""A file or folder that is written; in a config file it must lie within the config's folder."""
 
 ExistingPath = Annotated[Path, AfterValidator(_resolve_existing)]
 """A file or folder that must exist; relative ones start at the config's folder. Missing: an error with line."""

@@ -14,6 +14,7 @@ from trailmark.config.checks import check_classes, check_motion, check_use
 from trailmark.config.document import Document, Problems, read_document
 from trailmark.config.explain import validated
 from trailmark.config.host import PluginsSection, RunSettings, SensorSection
+from trailmark.config.outputs import refuse_outputs_elsewhere
 from trailmark.config.overrides import Override, with_overrides
 from trailmark.config.parts import Part, PartReader
 from trailmark.config.requirements import unmet
@@ -200,6 +201,7 @@ class _RunReader:
         names = [str(name) for name in raw] if isinstance(raw, Mapping) else []
         if sections.estimator is not None:
             check_use(names, sections.estimator, self._problems)
+        refuse_outputs_elsewhere(sections.parts, self._written, self._problems)
         self._problems.raise_if_any()
         if sections.estimator is not None:
             check_motion(sections.localizers, sections.estimator, self._problems)

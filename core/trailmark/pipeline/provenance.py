@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import platform
 import re
 import shlex
@@ -36,7 +37,7 @@ def provenance(config_dir: Path | None = None) -> dict[str, Any]:
         "cpu": cpu_model(),
         "packages": package_versions(),
         "git": {
-            "trailmark": git_describe(Path(trailmark.__file__).parent),
+            "trailmark": git_describe(Path(trailmark.__file__).parent, dirty=True),
             "config": None if config_dir is None else git_describe(config_dir),
         },
     }
@@ -69,11 +70,26 @@ def cpu_model() -> str:
     return found.group(1).strip() if found else platform.machine()
 
 
-def git_describe(folder: Path) -> str | None:
-    """Return tag or commit of the repository that a folder lies in, with ``-dirty`` if it was changed."""
-    command = ["git", "-C", str(folder), "describe", "--always", "--dirty", "--tags"]
+def git_describe(folder: Path, dirty: bool = False) -> str | None:
+    """Return tag or commit of the repository that a folder lies in.
+
+    A repository that came with somebody's recording may hold commands in its ``.git/config``: looking whether files
+    were changed runs its filters, and a missing object would be fetched. So neither is done there.
+
+    Parameters
+    ----------
+    folder : Path
+        Any folder.
+    dirty : bool
+        Add ``-dirty`` if a file was changed; only for a repository whose code is run anyway.
+    """
+    command = ["git", "-C", str(folder), "-c", "core.fsmonitor=false", "-c", f"core.hooksPath={os.devnull}"]
+    command += ["describe", "--always", "--tags", *(["--dirty"] if dirty else [])]
+    environment = os.environ | {"GIT_NO_LAZY_FETCH": "1", "GIT_ALLOW_PROTOCOL": "none"}
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=_GIT_PATIENCE_S, check=False)
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=_GIT_PATIENCE_S, check=False, env=environment
+        )
     except (OSError, subprocess.TimeoutExpired):
         return None
     return done.stdout.strip() or None if done.returncode == 0 else None

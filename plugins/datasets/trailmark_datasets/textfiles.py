@@ -21,6 +21,8 @@ TimeUnit = Literal["s", "ms", "us", "ns"]
 TIME_UNITS: dict[str, float] = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
 _MAX_LINE = 1_000_000  # a longer line is not a line of numbers: a binary file, or an unpacked bomb
+# What text of numbers never reaches; what a file that unpacks to gigabytes of blank lines does.
+_MAX_UNPACKED, _MAX_RATIO = 64 << 20, 100
 _DATE = re.compile(r"(\d{4}-\d\d-\d\d)[ T](\d\d:\d\d:\d\d)(\.\d+)?Z?")
 
 
@@ -32,12 +34,16 @@ def lines_of(path: Path, comments: tuple[str, ...] = ("#", "%", "//")) -> Iterat
     SourceError
         If the file cannot be read or is not text.
     """
-    number_ = 0
+    number_, unpacked = 0, 0
     try:
+        most = max(_MAX_UNPACKED, _MAX_RATIO * path.stat().st_size) if path.suffix == ".gz" else math.inf
         with gzip.open(path) if path.suffix == ".gz" else open(path, "rb") as binary:
             file = io.TextIOWrapper(binary, encoding="utf-8-sig")
             while line := file.readline(_MAX_LINE):
                 number_ += 1
+                unpacked += len(line)
+                if unpacked > most:
+                    raise SourceError(f"{path} unpacks to more than {_MAX_RATIO} times its size: not a log of numbers")
                 if len(line) >= _MAX_LINE:
                     raise SourceError(f"{path}:{number_}: a line of more than {_MAX_LINE} characters: not a text file")
                 text = line.strip()

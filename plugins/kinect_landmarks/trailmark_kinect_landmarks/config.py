@@ -6,7 +6,7 @@ from typing import Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from trailmark.config import ConfigPath, PluginConfig, Sensor
+from trailmark.config import OutputPath, PluginConfig, Sensor
 
 __all__ = ["FINDER_NAMES", "CropConfig", "KinectFlowConfig", "KinectLandmarksConfig", "RgbdConfig"]
 
@@ -108,7 +108,7 @@ class KinectLandmarksConfig(RgbdConfig):
     restart_s: float = Field(1.0, gt=0.0)
     """Lost for so long, it remembers anew where it is believed to be, and says with what uncertainty [s]."""
 
-    debug_images: ConfigPath | None = None
+    debug_images: OutputPath | None = None
     """Folder for the paper's six stage pictures (Figures 5-10) of every picture; slow."""
 
 

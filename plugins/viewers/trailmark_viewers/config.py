@@ -6,7 +6,7 @@ from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
-from trailmark.config import ConfigPath, PluginConfig
+from trailmark.config import OutputPath, PluginConfig
 
 __all__ = ["FoxgloveConfig"]
 
@@ -14,7 +14,7 @@ __all__ = ["FoxgloveConfig"]
 class FoxgloveConfig(PluginConfig):
     """A run for Foxglove, in its own message schemas."""
 
-    path: ConfigPath | None = None
+    path: OutputPath | None = None
     """An MCAP file to write; an older one is replaced."""
     live: bool = False
     """Let Foxglove connect while the run goes on: ws://HOST:PORT."""
