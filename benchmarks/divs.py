@@ -20,7 +20,7 @@ import argparse
 import json
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -35,8 +35,9 @@ from trailmark.experiments import Row
 from trailmark.frames import Frame, Image, SensorInfo
 from trailmark.geometry import Pose2, Twist2
 from trailmark.interfaces import Drawer, Localizer, Session
-from trailmark.paths import Keyframe, Waypoint
 from trailmark.paths import Path as TaughtPath
+from trailmark.paths import Waypoint
+from trailmark.testing import MemoryDrawer
 from trailmark_baselines.appearance.config import ColumnNCCConfig, PatchNCCConfig, PhaseShiftConfig
 from trailmark_baselines.appearance.localizer import ColumnNCC, PatchNCC, PhaseShift
 from trailmark_divs.config import DivsConfig
@@ -82,26 +83,6 @@ OURS: dict[str, Maker] = {"divs": make_divs, "stream alone": make_stream, "as th
 ALL: dict[str, Maker] = OURS | PEERS
 
 
-class DictDrawer(Drawer):
-    """A drawer that forgets with the process."""
-
-    def __init__(self) -> None:
-        self._keyframes: list[Keyframe] = []
-        self._named: dict[str, Mapping[str, npt.NDArray[Any]]] = {}
-
-    def add(self, keyframe: Keyframe) -> None:
-        self._keyframes.append(keyframe)
-
-    def keyframes(self) -> Sequence[Keyframe]:
-        return tuple(self._keyframes)
-
-    def save(self, name: str, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
-        self._named[name] = dict(arrays)
-
-    def load(self, name: str) -> Mapping[str, npt.NDArray[Any]] | None:
-        return self._named.get(name)
-
-
 @dataclass
 class Found:
     """What a localizer said after the first window."""
@@ -144,7 +125,7 @@ def shown(localizer: Localizer, pictures: Pictures, first_m: float = 0.0) -> Ite
 
 def taught(make: Maker, pictures: Pictures, **settings: Any) -> Drawer:
     """Teach a sequence."""
-    drawer, localizer = DictDrawer(), make(**settings)
+    drawer, localizer = MemoryDrawer(), make(**settings)
     localizer.start(session("teach", drawer, len(pictures)))
     for _ in shown(localizer, pictures):
         pass

@@ -24,7 +24,7 @@ import argparse
 import json
 import math
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -42,8 +42,8 @@ from trailmark.estimation.dead_reckoning_config import DeadReckoningConfig
 from trailmark.experiments import Row
 from trailmark.frames import Frame
 from trailmark.geometry import Pose2
-from trailmark.interfaces import Drawer, Session
-from trailmark.paths import Keyframe
+from trailmark.interfaces import Session
+from trailmark.testing import MemoryDrawer
 from trailmark_ground_vo.config import GroundMapConfig, GroundVOConfig
 from trailmark_ground_vo.localizer import GroundVO
 from trailmark_ground_vo.map_localizer import GroundMap
@@ -58,30 +58,6 @@ NO_CONSENSUS = {"min_groups": 1, "tolerance_px": 1000.0, "min_correlation": 0.0}
 _FALSE_M = 5e-3
 
 Poses = Sequence[Pose2]
-
-
-class DictDrawer(Drawer):
-    """A drawer that forgets with the process."""
-
-    def __init__(self) -> None:
-        self._keyframes: list[Keyframe] = []
-        self._saved: dict[str, Mapping[str, npt.NDArray[Any]]] = {}
-
-    def add(self, keyframe: Keyframe) -> None:
-        """Remember a keyframe."""
-        self._keyframes.append(keyframe)
-
-    def keyframes(self) -> Sequence[Keyframe]:
-        """Return all of them."""
-        return tuple(self._keyframes)
-
-    def save(self, name: str, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
-        """Store named arrays."""
-        self._saved[name] = dict(arrays)
-
-    def load(self, name: str) -> Mapping[str, npt.NDArray[Any]] | None:
-        """Return them."""
-        return self._saved.get(name)
 
 
 class Spotted(Ground):
@@ -141,7 +117,7 @@ class OpenDrive(Drive):
 class Robot:
     """ground_vo, ground_map and dead reckoning, driven over pictures."""
 
-    def __init__(self, drawer: DictDrawer, mode: str, is_teaching: bool, latency: int = 0, **keys: Any) -> None:
+    def __init__(self, drawer: MemoryDrawer, mode: str, is_teaching: bool, latency: int = 0, **keys: Any) -> None:
         motion = GroundVOConfig.model_validate(CAMERA | {"mode": mode})
         paper = PAPER if mode == "paper" else {}
         self.motion, self.map = GroundVO(motion), GroundMap(GroundMapConfig.model_validate(CAMERA | paper | keys))
@@ -212,7 +188,7 @@ class Taught:
     mode: str
     metres: float
     seed: int
-    drawer: DictDrawer
+    drawer: MemoryDrawer
     places: Poses  # true poses where patches were registered
 
     def poses_at(self, place: int, true: Pose2) -> Pose2:
@@ -222,7 +198,7 @@ class Taught:
 
 def teach(name: str, mode: str, metres: float, seed: int, **keys: Any) -> Taught:
     """Teach the course."""
-    at, drawer = course(metres), DictDrawer()
+    at, drawer = course(metres), MemoryDrawer()
     n_frames = int(metres / SPEED_MPS * RATE_HZ)
     drive = OpenDrive(name, lambda time_s: at(SPEED_MPS * time_s), n_frames, seed)
     robot = Robot(drawer, mode, is_teaching=True, **keys)

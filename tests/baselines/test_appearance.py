@@ -15,8 +15,9 @@ from trailmark.errors import ConfigError, StoreError
 from trailmark.estimates import Belief, Lost, PathOffset
 from trailmark.frames import RGBD, Frame, Image, Pinhole, Scalar, SensorInfo
 from trailmark.geometry import Pose2
-from trailmark.interfaces import Drawer, Session
+from trailmark.interfaces import Session
 from trailmark.paths import Path, Waypoint
+from trailmark.testing import MemoryDrawer
 from trailmark_baselines.appearance.config import ColumnNCCConfig, PatchNCCConfig, PhaseShiftConfig
 from trailmark_baselines.appearance.kernels import column_scores, patch_normalised, patch_scores, peak, phase_shift
 from trailmark_baselines.appearance.localizer import ColumnNCC, PatchNCC, PhaseShift
@@ -30,23 +31,6 @@ SIZE = (320, 160)
 FOCAL_PX = 300.0
 INFO = SensorInfo("front", "image", size=SIZE, calibration=Pinhole(FOCAL_PX, FOCAL_PX, 159.5, 79.5))
 PATH = Path([Waypoint(k, 0.5 * k, Pose2(0.5 * k)) for k in range(11)])
-
-
-class DictDrawer(Drawer):
-    def __init__(self):
-        self.rows = []
-
-    def add(self, keyframe):
-        self.rows.append(keyframe)
-
-    def keyframes(self):
-        return tuple(self.rows)
-
-    def save(self, name, arrays):
-        raise NotImplementedError
-
-    def load(self, name):
-        return None
 
 
 def scene(seed):
@@ -79,7 +63,7 @@ def at(station_m):
 
 
 def taught(kind, **settings):
-    drawer = DictDrawer()
+    drawer = MemoryDrawer()
     localizer = started(kind, "teach", drawer, **settings)
     for k in range(11):
         assert localizer.observe(Frame("front", 0.1 * k, Image(view(k))), at(0.5 * k)) == ()
@@ -235,7 +219,7 @@ def test_peaks_worked_by_hand(scores, expected):
     [
         ({"path": None}, ConfigError, "needs a taught path"),
         ({"drawer": None}, ConfigError, "give the run --store"),
-        ({"drawer": DictDrawer()}, StoreError, "nothing of this path is remembered"),
+        ({"drawer": MemoryDrawer()}, StoreError, "nothing of this path is remembered"),
     ],
 )
 def test_what_it_cannot_do_without_is_asked_for(change, error, message):

@@ -10,8 +10,8 @@ import pytest
 
 from trailmark.estimates import Belief, Estimate, Lost, Motion
 from trailmark.geometry import Pose2
-from trailmark.interfaces import Drawer, Session
-from trailmark.paths import Keyframe
+from trailmark.interfaces import Session
+from trailmark.testing import MemoryDrawer
 from trailmark.testing.ground import Ground, GroundCamera, GroundRun
 from trailmark_ground_vo.config import GroundVOConfig
 from trailmark_ground_vo.localizer import GroundVO
@@ -78,26 +78,6 @@ def floors(data_folder: Path) -> Path:
     if not folder.is_dir():
         pytest.skip(f"no photographs of floors at {folder}")
     return folder
-
-
-class MemoryDrawer(Drawer):
-    """A drawer without a file."""
-
-    def __init__(self) -> None:
-        self._keyframes: list[Keyframe] = []
-        self._saved: dict[str, dict[str, np.ndarray]] = {}
-
-    def add(self, keyframe):
-        self._keyframes.append(keyframe)
-
-    def keyframes(self):
-        return tuple(self._keyframes)
-
-    def save(self, name, arrays):
-        self._saved[name] = {key: np.array(array) for key, array in arrays.items()}
-
-    def load(self, name):
-        return self._saved.get(name)
 
 
 @pytest.fixture

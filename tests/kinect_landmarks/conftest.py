@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 import cv2
@@ -14,8 +14,7 @@ import pytest
 from trailmark.estimates import Belief, Estimate
 from trailmark.frames import RGBD, DepthCamera, Frame, Pinhole, Scalar, SensorInfo
 from trailmark.geometry import Pose2, Pose3
-from trailmark.interfaces import Drawer, Localizer, Session
-from trailmark.paths import Keyframe
+from trailmark.interfaces import Localizer, Session
 
 LENS = Pinhole(525.0, 525.0, 319.5, 239.5)
 SENSORS = {
@@ -64,26 +63,6 @@ class Room:
             seen = cv2.remap(texture, u.astype(np.float32), v.astype(np.float32), cv2.INTER_LINEAR)
             bgr[inside], depth[inside] = seen[inside], way[inside]
         return RGBD(bgr, depth)
-
-
-class MemoryDrawer(Drawer):
-    """A drawer without a store."""
-
-    def __init__(self) -> None:
-        self._keyframes: list[Keyframe] = []
-        self._saved: dict[str, Mapping[str, npt.NDArray[np.generic]]] = {}
-
-    def add(self, keyframe: Keyframe) -> None:
-        self._keyframes.append(keyframe)
-
-    def keyframes(self) -> Sequence[Keyframe]:
-        return self._keyframes
-
-    def save(self, name: str, arrays: Mapping[str, npt.NDArray[np.generic]]) -> None:
-        self._saved[name] = arrays
-
-    def load(self, name: str) -> Mapping[str, npt.NDArray[np.generic]] | None:
-        return self._saved.get(name)
 
 
 def arc(n: int = 30) -> list[Pose2]:

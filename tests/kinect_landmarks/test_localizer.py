@@ -15,11 +15,12 @@ from trailmark.estimates import Belief, Estimate, Fix, Lost, Motion
 from trailmark.frames import RGBD, Frame, Image, SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Session
+from trailmark.testing import MemoryDrawer
 from trailmark_kinect_landmarks.config import KinectFlowConfig, KinectLandmarksConfig
 from trailmark_kinect_landmarks.flow import KinectFlow
 from trailmark_kinect_landmarks.localizer import KinectLandmarks, KinectMotion
 
-from .conftest import SENSORS, Drive, MemoryDrawer, Room, arc
+from .conftest import SENSORS, Drive, Room, arc
 
 
 def _landmarks(**options: object) -> KinectLandmarks:

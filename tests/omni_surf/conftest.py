@@ -15,30 +15,10 @@ import pytest
 from trailmark.estimates import Belief
 from trailmark.frames import Frame, Image, Omni, SensorInfo
 from trailmark.geometry import Pose2, Pose3
-from trailmark.interfaces import Drawer, Session
-from trailmark.paths import Keyframe
+from trailmark.interfaces import Session
+from trailmark.testing import MemoryDrawer
 
 Grey = npt.NDArray[np.uint8]
-
-
-class MemoryDrawer(Drawer):
-    """A drawer without a file."""
-
-    def __init__(self) -> None:
-        self._keyframes: list[Keyframe] = []
-        self._saved: dict[str, dict[str, npt.NDArray[Any]]] = {}
-
-    def add(self, keyframe: Keyframe) -> None:
-        self._keyframes.append(keyframe)
-
-    def keyframes(self) -> list[Keyframe]:
-        return list(self._keyframes)
-
-    def save(self, name: str, arrays: Any) -> None:
-        self._saved[name] = {key: np.array(value) for key, value in arrays.items()}
-
-    def load(self, name: str) -> dict[str, npt.NDArray[Any]] | None:
-        return self._saved.get(name)
 
 
 def wall_texture(seed: int, height: int = 384, width: int = 3072) -> Grey:

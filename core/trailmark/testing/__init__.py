@@ -29,6 +29,7 @@ if TYPE_CHECKING:
         source_checks,
         store_checks,
     )
+    from trailmark.testing.drawer import MemoryDrawer
     from trailmark.testing.ground import Ground, GroundCamera, GroundRun, ground_run
     from trailmark.testing.motions import MotionLaw, circle, straight, true_poses
     from trailmark.testing.room import Room, room_run
@@ -39,6 +40,7 @@ __all__ = [
     "Ground",
     "GroundCamera",
     "GroundRun",
+    "MemoryDrawer",
     "MotionLaw",
     "Room",
     "SyntheticRun",
@@ -66,6 +68,7 @@ __all__ = [
 ]
 
 _MODULES = {
+    "trailmark.testing.drawer": ("MemoryDrawer",),
     "trailmark.testing.ground": ("Ground", "GroundCamera", "GroundRun", "ground_run"),
     "trailmark.testing.motions": ("MotionLaw", "circle", "straight", "true_poses"),
     "trailmark.testing.room": ("Room", "room_run"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -19,11 +19,12 @@ from trailmark.estimates import Belief, Estimate, Fix, Lost, Motion, PathOffset,
 from trailmark.frames import Frame, Payload
 from trailmark.geometry import Twist2
 from trailmark.interfaces import Drawer, Localizer, Mode, Session
-from trailmark.paths import Keyframe, Path, Waypoint
+from trailmark.paths import Path, Waypoint
 from trailmark.stores import SqlitePathStore, SqliteStoreConfig
+from trailmark.testing.drawer import MemoryDrawer
 from trailmark.testing.runs import AnyRun
 
-__all__ = ["LocalizerCase", "MemoryDrawer", "Told", "answers", "arrays_of", "document_of", "spoiled", "true_belief"]
+__all__ = ["LocalizerCase", "Told", "answers", "arrays_of", "document_of", "spoiled", "true_belief"]
 
 _SPACING_M = 0.05
 _SIGMAS = (0.01, 0.01, 0.005)  # of the beliefs that the localizers are asked with [m, m, rad]
@@ -38,35 +39,6 @@ class Told:
 
     def __iter__(self) -> Iterator[Estimate]:
         return iter((*self.taught, *self.replayed))
-
-
-class MemoryDrawer(Drawer):
-    """A drawer without a store: what goes in comes out as it was."""
-
-    def __init__(self) -> None:
-        self._keyframes: list[Keyframe] = []
-        self._saved: dict[str, dict[str, npt.NDArray[Any]]] = {}
-
-    def add(self, keyframe: Keyframe) -> None:
-        """Remember a keyframe."""
-        self._keyframes.append(keyframe)
-
-    def keyframes(self) -> Sequence[Keyframe]:
-        """Return all keyframes in the order in which they were added."""
-        return tuple(self._keyframes)
-
-    def save(self, name: str, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
-        """Store copies of named arrays under a name."""
-        self._saved[name] = {key: np.array(array) for key, array in arrays.items()}
-
-    def load(self, name: str) -> Mapping[str, npt.NDArray[Any]] | None:
-        """Return the arrays saved under a name, or None."""
-        return self._saved.get(name)
-
-    @property
-    def is_empty(self) -> bool:
-        """Whether nothing was remembered."""
-        return not self._keyframes and not self._saved
 
 
 @dataclass(frozen=True)

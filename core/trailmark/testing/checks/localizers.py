@@ -22,7 +22,6 @@ from trailmark.interfaces import Localizer
 from trailmark.testing.checks.configs import common_checks
 from trailmark.testing.checks.lives import (
     LocalizerCase,
-    MemoryDrawer,
     answers,
     arrays_of,
     document_of,
@@ -31,6 +30,7 @@ from trailmark.testing.checks.lives import (
 )
 from trailmark.testing.checks.parametrize import Check, parametrize, skip
 from trailmark.testing.checks.payloads import Spoil, resized, spoil
+from trailmark.testing.drawer import MemoryDrawer
 from trailmark.testing.runs import AnyRun
 
 if TYPE_CHECKING:

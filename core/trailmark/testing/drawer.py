@@ -1,0 +1,43 @@
+"""A drawer without a store."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.interfaces import Drawer
+from trailmark.paths import Keyframe
+
+__all__ = ["MemoryDrawer"]
+
+
+class MemoryDrawer(Drawer):
+    """A drawer without a store: what goes in comes out as it was."""
+
+    def __init__(self) -> None:
+        self._keyframes: list[Keyframe] = []
+        self._saved: dict[str, dict[str, npt.NDArray[Any]]] = {}
+
+    def add(self, keyframe: Keyframe) -> None:
+        """Remember a keyframe."""
+        self._keyframes.append(keyframe)
+
+    def keyframes(self) -> Sequence[Keyframe]:
+        """Return all keyframes in the order in which they were added."""
+        return tuple(self._keyframes)
+
+    def save(self, name: str, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
+        """Store copies of named arrays under a name."""
+        self._saved[name] = {key: np.array(array) for key, array in arrays.items()}
+
+    def load(self, name: str) -> Mapping[str, npt.NDArray[Any]] | None:
+        """Return the arrays saved under a name, or None."""
+        return self._saved.get(name)
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing was remembered."""
+        return not self._keyframes and not self._saved
