@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,8 @@ CONTROLLERS: dict[str, dict[str, Any]] = {
 }
 ESTIMATORS: dict[str, dict[str, Any]] = {"dead_reckoning": {}, "kalman": {}}
 SINKS: dict[str, dict[str, Any]] = {"jsonl": {"to": str(OUT / "contract.jsonl"), "estimates": True}}
+if find_spec("foxglove") is not None:  # an extra
+    SINKS["foxglove"] = {"path": str(OUT / "contract.mcap")}
 
 #: What is known not to pass, and why.
 EXPECTED_FAILURES = {
@@ -57,7 +60,7 @@ def all_checks() -> dict[str, Callable[[], None]]:
 def test_every_built_in_is_checked() -> None:
     assert CONTROLLERS.keys() == built_in("controller")
     assert ESTIMATORS.keys() == built_in("estimator")
-    assert SINKS.keys() == built_in("sink")
+    assert SINKS.keys() | {"foxglove"} == built_in("sink")
     assert {"sqlite"} == built_in("path_store")
 
 
