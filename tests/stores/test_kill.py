@@ -22,7 +22,7 @@ from trailmark.stores.check import check_store
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL is POSIX")
 
 HERE = Path(__file__).parent
-N_KILLS = 20
+N_KILLS = 200 if os.environ.get("TRAILMARK_TRUST") == "full" else 20  # `make trust`
 
 #: Imports once, then forks a teacher for each line of its input, and says its process.
 NURSERY = """

@@ -34,6 +34,7 @@ from trailmark.pipeline.provenance import git_describe
 from trailmark.plugins import load_plugins
 from trailmark_datasets.pictures import decode_raw
 from trailmark_datasets.textfiles import lines_of
+from trailmark_omni_surf.selection import SelectionModel, shipped_model
 
 ROOT = Path(__file__).parents[2]
 CODE = [path for folder in ("core", "plugins") for path in sorted((ROOT / folder).rglob("*.py"))]
@@ -366,6 +367,23 @@ def test_a_log_that_unpacks_to_gigabytes_is_refused(tmp_path: Path) -> None:
 
     with pytest.raises(SourceError, match="unpacks to more than 100 times its size"):
         list(lines_of(path))
+
+
+def test_a_model_that_unpacks_to_gigabytes_is_refused(tmp_path: Path) -> None:
+    path, whole = tmp_path / "bomb.npz", tmp_path / "whole.npz"
+    np.savez_compressed(path, support=np.zeros((10_000_000,), np.float64))
+    shipped_model().save(whole)
+    assert path.stat().st_size < 1 << 20
+
+    with pytest.raises(ConfigError, match="unpacks to more than"):
+        SelectionModel.load(path)
+    np.save(tmp_path / "array.npy", np.zeros(3))
+    damaged = [path.read_bytes()[:1000], (tmp_path / "array.npy").read_bytes(), whole.read_bytes()[:-30]]
+    damaged.append(whole.read_bytes()[:200] + bytes(50) + whole.read_bytes()[250:])
+    for content in damaged:
+        path.write_bytes(content)
+        with pytest.raises(ConfigError, match="is no selection model"):
+            SelectionModel.load(path)
 
 
 def test_aliases_of_aliases_are_no_bomb(wheels: Path) -> None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import zlib
 from dataclasses import dataclass, fields
 from importlib.resources import files
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +19,7 @@ __all__ = ["SelectionModel", "shipped_model", "transformed"]
 Array = npt.NDArray[np.float64]
 
 _N_FEATURES = len(FEATURE_NAMES)
+_MAX_BYTES = 64 << 20  # a thousand times what training gives
 _FLOOR = np.array([1.0, 1e-7, 1.0, 1e-4, 1e-4, 1e-5])  # below this a feature says "none"
 
 
@@ -80,8 +83,10 @@ class SelectionModel:
         """
         try:
             with np.load(path, allow_pickle=False) as saved:
+                if sum(part.file_size for part in saved.zip.infolist()) > _MAX_BYTES:
+                    raise ValueError(f"it unpacks to more than {_MAX_BYTES} bytes")
                 arrays = {field.name: np.asarray(saved[field.name], dtype=np.float64) for field in fields(cls)}
-        except (OSError, ValueError, KeyError, EOFError) as error:
+        except (OSError, ValueError, KeyError, EOFError, AttributeError, TypeError, BadZipFile, zlib.error) as error:
             raise ConfigError(
                 f"{path} is no selection model ({error}); make one with 'trailmark omni train'"
             ) from error
