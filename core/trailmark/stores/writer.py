@@ -97,7 +97,7 @@ class WriterMark:
     def _locked(self, wait_s: float) -> sqlite3.Connection:
         connection = None
         try:
-            connection = sqlite3.connect(self._file, wait_s, isolation_level=None, check_same_thread=False)
+            connection = sqlite3.connect(self._file, timeout=wait_s, isolation_level=None, check_same_thread=False)
             connection.execute("PRAGMA journal_mode = MEMORY")  # a lock needs no journal beside it
             connection.execute("BEGIN EXCLUSIVE")
             return connection
