@@ -72,10 +72,11 @@ class Eyepiece:
         return Pose3.from_planar(pose) @ self.mounting
 
 
+@dataclass(frozen=True, slots=True, eq=False)
 class Surroundings:
     """What there is to see along a taught way, from depth pictures that were taken while teaching.
 
-    Parameters
+    Attributes
     ----------
     eyepiece : Eyepiece
         The camera.
@@ -85,17 +86,15 @@ class Surroundings:
         What each showed, in the map [m].
     """
 
-    def __init__(self, eyepiece: Eyepiece, poses: Sequence[Pose2], points: Sequence[npt.NDArray[np.float64]]) -> None:
-        self._eyepiece = eyepiece
-        self._positions = np.array([(pose.x, pose.y) for pose in poses])
-        self._points = list(points)
+    eyepiece: Eyepiece
+    poses: Sequence[Pose2]
+    points: Sequence[npt.NDArray[np.float64]]
 
     def shift_columns(self, taught: Pose2, seen: Pose2) -> float:
         """Return the median displacement between two poses, positive to the right [columns].
 
         Of what the picture of the taught pose shows in its upper half and that of the other pose still shows.
         """
-        nearest = int(np.argmin(np.hypot(*(self._positions - (taught.x, taught.y)).T)))
-        points = self._points[nearest]
-        moved_px = self._eyepiece.u_px(points, seen) - self._eyepiece.u_px(points, taught)
-        return float(np.nanmedian(moved_px)) / self._eyepiece.column_px
+        points = self.points[min(range(len(self.poses)), key=lambda k: self.poses[k].distance_to(taught))]
+        moved_px = self.eyepiece.u_px(points, seen) - self.eyepiece.u_px(points, taught)
+        return float(np.nanmedian(moved_px)) / self.eyepiece.column_px
