@@ -126,6 +126,8 @@ def test_files_that_do_not_fit_are_refused(sequence, name, text, message):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
+        ("1 0 0 0 0 1 0 0 0 0 1 0\n" * 3 + "0 0 0 0 0 1 0 0 0 0 1 0\n", r"00\.txt:4: .* no rotation"),
+        ("1 0 0 0 0 1 0 0 0 0 1e300 0\n" * 4, r"00\.txt:1: .* no rotation"),
         ("1 0 0 0 0 1 0 0 0 0 1 0\n", r"00\.txt has 1 poses, but there is a picture number 3"),
         ("1 0 0 0 0 1 0 0 0 0 1 x\n", r"00\.txt:1: a number of the matrix is 'x'"),
     ],

@@ -32,7 +32,7 @@ Access = Literal["ro", "rw", "rwc"]
 def connect(path: Path, access: Access) -> sqlite3.Connection:
     """Return a connection that trusts nothing in the file; transactions are begun and ended by hand."""
     connection = sqlite3.connect(
-        f"{path.as_uri()}?mode={access}", _BUSY_S, isolation_level=None, check_same_thread=False, uri=True
+        f"{path.as_uri()}?mode={access}", timeout=_BUSY_S, isolation_level=None, check_same_thread=False, uri=True
     )
     try:
         connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _MAX_ROW_BYTES)

@@ -21,6 +21,9 @@ from trailmark_datasets.textfiles import lines_of, number
 
 __all__ = ["KittiOdometry"]
 
+# Poses are written with six digits or more.
+_NOT_A_ROTATION = 1e-2
+
 
 class KittiOdometry(PictureSource):
     """One camera of a sequence. The number in a picture's name is its line in ``times.txt`` and in the poses.
@@ -95,11 +98,19 @@ def _poses_beside(sequence: Path) -> Path | None:
 
 def _read_poses(path: Path) -> npt.NDArray[np.float64]:
     """Read rows of a (3, 4) matrix; (N, 4, 4)."""
-    matrices = [_matrix(text.split(), f"{path}:{line}") for line, text in lines_of(path)]
+    matrices = [_pose(_matrix(text.split(), f"{path}:{line}"), f"{path}:{line}") for line, text in lines_of(path)]
     poses = np.tile(np.eye(4), (len(matrices), 1, 1))
     if matrices:
         poses[:, :3] = matrices
     return poses
+
+
+def _pose(matrix: npt.NDArray[np.float64], where: str) -> npt.NDArray[np.float64]:
+    """Refuse what turns and stretches: a pose of zeros has no inverse."""
+    rotation = matrix[:, :3]
+    if np.abs(rotation).max() > 2 or np.abs(rotation @ rotation.T - np.eye(3)).max() > _NOT_A_ROTATION:
+        raise SourceError(f"{where}: the first three columns are no rotation")
+    return matrix
 
 
 def _matrix(fields: list[str], where: str) -> npt.NDArray[np.float64]:

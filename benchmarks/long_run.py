@@ -1,0 +1,121 @@
+"""Hours of a fused robot in accelerated time: does memory grow, do stamps go on, does the pace drift?
+
+Wheel odometry, floor camera (`ground_vo`, `ground_map`), omnidirectional camera and laser drive a taught way through
+the supermarket forth and back, from frames that are rendered once.
+
+    python benchmarks/long_run.py --hours 6 [--out docs/results/long-run.md]
+
+Memory is what the process holds (resident set), sampled every simulated minute.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import platform
+import tempfile
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+from real_time import config, taught
+from remembered import MARKET, keep
+
+import trailmark
+from trailmark import Pipeline
+from trailmark.pipeline.provenance import cpu_model
+
+RATES_HZ = {"floor": 30.0, "omni": 2.0, "laser": 4.0, "wheels": 40.0}
+USED = ("wheels", "floor", "floor_map", "omni", "laser")
+WARM_S = 600.0
+
+
+def resident_mb() -> float:
+    """Return what the process holds now."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def main() -> None:
+    """Drive and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--hours", type=float, default=6.0, help="simulated")
+    parser.add_argument("--until", type=float, default=math.inf, help="stop after so many seconds of this machine")
+    parser.add_argument("--data", type=Path, help="folder that keeps the taught store")
+    parser.add_argument("--out", type=Path)
+    options = parser.parse_args()
+    cv2.setNumThreads(1)
+    folder = options.data or Path(tempfile.mkdtemp())
+    folder.mkdir(parents=True, exist_ok=True)
+    store = taught(folder)
+    source = {**MARKET, "sensors": list(RATES_HZ), "rates_hz": RATES_HZ, "duration_s": 20.0}
+    written = config("track", source, False)
+    written["localizers"] = {name: written["localizers"][name] for name in USED}
+    _, plugins = keep(written)
+    written = config("replay", {"plugin": "remembered", "duration_s": 3600.0 * options.hours}, False)
+    written["localizers"] = {name: written["localizers"][name] for name in USED}
+    rows, last_s, n_back, n_lost = [], -math.inf, 0, 0
+    began_s = time.perf_counter()
+    with Pipeline(written | {"pace": "step"}, store=store, mode="replay", plugins=plugins) as pipeline:
+        next_s, cpu_s, n_steps = 0.0, time.process_time(), 0
+        for step in pipeline:
+            n_back += step.stamp_s < last_s
+            n_lost += step.belief.pose_map_base is None
+            last_s, n_steps = step.stamp_s, n_steps + 1
+            if step.stamp_s >= next_s:
+                now_s = time.process_time()
+                rows.append((step.stamp_s, resident_mb(), (now_s - cpu_s) / max(1, n_steps), step.belief.fix_age_m))
+                cpu_s, n_steps = now_s, 0
+                next_s = step.stamp_s + 60.0
+                if len(rows) % 10 == 1:
+                    print(f"{step.stamp_s / 60:.0f} min: {rows[-1][1]:.1f} MB, {1e3 * rows[-1][2]:.2f} ms", flush=True)
+                if time.perf_counter() - began_s > options.until:
+                    break
+        counters = dict(pipeline.counters)
+    text = page(np.array(rows), last_s, n_back, n_lost, counters, options.hours)
+    print(text)
+    if options.out:
+        options.out.write_text(text, encoding="utf-8")
+
+
+def page(rows: np.ndarray, last_s: float, n_back: int, n_lost: int, counters: dict[str, int], hours: float) -> str:
+    """Return the results as a page."""
+    warm = rows[rows[:, 0] >= min(WARM_S, 0.5 * last_s)]
+    growth = 100 * (warm[-1, 1] / warm[0, 1] - 1)
+    hour_mb = (warm[-1, 1] - warm[0, 1]) / max(1e-9, warm[-1, 0] - warm[0, 0]) * 3600
+    half = len(warm) // 2
+    early, late = 1e3 * np.median(warm[: max(1, half), 2]), 1e3 * np.median(warm[half:, 2])
+    asked = f"of the {hours:g} h asked for, " if last_s < 3590 * hours else ""
+    bad = {key: n for key, n in counters.items() if key.endswith(("disabled", "dropped", "skipped", "repeated"))}
+    picked = warm[:: max(1, len(warm) // 12)]
+    return "\n".join(
+        [
+            "# A long run",
+            "",
+            f"`python benchmarks/long_run.py --hours {hours:g}`, {time.strftime('%Y-%m-%d')}, "
+            f"trailmark {trailmark.__version__}, Python {platform.python_version()}, {os.cpu_count()} x {cpu_model()}.",
+            "",
+            " ".join(str(__doc__).split("\n\n")[1].split()),
+            "",
+            f"**{asked}{last_s / 60:.1f} simulated minutes were driven**, {counters.get('frames', 0)} frames.",
+            "",
+            f"- Memory from {warm[0, 0] / 60:.0f} min on: {warm[0, 1]:.1f} to {warm[-1, 1]:.1f} MB, {growth:+.2f} % "
+            f"({hour_mb:+.1f} MB an hour; bar: less than 1 % after the first 10 minutes).",
+            f"- Stamps that went back: {n_back}. Steps without a pose: {n_lost}.",
+            f"- Processor time of a frame, median of minutes: {early:.3f} ms in the first half, {late:.3f} ms "
+            "in the second.",
+            "- Counted: "
+            + (", ".join(f"`{key}` {n}" for key, n in bad.items()) or "nothing dropped, disabled or skipped"),
+            "",
+            "| simulated [min] | memory [MB] | processor time of a frame [ms] | way since the last fix [m] |",
+            "|--:|--:|--:|--:|",
+            *(f"| {s / 60:.0f} | {mb:.1f} | {1e3 * cpu:.3f} | {age:.2f} |" for s, mb, cpu, age in picked),
+            "",
+        ]
+    )
+
+
+if __name__ == "__main__":
+    main()
