@@ -81,7 +81,10 @@ def _print_noise(truth: Path, estimates: Sequence[Path], store: Path | None, as_
     for table in estimates:
         found = measured_noise(read_estimates(table), read_tum(truth), path)
         if not found:
-            raise DataError(f"{table}: no localizer said enough while the truth is known")
+            raise DataError(
+                f"{table}: no localizer said enough while the truth is known:"
+                " ten fixes or ten seconds of motion are the least"
+            )
         if as_json:
             documents = {source: asdict(one) for source, one in found.items()}
             click.echo(json.dumps({"file": str(table), "noise": documents}, indent=1))
