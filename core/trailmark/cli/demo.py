@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
     from trailmark.plugins import Plugins
 
 __all__ = ["demo_command"]
+
+#: While the camera fails in the replay, since its start [s].
+_DARK_S = (20, 22)
 
 
 @click.command("demo")
@@ -44,7 +48,9 @@ def demo_command(context: click.Context, out: Path, seed: int, as_json: bool) ->
     show("Teaching: somebody drives the robot through four gates, and it remembers the floor.")
     taught = _run(plugins, config, out / "teach", store, "teach", seed)
     show("Replaying: the robot is put down a little off the start and drives the path by itself.")
-    replayed = _run(plugins, config, out / "replay", store, "replay", seed)
+    show(f"  From {_DARK_S[0]} to {_DARK_S[1]} s its camera sees nothing, and the wheels carry on.")
+    dark = ("sources.robot.perturb.sensors=[floor]", f"sources.robot.perturb.missing_s={list(_DARK_S)}")
+    replayed = _run(plugins, config, out / "replay", store, "replay", seed, dark)
     figures = _figures(taught, replayed) | {"wall_s": round(time.monotonic() - began_s, 1)}
     if as_json:
         click.echo(json.dumps(figures, indent=1))
@@ -61,12 +67,15 @@ def _clear(out: Path) -> None:
         path.unlink()
 
 
-def _run(plugins: Plugins, config: Path, out: Path, store: Path, mode: Any, seed: int) -> RunResult:
+def _run(
+    plugins: Plugins, config: Path, out: Path, store: Path, mode: Any, seed: int, overrides: Sequence[str] = ()
+) -> RunResult:
     from trailmark.api import run
     from trailmark.cli.progress import RunProgress
 
     with RunProgress("auto") as on_step:
-        return run(config, out, mode=mode, store=store, overrides=[f"seed={seed}"], plugins=plugins, on_step=on_step)
+        overrides = [f"seed={seed}", *overrides]
+        return run(config, out, mode=mode, store=store, overrides=overrides, plugins=plugins, on_step=on_step)
 
 
 def _figures(taught: RunResult, replayed: RunResult) -> dict[str, Any]:
@@ -106,7 +115,8 @@ def _print(figures: dict[str, Any], out: Path) -> None:
     ]
     for name, error_mm in figures["ate_rmse_mm"].items():
         if error_mm is not None:
-            lines.append(f"  error of {name:<20} {error_mm:6.1f} mm rms")
+            alone = "" if name == "fused" else " alone"
+            lines.append(f"  error of {name + alone:<20} {error_mm:6.1f} mm rms")
     lines += [
         f"  {figures['frames']} frames in {figures['wall_s']:.0f} s",
         "",
