@@ -6,6 +6,7 @@ import os
 import sqlite3
 import subprocess
 import sys
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 from types import SimpleNamespace
@@ -30,7 +31,10 @@ def edited(path: Path, *statements: str) -> None:
         connection.commit()
 
 
-def test_a_flipped_bit_is_an_error_or_harmless_and_never_silent(taught: Path, place: SimpleNamespace) -> None:
+def test_a_flipped_bit_is_an_error_or_harmless_and_never_silent(
+    taught: Path, place: SimpleNamespace, record_property: Callable[[str, object], None]
+) -> None:
+    record_property("stores with a flipped bit, read", N_FLIPS)
     expected, raw = place.contents(taught), taught.read_bytes()
     rng = np.random.default_rng(7)
     n_noticed = 0
@@ -48,10 +52,14 @@ def test_a_flipped_bit_is_an_error_or_harmless_and_never_silent(taught: Path, pl
 
 
 def test_a_flipped_bit_in_a_large_store_is_noticed_row_by_row(
-    taught: Path, place: SimpleNamespace, monkeypatch: pytest.MonkeyPatch
+    taught: Path,
+    place: SimpleNamespace,
+    monkeypatch: pytest.MonkeyPatch,
+    record_property: Callable[[str, object], None],
 ) -> None:
     monkeypatch.setattr("trailmark.stores.files._QUICK_CHECK_BYTES", 0)  # as for a file too large to check as a whole
-    test_a_flipped_bit_is_an_error_or_harmless_and_never_silent(taught, place)
+    test_a_flipped_bit_is_an_error_or_harmless_and_never_silent(taught, place, lambda name, value: None)
+    record_property("stores with a flipped bit, read row by row", N_FLIPS)
 
 
 def test_a_store_with_a_flipped_bit_is_taught_on_or_refused(taught: Path, place: SimpleNamespace) -> None:
@@ -86,7 +94,10 @@ def test_no_flip_in_the_head_of_the_file_passes_silently(taught: Path, place: Si
             continue
 
 
-def test_a_file_cut_anywhere_is_an_error(taught: Path, place: SimpleNamespace) -> None:
+def test_a_file_cut_anywhere_is_an_error(
+    taught: Path, place: SimpleNamespace, record_property: Callable[[str, object], None]
+) -> None:
+    record_property("stores cut at a random place, read and gone on with", N_CUTS)
     raw = taught.read_bytes()
 
     for length in [0, 1, 99, 100, 1023, 1024, *np.random.default_rng(7).integers(0, len(raw), N_CUTS)]:

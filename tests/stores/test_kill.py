@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
@@ -77,8 +77,9 @@ def nursery() -> Iterator[Nursery]:
 
 
 def test_a_killed_teaching_keeps_every_waypoint_it_had_reported(
-    tmp_path: Path, place: SimpleNamespace, nursery: Nursery
+    tmp_path: Path, place: SimpleNamespace, nursery: Nursery, record_property: Callable[[str, object], None]
 ) -> None:
+    record_property("kills of a store's writer", N_KILLS)
     for attempt, n_commits in enumerate(np.random.default_rng(7).integers(1, 60, N_KILLS)):
         path = tmp_path / f"{attempt}.trail"
 

@@ -479,7 +479,7 @@ def page(tallies: list[Tally], took_s: float, command: str) -> str:
         f"{n} cases in {took_s / 60:.1f} min, all in one process whose memory peaked at {peak_mib():.0f} MiB "
         f"(bound: {MEMORY_MIB:.0f}): {n_findings} findings.",
         "A finding is any error that is not the program's own, an error without words, "
-        f"or a case that takes longer than {PATIENCE_S:g} s of processor time, or {WALL_FACTOR * PATIENCE_S:g} s in all.",
+        f"or a case longer than {PATIENCE_S:g} s of processor time or {WALL_FACTOR * PATIENCE_S:g} s in all.",
         "",
         "| input | cases | refused | slowest [s] | findings |",
         "|---|--:|--:|--:|--:|",

@@ -32,7 +32,7 @@ from trailmark.frames import SensorInfo
 from trailmark.interfaces import Session
 from trailmark.pipeline.provenance import git_describe
 from trailmark.plugins import load_plugins
-from trailmark_datasets.pictures import decode_raw
+from trailmark_datasets.pictures import decode_raw, read_raw
 from trailmark_datasets.textfiles import lines_of
 from trailmark_omni_surf.selection import SelectionModel, shipped_model
 
@@ -347,6 +347,15 @@ def test_a_picture_that_announces_gigabytes_is_refused(picture: bytes) -> None:
         decode_raw(picture, "the picture")
 
     assert time.thread_time() - began_s < 0.5
+
+
+@pytest.mark.parametrize("kind", ["device", "pipe", "folder"])
+def test_a_picture_without_end_is_not_read(tmp_path: Path, kind: str) -> None:
+    path = tmp_path / "0.png"
+    {"device": lambda: path.symlink_to("/dev/zero"), "pipe": lambda: os.mkfifo(path), "folder": path.mkdir}[kind]()
+
+    with pytest.raises(SourceError, match="is no file"):
+        read_raw(path, "the picture")
 
 
 def test_opencv_itself_refuses_what_is_too_large() -> None:

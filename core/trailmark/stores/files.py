@@ -18,7 +18,7 @@ from trailmark.errors import StoreError
 from trailmark.stores.faults import SQLITE_ERRORS, primary_code, store_errors
 from trailmark.stores.migrations import migrate
 from trailmark.stores.schema import APPLICATION_ID, HEAD_BYTES, VERSION, has_our_mark, identify
-from trailmark.stores.writer import connect, fold, is_unfolded
+from trailmark.stores.writer import connect, fold, is_unfolded, side_files
 
 __all__ = ["is_path_store", "open_for_reading", "open_for_writing", "use_log"]
 
@@ -157,6 +157,12 @@ def _migrated_copy(connection: sqlite3.Connection, old: _CleanUp, schema: int) -
 
 
 def _check_whole_file(connection: sqlite3.Connection, path: Path) -> None:
+    if not side_files(path):  # SQLite takes what is missing of the last page for zeros
+        (n_pages,), (page_bytes,) = (
+            connection.execute(f"PRAGMA {what}").fetchone() for what in ("page_count", "page_size")
+        )
+        if (n_bytes := path.stat().st_size) < n_pages * page_bytes:
+            raise sqlite3.DatabaseError(f"the file is cut: {n_bytes} of {n_pages * page_bytes} bytes are there")
     if path.stat().st_size <= _QUICK_CHECK_BYTES:
         (finding,) = connection.execute("PRAGMA quick_check(1)").fetchone()
         if finding != "ok":
