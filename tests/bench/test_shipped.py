@@ -38,3 +38,12 @@ def test_the_speed_bench_runs_its_cells_alone() -> None:
 
     assert bench.cells
     assert all(cell.alone and cell.request["limits"]["threads"] == 1 for cell in bench.cells)
+
+
+def test_the_bench_of_combinations_crosses_mixes_with_failing_sensors() -> None:
+    bench = load_bench(BENCHMARKS / "combinations.yaml", plugins=load_plugins())
+
+    mixes = {cell.coordinates["localizer"] for cell in bench.cells}
+    assert mixes == {"wheels", "ground_omni", "ground_divs", "wheels_kinect", "all_four"}
+    assert len(bench.cells) == 5 * 4 * 3
+    assert not any(cell.missing for cell in bench.cells)
