@@ -14,6 +14,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -81,7 +82,10 @@ class Nursery:
         """Kill a command at `n` instants of its life, as often as that takes; yield what it had said."""
         done = 0
         for attempt in range(10 * n):
-            code, _, said = start(attempt, float(self.rng.uniform(0.0, takes_s)))
+            code, took_s, said = start(attempt, float(self.rng.uniform(0.0, takes_s)))
+            if code != -signal.SIGKILL:
+                assert code == 0, said
+                takes_s = min(takes_s, took_s)  # the first run of all may have been a slow one
             if code == -signal.SIGKILL:
                 done += 1
                 yield said
@@ -124,9 +128,12 @@ def waypoints(store: Path) -> int:
     return len(numbers)
 
 
+_NUMBERS = count()
+
+
 def teach(config: Path, store: Path, *more: str) -> list[Any]:
-    out = store.with_suffix(".run")
-    return ["teach", config, "--store", store, "--out", out, "--overwrite", "--progress", "json", "--no-report", *more]
+    out = store.with_suffix(f".run{next(_NUMBERS)}")
+    return ["teach", config, "--store", store, "--out", out, "--progress", "json", "--no-report", *more]
 
 
 def test_a_killed_teaching_keeps_what_it_said(
@@ -164,7 +171,7 @@ def test_a_killed_teaching_is_gone_on_with(
 
     for said in nursery.kills(N_APPEND, takes_s, start):
         now = waypoints(store)
-        assert now >= before + reported(said)
+        assert now >= max(before, reported(said))  # what was there already is said again
         assert check_store(store).is_sound
         before = now
     record_property("kills of teach, into a store that is there", N_APPEND)
