@@ -57,12 +57,14 @@ def read_picture(path: Path, where: str, grey: bool | None = None) -> Pixels:
 
 def read_raw(path: Path, where: str) -> Pixels:
     """Read a picture file of any depth and type, for depth pictures too; errors as for `read_picture`."""
-    if path.exists() and not path.is_file():  # a list may name /dev/zero, which has no end
-        raise SourceError(f"{where}: {path} is no file")
     try:
+        if path.exists() and not path.is_file():  # a list may name /dev/zero, which has no end
+            raise SourceError(f"{where}: {path} is no file")
         data = path.read_bytes()
     except OSError as error:
         raise SourceError(f"{where}: cannot be read: {error.strerror or error}") from error
+    except ValueError as error:  # a name with a null byte
+        raise SourceError(f"{where}: cannot be read: {error}") from error
     return decode_raw(data, where)
 
 
