@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trailmark.errors import ConfigError, ShapeError
+from trailmark.frames.png import check_png, is_png
 
 __all__ = [
     "ARRAY_DTYPES",
@@ -167,11 +168,12 @@ def _read_png(path: Path) -> npt.NDArray[Any]:
     import cv2
 
     raw = path.read_bytes()
-    if raw[:8] != b"\x89PNG\r\n\x1a\n" or len(raw) < 24:
+    if not is_png(raw) or len(raw) < 24:
         raise ValueError("it is not a PNG picture")
     width, height = struct.unpack(">II", raw[16:24])
     if width * height > _MAX_PICTURE_PIXELS:
         raise ValueError(f"{width} x {height} pixels are more than a calibration needs")
+    check_png(raw)
     try:
         picture = cv2.imdecode(np.frombuffer(raw, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error as error:

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trailmark.errors import SourceError
+from trailmark.frames.png import check_png, is_png
 
 __all__ = [
     "MAX_PIXELS",
@@ -75,6 +76,11 @@ def decode_raw(data: bytes, where: str) -> Pixels:
     size = header_size(data)
     if size is not None and size[0] * size[1] > MAX_PIXELS:
         raise SourceError(f"{where}: the header announces {size[0]}x{size[1]} pixels, more than {MAX_PIXELS}")
+    if is_png(data):
+        try:
+            check_png(data)
+        except ValueError as error:
+            raise SourceError(f"{where}: {error}") from error
     if data.startswith(b"\xff\xd8") and _JPEG_END not in data[-4096:]:  # some decoders fill the rest with grey
         raise SourceError(f"{where}: the JPEG picture is truncated ({len(data)} bytes)")
     try:
