@@ -20,7 +20,8 @@ long: install    ## the tests that take minutes
 trust: install   ## hostile input by the thousand, kills, damage: all of it
 	$(BIN)/python tests/trust/fuzz.py --cases 20000 --out docs/results/hostile-input.md
 	TRAILMARK_TRUST=full $(BIN)/pytest tests/trust/test_kills.py tests/trust/test_security.py tests/stores \
-	  -o junit_family=xunit1 --junitxml results.xml; $(BIN)/python tests/trust/page.py results.xml docs/results/trust.md
+	  -o junit_family=xunit1 --junitxml results.xml; code=$$?; \
+	  $(BIN)/python tests/trust/page.py results.xml docs/results/trust.md && rm results.xml && exit $$code
 
 lint: install    ## ruff: lint and format
 	$(BIN)/ruff check . && $(BIN)/ruff format --check .
