@@ -116,7 +116,7 @@ class Hoarding(Honest):
     """Keeps every frame."""
 
     def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
-        self.kept = [*getattr(self, "kept", []), np.ones(100_000)]
+        self.kept = [*getattr(self, "kept", []), np.ones(600_000)]
         return ()
 
 
