@@ -90,9 +90,9 @@ def anchors(grey: Grey, regions: list[Region], at: str) -> tuple[Array, Array]:
     for row, (region, (u, v)) in enumerate(zip(regions, centres, strict=True)):
         half_u, half_v = (min(side, _MAX_ANCHOR_BOX_PX) / 2.0 + 2.0 for side in (region.width, region.height))
         u0, v0 = max(0, int(u - half_u)), max(0, int(v - half_v))
-        window = cornerness[v0 : int(v + half_v) + 1, u0 : int(u + half_u) + 1]
-        if window.size == 0:
-            uv[row] = u, v
+        window = cornerness[v0 : max(0, int(v + half_v) + 1), u0 : max(0, int(u + half_u) + 1)]
+        if window.size == 0:  # an ellipse that is cut by the border may have its centre beyond
+            uv[row] = min(max(u, 0.0), width - 1.0), min(max(v, 0.0), height - 1.0)
             continue
         at_v, at_u = divmod(int(window.argmax()), window.shape[1])
         uv[row], strength[row] = (u0 + at_u, v0 + at_v), window[at_v, at_u]
