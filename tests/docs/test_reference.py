@@ -6,6 +6,7 @@ import importlib
 import importlib.util
 import inspect
 import pkgutil
+import posixpath
 import subprocess
 import sys
 from pathlib import Path
@@ -57,7 +58,8 @@ def test_links_of_a_card_lead_somewhere_or_are_words(hooks: ModuleType) -> None:
         for _, _, target in hooks._LINK.findall(text):
             file = target.partition("#")[0]
             if file and not file.startswith(("../methods", "../reference")):
-                assert (REPOSITORY / "docs" / Path(path).parent / file).exists(), f"{path}: {target}"
+                leads_to = posixpath.normpath(f"docs/{posixpath.dirname(path)}/{file}")
+                assert (REPOSITORY / leads_to).exists(), f"{path}: {target}"
 
 
 def modules() -> list[str]:
