@@ -173,6 +173,10 @@ class Drivable(FrameSource):
 class Localizer(Part):
     """Turns frames into estimates."""
 
+    #: Format of what it keeps in its drawer. Raise it when an older version could not read that any more: the pipeline
+    #: keeps it beside the map, and a localizer is never started on a map of a newer format than its own.
+    map_format: ClassVar[int] = 1
+
     @abstractmethod
     def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
         """Look at a frame of a sensor that the config subscribes to.

@@ -14,6 +14,7 @@ from trailmark.geometry import Pose2
 from trailmark.interfaces import Drawer, PathStore
 from trailmark.paths import Path
 from trailmark.pipeline.counters import Counters
+from trailmark.pipeline.map_format import FormattedDrawer, check_format
 from trailmark.pipeline.plan import Access, Plan, PlannedLocalizer
 from trailmark.pipeline.provenance import provenance
 from trailmark.pipeline.starting import Sessions, Starter, guarded
@@ -57,13 +58,24 @@ class Place:
             raise ConfigError("the path store holds no path yet; teach one first")
         self.start_pose = self._start_pose()
 
-    def drawer(self, owner: str) -> Drawer | None:
-        """Return the drawer of a localizer; None without a store."""
+    def drawer(self, planned: PlannedLocalizer) -> Drawer | None:
+        """Return the drawer of a localizer; None without a store.
+
+        Raises
+        ------
+        StoreError
+            If what is in it was remembered by a newer version of the localizer.
+        """
         if self._store is None:
             return None
-        drawer = self._store.drawer(owner)
+        drawer = self._formatted(self._store, planned)
         offset_m = self.teaching.offset_m if self.teaching is not None else 0.0
         return ShiftedDrawer(drawer, offset_m) if offset_m else drawer
+
+    def _formatted(self, store: PathStore, planned: PlannedLocalizer) -> Drawer:
+        drawer = store.drawer(planned.name)
+        check_format(drawer, planned.name, planned.localizer, is_continued=self.teaching is not None)
+        return FormattedDrawer(drawer, planned.localizer.map_format)
 
     def begin_teaching(
         self, sensors: Mapping[str, SensorInfo], document: Mapping[str, Any], counters: Counters, times: array[int]
@@ -105,7 +117,7 @@ class Place:
         store = self._open("append")
         for planned in unfinished:
             logger.info("teaching of %r was not finished: finishing it", planned.name)
-            session = sessions.of("localizer", planned.name, mode="teach", drawer=store.drawer(planned.name))
+            session = sessions.of("localizer", planned.name, mode="teach", drawer=self._formatted(store, planned))
             self._starter.start("localizer", planned.name, planned.localizer, session)
             _finish(planned, store)
             planned.localizer.close()

@@ -20,6 +20,7 @@ from trailmark.frames import Frame, Payload
 from trailmark.geometry import Twist2
 from trailmark.interfaces import Drawer, Localizer, Mode, Session
 from trailmark.paths import Path, Waypoint
+from trailmark.pipeline.map_format import FormattedDrawer
 from trailmark.stores import SqlitePathStore, SqliteStoreConfig
 from trailmark.testing.drawer import MemoryDrawer
 from trailmark.testing.runs import AnyRun
@@ -96,7 +97,7 @@ class LocalizerCase:
     def teach(self, drawer: Drawer, localizer: Localizer | None = None, seed: int = 0) -> tuple[Estimate, ...]:
         """Teach the run into a drawer, and return what was said."""
         localizer = localizer or self.make()
-        localizer.start(self.session("teach", drawer, seed))
+        localizer.start(self.session("teach", FormattedDrawer(drawer, localizer.map_format), seed))
         said = tuple(answers(localizer, self, self.subscribed(), on_path=False))
         localizer.finish()
         localizer.close()

@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from trailmark.config import PluginConfig
-from trailmark.errors import TrailmarkError
+from trailmark.errors import StoreError, TrailmarkError
 from trailmark.estimates import Estimate, Fix, Lost, Motion, PathOffset
 from trailmark.frames import Frame
 from trailmark.geometry import Pose2, wrap_angle
 from trailmark.interfaces import Localizer
+from trailmark.pipeline.map_format import FormattedDrawer, check_format
 from trailmark.testing.checks.configs import common_checks
 from trailmark.testing.checks.lives import (
     LocalizerCase,
@@ -93,6 +94,7 @@ def localizer_checks(
         "frames_are_left_alone": lambda: _leaves_frames_alone(case),
         "finish_works_from_the_drawer_alone": lambda: _finishes_from_the_drawer(case),
         "a_map_survives_the_store": lambda: _survives_the_store(case),
+        "a_map_of_a_newer_format_is_refused": lambda: _refuses_a_newer_map(case),
         **{f"{how}_frames_are_no_answer": partial(_survives_spoiled, case, how) for how in spoils},
         "another_size_is_a_typed_error": lambda: _refuses_another_size(case),
         "memory_is_bounded": lambda: _is_bounded(case, memory_frames),
@@ -286,6 +288,28 @@ def _survives_the_store(case: LocalizerCase) -> None:
         skip("it remembers nothing")
     with case.store() as reopen:
         _assert_same(case.replay(drawer), case.replay(reopen().drawer("checked")), "from memory and from a file")
+
+
+def _refuses_a_newer_map(case: LocalizerCase) -> None:
+    """What it remembers tells the format, and the pipeline starts it on no newer one."""
+    drawer = MemoryDrawer()
+    case.teach(drawer)
+    if drawer.is_empty:
+        skip("it remembers nothing")
+    localizer = case.make()
+    own = localizer.map_format
+    assert isinstance(own, int), f"map_format is {own!r}, not a whole number"
+    assert own >= 1, f"map_format is {own}: formats count from 1"
+    check_format(drawer, "checked", localizer)
+    newer = MemoryDrawer()
+    FormattedDrawer(newer, own + 1).save("map", {})
+    try:
+        check_format(newer, "checked", localizer)
+    except StoreError as error:
+        story = str(error)
+    else:
+        raise AssertionError(f"a map of format {own + 1} is taken, and it reads up to {own}")
+    assert str(own + 1) in story, f"refusing a newer map it does not name the format: {story}"
 
 
 def _survives_spoiled(case: LocalizerCase, how: Spoil) -> None:

@@ -1,0 +1,97 @@
+"""The format of what a localizer remembers: told beside it, and checked before it is read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.errors import StoreError
+from trailmark.interfaces import Drawer, Localizer
+from trailmark.paths import Keyframe
+
+__all__ = ["FORMAT_NAME", "FormattedDrawer", "check_format"]
+
+#: Under this name a drawer tells the format of what is in it.
+FORMAT_NAME = "map_format"
+
+_KEY = "version"
+
+
+class FormattedDrawer(Drawer):
+    """A drawer that tells the format with the first thing that goes into it; what stays empty tells nothing.
+
+    Parameters
+    ----------
+    drawer : Drawer
+        Where it is kept.
+    version : int
+        The localizer's `map_format`.
+    """
+
+    def __init__(self, drawer: Drawer, version: int) -> None:
+        self._drawer = drawer
+        self._version = version
+        self._is_told = drawer.load(FORMAT_NAME) is not None
+
+    def add(self, keyframe: Keyframe) -> None:
+        """Remember a keyframe."""
+        self._tell()
+        self._drawer.add(keyframe)
+
+    def keyframes(self) -> Sequence[Keyframe]:
+        """Return all keyframes."""
+        return self._drawer.keyframes()
+
+    def save(self, name: str, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
+        """Store named arrays."""
+        self._tell()
+        self._drawer.save(name, arrays)
+
+    def load(self, name: str) -> Mapping[str, npt.NDArray[Any]] | None:
+        """Return the arrays saved under a name, or None."""
+        return self._drawer.load(name)
+
+    def _tell(self) -> None:
+        if not self._is_told:
+            self._drawer.save(FORMAT_NAME, {_KEY: np.array(self._version, np.int64)})
+            self._is_told = True
+
+
+def check_format(drawer: Drawer, name: str, localizer: Localizer, is_continued: bool = False) -> None:
+    """Refuse what a newer localizer remembered; what tells no format is of a time before there was one.
+
+    Parameters
+    ----------
+    drawer : Drawer
+        What is remembered.
+    name : str
+        The localizer's name in the config.
+    localizer : Localizer
+        Who is to read it.
+    is_continued : bool
+        Teaching goes on: then an older format is refused too, one drawer holds one.
+
+    Raises
+    ------
+    StoreError
+        If the format is newer than the localizer's own, or none at all.
+    """
+    told = drawer.load(FORMAT_NAME)
+    if told is None:
+        return
+    version, own = told.get(_KEY), localizer.map_format
+    if version is None or version.shape != () or version.dtype.kind != "i" or version < 1:
+        raise StoreError(f"localizer {name!r}: what it remembers of this path does not tell its format")
+    if version > own:
+        raise StoreError(
+            f"localizer {name!r}: what it remembers of this path has format {version}, newer than {own}, which this"
+            " version reads: update the plugin that brings it, or teach the path again"
+        )
+    if is_continued and version < own:
+        raise StoreError(
+            f"localizer {name!r}: what it remembers of this path has format {version}, and this version writes {own}:"
+            " teach the path again instead of going on with it"
+        )
