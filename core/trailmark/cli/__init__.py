@@ -15,10 +15,7 @@ def main(arguments: list[str] | None = None) -> None:
     from trailmark.cli.root import root, split_plugin_options
 
     debug = bool(os.environ.get("TRAILMARK_DEBUG"))
-    logging.basicConfig(
-        format="trailmark: %(levelname)s: %(message)s", level=os.environ.get("TRAILMARK_LOG", "warning").upper()
-    )
-    logging.getLogger("trailmark.plugins").setLevel(logging.ERROR)  # the command line names broken plugins itself
+    _log_to_stderr()
     try:
         chosen, rest = split_plugin_options(sys.argv[1:] if arguments is None else arguments)
         code = root.main(rest, prog_name="trailmark", obj=chosen, standalone_mode=False)
@@ -29,3 +26,15 @@ def main(arguments: list[str] | None = None) -> None:
             raise
         sys.exit(exit_code_of(error))
     sys.exit(code if isinstance(code, int) else 0)  # click hands the code of an early exit back
+
+
+def _log_to_stderr() -> None:
+    handler = logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("trailmark: %(levelname)s: %(message)s"))
+    handler.addFilter(_is_news)
+    logging.basicConfig(handlers=[handler], level=os.environ.get("TRAILMARK_LOG", "warning").upper())
+
+
+def _is_news(record: logging.LogRecord) -> bool:
+    """Whether the log says what the command line does not: it names broken plugins itself."""
+    return record.levelno >= logging.ERROR or not record.name.startswith("trailmark.plugins")
