@@ -9,16 +9,19 @@ from __future__ import annotations
 from typing import Any
 
 from llvmlite import ir
+from numba import carray  # type: ignore[attr-defined]
 from numba import types as numba_types
 from numba.core import cgutils as numba_cgutils
 from numba.extending import intrinsic
 
+from trailmark_sim.render.compiled import inlined_kernel
 from trailmark_sim.render.rays import LANES
 
-__all__ = ["float_lanes", "int_lanes"]
+__all__ = ["floats", "ints"]
 
 types: Any = numba_types
 cgutils: Any = numba_cgutils
+_SHAPE = (LANES,)
 
 
 def _stack_array(context: Any, builder: Any, kind: Any) -> Any:
@@ -27,8 +30,8 @@ def _stack_array(context: Any, builder: Any, kind: Any) -> Any:
 
 
 @intrinsic
-def float_lanes(typingctx: Any = None) -> Any:
-    """Return a pointer to 64 float32 that live as long as the calling kernel; for `numba.carray`."""
+def _float_lanes(typingctx: Any = None) -> Any:
+    """Return a pointer to 64 float32 that live as long as the calling kernel."""
 
     def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return _stack_array(context, builder, types.float32)
@@ -37,10 +40,22 @@ def float_lanes(typingctx: Any = None) -> Any:
 
 
 @intrinsic
-def int_lanes(typingctx: Any = None) -> Any:
-    """Return a pointer to 64 int32 that live as long as the calling kernel; for `numba.carray`."""
+def _int_lanes(typingctx: Any = None) -> Any:
+    """Return a pointer to 64 int32 that live as long as the calling kernel."""
 
     def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return _stack_array(context, builder, types.int32)
 
     return types.CPointer(types.int32)(), codegen
+
+
+@inlined_kernel
+def floats() -> Any:
+    """Return 64 float32 that live as long as the calling kernel."""
+    return carray(_float_lanes(), _SHAPE)
+
+
+@inlined_kernel
+def ints() -> Any:
+    """Return 64 int32 that live as long as the calling kernel."""
+    return carray(_int_lanes(), _SHAPE)

@@ -1,0 +1,158 @@
+"""The light that reaches a surface, what it mirrors, and the sky beside it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark_sim.render.compiled import inlined_kernel, kernel
+from trailmark_sim.render.rays import LANES
+from trailmark_sim.render.shapes import CYLINDER, RECTANGLE
+
+__all__ = ["baked", "darken", "mirrored", "show_sky"]
+
+_F: Any = np.float32
+_I: Any = np.int32
+_ZERO, _HALF, _ONE, _TWO = _F(0.0), _F(0.5), _F(1.0), _F(2.0)
+_TURN = _F(1.0 / (2.0 * math.pi))
+_HIGHLIGHT = _F(6.0)
+
+
+@inlined_kernel
+def baked(
+    light: npt.NDArray[Any],
+    patch: npt.NDArray[Any],
+    is_flat: bool,
+    u: npt.NDArray[Any],
+    v: npt.NDArray[Any],
+    wx: npt.NDArray[Any],
+    wy: npt.NDArray[Any],
+    at: tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any]],
+    lr: npt.NDArray[Any],
+    lg: npt.NDArray[Any],
+    lb: npt.NDArray[Any],
+) -> None:
+    """Write the baked light at each place, bilinear; around a round shape the columns close."""
+    start, columns, rows = _I(patch[0]), _I(patch[1]), _I(patch[2])
+    right, top = _F(columns - 1), _F(rows - 1)
+    low = _ZERO if is_flat else -_ONE
+    high = right if is_flat else _F(columns)
+    a, b, c, d = at
+    one, zero = _I(1), _I(0)
+    for lane in range(LANES):
+        x = min(high, max(low, u[lane] * _F(columns) - _HALF))
+        y = min(top, max(_ZERO, v[lane] * _F(rows) - _HALF))
+        fx, fy = math.floor(x), math.floor(y)
+        wx[lane], wy[lane] = x - _F(fx), y - _F(fy)
+        i, j = _I(fx), _I(fy)
+        j1 = min(j + one, rows - one)
+        i0 = i + columns if i < zero else i
+        i0 = i0 - columns if i0 >= columns else i0
+        i1 = i0 + one
+        beyond = columns - one if is_flat else zero
+        i1 = beyond if i1 >= columns else i1
+        a[lane], b[lane] = start + j * columns + i0, start + j * columns + i1
+        c[lane], d[lane] = start + j1 * columns + i0, start + j1 * columns + i1
+    for lane in range(LANES):
+        wd = wx[lane] * wy[lane]
+        wb, wc = wx[lane] - wd, wy[lane] - wd
+        wa = _ONE - wx[lane] - wc
+        ka, kb, kc, kd = a[lane], b[lane], c[lane], d[lane]
+        lr[lane] = wa * light[ka, 0] + wb * light[kb, 0] + wc * light[kc, 0] + wd * light[kd, 0]
+        lg[lane] = wa * light[ka, 1] + wb * light[kb, 1] + wc * light[kc, 1] + wd * light[kd, 1]
+        lb[lane] = wa * light[ka, 2] + wb * light[kb, 2] + wc * light[kc, 2] + wd * light[kd, 2]
+
+
+@kernel
+def darken(
+    shade: npt.NDArray[Any],
+    ray: npt.NDArray[Any],
+    far: npt.NDArray[Any],
+    hit: npt.NDArray[Any],
+    p: int,
+    to_map: npt.NDArray[Any],
+    shadows: npt.NDArray[Any],
+    x: npt.NDArray[Any],
+    y: npt.NDArray[Any],
+) -> None:
+    """Write the share of the light that people leave on the floor."""
+    for lane in range(LANES):
+        t = far[lane] if hit[lane] == p else _ZERO
+        dx, dy, dz = ray[0, lane], ray[1, lane], ray[2, lane]
+        x[lane] = to_map[3, 0] + t * (to_map[0, 0] * dx + to_map[0, 1] * dy + to_map[0, 2] * dz)
+        y[lane] = to_map[3, 1] + t * (to_map[1, 0] * dx + to_map[1, 1] * dy + to_map[1, 2] * dz)
+    for k in range(shadows.shape[0]):
+        sx, sy, per, depth = shadows[k, 0], shadows[k, 1], _ONE / (shadows[k, 2] * shadows[k, 2]), shadows[k, 3]
+        for lane in range(LANES):
+            kx, ky = x[lane] - sx, y[lane] - sy
+            near = max(_ZERO, _ONE - (kx * kx + ky * ky) * per)
+            shade[lane] *= _ONE - depth * near * near
+
+
+@kernel
+def mirrored(
+    ray: npt.NDArray[Any],
+    far: npt.NDArray[Any],
+    lane: int,
+    m: npt.NDArray[Any],
+    q: npt.NDArray[Any],
+    kind: int,
+    to_map: npt.NDArray[Any],
+    key: npt.NDArray[Any],
+) -> Any:
+    """Return what a shiny surface mirrors: a bright spot where the key light is, a paler ceiling or sky."""
+    dx, dy, dz, t = ray[0, lane], ray[1, lane], ray[2, lane], far[lane]
+    w0, w1, w2 = _ONE, _ZERO, _ZERO
+    if kind != RECTANGLE:
+        w0 = _ZERO if kind == CYLINDER else q[0] + t * (m[0, 0] * dx + m[0, 1] * dy + m[0, 2] * dz)
+        w1 = q[1] + t * (m[1, 0] * dx + m[1, 1] * dy + m[1, 2] * dz)
+        w2 = q[2] + t * (m[2, 0] * dx + m[2, 1] * dy + m[2, 2] * dz)
+    nx = w0 * m[0, 0] + w1 * m[1, 0] + w2 * m[2, 0]
+    ny = w0 * m[0, 1] + w1 * m[1, 1] + w2 * m[2, 1]
+    nz = w0 * m[0, 2] + w1 * m[1, 2] + w2 * m[2, 2]
+    length = math.sqrt(nx * nx + ny * ny + nz * nz)
+    nx, ny, nz = nx / length, ny / length, nz / length
+    twice = _TWO * (dx * nx + dy * ny + dz * nz)
+    rx, ry, rz = dx - twice * nx, dy - twice * ny, dz - twice * nz
+    towards = _ZERO
+    for c in range(3):
+        towards += key[c] * (to_map[c, 0] * rx + to_map[c, 1] * ry + to_map[c, 2] * rz)
+    up = to_map[2, 0] * rx + to_map[2, 1] * ry + to_map[2, 2] * rz
+    spot = max(_ZERO, towards)
+    for _ in range(5):
+        spot *= spot
+    return _HIGHLIGHT * spot + _HALF * max(_ZERO, up)
+
+
+@kernel
+def show_sky(
+    out: npt.NDArray[Any],
+    pixels: npt.NDArray[Any],
+    hit: npt.NDArray[Any],
+    ray: npt.NDArray[Any],
+    to_map: npt.NDArray[Any],
+    sky: npt.NDArray[Any],
+) -> None:
+    """Read the sky off its picture, bilinear, for the rays that meet nothing."""
+    rows, columns = sky.shape[0], sky.shape[1]
+    for lane in range(LANES):
+        pixel = pixels[lane]
+        if hit[lane] >= 0 or pixel < 0:
+            continue
+        dx, dy, dz = ray[0, lane], ray[1, lane], ray[2, lane]
+        x = to_map[0, 0] * dx + to_map[0, 1] * dy + to_map[0, 2] * dz
+        y = to_map[1, 0] * dx + to_map[1, 1] * dy + to_map[1, 2] * dz
+        z = to_map[2, 0] * dx + to_map[2, 1] * dy + to_map[2, 2] * dz
+        a = (math.atan2(y, x) * _TURN + _HALF) * _F(columns) - _HALF
+        b = _F(math.acos(min(_ONE, max(-_ONE, z)))) * _TWO * _TURN * _F(rows) - _HALF
+        b = min(_F(rows - 1), max(_ZERO, b))
+        i, j = math.floor(a), int(b)
+        fx, fy = a - _F(i), b - _F(j)
+        i0, i1, j1 = i % columns, (i + 1) % columns, min(j + 1, rows - 1)
+        for c in range(3):
+            upper = sky[j, i0, c] + fx * (sky[j, i1, c] - sky[j, i0, c])
+            lower = sky[j1, i0, c] + fx * (sky[j1, i1, c] - sky[j1, i0, c])
+            out[pixel, c] = upper + fy * (lower - upper)
