@@ -104,7 +104,8 @@ class ExperimentOptions:
         function : callable
             Stands at the top of a module, so that another process finds it by name.
         arguments : iterable of tuple
-            Picklable, as the answers are.
+            Plain data (`trailmark.bench.plain`), as the answers are, unless all is done in this process: with one job,
+            nothing kept.
 
         Raises
         ------
@@ -112,23 +113,11 @@ class ExperimentOptions:
             What the first failing call raised; calls that have not begun are dropped then.
         """
         calls = list(arguments)
-        if self.is_kept:
-            from trailmark.bench.calls import call_in_cells
-
-            return call_in_cells(function, calls, self.out / CALLS_FOLDER, self.jobs, self.report)
-        if self.jobs == 1 or len(calls) < 2:
+        if self.jobs == 1 and not self.is_kept:
             return [function(*call) for call in calls]
-        from concurrent.futures import ProcessPoolExecutor
-        from multiprocessing import get_context
+        from trailmark.bench.calls import call_in_cells
 
-        # Spawned, not forked: threads of OpenCV and numba do not survive a fork.
-        with ProcessPoolExecutor(min(self.jobs, len(calls)), mp_context=get_context("spawn")) as pool:
-            futures = [pool.submit(function, *call) for call in calls]
-            try:
-                return [future.result() for future in futures]
-            except BaseException:
-                pool.shutdown(wait=False, cancel_futures=True)
-                raise
+        return call_in_cells(function, calls, self.out / CALLS_FOLDER, self.jobs, self.report)
 
 
 #: An experiment is a function, registered by ``registry.experiment(name, "module:function")``.
