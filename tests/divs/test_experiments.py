@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -152,6 +153,17 @@ def test_figures_are_drawn_alike_each_time(tmp_path):
     assert len(once) == 5
     assert once == again
     assert all(b"<svg" in content for content in once.values())
+
+
+def test_the_figure_of_shifts_shows_where_nothing_was_said(tmp_path):
+    station = np.array([0.0, 0.1, 0.2, 0.9, 1.0, 1.1])  # silent for 0.7 m
+    said = np.array([1.0, 1.5, 1.2, 4.0, 4.5, 4.2])
+
+    draw_shifts(tmp_path / "a.svg", {0.0: {"station": station, "said": said, "true": 0.0 * said}})
+
+    (line,) = re.findall(r'<path d="([^"]*)"[^>]*stroke-width: 1.2;', (tmp_path / "a.svg").read_text("utf-8"))[:1]
+    assert line.count("M") == 2
+    assert ">0°<" in (tmp_path / "a.svg").read_text("utf-8")
 
 
 @pytest.mark.long

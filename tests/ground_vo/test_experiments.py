@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -79,6 +80,10 @@ def test_a_stretch_of_the_outdoor_course_is_driven_forward_and_in_reverse(
     assert by_item["end of the path missed by"].met
     assert by_item["way between corrections, mean"].met
     assert sorted(path.name[:9] for path in tmp_path.glob("*.svg")) == ["figure_16", "figure_17", "figure_18"]
+    drawn = next(tmp_path.glob("figure_16*.svg")).read_text("utf-8")
+    starts_px = [float(x) for x in re.findall(r'x="([\d.]+)"[^>]*>(?:forward|reverse)', drawn)]
+    assert len(starts_px) == 4
+    assert max(starts_px) < 400.0  # of 460.8: the legend stays in the figure
 
 
 def test_the_gates_are_half_a_metre_wide() -> None:

@@ -19,6 +19,8 @@ __all__ = ["draw_clutter", "draw_corners", "draw_likelihood", "draw_shifts", "dr
 
 _LEFT, _RIGHT, _NONE = "#0072b2", "#d55e00", "#626a73"
 _WIDTH_IN = 6.4  # of 72 px
+#: A way without an answer that is longer than this is a gap in a line [m].
+_SILENCE_M = 0.25
 
 
 def draw_ways(path: Path, ways: Mapping[float, Sequence[Deviation]]) -> None:
@@ -62,11 +64,20 @@ def draw_shifts(path: Path, drives: Mapping[float, Mapping[str, npt.NDArray[np.f
     with _drawing(path, 3.6) as (figure, axes):
         for turned_deg, drive in drives.items():
             colour = _NONE if turned_deg == 0.0 else _LEFT if turned_deg > 0.0 else _RIGHT
-            axes.plot(drive["station"], drive["said"], color=colour, linewidth=1.2, label=f"{turned_deg:+g}°")
+            label = f"{turned_deg:+g}°" if turned_deg else "0°"
+            axes.plot(*_broken(drive["station"], drive["said"]), color=colour, linewidth=1.2, label=label)
             axes.plot(drive["station"], drive["true"], color=colour, linewidth=1.0, linestyle="dotted")
         axes.set_title("shift, to the right is up; dotted: true median displacement [columns]")
         axes.set_xlabel("way [m]")
         figure.legend(loc="outside lower center", ncols=3)
+
+
+def _broken(
+    stations_m: npt.NDArray[np.float64], values: npt.NDArray[np.float64]
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Break a line where nothing was said for a while: a line across would look like answers."""
+    silent = np.flatnonzero(np.diff(stations_m) > _SILENCE_M) + 1
+    return np.insert(stations_m, silent, np.nan), np.insert(values, silent, np.nan)
 
 
 def draw_likelihood(

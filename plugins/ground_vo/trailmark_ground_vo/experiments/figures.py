@@ -22,6 +22,8 @@ Floats = npt.NDArray[np.float64]
 _BLUE, _RED, _GREY, _INK = "#0072b2", "#d55e00", "#a3abb5", "#1c1f23"
 #: Points of a way farther apart than this are drawn [m].
 _STEP_M = 0.05
+#: So many of the longest labels stand beside each other without running out of the figure.
+_LEGEND_COLUMNS = 3
 
 
 def draw_indoor(out: Path, found: Playback, poles: Floats) -> None:
@@ -50,7 +52,7 @@ def _draw(path: Path, draw: Callable[[Axes], None], size_inch: tuple[float, floa
         draw(axes)
         handles, labels = axes.get_legend_handles_labels()
         if labels:
-            figure.legend(handles, labels, loc="outside upper left", ncols=4)
+            figure.legend(handles, labels, loc="outside upper left", ncols=min(len(labels), _LEGEND_COLUMNS))
         path.write_text(svg_of(figure), encoding="utf-8")
 
 

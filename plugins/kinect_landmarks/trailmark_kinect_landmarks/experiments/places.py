@@ -96,7 +96,8 @@ def draw_places(options: ExperimentOptions, driven: Sequence[Driven]) -> None:
                     way_m = found.stamps_s * one.plan.speed_mps
                     axes.plot(way_m, 1e3 * found.position_m, color=colour, linewidth=0.9, label=label)
             axes.set_yscale("log")
-            axes.set_title(f"{called}: distance from the truth [mm]")
+            axes.yaxis.set_major_formatter(lambda value, _position: f"{value:g}")  # powers would be written in TeX
+            axes.set_title(f"{called}: distance from the truth [mm], logarithmic")
         figure.axes[-1].set_xlabel("way [m]")
     with drawing(options.out / "places_rates.svg", height=3.6) as figure:
         (axes,) = axes_of(figure)

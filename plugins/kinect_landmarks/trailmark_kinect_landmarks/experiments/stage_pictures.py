@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from trailmark.experiments import ExperimentOptions
-from trailmark_kinect_landmarks.experiments.drawing import axes_of, drawing
+from trailmark_kinect_landmarks.experiments.drawing import axes_of, drawing, with_jpegs
 from trailmark_kinect_landmarks.experiments.drives import LANDMARKS, Plan, drive
 
 __all__ = ["draw_stages"]
@@ -24,9 +24,11 @@ def draw_stages(options: ExperimentOptions) -> None:
         method = {**LANDMARKS, "debug_images": folder}
         drive(Plan("stages", "lab", options.seed, {"landmarks": method}, {"registered": False}, length_m=0.15))
         pictures = sorted(Path(folder).glob("000002_*.png"))
-        with drawing(options.out / "stages.svg", rows=3, columns=2, height=7.4) as figure:
+        drawn = options.out / "stages.svg"
+        with drawing(drawn, rows=3, columns=2, height=7.4) as figure:
             for axes, path, number in zip(axes_of(figure), pictures, range(5, 11)):
                 whole = np.asarray(cv2.imread(str(path)), np.uint8)
                 axes.imshow(cv2.resize(whole, _SIZE, interpolation=cv2.INTER_AREA)[..., ::-1])
                 axes.set_axis_off()
                 axes.set_title(f"Figure {number}: {path.stem[9:].replace('_', ' ')}")
+        drawn.write_text(with_jpegs(drawn.read_text(encoding="utf-8")), encoding="utf-8")
