@@ -17,7 +17,7 @@ from trailmark.pipeline.counters import Counters
 from trailmark.pipeline.mailbox import Mailbox
 from trailmark.pipeline.provenance import git_describe, provenance
 from trailmark.pipeline.seeds import part_rng
-from trailmark.pipeline.timing import StageTimes
+from trailmark.pipeline.timing import EXACT_CALLS, StageTimes
 
 
 def test_percentiles_are_those_of_every_call() -> None:
@@ -31,6 +31,39 @@ def test_percentiles_are_those_of_every_call() -> None:
 
     assert row == {"n": 100, "mean_ms": 50.5, "p50_ms": 50.5, "p95_ms": 95.05, "p99_ms": 99.01, "max_ms": 100.0}
     assert list(times.table()) == ["estimator"]
+
+
+def test_many_calls_need_no_more_memory_and_lose_hardly_anything() -> None:
+    rng = np.random.default_rng(5)
+    calls = np.exp(rng.normal(13.0, 1.5, 5 * EXACT_CALLS)).astype(np.int64)  # 0.4 ms, a factor of 4.5 either way
+    times = StageTimes()
+    stage = times.stage("localizer.floor")
+    largest = 0
+    for part in np.array_split(calls, 40):
+        stage.extend(part.tolist())
+        times.fold()
+        largest = max(largest, len(stage))
+
+    row = times.table()["localizer.floor"]
+
+    assert largest <= EXACT_CALLS
+    assert row["n"] == len(calls)
+    assert row["mean_ms"] == pytest.approx(calls.mean() / 1e6, abs=1e-6)
+    assert row["max_ms"] == pytest.approx(calls.max() / 1e6, abs=1e-6)
+    for percent in (50, 95, 99):
+        assert row[f"p{percent}_ms"] == pytest.approx(np.percentile(calls, percent) / 1e6, rel=0.006)
+    assert times.table()["localizer.floor"] == row
+
+
+def test_a_stage_of_equal_calls_has_no_percentile_above_its_maximum() -> None:
+    times = StageTimes()
+    times.stage("store").extend([1_000_003] * (EXACT_CALLS + 1))
+    times.fold()
+
+    row = times.table()["store"]
+
+    assert row["p50_ms"] <= row["max_ms"] == 1.000003
+    assert row["p50_ms"] == pytest.approx(1.0, rel=0.006)
 
 
 def test_counters_of_parts_stand_below_their_own_name() -> None:

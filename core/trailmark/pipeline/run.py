@@ -32,6 +32,8 @@ logger = logging.getLogger(__name__)
 #: Reason of a run that the user ended.
 CTRL_C = "interrupted by the user"
 
+_FOLD_EVERY = 4096  # frames
+
 
 class Run:
     """A run whose parts have started.
@@ -160,6 +162,8 @@ class Run:
         except Exception as error:
             self.end("failed", str(error))
             raise
+        if self._runner.n_frames % _FOLD_EVERY == 0:
+            self._times.fold()
         if (end := self._runner.ends_with(step)) is not None:
             self.end(*end)
         return step

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import logging
+import weakref
 from array import array
 from collections.abc import Iterable, Mapping
+from tempfile import TemporaryFile
+from typing import IO
 
 import numpy as np
 
@@ -16,6 +20,12 @@ from trailmark.pipeline.steps import Told
 
 __all__ = ["ToldSink", "Track", "Tracks"]
 
+logger = logging.getLogger(__name__)
+
+_COLUMNS = 4
+#: Poses of a track that are held in memory; older ones wait in a file.
+_N_HELD = 1 << 14
+
 
 class ToldSink(Sink):
     """A sink of the pipeline's own that also wants to know when an estimate arrived."""
@@ -25,28 +35,58 @@ class ToldSink(Sink):
 
 
 class Track:
-    """Poses over time as they become known: what was said about the past later does not change it."""
+    """Poses over time as they become known: what was said about the past later does not change it.
+
+    A run of hours has millions of them, so all but the latest wait in a temporary file without a name. Where none can
+    be written they stay in memory.
+    """
 
     def __init__(self) -> None:
         self._rows = array("d")
         self._last_s = -np.inf
+        self._n_held = _N_HELD
+        self._file: IO[bytes] | None = None
+        self._n_filed = 0
 
     def __len__(self) -> int:
-        return len(self._rows) // 4
+        return self._n_filed + len(self._rows) // _COLUMNS
 
     def add(self, stamp_s: float, pose: Pose2) -> None:
         """Add a pose; of one stamp the last counts, and an older one does not."""
         if stamp_s < self._last_s:
             return
         if stamp_s == self._last_s:
-            del self._rows[-4:]
+            del self._rows[-_COLUMNS:]
         self._rows.extend((stamp_s, pose.x, pose.y, pose.theta))
         self._last_s = stamp_s
+        if len(self._rows) > _COLUMNS * self._n_held:
+            self._file_older()
 
     def trajectory(self) -> Trajectory:
         """Return what there is."""
-        table = np.array(self._rows, dtype=np.float64).reshape(-1, 4)
+        filed = b""
+        if self._file is not None:
+            self._file.seek(0)
+            filed = self._file.read(8 * _COLUMNS * self._n_filed)
+        table = np.concatenate([np.frombuffer(filed), np.array(self._rows, dtype=np.float64)]).reshape(-1, _COLUMNS)
         return Trajectory(table[:, 0], table[:, 1:])
+
+    def _file_older(self) -> None:
+        """Move all rows but the last, which may still be replaced, to the file."""
+        older = self._rows[:-_COLUMNS]
+        try:
+            if self._file is None:
+                self._file = TemporaryFile()  # noqa: SIM115 - open as long as the track is there
+                weakref.finalize(self, self._file.close)
+            self._file.seek(8 * _COLUMNS * self._n_filed)
+            self._file.write(older.tobytes())
+            self._file.flush()
+        except OSError as error:
+            logger.warning("trajectories stay in memory: no temporary file can be written: %s", error)
+            self._n_held = 1 << 60
+            return
+        self._n_filed += len(older) // _COLUMNS
+        del self._rows[:-_COLUMNS]
 
 
 class _Private:
