@@ -1,0 +1,98 @@
+"""How kernels are compiled: numba's options in one place, for every plugin.
+
+Import this only from modules that hold kernels. It imports numba, which takes longer than the rest of a command.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import Any, Literal, TypeVar, overload
+
+import numba
+
+__all__ = ["float_kernel", "inlined_kernel", "kernel"]
+
+logger = logging.getLogger(__name__)
+
+_Function = TypeVar("_Function", bound=Callable[..., object])
+_ErrorModel = Literal["python", "numpy"]
+_njit: Any = numba.njit  # numba's newer versions have types, which know only a part of its options
+
+#: What lets float sums and products run in vectors. Infinities and NaN keep their meaning.
+_REORDER = frozenset({"reassoc", "contract", "nsz", "arcp"})
+
+
+@overload
+def kernel(function: _Function, /) -> _Function: ...
+@overload
+def kernel(*, error_model: _ErrorModel) -> Callable[[_Function], _Function]: ...
+def kernel(
+    function: _Function | None = None, /, *, error_model: _ErrorModel = "python"
+) -> _Function | Callable[[_Function], _Function]:
+    """Compile a function with numba: without the interpreter's lock, and kept on disk between runs.
+
+    The same numbers come out on all processors of one kind, bit by bit. Numba compiles at the first call, once for each
+    combination of argument types. What it kept is used until the file of the kernel changes: after a change in another
+    file whose kernels it calls, save its own file too, or delete ``*.nbi`` in ``__pycache__``.
+
+    Parameters
+    ----------
+    function : callable
+        A pure function of arrays and numbers.
+    error_model : {"python", "numpy"}
+        What a division by zero does. ``python`` raises `ZeroDivisionError`; ``numpy`` gives infinity or NaN. The test
+        for zero keeps loops that divide from running in vectors.
+
+    Returns
+    -------
+    callable
+        The compiled function. Where no folder can be written (a read-only installation without a home), it is
+        compiled in every run.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> @kernel
+    ... def largest_step(values):
+    ...     largest = 0.0
+    ...     for i in range(1, len(values)):
+    ...         largest = max(largest, abs(values[i] - values[i - 1]))
+    ...     return largest
+    >>> largest_step(np.array([0.0, 1.0, 3.0]))
+    2.0
+    """
+    decorate = _compiler(nogil=True, error_model=error_model)
+    return decorate if function is None else decorate(function)
+
+
+def float_kernel(function: _Function) -> _Function:
+    """Compile like `kernel`, and let the order of float sums change: last digits may differ between processors.
+
+    Sums over floats then run in vectors. Infinities, NaN and their comparisons stay what they are, unlike under
+    numba's ``fastmath=True``.
+    """
+    return _compiler(nogil=True, fastmath=set(_REORDER))(function)
+
+
+def inlined_kernel(function: _Function) -> _Function:
+    """Compile a function into each kernel that calls it, so that its loops see arrays that nothing else points to.
+
+    It is compiled with the options of the kernel that calls it, and kept with it.
+    """
+    compiled: _Function = _njit(inline="always", nogil=True)(function)
+    return compiled
+
+
+def _compiler(**options: Any) -> Callable[[_Function], _Function]:
+    def compile_function(function: _Function) -> _Function:
+        # no_cfunc_wrapper: the entry for callers in C would be compiled too, and there are none
+        compiled: _Function
+        try:
+            compiled = _njit(cache=True, no_cfunc_wrapper=True, **options)(function)
+        except RuntimeError as error:  # numba found no folder that it can write
+            logger.info("kernel %s cannot be cached: %s", function.__name__, error)
+            compiled = _njit(no_cfunc_wrapper=True, **options)(function)
+        return compiled
+
+    return compile_function

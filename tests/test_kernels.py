@@ -1,0 +1,122 @@
+"""Compiling kernels: what the decorators promise, also where nothing can be kept."""
+
+from __future__ import annotations
+
+import doctest
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from trailmark import kernels
+from trailmark.kernels import float_kernel, inlined_kernel, kernel
+
+SQUARES = """
+import logging, sys
+import numpy as np
+from trailmark.kernels import kernel
+
+logging.basicConfig(level=logging.INFO, stream=sys.stdout, format="%(message)s")
+
+
+@kernel
+def sum_of_squares(values):
+    total = 0.0
+    for value in values:
+        total += value * value
+    return total
+
+
+print(sum_of_squares(np.arange(4.0)))
+"""
+
+
+@kernel
+def ratio(above: float, below: float) -> float:
+    return above / below
+
+
+@kernel(error_model="numpy")
+def unchecked_ratio(above: float, below: float) -> float:
+    return above / below
+
+
+@float_kernel
+def largest_of_sum(values: np.ndarray) -> float:
+    total, largest = 0.0, -math.inf
+    for value in values:
+        total += value
+        if not math.isnan(value) and value > largest:
+            largest = value
+    return total if math.isinf(total) else largest
+
+
+@inlined_kernel
+def doubled(value: float) -> float:
+    return 2.0 * value
+
+
+@kernel
+def doubled_ratio(above: float, below: float) -> float:
+    return doubled(above) / below
+
+
+@kernel(error_model="numpy")
+def unchecked_doubled_ratio(above: float, below: float) -> float:
+    return doubled(above) / below
+
+
+def test_a_division_by_zero_raises_unless_the_kernel_says_otherwise():
+    for checked in (ratio, doubled_ratio):
+        with pytest.raises(ZeroDivisionError):
+            checked(1.0, 0.0)
+
+    assert unchecked_ratio(1.0, 0.0) == unchecked_doubled_ratio(1.0, 0.0) == math.inf
+    assert math.isnan(unchecked_ratio(0.0, 0.0))
+
+
+def test_infinities_and_nan_keep_their_meaning_where_sums_may_be_reordered():
+    assert largest_of_sum(np.array([1.0, math.inf])) == math.inf
+    assert largest_of_sum(np.array([1.0, math.nan, 3.0])) == 3.0
+
+
+def test_the_example_of_the_documentation_holds():
+    results = doctest.testmod(kernels)
+
+    assert (results.failed, results.attempted) == (0, 3)
+
+
+def sum_in_another_process(module: Path, home: Path) -> tuple[str, str]:
+    """Return what a module printed, log first, in a process that may write to `home` and beside the module alone."""
+    homes = dict.fromkeys(("HOME", "USERPROFILE", "LOCALAPPDATA", "XDG_CACHE_HOME"), str(home))
+    environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"} | homes
+    done = subprocess.run([sys.executable, "-B", module], env=environment, capture_output=True, text=True, check=True)
+    *log, total = done.stdout.splitlines()
+    return "\n".join(log), total
+
+
+def test_a_kernel_is_kept_beside_its_file(tmp_path):
+    module = tmp_path / "squares.py"
+    module.write_text(SQUARES)
+
+    log, total = sum_in_another_process(module, tmp_path)
+
+    assert (log, total) == ("", "14.0")
+    assert list((tmp_path / "__pycache__").glob("squares.sum_of_squares*.nbi"))
+
+
+def test_a_kernel_runs_where_no_folder_can_be_written(tmp_path):
+    module, nowhere = tmp_path / "squares.py", tmp_path / "file"
+    module.write_text(SQUARES)
+    for no_folder in (nowhere, tmp_path / "__pycache__"):  # holds for root too, unlike permissions
+        no_folder.write_text("")
+
+    log, total = sum_in_another_process(module, nowhere)
+
+    assert "kernel sum_of_squares cannot be cached" in log
+    assert total == "14.0"
+    assert not list(tmp_path.rglob("*.nb*"))
