@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+
+from trailmark.kernels import kernel
 
 __all__ = ["best_over_shifts", "local_windows", "shift_scores", "summit"]
 
 _FLAT = 1e-9  # norm below which a window holds no pattern
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def local_windows(
     vector: npt.NDArray[np.float64], usable: npt.NDArray[np.bool_], window: int
 ) -> npt.NDArray[np.float64]:
@@ -55,7 +56,7 @@ def local_windows(
     return windows
 
 
-@njit(nogil=True, cache=True, fastmath=True)
+@kernel
 def shift_scores(
     taught: npt.NDArray[np.float64], seen: npt.NDArray[np.float64], max_shift: int
 ) -> npt.NDArray[np.float64]:
@@ -89,7 +90,7 @@ def shift_scores(
     return scores
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def best_over_shifts(
     vectors: npt.NDArray[np.float64],
     usable: npt.NDArray[np.bool_],
@@ -119,7 +120,7 @@ def best_over_shifts(
     return best
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def summit(scores: npt.NDArray[np.float64], index: int, reach: int = 0) -> float:
     """Return where the scores peak near an index, to a fraction of a column, as an index.
 
