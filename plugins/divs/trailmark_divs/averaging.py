@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+
+from trailmark.kernels import kernel
 
 __all__ = ["mean_windows", "trimmed_mean", "trimmed_windows"]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def trimmed_mean(sums: npt.NDArray[np.int64], n_trimmed: int) -> npt.NDArray[np.float64]:
     """Mean of each column without its `n_trimmed` smallest and largest values.
 
@@ -46,7 +47,7 @@ def trimmed_mean(sums: npt.NDArray[np.int64], n_trimmed: int) -> npt.NDArray[np.
     return vector
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def trimmed_windows(sums: npt.NDArray[np.int64], window: int, n_trimmed: int) -> npt.NDArray[np.float64]:
     """Return the trimmed change vector of every window of a recording, (N - w + 1, d)."""
     n_windows = sums.shape[0] - window + 1
@@ -56,7 +57,7 @@ def trimmed_windows(sums: npt.NDArray[np.int64], window: int, n_trimmed: int) ->
     return vectors
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def mean_windows(sums: npt.NDArray[np.int64], window: int) -> npt.NDArray[np.float64]:
     """Return the change vector of every window of a recording by running sums, Eq. (6), (N - w + 1, d)."""
     n_windows, n_columns = sums.shape[0] - window + 1, sums.shape[1]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+
+from trailmark.kernels import kernel
 
 __all__ = ["column_counts", "column_means", "difference_image", "otsu_threshold", "percentile_threshold"]
 
@@ -12,7 +13,7 @@ _LEVELS = 256
 _FLOAT_EPSILON = 1.1920929e-07  # OpenCV's guard against an empty class, kept so that thresholds agree with it
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def difference_image(
     previous: npt.NDArray[np.uint8], current: npt.NDArray[np.uint8], difference: npt.NDArray[np.uint8]
 ) -> npt.NDArray[np.int64]:
@@ -51,7 +52,7 @@ def difference_image(
     return histogram
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def otsu_threshold(histogram: npt.NDArray[np.int64]) -> int:
     """Return the level that separates a histogram best, Otsu 1979; pixels above it have changed, Eq. (5).
 
@@ -82,7 +83,7 @@ def otsu_threshold(histogram: npt.NDArray[np.int64]) -> int:
     return best
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def percentile_threshold(histogram: npt.NDArray[np.int64], share: float) -> int:
     """Return the smallest level that at least `share` of the pixels do not exceed."""
     total = 0
@@ -96,7 +97,7 @@ def percentile_threshold(histogram: npt.NDArray[np.int64], share: float) -> int:
     return _LEVELS - 1
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def column_counts(
     difference: npt.NDArray[np.uint8], threshold: int, n_columns: int, column_px: int
 ) -> npt.NDArray[np.int64]:
@@ -120,7 +121,7 @@ def column_counts(
     return counts
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def column_means(grey: npt.NDArray[np.uint8], area: npt.NDArray[np.int64], column_px: int) -> npt.NDArray[np.float64]:
     """Return the mean brightness of each column, (d,) [grey levels]; masked pixels must be 0 in `grey`."""
     height = grey.shape[0]

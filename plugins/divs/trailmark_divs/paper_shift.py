@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+
+from trailmark.kernels import kernel
 
 __all__ = ["PaperShift", "hill_climb", "winc"]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _centred(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """Subtract the mean and divide by the largest magnitude; constant values become zeros."""
     centred = values - values.mean()
@@ -21,7 +22,7 @@ def _centred(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     return np.asarray(centred / largest if largest > 0.0 else centred)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def winc(taught: npt.NDArray[np.float64], seen: npt.NDArray[np.float64], window: int) -> npt.NDArray[np.float64]:
     """Windowed correlation of two change vectors, Eq. (8), as the reference computes it.
 
@@ -53,7 +54,7 @@ def winc(taught: npt.NDArray[np.float64], seen: npt.NDArray[np.float64], window:
     return response
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def hill_climb(response: npt.NDArray[np.float64], index: int) -> int:
     """Return where the reference climbs to from the last index (Fig. 1).
 

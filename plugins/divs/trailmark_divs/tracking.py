@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from trailmark.kernels import kernel
 from trailmark_divs.robust_shift import summit
 
 __all__ = ["REACH", "ShiftTracker", "TrackedShift", "evidence_per_score", "updated_probability"]
@@ -119,7 +119,7 @@ class ShiftTracker:
         return TrackedShift(place - self._max_shift, confidence, margin, score)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def updated_probability(
     probability: npt.NDArray[np.float64],
     kernel: npt.NDArray[np.float64],
@@ -146,7 +146,7 @@ def updated_probability(
     return spread / total
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _read(probability: npt.NDArray[np.float64], scores: npt.NDArray[np.float64]) -> tuple[float, float, float, float]:
     """Return place, confidence, margin and score of the likeliest shift; see `TrackedShift`."""
     n_places = len(probability)
