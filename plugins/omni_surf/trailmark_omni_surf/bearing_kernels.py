@@ -5,16 +5,17 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numba
 import numpy as np
 import numpy.typing as npt
+
+from trailmark.kernels import kernel
 
 __all__ = ["bearing_errors", "bearing_scales", "closed_form", "cost_and_step", "hypotheses", "refine", "support"]
 
 Array = npt.NDArray[Any]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def bearing_errors(landmarks: Array, bearings: Array, pose: Array) -> Array:
     """Return measured minus predicted bearing of every landmark, alpha - beta of Eq. (4), in [-pi, pi) [rad]."""
     errors = np.empty(bearings.shape[0])
@@ -25,7 +26,7 @@ def bearing_errors(landmarks: Array, bearings: Array, pose: Array) -> Array:
     return errors
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def bearing_scales(landmarks: Array, covariances: Array, pose: Array, sigma_rad: float) -> Array:
     """Return what makes the error of every landmark comparable: noise of a bearing over that of this one, (N,).
 
@@ -41,7 +42,7 @@ def bearing_scales(landmarks: Array, covariances: Array, pose: Array, sigma_rad:
     return scales
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def closed_form(landmarks: Array, bearings: Array, weights: Array) -> Array:
     """Return the pose (x, y, theta) of at least three bearings; NaN where they do not define one.
 
@@ -85,7 +86,7 @@ def closed_form(landmarks: Array, bearings: Array, weights: Array) -> Array:
     return pose
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def hypotheses(landmarks: Array, bearings: Array, gate_rad: float, every: int) -> tuple[Array, Array]:
     """Return closed-form poses (T, 3), NaN where none is defined, and their `support`, (T,).
 
@@ -111,7 +112,7 @@ def hypotheses(landmarks: Array, bearings: Array, gate_rad: float, every: int) -
     return poses, supports
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def support(landmarks: Array, bearings: Array, pose: Array, gate_rad: float) -> float:
     """Return how many landmarks agree with a pose, each the less the larger its error; -1 for no pose.
 
@@ -128,7 +129,7 @@ def support(landmarks: Array, bearings: Array, pose: Array, gate_rad: float) -> 
     return score
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def cost_and_step(
     landmarks: Array, bearings: Array, scales: Array, pose: Array, corner_rad: float, hessian: Array, gradient: Array
 ) -> float:
@@ -156,7 +157,7 @@ def cost_and_step(
     return cost
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def refine(landmarks: Array, bearings: Array, scales: Array, start: Array, corner_rad: float, iterations: int) -> Array:
     """Return the pose of least robust bearing error near the start (Levenberg-Marquardt).
 

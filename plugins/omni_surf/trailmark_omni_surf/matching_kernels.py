@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
 import numpy as np
 import numpy.typing as npt
+
+from trailmark.kernels import kernel
 
 __all__ = ["nearest_groups", "squared_unit_distances"]
 
 Array = npt.NDArray[Any]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def squared_unit_distances(
     query: Array, query_sign: Array, train_transposed: Array, train_sign: Array, out: Array
 ) -> None:
@@ -42,7 +43,7 @@ def squared_unit_distances(
             out[n, m] = np.inf if differs else max(2.0 - 2.0 * row[m], 0.0)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def nearest_groups(
     query: Array, query_sign: Array, train_transposed: Array, train_sign: Array, first: Array
 ) -> tuple[Array, Array, Array, Array]:

@@ -5,16 +5,17 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numba
 import numpy as np
 import numpy.typing as npt
+
+from trailmark.kernels import kernel
 
 __all__ = ["normal_equations", "refine", "score_starts", "stamp_nearest", "truncated_cost"]
 
 Array = npt.NDArray[Any]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def stamp_nearest(
     points: Array, origin: Array, cell_m: float, reach_m: float, nearest_idx: Array, distance_m: Array
 ) -> None:
@@ -35,7 +36,7 @@ def stamp_nearest(
                     nearest_idx[v, u] = n
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def truncated_cost(
     points: Array, x: float, y: float, theta: float, origin: Array, cell_m: float, distance_m: Array, reach_m: float
 ) -> float:
@@ -53,7 +54,7 @@ def truncated_cost(
     return float(total / max(points.shape[0], 1))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def score_starts(
     points: Array, starts: Array, origin: Array, cell_m: float, distance_m: Array, reach_m: float
 ) -> Array:
@@ -64,7 +65,7 @@ def score_starts(
     return costs
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def normal_equations(
     points: Array,
     pose: Array,
@@ -130,7 +131,7 @@ def normal_equations(
     return squared, n_used
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def refine(
     points: Array,
     start: Array,
@@ -166,7 +167,7 @@ def refine(
     return pose
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _solve3(matrix: Array, vector: Array) -> tuple[float, float, float]:
     """Solve a symmetric positive definite system of three unknowns (Cholesky; LAPACK costs more than it saves)."""
     l00 = math.sqrt(matrix[0, 0])

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numba
 import numpy as np
 import numpy.typing as npt
+
+from trailmark.kernels import float_kernel, inlined_kernel, kernel
 
 __all__ = ["describe", "haar", "orient", "region_weights"]
 
@@ -39,7 +40,7 @@ def region_weights() -> npt.NDArray[np.float32]:
     return weights
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@inlined_kernel
 def haar(integral: Array, u: int, v: int, half: int) -> tuple[int, int]:
     """Return the Haar responses along u and v of the square of side ``2 * half`` about the pixel corner (u, v).
 
@@ -55,7 +56,7 @@ def haar(integral: Array, u: int, v: int, half: int) -> tuple[int, int]:
     return du, dv
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def orient(integral: Array, points: Array, angles: Array) -> None:
     """Write the dominant gradient direction around every point to `angles`, from +u towards +v [rad].
 
@@ -90,7 +91,7 @@ def orient(integral: Array, points: Array, angles: Array) -> None:
         angles[n] = _strongest_window(bins)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _strongest_window(bins: Array) -> float:
     """Return the direction of the largest sum within a window of pi / 3."""
     x = y = 0.0
@@ -108,7 +109,7 @@ def _strongest_window(bins: Array) -> float:
     return math.atan2(best_y, best_x)
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@float_kernel
 def describe(integral: Array, points: Array, angles: Array, weights: Array, out: Array) -> None:
     """Write the descriptors, unit vectors, to `out`.
 
@@ -143,7 +144,7 @@ def describe(integral: Array, points: Array, angles: Array, weights: Array, out:
         _sum_columns(columns, weights, out[n])
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@float_kernel
 def _sample(integral: Array, point: Array, angle: float, responses: Array) -> None:
     """Fill `responses` with dx, dy, abs(dx), abs(dy) on the turned grid."""
     scale = point[2]
@@ -163,7 +164,7 @@ def _sample(integral: Array, point: Array, angle: float, responses: Array) -> No
             responses[2, i, j], responses[3, i, j] = abs(along), abs(across)
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@float_kernel
 def _sum_columns(columns: Array, weights: Array, out: Array) -> None:
     """Sum the columns of each region and make the descriptor a unit vector."""
     length = np.float32(0.0)

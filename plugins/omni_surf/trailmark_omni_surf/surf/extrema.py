@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
 import numpy as np
 import numpy.typing as npt
+
+from trailmark.kernels import kernel
 
 __all__ = ["find_maxima"]
 
 Array = npt.NDArray[Any]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def find_maxima(
     layers: Array, first_size_px: int, size_step_px: int, step_px: int, threshold: float, out: Array
 ) -> int:
@@ -57,7 +58,7 @@ def find_maxima(
     return count
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _mark_peaks(
     up: Array, here: Array, down: Array, below: Array, above: Array, limit: np.float32, is_peak: Array
 ) -> bool:
@@ -82,7 +83,7 @@ def _mark_peaks(
     return bool(total > 0)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _is_maximum(layers: Array, layer: int, i: int, j: int) -> bool:
     """Whether nothing among the 26 neighbours is larger; of equal ones the first counts."""
     value = layers[layer, i, j]
@@ -96,7 +97,7 @@ def _is_maximum(layers: Array, layer: int, i: int, j: int) -> bool:
     return True
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _offset(layers: Array, layer: int, i: int, j: int) -> tuple[float, float, float]:
     """Return where the parabola through the neighbours has its top: (du, dv, ds) in grid steps (Brown & Lowe)."""
     c = 2.0 * layers[layer, i, j]

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
 import numpy as np
 import numpy.typing as npt
+
+from trailmark.kernels import kernel
 
 __all__ = ["box_derivatives", "halve_layer", "hessian_layer", "integral_image"]
 
@@ -15,7 +16,7 @@ Array = npt.NDArray[Any]
 _DXY_WEIGHT = np.float32(0.81)  # 0.9^2: boxes against Gaussians, Sec. 3.2
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def integral_image(image: Array, out: Array) -> None:
     """Fill `out`, (H + 1, W + 1) int32: `out[v, u]` is the sum of all pixels above and left of (u, v)."""
     height, width = image.shape
@@ -29,7 +30,7 @@ def integral_image(image: Array, out: Array) -> None:
             row[u + 1] = above[u + 1] + total
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def hessian_layer(integral: Array, size_px: int, step_px: int, out: Array) -> None:
     """Fill `out` with the determinant at every `step_px`-th pixel, zero where the filter leaves the image.
 
@@ -78,7 +79,7 @@ def hessian_layer(integral: Array, size_px: int, step_px: int, out: Array) -> No
             out[i, j] = determinant[j * step_px - border]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _combine_rows(integral: Array, v: int, lobe: int, border: int, for_xx: Array, for_yy: Array, for_xy: Array) -> None:
     """Combine the rows of the integral image that the three filters at row v need."""
     half = lobe // 2
@@ -96,7 +97,7 @@ def _combine_rows(integral: Array, v: int, lobe: int, border: int, for_xx: Array
         for_xy[u] = (xy_1[u] - xy_0[u]) - (xy_3[u] - xy_2[u])
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def halve_layer(layer: Array, out: Array) -> None:
     """Take every second value: a layer of one octave is a layer of the next one too."""
     for i in range(out.shape[0]):
@@ -104,13 +105,13 @@ def halve_layer(layer: Array, out: Array) -> None:
             out[i, j] = layer[2 * i, 2 * j]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _box(integral: Array, v: int, u: int, height: int, width: int) -> int:
     top, bottom = integral[v], integral[v + height]
     return int(bottom[u + width]) - int(bottom[u]) - int(top[u + width]) + int(top[u])
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def box_derivatives(integral: Array, v: int, u: int, size_px: int) -> tuple[float, float, float]:
     """Return Dxx, Dyy and Dxy of the filter at one pixel, over its area [grey levels]."""
     lobe, border = size_px // 3, size_px // 2

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.kernels import kernel
 from trailmark_omni_surf.surf.hessian import box_derivatives
 
 __all__ = ["laplacian_signs"]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def laplacian_signs(integral: npt.NDArray[Any], points: npt.NDArray[Any]) -> npt.NDArray[np.int8]:
     """Return the sign of Dxx + Dyy at every point, (N,) int8.
 
