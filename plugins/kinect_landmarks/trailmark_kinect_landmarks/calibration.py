@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from trailmark.errors import ConfigError
 from trailmark.frames import DepthCamera
 from trailmark.geometry import Pose3
+from trailmark.kernels import kernel
 
 __all__ = ["Crop", "depth_pixels", "optical_transform", "ratios", "register_depth", "sensor_transform"]
 
@@ -148,7 +148,7 @@ def register_depth(
     return registered
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _reproject(depth_m: Any, lens: Any, colour: Any, k: Any, T: Any, is_range: bool, out: Any) -> None:
     height, width = out.shape
     # one depth pixel covers this many colour pixels: without it a wider lens leaves a grid of holes

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+
+from trailmark.kernels import kernel
 
 __all__ = ["column_scores", "patch_normalised", "patch_scores", "peak", "phase_shift"]
 
@@ -15,7 +16,7 @@ _FLAT = 1e-9
 _PATCH_CLIP = 1.0
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def column_scores(
     taught: npt.NDArray[np.float64], seen: npt.NDArray[np.float64], max_shift: int
 ) -> npt.NDArray[np.float64]:
