@@ -14,7 +14,7 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from trailmark_ground_vo.compiled import kernel
+from trailmark.kernels import kernel
 from trailmark_ground_vo.vector import LANES, PAIRS, add_pairs
 
 __all__ = ["PatchSearch", "group_places", "patch_search", "patch_search_plain", "quadrants"]

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from trailmark_ground_vo.compiled import kernel
+from trailmark.kernels import kernel
 
 __all__ = ["Area", "Group", "advance", "select"]
 

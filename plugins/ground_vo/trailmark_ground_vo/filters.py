@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from trailmark_ground_vo.compiled import kernel
+from trailmark.kernels import kernel
 from trailmark_ground_vo.vector import LANES, smooth_across, smooth_down, transpose_block
 
 __all__ = ["GAIN_ONE", "SMOOTH_SCALE", "flatten", "smooth", "smooth_plain", "transpose", "transpose_plain"]

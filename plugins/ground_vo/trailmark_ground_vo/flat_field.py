@@ -13,7 +13,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from trailmark_ground_vo.compiled import kernel
+from trailmark.kernels import kernel
 from trailmark_ground_vo.texture import SEEN_X, SEEN_Y, VALUE, Floats, Texture, X, Y
 
 __all__ = ["FlatFieldLearner"]

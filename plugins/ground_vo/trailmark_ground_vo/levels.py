@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from trailmark_ground_vo.compiled import kernel
+from trailmark.kernels import kernel
 
 __all__ = ["LEVEL_ZERO", "half_picture", "levelled", "seven_bits", "tamed"]
 

@@ -12,7 +12,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from trailmark_ground_vo.compiled import float_kernel, kernel
+from trailmark.kernels import float_kernel, kernel
 from trailmark_ground_vo.texture import SLOPE_U, SLOPE_V, Floats, Smooth, Texture, X, Y, residuals
 
 __all__ = ["best_start", "mean_clipped", "refine"]

@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from trailmark_ground_vo.compiled import kernel
+from trailmark.kernels import kernel
 from trailmark_ground_vo.vector import CHUNK, add_window, padded_columns, padded_rows
 
 __all__ = ["centre_out", "places", "reach", "rotation_angles", "sad_search", "sad_search_plain", "summarise"]

@@ -15,7 +15,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from trailmark_ground_vo.compiled import float_kernel, kernel
+from trailmark.kernels import float_kernel, kernel
 from trailmark_ground_vo.extremes import Area
 
 __all__ = [

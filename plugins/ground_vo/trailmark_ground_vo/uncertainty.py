@@ -13,7 +13,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from trailmark_ground_vo.compiled import kernel
+from trailmark.kernels import kernel
 
 __all__ = ["drift_information", "response_covariance", "whole_pixel_information"]
 
