@@ -203,6 +203,22 @@ def test_failures_are_the_worst_and_never_averaged_away(tmp_path: Path) -> None:
     assert ranks == {"a": pytest.approx(1.6), "b": pytest.approx(1.4)}
 
 
+def test_a_baseline_that_was_skipped_somewhere_is_compared_where_it_ran(tmp_path: Path) -> None:
+    with Index(tmp_path, write=True) as index:
+        places = [(source, name) for source in ("floor", "street") for name in ("a", "b")]
+        cells = [Cell(f"{n:020x}", "", {"source": s, "localizer": m}, {}) for n, (s, m) in enumerate(places)]
+        index.enter(cells)
+        for cell in cells:
+            if cell.coordinates == {"source": "street", "localizer": "b"}:
+                index.finished(cell.id, Outcome("skipped", "no camera"))
+            else:
+                index.finished(cell.id, Outcome("ok"), {"metrics": {"ate_rmse_m[se2,n=9]": 0.1}, "errors": True})
+        summary = summarized(index, baseline="b")
+
+    assert {key for key, entry in summary.entries.items() if entry.comparisons} == {("a", "floor")}
+    assert [row.n_conditions for row in summary.overall] == [1, 0]
+
+
 def test_the_schema_of_bench_configs_knows_runs_and_benches() -> None:
     schema = json.loads(CliRunner().invoke(root, ["schema", "--bench"], obj=ChosenPlugins()).stdout)
 

@@ -6,9 +6,7 @@ one transaction a cell, so that a kill at any instant loses at most what was run
 
 from __future__ import annotations
 
-import fcntl
 import json
-import os
 import sqlite3
 import time
 import zlib
@@ -22,6 +20,7 @@ from typing import Any, Self
 from trailmark.bench.cell import Cell
 from trailmark.bench.executor import Outcome
 from trailmark.bench.fingerprint import FileCache
+from trailmark.bench.lock import LOCK_FILE, FolderLock
 from trailmark.errors import ConfigError, DataError
 
 __all__ = ["INDEX_FILE", "Index", "Record"]
@@ -100,7 +99,7 @@ class Index:
     def __init__(self, folder: str | Path, write: bool = False) -> None:
         self.folder = Path(folder)
         path = self.folder / INDEX_FILE
-        self._lock: Any = None
+        self._lock: FolderLock | None = None
         self._depth = 0
         if write:
             self._take(self.folder)
@@ -129,7 +128,7 @@ class Index:
                     self._db.execute("PRAGMA journal_mode = DELETE")
             self._db.close()
         if self._lock is not None:
-            self._lock.close()
+            self._lock.release()
 
     # --- cells ---------------------------------------------------------------------------------------------------
 
@@ -251,13 +250,11 @@ class Index:
     def _take(self, folder: Path) -> None:
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            for name in (INDEX_FILE, ".lock", "cells"):  # a stranger's folder may lead out of itself
+            for name in (INDEX_FILE, LOCK_FILE, "cells"):  # a stranger's folder may lead out of itself
                 if (folder / name).is_symlink():
                     raise ConfigError(f"{folder / name} is a link; a bench is not written through one")
-            self._lock = os.fdopen(os.open(folder / ".lock", os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644), "w")
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            self._lock = FolderLock(folder)
         except BlockingIOError:
-            self._lock.close()
             raise ConfigError(f"another bench is at work in {folder}; wait for it, or choose another --out") from None
         except OSError as error:
             raise ConfigError(f"cannot write to {folder}: {error.strerror or error}") from error

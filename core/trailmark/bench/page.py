@@ -14,7 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from trailmark.bench.index import Index, Record
-from trailmark.bench.summary import Metric, Namer, Summary, summarized
+from trailmark.bench.naming import Namer
+from trailmark.bench.quantities import Metric
+from trailmark.bench.summary import Summary, summarized
 from trailmark.bench.tables import bench_tables, metric_title, scaled_column
 from trailmark.errors import DataError
 from trailmark.report.html import facts_html, page_html, table_html, text_html

@@ -118,6 +118,11 @@ def _array(text: str) -> npt.NDArray[Any]:
     return array
 
 
+def _field_names(cls: type[Any]) -> set[str] | None:
+    """Return the names of a dataclass's fields; None of any other class."""
+    return {field.name for field in fields(cls)} if is_dataclass(cls) else None
+
+
 class _Reader:
     """Puts values together again, with the classes of a few packages."""
 
@@ -156,14 +161,14 @@ class _Reader:
     def _dataclass(self, told: tuple[str, Mapping[str, Any]]) -> Any:
         name, content = told
         cls = self._class(name, object)
-        if not is_dataclass(cls) or {field.name for field in fields(cls)} != set(content):
+        if _field_names(cls) != set(content):
             raise ValueError(f"{name} is no dataclass with the fields {', '.join(content)}")
-        made: Any = object.__new__(cls)  # type: ignore[arg-type]
+        made: Any = object.__new__(cls)
         for field, item in content.items():
             object.__setattr__(made, field, self.value(item))  # as for a copy: nothing of the class is called
         return made
 
-    def _class(self, name: str, base: type) -> Any:
+    def _class(self, name: str, base: type) -> type[Any]:
         """Return a class by its name; only modules of Trailmark and of the package are imported."""
         module, _, path = name.partition(":")
         top = module.partition(".")[0]

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from trailmark.bench.executor import Outcome
+from trailmark.errors import ConfigError
 
 __all__ = ["DETAIL_FILE", "OUTCOME_FILE", "REQUEST_FILE", "RESULT_FILE", "CellProcess", "run_cell"]
 
@@ -70,9 +71,16 @@ class CellProcess:
         Its folder.
     module : str
         What runs in it, as ``python -m``.
+
+    Raises
+    ------
+    ConfigError
+        Where processes cannot be accounted for: ``os.wait4`` is of Linux and macOS.
     """
 
     def __init__(self, request: Mapping[str, Any], folder: Path, module: str = "trailmark.bench.child") -> None:
+        if os.name != "posix":
+            raise ConfigError("cells run on Linux and macOS; tables and reports of a bench open everywhere")
         self._request = request
         self._module = module
         self._folder = folder

@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
-from trailmark.bench.index import Index
+from trailmark.bench.entries import Entry
+from trailmark.bench.overall import Overall
+from trailmark.bench.quantities import Metric
 from trailmark.bench.statistics import RESAMPLES
-from trailmark.bench.summary import Entry, Metric, Overall, Summary, summarized
+from trailmark.bench.summary import Summary
 from trailmark.report.numbers import MISSING, length_unit, significant
 from trailmark.report.tables import Column, Table
 
-__all__ = ["FAILED", "bench_summary", "bench_tables", "counts_text", "metric_title", "scaled_column", "value_text"]
+__all__ = ["FAILED", "bench_tables", "counts_text", "metric_title", "scaled_column", "value_text"]
 
 #: Stands where failures are so many that the median is one.
 FAILED = "failed"
 
 _UNITS = {"_m": "m", "_deg": "°", "_percent": "%", "_ms": "ms", "_s": "s", "_mb": "MB", "_mm": "mm"}
-
-
-def bench_summary(index: Index, metrics: Sequence[str] = (), baseline: str | None = None) -> Summary:
-    """Return the statistics of a bench; as `summarized`."""
-    return summarized(index, metrics, baseline)
 
 
 def bench_tables(summary: Summary) -> list[Table]:

@@ -1,0 +1,96 @@
+"""What ``trailmark bench`` prints: tables, lists of cells, one cell."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import click
+
+from trailmark.bench.cell import STATES
+from trailmark.bench.index import Index, Record
+from trailmark.bench.summary import summarized
+from trailmark.bench.tables import bench_tables
+from trailmark.errors import ConfigError
+from trailmark.report.console import print_table
+
+__all__ = ["show_cell", "show_states", "show_tables"]
+
+
+def show_tables(index: Index, metrics: Sequence[str], baseline: str | None, as_json: bool) -> None:
+    """Print the tables of a bench."""
+    summary = summarized(index, metrics, baseline)
+    if as_json:
+        click.echo(json.dumps(summary.document(), indent=1))
+        return
+    for table in bench_tables(summary):
+        print_table(table)
+    for line in summary.lines():
+        click.echo(line)
+
+
+def show_states(index: Index, states: Sequence[str], as_json: bool) -> None:
+    """Print a line for each cell in some states, or in any.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such state.
+    """
+    for state in states:
+        if state not in STATES:
+            raise ConfigError(f"--state {state}: states are {', '.join(STATES)}")
+    records = [record for record in index.records() if not states or record.state in states]
+    if as_json:
+        click.echo(json.dumps([_document(record) for record in records], indent=1))
+        return
+    for record in records:
+        click.echo(
+            f"{record.id[:8]}  {record.state:<8} {record.label}" + (f": {record.reason}" if record.reason else "")
+        )
+
+
+def show_cell(index: Index, words: str, as_json: bool) -> None:
+    """Print what became of a cell, with its figures and the end of its log.
+
+    Raises
+    ------
+    ConfigError
+        If the words fit none, or several.
+    """
+    records = index.records(everything=True)
+    found = [record for record in records if record.id.startswith(words) or words in record.label]
+    exact = [record for record in found if words in (record.id, record.label)]
+    if len(exact or found) != 1:
+        names = "; ".join(f"{record.id[:8]} {record.label}" for record in found[:5])
+        raise ConfigError(f"{words!r} is no cell" if not found else f"{words!r} is {len(found)} cells: {names} ...")
+    (record,) = exact or found
+    if as_json:
+        click.echo(json.dumps(_document(record) | {"stderr": index.stderr(record.id)}, indent=1))
+        return
+    click.echo(f"{record.id}  {record.label}\n{record.state}" + (f": {record.reason}" if record.reason else ""))
+    for name, value in {**record.result.get("metrics", {}), **record.result.get("times", {})}.items():
+        click.echo(f"  {name:<44}{'' if value is None else f'{value:.6g}':>14}")
+    folder = index.folder / "cells" / record.id
+    if folder.is_dir():
+        click.echo(str(folder))
+    if stderr := index.stderr(record.id).rstrip():
+        click.echo("\n".join(f"| {line}" for line in stderr.splitlines()[-30:]))
+
+
+def _document(record: Record) -> dict[str, Any]:
+    return {
+        "id": record.id,
+        "matrix": record.matrix,
+        "coordinates": dict(record.coordinates),
+        "state": record.state,
+        "reason": record.reason,
+        "attempts": record.attempts,
+        "wall_s": record.wall_s,
+        "cpu_s": record.cpu_s,
+        "peak_rss_mb": record.peak_rss_mb,
+        "load": record.load,
+        "host": record.host,
+        **{key: value for key, value in record.result.items() if key not in ("state", "reason")},
+    }
