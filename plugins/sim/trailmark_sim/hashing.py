@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from trailmark.kernels import kernel
 
 __all__ = ["hash2", "mixed", "normal_of", "unit_of"]
 
@@ -18,7 +19,7 @@ _UNIT16 = 1.0 / (1 << 16)
 _ROOT3 = 3.0**0.5
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def mixed(value: np.uint64) -> np.uint64:
     """Return the 64-bit hash of a 64-bit number (the finaliser of SplitMix64)."""
     value = (value ^ (value >> _S30)) * _K3
@@ -26,19 +27,19 @@ def mixed(value: np.uint64) -> np.uint64:
     return value ^ (value >> _S31)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def hash2(ix: int, iy: int, seed: np.uint64) -> np.uint64:
     """Return the 64-bit hash of a lattice point; `seed` is uint64."""
     return mixed((np.uint64(ix) * _K1) ^ (np.uint64(iy) * _K2) ^ seed)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def unit_of(h: np.uint64) -> float:
     """Return the number in [0, 1) of a hash."""
     return np.float64(h >> _S11) * _UNIT
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def normal_of(h: np.uint64) -> float:
     """Return a number of mean 0 and deviation 1, nearly normal (four uniform parts), of a hash."""
     total = 0.0

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from trailmark.kernels import kernel
 from trailmark_sim.hashing import hash2, mixed, normal_of, unit_of
 
 __all__ = ["add_clouds", "add_dust", "add_grains", "add_joints", "add_specks", "split_planks"]
@@ -21,7 +21,7 @@ __all__ = ["add_clouds", "add_dust", "add_grains", "add_joints", "add_specks", "
 Floats = npt.NDArray[Any]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def add_clouds(
     out: Floats, x: Floats, y: Floats, cell_x_m: float, cell_y_m: float, gain: float, seed: np.uint64
 ) -> None:
@@ -42,7 +42,7 @@ def add_clouds(
             out[row, col] += gain * (above + (below - above) * v)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def add_dust(out: Floats, x: Floats, y: Floats, cell_m: float, gain: float, seed: np.uint64) -> None:
     """Add noise without any smoothing: finer than the texels when the cells are."""
     for row in range(out.shape[0]):
@@ -51,7 +51,7 @@ def add_dust(out: Floats, x: Floats, y: Floats, cell_m: float, gain: float, seed
             out[row, col] += gain * normal_of(h)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def add_grains(
     out: Floats,
     x: Floats,
@@ -114,7 +114,7 @@ def add_grains(
                 out[row, col] += value if edge >= 1.0 else value * edge + gap * (1.0 - edge)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def add_specks(
     out: Floats,
     x: Floats,
@@ -165,7 +165,7 @@ def add_specks(
                     out[row, col] += tone * (1.0 - squared * squared)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def add_joints(out: Floats, x: Floats, y: Floats, edge: Floats, width_m: float, gain: float, seed: np.uint64) -> None:
     """Add grey within `width_m` of an edge whose distances are given, with a ragged rim."""
     for row in range(out.shape[0]):
@@ -176,7 +176,7 @@ def add_joints(out: Floats, x: Floats, y: Floats, edge: Floats, width_m: float, 
                 out[row, col] += gain * min(1.0, max(0.0, depth))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def split_planks(
     out: Floats,
     x: Floats,

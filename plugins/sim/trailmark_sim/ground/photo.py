@@ -15,10 +15,10 @@ from typing import Any
 import cv2
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 from scipy.special import ndtri
 
 from trailmark.errors import ConfigError
+from trailmark.kernels import kernel
 from trailmark_sim.hashing import hash2, mixed, unit_of
 from trailmark_sim.pictures import read_grey
 from trailmark_sim.rng import stream_key
@@ -119,7 +119,7 @@ def _by_rank(grey: npt.NDArray[np.uint8]) -> tuple[npt.NDArray[np.float32], npt.
     return normals.astype(np.float32), greys.astype(np.float32)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _paint_pieces(
     out: npt.NDArray[Any],
     x: npt.NDArray[Any],
@@ -166,14 +166,14 @@ def _paint_pieces(
             out[row, col] = greys[k] + (greys[k + 1] - greys[k]) * (value - k)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _piece_offset(size: int, reach: float, corner: float, h: np.uint64) -> float:
     """Return by how many whole pixels a corner's piece is moved, so that all of it lies in the photograph."""
     place = reach + 2.0 + (size - 5.0 - 2.0 * reach) * unit_of(h)
     return float(math.floor(place - corner))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _bilinear(grey: npt.NDArray[Any], normals: npt.NDArray[Any], u: float, v: float) -> float:
     i, j = int(u), int(v)
     fu, fv = u - i, v - j

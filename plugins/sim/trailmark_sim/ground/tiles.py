@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 from numpy.lib.stride_tricks import as_strided
 
 from trailmark.errors import ConfigError
+from trailmark.kernels import kernel
 from trailmark_sim.ground.ground import Ground
 from trailmark_sim.workers import run_all
 
@@ -105,7 +105,7 @@ def _gaussian(sigma: float) -> npt.NDArray[np.float32]:
     return np.asarray(weights / weights.sum(), dtype=np.float32)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _blur_to_steps(grey: npt.NDArray[Any], kernel: npt.NDArray[Any], out: npt.NDArray[Any]) -> None:
     """Blur with a separable kernel and store the inner part in steps of 1/256 grey."""
     n, taps = out.shape[0], kernel.shape[0]

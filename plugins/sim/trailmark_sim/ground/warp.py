@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from trailmark.kernels import kernel
 from trailmark_sim.ground.tiles import GREY_STEPS, TILE_TEXELS
 from trailmark_sim.hashing import hash2
 
@@ -28,7 +28,7 @@ _BYTE = np.uint32(0xFF)
 _MEAN, _PER_SIGMA = np.float32(510.0), np.float32(1.0 / (4.0 * 65535.0 / 12.0) ** 0.5)
 
 # A division that may fail would keep the loops from being done eight at once.
-_kernel = njit(cache=True, nogil=True, error_model="numpy")
+_kernel = kernel(error_model="numpy")
 
 
 @_kernel

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from trailmark.kernels import kernel
 from trailmark_sim.ground import layers
 from trailmark_sim.hashing import hash2, mixed, normal_of, unit_of
 from trailmark_sim.rng import stream_key
@@ -71,7 +71,7 @@ def _normal_quantile(share: float) -> float:
     return math.log(share / (1.0 - share)) / 1.702
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _lay_leaves(out: npt.NDArray[Any], x: npt.NDArray[Any], y: npt.NDArray[Any], share: float, seed: np.uint64) -> None:
     """Cover the floor with leaves: 30 to 70 mm long, pointed, with a rib and veins; they hide what is below."""
     leaf = np.zeros((9, 6))  # centre x, y [m], cos, sin of its direction, half length [m], grey; length 0: none
@@ -96,7 +96,7 @@ def _lay_leaves(out: npt.NDArray[Any], x: npt.NDArray[Any], y: npt.NDArray[Any],
                         out[row, col] = leaf[n, 5] + detail + 5.0 * normal_of(spot)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _fill_leaf(leaf: npt.NDArray[Any], i: int, j: int, share: float, seed: np.uint64) -> None:
     h = hash2(i, j, seed)
     leaf[4] = 0.0

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from trailmark.kernels import kernel
 from trailmark_sim.render.shapes import CYLINDER, ELLIPSOID, RECTANGLE, Shape
 from trailmark_sim.workers import in_bands
 
@@ -24,7 +24,7 @@ _MOST_TEXELS = 256
 #: Light is looked for this far before a surface, so that a surface does not shade itself [m].
 _LIFT_M = 2e-3
 _NEVER = 1e30
-_kernel = njit(cache=True, nogil=True, error_model="numpy")
+_kernel = kernel(error_model="numpy")
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from trailmark.kernels import kernel
 from trailmark_sim.render.rays import LANES
 from trailmark_sim.render.shapes import CYLINDER, ELLIPSOID, RECTANGLE
 
@@ -22,7 +22,7 @@ NOTHING_M = np.float32(1e9)
 _EPS = np.float32(1e-4)
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 
-_kernel = njit(cache=True, nogil=True, error_model="numpy")
+_kernel = kernel(error_model="numpy")
 
 
 @_kernel

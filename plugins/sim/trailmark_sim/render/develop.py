@@ -8,8 +8,8 @@ from typing import Any
 import cv2
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from trailmark.kernels import kernel
 from trailmark_sim.hashing import hash2
 from trailmark_sim.rng import frame_rng, stream_key
 from trailmark_sim.workers import in_bands
@@ -122,7 +122,7 @@ def _tone_curve(shoulder: float) -> npt.NDArray[np.uint8]:
     return np.round(255.0 * np.sqrt(np.clip(light, 0.0, 1.0))).astype(np.uint8)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _develop_rows(
     first: int,
     last: int,

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from trailmark.kernels import kernel
 from trailmark_sim.render.rays import LANES
 from trailmark_sim.render.shapes import CYLINDER, RECTANGLE
 
@@ -18,7 +18,7 @@ _F = np.float32
 _ZERO, _ONE = _F(0.0), _F(1.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def face_tiles(
     first: int,
     last: int,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from trailmark_sim.render.compiled import inlined_kernel, kernel
+from trailmark.kernels import inlined_kernel, kernel
 from trailmark_sim.render.rays import LANES
 from trailmark_sim.render.shapes import CYLINDER
 
@@ -67,7 +67,7 @@ def place_flat(
         foot[lane] = short * max(_TEXEL_PX, stretch * _F(0.25))
 
 
-@kernel
+@kernel(error_model="numpy")
 def place_round(
     p: int,
     hit: npt.NDArray[Any],

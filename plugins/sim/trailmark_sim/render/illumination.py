@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from trailmark_sim.render.compiled import inlined_kernel, kernel
+from trailmark.kernels import inlined_kernel, kernel
 from trailmark_sim.render.rays import LANES
 from trailmark_sim.render.shapes import CYLINDER, RECTANGLE
 
@@ -66,7 +66,7 @@ def baked(
         lb[lane] = wa * light[ka, 2] + wb * light[kb, 2] + wc * light[kc, 2] + wd * light[kd, 2]
 
 
-@kernel
+@kernel(error_model="numpy")
 def darken(
     shade: npt.NDArray[Any],
     ray: npt.NDArray[Any],
@@ -92,7 +92,7 @@ def darken(
             shade[lane] *= _ONE - depth * near * near
 
 
-@kernel
+@kernel(error_model="numpy")
 def mirrored(
     ray: npt.NDArray[Any],
     far: npt.NDArray[Any],
@@ -127,7 +127,7 @@ def mirrored(
     return _HIGHLIGHT * spot + _HALF * max(_ZERO, up)
 
 
-@kernel
+@kernel(error_model="numpy")
 def show_sky(
     out: npt.NDArray[Any],
     pixels: npt.NDArray[Any],

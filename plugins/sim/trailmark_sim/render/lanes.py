@@ -14,7 +14,7 @@ from numba import types as numba_types
 from numba.core import cgutils as numba_cgutils
 from numba.extending import intrinsic
 
-from trailmark_sim.render.compiled import inlined_kernel
+from trailmark.kernels import inlined_kernel
 from trailmark_sim.render.rays import LANES
 
 __all__ = ["floats", "ints"]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from trailmark_sim.render.compiled import inlined_kernel, kernel
+from trailmark.kernels import inlined_kernel, kernel
 from trailmark_sim.render.rays import LANES
 
 __all__ = ["plain", "textured"]
@@ -26,7 +26,7 @@ _PER_TAP = _F(1.0 / (255.0 * 255.0 * _N_TAPS))
 _LARGE = _F(4.0)
 
 
-@kernel
+@kernel(error_model="numpy")
 def plain(texel: Any, red: npt.NDArray[Any], green: npt.NDArray[Any], blue: npt.NDArray[Any]) -> None:
     """Write the reflectance of a surface of one colour."""
     per = _F(1.0 / (255.0 * 255.0))

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from trailmark_sim.render.compiled import inlined_kernel, kernel
+from trailmark.kernels import inlined_kernel, kernel
 from trailmark_sim.render.footprints import place_flat, place_round
 from trailmark_sim.render.illumination import baked, darken, mirrored, show_sky
 from trailmark_sim.render.lanes import floats, ints
@@ -27,7 +27,7 @@ _I: Any = np.int32
 _ZERO, _ONE = _F(0.0), _F(1.0)
 
 
-@kernel
+@kernel(error_model="numpy")
 def shade_tiles(
     first: int,
     last: int,
@@ -158,7 +158,7 @@ def _blend_lanes(
         out[pixel, 2] = look[4] * blue[lane] * (lb[lane] * shade[lane] + own) + gloss * lb[lane]
 
 
-@kernel
+@kernel(error_model="numpy")
 def _distinct(hit: npt.NDArray[Any], surfaces: npt.NDArray[Any]) -> int:
     """Write which surfaces the rays of a tile meet, each once, and return how many."""
     n = 0
