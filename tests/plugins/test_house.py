@@ -110,3 +110,16 @@ def test_core_imports_no_plugin_and_a_plugin_no_other(package):
 
     assert files
     assert strangers == set()
+
+
+@pytest.mark.parametrize("package", [ROOT / "core" / "trailmark", *sorted(ROOT.glob("plugins/*/trailmark_*"))])
+def test_kernels_are_compiled_by_the_decorators_of_core_alone(package):
+    compiled_otherwise = {
+        f"{file.relative_to(ROOT)}: {word}"
+        for file in package.rglob("*.py")
+        if file != ROOT / "core" / "trailmark" / "kernels.py"
+        for word in ("njit", "numba.jit", "import jit", "vectorize(", "fastmath")
+        if word in file.read_text(encoding="utf-8")
+    }
+
+    assert compiled_otherwise == set()
