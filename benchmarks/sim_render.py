@@ -56,8 +56,8 @@ def measure(repeat: int) -> list[dict[str, Any]]:
             view = sensor.view(1.0, state)
             depth_s = seconds(lambda sensor=sensor, state=state: sensor.view(1.0, state), repeat)  # type: ignore[misc]
             shade_s = seconds(view.radiance, repeat)
-            row["depth_mrays"] = sensor.table.n_rays / depth_s / 1e6
-            row["shaded_mrays"] = sensor.table.n_rays / (depth_s + shade_s) / 1e6
+            row["depth_mrays"] = view.table.n_rays / depth_s / 1e6
+            row["shaded_mrays"] = view.table.n_rays / (depth_s + shade_s) / 1e6
         rows.append(row)
     return rows
 

@@ -14,9 +14,10 @@ from trailmark_sim.render.bake import Lamp, Lighting
 from trailmark_sim.render.develop import Film, Sensitometry, auto_exposure
 from trailmark_sim.render.lenses import Catadioptric, Fisheye, Lens, PinholeLens
 from trailmark_sim.render.rays import ray_table
-from trailmark_sim.render.scene import SceneBuilder, Surface
+from trailmark_sim.render.scene import Scene, SceneBuilder, Surface
 from trailmark_sim.render.shapes import ellipsoid, rectangle
 from trailmark_sim.render.view import View
+from trailmark_sim.render.viewpoints import Viewpoints
 
 LENS = PinholeLens(64, 48, Pinhole(60.0, 60.0, 31.5, 23.5))
 
@@ -140,29 +141,51 @@ def test_light_is_baked_the_same_with_one_and_two_threads() -> None:
     np.testing.assert_array_equal(builder.build(1).light, builder.build(2).light)
 
 
-@pytest.mark.parametrize(
-    "lens",
-    [
-        PinholeLens(160, 120, Pinhole(130.0, 128.0, 81.3, 58.2, (-0.25, 0.08, 1e-3, -2e-3, -0.01))),
-        Fisheye(160, 120, 45.0, 79.2, 59.5, (0.02, -0.003)),
-        Catadioptric(160, 120, 30.0, 0.9, 79.8, 59.5, 11.0, 57.0),
-    ],
-    ids=["distorted", "fisheye", "catadioptric"],
-)
-def test_every_painted_edge_is_rendered_within_a_twentieth_of_a_pixel(lens: Lens) -> None:
-    """In light, not in its root: a picture's tone curve moves edges towards the dark, in cameras too."""
+LENSES = {
+    "distorted": PinholeLens(160, 120, Pinhole(130.0, 128.0, 81.3, 58.2, (-0.25, 0.08, 1e-3, -2e-3, -0.01))),
+    "fisheye": Fisheye(160, 120, 45.0, 79.2, 59.5, (0.02, -0.003)),
+    "catadioptric": Catadioptric(160, 120, 30.0, 0.9, 79.8, 59.5, 11.0, 57.0),
+}
+
+
+def _half_white() -> Scene:
+    """Return a wall at x = 2 that is white left of y = 0."""
     image = np.full((512, 512, 3), 30, np.uint8)
-    image[:, :256] = 255  # left of y = 0
+    image[:, :256] = 255
     builder = SceneBuilder(Lighting(ambient=(1.0, 1.0, 1.0)))
     _wall(builder, Surface(builder.texture(image)))
+    return builder.build()
+
+
+@pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES)
+def test_every_painted_edge_is_rendered_within_a_twentieth_of_a_pixel(lens: Lens) -> None:
+    """In light, not in its root: a picture's tone curve moves edges towards the dark, in cameras too."""
     directions, shows = lens.directions()
-    table, scene = ray_table(directions, shows), builder.build()
+    table, scene = ray_table(directions, shows), _half_white()
 
     errors = []
     for yaw in np.linspace(0.0, 0.06, 15):
         pose = Pose3(yaw=float(yaw))
         light = View(scene, table, pose).radiance()[..., 1].astype(float)
         errors += _edge_errors(light, directions @ pose.rotation().T, shows)
+
+    assert len(errors) > 300
+    assert abs(np.mean(errors)) < 0.003
+    assert np.max(np.abs(errors)) < 0.05
+
+
+@pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES)
+def test_every_row_may_be_seen_at_a_heading_of_its_own(lens: Lens) -> None:
+    """A camera that turns while it reads: every edge where its own row's heading puts it."""
+    directions, shows = lens.directions()
+    table, scene = ray_table(directions, shows, by_row=True), _half_white()
+    rows = np.arange(lens.height) / lens.height - 0.5
+
+    errors = []
+    for yaw in np.linspace(0.0, 0.06, 15):
+        rotations = np.stack([Pose3(yaw=yaw + 0.1 * row).rotation() for row in rows])
+        light = View(scene, table, Viewpoints(rotations, np.zeros((lens.height, 3)))).radiance()[..., 1].astype(float)
+        errors += _edge_errors(light, np.einsum("vij,vuj->vui", rotations, directions), shows)
 
     assert len(errors) > 300
     assert abs(np.mean(errors)) < 0.003

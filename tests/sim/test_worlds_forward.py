@@ -11,7 +11,8 @@ from trailmark.errors import ConfigError
 from trailmark.frames import RGBD, DepthCamera, Image
 from trailmark.geometry import Pose2, Pose3
 from trailmark_sim.render.lenses import PinholeLens
-from trailmark_sim.sensors.camera import CameraSensor, Shaking
+from trailmark_sim.sensors.camera import CameraSensor
+from trailmark_sim.sensors.shutter import Shaking
 from trailmark_sim.sensors.true_depth import TrueDepthSensor
 from trailmark_sim.vehicles import VehicleState
 from trailmark_sim.worlds import WORLDS, build_world
@@ -115,7 +116,8 @@ def test_the_camera_sees_structure_all_along_the_bends(name: str) -> None:
     for station_m in np.arange(0.0, route.length_m, 1.25):
         state = VehicleState(route.pose_at(float(station_m)), travelled_m=float(station_m))
         picture = _picture(world, state.pose_map_base, 1, float(station_m))[:, :, 1]
-        nothing = sensor.table.picture(sensor.view(0.0, state).is_nothing.astype(np.float32), 0.0)
+        view = sensor.view(0.0, state)
+        nothing = view.table.picture(view.is_nothing.astype(np.float32), 0.0)
         assert not nothing[68:].any()  # 2 deg below the horizon there is ground everywhere
         assert name == "street" or not nothing.any()
         # Every column, down to a fifth of the picture's width, has something to hold on to.

@@ -12,7 +12,7 @@ from trailmark.geometry import Pose2
 from trailmark_sim.render.scene import Colour, SceneBuilder, Surface
 from trailmark_sim.render.shapes import Shape, ellipsoid
 from trailmark_sim.render.textures import clouds
-from trailmark_sim.render.view import Moment
+from trailmark_sim.render.viewpoints import Moment
 from trailmark_sim.rng import frame_rng
 
 __all__ = ["Crowd", "Walk", "add_cloth"]

@@ -12,7 +12,7 @@ import numpy as np
 from trailmark.geometry import Pose2, Pose3
 from trailmark_sim.render.scene import SceneBuilder, Surface
 from trailmark_sim.render.shapes import Shape, rectangle
-from trailmark_sim.render.view import Moment
+from trailmark_sim.render.viewpoints import Moment
 
 __all__ = ["Prop", "Props", "Troupe", "rises", "walks_off"]
 

@@ -32,6 +32,7 @@ def cast_tiles(
     rays: npt.NDArray[Any],
     axes: npt.NDArray[Any],
     spread: npt.NDArray[Any],
+    instants: npt.NDArray[Any],
     kinds: npt.NDArray[Any],
     frames: npt.NDArray[Any],
     eyes: npt.NDArray[Any],
@@ -47,20 +48,20 @@ def cast_tiles(
     ----------
     first, last : int
         Tiles `first` to `last` (without it) are done.
-    rays, axes, spread
+    rays, axes, spread, instants
         Of the `RayTable`.
     kinds : (P,) int8
         Kind of each shape.
-    frames : (P, 3, 3) float32
-        From the camera's axes to each shape's own.
-    eyes : (P, 3) float32
+    frames : (G, P, 3, 3) float32
+        From the camera's axes to each shape's own, at each instant.
+    eyes : (G, P, 3) float32
         The eye in each shape's own axes.
-    spheres : (P, 4) float32
+    spheres : (G, P, 4) float32
         Bounding spheres in the camera's axes: centre and radius [m].
     near : (P,) float32
-        No point of the shape is nearer than this [m].
+        No point of the shape is ever nearer than this [m].
     order : (N,) int32
-        Shapes that face the camera, in the order of `near`.
+        Shapes that face the camera at any instant, in the order of `near`.
     ranges : (T, 64) float32
         Receives the range along each ray; `NOTHING_M` where it meets nothing [m].
     hits : (T, 64) int32
@@ -68,7 +69,8 @@ def cast_tiles(
     """
     candidates = np.empty(order.shape[0], np.int32)
     for tile in range(first, last):
-        n_candidates = _cull(candidates, axes[tile], spread[tile, 0], spread[tile, 1], spheres, order)
+        now = instants[tile]
+        n_candidates = _cull(candidates, axes[tile], spread[tile, 0], spread[tile, 1], spheres[now], order)
         best, hit, ray = ranges[tile], hits[tile], rays[tile]
         for lane in range(LANES):
             best[lane] = NOTHING_M
@@ -78,11 +80,11 @@ def cast_tiles(
             if n % 2 == 0 and near[p] > _farthest(best):
                 break
             if kinds[p] == RECTANGLE:
-                _meet_rectangle(best, hit, ray, p, frames[p], eyes[p])
+                _meet_rectangle(best, hit, ray, p, frames[now, p], eyes[now, p])
             elif kinds[p] == CYLINDER:
-                _meet_cylinder(best, hit, ray, p, frames[p], eyes[p])
+                _meet_cylinder(best, hit, ray, p, frames[now, p], eyes[now, p])
             elif kinds[p] == ELLIPSOID:
-                _meet_ellipsoid(best, hit, ray, p, frames[p], eyes[p])
+                _meet_ellipsoid(best, hit, ray, p, frames[now, p], eyes[now, p])
 
 
 @_kernel

@@ -23,6 +23,7 @@ def face_tiles(
     first: int,
     last: int,
     rays: npt.NDArray[Any],
+    instants: npt.NDArray[Any],
     ranges: npt.NDArray[Any],
     hits: npt.NDArray[Any],
     kinds: npt.NDArray[Any],
@@ -34,12 +35,13 @@ def face_tiles(
 ) -> None:
     """Fill `cosines` and `shine` (T, 64) of some tiles; both are 0 where a ray meets nothing."""
     for tile in range(first, last):
+        now = instants[tile]
         for lane in range(LANES):
             p = hits[tile, lane]
             cosines[tile, lane], shine[tile, lane] = _ZERO, _ZERO
             if p < 0:
                 continue
-            m, q, t = frames[p], eyes[p], ranges[tile, lane]
+            m, q, t = frames[now, p], eyes[now, p], ranges[tile, lane]
             dx, dy, dz = rays[tile, 0, lane], rays[tile, 1, lane], rays[tile, 2, lane]
             shine[tile, lane] = looks[p, 6]
             if kinds[p] == RECTANGLE:

@@ -30,7 +30,7 @@ def place_flat(
     far: npt.NDArray[Any],
     m: npt.NDArray[Any],
     q: npt.NDArray[Any],
-    pixel_rad: Any,
+    pixel_rad: npt.NDArray[Any],
     u: npt.NDArray[Any],
     v: npt.NDArray[Any],
     foot: npt.NDArray[Any],
@@ -53,7 +53,7 @@ def place_flat(
         m1 = m[1, 0] * dx + m[1, 1] * dy + m[1, 2] * dz
         m2 = m[2, 0] * dx + m[2, 1] * dy + m[2, 2] * dz
         u[lane], v[lane] = q[1] + t * m1, q[2] + t * m2
-        short = t * pixel_rad
+        short = t * pixel_rad[lane]
         # The footprint is longer the more the surface leans, along the ray's shadow on it.
         stretch = min(_EIGHT, _ONE / max(_F(0.02), abs(m0)))
         a, b = m1 * per_1, m2 * per_2
@@ -76,7 +76,7 @@ def place_round(
     m: npt.NDArray[Any],
     q: npt.NDArray[Any],
     kind: int,
-    pixel_rad: Any,
+    pixel_rad: npt.NDArray[Any],
     density: Any,
     size: tuple[Any, Any],
     u: npt.NDArray[Any],
@@ -99,6 +99,6 @@ def place_round(
         l2 = q[2] + t * (m[2, 0] * dx + m[2, 1] * dy + m[2, 2] * dz)
         u[lane] = math.atan2(l2, l1) * _TURN + _HALF
         v[lane] = l0 if kind == CYLINDER else (l0 + _ONE) * _HALF
-        short = t * pixel_rad
+        short = t * pixel_rad[lane]
         ax[lane], by[lane] = short * density / size[0], short * density / size[1]
         foot[lane] = short * _TEXEL_PX

@@ -21,6 +21,8 @@ _SIDE = 8
 class RayTable:
     """Unit rays of a central camera (or a laser), in the sensor's axes.
 
+    Rays of a tile are cast together, from one place: of a camera that reads row after row a tile is 64 rays of a row.
+
     Attributes
     ----------
     shape : (int, int)
@@ -33,8 +35,10 @@ class RayTable:
         Middle of the cone around each tile.
     spread : (T, 2) float32
         Cosine and sine of half its opening.
-    pixel_rad : (T,) float32
-        Angle between neighbouring rays [rad].
+    pixel_rad : (T, 64) float32
+        Angle between each ray and its neighbours, the mean over a square of 8 x 8 [rad].
+    instants : (T,) int32
+        Number of the instant at which each tile is seen: its row, or 0 for all.
     """
 
     shape: tuple[int, int]
@@ -43,6 +47,7 @@ class RayTable:
     axes: npt.NDArray[np.float32]
     spread: npt.NDArray[np.float32]
     pixel_rad: npt.NDArray[np.float32]
+    instants: npt.NDArray[np.int32]
 
     @property
     def n_tiles(self) -> int:
@@ -62,7 +67,9 @@ class RayTable:
         return out.reshape(self.shape)
 
 
-def ray_table(directions: npt.NDArray[np.float64], mask: npt.NDArray[np.bool_] | None = None) -> RayTable:
+def ray_table(
+    directions: npt.NDArray[np.float64], mask: npt.NDArray[np.bool_] | None = None, by_row: bool = False
+) -> RayTable:
     """Return the table of a picture's rays.
 
     Parameters
@@ -71,6 +78,8 @@ def ray_table(directions: npt.NDArray[np.float64], mask: npt.NDArray[np.bool_] |
         Unit vectors; a row of rays alone (H = 1) is cut into pieces of 64.
     mask : (H, W) bool or None
         Which pixels show anything.
+    by_row : bool
+        Every row at an instant of its own.
 
     Raises
     ------
@@ -83,7 +92,7 @@ def ray_table(directions: npt.NDArray[np.float64], mask: npt.NDArray[np.bool_] |
     shown = np.ones(shape, dtype=np.bool_) if mask is None else mask
     if shown.shape != shape or not shown.any():
         raise ShapeError(f"the mask must be {shape} and show something")
-    pixels = _tiles(shown)
+    pixels = _tiles(shown, (1, LANES) if by_row or shape[0] == 1 else (_SIDE, _SIDE))
     rays = directions.reshape(-1, 3)[_filled(pixels)]
     axes, cosines = _cones(rays)
     sines = np.sqrt(1.0 - cosines**2)
@@ -93,14 +102,15 @@ def ray_table(directions: npt.NDArray[np.float64], mask: npt.NDArray[np.bool_] |
         pixels,
         axes.astype(np.float32),
         np.stack([cosines, sines], axis=1).astype(np.float32),
-        _pixel_angles(directions, pixels).astype(np.float32),
+        _pixel_angles(directions, shown, pixels).astype(np.float32),
+        pixels.max(axis=1) // np.int32(shape[1] if by_row else shown.size),
     )
 
 
-def _tiles(shown: npt.NDArray[np.bool_]) -> npt.NDArray[np.int32]:
+def _tiles(shown: npt.NDArray[np.bool_], side: tuple[int, int]) -> npt.NDArray[np.int32]:
     """Return the flat pixels of each tile that shows something, (T, 64), -1 for the others."""
     rows, cols = shown.shape
-    side_v, side_u = (1, LANES) if rows == 1 else (_SIDE, _SIDE)
+    side_v, side_u = side
     flat = np.where(shown, np.arange(rows * cols).reshape(rows, cols), -1)
     padded = np.pad(flat, ((0, -rows % side_v), (0, -cols % side_u)), constant_values=-1)
     n_v, n_u = padded.shape[0] // side_v, padded.shape[1] // side_u
@@ -122,13 +132,19 @@ def _cones(rays: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], npt.
     return axes, np.cos(np.arccos(np.clip(cosines, -1.0, 1.0)) + 1e-3)
 
 
-def _pixel_angles(directions: npt.NDArray[np.float64], pixels: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
-    """Return the typical angle between neighbouring rays of each tile."""
+def _pixel_angles(
+    directions: npt.NDArray[np.float64], shown: npt.NDArray[np.bool_], pixels: npt.NDArray[np.int32]
+) -> npt.NDArray[np.float64]:
+    """Return the typical angle between neighbouring rays about each pixel of the tiles, whatever their shape."""
     steps = [np.linalg.norm(np.diff(directions, axis=axis), axis=2) for axis in (0, 1) if directions.shape[axis] > 1]
     if not steps:
-        return np.full(len(pixels), math.radians(0.1))
+        return np.full(pixels.shape, math.radians(0.1))
     whole = [
         np.pad(step, [(0, n - m) for n, m in zip(directions.shape[:2], step.shape)], mode="edge") for step in steps
     ]
     angle = np.sqrt(np.mean([step**2 for step in whole], axis=0)).ravel()
-    return np.asarray(angle[_filled(pixels)].mean(axis=1))
+    squares = _tiles(shown, (_SIDE, _SIDE))
+    means = np.broadcast_to(angle[_filled(squares)].mean(axis=1)[:, None], squares.shape)
+    around = np.zeros(len(angle))
+    around[squares[squares >= 0]] = means[squares >= 0]
+    return np.asarray(around[_filled(pixels)])

@@ -34,6 +34,7 @@ def shade_tiles(
     rays: npt.NDArray[Any],
     pixels: npt.NDArray[Any],
     pixel_rad: npt.NDArray[Any],
+    instants: npt.NDArray[Any],
     ranges: npt.NDArray[Any],
     hits: npt.NDArray[Any],
     kinds: npt.NDArray[Any],
@@ -59,7 +60,7 @@ def shade_tiles(
     ----------
     first, last : int
         Tiles `first` to `last` (without it) are done.
-    rays, pixels, pixel_rad
+    rays, pixels, pixel_rad, instants
         Of the `RayTable`.
     ranges, hits
         From `cast_tiles`.
@@ -69,11 +70,11 @@ def shade_tiles(
         Of the `Scene`.
     texels, starts, sizes
         Of its `Atlas`.
-    to_map : (4, 3) float32
-        Rotation from the camera's axes to the map, and the eye.
+    to_map : (G, 4, 3) float32
+        Rotation from the camera's axes to the map, and the eye, at each instant.
     key : (3,) float32
         Direction to the key light, in the map.
-    shadows : (K, 4) float32
+    shadows : (G, K, 4) float32
         Soft round shadows on floors: x, y, radius [m], depth.
     out : (H * W, 3) float32
         Receives red, green and blue: 1 is a white wall in unit light.
@@ -88,19 +89,20 @@ def shade_tiles(
     part, shade = floats(), floats()
     for tile in range(first, last):
         hit, ray, far = hits[tile], rays[tile], ranges[tile]
+        now = instants[tile]
         for number in range(_distinct(hit, surfaces)):
             p = surfaces[number]
             if p < 0:
-                show_sky(out, pixels[tile], hit, ray, to_map, sky)
+                show_sky(out, pixels[tile], hit, ray, to_map[now], sky)
                 continue
             is_flat = kinds[p] == RECTANGLE
             n = textures[p]
             if is_flat:
-                place_flat(p, hit, ray, far, frames[p], eyes[p], pixel_rad[tile], u, v, foot, ax, ay, bx, by)
+                place_flat(p, hit, ray, far, frames[now, p], eyes[now, p], pixel_rad[tile], u, v, foot, ax, ay, bx, by)
             else:
                 size = (looks[p, 0] * _F(sizes[n, 0]), looks[p, 1] * _F(sizes[n, 1]))
                 place_round(
-                    p, hit, ray, far, frames[p], eyes[p], kinds[p], pixel_rad[tile], looks[p, 7], size,
+                    p, hit, ray, far, frames[now, p], eyes[now, p], kinds[p], pixel_rad[tile], looks[p, 7], size,
                     u, v, foot, ax, ay, bx, by,
                 )  # fmt: skip
             if sizes[n, 2] == 1:
@@ -113,10 +115,10 @@ def shade_tiles(
             baked(light, patches[p], is_flat, u, v, wx, wy, at, lr, lg, lb)
             for lane in range(LANES):
                 shade[lane] = _ONE
-            if floors[p] and shadows.shape[0] > 0:
-                darken(shade, ray, far, hit, p, to_map, shadows, x, y)
+            if floors[p] and shadows.shape[1] > 0:
+                darken(shade, ray, far, hit, p, to_map[now], shadows[now], x, y)
             _blend_lanes(
-                out, pixels[tile], hit, ray, far, p, looks[p], frames[p], eyes[p], kinds[p], to_map, key,
+                out, pixels[tile], hit, ray, far, p, looks[p], frames[now, p], eyes[now, p], kinds[p], to_map[now], key,
                 red, green, blue, lr, lg, lb, shade,
             )  # fmt: skip
 

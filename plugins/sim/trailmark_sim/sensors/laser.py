@@ -12,7 +12,8 @@ from trailmark.frames import Scan, SensorInfo
 from trailmark.geometry import Pose2, Pose3
 from trailmark_sim.render.rays import ray_table
 from trailmark_sim.render.scene import Scene
-from trailmark_sim.render.view import Moment, View
+from trailmark_sim.render.view import View
+from trailmark_sim.render.viewpoints import Moment
 from trailmark_sim.rng import frame_rng
 from trailmark_sim.vehicles import VehicleState
 

@@ -15,9 +15,12 @@ from trailmark_sim.render.develop import Film, Sensitometry
 from trailmark_sim.render.lenses import PinholeLens
 from trailmark_sim.render.rays import ray_table
 from trailmark_sim.render.scene import Scene
-from trailmark_sim.render.view import Moment, View
+from trailmark_sim.render.view import View
+from trailmark_sim.render.viewpoints import Moment
 from trailmark_sim.rng import stream_key
 from trailmark_sim.sensors.depth import measure_depth
+from trailmark_sim.sensors.shutter import GLOBAL_SHUTTER, Shutter
+from trailmark_sim.sensors.sight import Sight, pose_map_sensor
 from trailmark_sim.vehicles import VehicleState
 from trailmark_sim.workers import in_bands
 
@@ -94,6 +97,13 @@ class RgbdSensor:
         Threads that render; no byte depends on it.
     light_at : callable
         Takes a stamp [s] and returns the light as a share of that in the scene.
+    shutter : Shutter
+        When the colour camera sees each row, and for how long; depth is measured at the stamp.
+
+    Raises
+    ------
+    ConfigError
+        If it takes longer to expose or to read a picture than until the next.
     """
 
     def __init__(
@@ -106,7 +116,9 @@ class RgbdSensor:
         seed: int,
         threads: int = 1,
         light_at: Callable[[float], float] = lambda _: 1.0,
+        shutter: Shutter = GLOBAL_SHUTTER,
     ) -> None:
+        shutter.refuse_at(name, rig.rate_hz)
         self.rig, self.rate_hz = rig, rig.rate_hz
         size = (rig.width, rig.height)
         self._lens = rig.colour if rig.is_registered else rig.depth
@@ -117,17 +129,18 @@ class RgbdSensor:
         self.info = SensorInfo(name, "rgbd", size, rig.rate_hz, rig.mounting, calibration)
         self._scene, self._moment_at, self._seed, self._threads = scene, moment_at, seed, threads
         self._light_at = light_at
-        self._colour_rays = ray_table(*PinholeLens(*size, rig.colour).directions())
+        colour = PinholeLens(*size, rig.colour)
+        self._sight = Sight(scene, colour, rig.mounting, moment_at, shutter, threads=threads)
         self._depth_rays = ray_table(*PinholeLens(*size, self._lens).directions())
         self._film = Film(response, (rig.height, rig.width), seed, name)
 
     def render(self, k: int, stamp_s: float, state: VehicleState) -> RGBD:
         """Return pictures number `k`."""
         moment = self._moment_at(stamp_s, state.pose_map_base)
-        pose = Pose3.from_planar(state.pose_map_base) @ self.rig.mounting
-        view = View(self._scene, self._colour_rays, pose, moment, self._threads)
+        pose = pose_map_sensor(state, self.rig.mounting)
+        view = self._sight.view(stamp_s, state)
         # Light adds up: less of all lamps is less of every pixel.
-        radiance = view.radiance() * np.float32(self._light_at(stamp_s))
+        radiance = self._sight.radiance(view, stamp_s, state) * np.float32(self._light_at(stamp_s))
         bgr = self._film.develop(radiance, k, 1.0, self._threads)
         return RGBD(bgr, self._depth(k, pose, moment))
 

@@ -18,7 +18,8 @@ class TrueDepthSensor:
 
     With the depth and two poses of the vehicle, the true displacement of every pixel between two pictures is known:
     ``point_map = pose_map_base @ pose_base_sensor @ (depth * ray)``, seen again from the other pose. That is exact
-    as long as the floor does not shake the camera (`vibration_mrad: 0`) and people stand still.
+    as long as the floor does not shake the camera (`vibration_mrad: 0`) and people stand still. With a rolling shutter
+    every row has its depth, and its pose, at its own time; blurred by a long exposure, in the middle of it.
 
     Parameters
     ----------
@@ -45,6 +46,6 @@ class TrueDepthSensor:
         """Return picture number `k` and its depth; NaN where there is nothing but sky."""
         camera = self._camera
         view = camera.view(stamp_s, state)
-        depth = view.ranges_m * camera.table.rays[:, 0]
+        depth = view.ranges_m * view.table.rays[:, 0]
         depth[view.is_nothing] = np.nan
-        return RGBD(camera.develop(view, k).pixels, camera.table.picture(depth, np.nan))
+        return RGBD(camera.develop(view, k, stamp_s, state).pixels, view.table.picture(depth, np.nan))

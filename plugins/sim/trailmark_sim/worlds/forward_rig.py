@@ -13,14 +13,15 @@ from trailmark_sim.render.lenses import PinholeLens
 from trailmark_sim.render.scene import Scene
 from trailmark_sim.rng import frame_rng
 from trailmark_sim.routes import Route, trace
-from trailmark_sim.sensors.camera import CameraSensor, Shaking
+from trailmark_sim.sensors.camera import CameraSensor
 from trailmark_sim.sensors.imu import ImuSensor
 from trailmark_sim.sensors.light import LightSensor
 from trailmark_sim.sensors.odometry import WheelOdometry
+from trailmark_sim.sensors.shutter import Shaking
 from trailmark_sim.sensors.true_depth import TrueDepthSensor
 from trailmark_sim.vehicles import Differential
 from trailmark_sim.worlds.base import SensorModel, World, WorldOptions, choose_sensors
-from trailmark_sim.worlds.furnishing import response
+from trailmark_sim.worlds.furnishing import response, shutter
 from trailmark_sim.worlds.scene_options import CorridorOptions, StreetOptions
 from trailmark_sim.worlds.solids import Solids
 
@@ -78,6 +79,7 @@ def forward_world(
             options.seed,
             Shaking(shakes, shakes * 0.3, options.seed),
             options.threads,
+            shutter(given.exposure_ms, given.readout_ms),
         )
 
     builders: Mapping[str, Callable[[], SensorModel]] = {

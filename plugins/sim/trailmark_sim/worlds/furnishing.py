@@ -10,8 +10,9 @@ from trailmark_sim.props import Troupe
 from trailmark_sim.render.bake import Lamp
 from trailmark_sim.render.develop import Sensitometry
 from trailmark_sim.render.scene import Scene, SceneBuilder, Surface
+from trailmark_sim.sensors.shutter import Shutter
 
-__all__ = ["Room", "add_room", "add_wall", "hang", "lamp_panels", "peopled", "response", "show_lamps"]
+__all__ = ["Room", "add_room", "add_wall", "hang", "lamp_panels", "peopled", "response", "show_lamps", "shutter"]
 
 #: Each layer on a wall stands so far before the one below [m].
 _GAP_M = 0.003
@@ -126,6 +127,11 @@ def response(
         shot_noise=plain.shot_noise * noise,
         blur_px=default_blur_px if blur_px is None else blur_px,
     )
+
+
+def shutter(exposure_ms: float, readout_ms: float) -> Shutter:
+    """Return when a camera sees, from options."""
+    return Shutter(exposure_ms / 1e3, readout_ms / 1e3)
 
 
 def peopled(stage: Callable[[], Scene], troupe: Troupe) -> Callable[[], Scene]:

@@ -17,7 +17,7 @@ from trailmark_sim.sensors.odometry import WheelOdometry
 from trailmark_sim.sensors.rgbd import RgbdRig, RgbdSensor
 from trailmark_sim.vehicles import SkidSteer
 from trailmark_sim.worlds.base import SensorModel, World, WorldOptions, choose_sensors
-from trailmark_sim.worlds.furnishing import response
+from trailmark_sim.worlds.furnishing import response, shutter
 from trailmark_sim.worlds.scene_options import HallwayOptions, LabOptions
 from trailmark_sim.worlds.solids import Solids
 
@@ -61,7 +61,17 @@ def rgbd_world(
         "laser": lambda: LaserSensor(
             "laser", build_scene(), LaserRig(rate_hz=options.rate_of("laser", 10.0)), crowd.at, options.seed
         ),
-        "rgbd": lambda: RgbdSensor("rgbd", build_scene(), rig, film, crowd.at, options.seed, options.threads, light_at),
+        "rgbd": lambda: RgbdSensor(
+            "rgbd",
+            build_scene(),
+            rig,
+            film,
+            crowd.at,
+            options.seed,
+            options.threads,
+            light_at,
+            shutter(given.exposure_ms, given.readout_ms),
+        ),
     }
     return World(
         name=name,

@@ -12,14 +12,19 @@ __all__ = ["CorridorOptions", "HallwayOptions", "LabOptions", "StreetOptions", "
 
 #: What changes pictures, but nothing that stands.
 _NOT_OF_THE_PLACE = (
-    *("exposure", "noise", "blur_px", "registered", "depth_noise", "vibration_mrad", "width_px"),
+    *("exposure", "exposure_ms", "readout_ms", "noise", "blur_px"),
+    *("registered", "depth_noise", "vibration_mrad", "width_px"),
     *("people", "dims_s", "dims_to", "crate", "crate_s"),
 )
 
 
 class _CameraOptions(PluginConfig):
     exposure: float | None = Field(default=None, gt=0)
-    """Fixed exposure of the cameras; left out: automatic."""
+    """Fixed exposure of the cameras, a gain; left out: automatic."""
+    exposure_ms: float = Field(default=0.0, ge=0, le=1000)
+    """While they expose, pictures are smeared by the motion; 0: sharp [ms]."""
+    readout_ms: float = Field(default=0.0, ge=0, le=1000)
+    """They read their rows one after the other in this time, a rolling shutter; 0: all rows at once [ms]."""
     noise: float = Field(default=1.0, ge=0, le=20)
     """Scales the noise of the cameras; 0 is none."""
     blur_px: float | None = Field(default=None, ge=0, le=5)

@@ -34,7 +34,7 @@ from trailmark_sim.sensors.rgbd import RgbdRig, RgbdSensor
 from trailmark_sim.sensors.true_depth import TrueDepthSensor
 from trailmark_sim.vehicles import Holonomic
 from trailmark_sim.worlds.base import SensorModel, World, WorldOptions, choose_sensors, parse_options
-from trailmark_sim.worlds.furnishing import Room, add_room, hang, lamp_panels, peopled, response, show_lamps
+from trailmark_sim.worlds.furnishing import Room, add_room, hang, lamp_panels, peopled, response, show_lamps, shutter
 from trailmark_sim.worlds.scene_options import SupermarketOptions
 from trailmark_sim.worlds.solids import Solids
 
@@ -78,12 +78,15 @@ def build(options: WorldOptions) -> World:
     crowd = _crowd(given, options.seed)
     solids = _solids()
     scene = peopled(partial(_stage, given.scenery(), options.world_seed, options.threads), crowd)
+    seen = shutter(given.exposure_ms, given.readout_ms)
     film = response(given.exposure, given.noise, given.blur_px, 0.62, vignette=0.3)
 
     def front(sensor: str) -> CameraSensor:
         rate_hz = options.rate_of(sensor, 20.0)
         place = (_FRONT, _FRONT_MOUNTING, rate_hz)
-        return CameraSensor(sensor, scene(), *place, film, crowd.at, options.seed, threads=options.threads)
+        return CameraSensor(
+            sensor, scene(), *place, film, crowd.at, options.seed, threads=options.threads, shutter=seen
+        )
 
     builders: Mapping[str, Callable[[], SensorModel]] = {
         "wheels": partial(WheelOdometry, rate_hz=options.rate_of("wheels", 50.0)),
@@ -105,6 +108,7 @@ def build(options: WorldOptions) -> World:
             crowd.at,
             options.seed,
             options.threads,
+            shutter=seen,
         ),
         "omni": lambda: CameraSensor(
             "omni",
@@ -116,6 +120,7 @@ def build(options: WorldOptions) -> World:
             crowd.at,
             options.seed,
             threads=options.threads,
+            shutter=seen,
         ),
     }
     return World(
