@@ -9,7 +9,8 @@
 
 Every picture is rendered once and given to all localizers; CPU time is that of the thread, of `observe` alone. The
 runs are kept in FOLDER/ground_accuracy.jsonl, one line each; runs that are there already are not repeated, so that a
-long measurement can be continued. FOLDER/ground_accuracy.md is written from all of them.
+long measurement can be continued by the same command or another one (floors, methods). FOLDER/ground_accuracy.md is
+written from all of them and names the commands.
 """
 
 from __future__ import annotations
@@ -255,11 +256,12 @@ def rows_of(runs: Sequence[Run]) -> list[Row]:
 # --- the page ----------------------------------------------------------------------------------------------------
 
 
-def page(runs: Sequence[Run], command: str) -> str:
+def page(runs: Sequence[Run], commands: Sequence[str]) -> str:
     """Return the results as Markdown."""
     today = datetime.now(UTC).date().isoformat()
     what = (__doc__ or "").split("\n\n", 2)[2].split("\n\nEvery")[0]
-    lines = ["# Accuracy of the downward camera", "", f"`{command}`; trailmark {__version__}, {today}. {_CPU}", ""]
+    named = ", ".join(f"`{command}`" for command in commands)
+    lines = ["# Accuracy of the downward camera", "", f"{named}; trailmark {__version__}, {today}. {_CPU}", ""]
     lines += [what, "", _HOW, ""]
     lines += _table(runs, "straight", PHOTOGRAPHS, "## 10 m straight, photographs of real floors")
     lines += _table(runs, "straight", BUILT_IN, "## 10 m straight, floors that the simulator paints")
@@ -342,14 +344,26 @@ def main() -> None:
     runs = _continued(options)
     rows = rows_of(runs)
     if options.out is not None:
-        command = " ".join(["python", "benchmarks/ground_accuracy.py", *sys.argv[1:]])
-        (options.out / "ground_accuracy.md").write_text(page(runs, command), encoding="utf-8")
+        (options.out / "ground_accuracy.md").write_text(page(runs, _commands(options.out)), encoding="utf-8")
     if options.json:
         print(json.dumps([row.document() for row in rows], indent=2))
         return
     for row in rows:
         bar = "" if row.bar is None else f"bar {row.bar:g}  {'met' if row.met else 'NOT MET'}"
         print(f"{row.experiment:28}{row.item:48}{row.ours or 0.0:10.4f} {row.unit:8}{bar:20} n={row.n}")
+
+
+def _commands(folder: Path) -> list[str]:
+    """Return the commands that have put their runs into a folder, this one included; without the folder's name."""
+    file, mine = folder / "ground_accuracy.commands", list(sys.argv[1:])
+    if "--out" in mine:
+        at = mine.index("--out")
+        del mine[at : at + 2]
+    known = file.read_text(encoding="utf-8").splitlines() if file.is_file() else []
+    command = " ".join(["python", "benchmarks/ground_accuracy.py", *mine])
+    commands = [*known, *([] if command in known else [command])]
+    file.write_text("\n".join(commands) + "\n", encoding="utf-8")
+    return commands
 
 
 def _continued(options: argparse.Namespace) -> list[Run]:

@@ -178,6 +178,65 @@ def test_it_finds_itself_anywhere_on_the_path(station_m, camera, ground, drawer)
     assert all("start unknown" in lost.reason for lost in said[:-1])
 
 
+def repeating(period_m: float) -> Ground:
+    """A floor that is printed: the same every `period_m` along x."""
+    once = Ground.procedural(seed=12, size_px=512, grain_px=1.5).texture[:, : round(period_m / 3.9e-4)]
+    return Ground(np.tile(once, (1, 8)))
+
+
+def drive_on(localizer, camera, ground, from_m, to_m):
+    """Drive without a pose, told by odometry alone; returns what was said in each picture and where it was true."""
+    said = []
+    for index, x in enumerate(np.arange(from_m, to_m, 0.01)):
+        truth = Pose2(float(x), 0.0, 0.0)
+        belief = Belief(float(index), pose_odom_base=Pose2(float(x) - from_m, 0.0, 0.0), travelled_m=float(x) - from_m)
+        said.append((truth, localizer.observe(seen_from(camera, ground, truth, float(index), seed=index), belief)[0]))
+    return said
+
+
+def taught_straight(camera, ground, drawer, way_m=0.55):
+    localizer = GroundMap(GroundMapConfig(camera="floor"))
+    localizer.start(Session(mode="teach", sensors={"floor": camera.sensor_info("floor")}, drawer=drawer))
+    for index, x in enumerate(np.arange(0.0, way_m, 0.05)):
+        pose = Pose2(float(x), 0.0, 0.0)
+        belief = Belief(float(index), pose_map_base=pose, travelled_m=float(x))
+        localizer.observe(seen_from(camera, ground, pose, float(index), seed=100 + index), belief)
+
+
+def test_where_the_floor_repeats_itself_it_does_not_guess(camera, drawer):
+    ground = repeating(0.1)
+    taught_straight(camera, ground, drawer)
+
+    said = drive_on(replayed(camera, drawer, search="pyramid"), camera, ground, 0.22, 0.3)
+
+    assert all(isinstance(answer, Lost) for _, answer in said)
+    assert "6 of 11 places may be this one; drive on, or tell the start" in said[0][1].reason
+
+
+def test_driving_on_tells_two_places_apart(camera, drawer):
+    once, other = (Ground.procedural(seed=seed, size_px=1024, grain_px=1.5).texture for seed in (12, 13))
+    copy = round(0.3 / 3.9e-4)  # 0.1 and 0.4 m look alike; the ground ahead of them, which the camera sees first, not
+    ground = Ground(np.hstack([once[:, :copy], once[:, : round(0.27 / 3.9e-4)], other]))
+    taught_straight(camera, ground, drawer, way_m=0.8)
+
+    said = drive_on(replayed(camera, drawer, search="pyramid"), camera, ground, 0.1, 0.4)
+
+    first = next(index for index, (_, answer) in enumerate(said) if isinstance(answer, Fix))
+    assert all("2 of 16 places may be this one" in lost.reason for _, lost in said[:first])
+    assert 1 <= first <= 10
+    assert said[first][0].distance_to(said[first][1].pose_map_base) < 0.3e-3
+
+
+def test_a_way_to_confirm_is_waited_for(camera, ground, drawer):
+    taught_straight(camera, ground, drawer, way_m=0.35)
+
+    said = drive_on(replayed(camera, drawer, search="pyramid", confirm_m=0.1), camera, ground, 0.12, 0.3)
+
+    first = next(index for index, (_, answer) in enumerate(said) if isinstance(answer, Fix))
+    assert 10 <= first <= 12
+    assert said[first][0].distance_to(said[first][1].pose_map_base) < 0.3e-3
+
+
 def test_off_the_path_it_goes_on_saying_that_it_does_not_know(camera, drawer, ground):
     taught(camera, ground, drawer)
     localizer = replayed(camera, drawer, search="pyramid")

@@ -94,5 +94,11 @@ class GroundMapConfig(PluginConfig):
     """Pictures in which a patch is searched for until it is given up for this pass (paper: 1)."""
     global_batch: int = Field(20, ge=1)
     """Patches tried per picture while the start is unknown."""
+    start_margin: float = Field(0.7, gt=0, le=1)
+    """With an unknown start, the place that fits best is believed when what the picture leaves unexplained of it
+    (1 - correlation^2) is at most this share of any other place's: ground may repeat itself. 1: the best counts."""
+    confirm_m: float = Field(0.0, ge=0)
+    """With an unknown start, the way over which a place must go on to fit before it is believed. 0: a robot that stands
+    finds itself, and ground that is the same as the path's beside it is believed; 0.3 m told copies apart [m]."""
     use_vectors: bool = True
     """Use the vector kernels; false takes the plain ones, which give the same bits, slower."""

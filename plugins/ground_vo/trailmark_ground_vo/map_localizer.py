@@ -19,6 +19,7 @@ from trailmark_ground_vo.config import GroundMapConfig
 from trailmark_ground_vo.motion import ImageMotion, ground_information, pose_prev_now
 from trailmark_ground_vo.patch import Found, PatchFinder, View
 from trailmark_ground_vo.picture import PictureReader, camera_of, ground_plane
+from trailmark_ground_vo.start_search import Guess, StartSearch, Verdict
 
 __all__ = ["GroundMap"]
 
@@ -27,6 +28,9 @@ _LATENCY_S = {"exhaustive": 5e-3, "pyramid": 1e-3}
 
 #: What sums of steps may be off [m].
 _ROUNDING_M = 1e-9
+
+#: Patches that a picture is asked for at most when a guess is judged; the paper's picture shows two or three.
+_MOST_IN_VIEW = 3
 
 _SETTINGS = "settings"
 
@@ -81,7 +85,8 @@ class GroundMap(Localizer):
         self._mounting = self._sensor.pose_base_sensor.planar()
         self._mounting_inverse = self._mounting.inverse()
         self._next_m = 0.0
-        self._tried, self._attempts, self._cursor = -1, 0, 0
+        self._tried, self._attempts = -1, 0
+        self._start_search: StartSearch | None = None
         self._searches = 0
         self._counts = {"registered": 0, "searched": 0, "found": 0, "rejected": 0}
         self._finder = None
@@ -101,7 +106,8 @@ class GroundMap(Localizer):
         if not self._places.patches:
             return ()
         if belief.pose_map_base is None:
-            return self._look_everywhere(frame)
+            return self._look_everywhere(frame, belief)
+        self._start_search = None
         return self._look_nearby(frame, belief.pose_map_base)
 
     def latency_s(self) -> float:
@@ -151,19 +157,63 @@ class GroundMap(Localizer):
         usable = [n for n in near if finder.is_in_reach(self._expected(int(n), camera))]
         return int(min(usable, key=lambda n: float(distances[n]))) if usable else -1
 
-    def _look_everywhere(self, frame: Frame) -> Sequence[Estimate]:
-        """Try some of the patches where they were registered; all four groups must agree."""
+    def _look_everywhere(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
+        """Try some of the places where they were registered; with all tried, believe the one that stands out."""
         assert self._places is not None
-        view, n_places = self._view(frame), len(self._places.patches)
-        for _ in range(min(self.config.global_batch, n_places)):
-            place = self._cursor % n_places
-            self._cursor += 1
+        search, view = self._the_start_search(), self._view(frame)
+        for place in search.next_places(self.config.global_batch):
             found = self._find(view, place, self._places.cameras[place])
-            if not found.reason and found.details["agreeing"] == 4:
-                self._cursor -= 1  # should the answer not be believed, this place comes first again
+            if self._the_finder().fits(found):
+                pose = self._fix(frame.stamp_s, place, found).pose_map_base
+                search.add(pose, belief.pose_odom_base, belief.travelled_m)
+        if not search.is_through:
+            return (Lost(frame.stamp_s, f"start unknown: tried {search.n_tried} of {search.n_places} places"),)
+        answers = [self._judged(frame.stamp_s, view, guess, belief.pose_odom_base) for guess in search.guesses]
+        n_guesses = len(search.guesses)
+        chosen = search.judge([verdict for verdict, _ in answers], belief.travelled_m)
+        for verdict, fix in answers:
+            if verdict.guess is chosen and fix is not None:
                 self._counts["found"] += 1
-                return (self._fix(frame.stamp_s, place, found),)
-        return (Lost(frame.stamp_s, f"start unknown: tried {self._cursor} of {n_places} places"),)
+                return (fix,)
+        if not n_guesses:
+            return (Lost(frame.stamp_s, f"start unknown: none of {search.n_places} places looks like this"),)
+        reason = f"start unknown: {n_guesses} of {search.n_places} places may be this one; drive on, or tell the start"
+        return (Lost(frame.stamp_s, reason, {"guesses": float(n_guesses)}),)
+
+    def _judged(self, stamp_s: float, view: View, guess: Guess, pose_odom_base: Pose2) -> tuple[Verdict, Fix | None]:
+        """Look for all patches that the picture shows if a guess is right; with it, the fix by the nearest one."""
+        pose = guess.pose_map_odom @ pose_odom_base
+        camera = pose @ self._mounting
+        seen, misfits, fix = self._in_view(pose, camera), [], None
+        for place in seen:
+            found = self._find(view, place, camera)
+            is_there = self._the_finder().confirms(found)
+            misfits.append(1.0 - found.details["correlation"] ** 2 if is_there else 1.0)
+            if is_there and fix is None:
+                fix = self._fix(stamp_s, place, found)
+        n_found = sum(misfit < 1.0 for misfit in misfits)
+        return Verdict(guess, len(seen), n_found, float(np.mean(misfits)) if misfits else 1.0), fix
+
+    def _in_view(self, pose_map_base: Pose2, camera: Pose2) -> list[int]:
+        """Return the places whose patches the picture shows whole, the nearest first."""
+        assert self._places is not None
+        finder, offsets = self._the_finder(), self._places.positions - (pose_map_base.x, pose_map_base.y)
+        nearest_first = np.argsort(np.hypot(offsets[:, 0], offsets[:, 1]), kind="stable")[:_MOST_IN_VIEW]
+        return [int(n) for n in nearest_first if finder.is_in_view(self._expected(int(n), camera))]
+
+    def _the_start_search(self) -> StartSearch:
+        assert self._places is not None
+        if self._start_search is None:
+            config, n_places = self.config, len(self._places.patches)
+            shows_two = self._the_finder().view_px * min(self._scale) >= config.spacing_m
+            self._start_search = StartSearch(
+                n_places,
+                config.start_margin,
+                config.max_attempts,
+                min(2 if shows_two else 1, n_places),
+                config.confirm_m,
+            )
+        return self._start_search
 
     def _find(self, view: View, place: int, camera: Pose2) -> Found:
         assert self._places is not None

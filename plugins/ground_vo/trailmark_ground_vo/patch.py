@@ -156,6 +156,25 @@ class PatchFinder:
         shift = max(abs(expected.u), abs(expected.v)) / _HALF
         return shift <= self._farthest_px + self._config.search_px and abs(expected.turn_rad) <= self._angles[-1]
 
+    def is_in_view(self, expected: ImageMotion) -> bool:
+        """Return whether a patch that is expected after this motion is whole in the picture, and would be found."""
+        shift = max(abs(expected.u), abs(expected.v))
+        return shift <= self.view_px and abs(expected.turn_rad) <= self._angles[-1] - self._step_rad
+
+    @property
+    def view_px(self) -> float:
+        """How far from the middle of the picture a patch may lie to be found for certain [full-size px]."""
+        return _HALF * (self._farthest_px + self._config.search_px - self._config.weak_shift_px)
+
+    def fits(self, found: Found) -> bool:
+        """Return whether a patch may be where it was found, however far from where it was expected."""
+        agreeing, correlation = found.details["agreeing"], found.details["correlation"]
+        return agreeing >= self._config.min_groups and correlation >= self._config.min_correlation
+
+    def confirms(self, found: Found) -> bool:
+        """Return whether a patch was found, and where it was expected."""
+        return self.fits(found) and found.details["shift_px"] <= _HALF * self._config.weak_shift_px
+
     def find(self, view: View, patch: Grey, expected: ImageMotion) -> Found:
         """Search for a patch around the motion that is expected since it was registered."""
         limit = self._farthest_px
