@@ -49,34 +49,50 @@ def hessian_layer(integral: Array, size_px: int, step_px: int, out: Array) -> No
     """
     height, width = integral.shape[0] - 1, integral.shape[1] - 1
     lobe, border = size_px // 3, size_px // 2
-    out[:] = np.float32(0.0)
     n = width - 2 * border
     if n <= 0 or height <= 2 * border:
+        out[:] = np.float32(0.0)
         return
     for_xx, for_yy, for_xy = np.empty(width + 1, np.int32), np.empty(width + 1, np.int32), np.empty(width + 1, np.int32)
     determinant = np.empty(n, np.float32)
     first, last = (border + step_px - 1) // step_px, (height - border - 1) // step_px
+    left, right = (border + step_px - 1) // step_px, (width - border - 1) // step_px
     scale = np.float32(1.0 / size_px**2)
-    half = lobe // 2
+    out[:first] = np.float32(0.0)
+    out[last + 1 :] = np.float32(0.0)
     for i in range(first, last + 1):
-        v = i * step_px
-        _combine_rows(integral, v, lobe, border, for_xx, for_yy, for_xy)
-        far, near = for_xx[2 * border + 1 :], for_xx
-        inner_far, inner_near = for_xx[border - half + lobe :], for_xx[border - half :]
-        yy_far, yy_near = for_yy[border + lobe :], for_yy[border - lobe + 1 :]
-        xy_4, xy_3, xy_2, xy_1 = (
-            for_xy[border + lobe + 1 :],
-            for_xy[border + 1 :],
-            for_xy[border:],
-            for_xy[border - lobe :],
-        )
-        for k in range(n):
-            dxx = scale * np.float32((far[k] - near[k]) - np.int32(3) * (inner_far[k] - inner_near[k]))
-            dyy = scale * np.float32(yy_far[k] - yy_near[k])
-            dxy = scale * np.float32((xy_4[k] - xy_3[k]) - (xy_2[k] - xy_1[k]))
-            determinant[k] = dxx * dyy - _DXY_WEIGHT * dxy * dxy
-        for j in range((border + step_px - 1) // step_px, (width - border - 1) // step_px + 1):
-            out[i, j] = determinant[j * step_px - border]
+        row = out[i]
+        _combine_rows(integral, i * step_px, lobe, border, for_xx, for_yy, for_xy)
+        row[:left] = np.float32(0.0)
+        row[right + 1 :] = np.float32(0.0)
+        if step_px == 1:  # straight to where it belongs: the detour costs a third
+            _combine_columns(for_xx, for_yy, for_xy, lobe, border, scale, row[border : border + n])
+        else:
+            _combine_columns(for_xx, for_yy, for_xy, lobe, border, scale, determinant)
+            for j in range(left, right + 1):
+                row[j] = determinant[j * step_px - border]
+
+
+@kernel
+def _combine_columns(
+    for_xx: Array, for_yy: Array, for_xy: Array, lobe: int, border: int, scale: np.float32, out: Array
+) -> None:
+    """Write the determinants of a row to `out`, the first about the pixel `border`."""
+    half = lobe // 2
+    far, near = for_xx[2 * border + 1 :], for_xx
+    inner_far, inner_near = for_xx[border - half + lobe :], for_xx[border - half :]
+    yy_far, yy_near = for_yy[border + lobe :], for_yy[border - lobe + 1 :]
+    xy_4, xy_3, xy_2, xy_1 = (
+        for_xy[border + lobe + 1 :],
+        for_xy[border + 1 :],
+        for_xy[border:],
+        for_xy[border - lobe :],
+    )
+    for k in range(out.shape[0]):
+        dxx = scale * np.float32((far[k] - near[k]) - np.int32(3) * (inner_far[k] - inner_near[k]))
+        dyy = scale * np.float32(yy_far[k] - yy_near[k])
+        dxy = scale * np.float32((xy_4[k] - xy_3[k]) - (xy_2[k] - xy_1[k]))
+        out[k] = dxx * dyy - _DXY_WEIGHT * dxy * dxy
 
 
 @kernel
