@@ -27,6 +27,8 @@ ESTIMATORS: dict[str, dict[str, Any]] = {"dead_reckoning": {}, "kalman": {}}
 SINKS: dict[str, dict[str, Any]] = {"jsonl": {"to": str(OUT / "contract.jsonl"), "estimates": True}}
 if find_spec("foxglove") is not None:  # an extra
     SINKS["foxglove"] = {"path": str(OUT / "contract.mcap")}
+if find_spec("rerun") is not None:  # an extra
+    SINKS["rerun"] = {"path": str(OUT / "contract.rrd")}
 
 #: What is known not to pass, and why.
 EXPECTED_FAILURES = {
@@ -60,7 +62,7 @@ def all_checks() -> dict[str, Callable[[], None]]:
 def test_every_built_in_is_checked() -> None:
     assert CONTROLLERS.keys() == built_in("controller")
     assert ESTIMATORS.keys() == built_in("estimator")
-    assert SINKS.keys() | {"foxglove"} == built_in("sink")
+    assert SINKS.keys() | {"foxglove", "rerun"} == built_in("sink")
     assert {"sqlite"} == built_in("path_store")
 
 

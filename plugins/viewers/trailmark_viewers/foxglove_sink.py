@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
@@ -14,10 +13,11 @@ from foxglove import channels, messages
 
 from trailmark.commands import Command
 from trailmark.errors import ConfigError
-from trailmark.estimates import Applied, Belief, Estimate, Fix, Lost, Motion, PathOffset
+from trailmark.estimates import Applied, Belief, Estimate, Fix
 from trailmark.frames import RGBD, Frame, Image, Imu, Odometry, Scalar, Scan
 from trailmark.geometry import Pose2, Pose3
 from trailmark.interfaces import RunEnd, Session, Sink
+from trailmark_viewers.common import belief_numbers, estimate_numbers, jpeg, lifted, plain, quaternion_xyzw
 from trailmark_viewers.config import FoxgloveConfig
 
 __all__ = ["FoxgloveSink"]
@@ -98,19 +98,19 @@ class FoxgloveSink(Sink):
             case Scan() as scan:
                 self._log(topic, channels.LaserScanChannel, stamp_s, _scan(scan, name, _timestamp(stamp_s)))
             case Odometry(pose_start_base=pose, distance_m=distance_m):
-                self._json(topic, stamp_s, {"pose_start_base": _plain(pose), "distance_m": distance_m})
+                self._json(topic, stamp_s, {"pose_start_base": plain(pose), "distance_m": distance_m})
             case Imu() as imu:
                 names = ("angular_velocity_radps", "linear_acceleration_mps2", "quat_xyzw")
-                self._json(topic, stamp_s, {name: _plain(getattr(imu, name)) for name in names})
+                self._json(topic, stamp_s, {name: plain(getattr(imu, name)) for name in names})
             case Scalar(value=value):
-                self._json(topic, stamp_s, {"value": _plain(value)})
+                self._json(topic, stamp_s, {"value": plain(value)})
             case record:
-                self._json(topic, stamp_s, {name: _plain(array) for name, array in record.arrays.items()})
+                self._json(topic, stamp_s, {name: plain(array) for name, array in record.arrays.items()})
 
     def on_estimate(self, source: str, estimate: Estimate, applied: Applied) -> None:
         """Write an estimate and what became of it."""
-        told = {"kind": type(estimate).__name__, **_numbers(estimate)}
-        told |= {"status": applied.status, "reason": applied.reason, "nis": _plain(applied.nis)}
+        told = {"kind": type(estimate).__name__, **estimate_numbers(estimate)}
+        told |= {"status": applied.status, "reason": applied.reason, "nis": plain(applied.nis)}
         self._json(f"/estimates/{source}", estimate.stamp_s, told)
         if isinstance(estimate, Fix):
             self._pose(f"/fixes/{source}", estimate.stamp_s, "map", estimate.pose_map_base)
@@ -120,19 +120,9 @@ class FoxgloveSink(Sink):
         stamp_s, pose = belief.stamp_s, belief.pose_map_base
         if pose is not None:
             self._pose("/belief", stamp_s, "map", pose)
-            self._transform(stamp_s, "map", "odom", _lifted(pose @ belief.pose_odom_base.inverse()))
-        self._transform(stamp_s, "odom", "base", _lifted(belief.pose_odom_base))
-        on_path = belief.on_path
-        numbers = {
-            "pose_map_base": _plain(pose),
-            "forward_mps": belief.twist.forward_mps,
-            "yaw_radps": belief.twist.yaw_radps,
-            "travelled_m": belief.travelled_m,
-            "fix_age_m": _plain(belief.fix_age_m),
-            "motion_age_s": _plain(belief.motion_age_s),
-            "on_path": None if on_path is None else [on_path.station_m, on_path.lateral_m, on_path.heading_rad],
-        }
-        self._json("/belief/numbers", stamp_s, numbers)
+            self._transform(stamp_s, "map", "odom", lifted(pose @ belief.pose_odom_base.inverse()))
+        self._transform(stamp_s, "odom", "base", lifted(belief.pose_odom_base))
+        self._json("/belief/numbers", stamp_s, belief_numbers(belief))
 
     def on_command(self, stamp_s: float, command: Command) -> None:
         """Write a command."""
@@ -156,7 +146,7 @@ class FoxgloveSink(Sink):
         for name, mounting in self._mountings.items():
             self._transform(stamp_s, "base", name, mounting)
         if self._path:
-            poses = [_message(_lifted(pose)) for pose in self._path]
+            poses = [_message(lifted(pose)) for pose in self._path]
             path = messages.PosesInFrame(timestamp=_timestamp(stamp_s), frame_id="map", poses=poses)
             self._log("/path", channels.PosesInFrameChannel, stamp_s, path)
 
@@ -167,12 +157,8 @@ class FoxgloveSink(Sink):
             return
         timestamp = _timestamp(stamp_s)
         if self._config.pictures == "jpeg" and pixels.dtype == np.uint8:
-            import cv2
-
-            _, data = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, self._config.jpeg_quality])
-            picture = messages.CompressedImage(
-                timestamp=timestamp, frame_id=frame_id, data=data.tobytes(), format="jpeg"
-            )
+            data = jpeg(pixels, self._config.jpeg_quality)
+            picture = messages.CompressedImage(timestamp=timestamp, frame_id=frame_id, data=data, format="jpeg")
             self._log(topic, channels.CompressedImageChannel, stamp_s, picture)
             return
         height, width = pixels.shape[:2]
@@ -188,7 +174,7 @@ class FoxgloveSink(Sink):
         self._log(topic, channels.RawImageChannel, stamp_s, raw)
 
     def _pose(self, topic: str, stamp_s: float, frame_id: str, pose: Pose2) -> None:
-        message = messages.PoseInFrame(timestamp=_timestamp(stamp_s), frame_id=frame_id, pose=_message(_lifted(pose)))
+        message = messages.PoseInFrame(timestamp=_timestamp(stamp_s), frame_id=frame_id, pose=_message(lifted(pose)))
         self._log(topic, channels.PoseInFrameChannel, stamp_s, message)
 
     def _transform(self, stamp_s: float, parent: str, child: str, pose: Pose3) -> None:
@@ -227,19 +213,9 @@ def _timestamp(stamp_s: float) -> Any:
     return messages.Timestamp(seconds, nanoseconds)
 
 
-def _lifted(pose: Pose2) -> Pose3:
-    return Pose3(pose.x, pose.y, 0.0, 0.0, 0.0, pose.theta)
-
-
 def _quaternion(pose: Pose3) -> Any:
-    """Return the quaternion of roll, pitch and yaw in the order of REP-103."""
-    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(a / 2), math.sin(a / 2)) for a in (pose.roll, pose.pitch, pose.yaw))
-    return messages.Quaternion(
-        x=sr * cp * cy - cr * sp * sy,
-        y=cr * sp * cy + sr * cp * sy,
-        z=cr * cp * sy - sr * sp * cy,
-        w=cr * cp * cy + sr * sp * sy,
-    )
+    x, y, z, w = quaternion_xyzw(pose)
+    return messages.Quaternion(x=x, y=y, z=z, w=w)
 
 
 def _message(pose: Pose3) -> Any:
@@ -257,26 +233,3 @@ def _scan(scan: Scan, frame_id: str, timestamp: Any) -> Any:
         end_angle=last_rad,
         ranges=ranges,
     )
-
-
-def _numbers(estimate: Estimate) -> dict[str, Any]:
-    match estimate:
-        case Motion():
-            return {"since_s": estimate.since_s, "pose_since_now": _plain(estimate.pose_since_now)}
-        case Fix():
-            return {"pose_map_base": _plain(estimate.pose_map_base)}
-        case PathOffset():
-            return {"on_path": [estimate.station_m, estimate.lateral_m, estimate.heading_rad]}
-        case Lost():
-            return {"lost": estimate.reason}
-
-
-def _plain(value: Any) -> Any:
-    """Return a value for JSON, which knows no infinity."""
-    if isinstance(value, Pose2):
-        return [value.x, value.y, value.theta]
-    if isinstance(value, np.ndarray):
-        return [_plain(item) for item in value.tolist()]
-    if isinstance(value, list):
-        return [_plain(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -21,3 +21,11 @@ def trailmark_register(registry: Registry) -> None:
         reference="docs.foxglove.dev: message schemas",
         extra="foxglove",
     )
+    registry.sink(
+        "rerun",
+        "trailmark_viewers.rerun_sink:RerunSink",
+        config="trailmark_viewers.config:RerunConfig",
+        summary="Frames, beliefs, estimates and commands for Rerun: as a recording (.rrd), or to a viewer",
+        reference="ref.rerun.io: archetypes",
+        extra="rerun",
+    )
