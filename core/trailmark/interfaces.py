@@ -242,7 +242,13 @@ class Estimator(Part):
         Returns
         -------
         Applied
-            An estimator that cannot, which is the default, refuses.
+            ``accepted``; ``late``, if it is about an instant older than the history; or why it is ``refused``. An
+            estimator that cannot be told a pose, which is the default, refuses.
+
+        Raises
+        ------
+        ShapeError
+            If the covariance is not (3, 3).
         """
         return Applied("refused", f"{type(self).__name__} cannot be told a pose")
 

@@ -7,8 +7,9 @@ import math
 import numpy as np
 import pytest
 
+from trailmark.errors import ShapeError
 from trailmark.estimates import information_along, information_from_sigmas
-from trailmark.estimation.information import checked_information, measured_directions
+from trailmark.estimation.information import checked_covariance, checked_information, measured_directions
 from trailmark.estimation.symmetric import Sym3, to_matrix
 
 
@@ -84,3 +85,32 @@ def test_very_unequal_sigmas_are_still_three_directions() -> None:
 
 def test_no_information_has_no_direction() -> None:
     assert measured_directions(checked(np.zeros((3, 3)))).rank == 0
+
+
+def test_a_covariance_is_made_symmetric_to_rounding():
+    covariance = np.diag([4.0, 1.0, 1e-6])
+    covariance[0, 2] = 1e-12
+
+    checked = checked_covariance(covariance)
+
+    assert not isinstance(checked, str)
+    np.testing.assert_array_equal(checked, checked.T)
+    np.testing.assert_allclose(checked, covariance, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("covariance", "reason"),
+    [
+        (np.full((3, 3), np.inf), "not finite"),
+        (np.array([[1.0, 0.5, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), "not symmetric"),
+        (np.diag([1.0, 1.0, 0.0]), "not positive definite"),
+        (np.diag([1.0, -1.0, 1.0]), "not positive definite"),
+    ],
+)
+def test_what_is_no_covariance_is_told(covariance, reason):
+    assert reason in checked_covariance(covariance)
+
+
+def test_a_covariance_of_another_shape_is_an_error():
+    with pytest.raises(ShapeError, match=r"shape \(3, 3\), not \(2, 2\)"):
+        checked_covariance(np.eye(2))

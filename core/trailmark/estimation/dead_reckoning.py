@@ -27,7 +27,7 @@ from trailmark.estimation.chain import MotionChain, OdomState
 from trailmark.estimation.corrections import FixCorrection, PathCorrection, covariance_on_path
 from trailmark.estimation.dead_reckoning_config import DeadReckoningConfig
 from trailmark.estimation.history import History
-from trailmark.estimation.information import checked_information, measured_directions
+from trailmark.estimation.information import checked_covariance, checked_information, measured_directions
 from trailmark.estimation.symmetric import ZERO, Sym3, add, congruence, diagonal, inverse, subtract, to_matrix
 from trailmark.geometry import Pose2, Twist2
 from trailmark.interfaces import Estimator, Session
@@ -132,12 +132,15 @@ class DeadReckoning(Estimator):
         covariance: npt.NDArray[np.float64] | None = None,
         stamp_s: float | None = None,
     ) -> Applied:
-        """Say where base is: a fix that replaces the whole pose."""
+        """Replace the pose at an instant: a fix of all three numbers."""
         if covariance is None:
             sigma_rad = math.radians(self._config.start_sigma_deg)
             information = information_from_sigmas(self._config.start_sigma_m, self._config.start_sigma_m, sigma_rad)
         else:
-            information = information_from_covariance(covariance)
+            told = checked_covariance(covariance)
+            if isinstance(told, str):
+                return Applied("refused", told)
+            information = information_from_covariance(told)
         if stamp_s is None:
             stamp_s = self.belief().stamp_s
         return self.apply("set_pose", Fix(stamp_s, pose_map_base, information))

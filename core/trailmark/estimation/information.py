@@ -1,4 +1,4 @@
-"""What an information matrix says: whether it can be one, and which directions were measured."""
+"""What a matrix says of certainty: whether it can be an information or a covariance, and what was measured."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.errors import ShapeError
 from trailmark.estimation.symmetric import NOTHING, Sym3, inverse, to_matrix
 
-__all__ = ["Measured", "checked_information", "measured_directions"]
+__all__ = ["Measured", "checked_covariance", "checked_information", "measured_directions"]
 
 Matrix = npt.NDArray[np.float64]
 
@@ -63,6 +64,31 @@ def checked_information(information: Matrix) -> Sym3 | str:
     checked = (xx, (xy + yx) / 2.0, (xt + tx) / 2.0, yy, (yt + ty) / 2.0, tt)
     is_plainly_fine = xy == xt == yt == 0.0 or inverse(checked) is not None
     return checked if is_plainly_fine or _is_positive(checked) else "the information is negative in a direction"
+
+
+def checked_covariance(covariance: npt.ArrayLike) -> Matrix | str:
+    """Return a covariance of a whole pose, exactly symmetric, or why it cannot be one.
+
+    Parameters
+    ----------
+    covariance : (3, 3) float64
+        Of (x, y, theta).
+
+    Raises
+    ------
+    ShapeError
+        If it is not (3, 3).
+    """
+    matrix = np.asarray(covariance, dtype=np.float64)
+    if matrix.shape != (3, 3):
+        raise ShapeError(f"a covariance of (x, y, theta) must have shape (3, 3), not {matrix.shape}")
+    if not np.isfinite(matrix).all():
+        return "the covariance is not finite"
+    sigmas = np.sqrt(np.abs(matrix.diagonal()))
+    if (np.abs(matrix - matrix.T) > _ASYMMETRIC * np.outer(sigmas, sigmas)).any():
+        return "the covariance is not symmetric"
+    matrix = (matrix + matrix.T) / 2.0
+    return matrix if np.linalg.eigvalsh(matrix)[0] > 0.0 else "the covariance is not positive definite"
 
 
 def measured_directions(information: Sym3) -> Measured:

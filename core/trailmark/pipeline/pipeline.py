@@ -187,19 +187,7 @@ class Pipeline:
     ) -> Applied:
         """Tell the estimator where base is, between two steps: a person has put the robot somewhere, or sees it there.
 
-        Parameters
-        ----------
-        pose_map_base : Pose2
-            Base in the map.
-        covariance : (3, 3) float64, optional
-            Of (x, y, theta); left out, that of a known start.
-        stamp_s : float, optional
-            When; left out, at the newest stamp heard of [s].
-
-        Returns
-        -------
-        Applied
-            ``accepted``, or why not.
+        It takes and returns what `trailmark.interfaces.Estimator.set_pose` does.
         """
         self._started()
         return self.plan.estimator.set_pose(pose_map_base, covariance, stamp_s)

@@ -9,10 +9,10 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
-from trailmark.errors import ShapeError
 from trailmark.estimates import Applied, Belief, Estimate, Fix, Lost, Motion, PathOffset
 from trailmark.estimation.corrections import covariance_on_path
 from trailmark.estimation.history import History
+from trailmark.estimation.information import checked_covariance
 from trailmark.estimation.kalman.clock import ClockGuard
 from trailmark.estimation.kalman.correction import Correction, Filter
 from trailmark.estimation.kalman.ekf import Ekf
@@ -109,40 +109,23 @@ class Kalman(Estimator):
         covariance: npt.NDArray[np.float64] | None = None,
         stamp_s: float | None = None,
     ) -> Applied:
-        """Be told where base is, whatever was believed; what was heard about later instants is applied from there.
-
-        Parameters
-        ----------
-        pose_map_base : Pose2
-            Base in the map.
-        covariance : (3, 3) float64, optional
-            Of (x, y, theta); left out, that of a known start.
-        stamp_s : float, optional
-            When; left out, at the newest stamp heard of [s].
-
-        Returns
-        -------
-        Applied
-            ``accepted``; ``late``, if it is about an instant older than the history; ``refused``.
-        """
+        """Replace the belief at an instant; what was heard about later ones is applied from there."""
         newest_s = self._history.newest_s
         stamp_s = newest_s if stamp_s is None else stamp_s
-        covariance = self._start_covariance() if covariance is None else np.asarray(covariance, dtype=np.float64)
-        if covariance.shape != (3, 3):
-            raise ShapeError(f"a covariance of (x, y, theta) must have shape (3, 3), not {covariance.shape}")
-        if not (np.isfinite(covariance).all() and np.linalg.eigvalsh(covariance)[0] > 0.0):
-            return self._refused("set_pose", "the covariance is not positive definite")
+        told = self._start_covariance() if covariance is None else checked_covariance(covariance)
+        if isinstance(told, str):
+            return self._refused("set_pose", told)
         self._belief = None
         self._counted["poses_set"] += 1
         if newest_s == -math.inf and stamp_s == -math.inf:  # nothing was heard yet: it is the start
-            self._begin(FilterState(-math.inf, *self._layout.begun(pose_map_base.array(), covariance)))
+            self._begin(FilterState(-math.inf, *self._layout.begun(pose_map_base.array(), told)))
             return _ACCEPTED
         is_elsewhere = newest_s > -math.inf and abs(stamp_s - newest_s) > self.config.time_jump_s
         if is_elsewhere or not math.isfinite(stamp_s):
             return self._refused("set_pose", f"the stamp {stamp_s:g} s is of another time")
         if stamp_s < self._history.horizon_s:
             return Applied("late", f"the history reaches back {self.config.history_s:g} s")
-        return self._correct(stamp_s, placed_measurement(pose_map_base, covariance))
+        return self._correct(stamp_s, placed_measurement(pose_map_base, told))
 
     def belief(self, stamp_s: float | None = None) -> Belief:
         """Return the belief at a stamp: predicted from the last estimates before it.

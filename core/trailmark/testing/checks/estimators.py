@@ -69,6 +69,7 @@ def estimator_checks(estimator: type[Estimator], config: PluginConfig) -> dict[s
         "beliefs_are_at_the_stamp_asked_for": lambda: _answers_at(make),
         "a_late_fix_is_taken_or_reported": lambda: _takes_late(make),
         "a_jump_in_time_does_no_harm": lambda: _survives_a_jump(make),
+        "a_pose_that_is_told_is_believed_or_refused": lambda: _is_told(make),
         "same_estimates_same_beliefs": lambda: _repeats(make),
         "started_again_is_as_new": lambda: _is_as_new(make),
         **{f"{name}_information_does_no_harm": _harmless(make, matrix) for name, matrix in malformed.items()},
@@ -190,6 +191,19 @@ def _survives_a_jump(make: Callable[[], Estimator]) -> None:
         stamp_s = max(0.0, _N_STEPS * _DT_S) + shift_s
         _apply(estimator, "motion", Motion(stamp_s - _DT_S, stamp_s, _STEP, _MOTION))
         _apply(estimator, "fix", Fix(stamp_s, _true_pose(_N_STEPS), _FIX))
+
+
+def _is_told(make: Callable[[], Estimator]) -> None:
+    estimator = _started(make)
+    _drive(estimator)
+    before, told = _pose(estimator.belief()), Pose2(5.0, 6.0, 1.0)
+    for name, covariance in (("nan", np.full((3, 3), np.nan)), ("negative", -np.eye(3))):
+        status = estimator.set_pose(told, covariance).status
+        assert status == "refused", f"a pose whose covariance is {name} was {status}"
+        assert _pose(estimator.belief()) == before, f"a pose whose covariance is {name} moves the belief"
+    status = estimator.set_pose(told).status
+    off_m = _pose(estimator.belief()).distance_to(told)
+    assert (off_m <= 1e-6) == (status == "accepted"), f"a pose that was told was {status}: it is {off_m:.2g} m from it"
 
 
 def _beliefs(estimator: Estimator) -> list[tuple[Any, ...]]:
