@@ -11,6 +11,7 @@ bench() {
 }
 
 bench core_overhead.py --quick
+bench bench_scale.py --quick
 bench ground_vo.py --quick
 bench ground_accuracy.py --quick --what curve --methods refined klt
 bench ground_map.py --quick --what spoilt
@@ -32,6 +33,6 @@ cells() {
     printf '\n--- benchmarks/%s\n' "$*"
     "$python" -m trailmark.cli bench "benchmarks/$1" --out "$out/$1" --jobs 2 "${@:2}"
 }
-cells grand.yaml --only matrix=ground --only source=wood --only perturbation=clean --only seed=0 \
+cells grand.yaml --only matrix=ground --only source=wood --only seed=0 \
     --only localizer=ground_vo,klt,orb,phase_correlation,odometry --set bench.cells.0.sources.wood.duration_s=1
 cells speed.yaml --only matrix=ground --only seed=0 --set bench.cells.0.sources.wood.duration_s=1
