@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 from filterpy.kalman import ExtendedKalmanFilter
@@ -35,7 +37,7 @@ class Moves:
         self.x, self.jacobian, self.noise, self.step = x, jacobian, noise, step
 
 
-class Ekf(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy has no types
+class Ekf:
     """Predicts and updates (x, y, theta, ...), from and to values that the caller keeps.
 
     filterpy makes x of shape (n, 1), and a measurement of shape (m,) then silently broadcasts it to (n, n): x is of
@@ -45,25 +47,24 @@ class Ekf(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy has no types
     """
 
     def __init__(self, n: int) -> None:
-        super().__init__(dim_x=n, dim_z=3)
-        self.x = np.zeros(n)
-
-    def predict_x(self, u: Array) -> None:
-        """Take the moved state, which the motion model has computed."""
-        self.x = u
+        self._kalman: Any = ExtendedKalmanFilter(dim_x=n, dim_z=3)  # filterpy has no types
+        self._kalman.predict_x = self._take  # the moved state is the motion model's, not F x
+        self._unit = np.eye(n)
 
     def moved(self, x: Array, covariance: Array, moves: Moves) -> tuple[Array, Array]:
         """Return state and covariance after a motion: ``F P F^T + Q``."""
-        self.P, self.F, self.Q = covariance, moves.jacobian, moves.noise
-        self.predict(moves.x)
-        moved_x: Array = self.x
-        moved_covariance: Array = self.P
-        return moved_x, moved_covariance
+        kalman = self._kalman
+        kalman.P, kalman.F, kalman.Q = covariance, moves.jacobian, moves.noise
+        kalman.predict(moves.x)
+        return kalman.x, kalman.P
 
     def corrected(self, x: Array, covariance: Array, seen: Innovation, measures: Measures) -> tuple[Array, Array]:
         """Return state and covariance after a measurement of unit noise, given its innovation."""
         gain = seen.cross @ seen.inverse
         updated = x + gain @ seen.innovation
-        kept = self._I - gain @ seen.jacobian
+        kept = self._unit - gain @ seen.jacobian
         updated[2] = wrap_angle(float(updated[2]))
         return updated, kept @ covariance @ kept.T + gain @ gain.T
+
+    def _take(self, moved: Array) -> None:
+        self._kalman.x = moved

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +21,7 @@ Array = npt.NDArray[np.float64]
 _ALPHA, _BETA, _KAPPA = 0.3, 2.0, 0.0
 
 
-class Ukf(UnscentedKalmanFilter):  # type: ignore[misc]  # filterpy has no types
+class Ukf:
     """Predicts and updates like `Ekf`, through sigma points instead of derivatives.
 
     A measurement is predicted as its innovation at each sigma point, whose angles are wrapped before they are weighed
@@ -28,14 +29,14 @@ class Ukf(UnscentedKalmanFilter):  # type: ignore[misc]  # filterpy has no types
     """
 
     def __init__(self, n: int) -> None:
-        points = MerweScaledSigmaPoints(n, _ALPHA, _BETA, _KAPPA, sqrt_method=_root, subtract=_difference)
-        super().__init__(
+        self._points = MerweScaledSigmaPoints(n, _ALPHA, _BETA, _KAPPA, sqrt_method=_root, subtract=_difference)
+        self._kalman: Any = UnscentedKalmanFilter(  # filterpy has no types
             dim_x=n,
             dim_z=3,
             dt=1.0,
             hx=_as_it_is,
             fx=_as_it_is,
-            points=points,
+            points=self._points,
             x_mean_fn=_mean,
             residual_x=_difference,
             state_add=_sum,
@@ -43,7 +44,8 @@ class Ukf(UnscentedKalmanFilter):  # type: ignore[misc]  # filterpy has no types
 
     def moved(self, x: Array, covariance: Array, moves: Moves) -> tuple[Array, Array]:
         """Return state and covariance after a motion."""
-        self.x, self.P, self.Q = x, covariance, moves.noise
+        kalman = self._kalman
+        kalman.x, kalman.P, kalman.Q = x, covariance, moves.noise
         forward_m, left_m, turn_rad = moves.step
         rest = moves.x - moves.jacobian @ x  # what is linear in the state beside the pose, and exact so
 
@@ -56,20 +58,20 @@ class Ukf(UnscentedKalmanFilter):  # type: ignore[misc]  # filterpy has no types
             ahead[2] = wrap_angle(float(point[2] + turn_rad + extra[2]))
             return ahead
 
-        self.predict(fx=carried)
-        return _wrapped(self.x), _symmetric(self.P)
+        kalman.predict(fx=carried)
+        return _wrapped(kalman.x), _symmetric(kalman.P)
 
     def corrected(self, x: Array, covariance: Array, seen: Innovation, measures: Measures) -> tuple[Array, Array]:
         """Return state and covariance after a measurement of unit noise."""
-        k = len(seen.innovation)
-        self.x, self.P = x, covariance
-        self.sigmas_f = self.points_fn.sigma_points(x, covariance)
+        kalman, k = self._kalman, len(seen.innovation)
+        kalman.x, kalman.P = x, covariance
+        kalman.sigmas_f = self._points.sigma_points(x, covariance)
 
         def predicted(point: Array) -> Array:
             return -seen.scale * measures.innovation(point)[0]
 
-        self.update(np.zeros(k), R=np.eye(k), hx=predicted)
-        return _wrapped(self.x), _symmetric(self.P)
+        kalman.update(np.zeros(k), R=np.eye(k), hx=predicted)
+        return _wrapped(kalman.x), _symmetric(kalman.P)
 
 
 def _as_it_is(x: Array, dt_s: float = 0.0) -> Array:
