@@ -24,43 +24,17 @@ from trailmark.estimates import (
     information_from_sigmas,
 )
 from trailmark.estimation.kalman.estimator import Kalman
-from trailmark.estimation.kalman_config import KalmanConfig
 from trailmark.geometry import Pose2
-from trailmark.interfaces import Session
 from trailmark.paths import Path, Waypoint
 
-GOOD = information_from_sigmas(1e-3, 1e-3, 1e-3)
+from .conftest import EKF_ONLY, GOOD, ORIGIN, kalman, pose_of
+
+pytestmark = pytest.mark.usefixtures("kind")
+
 FAIR = information_from_sigmas(0.1, 0.1, 0.05)
-ORIGIN = Pose2()
 AHEAD = Pose2(0.1)
 
 Told = tuple[str, Estimate]
-
-
-# The same tests for both filters.
-FILTER = {"kind": "ekf"}
-
-
-# The mean over sigma points of a way whose heading is uncertain is shorter than the way at the mean heading, rightly
-# so. Figures worked out by hand to many digits are those of the extended filter.
-EKF_ONLY = pytest.mark.parametrize("kind", ["ekf"], indirect=True)
-
-
-@pytest.fixture(autouse=True, params=["ekf", "ukf"])
-def kind(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    monkeypatch.setitem(FILTER, "kind", request.param)
-    return str(request.param)
-
-
-def started(start_pose: Pose2 | None = ORIGIN, path: Path | None = None, **config: object) -> Kalman:
-    estimator = Kalman(KalmanConfig.model_validate({"filter": FILTER["kind"], **config}))
-    estimator.start(Session(start_pose=start_pose, path=path))
-    return estimator
-
-
-def pose_of(belief: Belief) -> Pose2:
-    assert belief.pose_map_base is not None
-    return belief.pose_map_base
 
 
 def covariance_of(belief: Belief) -> np.ndarray:
@@ -79,10 +53,14 @@ def told(estimator: Kalman, estimates: Sequence[Told]) -> Belief:
     return estimator.belief(max(estimate.stamp_s for _, estimate in estimates))
 
 
+def test_each_test_runs_with_both_filters(kind: str) -> None:
+    assert kalman().config.filter == kind
+
+
 class TestMotion:
     @EKF_ONLY
     def test_motion_is_chained_and_its_covariance_adds_up(self) -> None:
-        estimator = started()
+        estimator = kalman()
 
         drive(estimator, 10)
 
@@ -101,7 +79,7 @@ class TestMotion:
     def test_a_motion_cut_by_a_fix_that_says_nothing_new_is_as_uncertain_as_in_one_piece(self) -> None:
         covariance = np.array([[1e-4, 2e-5, 1e-5], [2e-5, 3e-4, 9e-5], [1e-5, 9e-5, 1e-4]])
         motion = Motion(0.0, 1.0, Pose2(1.0, 0.2, 0.4), information_from_covariance(covariance))
-        whole, cut = started(), started()
+        whole, cut = kalman(), kalman()
 
         whole.apply("vo", motion)
         cut.apply("vo", motion)
@@ -112,7 +90,7 @@ class TestMotion:
 
     @EKF_ONLY
     def test_two_localizers_of_the_same_motion_are_weighed(self) -> None:
-        estimator = started()
+        estimator = kalman()
 
         estimator.apply("good", Motion(0.0, 1.0, Pose2(1.0), information_from_sigmas(0.1, 0.1, 0.1)))
         estimator.apply("poor", Motion(0.0, 1.0, Pose2(1.5), information_from_sigmas(0.2, 0.2, 0.2)))
@@ -122,7 +100,7 @@ class TestMotion:
         assert covariance_of(belief)[0, 0] == pytest.approx(0.01**2 + 1 / 125)
 
     def test_covariance_intersection_gains_nothing_from_agreement(self) -> None:
-        estimator = started(motions="intersection")
+        estimator = kalman(motions="intersection")
 
         for source in ("a", "b"):
             estimator.apply(source, Motion(0.0, 1.0, Pose2(1.0), information_from_sigmas(0.1, 0.1, 0.1)))
@@ -131,7 +109,7 @@ class TestMotion:
 
     @EKF_ONLY
     def test_a_gyro_and_a_distance_make_one_motion(self) -> None:
-        estimator = started()
+        estimator = kalman()
 
         for i in range(20):
             since_s, stamp_s = 0.1 * i, 0.1 * (i + 1)
@@ -146,7 +124,7 @@ class TestMotion:
         np.testing.assert_allclose(pose_of(estimator.belief()).array(), expected.array(), atol=1e-9)
 
     def test_a_direction_that_nobody_measured_goes_on_and_drifts(self) -> None:
-        estimator = started()
+        estimator = kalman()
         drive(estimator, 1, Pose2(0.1, 0.0, 0.02))
 
         estimator.apply("wheels", Motion(0.1, 0.2, Pose2(0.1), information_from_sigmas(1e-3, 1e-3, np.inf)))
@@ -157,7 +135,7 @@ class TestMotion:
 
     @EKF_ONLY
     def test_motions_of_one_localizer_that_overlap_count_once(self) -> None:
-        estimator = started()
+        estimator = kalman()
 
         estimator.apply("vo", Motion(0.0, 1.0, Pose2(1.0), GOOD))
         estimator.apply("vo", Motion(0.5, 1.5, Pose2(1.0), GOOD))
@@ -166,7 +144,7 @@ class TestMotion:
 
     @EKF_ONLY
     def test_a_gap_is_coasted_and_then_base_stands(self) -> None:
-        estimator = started()
+        estimator = kalman()
         drive(estimator, 10)
 
         soon, late, later = (estimator.belief(stamp_s) for stamp_s in (1.5, 3.0, 4.0))
@@ -180,7 +158,7 @@ class TestMotion:
 
 class TestCorrection:
     def test_a_fix_is_weighed_against_the_belief(self) -> None:
-        estimator = started(start_sigma_m=0.1)
+        estimator = kalman(start_sigma_m=0.1)
 
         applied = estimator.apply("camera", Fix(0.0, Pose2(0.1), information_from_sigmas(0.1, 0.1, 0.1)))
 
@@ -191,7 +169,7 @@ class TestCorrection:
 
     @EKF_ONLY
     def test_an_unmeasured_direction_costs_nothing_and_hurts_nothing(self) -> None:
-        estimator = started()
+        estimator = kalman()
         along = information_along((1.0, 1.0, 0.0), 0.01)
 
         applied = estimator.apply("camera", Fix(0.0, Pose2(1.0, -1.0, 3.0), along))
@@ -201,7 +179,7 @@ class TestCorrection:
         assert pose_of(estimator.belief(0.0)) == ORIGIN
 
     def test_a_heading_is_compared_the_short_way_round(self) -> None:
-        estimator = started(start_pose=Pose2(0.0, 0.0, math.pi - 0.01), start_sigma_deg=5.0)
+        estimator = kalman(start_pose=Pose2(0.0, 0.0, math.pi - 0.01), start_sigma_deg=5.0)
 
         estimator.apply("compass", Fix(0.0, Pose2(0.0, 0.0, -math.pi + 0.01), FAIR))
 
@@ -211,7 +189,7 @@ class TestCorrection:
 
     def test_path_offsets_correct_across_the_path(self) -> None:
         path = Path(Waypoint(i, 0.1 * i, Pose2(0.0, 0.1 * i, math.pi / 2)) for i in range(50))
-        estimator = started(Pose2(0.0, 1.0, math.pi / 2), path, start_sigma_m=0.5, start_sigma_deg=20.0)
+        estimator = kalman(Pose2(0.0, 1.0, math.pi / 2), path, start_sigma_m=0.5, start_sigma_deg=20.0)
         across = information_from_sigmas(np.inf, 1e-3, 1e-3)
 
         applied = estimator.apply("divs", PathOffset(0.0, 1.0, 0.2, 0.1, across))
@@ -223,7 +201,7 @@ class TestCorrection:
         assert believed.on_path.lateral_m == pytest.approx(0.2, abs=1e-3)
 
     def test_from_nowhere_the_first_whole_fix_says_where(self) -> None:
-        estimator = started(start_pose=None)
+        estimator = kalman(start_pose=None)
         drive(estimator, 5)
 
         part = estimator.apply("compass", Fix(0.5, ORIGIN, information_from_sigmas(np.inf, np.inf, 0.1)))
@@ -236,7 +214,7 @@ class TestCorrection:
         assert pose_of(estimator.belief()).x == pytest.approx(7.0)
 
     def test_ages_count_from_the_last_accepted_estimate(self) -> None:
-        estimator = started()
+        estimator = kalman()
         drive(estimator, 10)
 
         estimator.apply("camera", Fix(0.5, Pose2(0.5), FAIR))
@@ -245,7 +223,7 @@ class TestCorrection:
 
     @EKF_ONLY
     def test_a_fix_that_contradicts_is_gated_and_says_why(self) -> None:
-        estimator = started()
+        estimator = kalman()
         drive(estimator, 10)
 
         applied = estimator.apply("camera", Fix(1.0, Pose2(4.0), FAIR))
@@ -280,15 +258,15 @@ class TestOrder:
         mixed = list(heard)
         shuffle.shuffle(mixed)  # type: ignore[attr-defined]
 
-        expected = told(started(recover_after=3), sorted(heard, key=lambda pair: pair[1].stamp_s))
-        belief = told(started(recover_after=3), mixed)
+        expected = told(kalman(recover_after=3), sorted(heard, key=lambda pair: pair[1].stamp_s))
+        belief = told(kalman(recover_after=3), mixed)
 
         np.testing.assert_allclose(pose_of(belief).array(), pose_of(expected).array(), atol=1e-9)
         np.testing.assert_allclose(covariance_of(belief), covariance_of(expected), atol=1e-9)
         np.testing.assert_allclose(belief.pose_odom_base.array(), expected.pose_odom_base.array(), atol=1e-9)
 
     def test_a_late_fix_corrects_everything_after_its_own_stamp(self) -> None:
-        in_time, late = started(start_sigma_deg=10.0), started(start_sigma_deg=10.0)
+        in_time, late = kalman(start_sigma_deg=10.0), kalman(start_sigma_deg=10.0)
         fix = Fix(0.5, Pose2(0.5, 0.1, 0.2), information_from_sigmas(0.01, 0.01, 0.01))
 
         drive(in_time, 5)
@@ -301,7 +279,7 @@ class TestOrder:
         assert pose_of(late.belief()).y > 0.15
 
     def test_what_is_older_than_the_history_is_late(self) -> None:
-        estimator = started(history_s=0.5)
+        estimator = kalman(history_s=0.5)
         drive(estimator, 10)
 
         applied = estimator.apply("camera", Fix(0.4, ORIGIN, FAIR))
@@ -312,7 +290,7 @@ class TestOrder:
         assert estimator.counters()["late"] == 2
 
     def test_a_long_run_forgets_what_is_old(self) -> None:
-        estimator = started(history_s=1.0)
+        estimator = kalman(history_s=1.0)
 
         drive(estimator, 500)
         estimator.apply("camera", Fix(49.5, Pose2(49.5), FAIR))
@@ -324,7 +302,7 @@ class TestOrder:
 
 class TestOdometry:
     def test_it_is_not_touched_by_fixes(self) -> None:
-        estimator = started()
+        estimator = kalman()
         drive(estimator, 10)
 
         estimator.apply("camera", Fix(1.0, Pose2(1.0, 0.01, 0.01), GOOD))
@@ -332,7 +310,7 @@ class TestOdometry:
         np.testing.assert_allclose(estimator.belief().pose_odom_base.array(), [1.0, 0.0, 0.0], atol=1e-12)
 
     def test_it_never_jumps_when_slower_motion_changes_the_past(self) -> None:
-        estimator = started()
+        estimator = kalman()
         published = []
 
         for i in range(30):
@@ -348,7 +326,7 @@ class TestOdometry:
         assert estimator.belief().travelled_m == pytest.approx(3.0, abs=0.5)
 
     def test_a_belief_ahead_of_all_motion_binds_nobody(self) -> None:
-        estimator = started()
+        estimator = kalman()
 
         for i in range(10):
             estimator.belief(0.1 * (i + 1))
@@ -359,14 +337,14 @@ class TestOdometry:
 
     @EKF_ONLY
     def test_beliefs_of_a_history_interpolate_the_motion(self) -> None:
-        estimator = started()
+        estimator = kalman()
         drive(estimator, 10)
 
         assert pose_of(estimator.belief(0.55)).x == pytest.approx(0.55)
         assert estimator.belief(0.55).stamp_s == 0.55
 
     def test_lost_lets_time_go_on(self) -> None:
-        estimator = started()
+        estimator = kalman()
 
         assert estimator.apply("camera", Lost(3.0, "dark")) == Applied("unused", "lost: dark")
         assert estimator.belief().stamp_s == 3.0

@@ -8,40 +8,21 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from trailmark.estimates import Applied, Belief, Fix, Lost, Motion, PathOffset, information_from_sigmas
+from trailmark.estimates import Applied, Fix, Lost, Motion, PathOffset, information_from_sigmas
 from trailmark.estimation.kalman.clock import ClockGuard
 from trailmark.estimation.kalman.estimator import Kalman
 from trailmark.estimation.kalman.gate import threshold, weight
 from trailmark.estimation.kalman.trust import root_of
 from trailmark.estimation.kalman_config import KalmanConfig
 from trailmark.geometry import Pose2
-from trailmark.interfaces import Session
+
+from .conftest import EKF_ONLY, ORIGIN, kalman, pose_of
+
+pytestmark = pytest.mark.usefixtures("kind")
 
 GOOD = information_from_sigmas(0.01, 0.01, 0.01)
 FAIR = information_from_sigmas(0.1, 0.1, 0.05)
-ORIGIN = Pose2()
 DAY_S = 86_400.0
-
-
-# The same tests for both filters.
-FILTER = {"kind": "ekf"}
-
-
-# The mean over sigma points of a way whose heading is uncertain is shorter than the way at the mean heading, rightly
-# so. Figures worked out by hand to many digits are those of the extended filter.
-EKF_ONLY = pytest.mark.parametrize("kind", ["ekf"], indirect=True)
-
-
-@pytest.fixture(autouse=True, params=["ekf", "ukf"])
-def kind(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    monkeypatch.setitem(FILTER, "kind", request.param)
-    return str(request.param)
-
-
-def started(start_pose: Pose2 | None = ORIGIN, **config: object) -> Kalman:
-    estimator = Kalman(KalmanConfig.model_validate({"filter": FILTER["kind"], **config}))
-    estimator.start(Session(start_pose=start_pose))
-    return estimator
 
 
 def wheels(i: int) -> Motion:
@@ -50,13 +31,6 @@ def wheels(i: int) -> Motion:
 
 def fix(stamp_s: float, offset_m: float = 0.0, x: float | None = None) -> Fix:
     return Fix(stamp_s, Pose2(stamp_s if x is None else x, offset_m, 0.0), FAIR)
-
-
-def pose_of(belief: Belief) -> Pose2:
-    assert belief.pose_map_base is not None
-    assert belief.covariance is not None
-    assert np.isfinite(belief.covariance).all()
-    return belief.pose_map_base
 
 
 def driven(estimator: Kalman, n: int, first: int = 0) -> Kalman:
@@ -78,7 +52,7 @@ class TestInformation:
         ],
     )
     def test_what_cannot_be_is_refused_and_counted(self, information: np.ndarray, reason: str) -> None:
-        estimator = driven(started(), 3)
+        estimator = driven(kalman(), 3)
         before = pose_of(estimator.belief(0.3))
 
         for estimate in (Fix(0.3, Pose2(5.0), information), Motion(0.3, 0.4, Pose2(5.0), information)):
@@ -91,7 +65,7 @@ class TestInformation:
 
     @pytest.mark.parametrize("huge", [1e13, 1e100, 1e300, 1.7e308 / 9])
     def test_what_is_implausibly_certain_is_reduced_to_the_floor(self, huge: float) -> None:
-        estimator = driven(started(start_sigma_m=1.0), 3)
+        estimator = driven(kalman(start_sigma_m=1.0), 3)
 
         applied = estimator.apply("proud", Fix(0.3, Pose2(0.5), huge * np.eye(3)))
 
@@ -103,7 +77,7 @@ class TestInformation:
         assert estimator.counters()["repaired_too_certain"] == 1
 
     def test_a_direction_is_reduced_and_the_others_keep_theirs(self) -> None:
-        estimator = started(start_sigma_m=1.0, floor_m=0.01)
+        estimator = kalman(start_sigma_m=1.0, floor_m=0.01)
 
         estimator.apply("proud", Fix(0.0, ORIGIN, np.diag([1e8, 4.0, 0.0])))
 
@@ -113,8 +87,8 @@ class TestInformation:
         assert covariance[1, 1] == pytest.approx(1 / (1 + 4.0), rel=1e-6)
 
     def test_a_config_scales_and_overrides_what_a_localizer_says(self) -> None:
-        scaled = started(start_sigma_m=1.0, sources={"camera": {"sigma_scale": 2.0}})
-        replaced = started(start_sigma_m=1.0, sources={"camera": {"sigmas": [0.5, None, None]}})
+        scaled = kalman(start_sigma_m=1.0, sources={"camera": {"sigma_scale": 2.0}})
+        replaced = kalman(start_sigma_m=1.0, sources={"camera": {"sigmas": [0.5, None, None]}})
 
         scaled.apply("camera", Fix(0.0, ORIGIN, information_from_sigmas(0.5, 0.5, 0.5)))
         applied = replaced.apply("camera", Fix(0.0, ORIGIN, np.full((3, 3), np.nan)))
@@ -136,7 +110,7 @@ class TestInformation:
             np.testing.assert_allclose(root.T @ root, information, rtol=1e-9, atol=1e-9 * information.max())
 
     def test_other_numbers_that_are_not_finite_are_refused(self) -> None:
-        estimator = started()
+        estimator = kalman()
 
         assert "stamp is not finite" in estimator.apply("mad", Fix(math.nan, ORIGIN, GOOD)).reason
         assert "begins at -inf" in estimator.apply("mad", Motion(-math.inf, 0.1, ORIGIN, GOOD)).reason
@@ -145,7 +119,7 @@ class TestInformation:
 
 class TestClock:
     def test_a_stuck_stamp_is_refused_after_a_while(self) -> None:
-        estimator = driven(started(max_per_stamp=8), 5)
+        estimator = driven(kalman(max_per_stamp=8), 5)
 
         verdicts = [estimator.apply("camera", fix(0.5, 1e-4 * i)) for i in range(12)]
 
@@ -154,7 +128,7 @@ class TestClock:
         assert "refused 4 in a row" in estimator.belief().health["camera"]
 
     def test_a_stuck_stamp_is_late_in_the_end(self) -> None:
-        estimator = started(history_s=1.0)
+        estimator = kalman(history_s=1.0)
         statuses = []
 
         for i in range(30):
@@ -165,7 +139,7 @@ class TestClock:
         assert pose_of(estimator.belief()).x == pytest.approx(3.0, abs=0.1)
 
     def test_what_is_told_twice_counts_once(self) -> None:
-        once, twice = driven(started(), 5), driven(started(), 5)
+        once, twice = driven(kalman(), 5), driven(kalman(), 5)
 
         once.apply("camera", fix(0.5, 0.1))
         assert twice.apply("camera", fix(0.5, 0.1)).status == "accepted"
@@ -177,7 +151,7 @@ class TestClock:
     @pytest.mark.parametrize("jump_s", [-DAY_S, DAY_S])
     @EKF_ONLY
     def test_one_stamp_of_another_day_is_refused(self, jump_s: float) -> None:
-        estimator = driven(started(), 5)
+        estimator = driven(kalman(), 5)
 
         applied = estimator.apply("camera", fix(0.5 + jump_s))
         driven(estimator, 5, first=5)
@@ -189,7 +163,7 @@ class TestClock:
     @pytest.mark.parametrize("jump_s", [-DAY_S, DAY_S])
     @EKF_ONLY
     def test_when_all_clocks_are_set_it_begins_anew_there(self, jump_s: float) -> None:
-        estimator = driven(started(), 5)
+        estimator = driven(kalman(), 5)
         estimator.belief()
 
         statuses = [
@@ -213,7 +187,7 @@ class TestClock:
         assert guard.judged(1.0, 0.0) == "here"
 
     def test_a_burst_of_old_estimates_gives_what_they_would_have_given_in_time(self) -> None:
-        in_time, burst = started(), started()
+        in_time, burst = kalman(), kalman()
 
         held = []
         for i in range(20):
@@ -239,7 +213,7 @@ class TestGate:
         assert weight("none", 1e9, 1, 2.0) == 1.0
 
     def test_a_robust_loss_holds_an_outlier_back_without_a_gate(self) -> None:
-        trusting, robust = started(gate="off"), started(gate="off", loss="cauchy")
+        trusting, robust = kalman(gate="off"), kalman(gate="off", loss="cauchy")
 
         for estimator in (trusting, robust):
             driven(estimator, 10)
@@ -248,7 +222,7 @@ class TestGate:
         assert abs(pose_of(robust.belief()).y) < 0.1 * abs(pose_of(trusting.belief()).y)
 
     def test_a_gate_can_be_its_own_for_a_localizer(self) -> None:
-        estimator = driven(started(sources={"camera": {"gate": "off"}}), 10)
+        estimator = driven(kalman(sources={"camera": {"gate": "off"}}), 10)
 
         assert estimator.apply("camera", fix(1.0, 3.0)).status == "accepted"
         assert estimator.apply("other", fix(1.0, -3.0)).status == "gated"
@@ -261,7 +235,7 @@ class TestGate:
 
 class TestRecovery:
     def test_a_wrong_and_overconfident_start_does_not_lock_the_truth_out(self) -> None:
-        estimator = started(Pose2(1.0, 0.0, math.pi / 2), start_sigma_m=0.01, start_sigma_deg=0.5)
+        estimator = kalman(Pose2(1.0, 0.0, math.pi / 2), start_sigma_m=0.01, start_sigma_deg=0.5)
         statuses = []
 
         for i in range(20):
@@ -273,7 +247,7 @@ class TestRecovery:
         assert estimator.counters()["recoveries"] == 1
 
     def test_a_consistent_liar_is_kept_out_while_others_support_the_belief(self) -> None:
-        estimator = started()
+        estimator = kalman()
         statuses = []
 
         for i in range(100):
@@ -287,7 +261,7 @@ class TestRecovery:
         assert abs(pose_of(estimator.belief()).y) < 0.02
 
     def test_a_liar_that_comes_to_its_senses_is_heard_again(self) -> None:
-        estimator = started()
+        estimator = kalman()
 
         for i in range(40):
             driven(estimator, 1, first=i)
@@ -298,7 +272,7 @@ class TestRecovery:
         assert "camera" not in estimator.belief().health
 
     def test_support_of_another_direction_is_no_support(self) -> None:
-        estimator = started()
+        estimator = kalman()
         heading = information_from_sigmas(np.inf, np.inf, 0.05)
 
         for i in range(10):
@@ -313,7 +287,7 @@ class TestRecovery:
 class TestSilence:
     @EKF_ONLY
     def test_a_silent_localizer_is_named_and_the_belief_goes_on_predicted(self) -> None:
-        estimator = driven(started(timeout_s=1.0, sources={"camera": {}}), 5)
+        estimator = driven(kalman(timeout_s=1.0, sources={"camera": {}}), 5)
         assert estimator.belief().health == {"camera": "not heard of yet"}
 
         estimator.apply("camera", fix(0.5))
@@ -326,7 +300,7 @@ class TestSilence:
 
     @EKF_ONLY
     def test_all_silent_the_belief_stays_finite_and_says_so(self) -> None:
-        estimator = driven(started(), 5)
+        estimator = driven(kalman(), 5)
 
         belief = estimator.belief(3600.0)
 
@@ -335,7 +309,7 @@ class TestSilence:
         assert belief.health == {"wheels": "silent for 3599.5 s"}
 
     def test_who_is_lost_is_not_silent(self) -> None:
-        estimator = driven(started(timeout_s=1.0), 20)
+        estimator = driven(kalman(timeout_s=1.0), 20)
 
         estimator.apply("camera", Lost(2.0, "dark"))
 

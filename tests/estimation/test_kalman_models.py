@@ -8,30 +8,17 @@ import numpy as np
 import pytest
 
 from trailmark.errors import ShapeError
-from trailmark.estimates import Applied, Belief, Fix, Motion, information_from_sigmas
+from trailmark.estimates import Applied, Fix, Motion, information_from_sigmas
 from trailmark.estimation.kalman.estimator import Kalman
-from trailmark.estimation.kalman_config import KalmanConfig
 from trailmark.geometry import Pose2, wrap_angle
-from trailmark.interfaces import Session
 
-GOOD = information_from_sigmas(1e-3, 1e-3, 1e-3)
+from .conftest import GOOD, ORIGIN, kalman, pose_of
+
+pytestmark = pytest.mark.usefixtures("kind")
+
 FAIR = information_from_sigmas(0.05, 0.05, 0.02)
 TURN_ONLY = information_from_sigmas(math.inf, math.inf, 1e-4)
-ORIGIN = Pose2()
 DT_S = 0.1
-
-pytestmark = pytest.mark.parametrize("kind", ["ekf", "ukf"])
-
-
-def started(kind: str, start_pose: Pose2 | None = ORIGIN, **config: object) -> Kalman:
-    estimator = Kalman(KalmanConfig.model_validate({"filter": kind, **config}))
-    estimator.start(Session(start_pose=start_pose))
-    return estimator
-
-
-def pose_of(belief: Belief) -> Pose2:
-    assert belief.pose_map_base is not None
-    return belief.pose_map_base
 
 
 def step(i: int, pose: Pose2, information: np.ndarray = GOOD) -> Motion:
@@ -39,8 +26,8 @@ def step(i: int, pose: Pose2, information: np.ndarray = GOOD) -> Motion:
 
 
 class TestCommonErrors:
-    def test_a_gyro_bias_is_learned_from_wheels_that_disagree(self, kind: str) -> None:
-        estimator = started(kind, sources={"gyro": {"errors": "gyro_bias"}})
+    def test_a_gyro_bias_is_learned_from_wheels_that_disagree(self) -> None:
+        estimator = kalman(sources={"gyro": {"errors": "gyro_bias"}})
         bias_radps = math.radians(1.5)
 
         for i in range(300):
@@ -52,8 +39,8 @@ class TestCommonErrors:
         assert abs(value - bias_radps) < 3.0 * sigma < math.radians(0.5)
         assert wrap_angle(pose_of(estimator.belief()).theta - 3.0) == pytest.approx(0.0, abs=0.1)
 
-    def test_a_scale_is_learned_from_fixes_and_taken_off_where_there_are_none(self, kind: str) -> None:
-        estimator = started(kind, sources={"wheels": {"errors": "scale"}})
+    def test_a_scale_is_learned_from_fixes_and_taken_off_where_there_are_none(self) -> None:
+        estimator = kalman(sources={"wheels": {"errors": "scale"}})
 
         for i in range(200):
             estimator.apply("wheels", step(i, Pose2(1.04 * 0.05)))
@@ -64,8 +51,8 @@ class TestCommonErrors:
         assert value == pytest.approx(0.04, abs=0.01)
         assert pose_of(estimator.belief()).x == pytest.approx(10.0, abs=0.05)  # uncorrected: 0.1 m more
 
-    def test_without_it_the_same_drive_ends_elsewhere(self, kind: str) -> None:
-        estimator = started(kind)
+    def test_without_it_the_same_drive_ends_elsewhere(self) -> None:
+        estimator = kalman()
 
         for i in range(200):
             estimator.apply("wheels", step(i, Pose2(1.04 * 0.05)))
@@ -73,7 +60,7 @@ class TestCommonErrors:
         assert pose_of(estimator.belief()).x > 10.3
         assert estimator.common_errors() == {}
 
-    def test_the_order_of_arrival_changes_nothing(self, kind: str) -> None:
+    def test_the_order_of_arrival_changes_nothing(self) -> None:
         sources = {"wheels": {"errors": "scale"}, "gyro": {"errors": "gyro_bias"}}
         rng = np.random.default_rng(3)
         told = []
@@ -84,7 +71,7 @@ class TestCommonErrors:
                 told.append(("camera", Fix(DT_S * (i + 1), Pose2(0.05 * i, *rng.normal(0.0, 0.05, 2)), FAIR)))
         beliefs = []
         for order in (range(len(told)), rng.permutation(len(told))):
-            estimator = started(kind, sources=sources)
+            estimator = kalman(sources=sources)
             for k in order:
                 estimator.apply(*told[k])
             beliefs.append((pose_of(estimator.belief(3.0)).array(), estimator.belief(3.0).covariance))
@@ -94,8 +81,8 @@ class TestCommonErrors:
 
 
 class TestVelocity:
-    def test_fixes_alone_tell_the_velocity(self, kind: str) -> None:
-        still, moving = started(kind), started(kind, model="velocity", coast_s=5.0)
+    def test_fixes_alone_tell_the_velocity(self) -> None:
+        still, moving = kalman(), kalman(model="velocity", coast_s=5.0)
 
         for i in range(100):
             for estimator in (still, moving):
@@ -105,8 +92,8 @@ class TestVelocity:
         assert pose_of(moving.belief(10.4)).x == pytest.approx(4.16, abs=0.08)
         assert pose_of(still.belief(10.4)).x < 4.0
 
-    def test_motion_is_believed_as_without_it(self, kind: str) -> None:
-        plain, filtered = started(kind), started(kind, model="velocity")
+    def test_motion_is_believed_as_without_it(self) -> None:
+        plain, filtered = kalman(), kalman(model="velocity")
 
         for i in range(50):
             for estimator in (plain, filtered):
@@ -115,8 +102,8 @@ class TestVelocity:
         np.testing.assert_allclose(pose_of(filtered.belief()).array(), pose_of(plain.belief()).array(), atol=1e-6)
         assert filtered.belief().twist.forward_mps == pytest.approx(0.5, abs=0.01)
 
-    def test_a_gap_is_the_same_however_often_somebody_asks(self, kind: str) -> None:
-        estimator = started(kind, model="velocity")
+    def test_a_gap_is_the_same_however_often_somebody_asks(self) -> None:
+        estimator = kalman(model="velocity")
         for i in range(20):
             estimator.apply("wheels", step(i, Pose2(0.05)))
         whole = estimator.belief(3.5)
@@ -132,8 +119,8 @@ class TestVelocity:
 
 
 class TestMotionGate:
-    def drive(self, kind: str, **config: object) -> tuple[Kalman, list[Applied]]:
-        estimator, verdicts = started(kind, **config), []
+    def drive(self, **config: object) -> tuple[Kalman, list[Applied]]:
+        estimator, verdicts = kalman(**config), []
         for i in range(40):
             jump = 1.0 if i == 20 else -1.0 if i == 30 else 0.0
             estimator.apply("wheels", step(i, Pose2(0.05), information_from_sigmas(5e-3, 5e-3, 5e-3)))
@@ -142,33 +129,33 @@ class TestMotionGate:
             )
         return estimator, verdicts
 
-    def test_a_step_that_contradicts_the_others_and_the_velocity_is_left_out(self, kind: str) -> None:
-        estimator, verdicts = self.drive(kind)
+    def test_a_step_that_contradicts_the_others_and_the_velocity_is_left_out(self) -> None:
+        estimator, verdicts = self.drive()
 
         assert [i for i, verdict in enumerate(verdicts) if verdict.status == "gated"] == [20, 30]
         assert "against the motion of others" in verdicts[20].reason
         assert verdicts[20].nis is not None
         assert abs(pose_of(estimator.belief()).y) < 0.02
 
-    def test_every_other_step_has_its_nis(self, kind: str) -> None:
-        _, verdicts = self.drive(kind)
+    def test_every_other_step_has_its_nis(self) -> None:
+        _, verdicts = self.drive()
 
         assert all(verdict.dof == 3 and verdict.nis is not None for verdict in verdicts)
 
-    def test_without_a_gate_it_counts(self, kind: str) -> None:
-        _, verdicts = self.drive(kind, gate="off")
+    def test_without_a_gate_it_counts(self) -> None:
+        _, verdicts = self.drive(gate="off")
 
         assert {verdict.status for verdict in verdicts} == {"accepted"}
 
-    def test_of_a_single_localizer_nobody_knows(self, kind: str) -> None:
-        estimator = started(kind)
+    def test_of_a_single_localizer_nobody_knows(self) -> None:
+        estimator = kalman()
 
         verdicts = [estimator.apply("vo", step(i, Pose2(1.0 if i == 5 else 0.05))) for i in range(10)]
 
         assert {verdict.status for verdict in verdicts} == {"accepted"}
 
-    def test_two_that_disagree_a_little_both_count_for_less(self, kind: str) -> None:
-        agreeing, disagreeing = started(kind), started(kind)
+    def test_two_that_disagree_a_little_both_count_for_less(self) -> None:
+        agreeing, disagreeing = kalman(), kalman()
 
         for i in range(20):
             for estimator, scale in ((agreeing, 1.0), (disagreeing, 1.3)):
@@ -181,8 +168,8 @@ class TestMotionGate:
         assert unsure[0, 0] > 1.5 * sure[0, 0]
         assert pose_of(disagreeing.belief()).x == pytest.approx(1.15, abs=0.02)
 
-    def test_who_is_left_out_is_named(self, kind: str) -> None:
-        estimator = started(kind)
+    def test_who_is_left_out_is_named(self) -> None:
+        estimator = kalman()
         for i in range(10):
             estimator.apply("wheels", step(i, Pose2(0.05), information_from_sigmas(5e-3, 5e-3, 5e-3)))
             estimator.apply("vo", step(i, Pose2(0.05, 1.0 if i == 9 else 0.0)))
@@ -191,8 +178,8 @@ class TestMotionGate:
 
 
 class TestSetPose:
-    def test_what_was_believed_is_replaced(self, kind: str) -> None:
-        estimator = started(kind)
+    def test_what_was_believed_is_replaced(self) -> None:
+        estimator = kalman()
         for i in range(10):
             estimator.apply("wheels", step(i, Pose2(0.1)))
 
@@ -204,8 +191,8 @@ class TestSetPose:
         assert belief.covariance[0, 0] == pytest.approx(0.01**2)
         assert belief.pose_odom_base.x == pytest.approx(1.0)
 
-    def test_a_pose_of_the_past_is_driven_on(self, kind: str) -> None:
-        estimator = started(kind)
+    def test_a_pose_of_the_past_is_driven_on(self) -> None:
+        estimator = kalman()
         for i in range(10):
             estimator.apply("wheels", step(i, Pose2(0.1)))
 
@@ -213,16 +200,16 @@ class TestSetPose:
 
         np.testing.assert_allclose(pose_of(estimator.belief()).array(), [5.0, 6.5, math.pi / 2], atol=1e-3)
 
-    def test_from_nowhere_it_is_the_start(self, kind: str) -> None:
-        estimator = started(kind, start_pose=None)
+    def test_from_nowhere_it_is_the_start(self) -> None:
+        estimator = kalman(start_pose=None)
 
         estimator.set_pose(Pose2(2.0, 3.0, 0.0), 0.25 * np.eye(3))
         estimator.apply("wheels", step(0, Pose2(0.1)))
 
         assert pose_of(estimator.belief()).y == pytest.approx(3.0, abs=1e-3)
 
-    def test_what_cannot_be_is_refused(self, kind: str) -> None:
-        estimator = started(kind)
+    def test_what_cannot_be_is_refused(self) -> None:
+        estimator = kalman()
         for i in range(200):
             estimator.apply("wheels", step(i, Pose2(0.1)))
 
@@ -251,9 +238,9 @@ class TestAgreement:
         return Fix(stamp_s, Pose2.from_array(believed.array() + rest), (information + information.T) / 2.0)
 
     @pytest.mark.parametrize("turn_deg", [90.0, -90.0, 180.0])
-    def test_a_wrong_and_overconfident_start_is_mended_by_partial_fixes(self, kind: str, turn_deg: float) -> None:
+    def test_a_wrong_and_overconfident_start_is_mended_by_partial_fixes(self, turn_deg: float) -> None:
         truth = ORIGIN
-        estimator = started(kind, Pose2(1.0, 0.0, math.radians(turn_deg)))
+        estimator = kalman(Pose2(1.0, 0.0, math.radians(turn_deg)))
         reasons = []
 
         for i in range(60):
@@ -268,8 +255,8 @@ class TestAgreement:
         assert np.hypot(*error[:2]) < 0.1
         assert abs(wrap_angle(float(error[2]))) < 0.05
 
-    def test_scattered_outliers_do_not_move_the_belief(self, kind: str) -> None:
-        estimator = started(kind)
+    def test_scattered_outliers_do_not_move_the_belief(self) -> None:
+        estimator = kalman()
         rng = np.random.default_rng(5)
         statuses = []
 
