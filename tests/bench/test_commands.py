@@ -65,6 +65,27 @@ def test_list_tells_states_and_the_time_that_is_left(done: Path, tmp_path: Path)
     assert all(row["estimated_s"] > 0 for row in rows)
 
 
+def test_cells_that_are_others_now_are_told(done: Path) -> None:
+    changed = run(done / "b.yaml", "--out", done / "out", "--set", "sources.robot.n=35", "--list")
+    same = run(done / "b.yaml", "--out", done / "out", "--list")
+
+    assert "4 cells have run with other code or another config" in changed.output
+    assert "other code" not in same.output
+
+
+def test_a_cell_of_now_goes_before_one_of_earlier(tmp_path: Path) -> None:
+    with Index(tmp_path, write=True) as index:
+        for cell_id in ("1" * 20, "2" * 20):  # the code has changed between
+            index.enter([Cell(cell_id, "", {"localizer": "toy", "seed": 0}, {})])
+            index.finished(cell_id, Outcome("ok"), {"metrics": {}, "errors": True})
+
+    told = run("show", tmp_path, "toy, seed 0")
+    earlier = run("show", tmp_path, "1111")
+
+    assert told.output.startswith("2" * 20)
+    assert earlier.output.startswith("1" * 20)
+
+
 def test_show_tells_a_cell_its_figures_and_its_log(done: Path) -> None:
     told = run("show", done / "out", "toy, seed 1")
     several = run("show", done / "out", "toy")

@@ -8,6 +8,8 @@ from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import Any
 
+from pydantic import ValidationError
+
 from trailmark.bench.config import CellsSection, Limits
 from trailmark.config import Document
 from trailmark.config.document import Keys, Problems
@@ -103,6 +105,9 @@ class AxisReader:
                 try:
                     spec.load_config()()
                     spec.load()
+                except ValidationError as error:
+                    keys = ", ".join(".".join(map(str, problem["loc"])) for problem in error.errors())
+                    self.notices.append(f"localizer {spec.name!r} is left out: it needs {keys}")
                 except Exception as error:  # a stranger's plugin: whatever is wrong is no matter of this bench
                     self.notices.append(f"localizer {spec.name!r} is left out: {str(error).splitlines()[0]}")
                 else:

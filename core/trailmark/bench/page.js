@@ -136,7 +136,7 @@ let table = null;
 function drawStatistics() {
   const unit = data.metrics[metric].unit, of = (key) => (entry) => { const s = statistics(entry); return s ? s[key] : null; };
   const versus = (key) => (entry) => { const s = statistics(entry); return s && s.versus ? s.versus[key] : null; };
-  const range = (a, b) => (entry) => { const s = statistics(entry); return !s || s[a] === null ? "\u2013" : `${number(s[a])} \u2013 ${number(s[b])}`; };
+  const range = (a, b) => (entry) => { const s = statistics(entry); return !s || s[a] === null ? "\u2013" : `${number(s[a])} \u2013 ${s[b] === null ? "failed" : number(s[b])}`; };
   const columns = [
     { title: "condition", value: (e) => e.condition, text: (e) => e.condition, unit: "" },
     { title: "method", value: (e) => e.method, text: (e) => e.method, unit: "" },

@@ -67,7 +67,7 @@ def run_command(
 ) -> None:
     """Run the cells of CONFIG that have not been run, and write tables and a report."""
     from trailmark.bench.index import INDEX_FILE, Index
-    from trailmark.cli.bench_run import conclude, executor_of, list_cells, load, remember, run_cells
+    from trailmark.cli.bench_run import conclude, executor_of, list_cells, load, remember, run_cells, say_changed
 
     folder = out or Path("runs/bench") / config.stem
     plugins = plugins_of(context)
@@ -79,12 +79,14 @@ def run_command(
         known = Index(folder) if (folder / INDEX_FILE).is_file() else None
         cache = {} if known is None else known.file_digests()
         bench = load(config, plugins, changes, only, chosen, cache)
+        say_changed(bench, known)
         list_cells(bench, known, as_json)
         return
     with Index(folder, write=True) as index:
         cache = index.file_digests()
         bench = load(config, plugins, changes, only, chosen, cache)
         index.keep_file_digests(cache)
+        say_changed(bench, index)
         remember(index, bench, config)
         where = executor_of(bench, plugins, executor, scheduler, 1 if alone else jobs)
         run_cells(bench, index, where, retry)

@@ -24,7 +24,7 @@ from trailmark.errors import ConfigError
 from trailmark.pipeline.provenance import provenance
 from trailmark.plugins import Plugins
 
-__all__ = ["conclude", "executor_of", "list_cells", "load", "remember", "run_cells"]
+__all__ = ["conclude", "executor_of", "list_cells", "load", "remember", "run_cells", "say_changed"]
 
 
 def load(
@@ -93,6 +93,18 @@ def conclude(index: Index, folder: Path, no_report: bool, as_json: bool) -> None
     states = {record.state for record in index.records()}
     if "ok" not in states and states & {"failed", "crashed", "timeout"}:
         raise click.exceptions.Exit(1)  # a method that fails is a result; a bench without any is not
+
+
+def say_changed(bench: Bench, index: Index | None) -> None:
+    """Say how many cells have run at another address: with other code, or another config of what they name."""
+    done = [record for record in ([] if index is None else index.records(everything=True)) if record.attempts]
+    ids, labels = {record.id for record in done}, {record.label for record in done}
+    n_changed = sum(cell.id not in ids and cell.label in labels for cell in bench.cells)
+    if n_changed:
+        say(
+            f"{n_changed} cells have run with other code or another config: they are others now, to be run."
+            " 'code: version' under 'bench:' lets changes of code pass"
+        )
 
 
 def list_cells(bench: Bench, index: Index | None, as_json: bool) -> None:

@@ -59,13 +59,7 @@ def show_cell(index: Index, words: str, as_json: bool) -> None:
     ConfigError
         If the words fit none, or several.
     """
-    records = index.records(everything=True)
-    found = [record for record in records if record.id.startswith(words) or words in record.label]
-    exact = [record for record in found if words in (record.id, record.label)]
-    if len(exact or found) != 1:
-        names = "; ".join(f"{record.id[:8]} {record.label}" for record in found[:5])
-        raise ConfigError(f"{words!r} is no cell" if not found else f"{words!r} is {len(found)} cells: {names} ...")
-    (record,) = exact or found
+    record = _found(index, words)
     if as_json:
         click.echo(json.dumps(_document(record) | {"stderr": index.stderr(record.id)}, indent=1))
         return
@@ -77,6 +71,21 @@ def show_cell(index: Index, words: str, as_json: bool) -> None:
         click.echo(str(folder))
     if stderr := index.stderr(record.id).rstrip():
         click.echo("\n".join(f"| {line}" for line in stderr.splitlines()[-30:]))
+
+
+def _found(index: Index, words: str) -> Record:
+    """Return the cell that the words fit; one of an earlier config or of earlier code only where no other does."""
+    for everything in (False, True):
+        records = index.records(everything)
+        found = [record for record in records if record.id.startswith(words) or words in record.label]
+        exact = [record for record in found if words in (record.id, record.label)]
+        chosen = exact or found
+        if len(chosen) == 1:
+            return chosen[0]
+        if chosen:
+            names = "; ".join(f"{record.id[:8]} {record.label}" for record in chosen[:5])
+            raise ConfigError(f"{words!r} is {len(chosen)} cells: {names}{' ...' if len(chosen) > 5 else ''}")
+    raise ConfigError(f"{words!r} is no cell")
 
 
 def _document(record: Record) -> dict[str, Any]:
