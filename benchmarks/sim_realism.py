@@ -1,21 +1,20 @@
 """How much the simulator's pictures are like photographs: the same statistics of both, side by side.
 
-    python benchmarks/sim_realism.py [--data FOLDER]
+    python benchmarks/sim_realism.py [--data FOLDER] [--world NAME] [--markdown]
 
-Every statistic of a world should lie between 0.8 of the least and 1.25 of the greatest of the real pictures named
-with it; what lies outside is marked. Parameters of the worlds are fixed by this table and never by what a localizer
-makes of them. Pictures are brought to the size of the smaller side before they are compared.
+Every statistic of a world or a floor should lie between 0.8 of the least and 1.25 of the greatest of the real pictures
+named with it; what lies outside is marked. Parameters are fixed by this table and never by what a localizer makes of
+them. Pictures of worlds are brought to the size of the smaller side before they are compared; floors are compared with
+photographs at full size and reduced to 640 px. Statistics: `trailmark_sim.realism`; SURF: the detector of `omni_surf`.
 """
 
 from __future__ import annotations
 
 import argparse
-import importlib
 import math
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,12 +23,18 @@ import numpy as np
 import numpy.typing as npt
 
 from trailmark.geometry import Pose2
+from trailmark_omni_surf.surf.detector import Surf, SurfOptions
+from trailmark_sim.ground.floors import FLOORS
+from trailmark_sim.ground.ground import Floor
+from trailmark_sim.ground.statistics import PHOTOGRAPHS, floor_statistics, photographed_statistics
+from trailmark_sim.pictures import read_grey
+from trailmark_sim.realism import picture_statistics
 from trailmark_sim.vehicles import VehicleState
+from trailmark_sim.worlds import build_world
 from trailmark_sim.worlds.base import WorldOptions
 
 Grey = npt.NDArray[np.uint8]
-_PATCH, _REACH = 22, 16
-_SIFT: Any = cv2.SIFT_create()  # type: ignore[attr-defined]
+Row = dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -86,109 +91,100 @@ COMPARISONS = (
         {"people": 3},
     ),
 )
-STATISTICS = ("SIFT/MP", "corners/MP", "edges", "slope", "contrast", "distinct")
+_MOST_PHOTOGRAPHS = 12
 
 
-def statistics(grey: Grey) -> list[float]:
-    """Return keypoints and corners per megapixel, edge density, spectral slope, deviation, SAD distinctiveness."""
-    megapixels = grey.size / 1e6
-    sift = len(_SIFT.detect(grey, None)) / megapixels
-    found = cv2.goodFeaturesToTrack(grey, 5000, 0.01, 3)
-    corners = (0 if found is None else len(found)) / megapixels
-    edges = float((cv2.Canny(grey, 80, 160) > 0).mean())
-    return [sift, corners, edges, _slope(grey), float(grey.std()), _distinctiveness(grey)]
+def statistics(grey: Grey) -> Row:
+    """Return the statistics of a picture, with SURF key points per megapixel."""
+    surf = Surf(SurfOptions(n_best=None, upright=True))
+    return asdict(picture_statistics(grey)) | {"surf": len(surf(grey).uv) / (grey.size / 1e6)}
 
 
-def _slope(grey: Grey) -> float:
-    """Return the exponent with which power falls with frequency, between 1/64 and 1/4 of a cycle per pixel."""
-    side = min(grey.shape)
-    top, left = (grey.shape[0] - side) // 2, (grey.shape[1] - side) // 2
-    square = grey[top : top + side, left : left + side].astype(float)
-    window = np.hanning(side)
-    power = np.abs(np.fft.fft2((square - square.mean()) * np.outer(window, window))) ** 2
-    frequency = np.hypot(np.fft.fftfreq(side)[:, None], np.fft.fftfreq(side)[None])
-    bands = np.geomspace(1 / 64, 1 / 4, 13)
-    means = [power[(frequency >= a) & (frequency < b)].mean() for a, b in pairwise(bands)]
-    middles = np.sqrt(bands[:-1] * bands[1:])
-    return float(-np.polyfit(np.log(middles), np.log(np.maximum(means, 1e-9)), 1)[0])
-
-
-def _distinctiveness(grey: Grey) -> float:
-    """Return how much worse the second-best place of a patch fits than its own, with noise of 2 grey levels."""
-    rng = np.random.default_rng(7)
-    ratios = []
-    margin = _PATCH + _REACH
-    for _ in range(40):
-        v, u = (int(rng.integers(margin, n - margin)) for n in grey.shape)
-        patch = grey[v : v + _PATCH, u : u + _PATCH].astype(np.float32)
-        around = grey[v - _REACH : v + _PATCH + _REACH, u - _REACH : u + _PATCH + _REACH].astype(np.float32)
-        patch = patch + 2.0 * rng.standard_normal(patch.shape).astype(np.float32)
-        score = np.sqrt(np.maximum(cv2.matchTemplate(around, patch, cv2.TM_SQDIFF), 0.0) / patch.size)
-        best = float(score[_REACH, _REACH])
-        score[_REACH - 3 : _REACH + 4, _REACH - 3 : _REACH + 4] = np.inf
-        ratios.append(float(score.min()) / max(best, 1e-6))
-    return float(np.median(ratios))
-
-
-def _sized(grey: Grey, height: int) -> Grey:
+def sized(grey: Grey, height: int) -> Grey:
+    """Return a picture of at most this height."""
     if grey.shape[0] <= height:
         return grey
-    return np.asarray(
-        cv2.resize(grey, (round(grey.shape[1] * height / grey.shape[0]), height), interpolation=cv2.INTER_AREA)
-    )
+    width = round(grey.shape[1] * height / grey.shape[0])
+    return np.asarray(cv2.resize(grey, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def simulated(comparison: Comparison) -> list[list[float]]:
+def simulated(comparison: Comparison) -> list[Row]:
     """Return the statistics of a world's pictures."""
-    module = importlib.import_module(f"trailmark_sim.worlds.{comparison.world}")
-    world = module.build(WorldOptions(sensors=(comparison.sensor,), extra=comparison.options, threads=2))
+    options = WorldOptions(sensors=(comparison.sensor,), extra=comparison.options, threads=2)
+    sensor = build_world(comparison.world, options).sensors[0]
     rows = []
     for k, (x, y, heading_deg) in enumerate(comparison.poses):
         state = VehicleState(Pose2(x, y, math.radians(heading_deg)), travelled_m=x)
-        payload = world.sensors[0].render(k, 1.0 + k, state)
+        payload: Any = sensor.render(k, 1.0 + k, state)
         bgr = payload.bgr if hasattr(payload, "bgr") else payload.pixels
-        rows.append(statistics(_sized(np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY), np.uint8), comparison.height)))
+        grey = np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY), np.uint8)
+        rows.append(statistics(sized(grey, comparison.height)))
     return rows
 
 
-def photographed(comparison: Comparison, data: Path) -> list[list[float]]:
+def photographed(comparison: Comparison, data: Path) -> list[Row]:
     """Return the statistics of the photographs."""
-    files = [path for pattern in comparison.real for path in sorted(data.glob(pattern))[:12]]
-    pictures = [cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) for path in files]
-    return [
-        statistics(_sized(np.asarray(picture, np.uint8), comparison.height))
-        for picture in pictures
-        if picture is not None
-    ]
+    files = [path for pattern in comparison.real for path in sorted(data.glob(pattern))[:_MOST_PHOTOGRAPHS]]
+    return [statistics(sized(read_grey(path), comparison.height)) for path in files]
+
+
+def compared_worlds(data: Path, only: str | None) -> list[tuple[str, list[Row], list[Row]]]:
+    """Return name, simulated and real statistics of each world."""
+    chosen = [one for one in COMPARISONS if only in (None, one.world)]
+    return [(f"{one.world} {one.sensor}", simulated(one), photographed(one, data)) for one in chosen]
+
+
+def compared_floors(data: Path, only: str | None) -> list[tuple[str, list[Row], list[Row]]]:
+    """Return name, simulated and real statistics of each floor; of some there is no photograph."""
+    rows = []
+    for floor in sorted(FLOORS):
+        if only in (None, "floors", floor):
+            has_photographs = floor in PHOTOGRAPHS and (data / "ground").is_dir()
+            real = photographed_statistics(floor, data / "ground") if has_photographs else []
+            rows.append((floor, [asdict(floor_statistics(Floor(floor)))], [asdict(one) for one in real]))
+    return rows
+
+
+def cells(ours: Sequence[Row], real: Sequence[Row]) -> tuple[list[str], list[str]]:
+    """Return a row of means, what lies outside marked with `!`, and a row of the real spans."""
+    means, spans = [], []
+    for key in ours[0]:
+        mean = float(np.mean([row[key] for row in ours]))
+        least, most = (pick((row[key] for row in real), default=math.nan) for pick in (min, max))
+        is_outside = bool(real) and not 0.8 * least <= mean <= 1.25 * most
+        means.append(f"{mean:.3g}" if mean < 1e3 else f"{mean:.0f}")
+        means[-1] += "!" if is_outside else ""
+        spans.append(" to ".join(f"{edge:.3g}" if edge < 1e3 else f"{edge:.0f}" for edge in (least, most)))
+    return means, spans if real else [""] * len(means)
+
+
+def show(title: str, compared: Sequence[tuple[str, list[Row], list[Row]]], markdown: bool) -> None:
+    """Print a table."""
+    if not compared:
+        return
+    keys = list(compared[0][1][0])
+    rows = [[title, *keys]]
+    for name, ours, real in compared:
+        means, spans = cells(ours, real)
+        counted = f"{len(real)} photographs" if real else "no photograph of its kind"
+        rows += [[name, *means], [counted, *spans]]
+    if markdown:
+        rows.insert(1, ["---"] * len(rows[0]))
+        print("\n".join("| " + " | ".join(row) + " |" for row in rows) + "\n")
+        return
+    print("\n".join("".join(f"{cell:<{26 if n == 0 else 16}}" for n, cell in enumerate(row)) for row in rows) + "\n")
 
 
 def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     default = os.environ.get("TRAILMARK_DATA", str(Path(__file__).parents[2] / "shared" / "data"))
     parser.add_argument("--data", type=Path, default=Path(default), help="folder of the real recordings")
-    parser.add_argument("--world", choices=[c.world for c in COMPARISONS], help="this world only")
-    arguments = parser.parse_args()
-    print(f"{'':24}" + "".join(f"{name:>16}" for name in STATISTICS))
-    for comparison in COMPARISONS:
-        if arguments.world in (None, comparison.world):
-            _print_rows(comparison, arguments.data)
-
-
-def _print_rows(comparison: Comparison, data: Path) -> None:
-    ours = np.mean(simulated(comparison), axis=0)
-    real = photographed(comparison, data)
-    name = f"{comparison.world} {comparison.sensor}"
-    if not real:
-        print(f"{name:24}" + "".join(f"{value:16.3g}" for value in ours) + "  (no photographs)")
-        return
-    low, high = np.min(real, axis=0), np.max(real, axis=0)
-    within = (ours >= 0.8 * low) & (ours <= 1.25 * high)
-    print(f"{name:24}" + "".join(f"{value:15.3g}{' ' if ok else '!'}" for value, ok in zip(ours, within, strict=True)))
-    print(
-        f"{f'  {len(real)} photographs':24}"
-        + "".join(f"{f'{a:.3g}..{b:.3g}':>15} " for a, b in zip(low, high, strict=True))
-    )
+    parser.add_argument("--world", choices=[*(c.world for c in COMPARISONS), "floors", *FLOORS], help="this one only")
+    parser.add_argument("--markdown", action="store_true", help="print the tables of the README")
+    given = parser.parse_args()
+    show("world, sensor", compared_worlds(given.data, given.world), given.markdown)
+    show("floor", compared_floors(given.data, given.world), given.markdown)
 
 
 if __name__ == "__main__":

@@ -30,11 +30,13 @@ def asphalt(canvas: Canvas) -> None:
 
 
 def concrete(canvas: Canvas) -> None:
-    """Trowelled: fine sand, clouds, pores and a few scratches."""
+    """Trowelled: fine sand, clouds, a few pores and the fine streaks of the trowel."""
     canvas.clouds(0.15, 1.5).clouds(0.02, 1.5).clouds(0.004, 2.0)
-    canvas.dust(28.5)
-    canvas.specks(0.003, 0.035, -220.0, radius=0.20, spread=30.0)
-    canvas.specks((0.04, 0.0016), 0.015, -70.0, radius=0.3, spread=20.0)
+    canvas.dust(26.3)
+    canvas.specks(0.003, 0.012, -220.0, radius=0.20, spread=30.0)
+    # Long and thin: edges as in the photograph without more key points than there.
+    canvas.bend((0.25, 0.25), 0.02)
+    canvas.specks((0.6, 0.0008), 0.175, -75.0, radius=0.3, spread=5.0)
 
 
 def pavers(canvas: Canvas) -> None:
@@ -63,13 +65,13 @@ def carpet(canvas: Canvas) -> None:
 
 
 def terrazzo(canvas: Canvas) -> None:
-    """Chips of stone in a polished matrix, slabs of 300 mm."""
-    canvas.planks(0.3, 0.3, 2.0, shift=0.0)
+    """Chips of stone in a polished matrix, tiles of 150 mm."""
+    canvas.planks(0.15, 0.15, 2.0, shift=0.0)
     canvas.clouds(0.05, 1.5)
-    canvas.grains(0.012, 27.0, jitter=1.0, gap_width=0.08, share=0.13)
-    canvas.grains(0.006, 23.0, jitter=1.0, gap_width=0.12, share=0.07)
-    canvas.dust(26.0)
-    canvas.joints(0.0020, -100.0)
+    canvas.grains(0.012, 27.0, jitter=1.0, gap_width=0.04, share=0.13)
+    canvas.grains(0.006, 23.0, jitter=1.0, gap_width=0.06, share=0.03)
+    canvas.dust(25.6)
+    canvas.joints(0.0020, -60.0)
 
 
 def soil(canvas: Canvas) -> None:
