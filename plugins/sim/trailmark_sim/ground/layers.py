@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from trailmark.kernels import kernel
 from trailmark_sim.hashing import hash2, mixed, normal_of, unit_of
+from trailmark_sim.interpolation import between
 
 __all__ = ["add_clouds", "add_dust", "add_grains", "add_joints", "add_specks", "split_planks"]
 
@@ -38,8 +39,7 @@ def add_clouds(
                 last_i, last_j = i, j
             u, v = u - i, v - j
             u, v = u * u * (3.0 - 2.0 * u), v * v * (3.0 - 2.0 * v)
-            above, below = a + (b - a) * u, c + (d - c) * u
-            out[row, col] += gain * (above + (below - above) * v)
+            out[row, col] += gain * between(a, b, c, d, u, v)
 
 
 @kernel

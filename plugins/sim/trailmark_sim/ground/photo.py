@@ -20,6 +20,7 @@ from scipy.special import ndtri
 from trailmark.errors import ConfigError
 from trailmark.kernels import kernel
 from trailmark_sim.hashing import hash2, mixed, unit_of
+from trailmark_sim.interpolation import between
 from trailmark_sim.pictures import read_grey
 from trailmark_sim.rng import stream_key
 
@@ -179,5 +180,4 @@ def _bilinear(grey: npt.NDArray[Any], normals: npt.NDArray[Any], u: float, v: fl
     fu, fv = u - i, v - j
     a, b = normals[grey[j, i]], normals[grey[j, i + 1]]
     c, d = normals[grey[j + 1, i]], normals[grey[j + 1, i + 1]]
-    above, below = a + (b - a) * fu, c + (d - c) * fu
-    return float(above + (below - above) * fv)
+    return float(between(a, b, c, d, fu, fv))

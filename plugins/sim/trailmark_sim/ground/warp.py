@@ -11,6 +11,7 @@ import numpy.typing as npt
 from trailmark.kernels import kernel
 from trailmark_sim.ground.tiles import GREY_STEPS, TILE_TEXELS
 from trailmark_sim.hashing import hash2
+from trailmark_sim.interpolation import between
 
 __all__ = ["expose_rows", "touched_tiles", "warp_rows"]
 
@@ -230,8 +231,7 @@ def _blend(
     for col in range(line.shape[0]):
         a, b = _texel(above[col] >> _FIRST), _texel(above[col] >> _SECOND)
         c, d = _texel(below[col] >> _FIRST), _texel(below[col] >> _SECOND)
-        upper, lower = a + (b - a) * fx[col], c + (d - c) * fx[col]
-        line[col] += (upper + (lower - upper) * fy[col]) * scale
+        line[col] += between(a, b, c, d, fx[col], fy[col]) * scale
 
 
 @_kernel

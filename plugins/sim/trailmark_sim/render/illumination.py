@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trailmark.kernels import inlined_kernel, kernel
+from trailmark_sim.interpolation import between
 from trailmark_sim.render.rays import LANES
 from trailmark_sim.render.shapes import CYLINDER, RECTANGLE
 
@@ -153,6 +154,4 @@ def show_sky(
         fx, fy = a - _F(i), b - _F(j)
         i0, i1, j1 = i % columns, (i + 1) % columns, min(j + 1, rows - 1)
         for c in range(3):
-            upper = sky[j, i0, c] + fx * (sky[j, i1, c] - sky[j, i0, c])
-            lower = sky[j1, i0, c] + fx * (sky[j1, i1, c] - sky[j1, i0, c])
-            out[pixel, c] = upper + fy * (lower - upper)
+            out[pixel, c] = between(sky[j, i0, c], sky[j, i1, c], sky[j1, i0, c], sky[j1, i1, c], fx, fy)
