@@ -13,7 +13,7 @@ from trailmark.evaluation import OUTCOMES
 from trailmark.geometry import Trajectory
 from trailmark.report.numbers import length_unit
 from trailmark.report.series import ErrorSeries, Lane, way
-from trailmark.report.style import INK, MUTED, OUTCOME_COLOURS, LineStyle
+from trailmark.report.style import BLUE, INK, MUTED, OUTCOME_COLOURS, WIDTH_INCH, LineStyle
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
 __all__ = ["errors_figure", "outcomes_figure", "timing_figure", "trajectories_figure"]
 
-# Inches of 72 px: a column of the page, where the text then has the size of the page's small text.
-_WIDTH = 6.4
 _HEIGHT = 5.0
 _LEGEND_CHARACTERS = 72
 _LEGEND_ROW = 0.21
@@ -87,7 +85,7 @@ def timing_figure(stages: Mapping[str, Mapping[str, float]]) -> Figure:
     for row, stage in enumerate(stages.values()):
         p50, p95, p99 = (max(float(stage.get(f"{word}_ms", 0.0)), 1e-4) for word in ("p50", "p95", "p99"))
         axes.plot([p50, p99], [-row, -row], color=MUTED, linewidth=1.0, solid_capstyle="butt")
-        axes.plot([p50, p95], [-row, -row], color="#0072b2", linewidth=5.0, solid_capstyle="butt")
+        axes.plot([p50, p95], [-row, -row], color=BLUE, linewidth=5.0, solid_capstyle="butt")
         axes.plot([p50], [-row], "o", color=INK, markersize=6.0)
     axes.set_xscale("log")
     axes.xaxis.set_major_formatter(lambda value, _position: f"{value:g}")
@@ -106,7 +104,7 @@ def _figure(height: float, rows: int = 1) -> tuple[Figure, Any]:
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     air = ConstrainedLayoutEngine(h_pad=0.1, w_pad=0.02)  # between the legend and the drawing
-    figure = Figure(figsize=(_WIDTH, height), layout=air)
+    figure = Figure(figsize=(WIDTH_INCH, height), layout=air)
     return figure, figure.subplots(rows, sharex=True)
 
 
@@ -125,7 +123,7 @@ def _plane_height(trajectories: Mapping[str, Trajectory]) -> float:
     positions = np.concatenate([np.zeros((1, 2)), *(item.positions for item in trajectories.values() if len(item))])
     width_m, height_m = np.ptp(positions[1:], axis=0) if len(positions) > 1 else (1.0, 1.0)
     shape = float(height_m / max(width_m, height_m, 1e-9))
-    return 1.1 + (_WIDTH - 1.0) * min(1.0, max(0.3, 1.1 * shape))
+    return 1.1 + (WIDTH_INCH - 1.0) * min(1.0, max(0.3, 1.1 * shape))
 
 
 def _rms(values: npt.NDArray[np.float64]) -> float:
@@ -183,7 +181,7 @@ def _timing_legend(figure: Figure) -> None:
 
     handles = [
         Line2D([], [], color=INK, marker="o", markersize=6.0, linestyle="none", label="median"),
-        Line2D([], [], color="#0072b2", linewidth=5.0, label="to 95 %"),
+        Line2D([], [], color=BLUE, linewidth=5.0, label="to 95 %"),
         Line2D([], [], color=MUTED, linewidth=1.0, label="to 99 %"),
     ]
     figure.legend(handles=handles, loc="outside upper left", ncols=3)

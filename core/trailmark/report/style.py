@@ -20,11 +20,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
+    "BLUE",
+    "GREEN",
     "INK",
     "MUTED",
     "OUTCOME_COLOURS",
     "PAPER",
+    "RED",
     "RULE",
+    "TRUTH",
+    "WIDTH_INCH",
     "LineStyle",
     "css_variables",
     "embedded",
@@ -33,9 +38,13 @@ __all__ = [
     "svg_of",
 ]
 
+#: Width of a drawing in inches of 72 px: a column of the page, where its text has the size of the page's small text.
+WIDTH_INCH = 6.4
+
 INK, MUTED, RULE, PAPER = "#1c1f23", "#626a73", "#dcdfe3", "#fefefe"
-_TRUTH = "#a3abb5"
-_SERIES = ("#0072b2", "#d55e00", "#009e73", "#b4508f", "#c98a00", "#3a9bd9")
+TRUTH = "#a3abb5"
+BLUE, RED, GREEN = "#0072b2", "#d55e00", "#009e73"
+_SERIES = (BLUE, RED, GREEN, "#b4508f", "#c98a00", "#3a9bd9")
 _DASHES = ("solid", (0, (5, 1.5)), (0, (1.5, 1.2)))
 
 #: What became of an estimate: the usual is quiet, the rest is not.
@@ -53,10 +62,10 @@ _DARK = {
     MUTED: "#9aa3ad",
     RULE: "#363b42",
     PAPER: "#16181b",
-    _TRUTH: "#757d87",
-    "#0072b2": "#5bb0e8",
-    "#d55e00": "#ff8d4f",
-    "#009e73": "#3ecaa0",
+    TRUTH: "#757d87",
+    BLUE: "#5bb0e8",
+    RED: "#ff8d4f",
+    GREEN: "#3ecaa0",
     "#b4508f": "#e49ac6",
     "#c98a00": "#f0bd4a",
     "#3a9bd9": "#a3d8ff",
@@ -115,7 +124,7 @@ class LineStyle:
 
 def line_styles(names: Iterable[str]) -> dict[str, LineStyle]:
     """Return the style of each trajectory: truth broad and grey, fused dark, localizers in colours."""
-    styles = {GROUND_TRUTH: LineStyle(_TRUTH, 4.0, order=2), FUSED: LineStyle(INK, 1.5, order=5)}
+    styles = {GROUND_TRUTH: LineStyle(TRUTH, 4.0, order=2), FUSED: LineStyle(INK, 1.5, order=5)}
     for index, name in enumerate(name for name in names if name not in styles):
         dashes = _DASHES[index // len(_SERIES) % len(_DASHES)]
         styles[name] = LineStyle(_SERIES[index % len(_SERIES)], 1.3, dashes)
@@ -178,7 +187,7 @@ def css_variables() -> str:
 
 
 def _variables() -> dict[str, str]:
-    named = {INK: "--ink", MUTED: "--muted", RULE: "--rule", PAPER: "--paper", _TRUTH: "--truth"}
+    named = {INK: "--ink", MUTED: "--muted", RULE: "--rule", PAPER: "--paper", TRUTH: "--truth"}
     named.update({colour: f"--series-{index}" for index, colour in enumerate(_SERIES)})
     named.update({colour: f"--{outcome}" for outcome, colour in OUTCOME_COLOURS.items()})
     return named

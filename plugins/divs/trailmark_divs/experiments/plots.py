@@ -2,30 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from trailmark.geometry import Trajectory
+from trailmark.report.drawing import BLUE, MUTED, RED, drawing
 
 if TYPE_CHECKING:
     from trailmark_divs.experiments.drives import Deviation
 
 __all__ = ["draw_clutter", "draw_corners", "draw_likelihood", "draw_shifts", "draw_ways"]
 
-_LEFT, _RIGHT, _NONE = "#0072b2", "#d55e00", "#626a73"
-_WIDTH_IN = 6.4  # of 72 px
+_LEFT, _RIGHT, _NONE = BLUE, RED, MUTED
 #: A way without an answer that is longer than this is a gap in a line [m].
 _SILENCE_M = 0.25
 
 
 def draw_ways(path: Path, ways: Mapping[float, Sequence[Deviation]]) -> None:
     """Draw Fig. 5: offset over station, all seeds of every start."""
-    with _drawing(path, 3.4) as (figure, axes):
+    with drawing(path, 3.4) as (figure, axes):
         for turned_deg, several in ways.items():
             colour = _LEFT if turned_deg > 0 else _RIGHT
             width = 0.4 + abs(turned_deg) / 8.0
@@ -43,7 +42,7 @@ def draw_ways(path: Path, ways: Mapping[float, Sequence[Deviation]]) -> None:
 
 def draw_corners(path: Path, taught: Trajectory, ways: Sequence[Deviation]) -> None:
     """Draw the taught way with its corners, and the offsets of all replays."""
-    with _drawing(path, 5.6, rows=2) as (_, (above, below)):
+    with drawing(path, 5.6, rows=2) as (_, (above, below)):
         above.plot(*taught.positions[::10].T, color=_NONE)
         above.set_aspect("equal", adjustable="datalim")
         above.set_title("the taught way [m]")
@@ -61,7 +60,7 @@ def draw_shifts(path: Path, drives: Mapping[float, Mapping[str, npt.NDArray[np.f
     drives : mapping
         For each start [deg]: ``station``, ``said`` and ``true``, (N,) each [m, columns, columns].
     """
-    with _drawing(path, 3.6) as (figure, axes):
+    with drawing(path, 3.6) as (figure, axes):
         for turned_deg, drive in drives.items():
             colour = _NONE if turned_deg == 0.0 else _LEFT if turned_deg > 0.0 else _RIGHT
             label = f"{turned_deg:+g}°" if turned_deg else "0°"
@@ -94,7 +93,7 @@ def draw_likelihood(
     reach : int
         Largest shift [columns].
     """
-    with _drawing(path, 4.6, rows=len(maps)) as (_, rows):
+    with drawing(path, 4.6, rows=len(maps)) as (_, rows):
         for axes, (name, likelihood) in zip(rows, maps.items(), strict=True):
             extent = (0, len(likelihood), -reach - 0.5, reach + 0.5)
             dark, bright = np.percentile(likelihood, (2.0, 99.5)).tolist()
@@ -108,24 +107,10 @@ def draw_likelihood(
 
 def draw_clutter(path: Path, pictures: Mapping[str, npt.NDArray[np.float32]]) -> None:
     """Draw Fig. 2: change images before and in a turn."""
-    with _drawing(path, 4.4, rows=len(pictures)) as (_, rows):
+    with drawing(path, 4.4, rows=len(pictures)) as (_, rows):
         for axes, (name, picture) in zip(rows, pictures.items(), strict=True):
             axes.imshow(picture, cmap="gray", vmin=0.0, vmax=0.6, interpolation="nearest")
             axes.grid(visible=False)
             axes.set_xticks([])
             axes.set_yticks([])
             axes.set_title(name)
-
-
-@contextmanager
-def _drawing(path: Path, height_in: float, rows: int = 1) -> Iterator[tuple[Any, Any]]:
-    """Give a figure of our pages' width and its axes, one or those of each row, and write it."""
-    from matplotlib.figure import Figure
-
-    from trailmark.report.style import plotting, svg_of
-
-    with plotting(path.stem):
-        figure = Figure(figsize=(_WIDTH_IN, height_in), layout="constrained")
-        yield figure, figure.subplots(rows)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(svg_of(figure), encoding="utf-8")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from trailmark.experiments import ExperimentOptions, Row
-from trailmark_kinect_landmarks.experiments.drawing import COLOURS, axes_of, drawing
+from trailmark.report.drawing import BLUE, GREEN, MUTED, RED, drawing, legend_above
 from trailmark_kinect_landmarks.experiments.drives import FLOW, LANDMARKS, ORB, Driven, Method, Plan, rms
 
 __all__ = ["disturbance_plans", "disturbance_rows", "draw_disturbances"]
@@ -70,12 +70,13 @@ def _rows_of(name: str, method: str, driven: Sequence[Driven]) -> list[Row]:
 def draw_disturbances(options: ExperimentOptions, driven: Sequence[Driven]) -> None:
     """Draw the errors over time in the laboratory, one picture for each disturbance."""
     shown = [one for one in driven if one.plan.world == "lab" and one.plan.seed == options.seed]
-    with drawing(options.out / "disturbances.svg", rows=len(shown)) as figure:
-        for axes, one in zip(axes_of(figure), shown):
-            for (method, outcome), colour in zip(one.outcomes.items(), COLOURS):
+    with drawing(options.out / "disturbances.svg", 0.6 + 2.0 * len(shown), rows=len(shown)) as (figure, _):
+        for axes, one in zip(figure.axes, shown):
+            for (method, outcome), colour in zip(one.outcomes.items(), (BLUE, RED, GREEN, MUTED)):
                 label = method if axes is figure.axes[0] else None
                 axes.plot(outcome.stamps_s, 1e3 * outcome.position_m, color=colour, linewidth=0.9, label=label)
             if one.plan.name != _PEOPLE:
-                axes.axvline(2.0, color=COLOURS[3], linestyle="dotted", linewidth=1.0)
+                axes.axvline(2.0, color=MUTED, linestyle="dotted", linewidth=1.0)
             axes.set_title(f"{one.plan.name}: distance from the truth [mm]")
         figure.axes[-1].set_xlabel("time [s]")
+        legend_above(figure, 4)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from trailmark.experiments import ExperimentOptions, Row
-from trailmark_kinect_landmarks.experiments.drawing import COLOURS, axes_of, drawing
+from trailmark.report.drawing import BLUE, GREEN, RED, drawing, legend_above
 from trailmark_kinect_landmarks.experiments.drives import (
     FLOW,
     LANDMARKS,
@@ -86,26 +86,27 @@ def _rate_row(world: str, method: str, outcomes: Sequence[Outcome]) -> Row:
 
 def draw_places(options: ExperimentOptions, driven: Sequence[Driven]) -> None:
     """Draw the errors over the way, and the rates beside the paper's."""
-    shown = {_OURS: COLOURS[0], "optical flow": COLOURS[1], "ORB + depth": COLOURS[2]}
-    with drawing(options.out / "places_errors.svg", rows=2) as figure:
-        for axes, (world, called) in zip(axes_of(figure), _NAMES.items()):
+    shown = {_OURS: BLUE, "optical flow": RED, "ORB + depth": GREEN}
+    with drawing(options.out / "places_errors.svg", 4.6, rows=2) as (figure, rows):
+        for axes, (world, called) in zip(rows, _NAMES.items()):
             for one in (one for one in driven if one.plan.world == world and one.plan.name == "straight"):
                 for method, colour in shown.items():
                     found = one.outcomes[method]
-                    label = method if axes is figure.axes[0] and one.plan.seed == options.seed else None
+                    label = method if axes is rows[0] and one.plan.seed == options.seed else None
                     way_m = found.stamps_s * one.plan.speed_mps
                     axes.plot(way_m, 1e3 * found.position_m, color=colour, linewidth=0.9, label=label)
             axes.set_yscale("log")
             axes.yaxis.set_major_formatter(lambda value, _position: f"{value:g}")  # powers would be written in TeX
             axes.set_title(f"{called}: distance from the truth [mm], logarithmic")
-        figure.axes[-1].set_xlabel("way [m]")
-    with drawing(options.out / "places_rates.svg", height=3.6) as figure:
-        (axes,) = axes_of(figure)
-        for k, (world, called) in enumerate(_NAMES.items()):
+        rows[-1].set_xlabel("way [m]")
+        legend_above(figure, 4)
+    with drawing(options.out / "places_rates.svg", 3.6) as (figure, axes):
+        for k, ((world, called), colour) in enumerate(zip(_NAMES.items(), (BLUE, RED))):
             straight = [one for one in driven if one.plan.world == world and one.plan.name == "straight"]
             fps = [1e3 / float(np.concatenate([one.outcomes[m].times_ms for one in straight]).mean()) for m in _METHODS]
-            axes.barh(np.arange(len(fps)) + 0.4 * k, fps, 0.38, color=COLOURS[k], label=called)
-            axes.axvline(_PAPER_FPS[world], color=COLOURS[k], linestyle="dotted", linewidth=1.5)
+            axes.barh(np.arange(len(fps)) + 0.4 * k, fps, 0.38, color=colour, label=called)
+            axes.axvline(_PAPER_FPS[world], color=colour, linestyle="dotted", linewidth=1.5)
         axes.set_yticks(np.arange(len(_METHODS)) + 0.2, list(_METHODS))
         axes.invert_yaxis()
         axes.set_title("pictures a second of one core; dotted: the paper")
+        legend_above(figure, 4)

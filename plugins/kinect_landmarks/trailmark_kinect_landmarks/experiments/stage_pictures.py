@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from trailmark.experiments import ExperimentOptions
-from trailmark_kinect_landmarks.experiments.drawing import axes_of, drawing, with_jpegs
+from trailmark.report.drawing import drawing
 from trailmark_kinect_landmarks.experiments.drives import LANDMARKS, Plan, drive
+from trailmark_kinect_landmarks.experiments.jpegs import with_jpegs
 
 __all__ = ["draw_stages"]
 
@@ -25,8 +26,8 @@ def draw_stages(options: ExperimentOptions) -> None:
         drive(Plan("stages", "lab", options.seed, {"landmarks": method}, {"registered": False}, length_m=0.15))
         pictures = sorted(Path(folder).glob("000002_*.png"))
         drawn = options.out / "stages.svg"
-        with drawing(drawn, rows=3, columns=2, height=7.4) as figure:
-            for axes, path, number in zip(axes_of(figure), pictures, range(5, 11)):
+        with drawing(drawn, 7.4, rows=3, columns=2) as (figure, _):
+            for axes, path, number in zip(figure.axes, pictures, range(5, 11)):
                 whole = np.asarray(cv2.imread(str(path)), np.uint8)
                 axes.imshow(cv2.resize(whole, _SIZE, interpolation=cv2.INTER_AREA)[..., ::-1])
                 axes.set_axis_off()

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from trailmark.report.style import INK, MUTED, RULE, line_styles, plotting, svg_of
+from trailmark.report.drawing import INK, MUTED, RULE, drawing
+from trailmark.report.style import line_styles
 
 if TYPE_CHECKING:
     from trailmark_omni_surf.experiments.variants import Answers
@@ -31,11 +32,7 @@ class _Route(Protocol):
 
 def draw_line(path: Path, answers: Mapping[str, Answers]) -> None:
     """Draw where both methods say the robot is, beside the route (Fig. 6)."""
-    from matplotlib.figure import Figure
-
-    with plotting("fig6"):
-        figure = Figure(figsize=(6.4, 3.4), layout="constrained")
-        axes: Any = figure.subplots()
+    with drawing(path, 3.4, name="fig6") as (_, axes):
         styles = line_styles(_NAMES)
         axes.plot(*answers["developed"].truth[:, :2].T, color=MUTED, linewidth=1.2, label="where the robot was")
         for name, marker in (("plain", "^"), ("developed", "s")):
@@ -46,17 +43,13 @@ def draw_line(path: Path, answers: Mapping[str, Answers]) -> None:
         axes.set_xlim(0.0, 6.0)
         axes.set_ylim(0.0, 4.0)  # as in the paper; what lies outside is not drawn
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3)
-        path.write_text(svg_of(figure), encoding="utf-8")
 
 
 def draw_routes(path: Path, drives: Sequence[_Route], goal: tuple[float, float]) -> None:
     """Draw the ways to the goal, and where the robot believed to be (Fig. 7)."""
-    from matplotlib.figure import Figure
     from matplotlib.patches import Circle, Rectangle
 
-    with plotting("fig7"):
-        figure = Figure(figsize=(6.4, 6.4), layout="constrained")
-        axes: Any = figure.subplots()
+    with drawing(path, 6.4, name="fig7") as (_, axes):
         for x, y in _SHELVES:
             corner = (x - _SHELF_M[0] / 2, y - _SHELF_M[1] / 2)
             axes.add_patch(Rectangle(corner, *_SHELF_M, facecolor=RULE, edgecolor=MUTED, linewidth=0.8))
@@ -72,4 +65,3 @@ def draw_routes(path: Path, drives: Sequence[_Route], goal: tuple[float, float])
         axes.set_ylim(0, 10)
         axes.set_aspect("equal")
         axes.legend(loc="upper right")
-        path.write_text(svg_of(figure), encoding="utf-8")

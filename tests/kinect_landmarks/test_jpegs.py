@@ -1,4 +1,4 @@
-"""The figures of the experiments."""
+"""Photographs in drawings."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 import pytest
 
-from trailmark_kinect_landmarks.experiments.drawing import axes_of, drawing, with_jpegs
+from trailmark.report.drawing import drawing
+from trailmark_kinect_landmarks.experiments.jpegs import with_jpegs
 
 
 def _pictures(svg):
@@ -24,8 +25,8 @@ def test_pictures_in_a_figure_become_small_and_look_the_same(tmp_path):
     rng = np.random.default_rng(3)
     scene = cv2.GaussianBlur(rng.integers(0, 256, (240, 320, 3), np.uint8), (0, 0), 3.0)
     scene = cv2.normalize(scene, None, 0, 255, cv2.NORM_MINMAX)
-    with drawing(tmp_path / "a.svg") as figure:
-        axes_of(figure)[0].imshow(scene)
+    with drawing(tmp_path / "a.svg", 2.6) as (_, axes):
+        axes.imshow(scene)
     svg = (tmp_path / "a.svg").read_text("utf-8")
 
     small = with_jpegs(svg)
