@@ -9,7 +9,8 @@ from typing import Any
 
 import click
 
-from trailmark.evaluation import ALIGNMENTS, GROUND_TRUTH, AlignKind, Protocol, evaluate_run
+from trailmark.cli.trajectories import align_option, short_names
+from trailmark.evaluation import GROUND_TRUTH, AlignKind, Protocol, evaluate_run
 from trailmark.report.tables import Table, Trajectories, consistency_table, sources_table, trajectories_table
 
 __all__ = ["compare_command"]
@@ -19,13 +20,7 @@ Runs = Sequence[tuple[str, dict[str, Any]]]
 
 @click.command("compare")
 @click.argument("folders", metavar="DIR...", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option(
-    "--align",
-    type=click.Choice(ALIGNMENTS),
-    default="se2",
-    show_default=True,
-    help="Lay all positions on the truth, the first pose only, or nothing.",
-)
+@align_option
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
 def compare_command(folders: tuple[Path, ...], align: AlignKind, as_json: bool) -> None:
     """Compare runs, or the localizers of one run, against ground truth; without it by their differences."""
@@ -34,7 +29,7 @@ def compare_command(folders: tuple[Path, ...], align: AlignKind, as_json: bool) 
         shown = [{"folder": str(folder), **document} for folder, document in zip(folders, documents, strict=True)]
         click.echo(json.dumps(shown, indent=1))
         return
-    runs = list(zip(_short_names(folders), documents, strict=True))
+    runs = list(zip(short_names(folders), documents, strict=True))
     _print(runs)
 
 
@@ -77,9 +72,3 @@ def _rows(runs: Runs, is_labelled: bool) -> Trajectories:
     first = runs[0][1]
     labels, items = tuple(label for label, _ in found), tuple(item for _, item in found)
     return Trajectories(labels, items, first["errors"], first["reference"] or "")
-
-
-def _short_names(folders: Sequence[Path]) -> list[str]:
-    """Return the names of the folders; their paths where two are called the same."""
-    names = [folder.resolve().name for folder in folders]
-    return names if len(set(names)) == len(names) else [str(folder) for folder in folders]

@@ -10,8 +10,9 @@ from typing import Any
 
 import click
 
+from trailmark.cli.trajectories import align_option, short_names
 from trailmark.errors import ConfigError, DataError
-from trailmark.evaluation import ALIGNMENTS, AlignKind, Protocol, evaluate
+from trailmark.evaluation import AlignKind, Protocol, evaluate
 from trailmark.geometry import Trajectory, read_tum
 from trailmark.paths import Path as TaughtPath
 from trailmark.report.tables import Trajectories, trajectories_table
@@ -22,13 +23,7 @@ __all__ = ["evaluate_command"]
 @click.command("evaluate")
 @click.argument("truth", metavar="GT.tum", type=click.Path(path_type=Path))
 @click.argument("estimates", metavar="EST.tum...", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option(
-    "--align",
-    type=click.Choice(ALIGNMENTS),
-    default="se2",
-    show_default=True,
-    help="Lay all positions on the truth, the first pose only, or nothing.",
-)
+@align_option
 @click.option(
     "--max-difference",
     "max_difference_s",
@@ -120,11 +115,5 @@ def _document(path: Path, truth: Trajectory, protocol: Protocol) -> dict[str, An
 def _print(paths: Sequence[Path], documents: Sequence[dict[str, Any]]) -> None:
     from trailmark.report.console import print_table
 
-    labels = tuple((name,) for name in _short_names(paths))
+    labels = tuple((name,) for name in short_names(paths))
     print_table(trajectories_table(Trajectories(labels, tuple(documents), errors=True)))
-
-
-def _short_names(paths: Sequence[Path]) -> list[str]:
-    """Return the names of the files; with their folders where two are called the same."""
-    stems = [path.stem for path in paths]
-    return stems if len(set(stems)) == len(stems) else [str(path) for path in paths]
