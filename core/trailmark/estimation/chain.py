@@ -7,6 +7,7 @@ from bisect import bisect_left
 from dataclasses import dataclass
 
 from trailmark.estimates import Motion
+from trailmark.estimation.information import says_something
 from trailmark.estimation.symmetric import (
     ZERO,
     Sym3,
@@ -23,9 +24,6 @@ __all__ = ["MotionChain", "OdomState"]
 
 # Stamps this close are one instant: they went through decimals on their way.
 _SAME_INSTANT_S = 1e-6
-
-# A motion 100 times less certain than drift measures nothing; taken at its word it would drown later digits.
-_SAYS_NOTHING = 1e4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -134,7 +132,7 @@ class MotionChain:
         """Return the covariance of a motion; a direction that was not measured drifts as in a gap."""
         covariance = inverse(information)
         drift = scaled(self._drift, dt_s * dt_s)
-        if covariance is not None and all(covariance[i] < _SAYS_NOTHING * drift[i] for i in (0, 3, 5)):
+        if covariance is not None and says_something(covariance, drift):
             return covariance
         floor = inverse(drift)
         return (floor and inverse(add(information, floor))) or drift

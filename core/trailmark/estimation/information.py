@@ -11,7 +11,7 @@ import numpy.typing as npt
 from trailmark.errors import ShapeError
 from trailmark.estimation.symmetric import NOTHING, Sym3, inverse, to_matrix
 
-__all__ = ["Measured", "checked_covariance", "checked_information", "measured_directions"]
+__all__ = ["Measured", "checked_covariance", "checked_information", "measured_directions", "says_something"]
 
 Matrix = npt.NDArray[np.float64]
 
@@ -19,6 +19,8 @@ Matrix = npt.NDArray[np.float64]
 _ASYMMETRIC = 1e-6
 _NEGATIVE = 1e-9
 _UNMEASURED = 1e-12
+# In variance: 100 times as uncertain.
+_SAYS_NOTHING = 1e4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,6 +112,18 @@ def measured_directions(information: Sym3) -> Measured:
     spread = sigmas[:, None] * ((directions / weights) @ directions.T) * sigmas
     xx, xy, xt, _, yy, yt, _, _, tt = spread.ravel().tolist()
     return Measured(int(is_measured.sum()), gain, (xx, xy, xt, yy, yt, tt))
+
+
+def says_something(covariance: Sym3, drift: Sym3) -> bool:
+    """Return whether a motion is known better than 100 times what drift would make of it, along every axis.
+
+    One that is not measures nothing; taken at its word it would drown later digits.
+    """
+    return (
+        covariance[0] < _SAYS_NOTHING * drift[0]
+        and covariance[3] < _SAYS_NOTHING * drift[3]
+        and covariance[5] < _SAYS_NOTHING * drift[5]
+    )
 
 
 def _diagonal(information: Sym3) -> tuple[float, float, float]:

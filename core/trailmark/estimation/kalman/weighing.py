@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from trailmark.estimation.information import says_something
 from trailmark.estimation.kalman.gate import threshold
 from trailmark.estimation.kalman.motions import Step
 from trailmark.estimation.kalman.trust import root_of
@@ -19,9 +20,6 @@ from trailmark.estimation.symmetric import ZERO, Sym3, add, inverse, scaled, to_
 from trailmark.geometry import Pose2, Twist2, wrap_angle
 
 __all__ = ["Judged", "fused", "information_of", "judged", "nis_between"]
-
-# A step 100 times less certain than drift measures nothing; taken at its word it would drown later digits.
-_SAYS_NOTHING = 1e4
 
 Told = tuple[str, Step]
 
@@ -146,7 +144,7 @@ def fused(steps: Sequence[Step], dt_s: float, held: Twist2, drift: Sym3, is_inde
         Whether information adds up; otherwise it is averaged.
     """
     first = steps[0]
-    if len(steps) == 1 and first.covariance is not None and _says_something(first.covariance, drift):
+    if len(steps) == 1 and first.covariance is not None and says_something(first.covariance, drift):
         return first, True
     share = 1.0 if is_independent else 1.0 / len(steps)
     information, moment = ZERO, (0.0, 0.0, 0.0)
@@ -155,7 +153,7 @@ def fused(steps: Sequence[Step], dt_s: float, held: Twist2, drift: Sym3, is_inde
         information = add(information, own)
         moment = _plus(moment, _times(own, step.x, step.y, first.turn + wrap_angle(step.turn - first.turn)))
     covariance = inverse(information)
-    is_measured = covariance is not None and _says_something(covariance, drift)
+    is_measured = covariance is not None and says_something(covariance, drift)
     if not is_measured:
         coasted, floor = held.after(dt_s), inverse(drift) or ZERO
         moment = _plus(moment, _times(floor, coasted.x, coasted.y, coasted.theta))
@@ -164,14 +162,6 @@ def fused(steps: Sequence[Step], dt_s: float, held: Twist2, drift: Sym3, is_inde
     x, y, turn = _times(covariance, *moment)
     forward_m, left_m, turn_rad = Pose2(x, y, turn).log()
     return Step(x, y, turn, covariance, None, Twist2(forward_m / dt_s, left_m / dt_s, turn_rad / dt_s)), is_measured
-
-
-def _says_something(covariance: Sym3, drift: Sym3) -> bool:
-    return (
-        covariance[0] < _SAYS_NOTHING * drift[0]
-        and covariance[3] < _SAYS_NOTHING * drift[3]
-        and covariance[5] < _SAYS_NOTHING * drift[5]
-    )
 
 
 def _times(a: Sym3, x: float, y: float, turn: float) -> tuple[float, float, float]:
