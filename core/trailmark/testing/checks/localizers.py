@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import math
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -376,4 +377,4 @@ def _endless(case: LocalizerCase) -> Iterator[Frame]:
 def _resident_mib() -> float:
     gc.collect()
     pages = int(FilePath("/proc/self/statm").read_text(encoding="ascii").split()[1])
-    return pages * 4096 / 2**20
+    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
