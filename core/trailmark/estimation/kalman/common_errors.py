@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from trailmark.estimation.kalman.innovation import Innovation
+from trailmark.estimation.kalman.innovation import Innovation, Linear
 from trailmark.estimation.kalman.layout import Common, Layout
 from trailmark.estimation.kalman.motions import Step
 from trailmark.estimation.kalman.trust import root_of
@@ -27,17 +27,6 @@ Array = npt.NDArray[np.float64]
 # A scale is never believed to be further off than this: a wheel half or twice its size.
 _LEAST_SCALE, _MOST_SCALE = -0.5, 1.0
 _UNKNOWN = 1e6
-
-
-class _Linear:
-    """A measurement that is linear in the state: ``y = H (x0 - x) + y0``."""
-
-    def __init__(self, innovation: Array, jacobian: Array, x: Array) -> None:
-        self._innovation, self._jacobian, self._x = innovation, jacobian, x
-
-    def innovation(self, x: Array) -> tuple[Array, Array]:
-        """Return what is left of the innovation at a state, and the Jacobian."""
-        return self._innovation - self._jacobian @ (x - self._x), self._jacobian
 
 
 class CommonErrors:
@@ -110,7 +99,7 @@ class CommonErrors:
         )
         innovation, jacobian = -whitened @ away, whitened @ change
         seen = Innovation(innovation, jacobian, covariance)
-        return self._filter.corrected(x, covariance, seen, _Linear(innovation, jacobian, x))
+        return self._filter.corrected(x, covariance, seen, Linear(innovation, jacobian, x))
 
     def _columns(self, x: Array, freed: Sequence[tuple[str, Step]], dt_s: float, drift: Sym3) -> Array:
         share = 1.0 if self._is_independent else 1.0 / len(freed)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from trailmark.errors import ShapeError
 from trailmark.estimation.symmetric import Sym3, inverse, to_matrix
 
-__all__ = ["Innovation", "Measures", "nis_of"]
+__all__ = ["Innovation", "Linear", "Measures", "nis_of"]
 
 Array = npt.NDArray[np.float64]
 
@@ -20,6 +20,29 @@ class Measures(Protocol):
 
     def innovation(self, x: Array) -> tuple[Array, Array]:
         """Return measured less predicted, (k,), angles wrapped, and the Jacobian of the prediction, (k, 3)."""
+
+
+class Linear:
+    """A measurement that is linear in the state: ``y(x) = y0 - H (x - x0)``.
+
+    Parameters
+    ----------
+    innovation : (k,) float64
+        Measured less predicted at `x`, in standard deviations of the measurement.
+    jacobian : (k, n) float64
+        How the prediction changes with the state, anywhere.
+    x : (n,) float64
+        A state.
+    """
+
+    __slots__ = ("_innovation", "_jacobian", "_x")
+
+    def __init__(self, innovation: Array, jacobian: Array, x: Array) -> None:
+        self._innovation, self._jacobian, self._x = innovation, jacobian, x
+
+    def innovation(self, x: Array) -> tuple[Array, Array]:
+        """Return what is left of the innovation at a state, and the Jacobian."""
+        return self._innovation - self._jacobian @ (x - self._x), self._jacobian
 
 
 class Innovation:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from trailmark.estimation.kalman.innovation import Innovation
+from trailmark.estimation.kalman.innovation import Innovation, Linear
 from trailmark.estimation.kalman.layout import Layout
 from trailmark.estimation.kalman.motions import Step
 from trailmark.estimation.kalman.state import FilterState
@@ -25,18 +25,6 @@ if TYPE_CHECKING:
 __all__ = ["VelocityModel"]
 
 Array = npt.NDArray[np.float64]
-
-
-class _MeanTwist:
-    """A step as a measurement of the velocity: linear in the state."""
-
-    def __init__(self, twist: Array, root: Array, jacobian: Array, x: Array) -> None:
-        self._twist, self._root, self._jacobian, self._x = twist, root, jacobian, x
-
-    def innovation(self, x: Array) -> tuple[Array, Array]:
-        """Return measured less predicted, and the Jacobian."""
-        plain = self._root @ (self._twist - self._x[3:6])
-        return plain - self._jacobian @ (x - self._x), self._jacobian
 
 
 class VelocityModel:
@@ -98,9 +86,9 @@ class VelocityModel:
                 jacobian[:, 6:] = -root @ columns[:, 6:] / dt_s
             twist = step.twist
             said = np.array([twist.forward_mps, twist.left_mps, twist.yaw_radps])
-            measures = _MeanTwist(said, root, jacobian, x)
-            seen = Innovation(*measures.innovation(x), covariance)
-            x, covariance = self._filter.corrected(x, covariance, seen, measures)
+            innovation = root @ (said - x[3:6])
+            seen = Innovation(innovation, jacobian, covariance)
+            x, covariance = self._filter.corrected(x, covariance, seen, Linear(innovation, jacobian, x))
         moved = replace(state, x=x, covariance=covariance)
         return replace(moved, twist=self.twist_of(moved))
 
