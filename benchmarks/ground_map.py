@@ -343,7 +343,8 @@ class Start:
 def find_start(taught: Taught, way_m: float, seed: int) -> Start | None:
     """Put the robot down beside the course, let it stand, then drive on; return its first `Fix`."""
     at, rng = course(taught.metres), np.random.default_rng([6, seed])
-    aside = Pose2(*rng.normal(0.0, 5e-3, 2).tolist(), math.radians(float(rng.normal(0.0, 1.5))))
+    x, y = rng.normal(0.0, 5e-3, 2).tolist()
+    aside = Pose2(x, y, math.radians(float(rng.normal(0.0, 1.5))))
     n_still = 4 + len(taught.places) // 20  # every place is tried, and a little more
     law = lambda time_s: at(way_m + SPEED_MPS * max(0.0, time_s - n_still / RATE_HZ)) @ aside  # noqa: E731
     drive = OpenDrive(taught.floor, law, n_still + int(_DRIVE_ON_M / SPEED_MPS * RATE_HZ), taught.seed, 2 + seed)

@@ -38,10 +38,17 @@ class GroundVOConfig(PluginConfig):
     """Search the whole range of shifts when nothing is known of the motion: at the start and when the track is lost."""
     max_error_ratio: float = Field(0.8, gt=0, le=1)
     """Lost when the least error is more than this share of the mean over all candidates."""
+    max_error_share: float = Field(0.25, gt=0, le=1)
+    """Lost, where the search looks at the smoothed picture, when the least error is more than this share of the mean
+    and more than the noise of the picture explains: coarse grain fits to itself elsewhere; 1: noise is not asked."""
     max_error_growth: float = Field(3.0, gt=1)
     """Lost when the least error is this many times what it has been."""
     patience_frames: int = Field(2, ge=0)
     """Pictures that may miss in a row before the last of them is what the next ones are compared with."""
+    smooth_search: bool | None = None
+    """Refined mode: search on the picture smoothed with 1 4 6 4 1, which the noise of the camera disturbs a third as
+    much, but light that was not corrected more. Left out: as soon as the flat field is known. The other modes search
+    on the picture as it is, as the paper."""
     n_segments: int = Field(8, ge=1, le=64)
     """Refinement: segments of each vertical line that give two pixels each."""
     line_step_px: int = Field(2, ge=1, le=64)

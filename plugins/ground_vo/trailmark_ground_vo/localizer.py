@@ -80,9 +80,11 @@ class GroundVO(Localizer):
         return dict(self._counts)
 
     def _new_tracker(self, size: tuple[int, int]) -> RelativeTracker:
-        config = self.config
+        config, has_flat_field = self.config, self._reader.has_flat_field
         if config.learn_flat_field is None:
-            config = config.model_copy(update={"learn_flat_field": not self._reader.has_flat_field})
+            config = config.model_copy(update={"learn_flat_field": not has_flat_field})
+        if config.smooth_search is None and has_flat_field:
+            config = config.model_copy(update={"smooth_search": True})
         return RelativeTracker(config, size, self._scale[1] / self._scale[0])
 
     def _warm_up(self, size: tuple[int, int]) -> None:

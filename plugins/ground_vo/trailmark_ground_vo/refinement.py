@@ -13,14 +13,13 @@ from trailmark_ground_vo.config import GroundVOConfig
 from trailmark_ground_vo.extremes import Area
 from trailmark_ground_vo.filters import SMOOTH_SCALE
 from trailmark_ground_vo.flat_field import FlatFieldLearner
-from trailmark_ground_vo.kernels import Kernels
 from trailmark_ground_vo.motion import ImageMotion
 from trailmark_ground_vo.refine import best_start, mean_clipped, refine
 from trailmark_ground_vo.texture import Texture, advance_texture, residuals, select_texture
 
 __all__ = ["Aligned", "Refinement"]
 
-Grey = npt.NDArray[np.uint8]
+Words = npt.NDArray[np.uint16]
 
 #: Residuals are clipped here when costs are compared: a pixel that is covered says no more than that.
 _CLIP = 30.0 * SMOOTH_SCALE
@@ -54,25 +53,22 @@ class Aligned:
 class Refinement:
     """Aligns each picture with remembered pixels (see `texture` and `refine`)."""
 
-    def __init__(self, config: GroundVOConfig, size: tuple[int, int], aspect: float, kernels: Kernels) -> None:
+    def __init__(self, config: GroundVOConfig, size: tuple[int, int], aspect: float) -> None:
         margin = config.margin_px
         self._config = config
         self._area: Area = (margin, margin, size[0] - margin, size[1] - margin)
         self._centre = ((size[0] - 1) / 2.0, (size[1] - 1) / 2.0)
         self._aspect = aspect
-        self._kernels = kernels
         self._learner = FlatFieldLearner(size, aspect) if config.learn_flat_field else None
         self._texture: Texture
 
-    def begin(self, image: Grey) -> None:
-        """Choose the pixels in a picture."""
-        self._texture = select_texture(
-            self._kernels.smooth(image), self._area, self._config.n_segments, self._config.line_step_px
-        )
+    def begin(self, picture: Words) -> None:
+        """Choose the pixels in a picture, smoothed (see `filters.smooth`)."""
+        self._texture = select_texture(picture, self._area, self._config.n_segments, self._config.line_step_px)
 
-    def align(self, image: Grey, starts: Sequence[ImageMotion]) -> Aligned:
+    def align(self, picture: Words, starts: Sequence[ImageMotion]) -> Aligned:
         """Return the refined motion, at least as good as the best start, and move along with it."""
-        picture, texture = self._kernels.smooth(image), self._texture
+        texture = self._texture
         candidates = np.array([start.array() for start in starts])
         few = np.ascontiguousarray(texture[:, ::_EVERY])
         start = starts[best_start(picture, few, self._centre, candidates, self._aspect, _CLIP)]
@@ -104,7 +100,7 @@ class Refinement:
 
     def _advance(
         self,
-        picture: npt.NDArray[np.uint16],
+        picture: Words,
         differences: npt.NDArray[np.float32],
         motion: tuple[float, float, float],
     ) -> float:

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from trailmark.errors import ConfigError
 from trailmark_ground_vo.config import GroundVOConfig
 from trailmark_ground_vo.extremes import Area
+from trailmark_ground_vo.filters import levels_of, noise_level
 from trailmark_ground_vo.kernels import load_kernels
 from trailmark_ground_vo.motion import ImageMotion, combine
 from trailmark_ground_vo.refinement import Refinement
@@ -37,6 +38,15 @@ _STILL = (ImageMotion(0.0, 0.0, 0.0), ImageMotion(0.0, 0.0, 0.0))
 
 #: Pictures whose error says what is usual.
 _USUAL_FRAMES = 50
+
+#: Error on a smoothed picture per noise of the picture that may be noise: twice what was measured on eight floors.
+_NOISE_FACTOR = 0.8
+
+#: An error so many times what it has been is no surprise.
+_USUAL_FACTOR = 1.5
+
+#: Errors below this say nothing: light that changes by two percent does as much [grey levels].
+_QUIET_LEVELS = 3.0
 
 #: Drift variance per replacement of all pixels over that of one alignment, measured on ten floors (see README.md).
 _GROWTH_WHOLE_PIXELS, _GROWTH_REFINED = 0.15, 2.5
@@ -142,7 +152,8 @@ class RelativeTracker:
         self._viewpoints = (lower, upper)
         self._middle = ((size[0] - 1) / 2.0, (size[1] - 1) / 2.0)
         self._wide_shifts = _wide_shifts(config)
-        self._refinement = Refinement(config, size, aspect, self._kernels) if config.mode == "refined" else None
+        self._refinement = Refinement(config, size, aspect) if config.mode == "refined" else None
+        self._is_smooth = bool(config.smooth_search)
         self._since_s: float | None = None
         self._interval_s = 0.0
         self._n_missed = 0
@@ -170,7 +181,7 @@ class RelativeTracker:
             return None
         elapsed_s = stamp_s - self._since_s
         matches = self._find(picture, elapsed_s / self._interval_s if self._interval_s > 0.0 else 1.0)
-        details, reason = self._details(matches), self._why_lost(matches)
+        details, reason = self._details(matches), self._why_lost(matches, picture.noise)
         if reason:
             self._miss(picture, stamp_s)
             return Miss(reason, details)
@@ -187,6 +198,7 @@ class RelativeTracker:
 
     def refresh(self, image: Grey) -> None:
         """Choose all pixels anew, in the picture of the last step with another flat field."""
+        self._is_smooth = self._config.smooth_search is not False
         self._choose(self._picture(image))
 
     def _miss(self, picture: Picture, stamp_s: float) -> None:
@@ -199,7 +211,8 @@ class RelativeTracker:
         for viewpoint in self._viewpoints:
             viewpoint.begin(picture, self._config.n_pixels)
         if self._refinement is not None:
-            self._refinement.begin(picture.image)
+            assert picture.smoothed is not None
+            self._refinement.begin(picture.smoothed)
 
     def _begin(self, picture: Picture, stamp_s: float) -> None:
         self._choose(picture)
@@ -207,6 +220,11 @@ class RelativeTracker:
         self._usual.clear()
 
     def _picture(self, image: Grey) -> Picture:
+        if self._refinement is not None:
+            smoothed, noise = self._kernels.smooth(image), None
+            if self._is_smooth:
+                image, noise = levels_of(smoothed), noise_level(image)
+            return Picture(image, self._kernels.transpose(image), smoothed=smoothed, noise=noise)
         image_t = self._kernels.transpose(image)
         if self._config.mode != "pyramid":
             return Picture(image, image_t)
@@ -220,7 +238,7 @@ class RelativeTracker:
         if self._last is None:
             return self._find_anywhere(picture) if self._config.wide_search else self._find_near(picture, _STILL, 1.0)
         matches = self._find_near(picture, self._last, pace)
-        if self._config.wide_search and self._why_lost(matches):
+        if self._config.wide_search and self._why_lost(matches, picture.noise):
             return self._find_anywhere(picture)
         return matches
 
@@ -248,14 +266,22 @@ class RelativeTracker:
         first = min(tried, key=lambda match: match.error)
         return first, upper.find(picture, self._predicted(first.motion, 1.0))
 
-    def _why_lost(self, matches: tuple[Match, Match]) -> str:
+    def _why_lost(self, matches: tuple[Match, Match], noise: float | None) -> str:
         error, mean = (sum(getattr(match, part) for match in matches) / 2 for part in ("error", "mean_error"))
-        if error > self._config.max_error_ratio * mean or mean == 0.0:
+        if error > self._most(mean, noise) or mean == 0.0:
             return f"no match: error {error:.1f} of {mean:.1f} grey levels (blank, covered, blurred or too fast)"
-        usual = median(self._usual) if self._usual else math.inf
+        usual = max(_QUIET_LEVELS, median(self._usual)) if self._usual else math.inf
         if error > self._config.max_error_growth * usual:
             return f"bad match: error {error:.1f} grey levels, usually {usual:.1f} (covered, blurred or too fast)"
         return ""
+
+    def _most(self, mean: float, noise: float | None) -> float:
+        """Return the largest error of a match: what noise explains, and a share of what any place would give."""
+        most = self._config.max_error_ratio * mean
+        if noise is None:
+            return most
+        usual = _USUAL_FACTOR * median(self._usual) if self._usual else 0.0
+        return min(most, max(self._config.max_error_share * mean + _NOISE_FACTOR * noise, usual))
 
     def _move_whole_pixels(
         self, picture: Picture, matches: tuple[Match, Match], details: dict[str, float]
@@ -274,10 +300,11 @@ class RelativeTracker:
     ) -> tuple[ImageMotion, Matrix]:
         """Refine the matches and move both groups like one rigid body."""
         assert self._refinement is not None
+        assert picture.smoothed is not None
         found = self._combined(matches)
         mean_turn = (matches[0].motion.turn_rad + matches[1].motion.turn_rad) / 2
         starts = [found, ImageMotion(found.u, found.v, mean_turn), ImageMotion(found.u, found.v, 0.0)]
-        aligned = self._refinement.align(picture.image, starts)
+        aligned = self._refinement.align(picture.smoothed, starts)
         offsets = [viewpoint.centre[1] - self._middle[1] for viewpoint in self._viewpoints]
         lower, upper = (aligned.motion.about(0.0, offset, self._aspect) for offset in offsets)
         for viewpoint, motion in zip(self._viewpoints, (lower, upper)):

@@ -28,12 +28,18 @@ class Picture:
         The picture and its transpose.
     half, half_t : (H / 2, W / 2) and (W / 2, H / 2) uint8, or None
         The same at half the resolution, where the pyramid needs it.
+    smoothed : (H, W) uint16, or None
+        The picture smoothed (see `filters.smooth`), where the refinement needs it.
+    noise : float or None
+        Standard deviation of its noise before it was smoothed, where `image` is smoothed [grey levels].
     """
 
     image: Grey
     image_t: Grey
     half: Grey | None = None
     half_t: Grey | None = None
+    smoothed: npt.NDArray[np.uint16] | None = None
+    noise: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
