@@ -8,26 +8,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from trailmark.config.keys import Key, Keys, TextError
 from trailmark.errors import ConfigError
 from trailmark.plugins.hints import did_you_mean
 
 __all__ = ["Document", "Key", "Keys", "Problems", "TextError", "read_document"]
-
-Key = str | int
-Keys = tuple[Key, ...]
-
-
-class TextError(Exception):
-    """A text that cannot be read: what is wrong, on which line and in which column (from 1)."""
-
-    def __init__(self, message: str, line: int | None = None, column: int | None = None) -> None:
-        super().__init__(message)
-        self.line, self.column = line, column
-
-    def place(self, name: str) -> str:
-        """Return ``name line 3, column 5``, as far as it is known."""
-        line = "" if self.line is None else f" line {self.line}"
-        return name + line + ("" if self.column is None else f", column {self.column}")
 
 
 def _nowhere(_: Keys) -> None:

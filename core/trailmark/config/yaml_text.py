@@ -11,7 +11,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 
-from trailmark.config.document import Key, TextError
+from trailmark.config.keys import Key, TextError
 
 __all__ = ["dump_yaml", "parse_value", "read_yaml"]
 
