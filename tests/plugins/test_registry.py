@@ -71,6 +71,11 @@ def test_estimates_that_do_not_exist_are_refused():
         Registry().localizer("klt", "a:B", gives=["pose"])
 
 
+def test_what_cannot_be_told_of_a_part_is_named_with_what_can():
+    with pytest.raises(TypeError, match=r"sink 'sonar': nothing called sumary can be told; known: summary, reference"):
+        Registry().sink("sonar", ":Sonar", sumary="Reads a ring of sonars")
+
+
 def test_a_missing_extra_is_named_with_its_pip_line():
     spec = Spec("source", "rosbag", "not_there_at_all:Bag", extra="bags", distribution="trailmark", entry_point="data")
 

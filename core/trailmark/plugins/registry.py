@@ -6,12 +6,13 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from difflib import get_close_matches
+from typing import TypedDict, Unpack
 
 from trailmark.errors import PluginError, PluginLoadError, UnknownPluginError
 from trailmark.plugins.records import PluginRecord
 from trailmark.plugins.spec import KINDS, Kind, Spec, import_string
 
-__all__ = ["NO_PLUGINS", "Owner", "Registry"]
+__all__ = ["NO_PLUGINS", "About", "Owner", "Registry"]
 
 #: What to say when not even core's own entry point is there.
 NO_PLUGINS = "no plugins registered: run `pip install -e .`"
@@ -30,10 +31,29 @@ class Owner:
     module: str = ""
 
 
+class About(TypedDict, total=False):
+    """What a plugin may tell of a part besides, by name: ``summary="Reads a ring of sonars"``.
+
+    Attributes
+    ----------
+    summary : str
+        One line for lists.
+    reference : str
+        The publication that it follows.
+    extra : str or None
+        The extra of its distribution that brings what it needs: ``pip install NAME[extra]``.
+    """
+
+    summary: str
+    reference: str
+    extra: str | None
+
+
 class Registry:
     """Parts by kind and name. Plugins get one in ``trailmark_register`` and add to it.
 
-    A target or config is an import string ``"package.module:Name"``; ``":Name"`` means the plugin's own module.
+    A target or config is an import string ``"package.module:Name"``; ``":Name"`` means the plugin's own module. What
+    else there is to say of a part is told by name: see `About`.
 
     Parameters
     ----------
@@ -63,26 +83,24 @@ class Registry:
         name: str,
         target: str | type,
         config: str | type | None = None,
-        summary: str = "",
-        reference: str = "",
-        extra: str | None = None,
+        *,
         opens: Iterable[str] = (),
+        **about: Unpack[About],
     ) -> None:
         """Register a `FrameSource`; its config derives from `SourceConfig`.
 
         `opens` names what it plays without a config, see `Spec`.
         """
-        self._add("source", name, target, config, summary, reference, extra, opens=tuple(opens))
+        self._add("source", name, target, config, about, opens=tuple(opens))
 
     def localizer(
         self,
         name: str,
         target: str | type,
         config: str | type | None = None,
-        summary: str = "",
-        reference: str = "",
-        extra: str | None = None,
+        *,
         gives: Iterable[str] = (),
+        **about: Unpack[About],
     ) -> None:
         """Register a `Localizer`. `gives` names the estimates it may say: ``motion``, ``fix``, ``path_offset``.
 
@@ -91,91 +109,43 @@ class Registry:
         told = frozenset(gives)
         if not told <= _ESTIMATES:
             raise ValueError(f"localizer {name!r} gives {sorted(told - _ESTIMATES)}; choose of {sorted(_ESTIMATES)}")
-        self._add("localizer", name, target, config, summary, reference, extra, told)
+        self._add("localizer", name, target, config, about, told)
 
     def estimator(
-        self,
-        name: str,
-        target: str | type,
-        config: str | type | None = None,
-        summary: str = "",
-        reference: str = "",
-        extra: str | None = None,
+        self, name: str, target: str | type, config: str | type | None = None, **about: Unpack[About]
     ) -> None:
         """Register an `Estimator`."""
-        self._add("estimator", name, target, config, summary, reference, extra)
+        self._add("estimator", name, target, config, about)
 
     def path_store(
-        self,
-        name: str,
-        target: str | type,
-        config: str | type | None = None,
-        summary: str = "",
-        reference: str = "",
-        extra: str | None = None,
+        self, name: str, target: str | type, config: str | type | None = None, **about: Unpack[About]
     ) -> None:
         """Register a `PathStore`."""
-        self._add("path_store", name, target, config, summary, reference, extra)
+        self._add("path_store", name, target, config, about)
 
     def controller(
-        self,
-        name: str,
-        target: str | type,
-        config: str | type | None = None,
-        summary: str = "",
-        reference: str = "",
-        extra: str | None = None,
+        self, name: str, target: str | type, config: str | type | None = None, **about: Unpack[About]
     ) -> None:
         """Register a `Controller`."""
-        self._add("controller", name, target, config, summary, reference, extra)
+        self._add("controller", name, target, config, about)
 
-    def sink(
-        self,
-        name: str,
-        target: str | type,
-        config: str | type | None = None,
-        summary: str = "",
-        reference: str = "",
-        extra: str | None = None,
-    ) -> None:
+    def sink(self, name: str, target: str | type, config: str | type | None = None, **about: Unpack[About]) -> None:
         """Register a `Sink`."""
-        self._add("sink", name, target, config, summary, reference, extra)
+        self._add("sink", name, target, config, about)
 
-    def metric(
-        self,
-        name: str,
-        target: str | type,
-        config: str | type | None = None,
-        summary: str = "",
-        reference: str = "",
-        extra: str | None = None,
-    ) -> None:
+    def metric(self, name: str, target: str | type, config: str | type | None = None, **about: Unpack[About]) -> None:
         """Register a metric of trajectories."""
-        self._add("metric", name, target, config, summary, reference, extra)
+        self._add("metric", name, target, config, about)
 
     def experiment(
-        self,
-        name: str,
-        target: str | type,
-        config: str | type | None = None,
-        summary: str = "",
-        reference: str = "",
-        extra: str | None = None,
+        self, name: str, target: str | type, config: str | type | None = None, **about: Unpack[About]
     ) -> None:
         """Register an experiment of ``trailmark reproduce``."""
-        self._add("experiment", name, target, config, summary, reference, extra)
+        self._add("experiment", name, target, config, about)
 
-    def executor(
-        self,
-        name: str,
-        target: str | type,
-        config: str | type | None = None,
-        summary: str = "",
-        reference: str = "",
-        extra: str | None = None,
-    ) -> None:
+    def executor(self, name: str, target: str | type, config: str | type | None = None, **about: Unpack[About]) -> None:
         """Register an executor of bench cells."""
-        self._add("executor", name, target, config, summary, reference, extra)
+        self._add("executor", name, target, config, about)
 
     def specs(self, kind: str | None = None) -> tuple[Spec, ...]:
         """Return the specs of one kind, or all, in the order of kind, name and distribution."""
@@ -214,14 +184,15 @@ class Registry:
         name: str,
         target: str | type,
         config: str | type | None,
-        summary: str,
-        reference: str,
-        extra: str | None,
+        about: About,
         gives: frozenset[str] = frozenset(),
         opens: tuple[str, ...] = (),
     ) -> None:
         if not _NAME.fullmatch(name):
             raise ValueError(f"{kind} {name!r}: use lower-case letters, digits and underscores, a letter first")
+        if unknown := about.keys() - About.__annotations__.keys():
+            known = ", ".join(About.__annotations__)
+            raise TypeError(f"{kind} {name!r}: nothing called {', '.join(sorted(unknown))} can be told; known: {known}")
         owner = self._owner
         if any((spec.kind, spec.name, spec.entry_point) == (kind, name, owner.name) for spec in self._specs):
             raise ValueError(f"{kind} {name!r} is registered twice by the same plugin")
@@ -231,9 +202,9 @@ class Registry:
                 name,
                 import_string(target, owner.module),
                 None if config is None else import_string(config, owner.module),
-                summary,
-                reference,
-                extra,
+                about.get("summary", ""),
+                about.get("reference", ""),
+                about.get("extra"),
                 gives,
                 opens,
                 owner.distribution,
