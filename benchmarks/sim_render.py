@@ -15,17 +15,21 @@ from collections.abc import Callable
 from time import thread_time
 from typing import Any
 
-from trailmark.geometry import Pose2
+from trailmark.geometry import Pose2, Twist2
 from trailmark_sim.sensors.camera import CameraSensor
 from trailmark_sim.vehicles import VehicleState
 from trailmark_sim.worlds import build_world
 from trailmark_sim.worlds.base import WorldOptions
 
+#: How the vehicle moves: nothing to a camera without shutter times.
+_TWIST = Twist2(0.3, 0.0, 0.2)
 SHADED_BAR_MRAYS, DEPTH_BAR_MRAYS = 5.0, 15.0
 CASES: tuple[tuple[str, str, float, dict[str, Any], tuple[float, float, float]], ...] = (
     ("supermarket", "omni", 15.0, {"people": 3}, (1.2, 2.0, 0.0)),
     ("supermarket", "laser", 10.0, {"people": 3}, (1.2, 2.0, 0.0)),
     ("corridor", "front", 20.0, {"people": 2}, (2.0, 0.0, 0.0)),
+    ("corridor", "front", 20.0, {"people": 2, "readout_ms": 30}, (2.0, 0.0, 0.0)),
+    ("corridor", "front", 20.0, {"people": 2, "exposure_ms": 4}, (2.0, 0.0, 0.0)),
     ("street", "front", 20.0, {"people": 3}, (2.0, 0.0, 0.0)),
     ("lab", "rgbd", 10.0, {"people": 1}, (0.8, 2.6, 0.0)),
     ("hallway", "rgbd", 10.0, {}, (0.5, 0.0, 0.0)),
@@ -48,11 +52,12 @@ def measure(repeat: int) -> list[dict[str, Any]]:
     rows = []
     for world, name, rate_hz, extra, (x, y, heading_deg) in CASES:
         sensor = build_world(world, WorldOptions(sensors=(name,), extra=extra)).sensors[0]
-        state = VehicleState(Pose2(x, y, math.radians(heading_deg)))
+        state = VehicleState(Pose2(x, y, math.radians(heading_deg)), _TWIST)
         frame_s = seconds(lambda sensor=sensor, state=state: sensor.render(1, 1.0, state), repeat)  # type: ignore[misc]
-        row: dict[str, Any] = {"world": world, "sensor": name, "frame_ms": 1e3 * frame_s}
+        shutter = {key: value for key, value in extra.items() if key in ("readout_ms", "exposure_ms")}
+        row: dict[str, Any] = {"world": world, "sensor": name, **shutter, "frame_ms": 1e3 * frame_s}
         row["x_real_time"] = 1.0 / (rate_hz * frame_s)
-        if isinstance(sensor, CameraSensor):
+        if isinstance(sensor, CameraSensor) and not shutter:
             view = sensor.view(1.0, state)
             depth_s = seconds(lambda sensor=sensor, state=state: sensor.view(1.0, state), repeat)  # type: ignore[misc]
             shade_s = seconds(view.radiance, repeat)
@@ -75,7 +80,8 @@ def main() -> None:
     print(f"{'world':12} {'sensor':7} {'ms/frame':>9} {'x real':>7} {'depth Mray/s':>13} {'shaded Mray/s':>14}")
     for row in rows:
         rays = f"{row['depth_mrays']:13.1f} {row['shaded_mrays']:14.1f}" if "depth_mrays" in row else ""
-        print(f"{row['world']:12} {row['sensor']:7} {row['frame_ms']:9.2f} {row['x_real_time']:7.2f} {rays}")
+        shutter = "".join(f" {key} {row[key]}" for key in ("readout_ms", "exposure_ms") if key in row)
+        print(f"{row['world']:12} {row['sensor']:7} {row['frame_ms']:9.2f} {row['x_real_time']:7.2f} {rays}{shutter}")
     print(f"bars indoors: {DEPTH_BAR_MRAYS:g} depth, {SHADED_BAR_MRAYS:g} shaded")
 
 
