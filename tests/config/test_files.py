@@ -93,3 +93,37 @@ def test_a_device_is_no_recording():
 def test_a_device_is_no_config():
     with pytest.raises(ConfigError, match="/dev/zero is a device, not a config file"):
         read_document("/dev/zero")
+
+
+def test_an_anchor_may_be_used_again(tmp_path: Path) -> None:
+    config = tmp_path / "run.yaml"
+    config.write_text("rate: &n 1\nseed: &n 2\nsize: *n\n")
+
+    assert read_document(config).data == {"rate": 1, "seed": 2, "size": 2}
+
+
+@pytest.mark.parametrize("version", ["1.1", "1.3", "2.0", "x"])
+def test_a_config_of_another_yaml_is_refused_with_its_line(tmp_path: Path, version: str) -> None:
+    config = tmp_path / "run.yaml"
+    config.write_text(f"# a comment\n\n%YAML {version}\n---\nis_on: no\n")
+
+    with pytest.raises(ConfigError, match=rf"run.yaml line 3: this says it is YAML {version}: configs are YAML 1.2"):
+        read_document(config)
+
+
+def test_a_config_may_say_that_it_is_yaml_1_2(tmp_path: Path) -> None:
+    config = tmp_path / "run.yaml"
+    config.write_text("%YAML 1.2\n---\nname: no\nabout: |\n  %YAML 1.1\n")
+
+    assert read_document(config).data == {"name": "no", "about": "%YAML 1.1\n"}
+
+
+@pytest.mark.parametrize(
+    ("text", "tag"), [("!!set {a}", "set"), ("!!omap [a: 1]", "omap"), ("!!binary aGk=", "binary")]
+)
+def test_what_is_no_plain_data_is_refused_with_its_line(tmp_path: Path, text: str, tag: str) -> None:
+    config = tmp_path / "run.yaml"
+    config.write_text(f"first: 1\nsecond: {text}\n")
+
+    with pytest.raises(ConfigError, match=rf"run.yaml line 2: YAML: a config holds plain data, no !!{tag}"):
+        read_document(config)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -14,6 +15,10 @@ from ruamel.yaml.reader import ReaderError
 from trailmark.config.keys import Key, TextError
 
 __all__ = ["dump_yaml", "parse_value", "read_yaml"]
+
+_VERSION = re.compile(r"%YAML[ \t]+(\S+)")
+# A date stays text, a merge key (`<<`) is a mapping.
+_PLAIN = frozenset({"str", "int", "float", "bool", "null", "map", "seq", "timestamp", "merge"})
 
 
 class _Constructor(SafeConstructor):
@@ -34,6 +39,7 @@ _Constructor.add_constructor("tag:yaml.org,2002:timestamp", SafeConstructor.cons
 def _yaml() -> YAML:
     yaml = YAML(typ="safe", pure=True)
     yaml.Constructor = _Constructor
+    yaml.composer.warn_double_anchors = False  # YAML 1.2 allows it: an alias means the last node of that name before it
     return yaml
 
 
@@ -43,8 +49,10 @@ def read_yaml(text: str) -> tuple[Any, Callable[[tuple[Key, ...]], int | None]]:
     Raises
     ------
     TextError
-        If it is no YAML, a key stands twice in a mapping, or an alias lies within its own anchor.
+        If it is no YAML 1.2, a key stands twice in a mapping, an alias lies within its own anchor, or a tag asks for
+        more than plain data.
     """
+    _refuse_other_versions(text)
     try:
         root = _yaml().compose(text)
         _check(root, set(), set())
@@ -61,6 +69,16 @@ def read_yaml(text: str) -> tuple[Any, Callable[[tuple[Key, ...]], int | None]]:
     except RecursionError as error:
         raise TextError("YAML: nested too deeply") from error
     return data, lambda keys: _line(root, keys)
+
+
+def _refuse_other_versions(text: str) -> None:
+    """Refuse a text that says it is of another version: to YAML 1.1 ``no`` is false and 1:30 a number."""
+    for number, line in enumerate(text.splitlines(), start=1):
+        if line.startswith("---") or not (line.startswith(("%", "#")) or not line.strip()):
+            return
+        found = _VERSION.match(line)
+        if found is not None and found[1] != "1.2":
+            raise TextError(f"this says it is YAML {found[1]}: configs are YAML 1.2", number)
 
 
 def parse_value(text: str) -> Any:
@@ -82,8 +100,13 @@ def dump_yaml(data: Any) -> str:
 
 
 def _check(node: Node | None, open_nodes: set[int], done: set[int]) -> None:
-    """Refuse keys that stand twice and nodes that contain themselves."""
-    if node is None or isinstance(node, ScalarNode) or id(node) in done:
+    """Refuse keys that stand twice, nodes that contain themselves, and what is no plain data."""
+    if node is None or id(node) in done:
+        return
+    family, _, kind = str(node.tag).rpartition(":")
+    if family == "tag:yaml.org,2002" and kind not in _PLAIN:
+        raise TextError(f"YAML: a config holds plain data, no !!{kind}", node.start_mark.line + 1)
+    if isinstance(node, ScalarNode):
         return
     if id(node) in open_nodes:
         raise TextError("an alias stands within its own anchor", node.start_mark.line + 1)
