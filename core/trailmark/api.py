@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from trailmark.config import RunConfig
     from trailmark.pipeline.plan import Access
     from trailmark.plugins import Plugins
+    from trailmark.report.glimpses import Glimpses
 
 __all__ = ["create", "run"]
 
@@ -82,9 +83,16 @@ def run(
         access=access,
         overwrite=overwrite,
     )
+    glimpses = None
+    if report:
+        from trailmark.report.glimpses import Glimpses
+
+        glimpses = Glimpses()
     try:
         with pipeline:
             for step in pipeline:
+                if glimpses is not None:
+                    glimpses.see(step.frame)
                 if on_step is not None:
                     on_step(pipeline, step)
     except KeyboardInterrupt:
@@ -93,7 +101,7 @@ def run(
     finally:
         if out is None and folder.exists():
             link_latest(folder.absolute())
-    return _evaluated(pipeline, report)
+    return _evaluated(pipeline, glimpses)
 
 
 def create(kind: str, name: str, *, plugins: Plugins | None = None, **config: Any) -> Any:
@@ -141,7 +149,7 @@ def _name_of(config: Any) -> str:
     return "run"
 
 
-def _evaluated(pipeline: Pipeline, report: bool) -> RunResult:
+def _evaluated(pipeline: Pipeline, glimpses: Glimpses | None) -> RunResult:
     from trailmark.evaluation.run_metrics import evaluate_run
 
     result = pipeline.result
@@ -149,8 +157,9 @@ def _evaluated(pipeline: Pipeline, report: bool) -> RunResult:
     assert pipeline.config is not None
     extra = {spec.name: spec.load() for spec in pipeline.config.plugins.registry.specs("metric")}
     metrics = evaluate_run(result.folder, metrics=extra, path=pipeline.path)
-    if report:
+    if glimpses is not None:
         from trailmark.report import write_report
 
-        write_report(result.folder, metrics=extra)
+        glimpses.write(result.folder)
+        write_report(result.folder, metrics=extra, path=pipeline.path)
     return replace(result, metrics=metrics)

@@ -22,6 +22,7 @@ _OWN = (
     "report.html",
     "trajectories",
     "plots",
+    "pictures",
 )
 
 

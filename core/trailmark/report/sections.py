@@ -168,6 +168,7 @@ def _captions(evaluated: RunEvaluation) -> dict[str, tuple[str, str]]:
     return {
         "trajectories": ("Trajectories", aligned),
         "errors": over_time,
+        "offsets": ("Offset from the taught path", "as it is remembered; left is positive"),
         "outcomes": ("Estimates over time", "share of each outcome; blank where nothing was said"),
         "timing": ("Time per stage", "one call; what stands further right costs more"),
     }

@@ -6,12 +6,15 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from trailmark import paths
 from trailmark.errors import DataError
 from trailmark.evaluation import GROUND_TRUTH, MetricFunction, Protocol, RunEvaluation, evaluate_run_folder, read_run
 from trailmark.evaluation.run_metrics import metrics_document
 from trailmark.geometry import Trajectory
 from trailmark.report import sections
+from trailmark.report.glimpses import glimpses_section
 from trailmark.report.html import page_html, text_html
+from trailmark.report.offsets import offset_series, offsets_figure
 from trailmark.report.series import error_series, lanes
 from trailmark.report.style import line_styles, plotting, svg_of
 
@@ -22,11 +25,15 @@ __all__ = ["write_report"]
 
 
 def write_report(
-    folder: str | Path, *, protocol: Protocol | None = None, metrics: Mapping[str, MetricFunction] | None = None
+    folder: str | Path,
+    *,
+    protocol: Protocol | None = None,
+    metrics: Mapping[str, MetricFunction] | None = None,
+    path: paths.Path | None = None,
 ) -> Path:
     """Write ``plots/*.svg`` and ``report.html`` into the folder of a run, from what the run left there.
 
-    The page stands alone: drawings and styles are inside, nothing is fetched. What a run has not left (no
+    The page stands alone: drawings, pictures and styles are inside, nothing is fetched. What a run has not left (no
     ground truth, no estimates, cut off in the middle) is left out or said.
 
     Parameters
@@ -37,6 +44,8 @@ def write_report(
         How trajectories are compared; the defaults are those of `evaluate_run`.
     metrics : mapping of str to function, optional
         Further metrics, as in `evaluate_run`.
+    path : trailmark.paths.Path, optional
+        The taught path: how far from it the robot was is drawn.
 
     Returns
     -------
@@ -50,15 +59,15 @@ def write_report(
     """
     evaluated = evaluate_run_folder(read_run(folder), protocol)
     document = metrics_document(evaluated, metrics=metrics)
-    plots = _plots(evaluated)
-    page = _page(evaluated, document, plots)
+    plots = _plots(evaluated, path)
+    page = _page(evaluated, document, plots, glimpses_section(Path(folder)))
     try:
         return _write(Path(folder), plots, page)
     except OSError as error:
         raise DataError(f"cannot write the report into {folder}: {error.strerror or error}") from error
 
 
-def _plots(evaluated: RunEvaluation) -> dict[str, str]:
+def _plots(evaluated: RunEvaluation, path: paths.Path | None) -> dict[str, str]:
     from trailmark.report import figures  # here: matplotlib is loaded only for drawing
 
     styles = line_styles(sections.shown_trajectories(evaluated))
@@ -70,6 +79,8 @@ def _plots(evaluated: RunEvaluation) -> dict[str, str]:
         draw["trajectories"] = lambda: figures.trajectories_figure(drawn, styles)
     if series:
         draw["errors"] = lambda: figures.errors_figure(series, styles, evaluated.has_truth)
+    if offsets := offset_series(evaluated, path):
+        draw["offsets"] = lambda: offsets_figure(offsets, styles)
     if found:
         draw["outcomes"] = lambda: figures.outcomes_figure(found)
     if stages:
@@ -94,12 +105,13 @@ def _drawn(evaluated: RunEvaluation) -> dict[str, Trajectory]:
     return {**truth, **ways}
 
 
-def _page(evaluated: RunEvaluation, document: Mapping[str, Any], plots: Mapping[str, str]) -> str:
+def _page(evaluated: RunEvaluation, document: Mapping[str, Any], plots: Mapping[str, str], pictures: str) -> str:
     run = evaluated.run
     parts = [
         sections.header_section(evaluated),
         sections.result_section(evaluated, document),
         sections.plots_section(plots, evaluated),
+        pictures,
         sections.localizers_section(document),
         sections.timing_section(run.timing),
         sections.counters_section(run.run),
