@@ -167,12 +167,50 @@ def test_a_long_exposure_is_the_mean_of_the_instants_along_the_way() -> None:
 
 def test_a_picture_smeared_over_a_tenth_of_a_metre_shows_no_foreign_ground() -> None:
     fast = VehicleState(Pose2(0.0, 0.0, 0.4), Twist2(1.0, 0.2, 1.0))
-    reference = camera("pavers", optics=replace(PLAIN, exposure_s=0.1)).radiance(fast)
-    used = camera("pavers", optics=replace(PLAIN, exposure_s=0.1))
+    slow = replace(SMALL, rate_hz=10.0)
+    reference = camera("pavers", slow, replace(PLAIN, exposure_s=0.1)).radiance(fast)
+    used = camera("pavers", slow, replace(PLAIN, exposure_s=0.1))
 
     used.radiance(at(7.0, 1.0, 0.0))  # fills the first slot with other ground
 
     np.testing.assert_array_equal(used.radiance(fast), reference)
+
+
+def test_each_row_of_a_rolling_shutter_is_that_of_a_picture_taken_at_its_time() -> None:
+    readout_s, twist = 0.01, Twist2(0.5, 0.1, 0.8)
+    rolling, sharp = camera("gravel", optics=replace(PLAIN, readout_s=readout_s)), camera("gravel")
+
+    seen = rolling.radiance(VehicleState(Pose2(1.0, 0.0, 0.4), twist))
+
+    for row in (0, 31, 60, 119):
+        after_s = readout_s * ((row + 0.5) / 120 - 0.5)
+        then = sharp.radiance(VehicleState(Pose2(1.0, 0.0, 0.4) @ twist.after(after_s)))
+        np.testing.assert_allclose(seen[row], then[row], atol=0.05)  # grey levels
+    shift_px = np.abs(seen - sharp.radiance(VehicleState(Pose2(1.0, 0.0, 0.4)))).mean(axis=1)
+    assert shift_px[[0, 119]].min() > 5.0 * shift_px[59:61].max()
+
+
+def test_a_rolling_shutter_at_rest_gives_the_bytes_of_a_global_one() -> None:
+    still = at(1.0, 0.0, 0.4)
+    rolling = camera("gravel", optics=replace(PLAIN, readout_s=0.01, exposure_s=0.01))
+
+    np.testing.assert_array_equal(rolling.radiance(still), camera("gravel").radiance(still))
+
+
+def test_a_rolling_and_smeared_picture_has_the_same_bytes_from_two_threads_and_shows_no_foreign_ground() -> None:
+    fast = VehicleState(Pose2(0.0, 0.0, 0.4), Twist2(1.0, 0.2, 1.0))
+    slow = replace(SMALL, rate_hz=10.0)
+    optics = replace(PLAIN, exposure_s=0.02, readout_s=0.1)
+    one, two = (camera("pavers", slow, optics, threads) for threads in (1, 2))
+
+    two.radiance(at(7.0, 1.0, 0.0))  # fills the first slot with other ground
+
+    np.testing.assert_array_equal(one.radiance(fast), two.radiance(fast))
+
+
+def test_a_picture_that_takes_longer_than_to_the_next_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"'floor' is read for 20 ms, .* at 70 Hz .* 14\.29 ms"):
+        camera(optics=replace(PLAIN, readout_s=0.02))
 
 
 def test_height_jitter_scales_the_picture_about_its_middle() -> None:

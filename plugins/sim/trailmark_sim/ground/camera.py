@@ -15,6 +15,7 @@ from trailmark_sim.ground.optics import Optics, led_light
 from trailmark_sim.ground.tiles import TILE_TEXELS, TileStore
 from trailmark_sim.ground.warp import expose_rows, touched_tiles, warp_rows
 from trailmark_sim.rng import frame_rng, stream_key
+from trailmark_sim.sensors.shutter import Shutter
 from trailmark_sim.vehicles import VehicleState
 from trailmark_sim.workers import in_bands
 
@@ -74,6 +75,11 @@ class GroundCamera:
         Memory for tiles of the ground [MB].
     threads : int
         Threads that render; the bytes do not depend on it.
+
+    Raises
+    ------
+    ConfigError
+        If it takes longer to expose or to read a picture than until the next, or the tiles have too little memory.
     """
 
     def __init__(
@@ -87,6 +93,8 @@ class GroundCamera:
         threads: int = 2,
     ) -> None:
         self.rig, self.optics = rig, optics
+        self._shutter = Shutter(optics.exposure_s, optics.readout_s)
+        self._shutter.refuse_at(name, rig.rate_hz)
         scale = rig.metres_per_pixel
         self._light = led_light(rig.width, rig.height, optics.vignette)
         self.info = SensorInfo(
@@ -147,31 +155,37 @@ class GroundCamera:
         return np.asarray(np.diag([scale, scale, 1.0]) @ turned / turned[2, 2])
 
     def _homographies(self, state: VehicleState) -> npt.NDArray[np.float64]:
-        """Return the homographies from pixels to texels, one for each instant of the exposure."""
+        """Return the homographies from pixels to texels at each instant of the exposure, for each row or for all."""
         exposure_s, twist = self.optics.exposure_s, state.twist
         reach_m = math.hypot(*self.rig.field_m) / 2.0
         speed = math.hypot(twist.forward_mps, twist.left_mps) + abs(twist.yaw_radps) * reach_m
         smear_px = speed * exposure_s / min(self.rig.metres_per_pixel)
         n = 1 if smear_px < _SMEAR_PX else min(_MOST_INSTANTS, 1 + math.ceil(smear_px))
         sharp = self._texel_map @ self.ground_pixel(state)
-        if n == 1:
-            return sharp[np.newaxis]
+        is_rolling = self.optics.readout_s > 0.0 and speed > 0.0
+        if n == 1 and not is_rolling:
+            return sharp[np.newaxis, np.newaxis]
         map_base = state.pose_map_base.matrix()
         base_texel = np.linalg.inv(self._texel_map @ map_base)
-        moves = (twist.after(exposure_s * ((i + 0.5) / n - 0.5)).matrix() for i in range(n))
-        return np.stack([self._texel_map @ map_base @ move @ base_texel @ sharp for move in moves])
+        instants_s = exposure_s * ((np.arange(n) + 0.5) / n - 0.5)
+        rows_s = self._shutter.rows_after_s(self.rig.height) if is_rolling else np.zeros(1)
+        after_s = (rows_s[:, np.newaxis] + instants_s).ravel()
+        moves = np.stack([twist.after(at_s).matrix() for at_s in after_s.tolist()])
+        moved = self._texel_map @ map_base @ moves @ base_texel @ sharp
+        return moved.reshape(len(rows_s), n, 3, 3)
 
     def _region(self, state: VehicleState) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float64]]:
         """Return where the tiles under the picture stand in the pool, and the homographies into their region."""
         texel_pixel = self._homographies(state)
         width, height = self.rig.width, self.rig.height
         corners = np.array([[0.0, width - 1, width - 1, 0.0], [0.0, 0.0, height - 1, height - 1], [1.0] * 4])
-        seen = texel_pixel @ corners
+        ends = np.concatenate([texel_pixel[0], texel_pixel[len(texel_pixel) // 2], texel_pixel[-1]])
+        seen = ends @ corners
         texel = seen[:, :2] / seen[:, 2:]
         # One texel more on every side: what rounds over an edge still lies in the region.
         x, y = (math.floor(n / TILE_TEXELS) for n in texel.min(axis=(0, 2)) - 1.0)
         n_cols, n_rows = (math.floor(n / TILE_TEXELS) + 1 - low for n, low in zip(texel.max(axis=(0, 2)) + 1.0, (x, y)))
-        middle = np.linalg.inv(texel_pixel[len(texel_pixel) // 2])
+        middle = np.linalg.inv(ends[len(ends) // 2])
         margin_px = 2.0 + float(np.abs(texel - texel[len(texel) // 2]).max())  # a pixel is more than a texel
         touched = touched_tiles(middle, (x, y, n_cols, n_rows), (width, height), margin_px)
         rows, cols = np.nonzero(touched)

@@ -29,6 +29,8 @@ class Optics:
         Of the camera; another day has others.
     exposure_s : float
         While the vehicle moves on, the picture is smeared [s].
+    readout_s : float
+        Rows are exposed one after the other in this time, around the stamp; 0: all at once [s].
     height_jitter : float
         Standard deviation of the camera's height over the ground, as a share of it.
     tilt_jitter_rad : float
@@ -44,6 +46,7 @@ class Optics:
     gain: float = 1.0
     offset: float = 0.0
     exposure_s: float = 5e-4
+    readout_s: float = 0.0
     height_jitter: float = 5e-4
     tilt_jitter_rad: float = 2e-4
     camera_height_m: float = 0.15

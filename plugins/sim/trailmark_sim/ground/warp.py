@@ -86,8 +86,9 @@ def warp_rows(
     ----------
     out : (H, W) float32
         Receives the greys of rows `first` to `last`.
-    texel_pixel : (S, 3, 3) float64
-        From pixels to texels of the region of tiles, one for each instant of the exposure.
+    texel_pixel : (R, S, 3, 3) float64
+        From pixels to texels of the region of tiles, one for each instant of the exposure; for every row (R = H), or
+        the same for all (R = 1).
     pairs : (N,) uint32
         All texels, each together with its right neighbour, in steps of 1/256 grey; see `TileStore.pairs`.
     slots : (rows, cols) int32
@@ -100,7 +101,7 @@ def warp_rows(
         np.empty((2, width), np.uint32),
     )
     for row in range(first, last):
-        _warp_row(out[row], row, texel_pixel, pairs, slots, index, part, pair)
+        _warp_row(out[row], row, texel_pixel[row % texel_pixel.shape[0]], pairs, slots, index, part, pair)
 
 
 @_kernel
@@ -138,7 +139,7 @@ def expose_rows(
     )
     line = np.empty(width, np.float32)
     for row in range(first, last):
-        _warp_row(line, row, texel_pixel, pairs, slots, index, part, pair)
+        _warp_row(line, row, texel_pixel[row % texel_pixel.shape[0]], pairs, slots, index, part, pair)
         _develop_row(out[row], line, light[row], camera, np.uint32(hash2(row, 0, seed)))
 
 

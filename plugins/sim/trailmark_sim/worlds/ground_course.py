@@ -152,6 +152,7 @@ def _optics(given: CameraOptions, day: Day) -> Optics:
         gain=day.gain,
         offset=day.offset,
         exposure_s=given.exposure_ms / 1e3,
+        readout_s=given.readout_ms / 1e3,
         height_jitter=given.height_jitter,
         tilt_jitter_rad=given.tilt_jitter_mrad / 1e3,
     )

@@ -93,6 +93,8 @@ class CameraOptions(PluginConfig):
     """Further noise of a white pixel [grey levels]."""
     exposure_ms: float = Field(default=0.5, ge=0)
     """While it exposes, the picture is smeared by the motion [ms]."""
+    readout_ms: float = Field(default=0.0, ge=0, le=1000)
+    """It reads its rows one after the other in this time, a rolling shutter; 0: all rows at once [ms]."""
     height_jitter: float = Field(default=5e-4, ge=0, lt=0.2)
     """How much the camera's height varies, as a share of it."""
     tilt_jitter_mrad: float = Field(default=0.2, ge=0, lt=100)
