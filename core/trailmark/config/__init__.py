@@ -6,6 +6,7 @@ from trailmark.config.document import Document, read_document
 from trailmark.config.files import ConfigPath, ExistingFile, ExistingPath, OutputPath
 from trailmark.config.host import StopWhen
 from trailmark.config.load import load_run_config
+from trailmark.config.localizer_names import LocalizerName
 from trailmark.config.perturbation import Occluders, Perturbation, WrongCalibration
 from trailmark.config.roles import refuse_duplicate_sensors, resolve_all_roles, resolve_roles
 from trailmark.config.run import (
@@ -27,6 +28,7 @@ __all__ = [
     "ExistingFile",
     "ExistingPath",
     "LocalizerEntry",
+    "LocalizerName",
     "Mounting",
     "Occluders",
     "OutputPath",

@@ -14,6 +14,7 @@ from trailmark.config.checks import check_classes, check_motion, check_use
 from trailmark.config.document import Document, Problems, read_document
 from trailmark.config.explain import validated
 from trailmark.config.host import PluginsSection, RunSettings, SensorSection
+from trailmark.config.localizer_names import notices_of_strangers
 from trailmark.config.outputs import refuse_outputs_elsewhere
 from trailmark.config.overrides import Override, with_overrides
 from trailmark.config.parts import Part, PartReader
@@ -148,7 +149,10 @@ class _RunReader:
             base_dir=self._written.base_dir,
             plugins=self._plugins,
             document=_resolved(settings, sections),
-            notices=self._notices,
+            notices=(
+                *self._notices,
+                *notices_of_strangers(sections.parts, sections.localizers, self._written),
+            ),
             written=self._written,
         )
 

@@ -6,7 +6,7 @@ from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
-from trailmark.config import PluginConfig
+from trailmark.config import LocalizerName, PluginConfig
 
 __all__ = ["KalmanConfig", "Loss", "SourceTreatment"]
 
@@ -95,7 +95,7 @@ class KalmanConfig(PluginConfig):
     """How many estimates in a row must agree on the new time."""
     max_per_stamp: int = Field(default=64, ge=1)
     """Absolute estimates of one localizer about one instant; more are refused: its clock stands still."""
-    sources: dict[str, SourceTreatment] = Field(default_factory=dict)
+    sources: dict[LocalizerName, SourceTreatment] = Field(default_factory=dict)
     """What is different for single localizers, by name."""
 
     @model_validator(mode="after")
