@@ -18,7 +18,7 @@ from trailmark.interfaces import Session
 from trailmark.paths import Keyframe, Waypoint
 from trailmark.paths import Path as TaughtPath
 from trailmark_omni_surf.config import OmniSurfConfig
-from trailmark_omni_surf.experiments.goals import GoalDrive, can_stand, random_starts
+from trailmark_omni_surf.experiments.goals import GoalDrive, can_stand, can_turn, random_starts
 from trailmark_omni_surf.experiments.labels import first_hit, labelled_candidates
 from trailmark_omni_surf.experiments.plain_surf import PlainSurf
 from trailmark_omni_surf.experiments.variants import Answers
@@ -81,6 +81,12 @@ def test_random_starts_are_beside_the_path_and_free() -> None:
     assert all(np.hypot(*(path.positions - start[:2]).T).min() <= 0.5 for start in starts)
     assert all(can_stand(start) for start in starts)
     assert not can_stand((3.2, 4.6, 0.0))  # in the middle of a shelf
+
+
+def test_beside_a_shelf_it_can_stand_but_not_turn() -> None:
+    assert can_stand((8.55, 5.13, -75.76))
+    assert not can_turn((8.55, 5.13, -75.76))
+    assert can_turn((5.2, 3.2, 10.0))
 
 
 def test_an_arrival_counts_only_where_the_robot_said_so() -> None:
