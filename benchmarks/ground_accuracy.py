@@ -21,7 +21,7 @@ import math
 import sys
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -371,10 +371,7 @@ def _continued(options: argparse.Namespace) -> list[Run]:
     if file is not None:
         file.parent.mkdir(parents=True, exist_ok=True)
     runs: list[Run] = [json.loads(line) for line in file.read_text().splitlines()] if file and file.is_file() else []
-    keep: Callable[[Run], tuple[Any, ...]] = lambda run: tuple(  # noqa: E731
-        run[key] for key in ("what", "floor", "seed", "method", "metres")
-    )
-    done = {keep(run) for run in runs}
+    done = {tuple(run[key] for key in ("what", "floor", "seed", "method", "metres")) for run in runs}
     floors = options.floors or (photographs() or BUILT_IN)[: 2 if options.quick else None]
     seeds, metres = (1, 2.0) if options.quick else (options.seeds, options.metres)
     for what in options.what:

@@ -234,7 +234,10 @@ def replay(
     """Drive the taught course again, beside it, and compare every correction with the truth."""
     at, robot = course(taught.metres), Robot(taught.drawer, taught.mode, is_teaching=False, latency=latency, **keys)
     n_frames = int(taught.metres / SPEED_MPS * RATE_HZ)
-    law = lambda time_s: at(SPEED_MPS * time_s) @ beside(SPEED_MPS * time_s, taught.seed)  # noqa: E731
+
+    def law(time_s: float) -> Pose2:
+        return at(SPEED_MPS * time_s) @ beside(SPEED_MPS * time_s, taught.seed)
+
     drive = OpenDrive(taught.floor, law, n_frames, taught.seed, 1, zones, spots)
     robot.start_at(taught.poses_at(0, drive.pose(0)))
     out = Replay()
@@ -346,7 +349,10 @@ def find_start(taught: Taught, way_m: float, seed: int) -> Start | None:
     x, y = rng.normal(0.0, 5e-3, 2).tolist()
     aside = Pose2(x, y, math.radians(float(rng.normal(0.0, 1.5))))
     n_still = 4 + len(taught.places) // 20  # every place is tried, and a little more
-    law = lambda time_s: at(way_m + SPEED_MPS * max(0.0, time_s - n_still / RATE_HZ)) @ aside  # noqa: E731
+
+    def law(time_s: float) -> Pose2:
+        return at(way_m + SPEED_MPS * max(0.0, time_s - n_still / RATE_HZ)) @ aside
+
     drive = OpenDrive(taught.floor, law, n_still + int(_DRIVE_ON_M / SPEED_MPS * RATE_HZ), taught.seed, 2 + seed)
     robot = Robot(taught.drawer, taught.mode, is_teaching=False)
     robot.start_at(None)

@@ -85,6 +85,18 @@ def test_several_matrices_share_a_run_and_have_their_own(bench_of) -> None:
     assert bench.cells[-1].request["document"]["sources"]["robot"]["n"] == 9
 
 
+def test_a_matrix_may_be_judged_in_its_own_way(bench_of) -> None:
+    one, other = (
+        {"name": "one", "localizers": ["toy"]},
+        {"name": "other", "localizers": ["toy"], "judging": {"align": "none"}},
+    )
+
+    first, second = bench_of([one, other], judging={"align": "origin"}).cells
+
+    assert (first.request["align"], second.request["align"]) == ("origin", "none")
+    assert first.id != second.id  # the same run, and figures that must not be mixed up
+
+
 def test_matrices_without_names_are_refused(bench_of) -> None:
     with pytest.raises(ConfigError, match="several matrices need a 'name' each"):
         bench_of([{"localizers": ["toy"]}, {"localizers": ["odometry"]}])

@@ -53,6 +53,15 @@ class Limits(PluginConfig):
     """Threads of the numeric libraries; 1 is fair and reproducible."""
 
 
+class Judging(PluginConfig):
+    """How a cell is judged; part of its address, so that figures of two protocols never meet in a table."""
+
+    trajectory: Literal["fused", "localizer"] = "fused"
+    """The belief of the whole pipeline, or the way of the cell's first localizer by itself."""
+    align: Literal["se2", "origin", "none"] = "se2"
+    """Alignment of the absolute errors."""
+
+
 class CellsSection(PluginConfig):
     """One matrix: every value of every axis with every other. An axis that is left out has no say."""
 
@@ -79,6 +88,8 @@ class CellsSection(PluginConfig):
     """Sections of a run config that only this matrix has."""
     teach: dict[str, Any] | None = None
     """What is different while the path is taught, before the run of the cell; `{}`: nothing."""
+    judging: Judging | None = None
+    """How its cells are judged; default: as those of the bench."""
     exclude: tuple[dict[str, Any], ...] = ()
     """Combinations that are left out: `{localizer: klt, source: [street, corridor]}`."""
     alone: bool = False
@@ -100,15 +111,6 @@ class CellsSection(PluginConfig):
         elif not seeds or min(seeds) < 0 or len(set(seeds)) < len(seeds):
             raise ValueError(f"must be different numbers from 0 on, not {list(seeds)}")
         return seeds
-
-
-class Judging(PluginConfig):
-    """How a cell is judged; part of its address, so that figures of two protocols never meet in a table."""
-
-    trajectory: Literal["fused", "localizer"] = "fused"
-    """The belief of the whole pipeline, or the way of the cell's first localizer by itself."""
-    align: Literal["se2", "origin", "none"] = "se2"
-    """Alignment of the absolute errors."""
 
 
 class BenchSection(PluginConfig):

@@ -108,7 +108,7 @@ class Matrix:
         seed = coordinates["seed"]
         document = combination.document | {"seed": seed}
         teach = None if combination.teach is None else combination.teach | {"seed": seed}
-        judging = self._section.judging.model_dump(mode="json")
+        judging = (self._matrix.judging or self._section.judging).model_dump(mode="json")
         subject = combination.first_localizer if judging["trajectory"] == "localizer" else "fused"
         address = {
             "format": FORMAT,
