@@ -59,8 +59,9 @@ def validated(
     except ValidationError as error:
         found = [(_path_in(data, details), details) for details in error.errors(include_url=False)]
         wanted: dict[Keys, list[str]] = {}
+        typed = {path for path, details in found if _is_type(details)}
         for path, details in _telling(found):
-            if _is_type(details):  # several for one key: the branches of a union
+            if _is_type(details) or (path in typed and _is_far_from_words(details)):  # branches of a union
                 wanted.setdefault(path, []).append(_type_words(details))
             else:
                 problems.add(keys + path, _words(details, path, model, also))
@@ -94,15 +95,15 @@ def _has(data: Any, part: Key) -> bool:
 def _telling(found: list[tuple[Keys, ErrorDetails]]) -> list[tuple[Keys, ErrorDetails]]:
     """Of the branches of a union, keep the finding that fits what was meant.
 
-    A branch that stumbles over the type as a whole says less than one that found a wrong key or value in it.
+    A branch that stumbles over the value as a whole says less than one that found a wrong key or value in it.
     """
     kept = []
     for path, details in found:
         says_more = any(
-            other is not details and (path == where[: len(path)]) and (where != path or not _is_type(other))
+            other is not details and path == where[: len(path)] and (where != path or not _is_branch(other))
             for where, other in found
         )
-        if not (_is_type(details) and says_more) and not _is_misspelt(path, details, found):
+        if not (_is_branch(details) and says_more) and not _is_misspelt(path, details, found):
             kept.append((path, details))
     return kept
 
@@ -119,6 +120,22 @@ def _is_type(details: ErrorDetails) -> bool:
     return details["type"].endswith(("_type", "_parsing", "_from_float"))
 
 
+def _is_branch(details: ErrorDetails) -> bool:
+    """Whether a branch of a union finds that a value is not meant for it."""
+    return _is_type(details) or _is_far_from_words(details)
+
+
+def _is_far_from_words(details: ErrorDetails) -> bool:
+    """Whether a value is none of some words, and not a misspelt one either."""
+    if details["type"] != "literal_error":
+        return False
+    return not did_you_mean(str(details["input"]), _choices(details))
+
+
+def _choices(details: ErrorDetails) -> list[str]:
+    return str(details["ctx"]["expected"]).split("'")[1::2]
+
+
 def _words(details: ErrorDetails, path: Keys, model: type[BaseModel], also: Iterable[str]) -> str:
     match details["type"]:
         case "extra_forbidden":
@@ -126,14 +143,15 @@ def _words(details: ErrorDetails, path: Keys, model: type[BaseModel], also: Iter
             return f"unknown key{nearest_or_all(str(path[-1]), known, 'keys')}"
         case "invalid_key":
             return "a key must be text"
+        case "missing" if isinstance(details["loc"][-1], int):
+            return f"the list is too short: item {details['loc'][-1] + 1} is missing"
         case "missing":
             return f"missing key {str(details['loc'][-1])!r}"
         case "value_error":
             return str(details["ctx"]["error"])
         case "literal_error" | "enum":
-            expected = details["ctx"]["expected"]
-            hint = did_you_mean(str(details["input"]), expected.split("'")[1::2])
-            return f"must be {expected}, not {_shown(details['input'])}{hint}"
+            hint = did_you_mean(str(details["input"]), _choices(details))
+            return f"must be {details['ctx']['expected']}, not {_shown(details['input'])}{hint}"
     message = details["msg"]
     if message.startswith("Input should "):
         return f"must {message.removeprefix('Input should ')}, not {_shown(details['input'])}"
@@ -144,6 +162,8 @@ def _type_words(details: ErrorDetails) -> str:
     words = _TYPE_WORDS.get(details["type"])
     if words is not None:
         return words
+    if details["type"] == "literal_error":
+        return str(details["ctx"]["expected"])
     told = details["msg"].removeprefix("Input should be ")
     return re.split(r", (?:unable|got) ", told)[0]
 
