@@ -56,6 +56,7 @@ SHIFTS_PX = (0, 8, -8, 16, -16, 24, -24, 32, -32, 48, -48, 64, -64)
 QUICK_SHIFTS_PX = (0, 8, -24, 48)
 TURN_PER_PICTURE = 2.5
 CAMERA: dict[str, Any] = {"camera": "front"}
+PAPER: dict[str, Any] = {"shift": "paper", "threshold": "otsu", "average": "mean", "when_blind": "silent"}
 
 
 def make_divs(window: int = 25, **settings: Any) -> Localizer:
@@ -70,8 +71,8 @@ def make_stream(window: int = 25, **settings: Any) -> Localizer:
 
 
 def make_paper(window: int = 25, **settings: Any) -> Localizer:
-    """Return ours as the reference does it: plain mean, circular correlation, hill climbing."""
-    return make_divs(window, **settings | {"shift": "paper", "average": "mean", "when_blind": "silent"})
+    """Return ours as the reference does it: Otsu, plain mean, circular correlation, hill climbing."""
+    return make_divs(window, **settings | PAPER)
 
 
 PEERS: dict[str, Maker] = {
@@ -301,7 +302,7 @@ def time_rows(n: int) -> Iterator[Row]:
 def stream_times_us(pictures: Pictures) -> list[float]:
     """Return the time from a grey picture to its tracked shift, after a full window [us]."""
     layout = make_layout((640, 480), 50, (0.0, 0.5))
-    stream, tracker = ChangeStream(layout, 25, "otsu", "trimmed"), ShiftTracker(20, 25)
+    stream, tracker = ChangeStream(layout, 25, "p90", "trimmed"), ShiftTracker(20, 25)
     first: npt.NDArray[np.float64] | None = None
     times_us = []
     for picture in pictures:

@@ -13,11 +13,11 @@ from trailmark.config import sensor_roles
 from trailmark_divs.config import DivsConfig
 
 
-def test_the_papers_parameters_are_the_defaults():
+def test_the_papers_sizes_are_the_defaults():
     config = DivsConfig(camera="front")
 
     assert (config.window, config.columns, config.correlation_window) == (25, 50, 5)
-    assert (config.spacing_m, config.region, config.threshold) == (0.015, (0.0, 0.5), "otsu")
+    assert (config.spacing_m, config.region, config.threshold) == (0.015, (0.0, 0.5), "p90")
 
 
 def test_pictures_of_colour_and_depth_cameras_are_subscribed_to():

@@ -17,7 +17,7 @@ from trailmark.frames import Pinhole
 from trailmark.geometry import Pose2, Pose3, Trajectory
 from trailmark_divs.experiments.closed_loop import _share_row
 from trailmark_divs.experiments.drives import Deviation, Place, Taught, way_of
-from trailmark_divs.experiments.likelihood import _both
+from trailmark_divs.experiments.likelihood import _climbed, _tracked
 from trailmark_divs.experiments.offline import Answers, compare
 from trailmark_divs.experiments.plots import draw_clutter, draw_corners, draw_likelihood, draw_shifts, draw_ways
 from trailmark_divs.experiments.true_shift import Eyepiece, Surroundings
@@ -131,11 +131,11 @@ def test_both_selections_follow_a_shift_that_is_there():
     rng = np.random.default_rng(7)
     taught = np.repeat(rng.uniform(0, 9, (1, 50)), 30, axis=0)
 
-    maps, paths = _both(taught, np.roll(taught, 3, axis=1))
+    for select in (_climbed, _tracked):
+        likelihood, path = select(taught, np.roll(taught, 3, axis=1))
 
-    for path in paths.values():
+        assert likelihood.shape == (30, 41)
         np.testing.assert_allclose(path[-1], 3.0, atol=0.5)
-    assert all(likelihood.shape == (30, 41) for likelihood in maps.values())
 
 
 def test_figures_are_drawn_alike_each_time(tmp_path):

@@ -11,7 +11,7 @@ from trailmark_divs.layout import make_layout
 from trailmark_divs.memory import Memory, Recording, Windows, check_layout, layout_document, summarize
 
 LAYOUT = make_layout((80, 40), 8, (0.0, 0.5))
-DOCUMENT = layout_document(LAYOUT, (0.0, 0.5), None)
+DOCUMENT = layout_document(LAYOUT, (0.0, 0.5), None, "p90")
 
 
 def make_look(k, run=0, seed=7):
@@ -117,9 +117,16 @@ def test_keyframes_of_another_plugin_are_refused():
 @pytest.mark.parametrize(
     ("other", "message"),
     [
-        (layout_document(make_layout((80, 40), 10, (0.0, 0.5)), (0.0, 0.5), None), "columns 8, but the config says 10"),
-        (layout_document(LAYOUT, (0.0, 0.4), None), "region 0, 0.5, but the config says 0, 0.4"),
-        (layout_document(LAYOUT, (0.0, 0.5), 0.45), "lens_radius 0, but the config says 0.45"),
+        (
+            layout_document(make_layout((80, 40), 10, (0.0, 0.5)), (0.0, 0.5), None, "p90"),
+            "columns 8, but the config says 10",
+        ),
+        (layout_document(LAYOUT, (0.0, 0.4), None, "p90"), "region 0, 0.5, but the config says 0, 0.4"),
+        (layout_document(LAYOUT, (0.0, 0.5), 0.45, "p90"), "lens_radius 0, but the config says 0.45"),
+        (
+            layout_document(LAYOUT, (0.0, 0.5), None, "otsu"),
+            "threshold p90, but the config says otsu; set threshold back",
+        ),
     ],
 )
 def test_a_path_taught_with_other_columns_is_refused(drawer, other, message):
@@ -127,3 +134,12 @@ def test_a_path_taught_with_other_columns_is_refused(drawer, other, message):
 
     with pytest.raises(ConfigError, match=message):
         check_layout(drawer, other, "divs")
+
+
+def test_a_map_that_does_not_tell_its_threshold_was_taught_with_otsus(drawer):
+    untold = {key: value for key, value in DOCUMENT.items() if key != "threshold"}
+    drawer.save("layout", untold)
+
+    check_layout(drawer, layout_document(LAYOUT, (0.0, 0.5), None, "otsu"), "divs")
+    with pytest.raises(ConfigError, match="taught with threshold otsu, but the config says p90"):
+        check_layout(drawer, DOCUMENT, "divs")

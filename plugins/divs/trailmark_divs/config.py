@@ -32,8 +32,8 @@ class DivsConfig(PluginConfig):
     """Rows that are looked at, as shares of the height; the paper leaves out the lower half, which shows the floor."""
     lens_radius: float | None = Field(None, gt=0)
     """Radius of a fisheye's circle about the picture's centre, as a share of the width; its rim is masked."""
-    threshold: Threshold = "otsu"
-    """What counts as a change: Otsu's method (the paper), the top tenth, or Otsu after a blur (against noise)."""
+    threshold: Threshold = "p90"
+    """What counts as a change: the top tenth of a difference, Otsu's method (the paper), or Otsu after a blur."""
     average: Average = "trimmed"
     """Average over the window: without the outer quarters (against passers-by), or the mean of Eq. (6)."""
     keep_change_image: bool = False

@@ -131,7 +131,7 @@ class Divs(Localizer):
         info = session.sensors.get(frame.sensor)
         calibration = None if info is None else info.calibration
         angle_rad = radians_per_column(calibration, config.field_of_view_deg, layout.column_px, config.columns, width)
-        document = layout_document(layout, config.region, config.lens_radius)
+        document = layout_document(layout, config.region, config.lens_radius, config.threshold)
         if self._memory is not None:
             self._memory.begin(document, session.name)
         elif self._recording is not None and session.path is not None:

@@ -16,20 +16,27 @@ from trailmark.paths import Keyframe
 from trailmark_divs.averaging import mean_windows, trimmed_windows
 from trailmark_divs.eye import TURNING, Look
 from trailmark_divs.layout import Layout
+from trailmark_divs.options import THRESHOLDS, Threshold
 
 __all__ = ["Memory", "Recording", "Windows", "check_layout", "layout_document", "summarize"]
 
 _BATCH = 16  # looks in a keyframe: a row of a store costs more than the sums of one look
 _PROFILE_UNITS = 256.0  # a profile is stored in 1/256 grey level
 _LAYOUT = "layout"
+_THRESHOLD = "threshold"
+# Maps that do not tell theirs were taught with what was the default then.
+_UNTOLD = {_THRESHOLD: np.array([THRESHOLDS.index("otsu")])}
 
 
-def layout_document(layout: Layout, region: tuple[float, float], lens_radius: float | None) -> dict[str, Any]:
+def layout_document(
+    layout: Layout, region: tuple[float, float], lens_radius: float | None, threshold: Threshold
+) -> dict[str, Any]:
     """Return what must be the same in teaching and replaying, as arrays for a drawer."""
     return {
         "columns": np.array([layout.n_columns]),
         "region": np.array(region, dtype=np.float64),
         "lens_radius": np.array([lens_radius or 0.0]),
+        _THRESHOLD: np.array([THRESHOLDS.index(threshold)]),
     }
 
 
@@ -39,18 +46,24 @@ def check_layout(drawer: Drawer, document: Mapping[str, npt.NDArray[Any]], name:
     Raises
     ------
     ConfigError
-        If the path was taught with other columns, another region or another mask.
+        If the path was taught with other columns, another region, mask or threshold.
     """
-    taught = drawer.load(_LAYOUT)
+    stored = drawer.load(_LAYOUT)
+    if stored is None:
+        return
+    taught = {**_UNTOLD, **stored}
     for key, value in document.items():
-        if taught is not None and not np.array_equal(taught[key], value):
+        if not np.array_equal(taught[key], value):
             raise ConfigError(
-                f"{name}: the path was taught with {key} {_said(taught[key])}, but the config says {_said(value)};"
+                f"{name}: the path was taught with {key} {_said(key, taught[key])},"
+                f" but the config says {_said(key, value)};"
                 f" set {key} back, or teach the path anew"
             )
 
 
-def _said(value: npt.NDArray[Any]) -> str:
+def _said(key: str, value: npt.NDArray[Any]) -> str:
+    if key == _THRESHOLD:
+        return THRESHOLDS[int(value[0])]
     return ", ".join(f"{item:g}" for item in value.tolist())
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, get_args
 
-__all__ = ["Average", "Correspond", "Gain", "Select", "Shift", "Threshold", "TurnSource", "WhenBlind"]
+__all__ = ["THRESHOLDS", "Average", "Correspond", "Gain", "Select", "Shift", "Threshold", "TurnSource", "WhenBlind"]
 
 Select = Literal["distance", "time", "every"]
 Threshold = Literal["otsu", "p90", "blur_otsu"]
+#: Stored by their places here: append only.
+THRESHOLDS: tuple[Threshold, ...] = get_args(Threshold)
 Average = Literal["trimmed", "mean"]
 Shift = Literal["robust", "paper"]
 Correspond = Literal["distance", "time", "index", "appearance"]

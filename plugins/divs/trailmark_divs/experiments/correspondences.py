@@ -22,6 +22,8 @@ __all__ = ["correspondence_rows"]
 _WIDTH_PX, _LENGTH_M, _TURNED_DEG = 160, 20.0, 5.0
 _N_SEEDS = 1
 _STARTS_M = (3.0, 9.0, 15.0)
+#: How far it may drive while it does not know where it is; by itself `drift_steering` stops after 1 m.
+_SEARCH = {"search_m": 5.0}
 _AFTERNOON = {"time": "afternoon", "people": 3}
 _HOWS: Mapping[str, Mapping[str, Any]] = {
     "distance": {},
@@ -91,7 +93,9 @@ def unknown_start(taught: Taught, start_m: float, seed: int) -> tuple[float, flo
 
     streams = {"appearance": {**STREAMS, "correspondence": "appearance"}}  # under the name that it was taught by
     with tempfile.TemporaryDirectory() as folder:
-        result = replay(Path(folder), taught, _AFTERNOON, streams, seed, put_down_m=start_m, on_step=keep)
+        result = replay(
+            Path(folder), taught, _AFTERNOON, streams, seed, controller=_SEARCH, put_down_m=start_m, on_step=keep
+        )
     if not first or result.ground_truth is None:
         return math.inf, math.inf
     stamp_s, station_m = first[0]

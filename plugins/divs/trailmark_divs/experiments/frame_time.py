@@ -57,7 +57,7 @@ def _pictures(options: ExperimentOptions) -> list[Image]:
 
 def _times_ms(greys: Sequence[npt.NDArray[np.uint8]], layout: Layout) -> list[float]:
     """Return the time of every picture from the first full window on, against the first window as the taught one."""
-    stream, tracker = ChangeStream(layout, _WINDOW, average="trimmed"), ShiftTracker(_MAX_SHIFT, _WINDOW)
+    stream, tracker = ChangeStream(layout, _WINDOW, "p90", "trimmed"), ShiftTracker(_MAX_SHIFT, _WINDOW)
     taught: npt.NDArray[np.float64] | None = None
     times_ms = []
     for grey in greys:

@@ -15,6 +15,7 @@ from trailmark.pipeline import Pipeline, Step
 from trailmark_divs.experiments.drives import STREAMS, Place, Taught, replay, teach
 from trailmark_divs.experiments.plots import draw_likelihood
 from trailmark_divs.layout import grey_region, make_layout
+from trailmark_divs.options import Average, Threshold
 from trailmark_divs.paper_shift import PaperShift, winc
 from trailmark_divs.robust_shift import local_windows, shift_scores
 from trailmark_divs.stream import ChangeStream
@@ -29,6 +30,9 @@ _AFTERNOON = {"time": "afternoon", "people": 3}
 _CONFIDENCE = 0.8
 _JUMP_COLUMNS = 2.0
 
+_REFERENCE, _OURS = "as the reference, hill climbing", "ours, tracked"
+
+Floats = npt.NDArray[np.float64]
 Pictures = list[npt.NDArray[np.uint8]]
 
 
@@ -36,14 +40,13 @@ def likelihood_rows(options: ExperimentOptions) -> list[Row]:
     """Return how steady both selections are, and draw Fig. 1."""
     length_m = 3.0 if options.quick else 10.0
     taught_pictures, pictures = _pictures_of(options, Place("street", length_m, _WIDTH_PX))
-    taught, seen = change_vectors(taught_pictures), change_vectors(pictures)
-    n = min(len(taught), len(seen))  # corresponded by index, Eq. (11): both drives have the same speed
-    maps, paths = _both(taught[:n], seen[:n])
+    n = min(len(taught_pictures), len(pictures)) - _WINDOW  # by index, Eq. (11): both drives have the same speed
+    maps, paths = _both(taught_pictures, pictures, n)
     draw_likelihood(options.out / "figure_1_likelihood.svg", maps, paths, _REACH)
     rows, figure = [], "Fig. 1 street, +5 deg"
     for name, path in paths.items():
         rows.append(Row(figure, f"{name}: jumps of more than 2 columns", "%", _jumps_percent(path), n=n))
-    greatest = np.argmax(maps["as the reference, hill climbing"], axis=1).astype(np.float64)
+    greatest = np.argmax(maps[_REFERENCE], axis=1).astype(np.float64)
     rows.append(Row(figure, "maximum of each, without climbing: the same", "%", _jumps_percent(greatest), n=n))
     options.report(f"Fig. 1: {n} change vectors")
     return rows
@@ -53,10 +56,12 @@ def _jumps_percent(path: npt.NDArray[np.float64]) -> float:
     return 100.0 * float((np.abs(np.diff(path)) > _JUMP_COLUMNS).mean())
 
 
-def change_vectors(pictures: Sequence[npt.NDArray[np.uint8]]) -> npt.NDArray[np.float64]:
-    """Return the change vectors of pictures, Eqs. (4) to (7), (N - w, d)."""
+def change_vectors(
+    pictures: Sequence[npt.NDArray[np.uint8]], threshold: Threshold, average: Average
+) -> npt.NDArray[np.float64]:
+    """Return the change vectors of upper halves, Eqs. (4) to (7), (N - w, d)."""
     height, width = pictures[0].shape[0] * 2, pictures[0].shape[1]
-    stream = ChangeStream(make_layout((width, height), _COLUMNS, (0.0, 0.5)), _WINDOW)
+    stream = ChangeStream(make_layout((width, height), _COLUMNS, (0.0, 0.5)), _WINDOW, threshold, average)
     vectors = []
     for picture in pictures:
         stream.push(picture)
@@ -65,24 +70,37 @@ def change_vectors(pictures: Sequence[npt.NDArray[np.uint8]]) -> npt.NDArray[np.
     return np.array(vectors)
 
 
-def _both(
-    taught: npt.NDArray[np.float64], seen: npt.NDArray[np.float64]
-) -> tuple[dict[str, npt.NDArray[np.float64]], dict[str, npt.NDArray[np.float64]]]:
-    """Return the likelihoods and the selected shifts of both ways, (N, 2 reach + 1) and (N,) each."""
-    paper, tracker = PaperShift(_CORRELATION_WINDOW), ShiftTracker(_REACH, _WINDOW)
-    usable = np.ones(_COLUMNS, dtype=np.bool_)
-    responses, climbed, scores, tracked = [], [], [], []
+def _both(taught: Pictures, seen: Pictures, n: int) -> tuple[dict[str, Floats], dict[str, Floats]]:
+    """Return the likelihoods and the selected shifts of both ways, each with its own change vectors.
+
+    (n, 2 reach + 1) and (n,) each.
+    """
+    climbed = _climbed(*(change_vectors(pictures, "otsu", "mean")[:n] for pictures in (taught, seen)))
+    tracked = _tracked(*(change_vectors(pictures, "p90", "trimmed")[:n] for pictures in (taught, seen)))
+    maps, paths = zip(climbed, tracked, strict=True)
+    return dict(zip((_REFERENCE, _OURS), maps, strict=True)), dict(zip((_REFERENCE, _OURS), paths, strict=True))
+
+
+def _climbed(taught: Floats, seen: Floats) -> tuple[Floats, Floats]:
+    """Return the responses of the reference's correlation, and the shift that hill climbing selects."""
+    paper, responses, columns = PaperShift(_CORRELATION_WINDOW), [], []
     for before, now in zip(taught, seen, strict=True):
         response = winc(before, now, _CORRELATION_WINDOW)
         responses.append(response[_COLUMNS - _REACH : _COLUMNS + _REACH + 1])
-        climbed.append(paper.update(before, now))
-        before_windows, now_windows = (local_windows(one, usable, _CORRELATION_WINDOW) for one in (before, now))
-        scores.append(shift_scores(before_windows, now_windows, _REACH))
+        columns.append(paper.update(before, now))
+    return np.array(responses), np.array(columns)
+
+
+def _tracked(taught: Floats, seen: Floats) -> tuple[Floats, Floats]:
+    """Return our scores, and the tracked shift: NaN where the tracker is not sure enough to speak."""
+    tracker, scores, columns = ShiftTracker(_REACH, _WINDOW), [], []
+    usable = np.ones(_COLUMNS, dtype=np.bool_)
+    for pair in zip(taught, seen, strict=True):
+        before, now = (local_windows(vector, usable, _CORRELATION_WINDOW) for vector in pair)
+        scores.append(shift_scores(before, now, _REACH))
         shift = tracker.update(scores[-1])
-        tracked.append(shift.columns if shift.confidence >= _CONFIDENCE else np.nan)  # below it, it is silent
-    names = ("as the reference, hill climbing", "ours, tracked")
-    maps = dict(zip(names, (np.array(responses), np.array(scores)), strict=True))
-    return maps, dict(zip(names, (np.array(climbed), np.array(tracked)), strict=True))
+        columns.append(shift.columns if shift.confidence >= _CONFIDENCE else np.nan)
+    return np.array(scores), np.array(columns)
 
 
 def _pictures_of(options: ExperimentOptions, place: Place) -> tuple[Pictures, Pictures]:

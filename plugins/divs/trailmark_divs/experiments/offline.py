@@ -34,6 +34,7 @@ _DEPTH_HZ = 2.0
 _PAPER: Mapping[str, Any] = {
     **STREAMS,
     "shift": "paper",
+    "threshold": "otsu",
     "average": "mean",
     "when_blind": "silent",
     "gain": "paper",
