@@ -240,6 +240,19 @@ def test_a_baseline_that_was_skipped_somewhere_is_compared_where_it_ran(tmp_path
     assert [row.n_conditions for row in summary.overall] == [1, 0]
 
 
+def test_what_has_not_run_is_counted_and_has_no_row(tmp_path: Path) -> None:
+    places = [("floor", 0), ("floor", 1), ("street", 0)]
+    with Index(tmp_path, write=True) as index:
+        index.enter([Cell(f"{n:020x}", "", {"source": s, "seed": i}, {}) for n, (s, i) in enumerate(places)])
+        index.finished(f"{0:020x}", Outcome("ok"), {"metrics": {"ate_rmse_m[se2,n=9]": 0.1}, "errors": True})
+
+    shown = run("show", tmp_path).output
+
+    assert re.search(r"floor .*1/2", shown)
+    assert "street" not in shown
+    assert "3 cells: 2 pending, 1 ok" in shown
+
+
 def test_the_schema_of_bench_configs_knows_runs_and_benches() -> None:
     schema = json.loads(CliRunner().invoke(root, ["schema", "--bench"], obj=ChosenPlugins()).stdout)
 

@@ -168,6 +168,8 @@ def _p_text(p: float | None) -> str:
 
 
 def _in_order(summary: Summary) -> list[Entry]:
+    """Return the entries of which something has run; the others are counted below the tables."""
     conditions = {condition: place for place, condition in enumerate(summary.conditions)}
     methods = {method: place for place, method in enumerate(summary.methods)}
-    return sorted(summary.entries.values(), key=lambda entry: (conditions[entry.condition], methods[entry.method]))
+    found = [entry for entry in summary.entries.values() if entry.n_ok + entry.n_failed]
+    return sorted(found, key=lambda entry: (conditions[entry.condition], methods[entry.method]))
