@@ -137,6 +137,7 @@ def test_the_paper_s_way_by_hand(tmp_path: Path, capsys: pytest.CaptureFixture[s
         ((), "give a recording, or --edges, and not both"),
         (("--edges", "33,606,25"), "--edges takes LEFT,RIGHT,TOP,BOTTOM"),
         (("--edges", "606,33,25,454"), "left before right"),
+        (("--edges", "33,34,25,26"), "leaves 2 x 2 px of 640 x 480: give the columns and rows"),
         (("--edges", "33,606,25,454", "--size", "640"), "--size takes WIDTHxHEIGHT"),
         (("nowhere/",), "no file or folder nowhere/"),
     ],
