@@ -126,6 +126,9 @@ def test_render_takes_options_of_the_world(tmp_path: Path) -> None:
         (["ground_course", "--set", "flor=wood"], "unknown key (did you mean 'floor'?)"),
         (["ground_course", "--set", "texture=nowhere.jpg"], "no such file or folder"),
         (["ground_course", "--set", "floor"], "KEY=VALUE"),
+        (["ground_course", "--set", "camera.readout_ms=20"], "'floor' is read for 20 ms, but at 70 Hz"),
+        (["corridor", "--set", "exposure_ms=60"], "'front' exposes for 60 ms, but at 20 Hz"),
+        (["corridor", "--set", "readout_ms=-1"], "readout_ms"),
     ],
 )
 def test_render_says_what_is_wrong_in_one_line(tmp_path: Path, arguments: list[str], story: str) -> None:
@@ -152,7 +155,7 @@ def test_statistics_of_pictures_and_floors_stand_in_one_table(tmp_path: Path, mo
 def test_statistics_of_what_is_no_picture_are_refused(tmp_path: Path) -> None:
     (tmp_path / "small.png").write_bytes(cv2.imencode(".png", np.zeros((9, 9), np.uint8))[1].tobytes())
 
-    assert "256 x 256" in failure(trailmark("statistics", str(tmp_path / "small.png")))
+    assert "96 x 96" in failure(trailmark("statistics", str(tmp_path / "small.png")))
     assert "is not there" in failure(trailmark("statistics", str(tmp_path / "nowhere.png")))
     assert "give pictures, or --floors" in failure(trailmark("statistics"))
 
