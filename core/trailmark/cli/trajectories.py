@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any, TypeVar
 
 import click
 
@@ -11,14 +12,19 @@ from trailmark.evaluation import ALIGNMENTS
 
 __all__ = ["align_option", "short_names"]
 
-#: How positions are laid on the truth before they are compared.
-align_option = click.option(
-    "--align",
-    type=click.Choice(ALIGNMENTS),
-    default="se2",
-    show_default=True,
-    help="Lay all positions on the truth, the first pose only, or nothing.",
-)
+_Command = TypeVar("_Command", bound=Callable[..., Any])
+
+
+def align_option(command: _Command) -> _Command:
+    """Add ``--align``: how positions are laid on the truth before they are compared."""
+    option = click.option(
+        "--align",
+        type=click.Choice(ALIGNMENTS),
+        default="se2",
+        show_default=True,
+        help="Lay all positions on the truth, the first pose only, or nothing.",
+    )
+    return option(command)
 
 
 def short_names(paths: Sequence[Path]) -> list[str]:
