@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import logging
+import os
+import subprocess
+import sys
 
 import pytest
 
@@ -16,3 +19,18 @@ def test_a_program_that_calls_the_command_line_still_hears_of_broken_plugins(cap
     logging.getLogger("trailmark.plugins.loader").warning("plugin 'x' did not load")
 
     assert caplog.messages == ["plugin 'x' did not load"]
+
+
+@pytest.mark.parametrize(("level", "code"), [("loud", 2), ("INFO", 0), ("", 0)])
+def test_a_level_of_the_log_that_does_not_exist_is_refused_in_one_line(level: str, code: int) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "trailmark.cli", "--version"],
+        env=os.environ | {"TRAILMARK_LOG": level},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+    assert done.returncode == code
+    expected = "trailmark: TRAILMARK_LOG=loud: it takes debug, info, warning, error, critical\n" if code else ""
+    assert done.stderr == expected

@@ -8,6 +8,8 @@ import sys
 
 __all__ = ["main"]
 
+_LEVELS = ("debug", "info", "warning", "error", "critical")
+
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line and exit: 0 done, 1 the run failed, 2 the request was wrong."""
@@ -15,8 +17,8 @@ def main(arguments: list[str] | None = None) -> None:
     from trailmark.cli.root import root, split_plugin_options
 
     debug = bool(os.environ.get("TRAILMARK_DEBUG"))
-    _log_to_stderr()
     try:
+        _log_to_stderr(os.environ.get("TRAILMARK_LOG") or "warning")
         chosen, rest = split_plugin_options(sys.argv[1:] if arguments is None else arguments)
         code = root.main(rest, prog_name="trailmark", obj=chosen, standalone_mode=False)
     except SystemExit:
@@ -28,11 +30,15 @@ def main(arguments: list[str] | None = None) -> None:
     sys.exit(code if isinstance(code, int) else 0)  # click hands the code of an early exit back
 
 
-def _log_to_stderr() -> None:
+def _log_to_stderr(level: str) -> None:
+    from trailmark.errors import ConfigError
+
+    if level.lower() not in _LEVELS:
+        raise ConfigError(f"TRAILMARK_LOG={level}: it takes {', '.join(_LEVELS)}")
     handler = logging.StreamHandler()
     handler.setFormatter(logging.Formatter("trailmark: %(levelname)s: %(message)s"))
     handler.addFilter(_is_news)
-    logging.basicConfig(handlers=[handler], level=os.environ.get("TRAILMARK_LOG", "warning").upper())
+    logging.basicConfig(handlers=[handler], level=level.upper())
 
 
 def _is_news(record: logging.LogRecord) -> bool:
