@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any, Literal
 
 from trailmark.evaluation import GROUND_TRUTH, evaluate_run, find_metric
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
 __all__ = ["print_run", "print_table", "run_table", "summary_rows", "table_console", "to_rich"]
 
 _WIDTH = 100
+_HEADER_WIDTH = 8
+_WIDEST = 160
 
 #: Quantities of a row: key, name with errors, name with differences.
 _QUANTITIES = (
@@ -121,14 +124,18 @@ def table_console() -> Console:
 
 def print_table(table: Table) -> None:
     """Print a table and what has to be known about it."""
+    from rich.console import Console
     from rich.text import Text
 
-    console = table_console()
-    console.print(to_rich(table))
+    console, shown = table_console(), to_rich(table)
+    if not console.is_terminal:  # a file has room: a name is not broken
+        console.width = max(console.width, Console(width=_WIDEST).measure(shown).maximum)
+    console.print(shown)
     for note in table.notes:
         console.print(Text(note, style="dim"))
 
 
 def _header(column: Column) -> list[str]:
-    """Return title and unit, a line each; short lines keep ten columns within 100 characters."""
-    return [*column.title.split(" ", 1), column.unit]
+    """Return title and unit; short lines keep ten columns within 100 characters."""
+    first, _, rest = column.title.partition(" ")
+    return [first, *wrap(rest, _HEADER_WIDTH, break_long_words=False, break_on_hyphens=False), column.unit]
