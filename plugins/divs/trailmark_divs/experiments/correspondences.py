@@ -106,8 +106,9 @@ def unknown_start(taught: Taught, start_m: float, seed: int) -> tuple[float, flo
 def _rows_of_starts(name: str, found_at: Sequence[tuple[float, float]]) -> list[Row]:
     n = len(found_at)
     driven_m, wrong_m = (max(values) for values in zip(*found_at, strict=True))
+    note = f"at half speed; drift_steering was let search for {_SEARCH['search_m']:g} m"
     return [
-        Row(name, "appearance: way until it knew, max", "m", driven_m, n=n),
+        Row(name, "appearance: way until it knew, max", "m", driven_m, n=n, note=note),
         Row(name, "appearance: station then wrong by, max", "m", wrong_m, n=n),
     ]
 
