@@ -36,7 +36,8 @@ def main(arguments: list[str]) -> int:
     folder = Path(arguments[0])
     die_with(int(arguments[1]))
     faulthandler.register(signal.SIGUSR1)
-    logging.basicConfig(format="%(levelname)s: %(message)s", level=os.environ.get("TRAILMARK_LOG", "warning").upper())
+    level = os.environ.get("TRAILMARK_LOG") or "warning"
+    logging.basicConfig(format="%(levelname)s: %(message)s", level=level.upper())
     try:
         request = json.loads((folder / REQUEST_FILE).read_text(encoding="utf-8"))
         _limit(request["limits"])
