@@ -94,7 +94,7 @@ function drawHeat() {
   const shown = data.metrics[metric], byPlace = new Map(data.entries.map((entry) => [`${entry.method}\n${entry.condition}`, entry]));
   const measured = new Set(data.entries.filter((entry) => statistics(entry) || entry.skipped).map((entry) => entry.condition));
   const conditions = data.conditions.filter((condition) => measured.has(condition));
-  const head = node("tr", {}, node("th"), ...conditions.map((name) => node("th", { scope: "col", textContent: name })));
+  const head = node("tr", {}, node("th"), ...conditions.map((name) => node("th", { scope: "col", textContent: name.replaceAll("_", "_\u200b") })));  // may break there
   const best = bestOfEach();
   const body = data.methods.map((method) => {
     const cells = conditions.map((condition) => heatCell(byPlace.get(`${method}\n${condition}`), best.get(condition)));
