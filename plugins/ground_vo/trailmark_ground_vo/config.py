@@ -106,6 +106,6 @@ class GroundMapConfig(PluginConfig):
     (1 - correlation^2) is at most this share of any other place's: ground may repeat itself. 1: the best counts."""
     confirm_m: float = Field(0.0, ge=0)
     """With an unknown start, the way over which a place must go on to fit before it is believed. 0: a robot that stands
-    finds itself, and ground that is the same as the path's beside it is believed; 0.3 m told copies apart [m]."""
+    finds itself, and ground that is the same as the path's beside it is believed [m]."""
     use_vectors: bool = True
     """Use the vector kernels; false takes the plain ones, which give the same bits, slower."""

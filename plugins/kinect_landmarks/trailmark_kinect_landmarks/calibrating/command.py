@@ -95,8 +95,8 @@ def _by_hand(edges: str, colour_size: Size, depth_size: Size, colour: Path | Non
     kept = (right - left + 1, bottom - top + 1)
     if 2 * kept[0] < colour_size[0] or 2 * kept[1] < colour_size[1]:  # no two such lenses are sold in one housing
         raise ConfigError(
-            f"--edges {edges} leaves {kept[0]:g} x {kept[1]:g} px of {colour_size[0]} x {colour_size[1]}: give the columns"
-            " and rows at which the borders appear, not how many are cut off"
+            f"--edges {edges} leaves {kept[0]:g} x {kept[1]:g} px of {colour_size[0]} x {colour_size[1]}: give the"
+            " columns and rows at which the borders appear, not how many are cut off"
         )
     crop = Crop.from_rectangles((left, right, top, bottom), colour_size)
     _say_crop(crop, colour_size, depth_size)
