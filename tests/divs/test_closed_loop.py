@@ -139,10 +139,9 @@ def test_a_robot_follows_its_path_around_a_corner(corner, drawer):
     assert 0.02 < drawer.load("summary")["turning_share"] < 0.5
 
 
-def test_wheels_that_are_5_percent_off_do_not_miss_the_corner_where_the_view_counts(corner, drawer):
-    config = DivsConfig(camera="front", correspondence="appearance")
-
-    largest_m, arrived = around_the_corner(corner, drawer, config, scale=1.05)
+@pytest.mark.parametrize("how", [{"correspondence": "appearance"}, {"landmark_spacing_m": 2.0, "threshold": "otsu"}])
+def test_wheels_that_are_5_percent_off_do_not_miss_the_corner_where_the_view_counts(corner, drawer, how):
+    largest_m, arrived = around_the_corner(corner, drawer, DivsConfig(camera="front", **how), scale=1.05)
 
     assert arrived
     assert largest_m < 0.20
