@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from trailmark.config import Document, RunConfig, load_run_config, read_document
@@ -267,6 +267,8 @@ def told(config: RunConfig) -> dict[str, Any]:
 
 @settings(max_examples=60, deadline=None)
 @given(written=CONFIGS)
+@example(written={"localizers": {"a": {"plugin": "ground_map", "method": "\x85"}}})
+@example(written={"localizers": {"a": {"plugin": "ground_map", "method": "a\u2028b\u2029"}}})
 def test_the_resolved_document_loads_again_as_the_same_run(written, plugins, tmp_path_factory):
     folder = tmp_path_factory.mktemp("resolved")
 

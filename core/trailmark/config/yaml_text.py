@@ -11,12 +11,14 @@ from ruamel.yaml.constructor import SafeConstructor
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
+from ruamel.yaml.representer import SafeRepresenter
 
 from trailmark.config.keys import Key, TextError
 
 __all__ = ["dump_yaml", "parse_value", "read_yaml"]
 
 _VERSION = re.compile(r"%YAML[ \t]+(\S+)")
+_OTHER_BREAKS = re.compile("[\x85\u2028\u2029]")
 # A date stays text, a merge key (`<<`) is a mapping.
 _PLAIN = frozenset({"str", "int", "float", "bool", "null", "map", "seq", "timestamp", "merge"})
 
@@ -34,6 +36,17 @@ class _Constructor(SafeConstructor):
 
 
 _Constructor.add_constructor("tag:yaml.org,2002:timestamp", SafeConstructor.construct_yaml_str)
+
+
+class _Representer(SafeRepresenter):
+    """Line breaks that are no newline are escaped: read again as they are, they would be spaces."""
+
+    def represent_str(self, data: str) -> Any:
+        style = '"' if _OTHER_BREAKS.search(data) else None
+        return self.represent_scalar("tag:yaml.org,2002:str", data, style=style)
+
+
+_Representer.add_representer(str, _Representer.represent_str)
 
 
 def _yaml() -> YAML:
@@ -91,6 +104,7 @@ def dump_yaml(data: Any) -> str:
     from io import StringIO
 
     yaml = YAML(typ="safe", pure=True)
+    yaml.Representer = _Representer
     yaml.default_flow_style = False
     yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
     yaml.width = 120
