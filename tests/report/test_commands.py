@@ -153,4 +153,4 @@ def test_compare_says_what_could_not_be_read(fake_run: Write) -> None:
     result = _call(compare_command, folder)
 
     assert result.exit_code == 0
-    assert "klt.tum:1: expected 8 numbers" in result.stderr
+    assert "klt.tum:1: expected 8 numbers" in result.output
