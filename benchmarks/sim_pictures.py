@@ -24,6 +24,7 @@ from trailmark_sim.worlds import build_world
 from trailmark_sim.worlds.base import WorldOptions
 
 Picture = npt.NDArray[np.uint8]
+Day = tuple[str, dict[str, Any], Mode]
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ SHOTS = {
     "target_rgbd": Shot("target", "rgbd", 0.0, stamp_s=2.5),
 }
 #: What another day does to the paper's course: title, options, whether the vehicle has come back.
-DAYS: tuple[tuple[str, dict[str, Any], Mode], ...] = (
+DAYS: tuple[Day, ...] = (
     ("asphalt, dirt", {"floor": "asphalt", "in_replay": {"day": 2, "dirt": 0.8}}, "replay"),
     ("asphalt, leaves", {"floor": "asphalt", "in_replay": {"day": 2, "leaves_per_m2": 60}}, "replay"),
     ("asphalt, half wet", {"floor": "asphalt", "in_replay": {"day": 2, "wet": 0.5}}, "replay"),
@@ -85,10 +86,10 @@ def take(shot: Shot) -> Picture:
 
 def floors() -> Picture:
     """Return all floors, and below them what another day does to them."""
-    tiles = [(name, {"floor": name}, "teach") for name in sorted(FLOORS)]
+    tiles: list[Day] = [(name, {"floor": name}, "teach") for name in sorted(FLOORS)]
     cells = []
     for title, options, mode in (*tiles, *DAYS):
-        picture = take(Shot("ground_course", "floor", 1.0, options=options, mode=mode))  # type: ignore[arg-type]
+        picture = take(Shot("ground_course", "floor", 1.0, options=options, mode=mode))
         small = cv2.resize(picture, (308, 288), interpolation=cv2.INTER_AREA)
         cv2.rectangle(small, (0, 0), (12 + 9 * len(title), 22), 0, -1)
         cv2.putText(small, title, (6, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.5, 255, 1, cv2.LINE_AA)
