@@ -34,10 +34,10 @@ from trailmark.estimates import Belief, Estimate, PathOffset
 from trailmark.experiments import Row
 from trailmark.frames import Frame, Image, SensorInfo
 from trailmark.geometry import Pose2, Twist2
-from trailmark.interfaces import Drawer, Localizer, Session
+from trailmark.interfaces import Localizer, LocalizerMap, Session
 from trailmark.paths import Path as TaughtPath
 from trailmark.paths import Waypoint
-from trailmark.testing import MemoryDrawer
+from trailmark.testing import MemoryMap
 from trailmark_baselines.appearance.config import ColumnNCCConfig, PatchNCCConfig, PhaseShiftConfig
 from trailmark_baselines.appearance.localizer import ColumnNCC, PatchNCC, PhaseShift
 from trailmark_divs.config import DivsConfig
@@ -108,11 +108,11 @@ class Found:
         return float(np.mean(self.error_px)), float(np.mean(self.has_sign)), len(self.error_px) / self.n_asked
 
 
-def session(mode: Any, drawer: Drawer, n: int) -> Session:
+def session(mode: Any, localizer_map: LocalizerMap, n: int) -> Session:
     """Return a session over a straight path, a metre a picture."""
     path = TaughtPath(Waypoint(k, float(k), Pose2(float(k))) for k in range(n + 1))
     sensors = {"front": SensorInfo("front", "image")}
-    return Session(name="bench", mode=mode, sensors=sensors, path=path if mode == "replay" else None, drawer=drawer)
+    return Session(name="bench", mode=mode, sensors=sensors, path=path if mode == "replay" else None, map=localizer_map)
 
 
 def shown(localizer: Localizer, pictures: Pictures, first_m: float = 0.0) -> Iterator[Sequence[Estimate]]:
@@ -124,22 +124,22 @@ def shown(localizer: Localizer, pictures: Pictures, first_m: float = 0.0) -> Ite
         yield localizer.observe(Frame("front", 0.1 * k, Image(picture)), belief)
 
 
-def taught(make: Maker, pictures: Pictures, **settings: Any) -> Drawer:
+def taught(make: Maker, pictures: Pictures, **settings: Any) -> LocalizerMap:
     """Teach a sequence."""
-    drawer, localizer = MemoryDrawer(), make(**settings)
-    localizer.start(session("teach", drawer, len(pictures)))
+    localizer_map, localizer = MemoryMap(), make(**settings)
+    localizer.start(session("teach", localizer_map, len(pictures)))
     for _ in shown(localizer, pictures):
         pass
     localizer.finish()
-    return drawer
+    return localizer_map
 
 
 def replayed(
-    make: Maker, drawer: Drawer, pictures: Pictures, first_m: float = 0.0, **settings: Any
+    make: Maker, localizer_map: LocalizerMap, pictures: Pictures, first_m: float = 0.0, **settings: Any
 ) -> list[Sequence[Estimate]]:
     """Replay a sequence; the first picture stands at `first_m`."""
     localizer = make(**settings)
-    localizer.start(session("replay", drawer, len(pictures) + 4))
+    localizer.start(session("replay", localizer_map, len(pictures) + 4))
     return list(shown(localizer, pictures, first_m))
 
 
@@ -184,10 +184,10 @@ def crop_case(
 ) -> Found:
     """Teach a crop of the first sequence, replay crops of the second at known shifts."""
     found = Found()
-    drawer = taught(make, cropped(pictures[0]), window=window, **settings)
+    localizer_map = taught(make, cropped(pictures[0]), window=window, **settings)
     for shift_px in shifts_px:
         seen = cover(cropped(pictures[1], shift_px))
-        for estimate in replayed(make, drawer, seen, first_m, window=window, **settings)[window + 3 :]:
+        for estimate in replayed(make, localizer_map, seen, first_m, window=window, **settings)[window + 3 :]:
             found.add(estimate, float(shift_px))
     return found
 

@@ -43,7 +43,7 @@ from trailmark.experiments import Row
 from trailmark.frames import Frame
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Session
-from trailmark.testing import MemoryDrawer
+from trailmark.testing import MemoryMap
 from trailmark_ground_vo.config import GroundMapConfig, GroundVOConfig
 from trailmark_ground_vo.localizer import GroundVO
 from trailmark_ground_vo.map_localizer import GroundMap
@@ -117,11 +117,11 @@ class OpenDrive(Drive):
 class Robot:
     """ground_vo, ground_map and dead reckoning, driven over pictures."""
 
-    def __init__(self, drawer: MemoryDrawer, mode: str, is_teaching: bool, latency: int = 0, **keys: Any) -> None:
+    def __init__(self, localizer_map: MemoryMap, mode: str, is_teaching: bool, latency: int = 0, **keys: Any) -> None:
         motion = GroundVOConfig.model_validate(CAMERA | {"mode": mode})
         paper = PAPER if mode == "paper" else {}
         self.motion, self.map = GroundVO(motion), GroundMap(GroundMapConfig.model_validate(CAMERA | paper | keys))
-        session = Session(mode="teach" if is_teaching else "replay", sensors={"floor": sensor()}, drawer=drawer)
+        session = Session(mode="teach" if is_teaching else "replay", sensors={"floor": sensor()}, map=localizer_map)
         self.motion.start(session)
         self.map.start(session)
         self.estimator = DeadReckoning(DeadReckoningConfig())
@@ -188,25 +188,25 @@ class Taught:
     mode: str
     metres: float
     seed: int
-    drawer: MemoryDrawer
+    localizer_map: MemoryMap
     places: Poses  # true poses where patches were registered
 
     def poses_at(self, place: int, true: Pose2) -> Pose2:
         """Return the pose that a robot at `true` should believe: that of the place, and the true way from it."""
-        return self.drawer.keyframes()[place].pose_map_base @ self.places[place].between(true)
+        return self.localizer_map.keyframes()[place].pose_map_base @ self.places[place].between(true)
 
 
 def teach(name: str, mode: str, metres: float, seed: int, **keys: Any) -> Taught:
     """Teach the course."""
-    at, drawer = course(metres), MemoryDrawer()
+    at, localizer_map = course(metres), MemoryMap()
     n_frames = int(metres / SPEED_MPS * RATE_HZ)
     drive = OpenDrive(name, lambda time_s: at(SPEED_MPS * time_s), n_frames, seed)
-    robot = Robot(drawer, mode, is_teaching=True, **keys)
+    robot = Robot(localizer_map, mode, is_teaching=True, **keys)
     robot.start_at(Pose2())
     for index, frame in enumerate(drive.frames()):
         robot.see(index, frame)
-    places = [drive.pose(round(keyframe.stamp_s * RATE_HZ)) for keyframe in drawer.keyframes()]
-    return Taught(name, mode, metres, seed, drawer, places)
+    places = [drive.pose(round(keyframe.stamp_s * RATE_HZ)) for keyframe in localizer_map.keyframes()]
+    return Taught(name, mode, metres, seed, localizer_map, places)
 
 
 @dataclass
@@ -232,7 +232,10 @@ def replay(
     **keys: Any,
 ) -> Replay:  # fmt: skip
     """Drive the taught course again, beside it, and compare every correction with the truth."""
-    at, robot = course(taught.metres), Robot(taught.drawer, taught.mode, is_teaching=False, latency=latency, **keys)
+    at, robot = (
+        course(taught.metres),
+        Robot(taught.localizer_map, taught.mode, is_teaching=False, latency=latency, **keys),
+    )
     n_frames = int(taught.metres / SPEED_MPS * RATE_HZ)
 
     def law(time_s: float) -> Pose2:
@@ -266,7 +269,7 @@ def course_rows(name: str, mode: str, metres: float) -> Iterator[Row]:
     """Yield what the search detects and what is left, with a latency of 1 and of 14 pictures."""
     taught, means = teach(name, mode, metres, seed=3), {}
     label, n_places, is_refined = f"{metres:g} m course, {mode}", len(taught.places), mode == "refined"
-    n_bytes = {sum(array.nbytes for array in k.arrays.values()) + 24 for k in taught.drawer.keyframes()}
+    n_bytes = {sum(array.nbytes for array in k.arrays.values()) + 24 for k in taught.localizer_map.keyframes()}
     bar = 1960.0
     yield _row(label, f"{name}: registrations", "", n_places, 268.0 if metres == 13.4 else None, n=n_places)
     yield _row(label, f"{name}: bytes of a registration", "B", max(n_bytes), 1960.0, bar, n=n_places)
@@ -354,7 +357,7 @@ def find_start(taught: Taught, way_m: float, seed: int) -> Start | None:
         return at(way_m + SPEED_MPS * max(0.0, time_s - n_still / RATE_HZ)) @ aside
 
     drive = OpenDrive(taught.floor, law, n_still + int(_DRIVE_ON_M / SPEED_MPS * RATE_HZ), taught.seed, 2 + seed)
-    robot = Robot(taught.drawer, taught.mode, is_teaching=False)
+    robot = Robot(taught.localizer_map, taught.mode, is_teaching=False)
     robot.start_at(None)
     for index, frame in enumerate(drive.frames()):
         for fix in (estimate for estimate in robot.see(index, frame) if isinstance(estimate, Fix)):

@@ -7,6 +7,7 @@ plugins written for an older minor version keep working.
 
 from __future__ import annotations
 
+import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trailmark.commands import Command
+from trailmark.deprecation import deprecated_name
 from trailmark.estimates import Applied, Belief, Estimate
 from trailmark.frames import Frame, SensorInfo
 from trailmark.geometry import Pose2, Trajectory
@@ -24,11 +26,11 @@ from trailmark.paths import Keyframe, Path, Waypoint
 
 __all__ = [
     "Controller",
-    "Drawer",
     "Drivable",
     "Estimator",
     "FrameSource",
     "Localizer",
+    "LocalizerMap",
     "Mode",
     "Part",
     "PathStore",
@@ -40,7 +42,7 @@ __all__ = [
 Mode = Literal["track", "teach", "replay"]
 
 
-class Drawer(ABC):
+class LocalizerMap(ABC):
     """One localizer's own place in the path store; usable from any thread, writable in teach."""
 
     @abstractmethod
@@ -90,7 +92,7 @@ class Session:
         The taught path, in replay (and in track with a store).
     start_pose : Pose2 or None
         Base in the map at the start; None: unknown.
-    drawer : Drawer or None
+    map : LocalizerMap or None
         This part's own place in the store.
     rng : numpy.random.Generator
         Seeded from (seed, kind, name): adding a part changes no other part's numbers.
@@ -103,9 +105,15 @@ class Session:
     sensors: Mapping[str, SensorInfo] = field(default_factory=lambda: MappingProxyType({}))
     path: Path | None = None
     start_pose: Pose2 | None = None
-    drawer: Drawer | None = None
+    map: LocalizerMap | None = None
     rng: np.random.Generator = field(default_factory=_default_rng)
     last_latency_s: Callable[[], float] = _no_latency
+
+    @property
+    def drawer(self) -> LocalizerMap | None:
+        """The old name of `map`; it goes with version 0.3."""
+        warnings.warn("Session.drawer is called Session.map now", DeprecationWarning, stacklevel=2)
+        return self.map
 
 
 class Part(ABC):  # noqa: B024  (each kind of part has abstract methods of its own)
@@ -173,7 +181,7 @@ class Drivable(FrameSource):
 class Localizer(Part):
     """Turns frames into estimates."""
 
-    #: Format of what it keeps in its drawer. Raise it when an older version could not read that any more: the pipeline
+    #: Format of what it keeps in its map. Raise it when an older version could not read that any more: the pipeline
     #: keeps it beside the map, and a localizer is never started on a map of a newer format than its own.
     map_format: ClassVar[int] = 1
 
@@ -199,7 +207,7 @@ class Localizer(Part):
         return None
 
     def finish(self) -> None:
-        """End of teaching: select, train, index; works from the drawer alone and may be repeated."""
+        """End of teaching: select, train, index; works from the localizer map alone and may be repeated."""
 
 
 class Estimator(Part):
@@ -267,7 +275,7 @@ class Controller(Part):
 
 
 class PathStore(Part):
-    """Keeps a taught path. It belongs to the pipeline; localizers see their `Drawer` only."""
+    """Keeps a taught path. It belongs to the pipeline; localizers see their `LocalizerMap` only."""
 
     @abstractmethod
     def append(self, waypoint: Waypoint) -> None:
@@ -278,8 +286,13 @@ class PathStore(Part):
         """Return the committed path, or None while there is none."""
 
     @abstractmethod
-    def drawer(self, owner: str) -> Drawer:
-        """Return the drawer of one localizer."""
+    def localizer_map(self, owner: str) -> LocalizerMap:
+        """Return the map of one localizer."""
+
+    def drawer(self, owner: str) -> LocalizerMap:
+        """Call `localizer_map` by its old name; it goes with version 0.3."""
+        warnings.warn("PathStore.drawer is called localizer_map now", DeprecationWarning, stacklevel=2)
+        return self.localizer_map(owner)
 
     @abstractmethod
     def commit(self) -> None:
@@ -342,3 +355,10 @@ class Sink(Part):
 
     def on_end(self, end: RunEnd) -> None:
         """The run is over."""
+
+
+_OLD_NAMES = {"Drawer": LocalizerMap}
+
+
+def __getattr__(name: str) -> Any:
+    return deprecated_name(__name__, name, _OLD_NAMES)

@@ -17,7 +17,7 @@ from trailmark.frames import RGBD, Frame, Image, Pinhole, Scalar, SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Session
 from trailmark.paths import Path, Waypoint
-from trailmark.testing import MemoryDrawer
+from trailmark.testing import MemoryMap
 from trailmark_baselines.appearance.config import ColumnNCCConfig, PatchNCCConfig, PhaseShiftConfig
 from trailmark_baselines.appearance.kernels import column_scores, patch_normalised, patch_scores, peak, phase_shift
 from trailmark_baselines.appearance.localizer import ColumnNCC, PatchNCC, PhaseShift
@@ -44,16 +44,16 @@ def view(seed, shift_px=0):
     return np.ascontiguousarray(scene(seed)[:, 160 - shift_px : 480 - shift_px])
 
 
-def session(mode, drawer):
+def session(mode, localizer_map):
     return Session(
-        name="peer", mode=mode, sensors={"front": INFO}, path=PATH if mode == "replay" else None, drawer=drawer
+        name="peer", mode=mode, sensors={"front": INFO}, path=PATH if mode == "replay" else None, map=localizer_map
     )
 
 
-def started(kind, mode, drawer, **settings):
+def started(kind, mode, localizer_map, **settings):
     cls, config = KINDS[kind]
     localizer = cls(config(camera="front", **settings))
-    localizer.start(session(mode, drawer))
+    localizer.start(session(mode, localizer_map))
     return localizer
 
 
@@ -63,11 +63,11 @@ def at(station_m):
 
 
 def taught(kind, **settings):
-    drawer = MemoryDrawer()
-    localizer = started(kind, "teach", drawer, **settings)
+    localizer_map = MemoryMap()
+    localizer = started(kind, "teach", localizer_map, **settings)
     for k in range(11):
         assert localizer.observe(Frame("front", 0.1 * k, Image(view(k))), at(0.5 * k)) == ()
-    return drawer
+    return localizer_map
 
 
 def answer(localizer, picture, station_m):
@@ -218,8 +218,8 @@ def test_peaks_worked_by_hand(scores, expected):
     ("change", "error", "message"),
     [
         ({"path": None}, ConfigError, "needs a taught path"),
-        ({"drawer": None}, ConfigError, "give the run --store"),
-        ({"drawer": MemoryDrawer()}, StoreError, "nothing of this path is remembered"),
+        ({"map": None}, ConfigError, "give the run --store"),
+        ({"map": MemoryMap()}, StoreError, "nothing of this path is remembered"),
     ],
 )
 def test_what_it_cannot_do_without_is_asked_for(change, error, message):

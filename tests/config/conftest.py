@@ -13,7 +13,7 @@ from trailmark.commands import Command, Stop
 from trailmark.config import ConfigPath, ExistingPath, PluginConfig, Sensor, SourceConfig
 from trailmark.estimates import Applied, Belief, Estimate
 from trailmark.frames import Frame, SensorInfo
-from trailmark.interfaces import Controller, Drawer, Estimator, FrameSource, Localizer, PathStore, Sink
+from trailmark.interfaces import Controller, Estimator, FrameSource, Localizer, LocalizerMap, PathStore, Sink
 from trailmark.paths import Path as TaughtPath
 from trailmark.paths import Waypoint
 from trailmark.plugins import PluginRecord, Plugins, Registry
@@ -91,7 +91,7 @@ class Nowhere(PathStore):
     def path(self) -> TaughtPath | None:
         return None
 
-    def drawer(self, owner: str) -> Drawer:
+    def localizer_map(self, owner: str) -> LocalizerMap:
         raise NotImplementedError
 
     def commit(self) -> None: ...

@@ -62,7 +62,7 @@ CASES: dict[str, tuple[Callable[[], AnyRun], dict[str, Any]]] = {
 EXPECTED_FAILURES = {
     "constant_speed-black_frames_are_no_answer": "it drives on at a known speed, whatever it sees",
     "constant_speed-white_frames_are_no_answer": "it drives on at a known speed, whatever it sees",
-    "divs-finish_works_from_the_drawer_alone": "looks are written in rows of many: a kill loses the row not yet full",
+    "divs-finish_works_from_the_map_alone": "looks are written in rows of many: a kill loses the row not yet full",
     "divs-black_frames_are_no_answer": "its window of 25 pictures outlasts five black ones",
     "divs-white_frames_are_no_answer": "its window of 25 pictures outlasts five white ones",
 }

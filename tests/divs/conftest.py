@@ -11,7 +11,7 @@ import pytest
 from trailmark.estimates import Belief, PathOffset
 from trailmark.frames import Frame, Image, Pinhole, SensorInfo
 from trailmark.geometry import Pose2, Twist2
-from trailmark.interfaces import Drawer, Session
+from trailmark.interfaces import LocalizerMap, Session
 from trailmark.paths import Path, Waypoint
 from trailmark_divs.config import DivsConfig
 from trailmark_divs.localizer import Divs
@@ -24,8 +24,8 @@ def compiled_kernels():
     compile_kernels()
 
 
-class DictDrawer(Drawer):
-    """A drawer that forgets with the process."""
+class DictMap(LocalizerMap):
+    """A localizer map that forgets with the process."""
 
     def __init__(self):
         self.rows, self.named, self.offset_m = [], {}, 0.0
@@ -145,8 +145,8 @@ def corner():
 
 
 @pytest.fixture
-def drawer():
-    return DictDrawer()
+def localizer_map():
+    return DictMap()
 
 
 @pytest.fixture
@@ -156,15 +156,15 @@ def drive():
 
 @pytest.fixture(scope="session")
 def taught(corridor):
-    """A drawer in which 6 m of the corridor are taught, and the path."""
-    drawer, path = DictDrawer(), straight(6.0)
-    session = Session(name="divs", mode="teach", sensors={"front": corridor.sensor()}, drawer=drawer)
+    """A localizer map in which 6 m of the corridor are taught, and the path."""
+    localizer_map, path = DictMap(), straight(6.0)
+    session = Session(name="divs", mode="teach", sensors={"front": corridor.sensor()}, map=localizer_map)
     localizer, _, _ = run(corridor, DivsConfig(camera="front"), session, 401, seed=5)
     localizer.finish()
-    return drawer, path
+    return localizer_map, path
 
 
 @pytest.fixture
 def replaying(corridor, taught):
-    drawer, path = taught
-    return Session(name="divs", mode="replay", sensors={"front": corridor.sensor()}, drawer=drawer, path=path)
+    localizer_map, path = taught
+    return Session(name="divs", mode="replay", sensors={"front": corridor.sensor()}, map=localizer_map, path=path)

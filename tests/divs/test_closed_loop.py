@@ -62,11 +62,11 @@ def step(robot, localizer, estimator, k, command):
     return belief, command
 
 
-def teach(world, drawer, config, pieces):
+def teach(world, localizer_map, config, pieces):
     """Drive pieces of (way, turn); return the path as the robot believes it, and as it truly was."""
     robot = Robot(world, Pose2(), np.random.default_rng(0), {})
     localizer, estimator = Divs(config), DeadReckoning(DeadReckoningConfig())
-    localizer.start(Session(name="streams", mode="teach", sensors={"front": world.sensor()}, drawer=drawer))
+    localizer.start(Session(name="streams", mode="teach", sensors={"front": world.sensor()}, map=localizer_map))
     estimator.start(Session(mode="teach", start_pose=Pose2()))
     believed, true = [], []
     script = [Velocity(SPEED_MPS, 0, turn / way * SPEED_MPS) for way, turn in pieces for _ in range(round(way / 0.015))]
@@ -79,12 +79,12 @@ def teach(world, drawer, config, pieces):
     return Path(believed), Path(true)
 
 
-def replay(world, drawer, config, path, start, seed, scale=None):
+def replay(world, localizer_map, config, path, start, seed, scale=None):
     """Return where the robot truly went, and whether it arrived."""
     robot = Robot(world, start, np.random.default_rng(seed), {"gamma": 0.7, "noise": 4.0}, scale)
     localizer, estimator = Divs(config), DeadReckoning(DeadReckoningConfig())
     controller = DriftSteering(DriftSteeringConfig())
-    session = Session(name="streams", mode="replay", sensors={"front": world.sensor()}, path=path, drawer=drawer)
+    session = Session(name="streams", mode="replay", sensors={"front": world.sensor()}, path=path, map=localizer_map)
     for part in (localizer, controller):
         part.start(session)
     estimator.start(Session(mode="replay", path=path, start_pose=path[0].pose_map_base))
@@ -108,11 +108,11 @@ def beside(path, poses):
 
 
 @pytest.mark.parametrize("heading_deg", [5, -10])
-def test_a_robot_that_starts_askew_comes_back_to_its_path(corridor, drawer, heading_deg):
+def test_a_robot_that_starts_askew_comes_back_to_its_path(corridor, localizer_map, heading_deg):
     config = DivsConfig(camera="front")
-    path, true_path = teach(corridor, drawer, config, [(8.0, 0.0)])
+    path, true_path = teach(corridor, localizer_map, config, [(8.0, 0.0)])
 
-    poses, arrived = replay(corridor, drawer, config, path, Pose2(0, 0, math.radians(heading_deg)), seed=3)
+    poses, arrived = replay(corridor, localizer_map, config, path, Pose2(0, 0, math.radians(heading_deg)), seed=3)
 
     station_m, lateral_m, heading_rad = beside(true_path, poses)
     later = np.abs(lateral_m[station_m > 2.0])
@@ -122,37 +122,39 @@ def test_a_robot_that_starts_askew_comes_back_to_its_path(corridor, drawer, head
     assert (later - np.minimum.accumulate(later)).max() < 0.05
 
 
-def around_the_corner(corner, drawer, config, scale=None):
+def around_the_corner(corner, localizer_map, config, scale=None):
     """Return the largest offset, where it was last, and whether it arrived."""
     pieces = [(6.8, 0.0), (1.2 * math.pi / 2, math.pi / 2), (6.0, 0.0)]
-    path, true_path = teach(corner, drawer, config, pieces)
-    poses, arrived = replay(corner, drawer, config, path, Pose2(0, 0.05, 0.05), seed=4, scale=scale)
+    path, true_path = teach(corner, localizer_map, config, pieces)
+    poses, arrived = replay(corner, localizer_map, config, path, Pose2(0, 0.05, 0.05), seed=4, scale=scale)
     _, lateral_m, _ = beside(true_path, poses)
     return np.abs(lateral_m).max(), arrived
 
 
-def test_a_robot_follows_its_path_around_a_corner(corner, drawer):
-    largest_m, arrived = around_the_corner(corner, drawer, DivsConfig(camera="front"))
+def test_a_robot_follows_its_path_around_a_corner(corner, localizer_map):
+    largest_m, arrived = around_the_corner(corner, localizer_map, DivsConfig(camera="front"))
 
     assert arrived
     assert largest_m < 0.15
-    assert 0.02 < drawer.load("summary")["turning_share"] < 0.5
+    assert 0.02 < localizer_map.load("summary")["turning_share"] < 0.5
 
 
 @pytest.mark.parametrize("how", [{"correspondence": "appearance"}, {"landmark_spacing_m": 2.0, "threshold": "otsu"}])
-def test_wheels_that_are_5_percent_off_do_not_miss_the_corner_where_the_view_counts(corner, drawer, how):
-    largest_m, arrived = around_the_corner(corner, drawer, DivsConfig(camera="front", **how), scale=1.05)
+def test_wheels_that_are_5_percent_off_do_not_miss_the_corner_where_the_view_counts(corner, localizer_map, how):
+    largest_m, arrived = around_the_corner(corner, localizer_map, DivsConfig(camera="front", **how), scale=1.05)
 
     assert arrived
     assert largest_m < 0.20
 
 
-def test_wheels_that_are_5_percent_off_turn_too_early_by_distance_alone_and_less_so_with_landmarks(corner, drawer):
-    alone_m, _ = around_the_corner(corner, drawer, DivsConfig(camera="front"), scale=1.05)
-    drawer.rows.clear()
+def test_wheels_that_are_5_percent_off_turn_too_early_by_distance_alone_and_less_so_with_landmarks(
+    corner, localizer_map
+):
+    alone_m, _ = around_the_corner(corner, localizer_map, DivsConfig(camera="front"), scale=1.05)
+    localizer_map.rows.clear()
     config = DivsConfig(camera="front", landmark_spacing_m=2.0)
 
-    corrected_m, arrived = around_the_corner(corner, drawer, config, scale=1.05)
+    corrected_m, arrived = around_the_corner(corner, localizer_map, config, scale=1.05)
 
     assert alone_m > 0.25
     assert arrived

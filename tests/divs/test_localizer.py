@@ -31,23 +31,23 @@ def median(offsets, name):
 
 
 def test_teaching_says_nothing_and_remembers_a_look_every_step(taught):
-    drawer, _ = taught
+    localizer_map, _ = taught
 
-    stations_m = Recording.from_keyframes(drawer.keyframes()).stations_m
+    stations_m = Recording.from_keyframes(localizer_map.keyframes()).stations_m
     np.testing.assert_allclose(np.diff(stations_m[:, 1]), 0.015, atol=1e-9)
     assert len(stations_m) == 400
-    assert drawer.load("summary")["turning_share"] == 0.0
+    assert localizer_map.load("summary")["turning_share"] == 0.0
 
 
 def test_finishing_again_changes_nothing(taught, replaying):
-    drawer, _ = taught
+    localizer_map, _ = taught
     localizer = Divs(DivsConfig(camera="front"))
     localizer.start(replaying)
-    before = len(drawer.keyframes()), drawer.load("summary")
+    before = len(localizer_map.keyframes()), localizer_map.load("summary")
 
     localizer.finish()
 
-    assert (len(drawer.keyframes()), drawer.load("summary")) == before
+    assert (len(localizer_map.keyframes()), localizer_map.load("summary")) == before
 
 
 @pytest.mark.parametrize("shift", ["robust", "paper"])
@@ -267,18 +267,18 @@ def test_frames_that_are_not_pictures_are_left_alone(replaying):
     assert localizer.observe(Frame("front", 0.0, Scalar(1.0)), Belief(0.0)) == ()
 
 
-def test_teaching_nothing_is_said_when_it_finishes(corridor, drawer, caplog):
+def test_teaching_nothing_is_said_when_it_finishes(corridor, localizer_map, caplog):
     localizer = Divs(DivsConfig(camera="front"))
-    localizer.start(Session(name="streams", mode="teach", sensors={"front": corridor.sensor()}, drawer=drawer))
+    localizer.start(Session(name="streams", mode="teach", sensors={"front": corridor.sensor()}, map=localizer_map))
 
     localizer.finish()
 
     assert "streams: no picture was taught" in caplog.text
 
 
-def test_a_path_taught_in_turns_only_is_warned_of(corridor, drawer, caplog, drive):
+def test_a_path_taught_in_turns_only_is_warned_of(corridor, localizer_map, caplog, drive):
     config = DivsConfig(camera="front", turn_source="images", turn_limit_deg=1e-3)
-    session = Session(name="streams", mode="teach", sensors={"front": corridor.sensor()}, drawer=drawer)
+    session = Session(name="streams", mode="teach", sensors={"front": corridor.sensor()}, map=localizer_map)
 
     localizer, _, _ = drive(corridor, config, session, 60)
     localizer.finish()
@@ -290,7 +290,7 @@ def test_a_path_taught_in_turns_only_is_warned_of(corridor, drawer, caplog, driv
     ("change", "error", "message"),
     [
         ({"path": None}, ConfigError, "needs a taught path"),
-        ({"drawer": None}, ConfigError, "give the run --store"),
+        ({"map": None}, ConfigError, "give the run --store"),
     ],
 )
 def test_what_it_cannot_do_without_is_asked_for(replaying, change, error, message):
@@ -298,9 +298,9 @@ def test_what_it_cannot_do_without_is_asked_for(replaying, change, error, messag
         Divs(DivsConfig(camera="front")).start(replace(replaying, **change))
 
 
-def test_a_path_taught_without_it_is_refused(replaying, drawer):
+def test_a_path_taught_without_it_is_refused(replaying, localizer_map):
     with pytest.raises(StoreError, match="nothing of this path is remembered"):
-        Divs(DivsConfig(camera="front")).start(replace(replaying, drawer=drawer))
+        Divs(DivsConfig(camera="front")).start(replace(replaying, map=localizer_map))
 
 
 def test_a_camera_that_looks_sideways_is_refused(corridor, replaying):
@@ -317,10 +317,10 @@ def test_a_path_taught_with_other_columns_is_refused(corridor, replaying, drive)
 
 @pytest.mark.parametrize("how", [{}, {"correspondence": "appearance"}, {"landmark_spacing_m": 1.0}])
 def test_a_path_shorter_than_a_window_has_nothing_to_compare_but_single_pictures(
-    corridor, drawer, replaying, drive, how
+    corridor, localizer_map, replaying, drive, how
 ):
     config = DivsConfig(camera="front", **how)
-    session = replace(replaying, drawer=drawer)
+    session = replace(replaying, map=localizer_map)
 
     localizer, _, _ = drive(corridor, config, replace(session, mode="teach", path=None), 20)
     localizer.finish()
@@ -335,12 +335,14 @@ def test_a_path_shorter_than_a_window_has_nothing_to_compare_but_single_pictures
 
 @pytest.mark.parametrize("threshold", ["p90", "otsu", "blur_otsu"])
 @pytest.mark.parametrize("is_colour", [False, True])
-def test_read_only_grey_and_colour_pictures_give_the_same_drift(corridor, drawer, replaying, threshold, is_colour):
+def test_read_only_grey_and_colour_pictures_give_the_same_drift(
+    corridor, localizer_map, replaying, threshold, is_colour
+):
     config = DivsConfig(camera="front", threshold=threshold)
     shifts = []
     for mode, y_m in (("teach", 0.0), ("replay", 0.2)):
         localizer, rng = Divs(config), np.random.default_rng(3)
-        localizer.start(replace(replaying, mode=mode, drawer=drawer))
+        localizer.start(replace(replaying, mode=mode, map=localizer_map))
         for k in range(80):
             pose = Pose2(0.015 * k, y_m, 0.0)
             grey = corridor.picture(pose, rng)

@@ -11,7 +11,7 @@ import pytest
 from trailmark.estimates import Belief, Estimate, Lost, Motion
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Session
-from trailmark.testing import MemoryDrawer
+from trailmark.testing import MemoryMap
 from trailmark.testing.ground import Ground, GroundCamera, GroundRun
 from trailmark_ground_vo.config import GroundVOConfig
 from trailmark_ground_vo.localizer import GroundVO
@@ -81,5 +81,5 @@ def floors(data_folder: Path) -> Path:
 
 
 @pytest.fixture
-def drawer() -> MemoryDrawer:
-    return MemoryDrawer()
+def localizer_map() -> MemoryMap:
+    return MemoryMap()

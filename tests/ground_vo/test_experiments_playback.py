@@ -52,9 +52,9 @@ def store(tmp_path: Path) -> Path:
     path = tmp_path / "path.trail"
     opened = SqlitePathStore(SqliteStoreConfig(path=str(path), access="create"))
     opened.start(Session(mode="teach"))
-    drawer = opened.drawer("floor_map")
+    localizer_map = opened.localizer_map("floor_map")
     for k in range(5):  # every 0.1 m, a picture each
-        drawer.add(Keyframe(0.1 * k, 0.1 * k, believed(0.1 * k, 0.0), {"patch": np.zeros((44, 44), np.uint8)}))
+        localizer_map.add(Keyframe(0.1 * k, 0.1 * k, believed(0.1 * k, 0.0), {"patch": np.zeros((44, 44), np.uint8)}))
     opened.commit()
     opened.close()
     return path

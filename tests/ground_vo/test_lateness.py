@@ -21,11 +21,11 @@ N_FRAMES, STEP_M = 90, 3.7e-3
 HERE = Pose2()
 
 
-def driven(ground, camera, drawer, mode, start, late=0, aside=HERE, seed=0):
+def driven(ground, camera, localizer_map, mode, start, late=0, aside=HERE, seed=0):
     """Drive an arc; returns what was believed, and what was true, when each fix counted."""
     arc = lambda time_s: Pose2.exp(STEP_M * 70 * time_s, 0.0, 0.2 * time_s) @ aside  # noqa: E731
     run = ground_run(arc, N_FRAMES, ground=ground, camera=camera, seed=seed)
-    session = Session(name="floor", mode=mode, sensors={"floor": run.sensor}, drawer=drawer)
+    session = Session(name="floor", mode=mode, sensors={"floor": run.sensor}, map=localizer_map)
     motion, places = GroundVO(GroundVOConfig(camera="floor", n_pixels=384)), GroundMap(GroundMapConfig(camera="floor"))
     estimator = DeadReckoning(DeadReckoningConfig())
     for part in (motion, places):
@@ -46,12 +46,12 @@ def driven(ground, camera, drawer, mode, start, late=0, aside=HERE, seed=0):
 
 
 @pytest.mark.parametrize("late", [1, 14])
-def test_a_correction_that_comes_late_is_as_good(late, camera, ground, drawer):
-    driven(ground, camera, drawer, "teach", HERE)
+def test_a_correction_that_comes_late_is_as_good(late, camera, ground, localizer_map):
+    driven(ground, camera, localizer_map, "teach", HERE)
     aside = Pose2(0.0, 0.003, math.radians(0.8))
     wrong = aside @ Pose2(0.004, -0.005, math.radians(-0.7))  # 6 mm and 0.7 deg off what is true
 
-    counted = driven(ground, camera, drawer, "replay", wrong, late, aside, seed=1)
+    counted = driven(ground, camera, localizer_map, "replay", wrong, late, aside, seed=1)
 
     assert len(counted) >= 5
     errors = [believed.between(true) for believed, true in counted]  # the map of the teaching is almost the truth

@@ -31,11 +31,11 @@ def way(station_m):
     return Pose2.exp(station_m, 0.0, station_m / 1.5)
 
 
-def taught(camera, ground, drawer, **keys):
+def taught(camera, ground, localizer_map, **keys):
     """Teach the way with true poses; returns the localizer."""
     localizer = GroundMap(GroundMapConfig(camera="floor", **keys))
     run = ground_run(lambda time_s: way(time_s), int(WAY_M / STEP_M), rate_hz=1 / STEP_M, ground=ground, camera=camera)
-    localizer.start(Session(name="floor_map", mode="teach", sensors={"floor": run.sensor}, drawer=drawer))
+    localizer.start(Session(name="floor_map", mode="teach", sensors={"floor": run.sensor}, map=localizer_map))
     for index, frame in enumerate(run.frames):
         _, pose = run.truth[index]
         belief = Belief(frame.stamp_s, pose_map_base=pose, travelled_m=index * STEP_M)
@@ -44,10 +44,10 @@ def taught(camera, ground, drawer, **keys):
     return localizer
 
 
-def replayed(camera, drawer, **keys):
+def replayed(camera, localizer_map, **keys):
     localizer = GroundMap(GroundMapConfig(camera="floor", **keys))
     sensors = {"floor": camera.sensor_info("floor")}
-    localizer.start(Session(name="floor_map", mode="replay", sensors=sensors, drawer=drawer))
+    localizer.start(Session(name="floor_map", mode="replay", sensors=sensors, map=localizer_map))
     return localizer
 
 
@@ -55,10 +55,10 @@ def seen_from(camera, ground, pose, stamp_s=1.0, seed=3):
     return Frame("floor", stamp_s, Image(camera.image(ground, pose, seed)))
 
 
-def test_a_patch_is_registered_every_five_centimetres(camera, ground, drawer):
-    localizer = taught(camera, ground, drawer)
+def test_a_patch_is_registered_every_five_centimetres(camera, ground, localizer_map):
+    localizer = taught(camera, ground, localizer_map)
 
-    keyframes = drawer.keyframes()
+    keyframes = localizer_map.keyframes()
     assert [round(keyframe.station_m, 3) for keyframe in keyframes] == [0.0, 0.052, 0.1, 0.152, 0.2, 0.252, 0.3]
     assert all(sum(array.nbytes for array in keyframe.arrays.values()) == 1936 for keyframe in keyframes)
     assert keyframes[2].pose_map_base.distance_to(way(0.1)) < 1e-9
@@ -66,9 +66,9 @@ def test_a_patch_is_registered_every_five_centimetres(camera, ground, drawer):
 
 
 @pytest.mark.parametrize("search", ["exhaustive", "pyramid"])
-def test_a_wrong_belief_is_corrected(search, camera, ground, drawer):
-    taught(camera, ground, drawer)
-    localizer = replayed(camera, drawer, search=search)
+def test_a_wrong_belief_is_corrected(search, camera, ground, localizer_map):
+    taught(camera, ground, localizer_map)
+    localizer = replayed(camera, localizer_map, search=search)
     errors = []
     for station_m in (0.01, 0.11, 0.16, 0.29):
         truth = way(station_m) @ Pose2(0.0, 0.004, math.radians(1.0))
@@ -83,27 +83,27 @@ def test_a_wrong_belief_is_corrected(search, camera, ground, drawer):
     assert math.degrees(errors[:, 2].max()) < 0.25
 
 
-def test_the_information_of_a_fix_lies_in_the_axes_of_the_map(camera, drawer):
+def test_the_information_of_a_fix_lies_in_the_axes_of_the_map(camera, localizer_map):
     lines = np.random.default_rng(0).normal(128.0, 25.0, 512)
     texture = cv2.GaussianBlur(np.tile(lines, (512, 1)).astype(np.float32), (0, 0), 1.5)
     texture += cv2.GaussianBlur(np.random.default_rng(1).normal(0.0, 4.0, (512, 512)).astype(np.float32), (0, 0), 1.0)
     grain = Ground(np.clip(texture, 0, 255).astype(np.float32))  # known along x of the map, hardly along y
     localizer = GroundMap(GroundMapConfig(camera="floor"))
     sensors = {"floor": camera.sensor_info("floor")}
-    localizer.start(Session(mode="teach", sensors=sensors, drawer=drawer))
+    localizer.start(Session(mode="teach", sensors=sensors, map=localizer_map))
     pose = Pose2(0.5, 0.2, 1.1)
     localizer.observe(seen_from(camera, grain, pose), Belief(0.0, pose_map_base=pose))
 
-    localizer = replayed(camera, drawer, min_groups=1)
+    localizer = replayed(camera, localizer_map, min_groups=1)
     said = localizer.observe(seen_from(camera, grain, pose), Belief(0.0, pose_map_base=pose))
 
     assert isinstance(said[0], Fix)
     assert said[0].information[0, 0] > 3 * said[0].information[1, 1]
 
 
-def test_each_patch_is_dealt_with_once_per_pass(camera, ground, drawer):
-    taught(camera, ground, drawer)
-    localizer = replayed(camera, drawer)
+def test_each_patch_is_dealt_with_once_per_pass(camera, ground, localizer_map):
+    taught(camera, ground, localizer_map)
+    localizer = replayed(camera, localizer_map)
     fixes = []
     for index in range(50):
         pose = way(0.02 + 0.002 * index)
@@ -114,9 +114,9 @@ def test_each_patch_is_dealt_with_once_per_pass(camera, ground, drawer):
     assert localizer.counters()["searched"] == 3
 
 
-def test_away_from_every_place_nothing_is_searched(camera, ground, drawer):
-    taught(camera, ground, drawer)
-    localizer = replayed(camera, drawer)
+def test_away_from_every_place_nothing_is_searched(camera, ground, localizer_map):
+    taught(camera, ground, localizer_map)
+    localizer = replayed(camera, localizer_map)
 
     said = localizer.observe(
         seen_from(camera, ground, way(0.1)), Belief(0.0, pose_map_base=way(0.1) @ Pose2(0.0, 0.04, 0.0))
@@ -126,17 +126,20 @@ def test_away_from_every_place_nothing_is_searched(camera, ground, drawer):
     assert localizer.latency_s() == 0.0
 
 
-def test_a_heading_beyond_the_search_is_not_searched(camera, ground, drawer):
-    taught(camera, ground, drawer)
+def test_a_heading_beyond_the_search_is_not_searched(camera, ground, localizer_map):
+    taught(camera, ground, localizer_map)
 
     turned = way(0.1) @ Pose2(0.0, 0.0, math.pi)
 
-    assert replayed(camera, drawer).observe(seen_from(camera, ground, turned), Belief(0.0, pose_map_base=turned)) == ()
+    assert (
+        replayed(camera, localizer_map).observe(seen_from(camera, ground, turned), Belief(0.0, pose_map_base=turned))
+        == ()
+    )
 
 
-def test_covered_ground_is_lost_tried_again_and_then_given_up(camera, ground, drawer):
-    taught(camera, ground, drawer)
-    localizer = replayed(camera, drawer, max_attempts=3)
+def test_covered_ground_is_lost_tried_again_and_then_given_up(camera, ground, localizer_map):
+    taught(camera, ground, localizer_map)
+    localizer = replayed(camera, localizer_map, max_attempts=3)
     other = Ground.procedural(seed=77, size_px=512, grain_px=1.5)
 
     said = [
@@ -149,9 +152,9 @@ def test_covered_ground_is_lost_tried_again_and_then_given_up(camera, ground, dr
     assert localizer.counters()["rejected"] == 3
 
 
-def test_a_rejected_patch_is_found_when_the_cover_is_gone(camera, ground, drawer):
-    taught(camera, ground, drawer)
-    localizer = replayed(camera, drawer)
+def test_a_rejected_patch_is_found_when_the_cover_is_gone(camera, ground, localizer_map):
+    taught(camera, ground, localizer_map)
+    localizer = replayed(camera, localizer_map)
     other = Ground.procedural(seed=77, size_px=512, grain_px=1.5)
 
     first = localizer.observe(seen_from(camera, other, way(0.1)), Belief(0.0, pose_map_base=way(0.1)))
@@ -162,9 +165,9 @@ def test_a_rejected_patch_is_found_when_the_cover_is_gone(camera, ground, drawer
 
 
 @pytest.mark.parametrize("station_m", [0.013, 0.148, 0.26])
-def test_it_finds_itself_anywhere_on_the_path(station_m, camera, ground, drawer):
-    taught(camera, ground, drawer)
-    localizer = replayed(camera, drawer, global_batch=2, search="pyramid")
+def test_it_finds_itself_anywhere_on_the_path(station_m, camera, ground, localizer_map):
+    taught(camera, ground, localizer_map)
+    localizer = replayed(camera, localizer_map, global_batch=2, search="pyramid")
     truth = way(station_m) @ Pose2(0.0, 0.003, math.radians(2.0))
 
     said = []
@@ -194,32 +197,32 @@ def drive_on(localizer, camera, ground, from_m, to_m):
     return said
 
 
-def taught_straight(camera, ground, drawer, way_m=0.55):
+def taught_straight(camera, ground, localizer_map, way_m=0.55):
     localizer = GroundMap(GroundMapConfig(camera="floor"))
-    localizer.start(Session(mode="teach", sensors={"floor": camera.sensor_info("floor")}, drawer=drawer))
+    localizer.start(Session(mode="teach", sensors={"floor": camera.sensor_info("floor")}, map=localizer_map))
     for index, x in enumerate(np.arange(0.0, way_m, 0.05)):
         pose = Pose2(float(x), 0.0, 0.0)
         belief = Belief(float(index), pose_map_base=pose, travelled_m=float(x))
         localizer.observe(seen_from(camera, ground, pose, float(index), seed=100 + index), belief)
 
 
-def test_where_the_floor_repeats_itself_it_does_not_guess(camera, drawer):
+def test_where_the_floor_repeats_itself_it_does_not_guess(camera, localizer_map):
     ground = repeating(0.1)
-    taught_straight(camera, ground, drawer)
+    taught_straight(camera, ground, localizer_map)
 
-    said = drive_on(replayed(camera, drawer, search="pyramid"), camera, ground, 0.22, 0.3)
+    said = drive_on(replayed(camera, localizer_map, search="pyramid"), camera, ground, 0.22, 0.3)
 
     assert all(isinstance(answer, Lost) for _, answer in said)
     assert "6 of 11 places may be this one; drive on, or tell the start" in said[0][1].reason
 
 
-def test_driving_on_tells_two_places_apart(camera, drawer):
+def test_driving_on_tells_two_places_apart(camera, localizer_map):
     once, other = (Ground.procedural(seed=seed, size_px=1024, grain_px=1.5).texture for seed in (12, 13))
     copy = round(0.3 / 3.9e-4)  # 0.1 and 0.4 m look alike; the ground ahead of them, which the camera sees first, not
     ground = Ground(np.hstack([once[:, :copy], once[:, : round(0.27 / 3.9e-4)], other]))
-    taught_straight(camera, ground, drawer, way_m=0.8)
+    taught_straight(camera, ground, localizer_map, way_m=0.8)
 
-    said = drive_on(replayed(camera, drawer, search="pyramid"), camera, ground, 0.1, 0.4)
+    said = drive_on(replayed(camera, localizer_map, search="pyramid"), camera, ground, 0.1, 0.4)
 
     first = next(index for index, (_, answer) in enumerate(said) if isinstance(answer, Fix))
     assert all("2 of 16 places may be this one" in lost.reason for _, lost in said[:first])
@@ -227,19 +230,19 @@ def test_driving_on_tells_two_places_apart(camera, drawer):
     assert said[first][0].distance_to(said[first][1].pose_map_base) < 0.3e-3
 
 
-def test_a_way_to_confirm_is_waited_for(camera, ground, drawer):
-    taught_straight(camera, ground, drawer, way_m=0.35)
+def test_a_way_to_confirm_is_waited_for(camera, ground, localizer_map):
+    taught_straight(camera, ground, localizer_map, way_m=0.35)
 
-    said = drive_on(replayed(camera, drawer, search="pyramid", confirm_m=0.1), camera, ground, 0.12, 0.3)
+    said = drive_on(replayed(camera, localizer_map, search="pyramid", confirm_m=0.1), camera, ground, 0.12, 0.3)
 
     first = next(index for index, (_, answer) in enumerate(said) if isinstance(answer, Fix))
     assert 10 <= first <= 12
     assert said[first][0].distance_to(said[first][1].pose_map_base) < 0.3e-3
 
 
-def test_off_the_path_it_goes_on_saying_that_it_does_not_know(camera, drawer, ground):
-    taught(camera, ground, drawer)
-    localizer = replayed(camera, drawer, search="pyramid")
+def test_off_the_path_it_goes_on_saying_that_it_does_not_know(camera, localizer_map, ground):
+    taught(camera, ground, localizer_map)
+    localizer = replayed(camera, localizer_map, search="pyramid")
     other = Ground.procedural(seed=78, size_px=512, grain_px=1.5)
 
     for index in range(4):
@@ -248,12 +251,12 @@ def test_off_the_path_it_goes_on_saying_that_it_does_not_know(camera, drawer, gr
     assert localizer.latency_s() == pytest.approx(7 * 1e-3)
 
 
-def test_an_empty_store_is_nothing_to_search_in(camera, ground, drawer):
-    assert replayed(camera, drawer).observe(seen_from(camera, ground, Pose2()), Belief(0.0)) == ()
+def test_an_empty_store_is_nothing_to_search_in(camera, ground, localizer_map):
+    assert replayed(camera, localizer_map).observe(seen_from(camera, ground, Pose2()), Belief(0.0)) == ()
 
 
-def test_frames_of_other_sensors_are_not_looked_at(camera, drawer):
-    assert replayed(camera, drawer).observe(Frame("light", 0.0, Scalar(1.0)), Belief(0.0)) == ()
+def test_frames_of_other_sensors_are_not_looked_at(camera, localizer_map):
+    assert replayed(camera, localizer_map).observe(Frame("light", 0.0, Scalar(1.0)), Belief(0.0)) == ()
 
 
 def test_without_a_store_it_is_told_what_it_needs(camera):
@@ -263,33 +266,33 @@ def test_without_a_store_it_is_told_what_it_needs(camera):
         localizer.start(Session(name="floor_map", sensors={"floor": camera.sensor_info("floor")}))
 
 
-def test_a_store_taught_with_other_settings_is_refused(camera, ground, drawer):
-    taught(camera, ground, drawer)
+def test_a_store_taught_with_other_settings_is_refused(camera, ground, localizer_map):
+    taught(camera, ground, localizer_map)
 
     with pytest.raises(StoreError, match=r"taught with high_pass = \[1\], but the config has \[0\]"):
-        replayed(camera, drawer, high_pass=False)
+        replayed(camera, localizer_map, high_pass=False)
 
 
-def test_a_keyframe_without_a_patch_is_refused(camera, drawer):
-    drawer.add(Keyframe(0.25, 0.0, Pose2(), {"patch": np.zeros((40, 40), np.uint8)}))
+def test_a_keyframe_without_a_patch_is_refused(camera, localizer_map):
+    localizer_map.add(Keyframe(0.25, 0.0, Pose2(), {"patch": np.zeros((40, 40), np.uint8)}))
 
     with pytest.raises(StoreError, match=r"at 0\.250 m holds a patch of \(40, 40\) uint8 instead of \(44, 44\)"):
-        replayed(camera, drawer)
+        replayed(camera, localizer_map)
 
 
-def test_raw_intensities_and_whole_pixels_find_a_place_too(camera, ground, drawer):
+def test_raw_intensities_and_whole_pixels_find_a_place_too(camera, ground, localizer_map):
     keys = {"high_pass": False, "refined": False, "min_groups": 4, "max_attempts": 1}
-    taught(camera, ground, drawer, **keys)
+    taught(camera, ground, localizer_map, **keys)
 
-    localizer, belief = replayed(camera, drawer, **keys), Belief(0.0, pose_map_base=way(0.104))
+    localizer, belief = replayed(camera, localizer_map, **keys), Belief(0.0, pose_map_base=way(0.104))
     said = localizer.observe(seen_from(camera, ground, way(0.1)), belief)
 
     assert isinstance(said[0], Fix)
     assert said[0].pose_map_base.distance_to(way(0.1)) < 1e-3
 
 
-def test_closing_twice_is_fine(camera, drawer):
-    localizer = replayed(replace(camera), drawer)
+def test_closing_twice_is_fine(camera, localizer_map):
+    localizer = replayed(replace(camera), localizer_map)
 
     localizer.close()
     localizer.close()

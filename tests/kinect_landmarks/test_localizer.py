@@ -15,7 +15,7 @@ from trailmark.estimates import Belief, Estimate, Fix, Lost, Motion
 from trailmark.frames import RGBD, Frame, Image, SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Session
-from trailmark.testing import MemoryDrawer
+from trailmark.testing import MemoryMap
 from trailmark_kinect_landmarks.config import KinectFlowConfig, KinectLandmarksConfig
 from trailmark_kinect_landmarks.flow import KinectFlow
 from trailmark_kinect_landmarks.localizer import KinectLandmarks, KinectMotion
@@ -112,30 +112,30 @@ def test_a_box_that_is_carried_away_moves_the_robot_nowhere(drive: Drive) -> Non
 
 
 def test_a_taught_place_is_found_again_without_a_start_pose(drive: Drive) -> None:
-    drawer, poses = MemoryDrawer(), arc(20)
+    localizer_map, poses = MemoryMap(), arc(20)
     teacher = _landmarks()
-    drive(teacher, poses, mode="teach", drawer=drawer)
+    drive(teacher, poses, mode="teach", map=localizer_map)
     teacher.finish()
-    first = drawer.load("map")
+    first = localizer_map.load("map")
     teacher.finish()  # may be repeated
     later = [Pose2(0.05 + 0.01 * i, 0.1, 0.05) for i in range(8)]
 
-    answers = drive(_landmarks(), later, mode="replay", drawer=drawer, start_pose=None)
+    answers = drive(_landmarks(), later, mode="replay", map=localizer_map, start_pose=None)
 
     misses = _misses(answers, later)
     assert len(misses) >= 7
     assert misses[:, 0].max() < 0.03
     assert first is not None
-    np.testing.assert_array_equal(first["points"], drawer.load("map")["points"])  # type: ignore[index]
+    np.testing.assert_array_equal(first["points"], localizer_map.load("map")["points"])  # type: ignore[index]
 
 
 def test_a_wrong_start_pose_in_a_taught_place_is_overruled(drive: Drive) -> None:
-    drawer, poses = MemoryDrawer(), arc(8)
+    localizer_map, poses = MemoryMap(), arc(8)
     teacher = _landmarks(solve="plane")
-    drive(teacher, poses, mode="teach", drawer=drawer)
+    drive(teacher, poses, mode="teach", map=localizer_map)
     teacher.finish()
 
-    answers = drive(_landmarks(solve="plane"), poses, mode="replay", drawer=drawer, start_pose=Pose2(0.0, 3.0, 1.0))
+    answers = drive(_landmarks(solve="plane"), poses, mode="replay", map=localizer_map, start_pose=Pose2(0.0, 3.0, 1.0))
 
     misses = _misses(answers, poses)
     assert len(misses) >= 6
@@ -143,11 +143,11 @@ def test_a_wrong_start_pose_in_a_taught_place_is_overruled(drive: Drive) -> None
 
 
 def test_a_map_that_lacks_arrays_is_refused(drive: Drive) -> None:
-    drawer = MemoryDrawer()
-    drawer.save("map", {"points": np.zeros((2, 3)), "light": np.ones(1)})
+    localizer_map = MemoryMap()
+    localizer_map.save("map", {"points": np.zeros((2, 3)), "light": np.ones(1)})
 
     with pytest.raises(StoreError, match=r"lack cov.*teach the place again"):
-        drive(_landmarks(), arc(2), mode="replay", drawer=drawer)
+        drive(_landmarks(), arc(2), mode="replay", map=localizer_map)
 
 
 def test_without_a_start_pose_or_a_map_it_cannot_say(drive: Drive) -> None:

@@ -16,7 +16,7 @@ from trailmark.estimates import Belief
 from trailmark.frames import Frame, Image, Omni, SensorInfo
 from trailmark.geometry import Pose2, Pose3
 from trailmark.interfaces import Session
-from trailmark.testing import MemoryDrawer
+from trailmark.testing import MemoryMap
 
 Grey = npt.NDArray[np.uint8]
 
@@ -130,16 +130,16 @@ def frame_of(image: Grey, stamp_s: float) -> Frame:
     return Frame("omni", stamp_s, Image(image))
 
 
-def taught_drawer(room: RoundRoom, config: Any, mounting: Pose2 | None = None) -> MemoryDrawer:
+def taught_map(room: RoundRoom, config: Any, mounting: Pose2 | None = None) -> MemoryMap:
     """Drive the loop in teach mode with exact poses, finish, and return what was remembered."""
     from trailmark_omni_surf.localizer import OmniSurf
 
-    drawer, localizer = MemoryDrawer(), OmniSurf(config)
-    localizer.start(Session("omni", "teach", {"omni": room.sensor(mounting=mounting)}, drawer=drawer))
+    localizer_map, localizer = MemoryMap(), OmniSurf(config)
+    localizer.start(Session("omni", "teach", {"omni": room.sensor(mounting=mounting)}, map=localizer_map))
     for stamp_s, pose, belief in drive(loop()):
         assert localizer.observe(frame_of(room.render(pose @ (mounting or Pose2())), stamp_s), belief) == ()
     localizer.finish()
-    return drawer
+    return localizer_map
 
 
 @dataclass
@@ -147,11 +147,11 @@ class OmniTools:
     """What tests of the camera's localizer use."""
 
     room: Any = RoundRoom
-    drawer: Any = MemoryDrawer
+    localizer_map: Any = MemoryMap
     drive: Any = staticmethod(drive)
     loop: Any = staticmethod(loop)
     frame: Any = staticmethod(frame_of)
-    taught: Any = staticmethod(taught_drawer)
+    taught: Any = staticmethod(taught_map)
 
 
 @pytest.fixture(scope="session")

@@ -37,7 +37,7 @@ def taught(omni: Any, room: Any) -> Any:
 def answers(omni: Any, room: Any, taught: Any, sensor: SensorInfo, change: Any = None) -> list[Estimate]:
     """Drive through the room with a camera that is described as `sensor`; `change` spoils the pictures."""
     localizer = OmniSurf(CONFIG)
-    localizer.start(Session("omni", "replay", {"omni": sensor}, drawer=taught))
+    localizer.start(Session("omni", "replay", {"omni": sensor}, map=taught))
     said: list[Estimate] = []
     for k, pose in enumerate(PLACES):
         image = room.render(pose)

@@ -108,9 +108,9 @@ def test_answers_know_their_errors_and_what_was_lost() -> None:
 def test_plain_surf_answers_and_removes_nothing(omni: Any) -> None:
     room = omni.room()
     config = OmniSurfConfig.model_validate({"camera": "omni"})
-    drawer = omni.taught(room, config)
+    localizer_map = omni.taught(room, config)
     plain = PlainSurf(config)
-    plain.start(Session("plain", "replay", {"omni": room.sensor()}, drawer=drawer))
+    plain.start(Session("plain", "replay", {"omni": room.sensor()}, map=localizer_map))
     true = Pose2(0.4, -0.3, 1.0)
 
     (fix,) = plain.observe(omni.frame(room.render(true), 0.0), Belief(0.0))

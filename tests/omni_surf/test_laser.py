@@ -149,8 +149,8 @@ def test_maps_of_nothing_and_of_everything_are_refused() -> None:
         ScanMap.from_points(np.array([[0.0, 0.0], [1e6, 1e6]]), np.zeros((2, 2)))
 
 
-class FakeDrawer:
-    """A drawer in memory."""
+class FakeMap:
+    """A localizer map in memory."""
 
     def __init__(self) -> None:
         self.added: list = []
@@ -169,15 +169,15 @@ class FakeDrawer:
         return self.saved.get(name)
 
 
-def localizer(mode: str, drawer: FakeDrawer | None = None, **config: object) -> LaserIcp:
+def localizer(mode: str, localizer_map: FakeMap | None = None, **config: object) -> LaserIcp:
     part = LaserIcp(LaserIcpConfig.model_validate({"laser": "scan", **config}))
-    part.start(Session(mode=mode, sensors={"scan": SensorInfo("scan", "scan")}, drawer=drawer))  # type: ignore[arg-type]
+    part.start(Session(mode=mode, sensors={"scan": SensorInfo("scan", "scan")}, map=localizer_map))  # type: ignore[arg-type]
     return part
 
 
-def taught(drawer: FakeDrawer) -> None:
+def taught(localizer_map: FakeMap) -> None:
     """Teach a two-metre line with odometry that is up to 5 cm off."""
-    part = localizer("teach", drawer)
+    part = localizer("teach", localizer_map)
     for i in range(21):
         true = Pose2(1.0 + 0.1 * i, 1.2, 0.02 * i)
         believed = true @ Pose2(0.002 * i, -0.0015 * i, 0.0)
@@ -193,9 +193,9 @@ def taught(drawer: FakeDrawer) -> None:
 
 
 def test_it_teaches_a_map_and_localizes_in_it() -> None:
-    drawer = FakeDrawer()
-    taught(drawer)
-    part = localizer("replay", drawer)
+    localizer_map = FakeMap()
+    taught(localizer_map)
+    part = localizer("replay", localizer_map)
     true = Pose2(2.03, 1.15, 0.3)
 
     (fix,) = part.observe(Frame("scan", 0.0, scan_at(true, noise_m=0.01)), Belief(0.0, Pose2(2.3, 1.4, 0.2)))
@@ -207,32 +207,32 @@ def test_it_teaches_a_map_and_localizes_in_it() -> None:
     assert np.linalg.eigvalsh(fix.information).min() > 0
 
 
-def test_finish_from_the_drawer_alone_gives_the_same_map() -> None:
-    drawer = FakeDrawer()
-    taught(drawer)
-    before = drawer.saved.pop("map")
+def test_finish_from_the_map_alone_gives_the_same_map() -> None:
+    localizer_map = FakeMap()
+    taught(localizer_map)
+    before = localizer_map.saved.pop("map")
 
-    localizer("replay", drawer).finish()
+    localizer("replay", localizer_map).finish()
 
-    np.testing.assert_array_equal(drawer.saved["map"]["points"], before["points"])
+    np.testing.assert_array_equal(localizer_map.saved["map"]["points"], before["points"])
 
 
 def test_without_a_pose_it_is_lost_and_says_why() -> None:
-    drawer = FakeDrawer()
-    taught(drawer)
+    localizer_map = FakeMap()
+    taught(localizer_map)
 
-    (lost,) = localizer("replay", drawer).observe(Frame("scan", 0.0, scan_at(Pose2(2, 1, 0))), Belief(0.0))
+    (lost,) = localizer("replay", localizer_map).observe(Frame("scan", 0.0, scan_at(Pose2(2, 1, 0))), Belief(0.0))
 
     assert isinstance(lost, Lost)
     assert "no start pose" in lost.reason
 
 
 def test_a_scan_of_another_place_is_refused() -> None:
-    drawer = FakeDrawer()
-    taught(drawer)
+    localizer_map = FakeMap()
+    taught(localizer_map)
     elsewhere = Scan(np.random.default_rng(1).uniform(0.3, 8.0, 360), 0.0, 2 * math.pi / 360, 0.05, 20.0)
 
-    (lost,) = localizer("replay", drawer).observe(Frame("scan", 0.0, elsewhere), Belief(0.0, Pose2(2, 1, 0)))
+    (lost,) = localizer("replay", localizer_map).observe(Frame("scan", 0.0, elsewhere), Belief(0.0, Pose2(2, 1, 0)))
 
     assert isinstance(lost, Lost)
     assert "does not fit" in lost.reason
@@ -240,10 +240,10 @@ def test_a_scan_of_another_place_is_refused() -> None:
 
 def test_an_empty_scan_and_a_missing_map_are_lost_not_errors() -> None:
     blind = Scan(np.full(360, np.nan), 0.0, 0.017)
-    drawer = FakeDrawer()
-    taught(drawer)
+    localizer_map = FakeMap()
+    taught(localizer_map)
 
-    (without_returns,) = localizer("replay", drawer).observe(Frame("scan", 0.0, blind), Belief(0.0, Pose2()))
+    (without_returns,) = localizer("replay", localizer_map).observe(Frame("scan", 0.0, blind), Belief(0.0, Pose2()))
     (without_map,) = localizer("track").observe(Frame("scan", 0.0, blind), Belief(0.0, Pose2()))
 
     assert isinstance(without_returns, Lost)

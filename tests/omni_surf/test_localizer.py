@@ -38,10 +38,12 @@ def taught(omni: Any, room: Any) -> Any:
     return omni.taught(room, config(), MOUNTING)
 
 
-def started(room: Any, drawer: Any, mode: str = "replay", sensor: SensorInfo | None = None, **changes: Any) -> OmniSurf:
+def started(
+    room: Any, localizer_map: Any, mode: str = "replay", sensor: SensorInfo | None = None, **changes: Any
+) -> OmniSurf:
     localizer = OmniSurf(config(**changes))
     info = sensor or room.sensor(mounting=MOUNTING)
-    localizer.start(Session("omni", mode, {"omni": info}, drawer=drawer))  # type: ignore[arg-type]
+    localizer.start(Session("omni", mode, {"omni": info}, map=localizer_map))  # type: ignore[arg-type]
     return localizer
 
 
@@ -196,7 +198,7 @@ def test_a_mirror_turned_over_gives_no_wrong_fix(omni: Any, room: Any, taught: A
 
 
 def test_nothing_taught_is_said(omni: Any, room: Any) -> None:
-    answer = look(started(room, omni.drawer()), omni, room, Pose2())
+    answer = look(started(room, omni.localizer_map()), omni, room, Pose2())
 
     assert answer == Lost(0.0, "no landmarks: nothing was taught here, or nothing could be measured")
 
@@ -230,20 +232,20 @@ def test_other_selections_work_without_the_machine(room: Any, taught: Any, selec
     assert len(copied.load("landmarks")["positions"]) == copied.load("candidates")["is_chosen"].sum()
 
 
-def test_finishing_without_keyframes_or_drawer_is_nothing(omni: Any, room: Any) -> None:
-    drawer = omni.drawer()
-    started(room, drawer, "teach").finish()
+def test_finishing_without_keyframes_or_map_is_nothing(omni: Any, room: Any) -> None:
+    localizer_map = omni.localizer_map()
+    started(room, localizer_map, "teach").finish()
     started(room, None, "teach").finish()
 
-    assert drawer.load("landmarks") is None
+    assert localizer_map.load("landmarks") is None
 
 
 def test_a_damaged_store_says_so(omni: Any, room: Any) -> None:
-    drawer = omni.drawer()
-    drawer.add(Keyframe(0.0, 0.0, Pose2(), {"ids": np.array([1])}))
+    localizer_map = omni.localizer_map()
+    localizer_map.add(Keyframe(0.0, 0.0, Pose2(), {"ids": np.array([1])}))
 
     with pytest.raises(StoreError, match="teach again"):
-        started(room, drawer, "teach").finish()
+        started(room, localizer_map, "teach").finish()
     with pytest.raises(StoreError, match="has no array 'positions'"):
         LandmarkMap.from_arrays({})
 

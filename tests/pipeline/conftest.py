@@ -17,7 +17,7 @@ from trailmark.estimation.dead_reckoning import DeadReckoning
 from trailmark.estimation.dead_reckoning_config import DeadReckoningConfig
 from trailmark.frames import Frame, Image, Scalar, SensorInfo, payload_kind
 from trailmark.geometry import Pose2, Trajectory
-from trailmark.interfaces import Controller, Drawer, Drivable, FrameSource, Localizer, PathStore, Session
+from trailmark.interfaces import Controller, Drivable, FrameSource, Localizer, LocalizerMap, PathStore, Session
 from trailmark.paths import Keyframe, Path, Waypoint
 from trailmark.pipeline import Clock, Feed, Plan, PlannedLocalizer, Settled, StorePlan
 
@@ -111,8 +111,8 @@ class Mover(Scripted):
         return (Motion(self.seen[-2][0].stamp_s, frame.stamp_s, self._step, GOOD),)
 
 
-class MemoryDrawer(Drawer):
-    """A drawer of a `MemoryStore`."""
+class MemoryMap(LocalizerMap):
+    """A localizer map of a `MemoryStore`."""
 
     def __init__(self, store: MemoryStore, owner: str) -> None:
         self._store, self._owner = store, owner
@@ -154,8 +154,8 @@ class MemoryStore(PathStore):
     def path(self) -> Path | None:
         return Path(self.disk["waypoints"]) if self.disk["waypoints"] else None
 
-    def drawer(self, owner: str) -> Drawer:
-        return MemoryDrawer(self, owner)
+    def localizer_map(self, owner: str) -> LocalizerMap:
+        return MemoryMap(self, owner)
 
     def commit(self) -> None:
         self.disk["commits"].append((list(self._open_waypoints), [k.station_m for _, k in self.open_keyframes]))

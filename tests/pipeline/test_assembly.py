@@ -49,12 +49,12 @@ class Stepper(Localizer):
         last_s, self.last_s = self.last_s, frame.stamp_s
         if self.session.mode == "teach":
             arrays = {"patch": np.arange(4, dtype=np.uint8)}
-            self.session.drawer.add(Keyframe(belief.travelled_m, frame.stamp_s, belief.pose_map_base, arrays))
+            self.session.map.add(Keyframe(belief.travelled_m, frame.stamp_s, belief.pose_map_base, arrays))
         if last_s is None:
             return ()
         return (Motion(last_s, frame.stamp_s, Pose2(self.config.step_m), information_from_sigmas(0.01, 0.01, 0.01)),)
     def finish(self):
-        self.session.drawer.save("index", {"n": np.array([len(self.session.drawer.keyframes())])})
+        self.session.map.save("index", {"n": np.array([len(self.session.map.keyframes())])})
 
 class Fragile(Localizer):
     def __init__(self, config):

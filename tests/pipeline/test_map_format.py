@@ -10,8 +10,8 @@ from trailmark.geometry import Pose2
 from trailmark.interfaces import Localizer
 from trailmark.paths import Keyframe, Waypoint
 from trailmark.pipeline import Pipeline
-from trailmark.pipeline.map_format import FORMAT_NAME, FormattedDrawer, check_format
-from trailmark.testing import MemoryDrawer
+from trailmark.pipeline.map_format import FORMAT_NAME, VersionedMap, check_format
+from trailmark.testing import MemoryMap
 
 KEYFRAME = Keyframe(0.0, 0.0, Pose2(), {"patch": np.zeros(4, np.uint8)})
 
@@ -29,7 +29,7 @@ class Mapper(Localizer):
 
     def observe(self, frame, belief):
         if self.session.mode == "teach":
-            self.session.drawer.add(KEYFRAME)
+            self.session.map.add(KEYFRAME)
         return ()
 
 
@@ -41,14 +41,14 @@ def pipeline(fakes, mapper: Mapper, disk: dict, mode: str) -> Pipeline:
 
 
 def test_only_what_holds_something_tells_its_format() -> None:
-    drawer = MemoryDrawer()
-    formatted = FormattedDrawer(drawer, 3)
-    assert drawer.is_empty
+    localizer_map = MemoryMap()
+    formatted = VersionedMap(localizer_map, 3)
+    assert localizer_map.is_empty
 
     formatted.add(KEYFRAME)
     formatted.save("model", {"w": np.ones(2)})
 
-    told = drawer.load(FORMAT_NAME)
+    told = localizer_map.load(FORMAT_NAME)
     assert told is not None
     assert told["version"] == 3
     assert len(formatted.keyframes()) == 1
@@ -78,23 +78,23 @@ def test_a_newer_format_is_refused_before_the_localizer_starts(fakes) -> None:
 
 
 def test_a_map_of_an_older_format_is_not_gone_on_with() -> None:
-    drawer = MemoryDrawer()
-    FormattedDrawer(drawer, 1).add(KEYFRAME)
+    localizer_map = MemoryMap()
+    VersionedMap(localizer_map, 1).add(KEYFRAME)
 
-    check_format(drawer, "map", Mapper(2))
+    check_format(localizer_map, "map", Mapper(2))
     with pytest.raises(StoreError, match="has format 1, and this version writes 2: teach the path again"):
-        check_format(drawer, "map", Mapper(2), is_continued=True)
+        check_format(localizer_map, "map", Mapper(2), is_continued=True)
 
 
 @pytest.mark.parametrize(
     "told", [{}, {"version": np.array(0)}, {"version": np.array([1])}, {"version": np.array(1.0)}], ids=str
 )
 def test_what_is_no_format_is_refused(told) -> None:
-    drawer = MemoryDrawer()
-    drawer.save(FORMAT_NAME, told)
+    localizer_map = MemoryMap()
+    localizer_map.save(FORMAT_NAME, told)
 
     with pytest.raises(StoreError, match="does not tell its format"):
-        check_format(drawer, "map", Mapper())
+        check_format(localizer_map, "map", Mapper())
 
 
 def test_a_map_of_a_time_before_formats_is_read(fakes) -> None:

@@ -24,7 +24,7 @@ class Rememberer:
         def say(frame, belief):
             arrays = {"patch": np.zeros(4, np.uint8)}
             pose = belief.pose_map_base
-            localizer.session.drawer.add(Keyframe(belief.travelled_m, frame.stamp_s, pose, arrays))
+            localizer.session.map.add(Keyframe(belief.travelled_m, frame.stamp_s, pose, arrays))
             return ()
 
         localizer = fakes.Scripted(say)

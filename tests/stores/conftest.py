@@ -48,7 +48,7 @@ def keyframe(number: int, size: int = 44) -> Keyframe:
 
 def teach(store: SqlitePathStore, n_waypoints: int, start: int = 0) -> None:
     """Lay waypoints, with a keyframe and a commit each."""
-    drawer = store.drawer("floor")
+    drawer = store.localizer_map("floor")
     for index in range(start, start + n_waypoints):
         drawer.add(keyframe(index))
         store.append(waypoint(index))
@@ -61,7 +61,7 @@ def contents(path: Path) -> tuple[object, ...]:
         taught = store.path()
         drawers = []
         for owner in store.owners():
-            drawer = store.drawer(owner)
+            drawer = store.localizer_map(owner)
             keyframes = [
                 (
                     k.station_m,
@@ -92,7 +92,7 @@ def taught(tmp_path: Path) -> Path:
         store.set_sensors(SENSORS)
         store.set_meta(META)
         teach(store, 12)
-        store.drawer("laser").save("map", {"points": np.arange(40.0).reshape(20, 2), "n": np.array(20)})
+        store.localizer_map("laser").save("map", {"points": np.arange(40.0).reshape(20, 2), "n": np.array(20)})
         store.mark_finished("laser")
         store.commit()
     return path

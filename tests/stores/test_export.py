@@ -66,8 +66,8 @@ def test_hostile_names_stay_in_the_folder(tmp_path: Path, place: SimpleNamespace
     names = ["../../evil", "/etc/passwd", "..", ".", "a/b", "a\\b", "~", "con", "A", "a", "ü" * 150, "keyframes.npz"]
     with place.opened(tmp_path / "a.trail", "create") as store:
         for name in names:
-            store.drawer(name).save(name, {name: np.arange(3)})
-            store.drawer("floor").save(name, {other: np.arange(3) for other in names})
+            store.localizer_map(name).save(name, {name: np.arange(3)})
+            store.localizer_map("floor").save(name, {other: np.arange(3) for other in names})
         store.commit()
     folder = tmp_path / "deep" / "out"
 

@@ -37,7 +37,7 @@ for line in sys.stdin:
         with opened(Path(path), access) as store:
             print(os.getpid(), flush=True)
             for index in range(int(start), 100_000):
-                store.drawer("other").add(keyframe(index))
+                store.localizer_map("other").add(keyframe(index))
                 teach(store, 1, index)
                 print(index + 1, flush=True)
         os._exit(0)
@@ -87,7 +87,7 @@ def test_a_killed_teaching_keeps_every_waypoint_it_had_reported(
 
         with place.opened(path) as store:
             taught = store.path()
-            n_keyframes = [len(store.drawer(owner).keyframes()) for owner in ("floor", "other")]
+            n_keyframes = [len(store.localizer_map(owner).keyframes()) for owner in ("floor", "other")]
         assert len(taught) in (n_reported, n_reported + 1)  # the last one may be committed and not yet reported
         assert taught.waypoints == tuple(place.waypoint(index) for index in range(len(taught)))
         assert n_keyframes == [len(taught)] * 2  # whole transactions, nothing of an open one
@@ -149,7 +149,7 @@ if os.geteuid() == 0:
     os.setgid(65534)
     os.setuid(65534)
 with opened(Path(sys.argv[2]), sys.argv[3]) as store:
-    print(len(store.path()), len(store.drawer("floor").keyframes()))
+    print(len(store.path()), len(store.localizer_map("floor").keyframes()))
 """
 
 

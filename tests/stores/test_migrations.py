@@ -64,10 +64,10 @@ def old(tmp_path: Path) -> Path:
 
 def check_contents(store: object) -> None:
     assert [waypoint.station_m for waypoint in store.path().waypoints] == [0.0, 0.1, 0.2]
-    first, second = store.drawer("floor").keyframes()
+    first, second = store.localizer_map("floor").keyframes()
     assert (first.station_m, first.stamp_s, first.pose_map_base) == (1.7, 17.0, Pose2(1.0, 2.0, 0.5))
     np.testing.assert_array_equal(second.arrays["patch"], np.full((2, 3), 18, np.uint8))
-    saved = store.drawer("laser").load("map")
+    saved = store.localizer_map("laser").load("map")
     assert {name: array.tolist() for name, array in saved.items()} == {"points": [1.5, -2.0], "count": 2}
     assert [store.is_finished(owner) for owner in store.owners()] == [False, True]
     assert store.sensors() == {"floor": SensorInfo("floor", "image")}
@@ -87,13 +87,13 @@ def test_an_older_store_is_read_and_not_changed(old: Path, place: SimpleNamespac
 def test_an_older_store_is_migrated_when_teaching_goes_on(old: Path, place: SimpleNamespace) -> None:
     with place.opened(old, "append") as store:
         check_contents(store)
-        store.drawer("floor").add(place.keyframe(2))
+        store.localizer_map("floor").add(place.keyframe(2))
         store.commit()
 
     with closing(sqlite3.connect(old)) as connection:
         assert connection.execute("PRAGMA user_version").fetchone() == (2,)
     with place.opened(old) as store:
-        assert len(store.drawer("floor").keyframes()) == 3
+        assert len(store.localizer_map("floor").keyframes()) == 3
     assert check_store(old).is_sound
 
 

@@ -48,7 +48,7 @@ def test_a_place_comes_back_as_it_was_taught(
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "place.trail"
         with place.opened(path, "create") as store:
-            drawer = store.drawer("floor")
+            drawer = store.localizer_map("floor")
             for keyframe in remembered:
                 drawer.add(keyframe)
             drawer.save("map", saved)
@@ -57,7 +57,7 @@ def test_a_place_comes_back_as_it_was_taught(
             store.commit()
         with place.opened(path) as store:
             assert store.path().waypoints == waypoints
-            back, loaded = store.drawer("floor").keyframes(), store.drawer("floor").load("map")
+            back, loaded = store.localizer_map("floor").keyframes(), store.localizer_map("floor").load("map")
 
     assert len(back) == len(remembered)
     for found, given_ in zip(back, remembered, strict=True):
@@ -101,8 +101,8 @@ def test_an_empty_store_has_no_path(tmp_path: Path, place: SimpleNamespace) -> N
     with place.opened(tmp_path / "a.trail") as store:
         assert store.path() is None
         assert store.owners() == ()
-        assert store.drawer("floor").keyframes() == ()
-        assert store.drawer("floor").load("map") is None
+        assert store.localizer_map("floor").keyframes() == ()
+        assert store.localizer_map("floor").load("map") is None
         assert store.sensors() == {}
         assert store.meta() == {}
 
@@ -118,7 +118,7 @@ def test_only_committed_waypoints_are_the_path(tmp_path: Path, place: SimpleName
 
 def test_a_localizer_sees_at_once_what_it_added(tmp_path: Path, place: SimpleNamespace) -> None:
     with place.opened(tmp_path / "a.trail", "create") as store:
-        drawer = store.drawer("floor")
+        drawer = store.localizer_map("floor")
         drawer.add(place.keyframe(0))
         drawer.save("map", {"points": np.zeros(3)})
 
@@ -130,7 +130,7 @@ def test_what_was_not_committed_is_forgotten(taught: Path, place: SimpleNamespac
     before = place.contents(taught)
     with place.opened(taught, "append") as store:
         store.append(place.waypoint(12))
-        store.drawer("floor").add(place.keyframe(12))
+        store.localizer_map("floor").add(place.keyframe(12))
 
     assert place.contents(taught) == before
 
@@ -138,17 +138,17 @@ def test_what_was_not_committed_is_forgotten(taught: Path, place: SimpleNamespac
 def test_drawers_do_not_see_each_other(tmp_path: Path, place: SimpleNamespace) -> None:
     with place.opened(tmp_path / "a.trail", "create") as store:
         for number in range(4):
-            store.drawer("even" if number % 2 == 0 else "odd").add(place.keyframe(number))
-        store.drawer("even").save("map", {"points": np.zeros(1)})
+            store.localizer_map("even" if number % 2 == 0 else "odd").add(place.keyframe(number))
+        store.localizer_map("even").save("map", {"points": np.zeros(1)})
 
-        stamps = [keyframe.stamp_s for keyframe in store.drawer("odd").keyframes()]
+        stamps = [keyframe.stamp_s for keyframe in store.localizer_map("odd").keyframes()]
         assert stamps == [place.keyframe(1).stamp_s, place.keyframe(3).stamp_s]
-        assert store.drawer("odd").load("map") is None
+        assert store.localizer_map("odd").load("map") is None
 
 
 def test_saving_again_replaces_what_stood_there(tmp_path: Path, place: SimpleNamespace) -> None:
     with place.opened(tmp_path / "a.trail", "create") as store:
-        drawer = store.drawer("laser")
+        drawer = store.localizer_map("laser")
         for value in (1.0, 2.0):
             drawer.save("map", {"points": np.array([value])})
 
@@ -173,9 +173,9 @@ class TestFinish:
         with place.opened(taught, "append") as store:
             assert store.is_finished("laser")
             if change == "add":
-                store.drawer("laser").add(place.keyframe(0))
+                store.localizer_map("laser").add(place.keyframe(0))
             else:
-                store.drawer("laser").save("map", {})
+                store.localizer_map("laser").save("map", {})
             assert not store.is_finished("laser")
 
 
@@ -184,8 +184,8 @@ class TestAccess:
         with place.opened(taught) as store:
             for write in (
                 lambda: store.append(place.waypoint(12)),
-                lambda: store.drawer("floor").add(place.keyframe(0)),
-                lambda: store.drawer("floor").save("map", {}),
+                lambda: store.localizer_map("floor").add(place.keyframe(0)),
+                lambda: store.localizer_map("floor").save("map", {}),
                 lambda: store.mark_finished("floor"),
                 lambda: store.set_meta({}),
                 store.commit,
@@ -205,7 +205,7 @@ class TestAccess:
             place.teach(store, 3, start=12)
         with place.opened(taught) as store:
             assert store.path().waypoints == tuple(place.waypoint(i) for i in range(15))
-            assert len(store.drawer("floor").keyframes()) == 15
+            assert len(store.localizer_map("floor").keyframes()) == 15
 
     @pytest.mark.parametrize("access", ["read", "append"])
     def test_a_missing_file_is_named_with_the_way_to_make_it(
@@ -257,7 +257,7 @@ class TestOverwrite:
         before = place.contents(taught)
         with place.opened(taught, "overwrite") as store:
             store.set_meta({"new": True})
-            store.drawer("new").add(place.keyframe(0))
+            store.localizer_map("new").add(place.keyframe(0))
             store.commit()
             assert place.contents(taught) == before
             store.append(place.waypoint(0))
@@ -273,7 +273,7 @@ class TestOverwrite:
     def test_a_teaching_without_a_waypoint_leaves_the_old_store(self, taught: Path, place: SimpleNamespace) -> None:
         before = place.contents(taught)
         with place.opened(taught, "overwrite") as store:
-            store.drawer("floor").add(place.keyframe(0))
+            store.localizer_map("floor").add(place.keyframe(0))
             store.commit()
 
         assert place.contents(taught) == before
@@ -335,19 +335,19 @@ class TestRefusals:
         with place.opened(taught, "append") as store:
             for keyframe in (Keyframe(math.nan, 0.0, Pose2(), {}), Keyframe(0.0, math.inf, Pose2(), {})):
                 with pytest.raises(ShapeError, match="is not finite"):
-                    store.drawer("floor").add(keyframe)
+                    store.localizer_map("floor").add(keyframe)
             with pytest.raises(ShapeError, match="is not finite"):
                 store.append(Waypoint(12, math.inf, Pose2()))
 
     def test_a_refused_keyframe_leaves_no_trace(self, tmp_path: Path, place: SimpleNamespace) -> None:
         with place.opened(tmp_path / "a.trail", "create") as store:
             with pytest.raises(ShapeError):
-                store.drawer("floor").add(Keyframe(0.0, math.nan, Pose2(), {}))
+                store.localizer_map("floor").add(Keyframe(0.0, math.nan, Pose2(), {}))
             assert store.owners() == ()
 
     def test_names_of_drawers_are_text(self, taught: Path, place: SimpleNamespace) -> None:
-        with place.opened(taught) as store, pytest.raises(ShapeError, match="a drawer cannot be named"):
-            store.drawer("a\nb")
+        with place.opened(taught) as store, pytest.raises(ShapeError, match="a localizer map cannot be named"):
+            store.localizer_map("a\nb")
 
     @pytest.mark.parametrize("meta", [{"a": object()}, {"a": math.nan}])
     def test_provenance_is_json(self, taught: Path, place: SimpleNamespace, meta: dict[str, object]) -> None:
@@ -364,7 +364,7 @@ class TestLife:
 
     def test_closing_twice_is_closing_once(self, taught: Path, place: SimpleNamespace) -> None:
         with place.opened(taught, "append") as store:
-            drawer = store.drawer("floor")
+            drawer = store.localizer_map("floor")
             store.close()
             store.close()
             with pytest.raises(StoreError, match="is closed"):

@@ -14,7 +14,7 @@ from types import SimpleNamespace
 import pytest
 
 from trailmark.errors import StoreError
-from trailmark.interfaces import Drawer
+from trailmark.interfaces import LocalizerMap
 from trailmark.stores.check import check_store
 
 HERE = Path(__file__).parent
@@ -45,7 +45,7 @@ def test_a_second_process_that_writes_is_refused(
             pass
         with place.opened(taught) as reader:  # readers are welcome
             assert len(reader.path()) == start + 3
-            assert len(reader.drawer("floor").keyframes()) == start + 3
+            assert len(reader.localizer_map("floor").keyframes()) == start + 3
         holder.communicate(timeout=30)
 
     assert holder.returncode == 0
@@ -86,7 +86,7 @@ def test_a_reader_sees_whole_commits_while_the_place_is_taught(tmp_path: Path, p
             while not finished.is_set():
                 taught = reader.path()
                 lengths.append(len(taught))
-                n_keyframes = len(reader.drawer("floor").keyframes())
+                n_keyframes = len(reader.localizer_map("floor").keyframes())
                 assert n_keyframes >= len(taught)  # each waypoint comes with its keyframe
 
     with place.opened(path, "create") as store:
@@ -108,7 +108,7 @@ def test_any_thread_may_add_while_waypoints_are_laid(tmp_path: Path, place: Simp
     with place.opened(path, "create") as store:
 
         def work(worker: int) -> None:
-            drawer = store.drawer(f"worker{worker}")
+            drawer = store.localizer_map(f"worker{worker}")
             for number in range(n_each):
                 drawer.add(place.keyframe(1000 * worker + number, size=8))
                 drawer.save("last", {"number": place.keyframe(number).arrays["offset"]})
@@ -123,12 +123,12 @@ def test_any_thread_may_add_while_waypoints_are_laid(tmp_path: Path, place: Simp
     with place.opened(path) as store:
         assert len(store.path()) == 50
         for worker in range(n_threads):
-            stamps = [keyframe.stamp_s for keyframe in store.drawer(f"worker{worker}").keyframes()]
+            stamps = [keyframe.stamp_s for keyframe in store.localizer_map(f"worker{worker}").keyframes()]
             assert stamps == [place.keyframe(1000 * worker + number).stamp_s for number in range(n_each)]
     assert check_store(path).is_sound
 
 
-def add_forever(drawer: Drawer, place: SimpleNamespace) -> None:
+def add_forever(drawer: LocalizerMap, place: SimpleNamespace) -> None:
     for number in itertools.count():
         drawer.add(place.keyframe(number, size=4))
 
@@ -137,7 +137,7 @@ def test_closing_from_another_thread_ends_the_work_with_a_clear_error(tmp_path: 
     path = tmp_path / "a.trail"
     with place.opened(path, "create") as store:
         place.teach(store, 1)
-        drawer = store.drawer("floor")
+        drawer = store.localizer_map("floor")
         closer = threading.Thread(target=store.close)
         closer.start()
         with pytest.raises(StoreError, match="is closed"):

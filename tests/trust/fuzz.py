@@ -304,8 +304,8 @@ def store(rng: Rng, folder: Path) -> None:
         opened.path()
         opened.sensors()
         for owner in opened.owners():
-            opened.drawer(owner).keyframes()
-            opened.drawer(owner).load("model")
+            opened.localizer_map(owner).keyframes()
+            opened.localizer_map(owner).load("model")
     finally:
         opened.close()
 
@@ -368,9 +368,9 @@ def _store() -> bytes:
             for index in range(12):
                 pose = Pose2(0.05 * index, 0.0, 0.0)
                 patch = np.full((44, 44), index, np.uint8)
-                opened.drawer("floor").add(Keyframe(0.05 * index, float(index), pose, {"patch": patch}))
+                opened.localizer_map("floor").add(Keyframe(0.05 * index, float(index), pose, {"patch": patch}))
                 opened.append(Waypoint(index, 0.05 * index, pose))
-            opened.drawer("floor").save("model", {"weights": np.linspace(0, 1, 50)})
+            opened.localizer_map("floor").save("model", {"weights": np.linspace(0, 1, 50)})
             opened.commit()
             opened.close()
             _made["store"] = path.read_bytes()

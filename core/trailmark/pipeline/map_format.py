@@ -9,77 +9,77 @@ import numpy as np
 import numpy.typing as npt
 
 from trailmark.errors import StoreError
-from trailmark.interfaces import Drawer, Localizer
+from trailmark.interfaces import Localizer, LocalizerMap
 from trailmark.paths import Keyframe
 
-__all__ = ["FORMAT_NAME", "FormattedDrawer", "check_format"]
+__all__ = ["FORMAT_NAME", "VersionedMap", "check_format"]
 
-#: Under this name a drawer tells the format of what is in it.
+#: Under this name a localizer map tells the format of what is in it.
 FORMAT_NAME = "map_format"
 
 _KEY = "version"
 
 
-class FormattedDrawer(Drawer):
-    """A drawer that tells the format with the first thing that goes into it; what stays empty tells nothing.
+class VersionedMap(LocalizerMap):
+    """A localizer map that tells the format with the first thing that goes into it; what stays empty tells nothing.
 
     Parameters
     ----------
-    drawer : Drawer
+    localizer map : LocalizerMap
         Where it is kept.
     version : int
         The localizer's `map_format`.
     """
 
-    def __init__(self, drawer: Drawer, version: int) -> None:
-        self._drawer = drawer
+    def __init__(self, localizer_map: LocalizerMap, version: int) -> None:
+        self._localizer_map = localizer_map
         self._version = version
-        self._is_told = drawer.load(FORMAT_NAME) is not None
+        self._is_told = localizer_map.load(FORMAT_NAME) is not None
 
     def add(self, keyframe: Keyframe) -> None:
         """Remember a keyframe."""
         self._tell()
-        self._drawer.add(keyframe)
+        self._localizer_map.add(keyframe)
 
     def keyframes(self) -> Sequence[Keyframe]:
         """Return all keyframes."""
-        return self._drawer.keyframes()
+        return self._localizer_map.keyframes()
 
     def save(self, name: str, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
         """Store named arrays."""
         self._tell()
-        self._drawer.save(name, arrays)
+        self._localizer_map.save(name, arrays)
 
     def load(self, name: str) -> Mapping[str, npt.NDArray[Any]] | None:
         """Return the arrays saved under a name, or None."""
-        return self._drawer.load(name)
+        return self._localizer_map.load(name)
 
     def _tell(self) -> None:
         if not self._is_told:
-            self._drawer.save(FORMAT_NAME, {_KEY: np.array(self._version, np.int64)})
+            self._localizer_map.save(FORMAT_NAME, {_KEY: np.array(self._version, np.int64)})
             self._is_told = True
 
 
-def check_format(drawer: Drawer, name: str, localizer: Localizer, is_continued: bool = False) -> None:
+def check_format(localizer_map: LocalizerMap, name: str, localizer: Localizer, is_continued: bool = False) -> None:
     """Refuse what a newer localizer remembered; what tells no format is of a time before there was one.
 
     Parameters
     ----------
-    drawer : Drawer
+    localizer map : LocalizerMap
         What is remembered.
     name : str
         The localizer's name in the config.
     localizer : Localizer
         Who is to read it.
     is_continued : bool
-        Teaching goes on: then an older format is refused too, one drawer holds one.
+        Teaching goes on: then an older format is refused too, one localizer map holds one.
 
     Raises
     ------
     StoreError
         If the format is newer than the localizer's own, or none at all.
     """
-    told = drawer.load(FORMAT_NAME)
+    told = localizer_map.load(FORMAT_NAME)
     if told is None:
         return
     version, own = told.get(_KEY), localizer.map_format

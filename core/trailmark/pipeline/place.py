@@ -11,14 +11,14 @@ from trailmark.errors import ConfigError
 from trailmark.frames import SensorInfo
 from trailmark.frames.documents import sensor_to_document
 from trailmark.geometry import Pose2
-from trailmark.interfaces import Drawer, PathStore
+from trailmark.interfaces import LocalizerMap, PathStore
 from trailmark.paths import Path
 from trailmark.pipeline.counters import Counters
-from trailmark.pipeline.map_format import FormattedDrawer, check_format
+from trailmark.pipeline.map_format import VersionedMap, check_format
 from trailmark.pipeline.plan import Access, Plan, PlannedLocalizer
 from trailmark.pipeline.provenance import provenance
 from trailmark.pipeline.starting import Sessions, Starter, guarded
-from trailmark.pipeline.teaching import ShiftedDrawer, Teaching
+from trailmark.pipeline.teaching import ContinuedMap, Teaching
 
 __all__ = ["Place"]
 
@@ -58,8 +58,8 @@ class Place:
             raise ConfigError("the path store holds no path yet; teach one first")
         self.start_pose = self._start_pose()
 
-    def drawer(self, planned: PlannedLocalizer) -> Drawer | None:
-        """Return the drawer of a localizer; None without a store.
+    def localizer_map(self, planned: PlannedLocalizer) -> LocalizerMap | None:
+        """Return the localizer map of a localizer; None without a store.
 
         Raises
         ------
@@ -68,14 +68,14 @@ class Place:
         """
         if self._store is None:
             return None
-        drawer = self._formatted(self._store, planned)
+        localizer_map = self._formatted(self._store, planned)
         offset_m = self.teaching.offset_m if self.teaching is not None else 0.0
-        return ShiftedDrawer(drawer, offset_m) if offset_m else drawer
+        return ContinuedMap(localizer_map, offset_m) if offset_m else localizer_map
 
-    def _formatted(self, store: PathStore, planned: PlannedLocalizer) -> Drawer:
-        drawer = store.drawer(planned.name)
-        check_format(drawer, planned.name, planned.localizer, is_continued=self.teaching is not None)
-        return FormattedDrawer(drawer, planned.localizer.map_format)
+    def _formatted(self, store: PathStore, planned: PlannedLocalizer) -> LocalizerMap:
+        localizer_map = store.localizer_map(planned.name)
+        check_format(localizer_map, planned.name, planned.localizer, is_continued=self.teaching is not None)
+        return VersionedMap(localizer_map, planned.localizer.map_format)
 
     def begin_teaching(
         self, sensors: Mapping[str, SensorInfo], document: Mapping[str, Any], counters: Counters, times: array[int]
@@ -117,7 +117,7 @@ class Place:
         store = self._open("append")
         for planned in unfinished:
             logger.info("teaching of %r was not finished: finishing it", planned.name)
-            session = sessions.of("localizer", planned.name, mode="teach", drawer=self._formatted(store, planned))
+            session = sessions.of("localizer", planned.name, mode="teach", map=self._formatted(store, planned))
             self._starter.start("localizer", planned.name, planned.localizer, session)
             _finish(planned, store)
             planned.localizer.close()

@@ -143,7 +143,7 @@ class Rig:
         session = self._sessions.of(
             "localizer",
             planned.name,
-            drawer=self.place.drawer(planned),
+            map=self.place.localizer_map(planned),
             last_latency_s=lambda: observing.last_latency_s,
         )
         self._starter.start("localizer", planned.name, planned.localizer, session)

@@ -15,11 +15,11 @@ import numpy.typing as npt
 from trailmark.errors import ConfigError
 from trailmark.estimates import Belief
 from trailmark.geometry import Pose2
-from trailmark.interfaces import Drawer, PathStore
+from trailmark.interfaces import LocalizerMap, PathStore
 from trailmark.paths import Keyframe, Waypoint
 from trailmark.pipeline.counters import Counters
 
-__all__ = ["ShiftedDrawer", "Teaching"]
+__all__ = ["ContinuedMap", "Teaching"]
 
 logger = logging.getLogger(__name__)
 
@@ -30,28 +30,28 @@ _SLACK_M = 1e-9
 _GRACE_S = 5.0
 
 
-class ShiftedDrawer(Drawer):
-    """A drawer of a path that is being continued: stations go on where the path ended."""
+class ContinuedMap(LocalizerMap):
+    """A localizer map of a path that is being continued: stations go on where the path ended."""
 
-    def __init__(self, drawer: Drawer, offset_m: float) -> None:
-        self._drawer = drawer
+    def __init__(self, localizer_map: LocalizerMap, offset_m: float) -> None:
+        self._localizer_map = localizer_map
         self._offset_m = offset_m
 
     def add(self, keyframe: Keyframe) -> None:
         """Remember a keyframe."""
-        self._drawer.add(replace(keyframe, station_m=keyframe.station_m + self._offset_m))
+        self._localizer_map.add(replace(keyframe, station_m=keyframe.station_m + self._offset_m))
 
     def keyframes(self) -> Sequence[Keyframe]:
         """Return all keyframes, those of the whole path."""
-        return self._drawer.keyframes()
+        return self._localizer_map.keyframes()
 
     def save(self, name: str, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
         """Store named arrays."""
-        self._drawer.save(name, arrays)
+        self._localizer_map.save(name, arrays)
 
     def load(self, name: str) -> Mapping[str, npt.NDArray[Any]] | None:
         """Return the arrays saved under a name, or None."""
-        return self._drawer.load(name)
+        return self._localizer_map.load(name)
 
 
 class Teaching:

@@ -9,11 +9,11 @@ from typing import Any
 from trailmark.errors import ConfigError, StoreError
 from trailmark.frames import SensorInfo
 from trailmark.frames.documents import sensor_from_document, sensor_to_document
-from trailmark.interfaces import Drawer, PathStore, Session
+from trailmark.interfaces import LocalizerMap, PathStore, Session
 from trailmark.paths import Path, Waypoint
 from trailmark.stores import drawer_rows, tables
 from trailmark.stores.database import Database
-from trailmark.stores.drawer import SqliteDrawer
+from trailmark.stores.localizer_map import SqliteMap
 from trailmark.stores.rows import check_name
 from trailmark.stores.sqlite_config import SqliteStoreConfig
 
@@ -91,10 +91,10 @@ class SqlitePathStore(PathStore):
             waypoints = list(tables.read_waypoints(connection, count))
         return Path(waypoints) if waypoints else None
 
-    def drawer(self, owner: str) -> Drawer:
-        """Return the drawer of one localizer; it lives as long as the store is open."""
-        check_name(owner, "a drawer")
-        return SqliteDrawer(self._opened(), owner)
+    def localizer_map(self, owner: str) -> LocalizerMap:
+        """Return the localizer map of one localizer; it lives as long as the store is open."""
+        check_name(owner, "a localizer map")
+        return SqliteMap(self._opened(), owner)
 
     def commit(self) -> None:
         """Make everything so far durable: when this returns, a kill at any instant loses none of it.
@@ -110,19 +110,19 @@ class SqlitePathStore(PathStore):
             self._n_committed = count
 
     def owners(self) -> tuple[str, ...]:
-        """Return whose drawers there are, in the order in which they were first used."""
+        """Return whose localizer maps there are, in the order in which they were first used."""
         with self._opened().reading() as connection:
             return tuple(row.owner for row in drawer_rows.read_drawers(connection))
 
     def is_finished(self, owner: str) -> bool:
-        """Return whether `Localizer.finish` ran for this owner since its drawer last changed, or it has none."""
+        """Return whether `Localizer.finish` ran for this owner since its localizer map last changed, or it has none."""
         with self._opened().reading() as connection:
             row = drawer_rows.find_drawer(connection, owner)
         return row is None or row.is_finished or row.n_keyframes + row.n_saved == 0
 
     def mark_finished(self, owner: str) -> None:
         """Write down that `Localizer.finish` ran for this owner; part of the open transaction."""
-        check_name(owner, "a drawer")
+        check_name(owner, "a localizer map")
         with self._opened().writing() as connection:
             row = drawer_rows.find_drawer(connection, owner) or drawer_rows.add_drawer(connection, owner)
             drawer_rows.set_finished(connection, row, True)

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
         source_checks,
         store_checks,
     )
-    from trailmark.testing.drawer import MemoryDrawer
     from trailmark.testing.ground import Ground, GroundCamera, GroundRun, ground_run
+    from trailmark.testing.memory_map import MemoryMap
     from trailmark.testing.motions import MotionLaw, circle, straight, true_poses
     from trailmark.testing.room import Room, room_run
     from trailmark.testing.runs import AnyRun, SyntheticRun, imu_run, landmark_run, light_run, odometry_run
@@ -40,7 +40,7 @@ __all__ = [
     "Ground",
     "GroundCamera",
     "GroundRun",
-    "MemoryDrawer",
+    "MemoryMap",
     "MotionLaw",
     "Room",
     "SyntheticRun",
@@ -68,7 +68,7 @@ __all__ = [
 ]
 
 _MODULES = {
-    "trailmark.testing.drawer": ("MemoryDrawer",),
+    "trailmark.testing.memory_map": ("MemoryMap",),
     "trailmark.testing.ground": ("Ground", "GroundCamera", "GroundRun", "ground_run"),
     "trailmark.testing.motions": ("MotionLaw", "circle", "straight", "true_poses"),
     "trailmark.testing.room": ("Room", "room_run"),

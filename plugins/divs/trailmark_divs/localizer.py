@@ -13,7 +13,7 @@ from trailmark.errors import ConfigError
 from trailmark.estimates import Belief, Estimate, Lost
 from trailmark.frames import RGBD, Frame, Image
 from trailmark.geometry import Pose2
-from trailmark.interfaces import Drawer, Localizer, Session
+from trailmark.interfaces import Localizer, LocalizerMap, Session
 from trailmark_divs.config import DivsConfig
 from trailmark_divs.drift import DriftLaw, radians_per_column
 from trailmark_divs.eye import TURNING, Eye
@@ -60,13 +60,13 @@ class Divs(Localizer):
         self._replay: Replay | None = None
         self._counts = dict.fromkeys(self._counts, 0)
         compile_kernels()
-        drawer = self._drawer()
+        localizer_map = self._localizer_map()
         if session.mode == "teach":
-            self._memory = Memory(drawer)
+            self._memory = Memory(localizer_map)
         elif session.path is None:
             raise ConfigError(f"{session.name}: divs needs a taught path; give the run --store, or teach one first")
         else:
-            self._recording = Recording.from_keyframes(drawer.keyframes())
+            self._recording = Recording.from_keyframes(localizer_map.keyframes())
 
     def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
         """Look at a picture if it belongs to the stream; in replay, say where the robot is beside the path."""
@@ -91,13 +91,13 @@ class Divs(Localizer):
         """Write what is left of the teaching, and a summary of what was taught."""
         if self._memory is not None:
             self._memory.flush()
-        drawer = self._drawer()
-        keyframes = drawer.keyframes()
+        localizer_map = self._localizer_map()
+        keyframes = localizer_map.keyframes()
         if not keyframes:
             logger.warning("%s: no picture was taught", self._session.name)
             return
         summary = summarize(Recording.from_keyframes(keyframes))
-        drawer.save("summary", {name: np.array([value]) for name, value in summary.items()})
+        localizer_map.save("summary", {name: np.array([value]) for name, value in summary.items()})
         if summary["turning_share"] > 0.5:
             logger.warning(
                 "%s: turning on %.0f %% of the path, where streams are blind: raise turn_limit_deg or turn more gently",
@@ -135,16 +135,16 @@ class Divs(Localizer):
         if self._memory is not None:
             self._memory.begin(document, session.name)
         elif self._recording is not None and session.path is not None:
-            check_layout(self._drawer(), document, session.name)
+            check_layout(self._localizer_map(), document, session.name)
             law = DriftLaw(None if config.gain == "paper" else 1.0 / angle_rad, self._depth_m)
             self._replay = Replay(config, layout, self._recording, session.path, law, angle_rad, frame.stamp_s)
         self._eye = Eye(config, layout, angle_rad)
         return self._eye
 
-    def _drawer(self) -> Drawer:
-        if self._session.drawer is None:
+    def _localizer_map(self) -> LocalizerMap:
+        if self._session.map is None:
             raise ConfigError(f"{self._session.name}: divs remembers a path in a store; give the run --store")
-        return self._session.drawer
+        return self._session.map
 
     def _signed_depth(self) -> float:
         """Return the depth that sideways drift is seen at; negative for a camera that looks back [m]."""

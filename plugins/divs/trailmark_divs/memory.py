@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from trailmark.errors import ConfigError, StoreError
 from trailmark.geometry import Pose2
-from trailmark.interfaces import Drawer
+from trailmark.interfaces import LocalizerMap
 from trailmark.paths import Keyframe
 from trailmark_divs.averaging import mean_windows, trimmed_windows
 from trailmark_divs.eye import TURNING, Look
@@ -31,7 +31,7 @@ _UNTOLD = {_THRESHOLD: np.array([THRESHOLDS.index("otsu")])}
 def layout_document(
     layout: Layout, region: tuple[float, float], lens_radius: float | None, threshold: Threshold
 ) -> dict[str, Any]:
-    """Return what must be the same in teaching and replaying, as arrays for a drawer."""
+    """Return what must be the same in teaching and replaying, as arrays for a localizer map."""
     return {
         "columns": np.array([layout.n_columns]),
         "region": np.array(region, dtype=np.float64),
@@ -40,7 +40,7 @@ def layout_document(
     }
 
 
-def check_layout(drawer: Drawer, document: Mapping[str, npt.NDArray[Any]], name: str) -> None:
+def check_layout(localizer_map: LocalizerMap, document: Mapping[str, npt.NDArray[Any]], name: str) -> None:
     """Refuse to compare columns that do not show the same.
 
     Raises
@@ -48,7 +48,7 @@ def check_layout(drawer: Drawer, document: Mapping[str, npt.NDArray[Any]], name:
     ConfigError
         If the path was taught with other columns, another region, mask or threshold.
     """
-    stored = drawer.load(_LAYOUT)
+    stored = localizer_map.load(_LAYOUT)
     if stored is None:
         return
     taught = {**_UNTOLD, **stored}
@@ -68,24 +68,24 @@ def _said(key: str, value: npt.NDArray[Any]) -> str:
 
 
 class Memory:
-    """Writes looks into a drawer, a few to a keyframe.
+    """Writes looks into a localizer map, a few to a keyframe.
 
     Parameters
     ----------
-    drawer : Drawer
+    localizer map : LocalizerMap
         Where to.
     """
 
-    def __init__(self, drawer: Drawer) -> None:
-        self._drawer = drawer
+    def __init__(self, localizer_map: LocalizerMap) -> None:
+        self._localizer_map = localizer_map
         self._looks: list[Look] = []
         self._pose = Pose2()
-        self._first_run, self._start_rad = _continued(drawer)
+        self._first_run, self._start_rad = _continued(localizer_map)
 
     def begin(self, document: Mapping[str, npt.NDArray[Any]], name: str) -> None:
         """Write the layout down, or check it against what was taught before."""
-        check_layout(self._drawer, document, name)
-        self._drawer.save(_LAYOUT, document)
+        check_layout(self._localizer_map, document, name)
+        self._localizer_map.save(_LAYOUT, document)
 
     def add(self, look: Look, pose_map_base: Pose2) -> None:
         """Remember a look; `pose_map_base` is where it was taken."""
@@ -111,12 +111,12 @@ class Memory:
             "stamps": np.array([look.stamps_s for look in looks]),
             "headings": np.array([look.heading_rad for look in looks]) + self._start_rad,
         }
-        self._drawer.add(Keyframe(station_m, looks[-1].stamps_s[1], self._pose, arrays))
+        self._localizer_map.add(Keyframe(station_m, looks[-1].stamps_s[1], self._pose, arrays))
 
 
-def _continued(drawer: Drawer) -> tuple[int, float]:
-    """Return the first run number and heading of a teaching that goes on after what is in the drawer."""
-    keyframes = drawer.keyframes()
+def _continued(localizer_map: LocalizerMap) -> tuple[int, float]:
+    """Return the first run number and heading of a teaching that goes on after what is in the localizer map."""
+    keyframes = localizer_map.keyframes()
     if not keyframes:
         return 0, 0.0
     last_run = max(int(keyframe.arrays["runs"].max()) for keyframe in keyframes)

@@ -13,7 +13,7 @@ from trailmark.errors import ConfigError, StoreError
 from trailmark.estimates import Belief, Estimate, Fix, Lost
 from trailmark.frames import Frame, SensorInfo
 from trailmark.geometry import Pose2
-from trailmark.interfaces import Drawer, Localizer, Session
+from trailmark.interfaces import Localizer, LocalizerMap, Session
 from trailmark.paths import Keyframe
 from trailmark_ground_vo.config import GroundMapConfig
 from trailmark_ground_vo.motion import ImageMotion, ground_information, pose_prev_now
@@ -58,7 +58,7 @@ class GroundMap(Localizer):
         super().__init__(config)
         self._sensor: SensorInfo
         self._reader: PictureReader
-        self._drawer: Drawer
+        self._localizer_map: LocalizerMap
         self._finder: PatchFinder | None = None
         self._places: _Places | None = None
         self._next_m = 0.0
@@ -73,12 +73,12 @@ class GroundMap(Localizer):
         StoreError
             If what is stored is not what this config registers.
         """
-        if session.drawer is None:
+        if session.map is None:
             raise ConfigError(
                 f"localizer {session.name!r}: ground_map registers patches and searches for them, but there is no"
                 " path store; use `trailmark teach` or `replay`, or `run` with --store"
             )
-        self._drawer = session.drawer
+        self._localizer_map = session.map
         self._sensor = camera_of(session, self.config.camera)
         self._reader = PictureReader(self._sensor)
         self._scale = ground_plane(self._sensor).metres_per_pixel
@@ -92,7 +92,7 @@ class GroundMap(Localizer):
         self._finder = None
         self._places = None if session.mode == "teach" else self._load()
         if session.mode == "teach":
-            self._drawer.save(_SETTINGS, self._settings())
+            self._localizer_map.save(_SETTINGS, self._settings())
         self._warm_up(self._sensor.size or (512, 480))
 
     def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
@@ -123,7 +123,7 @@ class GroundMap(Localizer):
             return
         view = self._view(frame)
         patch = self._the_finder().register(view)
-        self._drawer.add(Keyframe(belief.travelled_m, frame.stamp_s, belief.pose_map_base, {"patch": patch}))
+        self._localizer_map.add(Keyframe(belief.travelled_m, frame.stamp_s, belief.pose_map_base, {"patch": patch}))
         # the next place lies on the grid of the way, so that overshooting by a picture does not add up
         passed = math.floor((belief.travelled_m + _ROUNDING_M) / self.config.spacing_m)
         self._next_m = (passed + 1) * self.config.spacing_m
@@ -262,7 +262,7 @@ class GroundMap(Localizer):
         return {"high_pass": np.array([int(self.config.high_pass)]), "patch_px": np.array([self.config.patch_px])}
 
     def _load(self) -> _Places:
-        stored = self._drawer.load(_SETTINGS)
+        stored = self._localizer_map.load(_SETTINGS)
         for name, value in self._settings().items() if stored is not None else ():
             taught = stored[name] if stored is not None and name in stored else None
             if taught is None or not np.array_equal(taught, value):
@@ -270,7 +270,7 @@ class GroundMap(Localizer):
                     f"the patches of localizer 'ground_map' were taught with {name} = {taught}, but the config has"
                     f" {value}; set it as taught, or teach anew"
                 )
-        keyframes = self._drawer.keyframes()
+        keyframes = self._localizer_map.keyframes()
         patches = [self._patch(keyframe) for keyframe in keyframes]
         cameras = [keyframe.pose_map_base @ self._mounting for keyframe in keyframes]
         positions = np.array([[k.pose_map_base.x, k.pose_map_base.y] for k in keyframes]).reshape(-1, 2)

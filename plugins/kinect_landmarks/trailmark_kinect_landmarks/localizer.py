@@ -107,21 +107,21 @@ class KinectLandmarks(Localizer):
 
     def finish(self) -> None:
         """Gather the landmarks that were remembered on the way into a map."""
-        drawer = self._session.drawer
-        keyframes = [] if drawer is None else drawer.keyframes()
-        if drawer is None or not keyframes:
+        localizer_map = self._session.map
+        keyframes = [] if localizer_map is None else localizer_map.keyframes()
+        if localizer_map is None or not keyframes:
             return
         gathered = Memory()
         for keyframe in keyframes:
             gathered.load({name: array for name, array in keyframe.arrays.items() if name != _LIGHT})
-        drawer.save(_MAP, gathered.arrays() | {_LIGHT: keyframes[0].arrays[_LIGHT]})
+        localizer_map.save(_MAP, gathered.arrays() | {_LIGHT: keyframes[0].arrays[_LIGHT]})
 
     def counters(self) -> Mapping[str, int]:
         """Return how often it was lost, began anew, or found back."""
         return {**self._counts, "remembered": len(self._memory), "moved": int(self._memory.is_moved.sum())}
 
     def _load(self) -> None:
-        saved = self._session.drawer.load(_MAP) if self._session.drawer is not None else None
+        saved = self._session.map.load(_MAP) if self._session.map is not None else None
         if saved is None:
             return
         self._memory.load({name: array for name, array in saved.items() if name != _LIGHT})
@@ -179,15 +179,15 @@ class KinectLandmarks(Localizer):
         return Lost(stamp_s, reason, details)
 
     def _remember(self, stamp_s: float, belief: Belief, T_map_base: Array, rows: npt.NDArray[np.intp]) -> None:
-        """Keep new landmarks in the drawer while teaching."""
-        drawer = self._session.drawer
-        if self._session.mode != "teach" or drawer is None or len(rows) == 0:
+        """Keep new landmarks in the localizer map while teaching."""
+        localizer_map = self._session.map
+        if self._session.mode != "teach" or localizer_map is None or len(rows) == 0:
             return
         light = self._eye.reference_light or Light(1.0)
         lights = np.array([light.picture, np.nan if light.measured is None else light.measured])
         arrays = self._memory.arrays(rows) | {_LIGHT: lights}
         pose = Pose3.from_matrix(T_map_base).planar()
-        drawer.add(Keyframe(belief.travelled_m, stamp_s, pose, arrays))
+        localizer_map.add(Keyframe(belief.travelled_m, stamp_s, pose, arrays))
 
     def _answer(self, stamp_s: float, solved: Solved, picture: Picture) -> Sequence[Estimate]:
         R, t = solved.T_map_base[:3, :3], solved.T_map_base[:3, 3]

@@ -36,7 +36,7 @@ def stored_candidates(path: Path, localizer: str) -> tuple[Array, Array]:
     store = SqlitePathStore(SqliteStoreConfig(path=str(path), access="read"))
     store.start(Session())
     try:
-        saved = store.drawer(localizer).load("candidates")
+        saved = store.localizer_map(localizer).load("candidates")
     finally:
         store.close()
     if saved is None:

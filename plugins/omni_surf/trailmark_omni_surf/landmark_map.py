@@ -233,7 +233,7 @@ class LandmarkMap:
         return feature_idx, nearest[feature_idx]
 
     def to_arrays(self) -> dict[str, npt.NDArray[Any]]:
-        """Return all of it as arrays for a drawer."""
+        """Return all of it as arrays for a localizer map."""
         return {
             "positions": self.positions,
             "covariances": self.covariances,

@@ -57,7 +57,7 @@ class OmniSurf(Localizer):
                 f"omni_surf takes an omnidirectional camera, but {sensor.name!r} is calibrated as "
                 f"{type(sensor.calibration).__name__}; give it the keys of Omni: turns, forward_deg, or none"
             )
-        self._mode, self._drawer = session.mode, session.drawer
+        self._mode, self._localizer_map = session.mode, session.map
         self._pose_base_camera = sensor.pose_base_sensor.planar()
         self._pose_camera_base = self._pose_base_camera.inverse()
         self._centre = CentreFinder.of(sensor.calibration or Omni(), config)
@@ -90,16 +90,16 @@ class OmniSurf(Localizer):
 
     def finish(self) -> None:
         """Measure the remembered points, select the landmarks among them and save them."""
-        if self._drawer is None:
+        if self._localizer_map is None:
             return
-        keyframes = self._drawer.keyframes()
+        keyframes = self._localizer_map.keyframes()
         if not keyframes:
             return
         candidates = measured_candidates(keyframes, self.config.n_longest)
         chosen = self._selected(candidates)
         landmarks = LandmarkMap.of(candidates, chosen, self.config.features)
-        self._drawer.save(_MAP, landmarks.to_arrays())
-        self._drawer.save(
+        self._localizer_map.save(_MAP, landmarks.to_arrays())
+        self._localizer_map.save(
             "candidates",
             {"features": candidates.features, "measured": candidates.positions, "is_chosen": chosen.astype(np.uint8)},
         )
@@ -115,11 +115,11 @@ class OmniSurf(Localizer):
         camera = self._centre.camera
         seen = self._book.update(image, self._features_inside(image))
         pose = belief.pose_map_base
-        if pose is None or self._drawer is None or not self._is_new_place(belief.travelled_m, pose):
+        if pose is None or self._localizer_map is None or not self._is_new_place(belief.travelled_m, pose):
             return
         self._last_keyframe = (belief.travelled_m, pose)
         arrays = keyframe_arrays(seen, camera, self._pose_base_camera)
-        self._drawer.add(Keyframe(belief.travelled_m, stamp_s, pose, arrays))
+        self._localizer_map.add(Keyframe(belief.travelled_m, stamp_s, pose, arrays))
 
     def _features_inside(self, image: Grey) -> Features:
         features = self._extract(image)
@@ -240,7 +240,7 @@ class OmniSurf(Localizer):
         self._last_pose = None
 
     def _load_map(self) -> LandmarkMap | None:
-        saved = self._drawer.load(_MAP) if self._drawer is not None else None
+        saved = self._localizer_map.load(_MAP) if self._localizer_map is not None else None
         if saved is None:
             return None
         landmarks = LandmarkMap.from_arrays(saved)

@@ -18,11 +18,11 @@ from trailmark.config.base import UNNAMED
 from trailmark.estimates import Belief, Estimate, Fix, Lost, Motion, PathOffset, information_from_sigmas
 from trailmark.frames import Frame, Payload
 from trailmark.geometry import Twist2
-from trailmark.interfaces import Drawer, Localizer, Mode, Session
+from trailmark.interfaces import Localizer, LocalizerMap, Mode, Session
 from trailmark.paths import Path, Waypoint
-from trailmark.pipeline.map_format import FormattedDrawer
+from trailmark.pipeline.map_format import VersionedMap
 from trailmark.stores import SqlitePathStore, SqliteStoreConfig
-from trailmark.testing.drawer import MemoryDrawer
+from trailmark.testing.memory_map import MemoryMap
 from trailmark.testing.runs import AnyRun
 
 __all__ = ["LocalizerCase", "Told", "answers", "arrays_of", "document_of", "spoiled", "true_belief"]
@@ -81,32 +81,36 @@ class LocalizerCase:
         """The true path, with a waypoint every 5 cm."""
         return Path(_waypoints(self.run))
 
-    def session(self, mode: Mode, drawer: Drawer | None, seed: int = 0) -> Session:
+    def session(self, mode: Mode, localizer_map: LocalizerMap | None, seed: int = 0) -> Session:
         """Return what the pipeline would tell it."""
         start_pose = self.run.truth[0][1]
         path = self.path if mode == "replay" else None
         rng = np.random.default_rng(seed)
-        return Session("checked", mode, self.run.sensors, path, start_pose, drawer, rng)
+        return Session("checked", mode, self.run.sensors, path, start_pose, localizer_map, rng)
 
     def told(self, localizer: Localizer | None = None, seed: int = 0) -> Told:
         """Teach a localizer the run, let it finish, and ask it again in replay; None: a fresh one for each."""
-        drawer = MemoryDrawer()
-        taught = self.teach(drawer, localizer or self.make(), seed)
-        return Told(taught, self.replay(drawer, localizer or self.make(), seed))
+        localizer_map = MemoryMap()
+        taught = self.teach(localizer_map, localizer or self.make(), seed)
+        return Told(taught, self.replay(localizer_map, localizer or self.make(), seed))
 
-    def teach(self, drawer: Drawer, localizer: Localizer | None = None, seed: int = 0) -> tuple[Estimate, ...]:
-        """Teach the run into a drawer, and return what was said."""
+    def teach(
+        self, localizer_map: LocalizerMap, localizer: Localizer | None = None, seed: int = 0
+    ) -> tuple[Estimate, ...]:
+        """Teach the run into a localizer map, and return what was said."""
         localizer = localizer or self.make()
-        localizer.start(self.session("teach", FormattedDrawer(drawer, localizer.map_format), seed))
+        localizer.start(self.session("teach", VersionedMap(localizer_map, localizer.map_format), seed))
         said = tuple(answers(localizer, self, self.subscribed(), on_path=False))
         localizer.finish()
         localizer.close()
         return said
 
-    def replay(self, drawer: Drawer, localizer: Localizer | None = None, seed: int = 0) -> tuple[Estimate, ...]:
-        """Return what is said over the run with what a drawer remembers."""
+    def replay(
+        self, localizer_map: LocalizerMap, localizer: Localizer | None = None, seed: int = 0
+    ) -> tuple[Estimate, ...]:
+        """Return what is said over the run with what a localizer map remembers."""
         localizer = localizer or self.make()
-        localizer.start(self.session("replay", drawer, seed))
+        localizer.start(self.session("replay", localizer_map, seed))
         said = tuple(answers(localizer, self, self.subscribed(), on_path=True))
         localizer.close()
         return said
@@ -114,10 +118,10 @@ class LocalizerCase:
     @contextmanager
     def ready(self) -> Iterator[Localizer]:
         """Give a localizer that was taught the run and has started in replay."""
-        drawer = MemoryDrawer()
-        self.teach(drawer)
+        localizer_map = MemoryMap()
+        self.teach(localizer_map)
         localizer = self.make()
-        localizer.start(self.session("replay", drawer))
+        localizer.start(self.session("replay", localizer_map))
         try:
             yield localizer
         finally:
@@ -129,7 +133,7 @@ class LocalizerCase:
         with TemporaryDirectory() as folder:
             place = str(FilePath(folder) / "place.trail")
             store = _opened(place, "create")
-            self.teach(store.drawer("checked"))
+            self.teach(store.localizer_map("checked"))
             for waypoint in _waypoints(self.run):
                 store.append(waypoint)
             store.commit()

@@ -20,7 +20,7 @@ from trailmark.estimates import Estimate, Fix, Lost, Motion, PathOffset
 from trailmark.frames import Frame
 from trailmark.geometry import Pose2, wrap_angle
 from trailmark.interfaces import Localizer
-from trailmark.pipeline.map_format import FormattedDrawer, check_format
+from trailmark.pipeline.map_format import VersionedMap, check_format
 from trailmark.testing.checks.configs import common_checks
 from trailmark.testing.checks.lives import (
     LocalizerCase,
@@ -32,7 +32,7 @@ from trailmark.testing.checks.lives import (
 )
 from trailmark.testing.checks.parametrize import Check, parametrize, skip
 from trailmark.testing.checks.payloads import Spoil, resized, spoil
-from trailmark.testing.drawer import MemoryDrawer
+from trailmark.testing.memory_map import MemoryMap
 from trailmark.testing.runs import AnyRun
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ def localizer_checks(
         "same_seed_same_answers": lambda: _same_seed_same_answers(case),
         "started_again_is_as_new": lambda: _is_as_new(case),
         "frames_are_left_alone": lambda: _leaves_frames_alone(case),
-        "finish_works_from_the_drawer_alone": lambda: _finishes_from_the_drawer(case),
+        "finish_works_from_the_map_alone": lambda: _finishes_from_the_map(case),
         "a_map_survives_the_store": lambda: _survives_the_store(case),
         "a_map_of_a_newer_format_is_refused": lambda: _refuses_a_newer_map(case),
         **{f"{how}_frames_are_no_answer": partial(_survives_spoiled, case, how) for how in spoils},
@@ -263,11 +263,11 @@ class _Replayed:
         self.frames, self.sensors, self.truth = frames, run.sensors, run.truth
 
 
-def _finishes_from_the_drawer(case: LocalizerCase) -> None:
+def _finishes_from_the_map(case: LocalizerCase) -> None:
     """A teaching that was cut short is finished by another process; and finishing twice changes nothing."""
-    drawer, other = MemoryDrawer(), MemoryDrawer()
-    case.teach(drawer)
-    if drawer.is_empty:
+    localizer_map, other = MemoryMap(), MemoryMap()
+    case.teach(localizer_map)
+    if localizer_map.is_empty:
         skip("it remembers nothing")
     localizer = case.make()
     localizer.start(case.session("teach", other))
@@ -279,31 +279,33 @@ def _finishes_from_the_drawer(case: LocalizerCase) -> None:
         another.start(case.session("teach", other))
         another.finish()
         another.close()
-    _assert_same(case.replay(drawer), case.replay(other), "finished at once, and finished later, twice:")
+    _assert_same(case.replay(localizer_map), case.replay(other), "finished at once, and finished later, twice:")
 
 
 def _survives_the_store(case: LocalizerCase) -> None:
-    drawer = MemoryDrawer()
-    case.teach(drawer)
-    if drawer.is_empty:
+    localizer_map = MemoryMap()
+    case.teach(localizer_map)
+    if localizer_map.is_empty:
         skip("it remembers nothing")
     with case.store() as reopen:
-        _assert_same(case.replay(drawer), case.replay(reopen().drawer("checked")), "from memory and from a file")
+        _assert_same(
+            case.replay(localizer_map), case.replay(reopen().localizer_map("checked")), "from memory and from a file"
+        )
 
 
 def _refuses_a_newer_map(case: LocalizerCase) -> None:
     """What it remembers tells the format, and the pipeline starts it on no newer one."""
-    drawer = MemoryDrawer()
-    case.teach(drawer)
-    if drawer.is_empty:
+    localizer_map = MemoryMap()
+    case.teach(localizer_map)
+    if localizer_map.is_empty:
         skip("it remembers nothing")
     localizer = case.make()
     own = localizer.map_format
     assert isinstance(own, int), f"map_format is {own!r}, not a whole number"
     assert own >= 1, f"map_format is {own}: formats count from 1"
-    check_format(drawer, "checked", localizer)
-    newer = MemoryDrawer()
-    FormattedDrawer(newer, own + 1).save("map", {})
+    check_format(localizer_map, "checked", localizer)
+    newer = MemoryMap()
+    VersionedMap(newer, own + 1).save("map", {})
     try:
         check_format(newer, "checked", localizer)
     except StoreError as error:

@@ -69,8 +69,8 @@ def store_checks(store: type[PathStore], config: Callable[[FilePath, Access], Pl
             "what_is_not_committed_is_forgotten": _forgets,
             "waypoints_follow_each_other": _follow,
             "arrays_come_back_as_they_were": _arrays_come_back,
-            "drawers_are_apart": _are_apart,
-            "a_drawer_works_in_any_thread": _works_in_a_thread,
+            "localizer maps_are_apart": _are_apart,
+            "a_map_works_in_any_thread": _works_in_a_thread,
             "reading_changes_nothing": _reads_only,
             "sensors_come_back": _sensors_come_back,
             "finishing_is_written_down": _finishes,
@@ -102,7 +102,7 @@ class _Place:
         """Teach a straight path with a keyframe beside each waypoint."""
         with self.opened("create") as store:
             for index in range(n_waypoints):
-                store.drawer("floor").add(_keyframe(index))
+                store.localizer_map("floor").add(_keyframe(index))
                 store.append(_waypoint(index))
             store.commit()
 
@@ -131,10 +131,10 @@ def _has_no_path(place: _Place) -> None:
 def _forgets(place: _Place) -> None:
     place.taught(3)
     with place.opened("append") as store:
-        store.drawer("floor").add(_keyframe(3))
+        store.localizer_map("floor").add(_keyframe(3))
         store.append(_waypoint(3))
     with place.opened("read") as store:
-        path, keyframes = store.path(), store.drawer("floor").keyframes()
+        path, keyframes = store.path(), store.localizer_map("floor").keyframes()
     assert path is not None
     assert len(path) == 3, f"{len(path)} waypoints: one was not committed"
     assert len(keyframes) == 3, f"{len(keyframes)} keyframes: one was not committed"
@@ -154,16 +154,16 @@ def _arrays_come_back(place: _Place) -> None:
     arrays |= {"scalar": np.array(1.5), "empty": np.zeros((0, 7), "f4"), "odd": rng.random((4, 6))[::2, ::-1]}
     arrays["special"] = np.array([np.nan, np.inf, -0.0, 5e-324])
     with place.opened("create") as store:
-        drawer = store.drawer("floor")
-        drawer.add(Keyframe(0.0, 0.0, Pose2(), arrays))
-        drawer.save("model", arrays)
+        localizer_map = store.localizer_map("floor")
+        localizer_map.add(Keyframe(0.0, 0.0, Pose2(), arrays))
+        localizer_map.save("model", arrays)
         store.append(_waypoint(0))
         store.commit()
     with place.opened("read") as store:
-        drawer = store.drawer("floor")
-        saved = drawer.load("model")
-        assert drawer.load("other") is None, "a name that was never saved gives something"
-        for what, found in (("keyframe", drawer.keyframes()[0].arrays), ("saved", saved)):
+        localizer_map = store.localizer_map("floor")
+        saved = localizer_map.load("model")
+        assert localizer_map.load("other") is None, "a name that was never saved gives something"
+        for what, found in (("keyframe", localizer_map.keyframes()[0].arrays), ("saved", saved)):
             assert found is not None
             assert set(found) == set(arrays), f"{what}: {set(arrays) ^ set(found)}"
             for name, array in arrays.items():
@@ -178,29 +178,29 @@ def _arrays_come_back(place: _Place) -> None:
 
 def _are_apart(place: _Place) -> None:
     with place.opened("create") as store:
-        store.drawer("one").add(_keyframe(1))
-        store.drawer("two").save("model", {"x": np.zeros(2)})
+        store.localizer_map("one").add(_keyframe(1))
+        store.localizer_map("two").save("model", {"x": np.zeros(2)})
         store.append(_waypoint(0))
         store.commit()
     with place.opened("read") as store:
-        assert len(store.drawer("one").keyframes()) == 1
-        assert len(store.drawer("two").keyframes()) == 0, "one localizer sees the keyframes of another"
-        assert store.drawer("one").load("model") is None, "one localizer sees what another saved"
+        assert len(store.localizer_map("one").keyframes()) == 1
+        assert len(store.localizer_map("two").keyframes()) == 0, "one localizer sees the keyframes of another"
+        assert store.localizer_map("one").load("model") is None, "one localizer sees what another saved"
 
 
 def _works_in_a_thread(place: _Place) -> None:
     failures: list[BaseException] = []
 
-    def add(drawer: Any, index: int) -> None:
+    def add(localizer_map: Any, index: int) -> None:
         try:
             for _ in range(20):
-                drawer.add(_keyframe(index))
+                localizer_map.add(_keyframe(index))
         except BaseException as error:
             failures.append(error)
 
     with place.opened("create") as store:
-        drawer = store.drawer("floor")
-        threads = [threading.Thread(target=add, args=(drawer, index)) for index in range(4)]
+        localizer_map = store.localizer_map("floor")
+        threads = [threading.Thread(target=add, args=(localizer_map, index)) for index in range(4)]
         for thread in threads:
             thread.start()
         for thread in threads:
@@ -208,14 +208,14 @@ def _works_in_a_thread(place: _Place) -> None:
         store.append(_waypoint(0))
         store.commit()
         assert not failures, f"adding from a thread failed: {failures[0]!r}"
-        assert len(drawer.keyframes()) == 80, f"{len(drawer.keyframes())} of 80 keyframes"
+        assert len(localizer_map.keyframes()) == 80, f"{len(localizer_map.keyframes())} of 80 keyframes"
 
 
 def _reads_only(place: _Place) -> None:
     place.taught()
     before = place.file.read_bytes()
     with place.opened("read") as store:
-        _refused(lambda: store.drawer("floor").add(_keyframe(9)), "a keyframe into a store that is read")
+        _refused(lambda: store.localizer_map("floor").add(_keyframe(9)), "a keyframe into a store that is read")
         _refused(lambda: store.append(_waypoint(5)), "a waypoint into a store that is read")
     assert place.file.read_bytes() == before, "reading changed the file"
 
@@ -258,7 +258,7 @@ def _survives_a_cut(place: _Place) -> None:
         try:
             with place.opened("read") as store:
                 store.path()
-                store.drawer("floor").keyframes()
+                store.localizer_map("floor").keyframes()
         except StoreError:
             continue
 

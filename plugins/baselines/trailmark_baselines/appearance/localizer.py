@@ -14,7 +14,7 @@ from trailmark.errors import ConfigError, ShapeError, StoreError
 from trailmark.estimates import Belief, Estimate, Lost, PathOffset, information_along
 from trailmark.frames import RGBD, Frame, Image, Pinhole
 from trailmark.geometry import Pose2
-from trailmark.interfaces import Drawer, Localizer, Session
+from trailmark.interfaces import Localizer, LocalizerMap, Session
 from trailmark.paths import Keyframe
 from trailmark_baselines.appearance.config import (
     AppearanceConfig,
@@ -45,7 +45,7 @@ class TaughtPictures(Localizer):
             If the path was taught without this localizer.
         """
         self._session = session
-        self._drawer = self._drawer_of(session)
+        self._localizer_map = self._map_of(session)
         self._is_teaching = session.mode == "teach"
         self._last_m = -math.inf
         self._keyframes: tuple[Keyframe, ...] = ()
@@ -53,7 +53,7 @@ class TaughtPictures(Localizer):
             return
         if session.path is None:
             raise ConfigError(f"{session.name}: it needs a taught path; give the run --store, or teach one first")
-        self._keyframes = tuple(self._drawer.keyframes())
+        self._keyframes = tuple(self._localizer_map.keyframes())
         if not self._keyframes:
             raise StoreError(f"{session.name}: nothing of this path is remembered; teach it with this localizer too")
         self._stations_m = np.array([keyframe.station_m for keyframe in self._keyframes])
@@ -101,7 +101,7 @@ class TaughtPictures(Localizer):
             return
         self._last_m = station_m
         arrays = {"picture": self.describe(self._region(payload))}
-        self._drawer.add(Keyframe(station_m, stamp_s, belief.pose_map_base or Pose2(), arrays))
+        self._localizer_map.add(Keyframe(station_m, stamp_s, belief.pose_map_base or Pose2(), arrays))
 
     def _region(self, payload: Image | RGBD) -> npt.NDArray[np.uint8]:
         pixels = payload.bgr if isinstance(payload, RGBD) else payload.pixels
@@ -129,10 +129,10 @@ class TaughtPictures(Localizer):
         view_deg = self.config.field_of_view_deg or _DEFAULT_VIEW_DEG
         return width_px / 2.0 / math.tan(math.radians(view_deg) / 2.0)
 
-    def _drawer_of(self, session: Session) -> Drawer:
-        if session.drawer is None:
+    def _map_of(self, session: Session) -> LocalizerMap:
+        if session.map is None:
             raise ConfigError(f"{session.name}: it remembers a path in a store; give the run --store")
-        return session.drawer
+        return session.map
 
 
 class ColumnNCC(TaughtPictures):

@@ -82,7 +82,7 @@ def keyframes(store: Path, owner: str = "floor_map") -> Sequence[Keyframe]:
     opened = create("path_store", "sqlite", path=str(store), access="read")
     opened.start(Session(mode="replay"))
     try:
-        return list(opened.drawer(owner).keyframes())
+        return list(opened.localizer_map(owner).keyframes())
     finally:
         opened.close()
 

@@ -20,7 +20,7 @@ from trailmark.api import create
 from trailmark.estimates import Estimate
 from trailmark.frames import Frame, GroundPlane, SensorInfo
 from trailmark.geometry import Pose2
-from trailmark.interfaces import Drawer, Estimator, FrameSource, Localizer, Mode, Session
+from trailmark.interfaces import Estimator, FrameSource, Localizer, LocalizerMap, Mode, Session
 from trailmark.pipeline.timing import peak_rss_mb
 from trailmark_ground_vo.experiments.runs import course
 
@@ -45,7 +45,7 @@ def _start(store: Path) -> dict[str, Any]:
     opened = _store(store, "create")
     began_s = time.process_time()
     _localizer("ground_vo", "teach", _SENSOR)
-    _localizer("ground_map", "teach", _SENSOR, drawer=opened.drawer("patches"))
+    _localizer("ground_map", "teach", _SENSOR, localizer_map=opened.localizer_map("patches"))
     took_s = time.process_time() - began_s
     opened.close()
     return {"start_s": took_s}
@@ -55,22 +55,22 @@ def _drive(store: Path, n_frames: int, seed: int) -> dict[str, Any]:
     source = _source(n_frames, seed)
     sensor = source.sensors["floor"]
     opened = _store(store, "create")
-    times = _taught(source, sensor, opened.drawer("patches"))
+    times = _taught(source, sensor, opened.localizer_map("patches"))
     opened.commit()
     opened.close()
     opened = _store(store, "read")
-    times |= _driven_again(_source(n_frames, seed + 1), sensor, opened.drawer("patches"))
+    times |= _driven_again(_source(n_frames, seed + 1), sensor, opened.localizer_map("patches"))
     opened.close()
     return {name: _summary(values) for name, values in times.items()} | {"peak_mb": peak_rss_mb()}
 
 
-def _taught(source: FrameSource, sensor: SensorInfo, drawer: Drawer) -> dict[str, list[float]]:
+def _taught(source: FrameSource, sensor: SensorInfo, localizer_map: LocalizerMap) -> dict[str, list[float]]:
     """Register the way; both modes of the relative search see every picture."""
     motion, paper = (
         _localizer("ground_vo", "teach", sensor),
         _localizer("ground_vo", "teach", sensor, {"mode": "paper"}),
     )
-    patches, estimator = _localizer("ground_map", "teach", sensor, drawer=drawer), _estimator()
+    patches, estimator = _localizer("ground_map", "teach", sensor, localizer_map=localizer_map), _estimator()
     times: dict[str, list[float]] = {"refined": [], "paper": []}
     for frame in source.frames():
         times["paper"].append(_timed(paper, frame, estimator)[1])
@@ -81,11 +81,11 @@ def _taught(source: FrameSource, sensor: SensorInfo, drawer: Drawer) -> dict[str
     return times
 
 
-def _driven_again(source: FrameSource, sensor: SensorInfo, drawer: Drawer) -> dict[str, list[float]]:
+def _driven_again(source: FrameSource, sensor: SensorInfo, localizer_map: LocalizerMap) -> dict[str, list[float]]:
     """Search for what was registered, in two ways; only calls that found something count."""
     motion, estimator = _localizer("ground_vo", "track", sensor), _estimator()
     searches = ("exhaustive", "pyramid")
-    ways = {way: _localizer("ground_map", "track", sensor, {"search": way}, drawer) for way in searches}
+    ways = {way: _localizer("ground_map", "track", sensor, {"search": way}, localizer_map) for way in searches}
     times: dict[str, list[float]] = {way: [] for way in ways}
     for frame in source.frames():
         _apply(estimator, motion.observe(frame, estimator.belief(frame.stamp_s)))
@@ -129,10 +129,14 @@ def _store(path: Path, access: str) -> Any:
 
 
 def _localizer(
-    plugin: str, mode: Mode, sensor: SensorInfo, keys: Mapping[str, Any] | None = None, drawer: Drawer | None = None
+    plugin: str,
+    mode: Mode,
+    sensor: SensorInfo,
+    keys: Mapping[str, Any] | None = None,
+    localizer_map: LocalizerMap | None = None,
 ) -> Localizer:
     localizer: Localizer = create("localizer", plugin, camera="floor", **(keys or {}))
-    localizer.start(Session(name=plugin, mode=mode, sensors={"floor": sensor}, drawer=drawer))
+    localizer.start(Session(name=plugin, mode=mode, sensors={"floor": sensor}, map=localizer_map))
     return localizer
 
 

@@ -70,7 +70,7 @@ def _laser_map(store: Path) -> ScanMap:
     opened = create("path_store", "sqlite", path=str(store), access="read")
     opened.start(Session(mode="replay"))
     try:
-        saved = opened.drawer("laser").load("map")
+        saved = opened.localizer_map("laser").load("map")
     finally:
         opened.close()
     return ScanMap.from_points(saved["points"], saved["normals"])

@@ -120,7 +120,7 @@ def _keyframes(store: Path) -> tuple[list[Keyframe], list[Keyframe]]:
     opened = create("path_store", "sqlite", path=str(store), access="read")
     opened.start(Session(mode="replay"))
     try:
-        return list(opened.drawer("omni").keyframes()), list(opened.drawer("laser").keyframes())
+        return list(opened.localizer_map("omni").keyframes()), list(opened.localizer_map("laser").keyframes())
     finally:
         opened.close()
 

@@ -35,8 +35,8 @@ class PlainSurf(Localizer):
         """Take the map."""
         config, sensor = self.config, session.sensors[self.config.camera]
         calibration = sensor.calibration if isinstance(sensor.calibration, Omni) else Omni()
-        assert session.drawer is not None
-        saved = session.drawer.load("landmarks")
+        assert session.map is not None
+        saved = session.map.load("landmarks")
         assert saved is not None
         self._landmarks = LandmarkMap.from_arrays(saved)
         self._centre = CentreFinder.of(calibration, config)

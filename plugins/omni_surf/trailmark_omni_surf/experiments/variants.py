@@ -16,7 +16,7 @@ from trailmark.errors import StoreError
 from trailmark.estimates import Belief, Fix
 from trailmark.frames import Image, Odometry
 from trailmark.geometry import Pose2, wrap_angles
-from trailmark.interfaces import Drawer, Localizer, Session
+from trailmark.interfaces import Localizer, LocalizerMap, Session
 from trailmark.paths import Keyframe
 from trailmark_omni_surf.config import OmniSurfConfig
 from trailmark_omni_surf.experiments.plain_surf import PlainSurf
@@ -52,12 +52,12 @@ class Variant:
         """Return the localizer, started on its map."""
         settings = OmniSurfConfig.model_validate({"camera": "omni", **self.config})
         localizer: Localizer = PlainSurf(settings) if self.is_plain else OmniSurf(settings)
-        localizer.start(Session(self.name, "replay", sensors, drawer=_MapDrawer(self.map_path)))
+        localizer.start(Session(self.name, "replay", sensors, map=_OneMap(self.map_path)))
         return localizer
 
 
-class _MapDrawer(Drawer):
-    """A drawer that holds one map and takes nothing."""
+class _OneMap(LocalizerMap):
+    """A localizer map that holds one map and takes nothing."""
 
     def __init__(self, path: Path) -> None:
         with np.load(path, allow_pickle=False) as saved:

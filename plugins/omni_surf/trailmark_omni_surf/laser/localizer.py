@@ -32,7 +32,7 @@ class LaserIcp(Localizer):
 
     def start(self, session: Session) -> None:
         """Load the map, and compile the kernels on a scan of a small room."""
-        self._mode, self._drawer = session.mode, session.drawer
+        self._mode, self._localizer_map = session.mode, session.map
         self._pose_base_laser = session.sensors[self.config.laser].pose_base_sensor.planar()
         self._window = SearchWindow(span_m=self.config.span_m, span_rad=math.radians(self.config.span_deg))
         self._growing = GrowingMap()
@@ -53,14 +53,14 @@ class LaserIcp(Localizer):
 
     def finish(self) -> None:
         """Build the map from the remembered scans and save it."""
-        if self._drawer is None:
+        if self._localizer_map is None:
             return
-        keyframes = self._drawer.keyframes()
+        keyframes = self._localizer_map.keyframes()
         if keyframes:
             scans = [keyframe.arrays["points"].astype(np.float64) for keyframe in keyframes]
             poses = [keyframe.pose_map_base for keyframe in keyframes]
             scan_map = ScanMap.from_scans(scans, poses, min_hits=self.config.min_hits)
-            self._drawer.save(_MAP, {"points": scan_map.points, "normals": scan_map.normals})
+            self._localizer_map.save(_MAP, {"points": scan_map.points, "normals": scan_map.normals})
 
     def _points(self, scan: Scan) -> npt.NDArray[np.float64]:
         points = scan.points()
@@ -69,7 +69,7 @@ class LaserIcp(Localizer):
         return self._pose_base_laser @ points[(ranges > scan.range_min_m) & (ranges < limit_m)]
 
     def _load_map(self) -> ScanMap | None:
-        saved = self._drawer.load(_MAP) if self._drawer is not None else None
+        saved = self._localizer_map.load(_MAP) if self._localizer_map is not None else None
         if saved is None:
             return None
         try:
@@ -103,9 +103,9 @@ class LaserIcp(Localizer):
     def _remember(self, stamp_s: float, station_m: float, pose: Pose2, points_base: npt.NDArray[np.float64]) -> None:
         self._last_keyframe = (station_m, pose)
         self._growing.add(points_base, pose)
-        if self._drawer is not None:
+        if self._localizer_map is not None:
             arrays = {"points": points_base.astype(np.float32)}
-            self._drawer.add(Keyframe(station_m, stamp_s, pose, arrays))
+            self._localizer_map.add(Keyframe(station_m, stamp_s, pose, arrays))
 
     def _localize(
         self, scan_map: ScanMap, stamp_s: float, points_base: npt.NDArray[np.float64], guess: Pose2 | None

@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from trailmark.interfaces import Drawer
+from trailmark.interfaces import LocalizerMap
 from trailmark.paths import Keyframe
 from trailmark.stores import drawer_rows
 from trailmark.stores.database import Database
 from trailmark.stores.rows import check_name, pack_arrays
 
-__all__ = ["SqliteDrawer"]
+__all__ = ["SqliteMap"]
 
 
-class SqliteDrawer(Drawer):
-    """A drawer of an SQLite path store. What it is given is packed by the calling thread, before the store is locked.
+class SqliteMap(LocalizerMap):
+    """A localizer map in an SQLite store. What it is given is packed by the calling thread, before the store is locked.
 
     What the writer has added is seen by its own `keyframes` and `load` at once, and by other programs once committed.
     Arrays come back read-only.

@@ -1,4 +1,4 @@
-"""A drawer without a store."""
+"""A localizer map without a store."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from trailmark.interfaces import Drawer
+from trailmark.interfaces import LocalizerMap
 from trailmark.paths import Keyframe
 
-__all__ = ["MemoryDrawer"]
+__all__ = ["MemoryMap"]
 
 
-class MemoryDrawer(Drawer):
-    """A drawer without a store: what goes in comes out as it was."""
+class MemoryMap(LocalizerMap):
+    """A localizer map without a store: what goes in comes out as it was."""
 
     def __init__(self) -> None:
         self._keyframes: list[Keyframe] = []
