@@ -17,7 +17,7 @@ from trailmark.geometry import Pose2, Pose3
 from trailmark.interfaces import Session
 from trailmark_baselines.rgbd.config import OrbRgbdConfig
 from trailmark_baselines.rgbd.localizer import OrbRgbd
-from trailmark_baselines.rgbd.rigid import kabsch, ransac_rigid
+from trailmark_baselines.rgbd.rigid import ransac_rigid
 
 LENS = Pinhole(525.0, 525.0, 319.5, 239.5)
 WALL_M = 2.0
@@ -60,14 +60,6 @@ def test_two_pairs_are_too_few() -> None:
     points: npt.NDArray[np.float64] = np.zeros((2, 3))
 
     assert ransac_rigid(points, points, np.ones(2), np.random.default_rng(7), 10) is None
-
-
-def test_kabsch_never_mirrors() -> None:
-    corner = np.eye(3)
-
-    R, _ = kabsch(corner, corner * (1.0, 1.0, -1.0), np.ones(3))
-
-    assert np.linalg.det(R) == pytest.approx(1.0)
 
 
 def test_a_wall_that_slides_left_is_a_robot_that_goes_right() -> None:

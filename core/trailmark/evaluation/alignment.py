@@ -6,7 +6,6 @@ straight ones. In the plane the rotation is the angle of one summed vector, so a
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -15,6 +14,7 @@ import numpy as np
 from trailmark.errors import ConfigError
 from trailmark.evaluation.association import Pairs
 from trailmark.geometry import Pose2, Trajectory
+from trailmark.geometry.rigid import fit_pose2
 
 __all__ = ["ALIGNMENTS", "STATIC_M", "AlignKind", "Alignment", "align"]
 
@@ -80,7 +80,7 @@ def align(pairs: Pairs, kind: AlignKind = "se2") -> Alignment:
     if static:
         reason = f"the {' and the '.join(static)} stands still, so no direction can be told"
         return Alignment(kind, "origin", _origin(pairs), reason)
-    return Alignment(kind, "se2", _least_squares(pairs))
+    return Alignment(kind, "se2", fit_pose2(pairs.truth.positions, pairs.estimate.positions))
 
 
 def _origin(pairs: Pairs) -> Pose2:
@@ -90,13 +90,3 @@ def _origin(pairs: Pairs) -> Pose2:
 def _is_static(trajectory: Trajectory) -> bool:
     offsets = trajectory.positions - trajectory.positions.mean(axis=0)
     return bool(np.sqrt((offsets * offsets).sum(axis=1).mean()) < STATIC_M)
-
-
-def _least_squares(pairs: Pairs) -> Pose2:
-    mean_estimate, mean_truth = pairs.estimate.positions.mean(axis=0), pairs.truth.positions.mean(axis=0)
-    estimate, truth = pairs.estimate.positions - mean_estimate, pairs.truth.positions - mean_truth
-    cross = float((estimate[:, 0] * truth[:, 1] - estimate[:, 1] * truth[:, 0]).sum())
-    dot = float((estimate * truth).sum())
-    rotation = Pose2(0.0, 0.0, math.atan2(cross, dot))
-    x, y = mean_truth - rotation @ mean_estimate
-    return Pose2(float(x), float(y), rotation.theta)

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from trailmark.errors import ShapeError
 from trailmark.geometry import Pose2
+from trailmark.geometry.rigid import kabsch
 from trailmark_kinect_landmarks.expectation import Expected
 
 __all__ = [
@@ -22,7 +23,6 @@ __all__ = [
     "Refusal",
     "align",
     "jacobian",
-    "kabsch",
     "planar_covariance",
     "pose_from_two",
     "refusal_of",
@@ -98,19 +98,6 @@ def pose_from_two(A_start: Array, B_start: Array, A_now: Array, B_now: Array) ->
     turned = Pose2(0.0, 0.0, theta) @ ((A_now + B_now) / 2.0)
     middle = (A_start + B_start) / 2.0 - turned
     return Pose2(float(middle[0]), float(middle[1]), theta)
-
-
-def kabsch(points_a: Array, points_b: Array, weights: Array) -> tuple[Array, Array]:
-    """Return R, t of the weighted least squares of Eq. (2); batches in front: (..., N, D), weights (..., N)."""
-    share = weights / weights.sum(axis=-1, keepdims=True)
-    mean_a = np.einsum("...n,...nd->...d", share, points_a)
-    mean_b = np.einsum("...n,...nd->...d", share, points_b)
-    from_a, from_b = points_a - mean_a[..., None, :], points_b - mean_b[..., None, :]
-    U, _, Vt = np.linalg.svd(np.einsum("...n,...ni,...nj->...ij", share, from_a, from_b))
-    sign = np.ones(U.shape[:-1])
-    sign[..., -1] = np.sign(np.linalg.det(U) * np.linalg.det(Vt))  # a rotation, never a reflection
-    R = np.einsum("...ij,...j,...jk->...ik", U, sign, Vt)
-    return R, mean_a - np.einsum("...ij,...j->...i", R, mean_b)
 
 
 def refusal_of(points_b: Array, limits: AlignmentLimits) -> Refusal | None:

@@ -12,7 +12,7 @@ from trailmark.geometry import Pose2
 from trailmark_baselines.ground.camera import Grey, Points
 from trailmark_baselines.ground.config import KLTConfig
 from trailmark_baselines.ground.localizer import Alignment, GroundPeer, Unaligned
-from trailmark_baselines.ground.rigid import alignment_covariance, ransac_rigid, transformed
+from trailmark_baselines.ground.rigid import alignment_covariance, ransac_rigid
 
 __all__ = ["KLT"]
 
@@ -48,7 +48,7 @@ class KLT(GroundPeer[_View]):
         """Track the corners of the key frame and fit a rigid motion."""
         config, size = self.config, (now.image.shape[1], now.image.shape[0])
         ground = self.camera.on_ground(key.corners, size)
-        guess = self.camera.in_picture(transformed(expected.inverse(), ground), size)
+        guess = self.camera.in_picture(expected.inverse() @ ground, size)
         inside = np.all((guess >= 0.0) & (guess <= np.array(size) - 1.0), axis=1)
         before, after = self._tracked(key.image, now.image, key.corners[inside], guess[inside])
         unit_m = self.camera.plane.metres_per_pixel[0]

@@ -10,10 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from trailmark.geometry import Pose2
+from trailmark.geometry.rigid import fit_pose2
 from trailmark_baselines.ground.camera import Grey, Points
 from trailmark_baselines.ground.config import PhaseCorrelationConfig
 from trailmark_baselines.ground.localizer import Alignment, GroundPeer, Unaligned
-from trailmark_baselines.ground.rigid import alignment_covariance, fit_rigid, transformed
+from trailmark_baselines.ground.rigid import alignment_covariance
 
 __all__ = ["PhaseCorrelation"]
 
@@ -81,9 +82,9 @@ class PhaseCorrelation(GroundPeer[_View]):
                 shifts[n], responses[n] = cv2.phaseCorrelate(here, there, window)
             # what stands at `middles` in the key frame is found `shifts` further in the moved picture
             a = self.camera.on_ground(middles, size)
-            b = transformed(pose.inverse(), self.camera.on_ground(middles + shifts, size))
-            pose = fit_rigid(a, b)
-        left_m = a - transformed(pose, b)
+            b = pose.inverse() @ self.camera.on_ground(middles + shifts, size)
+            pose = fit_pose2(a, b)
+        left_m = a - pose @ b
         spread_px = math.sqrt(float(np.mean(np.sum(left_m**2, axis=1)))) / unit_m
         response = float(responses.mean())
         details = {"response": response, "spread_px": spread_px}
@@ -98,7 +99,7 @@ class PhaseCorrelation(GroundPeer[_View]):
     def _as_from_key(self, image: Floats, pose_key_now: Pose2, size: tuple[int, int]) -> Floats:
         """Return the picture as it would look from the key frame."""
         three: Points = np.array([[0.0, 0.0], [size[0], 0.0], [0.0, size[1]]])
-        ground = transformed(pose_key_now.inverse(), self.camera.on_ground(three, size))
+        ground = pose_key_now.inverse() @ self.camera.on_ground(three, size)
         matrix = cv2.getAffineTransform(
             three.astype(np.float32), self.camera.in_picture(ground, size).astype(np.float32)
         )

@@ -3,39 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-__all__ = ["kabsch", "ransac_rigid"]
+from trailmark.arrays import Bools, Floats
+from trailmark.geometry.rigid import kabsch
 
-Array = npt.NDArray[np.float64]
+__all__ = ["ransac_rigid"]
 
 _N_REFITS = 3
 
 
-def kabsch(points_a: Array, points_b: Array, weights: Array) -> tuple[Array, Array]:
-    """Return R, t that minimise the weighted squares of ``points_a - R points_b - t``.
-
-    Parameters
-    ----------
-    points_a, points_b : (..., N, 3) float
-        Row by row the same point; batches in front [m].
-    weights : (..., N) float
-        Weights, not all 0.
-    """
-    share = weights / weights.sum(axis=-1, keepdims=True)
-    mean_a = np.einsum("...n,...nd->...d", share, points_a)
-    mean_b = np.einsum("...n,...nd->...d", share, points_b)
-    from_a, from_b = points_a - mean_a[..., None, :], points_b - mean_b[..., None, :]
-    U, _, Vt = np.linalg.svd(np.einsum("...n,...ni,...nj->...ij", share, from_a, from_b))
-    sign = np.ones(U.shape[:-1])
-    sign[..., -1] = np.sign(np.linalg.det(U) * np.linalg.det(Vt))
-    R = np.einsum("...ij,...j,...jk->...ik", U, sign, Vt)
-    return R, mean_a - np.einsum("...ij,...j->...i", R, mean_b)
-
-
 def ransac_rigid(
-    points_a: Array, points_b: Array, tolerance_m: Array, rng: np.random.Generator, n_tries: int
-) -> tuple[Array, Array, npt.NDArray[np.bool_]] | None:
+    points_a: Floats, points_b: Floats, tolerance_m: Floats, rng: np.random.Generator, n_tries: int
+) -> tuple[Floats, Floats, Bools] | None:
     """Return R, t and which pairs agree; None with fewer than three pairs.
 
     Parameters
