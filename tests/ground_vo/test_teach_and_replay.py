@@ -14,7 +14,7 @@ import pytest
 import trailmark
 from trailmark.geometry import Trajectory, read_tum
 from trailmark.pipeline import RunResult
-from trailmark_ground_vo.experiments.runs import keyframes
+from trailmark_papers.nagai2015.runs import keyframes
 
 CONFIG = """
 sources:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 @hookimpl
 def trailmark_register(registry: Registry) -> None:
-    """Register the localizer and the experiments."""
+    """Register the localizer."""
     registry.localizer(
         "divs",
         "trailmark_divs.localizer:Divs",
@@ -20,10 +20,4 @@ def trailmark_register(registry: Registry) -> None:
         summary="Drift from a taught path, from differential visual streams of one uncalibrated camera",
         reference="Perroni Filho & Ohya 2014",
         gives=("path_offset",),
-    )
-    registry.experiment(
-        "perroni2014",
-        "trailmark_divs.experiments.perroni2014:perroni2014",
-        summary="Visual streams: shifts of drives turned aside, and a robot that comes back to its path",
-        reference="Perroni Filho & Ohya 2014, Sec. V",
     )

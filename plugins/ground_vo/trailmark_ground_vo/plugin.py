@@ -31,12 +31,6 @@ def trailmark_register(registry: Registry) -> None:
         reference="Nagai & Watanabe 2015",
         gives=("fix",),
     )
-    registry.experiment(
-        "nagai2015",
-        "trailmark_ground_vo.experiments:nagai2015",
-        summary="Path tracking with only a downward camera: straight lines, indoors, 243 m outdoors, times",
-        reference="Nagai & Watanabe 2015, Sec. IV",
-    )
 
 
 @hookimpl

@@ -16,7 +16,7 @@ _REFERENCE = "Toth, Paulovic, Palkova & Vacho 2015"
 
 @hookimpl
 def trailmark_register(registry: Registry) -> None:
-    """Register the localizers for an RGB-D camera, and the experiments."""
+    """Register the localizers for an RGB-D camera."""
     registry.localizer(
         "kinect_landmarks",
         "trailmark_kinect_landmarks.localizer:KinectLandmarks",
@@ -40,12 +40,6 @@ def trailmark_register(registry: Registry) -> None:
         summary="Motion between two pictures with depth, by optical flow",
         reference=f"{_REFERENCE}, Eqs. (1)-(2)",
         gives=("motion",),
-    )
-    registry.experiment(
-        "toth2015",
-        "trailmark_kinect_landmarks.experiments:toth2015",
-        summary="Landmarks with a Kinect: laboratory and hallway, rates, speeds, things that move, light",
-        reference=_REFERENCE,
     )
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @hookimpl
 def trailmark_register(registry: Registry) -> None:
-    """Register the localizers and the experiments."""
+    """Register the localizers."""
     registry.localizer(
         "omni_surf",
         "trailmark_omni_surf.localizer:OmniSurf",
@@ -30,12 +30,6 @@ def trailmark_register(registry: Registry) -> None:
         summary="A planar laser against the taught map: multi-start iterative closest points",
         reference="Tasaki et al. 2010, Sec. IV-C; Besl & McKay 1992",
         gives=("fix",),
-    )
-    registry.experiment(
-        "tasaki2010",
-        "trailmark_omni_surf.experiments:tasaki2010",
-        summary="Table 1, Figs. 6 and 7, Table 2 and 100 random starts, people, what the selection buys",
-        reference="Tasaki et al. 2010",
     )
 
 

@@ -1,0 +1,20 @@
+"""The paper's experiments (Sec. IV), in the simulator: ``trailmark reproduce nagai2015``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from trailmark.experiments import ExperimentOptions, Row
+from trailmark_papers.nagai2015.cover import cover_rows
+from trailmark_papers.nagai2015.indoor import indoor_rows
+from trailmark_papers.nagai2015.outdoor import outdoor_rows
+from trailmark_papers.nagai2015.straight import straight_rows
+from trailmark_papers.nagai2015.times import time_rows
+
+__all__ = ["nagai2015"]
+
+
+def nagai2015(options: ExperimentOptions) -> Sequence[Row]:
+    """Repeat the experiments of Nagai & Watanabe 2015."""
+    sections = (straight_rows, cover_rows, indoor_rows, outdoor_rows, time_rows)
+    return [row for section in sections for row in section(options)]

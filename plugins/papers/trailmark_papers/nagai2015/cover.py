@@ -1,0 +1,80 @@
+"""Sec. IV-B, second part: half a metre of the path is covered with carpet after teaching."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from trailmark.experiments import ExperimentOptions, Row
+from trailmark_papers.nagai2015.playback import Playback, read_playback
+from trailmark_papers.nagai2015.runs import PAPER_MAP, course, drive, tracking_config
+
+__all__ = ["cover_rows"]
+
+#: Everything is believed that the search finds: the place of least error, whatever the groups say.
+_NO_CONSENSUS: Mapping[str, Any] = {"tolerance_px": 1e3, "min_groups": 1, "min_correlation": -1.0}
+_FALSE_M = 5e-3
+
+#: Length of teaching [s], where the carpet lies [m], round trips.
+_FULL = (20.0, 2.0, 2.5, 1.0)
+_QUICK = (5.0, 0.4, 0.9, 0.5)
+#: A vehicle that has left its path may never find its end [s].
+_GIVE_UP_S = 60.0
+
+
+def cover_rows(options: ExperimentOptions) -> list[Row]:
+    """Return what the carpet does, with the consensus of the four groups and without."""
+    modes = ("refined",) if options.quick else ("refined", "paper")
+    options.map(_teach, [(options.out, options.seed, mode, options.quick) for mode in modes])
+    cases = [(mode, has_consensus) for mode in modes for has_consensus in (True, False)]
+    options.map(_repeat, [(options.out, options.seed, *case, options.quick) for case in cases])
+    rows: list[Row] = []
+    for mode, has_consensus in cases:
+        names = (_teaching(mode), _playback(mode, has_consensus), f"{_teaching(mode)}.trail")
+        found = read_playback(*(options.out / name for name in names))
+        word = "with" if has_consensus else "without"
+        options.report(f"0.5 m of carpet, {mode}, {word} consensus: {found.reason or found.status}")
+        rows += _rows(f"B 0.5 m covered, {mode}, {word} consensus", found, has_consensus)
+    return rows
+
+
+def _rows(name: str, found: Playback, has_consensus: bool) -> list[Row]:
+    n, n_false = len(found.searches.places), int((found.false_m() > _FALSE_M).sum())
+    deviation_mm = 1e3 * float(np.abs(found.offsets[:, 1]).max())
+    note = "" if has_consensus else "the paper: the vehicle deviated from the path"
+    return [
+        Row(name, "false corrections (more than 5 mm)", "", n_false, None, 0 if has_consensus else None, n=n),
+        Row(name, "searches rejected", "%", found.rejected_percent(), n=n),
+        Row(
+            name, "offset from the path, max", "mm", deviation_mm, None, 20.3 if has_consensus else None,
+            n=len(found.offsets), note=note,
+        ),
+    ]  # fmt: skip
+
+
+def _teaching(mode: str) -> str:
+    return f"cover-teach-{mode}"
+
+
+def _playback(mode: str, has_consensus: bool) -> str:
+    return f"cover-replay-{mode}-{'with' if has_consensus else 'without'}"
+
+
+def _teach(out: Path, seed: int, mode: str, is_quick: bool) -> Path:
+    duration_s = (_QUICK if is_quick else _FULL)[0]
+    patches = PAPER_MAP if mode == "paper" else None
+    config = tracking_config(course("straight", duration_s=duration_s), seed, motion={"mode": mode}, patches=patches)
+    return drive(out / _teaching(mode), config, out / f"{_teaching(mode)}.trail", mode="teach")
+
+
+def _repeat(out: Path, seed: int, mode: str, has_consensus: bool, is_quick: bool) -> Path:
+    _, from_m, to_m, trips = _QUICK if is_quick else _FULL
+    covered = [{"from_m": from_m, "to_m": to_m, "floor": "carpet"}]
+    patches = dict(PAPER_MAP if mode == "paper" else {}) | ({} if has_consensus else dict(_NO_CONSENSUS))
+    source = course("straight", options={"covered": covered}, duration_s=_GIVE_UP_S)
+    config = tracking_config(source, seed, repeat=trips, motion={"mode": mode}, patches=patches)
+    folder = out / _playback(mode, has_consensus)
+    return drive(folder, config, out / f"{_teaching(mode)}.trail", mode="replay")

@@ -1,0 +1,133 @@
+"""Sec. IV-D: 243.4 m over several grounds, there and back, on other days."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from trailmark.experiments import ExperimentOptions, Row
+from trailmark_papers.nagai2015.figures import draw_outdoor
+from trailmark_papers.nagai2015.playback import Playback, read_playback
+from trailmark_papers.nagai2015.runs import course, drive, tracking_config
+
+__all__ = ["outdoor_rows"]
+
+
+@dataclass(frozen=True, slots=True)
+class _Day:
+    """How the ground and the camera are when the path is driven again.
+
+    Attributes
+    ----------
+    weather : mapping
+        Options of the world.
+    put_off : (m, m, deg)
+        How far off the start a hand puts the vehicle: forward, left, turned.
+    ways : sequence of str
+        ``forward``, ``reverse``: each a playback of its own.
+    """
+
+    weather: Mapping[str, Any]
+    put_off: tuple[float, float, float]
+    ways: Sequence[str] = ("forward",)
+
+
+#: The last is the paper's future work.
+_DAYS: Mapping[str, _Day] = {
+    "next day": _Day({"day": 2, "dirt": 0.2}, (0.0, 0.006, 0.5), ("forward", "reverse")),
+    "five days after": _Day({"day": 6, "dirt": 0.4, "gain": 0.95, "offset": 3.0}, (0.004, -0.008, -0.6)),
+    "wet, with leaves": _Day({"day": 9, "dirt": 0.2, "wet": 0.3, "leaves_per_m2": 10.0}, (-0.003, 0.005, 0.4)),
+}
+#: Teaching sees 70 pictures a second, as the paper; half of them are enough for playback, and cost half.
+_PLAYBACK_HZ = 35.0
+_QUICK_S = 5.0  # of teaching: about 1.2 m
+_STORE = "outdoor.trail"
+_FALSE_M = 5e-3
+
+
+def outdoor_rows(options: ExperimentOptions) -> list[Row]:
+    """Return the rows of Sec. IV-D and draw Figs. 16 to 18."""
+    days = list(_DAYS)[:1] if options.quick else list(_DAYS)
+    (taught,) = options.map(_teach, [(options.out, options.seed, options.quick)])
+    calls = [(options.out, options.seed, day, way) for day in days for way in _DAYS[day].ways]
+    folders = dict(zip([call[2:] for call in calls], options.map(_repeat, calls)))
+    rows: list[Row] = []
+    for day in days:
+        found = [read_playback(taught, folders[day, way], options.out / _STORE) for way in _DAYS[day].ways]
+        for way, playback in zip(_DAYS[day].ways, found):
+            n_found = int(playback.searches.is_found.sum())
+            options.report(f"outdoors, {day}, {way}: {n_found} corrections, {playback.reason}")
+        if day == days[0]:
+            draw_outdoor(options.out, found)
+            rows += _taught_rows(found[0], options)
+        rows += _day_rows(day, found, options.quick)
+    return rows
+
+
+def _teach(out: Path, seed: int, is_quick: bool) -> Path:
+    limits: dict[str, Any] = {"duration_s": _QUICK_S} if is_quick else {}
+    return drive(out / "outdoor-teach", tracking_config(course("outdoor", **limits), seed), out / _STORE, "teach")
+
+
+def _repeat(out: Path, seed: int, day: str, way: str) -> Path:
+    """Drive the course on another day, from one of its ends."""
+    ground = _DAYS[day]
+    where: dict[str, Any] = {"start": "first" if way == "forward" else "last"}
+    source = course(
+        "outdoor",
+        options={"in_replay": dict(ground.weather)},
+        put_off=list(ground.put_off),
+        rates_hz={"floor": _PLAYBACK_HZ},
+    )
+    config = tracking_config(source, seed, stop_when={"fix_age_m": 5.0}, **where)
+    return drive(out / f"outdoor-{day.replace(',', '').replace(' ', '-')}-{way}", config, out / _STORE, "replay")
+
+
+def _taught_rows(found: Playback, options: ExperimentOptions) -> list[Row]:
+    n = len(found.registrations)
+    arrays_mb = n * (44 * 44 + 3 * 8) / 1e6
+    file_mb = (options.out / _STORE).stat().st_size / 1e6
+    if options.quick:  # a short stretch has no figure of the paper beside it
+        return [Row("D short", "registrations", "", n), Row("D short", "file of the path", "MB", file_mb)]
+    return [
+        Row("D 243.4 m", "registrations", "", n, 4868),
+        Row("D 243.4 m", "registrations, more or less than 4868", "", abs(n - 4868), 0, 25),
+        Row("D 243.4 m", "memory for ground images", "MB", arrays_mb, 9.54, 9.6),
+        Row("D 243.4 m", "file of the path", "MB", file_mb),
+    ]
+
+
+def _day_rows(day: str, found: Sequence[Playback], is_quick: bool) -> list[Row]:
+    """Return the rows of a day; the paper has figures of the next day, and a similar result five days after."""
+    name = f"D {'short' if is_quick else '243.4 m'}, {day}, {' and '.join(_DAYS[day].ways)}"
+    is_papers = day != "wet, with leaves"
+    offsets = np.abs(np.concatenate([playback.offsets for playback in found]))
+    lateral_mm, turned_deg = 1e3 * offsets[:, 1], np.degrees(offsets[:, 2])
+    is_found = np.concatenate([playback.searches.is_found for playback in found])
+    intervals_m = np.concatenate([playback.intervals_m() for playback in found])
+    true_mm = 1e3 * np.concatenate([playback.corrected_m() for playback in found])
+    n_false = sum(int((playback.false_m() > _FALSE_M).sum()) for playback in found)
+    n, n_searches = len(offsets), len(is_found)
+    figures = [
+        ("offset from the path, mean", "mm", float(lateral_mm.mean()), 4.1, n),
+        ("offset from the path, max", "mm", float(lateral_mm.max()), 25.0, n),
+        ("angular offset, mean", "deg", float(turned_deg.mean()), 0.49, n),
+        ("angular offset, max", "deg", float(turned_deg.max()), 3.2, n),
+        ("searches rejected", "%", 100.0 * float(np.mean(~is_found)), 8.5, n_searches),
+        ("way between corrections, mean", "m", float(intervals_m.mean()), 0.062, len(intervals_m)),
+    ]
+    return [
+        *(
+            Row(name, item, unit, ours, paper if is_papers else None, paper, paper / 2, n=samples)
+            for item, unit, ours, paper, samples in figures
+        ),
+        Row(name, "way between corrections, max", "m", float(intervals_m.max()), n=len(intervals_m)),
+        Row(name, "true error after correction, mean", "mm", float(true_mm.mean()), n=len(true_mm)),
+        Row(name, "true error after correction, max", "mm", float(true_mm.max()), n=len(true_mm)),
+        Row(name, "false corrections (more than 5 mm)", "", n_false, None, 0, n=n_searches),
+        Row(name, "end of the path missed by", "mm", 1e3 * max(one.end_miss_m for one in found), None, 20.0, 5.0),
+    ]

@@ -1,0 +1,150 @@
+"""Measures times in a process of its own: ``python -m trailmark_papers.nagai2015.stopwatch WHAT N SEED``.
+
+``start``: how long both localizers take to start. ``drive``: N pictures of the outdoor course are taught and driven
+once more, each call timed in CPU time of its thread. Prints JSON.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from trailmark.api import create
+from trailmark.estimates import Estimate
+from trailmark.frames import Frame, GroundPlane, SensorInfo
+from trailmark.geometry import Pose2
+from trailmark.interfaces import Estimator, FrameSource, Localizer, LocalizerMap, Mode, Session
+from trailmark.pipeline.timing import peak_rss_mb
+from trailmark_papers.nagai2015.runs import course
+
+__all__ = ["main"]
+
+_SENSOR = SensorInfo("floor", "image", (512, 480), 70.0, calibration=GroundPlane((3.9e-4, 3.9e-4)))
+
+
+def main(what: str, n_frames: int, seed: int) -> dict[str, Any]:
+    """Return what was measured."""
+    import cv2
+    import numba
+
+    assert cv2.__version__
+    assert numba.__version__
+    with tempfile.TemporaryDirectory() as folder:
+        store = Path(folder) / "path.trail"
+        return _start(store) if what == "start" else _drive(store, n_frames, seed)
+
+
+def _start(store: Path) -> dict[str, Any]:
+    opened = _store(store, "create")
+    began_s = time.process_time()
+    _localizer("ground_vo", "teach", _SENSOR)
+    _localizer("ground_map", "teach", _SENSOR, localizer_map=opened.localizer_map("patches"))
+    took_s = time.process_time() - began_s
+    opened.close()
+    return {"start_s": took_s}
+
+
+def _drive(store: Path, n_frames: int, seed: int) -> dict[str, Any]:
+    source = _source(n_frames, seed)
+    sensor = source.sensors["floor"]
+    opened = _store(store, "create")
+    times = _taught(source, sensor, opened.localizer_map("patches"))
+    opened.commit()
+    opened.close()
+    opened = _store(store, "read")
+    times |= _driven_again(_source(n_frames, seed + 1), sensor, opened.localizer_map("patches"))
+    opened.close()
+    return {name: _summary(values) for name, values in times.items()} | {"peak_mb": peak_rss_mb()}
+
+
+def _taught(source: FrameSource, sensor: SensorInfo, localizer_map: LocalizerMap) -> dict[str, list[float]]:
+    """Register the way; both modes of the relative search see every picture."""
+    motion, paper = (
+        _localizer("ground_vo", "teach", sensor),
+        _localizer("ground_vo", "teach", sensor, {"mode": "paper"}),
+    )
+    patches, estimator = _localizer("ground_map", "teach", sensor, localizer_map=localizer_map), _estimator()
+    times: dict[str, list[float]] = {"refined": [], "paper": []}
+    for frame in source.frames():
+        times["paper"].append(_timed(paper, frame, estimator)[1])
+        said, took_ms = _timed(motion, frame, estimator)
+        times["refined"].append(took_ms)
+        _apply(estimator, said)
+        patches.observe(frame, estimator.belief(frame.stamp_s))
+    return times
+
+
+def _driven_again(source: FrameSource, sensor: SensorInfo, localizer_map: LocalizerMap) -> dict[str, list[float]]:
+    """Search for what was registered, in two ways; only calls that found something count."""
+    motion, estimator = _localizer("ground_vo", "track", sensor), _estimator()
+    searches = ("exhaustive", "pyramid")
+    ways = {way: _localizer("ground_map", "track", sensor, {"search": way}, localizer_map) for way in searches}
+    times: dict[str, list[float]] = {way: [] for way in ways}
+    for frame in source.frames():
+        _apply(estimator, motion.observe(frame, estimator.belief(frame.stamp_s)))
+        for way, patches in ways.items():
+            said, took_ms = _timed(patches, frame, estimator)
+            if said:
+                times[way].append(took_ms)
+    return times
+
+
+def _timed(localizer: Localizer, frame: Frame, estimator: Estimator) -> tuple[Sequence[Estimate], float]:
+    """Return what a localizer says of a frame, and what that cost [ms]."""
+    belief = estimator.belief(frame.stamp_s)
+    began_ns = time.thread_time_ns()
+    said = localizer.observe(frame, belief)
+    return said, (time.thread_time_ns() - began_ns) / 1e6
+
+
+def _apply(estimator: Estimator, estimates: Sequence[Estimate]) -> None:
+    for estimate in estimates:
+        estimator.apply("floor", estimate)
+
+
+def _summary(values: Sequence[float]) -> dict[str, float]:
+    ms = np.array(values[1:])  # the first picture has nothing to be compared with
+    p50, p99 = np.percentile(ms, [50, 99]).tolist()
+    return {"n": len(ms), "mean": float(ms.mean()), "p50": p50, "p99": p99, "max": float(ms.max())}
+
+
+def _source(n_frames: int, seed: int) -> FrameSource:
+    keys = {key: value for key, value in course("outdoor").items() if key != "plugin"}
+    source: FrameSource = create("source", "sim", **keys, duration_s=n_frames / 70.0)
+    source.start(Session(name="floor", mode="track", rng=np.random.default_rng(seed)))
+    return source
+
+
+def _store(path: Path, access: str) -> Any:
+    store = create("path_store", "sqlite", path=str(path), access=access)
+    store.start(Session(mode="teach" if access == "create" else "replay"))
+    return store
+
+
+def _localizer(
+    plugin: str,
+    mode: Mode,
+    sensor: SensorInfo,
+    keys: Mapping[str, Any] | None = None,
+    localizer_map: LocalizerMap | None = None,
+) -> Localizer:
+    localizer: Localizer = create("localizer", plugin, camera="floor", **(keys or {}))
+    localizer.start(Session(name=plugin, mode=mode, sensors={"floor": sensor}, map=localizer_map))
+    return localizer
+
+
+def _estimator() -> Estimator:
+    estimator: Estimator = create("estimator", "dead_reckoning")
+    estimator.start(Session(start_pose=Pose2()))
+    return estimator
+
+
+if __name__ == "__main__":
+    sys.stdout.write(json.dumps(main(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]))) + "\n")

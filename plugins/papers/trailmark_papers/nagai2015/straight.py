@@ -1,0 +1,134 @@
+"""Sec. IV-B: visual odometry along 10 m straight, on many floors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import astuple, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from trailmark.evaluation import read_run
+from trailmark.experiments import ExperimentOptions, Row
+from trailmark.geometry import Pose2, Trajectory, wrap_angle
+from trailmark_papers.nagai2015.runs import course, drive, photographs
+
+__all__ = ["straight_rows"]
+
+_MODES = ("refined", "paper")
+_FLOORS = ("wood", "concrete", "asphalt", "pavers", "carpet", "terrazzo", "gravel", "soil")
+_QUICK_FLOORS = ("wood", "asphalt")
+_SEEDS = 2  # five of each floor: benchmarks/ground_accuracy.py
+_QUICK_S = 6.0  # of the 10 m: about 1.5 m
+
+#: Bars of position, odometer and heading, and what would be better still; of the floors of hardly any contrast the
+#: bar of the position alone is another one.
+_BARS: Mapping[str, tuple[float, float, float]] = {"refined": (0.15, 0.02, 0.03), "paper": (math.nan, 0.99, 0.44)}
+_STRETCH = (0.05, 0.005, 0.01)
+_HARD: Mapping[str, float] = {"wood_dark": 0.3, "artificial_turf": 0.5}
+
+
+@dataclass(frozen=True, slots=True)
+class Drift:
+    """Errors of visual odometry over a straight way."""
+
+    position_percent: float
+    odometer_percent: float
+    heading_deg_per_m: float
+
+
+def straight_rows(options: ExperimentOptions) -> list[Row]:
+    """Return the rows of Sec. IV-B: the worst floor, root mean square over the seeds.
+
+    Every seed has another stretch of the floor, and other noise.
+    """
+    photos = photographs(options)
+    floors: dict[str, dict[str, Any]] = {
+        floor: {"floor": floor} for floor in (_QUICK_FLOORS if options.quick else _FLOORS)
+    }
+    floors |= {f"photograph {name}": {"texture": str(path)} for name, path in photos.items()}
+    seeds = [options.seed + i for i in range(1 if options.quick else _SEEDS)]
+    calls = [(options.out, name, ground, seed, options.quick) for seed in seeds for name, ground in floors.items()]
+    drifts = dict(zip([(call[1], call[3]) for call in calls], options.map(_drifts, calls)))
+    found = {name: {mode: _rms([drifts[name, s][mode] for s in seeds]) for mode in _MODES} for name in floors}
+    for name, by_mode in found.items():
+        said = ", ".join(f"{mode} {by_mode[mode].position_percent:.3f} %" for mode in _MODES)
+        options.report(f"straight, {name}: {said}")
+    ours = [name for name in floors if not name.startswith("photograph")]
+    hard = [f"photograph {name}" for name in _HARD if name in photos]
+    others = [name for name in floors if name not in ours and name not in hard]
+    length = f"B {'1.5 m' if options.quick else '10 m'} straight"
+    rows = []
+    for mode in _MODES:
+        rows += _rows(length, "floors", mode, {name: found[name][mode] for name in ours}, len(seeds))
+        rows += _rows(length, "photographs", mode, {name: found[name][mode] for name in others}, len(seeds))
+        rows += [row for name in hard for row in _hard_rows(length, name, mode, found[name][mode], len(seeds))]
+    return rows
+
+
+def _drifts(out: Path, name: str, ground: Mapping[str, Any], seed: int, is_quick: bool) -> dict[str, Drift]:
+    """Drive once and return the errors of both modes, which see the same pictures."""
+    limits: dict[str, Any] = {"duration_s": _QUICK_S} if is_quick else {}
+    config = {
+        "sources": {"floor": course("straight", world_seed=seed + 1, options=dict(ground), **limits)},
+        "localizers": {mode: {"plugin": "ground_vo", "mode": mode} for mode in _MODES},
+        "estimator": {"plugin": "dead_reckoning", "use": [_MODES[0]]},
+        "seed": seed,
+    }
+    run = read_run(drive(out / f"straight-{name.replace(' ', '-')}-{seed}", config))
+    assert run.truth is not None
+    return {mode: drift(run.trajectories[mode], run.truth) for mode in _MODES}
+
+
+def drift(estimate: Trajectory, truth: Trajectory) -> Drift:
+    """Compare the end of a way with the truth, from a common start."""
+    stamps = np.clip(estimate.stamps_s, truth.stamps_s[0], truth.stamps_s[-1])
+    at_truth = truth.at(stamps)
+    moved, should = _displacement(estimate), _displacement(at_truth)
+    way_m = at_truth.length_m()
+    miss_m = math.hypot(moved.x - should.x, moved.y - should.y)
+    odometer = math.hypot(moved.x, moved.y) / math.hypot(should.x, should.y) - 1.0
+    turn_rad = wrap_angle(moved.theta - should.theta)
+    return Drift(100.0 * miss_m / way_m, 100.0 * odometer, math.degrees(turn_rad) / way_m)
+
+
+def _displacement(trajectory: Trajectory) -> Pose2:
+    """Return the last pose as seen from the first."""
+    return trajectory[0][1].between(trajectory[len(trajectory) - 1][1])
+
+
+def _rms(drifts: Sequence[Drift]) -> Drift:
+    return Drift(*np.sqrt(np.mean(np.square([astuple(one) for one in drifts]), axis=0)).tolist())
+
+
+def _rows(length: str, kind: str, mode: str, found: Mapping[str, Drift], n_seeds: int) -> list[Row]:
+    """Return the worst of several floors, and all of them as a note."""
+    if not found:
+        return []
+    rows = []
+    units = (("end position", "%", None), ("odometer", "%", 0.99), ("heading", "deg/m", 0.44))
+    for i, (item, unit, paper) in enumerate(units):
+        by_floor = {name: astuple(one)[i] for name, one in found.items()}
+        bar = None if math.isnan(_BARS[mode][i]) else _BARS[mode][i]
+        stretch = _STRETCH[i] if mode == "refined" else None
+        note = ", ".join(f"{name.removeprefix('photograph ')} {value:.2g}" for name, value in by_floor.items())
+        rows.append(
+            Row(
+                f"{length}, {mode}", f"{item}, worst of {len(found)} {kind}", unit, max(by_floor.values()), paper, bar,
+                stretch, n=len(found) * n_seeds, seeds=n_seeds, note=note,
+            )
+        )  # fmt: skip
+    return rows
+
+
+def _hard_rows(length: str, name: str, mode: str, found: Drift, n_seeds: int) -> list[Row]:
+    bar = _HARD[name.removeprefix("photograph ")] if mode == "refined" else None
+    return [
+        Row(
+            f"{length}, {mode}", f"end position, {name}", "%", found.position_percent, None, bar,
+            0.1 if mode == "refined" else None, n=n_seeds, seeds=n_seeds,
+            note=f"odometer {found.odometer_percent:.2g} %, heading {found.heading_deg_per_m:.2g} deg/m",
+        )
+    ]  # fmt: skip

@@ -1,0 +1,241 @@
+"""Figs. 3 and 4: shifts of drives that were turned aside, against a reference, in the street and in the corridor.
+
+The robot believes its wheels alone: it thinks that it is on the path and drives straight ahead, to where it was
+turned. All localizers look at the same pictures and are only recorded. The truth is the median displacement of what
+the upper half shows, between the two poses that an answer says belong together.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.estimates import PathOffset
+from trailmark.experiments import ExperimentOptions, Row
+from trailmark.frames import RGBD, Pinhole
+from trailmark.geometry import Trajectory
+from trailmark.pipeline import Pipeline, Step
+from trailmark_papers.perroni2014.drives import PEERS, STREAMS, Place, Taught, replay, teach
+from trailmark_papers.perroni2014.plots import draw_shifts
+from trailmark_papers.perroni2014.true_shift import Eyepiece, Surroundings
+
+__all__ = ["LOCALIZERS", "Answers", "DepthKeeper", "compare", "offline_drive", "offline_rows", "with_depth"]
+
+_WIDTH_PX = 160
+_LENGTH_M = 10.0
+_N_SEEDS = 1
+_DEPTH_HZ = 2.0
+_PAPER: Mapping[str, Any] = {
+    **STREAMS,
+    "shift": "paper",
+    "threshold": "otsu",
+    "average": "mean",
+    "when_blind": "silent",
+    "gain": "paper",
+}
+LOCALIZERS: Mapping[str, Mapping[str, Any]] = {
+    "streams": STREAMS,
+    "stream_alone": {**STREAMS, "when_blind": "silent"},
+    "as_the_reference": _PAPER,
+    **PEERS,
+}
+_AFTERNOON: Mapping[str, Any] = {"time": "afternoon", "people": 3}
+#: What differs from teaching in the morning with nobody about.
+_CONDITIONS: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
+    "street": {
+        "6 people, 2 more parked cars": {"people": 6, "cars": 6},
+        "overexposed 2.8 times": {**_AFTERNOON, "exposure": 1.0},
+    },
+    "corridor": {
+        "6 people, half of the lamps": {"people": 6, "lamps": "half"},
+        "overexposed 2.4 times": {**_AFTERNOON, "exposure": 5.0},
+    },
+}
+_FIGURES = {"street": "Fig. 3", "corridor": "Fig. 4"}
+
+
+@dataclass(slots=True)
+class Answers:
+    """What one localizer said in one drive.
+
+    Attributes
+    ----------
+    said, true : list of float
+        Shifts [columns].
+    stations_m : list of float
+        Of the answers [m].
+    misses_m : list of float
+        How far the station of each answer is from the true one [m].
+    n_lost : int
+        Pictures that it did not speak on.
+    """
+
+    said: list[float] = field(default_factory=list)
+    true: list[float] = field(default_factory=list)
+    stations_m: list[float] = field(default_factory=list)
+    misses_m: list[float] = field(default_factory=list)
+    n_lost: int = 0
+
+    @property
+    def spoken_percent(self) -> float:
+        """Share of the pictures that it spoke on [%]."""
+        return 100.0 * len(self.said) / max(1, len(self.said) + self.n_lost)
+
+
+class DepthKeeper:
+    """Keeps the depth pictures of a drive, as a pipeline's ``on_step``."""
+
+    def __init__(self) -> None:
+        self._seen: list[tuple[float, npt.NDArray[np.float32]]] = []
+        self._eyepiece: Eyepiece | None = None
+
+    def __call__(self, pipeline: Pipeline, step: Step) -> None:
+        """Keep the depth of a step that has one."""
+        if step.frame is None or not isinstance(step.frame.payload, RGBD):
+            return
+        self._seen.append((step.frame.stamp_s, step.frame.payload.depth_m))
+        if self._eyepiece is None:
+            info = pipeline.sensors["front"]
+            assert isinstance(info.calibration, Pinhole)
+            assert info.size is not None
+            self._eyepiece = Eyepiece(info.calibration, info.size, info.pose_base_sensor)
+
+    def surroundings(self, truth: Trajectory) -> Surroundings:
+        """Return what there was to see; `truth` is where the robot was."""
+        assert self._eyepiece is not None
+        poses = [truth.at([stamp_s])[0][1] for stamp_s, _ in self._seen]
+        points = [self._eyepiece.points(depth, pose) for (_, depth), pose in zip(self._seen, poses, strict=True)]
+        return Surroundings(self._eyepiece, poses, points)
+
+
+def with_depth() -> dict[str, Any]:
+    """Return what the source must be told to give depth too."""
+    return {"sensors": ["wheels", "front", "front_depth"], "rates_hz": {"front_depth": _DEPTH_HZ}}
+
+
+def offline_rows(options: ExperimentOptions) -> list[Row]:
+    """Return the rows of Figs. 3 and 4, and draw them."""
+    if options.quick:
+        return _rows_of(options, Place("corridor", 4.0, 160), n_seeds=1, angles_deg=(5.0,), conditions={})
+    rows = []
+    for world, conditions in _CONDITIONS.items():
+        rows += _rows_of(options, Place(world, _LENGTH_M, _WIDTH_PX), _N_SEEDS, (0.0, 5.0, -5.0), conditions)
+    return rows
+
+
+def _rows_of(
+    options: ExperimentOptions,
+    place: Place,
+    n_seeds: int,
+    angles_deg: Sequence[float],
+    conditions: Mapping[str, Mapping[str, Any]],
+) -> list[Row]:
+    keeper = DepthKeeper()
+    folder = options.out / "runs" / f"offline-{place.world}"
+    taught = teach(folder, place, LOCALIZERS, options.seed, keeper, **with_depth())
+    around = keeper.surroundings(taught.truth)
+    seeds = [options.seed + k for k in range(n_seeds)]
+    calls = [(taught, around, _AFTERNOON, angle, seed) for angle in angles_deg for seed in seeds]
+    calls += [(taught, around, given, angle, options.seed) for given in conditions.values() for angle in (5.0, -5.0)]
+    found = options.map(offline_drive, calls)
+    figure = _FIGURES[place.world]
+    by_angle = {angle: found[k * n_seeds : (k + 1) * n_seeds] for k, angle in enumerate(angles_deg)}
+    turned = [drive for angle, drives in by_angle.items() if angle != 0.0 for drive in drives]
+    rows = _rows_of_drives(f"{figure} {place.world}, 0 deg", by_angle[0.0], is_turned=False) if 0.0 in by_angle else []
+    sides = "/".join(f"{angle:+g}" for angle in angles_deg if angle != 0.0)
+    rows += _rows_of_drives(f"{figure} {place.world}, {sides} deg", turned)
+    first = {angle: _series(drives[0]["streams"]) for angle, drives in by_angle.items()}
+    draw_shifts(options.out / f"figure_{figure[-1]}_{place.world}.svg", first)
+    for k, condition in enumerate(conditions):
+        start = len(angles_deg) * n_seeds + 2 * k
+        rows += _rows_of_drives(f"{place.world}, {condition}, +5/-5 deg", found[start : start + 2])
+    options.report(f"{figure} {place.world}: {len(calls)} drives")
+    return rows
+
+
+def offline_drive(
+    taught: Taught, around: Surroundings, given: Mapping[str, Any], turned_deg: float, seed: int
+) -> dict[str, Answers]:
+    """Drive straight ahead from a start turned aside; return what every localizer said, beside the truth."""
+    told: list[tuple[str, float, PathOffset | None]] = []
+
+    def keep(_: Pipeline, step: Step) -> None:
+        for one in step.estimates:
+            if one.source in LOCALIZERS:
+                offset = one.estimate if isinstance(one.estimate, PathOffset) else None
+                told.append((one.source, one.estimate.stamp_s, offset))
+
+    with tempfile.TemporaryDirectory() as folder:
+        result = replay(Path(folder), taught, given, LOCALIZERS, seed, turned_deg, use=[], on_step=keep)
+    assert result.ground_truth is not None
+    return compare(told, taught, around, result.ground_truth)
+
+
+def compare(
+    told: Iterable[tuple[str, float, PathOffset | None]], taught: Taught, around: Surroundings, truth: Trajectory
+) -> dict[str, Answers]:
+    """Set what localizers said beside the truth.
+
+    Parameters
+    ----------
+    told : iterable of (str, float, PathOffset or None)
+        Who said when what; None for `Lost`.
+    truth : Trajectory
+        Of the replay.
+    """
+    answers: dict[str, Answers] = {}
+    ways_m, column_px = taught.truth.travelled_m(), taught.place.width_px // 50
+    for name, stamp_s, offset in told:
+        answer = answers.setdefault(name, Answers())
+        if offset is None:
+            answer.n_lost += 1
+            continue
+        shift = offset.details.get("shift_columns", offset.details["shift_px"] / column_px)
+        matched = taught.truth[min(int(np.searchsorted(ways_m, offset.station_m)), len(ways_m) - 1)][1]
+        seen = truth.at([min(max(stamp_s, truth.stamps_s[0]), truth.stamps_s[-1])])[0][1]
+        answer.said.append(float(shift))
+        answer.true.append(around.shift_columns(matched, seen))
+        answer.stations_m.append(offset.station_m)
+        answer.misses_m.append(abs(matched.between(seen).x))
+    return answers
+
+
+def _rows_of_drives(name: str, drives: Sequence[Mapping[str, Answers]], is_turned: bool = True) -> list[Row]:
+    """Return the rows of some drives: ours with bars, the others beside them."""
+    rows = []
+    for who in LOCALIZERS:
+        several = [drive[who] for drive in drives if who in drive]
+        if not several:
+            continue
+        is_judged, said = who == "streams", who.replace("_", " ")
+        common: dict[str, Any] = {"n": sum(len(one.said) for one in several), "seeds": len(several)}
+        bias, bar = _worst_bias(several), 1.0 if is_judged else None
+        rows.append(Row(name, f"{said}: mean less the true mean, worst drive", "columns", bias, None, bar, **common))
+        if is_turned:
+            signs, bar = _signs_percent(several), 98.0 if is_judged else None
+            rows.append(Row(name, f"{said}: sign right", "%", signs, None, bar, better="higher", **common))
+        if any(one.n_lost for one in several):
+            spoken = float(np.mean([one.spoken_percent for one in several]))
+            rows.append(Row(name, f"{said}: spoken on", "%", spoken, better="higher", **common))
+    return rows
+
+
+def _worst_bias(several: Sequence[Answers]) -> float | None:
+    biases = [abs(float(np.mean(one.said) - np.mean(one.true))) for one in several if one.said]
+    return max(biases, default=None)
+
+
+def _signs_percent(several: Sequence[Answers]) -> float | None:
+    said, true = (np.concatenate([getattr(one, what) for one in several]) for what in ("said", "true"))
+    return 100.0 * float((np.sign(said) == np.sign(true)).mean()) if len(said) else None
+
+
+def _series(answers: Answers) -> dict[str, npt.NDArray[np.float64]]:
+    columns = {"station": answers.stations_m, "said": answers.said, "true": answers.true}
+    return {name: np.array(values) for name, values in columns.items()}

@@ -1,0 +1,29 @@
+"""The experiments of Tasaki et al. 2010 (Sec. IV) in the simulated supermarket: ``trailmark reproduce tasaki2010``.
+
+Written in the words of a config, so that every part can be swapped there: nothing here imports another plugin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from trailmark.experiments import ExperimentOptions, Row
+
+__all__ = ["tasaki2010"]
+
+
+def tasaki2010(options: ExperimentOptions) -> Sequence[Row]:
+    """Repeat the experiments of Tasaki et al. 2010."""
+    from trailmark_papers.tasaki2010.goals import goal_rows
+    from trailmark_papers.tasaki2010.laser_alone import laser_rows
+    from trailmark_papers.tasaki2010.line import line_rows
+    from trailmark_papers.tasaki2010.people import people_rows
+    from trailmark_papers.tasaki2010.place import taught_place
+
+    place = taught_place(options)
+    return [
+        *line_rows(options, place),
+        *people_rows(options, place),
+        *goal_rows(options, place),
+        *laser_rows(options, place),
+    ]

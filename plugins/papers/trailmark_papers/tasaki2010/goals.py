@@ -1,0 +1,232 @@
+"""Table 2 and Fig. 7: to a goal from unknown starts, the camera first and then the laser."""
+
+from __future__ import annotations
+
+import csv
+import math
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.errors import ConfigError
+from trailmark.experiments import ExperimentOptions, Row
+from trailmark.geometry import Pose2, Trajectory, wrap_angle
+from trailmark.interfaces import Session
+from trailmark.paths import Path as TaughtPath
+from trailmark.pipeline import RunResult
+from trailmark_papers.tasaki2010.place import TaughtPlace, supermarket
+from trailmark_papers.tasaki2010.plots import draw_routes
+
+__all__ = ["GoalDrive", "drive_to_goal", "goal_rows", "random_starts", "taught_path"]
+
+GOAL = (5.55, 3.11)
+_ARRIVED_M, _BESIDE_M = 0.10, 0.5
+#: Headings at which a start must be free: while it does not know its pose, the robot turns on the spot [deg].
+_TURN_DEG = range(0, 180, 10)
+#: Four trials, as in the paper, which does not say from where; at most 0.5 m beside the taught drive, as the random
+#: starts: x, y [m], heading [deg].
+_TRIALS = ((1.2, 7.6, -90.0), (8.8, 6.6, 90.0), (2.4, 2.2, 180.0), (5.2, 7.4, 20.0))
+_PAPER_M = (0.01, 0.04, 0.06, 0.01)
+_QUICK_START = (3.2, 2.3, 140.0)
+_N_RANDOM = 100
+_SEARCH_DPS, _LIMIT_S = 20.0, 120.0
+_SPEED_MPS = 0.8  # the paper's robot: 1.0 m/s at most
+
+Start = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GoalDrive:
+    """How one drive to the goal ended.
+
+    Attributes
+    ----------
+    reported : bool
+        The robot said that it had arrived.
+    distance_m : float
+        True distance from the goal where it stood at the end [m].
+    way, believed : (N, 2) float64
+        Where it was, and where it believed to be [m].
+    n_bad : int
+        Accepted fixes that were more than 0.5 m off with NEES > 16.
+    worst_m : float
+        Largest error of an accepted fix [m].
+    collisions : int
+        How often it came to touch something: a robot that turns on the spot beside a shelf touches it with each corner.
+    """
+
+    reported: bool
+    distance_m: float
+    way: npt.NDArray[np.float64]
+    believed: npt.NDArray[np.float64]
+    n_bad: int
+    worst_m: float
+    collisions: int
+
+    @property
+    def arrived(self) -> bool:
+        """It said so, and it is within 0.10 m."""
+        return self.reported and self.distance_m <= _ARRIVED_M
+
+
+def goal_rows(options: ExperimentOptions, place: TaughtPlace) -> list[Row]:
+    """Return the rows of Table 2 and of the random starts, and draw Fig. 7."""
+    trials: Sequence[Start] = (_QUICK_START,) if options.quick else _TRIALS
+    starts = [] if options.quick else random_starts(taught_path(place.store), _N_RANDOM, options.seed + 300)
+    calls = [
+        (place.store, start, options.seed + 300 + k, options.out / "runs" / f"goal-{k}")
+        for k, start in enumerate([*trials, *starts])
+    ]
+    drives = options.map(drive_to_goal, calls)
+    named, random = drives[: len(trials)], drives[len(trials) :]
+    draw_routes(options.out / "tasaki2010_fig7_routes.svg", named, GOAL)
+    rows = []
+    for k, found in enumerate(named):
+        options.report(f"trial {k + 1}: {1e3 * found.distance_m:.0f} mm from the goal")
+        where = f"ended at ({found.way[-1][0]:.2f}, {found.way[-1][1]:.2f}) m"
+        paper = None if options.quick else _PAPER_M[k]
+        rows.append(Row("Table 2", f"trial {k + 1}, distance from the goal", "m", found.distance_m, paper, note=where))
+    rows += _summary("Table 2", named, 0.03 if not options.quick else None, 100.0, 0.03)
+    if random:
+        rows += _summary(f"{len(random)} random starts", random, None, 98.0, None)
+    return rows
+
+
+def _summary(
+    name: str, drives: Sequence[GoalDrive], bar_m: float | None, share: float, paper: float | None
+) -> list[Row]:
+    common: dict[str, Any] = {"n": len(drives), "seeds": len(drives)}
+    at_goal = np.array([found.distance_m for found in drives if found.reported])
+    mean_m = float(at_goal.mean()) if len(at_goal) else None
+    largest_m = float(at_goal.max()) if len(at_goal) else None
+    return [
+        Row(name, "true distance at reported arrival, mean", "m", mean_m, paper, bar_m, 0.01, **common),
+        Row(name, "true distance at reported arrival, largest", "m", largest_m, **common),
+        Row(name, "arrived (reported, and within 0.10 m)", "%", 100 * float(np.mean([d.arrived for d in drives])), None,
+            share, 100.0, better="higher", **common),
+        Row(name, "accepted fixes more than 0.5 m off with NEES > 16", "", float(sum(d.n_bad for d in drives)), None,
+            0.0, **common),
+        Row(name, "largest error of an accepted fix", "m", max(d.worst_m for d in drives), **common),
+        Row(name, "drives that touched something", "", float(sum(d.collisions > 0 for d in drives)), None,
+            0.0, **common),
+    ]  # fmt: skip
+
+
+def drive_to_goal(store: Path, start: Start, seed: int, folder: Path) -> GoalDrive:
+    """Put the robot down at a place that it does not know, and let it drive."""
+    from trailmark.api import run
+
+    config = {
+        "sources": {"robot": supermarket(route="round", driver="commands", start=list(start), duration_s=_LIMIT_S)},
+        "localizers": {
+            "wheels": {"plugin": "odometry"},
+            "omni": {"plugin": "omni_surf", "camera": "omni"},
+            "laser": {"plugin": "laser_icp", "laser": "laser"},
+        },
+        "estimator": {"plugin": "kalman"},
+        "controller": {
+            "plugin": "goal_seeking",
+            "goal": list(GOAL),
+            "drive": "holonomic",
+            "speed_mps": _SPEED_MPS,
+            "search_dps": _SEARCH_DPS,
+        },
+        "start": "unknown",
+        "control_hz": 20,
+        "seed": seed,
+    }
+    result = run(config, folder, mode="replay", store=store, overwrite=True, report=False)
+    found = _judged(result)
+    shutil.rmtree(folder)
+    return found
+
+
+def _judged(result: RunResult) -> GoalDrive:
+    truth, believed = result.ground_truth, result.trajectories["fused"]
+    assert truth is not None
+    assert result.folder is not None
+    end = truth[len(truth) - 1][1]
+    errors_m, nees = _accepted_fixes(result.folder / "estimates.csv", truth)
+    collisions = sum(count for counter, count in result.counters.items() if counter.endswith("collisions"))
+    return GoalDrive(
+        result.reason == "the goal is reached",
+        math.hypot(end.x - GOAL[0], end.y - GOAL[1]),
+        truth.poses[::10, :2],
+        believed.poses[::10, :2],
+        int(((errors_m > 0.5) & (nees > 16.0)).sum()),
+        float(errors_m.max(initial=0.0)),
+        collisions,
+    )
+
+
+def _accepted_fixes(path: Path, truth: Trajectory) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Return the error and the NEES of every fix that the estimator took, (N,) each."""
+    errors, nees = [], []
+    with path.open(encoding="utf-8", newline="") as file:
+        for row in csv.DictReader(file):
+            if row["kind"] != "fix" or row["status"] != "accepted":
+                continue
+            true = truth.at([float(row["stamp_s"])])[0][1]
+            off = np.array([float(row["x"]) - true.x, float(row["y"]) - true.y, 0.0])
+            off[2] = wrap_angle(float(row["theta"]) - true.theta)
+            xx, xy, xt, yy, yt, tt = (float(row[f"info_{k}"]) for k in ("xx", "xy", "xt", "yy", "yt", "tt"))
+            nees.append(float(off @ np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]]) @ off))
+            errors.append(math.hypot(off[0], off[1]))
+    return np.array(errors), np.array(nees)
+
+
+def taught_path(store: Path) -> TaughtPath:
+    """Return the path of a store."""
+    from trailmark.api import create
+
+    opened = create("path_store", "sqlite", path=str(store), access="read")
+    opened.start(Session(mode="replay"))
+    try:
+        path: TaughtPath = opened.path()
+        return path
+    finally:
+        opened.close()
+
+
+def random_starts(path: TaughtPath, n: int, seed: int) -> list[Start]:
+    """Return places at most 0.5 m beside the taught path where the robot can turn round, headings all around."""
+    rng = np.random.default_rng(seed)
+    low, high = path.positions.min(axis=0) - _BESIDE_M, path.positions.max(axis=0) + _BESIDE_M
+    starts: list[Start] = []
+    while len(starts) < n:
+        x, y = rng.uniform(low, high).tolist()
+        heading_deg = float(rng.uniform(-180.0, 180.0))
+        is_beside = np.hypot(*(path.positions - (x, y)).T).min() <= _BESIDE_M
+        if is_beside and can_turn((x, y, heading_deg)):
+            starts.append((x, y, heading_deg))
+    return starts
+
+
+def can_turn(start: Start) -> bool:
+    """Return whether the robot touches nothing there whatever its heading: the corners of its base reach far."""
+    x, y, heading_deg = start
+    return all(can_stand((x, y, heading_deg + turn_deg)) for turn_deg in _TURN_DEG)
+
+
+def can_stand(start: Start) -> bool:
+    """Return whether the robot touches nothing there."""
+    from trailmark.api import create
+
+    config = supermarket(sensors=["wheels"], start=list(start))
+    source = create("source", config.pop("plugin"), **config)
+    try:
+        source.start(Session("robot", rng=np.random.default_rng(0)))
+    except ConfigError:
+        return False
+    source.close()
+    return True
+
+
+def start_pose(start: Start) -> Pose2:
+    """Return a start as a pose."""
+    return Pose2(start[0], start[1], math.radians(start[2]))

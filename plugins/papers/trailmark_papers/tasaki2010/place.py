@@ -1,0 +1,177 @@
+"""The place of the experiments: taught once, and the maps that are made of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.experiments import ExperimentOptions
+from trailmark.interfaces import Session
+from trailmark.paths import Keyframe
+from trailmark.pipeline import RunResult
+from trailmark_omni_surf.landmark_map import Candidates, LandmarkMap, measured_candidates
+from trailmark_omni_surf.laser.scan_map import ScanMap
+from trailmark_omni_surf.selection import SelectionModel, shipped_model
+from trailmark_omni_surf.training import train
+from trailmark_papers.tasaki2010.labels import labelled_candidates
+from trailmark_papers.tasaki2010.variants import Variant
+
+__all__ = ["START", "TaughtPlace", "supermarket", "taught_place"]
+
+#: Where the taught route begins: x, y [m], heading [deg].
+START = (1.0, 2.0, 0.0)
+_TEST_SEED, _TRAINING_SEED = 1, 2  # two supermarkets with other goods, signs and posters
+_QUICK_S = 13.0  # of teaching: the line by the wall and the corner after it
+_N_LONGEST, _PAPER_N_LONGEST, _N_TRAINING = 40, 9, 100
+_ALL = 100_000
+#: A place is believed as the paper says: more than three landmarks.
+_TRUSTING = {
+    "min_agreeing": 4,
+    "max_rival_share": 1.0,
+    "min_agreeing_share": 0.0,
+    "max_gap_deg": 360.0,
+    "confirm_pictures": 1,
+}
+#: What differs from the default config, by variant.
+_CONFIGS: dict[str, dict[str, Any]] = {
+    "simple": {"use_tracking": False, **_TRUSTING},
+    "detected": {"use_tracking": False},
+    "paper": {"refresh_every": _ALL, **_TRUSTING},
+}
+
+
+@dataclass(frozen=True, slots=True)
+class TaughtPlace:
+    """What was taught, and the maps that can be made of it.
+
+    Attributes
+    ----------
+    store : Path
+        The path store, taught with the default config: the shipped machine selects the landmarks.
+    variants : dict
+        Localizers with their maps, by name.
+    sizes : dict
+        How many landmarks each map has, by the name of its variant.
+    training : str
+        What the machine of the variant "trained" was trained on, in words; empty without it.
+    """
+
+    store: Path
+    variants: dict[str, Variant]
+    sizes: dict[str, int]
+    training: str
+
+
+def supermarket(**more: Any) -> dict[str, Any]:
+    """Return the config of the source, one thread, with its three sensors."""
+    common = {"plugin": "sim", "world": "supermarket", "threads": 1, "sensors": ["wheels", "laser", "omni"]}
+    return common | more
+
+
+def taught_place(options: ExperimentOptions) -> TaughtPlace:
+    """Teach the supermarket, and in the full version another one first, to train a selection there."""
+    options.out.mkdir(parents=True, exist_ok=True)
+    model_path, training = options.out / "selection.npz", ""
+    if not options.quick:
+        training = _train_elsewhere(options, model_path)
+        options.report(f"training: {training}")
+    store = options.out / "market.trail"
+    _teach(options, store, _TEST_SEED)
+    keyframes, _ = _keyframes(store)
+    candidates = measured_candidates(keyframes, _N_LONGEST)
+    trained = None if options.quick else SelectionModel.load(model_path)
+    maps = _maps(options, keyframes, candidates, trained)
+    variants = {name: _variant(options, name, *made) for name, made in maps.items()}
+    sizes = {name: int(made[1].sum()) for name, made in maps.items()}
+    options.report(f"taught: {sizes['developed']} landmarks of {len(candidates.ids)} candidates")
+    return TaughtPlace(store, variants, sizes, training)
+
+
+def _teach(options: ExperimentOptions, store: Path, world_seed: int) -> RunResult:
+    """Drive through all aisles with nobody about; the laser and the wheels know the poses."""
+    from trailmark.api import run
+
+    source = supermarket(route="round", world_seed=world_seed)
+    if options.quick:
+        source["duration_s"] = _QUICK_S
+    config = {
+        "sources": {"robot": source},
+        "localizers": {
+            "wheels": {"plugin": "odometry"},
+            "omni": {"plugin": "omni_surf", "camera": "omni"},
+            "laser": {"plugin": "laser_icp", "laser": "laser"},
+        },
+        "estimator": {"plugin": "kalman"},
+        "start": list(START),
+        "seed": options.seed,
+    }
+    folder = options.out / "runs" / f"teach-{world_seed}"
+    return run(config, folder, mode="teach", store=store, access="overwrite", overwrite=True, report=False)
+
+
+def _keyframes(store: Path) -> tuple[list[Keyframe], list[Keyframe]]:
+    """Return what the camera and what the laser remembered."""
+    from trailmark.api import create
+
+    opened = create("path_store", "sqlite", path=str(store), access="read")
+    opened.start(Session(mode="replay"))
+    try:
+        return list(opened.localizer_map("omni").keyframes()), list(opened.localizer_map("laser").keyframes())
+    finally:
+        opened.close()
+
+
+def _train_elsewhere(options: ExperimentOptions, model_path: Path) -> str:
+    """Train on N = 100 candidates of another supermarket, labelled by |measured - true| < T_d."""
+    store = options.out / "training.trail"
+    taught = _teach(options, store, _TRAINING_SEED)
+    assert taught.ground_truth is not None
+    seen, scans = _keyframes(store)
+    truth = dict(taught.ground_truth.at(sorted({frame.stamp_s for frame in [*seen, *scans]})))
+    points = [frame.arrays["points"].astype(np.float64) for frame in scans]
+    walls = ScanMap.from_scans(points, [truth[frame.stamp_s] for frame in scans])
+    features, is_good = labelled_candidates(seen, truth, walls, measured_candidates(seen, _N_LONGEST))
+    chosen = np.random.default_rng(options.seed).permutation(len(features))[:_N_TRAINING]
+    model, report = train(features[chosen], is_good[chosen])
+    model.save(model_path)
+    rest = np.setdiff1d(np.arange(len(features)), chosen)
+    hits = (model.probability(features[rest]) >= 0.5) == is_good[rest]
+    return (
+        f"{report.n} candidates of another supermarket, {report.n_good} good; accuracy {report.accuracy:.2f} "
+        f"cross-validated, {float(hits.mean()):.2f} on the other {len(rest)} of that place"
+    )
+
+
+def _maps(
+    options: ExperimentOptions, keyframes: list[Keyframe], candidates: Candidates, trained: SelectionModel | None
+) -> dict[str, tuple[Candidates, npt.NDArray[np.bool_]]]:
+    """Return candidates of the same drive and which of them become landmarks, by the name of the variant."""
+    shipped = shipped_model()
+    chosen = shipped.probability(candidates.features) >= 0.5
+    every = np.ones(len(chosen), dtype=bool)
+    everything = measured_candidates(keyframes, _ALL)
+    all_points = (everything, np.ones(len(everything.ids), dtype=bool))
+    maps = {"developed": (candidates, chosen), "simple": all_points, "plain": all_points}
+    if trained is None:
+        return maps
+    random = np.zeros(len(chosen), dtype=bool)
+    random[np.random.default_rng(options.seed).permutation(len(chosen))[: int(chosen.sum())]] = True
+    few = measured_candidates(keyframes, _PAPER_N_LONGEST)
+    return maps | {
+        "detected": (candidates, chosen),
+        "paper": (few, shipped.probability(few.features) >= 0.5),
+        "trained": (candidates, trained.probability(candidates.features) >= 0.5),
+        "unselected": (candidates, every),
+        "random": (candidates, random),
+    }
+
+
+def _variant(options: ExperimentOptions, name: str, candidates: Candidates, chosen: npt.NDArray[np.bool_]) -> Variant:
+    """Write a map and return the localizer that uses it."""
+    path = options.out / f"map-{name}.npz"
+    np.savez(path, **LandmarkMap.of(candidates, chosen, "surf").to_arrays())  # type: ignore[arg-type]
+    return Variant(name, path, _CONFIGS.get(name, {}), is_plain=name == "plain")

@@ -1,0 +1,36 @@
+"""The paper's experiments, in the simulator: ``trailmark reproduce toth2015``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from trailmark.experiments import ExperimentOptions, Row
+from trailmark_papers.toth2015.disturbances import disturbance_plans, disturbance_rows, draw_disturbances
+from trailmark_papers.toth2015.drives import drive
+from trailmark_papers.toth2015.places import draw_places, place_plans, place_rows
+from trailmark_papers.toth2015.registration import registration_plans, registration_rows
+from trailmark_papers.toth2015.speeds import speed_plans, speed_rows
+from trailmark_papers.toth2015.stage_pictures import draw_stages
+
+__all__ = ["toth2015"]
+
+_PARTS = (
+    (place_plans, place_rows),
+    (speed_plans, speed_rows),
+    (disturbance_plans, disturbance_rows),
+    (registration_plans, registration_rows),
+)
+
+
+def toth2015(options: ExperimentOptions) -> Sequence[Row]:
+    """Repeat what Toth et al. 2015 report, and what they leave open."""
+    plans = [plans_of(options) for plans_of, _ in _PARTS]
+    # All drives at once, so that no process waits for the longest of a part.
+    calls = [(plan,) for part in plans for plan in part]
+    options.report(f"{len(calls)} drives")
+    driven = iter(options.map(drive, calls))
+    found = [[next(driven) for _ in part] for part in plans]
+    draw_places(options, found[0])
+    draw_disturbances(options, found[2])
+    draw_stages(options)
+    return [row for (_, rows_of), part in zip(_PARTS, found) for row in rows_of(part)]

@@ -1,0 +1,82 @@
+"""What a lived-in place does: a landmark walks away, one is covered, people cross, the light is turned down."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from trailmark.experiments import ExperimentOptions, Row
+from trailmark.report.drawing import BLUE, GREEN, MUTED, RED, drawing, legend_above
+from trailmark_papers.toth2015.drives import FLOW, LANDMARKS, ORB, Driven, Method, Plan, rms
+
+__all__ = ["disturbance_plans", "disturbance_rows", "draw_disturbances"]
+
+_OURS = "landmarks"
+_METHODS: Mapping[str, Method] = {_OURS: LANDMARKS, "optical flow": FLOW, "ORB + depth": ORB}
+_WALKS, _COVERED, _PEOPLE, _DARK = "a landmark walks away", "a landmark is covered", "people cross", "light to 20 %"
+#: Options of the worlds; things begin after 2 s.
+_DISTURBANCES: Mapping[str, Mapping[str, Any]] = {
+    _WALKS: {"crate": "walks_off", "crate_s": 2.0},
+    _COVERED: {"crate": "covered", "crate_s": 2.0},
+    _PEOPLE: {"people": 4},
+    _DARK: {"dims_s": 2.0, "dims_to": 0.2, "exposure": 1.0},
+}
+_PLACES = {"lab": "laboratory", "hallway": "hallway"}
+
+
+def disturbance_plans(options: ExperimentOptions) -> list[Plan]:
+    """Return a drive for each disturbance, in the laboratory and in the hallway."""
+    if options.quick:
+        few = {_OURS: LANDMARKS}
+        return [
+            Plan(name, "lab", options.seed, few, _DISTURBANCES[name], length_m=length_m)
+            for name, length_m in ((_WALKS, 1.2), (_DARK, 0.9))
+        ]
+    return [
+        Plan(name, world, options.seed, _METHODS, given, length_m=1.2)
+        for name, given in _DISTURBANCES.items()
+        for world in _PLACES
+    ]
+
+
+def disturbance_rows(driven: Sequence[Driven]) -> list[Row]:
+    """Return the jumps, the errors, and in the dark the share of pictures with a pose."""
+    rows = []
+    for name in _DISTURBANCES:
+        for world, called in _PLACES.items():
+            some = [one for one in driven if one.plan.name == name and one.plan.world == world]
+            for method in some[0].outcomes if some else ():
+                rows += _rows_of(f"{called}, {name}", method, some)
+    return rows
+
+
+def _rows_of(name: str, method: str, driven: Sequence[Driven]) -> list[Row]:
+    outcomes = [one.outcomes[method] for one in driven]
+    is_ours = method == _OURS
+    count: dict[str, Any] = {"n": sum(len(outcome.errors) for outcome in outcomes), "seeds": len(outcomes)}
+    jump: dict[str, Any] = {"bar": 0.05, "stretch": 0.02} if is_ours else {}
+    share: dict[str, Any] = {"bar": 90.0, "stretch": 98.0} if is_ours else {}
+    jump_m, rms_m = max(o.jump_m for o in outcomes), float(np.mean([rms(o.position_m) for o in outcomes]))
+    percent = min(outcome.pose_percent for outcome in outcomes)
+    return [
+        Row(name, f"{method}: largest jump", "m", jump_m, **jump, **count),
+        Row(name, f"{method}: position, rms", "m", rms_m, **count),
+        Row(name, f"{method}: pictures with a pose", "%", percent, better="higher", **share, **count),
+    ]
+
+
+def draw_disturbances(options: ExperimentOptions, driven: Sequence[Driven]) -> None:
+    """Draw the errors over time in the laboratory, one picture for each disturbance."""
+    shown = [one for one in driven if one.plan.world == "lab" and one.plan.seed == options.seed]
+    with drawing(options.out / "disturbances.svg", 0.6 + 2.0 * len(shown), rows=len(shown)) as (figure, _):
+        for axes, one in zip(figure.axes, shown):
+            for (method, outcome), colour in zip(one.outcomes.items(), (BLUE, RED, GREEN, MUTED)):
+                label = method if axes is figure.axes[0] else None
+                axes.plot(outcome.stamps_s, 1e3 * outcome.position_m, color=colour, linewidth=0.9, label=label)
+            if one.plan.name != _PEOPLE:
+                axes.axvline(2.0, color=MUTED, linestyle="dotted", linewidth=1.0)
+            axes.set_title(f"{one.plan.name}: distance from the truth [mm]")
+        figure.axes[-1].set_xlabel("time [s]")
+        legend_above(figure, 4)

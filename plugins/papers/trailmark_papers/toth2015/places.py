@@ -1,0 +1,112 @@
+"""Laboratory and hallway: accuracy, and the rate by how much there is to find."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from trailmark.experiments import ExperimentOptions, Row
+from trailmark.report.drawing import BLUE, GREEN, RED, drawing, legend_above
+from trailmark_papers.toth2015.drives import (
+    FLOW,
+    LANDMARKS,
+    ORB,
+    Driven,
+    Method,
+    Outcome,
+    Plan,
+    error_rows,
+    seeds_of,
+)
+
+__all__ = ["draw_places", "place_plans", "place_rows"]
+
+_OURS, _PAPER = "landmarks", "as the paper"
+_METHODS: Mapping[str, Method] = {
+    _OURS: LANDMARKS,
+    "two landmarks, one in reserve": {**LANDMARKS, "landmarks": 3, "min_landmarks": 2},
+    "20 landmarks": {**LANDMARKS, "landmarks": 20},
+    "blobs alone": {**LANDMARKS, "finders": ["blobs"]},
+    "blobs and rectangles": {**LANDMARKS, "finders": ["blobs", "rectangles"]},
+    _PAPER: {**LANDMARKS, "point": "centre", "refind": "look", "angles": "linear"},
+    "optical flow": FLOW,
+    "ORB + depth": ORB,
+}
+#: Of the camera: little more than the paper's [Hz].
+_RATE_HZ = 5.0
+#: Pictures a second that the paper reports.
+_PAPER_FPS = {"lab": 2.0, "hallway": 4.0}
+_NAMES = {"lab": "laboratory", "hallway": "hallway"}
+#: Pictures a second: bar and stretch.
+_RATES = {_OURS: (15.0, 30.0), "blobs and rectangles": (25.0, 60.0)}
+
+
+def place_plans(options: ExperimentOptions) -> list[Plan]:
+    """Return 3 m straight in both places, for every seed."""
+    length_m, n_seeds = (0.9, 1) if options.quick else (3.0, 2)
+    return [
+        Plan("straight", world, seed, _METHODS, length_m=length_m, rate_hz=_RATE_HZ)
+        for world in _NAMES
+        for seed in seeds_of(options.seed, n_seeds)
+    ]
+
+
+def place_rows(driven: Sequence[Driven]) -> list[Row]:
+    """Return errors and rates of all methods."""
+    rows: list[Row] = []
+    for world, called in _NAMES.items():
+        straight = [one for one in driven if one.plan.world == world and one.plan.name == "straight"]
+        way = f"{called}, {straight[0].plan.length_m:g} m"
+        for method in _METHODS:
+            outcomes = [one.outcomes[method] for one in straight]
+            rows += error_rows(way, method, outcomes, method == _OURS)
+        rows += [_rate_row(world, method, [one.outcomes[method] for one in straight]) for method in _METHODS]
+    return rows
+
+
+def _rate_row(world: str, method: str, outcomes: Sequence[Outcome]) -> Row:
+    times_ms = np.concatenate([outcome.times_ms for outcome in outcomes])
+    bar, stretch = _RATES.get(method, (None, None))
+    n_agree = float(np.mean([outcome.n_agree for outcome in outcomes]))
+    return Row(
+        f"{_NAMES[world]}, rate",
+        method,
+        "fps",
+        1e3 / float(times_ms.mean()),
+        _PAPER_FPS[world],
+        bar,
+        stretch,
+        better="higher",
+        n=len(times_ms),
+        seeds=len(outcomes),
+        note=f"p95 {np.percentile(times_ms, 95):.0f} ms CPU time of one thread; {n_agree:.0f} agree on average",
+    )
+
+
+def draw_places(options: ExperimentOptions, driven: Sequence[Driven]) -> None:
+    """Draw the errors over the way, and the rates beside the paper's."""
+    shown = {_OURS: BLUE, "optical flow": RED, "ORB + depth": GREEN}
+    with drawing(options.out / "places_errors.svg", 4.6, rows=2) as (figure, rows):
+        for axes, (world, called) in zip(rows, _NAMES.items()):
+            for one in (one for one in driven if one.plan.world == world and one.plan.name == "straight"):
+                for method, colour in shown.items():
+                    found = one.outcomes[method]
+                    label = method if axes is rows[0] and one.plan.seed == options.seed else None
+                    way_m = found.stamps_s * one.plan.speed_mps
+                    axes.plot(way_m, 1e3 * found.position_m, color=colour, linewidth=0.9, label=label)
+            axes.set_yscale("log")
+            axes.yaxis.set_major_formatter(lambda value, _position: f"{value:g}")  # powers would be written in TeX
+            axes.set_title(f"{called}: distance from the truth [mm], logarithmic")
+        rows[-1].set_xlabel("way [m]")
+        legend_above(figure, 4)
+    with drawing(options.out / "places_rates.svg", 3.6) as (figure, axes):
+        for k, ((world, called), colour) in enumerate(zip(_NAMES.items(), (BLUE, RED))):
+            straight = [one for one in driven if one.plan.world == world and one.plan.name == "straight"]
+            fps = [1e3 / float(np.concatenate([one.outcomes[m].times_ms for one in straight]).mean()) for m in _METHODS]
+            axes.barh(np.arange(len(fps)) + 0.4 * k, fps, 0.38, color=colour, label=called)
+            axes.axvline(_PAPER_FPS[world], color=colour, linestyle="dotted", linewidth=1.5)
+        axes.set_yticks(np.arange(len(_METHODS)) + 0.2, list(_METHODS))
+        axes.invert_yaxis()
+        axes.set_title("pictures a second of one core; dotted: the paper")
+        legend_above(figure, 4)

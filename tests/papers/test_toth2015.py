@@ -1,0 +1,32 @@
+"""What a lived-in laboratory does to the pose: things are carried and covered, people cross, light goes down."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import pytest
+
+from trailmark_papers.toth2015.drives import LANDMARKS, Plan, drive, rms
+
+_HALF_WAY_S = 1.2
+
+
+@pytest.mark.parametrize(
+    "disturbance",
+    [
+        pytest.param({"crate": "walks_off", "crate_s": _HALF_WAY_S}, id="a landmark walks away"),
+        pytest.param({"crate": "covered", "crate_s": _HALF_WAY_S}, id="a landmark is covered"),
+        pytest.param({"people": 4}, id="people cross"),
+        pytest.param({"dims_s": _HALF_WAY_S, "dims_to": 0.2, "exposure": 1.0}, id="light to 20 %"),
+        pytest.param({"dims_s": _HALF_WAY_S, "dims_to": 0.2}, id="light to 20 %, automatic exposure"),
+    ],
+)
+def test_the_pose_does_not_jump(disturbance: Mapping[str, Any]) -> None:
+    plan = Plan("test", "lab", 0, {"landmarks": LANDMARKS}, disturbance, length_m=0.75)
+
+    found = drive(plan).outcomes["landmarks"]
+
+    assert found.pose_percent >= 90.0
+    assert found.jump_m < 0.05
+    assert rms(found.position_m) < 0.03
