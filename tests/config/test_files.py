@@ -91,7 +91,7 @@ def test_a_device_is_no_recording():
 
 
 def test_a_device_is_no_config():
-    with pytest.raises(ConfigError, match="/dev/zero is a device, not a config file"):
+    with pytest.raises(ConfigError, match="/dev/zero is a device or a pipe, not a config file"):
         read_document("/dev/zero")
 
 

@@ -14,6 +14,9 @@ from trailmark.plugins.hints import did_you_mean
 
 __all__ = ["Document", "Key", "Keys", "Problems", "TextError", "read_document"]
 
+# A YAML reader in Python takes seconds for a megabyte; the largest config that was seen has 20 kB.
+_MAX_BYTES = 1_000_000
+
 
 def _nowhere(_: Keys) -> None:
     return None
@@ -123,9 +126,12 @@ def _reader(path: Path) -> Callable[[str], tuple[Any, Callable[[Keys], int | Non
 
 
 def _text(path: Path) -> str:
-    if path.is_char_device():  # /dev/zero would be read for ever
-        raise ConfigError(f"{path} is a device, not a config file")
+    if path.exists() and not (path.is_file() or path.is_dir()):  # /dev/zero is read for ever, a pipe waited for
+        raise ConfigError(f"{path} is a device or a pipe, not a config file; write its text into a file")
     try:
+        if path.stat().st_size > _MAX_BYTES:
+            megabytes = path.stat().st_size / 1e6
+            raise ConfigError(f"{path} has {megabytes:.1f} MB: no config is larger than {_MAX_BYTES / 1e6:g} MB")
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         siblings = [entry.name for entry in path.parent.iterdir()] if path.parent.is_dir() else []

@@ -34,6 +34,8 @@ def read_toml(text: str) -> tuple[Any, Callable[[tuple[Key, ...]], int | None]]:
         place = _PLACE.search(str(error))
         line, column = (int(place[1]), int(place[2])) if place else (None, None)
         raise TextError(f"TOML syntax: {_PLACE.sub('', str(error))}", line, column) from error
+    except ValueError as error:  # an integer of more digits than Python takes from a text
+        raise TextError("TOML: an integer with thousands of digits is no number of a config") from error
     except RecursionError as error:
         raise TextError("TOML: nested too deeply") from error
     lines = _lines(text)

@@ -22,6 +22,8 @@ _OTHER_BREAKS = re.compile("[\x85\u2028\u2029]")
 # A date stays text, a merge key (`<<`) is a mapping.
 _PLAIN = frozenset({"str", "int", "float", "bool", "null", "map", "seq", "timestamp", "merge"})
 
+_MAX_MERGED_KEYS = 10_000
+
 
 class _Constructor(SafeConstructor):
     """Dates stay text, as YAML 1.2 has it: a folder may be called 2026-11-20. A wrong value is said with its line."""
@@ -69,6 +71,7 @@ def read_yaml(text: str) -> tuple[Any, Callable[[tuple[Key, ...]], int | None]]:
     try:
         root = _yaml().compose(text)
         _check(root, set(), set())
+        _refuse_merge_bombs(root)
         data = _yaml().load(text)
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
@@ -138,6 +141,35 @@ def _refuse_duplicates(node: MappingNode) -> None:
         line = key.start_mark.line + 1
         if isinstance(key, ScalarNode) and first.setdefault(key.value, line) != line:
             raise TextError(f"duplicate key {key.value!r}: it stands on line {first[key.value]} already", line)
+
+
+def _refuse_merge_bombs(root: Node | None) -> None:
+    """Refuse merge keys (``<<``) that would copy more keys than any config has: ten lines can ask for 9^9 of them."""
+    sizes: dict[int, int] = {}
+
+    def size_of(node: Node) -> int:
+        if id(node) not in sizes:
+            merged = [value for key, value in node.value if _is_merge(key)] if isinstance(node, MappingNode) else []
+            parts = [part for value in merged for part in (value.value if isinstance(value, SequenceNode) else [value])]
+            sizes[id(node)] = len(node.value) + sum(size_of(part) for part in parts)
+            if sizes[id(node)] > _MAX_MERGED_KEYS:
+                line = node.start_mark.line + 1
+                raise TextError(f"YAML: the merge keys (<<) make more than {_MAX_MERGED_KEYS} keys of this", line)
+        return sizes[id(node)]
+
+    seen: set[int] = set()
+    waiting = [] if root is None else [root]
+    while waiting:
+        node = waiting.pop()
+        if id(node) in seen or isinstance(node, ScalarNode):
+            continue
+        seen.add(id(node))
+        size_of(node)
+        waiting.extend(_children(node))
+
+
+def _is_merge(key: Node) -> bool:
+    return isinstance(key, ScalarNode) and str(key.tag) == "tag:yaml.org,2002:merge"
 
 
 def _children(node: Node) -> list[Node]:
