@@ -7,7 +7,7 @@ import math
 import pytest
 
 from trailmark.geometry import Pose2
-from trailmark_ground_vo.start_search import Guess, StartSearch, Verdict
+from trailmark_ground_vo.start_search import Guess, GuessVerdict, StartSearch
 
 
 def search_with(*poses: Pose2, **keys) -> StartSearch:
@@ -18,8 +18,8 @@ def search_with(*poses: Pose2, **keys) -> StartSearch:
     return search
 
 
-def verdicts(search: StartSearch, *misfits: float, n_seen: int = 2, n_found: int = 2) -> list[Verdict]:
-    return [Verdict(guess, n_seen, n_found, misfit) for guess, misfit in zip(search.guesses, misfits, strict=True)]
+def verdicts(search: StartSearch, *misfits: float, n_seen: int = 2, n_found: int = 2) -> list[GuessVerdict]:
+    return [GuessVerdict(guess, n_seen, n_found, misfit) for guess, misfit in zip(search.guesses, misfits, strict=True)]
 
 
 def test_places_are_tried_in_batches_until_all_were() -> None:
@@ -58,18 +58,18 @@ def test_a_place_of_which_something_is_missing_is_not_believed(n_seen: int, n_fo
 def test_a_rival_out_of_sight_still_counts() -> None:
     search = search_with(Pose2(1.0, 0.0, 0.0), Pose2(2.0, 0.0, 0.0))
     first, second = search.guesses
-    search.judge([Verdict(first, 2, 2, 0.02), Verdict(second, 2, 2, 0.02)], 0.0)
+    search.judge([GuessVerdict(first, 2, 2, 0.02), GuessVerdict(second, 2, 2, 0.02)], 0.0)
 
-    assert search.judge([Verdict(first, 2, 2, 0.02), Verdict(second, 0, 0, 1.0)], 0.1) is None
+    assert search.judge([GuessVerdict(first, 2, 2, 0.02), GuessVerdict(second, 0, 0, 1.0)], 0.1) is None
 
 
 def test_driving_on_tells_two_copies_apart() -> None:
     search = search_with(Pose2(1.0, 0.0, 0.0), Pose2(2.0, 0.0, 0.0))
     first, second = search.guesses
-    search.judge([Verdict(first, 2, 2, 0.02), Verdict(second, 2, 2, 0.02)], 0.0)
+    search.judge([GuessVerdict(first, 2, 2, 0.02), GuessVerdict(second, 2, 2, 0.02)], 0.0)
 
-    assert search.judge([Verdict(first, 2, 2, 0.02), Verdict(second, 2, 0, 1.0)], 0.1) is first
-    search.judge([Verdict(first, 2, 2, 0.02), Verdict(second, 2, 0, 1.0)], 0.1)
+    assert search.judge([GuessVerdict(first, 2, 2, 0.02), GuessVerdict(second, 2, 0, 1.0)], 0.1) is first
+    search.judge([GuessVerdict(first, 2, 2, 0.02), GuessVerdict(second, 2, 0, 1.0)], 0.1)
     assert search.guesses == [first]
 
 

@@ -14,15 +14,14 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Floats, Int32s, Int64s
 from trailmark.kernels import kernel
 from trailmark_ground_vo.vector import LANES, PAIRS, add_pairs
 
 __all__ = ["PatchSearch", "group_places", "patch_search", "patch_search_plain", "quadrants"]
 
 Bits7 = npt.NDArray[np.int8]
-Places = npt.NDArray[np.int64]
-Errors = npt.NDArray[np.int32]
-PatchSearch = Callable[[Bits7, Bits7, Places, Bits7], Errors]
+PatchSearch = Callable[[Bits7, Bits7, Int64s, Bits7], Int32s]
 
 _Number = TypeVar("_Number", bound=np.generic)
 
@@ -39,13 +38,13 @@ def quadrants(patch: npt.NDArray[_Number]) -> npt.NDArray[_Number]:
 
 @kernel
 def group_places(
-    offsets_u: npt.NDArray[np.float64],
-    offsets_v: npt.NDArray[np.float64],
+    offsets_u: Floats,
+    offsets_v: Floats,
     centre: tuple[float, float],
-    angles: npt.NDArray[np.float64],
+    angles: Floats,
     aspect: float,
     limits: tuple[int, int, int, int],
-) -> Places:
+) -> Int64s:
     """Return where the pixels of the groups fall for every turn, (2, G, K, N) int64 pixels u and v.
 
     Parameters
@@ -101,7 +100,7 @@ def patch_search(shift_px: int) -> PatchSearch:
     inner = min(size, columns)
 
     @kernel
-    def search(image: Bits7, image_t: Bits7, spots: Places, values: Bits7) -> Errors:
+    def search(image: Bits7, image_t: Bits7, spots: Int64s, values: Bits7) -> Int32s:
         height, width = image.shape
         _, n_groups, n_angles, n_pixels = spots.shape
         errors = np.empty((n_groups, n_angles, size, size), np.int32)
@@ -146,7 +145,7 @@ def patch_search_plain(shift_px: int) -> PatchSearch:
     size = 2 * shift_px + 1
 
     @kernel
-    def search(image: Bits7, image_t: Bits7, spots: Places, values: Bits7) -> Errors:
+    def search(image: Bits7, image_t: Bits7, spots: Int64s, values: Bits7) -> Int32s:
         _, n_groups, n_angles, n_pixels = spots.shape
         errors = np.zeros((n_groups, n_angles, size, size), np.int32)
         for g in range(n_groups):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Bools, Float32s, Floats, Grey16
 from trailmark_ground_vo.filters import SMOOTH_SCALE
 from trailmark_ground_vo.motion import ImageMotion
 from trailmark_ground_vo.refine import refine
@@ -14,8 +14,6 @@ from trailmark_ground_vo.texture import SLOPE_U, SLOPE_V, VALUE, Texture, X, Y, 
 
 __all__ = ["AlignedPatch", "align_patch"]
 
-Smooth = npt.NDArray[np.uint16]
-Matrix = npt.NDArray[np.float64]
 
 #: Rim of a patch whose smoothing and slopes would need pixels beyond it [px].
 _RIM_PX = 3
@@ -55,17 +53,17 @@ class AlignedPatch:
     """
 
     motion: ImageMotion
-    information: Matrix
+    information: Floats
     correlation: float
 
 
 def align_patch(
-    picture: Smooth,
-    patch: Smooth,
+    picture: Grey16,
+    patch: Grey16,
     middle: tuple[float, float],
     start: ImageMotion,
     aspect: float,
-    groups: npt.NDArray[np.bool_],
+    groups: Bools,
 ) -> AlignedPatch:
     """Return the motion that makes the patch look like the picture.
 
@@ -99,7 +97,7 @@ def align_patch(
     return AlignedPatch(ImageMotion(*motion), information, _correlation(matched[VALUE], differences))
 
 
-def _texture_of(patch: Smooth, middle: tuple[float, float]) -> Texture:
+def _texture_of(patch: Grey16, middle: tuple[float, float]) -> Texture:
     side = len(patch)
     inner = slice(_RIM_PX, side - _RIM_PX)
     values = patch.astype(np.float32)
@@ -110,7 +108,7 @@ def _texture_of(patch: Smooth, middle: tuple[float, float]) -> Texture:
 
 
 def _fitting(
-    picture: Smooth, texture: Texture, middle: tuple[float, float], motion: tuple[float, float, float], aspect: float
+    picture: Grey16, texture: Texture, middle: tuple[float, float], motion: tuple[float, float, float], aspect: float
 ) -> Texture:
     """Return the pixels that fit, with the gain and offset of the picture."""
     matched = _with_gain(picture, texture, middle, motion, aspect)
@@ -119,7 +117,7 @@ def _fitting(
 
 
 def _with_gain(
-    picture: Smooth, texture: Texture, middle: tuple[float, float], motion: tuple[float, float, float], aspect: float
+    picture: Grey16, texture: Texture, middle: tuple[float, float], motion: tuple[float, float, float], aspect: float
 ) -> Texture:
     expected = texture[VALUE].astype(np.float64)
     seen = residuals(picture, texture, middle, motion, aspect) + expected
@@ -132,7 +130,7 @@ def _with_gain(
     return out
 
 
-def _correlation(expected: npt.NDArray[np.float32], differences: npt.NDArray[np.float32]) -> float:
+def _correlation(expected: Float32s, differences: Float32s) -> float:
     sizes = np.abs(differences)
     good = sizes <= np.quantile(sizes, 0.9)
     a = expected[good].astype(np.float64)

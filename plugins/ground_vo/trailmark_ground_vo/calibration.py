@@ -16,13 +16,12 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Bools, Floats
 from trailmark.errors import DataError
 
 __all__ = ["Assumed", "Calibrated", "Known", "Move", "Steps", "calibrate", "moves_of"]
 
-Array = npt.NDArray[np.float64]
 
 #: A point so far from the middle of the picture stands for what a turn moves [px].
 _LEVER_PX = 150.0
@@ -57,12 +56,12 @@ class Steps:
         Of the shift, per axis [m^2].
     """
 
-    since_s: Array
-    stamp_s: Array
-    x: Array
-    y: Array
-    theta: Array
-    variance: Array
+    since_s: Floats
+    stamp_s: Floats
+    x: Floats
+    y: Floats
+    theta: Floats
+    variance: Floats
 
     def __len__(self) -> int:
         return len(self.stamp_s)
@@ -197,12 +196,12 @@ def moves_of(steps: Steps, pixel_m: float) -> list[Move]:
     return [move for move in pairs if is_moving[move.first : move.last].any()]
 
 
-def _smoothed(values: Array) -> Array:
+def _smoothed(values: Floats) -> Floats:
     """Return running means: noise is no motion."""
     return np.convolve(values, np.full(_SMOOTHED, 1.0 / _SMOOTHED), mode="same") if len(values) > _SMOOTHED else values
 
 
-def _runs(flags: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
+def _runs(flags: Bools) -> list[tuple[int, int]]:
     """Return first and past-the-last index of every run of True."""
     padded = np.concatenate([[False], flags, [False]]).astype(np.int8)
     changes = np.diff(padded)
@@ -267,7 +266,7 @@ def _listed(steps: Steps, moves: Sequence[Move], pixel_m: float) -> str:
 # --- what follows from it ----------------------------------------------------------------------------------------
 
 
-def _end(steps: Steps, move: Move, factors: tuple[float, float] = (1.0, 1.0)) -> Array:
+def _end(steps: Steps, move: Move, factors: tuple[float, float] = (1.0, 1.0)) -> Floats:
     """Return the end of a move as seen from its beginning (x, y), in the camera's axes [m]."""
     part = slice(move.first, move.last)
     x, y, theta = factors[0] * steps.x[part], factors[1] * steps.y[part], steps.theta[part]
@@ -276,12 +275,12 @@ def _end(steps: Steps, move: Move, factors: tuple[float, float] = (1.0, 1.0)) ->
     return np.array([np.sum(cos * x - sin * y), np.sum(sin * x + cos * y)])
 
 
-def _rotation(angle_rad: float) -> Array:
+def _rotation(angle_rad: float) -> Floats:
     cos, sin = math.cos(angle_rad), math.sin(angle_rad)
     return np.array([[cos, -sin], [sin, cos]])
 
 
-def _pieces(steps: Steps, move: Move, weights: Array, n: int) -> list[Move]:
+def _pieces(steps: Steps, move: Move, weights: Floats, n: int) -> list[Move]:
     """Cut a move into `n` pieces of equal weight."""
     share = np.cumsum(weights[move.first : move.last])
     cuts = move.first + np.searchsorted(share, np.linspace(0.0, share[-1], n + 1)[1:-1])
@@ -289,7 +288,7 @@ def _pieces(steps: Steps, move: Move, weights: Array, n: int) -> list[Move]:
     return [Move(int(first), int(last)) for first, last in pairwise(edges) if last > first]
 
 
-def _lever(steps: Steps, turns: Sequence[Move], pixel_m: float) -> tuple[Array, Array]:
+def _lever(steps: Steps, turns: Sequence[Move], pixel_m: float) -> tuple[Floats, Floats]:
     """Return the camera as seen from base, in the camera's axes and the assumed scale, and its covariance.
 
     When base turns by theta in place, a camera at l moves by (R(theta) - I) l.
@@ -309,7 +308,7 @@ def _lever(steps: Steps, turns: Sequence[Move], pixel_m: float) -> tuple[Array, 
 
 
 def _scales(
-    steps: Steps, legs: Sequence[Move], known: Known, lever: Array
+    steps: Steps, legs: Sequence[Move], known: Known, lever: Floats
 ) -> tuple[tuple[float, float], tuple[float, float], bool]:
     """Return the factors of the assumed scales along u and v, their sigmas, and whether both were measured."""
     lengths_m = np.array([*known.forward_m, *known.sideways_m])
@@ -341,7 +340,7 @@ def _scales(
 
 
 def _yaw(
-    steps: Steps, legs: Sequence[Move], factors: tuple[float, float], lever: Array, is_backward: bool
+    steps: Steps, legs: Sequence[Move], factors: tuple[float, float], lever: Floats, is_backward: bool
 ) -> tuple[float, float]:
     """Return the yaw of the mounting, and its sigma from the scatter of pieces: base moves along its x axis.
 
@@ -358,7 +357,7 @@ def _yaw(
     return math.remainder(yaw_rad, 2.0 * math.pi), math.sqrt(variance)
 
 
-def _driven(steps: Steps, move: Move, factors: tuple[float, float], lever: Array) -> Array:
+def _driven(steps: Steps, move: Move, factors: tuple[float, float], lever: Floats) -> Floats:
     """Return the sum of base's own steps, each seen in the camera's axes: forward is the same in all of them."""
     part = slice(move.first, move.last)
     turn = steps.theta[part]
@@ -369,8 +368,8 @@ def _driven(steps: Steps, move: Move, factors: tuple[float, float], lever: Array
 
 
 def _in_base(
-    lever: Array,
-    covariance: Array,
+    lever: Floats,
+    covariance: Floats,
     factors: tuple[float, float],
     sigmas: tuple[float, float],
     yaw: tuple[float, float],

@@ -23,7 +23,7 @@ from trailmark_ground_vo.calibration import Assumed, Steps
 from trailmark_ground_vo.config import GroundVOConfig
 from trailmark_ground_vo.localizer import GroundVO
 
-__all__ = ["Seen", "Speeds", "observe_drive"]
+__all__ = ["ObservedDrive", "Speeds", "observe_drive"]
 
 #: Time to stand still before, between and after moves when the command drives [s].
 _PAUSE_S = 0.8
@@ -54,7 +54,7 @@ class Speeds:
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class ObservedDrive:
     """What the camera saw.
 
     Attributes
@@ -76,7 +76,9 @@ class Seen:
     n_lost: int
 
 
-def observe_drive(config: RunConfig, camera: str | None, drive: Speeds | None, say: Callable[[str], None]) -> Seen:
+def observe_drive(
+    config: RunConfig, camera: str | None, drive: Speeds | None, say: Callable[[str], None]
+) -> ObservedDrive:
     """Play the source of a config, drive the robot if that is asked for, and return the motions of its camera.
 
     Raises
@@ -119,7 +121,7 @@ def _believed(feed: Feed, info: SensorInfo, overrides: Mapping[str, object]) -> 
     return feed.believed(info)
 
 
-def _watched(feed: Feed, sensor: SensorInfo, drive: Speeds | None, say: Callable[[str], None]) -> Seen:
+def _watched(feed: Feed, sensor: SensorInfo, drive: Speeds | None, say: Callable[[str], None]) -> ObservedDrive:
     plane = sensor.calibration
     if plane is not None and not isinstance(plane, GroundPlane):
         raise ConfigError(f"sensor {sensor.name!r} is calibrated as a {type(plane).__name__}, not as a ground camera")
@@ -139,7 +141,7 @@ def _watched(feed: Feed, sensor: SensorInfo, drive: Speeds | None, say: Callable
                 n_lost += isinstance(estimate, Lost)
     if not rows:
         raise DataError(f"{n_pictures} pictures of {sensor.name!r}, and no two of them fit together")
-    return Seen(sensor, Assumed(plane.metres_per_pixel), Steps(*np.array(rows).T), n_pictures, n_lost)
+    return ObservedDrive(sensor, Assumed(plane.metres_per_pixel), Steps(*np.array(rows).T), n_pictures, n_lost)
 
 
 def _frames(feed: Feed, sensor: SensorInfo, drive: Speeds | None, say: Callable[[str], None]) -> Iterator[Frame]:

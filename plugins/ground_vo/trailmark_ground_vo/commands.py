@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -41,26 +42,14 @@ to the side, with --sideways, tell the scale across. Without 3 the place of the 
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key of the config.")
 @click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
 @click.pass_context
-def ground(
-    context: click.Context,
-    config: str,
-    distances: tuple[float, ...],
-    sideways: tuple[float, ...],
-    distance_sigma: float,
-    backward: bool,
-    is_driven: bool,
-    turn_deg: float,
-    camera: str | None,
-    out: Path | None,
-    overrides: tuple[str, ...],
-    as_json: bool,
-) -> None:
+def ground(context: click.Context, /, config: str, **options: Any) -> None:
     """Scale, heading and place of a camera that looks at the ground: drive a known distance, turn in place.
 
     CONFIG is a config, a recording or `camera`. Every figure comes with its uncertainty (95 %). Writes the scale as a
     file that `sensors:` takes, and prints the mounting beside it.
     """
-    _check(distances, sideways, distance_sigma, is_driven)
+    request = _Request(**options)
+    _check(request)
     from trailmark.cli.errors import say
     from trailmark.cli.guess import guess_config, is_config
     from trailmark.cli.root import plugins_of
@@ -70,27 +59,47 @@ def ground(
 
     plugins = plugins_of(context)
     run_config = read_config(
-        config if is_config(config) else guess_config(config, plugins.registry), plugins=plugins, overrides=overrides
+        config if is_config(config) else guess_config(config, plugins.registry),
+        plugins=plugins,
+        overrides=request.overrides,
     )
-    if not as_json:
+    if not request.as_json:
         say(_GUIDE)
-    sign = -1.0 if backward else 1.0
-    drive = Speeds(sign * distances[0], math.radians(turn_deg)) if is_driven else None
-    seen = observe_drive(run_config, camera, drive, say)
-    found = calibrate(seen.steps, Known(distances, sideways, distance_sigma, backward), seen.assumed)
-    file = out or Path(f"{seen.sensor.name}.calib.yaml")
+    sign = -1.0 if request.backward else 1.0
+    drive = Speeds(sign * request.distances[0], math.radians(request.turn_deg)) if request.is_driven else None
+    seen = observe_drive(run_config, request.camera, drive, say)
+    known = Known(request.distances, request.sideways, request.distance_sigma, request.backward)
+    found = calibrate(seen.steps, known, seen.assumed)
+    file = request.out or Path(f"{seen.sensor.name}.calib.yaml")
     _write(file, seen.sensor.calibration, found, seen.sensor.name)
-    if as_json:
+    if request.as_json:
         click.echo(json.dumps(_document(found, seen.sensor.name, seen.n_pictures, seen.n_lost) | {"file": str(file)}))
         return
     for line in _lines(found, seen.sensor.name, file):
         click.echo(line)
 
 
-def _check(distances: tuple[float, ...], sideways: tuple[float, ...], sigma: float, is_driven: bool) -> None:
-    if any(not length > 0.0 or not math.isfinite(length) for length in (*distances, *sideways, sigma)):
+@dataclass(frozen=True, slots=True)
+class _Request:
+    """The options of the command."""
+
+    distances: tuple[float, ...]
+    sideways: tuple[float, ...]
+    distance_sigma: float
+    backward: bool
+    is_driven: bool
+    turn_deg: float
+    camera: str | None
+    out: Path | None
+    overrides: tuple[str, ...]
+    as_json: bool
+
+
+def _check(request: _Request) -> None:
+    lengths = (*request.distances, *request.sideways, request.distance_sigma)
+    if any(not length > 0.0 or not math.isfinite(length) for length in lengths):
         raise ConfigError("--distance, --sideways and --distance-sigma are lengths in metres, greater than 0")
-    if is_driven and len(distances) + len(sideways) > 1:
+    if request.is_driven and len(request.distances) + len(request.sideways) > 1:
         raise ConfigError("--drive drives one straight move: give one --distance and no --sideways")
 
 

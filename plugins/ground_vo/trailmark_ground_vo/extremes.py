@@ -14,8 +14,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Bools, Floats, Grey8
 from trailmark.kernels import kernel
 
 __all__ = ["Area", "Group", "advance", "select"]
@@ -27,9 +27,7 @@ Area = tuple[int, int, int, int]
 #: over the whole line all of them would choose the same one.
 _REACH_PX = 16
 
-Grey = npt.NDArray[np.uint8]
-Floats = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
+Floats = Floats
 
 
 class Group(NamedTuple):
@@ -47,8 +45,8 @@ class Group(NamedTuple):
 
     x: Floats
     y: Floats
-    values: Grey
-    brightest: Flags
+    values: Grey8
+    brightest: Bools
 
 
 @kernel
@@ -57,7 +55,7 @@ def _is_better(value: int, best: int, brightest: bool) -> bool:
 
 
 @kernel
-def _extreme_in_column(image: Grey, u: int, top: int, bottom: int, brightest: bool) -> int:
+def _extreme_in_column(image: Grey8, u: int, top: int, bottom: int, brightest: bool) -> int:
     best = top
     for v in range(top + 1, bottom):
         if _is_better(image[v, u], image[best, u], brightest):
@@ -66,7 +64,7 @@ def _extreme_in_column(image: Grey, u: int, top: int, bottom: int, brightest: bo
 
 
 @kernel
-def _free_line(taken: Flags, u: int, area: Area) -> int:
+def _free_line(taken: Bools, u: int, area: Area) -> int:
     """Return the free line nearest to column `u`, or `u`."""
     for distance in range(_REACH_PX + 1):
         for side in (1, -1):
@@ -77,7 +75,7 @@ def _free_line(taken: Flags, u: int, area: Area) -> int:
 
 
 @kernel
-def _extreme_in_row(image: Grey, u: int, v: int, area: Area, brightest: bool, taken: Flags) -> int:
+def _extreme_in_row(image: Grey8, u: int, v: int, area: Area, brightest: bool, taken: Bools) -> int:
     """Return the column of the extreme of a row near column `u`: on a free line, or on any where none is free."""
     first, last = max(area[0], u - _REACH_PX), min(area[2], u + _REACH_PX + 1)
     best, best_of_all = -1, first
@@ -97,7 +95,7 @@ def _line_of(u: int, area: Area, n_lines: int) -> int:
 
 
 @kernel
-def select(image: Grey, area: Area, n_pixels: int) -> tuple[Floats, Floats, Grey, Flags]:
+def select(image: Grey8, area: Area, n_pixels: int) -> tuple[Floats, Floats, Grey8, Bools]:
     """Return the fields of the initial group: maximum and minimum of `n_pixels` / 2 vertical lines, evenly spread."""
     left, top, right, bottom = area
     x, y = np.empty(n_pixels, np.float64), np.empty(n_pixels, np.float64)
@@ -112,17 +110,17 @@ def select(image: Grey, area: Area, n_pixels: int) -> tuple[Floats, Floats, Grey
 
 @kernel
 def advance(
-    image: Grey,
+    image: Grey8,
     group_x: Floats,
     group_y: Floats,
-    group_values: Grey,
-    brightest: Flags,
+    group_values: Grey8,
+    brightest: Bools,
     area: Area,
     centre: tuple[float, float],
     motion: tuple[float, float, float],
     aspect: float,
     grid: float,
-) -> tuple[Floats, Floats, Grey, Flags]:
+) -> tuple[Floats, Floats, Grey8, Bools]:
     """Move a group with the picture and let the pixels that leave the area jump.
 
     Parameters

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Grey8, Grey16
 from trailmark.kernels import kernel
 from trailmark_ground_vo.vector import LANES, smooth_across, smooth_down, transpose_block
 
@@ -28,12 +28,9 @@ GAIN_ONE = 256
 #: What `smooth` multiplies grey levels with: the weights 1 4 6 4 1 add up to 16 along each axis.
 SMOOTH_SCALE = 256
 
-Grey = npt.NDArray[np.uint8]
-Words = npt.NDArray[np.uint16]
-
 
 @kernel
-def transpose(image: Grey) -> Grey:
+def transpose(image: Grey8) -> Grey8:
     """Return the transposed picture, (W, H) uint8."""
     height, width = image.shape
     out = np.empty((width, height), np.uint8)
@@ -50,7 +47,7 @@ def transpose(image: Grey) -> Grey:
 
 
 @kernel
-def transpose_plain(image: Grey) -> Grey:
+def transpose_plain(image: Grey8) -> Grey8:
     """Return the transposed picture, (W, H) uint8, without vectors."""
     height, width = image.shape
     out = np.empty((width, height), np.uint8)
@@ -61,7 +58,7 @@ def transpose_plain(image: Grey) -> Grey:
 
 
 @kernel
-def flatten(image: Grey, gain: Words) -> Grey:
+def flatten(image: Grey8, gain: Grey16) -> Grey8:
     """Return ``round(image * gain / 256)``, at most 255.
 
     Parameters
@@ -81,7 +78,7 @@ def flatten(image: Grey, gain: Words) -> Grey:
 
 
 @kernel
-def smooth(image: Grey) -> Words:
+def smooth(image: Grey8) -> Grey16:
     """Return 256 times the picture smoothed with the weights 1 4 6 4 1 along both axes, edges repeated.
 
     Exact: 256 * 255 still fits into 16 bits.
@@ -112,7 +109,7 @@ def smooth(image: Grey) -> Words:
 
 
 @kernel
-def levels_of(smoothed: Words) -> Grey:
+def levels_of(smoothed: Grey16) -> Grey8:
     """Return what `smooth` gave in whole grey levels, (H, W) uint8."""
     height, width = smoothed.shape
     out = np.empty((height, width), np.uint8)
@@ -123,7 +120,7 @@ def levels_of(smoothed: Words) -> Grey:
 
 
 @kernel
-def noise_level(image: Grey) -> float:
+def noise_level(image: Grey8) -> float:
     """Return the standard deviation of the noise of a picture, more where the ground is fine [grey levels].
 
     From the differences of second differences along both axes, which hardly see edges and slopes (Immerkaer, Fast Noise
@@ -144,7 +141,7 @@ def noise_level(image: Grey) -> float:
 
 
 @kernel
-def smooth_plain(image: Grey) -> Words:
+def smooth_plain(image: Grey8) -> Grey16:
     """Do what `smooth` does, without vectors."""
     height, width = image.shape
     out = np.empty((height, width), np.uint16)

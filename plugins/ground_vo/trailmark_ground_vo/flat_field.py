@@ -11,10 +11,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Float32s, Floats
 from trailmark.kernels import kernel
-from trailmark_ground_vo.texture import SEEN_X, SEEN_Y, VALUE, Floats, Texture, X, Y
+from trailmark_ground_vo.texture import SEEN_X, SEEN_Y, VALUE, Texture, X, Y
 
 __all__ = ["FlatFieldLearner"]
 
@@ -41,11 +41,9 @@ _INTERVAL_FRAMES, _KEPT = 5, 0.95
 #: change in standard deviations of its six terms.
 _LEAST_CHANGE, _SIGNIFICANT = 0.01, 30.0
 
-Matrix = npt.NDArray[np.float64]
-
 
 @kernel
-def _terms(x: float, y: float, out: npt.NDArray[np.float64]) -> None:
+def _terms(x: float, y: float, out: Floats) -> None:
     squared = x * x + y * y
     out[0], out[1], out[2], out[3], out[4], out[5] = squared, squared * squared, x, y, x * x - y * y, x * y
 
@@ -53,13 +51,13 @@ def _terms(x: float, y: float, out: npt.NDArray[np.float64]) -> None:
 @kernel
 def _add_equations(
     texture: Texture,
-    differences: Floats,
+    differences: Float32s,
     centre: tuple[float, float],
     motion: tuple[float, float, float],
     aspect: float,
-    surface: npt.NDArray[np.float64],
-    a: Matrix,
-    b: npt.NDArray[np.float64],
+    surface: Floats,
+    a: Floats,
+    b: Floats,
 ) -> None:
     """Add the equations of one picture: difference over value = surface here - surface where it was seen before.
 
@@ -103,12 +101,12 @@ class FlatFieldLearner:
         self._a, self._b = np.zeros((_N_TERMS, _N_TERMS)), np.zeros(_N_TERMS)
         self._n_frames = 0
 
-    def add(self, texture: Texture, differences: Floats, motion: tuple[float, float, float]) -> None:
+    def add(self, texture: Texture, differences: Float32s, motion: tuple[float, float, float]) -> None:
         """Take what the remembered pixels say of one picture, which was corrected with the surface so far."""
         _add_equations(texture, differences, self._centre, motion, self._aspect, self._surface, self._a, self._b)
         self._n_frames += 1
 
-    def news(self) -> npt.NDArray[np.float32] | None:
+    def news(self) -> Float32s | None:
         """Return the flat field, (H, W) relative to its mean, when it has changed since it was last returned."""
         if self._n_frames < _INTERVAL_FRAMES:
             return None
@@ -124,7 +122,7 @@ class FlatFieldLearner:
         field = np.exp(self._evaluated(surface, 1))
         return np.asarray(field / field.mean(), np.float32)
 
-    def _evaluated(self, surface: npt.NDArray[np.float64], every: int) -> npt.NDArray[np.float64]:
+    def _evaluated(self, surface: Floats, every: int) -> Floats:
         unit = 1.0 / (self._centre[0] + 0.5)
         x = (np.arange(0, self._size[0], every) - self._centre[0])[None, :] * unit
         y = (np.arange(0, self._size[1], every) - self._centre[1])[:, None] * unit

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Grey8, Grey16
 from trailmark_ground_vo.absolute import PatchSearch, patch_search, patch_search_plain
 from trailmark_ground_vo.filters import smooth, smooth_plain, transpose, transpose_plain
 from trailmark_ground_vo.search import SadSearch, sad_search, sad_search_plain
@@ -17,8 +17,6 @@ from trailmark_ground_vo.search import SadSearch, sad_search, sad_search_plain
 __all__ = ["Kernels", "load_kernels"]
 
 logger = logging.getLogger(__name__)
-
-Grey = npt.NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +33,8 @@ class Kernels:
         Gives the search for a patch, of `absolute`.
     """
 
-    transpose: Callable[[Grey], Grey]
-    smooth: Callable[[Grey], npt.NDArray[np.uint16]]
+    transpose: Callable[[Grey8], Grey8]
+    smooth: Callable[[Grey8], Grey16]
     sad_search: Callable[[int], SadSearch]
     patch_search: Callable[[int], PatchSearch]
 

@@ -7,14 +7,15 @@ one contrast, and what stands far out of it (dirt) is left out of the search.
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Float32s, Grey8
 from trailmark.kernels import kernel
 
 __all__ = ["LEVEL_ZERO", "half_picture", "levelled", "seven_bits", "tamed"]
 
-Grey = npt.NDArray[np.uint8]
 
 #: Level of a pixel that is as bright as its surroundings, and levels per standard deviation of the picture.
 LEVEL_ZERO = 128
@@ -36,19 +37,16 @@ _SIGMA_OVER_MEDIAN = 1.4826
 _LEAST_SIGMA = 0.5
 
 
-def half_picture(image: Grey) -> Grey:
+def half_picture(image: Grey8) -> Grey8:
     """Return the picture at half the resolution: means of 2 x 2 pixels."""
-    import cv2
-
     height, width = image.shape
     return np.asarray(cv2.resize(image, (width // 2, height // 2), interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def levelled(half: Grey) -> Grey:
+def levelled(half: Grey8) -> Grey8:
     """Return the high-passed picture at one contrast: `LEVEL_ZERO` + 30 levels per standard deviation, uint8."""
-    import cv2
 
-    def smoothed(picture: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    def smoothed(picture: Float32s) -> Float32s:
         box = (_BOX_PX, _BOX_PX)
         return np.asarray(cv2.blur(cv2.blur(picture, box), box), np.float32)
 
@@ -61,13 +59,13 @@ def levelled(half: Grey) -> Grey:
     return np.asarray(np.clip(LEVEL_ZERO + scale * difference + 0.5, 0, 255), np.uint8)
 
 
-def _robust_sigma(difference: npt.NDArray[np.float32]) -> float:
+def _robust_sigma(difference: Float32s) -> float:
     sparse = np.abs(difference[::4, ::4]).ravel()
     middle = len(sparse) // 2
     return _SIGMA_OVER_MEDIAN * float(np.partition(sparse, middle)[middle])
 
 
-def seven_bits(levels: Grey, is_levelled: bool) -> npt.NDArray[np.int8]:
+def seven_bits(levels: Grey8, is_levelled: bool) -> npt.NDArray[np.int8]:
     """Return what the search compares, int8 from 0 to 127.
 
     Parameters
@@ -81,13 +79,13 @@ def seven_bits(levels: Grey, is_levelled: bool) -> npt.NDArray[np.int8]:
     return _look_up(levels, _SEARCHED if is_levelled else _UPPER_BITS).view(np.int8)
 
 
-def tamed(levels: Grey) -> Grey:
+def tamed(levels: Grey8) -> Grey8:
     """Return what the refinement compares of a levelled picture: at most two standard deviations, dirt neutral."""
     return _look_up(levels, _REFINED)
 
 
 @kernel
-def _look_up(levels: Grey, table: Grey) -> Grey:
+def _look_up(levels: Grey8, table: Grey8) -> Grey8:
     out = np.empty(levels.shape, np.uint8)
     flat_in, flat_out = levels.reshape(-1), out.reshape(-1)
     for n in range(flat_in.size):
@@ -95,7 +93,7 @@ def _look_up(levels: Grey, table: Grey) -> Grey:
     return out
 
 
-def _table(zero: float, per_sigma: float, limit: float) -> Grey:
+def _table(zero: float, per_sigma: float, limit: float) -> Grey8:
     sigmas = (np.arange(256) - LEVEL_ZERO) / _LEVELS_PER_SIGMA
     squeezed = zero + np.clip(per_sigma * sigmas, -limit, limit)
     return np.rint(np.where(np.abs(sigmas) > _DIRT_SIGMAS, zero, squeezed)).astype(np.uint8)

@@ -12,7 +12,7 @@ from trailmark.interfaces import Localizer, Session
 from trailmark_ground_vo.config import GroundVOConfig
 from trailmark_ground_vo.motion import ground_information, pose_prev_now
 from trailmark_ground_vo.picture import PictureReader, camera_of, ground_plane
-from trailmark_ground_vo.tracker import Miss, RelativeTracker, Step
+from trailmark_ground_vo.tracker import RelativeTracker, TrackedMotion, TrackingFailure
 
 __all__ = ["GroundVO"]
 
@@ -65,7 +65,7 @@ class GroundVO(Localizer):
         step = self._tracker.step(image, frame.stamp_s)
         if step is None:
             return ()
-        if isinstance(step, Miss):
+        if isinstance(step, TrackingFailure):
             self._counts["lost"] += 1
             return (Lost(frame.stamp_s, step.reason, step.details),)
         flat_field = self._tracker.new_flat_field()
@@ -94,7 +94,7 @@ class GroundVO(Localizer):
         for stamp_s in range(3):
             tracker.step(noise, float(stamp_s))
 
-    def _motion(self, step: Step, stamp_s: float) -> Motion:
+    def _motion(self, step: TrackedMotion, stamp_s: float) -> Motion:
         camera = pose_prev_now(step.motion, self._scale)
         information = ground_information(step.information, camera, self._scale, self._mounting)
         pose = self._mounting @ camera @ self._mounting_inverse

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats, Grey8, Int64s
 from trailmark.errors import ConfigError, StoreError
 from trailmark.estimates import Belief, Estimate, Fix, Lost
 from trailmark.frames import Frame, SensorInfo
@@ -17,9 +17,9 @@ from trailmark.interfaces import Localizer, LocalizerMap, Session
 from trailmark.paths import Keyframe
 from trailmark_ground_vo.config import GroundMapConfig
 from trailmark_ground_vo.motion import ImageMotion, ground_information, pose_prev_now
-from trailmark_ground_vo.patch import Found, PatchFinder, View
+from trailmark_ground_vo.patch import PatchFinder, PatchMatch, PatchView
 from trailmark_ground_vo.picture import PictureReader, camera_of, ground_plane
-from trailmark_ground_vo.start_search import Guess, StartSearch, Verdict
+from trailmark_ground_vo.start_search import Guess, GuessVerdict, StartSearch
 
 __all__ = ["GroundMap"]
 
@@ -39,9 +39,9 @@ _SETTINGS = "settings"
 class _Places:
     """What was registered: patches and the poses of the camera and of base."""
 
-    patches: list[npt.NDArray[np.uint8]]
+    patches: list[Grey8]
     cameras: list[Pose2]
-    positions: npt.NDArray[np.float64]
+    positions: Floats
 
 
 class GroundMap(Localizer):
@@ -180,7 +180,9 @@ class GroundMap(Localizer):
         reason = f"start unknown: {n_guesses} of {search.n_places} places may be this one; drive on, or tell the start"
         return (Lost(frame.stamp_s, reason, {"guesses": float(n_guesses)}),)
 
-    def _judged(self, stamp_s: float, view: View, guess: Guess, pose_odom_base: Pose2) -> tuple[Verdict, Fix | None]:
+    def _judged(
+        self, stamp_s: float, view: PatchView, guess: Guess, pose_odom_base: Pose2
+    ) -> tuple[GuessVerdict, Fix | None]:
         """Look for all patches that the picture shows if a guess is right; with it, the fix by the nearest one."""
         pose = guess.pose_map_odom @ pose_odom_base
         camera = pose @ self._mounting
@@ -188,11 +190,11 @@ class GroundMap(Localizer):
         for place in seen:
             found = self._find(view, place, camera)
             is_there = self._the_finder().confirms(found)
-            misfits.append(1.0 - found.details["correlation"] ** 2 if is_there else 1.0)
+            misfits.append(1.0 - found.correlation**2 if is_there else 1.0)
             if is_there and fix is None:
                 fix = self._fix(stamp_s, place, found)
         n_found = sum(misfit < 1.0 for misfit in misfits)
-        return Verdict(guess, len(seen), n_found, float(np.mean(misfits)) if misfits else 1.0), fix
+        return GuessVerdict(guess, len(seen), n_found, float(np.mean(misfits)) if misfits else 1.0), fix
 
     def _in_view(self, pose_map_base: Pose2, camera: Pose2) -> list[int]:
         """Return the places whose patches the picture shows whole, the nearest first."""
@@ -215,7 +217,7 @@ class GroundMap(Localizer):
             )
         return self._start_search
 
-    def _find(self, view: View, place: int, camera: Pose2) -> Found:
+    def _find(self, view: PatchView, place: int, camera: Pose2) -> PatchMatch:
         assert self._places is not None
         self._searches += 1
         self._counts["searched"] += 1
@@ -227,7 +229,7 @@ class GroundMap(Localizer):
         content = camera.between(self._places.cameras[place])
         return ImageMotion(content.x / self._scale[0], -content.y / self._scale[1], content.theta)
 
-    def _fix(self, stamp_s: float, place: int, found: Found) -> Fix:
+    def _fix(self, stamp_s: float, place: int, found: PatchMatch) -> Fix:
         assert self._places is not None
         motion = pose_prev_now(found.motion, self._scale)
         pose = self._places.cameras[place] @ motion @ self._mounting_inverse
@@ -237,7 +239,7 @@ class GroundMap(Localizer):
         turn = Pose2(0.0, 0.0, heading).matrix()
         return Fix(stamp_s, pose, turn @ information @ turn.T, {"place": float(place), **found.details})
 
-    def _view(self, frame: Frame) -> View:
+    def _view(self, frame: Frame) -> PatchView:
         image = self._reader.read(frame)
         if self._finder is None:
             self._finder = self._new_finder((image.shape[1], image.shape[0]))
@@ -258,7 +260,7 @@ class GroundMap(Localizer):
         if self._sensor.size is None:
             self._finder = None
 
-    def _settings(self) -> dict[str, npt.NDArray[np.int64]]:
+    def _settings(self) -> dict[str, Int64s]:
         return {"high_pass": np.array([int(self.config.high_pass)]), "patch_px": np.array([self.config.patch_px])}
 
     def _load(self) -> _Places:
@@ -276,7 +278,7 @@ class GroundMap(Localizer):
         positions = np.array([[k.pose_map_base.x, k.pose_map_base.y] for k in keyframes]).reshape(-1, 2)
         return _Places(patches, cameras, positions)
 
-    def _patch(self, keyframe: Keyframe) -> npt.NDArray[np.uint8]:
+    def _patch(self, keyframe: Keyframe) -> Grey8:
         patch, side = keyframe.arrays.get("patch"), self.config.patch_px
         if patch is None or patch.shape != (side, side) or patch.dtype != np.uint8:
             found = "no patch" if patch is None else f"a patch of {patch.shape} {patch.dtype}"

@@ -11,13 +11,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.geometry import Pose2
 
 __all__ = ["ImageMotion", "combine", "ground_information", "pose_prev_now"]
-
-Matrix = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +43,7 @@ class ImageMotion:
             self.turn_rad,
         )
 
-    def array(self) -> npt.NDArray[np.float64]:
+    def array(self) -> Floats:
         """Return (u, v, turn_rad) as a (3,) array."""
         return np.array([self.u, self.v, self.turn_rad])
 
@@ -87,8 +85,8 @@ def pose_prev_now(motion: ImageMotion, metres_per_pixel: tuple[float, float]) ->
 
 
 def ground_information(
-    information: Matrix, pose_prev_now: Pose2, metres_per_pixel: tuple[float, float], pose_base_sensor: Pose2
-) -> Matrix:
+    information: Floats, pose_prev_now: Pose2, metres_per_pixel: tuple[float, float], pose_base_sensor: Pose2
+) -> Floats:
     """Return the information of base's motion (x, y, theta) from that of the picture's (u, v, turn).
 
     Parameters

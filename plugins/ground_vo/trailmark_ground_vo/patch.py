@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Bools, Floats, Grey8, Grey16, Int32s
 from trailmark.errors import ConfigError
 from trailmark_ground_vo.absolute import group_places, quadrants
 from trailmark_ground_vo.alignment import align_patch
@@ -19,12 +20,9 @@ from trailmark_ground_vo.levels import half_picture, levelled, seven_bits, tamed
 from trailmark_ground_vo.motion import ImageMotion
 from trailmark_ground_vo.search import centre_out, rotation_angles, summarise
 
-__all__ = ["Found", "PatchFinder", "View"]
+__all__ = ["PatchFinder", "PatchMatch", "PatchView"]
 
-Grey = npt.NDArray[np.uint8]
 Bits7 = npt.NDArray[np.int8]
-Flags = npt.NDArray[np.bool_]
-Matrix = npt.NDArray[np.float64]
 
 #: The picture and its patches at half the resolution of the camera.
 _HALF = 2.0
@@ -37,7 +35,7 @@ _FINE_PX = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Found:
+class PatchMatch:
     """What a search for a patch gave.
 
     Attributes
@@ -46,20 +44,38 @@ class Found:
         From the picture in which the patch was registered to this one, about the middle, in full-size pixels.
     information : (3, 3) float64
         Of (u, v, turn).
+    n_agreeing : int
+        Groups that agree, of four.
+    error_ratio : float
+        Least error over mean error of the search.
+    correlation : float
+        Of the patch with the place.
+    shift_px : float
+        How far from where it was expected [full-size px].
     reason : str
         Why it is not to be believed; empty when it is.
-    details : mapping of str to float
-        ``agreeing``: groups that agree; ``error_ratio``: least error over mean error; ``correlation``: of the patch
-        with the place; ``shift_px``: how far from where it was expected, in full-size pixels.
     """
 
     motion: ImageMotion
-    information: Matrix
-    reason: str
-    details: Mapping[str, float]
+    information: Floats
+    n_agreeing: int
+    error_ratio: float
+    correlation: float
+    shift_px: float
+    reason: str = ""
+
+    @property
+    def details(self) -> Mapping[str, float]:
+        """The figures that are recorded beside an estimate."""
+        return {
+            "agreeing": float(self.n_agreeing),
+            "error_ratio": self.error_ratio,
+            "correlation": self.correlation,
+            "shift_px": self.shift_px,
+        }
 
 
-class View:
+class PatchView:
     """A picture in the forms that the search for patches reads, made when asked for.
 
     Parameters
@@ -72,7 +88,7 @@ class View:
         The build to use.
     """
 
-    def __init__(self, levels: Grey, is_levelled: bool, kernels: Kernels) -> None:
+    def __init__(self, levels: Grey8, is_levelled: bool, kernels: Kernels) -> None:
         self.levels = levels
         self.is_levelled = is_levelled
         self._kernels = kernels
@@ -88,11 +104,11 @@ class View:
         return self._with_transpose(_halved(self.bits[0]))
 
     @cached_property
-    def smooth(self) -> npt.NDArray[np.uint16]:
+    def smooth(self) -> Grey16:
         """The smoothed picture, for the refinement."""
         return self.smoothed(self.levels)
 
-    def smoothed(self, levels: Grey) -> npt.NDArray[np.uint16]:
+    def smoothed(self, levels: Grey8) -> Grey16:
         """Return a picture of this kind, or a part of one, as the refinement compares it."""
         return self._kernels.smooth(tamed(levels) if self.is_levelled else levels)
 
@@ -140,12 +156,12 @@ class PatchFinder:
         #: Farthest shift of a patch from the middle that can be searched around [half-size px].
         self._farthest_px = min(self._size) / 2.0 - needed / 2.0
 
-    def view(self, image: Grey) -> View:
+    def view(self, image: Grey8) -> PatchView:
         """Return a full-size picture in the forms that are registered and searched."""
         half = half_picture(image)
-        return View(levelled(half) if self._config.high_pass else half, self._config.high_pass, self._kernels)
+        return PatchView(levelled(half) if self._config.high_pass else half, self._config.high_pass, self._kernels)
 
-    def register(self, view: View) -> Grey:
+    def register(self, view: PatchView) -> Grey8:
         """Return the patch in the middle of a picture, (44, 44) uint8: 1936 bytes."""
         side = self._config.patch_px
         left, top = (self._size[0] - side) // 2, (self._size[1] - side) // 2
@@ -166,16 +182,15 @@ class PatchFinder:
         """How far from the middle of the picture a patch may lie to be found for certain [full-size px]."""
         return _HALF * (self._farthest_px + self._config.search_px - self._config.weak_shift_px)
 
-    def fits(self, found: Found) -> bool:
+    def fits(self, found: PatchMatch) -> bool:
         """Return whether a patch may be where it was found, however far from where it was expected."""
-        agreeing, correlation = found.details["agreeing"], found.details["correlation"]
-        return agreeing >= self._config.min_groups and correlation >= self._config.min_correlation
+        return found.n_agreeing >= self._config.min_groups and found.correlation >= self._config.min_correlation
 
-    def confirms(self, found: Found) -> bool:
+    def confirms(self, found: PatchMatch) -> bool:
         """Return whether a patch was found, and where it was expected."""
-        return self.fits(found) and found.details["shift_px"] <= _HALF * self._config.weak_shift_px
+        return self.fits(found) and found.shift_px <= _HALF * self._config.weak_shift_px
 
-    def find(self, view: View, patch: Grey, expected: ImageMotion) -> Found:
+    def find(self, view: PatchView, patch: Grey8, expected: ImageMotion) -> PatchMatch:
         """Search for a patch around the motion that is expected since it was registered."""
         limit = self._farthest_px
         shift = [float(round(min(max(part / _HALF, -limit), limit))) for part in (expected.u, expected.v)]
@@ -189,35 +204,31 @@ class PatchFinder:
             information = np.diag([1.0 / _ROUNDING**2, 1.0 / _ROUNDING**2, 1.0 / self._step_rad**2])
         full = ImageMotion(_HALF * motion.u, _HALF * motion.v, motion.turn_rad)
         information = information / np.outer([_HALF, _HALF, 1.0], [_HALF, _HALF, 1.0])
-        details = {
-            "agreeing": float(np.count_nonzero(agreeing)),
-            "error_ratio": ratio,
-            "correlation": aligned.correlation,
-            "shift_px": math.hypot(full.u - expected.u, full.v - expected.v),
-        }
-        return Found(full, information, self._why_not(details), details)
+        shift_px = math.hypot(full.u - expected.u, full.v - expected.v)
+        found = PatchMatch(full, information, int(np.count_nonzero(agreeing)), ratio, aligned.correlation, shift_px)
+        return replace(found, reason=self._reason_rejected(found))
 
-    def _why_not(self, details: Mapping[str, float]) -> str:
-        agreeing, correlation, shift_px = (details[name] for name in ("agreeing", "correlation", "shift_px"))
-        if agreeing < self._config.min_groups:
-            return f"only {agreeing:.0f} of 4 groups agree (covered or changed ground)"
-        if agreeing < 4 and shift_px > _HALF * self._config.weak_shift_px:
-            return f"{agreeing:.0f} of 4 groups agree on a place {shift_px:.0f} px off (covered or changed ground)"
-        if correlation < self._config.min_correlation:
-            return f"correlation {correlation:.2f} is too low (covered or changed ground)"
+    def _reason_rejected(self, found: PatchMatch) -> str:
+        if found.n_agreeing < self._config.min_groups:
+            return f"only {found.n_agreeing} of 4 groups agree (covered or changed ground)"
+        if found.n_agreeing < 4 and found.shift_px > _HALF * self._config.weak_shift_px:
+            place = f"a place {found.shift_px:.0f} px off"
+            return f"{found.n_agreeing} of 4 groups agree on {place} (covered or changed ground)"
+        if found.correlation < self._config.min_correlation:
+            return f"correlation {found.correlation:.2f} is too low (covered or changed ground)"
         return ""
 
     def _search_all(
-        self, view: View, patch: Grey, shift: tuple[float, float], turn_rad: float
-    ) -> tuple[ImageMotion, Flags, float]:
+        self, view: PatchView, patch: Grey8, shift: tuple[float, float], turn_rad: float
+    ) -> tuple[ImageMotion, Bools, float]:
         """Evaluate Eq. (1) for every candidate and every group."""
         values = quadrants(seven_bits(patch, view.is_levelled))
         errors = self._errors(view.bits, values, shift, turn_rad + self._angles, self._config.search_px)
         return self._consensus(errors, shift, turn_rad + self._angles, self._config.tolerance_px)
 
     def _search_pyramid(
-        self, view: View, patch: Grey, shift: tuple[float, float], turn_rad: float
-    ) -> tuple[ImageMotion, Flags, float]:
+        self, view: PatchView, patch: Grey8, shift: tuple[float, float], turn_rad: float
+    ) -> tuple[ImageMotion, Bools, float]:
         """Decide at quarter size, with every second turn, and look closer only there."""
         bits, angles = seven_bits(patch, view.is_levelled), (turn_rad + self._angles)[::2].copy()
         half_shift = (shift[0] / 2.0, shift[1] / 2.0)
@@ -236,9 +247,9 @@ class PatchFinder:
         bits: tuple[Bits7, Bits7],
         values: Bits7,
         shift: tuple[float, float],
-        angles: npt.NDArray[np.float64],
+        angles: Floats,
         shift_px: int,
-    ) -> npt.NDArray[np.int32]:
+    ) -> Int32s:
         height, width = bits[0].shape
         side = 2 * math.isqrt(values.shape[1])
         v, u = np.asarray(np.mgrid[:side, :side] - (side - 1) / 2.0, np.float64)
@@ -249,11 +260,11 @@ class PatchFinder:
 
     def _consensus(
         self,
-        errors: npt.NDArray[np.int32],
+        errors: Int32s,
         shift: tuple[float, float],
-        angles: npt.NDArray[np.float64],
+        angles: Floats,
         tolerance_px: float,
-    ) -> tuple[ImageMotion, Flags, float]:
+    ) -> tuple[ImageMotion, Bools, float]:
         """Return where the whole patch lies, which groups agree, and least error over mean error."""
         _, n_angles, size, _ = errors.shape
         ranks = centre_out(n_angles, size)

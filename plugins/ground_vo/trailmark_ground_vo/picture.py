@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Float32s, Grey8, Grey16
 from trailmark.config import UNNAMED
 from trailmark.errors import ConfigError, ShapeError
 from trailmark.frames import Frame, GroundPlane, Image, SensorInfo
@@ -12,8 +13,6 @@ from trailmark.interfaces import Session
 from trailmark_ground_vo.filters import GAIN_ONE, flatten
 
 __all__ = ["PictureReader", "camera_of", "ground_plane"]
-
-Grey = npt.NDArray[np.uint8]
 
 
 def camera_of(session: Session, name: str) -> SensorInfo:
@@ -77,14 +76,14 @@ class PictureReader:
         self._name = sensor.name
         self._lens = plane.lens if plane.lens is not None and any(plane.lens.distortion) else None
         self._gain = None if plane.flat_field is None else _gain(plane.flat_field)
-        self._learned_gain: npt.NDArray[np.uint16] | None = None
+        self._learned_gain: Grey16 | None = None
         self._kind: tuple[tuple[int, ...], np.dtype[np.generic]] | None = None
         self._shift_bits = 0
-        self._maps: tuple[npt.NDArray[np.int16], npt.NDArray[np.uint16]] | None = None
+        self._maps: tuple[npt.NDArray[np.int16], Grey16] | None = None
         if sensor.size is not None and self._gain is not None:
             self._check_flat_field((sensor.size[1], sensor.size[0]))
 
-    def read(self, frame: Frame) -> Grey:
+    def read(self, frame: Frame) -> Grey8:
         """Return the grey picture, (H, W) uint8, C-contiguous.
 
         Raises
@@ -115,7 +114,7 @@ class PictureReader:
         """Compile what the first pictures will need."""
         flatten(np.zeros((16, 16), np.uint8), np.full((16, 16), GAIN_ONE, np.uint16))
 
-    def learn(self, flat_field: npt.NDArray[np.float32]) -> None:
+    def learn(self, flat_field: Float32s) -> None:
         """Correct with this flat field from now on, beside that of the calibration."""
         self._learned_gain = _gain(flat_field)
 
@@ -140,7 +139,7 @@ class PictureReader:
                 f" {_describe(shape)}; take the reference image with the same camera"
             )
 
-    def _grey(self, pixels: npt.NDArray[np.generic]) -> Grey:
+    def _grey(self, pixels: npt.NDArray[np.generic]) -> Grey8:
         if pixels.ndim == 3:
             import cv2
 
@@ -150,14 +149,14 @@ class PictureReader:
             return np.asarray(np.minimum(shifted, 255), np.uint8)
         return np.array(pixels, np.uint8, order="C")  # a copy: kernels are compiled for arrays that can be written
 
-    def _undistorted(self, grey: Grey) -> Grey:
+    def _undistorted(self, grey: Grey8) -> Grey8:
         import cv2
 
         assert self._maps is not None
         return np.asarray(cv2.remap(grey, *self._maps, cv2.INTER_LINEAR), np.uint8)
 
 
-def _gain(flat_field: npt.NDArray[np.float32]) -> npt.NDArray[np.uint16]:
+def _gain(flat_field: Float32s) -> Grey16:
     return np.clip(np.rint(GAIN_ONE / flat_field), 1, 2**15 - 1).astype(np.uint16)
 
 

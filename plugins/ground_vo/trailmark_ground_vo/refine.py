@@ -10,10 +10,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Float32s, Floats, Grey16
 from trailmark.kernels import float_kernel, kernel
-from trailmark_ground_vo.texture import SLOPE_U, SLOPE_V, Floats, Smooth, Texture, X, Y, residuals
+from trailmark_ground_vo.texture import SLOPE_U, SLOPE_V, Texture, X, Y, residuals
 
 __all__ = ["best_start", "mean_clipped", "refine"]
 
@@ -24,11 +24,9 @@ _STEP_RAD = 3e-5
 #: A direction with less than this share of its information left, the others known, has none: it stays as it was.
 _LEAST_SHARE = 1e-6
 
-Matrix = npt.NDArray[np.float64]
-
 
 @float_kernel
-def mean_clipped(differences: Floats, clip: float) -> float:
+def mean_clipped(differences: Float32s, clip: float) -> float:
     """Return the mean of the absolute residuals, each at most `clip`."""
     total, most = np.float32(0.0), np.float32(clip)
     for n in range(len(differences)):
@@ -38,8 +36,8 @@ def mean_clipped(differences: Floats, clip: float) -> float:
 
 @float_kernel
 def _slopes(
-    picture: Smooth, texture: Texture, centre: tuple[float, float], motion: tuple[float, float, float], aspect: float
-) -> tuple[Floats, Floats]:
+    picture: Grey16, texture: Texture, centre: tuple[float, float], motion: tuple[float, float, float], aspect: float
+) -> tuple[Float32s, Float32s]:
     """Return the mean of the remembered slopes, turned along, and those of the picture at every pixel."""
     height, width = picture.shape
     pixels = picture.reshape(-1)
@@ -69,13 +67,13 @@ def _slopes(
 @float_kernel
 def _normal_equations(
     texture: Texture,
-    differences: Floats,
-    slopes: tuple[Floats, Floats],
+    differences: Float32s,
+    slopes: tuple[Float32s, Float32s],
     centre: tuple[float, float],
     turn_rad: float,
     aspect: float,
     huber: float,
-) -> tuple[Matrix, npt.NDArray[np.float64]]:
+) -> tuple[Floats, Floats]:
     """Return A and b of the weighted least squares A step = b, (3, 3) and (3,) float64."""
     cos = np.float32(math.cos(turn_rad))
     across, down = np.float32(math.sin(turn_rad) * aspect), np.float32(math.sin(turn_rad) / aspect)
@@ -109,7 +107,7 @@ def _normal_equations(
 
 
 @kernel
-def _solve(a: Matrix, b: npt.NDArray[np.float64]) -> tuple[float, float, float]:
+def _solve(a: Floats, b: Floats) -> tuple[float, float, float]:
     """Return the solution of a symmetric (3, 3) system; what the system does not determine is left at zero."""
     d_0 = a[0, 0]
     i_0 = 1.0 / d_0 if d_0 > 0.0 else 0.0  # inverse pivots, zero where there is nothing left to divide by
@@ -128,14 +126,14 @@ def _solve(a: Matrix, b: npt.NDArray[np.float64]) -> tuple[float, float, float]:
 
 @kernel
 def refine(
-    picture: Smooth,
+    picture: Grey16,
     texture: Texture,
     centre: tuple[float, float],
     start: tuple[float, float, float],
     aspect: float,
     huber: float,
     max_iterations: int,
-) -> tuple[tuple[float, float, float], Matrix, int]:
+) -> tuple[tuple[float, float, float], Floats, int]:
     """Return the motion that makes the pixels look as remembered.
 
     Parameters
@@ -182,7 +180,7 @@ def refine(
 
 @float_kernel
 def best_start(
-    picture: Smooth, texture: Texture, centre: tuple[float, float], starts: Matrix, aspect: float, clip: float
+    picture: Grey16, texture: Texture, centre: tuple[float, float], starts: Floats, aspect: float, clip: float
 ) -> int:
     """Return which of the motions in `starts`, (M, 3), leaves the least clipped residual."""
     best, least = 0, math.inf

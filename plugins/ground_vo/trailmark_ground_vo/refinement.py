@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Float32s, Floats, Grey16
 from trailmark_ground_vo.config import GroundVOConfig
 from trailmark_ground_vo.extremes import Area
 from trailmark_ground_vo.filters import SMOOTH_SCALE
@@ -18,8 +18,6 @@ from trailmark_ground_vo.refine import best_start, mean_clipped, refine
 from trailmark_ground_vo.texture import Texture, advance_texture, residuals, select_texture
 
 __all__ = ["Aligned", "Refinement"]
-
-Words = npt.NDArray[np.uint16]
 
 #: Residuals are clipped here when costs are compared: a pixel that is covered says no more than that.
 _CLIP = 30.0 * SMOOTH_SCALE
@@ -41,13 +39,19 @@ class Aligned:
         About the middle of the picture.
     information : (3, 3) float64
         Of (u, v, turn) against the remembered pixels.
-    details : mapping of str to float
-        ``residual``: mean absolute residual [grey levels]; ``iterations``; ``replaced``: share of replaced pixels.
+    residual : float
+        Mean absolute residual [grey levels].
+    iterations : int
+        Steps taken.
+    replaced : float
+        Share of the remembered pixels that were replaced.
     """
 
     motion: ImageMotion
-    information: npt.NDArray[np.float64]
-    details: Mapping[str, float]
+    information: Floats
+    residual: float
+    iterations: int
+    replaced: float
 
 
 class Refinement:
@@ -62,11 +66,11 @@ class Refinement:
         self._learner = FlatFieldLearner(size, aspect) if config.learn_flat_field else None
         self._texture: Texture
 
-    def begin(self, picture: Words) -> None:
+    def begin(self, picture: Grey16) -> None:
         """Choose the pixels in a picture, smoothed (see `filters.smooth`)."""
         self._texture = select_texture(picture, self._area, self._config.n_segments, self._config.line_step_px)
 
-    def align(self, picture: Words, starts: Sequence[ImageMotion]) -> Aligned:
+    def align(self, picture: Grey16, starts: Sequence[ImageMotion]) -> Aligned:
         """Return the refined motion, at least as good as the best start, and move along with it."""
         texture = self._texture
         candidates = np.array([start.array() for start in starts])
@@ -86,22 +90,19 @@ class Refinement:
         if self._learner is not None:
             self._learner.add(texture, after, motion)
         replaced = self._advance(picture, after, motion)
-        sigma = _SIGMA_OVER_MEAN * max(1.0, mean_clipped(after, _CLIP))
-        details = {
-            "residual": mean_clipped(after, _CLIP) / SMOOTH_SCALE,
-            "iterations": float(iterations),
-            "replaced": replaced,
-        }
-        return Aligned(ImageMotion(*motion), curvature / (sigma * sigma), details)
+        residual = mean_clipped(after, _CLIP)
+        sigma = _SIGMA_OVER_MEAN * max(1.0, residual)
+        information = curvature / (sigma * sigma)
+        return Aligned(ImageMotion(*motion), information, residual / SMOOTH_SCALE, iterations, replaced)
 
-    def new_flat_field(self) -> npt.NDArray[np.float32] | None:
+    def new_flat_field(self) -> Float32s | None:
         """Return the flat field that was learned, (H, W) relative to its mean, when there is a new one."""
         return None if self._learner is None else self._learner.news()
 
     def _advance(
         self,
-        picture: Words,
-        differences: npt.NDArray[np.float32],
+        picture: Grey16,
+        differences: Float32s,
         motion: tuple[float, float, float],
     ) -> float:
         config = self._config

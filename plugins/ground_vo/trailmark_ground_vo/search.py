@@ -12,37 +12,34 @@ from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats, Grey8, Int32s, Int64s
 from trailmark.kernels import kernel
 from trailmark_ground_vo.vector import CHUNK, add_window, padded_columns, padded_rows
 
 __all__ = ["centre_out", "places", "reach", "rotation_angles", "sad_search", "sad_search_plain", "summarise"]
 
-Grey = npt.NDArray[np.uint8]
-Places = npt.NDArray[np.int64]
-Errors = npt.NDArray[np.int32]
-SadSearch = Callable[[Grey, Grey, Places, Grey], Errors]
+SadSearch = Callable[[Grey8, Grey8, Int64s, Grey8], Int32s]
 
 #: Rows of the picture that share the first-level cache well: pixels are visited in bands of this height.
 _BAND_PX = 16
 
 
-def rotation_angles(steps: int, step_rad: float) -> npt.NDArray[np.float64]:
+def rotation_angles(steps: int, step_rad: float) -> Floats:
     """Return the angles of the search, (2 steps + 1,) from -steps to +steps [rad]."""
     return np.asarray(np.arange(-steps, steps + 1) * step_rad, np.float64)
 
 
 @kernel
 def places(
-    x: npt.NDArray[np.float64],
-    y: npt.NDArray[np.float64],
+    x: Floats,
+    y: Floats,
     centre: tuple[float, float],
     shift: tuple[float, float],
-    angles: npt.NDArray[np.float64],
+    angles: Floats,
     aspect: float,
     limits: tuple[int, int, int, int],
-) -> Places:
+) -> Int64s:
     """Return where the pixels of a group fall for every turn: the bracket of Eq. (1), without i and j.
 
     Parameters
@@ -80,7 +77,7 @@ def places(
 
 
 @kernel
-def _in_bands(v: Places) -> Places:
+def _in_bands(v: Int64s) -> Int64s:
     """Return the order of the pixels by bands of rows (a counting sort)."""
     last = 0
     for n in range(len(v)):
@@ -114,7 +111,7 @@ def sad_search(search_px: int) -> SadSearch:
     columns, rows = padded_columns(size), max(1, padded_rows(size))
 
     @kernel
-    def search(image: Grey, image_t: Grey, spots: Places, values: Grey) -> Errors:
+    def search(image: Grey8, image_t: Grey8, spots: Int64s, values: Grey8) -> Int32s:
         height, width = image.shape
         _, n_angles, n_pixels = spots.shape
         errors = np.empty((n_angles, size, size), np.int32)
@@ -150,7 +147,7 @@ def sad_search_plain(search_px: int) -> SadSearch:
     size = 2 * search_px + 1
 
     @kernel
-    def search(image: Grey, image_t: Grey, spots: Places, values: Grey) -> Errors:
+    def search(image: Grey8, image_t: Grey8, spots: Int64s, values: Grey8) -> Int32s:
         _, n_angles, n_pixels = spots.shape
         errors = np.zeros((n_angles, size, size), np.int32)
         for k in range(n_angles):
@@ -173,7 +170,7 @@ def reach(search_px: int) -> int:
 
 
 @lru_cache
-def centre_out(n_angles: int, size: int) -> npt.NDArray[np.int32]:
+def centre_out(n_angles: int, size: int) -> Int32s:
     """Return the rank of every candidate, (K, J, I) int32: small turns first, then small shifts.
 
     The paper does not say which of equal minima wins; a robot that stands still must not be told to move.
@@ -186,7 +183,7 @@ def centre_out(n_angles: int, size: int) -> npt.NDArray[np.int32]:
 
 
 @kernel
-def summarise(errors: Errors, ranks: npt.NDArray[np.int32]) -> tuple[int, int, int, int, float]:
+def summarise(errors: Int32s, ranks: Int32s) -> tuple[int, int, int, int, float]:
     """Return the indices (k, j, i) of the minimum of E, Eq. (2), the minimum and the mean of E.
 
     Of equal minima the one of lowest rank wins.

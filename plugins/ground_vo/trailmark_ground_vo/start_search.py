@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 from trailmark.geometry import Pose2
 
-__all__ = ["Guess", "StartSearch", "Verdict"]
+__all__ = ["Guess", "GuessVerdict", "StartSearch"]
 
 #: Guesses nearer to one another than this are one: two patches that the same picture shows [m].
 _SAME_M = 0.02
@@ -28,8 +28,6 @@ class Guess:
     ----------
     pose_map_odom : Pose2
         Where odometry's origin then lies: it stays the same while the robot drives.
-    n_missed : int
-        Pictures in a row that showed its ground, but not as taught.
     since_m : float
         Way that the robot had driven when the guess was made [m].
     n_missed : int
@@ -45,7 +43,7 @@ class Guess:
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class GuessVerdict:
     """How well a guess fits to a picture.
 
     Attributes
@@ -118,7 +116,7 @@ class StartSearch:
         if len(here) < _MOST and all(pose.distance_to(pose_map_base) > _SAME_M for pose in here):
             self.guesses.append(Guess(pose_map_base @ pose_odom_base.inverse(), travelled_m))
 
-    def judge(self, verdicts: Sequence[Verdict], travelled_m: float) -> Guess | None:
+    def judge(self, verdicts: Sequence[GuessVerdict], travelled_m: float) -> Guess | None:
         """Return the guess that is beyond doubt; forget those that failed too often, start anew when none is left."""
         for verdict in verdicts:
             if verdict.n_seen > 0:

@@ -13,8 +13,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Bools, Float32s, Grey16
 from trailmark.kernels import float_kernel, kernel
 from trailmark_ground_vo.extremes import Area
 
@@ -40,23 +40,21 @@ X, Y, VALUE, SLOPE_U, SLOPE_V, AGE, SEEN_X, SEEN_Y = range(8)
 #: How far to both sides a pixel that jumped looks for a free cell [px].
 _REACH_PX = 16
 
-Smooth = npt.NDArray[np.uint16]
-Floats = npt.NDArray[np.float32]
 
 #: Remembered pixels, (8, N) float32, a row for each of the names above. Pixel n is steep along u when n is even, and
 #: stays so when it jumps.
-Texture = npt.NDArray[np.float32]
+Texture = Float32s
 
 
 @kernel
-def _slope(picture: Smooth, u: int, v: int, along_u: bool) -> np.int32:
+def _slope(picture: Grey16, u: int, v: int, along_u: bool) -> np.int32:
     if along_u:  # signed, or numba would wrap below zero
         return np.int32(picture[v, u + 1]) - np.int32(picture[v, u - 1])
     return np.int32(picture[v + 1, u]) - np.int32(picture[v - 1, u])
 
 
 @kernel
-def _steepest_in_column(picture: Smooth, u: int, top: int, bottom: int, along_u: bool) -> int:
+def _steepest_in_column(picture: Grey16, u: int, top: int, bottom: int, along_u: bool) -> int:
     best, steepest = top, np.int32(-1)
     for v in range(top, bottom):
         slope = abs(_slope(picture, u, v, along_u))
@@ -66,7 +64,7 @@ def _steepest_in_column(picture: Smooth, u: int, top: int, bottom: int, along_u:
 
 
 @kernel
-def _put(texture: Texture, n: int, picture: Smooth, u: int, v: int) -> None:
+def _put(texture: Texture, n: int, picture: Grey16, u: int, v: int) -> None:
     texture[X, n], texture[Y, n], texture[VALUE, n] = u, v, picture[v, u]
     texture[SLOPE_U, n] = 0.5 * _slope(picture, u, v, True)
     texture[SLOPE_V, n] = 0.5 * _slope(picture, u, v, False)
@@ -74,7 +72,7 @@ def _put(texture: Texture, n: int, picture: Smooth, u: int, v: int) -> None:
 
 
 @kernel
-def select_texture(picture: Smooth, area: Area, n_segments: int, step_px: int) -> Texture:
+def select_texture(picture: Grey16, area: Area, n_segments: int, step_px: int) -> Texture:
     """Return the initial pixels: of every `step_px`-th line and each of its segments the steepest along u and v."""
     left, top, right, bottom = area
     height = (bottom - top) // n_segments
@@ -87,9 +85,7 @@ def select_texture(picture: Smooth, area: Area, n_segments: int, step_px: int) -
 
 
 @kernel
-def _free_cell(
-    taken: npt.NDArray[np.bool_], u: int, segment: int, n_tried: int, left: int, right: int
-) -> tuple[int, int]:
+def _free_cell(taken: Bools, u: int, segment: int, n_tried: int, left: int, right: int) -> tuple[int, int]:
     """Return column and segment of the free cell nearest to a column, own segment first; or where it was."""
     n_segments, n_lines = taken.shape
     for distance in range(_REACH_PX + 1):
@@ -123,8 +119,8 @@ def _new_rows(v: int, segment: int, n_segments: int, top: int, bottom: int) -> t
 
 @float_kernel
 def residuals(
-    picture: Smooth, texture: Texture, centre: tuple[float, float], motion: tuple[float, float, float], aspect: float
-) -> Floats:
+    picture: Grey16, texture: Texture, centre: tuple[float, float], motion: tuple[float, float, float], aspect: float
+) -> Float32s:
     """Return picture minus remembered value at every pixel after a motion (bilinear), (N,) float32.
 
     Coordinates beyond the edge of the picture are moved inside.
@@ -158,7 +154,7 @@ def residuals(
 @float_kernel
 def _carried(
     texture: Texture,
-    differences: Floats,
+    differences: Float32s,
     centre: tuple[float, float],
     motion: tuple[float, float, float],
     aspect: float,
@@ -189,9 +185,9 @@ def _carried(
 
 @kernel
 def advance_texture(
-    picture: Smooth,
+    picture: Grey16,
     texture: Texture,
-    differences: Floats,
+    differences: Float32s,
     area: Area,
     n_segments: int,
     centre: tuple[float, float],

@@ -11,13 +11,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats, Int32s
 from trailmark.kernels import kernel
 
 __all__ = ["drift_information", "response_covariance", "whole_pixel_information"]
 
-Matrix = npt.NDArray[np.float64]
 
 #: Variance of rounding to whole pixels.
 ROUNDING_PX2 = 1.0 / 12.0
@@ -27,7 +26,7 @@ _FLOOR = 1e-3
 
 
 @kernel
-def response_covariance(errors: npt.NDArray[np.int32], best: int, n_pixels: int) -> Matrix:
+def response_covariance(errors: Int32s, best: int, n_pixels: int) -> Floats:
     """Return the covariance of the shift (u, v) that a search found, (2, 2) [px^2].
 
     Every candidate counts with exp(-(E - E_min) / T) (after Singh & Allen). The sum of N differences scatters by about
@@ -66,7 +65,7 @@ def response_covariance(errors: npt.NDArray[np.int32], best: int, n_pixels: int)
     return out
 
 
-def whole_pixel_information(first: Matrix, second: Matrix, distance_px: float, aspect: float) -> Matrix:
+def whole_pixel_information(first: Floats, second: Floats, distance_px: float, aspect: float) -> Floats:
     """Return the information of (u, v, turn) of Eq. (3) from the covariances of two shifts, (3, 3)."""
     lever = 1.0 / (distance_px * aspect)  # turn = lever (u_1 - u_2), shift = (shift_1 + shift_2) / 2
     both, apart = (first + second) / 4.0, (first - second) * (lever / 2.0)
@@ -80,7 +79,7 @@ def whole_pixel_information(first: Matrix, second: Matrix, distance_px: float, a
     return np.asarray((inverse + inverse.T) / 2.0)
 
 
-def drift_information(alignment: Matrix, replaced: float, growth: float) -> Matrix:
+def drift_information(alignment: Floats, replaced: float, growth: float) -> Floats:
     """Return the information of what one motion adds to the way, from that of its alignment.
 
     Parameters

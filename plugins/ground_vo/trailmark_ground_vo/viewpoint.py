@@ -5,21 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats, Grey8, Grey16, Indices, Int32s
 from trailmark_ground_vo.extremes import Area, Group, advance, select
 from trailmark_ground_vo.kernels import Kernels
 from trailmark_ground_vo.motion import ImageMotion
-from trailmark_ground_vo.search import Errors, centre_out, places, reach, rotation_angles, summarise
+from trailmark_ground_vo.search import centre_out, places, reach, rotation_angles, summarise
 from trailmark_ground_vo.uncertainty import response_covariance
 
-__all__ = ["Match", "Picture", "SearchRange", "Viewpoint"]
-
-Grey = npt.NDArray[np.uint8]
+__all__ = ["GroupMatch", "SearchPicture", "SearchRange", "Viewpoint"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Picture:
+class SearchPicture:
     """A picture in the forms that the search reads.
 
     Attributes
@@ -34,11 +32,11 @@ class Picture:
         Standard deviation of its noise before it was smoothed, where `image` is smoothed [grey levels].
     """
 
-    image: Grey
-    image_t: Grey
-    half: Grey | None = None
-    half_t: Grey | None = None
-    smoothed: npt.NDArray[np.uint16] | None = None
+    image: Grey8
+    image_t: Grey8
+    half: Grey8 | None = None
+    half_t: Grey8 | None = None
+    smoothed: Grey16 | None = None
     noise: float | None = None
 
 
@@ -52,7 +50,7 @@ class SearchRange:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Match:
+class GroupMatch:
     """Where a group was found.
 
     Attributes
@@ -68,7 +66,7 @@ class Match:
     motion: ImageMotion
     error: float
     mean_error: float
-    covariance: npt.NDArray[np.float64]
+    covariance: Floats
 
     @property
     def ratio(self) -> float:
@@ -88,22 +86,22 @@ class Viewpoint:
         self._aspect = aspect
         self._kernels = kernels
         self._group: Group
-        self._half_values: Grey
+        self._half_values: Grey8
 
-    def begin(self, picture: Picture, n_pixels: int) -> None:
+    def begin(self, picture: SearchPicture, n_pixels: int) -> None:
         """Choose the reference pixels in a picture."""
         self._group = Group(*select(picture.image, self.area, n_pixels))
         if picture.half is not None:
             rows, columns = _halved(self._group.y, picture.half, 0), _halved(self._group.x, picture.half, 1)
             self._half_values = picture.half[rows, columns]
 
-    def find(self, picture: Picture, shift: tuple[float, float]) -> Match:
+    def find(self, picture: SearchPicture, shift: tuple[float, float]) -> GroupMatch:
         """Search all candidates around a predicted shift, Eqs. (1) and (2)."""
         values, angles = self._group.values, self._angles
         errors = self._errors(picture.image, picture.image_t, values, shift, angles, self._shift_px, 1)
         return self._match(errors, shift, angles)
 
-    def find_in_pyramid(self, picture: Picture, shift: tuple[float, float]) -> Match:
+    def find_in_pyramid(self, picture: SearchPicture, shift: tuple[float, float]) -> GroupMatch:
         """Search at half resolution with every second turn, then finely around what was found."""
         assert picture.half is not None
         assert picture.half_t is not None
@@ -115,7 +113,7 @@ class Viewpoint:
         fine = self._errors(picture.image, picture.image_t, self._group.values, near, around, 2, 1)
         return self._match(fine, near, around, mean)
 
-    def advance(self, picture: Picture, motion: ImageMotion, grid: float) -> float:
+    def advance(self, picture: SearchPicture, motion: ImageMotion, grid: float) -> float:
         """Move the group with the picture; returns the share of pixels that jumped."""
         moved = (motion.u, motion.v, motion.turn_rad)
         x, y, values, fresh = advance(picture.image, *self._group, self.area, self.centre, moved, self._aspect, grid)
@@ -127,14 +125,14 @@ class Viewpoint:
 
     def _errors(
         self,
-        image: Grey,
-        image_t: Grey,
-        values: Grey,
+        image: Grey8,
+        image_t: Grey8,
+        values: Grey8,
         shift: tuple[float, float],
-        angles: npt.NDArray[np.float64],
+        angles: Floats,
         shift_px: int,
         scale: int,
-    ) -> Errors:
+    ) -> Int32s:
         height, width = image.shape
         limits = (shift_px, width - 1 - reach(shift_px), shift_px, height - 1 - reach(shift_px))
         x, y, centre = self._group.x, self._group.y, self.centre
@@ -145,15 +143,15 @@ class Viewpoint:
         return self._kernels.sad_search(shift_px)(image, image_t, spots, values)
 
     def _match(
-        self, errors: Errors, shift: tuple[float, float], angles: npt.NDArray[np.float64], mean: float | None = None
-    ) -> Match:
+        self, errors: Int32s, shift: tuple[float, float], angles: Floats, mean: float | None = None
+    ) -> GroupMatch:
         n_pixels, shift_px = len(self._group.values), errors.shape[1] // 2
         k, j, i, best, own_mean = summarise(errors, centre_out(errors.shape[0], errors.shape[1]))
         motion = ImageMotion(shift[0] + i - shift_px, shift[1] + j - shift_px, float(angles[k]))
         covariance = response_covariance(errors, best, n_pixels)
-        return Match(motion, best / n_pixels, (own_mean if mean is None else mean) / n_pixels, covariance)
+        return GroupMatch(motion, best / n_pixels, (own_mean if mean is None else mean) / n_pixels, covariance)
 
 
-def _halved(coordinates: npt.NDArray[np.float64], half: Grey, axis: int) -> npt.NDArray[np.intp]:
+def _halved(coordinates: Floats, half: Grey8, axis: int) -> Indices:
     nearest = np.floor(coordinates / 2.0 + 0.25).astype(np.intp)  # (x - 0.5) / 2, rounded
     return np.clip(nearest, 0, half.shape[axis] - 1)

@@ -1,0 +1,55 @@
+"""Where in the picture reference pixels are tracked, and which shifts are searched when nothing is known."""
+
+from __future__ import annotations
+
+import math
+from itertools import product
+
+import numpy as np
+
+from trailmark.errors import ConfigError
+from trailmark_ground_vo.config import GroundVOConfig
+from trailmark_ground_vo.extremes import Area
+
+__all__ = ["tracking_areas", "wide_shifts"]
+
+#: The picture that the paper's figures are for: height less its rim, and D with and without overlapping areas.
+_PAPER_ROWS, _PAPER_DISTANCE, _DISJOINT_DISTANCE = 352, 128, 192
+
+
+def tracking_areas(config: GroundVOConfig, size: tuple[int, int]) -> tuple[tuple[Area, Area], int]:
+    """Return the two tracking areas, the lower one first, and D, the distance of their centres [px].
+
+    Raises
+    ------
+    ConfigError
+        If the picture is too small for them, or the rim too narrow for the search.
+    """
+    width, height = size
+    margin, rows = config.margin_px, height - 2 * config.margin_px
+    paper_px = _PAPER_DISTANCE if config.mode == "paper" else _DISJOINT_DISTANCE
+    distance_px = config.centre_distance_px or round(rows * paper_px / _PAPER_ROWS)
+    high = rows - distance_px
+    if width - 2 * margin < 32 or high < 16:
+        raise ConfigError(
+            f"pictures of {width} x {height} are too small for a rim of {margin} px (margin_px) and viewpoints"
+            f" {distance_px} px apart (centre_distance_px): each tracking area needs 32 x 16 px"
+        )
+    turned_px = math.radians(config.rotation_steps * config.rotation_step_deg) * (width / 2 - margin)
+    needed = math.ceil(config.max_shift_px + config.search_px + turned_px)
+    if margin < needed:
+        raise ConfigError(
+            f"margin_px is {margin}, but shifts of {config.max_shift_px} + {config.search_px} px and turns of"
+            f" {config.rotation_steps} x {config.rotation_step_deg:.3g} deg reach {needed} px"
+        )
+    upper: Area = (margin, margin, width - margin, margin + high)
+    lower: Area = (margin, margin + distance_px, width - margin, margin + distance_px + high)
+    return (lower, upper), distance_px
+
+
+def wide_shifts(config: GroundVOConfig) -> list[tuple[float, float]]:
+    """Return predictions whose searches together cover all shifts, the small ones first."""
+    limit = config.max_shift_px
+    count = math.ceil(limit / config.search_px) + 1
+    along = [float(round(shift)) for shift in np.linspace(-limit, limit, count)]
+    return sorted(product(along, along), key=lambda shift: shift[0] ** 2 + shift[1] ** 2)

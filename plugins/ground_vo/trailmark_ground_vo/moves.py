@@ -1,0 +1,230 @@
+"""What is done with matches: each group moves by its own, or both like one rigid body, refined.
+
+A strategy prepares the picture in the forms that its search reads, searches for a group, and moves what is remembered.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from trailmark.arrays import Float32s, Floats, Grey8
+from trailmark_ground_vo.config import GroundVOConfig
+from trailmark_ground_vo.filters import levels_of, noise_level
+from trailmark_ground_vo.judging import MatchPair
+from trailmark_ground_vo.kernels import Kernels
+from trailmark_ground_vo.levels import half_picture
+from trailmark_ground_vo.motion import ImageMotion, combine
+from trailmark_ground_vo.refinement import Refinement
+from trailmark_ground_vo.uncertainty import drift_information, whole_pixel_information
+from trailmark_ground_vo.viewpoint import GroupMatch, SearchPicture, Viewpoint
+
+__all__ = ["GroupMove", "MoveStrategy", "PyramidMove", "RefinedMove", "TwoViews", "WholePixelMove"]
+
+#: Bits after the point of the paper's coordinates: 9.7 fixed point.
+_PAPER_GRID = 128.0
+
+#: Drift variance per replacement of all pixels over that of one alignment, measured on ten floors (see README.md).
+_GROWTH_WHOLE_PIXELS, _GROWTH_REFINED = 0.15, 2.5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GroupMove:
+    """How the content of a picture moved, and what was remembered with it.
+
+    Attributes
+    ----------
+    motion : ImageMotion
+        Of the content, about the middle of the picture.
+    lower, upper : ImageMotion
+        Of each group, about the centre of its area.
+    information : (3, 3) float64
+        Of (u, v, turn) of `motion` [1/px^2, 1/px^2, 1/rad^2 on the diagonal].
+    replaced : float
+        Share of the pixels that were replaced.
+    residual : float or None
+        Mean absolute residual of the refinement [grey levels].
+    iterations : int or None
+        Steps of the refinement.
+    """
+
+    motion: ImageMotion
+    lower: ImageMotion
+    upper: ImageMotion
+    information: Floats
+    replaced: float
+    residual: float | None = None
+    iterations: int | None = None
+
+    @property
+    def details(self) -> Mapping[str, float]:
+        """The figures that are recorded beside an estimate."""
+        refined = {"residual": self.residual, "iterations": self.iterations}
+        known = {name: float(value) for name, value in refined.items() if value is not None}
+        return known | {"replaced": self.replaced}
+
+
+@dataclass(frozen=True, slots=True)
+class TwoViews:
+    """The two viewpoints of Eq. (3).
+
+    Attributes
+    ----------
+    lower, upper : Viewpoint
+        Tracking areas with their groups.
+    distance_px : float
+        D, the distance of their centres [px].
+    aspect : float
+        Metres per pixel along v over those along u.
+    """
+
+    lower: Viewpoint
+    upper: Viewpoint
+    distance_px: float
+    aspect: float
+
+    def begin(self, picture: SearchPicture, n_pixels: int) -> None:
+        """Choose the reference pixels of both groups in a picture."""
+        self.lower.begin(picture, n_pixels)
+        self.upper.begin(picture, n_pixels)
+
+    def advance(self, picture: SearchPicture, lower: ImageMotion, upper: ImageMotion, grid: float) -> float:
+        """Move both groups with the picture; returns the mean share of pixels that jumped."""
+        jumped = self.lower.advance(picture, lower, grid), self.upper.advance(picture, upper, grid)
+        return sum(jumped) / 2
+
+    def combine(self, matches: MatchPair) -> ImageMotion:
+        """Return the motion about the middle of both, Eq. (3)."""
+        first, second = ((match.motion.u, match.motion.v) for match in matches)
+        return combine(first, second, self.distance_px, self.aspect)
+
+
+class MoveStrategy(ABC):
+    """One way from a picture and its matches to a motion.
+
+    Parameters
+    ----------
+    config : GroundVOConfig
+        Parameters of the paper, and of what was added.
+    views : TwoViews
+        The viewpoints; the strategy moves them.
+    kernels : Kernels
+        The build to use.
+    """
+
+    def __init__(self, config: GroundVOConfig, views: TwoViews, kernels: Kernels) -> None:
+        self._config = config
+        self._views = views
+        self._kernels = kernels
+
+    @abstractmethod
+    def prepare(self, image: Grey8) -> SearchPicture:
+        """Return a picture in the forms that search and move read."""
+
+    @abstractmethod
+    def move(self, picture: SearchPicture, matches: MatchPair) -> GroupMove:
+        """Return the motion that the matches tell, and move what is remembered with it."""
+
+    def begin(self, picture: SearchPicture) -> None:
+        """Choose what is remembered in a picture."""
+        self._views.begin(picture, self._config.n_pixels)
+
+    def find(self, viewpoint: Viewpoint, picture: SearchPicture, shift: tuple[float, float]) -> GroupMatch:
+        """Search for a group around a predicted shift."""
+        return viewpoint.find(picture, shift)
+
+    def new_flat_field(self) -> Float32s | None:
+        """Return the flat field that was learned, (H, W) relative to its mean, when there is a new one."""
+        return None
+
+    def on_flat_field(self) -> None:  # noqa: B027 - most strategies do not ask how even the light is
+        """Take the light for even from now on."""
+
+
+class WholePixelMove(MoveStrategy):
+    """Moves each group by its own match, as the paper does."""
+
+    def prepare(self, image: Grey8) -> SearchPicture:
+        """Return the picture and its transpose."""
+        return SearchPicture(image, self._kernels.transpose(image))
+
+    def move(self, picture: SearchPicture, matches: MatchPair) -> GroupMove:
+        """Return Eq. (3), and move each group by its own match."""
+        grid = _PAPER_GRID if self._config.mode == "paper" else 0.0
+        lower, upper = matches
+        replaced = self._views.advance(picture, lower.motion, upper.motion, grid)
+        alignment = whole_pixel_information(
+            lower.covariance, upper.covariance, self._views.distance_px, self._views.aspect
+        )
+        information = drift_information(alignment, replaced, _GROWTH_WHOLE_PIXELS)
+        return GroupMove(self._views.combine(matches), lower.motion, upper.motion, information, replaced)
+
+
+class PyramidMove(WholePixelMove):
+    """The same, searched at half resolution first."""
+
+    def prepare(self, image: Grey8) -> SearchPicture:
+        """Return the picture and its half, with their transposes."""
+        half = half_picture(image)
+        return SearchPicture(image, self._kernels.transpose(image), half, self._kernels.transpose(half))
+
+    def find(self, viewpoint: Viewpoint, picture: SearchPicture, shift: tuple[float, float]) -> GroupMatch:
+        """Search at half resolution with every second turn, then finely around what was found."""
+        return viewpoint.find_in_pyramid(picture, shift)
+
+
+class RefinedMove(MoveStrategy):
+    """Refines the matches and moves both groups like one rigid body.
+
+    Parameters
+    ----------
+    config, views, kernels
+        As in `MoveStrategy`.
+    size : (int, int)
+        Width and height of the pictures [px].
+    """
+
+    def __init__(self, config: GroundVOConfig, views: TwoViews, kernels: Kernels, size: tuple[int, int]) -> None:
+        super().__init__(config, views, kernels)
+        self._refinement = Refinement(config, size, views.aspect)
+        self._middle_v = (size[1] - 1) / 2.0
+        self._is_smooth = bool(config.smooth_search)
+
+    def prepare(self, image: Grey8) -> SearchPicture:
+        """Return the picture smoothed, and what is searched: the same once the light is even, else as it is."""
+        smoothed, noise = self._kernels.smooth(image), None
+        if self._is_smooth:
+            image, noise = levels_of(smoothed), noise_level(image)
+        return SearchPicture(image, self._kernels.transpose(image), smoothed=smoothed, noise=noise)
+
+    def begin(self, picture: SearchPicture) -> None:
+        """Choose the pixels of the groups and of the refinement."""
+        super().begin(picture)
+        assert picture.smoothed is not None
+        self._refinement.begin(picture.smoothed)
+
+    def move(self, picture: SearchPicture, matches: MatchPair) -> GroupMove:
+        """Refine Eq. (3) and move both groups by what came out."""
+        assert picture.smoothed is not None
+        found = self._views.combine(matches)
+        mean_turn = (matches[0].motion.turn_rad + matches[1].motion.turn_rad) / 2
+        starts = [found, ImageMotion(found.u, found.v, mean_turn), ImageMotion(found.u, found.v, 0.0)]
+        aligned = self._refinement.align(picture.smoothed, starts)
+        lower, upper = (
+            aligned.motion.about(0.0, viewpoint.centre[1] - self._middle_v, self._views.aspect)
+            for viewpoint in (self._views.lower, self._views.upper)
+        )
+        self._views.advance(picture, lower, upper, 0.0)
+        information = drift_information(aligned.information, aligned.replaced, _GROWTH_REFINED)
+        return GroupMove(
+            aligned.motion, lower, upper, information, aligned.replaced, aligned.residual, aligned.iterations
+        )
+
+    def new_flat_field(self) -> Float32s | None:
+        """Return the flat field that the refinement has learned, when there is a new one."""
+        return self._refinement.new_flat_field()
+
+    def on_flat_field(self) -> None:
+        """Search on the smoothed picture from now on, unless the config forbids it."""
+        self._is_smooth = self._config.smooth_search is not False
