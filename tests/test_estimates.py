@@ -22,6 +22,7 @@ from trailmark.estimates import (
     information_along,
     information_from_covariance,
     information_from_sigmas,
+    range_fix,
 )
 from trailmark.geometry import Pose2, Twist2
 
@@ -142,3 +143,70 @@ def test_a_belief_starts_with_nothing_known() -> None:
 
 def test_an_applied_estimate_needs_no_more_than_its_status() -> None:
     assert Applied("accepted") == Applied("accepted", "", None, None)
+
+
+class TestRangeFix:
+    """A distance to a beacon, linearised at the belief."""
+
+    def test_worked_by_hand(self) -> None:
+        belief = Belief(2.5, Pose2(3.0, 4.0, 0.3), np.zeros((3, 3)))
+
+        fix = range_fix(belief, (0.0, 0.0), 5.5, 0.1)
+
+        assert isinstance(fix, Fix)
+        assert fix.stamp_s == 2.5
+        np.testing.assert_allclose(fix.pose_map_base.array(), [3.3, 4.4, 0.3], atol=1e-12)
+        direction = np.array([0.6, 0.8, 0.0])
+        np.testing.assert_allclose(fix.information, 100.0 * np.outer(direction, direction), atol=1e-9)
+
+    @given(st.floats(-3.0, 3.0), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
+    def test_its_direction_is_the_derivative_of_the_range(self, theta: float, x: float, y: float) -> None:
+        pose, beacon = Pose2(1.0, -2.0, theta), np.array([6.0, 3.0])
+
+        fix = range_fix(Belief(0.0, pose, np.zeros((3, 3))), (6.0, 3.0), 7.0, 1.0, antenna_base=(x, y))
+
+        def measured(values: np.ndarray) -> float:
+            return float(np.linalg.norm(Pose2.from_array(values) @ np.array([x, y]) - beacon))
+
+        steps = 1e-6 * np.eye(3)
+        rows = [(measured(pose.array() + step) - measured(pose.array() - step)) / 2e-6 for step in steps]
+        assert isinstance(fix, Fix)
+        np.testing.assert_allclose(fix.information, np.outer(rows, rows), atol=1e-7)
+        assert measured(fix.pose_map_base.array()) == pytest.approx(7.0, abs=1e-9)
+
+    def test_what_the_tangent_misses_is_accounted_for(self) -> None:
+        rng = np.random.default_rng(7)
+        spread = np.diag([0.01, 0.4, 0.02]) ** 2
+        where = rng.multivariate_normal([2.0, 0.0, 0.0], spread, 200_000)
+        ranges = np.hypot(where[:, 0], where[:, 1]) + rng.normal(0.0, 0.02, len(where))
+
+        fix = range_fix(Belief(0.0, Pose2(2.0, 0.0, 0.0), spread), (0.0, 0.0), 2.0, 0.02)
+
+        assert isinstance(fix, Fix)
+        assert 2.0 - fix.pose_map_base.x == pytest.approx(ranges.mean() - 2.0, abs=2e-3)
+        innovation_sigma = math.sqrt(1.0 / fix.information[0, 0] + spread[0, 0])
+        assert innovation_sigma == pytest.approx(ranges.std(), rel=0.05)
+
+    @pytest.mark.parametrize(
+        ("belief", "reason"),
+        [
+            (Belief(1.0), "nothing is believed yet"),
+            (Belief(1.0, Pose2()), "on top of the beacon"),
+            (Belief(1.0, Pose2(0.5, 0.0, 0.0), np.eye(3)), "0.5 m away, its direction is a guess"),
+        ],
+    )
+    def test_where_the_direction_is_unknown_it_is_lost(self, belief: Belief, reason: str) -> None:
+        lost = range_fix(belief, (0.0, 0.0), 1.0, 0.1)
+
+        assert isinstance(lost, Lost)
+        assert lost.stamp_s == 1.0
+        assert reason in lost.reason
+
+    def test_what_cannot_be_a_range_is_refused(self) -> None:
+        belief = Belief(0.0, Pose2(1.0, 0.0, 0.0))
+
+        for range_m in (-1.0, math.nan, math.inf):
+            with pytest.raises(ValueError, match="finite and not negative"):
+                range_fix(belief, (0.0, 0.0), range_m, 0.1)
+        with pytest.raises(ValueError, match="must be positive, not 0"):
+            range_fix(belief, (0.0, 0.0), 1.0, 0.0)

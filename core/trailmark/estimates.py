@@ -3,10 +3,16 @@
 Every estimate is about ``base``, at the stamp it is about, and all but `Lost` carry a (3, 3)
 information matrix (inverse covariance) of their three numbers, in their order and units.
 A direction that was not measured has no information; its rows need not be axes.
+
+Information and covariances are of these numbers themselves, the chart (x, y, theta): an error is the plain difference
+"stated minus true", theta wrapped, with x and y along the axes in which the pose is given (the map's for a `Fix` and a
+`Belief`, those of base at ``since_s`` for a `Motion`). A perturbation in the moving body's axes (right-invariant,
+``pose @ exp(d)``, as manif, GTSAM and ROS's twists have it) is turned by theta first: ``R d``.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -15,6 +21,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.errors import ShapeError
 from trailmark.frames.payloads import read_only
 from trailmark.geometry import Pose2, Twist2
@@ -30,9 +37,9 @@ __all__ = [
     "information_along",
     "information_from_covariance",
     "information_from_sigmas",
+    "range_fix",
 ]
 
-Matrix = npt.NDArray[np.float64]
 _NO_DETAILS: Mapping[str, float] = MappingProxyType({})
 
 
@@ -40,7 +47,7 @@ def _no_details() -> Mapping[str, float]:
     return _NO_DETAILS
 
 
-def information_from_sigmas(*sigmas: float) -> Matrix:
+def information_from_sigmas(*sigmas: float) -> Floats:
     """Return the information of independent standard deviations; ``inf`` says "not measured".
 
     Raises
@@ -54,7 +61,7 @@ def information_from_sigmas(*sigmas: float) -> Matrix:
     return np.diag(1.0 / (values * values))
 
 
-def information_from_covariance(covariance: npt.ArrayLike) -> Matrix:
+def information_from_covariance(covariance: npt.ArrayLike) -> Floats:
     """Return the inverse of a covariance matrix, symmetric to the last bit.
 
     Raises
@@ -74,7 +81,7 @@ def information_from_covariance(covariance: npt.ArrayLike) -> Matrix:
     return np.asarray(factor.T @ factor)
 
 
-def information_along(direction: npt.ArrayLike, sigma: float) -> Matrix:
+def information_along(direction: npt.ArrayLike, sigma: float) -> Floats:
     """Return the rank-one information of a single measured number.
 
     Parameters
@@ -90,7 +97,7 @@ def information_along(direction: npt.ArrayLike, sigma: float) -> Matrix:
     return np.outer(row, row) / (sigma * sigma)
 
 
-def _frozen_information(information: npt.ArrayLike) -> Matrix:
+def _frozen_information(information: npt.ArrayLike) -> Floats:
     matrix = np.asarray(information, dtype=np.float64)
     if matrix.shape != (3, 3):
         raise ShapeError(f"information must have shape (3, 3), not {matrix.shape}")
@@ -110,7 +117,8 @@ class Motion:
     pose_since_now : Pose2
         Base at `stamp_s` as seen from base at `since_s`.
     information : (3, 3) float64
-        Of (x, y, theta) of `pose_since_now` [1/m^2, 1/m^2, 1/rad^2 on the diagonal].
+        Of (x, y, theta) of `pose_since_now`, x and y along the axes of base at `since_s`
+        [1/m^2, 1/m^2, 1/rad^2 on the diagonal].
     details : mapping of str to float
         Further numbers of the method, recorded beside the estimate.
     """
@@ -118,7 +126,7 @@ class Motion:
     since_s: float
     stamp_s: float
     pose_since_now: Pose2
-    information: Matrix
+    information: Floats
     details: Mapping[str, float] = field(default_factory=_no_details, repr=False)
 
     def __post_init__(self) -> None:
@@ -145,7 +153,7 @@ class Fix:
 
     stamp_s: float
     pose_map_base: Pose2
-    information: Matrix
+    information: Floats
     details: Mapping[str, float] = field(default_factory=_no_details, repr=False)
 
     def __post_init__(self) -> None:
@@ -176,7 +184,7 @@ class PathOffset:
     station_m: float
     lateral_m: float
     heading_rad: float
-    information: Matrix
+    information: Floats
     details: Mapping[str, float] = field(default_factory=_no_details, repr=False)
 
     def __post_init__(self) -> None:
@@ -259,7 +267,7 @@ class Belief:
 
     stamp_s: float
     pose_map_base: Pose2 | None = None
-    covariance: Matrix | None = None
+    covariance: Floats | None = None
     pose_odom_base: Pose2 = Pose2()
     twist: Twist2 = Twist2()
     travelled_m: float = 0.0
@@ -267,3 +275,64 @@ class Belief:
     fix_age_m: float = float("inf")
     motion_age_s: float = float("inf")
     health: Mapping[str, str] = field(default_factory=dict, repr=False)
+
+
+def range_fix(
+    belief: Belief,
+    beacon: tuple[float, float],
+    range_m: float,
+    sigma_m: float,
+    *,
+    antenna_base: tuple[float, float] = (0.0, 0.0),
+) -> Fix | Lost:
+    """Return a measured distance to a beacon as a fix: information along the line to the beacon, none across it.
+
+    The circle about the beacon is replaced by its tangent where the belief is. What the tangent misses is of second
+    order and is accounted for: across the line the belief spreads with variance v, so the range is expected to be
+    ``v / 2r`` longer than that of the believed pose, and its variance ``v^2 / 2r^2`` larger (Bar-Shalom et al. 2001,
+    Sec. 10.3, the second-order extended Kalman filter; turns of the antenna about base to first order).
+
+    Parameters
+    ----------
+    belief : Belief
+        At the stamp of the range.
+    beacon : (float, float)
+        Its place in the map [m].
+    range_m, sigma_m : float
+        The distance in the plane and its standard deviation [m].
+    antenna_base : (float, float)
+        Where on base the range is measured from [m].
+
+    Returns
+    -------
+    Fix or Lost
+        A fix from which the range is as expected. `Lost` while no pose is believed, and next to the beacon, where
+        its direction is a guess.
+
+    Raises
+    ------
+    ValueError
+        If the range is negative or not finite, or its standard deviation is not positive.
+    """
+    if not (math.isfinite(range_m) and range_m >= 0.0 and math.isfinite(sigma_m)):
+        raise ValueError(f"a range must be finite and not negative, not {range_m} m (sigma {sigma_m} m)")
+    pose = belief.pose_map_base
+    if pose is None:
+        return Lost(belief.stamp_s, "one range says one number of three, and nothing is believed yet")
+    antenna = pose @ np.array(antenna_base)
+    dx, dy = float(antenna[0]) - beacon[0], float(antenna[1]) - beacon[1]
+    expected_m = math.hypot(dx, dy)
+    covariance = np.zeros((3, 3)) if belief.covariance is None else belief.covariance
+    if expected_m < 1e-9:
+        return Lost(belief.stamp_s, "on top of the beacon")
+    cos, sin = dx / expected_m, dy / expected_m
+    lever_x, lever_y = pose.y - float(antenna[1]), float(antenna[0]) - pose.x  # the antenna's way for a turn of base
+    along = np.array([cos, sin, cos * lever_x + sin * lever_y])
+    across = np.array([-sin, cos, cos * lever_y - sin * lever_x])
+    spread_m2 = float(across @ covariance @ across)
+    if 2.0 * math.sqrt(spread_m2) > expected_m:
+        return Lost(belief.stamp_s, f"the beacon is {expected_m:.2g} m away, its direction is a guess")
+    miss_m = range_m - expected_m - spread_m2 / (2.0 * expected_m)
+    sigma_m = math.sqrt(sigma_m * sigma_m + (spread_m2 / expected_m) ** 2 / 2.0) if sigma_m > 0.0 else sigma_m
+    there = Pose2(pose.x + miss_m * cos, pose.y + miss_m * sin, pose.theta)
+    return Fix(belief.stamp_s, there, information_along(along, sigma_m))
