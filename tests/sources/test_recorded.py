@@ -14,7 +14,7 @@ from trailmark.config import SourceConfig
 from trailmark.errors import SourceError
 from trailmark.frames import Image, Payload, Scalar, SensorInfo
 from trailmark.interfaces import Session
-from trailmark_datasets.recorded import Reading, Readings, RecordedSource
+from trailmark.sources import Reading, Readings, RecordedSource
 
 
 class Listed(RecordedSource):
@@ -27,10 +27,10 @@ class Listed(RecordedSource):
         self.reorder_s = 1.0
         self.was_closed = False
 
-    def _open(self, name: str) -> Iterable[SensorInfo]:
+    def open_recording(self, name: str) -> Iterable[SensorInfo]:
         return [SensorInfo(sensor, "scalar") for sensor in self.names]
 
-    def _readings(self) -> Readings:
+    def readings(self) -> Readings:
         try:
             yield from self.items
         finally:

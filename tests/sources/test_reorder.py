@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trailmark_datasets.reorder import MAX_HELD, in_stamp_order
+from trailmark.sources.reorder import MAX_HELD, in_stamp_order
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from trailmark.config import SourceConfig
 from trailmark.errors import SourceError
 from trailmark.frames import RGBD, Frame, Image, Payload, SensorInfo
 from trailmark.interfaces import FrameSource, Session
-from trailmark_datasets.reorder import in_stamp_order
+from trailmark.sources.reorder import in_stamp_order
 
 __all__ = ["Reading", "Readings", "RecordedSource", "form_of"]
 
@@ -54,10 +54,15 @@ Readings = Generator[Reading | SourceError, None, None]
 class RecordedSource(FrameSource):
     """A source over files. Files are opened by `frames` and closed with it, so `close` need only end it.
 
-    A format brings two methods: `_open`, which looks at the recording and tells its sensors, and `_readings`,
+    A format brings two methods: `open_recording`, which looks at the recording and tells its sensors, and `readings`,
     which gives what it holds, in file order. What follows is the same for all: stamps of one sensor strictly
     increase (a repeated one is dropped and counted), the sensors are merged by stamp, the payload is read last,
     and what is wrong ends the run or, with ``on_bad_frame: skip``, is counted.
+
+    Attributes
+    ----------
+    counted : Counter of str
+        What `counters` returns since `start`; a format adds its own.
     """
 
     config: SourceConfig
@@ -68,17 +73,23 @@ class RecordedSource(FrameSource):
     def __init__(self, config: SourceConfig) -> None:
         super().__init__(config)
         self._sensors: Mapping[str, SensorInfo] = MappingProxyType({})
-        self._counts: Counter[str] = Counter()
-        self._forms: dict[str, str] = {}  # what every picture of a sensor must look like: the first one's form
+        self.counted: Counter[str] = Counter()
+        self._forms: dict[str, str] = {}  # of each sensor: every picture must look like the first one
         self._closed = threading.Event()
         self._closed.set()
 
     @abstractmethod
-    def _open(self, name: str) -> Iterable[SensorInfo]:
-        """Look at the recording and return its sensors; `name` is the source's own."""
+    def open_recording(self, name: str) -> Iterable[SensorInfo]:
+        """Look at the recording and return its sensors; a source of one sensor calls it `name`.
+
+        Raises
+        ------
+        SourceError
+            If there is nothing to read, or it cannot be understood.
+        """
 
     @abstractmethod
-    def _readings(self) -> Readings:
+    def readings(self) -> Readings:
         """Yield the readings in file order; what could not even be stamped, as the error that says so."""
 
     @property
@@ -96,8 +107,12 @@ class RecordedSource(FrameSource):
         """
         self._closed.set()
         self._closed = threading.Event()
-        self._counts, self._forms = Counter(), {}
-        self._sensors = MappingProxyType({info.name: info for info in self._open(session.name)})
+        self.counted, self._forms = Counter(), {}
+        self._sensors = MappingProxyType({info.name: info for info in self.open_recording(session.name)})
+
+    def expect_form(self, sensor: str, payload: Payload) -> None:
+        """Refuse later pictures of a sensor that differ in size, colour or depth from this one."""
+        self._forms[sensor] = form_of(payload)
 
     def close(self) -> None:
         """End `frames`, from any thread."""
@@ -105,7 +120,7 @@ class RecordedSource(FrameSource):
 
     def counters(self) -> Mapping[str, int]:
         """Return what was counted: ``skipped`` bad frames, ``repeated`` stamps, and the format's own."""
-        return dict(self._counts)
+        return dict(self.counted)
 
     def frames(self) -> Iterator[Frame]:
         """Yield the frames in stamp order.
@@ -121,7 +136,7 @@ class RecordedSource(FrameSource):
     def _frames(self, closed: threading.Event) -> Iterator[Frame]:
         if closed.is_set():
             return
-        with closing(self._readings()) as readings:
+        with closing(self.readings()) as readings:
             ordered = in_stamp_order(self._increasing(readings, closed), tuple(self._sensors), self.reorder_s)
             last_s = -math.inf
             for reading in ordered:
@@ -150,7 +165,7 @@ class RecordedSource(FrameSource):
                 newest_s[reading.sensor] = reading.stamp_s
                 yield reading
             elif reading.stamp_s == last_s:
-                self._counts["repeated"] += 1
+                self.counted["repeated"] += 1
             else:
                 self._bad(
                     SourceError(
@@ -175,9 +190,9 @@ class RecordedSource(FrameSource):
         """Count a bad frame, or raise it."""
         if self.config.on_bad_frame == "error":
             raise SourceError(f"{error}. {_REMEDY}") from error
-        if not self._counts["skipped"]:
+        if not self.counted["skipped"]:
             logger.warning("skipped a bad frame, and will skip others silently: %s", error)
-        self._counts["skipped"] += 1
+        self.counted["skipped"] += 1
         logger.debug("skipped: %s", error)
 
 

@@ -15,9 +15,9 @@ import numpy.typing as npt
 from trailmark.errors import SourceError
 from trailmark.frames import Frame, Image, SensorInfo
 from trailmark.interfaces import FrameSource, Session
+from trailmark.sources import form_of
 from trailmark_datasets.config import CameraConfig
 from trailmark_datasets.pictures import as_payload_pixels
-from trailmark_datasets.recorded import form_of
 
 __all__ = ["Camera", "Capture"]
 

@@ -8,9 +8,9 @@ from functools import partial
 from trailmark.errors import SourceError
 from trailmark.frames import Odometry, SensorInfo
 from trailmark.geometry import Pose2, Pose3, Trajectory
+from trailmark.sources import Reading, Readings, RecordedSource
 from trailmark_datasets.carmen_lines import CarmenLine, OdomLine, ScanLine, TruePoseLine, parse_line
 from trailmark_datasets.config import CarmenLogConfig
-from trailmark_datasets.recorded import Reading, Readings, RecordedSource
 from trailmark_datasets.textfiles import lines_of, number
 
 __all__ = ["CarmenLog", "OdometryChain"]
@@ -71,7 +71,7 @@ class CarmenLog(RecordedSource):
     _odometry_from_scans = False
     _laser_offset_m = 0.0
 
-    def _open(self, name: str) -> Iterable[SensorInfo]:
+    def open_recording(self, name: str) -> Iterable[SensorInfo]:
         kinds = self._look()
         self._odometry_from_scans = "ODOM" not in kinds and self.config.scan_poses == "odometry"
         if kinds & _SCAN_KINDS:
@@ -92,7 +92,7 @@ class CarmenLog(RecordedSource):
             raise SourceError(f"{self.config.path}: no ODOM, FLASER or ROBOTLASER1 line, so no CARMEN log")
         return kinds
 
-    def _readings(self) -> Readings:
+    def readings(self) -> Readings:
         chain = OdometryChain()
         first_pose: Pose2 | None = None
         for line in self._lines():
@@ -108,7 +108,7 @@ class CarmenLog(RecordedSource):
             elif isinstance(line, OdomLine):
                 moved = chain.step(line)
                 if moved is None:
-                    self._counts["restated"] += 1
+                    self.counted["restated"] += 1
                 else:
                     yield Reading("odometry", line.stamp_s, line.where, partial(Odometry, moved))
 

@@ -8,6 +8,7 @@ from functools import partial
 from trailmark.errors import SourceError
 from trailmark.frames import SensorInfo
 from trailmark.geometry import Trajectory
+from trailmark.sources import Reading, Readings, RecordedSource
 from trailmark_datasets.config import ODOMETRY_COLUMNS, CsvOdometryConfig
 from trailmark_datasets.odometers import (
     DistanceOdometer,
@@ -17,7 +18,6 @@ from trailmark_datasets.odometers import (
     WheelOdometer,
 )
 from trailmark_datasets.posetable import poses_from_table
-from trailmark_datasets.recorded import Reading, Readings, RecordedSource
 from trailmark_datasets.tables import Table, open_table
 from trailmark_datasets.textfiles import stamp
 
@@ -40,13 +40,13 @@ class CsvOdometry(RecordedSource):
     _table: Table
     _quantity = "pose"
 
-    def _open(self, name: str) -> Iterable[SensorInfo]:
+    def open_recording(self, name: str) -> Iterable[SensorInfo]:
         self._name = name or "odometry"
         self._table = open_table(self.config.path, ODOMETRY_COLUMNS, self.config.header, self.config.columns)
         self._quantity = _quantity_of(self._table, self.config)
         return (SensorInfo(self._name, "odometry"),)
 
-    def _readings(self) -> Readings:
+    def readings(self) -> Readings:
         odometer = QUANTITIES[self._quantity][1](self.config, self._table.columns)
         for row in self._table.rows():
             if isinstance(row, SourceError):

@@ -21,9 +21,9 @@ class ImageFolder(PictureSource):
 
     config: ImageFolderConfig
 
-    def _open(self, name: str) -> Iterable[SensorInfo]:
+    def open_recording(self, name: str) -> Iterable[SensorInfo]:
         self.grey, self.rate_hz = self.config.grey, self.config.rate_hz
-        return super()._open(name)
+        return super().open_recording(name)
 
     def _list(self) -> Iterable[Entry]:
         if self.config.timestamps is not None:

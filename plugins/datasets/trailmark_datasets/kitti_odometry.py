@@ -35,9 +35,9 @@ class KittiOdometry(PictureSource):
     config: KittiOdometryConfig
     _first = 0
 
-    def _open(self, name: str) -> Iterable[SensorInfo]:
+    def open_recording(self, name: str) -> Iterable[SensorInfo]:
         self.grey = self.config.grey
-        (info,) = super()._open(name)
+        (info,) = super().open_recording(name)
         return (replace(info, calibration=_read_calibration(self.config.path / "calib.txt", self.config.camera)),)
 
     def _list(self) -> Iterator[Entry]:

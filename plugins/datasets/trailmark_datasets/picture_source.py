@@ -13,8 +13,8 @@ from pathlib import Path
 
 from trailmark.errors import SourceError
 from trailmark.frames import Image, SensorInfo
+from trailmark.sources import Reading, Readings, RecordedSource
 from trailmark_datasets.pictures import PICTURE_SUFFIXES, read_picture
-from trailmark_datasets.recorded import Reading, Readings, RecordedSource, form_of
 from trailmark_datasets.textfiles import natural_key
 
 __all__ = ["Entry", "PictureSource", "list_pictures", "missing_numbers"]
@@ -54,14 +54,14 @@ class PictureSource(RecordedSource):
     def _list(self) -> Iterable[Entry]:
         """Return the pictures in order."""
 
-    def _open(self, name: str) -> Iterable[SensorInfo]:
+    def open_recording(self, name: str) -> Iterable[SensorInfo]:
         self._name = name or "camera"
         self._entries = tuple(self._list())
         first = self._first_picture()
-        self._forms[self._name] = form_of(first)
+        self.expect_form(self._name, first)
         return (SensorInfo(self._name, "image", size=first.size, rate_hz=self.rate_hz or _median_rate(self._entries)),)
 
-    def _readings(self) -> Readings:
+    def readings(self) -> Readings:
         for entry in self._entries:
             yield Reading(self._name, entry.stamp_s, entry.where, partial(self._load, entry))
 

@@ -11,12 +11,12 @@ from typing import Any
 from trailmark.errors import SourceError
 from trailmark.frames import RGBD, DepthCamera, Image, Payload, Pinhole, SensorInfo
 from trailmark.geometry import Pose2
+from trailmark.sources import Reading, Readings, RecordedSource
 from trailmark_datasets import ros_messages
 from trailmark_datasets.bagfile import BagFile, Message, open_bag
 from trailmark_datasets.config import RosbagConfig
 from trailmark_datasets.depth import depth_in_metres
 from trailmark_datasets.pictures import as_payload_pixels
-from trailmark_datasets.recorded import Reading, Readings, RecordedSource, form_of
 from trailmark_datasets.rgbd_pairs import RgbdPairs, StampedMessage
 from trailmark_datasets.ros_topics import Choice, choose_topics, info_topic
 
@@ -38,7 +38,7 @@ class Rosbag(RecordedSource):
         self._choices: tuple[Choice, ...] = ()
         self._pose_odom_start: dict[str, Pose2] = {}
 
-    def _open(self, name: str) -> Iterable[SensorInfo]:
+    def open_recording(self, name: str) -> Iterable[SensorInfo]:
         self._pose_odom_start = {}
         infos: dict[str, SensorInfo] = {}
         with open_bag(self.config.path, self.config.distribution) as bag:
@@ -63,7 +63,7 @@ class Rosbag(RecordedSource):
         if kind not in ("image", "rgbd"):
             return SensorInfo(sensor, kind, rate_hz=rate_hz)
         first = self._first(bag, choices)
-        self._forms[sensor] = form_of(first)
+        self.expect_form(sensor, first)
         lens = _lens_beside(bag, topic)
         if isinstance(first, RGBD):
             height, width = first.bgr.shape[:2]
@@ -90,7 +90,7 @@ class Rosbag(RecordedSource):
             raise errors[0]
         raise SourceError(f"{self.config.path}: {choices[0].sensor!r} has no colour and depth that make a pair")
 
-    def _readings(self) -> Readings:
+    def readings(self) -> Readings:
         with open_bag(self.config.path, self.config.distribution) as bag:
             yield from self._readings_of(bag, self._choices)
 
@@ -115,7 +115,7 @@ class Rosbag(RecordedSource):
                     yield Reading(choice.sensor, stamp_s, message.where, partial(self._payload, choice, message))
         for name, pending in pairs.items():
             yield from (self._rgbd_reading(name, *pair) for pair in pending.flush())
-            self._counts[f"unpaired_{name}"] = pending.unpaired
+            self.counted[f"unpaired_{name}"] = pending.unpaired
 
     def _stamp(self, message: Message) -> float:
         if self.config.stamps == "receive":

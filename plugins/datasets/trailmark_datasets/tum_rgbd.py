@@ -15,11 +15,11 @@ import numpy.typing as npt
 from trailmark.errors import ShapeError, SourceError
 from trailmark.frames import RGBD, DepthCamera, Pinhole, SensorInfo
 from trailmark.geometry import Trajectory
+from trailmark.sources import Reading, Readings, RecordedSource
 from trailmark_datasets.config import TumRgbdConfig
 from trailmark_datasets.depth import depth_in_metres, pair_nearest
 from trailmark_datasets.pictures import read_picture, read_raw
 from trailmark_datasets.planar import mounting_pose, planar_trajectory
-from trailmark_datasets.recorded import Reading, Readings, RecordedSource, form_of
 from trailmark_datasets.stamps import Stamp, read_stamps
 from trailmark_datasets.textfiles import lines_of, number
 
@@ -49,16 +49,16 @@ class TumRgbd(RecordedSource):
     _pairs: tuple[_Pair, ...] = ()
     _factor = DEPTH_FACTOR
 
-    def _open(self, name: str) -> Iterable[SensorInfo]:
+    def open_recording(self, name: str) -> Iterable[SensorInfo]:
         self._name = name or "rgbd"
         colour, depth = self._listed("rgb.txt"), self._listed("depth.txt")
         self._pairs = self._paired(colour, depth)
-        self._counts["unpaired_colour"] = len(colour) - len(self._pairs)
-        self._counts["unpaired_depth"] = len(depth) - len(self._pairs)
+        self.counted["unpaired_colour"] = len(colour) - len(self._pairs)
+        self.counted["unpaired_depth"] = len(depth) - len(self._pairs)
         lens, factor = _read_camera(self.config.path / "camera.txt")
         self._factor = self.config.depth_factor or factor or DEPTH_FACTOR
         first = self._first()
-        self._forms[self._name] = form_of(first)
+        self.expect_form(self._name, first)
         height, width = first.bgr.shape[:2]
         return (
             SensorInfo(
@@ -106,7 +106,7 @@ class TumRgbd(RecordedSource):
                     break
         raise errors[0]
 
-    def _readings(self) -> Readings:
+    def readings(self) -> Readings:
         for pair in self._pairs:
             yield Reading(self._name, pair.colour.stamp_s, pair.colour.where, partial(self._load, pair))
 

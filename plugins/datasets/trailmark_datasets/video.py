@@ -10,9 +10,9 @@ import cv2
 
 from trailmark.errors import SourceError
 from trailmark.frames import Image, SensorInfo
+from trailmark.sources import Reading, Readings, RecordedSource
 from trailmark_datasets.config import VideoConfig
 from trailmark_datasets.pictures import as_payload_pixels
-from trailmark_datasets.recorded import Reading, Readings, RecordedSource, form_of
 
 __all__ = ["Video"]
 
@@ -23,17 +23,17 @@ class Video(RecordedSource):
     config: VideoConfig
     _name = ""
 
-    def _open(self, name: str) -> Iterable[SensorInfo]:
+    def open_recording(self, name: str) -> Iterable[SensorInfo]:
         self._name = name or "camera"
         with self._capture() as capture:
             if not capture.grab():
                 raise SourceError(f"{self.config.path}: no frames: no film, or a codec that OpenCV does not know")
             first = self._retrieved(capture, f"{self.config.path} frame 0")
             rate_hz = self.config.rate_hz or float(capture.get(cv2.CAP_PROP_FPS))
-        self._forms[self._name] = form_of(first)
+        self.expect_form(self._name, first)
         return (SensorInfo(self._name, "image", size=first.size, rate_hz=rate_hz if rate_hz > 0 else None),)
 
-    def _readings(self) -> Readings:
+    def readings(self) -> Readings:
         rate_hz, last_s = self.config.rate_hz, -1.0
         with self._capture() as capture:
             index = 0
@@ -47,7 +47,7 @@ class Video(RecordedSource):
                     yield Reading(self._name, stamp_s, where, partial(self._retrieved, capture, where))
                 index += 1
             announced = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
-        self._counts["announced_but_missing"] = max(0, announced - index)
+        self.counted["announced_but_missing"] = max(0, announced - index)
 
     @contextmanager
     def _capture(self) -> Iterator[cv2.VideoCapture]:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from trailmark.errors import SourceError
-from trailmark.frames import Arrays, Frame, Record, SensorInfo
-from trailmark.interfaces import FrameSource, Session
+from trailmark.frames import Arrays, Record, SensorInfo
+from trailmark.sources import Reading, Readings, RecordedSource
 from trailmark_mrclam.config import MrclamLandmarksConfig
 
 __all__ = ["MrclamLandmarks", "read_table"]
@@ -18,29 +18,16 @@ __all__ = ["MrclamLandmarks", "read_table"]
 Array = npt.NDArray[np.float64]
 
 
-class MrclamLandmarks(FrameSource):
+class MrclamLandmarks(RecordedSource):
     """One frame for all landmarks seen at one instant: arrays ``ids``, ``ranges_m``, ``bearings_rad``.
 
     The calibration holds ``ids`` and ``positions_map``, (N, 2) [m]. Sightings of other robots are left out.
     """
 
     config: MrclamLandmarksConfig
-    _sensors: Mapping[str, SensorInfo] = {}
-    _is_open = False
 
-    @property
-    def sensors(self) -> Mapping[str, SensorInfo]:
-        """The sensor, named like the source."""
-        return self._sensors
-
-    def start(self, session: Session) -> None:
-        """Read the three tables.
-
-        Raises
-        ------
-        SourceError
-            If one is missing or malformed.
-        """
+    def open_recording(self, name: str) -> Iterable[SensorInfo]:
+        """Read the three tables; the one sensor is named like the source."""
         config, folder = self.config, self.config.path.parent
         landmarks = read_table(config.landmarks or folder / "Landmark_Groundtruth.dat", 5)
         barcodes = read_table(config.barcodes or folder / "Barcodes.dat", 2)
@@ -50,24 +37,18 @@ class MrclamLandmarks(FrameSource):
         subjects = np.array([subject_of.get(int(barcode), -1) for barcode in table[:, 1]], dtype=np.int64)
         is_landmark = np.isin(subjects, ids)
         self._table, self._subjects = table[is_landmark], subjects[is_landmark]
-        self._name = session.name or "landmarks"
+        self._name = name or "landmarks"
         calibration = Arrays({"ids": ids, "positions_map": landmarks[:, 1:3]})
-        self._sensors = {self._name: SensorInfo(self._name, "range_bearing", calibration=calibration)}
-        self._is_open = True
+        return [SensorInfo(self._name, "range_bearing", calibration=calibration)]
 
-    def frames(self) -> Iterator[Frame]:
+    def readings(self) -> Readings:
         """Yield the sightings of each instant."""
         begins = np.flatnonzero(np.diff(self._table[:, 0], prepend=np.nan) != 0.0)
         for begin, end in zip(begins, [*begins[1:], len(self._table)], strict=True):
-            if not self._is_open:
-                return
             rows = self._table[begin:end]
-            seen = {"ids": self._subjects[begin:end], "ranges_m": rows[:, 2], "bearings_rad": rows[:, 3]}
-            yield Frame(self._name, float(rows[0, 0]), Record(seen))
-
-    def close(self) -> None:
-        """End `frames`."""
-        self._is_open = False
+            seen = Record({"ids": self._subjects[begin:end], "ranges_m": rows[:, 2], "bearings_rad": rows[:, 3]})
+            where = f"{self.config.path}: sighting {begin + 1} of a landmark"
+            yield Reading(self._name, float(rows[0, 0]), where, lambda seen=seen: seen)
 
 
 def read_table(path: Path, n_columns: int) -> Array:
