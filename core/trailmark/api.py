@@ -7,13 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from trailmark.errors import PluginLoadError, TrailmarkError
 from trailmark.interfaces import Mode
 from trailmark.pipeline import Pipeline, RunResult, Step, link_latest, new_folder
 
 if TYPE_CHECKING:
     from trailmark.config import RunConfig
-    from trailmark.pipeline.plan import Access
+    from trailmark.interfaces import Access
     from trailmark.plugins import Plugins
     from trailmark.report.glimpses import Glimpses
 
@@ -134,13 +133,7 @@ def create(kind: str, name: str, *, plugins: Plugins | None = None, **config: An
     problems = Problems(document)
     settings = validated(spec.load_config(), config, (), problems, document.base_dir)
     problems.raise_if_any()
-    try:
-        return spec.load()(settings)
-    except TrailmarkError:
-        raise
-    except Exception as error:
-        story = f"{kind} {name!r} of {spec.origin} cannot be constructed: {type(error).__name__}: {error}"
-        raise PluginLoadError(story) from error
+    return spec.construct(settings)
 
 
 def _name_of(config: Any) -> str:

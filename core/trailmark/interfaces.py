@@ -11,8 +11,9 @@ import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path as FilePath
 from types import MappingProxyType
-from typing import Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -24,7 +25,11 @@ from trailmark.frames import Frame, SensorInfo
 from trailmark.geometry import Pose2, Trajectory
 from trailmark.paths import Keyframe, Path, Waypoint
 
+if TYPE_CHECKING:
+    from trailmark.config.base import PluginConfig
+
 __all__ = [
+    "Access",
     "Controller",
     "Drivable",
     "Estimator",
@@ -32,6 +37,7 @@ __all__ = [
     "Localizer",
     "LocalizerMap",
     "Mode",
+    "Pace",
     "Part",
     "PathStore",
     "RunEnd",
@@ -39,7 +45,14 @@ __all__ = [
     "Sink",
 ]
 
+#: What a run is for: to localize only, to remember a path, or to come back to a remembered one.
 Mode = Literal["track", "teach", "replay"]
+
+#: How fast a run goes: as fast as possible and reproducible, or held to the stamps.
+Pace = Literal["step", "realtime"]
+
+#: How a path store is opened: ``read`` changes nothing, ``append`` goes on with the path in it.
+Access = Literal["read", "create", "append", "overwrite"]
 
 
 class LocalizerMap(ABC):
@@ -276,6 +289,34 @@ class Controller(Part):
 
 class PathStore(Part):
     """Keeps a taught path. It belongs to the pipeline; localizers see their `LocalizerMap` only."""
+
+    @classmethod
+    def open(cls, config: PluginConfig, access: Access | None, base_dir: FilePath | None) -> Self | None:
+        """Return a store for one access, constructed and not started; None if the config does not say which one.
+
+        This default is for a config with the keys ``path`` (empty: not said) and ``access``; of a config that lacks
+        one of them it leaves that alone.
+
+        Parameters
+        ----------
+        config : PluginConfig
+            The store's own keys.
+        access : {"read", "create", "append", "overwrite"} or None
+            How it is opened; None: for teaching, as the config says, or else ``create``.
+        base_dir : Path or None
+            Where a relative path starts; None: where we work.
+        """
+        from trailmark.config.files import resolved  # the config stands above the interfaces, and pydantic is slow
+
+        keys = dict(config)
+        if keys.get("path") == "":
+            return None
+        changes: dict[str, Any] = {}
+        if keys.get("path"):
+            changes["path"] = str(resolved(keys["path"], base_dir))
+        if "access" in keys:
+            changes["access"] = access or ("create" if keys["access"] == "read" else keys["access"])
+        return cls(config.model_copy(update=changes))
 
     @abstractmethod
     def append(self, waypoint: Waypoint) -> None:

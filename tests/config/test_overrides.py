@@ -23,9 +23,9 @@ def test_values_are_read_as_yaml(load):
     config = load("localizers.floor.search_px=9", "start=[1, 2, 0]", "stop_when.fix_age_m=1e-1", "pace=step")
 
     assert config.localizers["floor"].config.search_px == 9
-    assert (config.start.x, config.start.y) == (1, 2)
-    assert config.stop_when.fix_age_m == 0.1
-    assert config.pace == "step"
+    assert config.settings.start[:2] == (1, 2)
+    assert config.settings.stop_when.fix_age_m == 0.1
+    assert config.settings.pace == "step"
 
 
 def test_items_of_lists_and_parts_given_by_name_have_keys(load):
@@ -33,7 +33,7 @@ def test_items_of_lists_and_parts_given_by_name_have_keys(load):
 
     assert config.sinks[0].config.to == "a=b"
     assert config.localizers["map"].config.search_px == 3
-    assert config.path_store.spacing_m == 1
+    assert config.path_store.options.spacing_m == 1
 
 
 def test_a_value_may_be_given_as_it_is(load):
@@ -47,7 +47,7 @@ def test_another_plugin_drops_the_keys_that_only_the_old_one_knew(load):
     config = load("localizers.floor.plugin=klt")
 
     floor = config.localizers["floor"]
-    assert (floor.spec.name, floor.config.camera, floor.is_async) == ("klt", "floor", True)
+    assert (floor.spec.name, floor.config.camera, floor.options.is_async) == ("klt", "floor", True)
     assert config.notices == ("localizers.floor: dropped search_px, which 'klt' does not know",)
 
 
@@ -66,7 +66,7 @@ def test_another_plugin_of_the_same_keys_drops_nothing(load):
 def test_a_default_part_can_be_swapped(load):
     config = load("estimator.plugin=kalman", "estimator.use=[floor]")
 
-    assert (config.estimator.spec.name, config.estimator.use) == ("kalman", ("floor",))
+    assert (config.estimator.spec.name, config.estimator.options.use) == ("kalman", ("floor",))
 
 
 def test_null_takes_a_section_away(load):

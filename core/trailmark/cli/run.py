@@ -14,9 +14,8 @@ from trailmark.cli.root import plugins_of
 from trailmark.errors import ConfigError
 
 if TYPE_CHECKING:
-    from trailmark.interfaces import Mode
+    from trailmark.interfaces import Access, Mode
     from trailmark.pipeline import RunResult
-    from trailmark.pipeline.plan import Access
 
 __all__ = ["replay_command", "run_command", "teach_command"]
 

@@ -3,21 +3,14 @@
 from trailmark.config.base import UNNAMED, PluginConfig, Sensor, SensorRole, sensor_roles
 from trailmark.config.calibrations import read_calibration
 from trailmark.config.document import Document, read_document
+from trailmark.config.entries import EstimatorEntry, LocalizerEntry, PartEntry, PathStoreEntry, SourceEntry
 from trailmark.config.files import ConfigPath, ExistingFile, ExistingPath, OutputPath
-from trailmark.config.host import StopWhen
+from trailmark.config.host import LocalizerOptions, PathStoreOptions, RunSettings, StopWhen
 from trailmark.config.load import load_run_config
 from trailmark.config.localizer_names import LocalizerName
 from trailmark.config.perturbation import Occluders, Perturbation, WrongCalibration
 from trailmark.config.roles import refuse_duplicate_sensors, resolve_all_roles, resolve_roles
-from trailmark.config.run import (
-    EstimatorEntry,
-    LocalizerEntry,
-    PartEntry,
-    PathStoreEntry,
-    RunConfig,
-    SensorOverride,
-    SourceEntry,
-)
+from trailmark.config.run import RunConfig, SensorOverride
 from trailmark.config.source import Mounting, SourceConfig
 
 __all__ = [
@@ -29,14 +22,17 @@ __all__ = [
     "ExistingPath",
     "LocalizerEntry",
     "LocalizerName",
+    "LocalizerOptions",
     "Mounting",
     "Occluders",
     "OutputPath",
     "PartEntry",
     "PathStoreEntry",
+    "PathStoreOptions",
     "Perturbation",
     "PluginConfig",
     "RunConfig",
+    "RunSettings",
     "Sensor",
     "SensorOverride",
     "SensorRole",

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING
+from typing import Any
 
 from trailmark.config.base import UNNAMED, PluginConfig, sensor_roles
 from trailmark.config.document import Problems
+from trailmark.config.entries import EstimatorEntry, LocalizerEntry, PartEntry
 from trailmark.errors import PluginError
 from trailmark.plugins import Kind
 from trailmark.plugins.hints import nearest_or_all
 
-if TYPE_CHECKING:
-    from trailmark.config.parts import Part
-
 __all__ = ["check_classes", "check_motion", "check_use", "refuse_one_sensor_twice", "sensors_of"]
 
 
-def check_use(localizers: Iterable[str], estimator: Part, problems: Problems) -> None:
+def check_use(localizers: Iterable[str], estimator: EstimatorEntry, problems: Problems) -> None:
     """Note names under ``estimator.use`` that no localizer has."""
     known = list(localizers)
     for index, name in enumerate(estimator.options.use or ()):
@@ -26,7 +24,7 @@ def check_use(localizers: Iterable[str], estimator: Part, problems: Problems) ->
             problems.add(("estimator", "use", index), f"no localizer is called {name!r}{hint}")
 
 
-def check_motion(localizers: Mapping[str, Part], estimator: Part, problems: Problems) -> None:
+def check_motion(localizers: Mapping[str, LocalizerEntry], estimator: EstimatorEntry, problems: Problems) -> None:
     """Note two localizers that would tell the same motion twice: 10 m would become 20.
 
     Under dead reckoning only one of those used may give motion. Under other estimators two may, if they look at
@@ -70,7 +68,7 @@ def sensors_of(config: PluginConfig) -> list[str]:
     return [name for name in names if name != UNNAMED]
 
 
-def check_classes(parts: Iterable[Part], problems: Problems) -> None:
+def check_classes(parts: Iterable[PartEntry[Any]], problems: Problems) -> None:
     """Import the class of every part, and note those that cannot be had or are of the wrong kind."""
     from trailmark import interfaces
 

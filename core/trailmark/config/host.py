@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Literal
 
 from pydantic import Field, ValidationError, ValidatorFunctionWrapHandler, field_validator
@@ -9,6 +10,8 @@ from pydantic import Field, ValidationError, ValidatorFunctionWrapHandler, field
 from trailmark.config.base import PluginConfig
 from trailmark.config.files import ExistingFile
 from trailmark.config.source import Mounting
+from trailmark.geometry import Pose2
+from trailmark.interfaces import Mode, Pace
 from trailmark.plugins.hints import did_you_mean
 from trailmark.plugins.spec import Kind
 
@@ -46,6 +49,11 @@ class LocalizerOptions(PluginConfig):
     """How late an async localizer's estimates arrive in step pace; default: its own model [ms]."""
     on_error: Literal["fail", "disable"] = "fail"
     """When it raises: end the run, or switch it off, say so and go on."""
+
+    @property
+    def latency_s(self) -> float | None:
+        """`latency_ms` in seconds."""
+        return None if self.latency_ms is None else self.latency_ms / 1e3
 
 
 class EstimatorOptions(PluginConfig):
@@ -105,7 +113,7 @@ class PluginsSection(PluginConfig):
 class RunSettings(PluginConfig):
     """A run: what gives frames, what looks at them, what is believed, what drives."""
 
-    mode: Literal["track", "teach", "replay"] = "track"
+    mode: Mode = "track"
     """Localize only, remember a path, or come back to a remembered one; the commands set it."""
     sources: dict[str, Any] = Field(default_factory=dict)
     """Frame sources by name, merged by stamp; the sensor of a one-sensor source bears the source's name."""
@@ -127,12 +135,20 @@ class RunSettings(PluginConfig):
     """The controller is asked at most this often; 70 frames a second is what the ground-camera paper ran at [Hz]."""
     stop_when: StopWhen = StopWhen()
     """When the robot is stopped whatever the controller says."""
-    pace: Literal["step", "realtime"] | None = None
+    pace: Pace | None = None
     """As fast as possible and reproducible, or held to the stamps; default: realtime for live sources only."""
     seed: int = Field(default=0, ge=0)
     """Every part draws its random numbers from this and its own name."""
     plugins: PluginsSection = PluginsSection()
     """Which plugins the run may load."""
+
+    @property
+    def start_pose(self) -> Pose2 | None:
+        """Base in the map at the start, where `start` gives numbers."""
+        if isinstance(self.start, str):
+            return None
+        x, y, heading_deg = self.start
+        return Pose2(x, y, math.radians(heading_deg))
 
     @field_validator("start", mode="wrap")
     @classmethod

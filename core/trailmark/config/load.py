@@ -2,36 +2,25 @@
 
 from __future__ import annotations
 
-import math
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from trailmark.config.calibrations import with_absolute_files
 from trailmark.config.checks import check_classes, check_motion, check_use
 from trailmark.config.document import Document, Problems, read_document
+from trailmark.config.entries import EstimatorEntry, LocalizerEntry, PartEntry, PathStoreEntry, SourceEntry
 from trailmark.config.explain import validated
-from trailmark.config.host import PluginsSection, RunSettings, SensorSection
+from trailmark.config.host import NoOptions, PluginsSection, RunSettings, SensorSection
 from trailmark.config.localizer_names import notices_of_strangers
 from trailmark.config.outputs import refuse_outputs_elsewhere
 from trailmark.config.overrides import Override, with_overrides
-from trailmark.config.parts import Part, PartReader
+from trailmark.config.parts import PartReader
 from trailmark.config.requirements import unmet
-from trailmark.config.run import (
-    EstimatorEntry,
-    LocalizerEntry,
-    PartEntry,
-    PathStoreEntry,
-    RunConfig,
-    SensorOverride,
-    SourceEntry,
-)
-from trailmark.config.source import SourceConfig
+from trailmark.config.run import RunConfig, SensorOverride
 from trailmark.errors import ConfigError
-from trailmark.frames import Calibration
-from trailmark.geometry import Pose2
+from trailmark.interfaces import Mode
 from trailmark.plugins import Plugins
 
 __all__ = ["load_run_config"]
@@ -42,7 +31,7 @@ def load_run_config(
     *,
     plugins: Plugins,
     overrides: Sequence[Override] = (),
-    mode: Literal["track", "teach", "replay"] | None = None,
+    mode: Mode | None = None,
     base_dir: Path | None = None,
 ) -> RunConfig:
     """Read, check and resolve a config.
@@ -97,18 +86,17 @@ class _Sections:
     """A document's sections, each read and validated by itself; None and missing parts where something is wrong."""
 
     settings: RunSettings | None
-    sources: dict[str, Part]
-    calibrations: dict[str, Calibration | None]
+    sources: dict[str, SourceEntry]
     sensors: dict[str, SensorOverride]
     sensor_documents: dict[str, Any]
-    localizers: dict[str, Part]
-    estimator: Part | None
-    path_store: Part | None
-    controller: Part | None
-    sinks: list[Part]
+    localizers: dict[str, LocalizerEntry]
+    estimator: EstimatorEntry | None
+    path_store: PathStoreEntry | None
+    controller: PartEntry[NoOptions] | None
+    sinks: list[PartEntry[NoOptions]]
 
     @property
-    def parts(self) -> list[Part]:
+    def parts(self) -> list[PartEntry[Any]]:
         """All parts that could be read."""
         single = [self.path_store, self.controller, self.estimator]
         several = [*self.sources.values(), *self.localizers.values(), *self.sinks]
@@ -128,54 +116,39 @@ class _RunReader:
     def read(self) -> RunConfig:
         sections = self._sections()
         self._check(sections)
-        settings, estimator = sections.settings, sections.estimator
-        assert settings is not None  # otherwise there was a problem, and it was raised
-        assert estimator is not None
-        store, controller = sections.path_store, sections.controller
+        assert sections.settings is not None  # otherwise there was a problem, and it was raised
+        assert sections.estimator is not None
         return RunConfig(
-            mode=settings.mode,
-            sources={name: _source(name, part, sections.calibrations[name]) for name, part in sections.sources.items()},
+            settings=sections.settings,
+            sources=sections.sources,
             sensors=sections.sensors,
-            localizers={name: _localizer(name, part) for name, part in sections.localizers.items()},
-            estimator=EstimatorEntry("estimator", estimator.spec, estimator.config, estimator.options.use),
-            path_store=None if store is None else _path_store(store),
-            controller=None if controller is None else PartEntry("controller", controller.spec, controller.config),
-            sinks=_sinks(sections.sinks),
-            start=_start(settings.start),
-            control_hz=settings.control_hz,
-            stop_when=settings.stop_when,
-            pace=settings.pace,
-            seed=settings.seed,
+            localizers=sections.localizers,
+            estimator=sections.estimator,
+            path_store=sections.path_store,
+            controller=sections.controller,
+            sinks=tuple(sections.sinks),
             base_dir=self._written.base_dir,
             plugins=self._plugins,
-            document=_resolved(settings, sections),
-            notices=(
-                *self._notices,
-                *notices_of_strangers(sections.parts, sections.localizers, self._written),
-            ),
+            document=_resolved(sections.settings, sections),
+            notices=(*self._notices, *notices_of_strangers(sections.parts, sections.localizers, self._written)),
             written=self._written,
         )
 
     def _sections(self) -> _Sections:
         settings = self._settings()
-        sources = self._parts.named("sources", "source")
+        needs_store = settings is not None and settings.mode != "track"
         sensors, sensor_documents = self._sensors()
         return _Sections(
             settings=settings,
-            sources=sources,
-            calibrations={name: self._calibration(part) for name, part in sources.items()},
+            sources=self._parts.sources(),
             sensors=sensors,
             sensor_documents=sensor_documents,
-            localizers=self._parts.named("localizers", "localizer"),
-            estimator=self._parts.single("estimator", is_needed=True),
-            path_store=self._parts.single("path_store", is_needed=settings is not None and settings.mode != "track"),
-            controller=self._parts.single("controller"),
-            sinks=self._parts.listed("sinks", "sink"),
+            localizers=self._parts.localizers(),
+            estimator=self._parts.single("estimator", EstimatorEntry, is_needed=True),
+            path_store=self._parts.single("path_store", PathStoreEntry, is_needed=needs_store),
+            controller=self._parts.single("controller", PartEntry),
+            sinks=self._parts.sinks(),
         )
-
-    def _calibration(self, source: Part) -> Calibration | None:
-        assert isinstance(source.config, SourceConfig)  # the reader of parts saw to it
-        return self._parts.calibration((*source.keys, "calibration"), source.config.calibration)
 
     def _settings(self) -> RunSettings | None:
         given = {key: value for key, value in self._written.data.items() if value is not None}
@@ -211,35 +184,6 @@ class _RunReader:
             check_motion(sections.localizers, sections.estimator, self._problems)
         check_classes(sections.parts, self._problems)
         self._problems.raise_if_any()
-
-
-def _source(name: str, part: Part, calibration: Calibration | None) -> SourceEntry:
-    assert isinstance(part.config, SourceConfig)
-    return SourceEntry(name, part.spec, part.config, calibration)
-
-
-def _localizer(name: str, part: Part) -> LocalizerEntry:
-    options = part.options
-    latency_s = None if options.latency_ms is None else options.latency_ms / 1e3
-    return LocalizerEntry(name, part.spec, part.config, options.is_async, latency_s, options.on_error)
-
-
-def _path_store(part: Part) -> PathStoreEntry:
-    return PathStoreEntry("path_store", part.spec, part.config, part.options.spacing_m)
-
-
-def _sinks(parts: list[Part]) -> tuple[PartEntry, ...]:
-    count: Counter[str] = Counter()
-    entries = []
-    for part in parts:
-        count[part.spec.name] += 1
-        suffix = f"_{count[part.spec.name]}" if count[part.spec.name] > 1 else ""
-        entries.append(PartEntry(part.spec.name + suffix, part.spec, part.config))
-    return tuple(entries)
-
-
-def _start(start: Any) -> Any:
-    return start if isinstance(start, str) else Pose2(start[0], start[1], math.radians(start[2]))
 
 
 def _resolved(settings: RunSettings, sections: _Sections) -> dict[str, Any]:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Annotated, get_args
+from typing import Annotated, Any, get_args
 
 from trailmark.config.document import Document
-from trailmark.config.parts import Part
+from trailmark.config.entries import PartEntry
 from trailmark.plugins.hints import nearest_or_all
 
 __all__ = ["LocalizerName", "notices_of_strangers"]
@@ -25,7 +25,9 @@ A name that no localizer has is no error: a bench leaves localizers out, cell by
 """
 
 
-def notices_of_strangers(parts: Iterable[Part], localizers: Collection[str], document: Document) -> Iterator[str]:
+def notices_of_strangers(
+    parts: Iterable[PartEntry[Any]], localizers: Collection[str], document: Document
+) -> Iterator[str]:
     """Yield a line for each name in a config that no localizer has."""
     for part in parts:
         for name, field in type(part.config).model_fields.items():

@@ -11,13 +11,13 @@ from typing import Any, get_args
 
 from trailmark.config.base import PluginConfig
 from trailmark.config.document import Document, Problems
+from trailmark.config.entries import PartEntry
 from trailmark.config.files import IsWritten
-from trailmark.config.parts import Part
 
 __all__ = ["refuse_outputs_elsewhere"]
 
 
-def refuse_outputs_elsewhere(parts: Iterable[Part], document: Document, problems: Problems) -> None:
+def refuse_outputs_elsewhere(parts: Iterable[PartEntry[Any]], document: Document, problems: Problems) -> None:
     """Note every `OutputPath` of a config file that leads out of the file's folder, by links too."""
     home = document.base_dir.resolve()
     for part in parts:

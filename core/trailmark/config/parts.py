@@ -3,34 +3,28 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import replace
+from typing import Any, TypeVar
 
 from trailmark.config.base import UNNAMED, PluginConfig, sensor_roles
 from trailmark.config.calibrations import read_calibration, with_absolute_files
 from trailmark.config.document import Document, Keys, Problems
+from trailmark.config.entries import LocalizerEntry, PartEntry, SourceEntry
 from trailmark.config.explain import key_names, validated
-from trailmark.config.host import DEFAULT_PLUGINS, HOST_OPTIONS, RESERVED_NAMES
+from trailmark.config.host import DEFAULT_PLUGINS, HOST_OPTIONS, RESERVED_NAMES, NoOptions
+from trailmark.config.sections import kind_at
 from trailmark.config.source import SourceConfig
 from trailmark.errors import ConfigError, PluginError
 from trailmark.frames import Calibration
 from trailmark.plugins import Kind, Registry, Spec
 
-__all__ = ["Part", "PartReader", "part_document"]
+__all__ = ["PartReader", "part_document"]
+
+Entry = TypeVar("Entry", bound=PartEntry[Any])
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
-
-
-@dataclass(frozen=True, slots=True)
-class Part:
-    """A part that was read: its plugin, its own keys, the host's options, and how it would be written out."""
-
-    keys: Keys
-    spec: Spec
-    config: PluginConfig
-    options: Any
-    document: dict[str, Any]
 
 
 class PartReader:
@@ -44,33 +38,48 @@ class PartReader:
         self._registry = registry
         self._problems = problems
 
-    def named(self, section: str, kind: Kind) -> dict[str, Part]:
-        """Read a section that holds parts by name."""
-        raw = self._document.data.get(section)
-        if not isinstance(raw, Mapping):
-            return {}
-        parts = {str(name): self.one((section, name), kind, entry) for name, entry in raw.items()}
-        for name in parts:
-            self.check_name((section, name), name)
-        return {name: part for name, part in parts.items() if part is not None}
+    def sources(self) -> dict[str, SourceEntry]:
+        """Read the frame sources, with the calibrations that they name."""
+        return {name: self._with_calibration(entry) for name, entry in self._named("sources", SourceEntry).items()}
 
-    def listed(self, section: str, kind: Kind) -> list[Part]:
-        """Read a section that is a list of parts."""
-        raw = self._document.data.get(section)
+    def localizers(self) -> dict[str, LocalizerEntry]:
+        """Read the localizers."""
+        return self._named("localizers", LocalizerEntry)
+
+    def sinks(self) -> list[PartEntry[NoOptions]]:
+        """Read the list of sinks; each is called like its plugin, a second one of the same plugin ``NAME_2``."""
+        raw = self._document.data.get("sinks")
         if not isinstance(raw, list | tuple):
             return []
-        parts = [self.one((section, index), kind, entry) for index, entry in enumerate(raw)]
-        return [part for part in parts if part is not None]
+        read = [self._one(("sinks", index), "", item, PartEntry) for index, item in enumerate(raw)]
+        count: Counter[str] = Counter()
+        entries = []
+        for entry in (entry for entry in read if entry is not None):
+            plugin = entry.spec.name
+            count[plugin] += 1
+            entries.append(replace(entry, name=plugin if count[plugin] == 1 else f"{plugin}_{count[plugin]}"))
+        return entries
 
-    def single(self, kind: Kind, is_needed: bool = False) -> Part | None:
+    def single(self, kind: Kind, entry_class: type[Entry], is_needed: bool = False) -> Entry | None:
         """Read a section that is one part; None where it is left out and not needed."""
         raw = self._document.data.get(kind)
         if raw is None and not is_needed:
             return None
-        return self.one((kind,), kind, {} if raw is None else raw)
+        return self._one((kind,), kind, {} if raw is None else raw, entry_class)
 
-    def one(self, keys: Keys, kind: Kind, raw: Any) -> Part | None:
+    def _named(self, section: str, entry_class: type[Entry]) -> dict[str, Entry]:
+        raw = self._document.data.get(section)
+        if not isinstance(raw, Mapping):
+            return {}
+        entries = {str(name): self._one((section, name), str(name), item, entry_class) for name, item in raw.items()}
+        for name in entries:
+            self.check_name((section, name), name)
+        return {name: entry for name, entry in entries.items() if entry is not None}
+
+    def _one(self, keys: Keys, name: str, raw: Any, entry_class: type[Entry]) -> Entry | None:
         """Read one part; None if anything is wrong with it."""
+        kind = kind_at(keys)
+        assert kind is not None
         if not isinstance(raw, Mapping):
             self._problems.add(keys, "must be a mapping with the key 'plugin', or the name of a plugin")
             return None
@@ -86,8 +95,18 @@ class PartReader:
         config = validated(model, own, keys, self._problems, self._document.base_dir, also=theirs)
         if options is None or config is None:
             return None
-        name = str(raw.get("plugin", spec.name))
-        return Part(keys, spec, config, options, part_document(name, config, options, self._document))
+        return entry_class(
+            name=name,
+            spec=spec,
+            config=config,
+            options=options,
+            keys=keys,
+            place=self._document.place(keys),
+            document=part_document(str(raw.get("plugin", spec.name)), config, options, self._document),
+        )
+
+    def _with_calibration(self, entry: SourceEntry) -> SourceEntry:
+        return replace(entry, calibration=self.calibration((*entry.keys, "calibration"), entry.config.calibration))
 
     def calibration(self, keys: Keys, value: Any) -> Calibration | None:
         """Read a calibration; None where none is given or it cannot be read."""

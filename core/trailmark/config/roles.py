@@ -10,7 +10,8 @@ from typing import Any
 from trailmark.config.base import UNNAMED, SensorRole, sensor_roles
 from trailmark.config.checks import refuse_one_sensor_twice
 from trailmark.config.document import Keys, Problems
-from trailmark.config.run import LocalizerEntry, RunConfig
+from trailmark.config.entries import LocalizerEntry
+from trailmark.config.run import RunConfig
 from trailmark.frames import SensorInfo
 from trailmark.plugins.hints import nearest_or_all
 
@@ -151,6 +152,6 @@ def _unknown(name: str, sensors: Mapping[str, SensorInfo]) -> str:
 
 
 def _refuse_motion_twice(run_config: RunConfig, entries: Mapping[str, LocalizerEntry], problems: Problems) -> None:
-    if run_config.estimator.use is None:
+    if run_config.estimator.options.use is None:
         moving = {name: entry.config for name, entry in entries.items() if "motion" in entry.spec.gives}
         refuse_one_sensor_twice(moving, problems)

@@ -3,95 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any, Self
 
-from trailmark.config.base import PluginConfig
 from trailmark.config.document import Document, Key
-from trailmark.config.host import StopWhen
-from trailmark.config.source import Mounting, SourceConfig
+from trailmark.config.entries import EstimatorEntry, LocalizerEntry, PartEntry, PathStoreEntry, SourceEntry
+from trailmark.config.host import DEFAULT_PLUGINS, NoOptions, PathStoreOptions, RunSettings
+from trailmark.config.source import Mounting
 from trailmark.frames import Calibration
-from trailmark.geometry import Pose2
-from trailmark.plugins import Plugins, Spec
+from trailmark.interfaces import Mode
+from trailmark.plugins import Plugins
 
-__all__ = [
-    "EstimatorEntry",
-    "LocalizerEntry",
-    "PartEntry",
-    "PathStoreEntry",
-    "RunConfig",
-    "SensorOverride",
-    "SourceEntry",
-]
-
-
-@dataclass(frozen=True, slots=True)
-class PartEntry:
-    """A part of a run.
-
-    Attributes
-    ----------
-    name : str
-        Its name in the config; for a part that has none there, its section, and for a sink its plugin
-        (a second one of the same plugin gets ``_2``).
-    spec : Spec
-        Its plugin; ``spec.load()`` gives the class.
-    config : PluginConfig
-        The plugin's own keys: ``spec.load()(config)`` makes the part.
-    """
-
-    name: str
-    spec: Spec
-    config: PluginConfig
-
-
-@dataclass(frozen=True, slots=True)
-class SourceEntry(PartEntry):
-    """A frame source; its calibration is read already.
-
-    Attributes
-    ----------
-    calibration : Calibration or None
-        Of the source's only sensor, from ``config.calibration``.
-    """
-
-    config: SourceConfig
-    calibration: Calibration | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class LocalizerEntry(PartEntry):
-    """A localizer.
-
-    Attributes
-    ----------
-    is_async : bool
-        Works beside the run; its estimates arrive late.
-    latency_s : float or None
-        How late, in step pace; None: by its own model [s].
-    on_error : {"fail", "disable"}
-        When it raises: end the run, or switch it off and go on.
-    """
-
-    is_async: bool = False
-    latency_s: float | None = None
-    on_error: Literal["fail", "disable"] = "fail"
-
-
-@dataclass(frozen=True, slots=True)
-class EstimatorEntry(PartEntry):
-    """The estimator. `use` names the localizers whose estimates it takes; None: all."""
-
-    use: tuple[str, ...] | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class PathStoreEntry(PartEntry):
-    """The path store; `spacing_m` is the way between two waypoints while teaching [m]."""
-
-    spacing_m: float = 0.05
+__all__ = ["RunConfig", "SensorOverride"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,14 +27,14 @@ class SensorOverride:
     calibration: Calibration | None = None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class RunConfig:
     """A run, ready to be built.
 
     Attributes
     ----------
-    mode : {"track", "teach", "replay"}
-        What the run is for.
+    settings : RunSettings
+        Mode, start, pace, seed and the like; its sections of parts are as they were written.
     sources, sensors, localizers : mapping
         By name, in the order of the config.
     estimator : EstimatorEntry
@@ -120,16 +45,6 @@ class RunConfig:
         None: nothing is driven.
     sinks : tuple of PartEntry
         In the order of the config.
-    start : {"first", "last", "unknown"} or Pose2
-        Where the robot starts.
-    control_hz : float
-        The controller is asked at most this often [Hz].
-    stop_when : StopWhen
-        ``fix_age_m`` and ``motion_age_s``; None: off.
-    pace : {"step", "realtime"} or None
-        None: realtime for live sources only.
-    seed : int
-        Of every part's random numbers.
     base_dir : Path
         Where relative paths of the config start.
     plugins : Plugins
@@ -143,19 +58,14 @@ class RunConfig:
         The config as it was written.
     """
 
-    mode: Literal["track", "teach", "replay"]
+    settings: RunSettings
     sources: Mapping[str, SourceEntry]
     sensors: Mapping[str, SensorOverride]
     localizers: Mapping[str, LocalizerEntry]
     estimator: EstimatorEntry
     path_store: PathStoreEntry | None
-    controller: PartEntry | None
-    sinks: tuple[PartEntry, ...]
-    start: Literal["first", "last", "unknown"] | Pose2
-    control_hz: float
-    stop_when: StopWhen
-    pace: Literal["step", "realtime"] | None
-    seed: int
+    controller: PartEntry[NoOptions] | None
+    sinks: tuple[PartEntry[NoOptions], ...]
     base_dir: Path
     plugins: Plugins
     document: dict[str, Any] = field(repr=False)
@@ -165,6 +75,22 @@ class RunConfig:
     def __post_init__(self) -> None:
         for name in ("sources", "sensors", "localizers"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+
+    def with_mode(self, mode: Mode) -> Self:
+        """Return the run in another mode."""
+        settings = self.settings.model_copy(update={"mode": mode})
+        return replace(self, settings=settings, document=self.document | {"mode": mode})
+
+    def with_store(self, path: Path) -> Self:
+        """Return the run with another path store file; where the config names no plugin, of the default one."""
+        entry = self.path_store
+        if entry is None:
+            spec = self.plugins.registry.find("path_store", DEFAULT_PLUGINS["path_store"])
+            config, options = spec.load_config()(), PathStoreOptions()
+            entry = PathStoreEntry(name="path_store", spec=spec, config=config, options=options)
+        entry = replace(entry, config=entry.config.model_copy(update={"path": str(path)}))
+        document = (self.document.get("path_store") or {"plugin": entry.spec.name}) | {"path": str(path)}
+        return replace(self, path_store=entry, document=self.document | {"path_store": document})
 
     def locate(self, *keys: Key) -> str:
         """Return where a key stands, for messages: ``config.yaml line 7: localizers.floor``."""

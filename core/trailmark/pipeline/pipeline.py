@@ -17,12 +17,12 @@ from trailmark.errors import ConfigError, RunError
 from trailmark.estimates import Applied
 from trailmark.frames import Frame, SensorInfo
 from trailmark.geometry import Pose2
-from trailmark.interfaces import Mode
+from trailmark.interfaces import Access, Mode
 from trailmark.paths import Path as TaughtPath
 from trailmark.pipeline.assembly import plan_of, read_config
 from trailmark.pipeline.clock import Clock, SystemClock
 from trailmark.pipeline.pacing import RunClock
-from trailmark.pipeline.plan import Access, Plan
+from trailmark.pipeline.plan import Plan
 from trailmark.pipeline.recorder import Recorder
 from trailmark.pipeline.result import RunResult
 from trailmark.pipeline.run import CTRL_C, Run

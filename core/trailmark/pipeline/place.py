@@ -11,11 +11,11 @@ from trailmark.errors import ConfigError
 from trailmark.frames import SensorInfo
 from trailmark.frames.documents import sensor_to_document
 from trailmark.geometry import Pose2
-from trailmark.interfaces import LocalizerMap, PathStore
+from trailmark.interfaces import Access, LocalizerMap, PathStore
 from trailmark.paths import Path
 from trailmark.pipeline.counters import Counters
 from trailmark.pipeline.map_format import VersionedMap, check_format
-from trailmark.pipeline.plan import Access, Plan, PlannedLocalizer
+from trailmark.pipeline.plan import Plan, PlannedLocalizer
 from trailmark.pipeline.provenance import provenance
 from trailmark.pipeline.starting import Sessions, Starter, guarded
 from trailmark.pipeline.teaching import ContinuedMap, Teaching
@@ -124,7 +124,7 @@ class Place:
         store.close()
         self._store = self._open("read")
 
-    def _open(self, access: Access) -> PathStore:
+    def _open(self, access: Access | None) -> PathStore:
         assert self._plan.store is not None
         store = self._plan.store.build(access)
         session = Sessions(self._plan.mode, self._plan.seed).of("path_store", "path_store")

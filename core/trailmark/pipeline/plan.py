@@ -11,14 +11,12 @@ from typing import Any, Literal
 from trailmark.config import SensorOverride, StopWhen
 from trailmark.frames import SensorInfo
 from trailmark.geometry import Pose2
-from trailmark.interfaces import Controller, Estimator, Localizer, Mode, PathStore, Sink
+from trailmark.interfaces import Access, Controller, Estimator, Localizer, Mode, Pace, PathStore, Sink
 from trailmark.pipeline.sources import Feed
 
 __all__ = ["Access", "Pace", "Plan", "PlannedLocalizer", "Settled", "Start", "StorePlan"]
 
-Pace = Literal["step", "realtime"]
 Start = Literal["first", "last", "unknown"] | Pose2
-Access = Literal["read", "create", "append", "overwrite"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,8 +77,8 @@ class StorePlan:
         Way between two waypoints [m].
     """
 
-    build: Callable[[Access], PathStore]
-    teach_access: Access = "create"
+    build: Callable[[Access | None], PathStore]
+    teach_access: Access | None = None
     spacing_m: float = 0.05
 
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
-from trailmark.errors import PluginLoadError
+from trailmark.errors import PluginLoadError, TrailmarkError
 
 if TYPE_CHECKING:
     from trailmark.config.base import PluginConfig
@@ -97,6 +99,38 @@ class Spec:
             If the import fails, naming the plugin, the error and what to install.
         """
         return self._imported(self.target)
+
+    def construct(self, config: PluginConfig | None, place: str = "") -> Any:
+        """Return an object of the class, made with its config.
+
+        Parameters
+        ----------
+        config : PluginConfig
+            The part's own keys.
+        place : str
+            Where the part stands in a config, for the message.
+
+        Raises
+        ------
+        PluginLoadError
+            If the class cannot be imported, or its constructor raises what is no error of Trailmark.
+        """
+        cls = self.load()
+        with self.naming_what_fails(place):
+            return cls(config)
+
+    @contextmanager
+    def naming_what_fails(self, place: str = "") -> Iterator[None]:
+        """Turn what a constructor raises into a `PluginLoadError` that names the part; for a ``with`` block."""
+        try:
+            yield
+        except TrailmarkError:
+            raise
+        except Exception as error:
+            raise PluginLoadError(
+                f"{place and f'{place}: '}{self.kind} {self.name!r} of {self.origin} cannot be constructed:"
+                f" {type(error).__name__}: {error}"
+            ) from error
 
     def load_config(self) -> type[PluginConfig]:
         """Import and return the config model; the empty one where the part has no keys.

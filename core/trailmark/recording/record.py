@@ -63,9 +63,8 @@ def record_sources(
     DataError
         If a source fails; what came before is kept, and plays again.
     """
-    sources_alone = replace(
-        config, mode="track", localizers={}, controller=None, sinks=(), path_store=None, start="unknown"
-    )
+    settings = config.settings.model_copy(update={"mode": "track", "start": "unknown"})
+    sources_alone = replace(config, settings=settings, localizers={}, controller=None, sinks=(), path_store=None)
     with Pipeline(sources_alone) as pipeline:
         writer = DatasetWriter(folder, pipeline.sensors, overwrite)
         try:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 from trailmark.config.base import PluginConfig
+from trailmark.interfaces import Access
 
 __all__ = ["SqliteStoreConfig"]
 
@@ -14,5 +13,5 @@ class SqliteStoreConfig(PluginConfig):
 
     path: str = ""
     """The file, usually ``*.trail``."""
-    access: Literal["read", "create", "append", "overwrite"] = "read"
+    access: Access = "read"
     """Read a store, make a new one, go on with an old one, or replace it once something new is committed."""

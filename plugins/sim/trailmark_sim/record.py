@@ -48,7 +48,7 @@ def record_run(
         raise ConfigError(f"{config}: 'sim record' takes a config with one source of plugin sim, not {len(simulated)}")
     name, given = next(iter(simulated.items()))
     source = SimSource(given.model_copy(update={"driver": "route"}))
-    source.start(Session(name=name, mode=mode, rng=part_rng(run.seed, "source", name)))
+    source.start(Session(name=name, mode=mode, rng=part_rng(run.settings.seed, "source", name)))
     writer = DatasetWriter(out, source.sensors, overwrite)
     yield f"recording {', '.join(source.sensors)} of {given.world} to {out}"
     last_s = 0.0

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path as FilePath
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from trailmark.config import PluginConfig
 from trailmark.errors import StoreError
 from trailmark.frames import SensorInfo
 from trailmark.geometry import Pose2
-from trailmark.interfaces import PathStore, Session
+from trailmark.interfaces import Access, PathStore, Session
 from trailmark.paths import Keyframe, Waypoint
 from trailmark.testing.checks.configs import common_checks
 from trailmark.testing.checks.parametrize import Check, parametrize
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Access", "parametrize_with_store_checks", "store_checks"]
 
-Access = Literal["read", "create", "append", "overwrite"]
 
 _FOREIGN = b"GIF89a this is no path store at all" * 40
 

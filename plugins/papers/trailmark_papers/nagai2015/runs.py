@@ -14,9 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from trailmark.experiments import ExperimentOptions
-from trailmark.interfaces import Mode, Session
+from trailmark.interfaces import Access, Mode, Session
 from trailmark.paths import Keyframe
-from trailmark.pipeline.plan import Access
 
 __all__ = [
     "PAPER_MAP",
