@@ -28,12 +28,12 @@ from pathlib import Path
 from typing import Any
 
 from trailmark import __version__
-from trailmark.bench import Index, load_bench, run_bench
-from trailmark.bench.executors.config import LocalConfig
-from trailmark.bench.executors.local import LocalExecutor
-from trailmark.bench.page import write_page
 from trailmark.pipeline.provenance import provenance
 from trailmark.plugins import load_plugins
+from trailmark_bench import Index, load_bench, run_bench
+from trailmark_bench.executors.config import LocalConfig
+from trailmark_bench.executors.local import LocalExecutor
+from trailmark_bench.page import write_page
 
 _TESTS = Path(__file__).parents[1] / "tests" / "bench"
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome")

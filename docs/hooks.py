@@ -9,7 +9,10 @@ from pathlib import Path
 from typing import Any
 
 REPOSITORY = Path(__file__).parents[1]
-CARDS = ("ground_vo", "omni_surf", "kinect_landmarks", "divs", "controllers", "sim", "datasets", "baselines", "papers")
+CARDS = (
+    *("ground_vo", "omni_surf", "kinect_landmarks", "divs", "controllers", "sim", "datasets", "baselines"),
+    *("papers", "bench"),
+)
 
 _LINK = re.compile(r"(!?)\[([^\]]*)\]\((?!https?:|#|mailto:)([^)\s]+)\)")
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+import subprocess
+import sys
 
 import pytest
 
@@ -26,3 +28,47 @@ def test_the_sessions_map_is_found_by_its_old_name() -> None:
 
     with pytest.warns(DeprecationWarning, match="Session.map"):
         assert session.drawer is session.map
+
+
+OLD_IMPORTS = """
+import sys, warnings
+import trailmark.bench
+assert "trailmark_bench" not in sys.modules
+with warnings.catch_warnings(record=True) as told:
+    warnings.simplefilter("always")
+    from trailmark.bench import Executor, Index
+    from trailmark.bench.executors.local import LocalExecutor
+    import trailmark.bench.process
+    import trailmark.bench.merge as merge
+    from trailmark.bench.process import CellProcess, run_cell
+print(*(f"{word.filename}: {word.message}" for word in told), sep="\\n")
+import trailmark_bench.merge, trailmark_bench.executors.local as local, trailmark.isolation.executor as executor
+assert (Executor, Index) == (executor.Executor, trailmark_bench.Index)
+assert LocalExecutor is local.LocalExecutor
+assert merge is trailmark_bench.merge and merge.__spec__.name == "trailmark_bench.merge"
+"""
+
+
+def test_the_bench_is_found_by_its_old_name_and_says_the_new_one() -> None:
+    done = subprocess.run([sys.executable, "-c", OLD_IMPORTS], capture_output=True, text=True, check=False)
+
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == [
+        f"<string>: trailmark.bench.{old} now"
+        for old in (
+            "Executor is called trailmark_bench.Executor",
+            "Index is called trailmark_bench.Index",
+            "executors is called trailmark_bench.executors",
+            "executors.local is called trailmark_bench.executors.local",
+            "process is called trailmark_bench.process",
+            "merge is called trailmark_bench.merge",
+        )
+    ] + ["<string>: trailmark_bench.process.CellProcess is called IsolatedProcess now"]
+
+
+def test_a_module_that_the_bench_never_had_is_an_import_error() -> None:
+    with (
+        pytest.raises(ModuleNotFoundError, match=r"trailmark_bench\.grid"),
+        pytest.warns(DeprecationWarning, match="called trailmark_bench"),
+    ):
+        importlib.import_module("trailmark.bench.grid")

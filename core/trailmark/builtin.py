@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 @hookimpl
 def trailmark_register(registry: Registry) -> None:
-    """Register the estimators, the path store, the sink and the executors that need no plugin."""
+    """Register the estimators, the path store and the sink that need no plugin."""
     registry.estimator(
         "dead_reckoning",
         "trailmark.estimation.dead_reckoning:DeadReckoning",
@@ -38,18 +38,4 @@ def trailmark_register(registry: Registry) -> None:
         "trailmark.pipeline.jsonl:JsonlSink",
         config="trailmark.pipeline.jsonl_config:JsonlConfig",
         summary="Writes beliefs, estimates and commands as lines of JSON, to a file or to standard output",
-    )
-    registry.executor(
-        "local",
-        "trailmark.bench.executors.local:LocalExecutor",
-        config="trailmark.bench.executors.config:LocalConfig",
-        summary="Bench cells as processes of this machine",
-    )
-    registry.executor(
-        "dask",
-        "trailmark.bench.executors.dask:DaskExecutor",
-        config="trailmark.bench.executors.config:DaskConfig",
-        summary="Bench cells on the workers of a Dask cluster",
-        reference="Rocklin 2015",
-        extra="dask",
     )

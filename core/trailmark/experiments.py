@@ -104,8 +104,8 @@ class ExperimentOptions:
         function : callable
             Stands at the top of a module, so that another process finds it by name.
         arguments : iterable of tuple
-            Plain data (`trailmark.bench.plain`), as the answers are, unless all is done in this process: with one job,
-            nothing kept.
+            Plain data (`trailmark.isolation.plain`), as the answers are, unless all is done in this process: with one
+            job, nothing kept.
 
         Raises
         ------
@@ -115,7 +115,7 @@ class ExperimentOptions:
         calls = list(arguments)
         if self.jobs == 1 and not self.is_kept:
             return [function(*call) for call in calls]
-        from trailmark.bench.calls import call_in_cells
+        from trailmark.isolation.calls import call_in_cells
 
         return call_in_cells(function, calls, self.out / CALLS_FOLDER, self.jobs, self.report)
 

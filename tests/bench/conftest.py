@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from trailmark.bench import Cell, Index, Outcome, load_bench, run_bench
-from trailmark.bench.executors.config import LocalConfig
-from trailmark.bench.executors.local import LocalExecutor
 from trailmark.plugins import Plugins, load_plugins
+from trailmark_bench import Cell, Index, Outcome, load_bench, run_bench
+from trailmark_bench.executors.config import LocalConfig
+from trailmark_bench.executors.local import LocalExecutor
 
 TOY = Path(__file__).with_name("toy_plugin.py")
 

@@ -15,9 +15,9 @@ from typing import Any
 
 import pytest
 
-from trailmark.bench import Index, run_bench
-from trailmark.bench.executors.config import LocalConfig
-from trailmark.bench.executors.local import LocalExecutor
+from trailmark_bench import Index, run_bench
+from trailmark_bench.executors.config import LocalConfig
+from trailmark_bench.executors.local import LocalExecutor
 
 TOY = Path(__file__).with_name("toy_plugin.py")
 

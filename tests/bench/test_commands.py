@@ -12,13 +12,13 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from trailmark.bench import Cell, Index, Outcome
-from trailmark.bench.export import exported
-from trailmark.bench.merge import merge_benches
-from trailmark.bench.summary import summarized
-from trailmark.cli.bench import bench_group
 from trailmark.cli.root import ChosenPlugins, root
 from trailmark.errors import ConfigError, DataError
+from trailmark_bench import Cell, Index, Outcome
+from trailmark_bench.cli.commands import bench_group
+from trailmark_bench.export import exported
+from trailmark_bench.merge import merge_benches
+from trailmark_bench.summary import summarized
 
 TOY = Path(__file__).with_name("toy_plugin.py")
 CONFIG = """

@@ -15,8 +15,8 @@ from pathlib import Path
 
 import pytest
 
-from trailmark.bench import Index
-from trailmark.bench.remote import packed, run_packed
+from trailmark_bench import Index
+from trailmark_bench.remote import packed, run_packed
 
 TOY = Path(__file__).with_name("toy_plugin.py")
 CONFIG = """

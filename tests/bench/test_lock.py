@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from trailmark.bench.lock import LOCK_FILE, FolderLock
+from trailmark_bench.lock import LOCK_FILE, FolderLock
 
 # Windows as far as this module knows it: another module of the system, and no O_NOFOLLOW.
 _ON_WINDOWS = """
@@ -29,7 +29,7 @@ folder = Path(sys.argv[1])
 import trailmark.errors
 del os.O_NOFOLLOW
 sys.platform = "win32"
-from trailmark.bench.lock import FolderLock
+from trailmark_bench.lock import FolderLock
 
 FolderLock(folder)
 try:
@@ -51,7 +51,7 @@ def test_a_folder_is_locked_once_until_it_is_released(tmp_path: Path) -> None:
 
 
 def test_the_lock_goes_with_its_process(tmp_path: Path) -> None:
-    take = "import os, sys; from pathlib import Path; from trailmark.bench.lock import FolderLock;"
+    take = "import os, sys; from pathlib import Path; from trailmark_bench.lock import FolderLock;"
     take += " lock = FolderLock(Path(sys.argv[1])); os._exit(0)"
     subprocess.run([sys.executable, "-c", take, str(tmp_path)], check=True, timeout=60)
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from trailmark.bench import load_bench
-from trailmark.bench.overlay import overlaid
 from trailmark.errors import ConfigError
+from trailmark_bench import load_bench
+from trailmark_bench.overlay import overlaid
 
 
 def labels(bench) -> list[str]:
@@ -257,7 +257,7 @@ class TestAddress:
         assert ids(tmp_path / "a.txt") != ids(tmp_path / "c.txt")
 
     def test_it_depends_on_the_code_of_the_parts(self, tmp_path: Path) -> None:
-        from trailmark.bench.fingerprint import source_digest
+        from trailmark.isolation.fingerprint import source_digest
 
         package = tmp_path / "some_package"
         package.mkdir()

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from trailmark.bench.page import write_page
+from trailmark_bench.page import write_page
 
 BROWSER = next(
     (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from trailmark.bench import load_bench
 from trailmark.plugins import load_plugins
+from trailmark_bench import load_bench
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import wilcoxon
 
-from trailmark.bench.statistics import compare_pairs, holm, mean_ranks, signed_rank_p, spreads
+from trailmark_bench.statistics import compare_pairs, holm, mean_ranks, signed_rank_p, spreads
 
 
 @pytest.mark.parametrize("n", [3, 5, 8, 20, 25])

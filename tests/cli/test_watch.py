@@ -88,7 +88,7 @@ def test_a_bench_is_watched_too(synthetic_folder: Path) -> None:
 
 @pytest.fixture
 def synthetic_folder(tmp_path: Path) -> Path:
-    from trailmark.bench import Cell, Index
+    from trailmark_bench import Cell, Index
 
     with Index(tmp_path, write=True) as index:
         index.enter([Cell(f"{seed:0>20}", "", {"localizer": "toy", "seed": seed}, {}) for seed in range(2)])

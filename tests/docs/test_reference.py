@@ -22,7 +22,7 @@ REPOSITORY = Path(__file__).parents[2]
 PACKAGES = ("trailmark", *sorted(path.name for path in REPOSITORY.glob("plugins/*/trailmark_*")))
 
 #: Modules that are run or generated, not imported.
-_LEFT_OUT = ("trailmark.cli.__main__", "trailmark.bench.child")
+_LEFT_OUT = ("trailmark.cli.__main__", "trailmark_bench.child")
 #: Packages of extras that are too large for everybody's test environment.
 _EXTRAS = ("rerun",)
 

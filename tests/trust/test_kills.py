@@ -21,10 +21,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from trailmark.bench import Index
 from trailmark.interfaces import Session
 from trailmark.stores import SqlitePathStore, SqliteStoreConfig
 from trailmark.stores.check import check_store
+from trailmark_bench import Index
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL is POSIX")
 

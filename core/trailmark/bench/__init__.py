@@ -1,45 +1,25 @@
-"""The bench: localizers, pipelines, sources, faults and seeds crossed; cells that cannot hurt each other; tables."""
+"""The old name of the bench, which is the plugin ``bench`` (package ``trailmark_bench``) now.
+
+Whatever was imported from here still comes, with a warning that says its new name; importing this alone does nothing.
+"""
 
 from __future__ import annotations
 
+import warnings
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from trailmark.bench.cell import Cell
-    from trailmark.bench.executor import Executor, ExecutorConfig, Finished, Job, Outcome
-    from trailmark.bench.index import Index
-    from trailmark.bench.matrix import Bench, load_bench
-    from trailmark.bench.scheduler import run_bench
+from trailmark.deprecation import MovedModules
 
-__all__ = [
-    "Bench",
-    "Cell",
-    "Executor",
-    "ExecutorConfig",
-    "Finished",
-    "Index",
-    "Job",
-    "Outcome",
-    "load_bench",
-    "run_bench",
-]
+_NEW = "trailmark_bench"
+_ISOLATION = ("call", "calls", "executor", "fingerprint", "plain")
 
-_LAZY = {
-    "Bench": "trailmark.bench.matrix",
-    "Cell": "trailmark.bench.cell",
-    "Executor": "trailmark.bench.executor",
-    "ExecutorConfig": "trailmark.bench.executor",
-    "Finished": "trailmark.bench.executor",
-    "Index": "trailmark.bench.index",
-    "Job": "trailmark.bench.executor",
-    "Outcome": "trailmark.bench.executor",
-    "load_bench": "trailmark.bench.matrix",
-    "run_bench": "trailmark.bench.scheduler",
-}
+MovedModules(__name__, _NEW, {name: f"trailmark.isolation.{name}" for name in _ISOLATION}).install()
 
 
-def __getattr__(name: str) -> Any:  # the process of a cell imports this package and little of it
-    if name not in _LAZY:
-        raise AttributeError(f"module 'trailmark.bench' has no attribute {name!r}")
-    return getattr(import_module(_LAZY[name]), name)
+def __getattr__(name: str) -> Any:
+    if name.startswith("__"):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(_NEW), name)
+    warnings.warn(f"{__name__}.{name} is called {_NEW}.{name} now", DeprecationWarning, stacklevel=2)
+    return value

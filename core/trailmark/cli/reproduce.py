@@ -54,7 +54,7 @@ def reproduce_command(
 
 
 def _repeat(spec: Any, quick: bool, seed: int, folder: Path, jobs: int) -> Sequence[Row]:
-    from trailmark.bench.calls import forget_calls
+    from trailmark.isolation.calls import forget_calls
     from trailmark.pipeline.provenance import provenance
     from trailmark.report.experiment import write_experiment
 
@@ -71,7 +71,7 @@ def _repeat(spec: Any, quick: bool, seed: int, folder: Path, jobs: int) -> Seque
 
 def _keep_only_the_same(folder: Path, request: dict[str, Any]) -> None:
     """Forget the answers of another request: its files lie in the same places."""
-    from trailmark.bench.calls import forget_calls
+    from trailmark.isolation.calls import forget_calls
 
     calls = folder / CALLS_FOLDER
     noted = calls / "request.json"

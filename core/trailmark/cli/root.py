@@ -14,7 +14,7 @@ from trailmark import __version__
 if TYPE_CHECKING:
     from trailmark.plugins import Plugins
 
-__all__ = ["ChosenPlugins", "plugins_of", "root", "split_plugin_options"]
+__all__ = ["ChosenPlugins", "command_of_plugin", "plugins_of", "root", "split_plugin_options"]
 
 _COMMANDS = {
     "demo": ("trailmark.cli.demo:demo_command", "The whole story in a minute: teach, replay, report (simulated)."),
@@ -24,7 +24,6 @@ _COMMANDS = {
     "inspect": ("trailmark.cli.inspect:inspect_command", "Look at a source: sensors, rates, first frames."),
     "record": ("trailmark.cli.record:record_command", "Write any source to disk as a data set."),
     "init": ("trailmark.cli.init:init_command", "Write a commented starter config."),
-    "bench": ("trailmark.cli.bench:bench_group", "Cross localizers, sources, faults and seeds; compare them."),
     "reproduce": ("trailmark.cli.reproduce:reproduce_command", "Repeat a paper's experiments: paper and ours."),
     "watch": ("trailmark.cli.watch:watch_command", "Watch a run or a bench while it goes on."),
     "compare": ("trailmark.cli.compare:compare_command", "Compare runs, or the localizers of one run."),
@@ -94,20 +93,20 @@ class _LazyGroup(click.Group):
     """A group whose commands are import strings, and that asks the plugins for theirs."""
 
     def list_commands(self, context: click.Context) -> list[str]:
-        return [*_COMMANDS, *sorted(self._plugin_commands(context))]
+        return [*_COMMANDS, *sorted(_plugin_commands(context))]
 
     def get_command(self, context: click.Context, name: str) -> click.Command | None:
         if name in _COMMANDS:
             module, _, attribute = _COMMANDS[name][0].partition(":")
             command: click.Command = getattr(import_module(module), attribute)
             return command
-        return self._plugin_commands(context).get(name)
+        return _plugin_commands(context).get(name)
 
     def format_commands(self, context: click.Context, formatter: click.HelpFormatter) -> None:
         rows = [(name, summary) for name, (_, summary) in _COMMANDS.items()]
         with formatter.section("Commands"):
             formatter.write_dl(rows)
-        theirs = self._plugin_commands(context)
+        theirs = _plugin_commands(context)
         if theirs:
             with formatter.section("Commands of plugins"):
                 formatter.write_dl([(name, theirs[name].get_short_help_str(80)) for name in sorted(theirs)])
@@ -121,21 +120,46 @@ class _LazyGroup(click.Group):
 
             close = get_close_matches(name, self.list_commands(context), n=1)
             hint = f" Did you mean '{close[0]}'?" if close else " 'trailmark --help' lists the commands."
-            raise click.UsageError(f"no command '{name}'.{hint}")
+            raise click.UsageError(f"no command '{name}'.{_absent_hint(context, name) or hint}")
         return super().resolve_command(context, arguments)
 
-    def _plugin_commands(self, context: click.Context) -> dict[str, click.Command]:
-        commands: dict[str, click.Command] | None = context.meta.get("trailmark.plugin_commands")
-        if commands is None:
-            group = click.Group(commands={"calibrate": _calibrate_group()})
-            plugins_of(context).call_isolated("trailmark_commands", group=group)
-            commands = {
-                name: command
-                for name, command in group.commands.items()
-                if name not in _COMMANDS and not (isinstance(command, click.Group) and not command.commands)
-            }
-            context.meta["trailmark.plugin_commands"] = commands
-        return commands
+
+def _plugin_commands(context: click.Context) -> dict[str, click.Command]:
+    commands: dict[str, click.Command] | None = context.meta.get("trailmark.plugin_commands")
+    if commands is None:
+        group = click.Group(commands={"calibrate": _calibrate_group()})
+        plugins_of(context).call_isolated("trailmark_commands", group=group)
+        commands = {
+            name: command
+            for name, command in group.commands.items()
+            if name not in _COMMANDS and not (isinstance(command, click.Group) and not command.commands)
+        }
+        context.meta["trailmark.plugin_commands"] = commands
+    return commands
+
+
+def command_of_plugin(context: click.Context, name: str, subcommand: str) -> click.Command:
+    """Return a command that a plugin brings, such as ``bench watch``: core hands over to it what is not core's.
+
+    Raises
+    ------
+    ConfigError
+        If no plugin brings it; the message says whether one would that is blocked.
+    """
+    from trailmark.errors import ConfigError
+
+    group = _plugin_commands(context).get(name)
+    command = group.get_command(context, subcommand) if isinstance(group, click.Group) else None
+    if command is None:
+        raise ConfigError(f"no plugin brings 'trailmark {name} {subcommand}'.{_absent_hint(context, name)}")
+    return command
+
+
+def _absent_hint(context: click.Context, name: str) -> str:
+    """Return what there is to say of a plugin that is installed, has the name of a command and may not be used."""
+    absent = [record for record in plugins_of(context).records if record.name == name and record.status != "ok"]
+    words = {"blocked": "is blocked", "disabled": "is not on the list of plugins that may load"}
+    return "".join(f" {record.origin} {words.get(record.status, 'did not load')}." for record in absent)
 
 
 def _calibrate_group() -> click.Group:

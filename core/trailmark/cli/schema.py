@@ -6,7 +6,7 @@ import json
 
 import click
 
-from trailmark.cli.root import plugins_of
+from trailmark.cli.root import command_of_plugin, plugins_of
 
 __all__ = ["schema_command"]
 
@@ -25,12 +25,7 @@ def schema_command(context: click.Context, is_bench: bool) -> None:
     """
     from trailmark.config.schema import run_config_schema
 
-    schema = run_config_schema(plugins_of(context))
     if is_bench:
-        from trailmark.bench.config import BenchSection
-
-        section = BenchSection.model_json_schema(by_alias=True)
-        schema["$defs"] |= section.pop("$defs")
-        schema["properties"]["bench"] = section
-        schema |= {"title": "Trailmark bench", "required": ["bench"]}
-    click.echo(json.dumps(schema, indent=1, ensure_ascii=False))
+        context.invoke(command_of_plugin(context, "bench", "schema"))
+    else:
+        click.echo(json.dumps(run_config_schema(plugins_of(context)), indent=1, ensure_ascii=False))

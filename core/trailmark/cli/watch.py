@@ -10,23 +10,51 @@ from typing import Any
 
 import click
 
+from trailmark.cli.root import command_of_plugin
 from trailmark.errors import DataError
 
-__all__ = ["watch_command"]
+__all__ = ["Look", "watch", "watch_command", "watch_options"]
 
 _LINE_S = 5.0
+
+#: Looks once: whether it still goes on, and what to show.
+Look = Callable[[], tuple[bool, Any]]
+
+
+def watch_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command that watches something its options."""
+    pause = click.FloatRange(0.05)
+    every = click.option("--every", default=0.5, show_default=True, type=pause, help="Look so often [s].")
+    return every(click.option("--once", is_flag=True, help="Look once.")(command))
 
 
 @click.command("watch")
 @click.argument("folder", metavar="[RUN]", default=Path("runs/latest"), type=click.Path(path_type=Path))
-@click.option("--every", default=0.5, show_default=True, type=click.FloatRange(0.05), help="Look so often [s].")
-@click.option("--once", is_flag=True, help="Look once.")
-def watch_command(folder: Path, every: float, once: bool) -> None:
+@watch_options
+@click.pass_context
+def watch_command(context: click.Context, folder: Path, every: float, once: bool) -> None:
     """Watch a run (or a bench) from its folder while it goes on; default: runs/latest.
 
     A run writes its estimates some forty at a time.
     """
-    look = _bench(folder) if (folder / "index.sqlite").is_file() else _run(folder)
+    if (folder / "index.sqlite").is_file():
+        context.invoke(command_of_plugin(context, "bench", "watch"), folder=folder, every=every, once=once)
+    else:
+        watch(_run(folder), every, once)
+
+
+def watch(look: Look, every: float, once: bool) -> None:
+    """Look again and again until what is watched has ended: live on a terminal, in lines elsewhere.
+
+    Parameters
+    ----------
+    look : callable
+        Looks once.
+    every : float
+        Time between looks [s].
+    once : bool
+        Look once only.
+    """
     if once or not sys.stdout.isatty():
         _tell_in_lines(look, every, once)
         return
@@ -40,11 +68,7 @@ def watch_command(folder: Path, every: float, once: bool) -> None:
             live.update(shown)
 
 
-#: Looks once: whether it still goes on, and what to show.
-_Look = Callable[[], tuple[bool, Any]]
-
-
-def _tell_in_lines(look: _Look, every: float, once: bool) -> None:
+def _tell_in_lines(look: Look, every: float, once: bool) -> None:
     from trailmark.report.console import table_console
 
     console, told_s = table_console(), 0.0
@@ -58,7 +82,7 @@ def _tell_in_lines(look: _Look, every: float, once: bool) -> None:
         time.sleep(every)
 
 
-def _run(folder: Path) -> _Look:
+def _run(folder: Path) -> Look:
     from rich.console import Group
     from rich.text import Text
 
@@ -73,24 +97,5 @@ def _run(folder: Path) -> _Look:
         goes_on = watch.look()
         line = Text(f"{folder.resolve().name}: {watch.status}")
         return goes_on, Group(line, to_rich(watch.table())) if watch.localizers else line
-
-    return look
-
-
-def _bench(folder: Path) -> _Look:
-    from rich.text import Text
-
-    from trailmark.bench.index import Index
-
-    def look() -> tuple[bool, Any]:
-        with Index(folder) as index:
-            records = index.records()
-        counts: dict[str, int] = {}
-        for record in records:
-            counts[record.state] = counts.get(record.state, 0) + 1
-        states = ", ".join(f"{count} {state}" for state, count in counts.items())
-        running = "".join(f"\n  {record.label}" for record in records if record.state == "running")
-        goes_on = bool(counts.get("running"))
-        return goes_on, Text(f"{folder.resolve().name}: {states}{running}")
 
     return look

@@ -1,0 +1,138 @@
+"""``python -m trailmark_bench.child FOLDER PARENT``: one cell, in a process of its own.
+
+It reads ``cell.json`` of the folder and leaves ``run/`` (and ``teach/``), ``metrics.json``, ``detail.json`` and, last
+and at once, ``result.json``. What goes wrong is said in one line, the last on standard error.
+"""
+
+from __future__ import annotations
+
+import faulthandler
+import json
+import logging
+import os
+import signal
+import sys
+import traceback
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from trailmark.errors import ConfigError, TrailmarkError
+from trailmark.isolation.child import EXIT_FAILED, EXIT_SKIPPED, die_with, say, write_json
+from trailmark.isolation.process import REQUEST_FILE, RESULT_FILE
+from trailmark_bench.process import DETAIL_FILE
+
+__all__ = ["main"]
+
+_STORE = "place.trail"
+
+
+class _UnfitError(ConfigError):
+    """No sensor of the source suits the localizer: the cell means nothing."""
+
+
+def main(arguments: list[str]) -> int:
+    """Run the cell of a folder; return the exit code."""
+    folder = Path(arguments[0])
+    die_with(int(arguments[1]))
+    faulthandler.register(signal.SIGUSR1)
+    level = os.environ.get("TRAILMARK_LOG") or "warning"
+    logging.basicConfig(format="%(levelname)s: %(message)s", level=level.upper())
+    try:
+        request = json.loads((folder / REQUEST_FILE).read_text(encoding="utf-8"))
+        _limit(request["limits"])
+        write_json(folder / RESULT_FILE, _run(request, folder))
+    except _UnfitError as error:
+        return say(EXIT_SKIPPED, error)
+    except MemoryError as error:
+        traceback.print_exc()
+        limit = request["limits"].get("memory_mb")
+        return say(EXIT_FAILED, f"out of memory{f' (limit {limit:g} MB)' if limit else ''}: {error}".rstrip(": "))
+    except TrailmarkError as error:
+        cause = error.__cause__
+        if cause is not None and not isinstance(cause, TrailmarkError):
+            traceback.print_exc()
+        return say(EXIT_FAILED, error)
+    except Exception as error:
+        traceback.print_exc()
+        return say(EXIT_FAILED, f"{type(error).__name__}: {error}")
+    return 0
+
+
+def _run(request: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    from trailmark.config import Document, load_run_config
+    from trailmark.evaluation import Protocol, evaluate_run
+    from trailmark.plugins import load_plugins
+    from trailmark_bench.measure import measured
+
+    chosen = request["plugins"]
+    plugins = load_plugins(block=chosen["block"], files=chosen["files"])
+    base_dir = Path(request["base_dir"])
+
+    def load(document: dict[str, Any]) -> Any:
+        return load_run_config(Document(document, "cell.json", base_dir), plugins=plugins)
+
+    config, store = load(request["document"]), None
+    _pin_opencv(int(request["limits"]["threads"]))
+    if request["teach"] is not None:
+        store = folder / _STORE
+        taught = _drive(load(request["teach"]), folder / "teach", store)
+        if taught.result.status != "done":
+            raise ConfigError(f"teaching {taught.result.status}: {taught.result.reason}".rstrip(": "))
+    pipeline = _drive(config, folder / "run", store)
+    extra = {spec.name: spec.load() for spec in plugins.registry.specs("metric")}
+    protocol = Protocol(align=request["align"])
+    document = evaluate_run(folder / "run", protocol=protocol, metrics=extra, path=pipeline.path)
+    if store is not None and not request["keep_stores"]:
+        store.unlink(missing_ok=True)
+    result, detail = measured(request, pipeline.result, document, folder / "run")
+    write_json(folder / DETAIL_FILE, detail)
+    return result
+
+
+def _drive(config: Any, out: Path, store: Path | None) -> Any:
+    """Run a pipeline to its end and return it."""
+    from trailmark.pipeline import Pipeline
+
+    pipeline = Pipeline(config, out=out, store=store)
+    settle = pipeline.plan.settle
+
+    def fitting(*found: Any) -> Any:
+        try:
+            return settle(*found)
+        except ConfigError as error:
+            raise _UnfitError(str(error)) from error
+
+    pipeline.plan = replace(pipeline.plan, settle=fitting)
+    with pipeline:
+        for _ in pipeline:
+            pass
+    return pipeline
+
+
+def _limit(limits: Mapping[str, Any]) -> None:
+    """Limit memory and size of files from here on; core dumps of cells that crash are of no use."""
+    import resource
+
+    wanted = {resource.RLIMIT_AS: limits["memory_mb"], resource.RLIMIT_FSIZE: limits["file_mb"]}
+    for which, limit_mb in wanted.items():
+        if limit_mb is not None:
+            _, hard = resource.getrlimit(which)
+            size = int(limit_mb * 1e6)
+            resource.setrlimit(which, (size if hard == resource.RLIM_INFINITY else min(size, hard), hard))
+    with suppress(ValueError, OSError):
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+def _pin_opencv(threads: int) -> None:
+    cv2 = sys.modules.get("cv2")  # only where a part of this run has imported it
+    if cv2 is not None:
+        cv2.setNumThreads(threads)
+
+
+if __name__ == "__main__":
+    found = main(sys.argv[1:])
+    sys.stderr.flush()
+    os._exit(found)  # what libraries do on the way out takes time, and sometimes crashes

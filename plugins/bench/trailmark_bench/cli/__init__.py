@@ -1,0 +1,1 @@
+"""``trailmark bench`` on the command line."""

@@ -1,0 +1,181 @@
+"""``trailmark bench``: localizers, pipelines, sources, faults and seeds crossed; ``show``, ``merge``, ``export``."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+
+from trailmark.cli.root import ChosenPlugins, plugins_of
+from trailmark.cli.watch import watch, watch_options
+from trailmark.errors import ConfigError
+
+__all__ = ["RunOptions", "bench_group"]
+
+_FOLDER = click.Path(path_type=Path, file_okay=False)
+_RETRY = ("failed", "crashed", "timeout", "skipped", "all")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunOptions:
+    """What ``trailmark bench run`` was asked for, one field for each option."""
+
+    config: Path
+    out: Path | None = None
+    overrides: tuple[str, ...] = ()
+    only: tuple[str, ...] = ()
+    is_list: bool = False
+    retry: tuple[str, ...] = ()
+    jobs: int | None = None
+    alone: bool = False
+    timeout: float | None = None
+    executor: str | None = None
+    scheduler: str | None = None
+    no_report: bool = False
+    as_json: bool = False
+
+    @property
+    def folder(self) -> Path:
+        """The folder of the bench."""
+        return self.out or Path("runs/bench") / self.config.stem
+
+    @property
+    def changes(self) -> tuple[str, ...]:
+        """Overrides of the config, those among them that have an option of their own."""
+        return (*self.overrides, *([f"bench.limits.timeout_s={self.timeout}"] if self.timeout else []))
+
+
+class _BenchGroup(click.Group):
+    """``trailmark bench CONFIG`` is ``trailmark bench run CONFIG``."""
+
+    def parse_args(self, context: click.Context, arguments: list[str]) -> list[str]:
+        known = {*self.commands, "-h", "--help"}
+        if arguments and arguments[0] not in known:
+            arguments = ["run", *arguments]
+        return super().parse_args(context, arguments)
+
+
+@click.group("bench", cls=_BenchGroup)
+def bench_group() -> None:
+    """Cross localizers, pipelines, sources, faults and seeds, and compare them.
+
+    `trailmark bench CONFIG` runs what is missing and writes a report; run again, it goes on where it was.
+    """
+
+
+@bench_group.command("run")
+@click.argument("config", type=click.Path(path_type=Path))
+@click.option("--out", type=_FOLDER, help="Folder of the bench; default runs/bench/NAME: run again, it goes on.")
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key: bench.cells.seeds=2.")
+@click.option("--only", multiple=True, metavar="AXIS=NAME", help="Only these cells: localizer=klt,orb.")
+@click.option("--list", "is_list", is_flag=True, help="List the cells with the time they will take; run nothing.")
+@click.option("--retry", multiple=True, type=click.Choice(_RETRY), help="Run only the cells that ended so.")
+@click.option("--jobs", type=click.IntRange(1), help="Cells at a time.")
+@click.option("--alone", is_flag=True, help="One cell at a time, for times that count.")
+@click.option("--timeout", type=click.FloatRange(0, min_open=True), metavar="SECONDS", help="For each cell.")
+@click.option("--executor", metavar="NAME", help="Where cells run: local, dask, or a plugin's.")
+@click.option("--scheduler", metavar="ADDRESS", help="Of a Dask cluster.")
+@click.option("--no-report", is_flag=True, help="Leave the report out.")
+@click.option("--json", "as_json", is_flag=True, help="Print the cells as JSON.")
+@click.pass_context
+def run_command(context: click.Context, /, **options: Any) -> None:
+    """Run the cells of CONFIG that have not been run, and write tables and a report."""
+    from trailmark_bench.cli.running import list_bench, run_bench_command
+
+    request = RunOptions(**options)
+    if request.alone and request.jobs not in (None, 1):
+        raise ConfigError(f"--alone runs one cell at a time; leave --jobs {request.jobs} out")
+    chosen: ChosenPlugins = context.find_root().obj or ChosenPlugins()
+    carry_out = list_bench if request.is_list else run_bench_command
+    carry_out(request, plugins_of(context), chosen)
+
+
+@bench_group.command("show")
+@click.argument("folder", metavar="DIR", type=_FOLDER)
+@click.argument("cell", required=False)
+@click.option("--metric", "metrics", multiple=True, metavar="NAME", help="Quantities to show; default: the bench's.")
+@click.option("--baseline", metavar="NAME", help="Compare with this one.")
+@click.option("--state", "states", multiple=True, metavar="STATE", help="List the cells in this state.")
+@click.option("--html", "is_html", is_flag=True, help="Write the report anew.")
+@click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
+def show_command(
+    folder: Path,
+    cell: str | None,
+    metrics: tuple[str, ...],
+    baseline: str | None,
+    states: tuple[str, ...],
+    is_html: bool,
+    as_json: bool,
+) -> None:
+    """Show the tables of a bench, or one CELL of it: by the first digits of its id, or by words of its name."""
+    from trailmark_bench.cli.showing import show_cell, show_states, show_tables
+    from trailmark_bench.index import Index
+
+    with Index(folder) as index:
+        if cell is not None:
+            show_cell(index, cell, as_json)
+        elif states:
+            show_states(index, states, as_json)
+        else:
+            show_tables(index, metrics, baseline, as_json)
+        if is_html:
+            from trailmark_bench.page import write_page
+
+            click.echo(str(write_page(index, baseline=baseline)))
+
+
+@bench_group.command("watch")
+@click.argument("folder", metavar="DIR", type=_FOLDER)
+@watch_options
+def watch_command(folder: Path, every: float, once: bool) -> None:
+    """Watch a bench from its folder while it goes on."""
+    from trailmark_bench.cli.watching import look_at_bench
+
+    watch(look_at_bench(folder), every, once)
+
+
+@bench_group.command("schema")
+@click.pass_context
+def schema_command(context: click.Context) -> None:
+    """Print the JSON schema of bench configs with everything that is installed."""
+    from trailmark_bench.schema import bench_config_schema
+
+    click.echo(json.dumps(bench_config_schema(plugins_of(context)), indent=1, ensure_ascii=False))
+
+
+@bench_group.command("merge")
+@click.argument("folders", metavar="DIR...", nargs=-1, required=True, type=_FOLDER)
+@click.option("--out", required=True, type=_FOLDER, help="Folder of the merged bench; it may be one of DIR.")
+def merge_command(folders: tuple[Path, ...], out: Path) -> None:
+    """Put benches together: cells of one address are one cell, whichever machine ran it."""
+    from trailmark_bench.merge import merge_benches
+
+    for line in merge_benches(folders, out):
+        click.echo(line)
+
+
+@bench_group.command("export")
+@click.argument("form", metavar="csv|latex|markdown", type=click.Choice(["csv", "latex", "markdown"]))
+@click.argument("folder", metavar="DIR", type=_FOLDER)
+@click.option("--metric", "metrics", multiple=True, metavar="NAME", help="Quantities; default: the bench's.")
+@click.option("--baseline", metavar="NAME", help="Compare with this one.")
+@click.option("--cells", "is_cells", is_flag=True, help="A row for each cell instead of the statistics (csv).")
+@click.option("--to", type=click.Path(path_type=Path, dir_okay=False), help="A file; default: standard output.")
+def export_command(
+    form: str, folder: Path, metrics: tuple[str, ...], baseline: str | None, is_cells: bool, to: Path | None
+) -> None:
+    """Write the tables of a bench for a paper, a page or another program."""
+    from trailmark_bench.export import exported
+    from trailmark_bench.index import Index
+
+    if is_cells and form != "csv":
+        raise ConfigError(f"--cells is for csv: {form} has tables of statistics")
+    with Index(folder) as index:
+        text = exported(index, form, metrics, baseline, is_cells)
+    if to is None:
+        click.echo(text, nl=False)
+    else:
+        to.write_text(text, encoding="utf-8")

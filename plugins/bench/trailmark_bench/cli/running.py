@@ -1,0 +1,164 @@
+"""What ``trailmark bench run`` does, step by step."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+from trailmark.cli.errors import say
+from trailmark.cli.root import ChosenPlugins
+from trailmark.config.document import Document, Problems
+from trailmark.config.explain import validated
+from trailmark.errors import ConfigError
+from trailmark.isolation.executor import Executor
+from trailmark.isolation.fingerprint import FileCache
+from trailmark.pipeline.provenance import provenance
+from trailmark.plugins import Plugins
+from trailmark_bench.cli.commands import RunOptions
+from trailmark_bench.cli.progress import BenchProgress, duration_text
+from trailmark_bench.cli.showing import show_states, show_tables
+from trailmark_bench.index import INDEX_FILE, Index
+from trailmark_bench.matrix import Bench, load_bench
+from trailmark_bench.page import write_page
+from trailmark_bench.scheduler import estimated_s, run_bench
+
+__all__ = ["list_bench", "run_bench_command"]
+
+
+def list_bench(request: RunOptions, plugins: Plugins, chosen: ChosenPlugins) -> None:
+    """List the cells of a bench; nothing is run, and nothing is written."""
+    known = Index(request.folder) if (request.folder / INDEX_FILE).is_file() else None
+    bench = load(request, plugins, chosen, {} if known is None else known.file_digests())
+    say_changed(bench, known)
+    list_cells(bench, known, request.as_json)
+
+
+def run_bench_command(request: RunOptions, plugins: Plugins, chosen: ChosenPlugins) -> None:
+    """Run the cells of a bench that are missing, and tell what all of them say."""
+    with Index(request.folder, write=True) as index:
+        cache = index.file_digests()
+        bench = load(request, plugins, chosen, cache)
+        index.keep_file_digests(cache)
+        say_changed(bench, index)
+        remember(index, bench, request.config)
+        run_cells(bench, index, executor_of(bench, plugins, request), request.retry)
+        conclude(index, request.no_report, request.as_json)
+
+
+def load(request: RunOptions, plugins: Plugins, chosen: ChosenPlugins, cache: FileCache) -> Bench:
+    """Read the config; say what the reader should know."""
+    bench = load_bench(
+        request.config,
+        plugins=plugins,
+        overrides=request.changes,
+        only=request.only,
+        files=chosen.files,
+        block=chosen.block,
+        cache=cache,
+    )
+    for notice in bench.notices:
+        say(notice)
+    if not bench.cells:
+        raise ConfigError(f"{request.config}: nothing is left of the matrix")
+    return bench
+
+
+def remember(index: Index, bench: Bench, config: Path) -> None:
+    """Keep with the cells what tables and report need of the config."""
+    section = bench.section
+    index.set_meta(
+        name=bench.name,
+        metrics=list(section.metrics),
+        baseline=section.baseline,
+        judging=section.judging.model_dump(mode="json"),
+        provenance=provenance(config.parent),
+    )
+
+
+def executor_of(bench: Bench, plugins: Plugins, request: RunOptions) -> Executor:
+    """Return the executor of the config, or the one that the command names."""
+    written = dict(bench.section.executor)
+    plugin = str(written.pop("plugin", "local"))
+    if request.executor not in (None, plugin):
+        plugin, written = str(request.executor), {}
+    jobs = 1 if request.alone else request.jobs
+    written |= {} if request.scheduler is None else {"scheduler": request.scheduler}
+    written |= {} if jobs is None else {"jobs": jobs}
+    spec = plugins.registry.find("executor", plugin)
+    document = Document({"executor": written}, name=f"executor {plugin!r}")
+    problems = Problems(document)
+    config = validated(spec.load_config(), written, (), problems, document.base_dir)
+    problems.raise_if_any()
+    executor: Executor = spec.load()(config)
+    return executor
+
+
+def run_cells(bench: Bench, index: Index, executor: Executor, retry: Sequence[str]) -> None:
+    """Run what is to run, with its progress."""
+    with BenchProgress() as progress:
+        try:
+            run_bench(bench.cells, index, executor, retry=retry, on_progress=progress)
+        except KeyboardInterrupt:
+            say("interrupted: what is finished is kept; the same command goes on")
+            raise
+
+
+def conclude(index: Index, no_report: bool, as_json: bool) -> None:
+    """Print the tables and write the report; exit code 1 when no cell gave a result."""
+    if not as_json:
+        show_tables(index, (), None, as_json=False)
+    else:
+        show_states(index, (), as_json=True)
+    if not no_report:
+        page = write_page(index)
+        if not as_json:
+            click.echo(f"{index.folder}\n{page}")
+    states = {record.state for record in index.records()}
+    if "ok" not in states and states & {"failed", "crashed", "timeout"}:
+        raise click.exceptions.Exit(1)  # a method that fails is a result; a bench without any is not
+
+
+def say_changed(bench: Bench, index: Index | None) -> None:
+    """Say how many cells have run at another address: with other code, or another config of what they name."""
+    done = [record for record in ([] if index is None else index.records(everything=True)) if record.attempts]
+    ids, labels = {record.id for record in done}, {record.label for record in done}
+    n_changed = sum(cell.id not in ids and cell.label in labels for cell in bench.cells)
+    if n_changed:
+        say(
+            f"{n_changed} cells have run with other code or another config: they are others now, to be run."
+            " 'code: version' under 'bench:' lets changes of code pass"
+        )
+
+
+def list_cells(bench: Bench, index: Index | None, as_json: bool) -> None:
+    """Print the cells with the time that they will take, as far as cells like them have run."""
+    records = [] if index is None else index.records(everything=True)
+    states = {} if index is None else index.states()
+    times = estimated_s(bench.cells, records)
+    rows = [
+        {"id": cell.id, "matrix": cell.matrix, **cell.coordinates,
+         "state": "skipped" if cell.missing else states.get(cell.id, "pending"), "reason": cell.missing,
+         "estimated_s": None if time_s is None else round(time_s, 2)}
+        for cell, time_s in zip(bench.cells, times, strict=True)
+    ]  # fmt: skip
+    if as_json:
+        click.echo(json.dumps(rows, indent=1))
+        return
+    for cell, row in zip(bench.cells, rows, strict=True):
+        took = "?" if row["estimated_s"] is None else duration_text(row["estimated_s"])
+        note = f"  ({row['reason']})" if row["reason"] else ""
+        click.echo(f"{cell.id[:8]}  {row['state']:<8} {took:>9}  {cell.label}{note}")
+    left = [row for row in rows if row["state"] in ("pending", "running")]
+    known = [row["estimated_s"] for row in left if row["estimated_s"] is not None]
+    say(f"{len(rows)} cells, {len(left)} to run" + _estimate_words(len(left), known))
+
+
+def _estimate_words(n_left: int, known: Sequence[float]) -> str:
+    if not n_left:
+        return ""
+    told = f", about {duration_text(sum(known))} one at a time" if known else ""
+    n_unknown = n_left - len(known)
+    return told + (f"; {n_unknown} of them are like none that has run: their time is not known" if n_unknown else "")

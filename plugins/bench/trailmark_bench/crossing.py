@@ -1,0 +1,156 @@
+"""A matrix: every value of every axis with every other, as cells with their addresses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import product
+from typing import Any
+
+from trailmark.config import Document
+from trailmark.config.document import Keys, Problems
+from trailmark.isolation.fingerprint import FileCache, digest_of, without_paths
+from trailmark.plugins import Plugins
+from trailmark_bench.axes import AxisReader, AxisValue
+from trailmark_bench.cell import Cell
+from trailmark_bench.choice import Only, exclusions, is_excluded
+from trailmark_bench.combination import Combination, Combiner
+from trailmark_bench.config import AXES, BenchSection, CellsSection
+from trailmark_bench.overlay import overlaid
+
+__all__ = ["FORMAT", "Matrix"]
+
+#: Changes of what a cell means or how it is measured: older results then have other addresses.
+FORMAT = 1
+
+_HEX = 20
+
+
+class Matrix:
+    """One matrix of a bench.
+
+    Parameters
+    ----------
+    document : Document
+        The bench config.
+    shared : mapping
+        The run config in it.
+    section, matrix : BenchSection, CellsSection
+        The bench and the matrix.
+    where : tuple
+        Where the matrix stands in the document.
+    plugins : Plugins
+        What may be named.
+    cache : dict
+        Digests of files.
+    session : mapping
+        What the process of every cell is told besides.
+    """
+
+    def __init__(
+        self,
+        document: Document,
+        shared: Mapping[str, Any],
+        section: BenchSection,
+        matrix: CellsSection,
+        where: Keys,
+        plugins: Plugins,
+        cache: FileCache,
+        session: Mapping[str, Any],
+    ) -> None:
+        self._document = document
+        self._section = section
+        self._matrix = matrix
+        self._where = where
+        self._plugins = plugins
+        self._session = session
+        self._base = overlaid(shared, matrix.config)
+        self._combiner = Combiner(document, self._base, section, matrix, plugins, cache)
+        self.notices: list[str] = []
+
+    def cells(self, only: Only) -> list[Cell]:
+        """Return the cells that are asked for."""
+        problems = Problems(self._document)
+        reader = AxisReader(self._document, self._matrix, self._where, self._plugins, problems)
+        axes = [values for axis in AXES if (values := reader.values(axis))]
+        self.notices += reader.notices
+        problems.raise_if_any()
+        known: dict[str, Sequence[str]] = {AXES[found[0].axis]: [value.name for value in found] for found in axes}
+        known["seed"] = [str(seed) for seed in self._seeds()]
+        rules = exclusions(self._section, self._matrix, self._where, known, problems)
+        problems.raise_if_any()
+        cells: list[Cell] = []
+        for combination in product(*axes):
+            values = list(combination)
+            coordinates = {AXES[value.axis]: value.name for value in values}
+            seeds = [
+                seed
+                for seed in self._seeds()
+                if not is_excluded(rules, {**coordinates, "seed": seed})
+                and only.keeps(self._matrix.name, {**coordinates, "seed": seed})
+            ]
+            if seeds:
+                cells += self._of(values, coordinates, seeds)
+        return cells
+
+    def _seeds(self) -> tuple[int, ...]:
+        seeds = self._matrix.seeds
+        first = int(self._base.get("seed") or 0)
+        return tuple(range(first, first + seeds)) if isinstance(seeds, int) else seeds
+
+    def _of(self, values: Sequence[AxisValue], coordinates: Mapping[str, Any], seeds: Sequence[int]) -> list[Cell]:
+        missing = next((value.missing for value in values if value.missing), "")
+        if missing:
+            return [self._missing_cell(coordinates, seed, missing) for seed in seeds]
+        combination = self._combiner.combined(values)
+        return [self._cell(combination, {**coordinates, "seed": seed}) for seed in seeds]
+
+    def _cell(self, combination: Combination, coordinates: dict[str, Any]) -> Cell:
+        seed = coordinates["seed"]
+        document = combination.document | {"seed": seed}
+        teach = None if combination.teach is None else combination.teach | {"seed": seed}
+        judging = (self._matrix.judging or self._section.judging).model_dump(mode="json")
+        subject = combination.first_localizer if judging["trajectory"] == "localizer" else "fused"
+        address = {
+            "format": FORMAT,
+            "run": _addressed(document, combination.data),
+            "teach": None if teach is None else _addressed(teach, combination.data),
+            "code": combination.code,
+            "judging": judging | {"subject": subject},
+            "threads": combination.limits["threads"],
+        }
+        cell_id = digest_of(address)[:_HEX]
+        request = {
+            "id": cell_id,
+            "coordinates": coordinates,
+            "document": document,
+            "teach": teach,
+            "base_dir": str(self._document.base_dir),
+            "subject": subject,
+            "localizer": combination.first_localizer,
+            "align": judging["align"],
+            "code": combination.code,
+            "data": combination.data,
+            "limits": combination.limits,
+            "keep_stores": self._section.keep_stores,
+            **self._session,
+        }
+        return Cell(cell_id, self._matrix.name, coordinates, request, self._matrix.alone)
+
+    def _missing_cell(self, coordinates: Mapping[str, Any], seed: int, missing: str) -> Cell:
+        named = {**coordinates, "seed": seed}
+        return Cell(
+            digest_of({"missing": missing, "matrix": self._matrix.name, "cell": named})[:_HEX],
+            self._matrix.name,
+            named,
+            {},
+            missing=missing,
+        )
+
+
+def _addressed(document: Mapping[str, Any], data: Mapping[str, str]) -> Any:
+    """Return what of a config a result depends on."""
+    kept = {key: value for key, value in document.items() if key not in ("sinks", "plugins")}
+    store = kept.get("path_store")
+    if isinstance(store, Mapping):
+        kept["path_store"] = {key: value for key, value in store.items() if key != "path"}
+    return without_paths(kept, lambda path: data[path])

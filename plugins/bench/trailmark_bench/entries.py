@@ -1,0 +1,114 @@
+"""One method under one condition, over its seeds."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from trailmark_bench.cell import UNSUCCESSFUL
+from trailmark_bench.index import Record
+from trailmark_bench.naming import Namer
+from trailmark_bench.quantities import Metric
+from trailmark_bench.statistics import Comparison, Spread, spreads
+
+__all__ = ["Entries", "Entry", "entries_of"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Entry:
+    """One method under one condition, over its seeds.
+
+    Attributes
+    ----------
+    method, condition : str
+        In words.
+    counts : mapping of str to int
+        Cells by state.
+    values : mapping of str to dict of int to float
+        By metric, seed to value; a failure is infinite in the direction that is worse.
+    spreads : dict of str to Spread
+        By metric, of oriented values.
+    comparisons : dict of str to (Comparison, float or None)
+        By metric, with the p-value adjusted for the number of comparisons.
+    """
+
+    method: str
+    condition: str
+    counts: Mapping[str, int]
+    values: Mapping[str, Mapping[Any, float]]
+    spreads: dict[str, Spread] = field(default_factory=dict)
+    comparisons: dict[str, tuple[Comparison, float | None]] = field(default_factory=dict)
+
+    @property
+    def n_ok(self) -> int:
+        """Cells with a result."""
+        return self.counts.get("ok", 0)
+
+    @property
+    def n_failed(self) -> int:
+        """Cells that ran and gave none."""
+        return sum(self.counts.get(state, 0) for state in UNSUCCESSFUL)
+
+    def median(self, metric: Metric) -> float | None:
+        """Return the median over seeds, failures as the worst; infinite where they decide; None: not measured."""
+        spread = self.spreads.get(metric.name)
+        return None if spread is None else self.shown(metric, spread.median)
+
+    def shown(self, metric: Metric, oriented: float | None) -> float | None:
+        """Return an oriented number as the quantity is told."""
+        return oriented if oriented is None or metric.better != "higher" else -oriented
+
+
+#: By method and condition.
+Entries = Mapping[tuple[str, str], Entry]
+
+
+def entries_of(records: Sequence[Record], metrics: Sequence[Metric], namer: Namer) -> Entries:
+    """Return the entries of those that ran, with the spread of every quantity that was measured."""
+    groups: dict[tuple[str, str], list[Record]] = {}
+    for record in records:
+        groups.setdefault((namer.method(record), namer.condition(record)), []).append(record)
+    groups = {key: group for key, group in groups.items() if any(record.state != "skipped" for record in group)}
+    entries = {
+        (method, condition): Entry(
+            method,
+            condition,
+            dict(Counter(record.state for record in group)),
+            {metric.name: _values(metric, group) for metric in metrics},
+        )
+        for (method, condition), group in groups.items()
+    }
+    for metric in metrics:
+        _add_spreads(entries, metric)
+    return entries
+
+
+def _add_spreads(entries: Entries, metric: Metric) -> None:
+    known = [entry for entry in entries.values() if _is_measured(entry, metric)]
+    rows = [list(entry.values[metric.name].values()) for entry in known]
+    if metric.better != "near one":  # of what should be one, the sides are told apart
+        rows = [[metric.oriented(value) for value in row] for row in rows]
+    for entry, spread in zip(known, spreads(rows), strict=True):
+        entry.spreads[metric.name] = spread
+
+
+def _is_measured(entry: Entry, metric: Metric) -> bool:
+    """Whether there is a number, or only failures: without any result, failures alone tell."""
+    values = entry.values[metric.name]
+    return bool(values) and (entry.n_ok == 0 or any(math.isfinite(value) for value in values.values()))
+
+
+def _values(metric: Metric, records: Sequence[Record]) -> dict[Any, float]:
+    """Return the value of each seed; of a failure infinity, on the worse side; what was not measured is left out."""
+    worst = -math.inf if metric.better == "higher" else math.inf
+    found: dict[Any, float] = {}
+    for record in records:
+        seed = record.coordinates.get("seed", 0)
+        if record.state in UNSUCCESSFUL:
+            found[seed] = worst
+        elif record.state == "ok" and (value := metric.value_of(record)) is not None:
+            found[seed] = value
+    return found

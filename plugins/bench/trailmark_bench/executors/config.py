@@ -1,0 +1,28 @@
+"""Configs of the executors that come with core."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from trailmark.isolation.executor import ExecutorConfig
+
+__all__ = ["DaskConfig", "LocalConfig"]
+
+
+class LocalConfig(ExecutorConfig):
+    """Processes on this machine."""
+
+    jobs: int | None = Field(default=None, ge=1)
+    """Cells at a time; left out: 1, so that times are fair."""
+
+
+class DaskConfig(ExecutorConfig):
+    """Workers of a Dask cluster, each with this Trailmark installed."""
+
+    scheduler: str = Field(min_length=1)
+    """Address of the scheduler: `tcp://host:8786`."""
+    jobs: int | None = Field(default=None, ge=1)
+    """Cells at a time; left out: one for each thread of each worker."""
+    carry_mb: float = Field(default=64.0, ge=0)
+    """Recordings and calibrations up to this size travel with the cell; larger ones must lie at the same path on the
+    workers [MB]."""

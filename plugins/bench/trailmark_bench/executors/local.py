@@ -1,0 +1,82 @@
+"""Cells on this machine."""
+
+from __future__ import annotations
+
+import queue
+import shutil
+import threading
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from trailmark.isolation.executor import Executor, Finished, Job
+from trailmark.isolation.outcome import Outcome
+from trailmark.isolation.process import IsolatedProcess
+from trailmark_bench.process import cell_process
+
+__all__ = ["LocalExecutor"]
+
+
+class LocalExecutor(Executor):
+    """A process for each cell, as many at a time as ``jobs`` says; a thread waits for each."""
+
+    def __init__(self, config: Any) -> None:
+        super().__init__(config)
+        self._done: queue.Queue[Finished] = queue.Queue()
+        self._processes: dict[str, IsolatedProcess] = {}
+        self._lock = threading.Lock()
+        self._threads: ThreadPoolExecutor | None = None
+        self._is_closed = False
+
+    @property
+    def slots(self) -> int:
+        """Cells at a time."""
+        return int(self.config.jobs or 1)
+
+    def start(self, workspace: Path) -> None:
+        """Make ready to run cells below a folder."""
+        self._workspace = workspace
+        self._threads = ThreadPoolExecutor(self.slots, thread_name_prefix="cell")
+
+    def submit(self, job: Job) -> None:
+        """Run a cell in a process of its own."""
+        assert self._threads is not None
+        self._threads.submit(self._run, job)
+
+    def wait(self, timeout_s: float) -> Sequence[Finished]:
+        """Return the cells that have ended."""
+        try:
+            found = [self._done.get(timeout=timeout_s)]
+        except queue.Empty:
+            return []
+        while not self._done.empty():
+            found.append(self._done.get_nowait())
+        return found
+
+    def close(self) -> None:
+        """End all processes, and wait for them."""
+        with self._lock:
+            self._is_closed = True
+            for process in self._processes.values():
+                process.kill()
+        if self._threads is not None:
+            self._threads.shutdown(wait=True, cancel_futures=True)
+
+    def _run(self, job: Job) -> None:
+        folder = self._workspace / job.id
+        try:
+            shutil.rmtree(folder, ignore_errors=True)
+            folder.mkdir(parents=True)
+            process = cell_process(job.request, folder)
+            with self._lock:
+                if self._is_closed:
+                    return
+                self._processes[job.id] = process
+            outcome = process.run()
+        except Exception as error:  # the thread must answer, or the bench would wait for ever
+            outcome = Outcome("failed", f"the cell could not be started: {type(error).__name__}: {error}")
+            folder.mkdir(parents=True, exist_ok=True)
+        with self._lock:
+            self._processes.pop(job.id, None)
+        self._done.put(Finished(job.id, outcome, folder))

@@ -1,0 +1,117 @@
+"""Putting benches together: what has the same address is the same cell, whichever machine ran it."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import stat
+from collections.abc import Sequence
+from pathlib import Path
+
+from trailmark.errors import ConfigError, DataError
+from trailmark_bench.cell import Cell
+from trailmark_bench.index import INDEX_FILE, Index, Record
+from trailmark_bench.scheduler import CELLS
+
+__all__ = ["merge_benches"]
+
+_ADDRESS = re.compile(r"[0-9a-f]{8,64}")
+
+# Of two outcomes of one cell, the one further left is taken.
+_BEST = ("ok", "failed", "timeout", "crashed", "skipped", "running", "pending")
+
+
+def merge_benches(folders: Sequence[Path], out: Path) -> list[str]:
+    """Merge benches into one folder, which may be one of them; return lines about what was done.
+
+    Of a cell that several have, a result is taken before a failure, and what stands in `out` before the rest. Two
+    results of one cell whose figures differ are told: what has the same address should give the same figures.
+
+    Raises
+    ------
+    ConfigError
+        If a folder does not exist, or another bench works in `out`.
+    DataError
+        If a folder is no bench, or its index names cells by what is no address.
+    """
+    for folder in folders:
+        if not (folder / INDEX_FILE).is_file():
+            raise DataError(f"{folder} is not the folder of a bench: it has no {INDEX_FILE}")
+    others = [folder for folder in folders if folder.resolve() != out.resolve()]
+    lines = []
+    with Index(out, write=True) as merged:
+        for folder in others:
+            with Index(folder) as other:
+                lines.append(f"{folder}: {_take(merged, other)}")
+        _show_all(merged)
+    return [*lines, f"{out}: {len(merged_states(out))} cells"]
+
+
+def merged_states(folder: Path) -> dict[str, str]:
+    """Return the states of the cells of a folder."""
+    with Index(folder) as index:
+        return index.states()
+
+
+def _take(merged: Index, other: Index) -> str:
+    known = {record.id: record for record in merged.records(everything=True)}
+    taken, differing = [], []
+    for record in other.records(everything=True):
+        _refuse_other_names(other, record)
+        ours = known.get(record.id)
+        if ours is not None and ours.state == record.state == "ok" and _figures(ours) != _figures(record):
+            differing.append(record.label)
+        if ours is None or _BEST.index(record.state) < _BEST.index(ours.state):
+            taken.append(record.id)
+    for cell_id in taken:
+        _copy(other.folder / CELLS / cell_id, merged.folder / CELLS / cell_id)
+    merged.copy(other, taken)
+    if not merged.meta():
+        merged.set_meta(**other.meta())
+    told = f"{len(taken)} cells taken over"
+    if differing:
+        told += f"; {len(differing)} differ in their figures from those that were there: {'; '.join(differing[:5])}"
+    return told
+
+
+def _refuse_other_names(index: Index, record: Record) -> None:
+    """Refuse what would become a path outside of the folder: a bench may come from a stranger."""
+    if not _ADDRESS.fullmatch(str(record.id)) or record.state not in _BEST:
+        raise DataError(
+            f"{index.folder / INDEX_FILE} is damaged: no cell is called {str(record.id)[:60]!r}, {record.state!r}"
+        )
+
+
+def _figures(record: Record) -> object:
+    return record.result.get("metrics")
+
+
+def _copy(folder: Path, place: Path) -> None:
+    if not folder.is_dir():
+        return
+    try:
+        shutil.rmtree(place, ignore_errors=True)
+        shutil.copytree(folder, place, ignore=_irregular)
+    except OSError as error:
+        raise ConfigError(f"cannot copy {folder} to {place}: {error.strerror or error}") from error
+
+
+def _irregular(folder: str, names: list[str]) -> list[str]:
+    """Name links, devices and pipes: they lead out of the folder, or have no end."""
+    modes = {name: Path(folder, name).lstat().st_mode for name in names}
+    return [name for name, mode in modes.items() if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))]
+
+
+def _show_all(merged: Index) -> None:
+    """Let all cells be shown, in the order of their names; what ran elsewhere and did not end is to be run."""
+    records = sorted(merged.records(everything=True), key=lambda record: _order(record))
+    merged.enter([Cell(record.id, record.matrix, record.coordinates, {}) for record in records])
+    merged.again([record.id for record in records if record.state == "running"])
+
+
+def _order(record: Record) -> tuple[str, list[tuple[bool, float, str]]]:
+    values = record.coordinates.values()
+    return record.matrix, [
+        (isinstance(value, str), float(value) if isinstance(value, int | float) else 0.0, str(value))
+        for value in values
+    ]

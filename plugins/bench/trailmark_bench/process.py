@@ -1,0 +1,38 @@
+"""The process of a cell, and the names of what it leaves in its folder."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from trailmark.deprecation import deprecated_name
+from trailmark.isolation.outcome import Outcome
+from trailmark.isolation.process import REQUEST_FILE, RESULT_FILE, IsolatedProcess
+
+__all__ = ["DETAIL_FILE", "OUTCOME_FILE", "REQUEST_FILE", "RESULT_FILE", "cell_process", "run_cell"]
+
+DETAIL_FILE = "detail.json"
+OUTCOME_FILE = "outcome.json"
+
+
+def cell_process(request: Mapping[str, Any], folder: Path) -> IsolatedProcess:
+    """Return the process of a cell, which is to be run."""
+    return IsolatedProcess(request, folder, module="trailmark_bench.child")
+
+
+def run_cell(request: Mapping[str, Any], folder: Path) -> Outcome:
+    """Run a cell in a process of its own and wait for it.
+
+    Parameters
+    ----------
+    request : mapping
+        Of the cell; it is written into the folder.
+    folder : Path
+        An empty folder; what the cell leaves is in it afterwards.
+    """
+    return cell_process(request, folder).run()
+
+
+def __getattr__(name: str) -> Any:
+    return deprecated_name(__name__, name, {"CellProcess": IsolatedProcess})
