@@ -41,7 +41,7 @@ with warnings.catch_warnings(record=True) as told:
     import trailmark.bench.process
     import trailmark.bench.merge as merge
     from trailmark.bench.process import CellProcess, run_cell
-print(*(f"{word.filename}: {word.message}" for word in told), sep="\\n")
+print(*dict.fromkeys(f"{word.filename}: {word.message}" for word in told), sep="\\n")
 import trailmark_bench.merge, trailmark_bench.executors.local as local, trailmark.isolation.executor as executor
 assert (Executor, Index) == (executor.Executor, trailmark_bench.Index)
 assert LocalExecutor is local.LocalExecutor

@@ -64,10 +64,10 @@ def synthetic_bench(folder: Path, sources: int = 3, localizers: int = 4, seeds: 
     ]
     index.enter(cells)
     index.set_meta(metrics=["ate_rmse_m", "tracked_fraction", "nees_per_dof"], baseline="method_0", name="synthetic")
-    with index.together():
+    with index.transaction():
         for cell in cells:
             s, m = (int(str(cell.coordinates[axis]).rpartition("_")[2]) for axis in ("source", "localizer"))
-            index.finished(cell.id, *_finished(rng, s, m, fails))
+            index.mark_finished(cell.id, *_finished(rng, s, m, fails))
     return index
 
 

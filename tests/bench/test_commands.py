@@ -77,7 +77,7 @@ def test_a_cell_of_now_goes_before_one_of_earlier(tmp_path: Path) -> None:
     with Index(tmp_path, write=True) as index:
         for cell_id in ("1" * 20, "2" * 20):  # the code has changed between
             index.enter([Cell(cell_id, "", {"localizer": "toy", "seed": 0}, {})])
-            index.finished(cell_id, Outcome("ok"), {"metrics": {}, "errors": True})
+            index.mark_finished(cell_id, Outcome("ok"), {"metrics": {}, "errors": True})
 
     told = run("show", tmp_path, "toy, seed 0")
     earlier = run("show", tmp_path, "1111")
@@ -167,7 +167,7 @@ def finished(folder: Path, cells: dict[str, tuple[str, float]]) -> None:
         for seed, (state, error) in cells.items():
             if state != "pending":
                 result = {"metrics": {"ate_rmse_m[se2,n=9]": error}, "errors": True} if state == "ok" else None
-                index.finished(f"{seed:0>20}", Outcome(state, "" if state == "ok" else "broke"), result)
+                index.mark_finished(f"{seed:0>20}", Outcome(state, "" if state == "ok" else "broke"), result)
                 place = folder / "cells" / f"{seed:0>20}"
                 place.mkdir(parents=True)
                 (place / "result.json").write_text(str(error))
@@ -207,10 +207,10 @@ def test_failures_are_the_worst_and_never_averaged_away(tmp_path: Path) -> None:
         for cell in cells:
             name, seed = cell.coordinates["localizer"], cell.coordinates["seed"]
             if name == "a" and seed >= 2:  # better where it works, and mostly it does not
-                index.finished(cell.id, Outcome("crashed", "ended by SIGSEGV"))
+                index.mark_finished(cell.id, Outcome("crashed", "ended by SIGSEGV"))
             else:
                 metrics = {"ate_rmse_m[se2,n=9]": 0.1 if name == "a" else 0.2, "tracked_fraction[gap<=1s]": 0.9}
-                index.finished(cell.id, Outcome("ok"), {"metrics": metrics, "errors": True, "alignment": "se2"})
+                index.mark_finished(cell.id, Outcome("ok"), {"metrics": metrics, "errors": True, "alignment": "se2"})
         summary = summarized(index)
 
     a = summary.entries["a", "all"]
@@ -231,9 +231,9 @@ def test_a_baseline_that_was_skipped_somewhere_is_compared_where_it_ran(tmp_path
         index.enter(cells)
         for cell in cells:
             if cell.coordinates == {"source": "street", "localizer": "b"}:
-                index.finished(cell.id, Outcome("skipped", "no camera"))
+                index.mark_finished(cell.id, Outcome("skipped", "no camera"))
             else:
-                index.finished(cell.id, Outcome("ok"), {"metrics": {"ate_rmse_m[se2,n=9]": 0.1}, "errors": True})
+                index.mark_finished(cell.id, Outcome("ok"), {"metrics": {"ate_rmse_m[se2,n=9]": 0.1}, "errors": True})
         summary = summarized(index, baseline="b")
 
     assert {key for key, entry in summary.entries.items() if entry.comparisons} == {("a", "floor")}
@@ -244,7 +244,7 @@ def test_what_has_not_run_is_counted_and_has_no_row(tmp_path: Path) -> None:
     places = [("floor", 0), ("floor", 1), ("street", 0)]
     with Index(tmp_path, write=True) as index:
         index.enter([Cell(f"{n:020x}", "", {"source": s, "seed": i}, {}) for n, (s, i) in enumerate(places)])
-        index.finished(f"{0:020x}", Outcome("ok"), {"metrics": {"ate_rmse_m[se2,n=9]": 0.1}, "errors": True})
+        index.mark_finished(f"{0:020x}", Outcome("ok"), {"metrics": {"ate_rmse_m[se2,n=9]": 0.1}, "errors": True})
 
     shown = run("show", tmp_path).output
 

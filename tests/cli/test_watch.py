@@ -92,7 +92,7 @@ def synthetic_folder(tmp_path: Path) -> Path:
 
     with Index(tmp_path, write=True) as index:
         index.enter([Cell(f"{seed:0>20}", "", {"localizer": "toy", "seed": seed}, {}) for seed in range(2)])
-        index.running(f"{1:0>20}")
+        index.mark_running(f"{1:0>20}")
     return tmp_path
 
 

@@ -233,7 +233,9 @@ def bench(folder: Path, address: str = "a" * 20) -> Path:
     """Make a bench with one finished cell."""
     with Index(folder, write=True) as index:
         index.enter([Cell("a" * 20, "", {"localizer": "<img src=x onerror=alert(1)>", "seed": 1}, {})])
-        index.finished("a" * 20, Outcome("failed", "</script><script>alert(1)</script>"), {"metrics": {"<b>": 1.0}})
+        index.mark_finished(
+            "a" * 20, Outcome("failed", "</script><script>alert(1)</script>"), {"metrics": {"<b>": 1.0}}
+        )
     place = folder / "cells" / ("a" * 20)
     place.mkdir(parents=True)
     (place / "result.json").write_text("{}")

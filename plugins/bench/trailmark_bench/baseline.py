@@ -8,7 +8,7 @@ from typing import Any
 from trailmark.errors import ConfigError
 from trailmark.plugins.hints import nearest_or_all
 from trailmark_bench.entries import Entries, Entry
-from trailmark_bench.index import Record
+from trailmark_bench.index import CellRecord
 from trailmark_bench.naming import METHOD_AXES, Namer
 from trailmark_bench.quantities import Metric
 from trailmark_bench.statistics import compare_all, holm
@@ -19,7 +19,7 @@ _Key = tuple[str, str]
 
 
 def compare_with(
-    baseline: str, entries: Entries, records: Sequence[Record], metrics: Sequence[Metric], namer: Namer
+    baseline: str, entries: Entries, records: Sequence[CellRecord], metrics: Sequence[Metric], namer: Namer
 ) -> None:
     """Write into each entry how it compares with the one that differs in the baseline's axis alone.
 
@@ -33,7 +33,7 @@ def compare_with(
         _compare(entries, partners, metric)
 
 
-def _partners(axis: str, baseline: str, records: Sequence[Record], namer: Namer) -> dict[_Key, _Key]:
+def _partners(axis: str, baseline: str, records: Sequence[CellRecord], namer: Namer) -> dict[_Key, _Key]:
     """Return the entry to compare with of every entry that has one."""
     baselines = {
         _rest(record, axis): (namer.method(record), namer.condition(record))
@@ -47,7 +47,7 @@ def _partners(axis: str, baseline: str, records: Sequence[Record], namer: Namer)
     }
 
 
-def _rest(record: Record, axis: str) -> tuple[Any, ...]:
+def _rest(record: CellRecord, axis: str) -> tuple[Any, ...]:
     kept = tuple((key, value) for key, value in record.coordinates.items() if key not in (axis, "seed"))
     return (record.matrix, kept)
 
@@ -69,7 +69,7 @@ def _compare(entries: Entries, partners: Mapping[_Key, _Key], metric: Metric) ->
         entry.comparisons[metric.name] = (pair, adjusted)
 
 
-def _axis_of(baseline: str, records: Sequence[Record]) -> str:
+def _axis_of(baseline: str, records: Sequence[CellRecord]) -> str:
     axes = [axis for axis in METHOD_AXES if any(record.coordinates.get(axis) == baseline for record in records)]
     if len(axes) == 1:
         return axes[0]

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from trailmark_bench.cell import UNSUCCESSFUL
-from trailmark_bench.index import Record
+from trailmark_bench.index import CellRecord
 from trailmark_bench.naming import Namer
 from trailmark_bench.quantities import Metric
 from trailmark_bench.statistics import Comparison, Spread, spreads
@@ -66,9 +66,9 @@ class Entry:
 Entries = Mapping[tuple[str, str], Entry]
 
 
-def entries_of(records: Sequence[Record], metrics: Sequence[Metric], namer: Namer) -> Entries:
+def entries_of(records: Sequence[CellRecord], metrics: Sequence[Metric], namer: Namer) -> Entries:
     """Return the entries of those that ran, with the spread of every quantity that was measured."""
-    groups: dict[tuple[str, str], list[Record]] = {}
+    groups: dict[tuple[str, str], list[CellRecord]] = {}
     for record in records:
         groups.setdefault((namer.method(record), namer.condition(record)), []).append(record)
     groups = {key: group for key, group in groups.items() if any(record.state != "skipped" for record in group)}
@@ -101,7 +101,7 @@ def _is_measured(entry: Entry, metric: Metric) -> bool:
     return bool(values) and (entry.n_ok == 0 or any(math.isfinite(value) for value in values.values()))
 
 
-def _values(metric: Metric, records: Sequence[Record]) -> dict[Any, float]:
+def _values(metric: Metric, records: Sequence[CellRecord]) -> dict[Any, float]:
     """Return the value of each seed; of a failure infinity, on the worse side; what was not measured is left out."""
     worst = -math.inf if metric.better == "higher" else math.inf
     found: dict[Any, float] = {}

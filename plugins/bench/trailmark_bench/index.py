@@ -17,13 +17,14 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from trailmark.deprecation import deprecated_name
 from trailmark.errors import ConfigError, DataError
 from trailmark.isolation.fingerprint import FileCache
 from trailmark.isolation.outcome import Outcome
 from trailmark_bench.cell import Cell
 from trailmark_bench.lock import LOCK_FILE, FolderLock
 
-__all__ = ["INDEX_FILE", "Index", "Record"]
+__all__ = ["INDEX_FILE", "CellRecord", "Index"]
 
 INDEX_FILE = "index.sqlite"
 
@@ -42,7 +43,7 @@ _COLUMNS = "id, matrix, coordinates, state, reason, attempts, wall_s, cpu_s, pea
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Record:
+class CellRecord:
     """A cell and what became of it.
 
     Attributes
@@ -156,14 +157,14 @@ class Index:
                 ],
             )
 
-    def running(self, cell_id: str) -> None:
+    def mark_running(self, cell_id: str) -> None:
         """Write down that a cell is running."""
         with self._transaction() as db:
             db.execute(
                 "UPDATE cells SET state = 'running', reason = '', attempts = attempts + 1 WHERE id = ?", (cell_id,)
             )
 
-    def again(self, cell_ids: Iterable[str]) -> None:
+    def mark_pending(self, cell_ids: Iterable[str]) -> None:
         """Write down that cells are to be run, whatever became of them."""
         with self._transaction() as db:
             db.executemany(
@@ -171,7 +172,7 @@ class Index:
                 [(cell_id,) for cell_id in cell_ids],
             )
 
-    def finished(self, cell_id: str, outcome: Outcome, result: Any = None, detail: bytes | None = None) -> None:
+    def mark_finished(self, cell_id: str, outcome: Outcome, result: Any = None, detail: bytes | None = None) -> None:
         """Write down what became of a cell; `detail` is the content of its ``detail.json``, for its page."""
         packed = None if detail is None else zlib.compress(detail, 6)
         with self._transaction() as db:
@@ -194,7 +195,7 @@ class Index:
                 ),
             )
 
-    def copy(self, other: Index, cell_ids: Iterable[str]) -> None:
+    def copy_from(self, other: Index, cell_ids: Iterable[str]) -> None:
         """Take over cells of another bench, with what became of them."""
         names = [row[1] for row in self._db.execute("PRAGMA table_info(cells)")]  # ours: theirs may be anything
         marks = ", ".join("?" * len(names))
@@ -203,7 +204,7 @@ class Index:
                 row = other._db.execute(f"SELECT {', '.join(names)} FROM cells WHERE id = ?", (cell_id,)).fetchone()
                 db.execute(f"INSERT OR REPLACE INTO cells ({', '.join(names)}) VALUES ({marks})", row)
 
-    def records(self, everything: bool = False) -> list[Record]:
+    def records(self, everything: bool = False) -> list[CellRecord]:
         """Return the cells in their order; with `everything` also those of earlier configs and code."""
         chosen = "" if everything else " WHERE wanted = 1"
         rows = self._db.execute(f"SELECT {_COLUMNS} FROM cells{chosen} ORDER BY wanted DESC, ordinal, id")
@@ -271,7 +272,7 @@ class Index:
                     self._db.executescript(f"BEGIN; {_TABLES} PRAGMA user_version = {_SCHEMA}; COMMIT;")
 
     @contextmanager
-    def together(self) -> Iterator[None]:
+    def transaction(self) -> Iterator[None]:
         """Write many things in one transaction, all or none."""
         with self._transaction():
             self._depth += 1
@@ -294,7 +295,7 @@ class Index:
             ) from error
 
 
-def _record(row: Sequence[Any]) -> Record:
+def _record(row: Sequence[Any]) -> CellRecord:
     """Return a row of the columns `_COLUMNS`."""
     cell_id, matrix, coordinates, state, reason, attempts, wall_s, cpu_s, peak_rss_mb, load, host, result = row
     try:
@@ -303,4 +304,21 @@ def _record(row: Sequence[Any]) -> Record:
         raise DataError(f"the index of the bench is damaged: cell {str(cell_id)[:60]!r}: {error}") from error
     if not isinstance(where, dict) or not isinstance(figures, dict):
         raise DataError(f"the index of the bench is damaged: cell {str(cell_id)[:60]!r} has no coordinates or figures")
-    return Record(cell_id, matrix, where, state, reason, attempts, wall_s, cpu_s, peak_rss_mb, load, host, figures)
+    return CellRecord(
+        id=cell_id,
+        matrix=matrix,
+        coordinates=where,
+        state=state,
+        reason=reason,
+        attempts=attempts,
+        wall_s=wall_s,
+        cpu_s=cpu_s,
+        peak_rss_mb=peak_rss_mb,
+        load=load,
+        host=host,
+        result=figures,
+    )
+
+
+def __getattr__(name: str) -> Any:
+    return deprecated_name(__name__, name, {"Record": CellRecord})

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from trailmark.errors import ConfigError, DataError
 from trailmark_bench.cell import Cell
-from trailmark_bench.index import INDEX_FILE, Index, Record
-from trailmark_bench.scheduler import CELLS
+from trailmark_bench.index import INDEX_FILE, CellRecord, Index
+from trailmark_bench.results import CELLS
 
 __all__ = ["merge_benches"]
 
@@ -65,7 +65,7 @@ def _take(merged: Index, other: Index) -> str:
             taken.append(record.id)
     for cell_id in taken:
         _copy(other.folder / CELLS / cell_id, merged.folder / CELLS / cell_id)
-    merged.copy(other, taken)
+    merged.copy_from(other, taken)
     if not merged.meta():
         merged.set_meta(**other.meta())
     told = f"{len(taken)} cells taken over"
@@ -74,7 +74,7 @@ def _take(merged: Index, other: Index) -> str:
     return told
 
 
-def _refuse_other_names(index: Index, record: Record) -> None:
+def _refuse_other_names(index: Index, record: CellRecord) -> None:
     """Refuse what would become a path outside of the folder: a bench may come from a stranger."""
     if not _ADDRESS.fullmatch(str(record.id)) or record.state not in _BEST:
         raise DataError(
@@ -82,7 +82,7 @@ def _refuse_other_names(index: Index, record: Record) -> None:
         )
 
 
-def _figures(record: Record) -> object:
+def _figures(record: CellRecord) -> object:
     return record.result.get("metrics")
 
 
@@ -106,10 +106,10 @@ def _show_all(merged: Index) -> None:
     """Let all cells be shown, in the order of their names; what ran elsewhere and did not end is to be run."""
     records = sorted(merged.records(everything=True), key=lambda record: _order(record))
     merged.enter([Cell(record.id, record.matrix, record.coordinates, {}) for record in records])
-    merged.again([record.id for record in records if record.state == "running"])
+    merged.mark_pending([record.id for record in records if record.state == "running"])
 
 
-def _order(record: Record) -> tuple[str, list[tuple[bool, float, str]]]:
+def _order(record: CellRecord) -> tuple[str, list[tuple[bool, float, str]]]:
     values = record.coordinates.values()
     return record.matrix, [
         (isinstance(value, str), float(value) if isinstance(value, int | float) else 0.0, str(value))

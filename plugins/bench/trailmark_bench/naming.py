@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from trailmark_bench.index import Record
+from trailmark_bench.index import CellRecord
 
 __all__ = ["METHOD_AXES", "Namer"]
 
@@ -17,7 +17,7 @@ _CONDITION_AXES = ("source", "perturbation")
 class Namer:
     """Names methods and conditions by the axes that differ; where none does, by the first."""
 
-    def __init__(self, records: Sequence[Record]) -> None:
+    def __init__(self, records: Sequence[CellRecord]) -> None:
         values: dict[str, set[Any]] = {}
         for record in records:
             for axis, value in {"matrix": record.matrix, **record.coordinates}.items():
@@ -25,10 +25,10 @@ class Namer:
         self._method = _telling(METHOD_AXES, values)
         self._condition = _telling(("matrix", *_CONDITION_AXES), values)
 
-    def method(self, record: Record) -> str:
+    def method(self, record: CellRecord) -> str:
         return " + ".join(str(record.coordinates[axis]) for axis in self._method if axis in record.coordinates) or "run"
 
-    def condition(self, record: Record) -> str:
+    def condition(self, record: CellRecord) -> str:
         known = {"matrix": record.matrix, **record.coordinates}
         return ", ".join(str(known[axis]) for axis in self._condition if known.get(axis)) or "all"
 

@@ -16,7 +16,7 @@ from typing import Any
 from trailmark.errors import DataError
 from trailmark.report.html import facts_html, page_html, table_html, text_html
 from trailmark.report.tables import Table
-from trailmark_bench.index import Index, Record
+from trailmark_bench.index import CellRecord, Index
 from trailmark_bench.naming import Namer
 from trailmark_bench.quantities import Metric
 from trailmark_bench.summary import Summary, summarized
@@ -93,7 +93,7 @@ def _base64(content: bytes) -> str:
     return base64.b64encode(content).decode()
 
 
-def _document(summary: Summary, records: list[Record], places: Mapping[str, int]) -> dict[str, Any]:
+def _document(summary: Summary, records: list[CellRecord], places: Mapping[str, int]) -> dict[str, Any]:
     axes = list(dict.fromkeys(axis for record in records for axis in record.coordinates))
     namer = Namer(records)
     shown = [_Shown.of(metric, summary) for metric in summary.metrics]
@@ -142,7 +142,7 @@ class _Shown:
     def document(self) -> dict[str, str]:
         return {"name": self.metric.name, "better": self.metric.better, "title": self.title, "unit": self.unit}
 
-    def value(self, record: Record) -> Any:
+    def value(self, record: CellRecord) -> Any:
         value = self.metric.value_of(record) if record.state == "ok" else None
         return None if value is None else _short(self.per_unit * value)
 
@@ -157,7 +157,7 @@ class _Shown:
         return {**scaled, "n": found["n"], "median": median, "versus": None if versus is None else _rounded(versus)}
 
 
-def _cell(record: Record, axes: list[str], namer: Namer) -> dict[str, Any]:
+def _cell(record: CellRecord, axes: list[str], namer: Namer) -> dict[str, Any]:
     process = {key: getattr(record, key) for key in ("attempts", "wall_s", "cpu_s", "peak_rss_mb", "load", "host")}
     return {
         "id": record.id,

@@ -10,7 +10,7 @@ from typing import Literal
 from trailmark.errors import ConfigError
 from trailmark.evaluation import find_metric
 from trailmark.plugins.hints import nearest_or_all
-from trailmark_bench.index import Record
+from trailmark_bench.index import CellRecord
 
 __all__ = ["Metric", "metric_of", "metrics_of", "refuse_unknown"]
 
@@ -53,7 +53,7 @@ class Metric:
             return abs(math.log(value)) if value > 0 else math.inf
         return value
 
-    def value_of(self, record: Record) -> float | None:
+    def value_of(self, record: CellRecord) -> float | None:
         """Return the value of a cell; None where it was not measured."""
         if self.name in _OF_PROCESS:
             found = getattr(record, self.name)
@@ -72,12 +72,12 @@ def metric_of(name: str) -> Metric:
     return Metric(name, "higher" if name in _HIGHER else "near one" if name in _NEAR_ONE else "lower")
 
 
-def metrics_of(names: Sequence[str], records: Sequence[Record]) -> tuple[Metric, ...]:
+def metrics_of(names: Sequence[str], records: Sequence[CellRecord]) -> tuple[Metric, ...]:
     """Return the quantities of some names; where no cell has a ground truth, the differences that stand for errors."""
     return tuple(metric_of(_named(name, records)) for name in names)
 
 
-def _named(name: str, records: Sequence[Record]) -> str:
+def _named(name: str, records: Sequence[CellRecord]) -> str:
     """Return the name of a quantity, or of the difference that stands for it where no cell has a ground truth."""
     finished = [record for record in records if record.state == "ok"]
     other = _DIFFERENCES.get(name)
@@ -85,7 +85,7 @@ def _named(name: str, records: Sequence[Record]) -> str:
     return other if other is not None and finished and not has_truth else name
 
 
-def refuse_unknown(asked: Sequence[str], metrics: Sequence[Metric], records: Sequence[Record]) -> None:
+def refuse_unknown(asked: Sequence[str], metrics: Sequence[Metric], records: Sequence[CellRecord]) -> None:
     """Refuse a quantity that somebody asked for and no cell has.
 
     Raises

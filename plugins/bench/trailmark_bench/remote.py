@@ -6,6 +6,7 @@ For executors. `packed` makes of a request what can be sent; `run_packed` runs i
 from __future__ import annotations
 
 import tempfile
+import time
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -17,7 +18,7 @@ from trailmark.isolation.fingerprint import FileCache, fingerprint, source_diges
 from trailmark.isolation.outcome import Outcome
 from trailmark_bench.process import run_cell
 
-__all__ = ["packed", "received", "run_packed"]
+__all__ = ["packed", "received", "run_packed", "unpacked_answer"]
 
 # Digests of recordings on this machine: a worker runs many cells of one recording.
 _KNOWN: FileCache = {}
@@ -60,6 +61,25 @@ def run_packed(package: Mapping[str, Any]) -> dict[str, Any]:
 def received(job: Job, answer: Mapping[str, Any]) -> Finished:
     """Return what came back of a job."""
     return Finished(job.id, Outcome(**answer["outcome"]), files=answer["files"])
+
+
+def unpacked_answer(finished: Finished, workspace: Path) -> Path:
+    """Lay down what came back of a cell in a new folder of the workspace, and return it.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written, or leads out of the folder.
+    """
+    folder = workspace / f"{finished.id}-{time.monotonic_ns()}"
+    folder.mkdir(parents=True)
+    for name, content in finished.files.items():
+        path = folder / name
+        if not path.resolve().is_relative_to(folder.resolve()):
+            raise OSError(f"a worker sent the file {name!r}, which lies outside of the cell's folder")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+    return folder
 
 
 def _content(path: Path, limit: float) -> dict[str, bytes] | None:

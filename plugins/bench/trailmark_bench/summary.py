@@ -10,7 +10,7 @@ from typing import Any
 
 from trailmark_bench.baseline import compare_with
 from trailmark_bench.entries import Entries, Entry, entries_of
-from trailmark_bench.index import Index, Record
+from trailmark_bench.index import CellRecord, Index
 from trailmark_bench.naming import Namer
 from trailmark_bench.overall import Overall, overall_of
 from trailmark_bench.quantities import Metric, metrics_of, refuse_unknown
@@ -122,7 +122,7 @@ def summarized(index: Index, metrics: Sequence[str] = (), baseline: str | None =
     )
 
 
-def _reason(record: Record) -> str:
+def _reason(record: CellRecord) -> str:
     return f"{record.state}: {record.reason}"[:160]
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Self
 from trailmark.cli.errors import say
 
 if TYPE_CHECKING:
-    from trailmark_bench.scheduler import Progress
+    from trailmark_bench.scheduler import BenchStatus
 
 __all__ = ["BenchProgress", "duration_text"]
 
@@ -43,7 +43,7 @@ class BenchProgress(AbstractContextManager["BenchProgress"]):
         if self._live is not None:
             self._live.stop()
 
-    def __call__(self, progress: Progress) -> None:
+    def __call__(self, progress: BenchStatus) -> None:
         """Take note of where the bench is."""
         now_s = time.monotonic()
         ids = {cell.id for cell in progress.running}
@@ -55,14 +55,14 @@ class BenchProgress(AbstractContextManager["BenchProgress"]):
         elif progress.finished is not None:
             say(self._line(progress))
 
-    def _line(self, progress: Progress) -> str:
+    def _line(self, progress: BenchStatus) -> str:
         done, total = _done(progress), sum(progress.states.values())
         left = "" if progress.left_s is None or done == total else f", about {duration_text(progress.left_s)} left"
         assert progress.finished is not None
         why = f": {progress.reason}" if progress.reason else ""
         return f"{done}/{total} {progress.state:<7} {progress.finished.label}{why}{left}"
 
-    def _table(self, progress: Progress, now_s: float) -> Any:
+    def _table(self, progress: BenchStatus, now_s: float) -> Any:
         from rich.progress_bar import ProgressBar
         from rich.table import Table
         from rich.text import Text
@@ -95,5 +95,5 @@ def duration_text(seconds: float) -> str:
     return f"{seconds / 3600:.1f} h"
 
 
-def _done(progress: Progress) -> int:
+def _done(progress: BenchStatus) -> int:
     return sum(count for state, count in progress.states.items() if state not in ("pending", "running"))

@@ -20,10 +20,11 @@ from trailmark.plugins import Plugins
 from trailmark_bench.cli.commands import RunOptions
 from trailmark_bench.cli.progress import BenchProgress, duration_text
 from trailmark_bench.cli.showing import show_states, show_tables
+from trailmark_bench.durations import estimated_s
 from trailmark_bench.index import INDEX_FILE, Index
 from trailmark_bench.matrix import Bench, load_bench
 from trailmark_bench.page import write_page
-from trailmark_bench.scheduler import estimated_s, run_bench
+from trailmark_bench.scheduler import run_bench
 
 __all__ = ["list_bench", "run_bench_command"]
 

@@ -11,7 +11,7 @@ import click
 from trailmark.errors import ConfigError
 from trailmark.report.console import print_table
 from trailmark_bench.cell import STATES
-from trailmark_bench.index import Index, Record
+from trailmark_bench.index import CellRecord, Index
 from trailmark_bench.summary import summarized
 from trailmark_bench.tables import bench_tables
 
@@ -73,7 +73,7 @@ def show_cell(index: Index, words: str, as_json: bool) -> None:
         click.echo("\n".join(f"| {line}" for line in stderr.splitlines()[-30:]))
 
 
-def _found(index: Index, words: str) -> Record:
+def _found(index: Index, words: str) -> CellRecord:
     """Return the cell that the words fit; one of an earlier config or of earlier code only where no other does."""
     for everything in (False, True):
         records = index.records(everything)
@@ -88,7 +88,7 @@ def _found(index: Index, words: str) -> Record:
     raise ConfigError(f"{words!r} is no cell")
 
 
-def _document(record: Record) -> dict[str, Any]:
+def _document(record: CellRecord) -> dict[str, Any]:
     return {
         "id": record.id,
         "matrix": record.matrix,

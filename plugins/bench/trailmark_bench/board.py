@@ -1,0 +1,89 @@
+"""Where every cell stands: the one place where a cell changes its state, in memory and in the index."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from trailmark.isolation.outcome import Outcome
+from trailmark_bench.cell import Cell
+from trailmark_bench.index import Index
+
+__all__ = ["CellBoard"]
+
+#: What a cell that is to run may become, by what it is.
+_NEXT: dict[str, tuple[str, ...]] = {
+    "pending": ("running", "skipped"),
+    "running": ("ok", "failed", "timeout", "crashed", "skipped", "pending"),
+}
+
+
+class CellBoard:
+    """The states of a bench's cells while some of them are run: pending, running, or what became of them.
+
+    Parameters
+    ----------
+    index : Index
+        Keeps every change.
+    chosen : sequence of Cell
+        Those that are to run; they are pending. Those that run alone come last.
+    """
+
+    def __init__(self, index: Index, chosen: Sequence[Cell]) -> None:
+        self._index = index
+        self._states = {cell.id: "pending" for cell in chosen}
+        self.counts = Counter(record.state for record in index.records())
+        self.waiting = {cell.id: cell for cell in sorted(chosen, key=lambda cell: cell.alone)}
+        self.running: dict[str, Cell] = {}
+
+    def startable(self, slots: int) -> Iterator[Cell]:
+        """Yield waiting cells while there are places for them; one that is to run alone gets the machine for itself."""
+        for cell in list(self.waiting.values()):
+            is_alone = cell.alone or any(other.alone for other in self.running.values())
+            if len(self.running) >= (1 if is_alone else slots):
+                return
+            yield cell
+
+    def start(self, cell: Cell) -> None:
+        """A waiting cell is in work now."""
+        self._move(cell, "running")
+        self._index.mark_running(cell.id)
+        self.running[cell.id] = self.waiting.pop(cell.id)
+
+    def finish(self, cell: Cell, outcome: Outcome, result: Any, detail: bytes | None) -> None:
+        """A cell in work has ended; one that found no sensor ends those that differ in seed or faults alone."""
+        self._move(cell, outcome.state)
+        self._index.mark_finished(cell.id, outcome, result, detail)
+        del self.running[cell.id]
+        if outcome.state == "skipped":
+            self._skip_like(cell, outcome.reason)
+
+    def release(self) -> None:
+        """Nothing that is in work will end: it is pending again."""
+        for cell in self.running.values():
+            self._move(cell, "pending")
+        self._index.mark_pending(self.running)
+        self.waiting = {**self.running, **self.waiting}
+        self.running = {}
+
+    def _skip_like(self, cell: Cell, reason: str) -> None:
+        with self._index.transaction():
+            for other in [other for other in self.waiting.values() if _fit_of(other) == _fit_of(cell)]:
+                self._move(other, "skipped")
+                self._index.mark_finished(other.id, Outcome("skipped", reason))
+                del self.waiting[other.id]
+
+    def _move(self, cell: Cell, state: str) -> None:
+        before = self._states[cell.id]
+        if state not in _NEXT.get(before, ()):
+            raise ValueError(f"cell {cell.label!r} is {before}: it cannot become {state}")
+        self._states[cell.id] = state
+        self.counts[before] -= 1
+        self.counts[state] += 1
+
+
+def _fit_of(cell: Cell) -> tuple[Any, ...]:
+    """Return what decides which sensors a cell finds: neither seed nor faults make one that is not there."""
+    kept = {axis: value for axis, value in cell.coordinates.items() if axis not in ("seed", "perturbation")}
+    return (cell.matrix, *kept.items())
