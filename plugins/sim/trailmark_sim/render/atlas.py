@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import AnyArray, Bytes, Float32s, Int32s
 from trailmark.errors import ShapeError
 
-__all__ = ["Atlas", "build_atlas", "join_atlases"]
+__all__ = ["TEXTURE_SIZE", "Atlas", "build_atlas", "join_atlases"]
 
 _MOST_LEVELS = 12
+#: Width and height (powers of two) and number of levels of a texture.
+TEXTURE_SIZE = np.dtype([(name, np.int32) for name in ("width", "height", "n_levels")])
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Atlas:
-    """Textures for the kernels.
+class Atlas(NamedTuple):
+    """All n textures of a scene; kernels take it whole.
 
     Attributes
     ----------
@@ -25,16 +26,16 @@ class Atlas:
         Red, green and blue in the lowest three bytes. Reflectance is the square of a byte over 255.
     starts : (n, 12) int32
         Where each level of each texture begins.
-    sizes : (n, 3) int32
-        Width, height (powers of two) and number of levels.
+    sizes : (n,) TEXTURE_SIZE
+        Size of each texture.
     """
 
-    texels: npt.NDArray[np.int32]
-    starts: npt.NDArray[np.int32]
-    sizes: npt.NDArray[np.int32]
+    texels: Int32s
+    starts: Int32s
+    sizes: AnyArray
 
 
-def build_atlas(images: Sequence[npt.NDArray[np.uint8]]) -> Atlas:
+def build_atlas(images: Sequence[Bytes]) -> Atlas:
     """Return the atlas of RGB pictures (H, W, 3), whose sides are powers of two.
 
     Raises
@@ -42,7 +43,7 @@ def build_atlas(images: Sequence[npt.NDArray[np.uint8]]) -> Atlas:
     ShapeError
         If a side is not.
     """
-    pieces, starts, sizes = [], np.zeros((len(images), _MOST_LEVELS), np.int32), np.zeros((len(images), 3), np.int32)
+    pieces, starts, sizes = [], np.zeros((len(images), _MOST_LEVELS), np.int32), np.zeros(len(images), TEXTURE_SIZE)
     at = 0
     for number, image in enumerate(images):
         levels = _levels(image)
@@ -63,7 +64,7 @@ def join_atlases(first: Atlas, second: Atlas) -> Atlas:
     )
 
 
-def _levels(image: npt.NDArray[np.uint8]) -> list[npt.NDArray[np.int32]]:
+def _levels(image: Bytes) -> list[Int32s]:
     height, width = image.shape[:2]
     if image.dtype != np.uint8 or image.shape[2:] != (3,) or height & (height - 1) or width & (width - 1):
         raise ShapeError(f"a texture is (H, W, 3) uint8 with powers of two as sides, not {image.shape} {image.dtype}")
@@ -76,7 +77,7 @@ def _levels(image: npt.NDArray[np.uint8]) -> list[npt.NDArray[np.int32]]:
     return levels
 
 
-def _halved(linear: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+def _halved(linear: Float32s) -> Float32s:
     if linear.shape[0] > 1:
         linear = (linear[0::2] + linear[1::2]) * np.float32(0.5)
     if linear.shape[1] > 1:
@@ -84,6 +85,6 @@ def _halved(linear: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     return linear
 
 
-def _packed(image: npt.NDArray[np.uint8]) -> npt.NDArray[np.int32]:
+def _packed(image: Bytes) -> Int32s:
     wide = image.astype(np.int32)
     return np.ravel(wide[..., 0] | wide[..., 1] << 8 | wide[..., 2] << 16)

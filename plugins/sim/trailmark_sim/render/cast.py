@@ -9,10 +9,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import AnyArray
 from trailmark.kernels import kernel
-from trailmark_sim.render.rays import LANES
+from trailmark_sim.render.rays import LANES, RayTable
+from trailmark_sim.render.records import RayHits, SeenShapes
 from trailmark_sim.render.shapes import CYLINDER, ELLIPSOID, RECTANGLE
 
 __all__ = ["NOTHING_M", "cast_tiles"]
@@ -26,58 +27,20 @@ _kernel = kernel(error_model="numpy")
 
 
 @_kernel
-def cast_tiles(
-    first: int,
-    last: int,
-    rays: npt.NDArray[Any],
-    axes: npt.NDArray[Any],
-    spread: npt.NDArray[Any],
-    instants: npt.NDArray[Any],
-    kinds: npt.NDArray[Any],
-    frames: npt.NDArray[Any],
-    eyes: npt.NDArray[Any],
-    spheres: npt.NDArray[Any],
-    near: npt.NDArray[Any],
-    order: npt.NDArray[Any],
-    ranges: npt.NDArray[Any],
-    hits: npt.NDArray[Any],
-) -> None:
-    """Find the nearest shape along every ray of some tiles.
-
-    Parameters
-    ----------
-    first, last : int
-        Tiles `first` to `last` (without it) are done.
-    rays, axes, spread, instants
-        Of the `RayTable`.
-    kinds : (P,) int8
-        Kind of each shape.
-    frames : (G, P, 3, 3) float32
-        From the camera's axes to each shape's own, at each instant.
-    eyes : (G, P, 3) float32
-        The eye in each shape's own axes.
-    spheres : (G, P, 4) float32
-        Bounding spheres in the camera's axes: centre and radius [m].
-    near : (P,) float32
-        No point of the shape is ever nearer than this [m].
-    order : (N,) int32
-        Shapes that face the camera at any instant, in the order of `near`.
-    ranges : (T, 64) float32
-        Receives the range along each ray; `NOTHING_M` where it meets nothing [m].
-    hits : (T, 64) int32
-        Receives the shape that each ray meets, or -1.
-    """
-    candidates = np.empty(order.shape[0], np.int32)
+def cast_tiles(first: int, last: int, table: RayTable, shapes: SeenShapes, met: RayHits) -> None:
+    """Find the nearest shape along every ray of the tiles `first` to `last` (without it), and write it into `met`."""
+    kinds, frames, eyes, near_m = shapes.kinds, shapes.frames, shapes.eyes, shapes.near_m
+    candidates = np.empty(shapes.order.shape[0], np.int32)
     for tile in range(first, last):
-        now = instants[tile]
-        n_candidates = _cull(candidates, axes[tile], spread[tile, 0], spread[tile, 1], spheres[now], order)
-        best, hit, ray = ranges[tile], hits[tile], rays[tile]
+        now = table.instants[tile]
+        n_candidates = _cull(candidates, table.axes[tile], table.spread[tile], shapes.spheres[now], shapes.order)
+        best, hit, ray = met.ranges_m[tile], met.shapes[tile], table.rays[tile]
         for lane in range(LANES):
             best[lane] = NOTHING_M
             hit[lane] = -1
         for n in range(n_candidates):
             p = candidates[n]
-            if n % 2 == 0 and near[p] > _farthest(best):
+            if n % 2 == 0 and near_m[p] > _farthest(best):
                 break
             if kinds[p] == RECTANGLE:
                 _meet_rectangle(best, hit, ray, p, frames[now, p], eyes[now, p])
@@ -88,15 +51,9 @@ def cast_tiles(
 
 
 @_kernel
-def _cull(
-    candidates: npt.NDArray[Any],
-    axis: npt.NDArray[Any],
-    cos: float,
-    sin: float,
-    spheres: npt.NDArray[Any],
-    order: npt.NDArray[Any],
-) -> int:
+def _cull(candidates: AnyArray, axis: AnyArray, spread: AnyArray, spheres: AnyArray, order: AnyArray) -> int:
     """Keep the shapes whose bounding sphere reaches into the cone of a tile."""
+    cos, sin = spread[0], spread[1]
     n = 0
     for k in range(order.shape[0]):
         p = order[k]
@@ -110,7 +67,7 @@ def _cull(
 
 
 @_kernel
-def _farthest(best: npt.NDArray[Any]) -> Any:
+def _farthest(best: AnyArray) -> Any:
     farthest = best[0]
     for lane in range(LANES):
         farthest = max(farthest, best[lane])
@@ -118,14 +75,7 @@ def _farthest(best: npt.NDArray[Any]) -> Any:
 
 
 @_kernel
-def _meet_rectangle(
-    best: npt.NDArray[Any],
-    hit: npt.NDArray[Any],
-    ray: npt.NDArray[Any],
-    p: int,
-    m: npt.NDArray[Any],
-    q: npt.NDArray[Any],
-) -> None:
+def _meet_rectangle(best: AnyArray, hit: AnyArray, ray: AnyArray, p: int, m: AnyArray, q: AnyArray) -> None:
     number = np.int32(p)
     for lane in range(LANES):
         dx, dy, dz = ray[0, lane], ray[1, lane], ray[2, lane]
@@ -138,14 +88,7 @@ def _meet_rectangle(
 
 
 @_kernel
-def _meet_cylinder(
-    best: npt.NDArray[Any],
-    hit: npt.NDArray[Any],
-    ray: npt.NDArray[Any],
-    p: int,
-    m: npt.NDArray[Any],
-    q: npt.NDArray[Any],
-) -> None:
+def _meet_cylinder(best: AnyArray, hit: AnyArray, ray: AnyArray, p: int, m: AnyArray, q: AnyArray) -> None:
     number = np.int32(p)
     c = q[1] * q[1] + q[2] * q[2] - _ONE
     for lane in range(LANES):
@@ -168,14 +111,7 @@ def _meet_cylinder(
 
 
 @_kernel
-def _meet_ellipsoid(
-    best: npt.NDArray[Any],
-    hit: npt.NDArray[Any],
-    ray: npt.NDArray[Any],
-    p: int,
-    m: npt.NDArray[Any],
-    q: npt.NDArray[Any],
-) -> None:
+def _meet_ellipsoid(best: AnyArray, hit: AnyArray, ray: AnyArray, p: int, m: AnyArray, q: AnyArray) -> None:
     number = np.int32(p)
     c = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] - _ONE
     for lane in range(LANES):

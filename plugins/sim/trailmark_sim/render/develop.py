@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Float32s
 from trailmark.kernels import kernel
 from trailmark_sim.hashing import hash2
 from trailmark_sim.rng import frame_rng, stream_key
@@ -48,6 +49,15 @@ class Sensitometry:
     shot_noise: float = 0.012
     blur_px: float = 0.6
     shoulder: float = 0.8
+
+
+class _Noise(NamedTuple):
+    """Noise of one picture: normal numbers, variances of a dark pixel and of unit light, seed of the picture."""
+
+    strip: Float32s
+    dark_var: Any
+    light_var: Any
+    seed: np.uint64
 
 
 class Film:
@@ -92,10 +102,10 @@ class Film:
         exposure = auto_exposure(radiance, self._response.target, self._mask) if exposure is None else exposure
         out = np.empty(radiance.shape, np.uint8)
         seed = np.uint64(stream_key(self._seed, f"{self._stream}/noise/{k}"))
-        noise = (self._noise, _F(self._response.read_noise**2), _F(self._response.shot_noise**2))
+        noise = _Noise(self._noise, _F(self._response.read_noise**2), _F(self._response.shot_noise**2), seed)
 
         def work(first: int, last: int) -> None:
-            _develop_rows(first, last, radiance, self._falling, _F(exposure * gain), *noise, self._tone, seed, out)
+            _develop_rows(first, last, radiance, self._falling, _F(exposure * gain), noise, self._tone, out)
 
         in_bands(work, len(out), threads)
         return out
@@ -129,23 +139,21 @@ def _develop_rows(
     radiance: npt.NDArray[Any],
     falling: npt.NDArray[Any],
     gain: float,
-    noise: npt.NDArray[Any],
-    dark_var: float,
-    light_var: float,
+    noise: _Noise,
     tone: npt.NDArray[Any],
-    seed: np.uint64,
     out: npt.NDArray[Any],
 ) -> None:
     width = radiance.shape[1]
     scale, top = _F((_STEPS - 1) / 2.0), np.int32(_STEPS - 1)
     index = np.empty(width, np.int32)
+    strip, dark_var, light_var, seed = noise
     for row in range(first, last):
         for c in range(3):
             # A long strip of noise, entered at another place for each row, colour and picture.
             at = np.int64(hash2(row, c, seed) % np.uint64(_N_NOISE - width))
             for u in range(width):
                 light = radiance[row, u, c] * falling[row, u] * gain
-                light += noise[at + u] * np.sqrt(dark_var + light_var * light)
+                light += strip[at + u] * np.sqrt(dark_var + light_var * light)
                 index[u] = min(top, max(np.int32(0), np.int32(light * scale + _F(0.5))))
             for u in range(width):
                 out[row, u, 2 - c] = tone[index[u]]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import AnyArray
 from trailmark.kernels import kernel
-from trailmark_sim.render.rays import LANES
+from trailmark_sim.render.rays import LANES, RayTable
+from trailmark_sim.render.records import RayHits, SeenShapes
 from trailmark_sim.render.shapes import CYLINDER, RECTANGLE
 
 __all__ = ["face_tiles"]
@@ -22,28 +22,25 @@ _ZERO, _ONE = _F(0.0), _F(1.0)
 def face_tiles(
     first: int,
     last: int,
-    rays: npt.NDArray[Any],
-    instants: npt.NDArray[Any],
-    ranges: npt.NDArray[Any],
-    hits: npt.NDArray[Any],
-    kinds: npt.NDArray[Any],
-    frames: npt.NDArray[Any],
-    eyes: npt.NDArray[Any],
-    looks: npt.NDArray[Any],
-    cosines: npt.NDArray[Any],
-    shine: npt.NDArray[Any],
+    table: RayTable,
+    met: RayHits,
+    shapes: SeenShapes,
+    surfaces: AnyArray,
+    cosines: AnyArray,
+    shine: AnyArray,
 ) -> None:
     """Fill `cosines` and `shine` (T, 64) of some tiles; both are 0 where a ray meets nothing."""
+    kinds, rays = shapes.kinds, table.rays
     for tile in range(first, last):
-        now = instants[tile]
+        now = table.instants[tile]
         for lane in range(LANES):
-            p = hits[tile, lane]
+            p = met.shapes[tile, lane]
             cosines[tile, lane], shine[tile, lane] = _ZERO, _ZERO
             if p < 0:
                 continue
-            m, q, t = frames[now, p], eyes[now, p], ranges[tile, lane]
+            m, q, t = shapes.frames[now, p], shapes.eyes[now, p], met.ranges_m[tile, lane]
             dx, dy, dz = rays[tile, 0, lane], rays[tile, 1, lane], rays[tile, 2, lane]
-            shine[tile, lane] = looks[p, 6]
+            shine[tile, lane] = surfaces[p].shine
             if kinds[p] == RECTANGLE:
                 cosines[tile, lane] = abs(m[0, 0] * dx + m[0, 1] * dy + m[0, 2] * dz)
                 continue

@@ -6,10 +6,11 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from trailmark.kernels import inlined_kernel, kernel
+from trailmark_sim.render.lanes import Footprints
 from trailmark_sim.render.rays import LANES
+from trailmark_sim.render.records import SeenShape, TileRays
 from trailmark_sim.render.shapes import CYLINDER
 
 __all__ = ["place_flat", "place_round"]
@@ -23,26 +24,11 @@ _TEXEL_PX = _F(0.8)
 
 
 @inlined_kernel
-def place_flat(
-    p: int,
-    hit: npt.NDArray[Any],
-    ray: npt.NDArray[Any],
-    far: npt.NDArray[Any],
-    m: npt.NDArray[Any],
-    q: npt.NDArray[Any],
-    pixel_rad: npt.NDArray[Any],
-    u: npt.NDArray[Any],
-    v: npt.NDArray[Any],
-    foot: npt.NDArray[Any],
-    ax: npt.NDArray[Any],
-    ay: npt.NDArray[Any],
-    bx: npt.NDArray[Any],
-    by: npt.NDArray[Any],
-) -> None:
-    """Write where the rays meet a rectangle, and the two sides of each pixel's footprint there, as shares of u and v.
-
-    `foot` receives the texel size that the four places call for [m].
-    """
+def place_flat(tile: TileRays, shape: SeenShape, place: Footprints) -> None:
+    """Write what the rays that meet a rectangle cover of it."""
+    hit, ray, far, pixel_rad = tile.shapes, tile.rays, tile.ranges_m, tile.pixel_rad
+    p, m, q = shape.number, shape.frame, shape.eye
+    u, v, foot_m, ax, ay, bx, by = place
     n1 = math.sqrt(m[1, 0] * m[1, 0] + m[1, 1] * m[1, 1] + m[1, 2] * m[1, 2])
     n2 = math.sqrt(m[2, 0] * m[2, 0] + m[2, 1] * m[2, 1] + m[2, 2] * m[2, 2])
     per_1, per_2 = _ONE / n1, _ONE / n2
@@ -64,32 +50,20 @@ def place_flat(
         long = short * stretch
         ax[lane], ay[lane] = a * n1 * long, b * n2 * long
         bx[lane], by[lane] = -b * n1 * short, a * n2 * short
-        foot[lane] = short * max(_TEXEL_PX, stretch * _F(0.25))
+        foot_m[lane] = short * max(_TEXEL_PX, stretch * _F(0.25))
 
 
 @kernel(error_model="numpy")
-def place_round(
-    p: int,
-    hit: npt.NDArray[Any],
-    ray: npt.NDArray[Any],
-    far: npt.NDArray[Any],
-    m: npt.NDArray[Any],
-    q: npt.NDArray[Any],
-    kind: int,
-    pixel_rad: npt.NDArray[Any],
-    density: Any,
-    size: tuple[Any, Any],
-    u: npt.NDArray[Any],
-    v: npt.NDArray[Any],
-    foot: npt.NDArray[Any],
-    ax: npt.NDArray[Any],
-    ay: npt.NDArray[Any],
-    bx: npt.NDArray[Any],
-    by: npt.NDArray[Any],
-) -> None:
-    """Write the same of a cylinder or an ellipsoid, whose footprints are taken as square."""
+def place_round(tile: TileRays, shape: SeenShape, density: Any, size: tuple[Any, Any], place: Footprints) -> None:
+    """Write the same of a cylinder or an ellipsoid, whose footprints are taken as square.
+
+    `density` and `size` are the texels of a metre and of the surface, along u and v.
+    """
+    hit, ray, far, pixel_rad = tile.shapes, tile.rays, tile.ranges_m, tile.pixel_rad
+    p, m, q = shape.number, shape.frame, shape.eye
+    u, v, foot_m, ax, ay, bx, by = place
     for lane in range(LANES):
-        u[lane], v[lane], foot[lane] = _ZERO, _ZERO, _ZERO
+        u[lane], v[lane], foot_m[lane] = _ZERO, _ZERO, _ZERO
         ax[lane], ay[lane], bx[lane], by[lane] = _ZERO, _ZERO, _ZERO, _ZERO
         if hit[lane] != p:
             continue
@@ -98,7 +72,7 @@ def place_round(
         l1 = q[1] + t * (m[1, 0] * dx + m[1, 1] * dy + m[1, 2] * dz)
         l2 = q[2] + t * (m[2, 0] * dx + m[2, 1] * dy + m[2, 2] * dz)
         u[lane] = math.atan2(l2, l1) * _TURN + _HALF
-        v[lane] = l0 if kind == CYLINDER else (l0 + _ONE) * _HALF
+        v[lane] = l0 if shape.kind == CYLINDER else (l0 + _ONE) * _HALF
         short = t * pixel_rad[lane]
         ax[lane], by[lane] = short * density / size[0], short * density / size[1]
-        foot[lane] = short * _TEXEL_PX
+        foot_m[lane] = short * _TEXEL_PX

@@ -6,11 +6,13 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import AnyArray
 from trailmark.kernels import inlined_kernel, kernel
 from trailmark_sim.interpolation import between
+from trailmark_sim.render.lanes import Colours, Footprints, Taps
 from trailmark_sim.render.rays import LANES
+from trailmark_sim.render.records import SeenShape, TileRays
 from trailmark_sim.render.shapes import CYLINDER, RECTANGLE
 
 __all__ = ["baked", "darken", "mirrored", "show_sky"]
@@ -23,25 +25,15 @@ _HIGHLIGHT = _F(6.0)
 
 
 @inlined_kernel
-def baked(
-    light: npt.NDArray[Any],
-    patch: npt.NDArray[Any],
-    is_flat: bool,
-    u: npt.NDArray[Any],
-    v: npt.NDArray[Any],
-    wx: npt.NDArray[Any],
-    wy: npt.NDArray[Any],
-    at: tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any]],
-    lr: npt.NDArray[Any],
-    lg: npt.NDArray[Any],
-    lb: npt.NDArray[Any],
-) -> None:
+def baked(light: AnyArray, surface: Any, is_flat: bool, place: Footprints, taps: Taps, lit: Colours) -> None:
     """Write the baked light at each place, bilinear; around a round shape the columns close."""
-    start, columns, rows = _I(patch[0]), _I(patch[1]), _I(patch[2])
+    u, v = place.u, place.v
+    _, _, wx, wy, a, b, c, d = taps
+    lr, lg, lb = lit
+    start, columns, rows = _I(surface.light_start), _I(surface.light_columns), _I(surface.light_rows)
     right, top = _F(columns - 1), _F(rows - 1)
     low = _ZERO if is_flat else -_ONE
     high = right if is_flat else _F(columns)
-    a, b, c, d = at
     one, zero = _I(1), _I(0)
     for lane in range(LANES):
         x = min(high, max(low, u[lane] * _F(columns) - _HALF))
@@ -68,18 +60,9 @@ def baked(
 
 
 @kernel(error_model="numpy")
-def darken(
-    shade: npt.NDArray[Any],
-    ray: npt.NDArray[Any],
-    far: npt.NDArray[Any],
-    hit: npt.NDArray[Any],
-    p: int,
-    to_map: npt.NDArray[Any],
-    shadows: npt.NDArray[Any],
-    x: npt.NDArray[Any],
-    y: npt.NDArray[Any],
-) -> None:
+def darken(tile: TileRays, p: int, to_map: AnyArray, shadows: AnyArray, taps: Taps, shade: AnyArray) -> None:
     """Write the share of the light that people leave on the floor."""
+    ray, far, hit, x, y = tile.rays, tile.ranges_m, tile.shapes, taps.x, taps.y
     for lane in range(LANES):
         t = far[lane] if hit[lane] == p else _ZERO
         dx, dy, dz = ray[0, lane], ray[1, lane], ray[2, lane]
@@ -94,18 +77,10 @@ def darken(
 
 
 @kernel(error_model="numpy")
-def mirrored(
-    ray: npt.NDArray[Any],
-    far: npt.NDArray[Any],
-    lane: int,
-    m: npt.NDArray[Any],
-    q: npt.NDArray[Any],
-    kind: int,
-    to_map: npt.NDArray[Any],
-    key: npt.NDArray[Any],
-) -> Any:
+def mirrored(tile: TileRays, lane: int, shape: SeenShape, to_map: AnyArray, key: AnyArray) -> Any:
     """Return what a shiny surface mirrors: a bright spot where the key light is, a paler ceiling or sky."""
-    dx, dy, dz, t = ray[0, lane], ray[1, lane], ray[2, lane], far[lane]
+    ray, kind, m, q = tile.rays, shape.kind, shape.frame, shape.eye
+    dx, dy, dz, t = ray[0, lane], ray[1, lane], ray[2, lane], tile.ranges_m[lane]
     w0, w1, w2 = _ONE, _ZERO, _ZERO
     if kind != RECTANGLE:
         w0 = _ZERO if kind == CYLINDER else q[0] + t * (m[0, 0] * dx + m[0, 1] * dy + m[0, 2] * dz)
@@ -129,15 +104,9 @@ def mirrored(
 
 
 @kernel(error_model="numpy")
-def show_sky(
-    out: npt.NDArray[Any],
-    pixels: npt.NDArray[Any],
-    hit: npt.NDArray[Any],
-    ray: npt.NDArray[Any],
-    to_map: npt.NDArray[Any],
-    sky: npt.NDArray[Any],
-) -> None:
+def show_sky(out: AnyArray, tile: TileRays, to_map: AnyArray, sky: AnyArray) -> None:
     """Read the sky off its picture, bilinear, for the rays that meet nothing."""
+    pixels, hit, ray = tile.pixels, tile.shapes, tile.rays
     rows, columns = sky.shape[0], sky.shape[1]
     for lane in range(LANES):
         pixel = pixels[lane]

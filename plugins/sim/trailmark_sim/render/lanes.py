@@ -6,7 +6,7 @@ textures at places it cannot foresee.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 from llvmlite import ir
 from numba import carray  # type: ignore[attr-defined]
@@ -14,14 +14,52 @@ from numba import types as numba_types
 from numba.core import cgutils as numba_cgutils
 from numba.extending import intrinsic
 
+from trailmark.arrays import AnyArray
 from trailmark.kernels import inlined_kernel
 from trailmark_sim.render.rays import LANES
 
-__all__ = ["floats", "ints"]
+__all__ = ["Colours", "Footprints", "Taps", "floats", "ints"]
 
 types: Any = numba_types
 cgutils: Any = numba_cgutils
 _SHAPE = (LANES,)
+
+
+class Footprints(NamedTuple):
+    """What each pixel of a tile covers of a surface, (64,) float32 each.
+
+    Its middle (u, v) and the two sides of its footprint, (ax, ay) and (bx, by), all as shares of the surface's u and v;
+    `foot_m` is the texel size that the four places in it call for [m].
+    """
+
+    u: AnyArray
+    v: AnyArray
+    foot_m: AnyArray
+    ax: AnyArray
+    ay: AnyArray
+    bx: AnyArray
+    by: AnyArray
+
+
+class Taps(NamedTuple):
+    """Places read from a picture, (64,) each: four neighbours `a` to `d` (int32) and the place between them."""
+
+    x: AnyArray
+    y: AnyArray
+    wx: AnyArray
+    wy: AnyArray
+    a: AnyArray
+    b: AnyArray
+    c: AnyArray
+    d: AnyArray
+
+
+class Colours(NamedTuple):
+    """Red, green and blue of each ray of a tile, (64,) float32 each."""
+
+    red: AnyArray
+    green: AnyArray
+    blue: AnyArray
 
 
 def _stack_array(context: Any, builder: Any, kind: Any) -> Any:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Bools, Float32s, Floats, Int32s, Int64s
 from trailmark.errors import ShapeError
 
 __all__ = ["LANES", "RayTable", "ray_table"]
@@ -17,9 +17,8 @@ LANES = 64
 _SIDE = 8
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RayTable:
-    """Unit rays of a central camera (or a laser), in the sensor's axes.
+class RayTable(NamedTuple):
+    """Unit rays of a central camera (or a laser), in the sensor's axes; kernels take it whole.
 
     Rays of a tile are cast together, from one place: of a camera that reads row after row a tile is 64 rays of a row.
 
@@ -42,12 +41,12 @@ class RayTable:
     """
 
     shape: tuple[int, int]
-    rays: npt.NDArray[np.float32]
-    pixels: npt.NDArray[np.int32]
-    axes: npt.NDArray[np.float32]
-    spread: npt.NDArray[np.float32]
-    pixel_rad: npt.NDArray[np.float32]
-    instants: npt.NDArray[np.int32]
+    rays: Float32s
+    pixels: Int32s
+    axes: Float32s
+    spread: Float32s
+    pixel_rad: Float32s
+    instants: Int32s
 
     @property
     def n_tiles(self) -> int:
@@ -59,7 +58,7 @@ class RayTable:
         """Number of rays that show something."""
         return int((self.pixels >= 0).sum())
 
-    def picture(self, values: npt.NDArray[np.float32], nothing: float) -> npt.NDArray[np.float32]:
+    def picture(self, values: Float32s, nothing: float) -> Float32s:
         """Return values (T, 64) of the rays as a picture (H, W)."""
         out = np.full(self.shape[0] * self.shape[1], nothing, dtype=np.float32)
         shows = self.pixels >= 0
@@ -67,9 +66,7 @@ class RayTable:
         return out.reshape(self.shape)
 
 
-def ray_table(
-    directions: npt.NDArray[np.float64], mask: npt.NDArray[np.bool_] | None = None, by_row: bool = False
-) -> RayTable:
+def ray_table(directions: Floats, mask: Bools | None = None, by_row: bool = False) -> RayTable:
     """Return the table of a picture's rays.
 
     Parameters
@@ -107,7 +104,7 @@ def ray_table(
     )
 
 
-def _tiles(shown: npt.NDArray[np.bool_], side: tuple[int, int]) -> npt.NDArray[np.int32]:
+def _tiles(shown: Bools, side: tuple[int, int]) -> Int32s:
     """Return the flat pixels of each tile that shows something, (T, 64), -1 for the others."""
     rows, cols = shown.shape
     side_v, side_u = side
@@ -118,13 +115,13 @@ def _tiles(shown: npt.NDArray[np.bool_], side: tuple[int, int]) -> npt.NDArray[n
     return np.ascontiguousarray(tiles[(tiles >= 0).any(axis=1)], dtype=np.int32)
 
 
-def _filled(pixels: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]:
+def _filled(pixels: Int32s) -> Int64s:
     """Return the pixels with a valid one in place of each -1."""
     first = pixels[np.arange(len(pixels)), (pixels >= 0).argmax(axis=1)]
     return np.where(pixels >= 0, pixels, first[:, None]).astype(np.int64)
 
 
-def _cones(rays: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+def _cones(rays: Floats) -> tuple[Floats, Floats]:
     """Return axis and cosine of half the opening, a hair wider than the rays need."""
     axes = rays.mean(axis=1)
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
@@ -132,9 +129,7 @@ def _cones(rays: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], npt.
     return axes, np.cos(np.arccos(np.clip(cosines, -1.0, 1.0)) + 1e-3)
 
 
-def _pixel_angles(
-    directions: npt.NDArray[np.float64], shown: npt.NDArray[np.bool_], pixels: npt.NDArray[np.int32]
-) -> npt.NDArray[np.float64]:
+def _pixel_angles(directions: Floats, shown: Bools, pixels: Int32s) -> Floats:
     """Return the typical angle between neighbouring rays about each pixel of the tiles, whatever their shape."""
     steps = [np.linalg.norm(np.diff(directions, axis=axis), axis=2) for axis in (0, 1) if directions.shape[axis] > 1]
     if not steps:

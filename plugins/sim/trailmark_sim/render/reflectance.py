@@ -6,9 +6,10 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import AnyArray
 from trailmark.kernels import inlined_kernel, kernel
+from trailmark_sim.render.lanes import Colours, Footprints, Taps
 from trailmark_sim.render.rays import LANES
 
 __all__ = ["plain", "textured"]
@@ -27,8 +28,9 @@ _LARGE = _F(4.0)
 
 
 @kernel(error_model="numpy")
-def plain(texel: Any, red: npt.NDArray[Any], green: npt.NDArray[Any], blue: npt.NDArray[Any]) -> None:
+def plain(texel: Any, colours: Colours) -> None:
     """Write the reflectance of a surface of one colour."""
+    red, green, blue = colours
     per = _F(1.0 / (255.0 * 255.0))
     r, g, b = _F(texel & 255), _F((texel >> 8) & 255), _F((texel >> 16) & 255)
     for lane in range(LANES):
@@ -37,34 +39,26 @@ def plain(texel: Any, red: npt.NDArray[Any], green: npt.NDArray[Any], blue: npt.
 
 @inlined_kernel
 def textured(
-    texels: npt.NDArray[Any],
-    starts: npt.NDArray[Any],
-    size: npt.NDArray[Any],
-    look: npt.NDArray[Any],
-    u: npt.NDArray[Any],
-    v: npt.NDArray[Any],
-    foot: npt.NDArray[Any],
-    ax: npt.NDArray[Any],
-    ay: npt.NDArray[Any],
-    bx: npt.NDArray[Any],
-    by: npt.NDArray[Any],
-    x: npt.NDArray[Any],
-    y: npt.NDArray[Any],
-    wx: npt.NDArray[Any],
-    wy: npt.NDArray[Any],
-    part: npt.NDArray[Any],
-    level: npt.NDArray[Any],
-    at: tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any]],
-    red: npt.NDArray[Any],
-    green: npt.NDArray[Any],
-    blue: npt.NDArray[Any],
+    texels: AnyArray,
+    starts: AnyArray,
+    size: Any,
+    surface: Any,
+    place: Footprints,
+    taps: Taps,
+    part: AnyArray,
+    level: AnyArray,
+    colours: Colours,
 ) -> None:
     """Write the reflectance under each pixel: means of four places of its footprint, on two levels of the mip-map."""
-    width, height, top = _I(size[0]), _I(size[1]), _I(size[2] - 1)
-    across, up = look[0] * _F(width), look[1] * _F(height)
+    u, v, foot_m, ax, ay, bx, by = place
+    x, y = taps.x, taps.y
+    red, green, blue = colours
+    width, height, top = _I(size.width), _I(size.height), _I(size.n_levels - 1)
+    across, up = surface.repeat_u * _F(width), surface.repeat_v * _F(height)
+    texels_per_m = surface.texels_per_m
     needs_fine, needs_coarse, largest = _I(0), _I(0), _ZERO
     for lane in range(LANES):
-        texels_wide = foot[lane] * look[7]
+        texels_wide = foot_m[lane] * texels_per_m
         largest = max(largest, texels_wide)
         # The exponent of a float is its logarithm, the rest of its bits nearly the fraction: ten times as fast as log2.
         bits = _F(max(texels_wide, _ONE)).view(np.int32)
@@ -85,28 +79,18 @@ def textured(
             x[lane] = (u[lane] + along * ax[lane] + aside * bx[lane]) * across
             y[lane] = (_ONE - (v[lane] + along * ay[lane] + aside * by[lane])) * up
         if needs_fine:
-            _find(starts, width, height, level, _I(0), x, y, wx, wy, at)
-            _gather(texels, at, wx, wy, part, -scale, scale, red, green, blue)
+            _find(starts, (width, height), level, _I(0), taps)
+            _gather(texels, taps, part, (-scale, scale), colours)
         if needs_coarse:
-            _find(starts, width, height, level, _I(1), x, y, wx, wy, at)
-            _gather(texels, at, wx, wy, part, scale, _ZERO, red, green, blue)
+            _find(starts, (width, height), level, _I(1), taps)
+            _gather(texels, taps, part, (scale, _ZERO), colours)
 
 
 @inlined_kernel
-def _find(
-    starts: npt.NDArray[Any],
-    width: Any,
-    height: Any,
-    level: npt.NDArray[Any],
-    above: Any,
-    x: npt.NDArray[Any],
-    y: npt.NDArray[Any],
-    wx: npt.NDArray[Any],
-    wy: npt.NDArray[Any],
-    at: tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any]],
-) -> None:
+def _find(starts: AnyArray, size: tuple[Any, Any], level: AnyArray, above: Any, taps: Taps) -> None:
     """Write which four texels lie about each place on a level of the mip-map, and the place between them."""
-    a, b, c, d = at
+    x, y, wx, wy, a, b, c, d = taps
+    width, height = size
     one = _I(1)
     most = _I(starts.shape[0] - 1)
     for lane in range(LANES):
@@ -124,24 +108,15 @@ def _find(
 
 
 @inlined_kernel
-def _gather(
-    texels: npt.NDArray[Any],
-    at: tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any]],
-    wx: npt.NDArray[Any],
-    wy: npt.NDArray[Any],
-    part: npt.NDArray[Any],
-    slope: Any,
-    offset: Any,
-    red: npt.NDArray[Any],
-    green: npt.NDArray[Any],
-    blue: npt.NDArray[Any],
-) -> None:
-    """Add the light of four texels about each place, times ``part * slope + offset``.
+def _gather(texels: AnyArray, taps: Taps, part: AnyArray, weighting: tuple[Any, Any], colours: Colours) -> None:
+    """Add the light of four texels about each place, times ``part * slope + offset`` with the `weighting`.
 
     Texels hold the root of their light. It is squared before it is averaged: light adds up, not its root, and an edge
     would move towards its dark side otherwise.
     """
-    ia, ib, ic, id_ = at
+    _, _, wx, wy, ia, ib, ic, id_ = taps
+    red, green, blue = colours
+    slope, offset = weighting
     byte, s8, s16 = _I(255), _I(8), _I(16)
     for lane in range(LANES):
         ta, tb, tc, td = texels[ia[lane]], texels[ib[lane]], texels[ic[lane]], texels[id_[lane]]

@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import AnyArray, Int32s
 from trailmark.geometry import Pose2
 from trailmark_sim.render.atlas import Atlas, build_atlas, join_atlases
 from trailmark_sim.render.bake import Lighting, bake_light
+from trailmark_sim.render.records import SURFACE_ROW
 from trailmark_sim.render.shapes import RECTANGLE, Shape, cylinder, ellipsoid, moved, rectangle
 
 __all__ = ["Scene", "SceneBuilder", "Surface"]
@@ -65,16 +67,10 @@ class Scene:
     origins, centres : (P, 3) float64
     radii : (P,) float64
         Of the shapes; see `Shape`.
-    looks : (P, 8) float32
-        Repeat along u and v, red, green, blue, emission, shine, texels per metre.
-    textures : (P,) int32
-        Number of each texture.
-    floors : (P,) bool
-        Which are floors.
+    surfaces : (P,) SURFACE_ROW
+        How each shape looks, and where its light stands.
     light : (N, 3) float32
         Baked light, red, green, blue.
-    patches : (P, 3) int32
-        Where the light of each shape begins, and how many columns and rows it has.
     atlas : Atlas
         The textures.
     sky : (H, W, 3) float32
@@ -94,11 +90,8 @@ class Scene:
     origins: npt.NDArray[np.float64]
     centres: npt.NDArray[np.float64]
     radii: npt.NDArray[np.float64]
-    looks: npt.NDArray[np.float32]
-    textures: npt.NDArray[np.int32]
-    floors: npt.NDArray[np.bool_]
+    surfaces: AnyArray
     light: npt.NDArray[np.float32]
-    patches: npt.NDArray[np.int32]
     atlas: Atlas
     sky: npt.NDArray[np.float32]
     key: npt.NDArray[np.float64]
@@ -122,15 +115,14 @@ class Scene:
         n = self.n_fixed
         atlas = self.atlas if not movers.images else join_atlases(self.atlas, build_atlas(movers.images))
         light, patches = bake_light(movers.shapes, [], self.lighting)
-        first = self.patches[n, 0] if n < len(self.patches) else len(self.light)
+        first = self.surfaces["light_start"][n] if n < len(self.surfaces) else len(self.light)
         patches[:, 0] += first
-        moving = _columns(movers, atlas)
+        moving = _columns(movers, atlas, patches)
         joined: dict[str, Any] = {name: np.concatenate([getattr(self, name)[:n], moving[name]]) for name in moving}
         return replace(
             self,
             **joined,
             light=np.concatenate([self.light[:first], light]),
-            patches=np.concatenate([self.patches[:n], patches]),
             atlas=atlas,
             prints=builder._prints,
         )
@@ -234,9 +226,8 @@ class SceneBuilder:
         solid = [surface.blocks_light for surface in self._surfaces]
         light, patches = bake_light(parts.shapes, solid, self.lighting, threads)
         return Scene(
-            **_columns(parts, atlas),
+            **_columns(parts, atlas, patches),
             light=light,
-            patches=patches,
             atlas=atlas,
             sky=np.zeros((2, 2, 3), np.float32) if self.sky is None else self.sky,
             key=self.lighting.key(),
@@ -251,7 +242,7 @@ class SceneBuilder:
         return _Parts(shapes, [*self._surfaces, *(surface for _, surface in self._movers)], self._images)
 
 
-def _columns(parts: _Parts, atlas: Atlas) -> dict[str, npt.NDArray[Any]]:
+def _columns(parts: _Parts, atlas: Atlas, patches: Int32s) -> dict[str, AnyArray]:
     """Return a row for each shape of what the kernels know of it but its light."""
     shapes, surfaces = parts.shapes, parts.surfaces
     return {
@@ -260,9 +251,7 @@ def _columns(parts: _Parts, atlas: Atlas) -> dict[str, npt.NDArray[Any]]:
         "origins": np.stack([shape.origin for shape in shapes]),
         "centres": np.stack([shape.centre for shape in shapes]),
         "radii": np.array([shape.radius_m for shape in shapes]),
-        "looks": np.array([_look(shape, surface, atlas) for shape, surface in zip(shapes, surfaces)], np.float32),
-        "textures": np.array([surface.texture for surface in surfaces], np.int32),
-        "floors": np.array([surface.is_floor for surface in surfaces]),
+        "surfaces": np.array([_row(*row, atlas) for row in zip(shapes, surfaces, patches)], SURFACE_ROW),
     }
 
 
@@ -270,10 +259,12 @@ def _print_of(image: npt.NDArray[np.uint8]) -> bytes:
     return hashlib.blake2b(f"{image.shape}".encode() + image.tobytes(), digest_size=16).digest()
 
 
-def _look(shape: Shape, surface: Surface, atlas: Atlas) -> tuple[float, ...]:
-    width, height, _ = atlas.sizes[surface.texture]
-    along = surface.repeat[0] * width / shape.size_m[0]
-    up = surface.repeat[1] * height / shape.size_m[1]
+def _row(shape: Shape, surface: Surface, patch: Int32s, atlas: Atlas) -> tuple[Any, ...]:
+    """Return a `SURFACE_ROW`; the patch says where the light begins, and how many columns and rows it has."""
+    size = atlas.sizes[surface.texture]
+    along = surface.repeat[0] * size["width"] / shape.size_m[0]
+    up = surface.repeat[1] * size["height"] / shape.size_m[1]
     # The geometric mean of both directions: neither is blurred nor aliased much.
     density = math.sqrt(along * up) if shape.kind == RECTANGLE else max(along, up)
-    return (*surface.repeat, *surface.tint, surface.emission, surface.shine, density)
+    look = (*surface.repeat, *surface.tint, surface.emission, surface.shine, density)
+    return (*look, surface.texture, *patch, surface.is_floor)

@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Float32s
 from trailmark.geometry import Pose3
 from trailmark_sim.render.cast import NOTHING_M, cast_tiles
 from trailmark_sim.render.facing import face_tiles
 from trailmark_sim.render.rays import LANES, RayTable
+from trailmark_sim.render.records import RayHits, SeenShapes, Surroundings
 from trailmark_sim.render.scene import Scene
 from trailmark_sim.render.shade import shade_tiles
 from trailmark_sim.render.shapes import RECTANGLE
@@ -70,37 +72,31 @@ class View:
         faces = ~is_rectangle | (eyes[..., 0] > 0.0)
         near = np.where(is_rectangle, np.maximum(near, eyes[..., 0]), near).min(axis=0)
         order = np.argsort(near, kind="stable")
-        self._order = order[faces.any(axis=0)[order]].astype(np.int32)
         n_shapes = frames.shape[1]
         turned = frames.reshape(-1, 3 * n_shapes, 3) @ points.rotations  # all rows of all shapes in one product
-        self._frames = turned.astype(np.float32).reshape(n_instants, n_shapes, 3, 3)
-        self._eyes = eyes.astype(np.float32)
         radii = np.where(faces, scene.radii * 1.0001 + 1e-4, _NEVER_M)
-        self._spheres = np.concatenate([towards, radii[..., None]], axis=2).astype(np.float32)
-        self._near = (near * 0.9999 - 1e-3).astype(np.float32)
-        self.ranges_m = np.empty((table.n_tiles, LANES), np.float32)
-        self.hits = np.empty((table.n_tiles, LANES), np.int32)
-        in_bands(self._cast, table.n_tiles, threads)
-
-    def _cast(self, first: int, last: int) -> None:
-        table, scene = self.table, self._scene
-        shapes = (scene.kinds, self._frames, self._eyes, self._spheres, self._near, self._order)
-        rays = (table.rays, table.axes, table.spread, table.instants)
-        cast_tiles(first, last, *rays, *shapes, self.ranges_m, self.hits)
+        self._shapes = SeenShapes(
+            scene.kinds,
+            turned.astype(np.float32).reshape(n_instants, n_shapes, 3, 3),
+            eyes.astype(np.float32),
+            np.concatenate([towards, radii[..., None]], axis=2).astype(np.float32),
+            (near * 0.9999 - 1e-3).astype(np.float32),
+            order[faces.any(axis=0)[order]].astype(np.int32),
+        )
+        size = (table.n_tiles, LANES)
+        self.met = RayHits(np.empty(size, np.float32), np.empty(size, np.int32))
+        in_bands(lambda first, last: cast_tiles(first, last, table, self._shapes, self.met), table.n_tiles, threads)
 
     def radiance(self) -> npt.NDArray[np.float32]:
         """Return the light of every pixel, (H, W, 3) red, green, blue; 1 is a white wall in unit light."""
-        table, scene, atlas = self.table, self._scene, self._scene.atlas
+        table, scene = self.table, self._scene
         height, width = table.shape
         out = np.zeros((height * width, 3), np.float32)
-        surfaces = (scene.looks, scene.textures, scene.floors, scene.light, scene.patches)
-        textures = (atlas.texels, atlas.starts, atlas.sizes, scene.sky)
-        place = (self._to_map, scene.key.astype(np.float32), self._shadows)
+        around = Surroundings(self._to_map, scene.key.astype(np.float32), self._shadows, scene.sky)
+        looks = (scene.surfaces, scene.light, scene.atlas)
 
         def shade(first: int, last: int) -> None:
-            shapes = (scene.kinds, self._frames, self._eyes)
-            found = (table.rays, table.pixels, table.pixel_rad, table.instants, self.ranges_m, self.hits)
-            shade_tiles(first, last, *found, *shapes, *surfaces, *textures, *place, out)
+            shade_tiles(first, last, table, self.met, self._shapes, *looks, around, out)
 
         in_bands(shade, table.n_tiles, self._threads)
         return out.reshape(height, width, 3)
@@ -110,12 +106,15 @@ class View:
         cosines, shine = np.empty_like(self.ranges_m), np.empty_like(self.ranges_m)
 
         def face(first: int, last: int) -> None:
-            shapes = (self._scene.kinds, self._frames, self._eyes, self._scene.looks)
-            rays = (self.table.rays, self.table.instants)
-            face_tiles(first, last, *rays, self.ranges_m, self.hits, *shapes, cosines, shine)
+            face_tiles(first, last, self.table, self.met, self._shapes, self._scene.surfaces, cosines, shine)
 
         in_bands(face, self.table.n_tiles, self._threads)
         return cosines, shine
+
+    @property
+    def ranges_m(self) -> Float32s:
+        """Range along each ray, (T, 64); `NOTHING_M` where it meets nothing [m]."""
+        return self.met.ranges_m
 
     @property
     def is_nothing(self) -> npt.NDArray[np.bool_]:

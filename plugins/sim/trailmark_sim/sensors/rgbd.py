@@ -18,7 +18,7 @@ from trailmark_sim.render.scene import Scene
 from trailmark_sim.render.view import View
 from trailmark_sim.render.viewpoints import Moment
 from trailmark_sim.rng import stream_key
-from trailmark_sim.sensors.depth import measure_depth
+from trailmark_sim.sensors.depth import DepthErrors, Echoes, measure_depth
 from trailmark_sim.sensors.shutter import GLOBAL_SHUTTER, Shutter
 from trailmark_sim.sensors.sight import Sight, pose_map_sensor
 from trailmark_sim.vehicles import VehicleState
@@ -148,17 +148,15 @@ class RgbdSensor:
         rig, table = self.rig, self._depth_rays
         eye = pose @ Pose3(y=self._beside_m)
         view = View(self._scene, table, eye, moment, self._threads)
-        cosines, shine = view.facing()
+        echoes = Echoes(view.ranges_m, *view.facing())
         lit_m = self._lit(eye, moment)
         out = np.full((rig.height, rig.width), np.nan, np.float32)
         seed = np.uint64(stream_key(self._seed, f"{self.info.name}/depth/{k}"))
-        lens = (self._lens.fx, self._lens.fy, self._lens.cx, self._lens.cy)
-        holes = (rig.grazing, rig.shiny, rig.dropout)
-        noise = (rig.disparity_noise_px, rig.disparity_step_px)
+        holes, noise = (rig.grazing, rig.shiny, rig.dropout), (rig.disparity_noise_px, rig.disparity_step_px)
+        errors = DepthErrors(self._lens.fx, rig.projector_m, *rig.limits_m, *holes, *noise)
 
         def measure(first: int, last: int) -> None:
-            seen = (table.rays, table.pixels, view.ranges_m, cosines, shine, lit_m)
-            measure_depth(first, last, *seen, lens, rig.projector_m, rig.limits_m, holes, noise, seed, out)
+            measure_depth(first, last, table, echoes, lit_m, errors, seed, out)
 
         in_bands(measure, table.n_tiles, self._threads)
         return self._within_the_field(out)
