@@ -10,13 +10,12 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from trailmark.config import Document
 from trailmark.config.document import Keys, Problems
 from trailmark.config.explain import validated
 from trailmark.config.files import resolved
-from trailmark.plugins import Plugins
 from trailmark.plugins.hints import nearest_or_all
-from trailmark_bench.config import CellsSection, Limits
+from trailmark_bench.config import Limits
+from trailmark_bench.context import MatrixContext
 
 __all__ = ["AxisReader", "AxisValue"]
 
@@ -62,25 +61,17 @@ class AxisReader:
 
     Parameters
     ----------
-    document : Document
-        The bench config.
-    matrix : CellsSection
+    context : MatrixContext
         The matrix.
-    where : tuple
-        Where it stands in the document.
-    plugins : Plugins
-        What may be named.
     problems : Problems
         Takes what is wrong.
     """
 
-    def __init__(
-        self, document: Document, matrix: CellsSection, where: Keys, plugins: Plugins, problems: Problems
-    ) -> None:
-        self._document = document
-        self._matrix = matrix
-        self._where = where
-        self._plugins = plugins
+    def __init__(self, context: MatrixContext, problems: Problems) -> None:
+        self._document = context.document
+        self._matrix = context.matrix
+        self._where = context.where
+        self._plugins = context.plugins
         self._problems = problems
         self.notices: list[str] = []
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from trailmark.errors import ConfigError
 from trailmark.plugins.hints import nearest_or_all
-from trailmark_bench.entries import Entries, Entry
+from trailmark_bench.entries import MethodResult, MethodResults
 from trailmark_bench.index import CellRecord
 from trailmark_bench.naming import METHOD_AXES, Namer
 from trailmark_bench.quantities import Metric
@@ -19,7 +19,7 @@ _Key = tuple[str, str]
 
 
 def compare_with(
-    baseline: str, entries: Entries, records: Sequence[CellRecord], metrics: Sequence[Metric], namer: Namer
+    baseline: str, entries: MethodResults, records: Sequence[CellRecord], metrics: Sequence[Metric], namer: Namer
 ) -> None:
     """Write into each entry how it compares with the one that differs in the baseline's axis alone.
 
@@ -52,9 +52,9 @@ def _rest(record: CellRecord, axis: str) -> tuple[Any, ...]:
     return (record.matrix, kept)
 
 
-def _compare(entries: Entries, partners: Mapping[_Key, _Key], metric: Metric) -> None:
+def _compare(entries: MethodResults, partners: Mapping[_Key, _Key], metric: Metric) -> None:
     """Compare seed by seed; one adjustment of p covers all."""
-    compared: list[Entry] = []
+    compared: list[MethodResult] = []
     rows: list[tuple[list[float], list[float]]] = []
     for key, other in partners.items():
         if key not in entries or other not in entries:  # skipped

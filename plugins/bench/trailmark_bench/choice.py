@@ -9,7 +9,8 @@ from typing import Any
 from trailmark.config.document import Keys, Problems
 from trailmark.errors import ConfigError
 from trailmark.plugins.hints import nearest_or_all
-from trailmark_bench.config import AXES, BenchSection, CellsSection
+from trailmark_bench.config import AXES
+from trailmark_bench.context import MatrixContext
 
 __all__ = ["Only", "exclusions", "is_excluded"]
 
@@ -56,7 +57,7 @@ class Only:
 
 
 def exclusions(
-    section: BenchSection, matrix: CellsSection, where: Keys, known: Mapping[str, Sequence[str]], problems: Problems
+    context: MatrixContext, known: Mapping[str, Sequence[str]], problems: Problems
 ) -> list[Mapping[str, Any]]:
     """Return the rules that leave cells of a matrix out, with every name in them checked.
 
@@ -64,19 +65,16 @@ def exclusions(
 
     Parameters
     ----------
-    section : BenchSection
-        The bench.
-    matrix : CellsSection
-        The matrix, which is written at `where`.
-    where : tuple
-        Keys of the document.
+    context : MatrixContext
+        The matrix.
     known : mapping of str to sequence of str
         Values of the matrix' axes, by what one value of each is called.
     problems : Problems
         Takes what is wrong.
     """
+    section, matrix = context.section, context.matrix
     for index, rule in enumerate(matrix.exclude):
-        _check_rule(rule, known, (*where, "exclude", index), problems)
+        _check_rule(rule, known, (*context.where, "exclude", index), problems)
     rules: list[Mapping[str, Any]] = list(matrix.exclude)
     for index, rule in enumerate(section.exclude):
         for axis in rule:

@@ -11,10 +11,9 @@ from trailmark.config import Document, RunConfig, load_run_config
 from trailmark.config.document import Keys
 from trailmark.config.sections import expand_shorthand
 from trailmark.errors import ConfigError
-from trailmark.isolation.fingerprint import FileCache, code_of, files_in_document, fingerprint
-from trailmark.plugins import Plugins
+from trailmark.isolation.fingerprint import code_of, files_in_document, fingerprint
 from trailmark_bench.axes import AxisValue
-from trailmark_bench.config import BenchSection, CellsSection
+from trailmark_bench.context import MatrixContext
 from trailmark_bench.overlay import overlaid
 
 __all__ = ["Combination", "Combiner"]
@@ -51,33 +50,16 @@ class Combiner:
 
     Parameters
     ----------
-    document : Document
-        The bench config.
+    context : MatrixContext
+        The matrix.
     base : dict
         The run config that all cells of the matrix share.
-    section, matrix : BenchSection, CellsSection
-        The bench and the matrix.
-    plugins : Plugins
-        What may be named.
-    cache : dict
-        Digests of files.
     """
 
-    def __init__(
-        self,
-        document: Document,
-        base: Mapping[str, Any],
-        section: BenchSection,
-        matrix: CellsSection,
-        plugins: Plugins,
-        cache: FileCache,
-    ) -> None:
-        self._document = document
+    def __init__(self, context: MatrixContext, base: Mapping[str, Any]) -> None:
+        self._context = context
+        self._document = context.document
         self._base = base
-        self._section = section
-        self._matrix = matrix
-        self._plugins = plugins
-        self._cache = cache
 
     def combined(self, values: Sequence[AxisValue]) -> Combination:
         """Return the run that values make together.
@@ -88,7 +70,7 @@ class Combiner:
             If it is none, told at the lines of the bench config.
         """
         clean, perturb = self._laid_together(values)
-        teaching = [self._section.teach, self._matrix.teach, *(value.teach for value in values)]
+        teaching = [self._context.section.teach, self._context.matrix.teach, *(value.teach for value in values)]
         taught = [piece for piece in teaching if piece is not None]
         run = _perturbed(clean, perturb) if perturb else clean
         if taught and "mode" not in run:
@@ -96,7 +78,7 @@ class Combiner:
         origins = [(value.keys, value.where) for value in values if value.keys]
         loaded = self._loaded(run, origins)
         combination = Combination(loaded.document, code=self._code(loaded))
-        combination.limits = self._section.limits.model_dump(mode="json")
+        combination.limits = self._context.section.limits.model_dump(mode="json")
         for value in values:
             combination.limits |= value.limits
         combination.first_localizer = next(iter(self._first_localizer(values, loaded)), "")
@@ -108,7 +90,7 @@ class Combiner:
             combination.teach = learned.document
             combination.code |= self._code(learned)
         for path in files_in_document([combination.document, combination.teach]):
-            combination.data[path] = fingerprint(path, self._cache)
+            combination.data[path] = fingerprint(path, self._context.cache)
         return combination
 
     def _laid_together(self, values: Sequence[AxisValue]) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -142,7 +124,7 @@ class Combiner:
             return self._document.line_of(keys)
 
         document = Document(data, self._document.name, self._document.base_dir, line_of)
-        loaded = load_run_config(document, plugins=self._plugins)
+        loaded = load_run_config(document, plugins=self._context.plugins)
         if not loaded.sources:
             raise ConfigError(f"{self._document.name}: a cell has no sources: name them under cells, or for all cells")
         if not loaded.localizers:
@@ -155,7 +137,7 @@ class Combiner:
         entries = [*loaded.sources.values(), *loaded.localizers.values(), *(entry for entry in single if entry)]
         metrics = loaded.plugins.registry.specs("metric")
         specs = [*(entry.spec for entry in entries), *metrics]
-        return code_of(specs, source=self._section.code == "source")
+        return code_of(specs, source=self._context.section.code == "source")
 
 
 def _perturbed(document: Mapping[str, Any], perturb: Mapping[str, Any]) -> dict[str, Any]:

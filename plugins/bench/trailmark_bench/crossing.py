@@ -6,15 +6,14 @@ from collections.abc import Mapping, Sequence
 from itertools import product
 from typing import Any
 
-from trailmark.config import Document
-from trailmark.config.document import Keys, Problems
-from trailmark.isolation.fingerprint import FileCache, digest_of, without_paths
-from trailmark.plugins import Plugins
+from trailmark.config.document import Problems
+from trailmark.isolation.fingerprint import digest_of, without_paths
 from trailmark_bench.axes import AxisReader, AxisValue
 from trailmark_bench.cell import Cell
 from trailmark_bench.choice import Only, exclusions, is_excluded
 from trailmark_bench.combination import Combination, Combiner
-from trailmark_bench.config import AXES, BenchSection, CellsSection
+from trailmark_bench.config import AXES
+from trailmark_bench.context import MatrixContext
 from trailmark_bench.overlay import overlaid
 
 __all__ = ["FORMAT", "Matrix"]
@@ -30,53 +29,30 @@ class Matrix:
 
     Parameters
     ----------
-    document : Document
-        The bench config.
+    context : MatrixContext
+        The matrix as it is written, and what cells are made with.
     shared : mapping
-        The run config in it.
-    section, matrix : BenchSection, CellsSection
-        The bench and the matrix.
-    where : tuple
-        Where the matrix stands in the document.
-    plugins : Plugins
-        What may be named.
-    cache : dict
-        Digests of files.
-    session : mapping
-        What the process of every cell is told besides.
+        The run config that all matrices share.
     """
 
-    def __init__(
-        self,
-        document: Document,
-        shared: Mapping[str, Any],
-        section: BenchSection,
-        matrix: CellsSection,
-        where: Keys,
-        plugins: Plugins,
-        cache: FileCache,
-        session: Mapping[str, Any],
-    ) -> None:
-        self._document = document
-        self._section = section
-        self._matrix = matrix
-        self._where = where
-        self._plugins = plugins
-        self._session = session
-        self._base = overlaid(shared, matrix.config)
-        self._combiner = Combiner(document, self._base, section, matrix, plugins, cache)
+    def __init__(self, context: MatrixContext, shared: Mapping[str, Any]) -> None:
+        self._context = context
+        self._section = context.section
+        self._matrix = context.matrix
+        self._base = overlaid(shared, context.matrix.config)
+        self._combiner = Combiner(context, self._base)
         self.notices: list[str] = []
 
     def cells(self, only: Only) -> list[Cell]:
         """Return the cells that are asked for."""
-        problems = Problems(self._document)
-        reader = AxisReader(self._document, self._matrix, self._where, self._plugins, problems)
+        problems = Problems(self._context.document)
+        reader = AxisReader(self._context, problems)
         axes = [values for axis in AXES if (values := reader.values(axis))]
         self.notices += reader.notices
         problems.raise_if_any()
         known: dict[str, Sequence[str]] = {AXES[found[0].axis]: [value.name for value in found] for found in axes}
         known["seed"] = [str(seed) for seed in self._seeds()]
-        rules = exclusions(self._section, self._matrix, self._where, known, problems)
+        rules = exclusions(self._context, known, problems)
         problems.raise_if_any()
         cells: list[Cell] = []
         for combination in product(*axes):
@@ -124,7 +100,7 @@ class Matrix:
             "coordinates": coordinates,
             "document": document,
             "teach": teach,
-            "base_dir": str(self._document.base_dir),
+            "base_dir": str(self._context.document.base_dir),
             "subject": subject,
             "localizer": combination.first_localizer,
             "align": judging["align"],
@@ -132,7 +108,7 @@ class Matrix:
             "data": combination.data,
             "limits": combination.limits,
             "keep_stores": self._section.keep_stores,
-            **self._session,
+            **self._context.session,
         }
         return Cell(cell_id, self._matrix.name, coordinates, request, self._matrix.alone)
 

@@ -12,13 +12,13 @@ from trailmark_bench.cell import UNSUCCESSFUL
 from trailmark_bench.index import CellRecord
 from trailmark_bench.naming import Namer
 from trailmark_bench.quantities import Metric
-from trailmark_bench.statistics import Comparison, Spread, spreads
+from trailmark_bench.statistics import Comparison, SampleSpread, spreads
 
-__all__ = ["Entries", "Entry", "entries_of"]
+__all__ = ["MethodResult", "MethodResults", "entries_of"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Entry:
+class MethodResult:
     """One method under one condition, over its seeds.
 
     Attributes
@@ -29,7 +29,7 @@ class Entry:
         Cells by state.
     values : mapping of str to dict of int to float
         By metric, seed to value; a failure is infinite in the direction that is worse.
-    spreads : dict of str to Spread
+    spreads : dict of str to SampleSpread
         By metric, of oriented values.
     comparisons : dict of str to (Comparison, float or None)
         By metric, with the p-value adjusted for the number of comparisons.
@@ -39,7 +39,7 @@ class Entry:
     condition: str
     counts: Mapping[str, int]
     values: Mapping[str, Mapping[Any, float]]
-    spreads: dict[str, Spread] = field(default_factory=dict)
+    spreads: dict[str, SampleSpread] = field(default_factory=dict)
     comparisons: dict[str, tuple[Comparison, float | None]] = field(default_factory=dict)
 
     @property
@@ -63,17 +63,17 @@ class Entry:
 
 
 #: By method and condition.
-Entries = Mapping[tuple[str, str], Entry]
+MethodResults = Mapping[tuple[str, str], MethodResult]
 
 
-def entries_of(records: Sequence[CellRecord], metrics: Sequence[Metric], namer: Namer) -> Entries:
+def entries_of(records: Sequence[CellRecord], metrics: Sequence[Metric], namer: Namer) -> MethodResults:
     """Return the entries of those that ran, with the spread of every quantity that was measured."""
     groups: dict[tuple[str, str], list[CellRecord]] = {}
     for record in records:
         groups.setdefault((namer.method(record), namer.condition(record)), []).append(record)
     groups = {key: group for key, group in groups.items() if any(record.state != "skipped" for record in group)}
     entries = {
-        (method, condition): Entry(
+        (method, condition): MethodResult(
             method,
             condition,
             dict(Counter(record.state for record in group)),
@@ -86,7 +86,7 @@ def entries_of(records: Sequence[CellRecord], metrics: Sequence[Metric], namer: 
     return entries
 
 
-def _add_spreads(entries: Entries, metric: Metric) -> None:
+def _add_spreads(entries: MethodResults, metric: Metric) -> None:
     known = [entry for entry in entries.values() if _is_measured(entry, metric)]
     rows = [list(entry.values[metric.name].values()) for entry in known]
     if metric.better != "near one":  # of what should be one, the sides are told apart
@@ -95,7 +95,7 @@ def _add_spreads(entries: Entries, metric: Metric) -> None:
         entry.spreads[metric.name] = spread
 
 
-def _is_measured(entry: Entry, metric: Metric) -> bool:
+def _is_measured(entry: MethodResult, metric: Metric) -> bool:
     """Whether there is a number, or only failures: without any result, failures alone tell."""
     values = entry.values[metric.name]
     return bool(values) and (entry.n_ok == 0 or any(math.isfinite(value) for value in values.values()))

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from trailmark.report.numbers import MISSING
 from trailmark.report.tables import Column, Table
 from trailmark_bench.index import Index
-from trailmark_bench.summary import Summary, summarized
+from trailmark_bench.summary import BenchSummary, summarized
 from trailmark_bench.tables import bench_tables
 
 __all__ = ["exported"]
@@ -48,7 +48,7 @@ def exported(
     return "\n".join(write(table) for table in bench_tables(summary)) + _closing(form, summary)
 
 
-def _statistics_csv(summary: Summary) -> str:
+def _statistics_csv(summary: BenchSummary) -> str:
     """Return a row for each condition, method and metric."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -115,6 +115,6 @@ def _title(column: Column) -> str:
     return f"{column.title} [{column.unit}]" if column.unit else column.title
 
 
-def _closing(form: str, summary: Summary) -> str:
+def _closing(form: str, summary: BenchSummary) -> str:
     marks = "% " if form == "latex" else ""
     return "\n" + "\n".join(f"{marks}{line.strip()}" + ("" if marks else "  ") for line in summary.lines()) + "\n"

@@ -17,6 +17,7 @@ from trailmark.plugins import Plugins
 from trailmark_bench.cell import Cell
 from trailmark_bench.choice import Only
 from trailmark_bench.config import BenchSection
+from trailmark_bench.context import MatrixContext
 from trailmark_bench.crossing import Matrix
 
 __all__ = ["Bench", "load_bench"]
@@ -88,7 +89,7 @@ def load_bench(
     session = {"plugins": {"files": [str(Path(file).resolve()) for file in files], "block": list(block)}}
     for index, matrix in enumerate(section.matrices):
         where: Keys = ("bench", "cells", index) if isinstance(section.cells, tuple) else ("bench", "cells")
-        crossed = Matrix(document, shared, section, matrix, where, plugins, cache, session)
+        crossed = Matrix(MatrixContext(document, section, matrix, where, plugins, cache, session), shared)
         cells += crossed.cells(wanted)
         found += crossed.notices
     wanted.refuse_unused()

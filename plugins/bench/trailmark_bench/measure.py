@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats, Indices
 from trailmark.evaluation import (
     GROUND_TRUTH,
     Evaluation,
@@ -22,8 +22,6 @@ from trailmark.geometry import Trajectory
 from trailmark.pipeline import RunResult
 
 __all__ = ["DETAIL_POINTS", "measured"]
-
-Array = npt.NDArray[np.float64]
 
 #: Points of a line on the page of a cell.
 DETAIL_POINTS = 100
@@ -120,7 +118,7 @@ def _detail(
 
 def _ways(evaluated: RunEvaluation, subject: str) -> dict[str, Any]:
     """Return truth and trajectories, aligned as their errors are, as whole numbers of a step [m]."""
-    ways: dict[str, Array] = {}
+    ways: dict[str, Floats] = {}
     if evaluated.has_truth and evaluated.run.truth is not None:
         ways[GROUND_TRUTH] = _positions(_within(evaluated.run.truth, evaluated.run.span_s()))
     names = sorted(evaluated.run.trajectories, key=lambda name: name != subject)
@@ -145,11 +143,11 @@ def _within(trajectory: Trajectory, span_s: tuple[float, float] | None) -> Traje
     return Trajectory(trajectory.stamps_s[inside], trajectory.poses[inside]) if inside.any() else trajectory
 
 
-def _positions(trajectory: Trajectory) -> Array:
+def _positions(trajectory: Trajectory) -> Floats:
     return np.asarray(trajectory.positions[_thin(len(trajectory))], dtype=np.float64)
 
 
-def _thin(n: int) -> npt.NDArray[np.intp]:
+def _thin(n: int) -> Indices:
     return np.unique(np.linspace(0, n - 1, min(n, DETAIL_POINTS)).astype(np.intp))
 
 

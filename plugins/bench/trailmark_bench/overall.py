@@ -9,7 +9,7 @@ from statistics import median
 from typing import Any
 
 from trailmark_bench.cell import UNSUCCESSFUL
-from trailmark_bench.entries import Entries, Entry
+from trailmark_bench.entries import MethodResult, MethodResults
 from trailmark_bench.quantities import Metric
 from trailmark_bench.statistics import compare_pairs, mean_ranks
 
@@ -50,13 +50,13 @@ class Overall:
     n_conditions: int = 0
 
 
-def overall_of(methods: Sequence[str], entries: Entries, metric: Metric) -> list[Overall]:
+def overall_of(methods: Sequence[str], entries: MethodResults, metric: Metric) -> list[Overall]:
     """Return a row for each method, ranked and compared by one quantity."""
     ranks = _ranks(entries, metric)
     return [_row(method, [e for e in entries.values() if e.method == method], ranks, metric) for method in methods]
 
 
-def _row(method: str, entries: Sequence[Entry], ranks: Mapping[str, Sequence[float]], metric: Metric) -> Overall:
+def _row(method: str, entries: Sequence[MethodResult], ranks: Mapping[str, Sequence[float]], metric: Metric) -> Overall:
     counts: Counter[str] = Counter()
     for entry in entries:
         counts.update(entry.counts)
@@ -77,7 +77,7 @@ def _row(method: str, entries: Sequence[Entry], ranks: Mapping[str, Sequence[flo
     )
 
 
-def _ranks(entries: Entries, metric: Metric) -> dict[str, list[float]]:
+def _ranks(entries: MethodResults, metric: Metric) -> dict[str, list[float]]:
     """Return the ranks of each method, one for each condition and seed that two methods at least have."""
     groups: dict[tuple[str, Any], dict[str, float]] = {}
     for entry in entries.values():

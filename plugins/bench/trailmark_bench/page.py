@@ -19,7 +19,7 @@ from trailmark.report.tables import Table
 from trailmark_bench.index import CellRecord, Index
 from trailmark_bench.naming import Namer
 from trailmark_bench.quantities import Metric
-from trailmark_bench.summary import Summary, summarized
+from trailmark_bench.summary import BenchSummary, summarized
 from trailmark_bench.tables import bench_tables, metric_title, scaled_column
 
 __all__ = ["PAGE_FILE", "write_page"]
@@ -93,7 +93,7 @@ def _base64(content: bytes) -> str:
     return base64.b64encode(content).decode()
 
 
-def _document(summary: Summary, records: list[CellRecord], places: Mapping[str, int]) -> dict[str, Any]:
+def _document(summary: BenchSummary, records: list[CellRecord], places: Mapping[str, int]) -> dict[str, Any]:
     axes = list(dict.fromkeys(axis for record in records for axis in record.coordinates))
     namer = Namer(records)
     shown = [_Shown.of(metric, summary) for metric in summary.metrics]
@@ -134,7 +134,7 @@ class _Shown:
     per_unit: float
 
     @classmethod
-    def of(cls, metric: Metric, summary: Summary) -> _Shown:
+    def of(cls, metric: Metric, summary: BenchSummary) -> _Shown:
         medians = [entry.median(metric) for entry in summary.entries.values()]
         column, per_unit = scaled_column(*metric_title(metric), medians)
         return cls(metric, column.title, column.unit, per_unit)
@@ -187,7 +187,7 @@ def _json_html(document: Any) -> str:
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
 
 
-def _header(summary: Summary, meta: Mapping[str, Any]) -> str:
+def _header(summary: BenchSummary, meta: Mapping[str, Any]) -> str:
     about = meta.get("provenance", {})
     n_cells = sum(summary.counts.values())
     numbers = {"cell": n_cells, "method": len(summary.methods), "condition": len(summary.conditions)}
@@ -227,7 +227,7 @@ def _cells_section() -> str:
     )
 
 
-def _tables(summary: Summary, tables: list[Table]) -> str:
+def _tables(summary: BenchSummary, tables: list[Table]) -> str:
     """Return the methods over all conditions, and why cells gave nothing."""
     parts = [text_html("Methods over all conditions", "h2"), table_html(tables[-1])] if len(summary.methods) > 1 else []
     if summary.reasons:

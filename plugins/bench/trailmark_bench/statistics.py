@@ -13,12 +13,13 @@ from functools import lru_cache
 from statistics import median
 
 import numpy as np
-import numpy.typing as npt
+
+from trailmark.arrays import Floats, Indices
 
 __all__ = [
     "RESAMPLES",
     "Comparison",
-    "Spread",
+    "SampleSpread",
     "compare_all",
     "compare_pairs",
     "holm",
@@ -26,8 +27,6 @@ __all__ = [
     "signed_rank_p",
     "spreads",
 ]
-
-Array = npt.NDArray[np.float64]
 
 #: Resamples of a bootstrap interval.
 RESAMPLES = 2000
@@ -41,7 +40,7 @@ _EXACT = 25
 
 
 @dataclass(frozen=True, slots=True)
-class Spread:
+class SampleSpread:
     """Oriented values of one cell over seeds; infinite where failures decide.
 
     Attributes
@@ -92,7 +91,7 @@ class Comparison:
     p: float | None
 
 
-def spreads(rows: Sequence[Sequence[float]]) -> list[Spread]:
+def spreads(rows: Sequence[Sequence[float]]) -> list[SampleSpread]:
     """Return the spread of each row of oriented values; infinity is a failure.
 
     Parameters
@@ -100,7 +99,7 @@ def spreads(rows: Sequence[Sequence[float]]) -> list[Spread]:
     rows : sequence of sequence of float
         At least one value each.
     """
-    found: list[Spread | None] = [None] * len(rows)
+    found: list[SampleSpread | None] = [None] * len(rows)
     by_length: dict[int, list[int]] = {}
     for index, row in enumerate(rows):
         by_length.setdefault(len(row), []).append(index)
@@ -111,11 +110,11 @@ def spreads(rows: Sequence[Sequence[float]]) -> list[Spread]:
         for place, index in enumerate(indices):
             q1, median, q3 = (_unbounded(value) for value in quartiles[:, place].tolist())
             low, high = (None, None) if bounds is None else (_unbounded(value) for value in bounds[:, place].tolist())
-            found[index] = Spread(n, median, q1, q3, low, high)
+            found[index] = SampleSpread(n, median, q1, q3, low, high)
     return [spread for spread in found if spread is not None]
 
 
-def _interval(sorted_rows: Array) -> Array:
+def _interval(sorted_rows: Floats) -> Floats:
     """Return the 2.5 and 97.5 % quantiles of the medians of resamples, (2, rows).
 
     A resample's median is the mean of two of the row's own order statistics; which two depends on the draw alone, so
@@ -131,7 +130,7 @@ def _interval(sorted_rows: Array) -> Array:
 
 
 @lru_cache(maxsize=64)
-def _order_statistics(n: int) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+def _order_statistics(n: int) -> tuple[Indices, Indices]:
     draws = np.sort(np.random.default_rng(20150101).integers(0, n, (RESAMPLES, n)), axis=1)
     return draws[:, (n - 1) // 2], draws[:, n // 2]
 
@@ -158,7 +157,7 @@ def _difference(ours: float, theirs: float) -> float:
 
 
 def _comparison(
-    ours: Sequence[float], theirs: Sequence[float], difference: Sequence[float], spread: Spread
+    ours: Sequence[float], theirs: Sequence[float], difference: Sequence[float], spread: SampleSpread
 ) -> Comparison:
     is_positive = all(0.0 < value < math.inf for value in (*ours, *theirs))
     return Comparison(
@@ -240,7 +239,7 @@ def _ranks(values: Sequence[float]) -> list[float]:
     return ranks
 
 
-def _finite(values: Array) -> Array:
+def _finite(values: Floats) -> Floats:
     return np.clip(values, -_WORST, _WORST)
 
 

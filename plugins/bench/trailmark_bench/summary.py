@@ -9,18 +9,18 @@ from dataclasses import dataclass
 from typing import Any
 
 from trailmark_bench.baseline import compare_with
-from trailmark_bench.entries import Entries, Entry, entries_of
+from trailmark_bench.entries import MethodResult, MethodResults, entries_of
 from trailmark_bench.index import CellRecord, Index
 from trailmark_bench.naming import Namer
 from trailmark_bench.overall import Overall, overall_of
 from trailmark_bench.quantities import Metric, metrics_of, refuse_unknown
 from trailmark_bench.statistics import Comparison
 
-__all__ = ["Summary", "summarized"]
+__all__ = ["BenchSummary", "summarized"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Summary:
+class BenchSummary:
     """The statistics of a bench.
 
     Attributes
@@ -31,7 +31,7 @@ class Summary:
         The first one ranks.
     methods, conditions : tuple of str
         In their order.
-    entries : mapping of (method, condition) to Entry
+    entries : mapping of (method, condition) to MethodResult
         Those that the matrices have.
     overall : tuple of Overall
         A row for each method.
@@ -47,7 +47,7 @@ class Summary:
     metrics: tuple[Metric, ...]
     methods: tuple[str, ...]
     conditions: tuple[str, ...]
-    entries: Entries
+    entries: MethodResults
     overall: tuple[Overall, ...]
     baseline: str | None
     counts: Mapping[str, int]
@@ -82,7 +82,7 @@ class Summary:
         }
 
 
-def summarized(index: Index, metrics: Sequence[str] = (), baseline: str | None = None) -> Summary:
+def summarized(index: Index, metrics: Sequence[str] = (), baseline: str | None = None) -> BenchSummary:
     """Return the statistics of a bench.
 
     Parameters
@@ -109,7 +109,7 @@ def summarized(index: Index, metrics: Sequence[str] = (), baseline: str | None =
     if baseline is not None:
         compare_with(baseline, entries, records, chosen, namer)
     methods = tuple(dict.fromkeys(entry.method for entry in entries.values()))
-    return Summary(
+    return BenchSummary(
         name=str(meta.get("name", index.folder.name)),
         metrics=chosen,
         methods=methods,
@@ -126,7 +126,7 @@ def _reason(record: CellRecord) -> str:
     return f"{record.state}: {record.reason}"[:160]
 
 
-def _entry_document(entry: Entry, metric: Metric) -> dict[str, Any] | None:
+def _entry_document(entry: MethodResult, metric: Metric) -> dict[str, Any] | None:
     spread = entry.spreads.get(metric.name)
     if spread is None:
         return None

@@ -7,11 +7,11 @@ from collections.abc import Iterable
 
 from trailmark.report.numbers import MISSING, length_unit, significant
 from trailmark.report.tables import Column, Table
-from trailmark_bench.entries import Entry
+from trailmark_bench.entries import MethodResult
 from trailmark_bench.overall import Overall
 from trailmark_bench.quantities import Metric
 from trailmark_bench.statistics import RESAMPLES
-from trailmark_bench.summary import Summary
+from trailmark_bench.summary import BenchSummary
 
 __all__ = ["FAILED", "bench_tables", "counts_text", "metric_title", "scaled_column", "value_text"]
 
@@ -21,7 +21,7 @@ FAILED = "failed"
 _UNITS = {"_m": "m", "_deg": "°", "_percent": "%", "_ms": "ms", "_s": "s", "_mb": "MB", "_mm": "mm"}
 
 
-def bench_tables(summary: Summary) -> list[Table]:
+def bench_tables(summary: BenchSummary) -> list[Table]:
     """Return the tables: medians, spread and comparison of the first metric, and the methods over all."""
     tables = [_medians(summary)]
     if summary.baseline is not None or any(entry.n_ok + entry.n_failed > 1 for entry in summary.entries.values()):
@@ -55,13 +55,13 @@ def scaled_column(title: str, unit: str, values: Iterable[float | None]) -> tupl
     return Column(title, name), per_m
 
 
-def counts_text(entry: Entry) -> str:
+def counts_text(entry: MethodResult) -> str:
     """Return how many of the cells gave a result: ``4/5``; of those that were skipped nothing is expected."""
     total = sum(count for state, count in entry.counts.items() if state != "skipped")
     return f"{entry.n_ok}/{total}" if total else "skipped"
 
 
-def _medians(summary: Summary) -> Table:
+def _medians(summary: BenchSummary) -> Table:
     shown = [metric for metric in summary.metrics if any(metric.name in e.spreads for e in summary.entries.values())]
     columns = [Column("condition", is_number=False), Column("method", is_number=False), Column("ok")]
     entries = _in_order(summary)
@@ -77,7 +77,7 @@ def _medians(summary: Summary) -> Table:
     return Table(tuple(columns), tuple(rows), tuple(notes))
 
 
-def _spread(summary: Summary) -> Table:
+def _spread(summary: BenchSummary) -> Table:
     metric = summary.metrics[0]
     title, unit = metric_title(metric)
     columns = [Column("condition", is_number=False), Column("method", is_number=False), Column("n")]
@@ -101,7 +101,7 @@ def _spread(summary: Summary) -> Table:
     return Table(tuple(columns), tuple(rows), tuple(notes))
 
 
-def _spread_cells(entry: Entry, metric: Metric, per_unit: float) -> list[str]:
+def _spread_cells(entry: MethodResult, metric: Metric, per_unit: float) -> list[str]:
     spread = entry.spreads.get(metric.name)
     if spread is None:
         return [MISSING] * 4
@@ -117,12 +117,12 @@ def _range_text(low: float | None, high: float | None, per_unit: float) -> str:
     return f"{value_text(low, per_unit)} {MISSING} {value_text(high, per_unit)}"
 
 
-def _sides(entry: Entry, metric: Metric, low: float, high: float) -> tuple[float | None, float | None]:
+def _sides(entry: MethodResult, metric: Metric, low: float, high: float) -> tuple[float | None, float | None]:
     sides = entry.shown(metric, low), entry.shown(metric, high)
     return (sides[1], sides[0]) if metric.better == "higher" else sides
 
 
-def _pair_cells(entry: Entry, metric: Metric) -> list[str]:
+def _pair_cells(entry: MethodResult, metric: Metric) -> list[str]:
     found = entry.comparisons.get(metric.name)
     if found is None:
         return [MISSING] * 4
@@ -130,7 +130,7 @@ def _pair_cells(entry: Entry, metric: Metric) -> list[str]:
     return [significant(pair.ratio), f"{pair.wins}/{pair.losses}", _p_text(pair.p), _p_text(adjusted)]
 
 
-def _overall(summary: Summary) -> Table:
+def _overall(summary: BenchSummary) -> Table:
     columns = [
         Column("method", is_number=False),
         Column("ok"),
@@ -167,7 +167,7 @@ def _p_text(p: float | None) -> str:
     return "<0.0001" if p < 1e-4 else f"{p:.2g}"
 
 
-def _in_order(summary: Summary) -> list[Entry]:
+def _in_order(summary: BenchSummary) -> list[MethodResult]:
     """Return the entries of which something has run; the others are counted below the tables."""
     conditions = {condition: place for place, condition in enumerate(summary.conditions)}
     methods = {method: place for place, method in enumerate(summary.methods)}
