@@ -28,8 +28,8 @@ def test_info_says_what_is_in_the_store(taught: Path) -> None:
     assert lines[0].endswith("kB, schema 2")
     assert lines[1:] == [
         "path        12 waypoints over 0.55 m",
-        "drawer      floor: 12 keyframes (23.5 kB), saved nothing (0 B), not finished",
-        "drawer      laser: 0 keyframes (0 B), saved map (328 B), finished",
+        "map         floor: 12 keyframes (23.5 kB), saved nothing (0 B), not finished",
+        "map         laser: 0 keyframes (0 B), saved map (328 B), finished",
         "sensor      floor: image, 512 x 480 px, 70 Hz, calibrated",
         "provenance  trailmark: 0.1.0",
         'provenance  git: {"commit": "abc", "dirty": false}',

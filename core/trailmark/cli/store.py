@@ -22,7 +22,7 @@ def store_group() -> None:
 @click.argument("file", type=_FILE)
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
 def info_command(file: Path, as_json: bool) -> None:
-    """Show what a store holds: path, drawers, sensors, provenance."""
+    """Show what a store holds: path, maps of the localizers, sensors, provenance."""
     from trailmark.stores.survey import describe_store
 
     found = describe_store(file.resolve())
@@ -31,8 +31,8 @@ def info_command(file: Path, as_json: bool) -> None:
         return
     click.echo(f"{file}: {_bytes(found['bytes'])}, schema {found['schema']}")
     click.echo(f"path        {found['waypoints']} waypoints over {found['length_m']:.2f} m")
-    for drawer in found["drawers"]:
-        click.echo(f"drawer      {_drawer_line(drawer)}")
+    for stored in found["drawers"]:
+        click.echo(f"map         {_map_line(stored)}")
     for name, sensor in found["sensors"].items():
         click.echo(f"sensor      {_plain(name)}: {_sensor_line(sensor)}")
     for key, value in found["provenance"].items():
@@ -68,7 +68,7 @@ def check_command(file: Path, as_json: bool) -> None:
 @click.option("--out", "folder", type=_FILE, help="New or empty folder; default: NAME-export.")
 @click.option("--json", "as_json", is_flag=True, help="Print the files as JSON.")
 def export_command(file: Path, folder: Path | None, as_json: bool) -> None:
-    """Write path, drawers and sensors as TUM, CSV, JSON and NPZ files."""
+    """Write path, maps and sensors as TUM, CSV, JSON and NPZ files."""
     from trailmark.stores.export import export_store
 
     folder = folder or Path(f"{file.stem}-export")
@@ -79,12 +79,24 @@ def export_command(file: Path, folder: Path | None, as_json: bool) -> None:
         click.echo(f"{len(files)} files in {folder}")
 
 
-def _drawer_line(drawer: dict[str, Any]) -> str:
-    names = ", ".join(_plain(name) for name in drawer["saved"]) or "nothing"
-    state = "finished" if drawer["finished"] else "not finished"
+@store_group.command("copy")
+@click.argument("file", type=_FILE)
+@click.argument("target", type=_FILE)
+@click.option("--overwrite", is_flag=True, help="Replace a path store that stands there.")
+def copy_command(file: Path, target: Path, overwrite: bool) -> None:
+    """Copy a store, also one that is being taught: everything committed until now, in one file."""
+    from trailmark.stores.copying import copy_store
+
+    n_waypoints = copy_store(file.resolve(), target.resolve(), replaces=overwrite)
+    click.echo(f"{target}: {n_waypoints} waypoints")
+
+
+def _map_line(stored: dict[str, Any]) -> str:
+    names = ", ".join(_plain(name) for name in stored["saved"]) or "nothing"
+    state = "finished" if stored["finished"] else "not finished"
     return (
-        f"{_plain(drawer['owner'])}: {drawer['keyframes']} keyframes ({_bytes(drawer['keyframe_bytes'])}),"
-        f" saved {names} ({_bytes(drawer['saved_bytes'])}), {state}"
+        f"{_plain(stored['owner'])}: {stored['keyframes']} keyframes ({_bytes(stored['keyframe_bytes'])}),"
+        f" saved {names} ({_bytes(stored['saved_bytes'])}), {state}"
     )
 
 

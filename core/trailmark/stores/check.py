@@ -14,7 +14,7 @@ from trailmark.errors import ConfigError
 from trailmark.frames.documents import sensor_from_document
 from trailmark.stores import drawer_rows, tables
 from trailmark.stores.faults import SQLITE_ERRORS, Damage, DamagedStoreError
-from trailmark.stores.files import open_for_reading
+from trailmark.stores.files import lacks_log, open_for_reading
 
 __all__ = ["Findings", "check_store"]
 
@@ -79,6 +79,8 @@ def check_store(path: Path) -> Findings:
         If the file is missing, no path store, or of a newer schema.
     """
     findings = Findings()
+    if path.is_file() and lacks_log(path):
+        findings.add("its log is missing: copied while it was being taught, it lacks what stood there")
     try:
         connection, _, clean_up = open_for_reading(path, is_checked=False)
     except DamagedStoreError as error:

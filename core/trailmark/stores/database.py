@@ -14,9 +14,9 @@ from trailmark.stores import tables
 from trailmark.stores.faults import SQLITE_ERRORS, store_errors, told
 from trailmark.stores.files import is_path_store, open_for_reading, open_for_writing, use_log
 from trailmark.stores.schema import PAGE_BYTES, VERSION, create_schema
-from trailmark.stores.writer import WriterMark, connect, fold, fold_connection, side_files
+from trailmark.stores.writer import WriterMark, connect, fold, fold_connection, is_unfolded, side_files
 
-__all__ = ["Database"]
+__all__ = ["Database", "check_replaceable", "sync_folder"]
 
 
 class Database:
@@ -69,7 +69,7 @@ class Database:
         draft = path.with_name(path.name + ".new")
         with _taken(path) as mark, store_errors(path), contextlib.ExitStack() as undo:
             if path.exists():
-                _check_replaceable(path, replaces)
+                check_replaceable(path, replaces)
             _remove(draft, *side_files(draft))  # of a writer that was killed: this one holds the mark
             connection = connect(draft, "rwc")
             database = cls(path, connection)
@@ -169,7 +169,7 @@ class Database:
         connection.close()
         _remove(*side_files(self.path))
         os.replace(draft, self.path)
-        _sync_folder(self.path.parent)
+        sync_folder(self.path.parent)
         self._draft = None
         self._connection = connect(self.path, "rw")
         use_log(self._connection)
@@ -220,7 +220,14 @@ def _taken(path: Path) -> Iterator[WriterMark]:
         raise
 
 
-def _check_replaceable(path: Path, replaces: bool) -> None:
+def check_replaceable(path: Path, replaces: bool) -> None:
+    """Check that an old store may be replaced, and bring all of it into its one file, so that it is whole until then.
+
+    Raises
+    ------
+    StoreError
+        If it may not, or if somebody reads an older state of it, so that its log cannot be emptied.
+    """
     if not replaces:
         raise StoreError(f"{path} exists already; go on with it by --append, or replace it by --overwrite")
     if not path.is_file():
@@ -231,7 +238,20 @@ def _check_replaceable(path: Path, replaces: bool) -> None:
         raise StoreError(
             f"{path} is not a path store, so it is not overwritten; remove it yourself, or take another name"
         )
-    fold(path)  # the old store is whole, in one file, until it is replaced
+    if is_unfolded(path) and not _is_emptied(path):
+        raise StoreError(
+            f"{path} is being read, and what its last writer left beside it cannot be brought into it; end the reader"
+        )
+
+
+def _is_emptied(path: Path) -> bool:
+    """Bring the log of a store whose writer mark we hold into its file; True too where the file is past reading."""
+    try:
+        with contextlib.closing(connect(path, "rw")) as connection:
+            busy, n_pages, n_copied = connection.execute("PRAGMA wal_checkpoint(FULL)").fetchone()
+    except SQLITE_ERRORS:
+        return True
+    return bool(busy == 0 and n_pages == n_copied)
 
 
 def _remove(*files: Path) -> None:
@@ -239,7 +259,7 @@ def _remove(*files: Path) -> None:
         file.unlink(missing_ok=True)
 
 
-def _sync_folder(folder: Path) -> None:
+def sync_folder(folder: Path) -> None:
     """Make a rename outlive a loss of power, where the system lets a folder be synced."""
     if os.name != "posix":
         return

@@ -7,6 +7,7 @@ is read from a private copy.
 from __future__ import annotations
 
 import contextlib
+import logging
 import os
 import shutil
 import sqlite3
@@ -20,7 +21,9 @@ from trailmark.stores.migrations import migrate
 from trailmark.stores.schema import APPLICATION_ID, HEAD_BYTES, VERSION, has_our_mark, identify
 from trailmark.stores.writer import connect, fold, is_unfolded, side_files
 
-__all__ = ["is_path_store", "open_for_reading", "open_for_writing", "use_log"]
+__all__ = ["is_path_store", "lacks_log", "open_for_reading", "open_for_writing", "use_log"]
+
+logger = logging.getLogger(__name__)
 
 #: A file up to this size is checked as a whole when it is opened (0.3 s); a larger one row by row, as it is read.
 _QUICK_CHECK_BYTES = 256 << 20
@@ -34,6 +37,27 @@ def is_path_store(path: Path) -> bool:
     except SQLITE_ERRORS:  # too damaged for SQLite: the head of the file is looked at as it is
         with path.open("rb") as file:
             return file.read(HEAD_BYTES)[-4:] == APPLICATION_ID.to_bytes(4, "big")
+
+
+def lacks_log(path: Path) -> bool:
+    """Return whether the file says that its newest commits stand in a log beside it, and there is none.
+
+    Bytes 18 and 19 of an SQLite file are 2 while it is written through a log. A writer that closes folds the log and
+    sets them back; a killed one leaves log and mark. So the file was copied or moved away from its log. (Or another
+    program of SQLite's was the last to leave it, which cannot be told apart.)
+    """
+    with path.open("rb") as file:
+        head = file.read(20)
+    return head[18:20] == b"\2\2" and not is_unfolded(path)
+
+
+def _warn_of_missing_log(path: Path) -> None:
+    if lacks_log(path):
+        logger.warning(
+            "%s was not closed by its writer, and the writer's log is not beside it: if this file was copied without"
+            " its log, the newest waypoints are missing here; 'trailmark store copy' takes everything",
+            path,
+        )
 
 
 def open_for_reading(path: Path, is_checked: bool = True) -> tuple[sqlite3.Connection, int, Callable[[], None]]:
@@ -57,6 +81,7 @@ def open_for_reading(path: Path, is_checked: bool = True) -> tuple[sqlite3.Conne
     """
     _refuse_without_file(path)
     with store_errors(path):
+        _warn_of_missing_log(path)
         connection, schema, clean_up = _identified(path)
         if is_unfolded(path) and not clean_up.is_copy:
             connection.close()
@@ -74,6 +99,7 @@ def open_for_writing(path: Path) -> sqlite3.Connection:
     """Open a store to go on writing it; an older schema is migrated where it is. Its writer mark must be held."""
     _refuse_without_file(path)
     with store_errors(path):
+        _warn_of_missing_log(path)
         connection = connect(path, "ro")  # another's file is not touched: looked at first, for reading only
         with contextlib.closing(connection):
             identify(connection, path)
@@ -116,7 +142,8 @@ def _identified(path: Path) -> tuple[sqlite3.Connection, int, _CleanUp]:
 def _connect_to_read(path: Path) -> tuple[sqlite3.Connection, _CleanUp]:
     """Open where it is; where SQLite would have to write beside the file and cannot, open a copy."""
     try:
-        connection = connect(path, "ro")
+        # A file without its log is read as it stands: SQLite would make an empty log, and nobody would know any more.
+        connection = connect(path, "ro", is_immutable=lacks_log(path))
         with _closing_on_error(connection):
             connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
         return connection, _CleanUp()

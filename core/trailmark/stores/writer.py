@@ -29,11 +29,13 @@ _MAX_ROW_BYTES = 1_000_000_000
 Access = Literal["ro", "rw", "rwc"]
 
 
-def connect(path: Path, access: Access) -> sqlite3.Connection:
-    """Return a connection that trusts nothing in the file; transactions are begun and ended by hand."""
-    connection = sqlite3.connect(
-        f"{path.as_uri()}?mode={access}", timeout=_BUSY_S, isolation_level=None, check_same_thread=False, uri=True
-    )
+def connect(path: Path, access: Access, *, is_immutable: bool = False) -> sqlite3.Connection:
+    """Return a connection that trusts nothing in the file; transactions are begun and ended by hand.
+
+    What is immutable is read as it stands: nothing is made or looked for beside it.
+    """
+    uri = f"{path.as_uri()}?mode={access}&immutable={int(is_immutable)}"
+    connection = sqlite3.connect(uri, timeout=_BUSY_S, isolation_level=None, check_same_thread=False, uri=True)
     try:
         connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _MAX_ROW_BYTES)
         connection.setlimit(sqlite3.SQLITE_LIMIT_ATTACHED, 0)
