@@ -143,12 +143,12 @@ def _name_of(config: Any) -> str:
 
 
 def _evaluated(pipeline: Pipeline, glimpses: Glimpses | None) -> RunResult:
-    from trailmark.evaluation.run_metrics import evaluate_run
+    from trailmark.evaluation import evaluate_run, metrics_of
 
     result = pipeline.result
     assert result.folder is not None
     assert pipeline.config is not None
-    extra = {spec.name: spec.load() for spec in pipeline.config.plugins.registry.specs("metric")}
+    extra = metrics_of(pipeline.config.plugins.registry)
     metrics = evaluate_run(result.folder, metrics=extra, path=pipeline.path)
     if glimpses is not None:
         from trailmark.report import write_report

@@ -9,8 +9,9 @@ from typing import Any
 
 import click
 
+from trailmark.cli.root import plugins_of
 from trailmark.cli.trajectories import align_option, short_names
-from trailmark.evaluation import GROUND_TRUTH, AlignKind, Protocol, evaluate_run
+from trailmark.evaluation import AlignKind, Protocol, evaluate_run, metrics_of
 from trailmark.report.tables import Table, Trajectories, consistency_table, sources_table, trajectories_table
 
 __all__ = ["compare_command"]
@@ -22,9 +23,11 @@ Runs = Sequence[tuple[str, dict[str, Any]]]
 @click.argument("folders", metavar="DIR...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @align_option
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
-def compare_command(folders: tuple[Path, ...], align: AlignKind, as_json: bool) -> None:
+@click.pass_context
+def compare_command(context: click.Context, /, folders: tuple[Path, ...], align: AlignKind, as_json: bool) -> None:
     """Compare runs, or the localizers of one run, against ground truth; without it by their differences."""
-    documents = [evaluate_run(folder, protocol=Protocol(align=align), write=False) for folder in folders]
+    protocol, metrics = Protocol(align=align), metrics_of(plugins_of(context).registry)
+    documents = [evaluate_run(folder, protocol=protocol, metrics=metrics, write=False) for folder in folders]
     if as_json:
         shown = [{"folder": str(folder), **document} for folder, document in zip(folders, documents, strict=True)]
         click.echo(json.dumps(shown, indent=1))
@@ -59,16 +62,8 @@ def _trajectory_tables(runs: Runs, titles: Sequence[str]) -> list[Table]:
     with_truth = [(run, document) for run, document in runs if document["errors"]]
     groups = [with_truth] if with_truth else []
     groups += [[(run, document)] for run, document in runs if not document["errors"]]
-    return [trajectories_table(_rows(group, is_labelled=len(titles) > 1), titles) for group in groups]
+    return [trajectories_table(Trajectories.of_runs(_labelled(group, titles)), titles) for group in groups]
 
 
-def _rows(runs: Runs, is_labelled: bool) -> Trajectories:
-    found = [
-        ((run, name) if is_labelled else (name,), item)
-        for run, document in runs
-        for name, item in document["trajectories"].items()
-        if name != GROUND_TRUTH
-    ]
-    first = runs[0][1]
-    labels, items = tuple(label for label, _ in found), tuple(item for _, item in found)
-    return Trajectories(labels, items, first["errors"], first["reference"] or "")
+def _labelled(runs: Runs, titles: Sequence[str]) -> list[tuple[tuple[str, ...], dict[str, Any]]]:
+    return [((run,) if len(titles) > 1 else (), document) for run, document in runs]

@@ -16,18 +16,21 @@ from trailmark.evaluation.estimates_table import OUTCOMES, EstimateTable, read_e
 from trailmark.evaluation.latency import Percentiles, percentiles
 from trailmark.evaluation.lateral import LateralError, lateral_error, offsets_from_path
 from trailmark.evaluation.naming import find_metric, metric_name, quantity_of
+from trailmark.evaluation.plugged import JudgedEstimates, MetricFunction, PluggedMetric, extra_metrics, metrics_of
+from trailmark.evaluation.quantities import QUANTITIES, quantities_of, spec_of
 from trailmark.evaluation.relative import Drift, RelativeError, drift, relative_error
 from trailmark.evaluation.run_folder import FUSED, GROUND_TRUTH, RunFolder, read_run
 from trailmark.evaluation.run_metrics import RunEvaluation, evaluate_run, evaluate_run_folder, metrics_document
 from trailmark.evaluation.source_statistics import SourceStatistics, source_statistics
 from trailmark.evaluation.tracking import Tracked, tracked_fraction
-from trailmark.evaluation.trajectory_metrics import Evaluation, MetricFunction, Protocol, evaluate, extra_metrics
+from trailmark.evaluation.trajectory_metrics import Evaluation, Protocol, evaluate
 
 __all__ = [
     "ALIGNMENTS",
     "FUSED",
     "GROUND_TRUTH",
     "OUTCOMES",
+    "QUANTITIES",
     "AbsoluteError",
     "AlignKind",
     "Alignment",
@@ -36,10 +39,12 @@ __all__ = [
     "EndError",
     "EstimateTable",
     "Evaluation",
+    "JudgedEstimates",
     "LateralError",
     "MetricFunction",
     "Pairs",
     "Percentiles",
+    "PluggedMetric",
     "Protocol",
     "RelativeError",
     "RunEvaluation",
@@ -63,14 +68,17 @@ __all__ = [
     "lateral_error",
     "metric_name",
     "metrics_document",
+    "metrics_of",
     "nees",
     "offsets_from_path",
     "percentiles",
+    "quantities_of",
     "quantity_of",
     "read_estimates",
     "read_run",
     "relative_error",
     "source_statistics",
+    "spec_of",
     "summarize",
     "tracked_fraction",
 ]

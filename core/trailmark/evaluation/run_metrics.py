@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,15 +12,26 @@ from typing import Any
 from trailmark import paths
 from trailmark.errors import DataError
 from trailmark.evaluation.lateral import lateral_error
+from trailmark.evaluation.plugged import (
+    JudgedEstimates,
+    MetricFunction,
+    PluggedMetric,
+    as_plugged,
+    declared_quantities,
+    extra_metrics,
+)
 from trailmark.evaluation.run_folder import FUSED, GROUND_TRUTH, RunFolder, read_run
 from trailmark.evaluation.source_statistics import SourceStatistics, source_statistics
 from trailmark.evaluation.tracking import tracked_fraction
-from trailmark.evaluation.trajectory_metrics import Evaluation, MetricFunction, Protocol, evaluate, extra_metrics
+from trailmark.evaluation.trajectory_metrics import Evaluation, Protocol, evaluate
 from trailmark.geometry import Pose2, Trajectory
 
 __all__ = ["METRICS_FILE", "RunEvaluation", "evaluate_run", "evaluate_run_folder", "metrics_document"]
 
 METRICS_FILE = "metrics.json"
+
+Metrics = Mapping[str, PluggedMetric | MetricFunction]
+Documents = dict[str, dict[str, Any]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,7 +77,7 @@ def evaluate_run(
     folder: str | Path,
     *,
     protocol: Protocol | None = None,
-    metrics: Mapping[str, MetricFunction] | None = None,
+    metrics: Metrics | None = None,
     path: paths.Path | None = None,
     write: bool = True,
 ) -> dict[str, Any]:
@@ -78,8 +89,8 @@ def evaluate_run(
         The run.
     protocol : Protocol, optional
         How to compare.
-    metrics : mapping of str to function, optional
-        Further metrics, as plugins register them: ``(estimate, truth) -> {name: number}``.
+    metrics : mapping of str to PluggedMetric or function, optional
+        Further metrics, as `metrics_of` gives them; a plain function is ``(estimate, truth) -> {name: number}``.
     path : trailmark.paths.Path, optional
         The taught path; with it the lateral errors of all trajectories, and of the truth, are told.
     write : bool
@@ -89,7 +100,7 @@ def evaluate_run(
     -------
     dict
         What is written: ``reference``, ``errors`` (False: the numbers are differences), ``trajectories``,
-        ``sources``, ``problems``. A number that is not finite is None.
+        ``sources``, ``quantities`` (what metrics declared), ``problems``. A number that is not finite is None.
 
     Raises
     ------
@@ -126,16 +137,16 @@ def evaluate_run_folder(run: RunFolder, protocol: Protocol | None = None) -> Run
 def metrics_document(
     evaluated: RunEvaluation,
     *,
-    metrics: Mapping[str, MetricFunction] | None = None,
+    metrics: Metrics | None = None,
     path: paths.Path | None = None,
 ) -> dict[str, Any]:
     """Return the content of ``metrics.json``; see `evaluate_run`."""
     problems = list(evaluated.run.problems)
     trajectories = {name: _trajectory(evaluated, name) for name in evaluated.run.trajectories}
-    for name, evaluation in evaluated.evaluations.items():
-        numbers, complaints = extra_metrics(metrics or {}, evaluation)
-        trajectories[name]["metrics"].update(numbers)
-        problems += [f"{name}: {complaint}" for complaint in complaints]
+    sources = {name: source.document() for name, source in evaluated.sources.items()}
+    plugged = as_plugged(metrics)
+    problems += _add_of_trajectories(trajectories, evaluated, plugged)
+    problems += _add_of_estimates(sources, evaluated, plugged, path)
     if evaluated.run.truth is not None:
         trajectories[GROUND_TRUTH] = _plain(evaluated.run.truth)
     if path is not None:
@@ -145,9 +156,43 @@ def metrics_document(
         "errors": evaluated.has_truth,
         "align": evaluated.protocol.align,
         "trajectories": trajectories,
-        "sources": {name: source.document() for name, source in evaluated.sources.items()},
+        "sources": sources,
+        "quantities": declared_quantities(plugged),
         "problems": problems,
     }
+
+
+def _add_of_trajectories(
+    trajectories: Documents, evaluated: RunEvaluation, metrics: Sequence[PluggedMetric]
+) -> list[str]:
+    """Add what metrics say of the trajectories, and return what went wrong."""
+    problems = []
+    for name, evaluation in evaluated.evaluations.items():
+        numbers, complaints = extra_metrics({metric.name: metric for metric in metrics}, evaluation)
+        trajectories[name]["metrics"].update(numbers)
+        problems += [f"{name}: {complaint}" for complaint in complaints]
+    return problems
+
+
+def _add_of_estimates(
+    sources: Documents, evaluated: RunEvaluation, metrics: Sequence[PluggedMetric], path: paths.Path | None
+) -> list[str]:
+    """Add what metrics say of the localizers' estimates, and return what went wrong."""
+    problems = []
+    judging = [metric for metric in metrics if metric.judges == "estimates"]
+    for name, document in sources.items():
+        judged = _judged(evaluated, name, path)
+        for metric in judging:
+            numbers, complaints = metric.numbers(judged)
+            document["metrics"].update(numbers)
+            problems += [f"{name}: {complaint}" for complaint in complaints]
+    return problems
+
+
+def _judged(evaluated: RunEvaluation, name: str, path: paths.Path | None) -> JudgedEstimates:
+    assert evaluated.run.estimates is not None
+    truth = evaluated.run.truth if evaluated.has_truth else None
+    return JudgedEstimates(evaluated.run.estimates.of(name), truth, _pose(_poses(evaluated.evaluations), name), path)
 
 
 def _reference(run: RunFolder) -> str | None:
@@ -172,9 +217,13 @@ def _sources(run: RunFolder, evaluations: Mapping[str, Evaluation]) -> dict[str,
     spoke = run.estimates.sources()
     names = [name for name in run.trajectories if name in spoke]
     names += [name for name in spoke if name not in names]
-    poses = {name: item.absolute.alignment.pose_truth_estimate for name, item in evaluations.items()}
+    poses = _poses(evaluations)
     truth = run.truth if poses else None
     return {name: source_statistics(run.estimates.of(name), truth, _pose(poses, name)) for name in names}
+
+
+def _poses(evaluations: Mapping[str, Evaluation]) -> dict[str, Pose2]:
+    return {name: item.absolute.alignment.pose_truth_estimate for name, item in evaluations.items()}
 
 
 def _pose(poses: Mapping[str, Pose2], name: str) -> Pose2 | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -47,7 +48,7 @@ class SourceStatistics:
     nis: Consistency | None
     nees: Consistency | None
 
-    def document(self) -> dict[str, object]:
+    def document(self) -> dict[str, Any]:
         """Return everything, for ``metrics.json``."""
         return {
             "estimates": self.n,

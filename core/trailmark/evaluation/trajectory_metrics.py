@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from trailmark.errors import TrailmarkError
 from trailmark.evaluation.absolute import AbsoluteError, EndError, absolute_error, end_error
 from trailmark.evaluation.alignment import ALIGNMENTS, AlignKind, align
 from trailmark.evaluation.association import Interpolate, Pairs, associate
 from trailmark.evaluation.naming import quantity_of
+from trailmark.evaluation.quantities import spec_of
 from trailmark.evaluation.relative import Drift, RelativeError, default_distance_m, drift, relative_error
 from trailmark.evaluation.tracking import Tracked, tracked_fraction
 from trailmark.geometry import Trajectory
 
-__all__ = ["Evaluation", "MetricFunction", "Protocol", "evaluate", "extra_metrics"]
-
-#: What a ``metric`` plugin points at: paired, aligned trajectories of equal stamps in, named numbers out.
-MetricFunction = Callable[[Trajectory, Trajectory], Mapping[str, float]]
-
-# Against another estimate nothing is an error, and nothing says which of the two drifts.
-_DIFFERENCE_WORDS = {"ate": "difference", "rpe": "relative_difference", "end": "end"}
+__all__ = ["Evaluation", "Protocol", "evaluate"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +80,10 @@ class Evaluation:
     against_truth: bool = True
 
     def metrics(self) -> dict[str, float]:
-        """Return all metrics by name; against another estimate they are called differences."""
+        """Return all metrics by name; against another estimate they are called differences.
+
+        Against another estimate nothing is an error, and nothing says which of the two drifts.
+        """
         parts = [self.absolute, self.tracked, *self.relative, self.drift, self.end, *self.other_alignments]
         merged: dict[str, float] = {}
         for part in parts:
@@ -149,27 +146,6 @@ def evaluate(
     )
 
 
-def extra_metrics(extra: Mapping[str, MetricFunction], evaluation: Evaluation) -> tuple[dict[str, float], list[str]]:
-    """Return the numbers of metrics that plugins bring, as ``plugin.name``, and what went wrong, a line each.
-
-    Each is given the pairs after the alignment that was used: equal stamps, one frame. A metric that raises loses
-    its own numbers only.
-    """
-    aligned = evaluation.absolute.alignment.apply(evaluation.pairs.estimate)
-    numbers: dict[str, float] = {}
-    problems: list[str] = []
-    for name, function in extra.items():
-        try:
-            found = {f"{name}.{key}": float(value) for key, value in function(aligned, evaluation.pairs.truth).items()}
-        except TrailmarkError as error:
-            problems.append(f"metric '{name}': {error}")
-        except Exception as error:  # a stranger's code must not cost the run its other metrics
-            problems.append(f"metric '{name}' raised {type(error).__name__}: {error}")
-        else:
-            numbers.update(found)
-    return numbers, problems
-
-
 def _relative_errors(pairs: Pairs, truth: Trajectory, protocol: Protocol) -> tuple[RelativeError, ...]:
     distances_m: Sequence[float] | None = protocol.rpe_distances_m
     if distances_m is None:  # of the whole truth, so that all estimates of a run share the distance
@@ -183,9 +159,8 @@ def _relative_errors(pairs: Pairs, truth: Trajectory, protocol: Protocol) -> tup
 def _as_differences(metrics: Mapping[str, float]) -> dict[str, float]:
     renamed: dict[str, float] = {}
     for name, value in metrics.items():
-        stem, _, rest = name.partition("_")
-        if stem in _DIFFERENCE_WORDS:
-            renamed[f"{_DIFFERENCE_WORDS[stem]}_{rest.replace('error', 'difference')}"] = value
-        elif quantity_of(name) == "tracked_fraction":
-            renamed[name] = value
+        quantity = quantity_of(name)
+        difference = spec_of(quantity).as_difference()
+        if difference is not None:
+            renamed[difference.name + name.removeprefix(quantity)] = value
     return renamed

@@ -9,6 +9,7 @@ from difflib import get_close_matches
 from typing import TypedDict, Unpack
 
 from trailmark.errors import PluginError, PluginLoadError, UnknownPluginError
+from trailmark.metrics import Judged, MetricSpec
 from trailmark.plugins.records import PluginRecord
 from trailmark.plugins.spec import KINDS, Kind, Spec, import_string
 
@@ -133,9 +134,23 @@ class Registry:
         """Register a `Sink`."""
         self._add("sink", name, target, config, about)
 
-    def metric(self, name: str, target: str | type, config: str | type | None = None, **about: Unpack[About]) -> None:
-        """Register a metric of trajectories."""
-        self._add("metric", name, target, config, about)
+    def metric(
+        self,
+        name: str,
+        target: str | type,
+        config: str | type | None = None,
+        *,
+        judges: Judged = "trajectory",
+        quantities: Iterable[MetricSpec] = (),
+        **about: Unpack[About],
+    ) -> None:
+        """Register a metric: a function that returns numbers by name.
+
+        It `judges` a trajectory, ``function(estimate, truth)`` of equal stamps and in one frame, or the estimates of a
+        localizer as it told them, ``function(judged)`` with a `trailmark.evaluation.JudgedEstimates`. Its numbers are
+        called ``NAME.key``, or as its `quantities` declare; what is declared with a title has a column in every table.
+        """
+        self._add("metric", name, target, config, about, judges=judges, quantities=tuple(quantities))
 
     def experiment(
         self, name: str, target: str | type, config: str | type | None = None, **about: Unpack[About]
@@ -187,6 +202,8 @@ class Registry:
         about: About,
         gives: frozenset[str] = frozenset(),
         opens: tuple[str, ...] = (),
+        judges: Judged = "trajectory",
+        quantities: tuple[MetricSpec, ...] = (),
     ) -> None:
         if not _NAME.fullmatch(name):
             raise ValueError(f"{kind} {name!r}: use lower-case letters, digits and underscores, a letter first")
@@ -207,6 +224,8 @@ class Registry:
                 about.get("extra"),
                 gives,
                 opens,
+                judges,
+                quantities,
                 owner.distribution,
                 owner.version,
                 owner.name,

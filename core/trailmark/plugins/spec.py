@@ -10,6 +10,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from trailmark.errors import PluginLoadError, TrailmarkError
+from trailmark.metrics import Judged, MetricSpec
 
 if TYPE_CHECKING:
     from trailmark.config.base import PluginConfig
@@ -68,6 +69,8 @@ class Spec:
     opens : tuple of str
         What a source plays without a config: patterns of file names (``*.mp4``), or of a file in a
         folder (``*/rgb.txt``). Its config then has the key ``path``.
+    judges, quantities
+        What a metric is given, ``trajectory`` or ``estimates``, and what it declares of its numbers.
     distribution, version, entry_point : str
         Where it comes from.
     """
@@ -81,6 +84,8 @@ class Spec:
     extra: str | None = None
     gives: frozenset[str] = frozenset()
     opens: tuple[str, ...] = ()
+    judges: Judged = "trajectory"
+    quantities: tuple[MetricSpec, ...] = ()
     distribution: str = ""
     version: str = ""
     entry_point: str = ""

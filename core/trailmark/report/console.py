@@ -6,7 +6,8 @@ from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any, Literal
 
-from trailmark.evaluation import GROUND_TRUTH, evaluate_run, find_metric
+from trailmark.evaluation import GROUND_TRUTH, evaluate_run, spec_of
+from trailmark.report.columns import value_of
 from trailmark.report.tables import Column, Table, Trajectories, trajectories_table
 
 if TYPE_CHECKING:
@@ -19,12 +20,15 @@ _WIDTH = 100
 _HEADER_WIDTH = 8
 _WIDEST = 160
 
-#: Quantities of a row: key, name with errors, name with differences.
-_QUANTITIES = (
-    ("rmse_m", "ate_rmse_m", "difference_rmse_m"),
-    ("max_m", "ate_max_m", "difference_max_m"),
-    ("heading_rmse_deg", "ate_heading_rmse_deg", "difference_heading_rmse_deg"),
-)
+#: Numbers of a row, and the quantities that they are.
+_NUMBERS = {
+    "tracked": "tracked_fraction",
+    "rmse_m": "ate_rmse_m",
+    "max_m": "ate_max_m",
+    "heading_rmse_deg": "ate_heading_rmse_deg",
+    "drift_percent": "drift_percent",
+    "end_m": "end_error_m",
+}
 
 
 def summary_rows(folder: str | Path, document: dict[str, Any] | None = None) -> list[dict[str, Any]]:
@@ -59,20 +63,15 @@ def summary_rows(folder: str | Path, document: dict[str, Any] | None = None) -> 
 def _summary_row(document: dict[str, Any], name: str) -> dict[str, Any]:
     trajectory = document["trajectories"].get(name, {"poses": 0, "metrics": {}})
     source = document["sources"].get(name, {"outcomes": {}, "latency": None})
-    metrics, errors = trajectory["metrics"], document["errors"]
-    used = (trajectory["alignment"]["used"],) if "alignment" in trajectory else ()
-    numbers = {
-        key: find_metric(metrics, error if errors else difference, *used) for key, error, difference in _QUANTITIES
-    }
+    errors = document["errors"]
+    asked = {key: spec_of(name) for key, name in _NUMBERS.items()}
+    specs = {key: spec if errors else spec.as_difference() for key, spec in asked.items()}
     return {
         "name": name,
         "poses": trajectory["poses"],
-        "tracked": find_metric(metrics, "tracked_fraction"),
         "errors": errors,
         "reference": document["reference"],
-        **numbers,
-        "drift_percent": find_metric(metrics, "drift_percent"),
-        "end_m": find_metric(metrics, "end_error_m" if errors else "end_difference_m"),
+        **{key: None if spec is None else value_of(trajectory, spec) for key, spec in specs.items()},
         "outcomes": source["outcomes"],
         "latency_p95_ms": (source["latency"] or {}).get("p95_ms"),
     }

@@ -6,8 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from trailmark.evaluation import GROUND_TRUTH, OUTCOMES, find_metric, quantity_of
-from trailmark.report.numbers import MISSING, count_text, length_unit, percent_text, significant
+from trailmark.evaluation import GROUND_TRUTH, OUTCOMES, QUANTITIES, quantities_of
+from trailmark.metrics import MetricSpec
+from trailmark.report.columns import Column, metric_columns, number_column
+from trailmark.report.numbers import MISSING, count_text, significant
 
 __all__ = [
     "Column",
@@ -21,15 +23,6 @@ __all__ = [
 
 Document = Mapping[str, Any]
 Sources = Sequence[tuple[tuple[str, ...], Document]]
-
-
-@dataclass(frozen=True, slots=True)
-class Column:
-    """A column: what it shows and in which unit; numbers stand to the right."""
-
-    title: str
-    unit: str = ""
-    is_number: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,19 +57,47 @@ class Trajectories:
         Whether the numbers are errors against ground truth, or differences.
     reference : str
         What the differences are from.
+    quantities : tuple of MetricSpec
+        What may have a column, in their order.
     """
 
     labels: tuple[tuple[str, ...], ...]
     documents: tuple[Document, ...]
     errors: bool
     reference: str = ""
+    quantities: tuple[MetricSpec, ...] = QUANTITIES
+
+    @classmethod
+    def of_runs(cls, runs: Sequence[tuple[tuple[str, ...], Document]]) -> Trajectories:
+        """Return the trajectories of runs that have the truth, or of one that has not, each with the labels of its run.
+
+        Not the ground truth, which has nothing to be compared with. What is known of a localizer's estimates stands
+        beside what is known of its trajectory.
+        """
+        found = [
+            ((*labels, name), item | {"metrics": item["metrics"] | _source_metrics(document, name)})
+            for labels, document in runs
+            for name, item in document["trajectories"].items()
+            if name != GROUND_TRUTH
+        ]
+        first, documents = runs[0][1], [document for _, document in runs]
+        return cls(
+            tuple(labels for labels, _ in found),
+            tuple(item for _, item in found),
+            first["errors"],
+            first["reference"] or "",
+            quantities_of(documents),
+        )
 
     @classmethod
     def of_run(cls, document: Document) -> Trajectories:
-        """Return the trajectories of one run; not the ground truth, which has nothing to be compared with."""
-        found = {name: item for name, item in document["trajectories"].items() if name != GROUND_TRUTH}
-        labels = tuple((name,) for name in found)
-        return cls(labels, tuple(found.values()), document["errors"], document["reference"] or "")
+        """Return the trajectories of one run."""
+        return cls.of_runs([((), document)])
+
+    def shown_quantities(self) -> list[MetricSpec]:
+        """Return what has a column: errors, or the differences that stand for them."""
+        known = [spec if self.errors else spec.as_difference() for spec in self.quantities]
+        return [spec for spec in known if spec is not None and spec.title]
 
 
 def trajectories_table(trajectories: Trajectories, label_titles: Sequence[str] = ("trajectory",)) -> Table:
@@ -84,12 +105,8 @@ def trajectories_table(trajectories: Trajectories, label_titles: Sequence[str] =
     documents = trajectories.documents
     columns: list[tuple[Column, list[str]]] = [
         (Column("poses"), [count_text(item["poses"]) for item in documents]),
-        (Column("tracked", "%"), [percent_text(_metric(item, "tracked_fraction")) for item in documents]),
+        *metric_columns(documents, trajectories.shown_quantities(), _marks(documents)),
     ]
-    if trajectories.errors:
-        columns += _error_columns(documents)
-    else:
-        columns += _difference_columns(documents)
     shown = [(column, cells) for column, cells in columns if any(cell.strip() != MISSING for cell in cells)]
     table = _assembled(label_titles, trajectories.labels, shown)
     return replace(table, notes=tuple(_notes(trajectories)))
@@ -104,7 +121,7 @@ def sources_table(sources: Sources, label_titles: Sequence[str] = ("localizer",)
     ]
     for word in ("p50", "p95", "max"):
         latencies = [(item["latency"] or {}).get(f"{word}_ms") for _, item in sources]
-        columns.append(_numbers(f"age {word}", "ms", latencies))
+        columns.append(number_column(f"age {word}", "ms", latencies))
     return _assembled(label_titles, [label for label, _ in sources], columns)
 
 
@@ -145,79 +162,9 @@ def timing_table(stages: Mapping[str, Mapping[str, float]]) -> Table:
     return Table(columns, tuple(rows))
 
 
-def _error_columns(documents: Sequence[Document]) -> list[tuple[Column, list[str]]]:
-    rmse = [_absolute(item, "ate_rmse_m") for item in documents]
-    lengths = _Lengths(*length_unit(rmse))
-    return [
-        lengths.column("ATE rmse", rmse, _marks(documents)),
-        lengths.column("max", [_absolute(item, "ate_max_m") for item in documents]),
-        _numbers("heading rmse", "°", [_absolute(item, "ate_heading_rmse_deg") for item in documents]),
-        _relative("RPE", "rpe_rmse_m", documents, lengths),
-        _numbers("drift", "%", [_metric(item, "drift_percent") for item in documents]),
-        _numbers("turn drift", "°/m", [_metric(item, "drift_deg_per_m") for item in documents]),
-        lengths.column("end error", [_metric(item, "end_error_m") for item in documents]),
-    ]
-
-
-def _difference_columns(documents: Sequence[Document]) -> list[tuple[Column, list[str]]]:
-    rmse = [_absolute(item, "difference_rmse_m") for item in documents]
-    lengths = _Lengths(*length_unit(rmse))
-    return [
-        lengths.column("difference rmse", rmse, _marks(documents)),
-        lengths.column("max", [_absolute(item, "difference_max_m") for item in documents]),
-        _numbers("heading rmse", "°", [_absolute(item, "difference_heading_rmse_deg") for item in documents]),
-        _relative("relative", "relative_difference_rmse_m", documents, lengths),
-        lengths.column("at the end", [_metric(item, "end_difference_m") for item in documents]),
-    ]
-
-
-@dataclass(frozen=True, slots=True)
-class _Lengths:
-    """Columns of lengths in one unit: a table that mixes units invites wrong comparisons."""
-
-    unit: str
-    per_m: float
-
-    def column(
-        self, title: str, values_m: Sequence[float | None], marks: Sequence[str] = ()
-    ) -> tuple[Column, list[str]]:
-        texts = [significant(None if value is None else self.per_m * value) for value in values_m]
-        marked = [text + mark for text, mark in zip(texts, marks or [""] * len(texts), strict=True)]
-        return Column(title, self.unit), marked
-
-
-def _metric(document: Document, quantity: str, *protocol: str) -> float | None:
-    return find_metric(document["metrics"], quantity, *protocol)
-
-
-def _absolute(document: Document, quantity: str) -> float | None:
-    return _metric(document, quantity, document["alignment"]["used"]) if "alignment" in document else None
-
-
-def _numbers(title: str, unit: str, values: Sequence[float | None]) -> tuple[Column, list[str]]:
-    return Column(title, unit), [significant(value) for value in values]
-
-
-def _relative(title: str, quantity: str, documents: Sequence[Document], lengths: _Lengths) -> tuple[Column, list[str]]:
-    """Return the column of relative errors over a distance; the distance stands in the title when it is one."""
-    found = [_first_over_a_distance(item["metrics"], quantity) for item in documents]
-    distances = {distance for distance, value in found if value is not None}
-    values_m = [value for _, value in found]
-    if len(distances) == 1:
-        return lengths.column(f"{title} over {_spaced(distances.pop())}", values_m)
-    return lengths.column(title, values_m, [f" /{distance}" if distance else "" for distance, _ in found])
-
-
-def _first_over_a_distance(metrics: Mapping[str, float | None], quantity: str) -> tuple[str, float | None]:
-    for name, value in metrics.items():
-        distance = name.partition("[")[2].partition(",")[0]
-        if quantity_of(name) == quantity and distance.endswith("m"):
-            return distance, value
-    return "", None
-
-
-def _spaced(distance: str) -> str:
-    return f"{distance[:-1]}\u00a0{distance[-1]}"
+def _source_metrics(document: Document, name: str) -> Document:
+    metrics: Document = document["sources"].get(name, {}).get("metrics", {})
+    return metrics
 
 
 def _marks(documents: Sequence[Document]) -> list[str]:

@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 from trailmark import paths
 from trailmark.errors import DataError
-from trailmark.evaluation import GROUND_TRUTH, MetricFunction, Protocol, RunEvaluation, evaluate_run_folder, read_run
+from trailmark.evaluation import (
+    GROUND_TRUTH,
+    MetricFunction,
+    PluggedMetric,
+    Protocol,
+    RunEvaluation,
+    evaluate_run_folder,
+    read_run,
+)
 from trailmark.evaluation.run_metrics import metrics_document
 from trailmark.geometry import Trajectory
 from trailmark.report import sections
@@ -28,7 +36,7 @@ def write_report(
     folder: str | Path,
     *,
     protocol: Protocol | None = None,
-    metrics: Mapping[str, MetricFunction] | None = None,
+    metrics: Mapping[str, PluggedMetric | MetricFunction] | None = None,
     path: paths.Path | None = None,
 ) -> Path:
     """Write ``plots/*.svg`` and ``report.html`` into the folder of a run, from what the run left there.

@@ -63,7 +63,7 @@ def main(arguments: list[str]) -> int:
 
 def _run(request: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     from trailmark.config import Document, load_run_config
-    from trailmark.evaluation import Protocol, evaluate_run
+    from trailmark.evaluation import Protocol, evaluate_run, metrics_of
     from trailmark.plugins import load_plugins
     from trailmark_bench.measure import measured
 
@@ -82,7 +82,7 @@ def _run(request: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         if taught.result.status != "done":
             raise ConfigError(f"teaching {taught.result.status}: {taught.result.reason}".rstrip(": "))
     pipeline = _drive(config, folder / "run", store)
-    extra = {spec.name: spec.load() for spec in plugins.registry.specs("metric")}
+    extra = metrics_of(plugins.registry)
     protocol = Protocol(align=request["align"])
     document = evaluate_run(folder / "run", protocol=protocol, metrics=extra, path=pipeline.path)
     if store is not None and not request["keep_stores"]:

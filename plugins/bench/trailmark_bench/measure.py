@@ -54,6 +54,7 @@ def measured(
         "reason": reason,
         "errors": document["errors"],
         "metrics": _metrics(document, subject, localizer),
+        "quantities": document["quantities"],
         "times": _times(result, localizer),
         "counters": {name: count for name, count in result.counters.items() if count},
         "alignment": document["trajectories"].get(subject, {}).get("alignment", {}).get("used"),

@@ -2,30 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 from trailmark.errors import ConfigError
-from trailmark.evaluation import find_metric
+from trailmark.evaluation import QUANTITIES, find_metric, quantities_of, spec_of
+from trailmark.metrics import Better, MetricSpec
 from trailmark.plugins.hints import nearest_or_all
 from trailmark_bench.index import CellRecord
 
 __all__ = ["Metric", "metric_of", "metrics_of", "refuse_unknown"]
 
-_HIGHER = ("tracked_fraction", "frames_per_s")
-_NEAR_ONE = ("nees_per_dof", "nis_per_dof")
 _OF_PROCESS = ("wall_s", "cpu_s", "peak_rss_mb")
-
-# Without ground truth there are differences, and they have names of their own.
-_DIFFERENCES = {
-    "ate_rmse_m": "difference_rmse_m",
-    "ate_max_m": "difference_max_m",
-    "ate_heading_rmse_deg": "difference_heading_rmse_deg",
-    "rpe_rmse_m": "relative_difference_rmse_m",
-    "end_error_m": "end_difference_m",
-}
+# What a bench measures besides what a run's folder says.
+_OF_BENCH = (MetricSpec("frames_per_s", "1/s", "higher", "nothing"),)
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,24 +24,25 @@ class Metric:
 
     Attributes
     ----------
-    name : str
-        As in ``metrics.json``, without its protocol: ``ate_rmse_m``.
-    better : {"lower", "higher", "near one"}
-        Which way is better.
+    spec : MetricSpec
+        What was declared of it; its name is as in ``metrics.json``, without its protocol: ``ate_rmse_m``.
     """
 
-    name: str
-    better: Literal["lower", "higher", "near one"] = "lower"
+    spec: MetricSpec
+
+    @property
+    def name(self) -> str:
+        """Its name, without its protocol."""
+        return self.spec.name
+
+    @property
+    def better(self) -> Better:
+        """Which way is better."""
+        return self.spec.better
 
     def oriented(self, value: float) -> float:
         """Return a number that is lower where the value is better; of a failure infinity."""
-        if not math.isfinite(value):
-            return math.inf
-        if self.better == "higher":
-            return -value
-        if self.better == "near one":
-            return abs(math.log(value)) if value > 0 else math.inf
-        return value
+        return self.spec.oriented(value)
 
     def value_of(self, record: CellRecord) -> float | None:
         """Return the value of a cell; None where it was not measured."""
@@ -67,22 +58,21 @@ class Metric:
         return find_metric(metrics, self.name) if value is None else value
 
 
-def metric_of(name: str) -> Metric:
+def metric_of(name: str, declared: Sequence[MetricSpec] = QUANTITIES) -> Metric:
     """Return the quantity of a name."""
-    return Metric(name, "higher" if name in _HIGHER else "near one" if name in _NEAR_ONE else "lower")
+    return Metric(spec_of(name, (*declared, *_OF_BENCH)))
 
 
 def metrics_of(names: Sequence[str], records: Sequence[CellRecord]) -> tuple[Metric, ...]:
     """Return the quantities of some names; where no cell has a ground truth, the differences that stand for errors."""
-    return tuple(metric_of(_named(name, records)) for name in names)
-
-
-def _named(name: str, records: Sequence[CellRecord]) -> str:
-    """Return the name of a quantity, or of the difference that stands for it where no cell has a ground truth."""
-    finished = [record for record in records if record.state == "ok"]
-    other = _DIFFERENCES.get(name)
-    has_truth = any(record.result.get("errors") for record in finished)
-    return other if other is not None and finished and not has_truth else name
+    finished = [record.result for record in records if record.state == "ok"]
+    has_truth = not finished or any(result.get("errors") for result in finished)
+    metrics = [metric_of(name, quantities_of(finished)) for name in names]
+    differences = [metric.spec.as_difference() for metric in metrics]
+    return tuple(
+        metric if has_truth or difference is None else Metric(difference)
+        for metric, difference in zip(metrics, differences, strict=True)
+    )
 
 
 def refuse_unknown(asked: Sequence[str], metrics: Sequence[Metric], records: Sequence[CellRecord]) -> None:

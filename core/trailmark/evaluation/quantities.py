@@ -1,0 +1,81 @@
+"""The quantities that every evaluation computes, each declared once, in the order of tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from functools import partial
+from typing import Any
+
+from trailmark.metrics import MetricSpec
+
+__all__ = ["QUANTITIES", "quantities_of", "spec_of"]
+
+
+def _summary(stem: str, unit: str, protocol: Any, difference: str) -> list[MetricSpec]:
+    """Return what a `Summary` gives besides the numbers that have columns."""
+    return [
+        MetricSpec(f"{stem}_{word}_{unit}", unit, protocol=protocol, difference=f"{difference}_{word}_{unit}")
+        for word in ("rmse", "mean", "median", "max")
+    ]
+
+
+def _columns() -> list[MetricSpec]:
+    """Return the quantities that have a column, in their order."""
+    aligned, apart = partial(MetricSpec, protocol="alignment"), partial(MetricSpec, protocol="distance")
+    return [
+        MetricSpec("tracked_fraction", "share", "higher", "nothing", "tracked"),
+        aligned(
+            "ate_rmse_m", "m", title="ATE rmse", difference="difference_rmse_m", difference_title="difference rmse"
+        ),
+        aligned("ate_max_m", "m", title="max", difference="difference_max_m"),
+        aligned("ate_heading_rmse_deg", "deg", title="heading rmse", difference="difference_heading_rmse_deg"),
+        apart("rpe_rmse_m", "m", title="RPE", difference="relative_difference_rmse_m", difference_title="relative"),
+        MetricSpec("drift_percent", "%", title="drift"),
+        MetricSpec("drift_deg_per_m", "deg/m", title="turn drift"),
+        MetricSpec("end_error_m", "m", title="end error", difference="end_difference_m", difference_title="at the end"),
+    ]
+
+
+def _declared() -> tuple[MetricSpec, ...]:
+    columns = _columns()
+    known = {spec.name for spec in columns}
+    others = [
+        *_summary("ate", "m", "alignment", "difference"),
+        *_summary("ate_heading", "deg", "alignment", "difference_heading"),
+        *_summary("rpe", "m", "distance", "relative_difference"),
+        *_summary("rpe_heading", "deg", "distance", "relative_difference_heading"),
+        MetricSpec("end_error_percent", "%", difference="end_difference_percent"),
+        MetricSpec("end_heading_error_deg", "deg", difference="end_heading_difference_deg"),
+        *_summary("lateral", "m", "", ""),
+        *_summary("path_heading", "deg", "", ""),
+        MetricSpec("nees_per_dof", "", "near one"),
+        MetricSpec("nees_inside_fraction", "share", "higher"),
+        MetricSpec("nis_per_dof", "", "near one", "nothing"),
+        MetricSpec("nis_inside_fraction", "share", "higher", "nothing"),
+    ]
+    return (*columns, *(spec for spec in others if spec.name not in known))
+
+
+#: In the order of tables; those with a title have a column.
+QUANTITIES: tuple[MetricSpec, ...] = _declared()
+_BY_NAME = {spec.name: spec for spec in QUANTITIES}
+
+
+def quantities_of(documents: Iterable[Mapping[str, Any]]) -> tuple[MetricSpec, ...]:
+    """Return the quantities of some ``metrics.json``: everybody's, and those that metric plugins declared there."""
+    declared = {name: item for document in documents for name, item in (document.get("quantities") or {}).items()}
+    return (*QUANTITIES, *(MetricSpec.from_document(item) for name, item in declared.items() if name not in _BY_NAME))
+
+
+def spec_of(name: str, quantities: Iterable[MetricSpec] = QUANTITIES) -> MetricSpec:
+    """Return the declaration of a quantity, or of the difference that stands for one.
+
+    What nobody declared is better the lower it is.
+    """
+    for spec in quantities:
+        difference = spec.as_difference()
+        if spec.name == name:
+            return spec
+        if difference is not None and difference.name == name:
+            return difference
+    return MetricSpec(name)
