@@ -33,6 +33,7 @@ __all__ = [
     "Controller",
     "Drivable",
     "Estimator",
+    "Fault",
     "FrameSource",
     "Localizer",
     "LocalizerMap",
@@ -189,6 +190,41 @@ class Drivable(FrameSource):
 
     #: True when it drives itself, so that a run needs no controller.
     drives_itself: bool = False
+
+
+class Fault(Part):
+    """Makes what one sensor gives worse, on purpose, as a wrapper around it: faults can be put around faults.
+
+    One is made for each sensor that it befalls: its state is of that sensor alone, and so are its random numbers, which
+    come from (seed, source, sensor, fault). `start` gets a session whose `Session.sensors` is that sensor, and whose
+    `Session.rng` is for what stays as it is over the run, such as where dirt sits on a lens.
+    """
+
+    #: Kinds of sensor that it can befall; empty: any.
+    kinds: ClassVar[frozenset[str]] = frozenset()
+
+    @abstractmethod
+    def apply(self, frame: Frame, rng: np.random.Generator, since_s: float) -> Frame | None:
+        """Return a frame as the fault leaves it.
+
+        Parameters
+        ----------
+        frame : Frame
+            The next frame of the sensor; its arrays are read-only.
+        rng : numpy.random.Generator
+            For this frame alone: what is drawn for one frame does not depend on the frames before it.
+        since_s : float
+            Time since the first frame of the source [s].
+
+        Returns
+        -------
+        Frame or None
+            Of the same sensor and of the same size. A later stamp delays it: other frames may pass. None: it is lost.
+        """
+
+    def believed(self, info: SensorInfo) -> SensorInfo:
+        """Return what the run is told of the sensor: the truth, unless the fault is a wrong calibration."""
+        return info
 
 
 class Localizer(Part):

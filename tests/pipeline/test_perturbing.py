@@ -1,201 +1,193 @@
-"""Faults of sensors on purpose."""
+"""Faults of a source: which sensors they befall, in which order, with which random numbers, and what they may do."""
 
 from __future__ import annotations
 
-import math
-from itertools import pairwise
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
-from trailmark.config import Occluders, Perturbation, SourceConfig, WrongCalibration
-from trailmark.errors import ConfigError
-from trailmark.frames import RGBD, Frame, GroundPlane, Image, Pinhole, Scan, SensorInfo
+from trailmark.errors import ConfigError, SourceError
+from trailmark.frames import Frame, Scalar, SensorInfo
 from trailmark.geometry import Pose3
-from trailmark.pipeline import Pipeline
-from trailmark.pipeline.perturbing import misjudged
+from trailmark.interfaces import Fault, Session
+from trailmark.pipeline.perturbing import Perturber
+from trailmark.pipeline.seeds import part_rng
 
-GREY = np.full((60, 80), 100, np.uint8)
-
-
-def run(fakes, frames, *, seed=0, **faults):
-    """Return the frames that reach a run, and what was counted."""
-    options = {"s": SourceConfig(perturb=Perturbation(**faults))}
-    pipeline = Pipeline(fakes.plan({"s": fakes.Recording(frames)}, options=options, seed=seed))
-    seen = [step.frame for step in pipeline if step.frame is not None]
-    return seen, pipeline.result.counters
+SENSORS = {name: SensorInfo(name, "scalar") for name in ("light", "sound")}
 
 
-def pictures(n, pixels=GREY, sensor="floor"):
-    return [Frame(sensor, 0.1 * i, Image(pixels)) for i in range(n)]
+class Told(Fault):
+    """Does what a function says; keeps how it was started and closed."""
+
+    kinds = frozenset({"scalar"})
+
+    def __init__(self, do: Callable[[Frame, np.random.Generator, float], Frame | None]) -> None:
+        super().__init__(None)
+        self._do = do
+        self.is_closed = False
+
+    def start(self, session: Session) -> None:
+        self.session = session
+
+    def close(self) -> None:
+        self.is_closed = True
+
+    def counters(self) -> Mapping[str, int]:
+        return {"seen": 1}
+
+    def believed(self, info: SensorInfo) -> SensorInfo:
+        return replace(info, pose_base_sensor=Pose3(info.pose_base_sensor.x + 1.0))
+
+    def apply(self, frame: Frame, rng: np.random.Generator, since_s: float) -> Frame | None:
+        return self._do(frame, rng, since_s)
 
 
-def test_nothing_is_the_same_frame(fakes) -> None:
-    frames = pictures(3)
-
-    seen, _ = run(fakes, frames)
-
-    assert seen == frames
+def add(number: float) -> Callable[..., Frame]:
+    return lambda frame, rng, since_s: Frame(frame.sensor, frame.stamp_s, Scalar(frame.payload.value + number))
 
 
-def test_noise_has_the_deviation_that_is_asked_for_and_no_bias(fakes) -> None:
-    (frame,), _ = run(fakes, pictures(1, np.full((400, 400), 100, np.uint8)), noise=8.0)
-
-    difference = frame.payload.pixels.astype(float) - 100.0
-    assert difference.std() == pytest.approx(8.0, rel=0.02)
-    assert difference.mean() == pytest.approx(0.0, abs=0.1)
+def double(frame: Frame, rng: np.random.Generator, since_s: float) -> Frame:
+    return Frame(frame.sensor, frame.stamp_s, Scalar(2.0 * frame.payload.value))
 
 
-def test_the_same_seed_gives_the_same_faults_and_another_one_others(fakes) -> None:
-    faults = {"noise": 5.0, "speckle": 0.01, "flicker": 0.1, "dropped": 0.3, "occluders": Occluders()}
-
-    first, again, other = (run(fakes, pictures(40), seed=seed, **faults)[0] for seed in (1, 1, 2))
-
-    assert [f.payload.pixels.tobytes() for f in first] == [f.payload.pixels.tobytes() for f in again]
-    assert [f.payload.pixels.tobytes() for f in first] != [f.payload.pixels.tobytes() for f in other]
+def draw(frame: Frame, rng: np.random.Generator, since_s: float) -> Frame:
+    return Frame(frame.sensor, frame.stamp_s, Scalar(float(rng.random())))
 
 
-def test_dropping_changes_no_frame_that_is_left(fakes) -> None:
-    all_of_them = {f.stamp_s: f.payload.pixels.tobytes() for f in run(fakes, pictures(40), noise=5.0)[0]}
-
-    left, counters = run(fakes, pictures(40), noise=5.0, dropped=0.4)
-
-    assert all(f.payload.pixels.tobytes() == all_of_them[f.stamp_s] for f in left)
-    assert 0 < counters["source.s.perturb.dropped"] == 40 - len(left)
+def lose(frame: Frame, rng: np.random.Generator, since_s: float) -> None:
+    return None
 
 
-@pytest.mark.parametrize(("in_a_row", "mean_run"), [(None, 1 / 0.7), (5.0, 5.0)])
-def test_the_share_and_the_runs_of_what_is_dropped(fakes, in_a_row, mean_run) -> None:
-    frames = fakes.scalar_frames("light", np.arange(20000) / 100)
-
-    seen, _ = run(fakes, frames, dropped=0.3, dropped_in_a_row=in_a_row)
-
-    gaps = np.rint(np.diff([f.stamp_s for f in seen]) * 100).astype(int) - 1
-    assert len(seen) / 20000 == pytest.approx(0.7, abs=0.03)
-    assert gaps[gaps > 0].mean() == pytest.approx(mean_run, rel=0.1)
+def delay(by_s: float) -> Callable[..., Frame]:
+    return lambda frame, rng, since_s: Frame(frame.sensor, frame.stamp_s + by_s, frame.payload)
 
 
-def test_exposure_cuts_off_at_white(fakes) -> None:
-    (frame,), _ = run(fakes, pictures(1, np.array([[10, 100, 200]], np.uint8)), exposure=2.0)
-
-    assert frame.payload.pixels.tolist() == [[20, 200, 255]]
+def readings(n: int = 4, sensors: tuple[str, ...] = ("light",), rate_hz: float = 10.0) -> list[Frame]:
+    return [Frame(sensor, i / rate_hz, Scalar(1.0)) for i in range(n) for sensor in sensors]
 
 
-def test_sixteen_bits_stay_sixteen_bits(fakes) -> None:
-    (frame,), _ = run(fakes, pictures(1, np.full((200, 200), 30000, np.uint16)), noise=2.0)
-
-    assert frame.payload.pixels.dtype == np.uint16
-    assert frame.payload.pixels.std() == pytest.approx(2.0 * 257, rel=0.05)
-
-
-def test_blur_keeps_the_mean_and_takes_the_contrast(fakes) -> None:
-    board = (np.indices((60, 80)).sum(axis=0) % 2 * 200).astype(np.uint8)
-
-    (frame,), _ = run(fakes, pictures(1, board), blur_px=2.0)
-
-    assert frame.payload.pixels.std() < 2.0
-    assert frame.payload.pixels.mean() == pytest.approx(100.0, abs=1.0)
+def started(doing: Mapping[str, Callable[..., Frame | None]], wanted=None, seed=0, sensors=SENSORS) -> Perturber:
+    made = {name: (lambda do=do: Told(do)) for name, do in doing.items()}
+    perturber = Perturber("robot", made, wanted)
+    perturber.start(Session("robot", rng=part_rng(seed, "source", "robot")), sensors)
+    return perturber
 
 
-def test_speckle_turns_its_share_black_or_white(fakes) -> None:
-    (frame,), _ = run(fakes, pictures(1, np.full((300, 300), 100, np.uint8)), speckle=0.1)
-
-    assert (frame.payload.pixels == 0).mean() == pytest.approx(0.05, abs=0.005)
-    assert (frame.payload.pixels == 255).mean() == pytest.approx(0.05, abs=0.005)
+def left(perturber: Perturber, frames: list[Frame]) -> list[tuple[str, float, float]]:
+    return [(frame.sensor, frame.stamp_s, frame.payload.value) for frame in perturber.frames(iter(frames))]
 
 
-def test_occluders_cover_a_square_that_moves_on(fakes) -> None:
-    seen, _ = run(fakes, pictures(30), occluders=Occluders(n=1, size=0.5, speed=1.0))
-
-    covered = [frame.payload.pixels != 100 for frame in seen]
-    assert max(mask.sum() for mask in covered) == pytest.approx(30 * 30, rel=0.05)
-    assert any((a != b).any() for a, b in pairwise(covered))
+def test_faults_are_applied_in_the_order_of_the_config() -> None:
+    assert left(started({"add": add(3.0), "double": double}), readings(1)) == [("light", 0.0, 8.0)]
+    assert left(started({"double": double, "add": add(3.0)}), readings(1)) == [("light", 0.0, 5.0)]
 
 
-def test_an_occluder_leaves_no_depth(fakes) -> None:
-    rgbd = RGBD(np.full((60, 80, 3), 100, np.uint8), np.full((60, 80), 2.0, np.float32))
+def test_a_fault_befalls_the_sensors_that_are_wanted_and_no_other() -> None:
+    seen = left(started({"add": add(1.0)}, wanted=("sound",)), readings(1, ("light", "sound")))
 
-    seen, _ = run(fakes, [Frame("kinect", 0.1 * i, rgbd) for i in range(10)], occluders=Occluders(n=3, size=0.5))
-
-    for frame in seen:
-        hidden = (frame.payload.bgr != 100).any(axis=2)
-        assert np.isnan(frame.payload.depth_m[hidden]).all()
-        assert np.isfinite(frame.payload.depth_m).any()
+    assert seen == [("light", 0.0, 1.0), ("sound", 0.0, 2.0)]
 
 
-def test_laser_ranges_get_noise_and_stray_beams(fakes) -> None:
-    scan = Scan(np.full(4000, 5.0), 0.0, 0.001, 0.1, 30.0)
+def test_each_sensor_has_a_fault_of_its_own() -> None:
+    made: list[Told] = []
 
-    (frame,), _ = run(fakes, [Frame("laser", 0.0, scan)], range_noise_m=0.02, speckle=0.05)
+    def make() -> Told:
+        made.append(Told(double))
+        return made[-1]
 
-    error = frame.payload.ranges_m - 5.0
-    assert (np.abs(error) > 0.2).mean() == pytest.approx(0.05, abs=0.01)
-    assert np.std(error[np.abs(error) < 0.2]) == pytest.approx(0.02, rel=0.1)
+    perturber = Perturber("robot", {"double": make}, None)
+    perturber.start(Session("robot"), SENSORS)
+    perturber.close()
+
+    assert [tuple(fault.session.sensors) for fault in made] == [("light",), ("sound",)]
+    assert [fault.session.name for fault in made] == ["double", "double"]
+    assert all(fault.is_closed for fault in made)
+    assert made[0].session.rng.random() != made[1].session.rng.random()
 
 
-def test_a_missing_sensor_says_nothing_for_a_while_and_others_go_on(fakes) -> None:
+def test_a_fault_draws_the_same_whatever_stands_beside_it() -> None:
+    frames = readings(5, ("light", "sound"))
+    alone = [reading for reading in left(started({"draw": draw}), frames) if reading[0] == "light"]
+
+    beside = left(started({"other": draw, "draw": draw}, wanted=("light",)), frames)
+
+    assert [reading for reading in beside if reading[0] == "light"] == alone
+    assert len({value for _, _, value in alone}) == 5
+
+
+def test_the_seed_changes_what_is_drawn() -> None:
+    first, again, other = (left(started({"draw": draw}, seed=seed), readings()) for seed in (1, 1, 2))
+
+    assert first == again != other
+
+
+def test_what_is_lost_reaches_no_later_fault() -> None:
+    assert left(started({"lose": lose, "add": add(1.0)}, wanted=("light",)), readings(2, ("light", "sound"))) == [
+        ("sound", 0.0, 1.0),
+        ("sound", 0.1, 1.0),
+    ]
+
+
+def test_a_late_sensor_arrives_among_the_others_in_order() -> None:
+    perturber = started({"delay": delay(0.025)}, wanted=("light",))
     frames = sorted(
-        [*fakes.scalar_frames("light", np.arange(10) / 10), *fakes.scalar_frames("wheels", np.arange(10) / 10)],
-        key=lambda frame: frame.stamp_s,
+        [*readings(5), *readings(50, ("sound",), rate_hz=100.0)], key=lambda frame: (frame.stamp_s, frame.sensor)
     )
 
-    seen, counters = run(fakes, frames, missing_s=(0.3, 0.6), sensors=("light",))
+    seen = left(perturber, frames)
 
-    assert {round(f.stamp_s, 1) for f in seen if f.sensor == "light"}.isdisjoint({0.3, 0.4, 0.5})
-    assert sum(f.sensor == "wheels" for f in seen) == 10
-    assert counters["source.s.perturb.missing"] == 3
-
-
-def test_a_late_sensor_arrives_among_the_others_in_order(fakes) -> None:
-    frames = sorted(
-        [*fakes.image_frames("floor", np.arange(5) / 10), *fakes.scalar_frames("wheels", np.arange(50) / 100)],
-        key=lambda frame: frame.stamp_s,
-    )
-    options = {"s": SourceConfig(perturb=Perturbation(sensors=("floor",), late_s=0.025))}
-
-    seen = [step.frame for step in Pipeline(fakes.plan({"s": fakes.Recording(frames)}, options=options))]
-
-    stamps = [frame.stamp_s for frame in seen]
+    stamps = [stamp_s for _, stamp_s, _ in seen]
     assert stamps == sorted(stamps)
-    np.testing.assert_allclose([f.stamp_s for f in seen if f.sensor == "floor"], np.arange(5) / 10 + 0.025)
-    assert sum(f.sensor == "wheels" for f in seen) == 50
+    np.testing.assert_allclose([s for name, s, _ in seen if name == "light"], np.arange(5) / 10 + 0.025)
+    assert sum(name == "sound" for name, _, _ in seen) == 50
 
 
-def test_a_sensor_that_is_not_there_is_refused(fakes) -> None:
-    options = {"s": SourceConfig(perturb=Perturbation(sensors=("flor",), noise=1.0))}
+def test_time_counts_from_the_first_frame_that_can_be_worsened() -> None:
+    since: list[float] = []
 
-    with pytest.raises(ConfigError, match=r"sources.s.perturb.sensors: the source has no sensor 'flor'; it has floor"):
-        list(Pipeline(fakes.plan({"s": fakes.Recording(pictures(1))}, options=options)))
+    def note(frame: Frame, rng: np.random.Generator, since_s: float) -> Frame:
+        since.append(since_s)
+        return frame
 
+    left(started({"note": note}), [Frame("light", 100.0, Scalar(0.0)), Frame("light", 100.5, Scalar(0.0))])
 
-def test_what_cannot_be_is_refused() -> None:
-    with pytest.raises(ValidationError, match="cannot be lost in runs of 1: they must be 4 long at least"):
-        Perturbation(dropped=0.8, dropped_in_a_row=1.0)
-    with pytest.raises(ValidationError, match=r"missing_s is \[from, to\]"):
-        Perturbation(missing_s=(2.0, 1.0))
+    assert since == [0.0, 0.5]
 
 
-def test_a_wrong_calibration_is_believed_and_the_pictures_stay(fakes) -> None:
-    eye = fakes.Scripted()
-    info = SensorInfo(
-        "floor", "image", pose_base_sensor=Pose3(0.1, yaw=math.pi / 2), calibration=GroundPlane((1e-3, 2e-3))
-    )
-    wrong = WrongCalibration(scale=1.02, x_m=0.01, yaw_deg=2.0)
-    options = {"s": SourceConfig(perturb=Perturbation(wrong=wrong))}
-    plan = fakes.plan({"s": fakes.Recording(pictures(2), [info])}, {"eye": eye}, options=options)
+def test_counters_bear_the_name_of_the_fault() -> None:
+    perturber = started({"add": add(1.0), "basic": double})
 
-    seen = [step.frame.payload.pixels for step in Pipeline(plan)]
-
-    believed = eye.session.sensors["floor"]
-    assert believed.calibration.metres_per_pixel == pytest.approx((1.02e-3, 2.04e-3))
-    assert believed.pose_base_sensor.x == pytest.approx(0.11)
-    assert believed.pose_base_sensor.yaw == pytest.approx(math.pi / 2 + math.radians(2.0))
-    assert all((pixels == GREY).all() for pixels in seen)
+    assert perturber.counters() == {"perturb.add.seen": 2, "perturb.seen": 2}
 
 
-def test_the_scale_of_other_cameras_is_their_focal_length() -> None:
-    info = SensorInfo("front", "image", calibration=Pinhole(500.0, 500.0, 320.0, 240.0))
+def test_wrong_beliefs_add_up() -> None:
+    perturber = started({"add": add(1.0), "double": double}, wanted=("light",))
 
-    assert misjudged(info, WrongCalibration(scale=0.9)).calibration.fx == pytest.approx(450.0)
-    assert misjudged(info, WrongCalibration()) == info
+    assert perturber.believed(SENSORS["light"]).pose_base_sensor.x == 2.0
+    assert perturber.believed(SENSORS["sound"]) == SENSORS["sound"]
+
+
+def test_a_sensor_that_is_not_there_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"sources.robot.perturb.sensors: the source has no sensor 'lihgt'; it has"):
+        started({"add": add(1.0)}, wanted=("lihgt",))
+
+
+def test_a_fault_that_can_befall_nothing_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"robot.perturb.add: befalls sensors of kind scalar, not laser \(scan\)"):
+        started({"add": add(1.0)}, sensors={"laser": SensorInfo("laser", "scan")})
+
+
+@pytest.mark.parametrize("do", [delay(-0.1), lambda frame, rng, since_s: Frame("sound", frame.stamp_s, frame.payload)])
+def test_a_frame_of_another_sensor_or_an_earlier_time_is_refused(do) -> None:
+    with pytest.raises(SourceError, match=r"fault 'wild' of source 'robot' made '\w+' at -?0\.\d+ s of 'light'"):
+        left(started({"wild": do}), readings())
+
+
+def test_a_fault_that_fails_is_named() -> None:
+    def fail(frame: Frame, rng: np.random.Generator, since_s: float) -> Frame:
+        raise ZeroDivisionError("no light")
+
+    with pytest.raises(SourceError, match="fault 'add' of source 'robot' raised ZeroDivisionError: no light"):
+        left(started({"add": fail}), readings())

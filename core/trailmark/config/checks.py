@@ -74,6 +74,7 @@ def check_classes(parts: Iterable[PartEntry[Any]], problems: Problems) -> None:
 
     wanted: dict[Kind, type] = {
         "source": interfaces.FrameSource,
+        "fault": interfaces.Fault,
         "localizer": interfaces.Localizer,
         "estimator": interfaces.Estimator,
         "path_store": interfaces.PathStore,
@@ -81,11 +82,12 @@ def check_classes(parts: Iterable[PartEntry[Any]], problems: Problems) -> None:
         "sink": interfaces.Sink,
     }
     for part in parts:
+        keys = part.keys if part.spec.kind == "fault" else (*part.keys, "plugin")  # a fault's key is its name
         try:
             found = part.spec.load()
         except PluginError as error:
-            problems.add((*part.keys, "plugin"), str(error))
+            problems.add(keys, str(error))
             continue
         base = wanted[part.spec.kind]
         if not (isinstance(found, type) and issubclass(found, base)):
-            problems.add((*part.keys, "plugin"), f"{part.spec.target} of {part.spec.origin} is no {base.__name__}")
+            problems.add(keys, f"{part.spec.target} of {part.spec.origin} is no {base.__name__}")

@@ -14,7 +14,7 @@ from trailmark.frames import Calibration
 from trailmark.interfaces import Access, PathStore
 from trailmark.plugins.spec import Spec
 
-__all__ = ["EstimatorEntry", "LocalizerEntry", "PartEntry", "PathStoreEntry", "SourceEntry"]
+__all__ = ["EstimatorEntry", "FaultEntry", "LocalizerEntry", "PartEntry", "PathStoreEntry", "SourceEntry"]
 
 Options = TypeVar("Options", bound=PluginConfig, covariant=True)
 
@@ -62,17 +62,28 @@ class PartEntry(Generic[Options]):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FaultEntry(PartEntry[NoOptions]):
+    """A fault of a source's sensors."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SourceEntry(PartEntry[NoOptions]):
-    """A frame source; its calibration is read already.
+    """A frame source; its calibration and its faults are read already.
 
     Attributes
     ----------
     calibration : Calibration or None
         Of the source's only sensor, from ``config.calibration``.
+    faults : tuple of FaultEntry
+        From ``config.perturb``, in the order in which they are applied.
+    perturbed : tuple of str or None
+        The sensors that the faults befall; None: all that they can.
     """
 
     config: SourceConfig
     calibration: Calibration | None = None
+    faults: tuple[FaultEntry, ...] = ()
+    perturbed: tuple[str, ...] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -33,7 +33,7 @@ __all__ = [
 RESERVED_NAMES = ("fused", "groundtruth")
 
 #: What stands where a section names no plugin.
-DEFAULT_PLUGINS: dict[Kind, str] = {"estimator": "dead_reckoning", "path_store": "sqlite"}
+DEFAULT_PLUGINS: dict[Kind, str] = {"estimator": "dead_reckoning", "path_store": "sqlite", "fault": "basic"}
 
 
 class NoOptions(PluginConfig):
@@ -73,6 +73,7 @@ class PathStoreOptions(PluginConfig):
 #: Options of the host by kind of part.
 HOST_OPTIONS: dict[Kind, type[PluginConfig]] = {
     "source": NoOptions,
+    "fault": NoOptions,
     "localizer": LocalizerOptions,
     "estimator": EstimatorOptions,
     "path_store": PathStoreOptions,

@@ -99,7 +99,8 @@ class _Sections:
     def parts(self) -> list[PartEntry[Any]]:
         """All parts that could be read."""
         single = [self.path_store, self.controller, self.estimator]
-        several = [*self.sources.values(), *self.localizers.values(), *self.sinks]
+        faults = [fault for source in self.sources.values() for fault in source.faults]
+        several = [*self.sources.values(), *faults, *self.localizers.values(), *self.sinks]
         return [*several, *(part for part in single if part is not None)]
 
 

@@ -13,6 +13,7 @@ from trailmark.config.calibrations import read_calibration, with_absolute_files
 from trailmark.config.document import Document, Keys, Problems
 from trailmark.config.entries import LocalizerEntry, PartEntry, SourceEntry
 from trailmark.config.explain import key_names, validated
+from trailmark.config.faults import FaultReader
 from trailmark.config.host import DEFAULT_PLUGINS, HOST_OPTIONS, RESERVED_NAMES, NoOptions
 from trailmark.config.sections import kind_at
 from trailmark.config.source import SourceConfig
@@ -37,10 +38,12 @@ class PartReader:
         self._document = document
         self._registry = registry
         self._problems = problems
+        self._faults = FaultReader(document, registry, problems)
 
     def sources(self) -> dict[str, SourceEntry]:
-        """Read the frame sources, with the calibrations that they name."""
-        return {name: self._with_calibration(entry) for name, entry in self._named("sources", SourceEntry).items()}
+        """Read the frame sources, with the calibrations and the faults that they name."""
+        entries = self._named("sources", SourceEntry)
+        return {name: self._with_faults(self._with_calibration(entry)) for name, entry in entries.items()}
 
     def localizers(self) -> dict[str, LocalizerEntry]:
         """Read the localizers."""
@@ -107,6 +110,13 @@ class PartReader:
 
     def _with_calibration(self, entry: SourceEntry) -> SourceEntry:
         return replace(entry, calibration=self.calibration((*entry.keys, "calibration"), entry.config.calibration))
+
+    def _with_faults(self, entry: SourceEntry) -> SourceEntry:
+        found = self._faults.read((*entry.keys, "perturb"), entry.config.perturb)
+        if found is None:
+            return entry
+        document = entry.document | {"perturb": found.document}
+        return replace(entry, faults=found.entries, perturbed=found.sensors, document=document)
 
     def calibration(self, keys: Keys, value: Any) -> Calibration | None:
         """Read a calibration; None where none is given or it cannot be read."""

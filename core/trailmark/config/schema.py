@@ -12,6 +12,7 @@ from typing import Any
 from pydantic.errors import PydanticInvalidForJsonSchema, PydanticSchemaGenerationError
 
 from trailmark.config.base import PluginConfig, sensor_roles
+from trailmark.config.faults import PerturbOptions
 from trailmark.config.host import DEFAULT_PLUGINS, HOST_OPTIONS, RunSettings, SensorSection
 from trailmark.config.sections import NAMED_SECTIONS, SINGLE_SECTIONS
 from trailmark.config.source import SourceConfig
@@ -33,6 +34,7 @@ def run_config_schema(plugins: Plugins) -> Schema:
     schema = RunSettings.model_json_schema(by_alias=True)
     defs: Schema = schema.setdefault("$defs", {})
     registry = plugins.registry
+    defs["perturb"] = _perturb_schema(registry, defs)
     for kind in (*NAMED_SECTIONS.values(), *SINGLE_SECTIONS, "sink"):
         defs[kind] = _kind_schema(kind, registry, defs)
     properties = schema["properties"]
@@ -72,12 +74,12 @@ def part_schema(spec: Spec, ref_prefix: str = "#/$defs/") -> Schema:
     host = HOST_OPTIONS[spec.kind].model_json_schema(by_alias=True) if spec.kind in HOST_OPTIONS else {}
     own = schema.get("properties", {})
     _tell_roles(model, own)
-    plugin = {"type": "string", "description": "The plugin."}
+    plugin = {} if spec.kind == "fault" else {"plugin": {"type": "string", "description": "The plugin."}}
     return {
         "title": f"{spec.kind} {spec.name}",
         "description": ". ".join(part for part in (spec.summary, spec.reference) if part),
         "type": "object",
-        "properties": {"plugin": plugin} | own | host.get("properties", {}),
+        "properties": plugin | own | host.get("properties", {}),
         "additionalProperties": False,
         "required": schema.get("required", []),
         "$defs": schema.get("$defs", {}),
@@ -121,6 +123,20 @@ def _kind_schema(kind: Kind, registry: Registry, defs: Schema) -> Schema:
     }
 
 
+def _perturb_schema(registry: Registry, defs: Schema) -> Schema:
+    """Return the schema of ``perturb``: its own keys, those of the default fault, and every other fault by its name."""
+    specs = registry.specs("fault")
+    properties: Schema = dict(PerturbOptions.model_json_schema(by_alias=True)["properties"])
+    for spec in specs:
+        reference = _defined(spec, specs, defs)
+        if spec.name == DEFAULT_PLUGINS["fault"]:
+            properties |= defs[reference.rpartition("/")[2]].get("properties", {})
+        else:
+            choices = [{"$ref": reference}, {"type": "null"}]
+            properties[_written_name(spec, specs)] = {"description": spec.summary, "anyOf": choices}
+    return {"type": "object", "properties": properties, "additionalProperties": False}
+
+
 def _rule(pattern: str, reference: str) -> Schema:
     named = {"properties": {"plugin": {"type": "string", "pattern": pattern}}, "required": ["plugin"]}
     return {"if": named, "then": {"$ref": reference}}
@@ -137,6 +153,8 @@ def _defined(spec: Spec, specs: tuple[Spec, ...], defs: Schema) -> str:
             defs[key] = {"type": "object", "description": f"{spec.summary} (its keys are not known: {error})"}
         else:
             defs.update({prefix + name: inner for name, inner in schema.pop("$defs").items()})
+            if spec.kind == "source":
+                schema["properties"]["perturb"] |= {"anyOf": [{"$ref": "#/$defs/perturb"}, {"type": "null"}]}
             defs[key] = schema
     return f"#/$defs/{key}"
 

@@ -8,7 +8,6 @@ from pydantic import Field
 
 from trailmark.config.base import PluginConfig
 from trailmark.config.files import ExistingFile
-from trailmark.config.perturbation import Perturbation
 
 __all__ = ["Mounting", "SourceConfig"]
 
@@ -49,5 +48,6 @@ class SourceConfig(PluginConfig):
     """New names for the source's sensors: old to new."""
     on_bad_frame: Literal["error", "skip"] = "error"
     """An unreadable frame, a changed size, a stamp that goes back: ends the run, or is counted and skipped."""
-    perturb: Perturbation | None = None
-    """Faults of its sensors, on purpose: noise, blur, lost frames, a wrong calibration ..."""
+    perturb: dict[str, Any] | None = None
+    """Faults of its sensors, on purpose: keys of the fault `basic` (noise, blur, lost frames, a wrong calibration ...),
+    names of other faults with their keys, and `sensors`: which sensors they befall, default: all that they can."""

@@ -7,11 +7,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from trailmark.config import RunConfig, load_run_config
+from trailmark.config import RunConfig, SourceEntry, load_run_config
 from trailmark.config.checks import sensors_of
 from trailmark.config.roles import refuse_duplicate_sensors, resolve_all_roles
 from trailmark.frames import SensorInfo
 from trailmark.interfaces import Access, Mode, PathStore
+from trailmark.pipeline.perturbing import Perturber
 from trailmark.pipeline.plan import Plan, PlannedLocalizer, Settled, StorePlan
 from trailmark.pipeline.sources import Feed
 from trailmark.plugins import Plugins, load_plugins
@@ -60,7 +61,7 @@ def plan_of(config: RunConfig, access: Access | None = None) -> Plan:
     return Plan(
         settle=partial(_settled, config),
         estimator=config.estimator.construct(),
-        feeds=[Feed(e.name, e.construct(), e.config, e.calibration) for e in config.sources.values()],
+        feeds=[_feed(entry) for entry in config.sources.values()],
         mode=settings.mode,
         use=None if use is None else frozenset(use),
         sensors=config.sensors,
@@ -75,6 +76,12 @@ def plan_of(config: RunConfig, access: Access | None = None) -> Plan:
         config_dir=config.base_dir,
         call_hook=config.plugins.call_isolated,
     )
+
+
+def _feed(entry: SourceEntry) -> Feed:
+    makers = {fault.name: fault.construct for fault in entry.faults}
+    perturber = Perturber(entry.name, makers, entry.perturbed) if makers else None
+    return Feed(entry.name, entry.construct(), entry.config, entry.calibration, perturber)
 
 
 def _settled(config: RunConfig, sensors: Mapping[str, SensorInfo], names_of: Mapping[str, Sequence[str]]) -> Settled:

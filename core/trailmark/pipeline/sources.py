@@ -15,7 +15,7 @@ from trailmark.geometry import Pose3, Trajectory, read_tum
 from trailmark.interfaces import Drivable, FrameSource, Session
 from trailmark.pipeline.checks import FrameChecks
 from trailmark.pipeline.counters import Counters
-from trailmark.pipeline.perturbing import Perturber, misjudged
+from trailmark.pipeline.perturbing import Perturber
 
 __all__ = ["Feed", "corrected"]
 
@@ -36,10 +36,17 @@ class Feed:
         The options; plugin keys in it are the source's own.
     calibration : Calibration, optional
         Of the source's only sensor.
+    perturber : Perturber, optional
+        Applies the faults that are asked for.
     """
 
     def __init__(
-        self, name: str, source: FrameSource, options: SourceConfig, calibration: Calibration | None = None
+        self,
+        name: str,
+        source: FrameSource,
+        options: SourceConfig,
+        calibration: Calibration | None = None,
+        perturber: Perturber | None = None,
     ) -> None:
         self.name = name
         self.source = source
@@ -49,7 +56,7 @@ class Feed:
         self._times: array[int] = array("q")
         self._is_closed = False
         self._truth: Trajectory | None = None
-        self._perturber: Perturber | None = None
+        self._perturber = perturber
         self.sensors: Mapping[str, SensorInfo] = {}
         self.n_frames = 0
         self.first_s = -math.inf
@@ -77,19 +84,20 @@ class Feed:
         self._truth = None if path is None else read_tum(path)  # a wrong file shows before the run, not after it
         self.source.start(session)
         self.sensors = self._named(self.source.sensors)
-        faults = self._options.perturb
-        self._perturber = (
-            None if faults is None else Perturber(self.name, faults, self.sensors, session.rng, self._counters)
-        )
+        if self._perturber is not None:
+            self._perturber.start(session, self.sensors)
 
     def close(self) -> None:
         """Close the source; `frames` then ends. Any thread, twice."""
         self._is_closed = True
         self.source.close()
+        if self._perturber is not None:
+            self._perturber.close()
 
     def counters(self) -> Mapping[str, int]:
-        """Return what the source counted itself."""
-        return self.source.counters()
+        """Return what the source and its faults counted themselves."""
+        own = self.source.counters()
+        return own if self._perturber is None else {**own, **self._perturber.counters()}
 
     def frames(self) -> Iterator[Frame]:
         """Yield the frames between ``start_s`` and ``stop_s``, none twice, with the faults that are asked for.
@@ -103,9 +111,7 @@ class Feed:
 
     def believed(self, info: SensorInfo) -> SensorInfo:
         """Return a sensor as the run shall believe it to be: as it is, unless its calibration is wrong on purpose."""
-        faults = self._options.perturb
-        is_meant = info.name in self.sensors and (faults is not None and info.name in (faults.sensors or self.sensors))
-        return misjudged(info, faults.wrong) if is_meant and faults is not None and faults.wrong is not None else info
+        return info if self._perturber is None else self._perturber.believed(info)
 
     def _good(self) -> Iterator[Frame]:
         start_s, stop_s = self._options.start_s or 0.0, self._options.stop_s or math.inf

@@ -94,6 +94,10 @@ class Registry:
         """
         self._add("source", name, target, config, about, opens=tuple(opens))
 
+    def fault(self, name: str, target: str | type, config: str | type | None = None, **about: Unpack[About]) -> None:
+        """Register a `Fault`: ``perturb`` of every source then takes its name as a key, with its config below."""
+        self._add("fault", name, target, config, about)
+
     def localizer(
         self,
         name: str,

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["KINDS", "Kind", "Spec", "import_string"]
 
 Kind = Literal[
-    "source", "localizer", "estimator", "path_store", "controller", "sink", "metric", "experiment", "executor"
+    "source", "localizer", "estimator", "path_store", "controller", "sink", "fault", "metric", "experiment", "executor"
 ]
 
 #: The kinds of part that a plugin may bring.

@@ -134,7 +134,9 @@ class Combiner:
 
     def _code(self, loaded: RunConfig) -> dict[str, str]:
         single = [loaded.estimator, loaded.path_store, loaded.controller]
-        entries = [*loaded.sources.values(), *loaded.localizers.values(), *(entry for entry in single if entry)]
+        faults = [fault for source in loaded.sources.values() for fault in source.faults]
+        several = [*loaded.sources.values(), *faults, *loaded.localizers.values()]
+        entries = [*several, *(entry for entry in single if entry)]
         metrics = loaded.plugins.registry.specs("metric")
         specs = [*(entry.spec for entry in entries), *metrics]
         return code_of(specs, source=self._context.section.code == "source")

@@ -1,0 +1,53 @@
+"""What is believed of a sensor and is not so; its readings stay as they are."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+from pydantic import Field
+
+from trailmark.config import PluginConfig
+from trailmark.frames import DepthCamera, GroundPlane, Pinhole, SensorInfo
+from trailmark.geometry import Pose3
+
+__all__ = ["WrongCalibration", "misjudged"]
+
+
+class WrongCalibration(PluginConfig):
+    """What is believed of a sensor and is not so; its readings stay as they are."""
+
+    scale: float = Field(default=1.0, gt=0)
+    """Metres per pixel of a ground camera, focal lengths of others: times this."""
+    x_m: float = 0.0
+    """The sensor is believed to sit so much further forward [m]."""
+    y_m: float = 0.0
+    """Further to the left [m]."""
+    yaw_deg: float = 0.0
+    """Turned by so much more, counter-clockwise [deg]."""
+    pitch_deg: float = 0.0
+    """Nodding by so much more [deg]."""
+
+
+def misjudged(info: SensorInfo, wrong: WrongCalibration) -> SensorInfo:
+    """Return a sensor as it is wrongly believed to be."""
+    offset = Pose3(wrong.x_m, wrong.y_m, 0.0, 0.0, math.radians(wrong.pitch_deg), math.radians(wrong.yaw_deg))
+    mounted = info.pose_base_sensor
+    turned = Pose3(0.0, 0.0, 0.0, mounted.roll, mounted.pitch, mounted.yaw) @ replace(offset, x=0.0, y=0.0)
+    pose = Pose3(mounted.x + offset.x, mounted.y + offset.y, mounted.z, turned.roll, turned.pitch, turned.yaw)
+    return replace(info, pose_base_sensor=pose, calibration=_scaled(info.calibration, wrong.scale))
+
+
+def _scaled(calibration: Any, scale: float) -> Any:
+    if scale == 1.0:
+        return calibration
+    match calibration:
+        case GroundPlane(metres_per_pixel=(along_u, along_v)):
+            return replace(calibration, metres_per_pixel=(scale * along_u, scale * along_v))
+        case Pinhole():
+            return replace(calibration, fx=scale * calibration.fx, fy=scale * calibration.fy)
+        case DepthCamera():
+            depth = None if calibration.depth is None else _scaled(calibration.depth, scale)
+            return replace(calibration, colour=_scaled(calibration.colour, scale), depth=depth)
+    return calibration
