@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 
 from trailmark.evaluation import evaluate_run_folder, read_run
 from trailmark.geometry import Trajectory
-from trailmark.report.series import MAX_POINTS, error_series, lanes, thinned, way
+from trailmark.report.series import MAX_POINTS, error_series, lanes, thin_line, way
 
 
 @given(st.integers(0, 5000), st.integers(10, 400))
 def test_thinning_keeps_ends_and_peaks_within_its_limit(n: int, limit: int) -> None:
     values = np.random.default_rng(n).normal(size=n)
 
-    kept = thinned(values, limit)
+    kept = thin_line(values, limit)
 
     assert len(kept) <= limit
     assert (np.diff(kept) > 0).all()

@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.errors import DataError
 from trailmark.evaluation.alignment import Alignment
 from trailmark.evaluation.association import Pairs
@@ -32,7 +32,7 @@ class Summary:
         return {metric_name(f"{stem}_{name}_{unit}", *protocol): scale * value for name, value in values.items()}
 
 
-def summarize(values: npt.NDArray[np.float64]) -> Summary:
+def summarize(values: Floats) -> Summary:
     """Return the summary of (N,) numbers.
 
     Raises
@@ -77,7 +77,7 @@ class AbsoluteError:
         }
 
 
-def absolute_errors(pairs: Pairs, alignment: Alignment) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+def absolute_errors(pairs: Pairs, alignment: Alignment) -> tuple[Floats, Floats]:
     """Return the distance and the signed heading error of every pair, (N,) [m] and (N,) [rad]."""
     aligned = alignment.apply(pairs.estimate)
     distances = np.linalg.norm(aligned.positions - pairs.truth.positions, axis=1)

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Bools, Floats
 from trailmark.errors import DataError
 from trailmark.geometry import Trajectory
 
@@ -101,7 +101,7 @@ def associate(
     return Pairs(*found, side, tolerance_s, len(estimate), len(truth))
 
 
-def usual_interval_s(stamps_s: npt.NDArray[np.float64]) -> float:
+def usual_interval_s(stamps_s: Floats) -> float:
     """Return the time between two stamps that nine of ten intervals do not exceed; ``inf`` for fewer than two [s].
 
     Not the median: stamps taken on arrival come in bursts, and most intervals are then far below the usual one.
@@ -111,9 +111,7 @@ def usual_interval_s(stamps_s: npt.NDArray[np.float64]) -> float:
     return float(np.percentile(np.diff(stamps_s), 90.0, method="lower"))
 
 
-def poses_at(
-    trajectory: Trajectory, stamps_s: npt.NDArray[np.float64], max_difference_s: float
-) -> npt.NDArray[np.float64]:
+def poses_at(trajectory: Trajectory, stamps_s: Floats, max_difference_s: float) -> Floats:
     """Return the interpolated poses at stamps in any order, NaN where there is none near enough.
 
     Parameters
@@ -147,9 +145,7 @@ def _side_to_interpolate(
     return "estimate" if is_denser else "truth"
 
 
-def _usable(
-    wanted_s: npt.NDArray[np.float64], stamps_s: npt.NDArray[np.float64], tolerance_s: float
-) -> npt.NDArray[np.bool_]:
+def _usable(wanted_s: Floats, stamps_s: Floats, tolerance_s: float) -> Bools:
     after = np.clip(np.searchsorted(stamps_s, wanted_s), 1, len(stamps_s) - 1)
     nearest_s = np.minimum(np.abs(wanted_s - stamps_s[after - 1]), np.abs(wanted_s - stamps_s[after]))
     inside = (wanted_s >= stamps_s[0]) & (wanted_s <= stamps_s[-1])

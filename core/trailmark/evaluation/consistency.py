@@ -13,13 +13,13 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.errors import DataError, ShapeError
 from trailmark.evaluation.naming import metric_name
 from trailmark.geometry import wrap_angles
 
 __all__ = ["Consistency", "chi2_quantile", "consistency_of", "information_rank", "nees"]
 
-Array = npt.NDArray[np.float64]
 
 # An eigenvalue below this share of the largest (units scaled away) is a direction that was not measured.
 _RANK_TOLERANCE = 1e-9
@@ -74,14 +74,14 @@ class Consistency:
         return {name: getattr(self, name) for name in fields}
 
 
-def chi2_quantile(probability: float, dof: npt.ArrayLike) -> Array:
+def chi2_quantile(probability: float, dof: npt.ArrayLike) -> Floats:
     """Return the quantile of the chi-square distribution, of the shape of `dof`."""
     from scipy.special import gammaincinv  # here: importing the metrics stays cheap
 
     return np.asarray(2.0 * gammaincinv(np.asarray(dof, dtype=np.float64) / 2.0, probability))
 
 
-def consistency_of(squares: Array, dof: Array, confidence: float = 0.95) -> Consistency:
+def consistency_of(squares: Floats, dof: Floats, confidence: float = 0.95) -> Consistency:
     """Return how well squared normalised errors fit their degrees of freedom.
 
     Parameters
@@ -109,7 +109,7 @@ def consistency_of(squares: Array, dof: Array, confidence: float = 0.95) -> Cons
     return Consistency(len(squares), int(total), float(squares.sum()) / total, lower, upper, inside, confidence)
 
 
-def nees(errors: Array, information: Array) -> tuple[Array, Array]:
+def nees(errors: Floats, information: Floats) -> tuple[Floats, Floats]:
     """Return the normalised estimation error squared of each estimate, and its degrees of freedom.
 
     ``e^T I e`` with the stated information I (inverse covariance); the degrees of freedom are the rank of I.
@@ -132,7 +132,7 @@ def nees(errors: Array, information: Array) -> tuple[Array, Array]:
     return np.einsum("ni,nij,nj->n", wrapped, information, wrapped), information_rank(information)
 
 
-def information_rank(information: Array) -> Array:
+def information_rank(information: Floats) -> Floats:
     """Return the rank of each (3, 3) information matrix, whatever the units of its rows, (N,)."""
     diagonal = np.sqrt(np.maximum(np.diagonal(information, axis1=1, axis2=2), 0.0))
     scale = 1.0 / np.where(diagonal > 0.0, diagonal, 1.0)

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Bools, Floats
 from trailmark.errors import DataError
 
 __all__ = ["OUTCOMES", "EstimateTable", "read_estimates"]
@@ -40,17 +41,17 @@ class EstimateTable:
         Normalised innovation squared and its degrees of freedom.
     """
 
-    arrived_s: npt.NDArray[np.float64]
-    since_s: npt.NDArray[np.float64]
-    stamp_s: npt.NDArray[np.float64]
+    arrived_s: Floats
+    since_s: Floats
+    stamp_s: Floats
     source: npt.NDArray[np.str_]
     kind: npt.NDArray[np.str_]
     outcome: npt.NDArray[np.str_]
     reason: npt.NDArray[np.str_]
-    numbers: npt.NDArray[np.float64]
-    information: npt.NDArray[np.float64]
-    nis: npt.NDArray[np.float64]
-    dof: npt.NDArray[np.float64]
+    numbers: Floats
+    information: Floats
+    nis: Floats
+    dof: Floats
 
     def __len__(self) -> int:
         return len(self.stamp_s)
@@ -60,7 +61,7 @@ class EstimateTable:
         names, first = np.unique(self.source, return_index=True)
         return [str(name) for name in names[np.argsort(first)]]
 
-    def where(self, rows: npt.NDArray[np.bool_]) -> EstimateTable:
+    def where(self, rows: Bools) -> EstimateTable:
         """Return some of the rows."""
         return EstimateTable(*(getattr(self, name)[rows] for name in self.__slots__))
 
@@ -123,7 +124,7 @@ def _number(text: str, name: str, where: str) -> float:
         raise DataError(f"{where}: {name} is not a number: {text[:40]!r}") from None
 
 
-def _table(numbers: npt.NDArray[np.float64], words: dict[str, list[str]]) -> EstimateTable:
+def _table(numbers: Floats, words: dict[str, list[str]]) -> EstimateTable:
     column = dict(zip(_NUMBERS, numbers.T, strict=True))
     xx, xy, xt, yy, yt, tt = (column[name] for name in _INFORMATION)
     information = np.stack([xx, xy, xt, xy, yy, yt, xt, yt, tt], axis=1).reshape(-1, 3, 3)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.errors import DataError
 
 __all__ = ["Percentiles", "percentiles"]
@@ -29,7 +29,7 @@ class Percentiles:
         return {"n": self.n, **{f"{name}_ms": 1e3 * getattr(self, f"{name}_s") for name in names}}
 
 
-def percentiles(durations_s: npt.NDArray[np.float64]) -> Percentiles:
+def percentiles(durations_s: Floats) -> Percentiles:
     """Return the percentiles of (N,) durations [s].
 
     Raises

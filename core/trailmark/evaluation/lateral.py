@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.errors import DataError
 from trailmark.evaluation.absolute import Summary, summarize
 from trailmark.geometry import Pose2, Trajectory
@@ -42,7 +42,7 @@ class LateralError:
         }
 
 
-def offsets_from_path(trajectory: Trajectory, path: Path) -> npt.NDArray[np.float64]:
+def offsets_from_path(trajectory: Trajectory, path: Path) -> Floats:
     """Return (station, lateral, heading) of each pose, (N, 3) [m, m, rad].
 
     Each pose is looked for near the one before it, so that a path that crosses itself is followed in order.

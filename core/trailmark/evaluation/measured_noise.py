@@ -12,8 +12,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Bools, Floats
 from trailmark.errors import DataError
 from trailmark.evaluation.estimates_table import EstimateTable
 from trailmark.geometry import Pose2, Trajectory, wrap_angle, wrap_angles
@@ -21,7 +21,6 @@ from trailmark.paths import Path
 
 __all__ = ["MeasuredNoise", "config_lines", "measured_noise"]
 
-Array = npt.NDArray[np.float64]
 
 # Motion is compared over windows of this length [s].
 _WINDOW_S = 1.0
@@ -111,14 +110,14 @@ def _keys(noise: MeasuredNoise) -> Iterator[str]:
         yield f"floor_deg: {max(math.degrees(noise.rms[2]), 1e-4):.3g}"
 
 
-def _usable(rows: EstimateTable, truth: Trajectory, kind: str) -> npt.NDArray[np.bool_]:
+def _usable(rows: EstimateTable, truth: Trajectory, kind: str) -> Bools:
     begin_s = rows.since_s if kind == "motion" else rows.stamp_s
     is_inside = (begin_s >= truth.stamps_s[0]) & (rows.stamp_s <= truth.stamps_s[-1])
     is_finite = np.isfinite(rows.numbers).all(axis=1) & np.isfinite(rows.information).all(axis=(1, 2))
     return np.asarray((rows.kind == kind) & (rows.outcome != "refused") & is_inside & is_finite)
 
 
-def _singles(rows: EstimateTable, truth: Trajectory, path: Path | None) -> Iterator[tuple[Array, Array]]:
+def _singles(rows: EstimateTable, truth: Trajectory, path: Path | None) -> Iterator[tuple[Floats, Floats]]:
     """Yield error and information of each fix; of a path offset, in path coordinates."""
     if not len(rows):
         return
@@ -136,7 +135,7 @@ def _singles(rows: EstimateTable, truth: Trajectory, path: Path | None) -> Itera
         yield error, information
 
 
-def _windows(rows: EstimateTable, truth: Trajectory) -> Iterator[tuple[Array, Array]]:
+def _windows(rows: EstimateTable, truth: Trajectory) -> Iterator[tuple[Floats, Floats]]:
     """Yield error and information of the motion over each second."""
     begin = 0
     for end in range(len(rows)):
@@ -144,14 +143,14 @@ def _windows(rows: EstimateTable, truth: Trajectory) -> Iterator[tuple[Array, Ar
             begin = end  # a gap
         if rows.stamp_s[end] - rows.since_s[begin] < _WINDOW_S - _SAME_INSTANT_S:
             continue
-        chained, information = _chained(rows.numbers[begin : end + 1], rows.information[begin : end + 1])
+        chained, information = _chain_motions(rows.numbers[begin : end + 1], rows.information[begin : end + 1])
         (_, since), (_, now) = truth.at([rows.since_s[begin], rows.stamp_s[end]])
         error = chained.array() - since.between(now).array()
         yield np.array([error[0], error[1], wrap_angle(float(error[2]))]), information
         begin = end + 1
 
 
-def _chained(steps: Array, information: Array) -> tuple[Pose2, Array]:
+def _chain_motions(steps: Floats, information: Floats) -> tuple[Pose2, Floats]:
     """Return several motions as one, and its information; of what all measured."""
     measured = np.flatnonzero(np.diagonal(information, axis1=1, axis2=2).min(axis=0) > 0.0)
     way, spread = Pose2(), np.zeros((3, 3))
@@ -169,7 +168,7 @@ def _chained(steps: Array, information: Array) -> tuple[Pose2, Array]:
     return way, total
 
 
-def _noise_of(kind: str, pairs: list[tuple[Array, Array]]) -> MeasuredNoise:
+def _noise_of(kind: str, pairs: list[tuple[Floats, Floats]]) -> MeasuredNoise:
     errors, information = (np.array(values) for values in zip(*pairs))
     errors[:, 2] = wrap_angles(errors[:, 2])
     is_measured = np.diagonal(information, axis1=1, axis2=2) > 0.0
@@ -183,6 +182,6 @@ def _noise_of(kind: str, pairs: list[tuple[Array, Array]]) -> MeasuredNoise:
     return MeasuredNoise(kind, len(pairs), (float(rms[0]), float(rms[1]), float(rms[2])), scale)
 
 
-def _unitless(information: Array) -> Array:
+def _unitless(information: Floats) -> Floats:
     roots = np.sqrt(np.maximum(np.diagonal(information), 1e-300))
     return np.asarray(information / np.outer(roots, roots))

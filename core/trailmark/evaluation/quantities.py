@@ -36,7 +36,7 @@ def _columns() -> list[MetricSpec]:
     ]
 
 
-def _declared() -> tuple[MetricSpec, ...]:
+def _all_quantities() -> tuple[MetricSpec, ...]:
     columns = _columns()
     known = {spec.name for spec in columns}
     others = [
@@ -57,7 +57,7 @@ def _declared() -> tuple[MetricSpec, ...]:
 
 
 #: In the order of tables; those with a title have a column.
-QUANTITIES: tuple[MetricSpec, ...] = _declared()
+QUANTITIES: tuple[MetricSpec, ...] = _all_quantities()
 _BY_NAME = {spec.name: spec for spec in QUANTITIES}
 
 

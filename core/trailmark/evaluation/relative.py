@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats, Indices
 from trailmark.errors import ConfigError
 from trailmark.evaluation.absolute import Summary, summarize
 from trailmark.evaluation.association import Pairs
@@ -18,7 +18,6 @@ from trailmark.geometry import wrap_angles
 
 __all__ = ["Drift", "RelativeError", "between", "default_distance_m", "drift", "relative_error"]
 
-Array = npt.NDArray[np.float64]
 
 # A pair of poses stands for a delta when it is this near to it: pairs across a gap do not.
 _DELTA_TOLERANCE = 0.1
@@ -90,7 +89,7 @@ class Drift:
         }
 
 
-def between(poses_a: Array, poses_b: Array) -> Array:
+def between(poses_a: Floats, poses_b: Floats) -> Floats:
     """Return the poses b as seen from the poses a, row by row, (N, 3); headings wrapped."""
     cos, sin = np.cos(poses_a[:, 2]), np.sin(poses_a[:, 2])
     dx, dy = (poses_b[:, :2] - poses_a[:, :2]).T
@@ -149,9 +148,7 @@ def drift(pairs: Pairs, lengths_m: Sequence[float] | None = None) -> Drift | Non
     return Drift(found[0][0], found[-1][0], len(first), percent, deg_per_m)
 
 
-def _pieces(
-    pairs: Pairs, delta: float, unit: Literal["m", "s"]
-) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], Array]:
+def _pieces(pairs: Pairs, delta: float, unit: Literal["m", "s"]) -> tuple[Indices, Indices, Floats]:
     if not delta > 0.0:
         raise ConfigError(f"a relative error needs a positive distance or time, not {delta} {unit}")
     along = pairs.truth.travelled_m() if unit == "m" else pairs.truth.stamps_s
@@ -165,6 +162,6 @@ def _pieces(
     return first[good], nearest[good], apart[good]
 
 
-def _errors(pairs: Pairs, first: npt.NDArray[np.intp], last: npt.NDArray[np.intp]) -> Array:
+def _errors(pairs: Pairs, first: Indices, last: Indices) -> Floats:
     truth, estimate = pairs.truth.poses, pairs.estimate.poses
     return between(between(truth[first], truth[last]), between(estimate[first], estimate[last]))

@@ -181,7 +181,7 @@ def _add_of_estimates(
     problems = []
     judging = [metric for metric in metrics if metric.judges == "estimates"]
     for name, document in sources.items():
-        judged = _judged(evaluated, name, path)
+        judged = _judged_estimates(evaluated, name, path)
         for metric in judging:
             numbers, complaints = metric.numbers(judged)
             document["metrics"].update(numbers)
@@ -189,7 +189,7 @@ def _add_of_estimates(
     return problems
 
 
-def _judged(evaluated: RunEvaluation, name: str, path: paths.Path | None) -> JudgedEstimates:
+def _judged_estimates(evaluated: RunEvaluation, name: str, path: paths.Path | None) -> JudgedEstimates:
     assert evaluated.run.estimates is not None
     truth = evaluated.run.truth if evaluated.has_truth else None
     return JudgedEstimates(evaluated.run.estimates.of(name), truth, _pose(_poses(evaluated.evaluations), name), path)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.errors import DataError
 from trailmark.evaluation.association import poses_at, usual_interval_s
 from trailmark.evaluation.consistency import Consistency, consistency_of, nees
@@ -18,7 +18,6 @@ from trailmark.geometry import Pose2, Trajectory
 
 __all__ = ["SourceStatistics", "source_statistics"]
 
-Array = npt.NDArray[np.float64]
 
 _TRUTH_INTERVALS = 1.5
 
@@ -88,14 +87,14 @@ def source_statistics(
     )
 
 
-def _consistency_or_none(squares: Array, dof: Array) -> Consistency | None:
+def _consistency_or_none(squares: Floats, dof: Floats) -> Consistency | None:
     try:
         return consistency_of(squares, dof)
     except DataError:
         return None
 
 
-def _nees(estimates: EstimateTable, truth: Trajectory, pose_truth_map: Pose2 | None) -> tuple[Array, Array]:
+def _nees(estimates: EstimateTable, truth: Trajectory, pose_truth_map: Pose2 | None) -> tuple[Floats, Floats]:
     stated = estimates.where(estimates.outcome != "refused")
     tolerance_s = _TRUTH_INTERVALS * usual_interval_s(truth.stamps_s)
     motions, fixes = stated.where(stated.kind == "motion"), stated.where(stated.kind == "fix")

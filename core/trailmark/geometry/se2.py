@@ -10,6 +10,7 @@ from typing import overload
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.errors import ShapeError
 from trailmark.geometry.angles import wrap_angle
 
@@ -52,8 +53,8 @@ class Pose2:
     @overload
     def __matmul__(self, other: Pose2) -> Pose2: ...
     @overload
-    def __matmul__(self, other: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]: ...
-    def __matmul__(self, other: Pose2 | npt.NDArray[np.float64]) -> Pose2 | npt.NDArray[np.float64]:
+    def __matmul__(self, other: Floats) -> Floats: ...
+    def __matmul__(self, other: Pose2 | Floats) -> Pose2 | Floats:
         """Compose with a pose, or transform points of shape (2,) or (N, 2) [m]."""
         cos, sin = math.cos(self.theta), math.sin(self.theta)
         if isinstance(other, Pose2):
@@ -91,17 +92,17 @@ class Pose2:
             self.theta + fraction * wrap_angle(other.theta - self.theta),
         )
 
-    def adjoint(self) -> npt.NDArray[np.float64]:
+    def adjoint(self) -> Floats:
         """Return the (3, 3) adjoint: ``twist_a = pose_a_b.adjoint() @ twist_b``, twists as (x, y, theta)."""
         cos, sin = math.cos(self.theta), math.sin(self.theta)
         return np.array([[cos, -sin, self.y], [sin, cos, -self.x], [0.0, 0.0, 1.0]])
 
-    def matrix(self) -> npt.NDArray[np.float64]:
+    def matrix(self) -> Floats:
         """Return the homogeneous (3, 3) matrix."""
         cos, sin = math.cos(self.theta), math.sin(self.theta)
         return np.array([[cos, -sin, self.x], [sin, cos, self.y], [0.0, 0.0, 1.0]])
 
-    def array(self) -> npt.NDArray[np.float64]:
+    def array(self) -> Floats:
         """Return (x, y, theta) as a (3,) array [m, m, rad]."""
         return np.array([self.x, self.y, self.theta])
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.errors import ShapeError
 from trailmark.geometry.se2 import Pose2
 
@@ -40,7 +41,7 @@ class Pose3:
         if not all(math.isfinite(value) for value in values):
             raise ValueError(f"pose is not finite: {values}")
 
-    def rotation(self) -> npt.NDArray[np.float64]:
+    def rotation(self) -> Floats:
         """Return the (3, 3) rotation matrix ``R_a_b = Rz(yaw) Ry(pitch) Rx(roll)``."""
         cr, sr = math.cos(self.roll), math.sin(self.roll)
         cp, sp = math.cos(self.pitch), math.sin(self.pitch)
@@ -53,7 +54,7 @@ class Pose3:
             ]
         )
 
-    def matrix(self) -> npt.NDArray[np.float64]:
+    def matrix(self) -> Floats:
         """Return the homogeneous (4, 4) matrix."""
         matrix = np.eye(4)
         matrix[:3, :3] = self.rotation()
@@ -84,7 +85,7 @@ class Pose3:
         matrix[:3, 3] = -rotation.T @ np.array([self.x, self.y, self.z])
         return Pose3.from_matrix(matrix)
 
-    def transform(self, points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def transform(self, points: Floats) -> Floats:
         """Return ``points_a`` of ``points_b``, both (N, 3) or (3,) [m]."""
         return np.asarray(points @ self.rotation().T + np.array([self.x, self.y, self.z]))
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.errors import ShapeError
 from trailmark.geometry.angles import wrap_angles
 from trailmark.geometry.se2 import Pose2
@@ -34,8 +35,8 @@ class Trajectory:
         If a number is not finite or the stamps do not increase; the message names the index.
     """
 
-    stamps_s: npt.NDArray[np.float64]
-    poses: npt.NDArray[np.float64]
+    stamps_s: Floats
+    poses: Floats
 
     def __post_init__(self) -> None:
         stamps = np.array(self.stamps_s, dtype=np.float64)
@@ -68,12 +69,12 @@ class Trajectory:
         return (self[index] for index in range(len(self)))
 
     @property
-    def positions(self) -> npt.NDArray[np.float64]:
+    def positions(self) -> Floats:
         """Positions, (N, 2) [m]."""
         return self.poses[:, :2]
 
     @property
-    def headings(self) -> npt.NDArray[np.float64]:
+    def headings(self) -> Floats:
         """Headings, (N,) in [-pi, pi) [rad]."""
         return self.poses[:, 2]
 
@@ -81,7 +82,7 @@ class Trajectory:
         """Return the length of the way [m]."""
         return float(np.linalg.norm(np.diff(self.positions, axis=0), axis=1).sum())
 
-    def travelled_m(self) -> npt.NDArray[np.float64]:
+    def travelled_m(self) -> Floats:
         """Return the way from the start to each pose, (N,) [m]."""
         steps = np.linalg.norm(np.diff(self.positions, axis=0), axis=1)
         return np.concatenate([np.zeros(min(1, len(self))), np.cumsum(steps)])
@@ -121,7 +122,7 @@ class Trajectory:
         return Trajectory(self.stamps_s, np.column_stack([positions, headings]))
 
 
-def _check_finite_and_increasing(stamps: npt.NDArray[np.float64], poses: npt.NDArray[np.float64]) -> None:
+def _check_finite_and_increasing(stamps: Floats, poses: Floats) -> None:
     bad = np.flatnonzero(~(np.isfinite(stamps) & np.isfinite(poses).all(axis=1)))
     if len(bad):
         raise ValueError(f"trajectory pose {bad[0]} is not finite: t={stamps[bad[0]]}, {poses[bad[0]]}")

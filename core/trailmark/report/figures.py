@@ -7,8 +7,8 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.evaluation import OUTCOMES
 from trailmark.geometry import Trajectory
 from trailmark.report.numbers import length_unit
@@ -126,7 +126,7 @@ def _plane_height(trajectories: Mapping[str, Trajectory]) -> float:
     return 1.1 + (WIDTH_INCH - 1.0) * min(1.0, max(0.3, 1.1 * shape))
 
 
-def _rms(values: npt.NDArray[np.float64]) -> float:
+def _rms(values: Floats) -> float:
     return float(np.sqrt(np.nanmean(values * values)))
 
 

@@ -7,11 +7,10 @@ from base64 import b64encode
 from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import AnyArray, Grey8
 from trailmark.errors import DataError
 from trailmark.frames import RGBD, Frame, Image
 from trailmark.report.html import text_html
@@ -29,8 +28,6 @@ _NAME = re.compile(r"([a-z][a-z0-9_]*)_([0-9]+\.[0-9]{2})s\.jpg")
 _MAX_FILES = 60
 _MAX_BYTES = 200_000
 
-Picture = npt.NDArray[np.uint8]
-
 
 @dataclass(slots=True)
 class _Camera:
@@ -38,7 +35,7 @@ class _Camera:
 
     stride: int = 1
     n_seen: int = 0
-    kept: list[tuple[float, Picture]] = field(default_factory=list)
+    kept: list[tuple[float, Grey8]] = field(default_factory=list)
 
 
 class Glimpses:
@@ -107,14 +104,14 @@ def _figure(sensor: str, time_s: float, data: str) -> str:
     return f'<figure><img src="data:image/jpeg;base64,{data}" alt="{words}"><figcaption>{words}</figcaption></figure>'
 
 
-def _jpeg(picture: Picture) -> bytes:
+def _jpeg(picture: Grey8) -> bytes:
     import cv2
 
     _, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
     return data.tobytes()
 
 
-def _small(pixels: npt.NDArray[Any]) -> Picture:
+def _small(pixels: AnyArray) -> Grey8:
     """Return a copy with 8 bits, no wider than `_WIDTH_PX`."""
     import cv2
 

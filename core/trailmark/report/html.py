@@ -10,7 +10,7 @@ from importlib.resources import files
 from typing import Any
 
 from trailmark.evaluation import FUSED
-from trailmark.report.style import css_variables, embedded
+from trailmark.report.style import css_variables, embed_svg
 from trailmark.report.tables import Column, Table
 
 __all__ = ["counters_html", "facts_html", "figure_html", "notes_html", "page_html", "table_html", "text_html"]
@@ -83,7 +83,7 @@ def table_html(table: Table) -> str:
 def figure_html(svg: str, title: str, caption: str) -> str:
     """Return a drawing with its title above it."""
     heading = f"<figcaption>{escape(title)}<span>{escape(caption)}</span></figcaption>"
-    return f"<figure>{heading}\n{embedded(svg, escape(f'{title}: {caption}'))}</figure>"
+    return f"<figure>{heading}\n{embed_svg(svg, escape(f'{title}: {caption}'))}</figure>"
 
 
 def counters_html(counters: Mapping[str, Any]) -> str:

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.evaluation import FUSED, GROUND_TRUTH, RunEvaluation, offsets_from_path
 from trailmark.geometry import Trajectory
 from trailmark.paths import Path
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["Offsets", "offset_series", "offsets_figure"]
 
 #: Time since the start [s] and lateral offset [m], (N, 2), of each trajectory.
-Offsets = Mapping[str, npt.NDArray[np.float64]]
+Offsets = Mapping[str, Floats]
 
 # To find a pose on the path takes a while.
 _MAX_POINTS = 800
@@ -63,7 +63,7 @@ def offsets_figure(series: Offsets, styles: Mapping[str, LineStyle]) -> Figure:
     return figure
 
 
-def _offsets(way: Trajectory, path: Path, start_s: float) -> npt.NDArray[np.float64]:
+def _offsets(way: Trajectory, path: Path, start_s: float) -> Floats:
     step = max(1, -(-len(way) // _MAX_POINTS))
     kept = Trajectory(way.stamps_s[::step], way.poses[::step])
     return np.column_stack([kept.stamps_s - start_s, offsets_from_path(kept, path)[:, 1]])

@@ -7,15 +7,14 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats, Indices
 from trailmark.evaluation import OUTCOMES, EstimateTable, Evaluation, RunEvaluation, absolute_errors
 from trailmark.evaluation.association import usual_interval_s
 from trailmark.geometry import Trajectory
 
-__all__ = ["MAX_POINTS", "ErrorSeries", "Lane", "error_series", "lanes", "thinned", "way"]
+__all__ = ["MAX_POINTS", "ErrorSeries", "Lane", "error_series", "lanes", "thin_line", "way"]
 
-Array = npt.NDArray[np.float64]
 
 #: No line has more points.
 MAX_POINTS = 2000
@@ -36,9 +35,9 @@ class ErrorSeries:
         Distance, and signed heading error.
     """
 
-    time_s: Array
-    position_m: Array
-    heading_deg: Array
+    time_s: Floats
+    position_m: Floats
+    heading_deg: Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,12 +57,12 @@ class Lane:
     """
 
     name: str
-    edges_s: Array
-    shares: Mapping[str, Array]
+    edges_s: Floats
+    shares: Mapping[str, Floats]
     counts: Mapping[str, int]
 
 
-def thinned(values: Array, limit: int = MAX_POINTS) -> npt.NDArray[np.intp]:
+def thin_line(values: Floats, limit: int = MAX_POINTS) -> Indices:
     """Return the indices of at most `limit` points that keep the first, the last, and every peak.
 
     Of each of ``limit / 2`` equal pieces the smallest and the largest value stay.
@@ -83,7 +82,7 @@ def thinned(values: Array, limit: int = MAX_POINTS) -> npt.NDArray[np.intp]:
     return np.unique(np.concatenate(kept))
 
 
-def way(trajectory: Trajectory) -> Array:
+def way(trajectory: Trajectory) -> Floats:
     """Return the positions to draw, (N, 2), with a row of NaN where the trajectory has a gap."""
     step = max(1, -(-len(trajectory) // (MAX_POINTS // 2)))
     last = np.arange(len(trajectory))[-1:]
@@ -111,14 +110,14 @@ def lanes(estimates: EstimateTable, names: Iterable[str]) -> list[Lane]:
 def _series(evaluation: Evaluation, start_s: float) -> ErrorSeries:
     distances, turns = absolute_errors(evaluation.pairs, evaluation.absolute.alignment)
     stamps = evaluation.pairs.estimate.stamps_s
-    kept = np.union1d(thinned(distances, MAX_POINTS // 2), thinned(turns, MAX_POINTS // 2))
-    kept = kept[thinned(distances[kept])]  # both peaks where there is room, those of the distance first
+    kept = np.union1d(thin_line(distances, MAX_POINTS // 2), thin_line(turns, MAX_POINTS // 2))
+    kept = kept[thin_line(distances[kept])]  # both peaks where there is room, those of the distance first
     cuts = np.searchsorted(kept, _breaks(stamps))
     columns = (stamps[kept] - start_s, distances[kept], np.degrees(turns[kept]))
     return ErrorSeries(*(np.insert(column, cuts, np.nan) for column in columns))
 
 
-def _breaks(stamps_s: Array) -> npt.NDArray[np.intp]:
+def _breaks(stamps_s: Floats) -> Indices:
     """Return the indices before which there is a gap."""
     return np.flatnonzero(np.diff(stamps_s) > _GAP_INTERVALS * usual_interval_s(stamps_s)) + 1
 
@@ -134,7 +133,7 @@ def _lane(name: str, estimates: EstimateTable, span_s: tuple[float, float]) -> L
     return Lane(name, edges_s - span_s[0], shares, estimates.counts())
 
 
-def _bins(stamps_s: Array, first_s: float, last_s: float) -> Array:
+def _bins(stamps_s: Floats, first_s: float, last_s: float) -> Floats:
     different_s = np.unique(stamps_s)
     usual_s = usual_interval_s(different_s) if len(different_s) > 1 else 0.0
     width_s = max((last_s - first_s) / _MAX_BINS, 2.0 * usual_s, 1e-3)

@@ -32,7 +32,7 @@ __all__ = [
     "WIDTH_INCH",
     "LineStyle",
     "css_variables",
-    "embedded",
+    "embed_svg",
     "line_styles",
     "plotting",
     "svg_of",
@@ -158,7 +158,7 @@ def _to_hundredths(attribute: re.Match[str]) -> str:
     return re.sub(r"(\d\.\d\d)\d+", r"\1", attribute[0])
 
 
-def embedded(svg: str, label: str) -> str:
+def embed_svg(svg: str, label: str) -> str:
     """Return a drawing for use inside the page: colours are variables, the size is that of its place.
 
     Parameters

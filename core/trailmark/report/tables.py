@@ -108,7 +108,7 @@ def trajectories_table(trajectories: Trajectories, label_titles: Sequence[str] =
         *metric_columns(documents, trajectories.shown_quantities(), _marks(documents)),
     ]
     shown = [(column, cells) for column, cells in columns if any(cell.strip() != MISSING for cell in cells)]
-    table = _assembled(label_titles, trajectories.labels, shown)
+    table = _assemble_table(label_titles, trajectories.labels, shown)
     return replace(table, notes=tuple(_notes(trajectories)))
 
 
@@ -122,7 +122,7 @@ def sources_table(sources: Sources, label_titles: Sequence[str] = ("localizer",)
     for word in ("p50", "p95", "max"):
         latencies = [(item["latency"] or {}).get(f"{word}_ms") for _, item in sources]
         columns.append(number_column(f"age {word}", "ms", latencies))
-    return _assembled(label_titles, [label for label, _ in sources], columns)
+    return _assemble_table(label_titles, [label for label, _ in sources], columns)
 
 
 def consistency_table(sources: Sources, label_titles: Sequence[str] = ("localizer",)) -> Table | None:
@@ -136,11 +136,11 @@ def consistency_table(sources: Sources, label_titles: Sequence[str] = ("localize
         if any(item[word] for _, item in known)
         for column in _consistency_columns(word, [item[word] for _, item in known])
     ]
-    table = _assembled(label_titles, [label for label, _ in known], columns)
+    table = _assemble_table(label_titles, [label for label, _ in known], columns)
     return replace(table, notes=tuple(_consistency_notes(known)))
 
 
-def _assembled(
+def _assemble_table(
     label_titles: Sequence[str], labels: Sequence[Sequence[str]], columns: Sequence[tuple[Column, list[str]]]
 ) -> Table:
     titles = [Column(title, is_number=False) for title in label_titles]

@@ -137,44 +137,44 @@ class RecordedSource(FrameSource):
         if closed.is_set():
             return
         with closing(self.readings()) as readings:
-            ordered = in_stamp_order(self._increasing(readings, closed), tuple(self._sensors), self.reorder_s)
+            ordered = in_stamp_order(self._check_increasing(readings, closed), tuple(self._sensors), self.reorder_s)
             last_s = -math.inf
             for reading in ordered:
                 if closed.is_set():
                     return
                 if reading.stamp_s < last_s:
-                    self._bad(_late(reading, last_s))
+                    self._refuse_or_count(_late(reading, last_s))
                     continue
                 last_s = reading.stamp_s
-                payload = self._loaded(reading)
+                payload = self._load_payload(reading)
                 if payload is not None:
                     yield Frame(reading.sensor, reading.stamp_s, payload)
 
-    def _increasing(self, readings: Readings, closed: threading.Event) -> Iterator[Reading]:
+    def _check_increasing(self, readings: Readings, closed: threading.Event) -> Iterator[Reading]:
         newest_s: dict[str, float] = {}
         for reading in readings:
             if closed.is_set():
                 return
             if isinstance(reading, SourceError):
-                self._bad(reading)
+                self._refuse_or_count(reading)
                 continue
             last_s = newest_s.get(reading.sensor, -math.inf)
             if not math.isfinite(reading.stamp_s):
-                self._bad(SourceError(f"{reading.where}: the stamp is not finite"))
+                self._refuse_or_count(SourceError(f"{reading.where}: the stamp is not finite"))
             elif reading.stamp_s > last_s:
                 newest_s[reading.sensor] = reading.stamp_s
                 yield reading
             elif reading.stamp_s == last_s:
                 self.counted["repeated"] += 1
             else:
-                self._bad(
+                self._refuse_or_count(
                     SourceError(
                         f"{reading.where}: the stamp goes back: {reading.stamp_s:.6f} s after {last_s:.6f} s"
                         f" of sensor {reading.sensor!r}"
                     )
                 )
 
-    def _loaded(self, reading: Reading) -> Payload | None:
+    def _load_payload(self, reading: Reading) -> Payload | None:
         try:
             payload = reading.load()
             form = form_of(payload)
@@ -182,11 +182,11 @@ class RecordedSource(FrameSource):
             if form != expected:
                 raise SourceError(f"{reading.where}: a picture of {form} after pictures of {expected}")
         except SourceError as error:
-            self._bad(error)
+            self._refuse_or_count(error)
             return None
         return payload
 
-    def _bad(self, error: SourceError) -> None:
+    def _refuse_or_count(self, error: SourceError) -> None:
         """Count a bad frame, or raise it."""
         if self.config.on_bad_frame == "error":
             raise SourceError(f"{error}. {_REMEDY}") from error

@@ -19,19 +19,18 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, overload
+from typing import overload
 
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import AnyArray, Float32s, Floats, Indices
 from trailmark.errors import ShapeError
 from trailmark.frames import Frame, GroundPlane, Image, Pinhole, SensorInfo
 from trailmark.geometry import Pose2, Pose3, Trajectory
 from trailmark.testing.motions import MotionLaw, circle, straight, true_poses
 
 __all__ = ["Ground", "GroundCamera", "GroundFrames", "GroundRun", "MotionLaw", "circle", "ground_run", "straight"]
-
-Grey = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,12 +40,12 @@ class Ground:
     Attributes
     ----------
     texture : (H, W) uint8 or float32
-        Grey levels of the floor.
+        Float32s levels of the floor.
     metres_per_texel : float
         Size of a texel on the floor [m].
     """
 
-    texture: npt.NDArray[Any]
+    texture: AnyArray
     metres_per_texel: float = 3.9e-4
 
     def __post_init__(self) -> None:
@@ -84,14 +83,14 @@ class Ground:
         texture = 128.0 + contrast / total.std() * (total - total.mean())
         return cls(np.asarray(np.clip(texture, 0.0, 255.0), np.float32), metres_per_texel)
 
-    def window(self, row: int, column: int, height: int, width: int) -> Grey:
+    def window(self, row: int, column: int, height: int, width: int) -> Float32s:
         """Return a rectangle of the endless texture as float32; rows and columns may be any integers."""
-        rows = _mirrored(row, height, self.texture.shape[0])
-        columns = _mirrored(column, width, self.texture.shape[1])
+        rows = _mirror_indices(row, height, self.texture.shape[0])
+        columns = _mirror_indices(column, width, self.texture.shape[1])
         return np.asarray(self.texture[np.ix_(rows, columns)], np.float32)
 
 
-def _mirrored(start: int, count: int, size: int) -> npt.NDArray[np.intp]:
+def _mirror_indices(start: int, count: int, size: int) -> Indices:
     phase = np.arange(start, start + count) % (2 * size)
     return np.where(phase < size, phase, 2 * size - 1 - phase)
 
@@ -113,7 +112,7 @@ class GroundCamera:
     vignette : float
         Loss of light at the corners, 0 to 1.
     gain, offset : float
-        Grey level = gain * floor + offset, before noise.
+        Float32s level = gain * floor + offset, before noise.
     supersample : int
         Samples per pixel and axis: a pixel is the mean over its area.
     lens : Pinhole or None
@@ -137,14 +136,14 @@ class GroundCamera:
         return SensorInfo(name, "image", self.size, rate_hz, self.mounting, calibration)
 
     @cached_property
-    def flat_field(self) -> Grey:
+    def flat_field(self) -> Float32s:
         """Share of the light that reaches each pixel, (H, W), 1 at the centre."""
         width, height = self.size
         u, v = np.arange(width) - (width - 1) / 2, np.arange(height) - (height - 1) / 2
         squared = (u[None, :] ** 2 + v[:, None] ** 2) / (u[0] ** 2 + v[0] ** 2)
         return np.asarray(1.0 - self.vignette * squared, np.float32)
 
-    def view(self, ground: Ground, pose_map_base: Pose2) -> Grey:
+    def view(self, ground: Ground, pose_map_base: Pose2) -> Float32s:
         """Return the noiseless picture from a pose, not rounded to grey levels, (H, W) float32."""
         matrix = self._texel_from_pixel(ground, pose_map_base)
         shape = (self.size[1], self.size[0])
@@ -157,7 +156,7 @@ class GroundCamera:
         high = np.ceil(corners.max(axis=1)).astype(int) + 2
         window = ground.window(low[1], low[0], high[1] - low[1], high[0] - low[0])
         matrix[:, 2] -= low  # small numbers from here on: exact far from the origin too
-        irradiance = self._sampled(window, matrix)
+        irradiance = self._sample_window(window, matrix)
         return np.asarray(irradiance * (self.gain * self.flat_field) + np.float32(self.offset), np.float32)
 
     def image(self, ground: Ground, pose_map_base: Pose2, seed: int = 0, index: int = 0) -> npt.NDArray[np.uint8]:
@@ -168,7 +167,7 @@ class GroundCamera:
             view = view + np.float32(self.noise_sigma) * rng.standard_normal(view.shape, dtype=np.float32)
         return np.clip(np.rint(view), 0.0, 255.0).astype(np.uint8)
 
-    def _texel_from_pixel(self, ground: Ground, pose_map_base: Pose2) -> npt.NDArray[np.float64]:
+    def _texel_from_pixel(self, ground: Ground, pose_map_base: Pose2) -> Floats:
         """Return the (2, 3) affine map from (u, v, 1) to (column, row) of the endless texture."""
         pose = pose_map_base @ self.mounting.planar()
         cos, sin = math.cos(pose.theta), math.sin(pose.theta)
@@ -178,7 +177,7 @@ class GroundCamera:
         middle = np.array([(self.size[0] - 1) / 2, (self.size[1] - 1) / 2])
         return np.column_stack([linear, centre - linear @ middle])
 
-    def _sampled(self, window: Grey, matrix: npt.NDArray[np.float64]) -> Grey:
+    def _sample_window(self, window: Float32s, matrix: Floats) -> Float32s:
         import cv2
 
         n, (width, height) = self.supersample, self.size
@@ -193,14 +192,14 @@ class GroundCamera:
             samples = cv2.warpAffine(window, fine, (n * width, n * height), flags=flags)
         return np.asarray(samples if n == 1 else cv2.resize(samples, (width, height), interpolation=cv2.INTER_AREA))
 
-    def _rays(self, matrix: npt.NDArray[np.float64]) -> tuple[Grey, Grey]:
+    def _rays(self, matrix: Floats) -> tuple[Float32s, Float32s]:
         ideal = self._ideal_pixels
         x = matrix[0, 0] * ideal[..., 0] + matrix[0, 1] * ideal[..., 1] + matrix[0, 2]
         y = matrix[1, 0] * ideal[..., 0] + matrix[1, 1] * ideal[..., 1] + matrix[1, 2]
         return np.asarray(x, np.float32), np.asarray(y, np.float32)
 
     @cached_property
-    def _ideal_pixels(self) -> npt.NDArray[np.float64]:
+    def _ideal_pixels(self) -> Floats:
         """Where an ideal lens would show what each sample of this one sees, (n H, n W, 2) [px]."""
         import cv2
 

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import AnyArray
 from trailmark.interfaces import LocalizerMap
 from trailmark.paths import Keyframe
 
@@ -19,7 +18,7 @@ class MemoryMap(LocalizerMap):
 
     def __init__(self) -> None:
         self._keyframes: list[Keyframe] = []
-        self._saved: dict[str, dict[str, npt.NDArray[Any]]] = {}
+        self._saved: dict[str, dict[str, AnyArray]] = {}
 
     def add(self, keyframe: Keyframe) -> None:
         """Remember a keyframe."""
@@ -29,11 +28,11 @@ class MemoryMap(LocalizerMap):
         """Return all keyframes in the order in which they were added."""
         return tuple(self._keyframes)
 
-    def save(self, name: str, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
+    def save(self, name: str, arrays: Mapping[str, AnyArray]) -> None:
         """Store copies of named arrays under a name."""
         self._saved[name] = {key: np.array(array) for key, array in arrays.items()}
 
-    def load(self, name: str) -> Mapping[str, npt.NDArray[Any]] | None:
+    def load(self, name: str) -> Mapping[str, AnyArray] | None:
         """Return the arrays saved under a name, or None."""
         return self._saved.get(name)
 

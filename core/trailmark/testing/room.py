@@ -17,6 +17,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Bools, Floats
 from trailmark.frames import RGBD, DepthCamera, Frame, Image, Omni, Payload, Pinhole, Scan, SensorInfo
 from trailmark.frames.calibration import Calibration
 from trailmark.geometry import Pose2, Pose3
@@ -27,7 +28,6 @@ __all__ = ["Room", "RoomSensor", "room_run"]
 
 RoomSensor = Literal["image", "rgbd", "omni", "scan"]
 
-Array = npt.NDArray[np.float64]
 
 _TEXEL_M = 0.12
 _N_TEXELS = 128
@@ -55,7 +55,7 @@ class Room:
     size_m: tuple[float, float, float] = (8.0, 5.0, 2.6)
     seed: int = 0
 
-    def cast(self, origin: Array, directions: Array) -> tuple[Array, npt.NDArray[np.uint8]]:
+    def cast(self, origin: Floats, directions: Floats) -> tuple[Floats, npt.NDArray[np.uint8]]:
         """Return where rays end.
 
         Parameters
@@ -138,11 +138,11 @@ class _View:
     kind: str
     size: tuple[int, int] | None
     calibration: Calibration | None
-    rays: Array = field(repr=False)
+    rays: Floats = field(repr=False)
 
     def payload(self, room: Room, pose: Pose2, noise_sigma: float, rng: np.random.Generator) -> Payload:
         origin, rays = _in_the_map(pose, self.rays)
-        seen: npt.NDArray[np.bool_] = np.asarray(np.isfinite(rays).all(axis=1))
+        seen: Bools = np.asarray(np.isfinite(rays).all(axis=1))
         length = np.full(len(rays), np.nan)
         colour = np.zeros((len(rays), 3), np.uint8)
         length[seen], colour[seen] = room.cast(origin, rays[seen])
@@ -157,19 +157,19 @@ class _View:
         return Image(bgr)
 
 
-def _in_the_map(pose: Pose2, rays: Array) -> tuple[Array, Array]:
+def _in_the_map(pose: Pose2, rays: Floats) -> tuple[Floats, Floats]:
     mounted = Pose3.from_planar(pose) @ _MOUNTING
     return np.array([mounted.x, mounted.y, mounted.z]), rays @ mounted.rotation().T
 
 
-def _pinhole_rays() -> Array:
+def _pinhole_rays() -> Floats:
     """Return the rays of all pixels in sensor axes (x forward), of length 1 along the optical axis."""
     u, v = np.meshgrid(np.arange(_PINHOLE_SIZE[0]), np.arange(_PINHOLE_SIZE[1]))
     right, down = (u - _PINHOLE.cx) / _PINHOLE.fx, (v - _PINHOLE.cy) / _PINHOLE.fy
     return np.stack([np.ones(u.size), -right.ravel(), -down.ravel()], axis=1)
 
 
-def _omni_rays() -> Array:
+def _omni_rays() -> Floats:
     """Return the rays of all pixels; NaN outside the ring. Elevation grows evenly from rim to rim."""
     u, v = np.meshgrid(np.arange(_OMNI_SIZE[0], dtype=np.float64), np.arange(_OMNI_SIZE[1], dtype=np.float64))
     assert _OMNI.centre_u is not None
@@ -187,7 +187,7 @@ def _omni_rays() -> Array:
     return rays
 
 
-def _scan_rays() -> Array:
+def _scan_rays() -> Floats:
     angles = -math.pi + 2 * math.pi / _N_BEAMS * np.arange(_N_BEAMS)
     return np.stack([np.cos(angles), np.sin(angles), np.zeros(_N_BEAMS)], axis=1)
 

@@ -87,14 +87,14 @@ def _gives_commands(make: Callable[[], Controller]) -> None:
 
 
 def _stands_while_lost(make: Callable[[], Controller], path: Path) -> None:
-    controller = _started(make, path)
+    controller = _start_controller(make, path)
     command = controller.step(Belief(0.0))
     assert isinstance(command, Stop), f"it does not know where it is, and gives {command}"
     assert not command.done, "it does not know where it is, and says that it has arrived"
 
 
 def _arrives(make: Callable[[], Controller], path: Path, within_m: float) -> None:
-    controller = _started(make, path)
+    controller = _start_controller(make, path)
     commands, poses = _drive(controller, path)
     last = commands[-1]
     given = {type(command) for command in commands}
@@ -106,17 +106,17 @@ def _arrives(make: Callable[[], Controller], path: Path, within_m: float) -> Non
 
 
 def _repeats(make: Callable[[], Controller], path: Path) -> None:
-    assert _drive(_started(make, path), path) == _drive(_started(make, path), path), "two runs differ"
+    assert _drive(_start_controller(make, path), path) == _drive(_start_controller(make, path), path), "two runs differ"
 
 
 def _is_as_new(make: Callable[[], Controller], path: Path) -> None:
-    controller = _started(make, path)
+    controller = _start_controller(make, path)
     first = _drive(controller, path)
     controller.start(_session(path))
     assert _drive(controller, path) == first, "started again it gives other commands"
 
 
-def _started(make: Callable[[], Controller], path: Path) -> Controller:
+def _start_controller(make: Callable[[], Controller], path: Path) -> Controller:
     controller = make()
     controller.start(_session(path))
     return controller

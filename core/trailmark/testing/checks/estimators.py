@@ -76,7 +76,7 @@ def estimator_checks(estimator: type[Estimator], config: PluginConfig) -> dict[s
     }
 
 
-def _started(make: Callable[[], Estimator]) -> Estimator:
+def _start_estimator(make: Callable[[], Estimator]) -> Estimator:
     estimator = make()
     estimator.start(Session("estimator", start_pose=Pose2()))
     return estimator
@@ -120,13 +120,13 @@ def _pose(belief: Belief) -> Pose2:
 
 
 def _begins(make: Callable[[], Estimator]) -> None:
-    belief = _started(make).belief(0.0)
+    belief = _start_estimator(make).belief(0.0)
     _is_sane(belief)
     assert _pose(belief) == Pose2(), f"it starts at the origin and believes {belief.pose_map_base}"
 
 
 def _carries(make: Callable[[], Estimator]) -> None:
-    estimator = _started(make)
+    estimator = _start_estimator(make)
     _drive(estimator)
     off_m = _pose(estimator.belief()).distance_to(_true_pose(_N_STEPS))
     assert off_m <= 1e-6, f"exact motion alone leads {off_m:.2g} m off"
@@ -135,7 +135,7 @@ def _carries(make: Callable[[], Estimator]) -> None:
 
 
 def _takes_a_fix(make: Callable[[], Estimator]) -> None:
-    estimator = _started(make)
+    estimator = _start_estimator(make)
     _drive(estimator)
     fixed = _true_pose(_N_STEPS) @ Pose2(0.01, 0.005, 0.002)
     before_m = _pose(estimator.belief()).distance_to(fixed)
@@ -146,7 +146,7 @@ def _takes_a_fix(make: Callable[[], Estimator]) -> None:
 
 
 def _is_smooth(make: Callable[[], Estimator]) -> None:
-    estimator = _started(make)
+    estimator = _start_estimator(make)
     _drive(estimator)
     before = estimator.belief().pose_odom_base
     _apply(estimator, "fix", Fix(_N_STEPS * _DT_S, _true_pose(_N_STEPS) @ Pose2(0.02, 0.01, 0.01), _FIX))
@@ -154,7 +154,7 @@ def _is_smooth(make: Callable[[], Estimator]) -> None:
 
 
 def _ignores_lost(make: Callable[[], Estimator]) -> None:
-    estimator = _started(make)
+    estimator = _start_estimator(make)
     _drive(estimator)
     before = _pose(estimator.belief())
     assert _apply(estimator, "motion", Lost(_N_STEPS * _DT_S, "checked")).status == "unused"
@@ -162,7 +162,7 @@ def _ignores_lost(make: Callable[[], Estimator]) -> None:
 
 
 def _answers_at(make: Callable[[], Estimator]) -> None:
-    estimator = _started(make)
+    estimator = _start_estimator(make)
     _drive(estimator)
     for stamp_s in (_N_STEPS * _DT_S, (_N_STEPS - 5.5) * _DT_S, _N_STEPS * _DT_S + 0.05):
         belief = estimator.belief(stamp_s)
@@ -173,7 +173,7 @@ def _answers_at(make: Callable[[], Estimator]) -> None:
 
 
 def _takes_late(make: Callable[[], Estimator]) -> None:
-    estimator = _started(make)
+    estimator = _start_estimator(make)
     _drive(estimator)
     fixed = _true_pose(_N_STEPS // 2) @ Pose2(0.01, 0.005, 0.002)
     before = _pose(estimator.belief())
@@ -185,7 +185,7 @@ def _takes_late(make: Callable[[], Estimator]) -> None:
 
 
 def _survives_a_jump(make: Callable[[], Estimator]) -> None:
-    estimator = _started(make)
+    estimator = _start_estimator(make)
     _drive(estimator)
     for shift_s in (-_DAY_S, _DAY_S):
         stamp_s = max(0.0, _N_STEPS * _DT_S) + shift_s
@@ -194,7 +194,7 @@ def _survives_a_jump(make: Callable[[], Estimator]) -> None:
 
 
 def _is_told(make: Callable[[], Estimator]) -> None:
-    estimator = _started(make)
+    estimator = _start_estimator(make)
     _drive(estimator)
     before, told = _pose(estimator.belief()), Pose2(5.0, 6.0, 1.0)
     for name, covariance in (("nan", np.full((3, 3), np.nan)), ("negative", -np.eye(3))):
@@ -219,11 +219,13 @@ def _beliefs(estimator: Estimator) -> list[tuple[Any, ...]]:
 
 
 def _repeats(make: Callable[[], Estimator]) -> None:
-    assert _beliefs(_started(make)) == _beliefs(_started(make)), "the same estimates lead to other beliefs"
+    assert _beliefs(_start_estimator(make)) == _beliefs(_start_estimator(make)), (
+        "the same estimates lead to other beliefs"
+    )
 
 
 def _is_as_new(make: Callable[[], Estimator]) -> None:
-    estimator = _started(make)
+    estimator = _start_estimator(make)
     first = _beliefs(estimator)
     estimator.start(Session("estimator", start_pose=Pose2()))
     assert _beliefs(estimator) == first, "started again it believes something else"
@@ -231,7 +233,7 @@ def _is_as_new(make: Callable[[], Estimator]) -> None:
 
 def _harmless(make: Callable[[], Estimator], information: Any) -> Check:
     def check() -> None:
-        estimator = _started(make)
+        estimator = _start_estimator(make)
         _drive(estimator, 10)
         _apply(estimator, "fix", Fix(10 * _DT_S, _true_pose(10) @ Pose2(0.01, 0.0, 0.0), information))
         _apply(estimator, "motion", Motion(10 * _DT_S, 11 * _DT_S, _STEP, information))

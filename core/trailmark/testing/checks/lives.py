@@ -11,8 +11,8 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import AnyArray
 from trailmark.config import PluginConfig, sensor_roles
 from trailmark.config.base import UNNAMED
 from trailmark.estimates import Belief, Estimate, Fix, Lost, Motion, PathOffset, information_from_sigmas
@@ -25,14 +25,14 @@ from trailmark.stores import SqlitePathStore, SqliteStoreConfig
 from trailmark.testing.memory_map import MemoryMap
 from trailmark.testing.runs import AnyRun
 
-__all__ = ["LocalizerCase", "Told", "answers", "arrays_of", "document_of", "spoiled", "true_belief"]
+__all__ = ["LocalizerCase", "LocalizerLife", "answers", "arrays_of", "document_of", "spoil_frame", "true_belief"]
 
 _SPACING_M = 0.05
 _SIGMAS = (0.01, 0.01, 0.005)  # of the beliefs that the localizers are asked with [m, m, rad]
 
 
 @dataclass(frozen=True)
-class Told:
+class LocalizerLife:
     """What a localizer said: while it was taught, and afterwards over the same frames in replay."""
 
     taught: tuple[Estimate, ...]
@@ -70,7 +70,7 @@ class LocalizerCase:
                 found[role] = fitting[0]
         return found
 
-    def subscribed(self, frames: Sequence[Frame] | None = None) -> Iterator[Frame]:
+    def frames_asked_for(self, frames: Sequence[Frame] | None = None) -> Iterator[Frame]:
         """Yield the frames of the sensors that the config names."""
         config = self.config.model_copy(update=self._roles())
         named = {getattr(config, role) for role in sensor_roles(type(config))}
@@ -88,11 +88,11 @@ class LocalizerCase:
         rng = np.random.default_rng(seed)
         return Session("checked", mode, self.run.sensors, path, start_pose, localizer_map, rng)
 
-    def told(self, localizer: Localizer | None = None, seed: int = 0) -> Told:
+    def run_life(self, localizer: Localizer | None = None, seed: int = 0) -> LocalizerLife:
         """Teach a localizer the run, let it finish, and ask it again in replay; None: a fresh one for each."""
         localizer_map = MemoryMap()
         taught = self.teach(localizer_map, localizer or self.make(), seed)
-        return Told(taught, self.replay(localizer_map, localizer or self.make(), seed))
+        return LocalizerLife(taught, self.replay(localizer_map, localizer or self.make(), seed))
 
     def teach(
         self, localizer_map: LocalizerMap, localizer: Localizer | None = None, seed: int = 0
@@ -100,7 +100,7 @@ class LocalizerCase:
         """Teach the run into a localizer map, and return what was said."""
         localizer = localizer or self.make()
         localizer.start(self.session("teach", VersionedMap(localizer_map, localizer.map_format), seed))
-        said = tuple(answers(localizer, self, self.subscribed(), on_path=False))
+        said = tuple(answers(localizer, self, self.frames_asked_for(), on_path=False))
         localizer.finish()
         localizer.close()
         return said
@@ -111,7 +111,7 @@ class LocalizerCase:
         """Return what is said over the run with what a localizer map remembers."""
         localizer = localizer or self.make()
         localizer.start(self.session("replay", localizer_map, seed))
-        said = tuple(answers(localizer, self, self.subscribed(), on_path=True))
+        said = tuple(answers(localizer, self, self.frames_asked_for(), on_path=True))
         localizer.close()
         return said
 
@@ -132,7 +132,7 @@ class LocalizerCase:
         """Give a function that opens a store on disk which the run was taught into."""
         with TemporaryDirectory() as folder:
             place = str(FilePath(folder) / "place.trail")
-            store = _opened(place, "create")
+            store = _open_store(place, "create")
             self.teach(store.localizer_map("checked"))
             for waypoint in _waypoints(self.run):
                 store.append(waypoint)
@@ -141,7 +141,7 @@ class LocalizerCase:
             opened: list[SqlitePathStore] = []
 
             def reopen() -> SqlitePathStore:
-                opened.append(_opened(place, "read"))
+                opened.append(_open_store(place, "read"))
                 return opened[-1]
 
             try:
@@ -196,7 +196,7 @@ def _waypoints(run: AnyRun) -> list[Waypoint]:
     return waypoints
 
 
-def _opened(place: str, access: Any) -> SqlitePathStore:
+def _open_store(place: str, access: Any) -> SqlitePathStore:
     store = SqlitePathStore(SqliteStoreConfig(path=place, access=access))
     store.start(Session("path_store"))
     return store
@@ -217,12 +217,12 @@ def document_of(estimate: Estimate) -> tuple[Any, ...]:
     return type(estimate).__name__, estimate.stamp_s, numbers, details
 
 
-def spoiled(frame: Frame, payload: Any) -> Frame:
+def spoil_frame(frame: Frame, payload: Any) -> Frame:
     """Return a frame with another payload."""
     return replace(frame, payload=payload)
 
 
-def arrays_of(payload: Payload) -> list[npt.NDArray[Any]]:
+def arrays_of(payload: Payload) -> list[AnyArray]:
     """Return all arrays of a payload."""
     values = [getattr(payload, name, None) for name in getattr(type(payload), "__slots__", ())]
     values += list(getattr(payload, "arrays", {}).values())

@@ -27,11 +27,11 @@ from trailmark.testing.checks.lives import (
     answers,
     arrays_of,
     document_of,
-    spoiled,
+    spoil_frame,
     true_belief,
 )
 from trailmark.testing.checks.parametrize import Check, parametrize, skip
-from trailmark.testing.checks.payloads import Spoil, resized, spoil
+from trailmark.testing.checks.payloads import Spoil, payloads_of_other_size, spoil
 from trailmark.testing.memory_map import MemoryMap
 from trailmark.testing.runs import AnyRun
 
@@ -111,21 +111,21 @@ def _starts_or_says_why(case: LocalizerCase) -> None:
         message = str(error)
     else:
         message = "started"
-        for _ in answers(localizer, case, case.subscribed(), on_path=False):
+        for _ in answers(localizer, case, case.frames_asked_for(), on_path=False):
             pass
     localizer.close()
     assert message.strip(), "it refuses to start in track without a store, and does not say why"
 
 
 def _says_something(case: LocalizerCase) -> None:
-    told = list(case.told())
+    told = list(case.run_life())
     assert told, "it said nothing at all over the run, taught or replayed"
     reasons = sorted({estimate.reason for estimate in told if isinstance(estimate, Lost)})
     assert len(reasons) == 0 or any(not isinstance(one, Lost) for one in told), f"it was always lost: {reasons}"
 
 
 def _are_well_formed(case: LocalizerCase) -> None:
-    told = case.told()
+    told = case.run_life()
     for said in (told.taught, told.replayed):
         until_s = -np.inf
         for estimate in said:
@@ -167,7 +167,7 @@ def _errors_fit(case: LocalizerCase) -> None:
 
     Motions are judged ten in a row: what jitters from frame to frame and cancels does no harm.
     """
-    told = case.told()
+    told = case.run_life()
     sigmas = [_sigmas_off(case, one) for one in told if isinstance(one, Fix | PathOffset)]
     for said in (told.taught, told.replayed):
         sigmas += [_chain_sigmas_off(case, chain) for chain in _chains(said)]
@@ -228,13 +228,13 @@ def _true_pose(run: AnyRun, stamp_s: float) -> Pose2:
 
 
 def _same_seed_same_answers(case: LocalizerCase) -> None:
-    _assert_same(case.told(seed=1), case.told(seed=1), "two runs with the same seed")
+    _assert_same(case.run_life(seed=1), case.run_life(seed=1), "two runs with the same seed")
 
 
 def _is_as_new(case: LocalizerCase) -> None:
     localizer = case.make()
-    case.told(localizer)
-    _assert_same(case.told(localizer), case.told(), "a localizer started again and a fresh one")
+    case.run_life(localizer)
+    _assert_same(case.run_life(localizer), case.run_life(), "a localizer started again and a fresh one")
 
 
 def _assert_same(one: Any, other: Any, what: str) -> None:
@@ -245,10 +245,10 @@ def _assert_same(one: Any, other: Any, what: str) -> None:
 
 
 def _leaves_frames_alone(case: LocalizerCase) -> None:
-    frames = tuple(case.subscribed())
+    frames = tuple(case.frames_asked_for())
     kept = [[np.array(array) for array in arrays_of(frame.payload)] for frame in frames]
     frozen = LocalizerCase(case.localizer, case.config, _Replayed(frames, case.run))
-    frozen.told()
+    frozen.run_life()
     for frame, before in zip(frames, kept):
         for array, copy in zip(arrays_of(frame.payload), before):
             assert np.array_equal(array, copy, equal_nan=array.dtype.kind == "f"), (
@@ -271,7 +271,7 @@ def _finishes_from_the_map(case: LocalizerCase) -> None:
         skip("it remembers nothing")
     localizer = case.make()
     localizer.start(case.session("teach", other))
-    for _ in answers(localizer, case, case.subscribed(), on_path=False):
+    for _ in answers(localizer, case, case.frames_asked_for(), on_path=False):
         pass
     localizer.close()
     for _ in range(2):
@@ -318,14 +318,14 @@ def _refuses_a_newer_map(case: LocalizerCase) -> None:
 def _survives_spoiled(case: LocalizerCase, how: Spoil) -> None:
     """Pictures with nothing in them give no answer; with any picture, every answer is well formed, and it goes on."""
     rng = np.random.default_rng(0)
-    frames = list(case.subscribed())
+    frames = list(case.frames_asked_for())
     if spoil(frames[0].payload, how, rng) is None:
         skip("no sensor of the run gives pictures or ranges")
     middle = len(frames) // 2
     with case.ready() as localizer:
         for index, frame in enumerate(frames):
             is_spoiled = middle <= index < middle + _SPOILED_FRAMES
-            shown = spoiled(frame, spoil(frame.payload, how, rng)) if is_spoiled else frame
+            shown = spoil_frame(frame, spoil(frame.payload, how, rng)) if is_spoiled else frame
             for estimate in localizer.observe(shown, true_belief(case.run, frame.stamp_s, case.path)):
                 _is_well_formed(estimate)
                 if is_spoiled and how in ("black", "white") and index > middle:
@@ -333,8 +333,8 @@ def _survives_spoiled(case: LocalizerCase, how: Spoil) -> None:
 
 
 def _refuses_another_size(case: LocalizerCase) -> None:
-    frames = list(case.subscribed())
-    others = resized(frames[0].payload)
+    frames = list(case.frames_asked_for())
+    others = payloads_of_other_size(frames[0].payload)
     if not others:
         skip("no sensor of the run gives pictures or ranges")
     for number in range(len(others)):
@@ -344,7 +344,8 @@ def _refuses_another_size(case: LocalizerCase) -> None:
             frame = frames[3]
             try:
                 said = localizer.observe(
-                    spoiled(frame, resized(frame.payload)[number]), true_belief(case.run, frame.stamp_s, case.path)
+                    spoil_frame(frame, payloads_of_other_size(frame.payload)[number]),
+                    true_belief(case.run, frame.stamp_s, case.path),
                 )
             except TrailmarkError:
                 continue
@@ -370,7 +371,7 @@ def _is_bounded(case: LocalizerCase, n_frames: int) -> None:
 
 def _endless(case: LocalizerCase) -> Iterator[Frame]:
     """Yield the run's frames again and again, at stamps that go on."""
-    frames = list(case.subscribed())
+    frames = list(case.frames_asked_for())
     span_s = frames[-1].stamp_s - frames[0].stamp_s + 0.1
     for index, frame in enumerate(cycle(frames)):
         yield replace(frame, stamp_s=frame.stamp_s + index // len(frames) * span_s)

@@ -8,7 +8,7 @@ import numpy as np
 
 from trailmark.frames import RGBD, Image, Payload, Scan
 
-__all__ = ["Spoil", "resized", "spoil"]
+__all__ = ["Spoil", "payloads_of_other_size", "spoil"]
 
 Spoil = Literal["black", "white", "noise", "truncated"]
 
@@ -31,7 +31,7 @@ def spoil(payload: Payload, how: Spoil, rng: np.random.Generator) -> Payload | N
             return None
 
 
-def resized(payload: Payload) -> tuple[Payload, ...]:
+def payloads_of_other_size(payload: Payload) -> tuple[Payload, ...]:
     """Return the same reading at half its size, and in another type of number; empty where it has no size."""
     match payload:
         case Image(pixels):

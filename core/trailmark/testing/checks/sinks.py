@@ -65,7 +65,7 @@ def _runs() -> Sequence[AnyRun]:
     return (*rooms, odometry_run(n_frames=2), imu_run(n_frames=2), light_run(n_frames=2), landmark_run(n_frames=2))
 
 
-def _started(make: Callable[[], Sink], runs: Sequence[AnyRun]) -> Sink:
+def _start_sink(make: Callable[[], Sink], runs: Sequence[AnyRun]) -> Sink:
     sensors = {name: info for run in runs for name, info in run.sensors.items()}
     sink = make()
     sink.start(Session("sink", sensors=sensors))
@@ -91,7 +91,7 @@ def _tell(sink: Sink, frames: Sequence[Frame]) -> None:
 
 def _takes_everything(make: Callable[[], Sink]) -> None:
     runs = _runs()
-    sink = _started(make, runs)
+    sink = _start_sink(make, runs)
     for run in runs:
         _tell(sink, run.frames)
     sink.on_end(RunEnd("done", counters={"frames": 16}))
@@ -99,7 +99,7 @@ def _takes_everything(make: Callable[[], Sink]) -> None:
 
 
 def _takes_ignorance(make: Callable[[], Sink]) -> None:
-    sink = _started(make, ())
+    sink = _start_sink(make, ())
     sink.on_belief(Belief(0.0))
     sink.on_end(RunEnd("done"))
     sink.close()
@@ -107,7 +107,7 @@ def _takes_ignorance(make: Callable[[], Sink]) -> None:
 
 def _takes_every_end(make: Callable[[], Sink]) -> None:
     for status in _ENDS:
-        sink = _started(make, ())
+        sink = _start_sink(make, ())
         sink.on_end(RunEnd(status, "because"))
         sink.close()
         sink.close()
@@ -116,7 +116,7 @@ def _takes_every_end(make: Callable[[], Sink]) -> None:
 def _leaves_frames_alone(make: Callable[[], Sink]) -> None:
     runs = _runs()
     kept = [[np.array(array) for array in arrays_of(frame.payload)] for run in runs for frame in run.frames]
-    sink = _started(make, runs)
+    sink = _start_sink(make, runs)
     for run in runs:
         _tell(sink, run.frames)
     sink.close()
@@ -128,7 +128,7 @@ def _leaves_frames_alone(make: Callable[[], Sink]) -> None:
 
 def _starts_again(make: Callable[[], Sink]) -> None:
     runs = _runs()[:1]
-    sink = _started(make, runs)
+    sink = _start_sink(make, runs)
     for _ in range(2):
         _tell(sink, runs[0].frames)
         sink.on_end(RunEnd("done"))

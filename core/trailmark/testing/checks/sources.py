@@ -56,13 +56,13 @@ def source_checks(
 ) -> dict[str, Check]:
     """Return the checks by name; arguments as of `parametrize_with_source_checks`."""
 
-    def settled() -> PluginConfig:
+    def settle_config() -> PluginConfig:
         return config if isinstance(config, PluginConfig) else config()
 
     def make() -> FrameSource:
-        return source(settled())
+        return source(settle_config())
 
-    return common_checks(make, settled) | {
+    return common_checks(make, settle_config) | {
         "sensors_are_known_after_start": lambda: _knows_its_sensors(make),
         "frames_are_in_order": lambda: _are_in_order(make, n_frames),
         "frames_are_what_the_sensors_say": lambda: _are_as_told(make, n_frames),
@@ -75,7 +75,7 @@ def source_checks(
 
 
 @contextmanager
-def _started(make: Callable[[], FrameSource]) -> Iterator[FrameSource]:
+def _start_source(make: Callable[[], FrameSource]) -> Iterator[FrameSource]:
     source = make()
     source.start(Session("source"))
     try:
@@ -85,7 +85,7 @@ def _started(make: Callable[[], FrameSource]) -> Iterator[FrameSource]:
 
 
 def _knows_its_sensors(make: Callable[[], FrameSource]) -> None:
-    with _started(make) as source:
+    with _start_source(make) as source:
         assert source.sensors, "it has no sensors"
         for name, info in source.sensors.items():
             assert info.name == name, f"the sensor under {name!r} calls itself {info.name!r}"
@@ -94,7 +94,7 @@ def _knows_its_sensors(make: Callable[[], FrameSource]) -> None:
 def _are_in_order(make: Callable[[], FrameSource], n_frames: int) -> None:
     last: dict[str, float] = {}
     newest_s = -np.inf
-    with _started(make) as source:
+    with _start_source(make) as source:
         for frame in islice(source.frames(), n_frames):
             assert frame.stamp_s >= newest_s, f"{frame.sensor!r} at {frame.stamp_s} s comes after {newest_s} s"
             newest_s = frame.stamp_s
@@ -106,7 +106,7 @@ def _are_in_order(make: Callable[[], FrameSource], n_frames: int) -> None:
 
 
 def _are_as_told(make: Callable[[], FrameSource], n_frames: int) -> None:
-    with _started(make) as source:
+    with _start_source(make) as source:
         for frame in islice(source.frames(), n_frames):
             assert frame.sensor in source.sensors, f"a frame of {frame.sensor!r}, which is none of its sensors"
             info = source.sensors[frame.sensor]
@@ -130,7 +130,7 @@ def _size(frame: Frame) -> tuple[int, int] | None:
 
 
 def _are_read_only(make: Callable[[], FrameSource], n_frames: int) -> None:
-    with _started(make) as source:
+    with _start_source(make) as source:
         for frame in islice(source.frames(), n_frames):
             writable = [array.shape for array in arrays_of(frame.payload) if array.flags.writeable]
             assert not writable, f"{frame.sensor!r} gives arrays {writable} that can be written to"
@@ -139,12 +139,12 @@ def _are_read_only(make: Callable[[], FrameSource], n_frames: int) -> None:
 def _are_the_same(make: Callable[[], FrameSource], n_frames: int) -> None:
     if make().is_live:
         skip("a device gives other frames each time")
-    with _started(make) as source:
+    with _start_source(make) as source:
         first = [_bytes(frame) for frame in islice(source.frames(), n_frames)]
         source.close()
         source.start(Session("source"))
         again = [_bytes(frame) for frame in islice(source.frames(), n_frames)]
-    with _started(make) as source:
+    with _start_source(make) as source:
         fresh = [_bytes(frame) for frame in islice(source.frames(), n_frames)]
     assert first == again, "started again it gives other frames"
     assert first == fresh, "a second one gives other frames"
@@ -156,7 +156,7 @@ def _bytes(frame: Frame) -> tuple[Any, ...]:
 
 
 def _ends_when_closed(make: Callable[[], FrameSource]) -> None:
-    with _started(make) as source:
+    with _start_source(make) as source:
         frames = source.frames()
         next(frames)
         source.close()
@@ -165,7 +165,7 @@ def _ends_when_closed(make: Callable[[], FrameSource]) -> None:
 
 
 def _has_truth(make: Callable[[], FrameSource]) -> None:
-    with _started(make) as source:
+    with _start_source(make) as source:
         stamps = [frame.stamp_s for frame in islice(source.frames(), 20)]
         truth = source.ground_truth()
     if truth is None or len(truth) == 0:
@@ -175,7 +175,7 @@ def _has_truth(make: Callable[[], FrameSource]) -> None:
 
 
 def _stands(make: Callable[[], FrameSource]) -> None:
-    with _started(make) as source:
+    with _start_source(make) as source:
         if not isinstance(source, Drivable):
             skip("it is no robot")
         assert Stop in source.accepts, "every robot takes Stop"

@@ -89,7 +89,7 @@ class _Place:
         self._store, self._config, self.file = store, config, file
 
     @contextmanager
-    def opened(self, access: Access) -> Iterator[PathStore]:
+    def open_store(self, access: Access) -> Iterator[PathStore]:
         store = self._store(self._config(self.file, access))
         store.start(Session("path_store"))
         try:
@@ -97,9 +97,9 @@ class _Place:
         finally:
             store.close()
 
-    def taught(self, n_waypoints: int = 5) -> None:
+    def teach_waypoints(self, n_waypoints: int = 5) -> None:
         """Teach a straight path with a keyframe beside each waypoint."""
-        with self.opened("create") as store:
+        with self.open_store("create") as store:
             for index in range(n_waypoints):
                 store.localizer_map("floor").add(_keyframe(index))
                 store.append(_waypoint(index))
@@ -115,24 +115,24 @@ def _keyframe(index: int) -> Keyframe:
 
 
 def _path_comes_back(place: _Place) -> None:
-    place.taught()
-    with place.opened("read") as store:
+    place.teach_waypoints()
+    with place.open_store("read") as store:
         path = store.path()
     assert path is not None, "the path is gone"
     assert [path[index] for index in range(len(path))] == [_waypoint(index) for index in range(5)]
 
 
 def _has_no_path(place: _Place) -> None:
-    with place.opened("create") as store:
+    with place.open_store("create") as store:
         assert store.path() is None, "a new store has a path"
 
 
 def _forgets(place: _Place) -> None:
-    place.taught(3)
-    with place.opened("append") as store:
+    place.teach_waypoints(3)
+    with place.open_store("append") as store:
         store.localizer_map("floor").add(_keyframe(3))
         store.append(_waypoint(3))
-    with place.opened("read") as store:
+    with place.open_store("read") as store:
         path, keyframes = store.path(), store.localizer_map("floor").keyframes()
     assert path is not None
     assert len(path) == 3, f"{len(path)} waypoints: one was not committed"
@@ -140,10 +140,10 @@ def _forgets(place: _Place) -> None:
 
 
 def _follow(place: _Place) -> None:
-    with place.opened("create") as store:
+    with place.open_store("create") as store:
         store.append(_waypoint(0))
         for wrong in (_waypoint(0), _waypoint(2), Waypoint(1, -1.0, Pose2())):
-            _refused(lambda wrong=wrong: store.append(wrong), f"{wrong} after waypoint 0")  # type: ignore[misc]
+            _check_refused(lambda wrong=wrong: store.append(wrong), f"{wrong} after waypoint 0")  # type: ignore[misc]
 
 
 def _arrays_come_back(place: _Place) -> None:
@@ -152,13 +152,13 @@ def _arrays_come_back(place: _Place) -> None:
     arrays = {f"a_{kind.strip('?')}": rng.integers(0, 2, (3, 5)).astype(kind) for kind in kinds}
     arrays |= {"scalar": np.array(1.5), "empty": np.zeros((0, 7), "f4"), "odd": rng.random((4, 6))[::2, ::-1]}
     arrays["special"] = np.array([np.nan, np.inf, -0.0, 5e-324])
-    with place.opened("create") as store:
+    with place.open_store("create") as store:
         localizer_map = store.localizer_map("floor")
         localizer_map.add(Keyframe(0.0, 0.0, Pose2(), arrays))
         localizer_map.save("model", arrays)
         store.append(_waypoint(0))
         store.commit()
-    with place.opened("read") as store:
+    with place.open_store("read") as store:
         localizer_map = store.localizer_map("floor")
         saved = localizer_map.load("model")
         assert localizer_map.load("other") is None, "a name that was never saved gives something"
@@ -176,12 +176,12 @@ def _arrays_come_back(place: _Place) -> None:
 
 
 def _are_apart(place: _Place) -> None:
-    with place.opened("create") as store:
+    with place.open_store("create") as store:
         store.localizer_map("one").add(_keyframe(1))
         store.localizer_map("two").save("model", {"x": np.zeros(2)})
         store.append(_waypoint(0))
         store.commit()
-    with place.opened("read") as store:
+    with place.open_store("read") as store:
         assert len(store.localizer_map("one").keyframes()) == 1
         assert len(store.localizer_map("two").keyframes()) == 0, "one localizer sees the keyframes of another"
         assert store.localizer_map("one").load("model") is None, "one localizer sees what another saved"
@@ -197,7 +197,7 @@ def _works_in_a_thread(place: _Place) -> None:
         except BaseException as error:
             failures.append(error)
 
-    with place.opened("create") as store:
+    with place.open_store("create") as store:
         localizer_map = store.localizer_map("floor")
         threads = [threading.Thread(target=add, args=(localizer_map, index)) for index in range(4)]
         for thread in threads:
@@ -211,51 +211,51 @@ def _works_in_a_thread(place: _Place) -> None:
 
 
 def _reads_only(place: _Place) -> None:
-    place.taught()
+    place.teach_waypoints()
     before = place.file.read_bytes()
-    with place.opened("read") as store:
-        _refused(lambda: store.localizer_map("floor").add(_keyframe(9)), "a keyframe into a store that is read")
-        _refused(lambda: store.append(_waypoint(5)), "a waypoint into a store that is read")
+    with place.open_store("read") as store:
+        _check_refused(lambda: store.localizer_map("floor").add(_keyframe(9)), "a keyframe into a store that is read")
+        _check_refused(lambda: store.append(_waypoint(5)), "a waypoint into a store that is read")
     assert place.file.read_bytes() == before, "reading changed the file"
 
 
 def _sensors_come_back(place: _Place) -> None:
     sensors = {"floor": SensorInfo("floor", "image", (512, 480), 70.0)}
-    with place.opened("create") as store:
+    with place.open_store("create") as store:
         store.set_sensors(sensors)
         store.append(_waypoint(0))
         store.commit()
-    with place.opened("read") as store:
+    with place.open_store("read") as store:
         assert dict(store.sensors()) in (sensors, {}), f"{dict(store.sensors())} came back"
 
 
 def _finishes(place: _Place) -> None:
-    place.taught()
-    with place.opened("append") as store:
+    place.teach_waypoints()
+    with place.open_store("append") as store:
         store.mark_finished("floor")
         store.commit()
-    with place.opened("read") as store:
+    with place.open_store("read") as store:
         assert store.is_finished("floor"), "it forgot that a localizer has finished"
 
 
 def _says_missing(place: _Place) -> None:
-    _refused(lambda: _open_and_close(place, "read"), "a file that is not there")
+    _check_refused(lambda: _open_and_close(place, "read"), "a file that is not there")
 
 
 def _refuses_foreign(place: _Place) -> None:
     place.file.write_bytes(_FOREIGN)
     for access in ("read", "append"):
-        _refused(lambda access=access: _open_and_close(place, access), "a file of another program")  # type: ignore[misc]
+        _check_refused(lambda access=access: _open_and_close(place, access), "a file of another program")  # type: ignore[misc]
     assert place.file.read_bytes() == _FOREIGN, "it changed a file of another program"
 
 
 def _survives_a_cut(place: _Place) -> None:
-    place.taught(40)
+    place.teach_waypoints(40)
     whole = place.file.read_bytes()
     for share in (0.0, 0.01, 0.3, 0.7, 0.99):
         place.file.write_bytes(whole[: int(share * len(whole))])
         try:
-            with place.opened("read") as store:
+            with place.open_store("read") as store:
                 store.path()
                 store.localizer_map("floor").keyframes()
         except StoreError:
@@ -263,11 +263,11 @@ def _survives_a_cut(place: _Place) -> None:
 
 
 def _open_and_close(place: _Place, access: Access) -> None:
-    with place.opened(access):
+    with place.open_store(access):
         pass
 
 
-def _refused(call: Callable[[], Any], what: str) -> None:
+def _check_refused(call: Callable[[], Any], what: str) -> None:
     try:
         call()
     except StoreError as error:
