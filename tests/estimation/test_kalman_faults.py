@@ -183,8 +183,8 @@ class TestClock:
     def test_a_config_may_refuse_another_time_for_ever(self) -> None:
         guard = ClockGuard(60.0, None)
 
-        assert {guard.judged(DAY_S + i, 0.0) for i in range(100)} == {"elsewhere"}
-        assert guard.judged(1.0, 0.0) == "here"
+        assert {guard.classify(DAY_S + i, 0.0) for i in range(100)} == {"elsewhere"}
+        assert guard.classify(1.0, 0.0) == "here"
 
     def test_a_burst_of_old_estimates_gives_what_they_would_have_given_in_time(self) -> None:
         in_time, burst = kalman(), kalman()

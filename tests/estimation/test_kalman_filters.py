@@ -11,7 +11,7 @@ from filterpy.kalman import ExtendedKalmanFilter
 from trailmark.errors import ShapeError
 from trailmark.estimates import Fix, information_from_sigmas
 from trailmark.estimation.kalman.correction import Filter
-from trailmark.estimation.kalman.ekf import Ekf, Moves
+from trailmark.estimation.kalman.ekf import Ekf, PredictedMotion
 from trailmark.estimation.kalman.innovation import Innovation, nis_of
 from trailmark.estimation.kalman.measurements import fix_measurement
 from trailmark.estimation.kalman.trust import Trust
@@ -37,7 +37,7 @@ def test_the_update_is_that_of_filterpy(k: int, n: int) -> None:
     theirs.x, theirs.P = x.copy(), prior.copy()
     theirs.update(innovation, lambda _: jacobian, lambda _: np.zeros(k), R=np.eye(k))
 
-    ours, posterior = Ekf(n).corrected(x, prior, Innovation(innovation, jacobian, prior), NotAsked())
+    ours, posterior = Ekf(n).update(x, prior, Innovation(innovation, jacobian, prior), NotAsked())
 
     np.testing.assert_allclose(ours, theirs.x, rtol=1e-10, atol=1e-12)
     np.testing.assert_allclose(posterior, theirs.P, rtol=1e-10, atol=1e-12)
@@ -74,17 +74,17 @@ def test_a_posterior_stays_positive_over_eighteen_orders_of_certainty() -> None:
             (sigma**-2, 0, 0, sigma**-2, 0, 1.0),
             TRUST,
         )
-        x, prior = kalman.corrected(x, prior, Innovation(*fix.innovation(x), prior), fix)
+        x, prior = kalman.update(x, prior, Innovation(*fix.innovation(x), prior), fix)
 
         assert np.linalg.eigvalsh(prior)[0] > 0.0
         np.testing.assert_allclose(prior, prior.T, rtol=1e-9, atol=1e-20)
 
 
-def turned(x: np.ndarray, step: tuple[float, float, float]) -> Moves:
+def turned(x: np.ndarray, step: tuple[float, float, float]) -> PredictedMotion:
     cos, sin = math.cos(x[2]), math.sin(x[2])
     dx, dy = cos * step[0] - sin * step[1], sin * step[0] + cos * step[1]
     jacobian = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])
-    return Moves(x + np.array([dx, dy, step[2]]), jacobian, 1e-6 * np.eye(3), step)
+    return PredictedMotion(x + np.array([dx, dy, step[2]]), jacobian, 1e-6 * np.eye(3), step)
 
 
 @pytest.mark.parametrize("heading", [0.3, math.pi - 1e-3, -math.pi + 1e-3])
@@ -95,9 +95,9 @@ def test_both_filters_agree_where_the_belief_is_narrow(heading: float) -> None:
     )
     results = []
     for kalman in (Ekf(3), Ukf(3)):
-        moved, spread = kalman.moved(x, prior, turned(x, (0.1, 0.0, 0.002)))
+        moved, spread = kalman.predict(x, prior, turned(x, (0.1, 0.0, 0.002)))
         moved[2] = math.remainder(moved[2], math.tau)
-        results.append(kalman.corrected(moved, spread, Innovation(*fix.innovation(moved), spread), fix))
+        results.append(kalman.update(moved, spread, Innovation(*fix.innovation(moved), spread), fix))
 
     (x_extended, spread_extended), (x_unscented, spread_unscented) = results
     difference = x_unscented - x_extended
@@ -111,7 +111,7 @@ def test_an_unscented_way_with_an_uncertain_heading_is_as_short_as_its_true_mean
     x, prior = np.zeros(3), np.diag([1e-9, 1e-9, sigma**2])
     kalman: Filter = Ukf(3)
 
-    moved, spread = kalman.moved(x, prior, turned(x, (10.0, 0.0, 0.0)))
+    moved, spread = kalman.predict(x, prior, turned(x, (10.0, 0.0, 0.0)))
 
     assert moved[0] == pytest.approx(10.0 * math.exp(-(sigma**2) / 2.0), rel=0.01)  # E cos of a normal angle
     true_variance = 50.0 * (1.0 + math.exp(-2.0 * sigma**2)) - 100.0 * math.exp(-(sigma**2))
@@ -121,7 +121,7 @@ def test_an_unscented_way_with_an_uncertain_heading_is_as_short_as_its_true_mean
 def test_what_the_unscented_filter_is_given_may_be_singular() -> None:
     x, prior = np.zeros(3), np.diag([1e-4, 1e-4, 0.0])
 
-    moved, spread = Ukf(3).moved(x, prior, turned(x, (0.1, 0.0, 0.0)))
+    moved, spread = Ukf(3).predict(x, prior, turned(x, (0.1, 0.0, 0.0)))
 
     assert np.isfinite(moved).all()
     assert np.isfinite(spread).all()

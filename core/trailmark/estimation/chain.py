@@ -66,6 +66,13 @@ class MotionChain:
     ----------
     drift : Twist2
         Standard deviation of the velocity while nothing measures it [m/s, m/s, rad/s].
+
+    Attributes
+    ----------
+    end_s : float
+        Stamp until which motion is known; ``-inf`` before the first [s].
+    n_gaps, n_overlaps : int
+        Gaps that were bridged, and motions that were cut because they overlap.
     """
 
     def __init__(self, drift: Twist2) -> None:
@@ -73,34 +80,37 @@ class MotionChain:
         self._stamps: list[float] = []
         self._states: list[OdomState] = []  # motion_age_s is 0, or at the end of a bridge its length
         self._is_whole = True
+        self.end_s = -math.inf
         self.n_gaps = 0
         self.n_overlaps = 0
 
-    @property
-    def end_s(self) -> float:
-        """Stamp until which motion is known; ``-inf`` before the first [s]."""
-        return self._stamps[-1] if self._stamps else -math.inf
-
-    def covers(self, stamp_s: float) -> bool:
-        """Return whether motion is already known until a stamp."""
-        return stamp_s <= self.end_s + _SAME_INSTANT_S
-
-    def append(self, motion: Motion, information: Sym3) -> None:
-        """Add a motion that ends after the chain does, with its checked information."""
-        twist = _twist_of(motion)
-        covariance = self._covariance(information, motion.stamp_s - motion.since_s)
-        step = motion.pose_since_now
+    def append(self, motion: Motion, information: Sym3) -> bool:
+        """Add a motion with its checked information; False if it ends before the chain does."""
+        since_s, stamp_s, end_s = motion.since_s, motion.stamp_s, self.end_s
+        if stamp_s <= end_s + _SAME_INSTANT_S:
+            return False
+        dt_s, step = stamp_s - since_s, motion.pose_since_now
+        forward_m, left_m, turn_rad = step.log()
+        twist = Twist2(forward_m / dt_s, left_m / dt_s, turn_rad / dt_s)
+        covariance = self._covariance(information, dt_s)
         if not self._stamps:
-            self._push(OdomState(motion.since_s, twist=twist, motion_age_s=0.0))
-        elif motion.since_s > self.end_s + _SAME_INSTANT_S:
+            self._stamps.append(since_s)
+            self._states.append(OdomState(since_s, twist=twist, motion_age_s=0.0))
+        elif since_s > end_s + _SAME_INSTANT_S:
             self.n_gaps += 1
-            self._push(self._coasted(motion.since_s))
-        elif motion.since_s < self.end_s - _SAME_INSTANT_S:
+            bridge = self._coast(since_s)
+            self._stamps.append(since_s)
+            self._states.append(bridge)
+        elif since_s < end_s - _SAME_INSTANT_S:
             self.n_overlaps += 1
-            remaining_s = motion.stamp_s - self.end_s
+            remaining_s = stamp_s - end_s
             step = twist.after(remaining_s)
-            covariance = scaled(covariance, remaining_s / (motion.stamp_s - motion.since_s))
-        self._push(_moved(self._states[-1], motion.stamp_s, step, twist, covariance))
+            covariance = scaled(covariance, remaining_s / dt_s)
+        after = _carry(self._states[-1], stamp_s, step, twist, covariance)
+        self._stamps.append(stamp_s)
+        self._states.append(after)
+        self.end_s = stamp_s
+        return True
 
     def at(self, stamp_s: float) -> OdomState:
         """Return the state at a stamp: interpolated, or carried on with the last twist.
@@ -109,13 +119,13 @@ class MotionChain:
         """
         index = bisect_left(self._stamps, stamp_s)
         if index == len(self._stamps):
-            return self._coasted(stamp_s) if index else OdomState(stamp_s)
+            return self._coast(stamp_s) if index else OdomState(stamp_s)
         end = self._states[index]
         if end.stamp_s == stamp_s:
             return end
         if index == 0:
             return OdomState(stamp_s) if self._is_whole else end
-        return self._between(self._states[index - 1], end, stamp_s)
+        return self._interpolate(self._states[index - 1], end, stamp_s)
 
     def forget(self, horizon_s: float) -> None:
         """Drop what lies before `horizon_s`, but for the state that is needed to interpolate there."""
@@ -123,10 +133,6 @@ class MotionChain:
         if n_old > 0:
             self._is_whole = False
             del self._stamps[:n_old], self._states[:n_old]
-
-    def _push(self, state: OdomState) -> None:
-        self._stamps.append(state.stamp_s)
-        self._states.append(state)
 
     def _covariance(self, information: Sym3, dt_s: float) -> Sym3:
         """Return the covariance of a motion; a direction that was not measured drifts as in a gap."""
@@ -137,13 +143,13 @@ class MotionChain:
         floor = inverse(drift)
         return (floor and inverse(add(information, floor))) or drift
 
-    def _coasted(self, stamp_s: float) -> OdomState:
+    def _coast(self, stamp_s: float) -> OdomState:
         last = self._states[-1]
         dt_s = stamp_s - last.stamp_s
         drift = scaled(self._drift, dt_s * dt_s)
-        return _moved(last, stamp_s, last.twist.after(dt_s), last.twist, drift, motion_age_s=dt_s)
+        return _carry(last, stamp_s, last.twist.after(dt_s), last.twist, drift, motion_age_s=dt_s)
 
-    def _between(self, start: OdomState, end: OdomState, stamp_s: float) -> OdomState:
+    def _interpolate(self, start: OdomState, end: OdomState, stamp_s: float) -> OdomState:
         dt_s = stamp_s - start.stamp_s
         fraction = dt_s / (end.stamp_s - start.stamp_s)
         spread = add(start.spread, scaled(subtract(end.spread, start.spread), fraction))
@@ -157,13 +163,7 @@ class MotionChain:
         )
 
 
-def _twist_of(motion: Motion) -> Twist2:
-    forward_m, left_m, turn_rad = motion.pose_since_now.log()
-    dt_s = motion.stamp_s - motion.since_s
-    return Twist2(forward_m / dt_s, left_m / dt_s, turn_rad / dt_s)
-
-
-def _moved(
+def _carry(
     before: OdomState, stamp_s: float, step: Pose2, twist: Twist2, covariance: Sym3, motion_age_s: float = 0.0
 ) -> OdomState:
     """Return the state after a motion whose x, y, theta have this covariance (first order)."""

@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.estimates import Fix, PathOffset
 from trailmark.estimation.information import Measured
 from trailmark.estimation.symmetric import Sym3, add, congruence, sheared, to_matrix
@@ -95,12 +95,12 @@ def _covariance_in_map(covariance: Sym3, path: Path, station_m: float) -> Sym3:
     return congruence(along, math.cos(tangent), math.sin(tangent), 0.0, 0.0)
 
 
-def _gained(gain: npt.NDArray[np.float64], *innovation: float) -> tuple[float, float, float]:
+def _gained(gain: Floats, *innovation: float) -> tuple[float, float, float]:
     a, b, c = (gain @ innovation).tolist()
     return a, b, c
 
 
-def _narrowed(covariance: Sym3, measured: Measured, gain: npt.NDArray[np.float64]) -> Sym3:
+def _narrowed(covariance: Sym3, measured: Measured, gain: Floats) -> Sym3:
     kept = np.eye(3) - gain
     (xx, xy, xt), (_, yy, yt), (_, _, tt) = (kept @ to_matrix(covariance) @ kept.T).tolist()
     return add((xx, xy, xt, yy, yt, tt), measured.covariance)

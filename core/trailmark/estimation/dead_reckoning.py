@@ -8,11 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
+from trailmark.arrays import Floats
 from trailmark.estimates import (
     Applied,
     Belief,
@@ -31,6 +29,7 @@ from trailmark.estimation.information import checked_covariance, checked_informa
 from trailmark.estimation.symmetric import ZERO, Sym3, add, congruence, diagonal, inverse, subtract, to_matrix
 from trailmark.geometry import Pose2, Twist2
 from trailmark.interfaces import Estimator, Session
+from trailmark.paths import Path
 
 __all__ = ["DeadReckoning"]
 
@@ -48,28 +47,23 @@ class _Anchor:
     excess: Sym3 = ZERO  # covariance in odom's coordinates, less the spread of odometry until here
     is_measured: bool = False
 
-    def carried(self, odom: OdomState) -> Pose2 | None:
+    def pose_at(self, odom: OdomState) -> tuple[Pose2, Sym3] | None:
+        """Return pose and covariance where odometry says something else; None while the pose is unknown."""
         if self.pose_map_base is None:
             return None
-        return self.pose_map_base @ self.odom.pose_odom_base.between(odom.pose_odom_base)
-
-    def covariance(self, odom: OdomState) -> Sym3:
-        cos, sin = self._turn_map_odom()
-        x, y = odom.pose_odom_base.x, odom.pose_odom_base.y
-        return congruence(add(self.excess, odom.spread), cos, sin, -cos * y - sin * x, cos * x - sin * y)
-
-    def _turn_map_odom(self) -> tuple[float, float]:
-        assert self.pose_map_base is not None
         turn = self.pose_map_base.theta - self.odom.pose_odom_base.theta
-        return math.cos(turn), math.sin(turn)
+        cos, sin = math.cos(turn), math.sin(turn)
+        x, y = odom.pose_odom_base.x, odom.pose_odom_base.y
+        covariance = congruence(add(self.excess, odom.spread), cos, sin, -cos * y - sin * x, cos * x - sin * y)
+        return self.pose_map_base @ self.odom.pose_odom_base.between(odom.pose_odom_base), covariance
 
 
-def _anchored(odom: OdomState, pose: Pose2, covariance: Sym3, is_measured: bool) -> _Anchor:
-    anchor = _Anchor(odom, pose, is_measured=is_measured)
-    cos, sin = anchor._turn_map_odom()
+def _anchor_at(odom: OdomState, pose: Pose2, covariance: Sym3, is_measured: bool) -> _Anchor:
+    turn = pose.theta - odom.pose_odom_base.theta
+    cos, sin = math.cos(turn), math.sin(turn)
     x, y = odom.pose_odom_base.x, odom.pose_odom_base.y
-    spread = congruence(covariance, cos, -sin, y, -x)  # the inverse of what `_Anchor.covariance` does
-    return replace(anchor, excess=subtract(spread, odom.spread))
+    spread = congruence(covariance, cos, -sin, y, -x)  # the inverse of what `_Anchor.pose_at` does
+    return _Anchor(odom, pose, excess=subtract(spread, odom.spread), is_measured=is_measured)
 
 
 class DeadReckoning(Estimator):
@@ -85,7 +79,6 @@ class DeadReckoning(Estimator):
     def __init__(self, config: DeadReckoningConfig) -> None:
         super().__init__(config)
         self._config = config
-        self.start(Session())
 
     def start(self, session: Session) -> None:
         """Forget everything; begin at the session's start pose, or nowhere."""
@@ -95,7 +88,7 @@ class DeadReckoning(Estimator):
         self._station_m: float | None = None
         self._chain = MotionChain(Twist2(drift_mps, drift_mps, drift_radps))
         self._corrections: History[Correction, _Anchor] = History(
-            config.history_s, self._corrected, self._start_anchor(session.start_pose)
+            config.history_s, self._step, self._start_anchor(session.start_pose)
         )
         self._belief: Belief | None = None
 
@@ -123,13 +116,13 @@ class DeadReckoning(Estimator):
         if stamp_s is None:
             stamp_s = self._corrections.newest_s if math.isfinite(self._corrections.newest_s) else 0.0
         if self._belief is None or self._belief.stamp_s != stamp_s:
-            self._belief = self._believed(self._chain.at(stamp_s))
+            self._belief = self._make_belief(self._chain.at(stamp_s))
         return self._belief
 
     def set_pose(
         self,
         pose_map_base: Pose2,
-        covariance: npt.NDArray[np.float64] | None = None,
+        covariance: Floats | None = None,
         stamp_s: float | None = None,
     ) -> Applied:
         """Replace the pose at an instant: a fix of all three numbers."""
@@ -137,10 +130,10 @@ class DeadReckoning(Estimator):
             sigma_rad = math.radians(self._config.start_sigma_deg)
             information = information_from_sigmas(self._config.start_sigma_m, self._config.start_sigma_m, sigma_rad)
         else:
-            told = checked_covariance(covariance)
-            if isinstance(told, str):
-                return Applied("refused", told)
-            information = information_from_covariance(told)
+            checked = checked_covariance(covariance)
+            if isinstance(checked, str):
+                return Applied("refused", checked)
+            information = information_from_covariance(checked)
         if stamp_s is None:
             stamp_s = self.belief().stamp_s
         return self.apply("set_pose", Fix(stamp_s, pose_map_base, information))
@@ -151,23 +144,22 @@ class DeadReckoning(Estimator):
             return _Anchor(odom, None)
         variance_m2 = self._config.start_sigma_m**2
         variance_rad2 = math.radians(self._config.start_sigma_deg) ** 2
-        return _anchored(odom, start_pose, diagonal(variance_m2, variance_m2, variance_rad2), is_measured=False)
+        return _anchor_at(odom, start_pose, diagonal(variance_m2, variance_m2, variance_rad2), is_measured=False)
 
     def _apply_motion(self, motion: Motion) -> Applied:
         information = checked_information(motion.information)
         if isinstance(information, str):
             return Applied("refused", information)
-        if self._chain.covers(motion.stamp_s):
-            return self._covered(motion)
         changed_s = self._chain.end_s
-        self._chain.append(motion, information)
+        if not self._chain.append(motion, information):
+            return self._refuse_known(motion)
         self._corrections.advance(motion.stamp_s)
         self._chain.forget(self._corrections.horizon_s)
         if self._corrections.last_stamp_s > changed_s:  # it was carried on with the last twist: now it is known
             self._corrections.replay(changed_s)
         return _ACCEPTED
 
-    def _covered(self, motion: Motion) -> Applied:
+    def _refuse_known(self, motion: Motion) -> Applied:
         if motion.stamp_s < self._corrections.horizon_s:
             return self._late(motion)
         return Applied("refused", f"motion is already known until {self._chain.end_s:.6f} s")
@@ -202,35 +194,35 @@ class DeadReckoning(Estimator):
         age_s = self._corrections.newest_s - estimate.stamp_s
         return Applied("late", f"{age_s:.3f} s old, the history reaches back {self._config.history_s:g} s")
 
-    def _corrected(self, anchor: _Anchor, stamp_s: float, correction: Correction) -> _Anchor:
+    def _step(self, anchor: _Anchor, stamp_s: float, correction: Correction) -> _Anchor:
         """Return the anchor after a correction: the step of the history."""
         odom = self._chain.at(stamp_s)
-        pose = anchor.carried(odom)
-        corrected = correction.apply(None if pose is None else (pose, anchor.covariance(odom)))
+        corrected = correction.apply(anchor.pose_at(odom))
         if corrected is None:
             return anchor
-        return _anchored(odom, *corrected, is_measured=True)
+        return _anchor_at(odom, *corrected, is_measured=True)
 
-    def _believed(self, odom: OdomState) -> Belief:
+    def _make_belief(self, odom: OdomState) -> Belief:
         anchor = self._corrections.state_at(odom.stamp_s)
-        pose = anchor.carried(odom)
-        covariance = None if pose is None else anchor.covariance(odom)
+        pose, covariance, on_path = None, None, None
+        placed = anchor.pose_at(odom)
+        if placed is not None:
+            pose, covariance = placed[0], to_matrix(placed[1])
+            on_path = None if self._path is None else self._on_path(odom.stamp_s, self._path, *placed)
         return Belief(
-            odom.stamp_s,
-            pose,
-            None if covariance is None else to_matrix(covariance),
-            odom.pose_odom_base,
-            odom.twist,
-            odom.travelled_m,
-            None if pose is None or covariance is None else self._on_path(odom.stamp_s, pose, covariance),
-            odom.travelled_m - anchor.odom.travelled_m if anchor.is_measured else math.inf,
-            odom.motion_age_s,
+            stamp_s=odom.stamp_s,
+            pose_map_base=pose,
+            covariance=covariance,
+            pose_odom_base=odom.pose_odom_base,
+            twist=odom.twist,
+            travelled_m=odom.travelled_m,
+            on_path=on_path,
+            fix_age_m=odom.travelled_m - anchor.odom.travelled_m if anchor.is_measured else math.inf,
+            motion_age_s=odom.motion_age_s,
         )
 
-    def _on_path(self, stamp_s: float, pose: Pose2, covariance: Sym3) -> PathOffset | None:
-        if self._path is None:
-            return None
-        located = self._path.locate(pose, self._station_m)
+    def _on_path(self, stamp_s: float, path: Path, pose: Pose2, covariance: Sym3) -> PathOffset:
+        located = path.locate(pose, self._station_m)
         self._station_m = located.station_m
-        information = inverse(covariance_on_path(covariance, self._path, located.station_m)) or ZERO
+        information = inverse(covariance_on_path(covariance, path, located.station_m)) or ZERO
         return PathOffset(stamp_s, located.station_m, located.lateral_m, located.heading_rad, to_matrix(information))

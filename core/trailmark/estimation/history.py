@@ -39,6 +39,15 @@ class History(Generic[M, S]):
         that it is given: states are the snapshots.
     initial : S
         The state before the first measurement.
+
+    Attributes
+    ----------
+    newest_s : float
+        The newest stamp heard of; ``-inf`` before the first [s].
+    horizon_s : float
+        The beginning of the window: what is older comes too late [s].
+    last_stamp_s : float
+        Stamp of the newest measurement in the window; ``-inf`` if there is none [s].
     """
 
     def __init__(self, span_s: float, step: Callable[[S, float, M], S], initial: S) -> None:
@@ -48,35 +57,23 @@ class History(Generic[M, S]):
         self._stamps: list[float] = []
         self._measurements: list[M] = []
         self._states: list[S] = []
-        self._newest_s = -math.inf
+        self.newest_s = -math.inf
+        self.horizon_s = -math.inf
+        self.last_stamp_s = -math.inf
 
     def __len__(self) -> int:
         return len(self._stamps)
 
-    @property
-    def newest_s(self) -> float:
-        """The newest stamp heard of; ``-inf`` before the first [s]."""
-        return self._newest_s
-
-    @property
-    def horizon_s(self) -> float:
-        """The beginning of the window: what is older comes too late [s]."""
-        return self._newest_s - self._span_s
-
-    @property
-    def last_stamp_s(self) -> float:
-        """Stamp of the newest measurement in the window; ``-inf`` if there is none [s]."""
-        return self._stamps[-1] if self._stamps else -math.inf
-
     def advance(self, stamp_s: float) -> None:
         """Let the window end at `stamp_s`, unless it ends later; what falls out is forgotten."""
-        if stamp_s <= self._newest_s:
+        if stamp_s <= self.newest_s:
             return
-        self._newest_s = stamp_s
+        self.newest_s, self.horizon_s = stamp_s, stamp_s - self._span_s
         n_old = bisect_left(self._stamps, self.horizon_s)
         if n_old:
             self._before = self._states[n_old - 1]
             del self._stamps[:n_old], self._measurements[:n_old], self._states[:n_old]
+            self.last_stamp_s = self._stamps[-1] if self._stamps else -math.inf
 
     def insert(self, stamp_s: float, measurement: M) -> S | None:
         """Put a measurement where it belongs and replay what follows it.
@@ -93,6 +90,7 @@ class History(Generic[M, S]):
         self._stamps.insert(index, stamp_s)
         self._measurements.insert(index, measurement)
         self._states.insert(index, self._before)
+        self.last_stamp_s = self._stamps[-1]
         self._replay(index)
         return self._states[index]
 

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.errors import ShapeError
 from trailmark.estimation.symmetric import NOTHING, Sym3, inverse, to_matrix
 
 __all__ = ["Measured", "checked_covariance", "checked_information", "measured_directions", "says_something"]
-
-Matrix = npt.NDArray[np.float64]
 
 # Relative to the diagonal: beyond rounding, and far below any correlation that means something.
 _ASYMMETRIC = 1e-6
@@ -41,11 +40,11 @@ class Measured:
     """
 
     rank: int
-    gain: Matrix | None
+    gain: Floats | None
     covariance: Sym3
 
 
-def checked_information(information: Matrix) -> Sym3 | str:
+def checked_information(information: Floats) -> Sym3 | str:
     """Return the information as six floats, or why it cannot be one.
 
     Parameters
@@ -68,7 +67,7 @@ def checked_information(information: Matrix) -> Sym3 | str:
     return checked if is_plainly_fine or _is_positive(checked) else "the information is negative in a direction"
 
 
-def checked_covariance(covariance: npt.ArrayLike) -> Matrix | str:
+def checked_covariance(covariance: npt.ArrayLike) -> Floats | str:
     """Return a covariance of a whole pose, exactly symmetric, or why it cannot be one.
 
     Parameters
@@ -130,7 +129,7 @@ def _diagonal(information: Sym3) -> tuple[float, float, float]:
     return information[0], information[3], information[5]
 
 
-def _normalised(information: Sym3) -> Matrix:
+def _normalised(information: Sym3) -> Floats:
     """Return the matrix with a diagonal of ones, and zeros where nothing was measured."""
     roots = np.array([1.0 / math.sqrt(value) if value > NOTHING else 0.0 for value in _diagonal(information)])
     return np.asarray(roots[:, None] * to_matrix(information) * roots)

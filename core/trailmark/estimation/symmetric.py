@@ -7,7 +7,8 @@ step with (3, 3) arrays costs 10 us, nearly all of it numpy's overhead per call.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
+
+from trailmark.arrays import Floats
 
 __all__ = [
     "NOTHING",
@@ -40,7 +41,7 @@ def diagonal(xx: float, yy: float, tt: float) -> Sym3:
     return xx, 0.0, 0.0, yy, 0.0, tt
 
 
-def to_matrix(a: Sym3) -> npt.NDArray[np.float64]:
+def to_matrix(a: Sym3) -> Floats:
     """Return the matrix as a (3, 3) array."""
     xx, xy, xt, yy, yt, tt = a
     return np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]])

@@ -25,7 +25,7 @@ class ClockGuard:
         self._jumped_s = -math.inf
         self._n = 0
 
-    def judged(self, stamp_s: float, newest_s: float) -> Literal["here", "elsewhere", "reset"]:
+    def classify(self, stamp_s: float, newest_s: float) -> Literal["here", "elsewhere", "reset"]:
         """Return whether a stamp is of the time that the estimator lives in, given the newest that it has heard of."""
         if abs(stamp_s - newest_s) <= self._jump_s or newest_s == -math.inf:
             self._n = 0

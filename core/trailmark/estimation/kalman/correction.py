@@ -1,4 +1,4 @@
-"""Absolute estimates: tested against the belief, weighed, and taken; or the belief doubted, when it contradicts all."""
+"""Absolute estimates: tested against the belief, weighted, and used; or the belief given up for them."""
 
 from __future__ import annotations
 
@@ -7,205 +7,169 @@ from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
-from trailmark.estimation.kalman.ekf import Moves
+from trailmark.arrays import Floats
+from trailmark.estimation.kalman.ekf import PredictedMotion
 from trailmark.estimation.kalman.gate import threshold, weight
-from trailmark.estimation.kalman.innovation import Innovation, Measures, nis_of
+from trailmark.estimation.kalman.innovation import Innovation, MeasurementModel, nis_of
 from trailmark.estimation.kalman.layout import Layout
 from trailmark.estimation.kalman.measurements import Measurement
-from trailmark.estimation.kalman.recovery import agreed_pose, directions_of
-from trailmark.estimation.kalman.state import FilterState, Suspect, Verdict
+from trailmark.estimation.kalman.recovery_policy import Keep, RecoveryPolicy, Relocate
+from trailmark.estimation.kalman.state import (
+    CorroboratingFix,
+    FilterState,
+    Gaussian,
+    RejectedMeasurement,
+    Rejections,
+    Verdict,
+)
 from trailmark.estimation.kalman_config import KalmanConfig
 
 __all__ = ["Correction", "Filter"]
-
-Array = npt.NDArray[np.float64]
 
 # What may be doubted, and how far: position to 1 km, heading to all round [m, rad].
 _DOUBTS = ((np.diag([1.0, 1.0, 0.0]), 1e3), (np.diag([0.0, 0.0, 1.0]), math.pi))
 _LEAST_DOUBT = 1e-3
 
-# Rejected estimates that are kept of each localizer, and for how long [s].
-_MOST_SUSPECTS, _SUSPECT_S = 30, 15.0
-# So many times `recover_after` rejections are waited for an agreement, before one alone is believed.
-_PATIENCE = 4
+# Rejected measurements that are kept of each localizer, and for how long [s].
+_MOST_REJECTED, _REJECTED_S = 30, 15.0
 
 
 class Filter(Protocol):
-    """What predicts and updates; filterpy's EKF or UKF."""
+    """The arithmetic of prediction and update: filterpy's EKF or UKF."""
 
-    def moved(self, x: Array, covariance: Array, moves: Moves) -> tuple[Array, Array]:
+    def predict(self, x: Floats, covariance: Floats, motion: PredictedMotion) -> tuple[Floats, Floats]:
         """Return state and covariance after a motion."""
 
-    def corrected(self, x: Array, covariance: Array, seen: Innovation, measures: Measures) -> tuple[Array, Array]:
+    def update(self, x: Floats, covariance: Floats, seen: Innovation, model: MeasurementModel) -> tuple[Floats, Floats]:
         """Return state and covariance after a measurement."""
 
 
 class Correction:
     """Corrects a filter state with a measurement.
 
-    A measurement that fails its chi-square test is gated: the belief stays. Once a localizer has had `recover_after`
-    more rejected than accepted, with no other localizer accepted of late that measures the same directions, it is the
-    belief that is doubted. If what was rejected of late agrees on one pose, that pose is the belief from then on. If it
-    never measured all directions, or after four times as many rejections without agreement, position and heading are
-    each doubted until either alone would make the measurement nothing unusual, and it is taken.
+    A measurement that fails its chi-square test is gated: the belief stays. `RecoveryPolicy` says when many of them
+    outweigh the belief.
     """
 
     def __init__(self, config: KalmanConfig, kalman: Filter, layout: Layout) -> None:
-        self._recover_after = config.recover_after
-        self._support_s = config.support_s
+        self._policy = RecoveryPolicy(config.recover_after, config.support_s)
         self._loss_scale = config.loss_scale
         self._filter = kalman
         self._layout = layout
 
-    def corrected(self, state: FilterState, measurement: Measurement) -> FilterState:
+    def correct(self, state: FilterState, measurement: Measurement) -> FilterState:
         """Return the state after a measurement, with the verdict on it as its last."""
-        dof = len(measurement.root)
-        before, covariance = state.x, state.covariance
-        if before is None or covariance is None:
-            return self._begun(state, measurement)
+        before, dof = state.gaussian, len(measurement.root)
+        if before is None:
+            return self._start(state, measurement)
         if measurement.replaces:
-            return self._set(state, before, covariance, measurement)
-        seen = Innovation(*measurement.innovation(before), covariance)
+            return self._replace_pose(state, before, measurement)
+        seen = Innovation(*measurement.innovation(before.x), before.covariance)
         trust = measurement.trust
         if trust.gate is not None and seen.nis > threshold(trust.gate, dof):
-            return self._rejected(state, before, covariance, measurement, seen)
-        weighted = weight(trust.loss, seen.nis, dof, self._loss_scale)
-        used = seen if weighted == 1.0 else seen.weighted(weighted, covariance)
-        x, covariance = self._filter.corrected(before, covariance, used, measurement)
-        return _accepted(state, measurement, x, covariance, seen.jacobian[:, :3], Verdict("accepted", seen.nis, dof))
+            return self._reject(state, before, measurement, seen)
+        share = weight(trust.loss, seen.nis, dof, self._loss_scale)
+        used = seen if share == 1.0 else seen.weighted(share, before.covariance)
+        after = Gaussian(*self._filter.update(before.x, before.covariance, used, measurement))
+        return _accept(state, measurement, after, seen.jacobian[:, :3], Verdict("accepted", seen.nis, dof))
 
-    def _begun(self, state: FilterState, measurement: Measurement) -> FilterState:
-        start = measurement.as_start()
+    def _start(self, state: FilterState, measurement: Measurement) -> FilterState:
+        pose = measurement.as_start()
         dof = len(measurement.root)
-        if start is None:
+        if pose is None:
             reason = f"the pose is unknown, and this says {dof} of its 3 numbers"
             return replace(state, verdicts=(*state.verdicts, Verdict("unused", None, dof, reason)))
-        begun = self._layout.begun(*start)
-        return _accepted(state, measurement, *begun, measurement.root, Verdict("accepted", None, dof))
+        begun = Gaussian(*self._layout.initial_state(*pose))
+        return _accept(state, measurement, begun, measurement.root, Verdict("accepted", None, dof))
 
-    def _set(self, state: FilterState, x: Array, covariance: Array, measurement: Measurement) -> FilterState:
-        start = measurement.as_start()
-        assert start is not None
-        placed = self._layout.placed(x, covariance, *start)
-        state = replace(state, rejected={}, suspects={}, supports={})
-        return _accepted(state, measurement, *placed, measurement.root, Verdict("accepted", None, 3))
+    def _replace_pose(self, state: FilterState, before: Gaussian, measurement: Measurement) -> FilterState:
+        pose = measurement.as_start()
+        assert pose is not None
+        placed = Gaussian(*self._layout.with_pose(before.x, before.covariance, *pose))
+        state = replace(state, rejections=Rejections(n_recoveries=state.rejections.n_recoveries))
+        return _accept(state, measurement, placed, measurement.root, Verdict("accepted", None, 3))
 
-    def _rejected(
-        self, state: FilterState, x: Array, covariance: Array, measurement: Measurement, seen: Innovation
-    ) -> FilterState:
-        """Return the state after a measurement that fails its test: it stays out, or the belief is wrong."""
+    def _reject(self, state: FilterState, before: Gaussian, measurement: Measurement, seen: Innovation) -> FilterState:
+        """Return the state after a measurement that fails its test."""
         source, dof = measurement.source, len(measurement.root)
-        n = min(state.rejected.get(source, 0) + 1, _PATIENCE * self._recover_after)  # who comes to his senses is heard
-        suspects = _suspects(state, measurement)
-        limit = threshold(measurement.trust.gate or 0.0, dof)
-        story = f"NIS {seen.nis:.1f} of {dof} dof, the gate is {limit:.1f}"
-        if n < self._recover_after:
-            return _gated(state, source, n, suspects, Verdict("gated", seen.nis, dof, _more(story, n)))
-        if self._is_supported(state, source, seen.jacobian[:, :3]):
-            story = f"{_more(story, n)}, but others support the belief"
-            return _gated(state, source, n, suspects, Verdict("gated", seen.nis, dof, story))
-        if directions_of(suspects) == 3:
-            agreed = agreed_pose(suspects, state.odom, x)
-            if agreed is not None:
-                story = f"the belief contradicted {n} of late; they agree on another pose, which was taken"
-                return self._moved_to(
-                    state, x, covariance, agreed, measurement, Verdict("accepted", seen.nis, dof, story)
-                )
-            if n < _PATIENCE * self._recover_after:
-                story = f"{_more(story, n)}, and they do not agree on another pose"
-                return _gated(state, source, n, suspects, Verdict("gated", seen.nis, dof, story))
-        return self._doubted(state, x, covariance, measurement, seen, n)
-
-    def _moved_to(
-        self,
-        state: FilterState,
-        x: Array,
-        covariance: Array,
-        agreed: tuple[Array, Array],
-        measurement: Measurement,
-        verdict: Verdict,
-    ) -> FilterState:
-        placed = self._layout.placed(x, covariance, *agreed)
-        state = replace(state, n_recoveries=state.n_recoveries + 1, rejected={}, suspects={})
-        return _accepted(state, measurement, *placed, measurement.root, verdict)
-
-    def _doubted(
-        self, state: FilterState, x: Array, covariance: Array, measurement: Measurement, seen: Innovation, n: int
-    ) -> FilterState:
-        inflated = _inflated(covariance, seen.innovation, seen.jacobian)
-        again = Innovation(seen.innovation, seen.jacobian, inflated)
-        x, covariance = self._filter.corrected(x, inflated, again, measurement)
-        source = measurement.source
-        state = replace(
-            state,
-            n_recoveries=state.n_recoveries + 1,
-            rejected={**state.rejected, source: 0},
-            suspects={**state.suspects, source: ()},
+        n = min(state.rejections.counts.get(source, 0) + 1, self._policy.most_rejections)
+        rejected = _with_rejected(state, measurement)
+        decision = self._policy.decide(state, source, rejected, seen.jacobian[:, :3], n)
+        if isinstance(decision, Keep):
+            limit = threshold(measurement.trust.gate or 0.0, dof)
+            message = f"NIS {seen.nis:.1f} of {dof} dof, the gate is {limit:.1f}"
+            message += f"; {n} of late" if n > 1 else ""
+            message += f", {decision.reason}" if decision.reason else ""
+            return _keep_out(state, source, n, rejected, Verdict("gated", seen.nis, dof, message))
+        if isinstance(decision, Relocate):
+            after = self._layout.with_pose(before.x, before.covariance, decision.pose, decision.covariance)
+            message = f"the belief contradicted {n} of late; they agree on another pose, which was taken"
+            counts, kept, directions = {}, {}, measurement.root
+        else:
+            inflated = _inflated(before.covariance, seen.innovation, seen.jacobian)
+            again = Innovation(seen.innovation, seen.jacobian, inflated)
+            after = self._filter.update(before.x, inflated, again, measurement)
+            message = f"the belief contradicted {n} of late and was doubted"
+            counts = {**state.rejections.counts, source: 0}
+            kept = {**state.rejections.measurements, source: ()}
+            directions = seen.jacobian[:, :3]
+        recovered = Rejections(
+            counts=counts,
+            measurements=kept,
+            corroborations=state.rejections.corroborations,
+            n_recoveries=state.rejections.n_recoveries + 1,
         )
-        story = f"the belief contradicted {n} of late and was doubted"
-        verdict = Verdict("accepted", seen.nis, len(measurement.root), story)
-        return _accepted(state, measurement, x, covariance, seen.jacobian[:, :3], verdict)
-
-    def _is_supported(self, state: FilterState, source: str, jacobian: Array) -> bool:
-        """Return whether other localizers, accepted of late, measure these directions: then the belief is right."""
-        directions = [
-            rows
-            for other, (stamp_s, rows) in state.supports.items()
-            if other != source and state.stamp_s - stamp_s <= self._support_s
-        ]
-        return bool(directions) and _spans(np.vstack(directions), jacobian)
+        state = replace(state, rejections=recovered)
+        return _accept(state, measurement, Gaussian(*after), directions, Verdict("accepted", seen.nis, dof, message))
 
 
-def _more(story: str, n: int) -> str:
-    return f"{story}; {n} of late" if n > 1 else story
-
-
-def _suspects(state: FilterState, measurement: Measurement) -> tuple[Suspect, ...]:
+def _with_rejected(state: FilterState, measurement: Measurement) -> tuple[RejectedMeasurement, ...]:
     """Return what was rejected of a localizer of late, this measurement included."""
-    since_s = state.stamp_s - _SUSPECT_S
-    kept = [one for one in state.suspects.get(measurement.source, ()) if one.stamp_s >= since_s]
-    return (*kept[1 - _MOST_SUSPECTS :], Suspect(state.stamp_s, state.odom, measurement))
+    since_s = state.stamp_s - _REJECTED_S
+    before = state.rejections.measurements.get(measurement.source, ())
+    kept = [one for one in before if one.stamp_s >= since_s]
+    last = RejectedMeasurement(state.stamp_s, state.odometry.pose_odom_base, measurement)
+    return (*kept[1 - _MOST_REJECTED :], last)
 
 
-def _gated(state: FilterState, source: str, n: int, suspects: tuple[Suspect, ...], verdict: Verdict) -> FilterState:
-    return replace(
-        state,
-        rejected={**state.rejected, source: n},
-        suspects={**state.suspects, source: suspects},
+def _keep_out(
+    state: FilterState, source: str, n: int, rejected: tuple[RejectedMeasurement, ...], verdict: Verdict
+) -> FilterState:
+    before = state.rejections
+    rejections = Rejections(
+        counts={**before.counts, source: n},
+        measurements={**before.measurements, source: rejected},
+        corroborations=before.corroborations,
+        n_recoveries=before.n_recoveries,
+    )
+    return replace(state, rejections=rejections, verdicts=(*state.verdicts, verdict))
+
+
+def _accept(
+    state: FilterState, measurement: Measurement, after: Gaussian, directions: Floats, verdict: Verdict
+) -> FilterState:
+    source, before = measurement.source, state.rejections
+    n = before.counts.get(source)
+    return FilterState(
+        stamp_s=state.stamp_s,
+        gaussian=after,
+        odometry=state.odometry,
+        fixed_at_m=state.odometry.travelled_m,
+        rejections=Rejections(
+            counts={**before.counts, source: n - 1} if n else before.counts,
+            measurements=before.measurements,
+            corroborations={**before.corroborations, source: CorroboratingFix(state.stamp_s, directions)},
+            n_recoveries=before.n_recoveries,
+        ),
+        left_out=state.left_out,
+        checks=state.checks,
         verdicts=(*state.verdicts, verdict),
     )
 
 
-def _accepted(
-    state: FilterState, measurement: Measurement, x: Array, covariance: Array, jacobian: Array, verdict: Verdict
-) -> FilterState:
-    source = measurement.source
-    n = state.rejected.get(source)
-    return FilterState(
-        state.stamp_s,
-        x,
-        covariance,
-        state.twist,
-        state.gap_s,
-        state.is_measured,
-        state.has_moved,
-        state.odom,
-        state.travelled_m,
-        state.travelled_m,
-        {**state.rejected, source: n - 1} if n else state.rejected,
-        {**state.supports, source: (state.stamp_s, jacobian)},
-        state.suspects,
-        state.n_recoveries,
-        state.left_out,
-        state.checks,
-        (*state.verdicts, verdict),
-    )
-
-
-def _inflated(covariance: Array, innovation: Array, jacobian: Array) -> Array:
-    """Return the covariance of a doubted belief: position and heading each, so far as it explains the innovation.
+def _inflated(covariance: Floats, innovation: Floats, jacobian: Floats) -> Floats:
+    """Return a covariance with position and heading each inflated, so far as it explains the innovation.
 
     Scaled as it is, a covariance would put all doubt where it is large already: a heading that is wrong by 90 deg would
     be mended, and the position that is wrong with it kept.
@@ -222,13 +186,3 @@ def _inflated(covariance: Array, innovation: Array, jacobian: Array) -> Array:
             sigma *= 2.0
         doubted = doubted + min(sigma, largest) ** 2 * unit
     return doubted
-
-
-def _spans(rows: Array, wanted: Array) -> bool:
-    """Return whether some directions, in metres and radians, contain others."""
-    rank = np.linalg.matrix_rank(_unit(rows), tol=1e-3)
-    return bool(np.linalg.matrix_rank(_unit(np.vstack([rows, wanted])), tol=1e-3) == rank)
-
-
-def _unit(rows: Array) -> Array:
-    return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))

@@ -5,18 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from filterpy.kalman import ExtendedKalmanFilter
 
-from trailmark.estimation.kalman.innovation import Innovation, Measures
+from trailmark.arrays import Floats
+from trailmark.estimation.kalman.innovation import Innovation, MeasurementModel
 from trailmark.geometry import wrap_angle
 
-__all__ = ["Ekf", "Moves"]
-
-Array = npt.NDArray[np.float64]
+__all__ = ["Ekf", "PredictedMotion"]
 
 
-class Moves:
+class PredictedMotion:
     """A motion as the filters need it: to the first order about one state, and from any state.
 
     Attributes
@@ -33,7 +31,7 @@ class Moves:
 
     __slots__ = ("jacobian", "noise", "step", "x")
 
-    def __init__(self, x: Array, jacobian: Array, noise: Array, step: tuple[float, float, float]) -> None:
+    def __init__(self, x: Floats, jacobian: Floats, noise: Floats, step: tuple[float, float, float]) -> None:
         self.x, self.jacobian, self.noise, self.step = x, jacobian, noise, step
 
 
@@ -42,7 +40,7 @@ class Ekf:
 
     filterpy makes x of shape (n, 1), and a measurement of shape (m,) then silently broadcasts it to (n, n): x is of
     shape (n,) here, always, and shapes are checked. It wraps no state and gates nothing: both are done around it. Its
-    ``update`` inverts S anew, with scipy, and copies what nobody reads; `corrected` is the same update (Joseph form)
+    ``update`` inverts S anew, with scipy, and copies what nobody reads; `update` is the same update (Joseph form)
     with the S that the gate has computed, in a third of the time; a test compares the two.
     """
 
@@ -51,14 +49,14 @@ class Ekf:
         self._kalman.predict_x = self._take  # the moved state is the motion model's, not F x
         self._unit = np.eye(n)
 
-    def moved(self, x: Array, covariance: Array, moves: Moves) -> tuple[Array, Array]:
+    def predict(self, x: Floats, covariance: Floats, motion: PredictedMotion) -> tuple[Floats, Floats]:
         """Return state and covariance after a motion: ``F P F^T + Q``."""
         kalman = self._kalman
-        kalman.P, kalman.F, kalman.Q = covariance, moves.jacobian, moves.noise
-        kalman.predict(moves.x)
+        kalman.P, kalman.F, kalman.Q = covariance, motion.jacobian, motion.noise
+        kalman.predict(motion.x)
         return kalman.x, kalman.P
 
-    def corrected(self, x: Array, covariance: Array, seen: Innovation, measures: Measures) -> tuple[Array, Array]:
+    def update(self, x: Floats, covariance: Floats, seen: Innovation, model: MeasurementModel) -> tuple[Floats, Floats]:
         """Return state and covariance after a measurement of unit noise, given its innovation."""
         gain = seen.cross @ seen.inverse
         updated = x + gain @ seen.innovation
@@ -66,5 +64,5 @@ class Ekf:
         updated[2] = wrap_angle(float(updated[2]))
         return updated, kept @ covariance @ kept.T + gain @ gain.T
 
-    def _take(self, moved: Array) -> None:
+    def _take(self, moved: Floats) -> None:
         self._kalman.x = moved

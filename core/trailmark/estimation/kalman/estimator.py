@@ -7,8 +7,8 @@ from collections import Counter
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.estimates import Applied, Belief, Estimate, Fix, Lost, Motion, PathOffset
 from trailmark.estimation.corrections import covariance_on_path
 from trailmark.estimation.history import History
@@ -16,19 +16,19 @@ from trailmark.estimation.information import checked_covariance
 from trailmark.estimation.kalman.clock import ClockGuard
 from trailmark.estimation.kalman.correction import Correction, Filter
 from trailmark.estimation.kalman.ekf import Ekf
-from trailmark.estimation.kalman.health import Listening, health_of
-from trailmark.estimation.kalman.knot import Knot
+from trailmark.estimation.kalman.health import SourceMonitor, health_of
 from trailmark.estimation.kalman.layout import Layout
 from trailmark.estimation.kalman.measurements import (
     Measurement,
     fix_measurement,
     path_measurement,
-    placed_measurement,
+    pose_measurement,
 )
 from trailmark.estimation.kalman.motions import Motions, StatedMotion
 from trailmark.estimation.kalman.odometry import PublishedOdometry
 from trailmark.estimation.kalman.prediction import Prediction
-from trailmark.estimation.kalman.state import FilterState
+from trailmark.estimation.kalman.state import FilterState, Gaussian
+from trailmark.estimation.kalman.time_node import TimeNode
 from trailmark.estimation.kalman.trust import Trust
 from trailmark.estimation.kalman.ukf import Ukf
 from trailmark.estimation.kalman_config import KalmanConfig
@@ -41,7 +41,7 @@ __all__ = ["Kalman"]
 
 _ACCEPTED = Applied("accepted")
 
-# A clock that was set says nothing of how long it really took: the belief is doubted as after this gap.
+# A clock that was set says nothing of how long it really took: the belief is as uncertain as after this gap.
 _GAP_OF_A_JUMP_S = 10.0
 
 
@@ -56,7 +56,6 @@ class Kalman(Estimator):
 
     def __init__(self, config: KalmanConfig) -> None:
         super().__init__(config)
-        self.start(Session())
 
     def start(self, session: Session) -> None:
         """Forget everything; begin at the session's start pose, or nowhere."""
@@ -68,64 +67,65 @@ class Kalman(Estimator):
         self._correction = Correction(config, self._filter, layout)
         self._odometry = PublishedOdometry()
         self._clock = ClockGuard(config.time_jump_s, config.time_jump_after if config.time_jump == "reset" else None)
-        self._ears = {source: Listening(Trust.of(config, source)) for source in config.sources}
+        self._monitors = {source: SourceMonitor(Trust.of(config, source)) for source in config.sources}
         self._counted: Counter[str] = Counter()
         self._belief: Belief | None = None
-        self._begin(self._start_state(session.start_pose))
+        self._begin_history(self._start_state(session.start_pose))
 
     def counters(self) -> Mapping[str, int]:
         """Return what was refused, repaired, replayed and doubted."""
-        return {**self._counted, "recoveries": self._history.state_at(math.inf).n_recoveries}
+        return {**self._counted, "recoveries": self._history.state_at(math.inf).rejections.n_recoveries}
 
     def common_errors(self) -> Mapping[str, tuple[float, float]]:
         """Return the common errors now believed, by localizer: value and standard deviation [rad/s, or a share]."""
-        state = self._history.state_at(math.inf)
-        if state.x is None or state.covariance is None:
+        gaussian = self._history.state_at(math.inf).gaussian
+        if gaussian is None:
             return {}
         return {
-            source: (float(state.x[i]), math.sqrt(float(state.covariance[i, i])))
+            source: (float(gaussian.x[i]), math.sqrt(float(gaussian.covariance[i, i])))
             for source, i in ((source, common.index) for source, common in self._layout.common.items())
         }
 
     def apply(self, source: str, estimate: Estimate) -> Applied:
-        """Take an estimate and say what became of it.
+        """Use an estimate and return what became of it.
 
         The verdict is that of the moment: a later arrival about an earlier instant may turn it, and the belief with it.
         """
-        ear = self._ears.get(source)
-        if ear is None:
-            ear = self._ears[source] = Listening(Trust.of(self.config, source))
+        monitor = self._monitors.get(source)
+        if monitor is None:
+            monitor = self._monitors[source] = SourceMonitor(Trust.of(self.config, source))
         self._belief = None
-        applied = self._timely(source, estimate, ear.trust)
+        applied = self._check_stamp(source, estimate, monitor.trust)
         if applied.status == "refused":
-            ear.refused(applied.reason)
+            monitor.record_refusal(applied.reason)
         elif applied.status != "late":
-            ear.heard(estimate.stamp_s)
+            monitor.record_arrival(estimate.stamp_s)
         return applied
 
     def set_pose(
         self,
         pose_map_base: Pose2,
-        covariance: npt.NDArray[np.float64] | None = None,
+        covariance: Floats | None = None,
         stamp_s: float | None = None,
     ) -> Applied:
-        """Replace the belief at an instant; what was heard about later ones is applied from there."""
+        """Replace the belief at an instant; what was said about later ones is applied from there."""
         newest_s = self._history.newest_s
         stamp_s = newest_s if stamp_s is None else stamp_s
-        told = self._start_covariance() if covariance is None else checked_covariance(covariance)
-        if isinstance(told, str):
-            return self._refused("set_pose", told)
+        checked = self._start_covariance() if covariance is None else checked_covariance(covariance)
+        if isinstance(checked, str):
+            return self._refuse("set_pose", checked)
         self._belief = None
         self._counted["poses_set"] += 1
         if newest_s == -math.inf and stamp_s == -math.inf:  # nothing was heard yet: it is the start
-            self._begin(FilterState(-math.inf, *self._layout.begun(pose_map_base.array(), told)))
+            gaussian = Gaussian(*self._layout.initial_state(pose_map_base.array(), checked))
+            self._begin_history(FilterState(-math.inf, gaussian))
             return _ACCEPTED
         is_elsewhere = newest_s > -math.inf and abs(stamp_s - newest_s) > self.config.time_jump_s
         if is_elsewhere or not math.isfinite(stamp_s):
-            return self._refused("set_pose", f"the stamp {stamp_s:g} s is of another time")
+            return self._refuse("set_pose", f"the stamp {stamp_s:g} s is of another time")
         if stamp_s < self._history.horizon_s:
             return Applied("late", f"the history reaches back {self.config.history_s:g} s")
-        return self._correct(stamp_s, placed_measurement(pose_map_base, told))
+        return self._apply_measurement(stamp_s, pose_measurement(pose_map_base, checked))
 
     def belief(self, stamp_s: float | None = None) -> Belief:
         """Return the belief at a stamp: predicted from the last estimates before it.
@@ -137,119 +137,122 @@ class Kalman(Estimator):
             stamp_s = newest_s if math.isfinite(newest_s) else 0.0
         belief = self._belief
         if belief is None or belief.stamp_s != stamp_s:
-            belief = self._belief = self._believed(stamp_s)
+            belief = self._belief = self._make_belief(stamp_s)
         return belief
 
     def _start_state(self, start_pose: Pose2 | None) -> FilterState:
         if start_pose is None:
-            return FilterState(-math.inf, None, None)
-        begun = self._layout.begun(start_pose.array(), self._start_covariance())
-        return FilterState(-math.inf, *begun)
+            return FilterState(-math.inf, None)
+        gaussian = Gaussian(*self._layout.initial_state(start_pose.array(), self._start_covariance()))
+        return FilterState(-math.inf, gaussian)
 
-    def _start_covariance(self) -> npt.NDArray[np.float64]:
+    def _start_covariance(self) -> Floats:
         sigma_m, sigma_rad = self.config.start_sigma_m, math.radians(self.config.start_sigma_deg)
         return np.diag([sigma_m**2, sigma_m**2, sigma_rad**2])
 
     def _gate_of(self, source: str) -> float | None:
-        return self._ears[source].trust.gate
+        return self._monitors[source].trust.gate
 
-    def _begin(self, state: FilterState) -> None:
+    def _begin_history(self, state: FilterState) -> None:
         self._motions = Motions()
         self._prediction = Prediction(self.config, self._motions, self._filter, self._layout, self._gate_of)
-        self._knots: dict[float, Knot] = {}
-        self._history: History[Knot, FilterState] = History(self.config.history_s, self._step, state)
+        self._nodes: dict[float, TimeNode] = {}
+        self._history: History[TimeNode, FilterState] = History(self.config.history_s, self._step, state)
         self._kept_since_s = -math.inf
         self._belief = None
 
-    def _step(self, state: FilterState, stamp_s: float, knot: Knot) -> FilterState:
+    def _step(self, state: FilterState, stamp_s: float, node: TimeNode) -> FilterState:
         """Return the state after an instant: the step of the history."""
-        if not knot.still_follows(state, self._motions.n_added):
-            knot.begin(state, self._prediction.predicted(state, stamp_s), self._motions.n_added)
-        return knot.finish(self._correction)
+        if not node.still_follows(state, self._motions.n_added):
+            node.set_prediction(state, self._prediction.predict(state, stamp_s), self._motions.n_added)
+        return node.apply_measurements(self._correction)
 
-    def _timely(self, source: str, estimate: Estimate, trust: Trust) -> Applied:
+    def _check_stamp(self, source: str, estimate: Estimate, trust: Trust) -> Applied:
         stamp_s, newest_s = estimate.stamp_s, self._history.newest_s
         if not math.isfinite(stamp_s):
-            return self._refused("stamp", f"the stamp is not finite: {stamp_s}")
-        judged = self._clock.judged(stamp_s, newest_s)
-        if judged == "elsewhere":
-            return self._refused("time_jump", f"the clock jumped by {stamp_s - newest_s:+.3f} s")
-        if judged == "reset":
-            self._reset()
+            return self._refuse("stamp", f"the stamp is not finite: {stamp_s}")
+        place = self._clock.classify(stamp_s, newest_s)
+        if place == "elsewhere":
+            return self._refuse("time_jump", f"the clock jumped by {stamp_s - newest_s:+.3f} s")
+        if place == "reset":
+            self._restart_clock()
         elif stamp_s < self._history.horizon_s:
             self._counted["late"] += 1
-            story = f"{newest_s - stamp_s:.3f} s old, the history reaches back {self.config.history_s:g} s"
-            return Applied("late", story)
-        return self._taken(source, estimate, trust)
+            message = f"{newest_s - stamp_s:.3f} s old, the history reaches back {self.config.history_s:g} s"
+            return Applied("late", message)
+        return self._dispatch(source, estimate, trust)
 
-    def _taken(self, source: str, estimate: Estimate, trust: Trust) -> Applied:
+    def _dispatch(self, source: str, estimate: Estimate, trust: Trust) -> Applied:
         if isinstance(estimate, Lost):
             self._advance(estimate.stamp_s)
             return Applied("unused", f"lost: {estimate.reason}")
-        information = trust.believed(estimate.information, self._counted)
+        information = trust.floored_information(estimate.information, self._counted)
         if isinstance(information, str):
             return Applied("refused", information)
         if isinstance(estimate, Motion):
-            return self._move(source, estimate, StatedMotion(estimate, information))
+            return self._apply_motion(source, estimate, StatedMotion(estimate, information))
         if isinstance(estimate, Fix):
-            return self._correct(estimate.stamp_s, fix_measurement(source, estimate, information, trust))
+            return self._apply_measurement(estimate.stamp_s, fix_measurement(source, estimate, information, trust))
         if self._path is None:
-            return self._refused("no_path", "a path offset needs a path, and this run has none")
+            return self._refuse("no_path", "a path offset needs a path, and this run has none")
         if not math.isfinite(estimate.station_m + estimate.lateral_m + estimate.heading_rad):
-            return self._refused("not_finite", "the path offset is not finite")
-        return self._correct(estimate.stamp_s, path_measurement(source, estimate, information, trust, self._path))
+            return self._refuse("not_finite", "the path offset is not finite")
+        return self._apply_measurement(
+            estimate.stamp_s, path_measurement(source, estimate, information, trust, self._path)
+        )
 
-    def _move(self, source: str, motion: Motion, stated: StatedMotion) -> Applied:
+    def _apply_motion(self, source: str, motion: Motion, stated: StatedMotion) -> Applied:
         if not math.isfinite(motion.since_s):
-            return self._refused("stamp", f"the motion begins at {motion.since_s} s")
+            return self._refuse("stamp", f"the motion begins at {motion.since_s} s")
         if motion.stamp_s - motion.since_s > self.config.time_jump_s:
-            return self._refused("time_jump", f"a motion over {motion.stamp_s - motion.since_s:g} s: the clock jumped")
+            return self._refuse("time_jump", f"a motion over {motion.stamp_s - motion.since_s:g} s: the clock jumped")
         if not self._motions.add(source, stated):
-            return self._refused("duplicate", "it has told of the same interval already")
-        self._odometry.changed(motion.since_s)
+            return self._refuse("duplicate", "it has told of the same interval already")
+        self._odometry.note_change(motion.since_s)
         newest_s = self._history.last_stamp_s
         self._advance(motion.stamp_s)
-        if motion.since_s < newest_s and (motion.since_s in self._knots or motion.since_s < self._history.horizon_s):
+        if motion.since_s < newest_s and (motion.since_s in self._nodes or motion.since_s < self._history.horizon_s):
             self._history.replay(motion.since_s)
             self._counted["replayed"] += 1
         for stamp_s in (motion.since_s, motion.stamp_s):
-            if stamp_s not in self._knots and stamp_s >= self._history.horizon_s:
-                self._knots[stamp_s] = knot = Knot()
-                self._history.insert(stamp_s, knot)
-        return self._moved(source, motion.stamp_s)
+            if stamp_s not in self._nodes and stamp_s >= self._history.horizon_s:
+                self._nodes[stamp_s] = node = TimeNode()
+                self._history.insert(stamp_s, node)
+        return self._motion_outcome(source, motion.stamp_s)
 
-    def _moved(self, source: str, stamp_s: float) -> Applied:
+    def _motion_outcome(self, source: str, stamp_s: float) -> Applied:
         """Return what became of a motion: left out, if it contradicts the others and the velocity before."""
         state = self._history.state_at(stamp_s)
         if not state.checks:
             return _ACCEPTED
-        for other, nis, dof in state.checks:
-            if other == source:
+        for check in state.checks:
+            if check.source == source:
                 if source not in state.left_out:
-                    return Applied("accepted", "", nis, dof)
-                return Applied("gated", f"NIS {nis:.1f} of {dof} dof against the motion of others", nis, dof)
+                    return Applied("accepted", "", check.nis, check.dof)
+                reason = f"NIS {check.nis:.1f} of {check.dof} dof against the motion of others"
+                return Applied("gated", reason, check.nis, check.dof)
         return _ACCEPTED
 
-    def _correct(self, stamp_s: float, measurement: Measurement) -> Applied:
-        knot = self._knots.get(stamp_s) or Knot()
-        index = knot.index_of(measurement.key)
-        if index < len(knot.measurements) and knot.measurements[index].key == measurement.key:
-            return self._refused("duplicate", "it has told the same already")
-        n_before = sum(other.source == measurement.source for other in knot.measurements)
+    def _apply_measurement(self, stamp_s: float, measurement: Measurement) -> Applied:
+        node = self._nodes.get(stamp_s) or TimeNode()
+        index = node.index_of(measurement.key)
+        if index < len(node.measurements) and node.measurements[index].key == measurement.key:
+            return self._refuse("duplicate", "it has told the same already")
+        n_before = sum(other.source == measurement.source for other in node.measurements)
         if n_before >= self.config.max_per_stamp:
-            return self._refused("stuck_stamp", f"{n_before} estimates of one instant: does its clock stand still?")
+            return self._refuse("stuck_stamp", f"{n_before} estimates of one instant: does its clock stand still?")
         self._counted["replayed"] += stamp_s < self._history.last_stamp_s
-        knot.insert(index, measurement)
+        node.insert(index, measurement)
         self._advance(stamp_s)
-        if stamp_s in self._knots:
+        if stamp_s in self._nodes:
             self._history.replay(math.nextafter(stamp_s, -math.inf))
         else:
-            self._knots[stamp_s] = knot
-            self._history.insert(stamp_s, knot)
+            self._nodes[stamp_s] = node
+            self._history.insert(stamp_s, node)
         verdict = self._history.state_at(stamp_s).verdicts[index]
         return Applied(verdict.status, verdict.reason, verdict.nis, verdict.dof)
 
-    def _refused(self, what: str, reason: str) -> Applied:
+    def _refuse(self, what: str, reason: str) -> Applied:
         self._counted[f"refused_{what}"] += 1
         return Applied("refused", reason)
 
@@ -260,51 +263,54 @@ class Kalman(Estimator):
         if horizon_s < self._kept_since_s + 1.0:
             return
         self._kept_since_s = horizon_s
-        self._knots = {at: knot for at, knot in self._knots.items() if at >= horizon_s}
+        self._nodes = {at: node for at, node in self._nodes.items() if at >= horizon_s}
         self._motions.forget(self._history.state_at(-math.inf).stamp_s)
 
-    def _reset(self) -> None:
-        """Begin anew at any time, where the belief was, and doubt it."""
+    def _restart_clock(self) -> None:
+        """Begin anew at any time, where the belief was, as uncertain as after a gap."""
         self._counted["time_resets"] += 1
         last = self._history.state_at(math.inf)
         self._rejoin()
-        pose, travelled_m = self._odometry.publish(last)
-        doubted = self._prediction.doubted(last, _GAP_OF_A_JUMP_S)
-        self._odometry = PublishedOdometry.going_on(pose, travelled_m, doubted)
-        self._begin(doubted)
+        pose, travelled_m = self._odometry.publish(last.odometry, last.stamp_s)
+        inflated = self._prediction.restart_after_gap(last, _GAP_OF_A_JUMP_S)
+        self._odometry = PublishedOdometry.continue_from(pose, travelled_m, inflated.odometry)
+        self._begin_history(inflated)
 
     def _rejoin(self) -> None:
         if self._odometry.is_doubtful:
-            self._odometry.rejoin(self._state_at(self._odometry.last_s))
+            self._odometry.rejoin(self._state_at(self._odometry.last_s).odometry)
 
     def _state_at(self, stamp_s: float) -> FilterState:
-        return self._prediction.predicted(self._history.state_at(stamp_s), stamp_s)
+        return self._prediction.predict(self._history.state_at(stamp_s), stamp_s)
 
-    def _believed(self, stamp_s: float) -> Belief:
+    def _make_belief(self, stamp_s: float) -> Belief:
         self._rejoin()
         state = self._state_at(stamp_s)
-        pose_odom_base, travelled_m = self._odometry.publish(state)
-        pose = None if state.x is None else Pose2(*state.x[:3].tolist())
+        odometry, gaussian = state.odometry, state.gaussian
+        pose_odom_base, travelled_m = self._odometry.publish(odometry, state.stamp_s)
+        pose = covariance = on_path = None
+        if gaussian is not None:
+            x, y, theta = gaussian.x[:3].tolist()
+            pose, covariance = Pose2(x, y, theta), read_only(gaussian.covariance[:3, :3])
+            on_path = self._on_path(state.stamp_s, pose, covariance)
         return Belief(
-            state.stamp_s,
-            pose,
-            None if state.covariance is None else read_only(state.covariance[:3, :3]),
-            pose_odom_base,
-            state.twist,
-            travelled_m,
-            self._on_path(state, pose),
-            state.travelled_m - state.fixed_at_m,
-            state.gap_s if state.has_moved else math.inf,
-            health_of(self._ears, state, self.config.recover_after),
+            stamp_s=state.stamp_s,
+            pose_map_base=pose,
+            covariance=covariance,
+            pose_odom_base=pose_odom_base,
+            twist=odometry.twist,
+            travelled_m=travelled_m,
+            on_path=on_path,
+            fix_age_m=odometry.travelled_m - state.fixed_at_m,
+            motion_age_s=odometry.gap_s if odometry.has_moved else math.inf,
+            health=health_of(self._monitors, state, self.config.recover_after),
         )
 
-    def _on_path(self, state: FilterState, pose: Pose2 | None) -> PathOffset | None:
-        if self._path is None or pose is None or state.covariance is None:
+    def _on_path(self, stamp_s: float, pose: Pose2, covariance: Floats) -> PathOffset | None:
+        if self._path is None:
             return None
         located = self._path.locate(pose, self._station_m)
         self._station_m = located.station_m
-        xx, xy, xt, _, yy, yt, _, _, tt = state.covariance[:3, :3].ravel().tolist()
+        xx, xy, xt, _, yy, yt, _, _, tt = covariance.ravel().tolist()
         information = inverse(covariance_on_path((xx, xy, xt, yy, yt, tt), self._path, located.station_m)) or ZERO
-        return PathOffset(
-            state.stamp_s, located.station_m, located.lateral_m, located.heading_rad, to_matrix(information)
-        )
+        return PathOffset(stamp_s, located.station_m, located.lateral_m, located.heading_rad, to_matrix(information))

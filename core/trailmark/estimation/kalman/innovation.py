@@ -5,24 +5,22 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.errors import ShapeError
 from trailmark.estimation.symmetric import Sym3, inverse, to_matrix
 
-__all__ = ["Innovation", "Linear", "Measures", "nis_of"]
-
-Array = npt.NDArray[np.float64]
+__all__ = ["Innovation", "LinearModel", "MeasurementModel", "nis_of"]
 
 
-class Measures(Protocol):
+class MeasurementModel(Protocol):
     """A measurement of unit noise, of any state."""
 
-    def innovation(self, x: Array) -> tuple[Array, Array]:
+    def innovation(self, x: Floats) -> tuple[Floats, Floats]:
         """Return measured less predicted, (k,), angles wrapped, and the Jacobian of the prediction, (k, 3)."""
 
 
-class Linear:
+class LinearModel:
     """A measurement that is linear in the state: ``y(x) = y0 - H (x - x0)``.
 
     Parameters
@@ -37,10 +35,10 @@ class Linear:
 
     __slots__ = ("_innovation", "_jacobian", "_x")
 
-    def __init__(self, innovation: Array, jacobian: Array, x: Array) -> None:
+    def __init__(self, innovation: Floats, jacobian: Floats, x: Floats) -> None:
         self._innovation, self._jacobian, self._x = innovation, jacobian, x
 
-    def innovation(self, x: Array) -> tuple[Array, Array]:
+    def innovation(self, x: Floats) -> tuple[Floats, Floats]:
         """Return what is left of the innovation at a state, and the Jacobian."""
         return self._innovation - self._jacobian @ (x - self._x), self._jacobian
 
@@ -76,7 +74,7 @@ class Innovation:
 
     __slots__ = ("cross", "innovation", "inverse", "jacobian", "nis", "scale")
 
-    def __init__(self, innovation: Array, jacobian: Array, covariance: Array, scale: float = 1.0) -> None:
+    def __init__(self, innovation: Floats, jacobian: Floats, covariance: Floats, scale: float = 1.0) -> None:
         if jacobian.shape != (len(innovation), len(covariance)) or innovation.ndim != 1:
             raise ShapeError(
                 f"innovation {innovation.shape}, jacobian {jacobian.shape} and covariance {covariance.shape} do not fit"
@@ -86,18 +84,18 @@ class Innovation:
         self.inverse = _inverse(jacobian @ self.cross)
         self.nis = float(innovation @ self.inverse @ innovation)
 
-    def weighted(self, weight: float, covariance: Array) -> Innovation:
+    def weighted(self, weight: float, covariance: Floats) -> Innovation:
         """Return the same with its information scaled, as a robust loss asks."""
         root = weight**0.5
         return Innovation(root * self.innovation, root * self.jacobian, covariance, root)
 
 
-def nis_of(innovation: Array, jacobian: Array, covariance: Array) -> float:
+def nis_of(innovation: Floats, jacobian: Floats, covariance: Floats) -> float:
     """Return ``y^T S^-1 y`` with ``S = H P H^T + 1``."""
     return float(innovation @ _inverse(jacobian @ covariance @ jacobian.T) @ innovation)
 
 
-def _inverse(spread: Array) -> Array:
+def _inverse(spread: Floats) -> Floats:
     """Return ``(H P H^T + 1)^-1``; up to three rows in plain floats."""
     size = len(spread)
     if size == 1:

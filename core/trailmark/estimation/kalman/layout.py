@@ -6,18 +6,16 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.estimation.kalman_config import KalmanConfig
 from trailmark.geometry import wrap_angle
 
-__all__ = ["Common", "Layout"]
-
-Array = npt.NDArray[np.float64]
+__all__ = ["CommonError", "Layout"]
 
 
 @dataclass(frozen=True, slots=True)
-class Common:
+class CommonError:
     """An error that all motions of a localizer have in common, as a number of the state.
 
     Attributes
@@ -47,8 +45,8 @@ class Layout:
         Whether numbers 3 to 5 are the velocity of base.
     velocity_sigmas : (float, float, float)
         Of the velocity of a robot of which nothing is known [m/s, m/s, rad/s].
-    common : mapping of str to Common
-        Common errors, by localizer.
+    common : mapping of str to CommonError
+        CommonError errors, by localizer.
     wander_s : float
         Time in which a common error may change by its sigma [s].
     """
@@ -56,7 +54,7 @@ class Layout:
     n: int = 3
     has_velocity: bool = False
     velocity_sigmas: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    common: dict[str, Common] = field(default_factory=dict)
+    common: dict[str, CommonError] = field(default_factory=dict)
     wander_s: float = math.inf
 
     @classmethod
@@ -68,12 +66,12 @@ class Layout:
         common = {}
         for source, own in sorted(config.sources.items()):
             if own.errors != "independent":
-                common[source] = Common(own.errors, n, sigmas[own.errors])
+                common[source] = CommonError(own.errors, n, sigmas[own.errors])
                 n += 1
         drift = (config.drift_sigma_mps, config.drift_sigma_mps, math.radians(config.drift_sigma_deg_per_s))
         return cls(n, has_velocity, drift, common, config.wander_s)
 
-    def begun(self, pose: Array, covariance: Array) -> tuple[Array, Array]:
+    def initial_state(self, pose: Floats, covariance: Floats) -> tuple[Floats, Floats]:
         """Return a state that begins at a pose, (3,) and (3, 3); of the rest nothing is known yet."""
         if self.n == 3:
             return pose, covariance
@@ -85,10 +83,10 @@ class Layout:
             whole[common.index, common.index] = common.sigma**2
         return x, whole
 
-    def placed(self, x: Array, covariance: Array, pose: Array, pose_covariance: Array) -> tuple[Array, Array]:
+    def with_pose(self, x: Floats, covariance: Floats, pose: Floats, pose_covariance: Floats) -> tuple[Floats, Floats]:
         """Return a state with another pose; what else is known of base stays, and depends on the pose no more."""
-        placed, whole = x.copy(), covariance.copy()
-        placed[:3] = pose[0], pose[1], wrap_angle(float(pose[2]))
+        moved, whole = x.copy(), covariance.copy()
+        moved[:3] = pose[0], pose[1], wrap_angle(float(pose[2]))
         whole[:3, :], whole[:, :3] = 0.0, 0.0
         whole[:3, :3] = pose_covariance
-        return placed, whole
+        return moved, whole

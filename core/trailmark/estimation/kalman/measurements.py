@@ -6,17 +6,15 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.estimates import Fix, PathOffset
 from trailmark.estimation.kalman.trust import Trust, root_of
 from trailmark.estimation.symmetric import Sym3
 from trailmark.geometry import Pose2, wrap_angle
 from trailmark.paths import OnPath, Path
 
-__all__ = ["Measurement", "fix_measurement", "path_measurement", "placed_measurement"]
-
-Array = npt.NDArray[np.float64]
+__all__ = ["Measurement", "fix_measurement", "path_measurement", "pose_measurement"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,11 +43,11 @@ class Measurement:
     source: str
     trust: Trust
     values: tuple[float, float, float]
-    root: Array
+    root: Floats
     path: Path | None = None
     replaces: bool = False
 
-    def innovation(self, x: Array) -> tuple[Array, Array]:
+    def innovation(self, x: Floats) -> tuple[Floats, Floats]:
         """Return measured less predicted, (k,), and the Jacobian of the prediction, (k, n), at a state of n numbers."""
         believed = x[:3].tolist()
         jacobian = self.root
@@ -62,7 +60,7 @@ class Measurement:
         a, b, turn = self.values
         return self.root @ (a - believed[0], b - believed[1], wrap_angle(turn - believed[2])), jacobian
 
-    def as_start(self) -> tuple[Array, Array] | None:
+    def as_start(self) -> tuple[Floats, Floats] | None:
         """Return a pose and its covariance from this alone; None if it does not say a whole pose."""
         if len(self.root) < 3:
             return None
@@ -81,7 +79,7 @@ def fix_measurement(source: str, fix: Fix, information: Sym3, trust: Trust) -> M
     return Measurement((source, values + information), source, trust, values, root_of(information))
 
 
-def placed_measurement(pose: Pose2, covariance: Array) -> Measurement:
+def pose_measurement(pose: Pose2, covariance: Floats) -> Measurement:
     """Return a pose that was set: it comes before all else of its instant, and replaces the belief."""
     values = pose.x, pose.y, pose.theta
     root = np.linalg.inv(np.linalg.cholesky(covariance))
@@ -95,7 +93,7 @@ def path_measurement(source: str, offset: PathOffset, information: Sym3, trust: 
     return Measurement((source, values + information), source, trust, values, root_of(information), path)
 
 
-def _path_jacobian(path: Path, station_m: float) -> Array:
+def _path_jacobian(path: Path, station_m: float) -> Floats:
     """Return d(station, lateral, heading) / d(x, y, theta): the taught heading turns with the station."""
     tangent, rate = path.tangent_at(station_m), path.turn_rate_at(station_m)
     cos, sin = math.cos(tangent), math.sin(tangent)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from trailmark.estimation.kalman.state import FilterState
+from trailmark.estimation.kalman.state import OdometryState
 from trailmark.geometry import Pose2
 
 __all__ = ["PublishedOdometry"]
@@ -24,10 +24,10 @@ class PublishedOdometry:
         self._is_doubtful = False
 
     @classmethod
-    def going_on(cls, pose: Pose2, travelled_m: float, raw: FilterState) -> PublishedOdometry:
+    def continue_from(cls, pose: Pose2, travelled_m: float, raw: OdometryState) -> PublishedOdometry:
         """Return odometry that goes on from what was published, wherever `raw` begins."""
         odometry = cls()
-        odometry._pose_odom_raw = pose @ raw.odom.inverse()
+        odometry._pose_odom_raw = pose @ raw.pose_odom_base.inverse()
         odometry._more_m = travelled_m - raw.travelled_m
         return odometry
 
@@ -41,21 +41,21 @@ class PublishedOdometry:
         """Whether motion has changed before `last_s`: `rejoin` is due."""
         return self._is_doubtful
 
-    def changed(self, since_s: float) -> None:
-        """Motion has changed from a stamp on."""
+    def note_change(self, since_s: float) -> None:
+        """Take note that motion has changed from a stamp on."""
         self._is_doubtful = self._is_doubtful or since_s < self.last_s
 
-    def rejoin(self, raw: FilterState) -> None:
+    def rejoin(self, raw: OdometryState) -> None:
         """Go on from what was published at `last_s`, where motion now says `raw`."""
         assert self._last is not None
         _, pose, travelled_m = self._last
-        self._pose_odom_raw = pose @ raw.odom.inverse()
+        self._pose_odom_raw = pose @ raw.pose_odom_base.inverse()
         self._more_m = travelled_m - raw.travelled_m
         self._is_doubtful = False
 
-    def publish(self, raw: FilterState) -> tuple[Pose2, float]:
-        """Return the pose in odom and the way travelled, of a state."""
-        pose, travelled_m = self._pose_odom_raw @ raw.odom, raw.travelled_m + self._more_m
-        if raw.is_measured and raw.gap_s == 0.0 and raw.stamp_s > self.last_s:
-            self._last = raw.stamp_s, pose, travelled_m
+    def publish(self, raw: OdometryState, stamp_s: float) -> tuple[Pose2, float]:
+        """Return the pose in odom and the way travelled, of a state at a stamp."""
+        pose, travelled_m = self._pose_odom_raw @ raw.pose_odom_base, raw.travelled_m + self._more_m
+        if raw.is_measured and raw.gap_s == 0.0 and stamp_s > self.last_s:
+            self._last = stamp_s, pose, travelled_m
         return pose, travelled_m

@@ -5,27 +5,53 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.estimation.kalman.common_errors import CommonErrors
 from trailmark.estimation.kalman.correction import Filter
-from trailmark.estimation.kalman.ekf import Moves
+from trailmark.estimation.kalman.ekf import PredictedMotion
 from trailmark.estimation.kalman.layout import Layout
 from trailmark.estimation.kalman.motions import Motions, Step
-from trailmark.estimation.kalman.state import FilterState
+from trailmark.estimation.kalman.state import FilterState, Gaussian, OdometryState
 from trailmark.estimation.kalman.velocity import VelocityModel
-from trailmark.estimation.kalman.weighing import Judged, fused, judged
+from trailmark.estimation.kalman.weighing import StepSelection, fuse_steps, select_steps
 from trailmark.estimation.kalman_config import KalmanConfig
-from trailmark.estimation.symmetric import congruence, diagonal, scaled
+from trailmark.estimation.symmetric import Sym3, congruence, diagonal, scaled
 from trailmark.geometry import Pose2, Twist2, wrap_angle
 
 __all__ = ["Prediction"]
 
-Array = npt.NDArray[np.float64]
-
 _AT_REST = Twist2()
+
+
+class _Piece(NamedTuple):
+    """A piece of time, and how base moves in it.
+
+    Attributes
+    ----------
+    step : Step
+        The motion.
+    driven_s : float
+        For how long the velocity is counted as way travelled [s].
+    gap_s : float
+        At its end, how long nothing has measured motion; 0 where something did [s].
+    is_measured : bool
+        Whether all of the motion was measured.
+    columns : (3, n) float64 or None
+        How the step changes with the state, where it depends on common errors.
+    velocity_held_s : float
+        For how long the estimated velocity moves the pose; 0 where motion is measured [s].
+    """
+
+    step: Step
+    driven_s: float
+    gap_s: float = 0.0
+    is_measured: bool = False
+    columns: Floats | None = None
+    velocity_held_s: float = 0.0
 
 
 class Prediction:
@@ -69,112 +95,113 @@ class Prediction:
         self._common = CommonErrors(layout, kalman, self._is_independent)
         self._velocity = VelocityModel(layout, kalman, config.coast_s) if layout.has_velocity else None
 
-    def predicted(self, state: FilterState, stamp_s: float) -> FilterState:
+    def predict(self, state: FilterState, stamp_s: float) -> FilterState:
         """Return the state at a stamp that is not earlier."""
         if stamp_s <= state.stamp_s:
             return state
         if state.stamp_s == -math.inf:
             return replace(state, stamp_s=stamp_s)
         for cut_s in self._motions.cuts(state.stamp_s, stamp_s):
-            state = self._over(state, cut_s)
-        return self._over(state, stamp_s)
+            state = self._predict_piece(state, cut_s)
+        return self._predict_piece(state, stamp_s)
 
-    def doubted(self, state: FilterState, gap_s: float) -> FilterState:
+    def restart_after_gap(self, state: FilterState, gap_s: float) -> FilterState:
         """Return a state that starts anew at any time, as uncertain as after a gap."""
-        ahead = replace(state, stamp_s=0.0, gap_s=0.0, twist=_AT_REST)
-        return replace(self._coasted(ahead, gap_s), stamp_s=-math.inf, gap_s=0.0, supports={}, suspects={})
+        at_rest = replace(state.odometry, gap_s=0.0, twist=_AT_REST)
+        ahead = self._coast(replace(state, stamp_s=0.0, odometry=at_rest), gap_s)
+        rejections = replace(ahead.rejections, corroborations={}, measurements={})
+        odometry = replace(ahead.odometry, gap_s=0.0)
+        return replace(ahead, stamp_s=-math.inf, odometry=odometry, rejections=rejections)
 
-    def _over(self, state: FilterState, stamp_s: float) -> FilterState:
+    def _predict_piece(self, state: FilterState, stamp_s: float) -> FilterState:
         """Predict over a piece of time in which no motion begins or ends."""
-        told = self._motions.steps(state.stamp_s, stamp_s)
-        if not told:
-            return self._coasted(state, stamp_s)
+        stated = self._motions.steps(state.stamp_s, stamp_s)
+        if not stated:
+            return self._coast(state, stamp_s)
         dt_s = stamp_s - state.stamp_s
-        verdict = Judged(told)
-        if len(told) > 1:
-            verdict = judged(told, dt_s, state.twist, scaled(self._drift, dt_s * dt_s), self._gate_of)
-        if self._layout.common and state.x is not None:
-            return self._with_common_errors(state, stamp_s, verdict)
-        return self._measured(state, stamp_s, verdict, [step for _, step in verdict.steps], None)
+        selection = StepSelection(stated)
+        if len(stated) > 1:
+            drift = scaled(self._drift, dt_s * dt_s)
+            selection = select_steps(stated, dt_s, state.odometry.twist, drift, self._gate_of)
+        if self._layout.common and state.gaussian is not None:
+            return self._with_common_errors(state, state.gaussian, stamp_s, selection)
+        return self._apply_steps(state, stamp_s, selection, [step for _, step in selection.steps], None)
 
-    def _with_common_errors(self, state: FilterState, stamp_s: float, verdict: Judged) -> FilterState:
-        assert state.x is not None
-        assert state.covariance is not None
-        dt_s = stamp_s - state.stamp_s
-        drift = self._unmeasured(dt_s)
-        x, covariance = self._common.learned(state.x, state.covariance, verdict.steps, dt_s, state.twist, drift)
-        state = replace(state, x=x, covariance=covariance)
-        steps = self._common.freed(x, verdict.steps, dt_s)
-        return self._measured(state, stamp_s, verdict, steps, self._common.columns(x, verdict.steps, dt_s, drift))
-
-    def _unmeasured(self, dt_s: float) -> tuple[float, float, float, float, float, float]:
-        return scaled(self._drift, dt_s * self._coast_s)
-
-    def _measured(
-        self, state: FilterState, stamp_s: float, verdict: Judged, steps: Sequence[Step], columns: Array | None
+    def _with_common_errors(
+        self, state: FilterState, before: Gaussian, stamp_s: float, selection: StepSelection
     ) -> FilterState:
         dt_s = stamp_s - state.stamp_s
-        step, is_measured = fused(steps, dt_s, state.twist, self._unmeasured(dt_s), self._is_independent)
-        moved = self._moved(state, stamp_s, step, dt_s, 0.0, is_measured, columns)
-        if self._velocity is not None and moved.x is not None:
-            moved = self._velocity.measured(moved, steps, dt_s, columns)
-        if not (verdict.checks or state.left_out or state.checks):
-            return moved
-        left_out = {source: state.left_out.get(source, 0) + 1 for source in verdict.left_out}
-        return replace(moved, left_out=left_out, checks=verdict.checks)
+        drift, held = self._unmeasured(dt_s), state.odometry.twist
+        x, covariance = self._common.learn(before.x, before.covariance, selection.steps, dt_s, held, drift)
+        state = replace(state, gaussian=Gaussian(x, covariance))
+        steps = self._common.remove_from(x, selection.steps, dt_s)
+        columns = self._common.jacobian(x, selection.steps, dt_s, drift)
+        return self._apply_steps(state, stamp_s, selection, steps, columns)
 
-    def _coasted(self, state: FilterState, stamp_s: float) -> FilterState:
-        begin_s, end_s = state.gap_s, state.gap_s + stamp_s - state.stamp_s
-        if self._velocity is not None and state.x is not None:
-            step, held_s = self._velocity.ahead(state.x, stamp_s - state.stamp_s)
-            moved = self._moved(state, stamp_s, step, held_s, end_s, False, None, held_s)
-            return replace(moved, twist=self._velocity.twist_of(moved))
+    def _unmeasured(self, dt_s: float) -> Sym3:
+        return scaled(self._drift, dt_s * self._coast_s)
+
+    def _apply_steps(
+        self,
+        state: FilterState,
+        stamp_s: float,
+        selection: StepSelection,
+        steps: Sequence[Step],
+        columns: Floats | None,
+    ) -> FilterState:
+        dt_s = stamp_s - state.stamp_s
+        step, is_measured = fuse_steps(steps, dt_s, state.odometry.twist, self._unmeasured(dt_s), self._is_independent)
+        moved = self._move(state, stamp_s, _Piece(step, dt_s, is_measured=is_measured, columns=columns))
+        if self._velocity is not None and moved.gaussian is not None:
+            moved = self._velocity.update(moved, steps, dt_s, columns)
+        if not (selection.checks or state.left_out or state.checks):
+            return moved
+        left_out = {source: state.left_out.get(source, 0) + 1 for source in selection.left_out}
+        return replace(moved, left_out=left_out, checks=selection.checks)
+
+    def _coast(self, state: FilterState, stamp_s: float) -> FilterState:
+        """Predict over a piece of time in which nothing measured motion."""
+        odometry = state.odometry
+        begin_s, end_s = odometry.gap_s, odometry.gap_s + stamp_s - state.stamp_s
+        if self._velocity is not None and state.gaussian is not None:
+            step, held_s = self._velocity.coast(state.gaussian.x, stamp_s - state.stamp_s)
+            piece = _Piece(step, held_s, gap_s=end_s, velocity_held_s=held_s)
+            return self._velocity.with_twist(self._move(state, stamp_s, piece))
         held_s = min(end_s, self._coast_s) - min(begin_s, self._coast_s)
-        ahead = state.twist.after(held_s)
+        ahead = odometry.twist.after(held_s)
         noise = scaled(self._drift, self._spread(end_s) - self._spread(begin_s))
-        twist = state.twist if held_s > 0.0 else _AT_REST
+        twist = odometry.twist if held_s > 0.0 else _AT_REST
         step = Step(ahead.x, ahead.y, ahead.theta, noise, None, twist)
-        return self._moved(state, stamp_s, step, held_s, end_s, False, None)
+        return self._move(state, stamp_s, _Piece(step, held_s, gap_s=end_s))
 
     def _spread(self, gap_s: float) -> float:
         """Return the variance of the way in a gap, for a unit drift [s^2]."""
         coast_s = self._coast_s
         return gap_s * gap_s if gap_s < coast_s else coast_s * (2.0 * gap_s - coast_s)
 
-    def _moved(
-        self,
-        state: FilterState,
-        stamp_s: float,
-        step: Step,
-        driven_s: float,
-        gap_s: float,
-        is_measured: bool,
-        columns: Array | None,
-        held_s: float = 0.0,
-    ) -> FilterState:
-        x, covariance = state.x, state.covariance
-        if x is not None and covariance is not None:
-            moves = self._moves(x, step, stamp_s - state.stamp_s, columns, held_s)
-            x, covariance = self._filter.moved(x, covariance, moves)
+    def _move(self, state: FilterState, stamp_s: float, piece: _Piece) -> FilterState:
+        before, step, odometry = state.gaussian, piece.step, state.odometry
+        gaussian = None
+        if before is not None:
+            motion = self._motion_of(before.x, step, stamp_s - state.stamp_s, piece.columns, piece.velocity_held_s)
+            gaussian = Gaussian(*self._filter.predict(before.x, before.covariance, motion))
         twist = step.twist
         return FilterState(
-            stamp_s,
-            x,
-            covariance,
-            twist,
-            gap_s,
-            is_measured,
-            state.has_moved or gap_s == 0.0,
-            state.odom @ Pose2(step.x, step.y, step.turn),
-            state.travelled_m + math.hypot(twist.forward_mps, twist.left_mps) * driven_s,
-            state.fixed_at_m,
-            state.rejected,
-            state.supports,
-            state.suspects,
-            state.n_recoveries,
+            stamp_s=stamp_s,
+            gaussian=gaussian,
+            odometry=OdometryState(
+                pose_odom_base=odometry.pose_odom_base @ Pose2(step.x, step.y, step.turn),
+                travelled_m=odometry.travelled_m + math.hypot(twist.forward_mps, twist.left_mps) * piece.driven_s,
+                twist=twist,
+                gap_s=piece.gap_s,
+                is_measured=piece.is_measured,
+                has_moved=odometry.has_moved or piece.gap_s == 0.0,
+            ),
+            fixed_at_m=state.fixed_at_m,
+            rejections=state.rejections,
         )
 
-    def _moves(self, x: Array, step: Step, dt_s: float, columns: Array | None, held_s: float) -> Moves:
+    def _motion_of(self, x: Floats, step: Step, dt_s: float, columns: Floats | None, held_s: float) -> PredictedMotion:
         numbers = x.tolist()
         px, py, theta = numbers[:3]
         cos, sin = math.cos(theta), math.sin(theta)
@@ -185,7 +212,7 @@ class Prediction:
         jacobian = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])
         noise = np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]])
         if len(numbers) == 3:
-            return Moves(moved, jacobian, noise, (step.x, step.y, step.turn))
+            return PredictedMotion(moved, jacobian, noise, (step.x, step.y, step.turn))
         turned = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
         whole, spread = np.eye(len(x)), np.zeros((len(x), len(x)))
         whole[:3, :3], spread[:3, :3] = jacobian, noise
@@ -194,4 +221,4 @@ class Prediction:
         if self._velocity is not None:
             self._velocity.carry(moved, whole, spread, turned, dt_s, held_s)
         self._common.wander(spread, dt_s)
-        return Moves(moved, whole, spread, (step.x, step.y, step.turn))
+        return PredictedMotion(moved, whole, spread, (step.x, step.y, step.turn))

@@ -1,4 +1,4 @@
-"""The filter at one instant: a value, so that it is its own snapshot."""
+"""The filter at one instant: an immutable value, so that it is its own snapshot."""
 
 from __future__ import annotations
 
@@ -8,21 +8,26 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Literal
 
-import numpy as np
-import numpy.typing as npt
-
+from trailmark.arrays import Floats
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.geometry import Pose2, Twist2
 
-__all__ = ["FilterState", "Suspect", "Verdict"]
+__all__ = [
+    "CorroboratingFix",
+    "FilterState",
+    "Gaussian",
+    "MotionCheck",
+    "OdometryState",
+    "RejectedMeasurement",
+    "Rejections",
+    "Verdict",
+]
 
-Array = npt.NDArray[np.float64]
-
-_NONE: Mapping[str, Any] = MappingProxyType({})
+_EMPTY: Mapping[str, Any] = MappingProxyType({})
 
 
-def _none() -> Mapping[str, Any]:
-    return _NONE
+def _empty() -> Mapping[str, Any]:
+    return _EMPTY
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,23 +52,124 @@ class Verdict:
     reason: str = ""
 
 
+@dataclass(frozen=True, slots=True)
+class MotionCheck:
+    """The test of one localizer's step against those of the others.
+
+    Attributes
+    ----------
+    source : str
+        The localizer.
+    nis : float
+        Normalised innovation squared of its step.
+    dof : int
+        Degrees of freedom of the test.
+    """
+
+    source: str
+    nis: float
+    dof: int
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class Suspect:
-    """A measurement that was rejected, and where odometry stood.
+class RejectedMeasurement:
+    """A measurement that failed its test, and the odometry at its stamp.
 
     Attributes
     ----------
     stamp_s : float
         The instant it is about [s].
-    odom : Pose2
+    pose_odom_base : Pose2
         Where motion had carried base.
     measurement : Measurement
-        What was said.
+        The measurement.
     """
 
     stamp_s: float
-    odom: Pose2
+    pose_odom_base: Pose2
     measurement: Measurement
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CorroboratingFix:
+    """The last absolute estimate of a localizer that was accepted.
+
+    Attributes
+    ----------
+    stamp_s : float
+        The instant it is about [s].
+    directions : (k, 3) float64
+        Rows of its Jacobian: the directions of the pose that it measured.
+    """
+
+    stamp_s: float
+    directions: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Gaussian:
+    """Mean and covariance of the state.
+
+    Attributes
+    ----------
+    x : (n,) float64
+        Pose in the map, theta wrapped, and what else the model estimates.
+    covariance : (n, n) float64
+        Of `x`.
+    """
+
+    x: Floats
+    covariance: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OdometryState:
+    """What motion alone says.
+
+    Attributes
+    ----------
+    pose_odom_base : Pose2
+        Where motion alone has carried base.
+    travelled_m : float
+        Length of that way [m].
+    twist : Twist2
+        The last velocity.
+    gap_s : float
+        How long nothing has measured motion [s].
+    is_measured : bool
+        Whether something measured all of the motion just before.
+    has_moved : bool
+        Whether any motion was measured.
+    """
+
+    pose_odom_base: Pose2 = Pose2()
+    travelled_m: float = 0.0
+    twist: Twist2 = Twist2()
+    gap_s: float = 0.0
+    is_measured: bool = False
+    has_moved: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rejections:
+    """Which absolute estimates failed their test of late, and which passed.
+
+    Attributes
+    ----------
+    counts : mapping of str to int
+        By localizer, how many more were rejected than accepted of late.
+    measurements : mapping of str to tuple of RejectedMeasurement
+        The rejected ones, by localizer: if they agree among themselves, it may be the belief that is wrong.
+    corroborations : mapping of str to CorroboratingFix
+        The last accepted one, by localizer.
+    n_recoveries : int
+        How often the belief was given up for them.
+    """
+
+    counts: Mapping[str, int] = field(default_factory=_empty)
+    measurements: Mapping[str, tuple[RejectedMeasurement, ...]] = field(default_factory=_empty)
+    corroborations: Mapping[str, CorroboratingFix] = field(default_factory=_empty)
+    n_recoveries: int = 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,54 +180,27 @@ class FilterState:
     ----------
     stamp_s : float
         The instant it is about; ``-inf`` before the first estimate [s].
-    x : (n,) float64 or None
-        Pose in the map, theta wrapped, and what else the model estimates; None while the pose is unknown.
-    covariance : (n, n) float64 or None
-        Of `x`.
-    twist : Twist2
-        The last velocity.
-    gap_s : float
-        How long nothing has measured motion [s].
-    is_measured : bool
-        Whether something measured all of the motion just before.
-    has_moved : bool
-        Whether any motion was measured.
-    odom : Pose2
-        Where motion alone has carried base.
-    travelled_m : float
-        Length of that way [m].
+    gaussian : Gaussian or None
+        The estimated state; None while the pose is unknown.
+    odometry : OdometryState
+        What motion alone says.
     fixed_at_m : float
-        `travelled_m` at the last accepted absolute estimate; ``-inf`` before the first [m].
-    rejected : mapping of str to int
-        By localizer, how many more were rejected than accepted of late.
-    suspects : mapping of str to tuple of Suspect
-        What was rejected of late, by localizer: if they agree among themselves, it may be the belief that is wrong.
-    supports : mapping of str to (float, ndarray)
-        When each localizer was accepted last, and the directions it measured.
-    n_recoveries : int
-        How often the belief was doubted.
+        Way travelled at the last accepted absolute estimate; ``-inf`` before the first [m].
+    rejections : Rejections
+        On absolute estimates of late.
     left_out : mapping of str to int
         Localizers whose motion was left out just before, and in how many pieces in a row.
-    checks : tuple of (str, float, int)
-        Of the motion just before: localizer, NIS of its step against the others, and degrees of freedom.
+    checks : tuple of MotionCheck
+        Tests of the motion just before.
     verdicts : tuple of Verdict
         On the absolute estimates of this very instant.
     """
 
     stamp_s: float
-    x: Array | None
-    covariance: Array | None
-    twist: Twist2 = Twist2()
-    gap_s: float = 0.0
-    is_measured: bool = False
-    has_moved: bool = False
-    odom: Pose2 = Pose2()
-    travelled_m: float = 0.0
+    gaussian: Gaussian | None
+    odometry: OdometryState = OdometryState()
     fixed_at_m: float = -math.inf
-    rejected: Mapping[str, int] = field(default_factory=_none)
-    supports: Mapping[str, tuple[float, Array]] = field(default_factory=_none)
-    suspects: Mapping[str, tuple[Suspect, ...]] = field(default_factory=_none)
-    n_recoveries: int = 0
-    left_out: Mapping[str, int] = field(default_factory=_none)
-    checks: tuple[tuple[str, float, int], ...] = ()
+    rejections: Rejections = Rejections()
+    left_out: Mapping[str, int] = field(default_factory=_empty)
+    checks: tuple[MotionCheck, ...] = ()
     verdicts: tuple[Verdict, ...] = ()

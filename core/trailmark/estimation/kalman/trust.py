@@ -20,15 +20,13 @@ from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.estimation.information import checked_information
 from trailmark.estimation.kalman_config import KalmanConfig, Loss
 from trailmark.estimation.symmetric import NOTHING, Sym3, diagonal, scaled, to_matrix
 
 __all__ = ["Trust", "root_of"]
-
-Array = npt.NDArray[np.float64]
 
 # Relative to the diagonal: below this a pivot or an eigenvalue is rounding, not a measurement.
 _UNMEASURED = 1e-12
@@ -74,10 +72,10 @@ class Trust:
             own.timeout_s if own and own.timeout_s else config.timeout_s,
             own.sigma_scale if own else 1.0,
             (floor_m, math.radians(floor_deg)),
-            _overriding(own.sigmas) if own and own.sigmas else None,
+            _information_of_sigmas(own.sigmas) if own and own.sigmas else None,
         )
 
-    def believed(self, information: Array, counted: Counter[str]) -> Sym3 | str:
+    def floored_information(self, information: Floats, counted: Counter[str]) -> Sym3 | str:
         """Return the information that is believed, or why the estimate is refused; `counted` takes what was done."""
         checked = self.override or checked_information(information)
         if isinstance(checked, str):
@@ -91,12 +89,12 @@ class Trust:
             return "it has no information"
         floor_m, floor_rad = self.floors
         if (xx + yy) * (floor_m * floor_m) + tt * (floor_rad * floor_rad) > 1.0:
-            checked, is_repaired = _reduced(checked, np.array([floor_m, floor_m, floor_rad]))
+            checked, is_repaired = _reduce_to_floors(checked, np.array([floor_m, floor_m, floor_rad]))
             counted["repaired_too_certain"] += is_repaired
         return checked
 
 
-def root_of(information: Sym3) -> Array:
+def root_of(information: Sym3) -> Floats:
     """Return ``A`` with ``A^T A`` the information: one row for each direction that was measured, (k, 3).
 
     With ``A z`` as the measurement its noise is the identity, whatever was measured, and a direction without
@@ -121,7 +119,7 @@ def root_of(information: Sym3) -> Array:
     return _root_of_singular(information)
 
 
-def _root_of_singular(information: Sym3) -> Array:
+def _root_of_singular(information: Sym3) -> Floats:
     roots = np.sqrt([information[0], information[3], information[5]])
     inverse = np.divide(1.0, roots, out=np.zeros(3), where=roots > math.sqrt(NOTHING))
     values, vectors = np.linalg.eigh(inverse[:, None] * to_matrix(information) * inverse)
@@ -129,7 +127,7 @@ def _root_of_singular(information: Sym3) -> Array:
     return np.asarray((vectors[:, is_measured] * np.sqrt(values[is_measured])).T * roots)
 
 
-def _reduced(information: Sym3, floors: Array) -> tuple[Sym3, bool]:
+def _reduce_to_floors(information: Sym3, floors: Floats) -> tuple[Sym3, bool]:
     values, vectors = np.linalg.eigh(floors[:, None] * to_matrix(information) * floors)
     if values[-1] <= 1.0:
         return information, False
@@ -138,6 +136,6 @@ def _reduced(information: Sym3, floors: Array) -> tuple[Sym3, bool]:
     return (xx, xy, xt, yy, yt, tt), True
 
 
-def _overriding(sigmas: tuple[float | None, float | None, float | None]) -> Sym3:
+def _information_of_sigmas(sigmas: tuple[float | None, float | None, float | None]) -> Sym3:
     x, y, turn_deg = (math.inf if sigma is None else sigma for sigma in sigmas)
     return diagonal(x**-2, y**-2, math.radians(turn_deg) ** -2)

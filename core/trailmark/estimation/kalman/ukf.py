@@ -6,16 +6,14 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
-from trailmark.estimation.kalman.ekf import Moves
-from trailmark.estimation.kalman.innovation import Innovation, Measures
+from trailmark.arrays import Floats
+from trailmark.estimation.kalman.ekf import PredictedMotion
+from trailmark.estimation.kalman.innovation import Innovation, MeasurementModel
 from trailmark.geometry import wrap_angle
 
 __all__ = ["Ukf"]
-
-Array = npt.NDArray[np.float64]
 
 # Sigma points near the mean: those of an unknown heading must not go all round the circle.
 _ALPHA, _BETA, _KAPPA = 0.3, 2.0, 0.0
@@ -34,24 +32,24 @@ class Ukf:
             dim_x=n,
             dim_z=3,
             dt=1.0,
-            hx=_as_it_is,
-            fx=_as_it_is,
+            hx=_identity,
+            fx=_identity,
             points=self._points,
             x_mean_fn=_mean,
             residual_x=_difference,
             state_add=_sum,
         )
 
-    def moved(self, x: Array, covariance: Array, moves: Moves) -> tuple[Array, Array]:
+    def predict(self, x: Floats, covariance: Floats, motion: PredictedMotion) -> tuple[Floats, Floats]:
         """Return state and covariance after a motion."""
         kalman = self._kalman
-        kalman.x, kalman.P, kalman.Q = x, covariance, moves.noise
-        forward_m, left_m, turn_rad = moves.step
-        rest = moves.x - moves.jacobian @ x  # what is linear in the state beside the pose, and exact so
+        kalman.x, kalman.P, kalman.Q = x, covariance, motion.noise
+        forward_m, left_m, turn_rad = motion.step
+        rest = motion.x - motion.jacobian @ x  # what is linear in the state beside the pose, and exact so
 
-        def carried(point: Array, dt_s: float) -> Array:
-            ahead = moves.jacobian @ point + rest
-            extra = moves.jacobian[:3, 3:] @ (point[3:] - x[3:])
+        def carried(point: Floats, dt_s: float) -> Floats:
+            ahead = motion.jacobian @ point + rest
+            extra = motion.jacobian[:3, 3:] @ (point[3:] - x[3:])
             cos, sin = math.cos(point[2]), math.sin(point[2])
             ahead[0] = point[0] + cos * forward_m - sin * left_m + extra[0]
             ahead[1] = point[1] + sin * forward_m + cos * left_m + extra[1]
@@ -59,26 +57,26 @@ class Ukf:
             return ahead
 
         kalman.predict(fx=carried)
-        return _wrapped(kalman.x), _symmetric(kalman.P)
+        return _with_wrapped_heading(kalman.x), _symmetric(kalman.P)
 
-    def corrected(self, x: Array, covariance: Array, seen: Innovation, measures: Measures) -> tuple[Array, Array]:
+    def update(self, x: Floats, covariance: Floats, seen: Innovation, model: MeasurementModel) -> tuple[Floats, Floats]:
         """Return state and covariance after a measurement of unit noise."""
         kalman, k = self._kalman, len(seen.innovation)
         kalman.x, kalman.P = x, covariance
         kalman.sigmas_f = self._points.sigma_points(x, covariance)
 
-        def predicted(point: Array) -> Array:
-            return -seen.scale * measures.innovation(point)[0]
+        def predicted(point: Floats) -> Floats:
+            return -seen.scale * model.innovation(point)[0]
 
         kalman.update(np.zeros(k), R=np.eye(k), hx=predicted)
-        return _wrapped(kalman.x), _symmetric(kalman.P)
+        return _with_wrapped_heading(kalman.x), _symmetric(kalman.P)
 
 
-def _as_it_is(x: Array, dt_s: float = 0.0) -> Array:
+def _identity(x: Floats, dt_s: float = 0.0) -> Floats:
     return x
 
 
-def _root(covariance: Array) -> Array:
+def _root(covariance: Floats) -> Floats:
     """Return ``U`` with ``U^T U`` the covariance; to rounding, it may be singular."""
     try:
         return np.asarray(np.linalg.cholesky(covariance).T)
@@ -87,29 +85,29 @@ def _root(covariance: Array) -> Array:
         return np.asarray((vectors * np.sqrt(np.clip(values, 0.0, None))).T)
 
 
-def _difference(a: Array, b: Array) -> Array:
+def _difference(a: Floats, b: Floats) -> Floats:
     difference = a - b
     difference[2] = wrap_angle(float(difference[2]))
     return difference
 
 
-def _sum(a: Array, b: Array) -> Array:
-    return _wrapped(a + b)
+def _sum(a: Floats, b: Floats) -> Floats:
+    return _with_wrapped_heading(a + b)
 
 
-def _mean(points: Array, weights: Array) -> Array:
+def _mean(points: Floats, weights: Floats) -> Floats:
     """Return the weighted mean; of angles that of their differences from the first."""
     centre = points[0]
     differences = points - centre
     turns = differences[:, 2]
     differences[:, 2] = turns - 2.0 * math.pi * np.round(turns / (2.0 * math.pi))
-    return _wrapped(centre + weights @ differences)
+    return _with_wrapped_heading(centre + weights @ differences)
 
 
-def _wrapped(x: Array) -> Array:
+def _with_wrapped_heading(x: Floats) -> Floats:
     x[2] = wrap_angle(float(x[2]))
     return x
 
 
-def _symmetric(covariance: Array) -> Array:
+def _symmetric(covariance: Floats) -> Floats:
     return (covariance + covariance.T) / 2.0

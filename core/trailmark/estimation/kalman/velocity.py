@@ -8,12 +8,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
-from trailmark.estimation.kalman.innovation import Innovation, Linear
+from trailmark.arrays import Floats
+from trailmark.estimation.kalman.innovation import Innovation, LinearModel
 from trailmark.estimation.kalman.layout import Layout
 from trailmark.estimation.kalman.motions import Step
-from trailmark.estimation.kalman.state import FilterState
+from trailmark.estimation.kalman.state import FilterState, Gaussian
 from trailmark.estimation.kalman.trust import root_of
 from trailmark.estimation.kalman.weighing import information_of
 from trailmark.estimation.symmetric import ZERO
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from trailmark.estimation.kalman.correction import Filter
 
 __all__ = ["VelocityModel"]
-
-Array = npt.NDArray[np.float64]
 
 
 class VelocityModel:
@@ -49,7 +47,7 @@ class VelocityModel:
         self._tau_s = coast_s
         self._variances = np.square(layout.velocity_sigmas)
 
-    def ahead(self, x: Array, dt_s: float) -> tuple[Step, float]:
+    def coast(self, x: Floats, dt_s: float) -> tuple[Step, float]:
         """Return the step of a gap, without noise, and for how long the velocity would make it [s]."""
         held_s = self._tau_s * -math.expm1(-dt_s / self._tau_s)
         forward, left, yaw = x[3:6].tolist()
@@ -57,7 +55,7 @@ class VelocityModel:
         pose = twist.after(held_s)
         return Step(pose.x, pose.y, pose.theta, ZERO, None, twist), held_s
 
-    def carry(self, moved: Array, jacobian: Array, noise: Array, turned: Array, dt_s: float, held_s: float) -> None:
+    def carry(self, moved: Floats, jacobian: Floats, noise: Floats, turned: Floats, dt_s: float, held_s: float) -> None:
         """Carry the velocity on over a piece of time, in place; `held_s` is 0 where the pose moves as measured."""
         tau_s = self._tau_s
         kept = math.exp(-dt_s / tau_s)
@@ -73,11 +71,10 @@ class VelocityModel:
         noise[:3, 3:6] += both
         noise[3:6, :3] += both.T
 
-    def measured(self, state: FilterState, steps: Sequence[Step], dt_s: float, columns: Array | None) -> FilterState:
-        """Return a state whose velocity knows of the steps just made."""
-        x, covariance = state.x, state.covariance
-        assert x is not None
-        assert covariance is not None
+    def update(self, state: FilterState, steps: Sequence[Step], dt_s: float, columns: Floats | None) -> FilterState:
+        """Return a state whose velocity is corrected by the steps just made."""
+        assert state.gaussian is not None
+        x, covariance = state.gaussian.x, state.gaussian.covariance
         for step in steps:
             root = root_of(information_of(step)) * dt_s
             jacobian = np.zeros((len(root), len(x)))
@@ -85,15 +82,14 @@ class VelocityModel:
             if columns is not None and len(steps) == 1:
                 jacobian[:, 6:] = -root @ columns[:, 6:] / dt_s
             twist = step.twist
-            said = np.array([twist.forward_mps, twist.left_mps, twist.yaw_radps])
-            innovation = root @ (said - x[3:6])
+            measured = np.array([twist.forward_mps, twist.left_mps, twist.yaw_radps])
+            innovation = root @ (measured - x[3:6])
             seen = Innovation(innovation, jacobian, covariance)
-            x, covariance = self._filter.corrected(x, covariance, seen, Linear(innovation, jacobian, x))
-        moved = replace(state, x=x, covariance=covariance)
-        return replace(moved, twist=self.twist_of(moved))
+            x, covariance = self._filter.update(x, covariance, seen, LinearModel(innovation, jacobian, x))
+        return self.with_twist(replace(state, gaussian=Gaussian(x, covariance)))
 
-    def twist_of(self, state: FilterState) -> Twist2:
-        """Return the velocity of a state."""
-        assert state.x is not None
-        forward, left, yaw = state.x[3:6].tolist()
-        return Twist2(forward, left, yaw)
+    def with_twist(self, state: FilterState) -> FilterState:
+        """Return a state whose odometry has the estimated velocity."""
+        assert state.gaussian is not None
+        forward, left, yaw = state.gaussian.x[3:6].tolist()
+        return replace(state, odometry=replace(state.odometry, twist=Twist2(forward, left, yaw)))

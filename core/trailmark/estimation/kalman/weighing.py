@@ -15,17 +15,18 @@ import numpy as np
 from trailmark.estimation.information import says_something
 from trailmark.estimation.kalman.gate import threshold
 from trailmark.estimation.kalman.motions import Step
+from trailmark.estimation.kalman.state import MotionCheck
 from trailmark.estimation.kalman.trust import root_of
 from trailmark.estimation.symmetric import ZERO, Sym3, add, inverse, scaled, to_matrix
 from trailmark.geometry import Pose2, Twist2, wrap_angle
 
-__all__ = ["Judged", "fused", "information_of", "judged", "nis_between"]
+__all__ = ["StepSelection", "fuse_steps", "information_of", "nis_between", "select_steps"]
 
-Told = tuple[str, Step]
+SourceStep = tuple[str, Step]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Judged:
+class StepSelection:
     """What is left of several steps.
 
     Attributes
@@ -34,18 +35,18 @@ class Judged:
         Those that count.
     left_out : tuple of str
         Localizers whose steps do not.
-    checks : tuple of (str, float, int)
-        Localizer, NIS of its step against the others, degrees of freedom.
+    checks : tuple of MotionCheck
+        The test of each step against the others.
     """
 
-    steps: Sequence[Told]
+    steps: Sequence[SourceStep]
     left_out: tuple[str, ...] = ()
-    checks: tuple[tuple[str, float, int], ...] = ()
+    checks: tuple[MotionCheck, ...] = ()
 
 
-def judged(
-    steps: Sequence[Told], dt_s: float, held: Twist2, drift: Sym3, gate_of: Callable[[str], float | None]
-) -> Judged:
+def select_steps(
+    steps: Sequence[SourceStep], dt_s: float, held: Twist2, drift: Sym3, gate_of: Callable[[str], float | None]
+) -> StepSelection:
     """Return which steps count.
 
     Parameters
@@ -78,17 +79,19 @@ def judged(
             break
         left_out.append(source)
         del kept[worst]
-    return Judged(kept, tuple(left_out), tuple((source, *found[source]) for source, _ in steps if source in found))
+    return StepSelection(
+        kept, tuple(left_out), tuple(MotionCheck(source, *found[source]) for source, _ in steps if source in found)
+    )
 
 
-def _checks(steps: Sequence[Told], dt_s: float, held: Twist2, drift: Sym3) -> list[tuple[str, float, int]]:
+def _checks(steps: Sequence[SourceStep], dt_s: float, held: Twist2, drift: Sym3) -> list[tuple[str, float, int]]:
     if len(steps) == 2 and steps[0][1].covariance is not None and steps[1][1].covariance is not None:
         nis, dof = nis_between(steps[0][1], steps[1][1])
         return [(source, nis, dof) for source, _ in steps]
     checks = []
     for k, (source, step) in enumerate(steps):
         others = [other for i, (_, other) in enumerate(steps) if i != k]
-        checks.append((source, *nis_between(step, fused(others, dt_s, held, drift, True)[0])))
+        checks.append((source, *nis_between(step, fuse_steps(others, dt_s, held, drift, True)[0])))
     return checks
 
 
@@ -99,7 +102,7 @@ def nis_between(step: Step, other: Step) -> tuple[float, int]:
     if step.covariance is not None:
         weight = inverse(add(step.covariance, other.covariance))
         if weight is not None:
-            a, b, c = _times(weight, dx, dy, turn)
+            a, b, c = _product(weight, dx, dy, turn)
             return dx * a + dy * b + turn * c, 3
     root = root_of(information_of(step))
     away = root @ (dx, dy, turn)
@@ -127,7 +130,9 @@ def _less_certain(step: Step, factor: float) -> Step:
     return replace(step, information=scaled(step.information or ZERO, 1.0 / factor))
 
 
-def fused(steps: Sequence[Step], dt_s: float, held: Twist2, drift: Sym3, is_independent: bool) -> tuple[Step, bool]:
+def fuse_steps(
+    steps: Sequence[Step], dt_s: float, held: Twist2, drift: Sym3, is_independent: bool
+) -> tuple[Step, bool]:
     """Return the step that several localizers measured together, and whether they measured all of it.
 
     Parameters
@@ -151,23 +156,23 @@ def fused(steps: Sequence[Step], dt_s: float, held: Twist2, drift: Sym3, is_inde
     for step in steps:
         own = scaled(information_of(step), share)
         information = add(information, own)
-        moment = _plus(moment, _times(own, step.x, step.y, first.turn + wrap_angle(step.turn - first.turn)))
+        moment = _sum(moment, _product(own, step.x, step.y, first.turn + wrap_angle(step.turn - first.turn)))
     covariance = inverse(information)
     is_measured = covariance is not None and says_something(covariance, drift)
     if not is_measured:
         coasted, floor = held.after(dt_s), inverse(drift) or ZERO
-        moment = _plus(moment, _times(floor, coasted.x, coasted.y, coasted.theta))
+        moment = _sum(moment, _product(floor, coasted.x, coasted.y, coasted.theta))
         covariance = inverse(add(information, floor)) or drift
     assert covariance is not None
-    x, y, turn = _times(covariance, *moment)
+    x, y, turn = _product(covariance, *moment)
     forward_m, left_m, turn_rad = Pose2(x, y, turn).log()
     return Step(x, y, turn, covariance, None, Twist2(forward_m / dt_s, left_m / dt_s, turn_rad / dt_s)), is_measured
 
 
-def _times(a: Sym3, x: float, y: float, turn: float) -> tuple[float, float, float]:
+def _product(a: Sym3, x: float, y: float, turn: float) -> tuple[float, float, float]:
     xx, xy, xt, yy, yt, tt = a
     return xx * x + xy * y + xt * turn, xy * x + yy * y + yt * turn, xt * x + yt * y + tt * turn
 
 
-def _plus(a: tuple[float, float, float], b: tuple[float, float, float]) -> tuple[float, float, float]:
+def _sum(a: tuple[float, float, float], b: tuple[float, float, float]) -> tuple[float, float, float]:
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]

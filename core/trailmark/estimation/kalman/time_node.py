@@ -8,10 +8,10 @@ from trailmark.estimation.kalman.correction import Correction
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.kalman.state import FilterState
 
-__all__ = ["Knot"]
+__all__ = ["TimeNode"]
 
 
-class Knot:
+class TimeNode:
     """The measurements of one instant, in an order of their own, and the states between them.
 
     What was computed for an instant stays good until the state before it, the motion until it, or a measurement of it
@@ -44,13 +44,13 @@ class Knot:
         """Return whether the prediction is still that from a state, with so many motions known."""
         return self._before is before and self._n_motions == n_motions
 
-    def begin(self, before: FilterState, predicted: FilterState, n_motions: int) -> None:
+    def set_prediction(self, before: FilterState, predicted: FilterState, n_motions: int) -> None:
         """Take a new prediction; what followed from the old one is void."""
         self._before, self._n_motions, self._states = before, n_motions, [predicted]
 
-    def finish(self, correction: Correction) -> FilterState:
+    def apply_measurements(self, correction: Correction) -> FilterState:
         """Apply the measurements that are not applied yet and return the state after the last."""
         states = self._states
         for measurement in self.measurements[len(states) - 1 :]:
-            states.append(correction.corrected(states[-1], measurement))
+            states.append(correction.correct(states[-1], measurement))
         return states[-1]
