@@ -154,3 +154,25 @@ def test_names_that_are_stamps_are_no_indices(tmp_path, write_picture):
 
     with pytest.raises(SourceError, match=r"2 pictures between number 1403636579763555584 and .* are no indices"):
         kitti(tmp_path).start(Session())
+
+
+@pytest.mark.parametrize(
+    ("gone", "words"),
+    [
+        (["image_0/000000.png"], "pictures are numbers 1 to 3: 1 at the beginning and 0 at the end are missing"),
+        (["image_0/000002.png", "image_0/000003.png"], "numbers 0 to 1: 0 at the beginning and 2 at the end"),
+    ],
+)
+def test_pictures_missing_at_the_ends_are_said(sequence, play, caplog, gone, words):
+    for name in gone:
+        (sequence / name).unlink()
+
+    play(kitti(sequence))
+
+    assert words in caplog.text
+
+
+def test_a_whole_sequence_is_not_remarked_on(sequence, play, caplog):
+    play(kitti(sequence))
+
+    assert not caplog.records

@@ -419,3 +419,51 @@ def test_the_lens_beside_a_picture_is_its_calibration(tmp_path, recording, kind,
 def test_an_unknown_distribution_is_refused(tmp_path):
     with pytest.raises(ValidationError, match="ros2_humble"):
         bag(tmp_path, distribution="ros3")
+
+
+@pytest.mark.parametrize("kind", ["ros1", "sqlite"])
+def test_an_orientation_of_zeros_is_refused(tmp_path, recording, play, kind):
+    record = recording(kind)
+    record.add("/odom", record.odometry(1.0, 1.0, 0.0, 0.0), 1.0)
+    empty = record.odometry(2.0, 1.0, 0.0, 0.0)
+    empty.pose.pose.orientation.w = empty.pose.pose.orientation.z = 0.0
+    record.add("/odom", empty, 2.0)
+    path = record.write(tmp_path)
+
+    with pytest.raises(SourceError, match=r"message 1 of /odom cannot be used: .* quaternion \(0, 0, 0, 0\)"):
+        play(bag(path))
+    assert len(play(bag(path, on_bad_frame="skip"))) == 1
+
+
+def test_an_index_whose_length_is_wrong_is_read_by_its_count(tmp_path, recording, play):
+    record = recording("ros1")
+    for index in range(5):
+        record.add("/scan", record.scan(1.0 + index, [1.0, 2.0]), 1.0 + index)
+    path = record.write(tmp_path)
+    content = bytearray(path.read_bytes())
+    length = content.index(b"op=\x04")
+    length = content.index((5 * 12).to_bytes(4, "little"), length)
+    content[length : length + 4] = (5 * 20).to_bytes(4, "little")  # as ROS's own early writers left it
+    path.write_bytes(content)
+
+    assert [frame.stamp_s for frame in play(bag(path))] == [1.0, 2.0, 3.0, 4.0, 5.0]
+
+
+@pytest.mark.data
+def test_a_recording_of_2010_is_read(data_folder, play):
+    frames = play(bag(data_folder / "laser" / "scan_matcher_demo.bag"))
+
+    assert len(frames) == 360
+    assert frames[-1].stamp_s - frames[0].stamp_s == pytest.approx(36.0, abs=1.0)
+
+
+def test_an_error_without_words_is_told_by_its_place(tmp_path, recording, monkeypatch):
+    def refuse(*_: object) -> None:
+        raise AssertionError
+
+    record = recording("ros1")
+    record.add("/scan", record.scan(1.0, [1.0]), 1.0)
+    monkeypatch.setattr("trailmark_datasets.bagfile.BagFile", refuse)
+
+    with pytest.raises(SourceError, match=r"AssertionError in refuse of test_rosbag\.py, which says no more"):
+        bag(record.write(tmp_path)).start(Session())

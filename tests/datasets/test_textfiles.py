@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bz2
 import gzip
 
 import pytest
@@ -19,9 +20,10 @@ def test_lines_come_with_their_numbers_and_without_comments(tmp_path):
     assert list(lines_of(path)) == [(2, "1 2"), (6, "3 4")]
 
 
-def test_gzipped_text_is_unpacked(tmp_path):
-    path = tmp_path / "a.log.gz"
-    path.write_bytes(gzip.compress(b"one\ntwo\n"))
+@pytest.mark.parametrize(("suffix", "pack"), [("gz", gzip.compress), ("bz2", bz2.compress)])
+def test_packed_text_is_unpacked(tmp_path, suffix, pack):
+    path = tmp_path / f"a.log.{suffix}"
+    path.write_bytes(pack(b"one\ntwo\n"))
 
     assert [text for _, text in lines_of(path)] == ["one", "two"]
 
@@ -39,6 +41,14 @@ def test_a_line_without_end_is_refused_before_it_fills_the_memory(tmp_path):
     path.write_bytes(gzip.compress(b"7" * 3_000_000))
 
     with pytest.raises(SourceError, match=r"bomb\.txt\.gz:1: a line of more than 1000000 characters"):
+        list(lines_of(path))
+
+
+def test_a_damaged_bzip2_file_is_refused(tmp_path):
+    path = tmp_path / "a.clf.bz2"
+    path.write_bytes(bz2.compress(b"1 2\n" * 9999)[:-20])
+
+    with pytest.raises(SourceError, match=r"cannot read .*a\.clf\.bz2"):
         list(lines_of(path))
 
 

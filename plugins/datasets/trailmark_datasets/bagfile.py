@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import struct
+import traceback
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rosbags.highlevel import AnyReader
+from rosbags.interfaces import MessageDefinition
+from rosbags.rosbag1 import Reader as Ros1Reader
+from rosbags.rosbag1 import ReaderError
+from rosbags.rosbag1.reader import IndexData
 from rosbags.typesys import Stores, get_typestore
 
 from trailmark.errors import SourceError
@@ -36,6 +43,45 @@ class Message:
     where: str
     receive_s: float
     content: Any
+
+
+class _Ros1Reader(Ros1Reader):
+    """Reads an index record by its count of entries, as ROS does.
+
+    rosbags checks the record's length too and refuses the recording if it differs; old writers left it at another
+    value. It also expects the fields of the head in the order of the first record (ROS bag format 2.0, op 4). And the
+    message ``Header`` was once defined in the package roslib.
+    """
+
+    def open(self) -> None:
+        super().open()
+        self.connections = [c._replace(msgdef=_with_known_header(c.msgdef)) for c in self.connections]
+
+    def read_index_data(self, pos: int, indexes: dict[int, list[Any]]) -> None:
+        file = self.bio
+        if file is None:
+            raise ReaderError("the recording is not open")
+        (n_head,) = struct.unpack("<I", file.read(4))
+        fields = dict(_fields_of(file.read(n_head)))
+        if fields.get(b"op") != b"\x04" or fields.get(b"ver") != b"\x01\x00\x00\x00":
+            raise ReaderError(f"no index record of version 1 behind the chunk at byte {pos}")
+        (connection,), (count,) = (struct.unpack("<I", fields[name]) for name in (b"conn", b"count"))
+        file.read(4)  # the length
+        entries = np.frombuffer(file.read(12 * count), "<u4").reshape(count, 3).tolist()
+        indexes[connection].extend(IndexData(sec * 10**9 + nanosec, pos, offset) for sec, nanosec, offset in entries)
+
+
+def _with_known_header(definition: MessageDefinition) -> MessageDefinition:
+    return definition._replace(data=definition.data.replace("roslib/Header", "std_msgs/Header"))
+
+
+def _fields_of(head: bytes) -> Iterator[tuple[bytes, bytes]]:
+    start = 0
+    while start < len(head):
+        (length,) = struct.unpack_from("<I", head, start)
+        name, _, value = head[start + 4 : start + 4 + length].partition(b"=")
+        yield name, value
+        start += 4 + length
 
 
 class BagFile:
@@ -83,7 +129,7 @@ class BagFile:
             try:
                 content = self._reader.deserialize(raw, connection.msgtype)
             except Exception as error:  # whatever damaged bytes may cause in there
-                yield SourceError(f"{where} cannot be decoded: {error or type(error).__name__}")
+                yield SourceError(f"{where} cannot be decoded: {_words_of(error)}")
             else:
                 yield Message(topic, where, receive_ns / 1e9, content)
 
@@ -93,7 +139,7 @@ class BagFile:
             try:
                 item = next(messages, None)
             except Exception as error:
-                raise SourceError(f"{self.path} is damaged: {error or type(error).__name__}") from error
+                raise SourceError(f"{self.path} is damaged: {_words_of(error)}") from error
             if item is None:
                 return
             yield item
@@ -118,11 +164,21 @@ def open_bag(path: Path, distribution: str) -> Iterator[BagFile]:
     parts = sorted(path.glob("*.bag")) if path.is_dir() and not (path / "metadata.yaml").exists() else []
     try:
         reader = AnyReader(parts or [path], default_typestore=get_typestore(Stores(distribution)))
+        if all(isinstance(part, Ros1Reader) for part in reader.readers):
+            reader.readers = [_Ros1Reader(part.path) for part in reader.readers]
         reader.open()
         bag = BagFile(path, reader)
     except Exception as error:  # rosbags lets errors of zip, SQLite, YAML and struct through
-        raise SourceError(f"{path}: cannot open the recording: {error or type(error).__name__}") from error
+        raise SourceError(f"{path}: cannot open the recording: {_words_of(error)}") from error
     try:
         yield bag
     finally:
         reader.close()
+
+
+def _words_of(error: Exception) -> str:
+    """Return what an error says; of one without words its kind, and where in rosbags it arose."""
+    if str(error):
+        return str(error)
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    return f"{type(error).__name__} in {last.name} of {Path(last.filename).name}, which says no more"

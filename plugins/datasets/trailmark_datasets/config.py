@@ -145,7 +145,7 @@ class CarmenLogConfig(SourceConfig):
     """A CARMEN log: planar laser and odometry."""
 
     path: ExistingPath
-    """The log, plain or `.gz`."""
+    """The log, plain, `.gz` or `.bz2`."""
     range_max_m: float = Field(80.0, gt=0)
     """Ranges from here on mean that nothing came back (a SICK laser says 81.91) [m]."""
     angle_step_deg: float | None = Field(None, gt=0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -20,6 +21,8 @@ from trailmark_datasets.stamps import Stamp, read_stamps
 from trailmark_datasets.textfiles import lines_of, number
 
 __all__ = ["KittiOdometry"]
+
+logger = logging.getLogger(__name__)
 
 # Poses are written with six digits or more.
 _NOT_A_ROTATION = 1e-2
@@ -66,6 +69,17 @@ class KittiOdometry(PictureSource):
         stamps = read_stamps(path)
         if last >= len(stamps):
             raise SourceError(f"{path} has {len(stamps)} stamps, but there is a picture number {last}")
+        if self._first or last + 1 < len(stamps):
+            logger.warning(
+                "%s has %d stamps, and the pictures are numbers %d to %d: %d at the beginning and %d at the end are"
+                " missing, or this is a part of the sequence",
+                path,
+                len(stamps),
+                self._first,
+                last,
+                self._first,
+                len(stamps) - last - 1,
+            )
         return stamps
 
     def ground_truth(self) -> Trajectory | None:

@@ -26,7 +26,7 @@ _OPENS = {
     "video": ("*.mp4", "*.avi", "*.mov", "*.mkv", "*.webm", "*.m4v"),
     "tum_rgbd": ("*/rgb.txt",),
     "kitti_odometry": ("*/times.txt",),
-    "carmen_log": ("*.log", "*.clf", "*.log.gz", "*.clf.gz"),
+    "carmen_log": ("*.log", "*.clf", "*.log.gz", "*.clf.gz", "*.log.bz2", "*.clf.bz2"),
     "csv_odometry": ("*.csv",),
     "rosbag": ("*.bag", "*.mcap", "*.db3", "*/metadata.yaml"),
 }

@@ -127,8 +127,16 @@ def image(message: Any, where: str) -> Image:
 
 
 def frame_pose(message: Any) -> Pose2:
-    """Return the planar pose of an Odometry message in its own frame."""
+    """Return the planar pose of an Odometry message in its own frame.
+
+    Raises
+    ------
+    ValueError
+        If its quaternion is all zeros, which is no orientation: its sender left it empty.
+    """
     position, q = message.pose.pose.position, message.pose.pose.orientation
+    if not any((q.x, q.y, q.z, q.w)):
+        raise ValueError("the orientation is the quaternion (0, 0, 0, 0): its sender does not know it")
     yaw = math.atan2(2 * (q.w * q.z + q.x * q.y), q.w * q.w + q.x * q.x - q.y * q.y - q.z * q.z)
     return Pose2(float(position.x), float(position.y), yaw)
 

@@ -86,7 +86,7 @@ def open_table(
     Parameters
     ----------
     path : Path
-        The file; ``.gz`` is unpacked. Lines that start with ``#``, ``%`` or ``//`` are comments.
+        The file; ``.gz`` and ``.bz2`` are unpacked. Lines that start with ``#``, ``%`` or ``//`` are comments.
     known : sequence of str
         Columns that have a meaning; others are ignored.
     header : sequence of str, optional

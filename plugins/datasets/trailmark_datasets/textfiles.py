@@ -1,15 +1,16 @@
-"""Text files of numbers: plain or gzipped, read line by line, with errors that name file and line."""
+"""Text files of numbers: plain or packed (gzip, bzip2), read line by line, with errors that name file and line."""
 
 from __future__ import annotations
 
+import bz2
 import gzip
 import io
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from trailmark.errors import SourceError
 
@@ -23,11 +24,12 @@ TIME_UNITS: dict[str, float] = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 _MAX_LINE = 1_000_000  # a longer line is not a line of numbers: a binary file, or an unpacked bomb
 # What text of numbers never reaches; what a file that unpacks to gigabytes of blank lines does.
 _MAX_UNPACKED, _MAX_RATIO = 64 << 20, 100
+_UNPACK: dict[str, Callable[..., Any]] = {".gz": gzip.open, ".bz2": bz2.open}
 _DATE = re.compile(r"(\d{4}-\d\d-\d\d)[ T](\d\d:\d\d:\d\d)(\.\d+)?Z?")
 
 
 def lines_of(path: Path, comments: tuple[str, ...] = ("#", "%", "//")) -> Iterator[tuple[int, str]]:
-    """Yield the number and text of every line that is not empty or a comment; ``.gz`` files are unpacked.
+    """Yield the number and text of every line that is not empty or a comment; ``.gz`` and ``.bz2`` are unpacked.
 
     Raises
     ------
@@ -36,8 +38,9 @@ def lines_of(path: Path, comments: tuple[str, ...] = ("#", "%", "//")) -> Iterat
     """
     number_, unpacked = 0, 0
     try:
-        most = max(_MAX_UNPACKED, _MAX_RATIO * path.stat().st_size) if path.suffix == ".gz" else math.inf
-        with gzip.open(path) if path.suffix == ".gz" else open(path, "rb") as binary:
+        unpack = _UNPACK.get(path.suffix, open)
+        most = max(_MAX_UNPACKED, _MAX_RATIO * path.stat().st_size) if path.suffix in _UNPACK else math.inf
+        with unpack(path, "rb") as binary:
             file = io.TextIOWrapper(binary, encoding="utf-8-sig")
             while line := file.readline(_MAX_LINE):
                 number_ += 1
