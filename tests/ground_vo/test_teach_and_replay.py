@@ -14,7 +14,7 @@ import pytest
 import trailmark
 from trailmark.geometry import Trajectory, read_tum
 from trailmark.pipeline import RunResult
-from trailmark_papers.nagai2015.runs import keyframes
+from trailmark_papers.kit import keyframes_of
 
 CONFIG = """
 sources:
@@ -121,7 +121,7 @@ def test_a_path_can_be_taught_by_hand(taught: Path, tmp_path: Path) -> None:
         os.close(far)
         os.close(near)
 
-    assert len(keyframes(tmp_path / "hand.trail")) >= 4
+    assert len(keyframes_of(tmp_path / "hand.trail", "floor_map")) >= 4
     truth = read_tum(tmp_path / "out" / "trajectories" / "groundtruth.tum")
     assert truth.headings[-1] > 0.01  # it was steered to the left
 

@@ -16,7 +16,7 @@ from trailmark.estimates import PathOffset
 from trailmark.frames import Pinhole
 from trailmark.geometry import Pose2, Pose3, Trajectory
 from trailmark_papers.perroni2014.closed_loop import _share_row
-from trailmark_papers.perroni2014.drives import Deviation, Place, Taught, way_of
+from trailmark_papers.perroni2014.drives import Deviation, Place, Taught
 from trailmark_papers.perroni2014.likelihood import _climbed, _tracked
 from trailmark_papers.perroni2014.offline import Answers, compare
 from trailmark_papers.perroni2014.plots import draw_clutter, draw_corners, draw_likelihood, draw_shifts, draw_ways
@@ -100,7 +100,7 @@ def test_a_robot_came_back_if_it_arrived_near_straight_and_without_drifting_off_
 
 
 def test_a_way_has_the_stations_of_its_truth():
-    path = way_of(straight(2.0))
+    path = Taught(Place("street", 2.0, 320), Path("nowhere"), straight(2.0)).path()
 
     assert path.length_m == pytest.approx(2.0, abs=0.1)
     assert path.pose_at(1.3).x == pytest.approx(1.3)

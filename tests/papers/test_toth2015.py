@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from trailmark_papers.toth2015.drives import LANDMARKS, Plan, drive, rms
+from trailmark_papers.kit import rms
+from trailmark_papers.toth2015.drives import LANDMARKS, Plan, drive
 
 _HALF_WAY_S = 1.2
 

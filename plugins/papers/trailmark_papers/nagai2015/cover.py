@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from trailmark.experiments import ExperimentOptions, Row
-from trailmark_papers.nagai2015.playback import Playback, read_playback
+from trailmark_papers.kit import Table
+from trailmark_papers.nagai2015.playback import read_playback
 from trailmark_papers.nagai2015.runs import PAPER_MAP, course, drive, tracking_config
 
 __all__ = ["cover_rows"]
@@ -17,6 +18,7 @@ __all__ = ["cover_rows"]
 #: Everything is believed that the search finds: the place of least error, whatever the groups say.
 _NO_CONSENSUS: Mapping[str, Any] = {"tolerance_px": 1e3, "min_groups": 1, "min_correlation": -1.0}
 _FALSE_M = 5e-3
+_PAPER_NOTE = "the paper: the vehicle deviated from the path"
 
 #: Length of teaching [s], where the carpet lies [m], round trips.
 _FULL = (20.0, 2.0, 2.5, 1.0)
@@ -31,28 +33,22 @@ def cover_rows(options: ExperimentOptions) -> list[Row]:
     options.map(_teach, [(options.out, options.seed, mode, options.quick) for mode in modes])
     cases = [(mode, has_consensus) for mode in modes for has_consensus in (True, False)]
     options.map(_repeat, [(options.out, options.seed, *case, options.quick) for case in cases])
-    rows: list[Row] = []
-    for mode, has_consensus in cases:
-        names = (_teaching(mode), _playback(mode, has_consensus), f"{_teaching(mode)}.trail")
-        found = read_playback(*(options.out / name for name in names))
-        word = "with" if has_consensus else "without"
-        options.report(f"0.5 m of carpet, {mode}, {word} consensus: {found.reason or found.status}")
-        rows += _rows(f"B 0.5 m covered, {mode}, {word} consensus", found, has_consensus)
-    return rows
+    return [row for case in cases for row in _rows(options, *case)]
 
 
-def _rows(name: str, found: Playback, has_consensus: bool) -> list[Row]:
-    n, n_false = len(found.searches.places), int((found.false_m() > _FALSE_M).sum())
+def _rows(options: ExperimentOptions, mode: str, has_consensus: bool) -> Table:
+    names = (_teaching(mode), _playback(mode, has_consensus), f"{_teaching(mode)}.trail")
+    found = read_playback(*(options.out / name for name in names))
+    case = f"{mode}, {'with' if has_consensus else 'without'} consensus"
+    options.report(f"0.5 m of carpet, {case}: {found.reason or found.status}")
+    table = Table(f"B 0.5 m covered, {case}", len(found.searches.places))
+    n_false = int((found.false_m() > _FALSE_M).sum())
     deviation_mm = 1e3 * float(np.abs(found.offsets[:, 1]).max())
-    note = "" if has_consensus else "the paper: the vehicle deviated from the path"
-    return [
-        Row(name, "false corrections (more than 5 mm)", "", n_false, None, 0 if has_consensus else None, n=n),
-        Row(name, "searches rejected", "%", found.rejected_percent(), n=n),
-        Row(
-            name, "offset from the path, max", "mm", deviation_mm, None, 20.3 if has_consensus else None,
-            n=len(found.offsets), note=note,
-        ),
-    ]  # fmt: skip
+    bar_n, bar_mm, note = (0, 20.3, "") if has_consensus else (None, None, _PAPER_NOTE)
+    table.add("false corrections (more than 5 mm)", "", n_false, bar=bar_n)
+    table.add("searches rejected", "%", found.rejected_percent())
+    table.add("offset from the path, max", "mm", deviation_mm, bar=bar_mm, n=len(found.offsets), note=note)
+    return table
 
 
 def _teaching(mode: str) -> str:

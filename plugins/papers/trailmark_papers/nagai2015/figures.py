@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.geometry import Trajectory
 from trailmark.report.drawing import BLUE, INK, RED, TRUTH, drawing, legend_above
 from trailmark_papers.nagai2015.playback import Playback
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 __all__ = ["draw_indoor", "draw_outdoor"]
-
-Floats = npt.NDArray[np.float64]
 
 #: Points of a way farther apart than this are drawn [m].
 _STEP_M = 0.05

@@ -13,6 +13,7 @@ import numpy as np
 from trailmark.evaluation import read_run
 from trailmark.experiments import ExperimentOptions, Row
 from trailmark.geometry import Pose2, Trajectory
+from trailmark_papers.kit import Table
 from trailmark_papers.nagai2015.figures import draw_indoor
 from trailmark_papers.nagai2015.playback import Playback, read_playback
 from trailmark_papers.nagai2015.runs import PAPER_MAP, course, drive, poles_of, tracking_config
@@ -132,65 +133,61 @@ def _read(out: Path, name: str) -> Playback:
     return read_playback(out / f"indoor-teach-{kind}", _folder(out, name), out / f"indoor-{kind}.trail")
 
 
-def _course_rows(found: Playback, trips: float) -> list[Row]:
+def _course_rows(found: Playback, trips: float) -> Table:
     """Return what the course and the vehicle did."""
-    name, n = f"C 13.4 m, {trips:g} trips", len(found.offsets)
+    table, n = Table(f"C 13.4 m, {trips:g} trips"), len(found.offsets)
     n_bytes = max(sum(array.nbytes for array in one.arrays.values()) for one in found.registrations) + 3 * 8
     n_registered = len(found.registrations)
     lateral_mm, turned_deg = 1e3 * np.abs(found.offsets[:, 1]), np.degrees(np.abs(found.offsets[:, 2]))
-    return [
-        Row(name, "registrations", "", n_registered, 268),
-        Row(name, "registrations, more or less than 268", "", abs(n_registered - 268), 0, 2),
-        Row(name, "bytes of a registration", "B", n_bytes, 1960, 1960),
-        Row(name, "offset from the path, mean", "mm", float(lateral_mm.mean()), 4.4, 4.4, 2.0, n=n),
-        Row(name, "offset from the path, max", "mm", float(lateral_mm.max()), 20.3, 20.3, 10.0, n=n),
-        Row(name, "angular offset, mean", "deg", float(turned_deg.mean()), 0.69, 0.69, 0.3, n=n),
-        Row(name, "angular offset, max", "deg", float(turned_deg.max()), 3.1, 3.1, 1.5, n=n),
-        Row(name, "poles touched", "", found.n_touched, 0, 0),
-        Row(name, "back at the start, off by", "mm", 1e3 * found.end_miss_m, None, 20.0, 5.0),
-    ]
+    table.add("registrations", "", n_registered, paper=268)
+    table.add("registrations, more or less than 268", "", abs(n_registered - 268), paper=0, bar=2)
+    table.add("bytes of a registration", "B", n_bytes, paper=1960, bar=1960)
+    for item, unit, ours, paper, stretch in (
+        ("offset from the path, mean", "mm", lateral_mm.mean(), 4.4, 2.0),
+        ("offset from the path, max", "mm", lateral_mm.max(), 20.3, 10.0),
+        ("angular offset, mean", "deg", turned_deg.mean(), 0.69, 0.3),
+        ("angular offset, max", "deg", turned_deg.max(), 3.1, 1.5),
+    ):
+        table.add(item, unit, float(ours), paper=paper, bar=paper, stretch=stretch, n=n)
+    table.add("poles touched", "", found.n_touched, paper=0, bar=0)
+    table.add("back at the start, off by", "mm", 1e3 * found.end_miss_m, bar=20.0, stretch=5.0)
+    return table
 
 
-def _error_rows(found: Playback, trips: float) -> list[Row]:
+def _error_rows(found: Playback, trips: float) -> Table:
     """Return the errors that the searches detect (Fig. 13), and those that stay."""
-    name, n = f"C 13.4 m, {trips:g} trips", len(found.detected_m())
     detected_mm, true_mm = 1e3 * found.detected_m(), 1e3 * found.corrected_m()
-    return [
-        Row(name, "error detected by the search, mean", "mm", float(detected_mm.mean()), 0.63, 0.63, 0.2, n=n),
-        Row(name, "error detected by the search, max", "mm", float(detected_mm.max()), 4.6, 4.6, 1.5, n=n),
-        Row(name, "true error after correction, mean", "mm", float(true_mm.mean()), None, 0.25, 0.1, n=n),
-        Row(name, "true error after correction, p99", "mm", _p99(true_mm), None, 1.0, 0.5, n=n),
-        Row(
-            name, "searches accepted, clean ground", "%", 100.0 - found.rejected_percent(), None, 95.0, 99.0,
-            better="higher", n=len(found.searches.places),
-        ),
-    ]  # fmt: skip
+    table = Table(f"C 13.4 m, {trips:g} trips", len(detected_mm))
+    detected = "error detected by the search"
+    table.add(f"{detected}, mean", "mm", float(detected_mm.mean()), paper=0.63, bar=0.63, stretch=0.2)
+    table.add(f"{detected}, max", "mm", float(detected_mm.max()), paper=4.6, bar=4.6, stretch=1.5)
+    table.add("true error after correction, mean", "mm", float(true_mm.mean()), bar=0.25, stretch=0.1)
+    table.add("true error after correction, p99", "mm", float(np.quantile(true_mm, 0.99)), bar=1.0, stretch=0.5)
+    n, share = len(found.searches.places), 100.0 - found.rejected_percent()
+    table.add_higher("searches accepted, clean ground", "%", share, bar=95.0, stretch=99.0, n=n)
+    return table
 
 
-def _variant_rows(variant: str, found: Playback, main: Playback, trips: float) -> list[Row]:
+def _variant_rows(variant: str, found: Playback, main: Playback, trips: float) -> Table:
     """Return the errors of another playback, with the bars that hold for it.
 
     A search that is 14 frames late may leave twice the error of the one that is a frame late.
     """
-    name, n = f"C 13.4 m, {trips:g} trips, {variant}", len(found.detected_m())
     detected_mm, true_mm, lateral_mm = (
         1e3 * part for part in (found.detected_m(), found.corrected_m(), np.abs(found.offsets[:, 1]))
     )
+    table = Table(f"C 13.4 m, {trips:g} trips, {variant}", len(detected_mm))
     main_mm = 1e3 * float(main.corrected_m().mean())
-    mean_bar = {"refined, 14 frames": 2.0 * main_mm, "paper": 0.75}.get(variant)
-    stretch = {"refined, 14 frames": 1.2 * main_mm}.get(variant)
-    max_bar = {"paper": 4.6}.get(variant)
-    return [
-        Row(name, "error detected by the search, mean", "mm", float(detected_mm.mean()), 0.63, n=n),
-        Row(name, "error detected by the search, max", "mm", float(detected_mm.max()), 4.6, n=n),
-        Row(name, "true error after correction, mean", "mm", float(true_mm.mean()), None, mean_bar, stretch, n=n),
-        Row(name, "true error after correction, max", "mm", float(true_mm.max()), None, max_bar, n=n),
-        Row(name, "searches rejected", "%", found.rejected_percent(), n=len(found.searches.places)),
-        Row(name, "offset from the path, mean", "mm", float(lateral_mm.mean()), 4.4, n=len(lateral_mm)),
-        Row(name, "offset from the path, max", "mm", float(lateral_mm.max()), 20.3, n=len(lateral_mm)),
-        Row(name, "poles touched", "", found.n_touched, 0, 0),
-    ]
-
-
-def _p99(values: Any) -> float:
-    return float(np.quantile(values, 0.99))
+    mean_bars = {
+        "refined, 14 frames": {"bar": 2.0 * main_mm, "stretch": 1.2 * main_mm},
+        "paper": {"bar": 0.75},
+    }.get(variant, {})
+    table.add("error detected by the search, mean", "mm", float(detected_mm.mean()), paper=0.63)
+    table.add("error detected by the search, max", "mm", float(detected_mm.max()), paper=4.6)
+    table.add("true error after correction, mean", "mm", float(true_mm.mean()), **mean_bars)
+    table.add("true error after correction, max", "mm", float(true_mm.max()), bar={"paper": 4.6}.get(variant))
+    table.add("searches rejected", "%", found.rejected_percent(), n=len(found.searches.places))
+    table.add("offset from the path, mean", "mm", float(lateral_mm.mean()), paper=4.4, n=len(lateral_mm))
+    table.add("offset from the path, max", "mm", float(lateral_mm.max()), paper=20.3, n=len(lateral_mm))
+    table.add("poles touched", "", found.n_touched, paper=0, bar=0, n=1)
+    return table

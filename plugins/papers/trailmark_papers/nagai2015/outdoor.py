@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from trailmark.experiments import ExperimentOptions, Row
+from trailmark_papers.kit import Table, sweep
 from trailmark_papers.nagai2015.figures import draw_outdoor
 from trailmark_papers.nagai2015.playback import Playback, read_playback
 from trailmark_papers.nagai2015.runs import course, drive, tracking_config
@@ -53,8 +54,8 @@ def outdoor_rows(options: ExperimentOptions) -> list[Row]:
     """Return the rows of Sec. IV-D and draw Figs. 16 to 18."""
     days = list(_DAYS)[:1] if options.quick else list(_DAYS)
     (taught,) = options.map(_teach, [(options.out, options.seed, options.quick)])
-    calls = [(options.out, options.seed, day, way) for day in days for way in _DAYS[day].ways]
-    folders = dict(zip([call[2:] for call in calls], options.map(_repeat, calls)))
+    cells = {(day, way): (options.out, options.seed, day, way) for day in days for way in _DAYS[day].ways}
+    folders = sweep(options, _repeat, cells)
     rows: list[Row] = []
     for day in days:
         found = [read_playback(taught, folders[day, way], options.out / _STORE) for way in _DAYS[day].ways]
@@ -87,21 +88,22 @@ def _repeat(out: Path, seed: int, day: str, way: str) -> Path:
     return drive(out / f"outdoor-{day.replace(',', '').replace(' ', '-')}-{way}", config, out / _STORE, "replay")
 
 
-def _taught_rows(found: Playback, options: ExperimentOptions) -> list[Row]:
+def _taught_rows(found: Playback, options: ExperimentOptions) -> Table:
     n = len(found.registrations)
-    arrays_mb = n * (44 * 44 + 3 * 8) / 1e6
     file_mb = (options.out / _STORE).stat().st_size / 1e6
     if options.quick:  # a short stretch has no figure of the paper beside it
-        return [Row("D short", "registrations", "", n), Row("D short", "file of the path", "MB", file_mb)]
-    return [
-        Row("D 243.4 m", "registrations", "", n, 4868),
-        Row("D 243.4 m", "registrations, more or less than 4868", "", abs(n - 4868), 0, 25),
-        Row("D 243.4 m", "memory for ground images", "MB", arrays_mb, 9.54, 9.6),
-        Row("D 243.4 m", "file of the path", "MB", file_mb),
-    ]
+        table = Table("D short")
+        table.add("registrations", "", n)
+    else:
+        table = Table("D 243.4 m")
+        table.add("registrations", "", n, paper=4868)
+        table.add("registrations, more or less than 4868", "", abs(n - 4868), paper=0, bar=25)
+        table.add("memory for ground images", "MB", n * (44 * 44 + 3 * 8) / 1e6, paper=9.54, bar=9.6)
+    table.add("file of the path", "MB", file_mb)
+    return table
 
 
-def _day_rows(day: str, found: Sequence[Playback], is_quick: bool) -> list[Row]:
+def _day_rows(day: str, found: Sequence[Playback], is_quick: bool) -> Table:
     """Return the rows of a day; the paper has figures of the next day, and a similar result five days after."""
     name = f"D {'short' if is_quick else '243.4 m'}, {day}, {' and '.join(_DAYS[day].ways)}"
     is_papers = day != "wet, with leaves"
@@ -111,23 +113,20 @@ def _day_rows(day: str, found: Sequence[Playback], is_quick: bool) -> list[Row]:
     intervals_m = np.concatenate([playback.intervals_m() for playback in found])
     true_mm = 1e3 * np.concatenate([playback.corrected_m() for playback in found])
     n_false = sum(int((playback.false_m() > _FALSE_M).sum()) for playback in found)
-    n, n_searches = len(offsets), len(is_found)
-    figures = [
-        ("offset from the path, mean", "mm", float(lateral_mm.mean()), 4.1, n),
-        ("offset from the path, max", "mm", float(lateral_mm.max()), 25.0, n),
-        ("angular offset, mean", "deg", float(turned_deg.mean()), 0.49, n),
-        ("angular offset, max", "deg", float(turned_deg.max()), 3.2, n),
-        ("searches rejected", "%", 100.0 * float(np.mean(~is_found)), 8.5, n_searches),
-        ("way between corrections, mean", "m", float(intervals_m.mean()), 0.062, len(intervals_m)),
-    ]
-    return [
-        *(
-            Row(name, item, unit, ours, paper if is_papers else None, paper, paper / 2, n=samples)
-            for item, unit, ours, paper, samples in figures
-        ),
-        Row(name, "way between corrections, max", "m", float(intervals_m.max()), n=len(intervals_m)),
-        Row(name, "true error after correction, mean", "mm", float(true_mm.mean()), n=len(true_mm)),
-        Row(name, "true error after correction, max", "mm", float(true_mm.max()), n=len(true_mm)),
-        Row(name, "false corrections (more than 5 mm)", "", n_false, None, 0, n=n_searches),
-        Row(name, "end of the path missed by", "mm", 1e3 * max(one.end_miss_m for one in found), None, 20.0, 5.0),
-    ]
+    table = Table(name, len(offsets))
+    for item, unit, ours, paper, n in (
+        ("offset from the path, mean", "mm", lateral_mm.mean(), 4.1, len(offsets)),
+        ("offset from the path, max", "mm", lateral_mm.max(), 25.0, len(offsets)),
+        ("angular offset, mean", "deg", turned_deg.mean(), 0.49, len(offsets)),
+        ("angular offset, max", "deg", turned_deg.max(), 3.2, len(offsets)),
+        ("searches rejected", "%", 100.0 * np.mean(~is_found), 8.5, len(is_found)),
+        ("way between corrections, mean", "m", intervals_m.mean(), 0.062, len(intervals_m)),
+    ):
+        table.add(item, unit, float(ours), paper=paper if is_papers else None, bar=paper, stretch=paper / 2, n=n)
+    table.add("way between corrections, max", "m", float(intervals_m.max()), n=len(intervals_m))
+    table.add("true error after correction, mean", "mm", float(true_mm.mean()), n=len(true_mm))
+    table.add("true error after correction, max", "mm", float(true_mm.max()), n=len(true_mm))
+    table.add("false corrections (more than 5 mm)", "", n_false, bar=0, n=len(is_found))
+    miss_mm = 1e3 * max(one.end_miss_m for one in found)
+    table.add("end of the path missed by", "mm", miss_mm, bar=20.0, stretch=5.0, n=1)
+    return table

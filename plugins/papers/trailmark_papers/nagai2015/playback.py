@@ -10,18 +10,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from trailmark import paths
+from trailmark.arrays import Bools, Floats, Int64s
 from trailmark.evaluation import read_run
 from trailmark.evaluation.lateral import offsets_from_path
 from trailmark.geometry import Pose2, Trajectory
 from trailmark.paths import Keyframe, Waypoint
-from trailmark_papers.nagai2015.runs import PIXEL_M, keyframes
+from trailmark_papers.kit import collisions_of, keyframes_of
+from trailmark_papers.nagai2015.runs import PIXEL_M
 
 __all__ = ["Playback", "Searches", "read_playback", "relative"]
-
-Floats = npt.NDArray[np.float64]
 
 #: A stamp is written with so many digits that this is nothing [s].
 _STAMP_S = 1e-6
@@ -47,8 +46,8 @@ class Searches:
 
     stamps_s: Floats
     arrived_s: Floats
-    places: npt.NDArray[np.int64]
-    is_found: npt.NDArray[np.bool_]
+    places: Int64s
+    is_found: Bools
     detected_m: Floats
     poses: Floats
 
@@ -89,7 +88,7 @@ class Playback:
     registrations: Sequence[Keyframe]
     searches: Searches
     travelled_m: Floats
-    directions: npt.NDArray[np.int64]
+    directions: Int64s
     fix_errors: Floats
     corrected_errors: Floats
     offsets: Floats
@@ -130,14 +129,13 @@ def read_playback(taught_folder: Path, folder: Path, store: Path) -> Playback:
     teaching, run = read_run(taught_folder), read_run(folder)
     assert teaching.truth is not None
     assert run.truth is not None
-    registrations = keyframes(store)
+    registrations = keyframes_of(store, "floor_map")
     searches = _read_searches(folder)
     stamps = np.array([keyframe.stamp_s for keyframe in registrations])
     believed = np.array([keyframe.pose_map_base.array() for keyframe in registrations])
     true = teaching.truth.at(stamps).poses
     fused = run.trajectories["fused"]
     offsets = offsets_from_path(run.truth, _path(true))
-    counters = run.run["counters"]
     return Playback(
         status=str(run.run["status"]),
         reason=str(run.run["reason"]),
@@ -154,7 +152,7 @@ def read_playback(taught_folder: Path, folder: Path, store: Path) -> Playback:
         fused=fused,
         relative_only=run.trajectories["floor"],
         end_miss_m=_end_miss_m(run.truth, true),
-        n_touched=sum(int(n) for name, n in counters.items() if name.endswith("collisions")),
+        n_touched=collisions_of(run.run["counters"]),
     )
 
 
@@ -216,7 +214,7 @@ def _at(trajectory: Trajectory, stamps_s: Floats) -> Floats:
     return trajectory.at(inside).poses[places]
 
 
-def _directions(stations_m: Floats, frames: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+def _directions(stations_m: Floats, frames: Int64s) -> Int64s:
     """Return which way it was driving at some frames: 1 towards growing stations, -1 back."""
     span = 5
     after = stations_m[np.minimum(frames + span, len(stations_m) - 1)]

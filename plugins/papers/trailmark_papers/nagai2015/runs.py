@@ -1,33 +1,20 @@
-"""Runs of plain configs.
-
-Written in the words of a config, so that every part can be swapped there: nothing here imports another plugin.
-"""
+"""The courses of the paper and the configs that drive them."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.experiments import ExperimentOptions
-from trailmark.interfaces import Access, Mode, Session
-from trailmark.paths import Keyframe
+from trailmark.interfaces import Mode
+from trailmark_papers.kit import run_config, started_source
 
-__all__ = [
-    "PAPER_MAP",
-    "PIXEL_M",
-    "SWAY_M",
-    "course",
-    "drive",
-    "keyframes",
-    "photographs",
-    "poles_of",
-    "tracking_config",
-]
+__all__ = ["PAPER_MAP", "PIXEL_M", "SWAY_M", "course", "drive", "photographs", "poles_of", "tracking_config"]
 
 #: Metres per pixel of the paper's camera, the mean over both axes: 200 x 188 mm on 512 x 480 px.
 PIXEL_M = (0.200 / 512 * 0.188 / 480) ** 0.5
@@ -67,36 +54,14 @@ def tracking_config(
 
 def drive(folder: Path, config: Mapping[str, Any], store: Path | None = None, mode: Mode = "track") -> Path:
     """Run a config into a folder, and return the folder."""
-    from trailmark.api import run
-
-    access: Access | None = "overwrite" if mode == "teach" else None
-    run(config, folder, mode=mode, store=store, access=access, overwrite=True, report=False)
+    run_config(config, folder, mode, store=store)
     return folder
 
 
-def keyframes(store: Path, owner: str = "floor_map") -> Sequence[Keyframe]:
-    """Return what a localizer registered while teaching."""
-    from trailmark.api import create
-
-    opened = create("path_store", "sqlite", path=str(store), access="read")
-    opened.start(Session(mode="replay"))
-    try:
-        return list(opened.localizer_map(owner).keyframes())
-    finally:
-        opened.close()
-
-
-def poles_of(source: Mapping[str, Any]) -> npt.NDArray[np.float64]:
+def poles_of(source: Mapping[str, Any]) -> Floats:
     """Return the poles beside a course, (N, 3): x, y and radius [m]."""
-    from trailmark.api import create
-
-    keys = {key: value for key, value in source.items() if key != "plugin"}
-    world = create("source", source["plugin"], **keys)
-    world.start(Session(name="floor"))
-    try:
-        return np.asarray(world.world.truth["poles"], np.float64)
-    finally:
-        world.close()
+    with started_source(source, name="floor") as world:
+        return np.asarray(world.world.truth["poles"], np.float64)  # type: ignore[attr-defined]
 
 
 def photographs(options: ExperimentOptions) -> dict[str, Path]:

@@ -18,10 +18,11 @@ import numpy as np
 
 from trailmark.api import create
 from trailmark.estimates import Estimate
-from trailmark.frames import Frame, GroundPlane, SensorInfo
+from trailmark.frames import GroundPlane, SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Estimator, FrameSource, Localizer, LocalizerMap, Mode, Session
 from trailmark.pipeline.timing import peak_rss_mb
+from trailmark_papers.kit import started_source, timed
 from trailmark_papers.nagai2015.runs import course
 
 __all__ = ["main"]
@@ -52,56 +53,50 @@ def _start(store: Path) -> dict[str, Any]:
 
 
 def _drive(store: Path, n_frames: int, seed: int) -> dict[str, Any]:
-    source = _source(n_frames, seed)
-    sensor = source.sensors["floor"]
-    opened = _store(store, "create")
-    times = _taught(source, sensor, opened.localizer_map("patches"))
-    opened.commit()
-    opened.close()
-    opened = _store(store, "read")
-    times |= _driven_again(_source(n_frames, seed + 1), sensor, opened.localizer_map("patches"))
-    opened.close()
+    course_config = course("outdoor", duration_s=n_frames / 70.0)
+    with started_source(course_config, seed, "floor") as source:
+        opened = _store(store, "create")
+        times = _taught(source, opened.localizer_map("patches"))
+        opened.commit()
+        opened.close()
+    with started_source(course_config, seed + 1, "floor") as source:
+        opened = _store(store, "read")
+        times |= _driven_again(source, opened.localizer_map("patches"))
+        opened.close()
     return {name: _summary(values) for name, values in times.items()} | {"peak_mb": peak_rss_mb()}
 
 
-def _taught(source: FrameSource, sensor: SensorInfo, localizer_map: LocalizerMap) -> dict[str, list[float]]:
+def _taught(source: FrameSource, localizer_map: LocalizerMap) -> dict[str, list[float]]:
     """Register the way; both modes of the relative search see every picture."""
-    motion, paper = (
-        _localizer("ground_vo", "teach", sensor),
-        _localizer("ground_vo", "teach", sensor, {"mode": "paper"}),
-    )
+    sensor = source.sensors["floor"]
+    motion, paper = (_localizer("ground_vo", "teach", sensor, {"mode": mode}) for mode in ("refined", "paper"))
     patches, estimator = _localizer("ground_map", "teach", sensor, localizer_map=localizer_map), _estimator()
     times: dict[str, list[float]] = {"refined": [], "paper": []}
     for frame in source.frames():
-        times["paper"].append(_timed(paper, frame, estimator)[1])
-        said, took_ms = _timed(motion, frame, estimator)
+        belief = estimator.belief(frame.stamp_s)
+        times["paper"].append(timed(paper, frame, belief)[1])
+        said, took_ms = timed(motion, frame, belief)
         times["refined"].append(took_ms)
         _apply(estimator, said)
         patches.observe(frame, estimator.belief(frame.stamp_s))
     return times
 
 
-def _driven_again(source: FrameSource, sensor: SensorInfo, localizer_map: LocalizerMap) -> dict[str, list[float]]:
+def _driven_again(source: FrameSource, localizer_map: LocalizerMap) -> dict[str, list[float]]:
     """Search for what was registered, in two ways; only calls that found something count."""
+    sensor = source.sensors["floor"]
     motion, estimator = _localizer("ground_vo", "track", sensor), _estimator()
     searches = ("exhaustive", "pyramid")
     ways = {way: _localizer("ground_map", "track", sensor, {"search": way}, localizer_map) for way in searches}
     times: dict[str, list[float]] = {way: [] for way in ways}
     for frame in source.frames():
         _apply(estimator, motion.observe(frame, estimator.belief(frame.stamp_s)))
+        belief = estimator.belief(frame.stamp_s)
         for way, patches in ways.items():
-            said, took_ms = _timed(patches, frame, estimator)
+            said, took_ms = timed(patches, frame, belief)
             if said:
                 times[way].append(took_ms)
     return times
-
-
-def _timed(localizer: Localizer, frame: Frame, estimator: Estimator) -> tuple[Sequence[Estimate], float]:
-    """Return what a localizer says of a frame, and what that cost [ms]."""
-    belief = estimator.belief(frame.stamp_s)
-    began_ns = time.thread_time_ns()
-    said = localizer.observe(frame, belief)
-    return said, (time.thread_time_ns() - began_ns) / 1e6
 
 
 def _apply(estimator: Estimator, estimates: Sequence[Estimate]) -> None:
@@ -113,13 +108,6 @@ def _summary(values: Sequence[float]) -> dict[str, float]:
     ms = np.array(values[1:])  # the first picture has nothing to be compared with
     p50, p99 = np.percentile(ms, [50, 99]).tolist()
     return {"n": len(ms), "mean": float(ms.mean()), "p50": p50, "p99": p99, "max": float(ms.max())}
-
-
-def _source(n_frames: int, seed: int) -> FrameSource:
-    keys = {key: value for key, value in course("outdoor").items() if key != "plugin"}
-    source: FrameSource = create("source", "sim", **keys, duration_s=n_frames / 70.0)
-    source.start(Session(name="floor", mode="track", rng=np.random.default_rng(seed)))
-    return source
 
 
 def _store(path: Path, access: str) -> Any:

@@ -13,6 +13,7 @@ import numpy as np
 from trailmark.evaluation import read_run
 from trailmark.experiments import ExperimentOptions, Row
 from trailmark.geometry import Pose2, Trajectory, wrap_angle
+from trailmark_papers.kit import Table, grouped, sweep
 from trailmark_papers.nagai2015.runs import course, drive, photographs
 
 __all__ = ["straight_rows"]
@@ -25,7 +26,7 @@ _QUICK_S = 6.0  # of the 10 m: about 1.5 m
 
 #: Bars of position, odometer and heading, and what would be better still; of the floors of hardly any contrast the
 #: bar of the position alone is another one.
-_BARS: Mapping[str, tuple[float, float, float]] = {"refined": (0.15, 0.02, 0.03), "paper": (math.nan, 0.99, 0.44)}
+_BARS: Mapping[str, Sequence[float | None]] = {"refined": (0.15, 0.02, 0.03), "paper": (None, 0.99, 0.44)}
 _STRETCH = (0.05, 0.005, 0.01)
 _HARD: Mapping[str, float] = {"wood_dark": 0.3, "artificial_turf": 0.5}
 
@@ -39,33 +40,67 @@ class Drift:
     heading_deg_per_m: float
 
 
+@dataclass(frozen=True, slots=True)
+class _Floors:
+    """The floors of an experiment: how each is named in a config, and how it is judged.
+
+    Attributes
+    ----------
+    grounds : mapping
+        Options of the world by the name of the floor.
+    simulated, photographs, hard : sequence of str
+        Names: floors of the simulator; photographs; photographs of hardly any contrast.
+    """
+
+    grounds: Mapping[str, Mapping[str, Any]]
+    simulated: Sequence[str]
+    photographs: Sequence[str]
+    hard: Sequence[str]
+
+    @classmethod
+    def of(cls, options: ExperimentOptions) -> _Floors:
+        """Return the floors of the quick or of the full version."""
+        simulated = _QUICK_FLOORS if options.quick else _FLOORS
+        photos = {f"photograph {name}": {"texture": str(path)} for name, path in photographs(options).items()}
+        hard = [name for name in (f"photograph {name}" for name in _HARD) if name in photos]
+        grounds = {floor: {"floor": floor} for floor in simulated} | photos
+        return cls(grounds, simulated, [name for name in photos if name not in hard], hard)
+
+
 def straight_rows(options: ExperimentOptions) -> list[Row]:
     """Return the rows of Sec. IV-B: the worst floor, root mean square over the seeds.
 
     Every seed has another stretch of the floor, and other noise.
     """
-    photos = photographs(options)
-    floors: dict[str, dict[str, Any]] = {
-        floor: {"floor": floor} for floor in (_QUICK_FLOORS if options.quick else _FLOORS)
+    floors, n_seeds = _Floors.of(options), 1 if options.quick else _SEEDS
+    found = _measured(options, floors, n_seeds)
+    length = f"B {'1.5 m' if options.quick else '10 m'} straight"
+    rows: list[Row] = []
+    for mode in _MODES:
+        table = Table(f"{length}, {mode}", n_seeds, n_seeds)
+        for kind, names in (("floors", floors.simulated), ("photographs", floors.photographs)):
+            _add_worst(table, kind, mode, {name: found[name][mode] for name in names})
+        for name in floors.hard:
+            _add_hard(table, name, mode, found[name][mode])
+        rows += table
+    return rows
+
+
+def _measured(options: ExperimentOptions, floors: _Floors, n_seeds: int) -> dict[str, dict[str, Drift]]:
+    """Return the errors on every floor in both modes, root mean square over the seeds."""
+    cells = {
+        (name, seed): (options.out, name, ground, seed, options.quick)
+        for seed in range(options.seed, options.seed + n_seeds)
+        for name, ground in floors.grounds.items()
     }
-    floors |= {f"photograph {name}": {"texture": str(path)} for name, path in photos.items()}
-    seeds = [options.seed + i for i in range(1 if options.quick else _SEEDS)]
-    calls = [(options.out, name, ground, seed, options.quick) for seed in seeds for name, ground in floors.items()]
-    drifts = dict(zip([(call[1], call[3]) for call in calls], options.map(_drifts, calls)))
-    found = {name: {mode: _rms([drifts[name, s][mode] for s in seeds]) for mode in _MODES} for name in floors}
+    drifts = grouped(sweep(options, _drifts, cells), lambda cell: cell[0])
+    found = {
+        name: {mode: _rms([one[mode] for one in of_seeds]) for mode in _MODES} for name, of_seeds in drifts.items()
+    }
     for name, by_mode in found.items():
         said = ", ".join(f"{mode} {by_mode[mode].position_percent:.3f} %" for mode in _MODES)
         options.report(f"straight, {name}: {said}")
-    ours = [name for name in floors if not name.startswith("photograph")]
-    hard = [f"photograph {name}" for name in _HARD if name in photos]
-    others = [name for name in floors if name not in ours and name not in hard]
-    length = f"B {'1.5 m' if options.quick else '10 m'} straight"
-    rows = []
-    for mode in _MODES:
-        rows += _rows(length, "floors", mode, {name: found[name][mode] for name in ours}, len(seeds))
-        rows += _rows(length, "photographs", mode, {name: found[name][mode] for name in others}, len(seeds))
-        rows += [row for name in hard for row in _hard_rows(length, name, mode, found[name][mode], len(seeds))]
-    return rows
+    return found
 
 
 def _drifts(out: Path, name: str, ground: Mapping[str, Any], seed: int, is_quick: bool) -> dict[str, Drift]:
@@ -103,32 +138,20 @@ def _rms(drifts: Sequence[Drift]) -> Drift:
     return Drift(*np.sqrt(np.mean(np.square([astuple(one) for one in drifts]), axis=0)).tolist())
 
 
-def _rows(length: str, kind: str, mode: str, found: Mapping[str, Drift], n_seeds: int) -> list[Row]:
-    """Return the worst of several floors, and all of them as a note."""
-    if not found:
-        return []
-    rows = []
+def _add_worst(table: Table, kind: str, mode: str, found: Mapping[str, Drift]) -> None:
+    """Add the worst of several floors, and all of them as a note."""
     units = (("end position", "%", None), ("odometer", "%", 0.99), ("heading", "deg/m", 0.44))
-    for i, (item, unit, paper) in enumerate(units):
+    for i, (item, unit, paper) in enumerate(units if found else ()):
         by_floor = {name: astuple(one)[i] for name, one in found.items()}
-        bar = None if math.isnan(_BARS[mode][i]) else _BARS[mode][i]
-        stretch = _STRETCH[i] if mode == "refined" else None
         note = ", ".join(f"{name.removeprefix('photograph ')} {value:.2g}" for name, value in by_floor.items())
-        rows.append(
-            Row(
-                f"{length}, {mode}", f"{item}, worst of {len(found)} {kind}", unit, max(by_floor.values()), paper, bar,
-                stretch, n=len(found) * n_seeds, seeds=n_seeds, note=note,
-            )
-        )  # fmt: skip
-    return rows
-
-
-def _hard_rows(length: str, name: str, mode: str, found: Drift, n_seeds: int) -> list[Row]:
-    bar = _HARD[name.removeprefix("photograph ")] if mode == "refined" else None
-    return [
-        Row(
-            f"{length}, {mode}", f"end position, {name}", "%", found.position_percent, None, bar,
-            0.1 if mode == "refined" else None, n=n_seeds, seeds=n_seeds,
-            note=f"odometer {found.odometer_percent:.2g} %, heading {found.heading_deg_per_m:.2g} deg/m",
+        bars = {"bar": _BARS[mode][i], "stretch": _STRETCH[i] if mode == "refined" else None}
+        n = len(found) * table.n
+        table.add(
+            f"{item}, worst of {len(found)} {kind}", unit, max(by_floor.values()), paper=paper, n=n, note=note, **bars
         )
-    ]  # fmt: skip
+
+
+def _add_hard(table: Table, name: str, mode: str, found: Drift) -> None:
+    bars = {"bar": _HARD[name.removeprefix("photograph ")], "stretch": 0.1} if mode == "refined" else {}
+    note = f"odometer {found.odometer_percent:.2g} %, heading {found.heading_deg_per_m:.2g} deg/m"
+    table.add(f"end position, {name}", "%", found.position_percent, note=note, **bars)

@@ -11,6 +11,7 @@ from typing import Any
 
 from trailmark.errors import RunError
 from trailmark.experiments import ExperimentOptions, Row
+from trailmark_papers.kit import Table
 
 __all__ = ["time_rows"]
 
@@ -33,23 +34,21 @@ def time_rows(options: ExperimentOptions) -> list[Row]:
     ]
 
 
-def _step_rows(mode: str, found: dict[str, float], p50_ms: float, p99_ms: float, stretch_ms: float) -> list[Row]:
-    n = int(found["n"])
-    return [
-        Row(_NAME, f"relative search, {mode}, mean", "ms", found["mean"], 3.5, n=n),
-        Row(_NAME, f"relative search, {mode}, median", "ms", found["p50"], None, p50_ms, stretch_ms, n=n),
-        Row(_NAME, f"relative search, {mode}, p99", "ms", found["p99"], None, p99_ms, n=n),
-        Row(_NAME, f"relative search, {mode}, max", "ms", found["max"], 6.3, n=n),
-    ]
+def _step_rows(mode: str, found: dict[str, float], p50_ms: float, p99_ms: float, stretch_ms: float) -> Table:
+    table = Table(_NAME, int(found["n"]))
+    table.add(f"relative search, {mode}, mean", "ms", found["mean"], paper=3.5)
+    table.add(f"relative search, {mode}, median", "ms", found["p50"], bar=p50_ms, stretch=stretch_ms)
+    table.add(f"relative search, {mode}, p99", "ms", found["p99"], bar=p99_ms)
+    table.add(f"relative search, {mode}, max", "ms", found["max"], paper=6.3)
+    return table
 
 
-def _search_rows(kind: str, found: dict[str, float], bar_ms: float | None) -> list[Row]:
-    n = int(found["n"])
-    return [
-        Row(_NAME, f"absolute search, {kind}, mean", "ms", found["mean"], 196, n=n),
-        Row(_NAME, f"absolute search, {kind}, median", "ms", found["p50"], None, bar_ms, 1.0, n=n),
-        Row(_NAME, f"absolute search, {kind}, max", "ms", found["max"], 360, n=n),
-    ]
+def _search_rows(kind: str, found: dict[str, float], bar_ms: float | None) -> Table:
+    table = Table(_NAME, int(found["n"]))
+    table.add(f"absolute search, {kind}, mean", "ms", found["mean"], paper=196)
+    table.add(f"absolute search, {kind}, median", "ms", found["p50"], bar=bar_ms, stretch=1.0)
+    table.add(f"absolute search, {kind}, max", "ms", found["max"], paper=360)
+    return table
 
 
 def _start_rows(options: ExperimentOptions) -> list[Row]:

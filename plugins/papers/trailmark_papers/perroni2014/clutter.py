@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Float32s, Grey8
 from trailmark.experiments import ExperimentOptions, Row
-from trailmark.frames import Image
 from trailmark.geometry import Trajectory
-from trailmark.pipeline import Pipeline, Step
-from trailmark_divs.layout import grey_region, make_layout
+from trailmark_divs.layout import make_layout
 from trailmark_divs.stream import ChangeStream
-from trailmark_papers.perroni2014.drives import STREAMS, Place, replay, teach
+from trailmark_papers.kit import Table, truth_of
+from trailmark_papers.perroni2014.drives import STREAMS, Place, Replay
+from trailmark_papers.perroni2014.pictures import upper_halves
 from trailmark_papers.perroni2014.plots import draw_clutter
 
 __all__ = ["clutter_rows"]
@@ -34,34 +32,21 @@ def clutter_rows(options: ExperimentOptions) -> list[Row]:
     before, within = _change_images(options)
     pictures = {"(a) before the correction": before, "(b) while turning, had it gone on collecting": within}
     draw_clutter(options.out / "figure_2_clutter.svg", pictures)
-    name = "Fig. 2 street, a correction of 10 deg"
     options.report("Fig. 2: a change image before and in a turn")
-    return [
-        Row(name, f"pixels that changed at all, {which}", "%", 100.0 * float((picture > 0.0).mean()))
-        for which, picture in (("before", before), ("in the turn", within))
-    ] + [
-        Row(name, f"pixels that kept changing, {which}", "%", 100.0 * float((picture >= _OFTEN).mean()))
-        for which, picture in (("before", before), ("in the turn", within))
-    ]
+    table = Table("Fig. 2 street, a correction of 10 deg")
+    for item, floor in (("changed at all", 1e-9), ("kept changing", _OFTEN)):
+        for which, picture in (("before", before), ("in the turn", within)):
+            table.add(f"pixels that {item}, {which}", "%", 100.0 * float((picture >= floor).mean()))
+    return table.rows
 
 
-def _change_images(options: ExperimentOptions) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+def _change_images(options: ExperimentOptions) -> tuple[Float32s, Float32s]:
     """Return the change image just before the robot turns back to its path, and at the end of the turn."""
-    greys: list[tuple[float, npt.NDArray[np.uint8]]] = []
-
-    def keep(_: Pipeline, step: Step) -> None:
-        if step.frame is not None and isinstance(step.frame.payload, Image):
-            rows = (0, step.frame.payload.pixels.shape[0] // 2)
-            greys.append((step.frame.stamp_s, grey_region(step.frame.payload, rows)))
-
-    streams = {"streams": {**STREAMS, "when_blind": "silent"}}
-    place = Place("street", _WAY_M, _WIDTH_PX)
-    taught = teach(options.out / "runs" / "clutter", place, streams, options.seed)
-    with tempfile.TemporaryDirectory() as folder:
-        result = replay(Path(folder), taught, {}, streams, options.seed, _TURNED_DEG, controller=_STEPS, on_step=keep)
-    assert result.ground_truth is not None
-    first, last = _turn_of(result.ground_truth.at([stamp_s for stamp_s, _ in greys]))
-    return _change_image([grey for _, grey in greys], first), _change_image([grey for _, grey in greys], last)
+    keeper, streams = upper_halves(), {"streams": {**STREAMS, "when_blind": "silent"}}
+    taught = Place("street", _WAY_M, _WIDTH_PX).teach(options.out / "runs" / "clutter", streams, options.seed)
+    how = Replay(streams, options.seed, turned_deg=_TURNED_DEG, controller=_STEPS)
+    first, last = _turn_of(truth_of(taught.replay(how, keeper)).at(keeper.stamps_s))
+    return _change_image(keeper.values, first), _change_image(keeper.values, last)
 
 
 def _turn_of(truth: Trajectory) -> tuple[int, int]:
@@ -73,7 +58,7 @@ def _turn_of(truth: Trajectory) -> tuple[int, int]:
     return first, first + int(ends[0]) if len(ends) else len(steps_deg)
 
 
-def _change_image(greys: Sequence[npt.NDArray[np.uint8]], last: int) -> npt.NDArray[np.float32]:
+def _change_image(greys: Sequence[Grey8], last: int) -> Float32s:
     """Return the change image of the window that ends with a picture, Eq. (6)."""
     height, width = greys[0].shape[0] * 2, greys[0].shape[1]
     stream = ChangeStream(make_layout((width, height), _COLUMNS, (0.0, 0.5)), _WINDOW, keep_pictures=True)

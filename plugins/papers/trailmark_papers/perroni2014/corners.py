@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 from trailmark.experiments import ExperimentOptions, Row
-from trailmark_papers.perroni2014.drives import PEERS, STREAMS, Deviation, Place, Taught, deviation, replay, teach
+from trailmark_papers.kit import Table, grouped, sweep
+from trailmark_papers.perroni2014.drives import AFTERNOON, PEERS, STREAMS, Deviation, Place, Replay, Taught
 from trailmark_papers.perroni2014.plots import draw_corners
 
 __all__ = ["corner_rows"]
 
-_AFTERNOON = {"time": "afternoon", "people": 3}
 _WIDTH_PX = 160
 _LENGTH_M = 50.0
 _N_SEEDS = {"corridor": 10, "street": 3}
@@ -36,35 +34,27 @@ def corner_rows(options: ExperimentOptions) -> list[Row]:
 
 def _rows_of(options: ExperimentOptions, world: str) -> list[Row]:
     place = Place(world, _LENGTH_M, _WIDTH_PX, route="bends")
-    taught = teach(options.out / "runs" / f"corners-{world}", place, {"streams": STREAMS, **PEERS}, options.seed)
+    taught = place.teach(options.out / "runs" / f"corners-{world}", {"streams": STREAMS, **PEERS}, options.seed)
     n_seeds = {name: _N_SEEDS[world] if name == "streams" else _N_OTHERS[world] for name in (*_WAYS, *PEERS)}
-    calls = [(taught, options.seed + k, driver) for driver, n in n_seeds.items() for k in range(n)]
-    ways: dict[str, list[Deviation]] = {driver: [] for driver in n_seeds}
-    for (_, _, driver), way in zip(calls, options.map(corner_drive, calls), strict=True):
-        ways[driver].append(way)
+    cells = {(driver, k): (taught, options.seed + k, driver) for driver, n in n_seeds.items() for k in range(n)}
+    ways = grouped(sweep(options, corner_drive, cells), lambda cell: cell[0])
     draw_corners(options.out / f"corners_{world}.svg", taught.truth, ways["streams"])
     options.report(f"two corners, {world}: {max(way.largest_m for way in ways['streams']):.3f} m at most")
-    return [row for driver, several in ways.items() if several for row in _rows_of_driver(world, driver, several)]
+    return [row for driver, several in ways.items() for row in _rows_of_driver(world, driver, several)]
 
 
 def corner_drive(taught: Taught, seed: int, driver: str) -> Deviation:
     """Replay the way around both corners."""
-    told = PEERS[driver] if driver in PEERS else {**STREAMS, **_WAYS[driver]}
-    name = driver if driver in PEERS else "streams"
-    with tempfile.TemporaryDirectory() as folder:
-        result = replay(Path(folder), taught, _AFTERNOON, {name: told}, seed)
-    return deviation(taught, result)
+    localizers = {driver: PEERS[driver]} if driver in PEERS else {"streams": {**STREAMS, **_WAYS[driver]}}
+    return taught.follow(Replay(localizers, seed, AFTERNOON))
 
 
-def _rows_of_driver(world: str, driver: str, ways: Sequence[Deviation]) -> list[Row]:
-    name, n = f"two corners, {world}, 50 m", len(ways)
+def _rows_of_driver(world: str, driver: str, ways: Sequence[Deviation]) -> Table:
+    table = Table(f"two corners, {world}, 50 m", len(ways), len(ways))
     is_judged = driver == "streams"
-    held = 100.0 * sum(way.arrived and way.largest_m <= _NEAR_M for way in ways) / n
-    largest_m = max(way.largest_m for way in ways)
-    bar, stretch = (_NEAR_M, 0.15) if is_judged else (None, None)
     full = 100.0 if is_judged else None
-    common: dict[str, Any] = {"n": n, "seeds": n}
-    return [
-        Row(name, f"{driver}: followed within 0.3 m", "%", held, None, full, full, better="higher", **common),
-        Row(name, f"{driver}: offset from the path, max", "m", largest_m, None, bar, stretch, **common),
-    ]
+    held = [way.arrived and way.largest_m <= _NEAR_M for way in ways]
+    bars = {"bar": _NEAR_M, "stretch": 0.15} if is_judged else {}
+    table.add_share(f"{driver}: followed within 0.3 m", held, bar=full, stretch=full)
+    table.add(f"{driver}: offset from the path, max", "m", max(way.largest_m for way in ways), **bars)
+    return table

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-import tempfile
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from trailmark.estimates import PathOffset
 from trailmark.experiments import ExperimentOptions, Row
 from trailmark.pipeline import Pipeline, Step
-from trailmark_papers.perroni2014.drives import STREAMS, Deviation, Place, Taught, deviation, replay, teach, way_of
+from trailmark_papers.kit import AnswerKeeper, Table, grouped, sweep, truth_of
+from trailmark_papers.perroni2014.drives import AFTERNOON, STREAMS, Deviation, Localizers, Place, Replay, Taught
 from trailmark_papers.perroni2014.offline import Answers, DepthKeeper, compare, with_depth
 from trailmark_papers.perroni2014.true_shift import Surroundings
 
@@ -24,7 +22,6 @@ _N_SEEDS = 1
 _STARTS_M = (3.0, 9.0, 15.0)
 #: How far it may drive while it does not know where it is; by itself `drift_steering` stops after 1 m.
 _SEARCH = {"search_m": 5.0}
-_AFTERNOON = {"time": "afternoon", "people": 3}
 _HOWS: Mapping[str, Mapping[str, Any]] = {
     "distance": {},
     "time": {"correspondence": "time", "select": "time"},
@@ -44,40 +41,32 @@ def correspondence_rows(options: ExperimentOptions) -> list[Row]:
 def _rows_of(options: ExperimentOptions, world: str) -> list[Row]:
     localizers = {name: {**STREAMS, **how} for name, how in _HOWS.items()}
     keeper = DepthKeeper()
-    place = Place(world, _LENGTH_M, _WIDTH_PX)
     folder = options.out / "runs" / f"correspondence-{world}"
-    taught = teach(folder, place, localizers, options.seed, keeper, **with_depth())
+    place = Place(world, _LENGTH_M, _WIDTH_PX)
+    taught = place.teach(folder, localizers, options.seed, on_step=keeper, sensors=with_depth())
     around = keeper.surroundings(taught.truth)
-    seeds = [options.seed + k for k in range(_N_SEEDS)]
-    calls = [(taught, around, localizers, name, seed) for name in localizers for seed in seeds]
-    found = options.map(corresponding_drive, calls)
-    rows = []
-    for k, name in enumerate(localizers):
-        own = found[k * _N_SEEDS : (k + 1) * _N_SEEDS]
-        watched = [answers[name] for answers, _ in found[:_N_SEEDS]]  # distance drives, all others look on
-        rows += _rows_of_how(f"correspondence, {world}, 20 m", name.replace("_", " "), watched, [way for _, way in own])
+    cells = {
+        (name, k): (taught, around, localizers, name, options.seed + k) for name in localizers for k in range(_N_SEEDS)
+    }
+    found = grouped(sweep(options, corresponding_drive, cells), lambda cell: cell[0])
+    rows: list[Row] = []
+    for name, driven in found.items():
+        watched = [answers[name] for answers, _ in found["distance"]]  # all others look on when distance drives
+        how = name.replace("_", " ")
+        rows += _rows_of_how(f"correspondence, {world}, 20 m", how, watched, [way for _, way in driven])
     found_at = options.map(unknown_start, [(taught, start_m, options.seed) for start_m in _STARTS_M])
     options.report(f"correspondences, {world}")
-    return rows + _rows_of_starts(f"put down anywhere, {world}", found_at)
+    return [*rows, *_rows_of_starts(f"put down anywhere, {world}", found_at)]
 
 
 def corresponding_drive(
-    taught: Taught, around: Surroundings, localizers: Mapping[str, Mapping[str, Any]], driver: str, seed: int
+    taught: Taught, around: Surroundings, localizers: Localizers, driver: str, seed: int
 ) -> tuple[dict[str, Answers], Deviation]:
     """Let one correspondence lead the robot, and all others look on when distance does."""
-    told: list[tuple[str, float, PathOffset | None]] = []
-
-    def keep(_: Pipeline, step: Step) -> None:
-        for one in step.estimates:
-            if one.source in localizers:
-                offset = one.estimate if isinstance(one.estimate, PathOffset) else None
-                told.append((one.source, one.estimate.stamp_s, offset))
-
+    keeper = AnswerKeeper(localizers)
     shown = localizers if driver == "distance" else {driver: localizers[driver]}
-    with tempfile.TemporaryDirectory() as folder:
-        result = replay(Path(folder), taught, _AFTERNOON, shown, seed, _TURNED_DEG, use=[driver], on_step=keep)
-    assert result.ground_truth is not None
-    return compare(told, taught, around, result.ground_truth), deviation(taught, result)
+    result = taught.replay(Replay(shown, seed, AFTERNOON, _TURNED_DEG, use=[driver]), keeper)
+    return compare(keeper.answers, taught, around, truth_of(result)), taught.deviation(result)
 
 
 def unknown_start(taught: Taught, start_m: float, seed: int) -> tuple[float, float]:
@@ -92,42 +81,28 @@ def unknown_start(taught: Taught, start_m: float, seed: int) -> tuple[float, flo
             first.append((step.stamp_s, step.belief.on_path.station_m))
 
     streams = {"appearance": {**STREAMS, "correspondence": "appearance"}}  # under the name that it was taught by
-    with tempfile.TemporaryDirectory() as folder:
-        result = replay(
-            Path(folder), taught, _AFTERNOON, streams, seed, controller=_SEARCH, put_down_m=start_m, on_step=keep
-        )
+    result = taught.replay(Replay(streams, seed, AFTERNOON, controller=_SEARCH, put_down_m=start_m), keep)
     if not first or result.ground_truth is None:
         return math.inf, math.inf
     stamp_s, station_m = first[0]
     true = result.ground_truth.at([min(stamp_s, result.ground_truth.stamps_s[-1])])[0][1]
-    return true.x - start_m, abs(station_m - way_of(taught.truth).locate(true).station_m)
+    return true.x - start_m, abs(station_m - taught.path().locate(true).station_m)
 
 
-def _rows_of_starts(name: str, found_at: Sequence[tuple[float, float]]) -> list[Row]:
-    n = len(found_at)
+def _rows_of_starts(name: str, found_at: Sequence[tuple[float, float]]) -> Table:
     driven_m, wrong_m = (max(values) for values in zip(*found_at, strict=True))
     note = f"at half speed; drift_steering was let search for {_SEARCH['search_m']:g} m"
-    return [
-        Row(name, "appearance: way until it knew, max", "m", driven_m, n=n, note=note),
-        Row(name, "appearance: station then wrong by, max", "m", wrong_m, n=n),
-    ]
+    table = Table(name, len(found_at))
+    table.add("appearance: way until it knew, max", "m", driven_m, note=note)
+    table.add("appearance: station then wrong by, max", "m", wrong_m)
+    return table
 
 
-def _rows_of_how(name: str, how: str, watched: list[Answers], ways: list[Deviation]) -> list[Row]:
+def _rows_of_how(name: str, how: str, watched: list[Answers], ways: list[Deviation]) -> Table:
     said, true = (np.concatenate([getattr(one, what) for one in watched]) for what in ("said", "true"))
     misses_m = np.concatenate([one.misses_m for one in watched])
-    n, seeds = len(said), len(ways)
-    return [
-        Row(
-            name, f"{how}: shift less the true one, MAE", "columns", float(np.abs(said - true).mean()), n=n, seeds=seeds
-        ),
-        Row(name, f"{how}: station less the true one, median", "m", float(np.median(misses_m)), n=n, seeds=seeds),
-        Row(
-            name,
-            f"{how}: offset at the end when it steers, max",
-            "m",
-            max(way.end_m for way in ways),
-            n=seeds,
-            seeds=seeds,
-        ),
-    ]
+    table = Table(name, len(said), len(ways))
+    table.add(f"{how}: shift less the true one, MAE", "columns", float(np.abs(said - true).mean()))
+    table.add(f"{how}: station less the true one, median", "m", float(np.median(misses_m)))
+    table.add(f"{how}: offset at the end when it steers, max", "m", max(way.end_m for way in ways), n=len(ways))
+    return table

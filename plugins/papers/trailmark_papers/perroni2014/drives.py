@@ -3,44 +3,36 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.geometry import Trajectory
 from trailmark.paths import Path as TaughtPath
 from trailmark.paths import Waypoint
-from trailmark.pipeline import Pipeline, RunResult, Step
+from trailmark.pipeline import RunResult
+from trailmark_papers.kit import OnStep, run_config, truth_of
 
-__all__ = [
-    "PEERS",
-    "SPEED_MPS",
-    "STREAMS",
-    "Deviation",
-    "OnStep",
-    "Place",
-    "Taught",
-    "deviation",
-    "replay",
-    "teach",
-    "way_of",
-]
+__all__ = ["AFTERNOON", "PEERS", "SPEED_MPS", "STREAMS", "Deviation", "Localizers", "Place", "Replay", "Taught"]
 
-OnStep = Callable[[Pipeline, Step], None]
+#: Localizers of a config, by name.
+Localizers: TypeAlias = Mapping[str, Mapping[str, Any]]
 
 #: Speed of all experiments of the paper [m/s].
 SPEED_MPS = 0.3
 STREAMS: Mapping[str, Any] = {"plugin": "divs", "camera": "front"}
 #: What people would use instead, on the same rows of the picture.
-PEERS: Mapping[str, Mapping[str, Any]] = {
-    "columns": {"plugin": "column_ncc", "camera": "front", "region": [0.0, 0.5]},
-    "patches": {"plugin": "patch_ncc", "camera": "front", "region": [0.0, 0.5]},
-    "phase": {"plugin": "phase_shift", "camera": "front", "region": [0.0, 0.5]},
+PEERS: Localizers = {
+    name: {"plugin": plugin, "camera": "front", "region": [0.0, 0.5]}
+    for name, plugin in (("columns", "column_ncc"), ("patches", "patch_ncc"), ("phase", "phase_shift"))
 }
+#: What differs from teaching, in the morning with nobody about.
+AFTERNOON: Mapping[str, Any] = {"time": "afternoon", "people": 3}
 
 _WHEELS = {"wheels": {"plugin": "odometry"}}
 _START_S = 0.3  # what a vehicle needs to gather speed, and to spare [s]
@@ -61,46 +53,92 @@ class Place:
         How much of the route is taught [m].
     width_px : int
         Width of the pictures; the view is always the same [px].
-    options : mapping
-        The world's own options in teaching.
     """
 
     world: str
     length_m: float
     width_px: int
     route: str = "straight"
-    options: tuple[tuple[str, Any], ...] = (("time", "morning"),)
+
+    @property
+    def duration_s(self) -> float:
+        """How long teaching takes [s]."""
+        return _START_S + self.length_m / SPEED_MPS
 
     def source(self, options: Mapping[str, Any], **more: Any) -> dict[str, Any]:
-        """Return the config of the source."""
-        given = {**dict(self.options), **options, "width_px": self.width_px}
-        return {
-            "plugin": "sim",
-            "world": self.world,
-            "route": self.route,
-            "threads": 1,
-            "options": given,
-            **more,
-        }
+        """Return the config of the source, in the morning where `options` do not say otherwise."""
+        given = {"time": "morning", **options, "width_px": self.width_px}
+        keys = {"plugin": "sim", "world": self.world, "route": self.route, "threads": 1, "options": given}
+        return keys | more
+
+    def teach(
+        self,
+        folder: Path,
+        localizers: Localizers,
+        seed: int,
+        *,
+        on_step: OnStep | None = None,
+        sensors: Mapping[str, Any] | None = None,
+    ) -> Taught:
+        """Drive the route with a pilot who knows it, and remember it.
+
+        Parameters
+        ----------
+        sensors : mapping, optional
+            Keys of the source that give it other sensors.
+        """
+        store, source = folder / "path.trail", self.source({}, duration_s=self.duration_s, **(sensors or {}))
+        config = {"sources": {"robot": source}, "localizers": {**_WHEELS, **localizers}, "seed": seed}
+        result = run_config(config, folder / "teach", "teach", store=store, on_step=on_step)
+        return Taught(self, store, truth_of(result))
 
 
 @dataclass(frozen=True, slots=True)
-class Taught:
-    """A taught way.
+class Replay:
+    """How a taught way is driven again.
 
     Attributes
     ----------
-    place : Place
-        Where it is.
-    store : Path
-        The path store.
-    truth : Trajectory
-        Where the robot truly was.
+    localizers : mapping
+        Who looks, by name, besides the wheels.
+    seed : int
+        Of noise, people and slip.
+    options : mapping
+        Options of the world that differ from teaching.
+    turned_deg : float
+        How far a hand turns the robot at the start [deg].
+    use : sequence of str, optional
+        Localizers that are believed besides the wheels; default: all.
+    controller : mapping
+        Options of `drift_steering`.
+    put_down_m : float, optional
+        Put it down that far along a straight route instead, and do not tell it where [m].
     """
 
-    place: Place
-    store: Path
-    truth: Trajectory
+    localizers: Localizers
+    seed: int
+    options: Mapping[str, Any] = field(default_factory=dict)
+    turned_deg: float = 0.0
+    use: Sequence[str] | None = None
+    controller: Mapping[str, Any] = field(default_factory=dict)
+    put_down_m: float | None = None
+
+    def config(self, place: Place) -> dict[str, Any]:
+        """Return the config of the run."""
+        put_off = [0.0, 0.0, self.turned_deg]
+        source = place.source(self.options, put_off=put_off, duration_s=_PATIENCE * place.duration_s)
+        config: dict[str, Any] = {
+            "sources": {"robot": source},
+            "localizers": {**_WHEELS, **self.localizers},
+            "controller": {"plugin": "drift_steering", "speed_mps": SPEED_MPS, **self.controller},
+            "seed": self.seed,
+        }
+        if self.put_down_m is not None:
+            config["start"] = "unknown"
+            source["start"] = [self.put_down_m, 0.0, 0.0]
+        if self.use is not None:
+            config["estimator"] = {"plugin": "dead_reckoning", "use": ["wheels", *self.use]}
+        return config
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,9 +153,9 @@ class Deviation:
         The controller said that the end was reached.
     """
 
-    stations_m: npt.NDArray[np.float64]
-    lateral_m: npt.NDArray[np.float64]
-    heading_rad: npt.NDArray[np.float64]
+    stations_m: Floats
+    lateral_m: Floats
+    heading_rad: Floats
     arrived: bool
 
     @property
@@ -142,87 +180,46 @@ class Deviation:
         return float((later - np.minimum.accumulate(later)).max()) if len(later) else math.inf
 
 
-def teach(
-    folder: Path,
-    place: Place,
-    localizers: Mapping[str, Mapping[str, Any]],
-    seed: int,
-    on_step: OnStep | None = None,
-    **source: Any,
-) -> Taught:
-    """Drive the route with a pilot who knows it, and remember it."""
-    store = folder / "path.trail"
-    told = place.source({}, duration_s=_START_S + place.length_m / SPEED_MPS, **source)
-    config = {"sources": {"robot": told}, "localizers": {**_WHEELS, **localizers}, "seed": seed}
-    result = _run(config, folder / "teach", mode="teach", store=store, access="overwrite", on_step=on_step)
-    assert result.ground_truth is not None
-    return Taught(place, store, result.ground_truth)
+@dataclass(frozen=True, slots=True)
+class Taught:
+    """A taught way.
 
-
-def replay(
-    folder: Path,
-    taught: Taught,
-    options: Mapping[str, Any],
-    localizers: Mapping[str, Mapping[str, Any]],
-    seed: int,
-    turned_deg: float = 0.0,
-    use: Sequence[str] | None = None,
-    controller: Mapping[str, Any] | None = None,
-    put_down_m: float | None = None,
-    on_step: OnStep | None = None,
-) -> RunResult:
-    """Put the robot down at the start, turned by a hand, and let it follow the path.
-
-    Parameters
+    Attributes
     ----------
-    folder : Path
-        Of the run.
-    options : mapping
-        Options of the world that differ from teaching.
-    use : sequence of str, optional
-        Localizers that are believed besides the wheels; default: all.
-    controller : mapping, optional
-        Options of `drift_steering`.
-    put_down_m : float, optional
-        Put it down that far along a straight route instead, and do not tell it where [m].
+    place : Place
+        Where it is.
+    store : Path
+        The path store.
+    truth : Trajectory
+        Where the robot truly was.
     """
-    limit_s = _PATIENCE * (_START_S + taught.place.length_m / SPEED_MPS)
-    source = taught.place.source(options, put_off=[0.0, 0.0, turned_deg], duration_s=limit_s)
-    config: dict[str, Any] = {
-        "sources": {"robot": source},
-        "localizers": {**_WHEELS, **localizers},
-        "controller": {"plugin": "drift_steering", "speed_mps": SPEED_MPS, **(controller or {})},
-        "seed": seed,
-    }
-    if put_down_m is not None:
-        config["start"] = "unknown"
-        source["start"] = [put_down_m, 0.0, 0.0]
-    if use is not None:
-        config["estimator"] = {"plugin": "dead_reckoning", "use": ["wheels", *use]}
-    return _run(config, folder, mode="replay", store=taught.store, on_step=on_step)
 
+    place: Place
+    store: Path
+    truth: Trajectory
 
-def way_of(truth: Trajectory) -> TaughtPath:
-    """Return a trajectory as a path with a waypoint every 5 cm."""
-    stations_m = truth.travelled_m()
-    wanted = np.arange(0.0, stations_m[-1], _WAYPOINT_M)
-    rows = np.unique(np.searchsorted(stations_m, wanted))
-    return TaughtPath(Waypoint(k, float(stations_m[row]), truth[int(row)][1]) for k, row in enumerate(rows))
+    def path(self) -> TaughtPath:
+        """Return the way that was truly taught, as a path with a waypoint every 5 cm."""
+        stations_m = self.truth.travelled_m()
+        wanted = np.arange(0.0, stations_m[-1], _WAYPOINT_M)
+        rows = np.unique(np.searchsorted(stations_m, wanted))
+        return TaughtPath(Waypoint(k, float(stations_m[row]), self.truth[int(row)][1]) for k, row in enumerate(rows))
 
+    def replay(self, how: Replay, on_step: OnStep | None = None) -> RunResult:
+        """Put the robot down at the start, turned by a hand, and let it follow the path."""
+        with tempfile.TemporaryDirectory() as folder:
+            return run_config(how.config(self.place), Path(folder), "replay", store=self.store, on_step=on_step)
 
-def deviation(taught: Taught, result: RunResult) -> Deviation:
-    """Return how a replay deviated from what was truly taught."""
-    assert result.ground_truth is not None
-    way, found, near_m = way_of(taught.truth), [], None
-    for k in range(len(result.ground_truth)):
-        on_path = way.locate(result.ground_truth[k][1], near_m)
-        near_m = on_path.station_m
-        found.append((on_path.station_m, on_path.lateral_m, on_path.heading_rad))
-    stations_m, lateral_m, heading_rad = np.array(found).T
-    return Deviation(stations_m, lateral_m, heading_rad, "end of the path" in result.reason)
+    def deviation(self, result: RunResult) -> Deviation:
+        """Return how a replay deviated from what was truly taught."""
+        path, found, near_m = self.path(), [], None
+        for _, pose in truth_of(result):
+            on_path = path.locate(pose, near_m)
+            near_m = on_path.station_m
+            found.append((on_path.station_m, on_path.lateral_m, on_path.heading_rad))
+        stations_m, lateral_m, heading_rad = np.array(found).T
+        return Deviation(stations_m, lateral_m, heading_rad, "end of the path" in result.reason)
 
-
-def _run(config: Mapping[str, Any], folder: Path, **how: Any) -> RunResult:
-    from trailmark.api import run
-
-    return run(config, folder, overwrite=True, report=False, **how)
+    def follow(self, how: Replay) -> Deviation:
+        """Replay the way, and return how the robot deviated from it."""
+        return self.deviation(self.replay(how))

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats, Grey8
 from trailmark.experiments import ExperimentOptions, Row
-from trailmark.frames import Image
-from trailmark.pipeline import Pipeline, Step
-from trailmark_divs.layout import Layout, grey_region, make_layout
+from trailmark_divs.layout import Layout, make_layout
 from trailmark_divs.robust_shift import local_windows, shift_scores
 from trailmark_divs.stream import ChangeStream
 from trailmark_divs.tracking import ShiftTracker
 from trailmark_divs.warm_up import compile_kernels
-from trailmark_papers.perroni2014.drives import STREAMS, Place, teach
+from trailmark_papers.kit import Table
+from trailmark_papers.perroni2014.drives import STREAMS, Place
+from trailmark_papers.perroni2014.pictures import upper_halves
 
 __all__ = ["frame_time_rows"]
 
@@ -28,37 +27,24 @@ _ROUNDS = 10
 
 def frame_time_rows(options: ExperimentOptions) -> list[Row]:
     """Return the time per picture of 640 x 480 on one core, in thread CPU time."""
-    pictures = _pictures(options)
-    layout = make_layout((640, 480), _COLUMNS, (0.0, 0.5))
-    greys = [grey_region(picture, layout.rows) for picture in pictures]
+    layout, keeper = make_layout((640, 480), _COLUMNS, (0.0, 0.5)), upper_halves()
+    place = Place("street", _WAY_M, 640)
+    place.teach(options.out / "runs" / "time", {"streams": STREAMS}, options.seed, on_step=keeper)
     compile_kernels()
-    times_ms = [time_ms for _ in range(_ROUNDS) for time_ms in _times_ms(greys, layout)]
+    times_ms = [time_ms for _ in range(_ROUNDS) for time_ms in _times_ms(keeper.values, layout)]
     median_ms = float(np.median(times_ms))
     options.report(f"change vector and shift: {median_ms:.3f} ms")
     note = "paper: 40,000 cycles of a 2.67 GHz processor are 0.015 ms; it also says 40 ms. Grey pictures, median."
-    common: dict[str, Any] = {"n": len(times_ms)}
-    name = "time per picture, 640 x 480"
-    return [
-        Row(name, "change vector and shift, one core", "ms", median_ms, 40.0, 0.15, 0.10, note=note, **common),
-        Row(name, "the same, 95th percentile", "ms", float(np.percentile(times_ms, 95)), **common),
-    ]
+    table = Table("time per picture, 640 x 480", len(times_ms))
+    table.add("change vector and shift, one core", "ms", median_ms, paper=40.0, bar=0.15, stretch=0.10, note=note)
+    table.add("the same, 95th percentile", "ms", float(np.percentile(times_ms, 95)))
+    return table.rows
 
 
-def _pictures(options: ExperimentOptions) -> list[Image]:
-    found: list[Image] = []
-
-    def keep(_: Pipeline, step: Step) -> None:
-        if step.frame is not None and isinstance(step.frame.payload, Image):
-            found.append(step.frame.payload)
-
-    teach(options.out / "runs" / "time", Place("street", _WAY_M, 640), {"streams": STREAMS}, options.seed, keep)
-    return found
-
-
-def _times_ms(greys: Sequence[npt.NDArray[np.uint8]], layout: Layout) -> list[float]:
+def _times_ms(greys: Sequence[Grey8], layout: Layout) -> list[float]:
     """Return the time of every picture from the first full window on, against the first window as the taught one."""
     stream, tracker = ChangeStream(layout, _WINDOW, "p90", "trimmed"), ShiftTracker(_MAX_SHIFT, _WINDOW)
-    taught: npt.NDArray[np.float64] | None = None
+    taught: Floats | None = None
     times_ms = []
     for grey in greys:
         began_ns = time.thread_time_ns()

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats, Grey8
 from trailmark.experiments import ExperimentOptions, Row
-from trailmark.frames import Image
-from trailmark.pipeline import Pipeline, Step
-from trailmark_divs.layout import grey_region, make_layout
+from trailmark_divs.layout import make_layout
 from trailmark_divs.options import Average, Threshold
 from trailmark_divs.paper_shift import PaperShift, winc
 from trailmark_divs.robust_shift import local_windows, shift_scores
 from trailmark_divs.stream import ChangeStream
 from trailmark_divs.tracking import ShiftTracker
-from trailmark_papers.perroni2014.drives import STREAMS, Place, Taught, replay, teach
+from trailmark_papers.kit import Table
+from trailmark_papers.perroni2014.drives import AFTERNOON, STREAMS, Place, Replay
+from trailmark_papers.perroni2014.pictures import upper_halves
 from trailmark_papers.perroni2014.plots import draw_likelihood
 
 __all__ = ["likelihood_rows"]
@@ -26,14 +24,12 @@ __all__ = ["likelihood_rows"]
 _WIDTH_PX = 160
 _WINDOW, _COLUMNS, _CORRELATION_WINDOW, _REACH = 25, 50, 5, 20
 _TURNED_DEG = 5.0
-_AFTERNOON = {"time": "afternoon", "people": 3}
 _CONFIDENCE = 0.8
 _JUMP_COLUMNS = 2.0
 
 _REFERENCE, _OURS = "as the reference, hill climbing", "ours, tracked"
 
-Floats = npt.NDArray[np.float64]
-Pictures = list[npt.NDArray[np.uint8]]
+Pictures = list[Grey8]
 
 
 def likelihood_rows(options: ExperimentOptions) -> list[Row]:
@@ -43,22 +39,20 @@ def likelihood_rows(options: ExperimentOptions) -> list[Row]:
     n = min(len(taught_pictures), len(pictures)) - _WINDOW  # by index, Eq. (11): both drives have the same speed
     maps, paths = _both(taught_pictures, pictures, n)
     draw_likelihood(options.out / "figure_1_likelihood.svg", maps, paths, _REACH)
-    rows, figure = [], "Fig. 1 street, +5 deg"
+    table = Table("Fig. 1 street, +5 deg", n)
     for name, path in paths.items():
-        rows.append(Row(figure, f"{name}: jumps of more than 2 columns", "%", _jumps_percent(path), n=n))
+        table.add(f"{name}: jumps of more than 2 columns", "%", _jumps_percent(path))
     greatest = np.argmax(maps[_REFERENCE], axis=1).astype(np.float64)
-    rows.append(Row(figure, "maximum of each, without climbing: the same", "%", _jumps_percent(greatest), n=n))
+    table.add("maximum of each, without climbing: the same", "%", _jumps_percent(greatest))
     options.report(f"Fig. 1: {n} change vectors")
-    return rows
+    return table.rows
 
 
-def _jumps_percent(path: npt.NDArray[np.float64]) -> float:
+def _jumps_percent(path: Floats) -> float:
     return 100.0 * float((np.abs(np.diff(path)) > _JUMP_COLUMNS).mean())
 
 
-def change_vectors(
-    pictures: Sequence[npt.NDArray[np.uint8]], threshold: Threshold, average: Average
-) -> npt.NDArray[np.float64]:
+def change_vectors(pictures: Sequence[Grey8], threshold: Threshold, average: Average) -> Floats:
     """Return the change vectors of upper halves, Eqs. (4) to (7), (N - w, d)."""
     height, width = pictures[0].shape[0] * 2, pictures[0].shape[1]
     stream = ChangeStream(make_layout((width, height), _COLUMNS, (0.0, 0.5)), _WINDOW, threshold, average)
@@ -104,30 +98,8 @@ def _tracked(taught: Floats, seen: Floats) -> tuple[Floats, Floats]:
 
 
 def _pictures_of(options: ExperimentOptions, place: Place) -> tuple[Pictures, Pictures]:
-    """Return the upper halves of all pictures of teaching, and of a drive turned aside."""
-    taught_pictures: Pictures = []
-    folder = options.out / "runs" / "likelihood"
-    taught = teach(folder, place, {"streams": STREAMS}, options.seed, UpperHalves(taught_pictures))
-    return taught_pictures, straight_pictures(taught, options.seed)
-
-
-def straight_pictures(taught: Taught, seed: int) -> Pictures:
-    """Return the upper halves of the pictures of a drive straight ahead, from a start turned by 5 degrees."""
-    found: Pictures = []
-    with tempfile.TemporaryDirectory() as folder:
-        streams = {"streams": STREAMS}
-        replay(Path(folder), taught, _AFTERNOON, streams, seed, _TURNED_DEG, use=[], on_step=UpperHalves(found))
-    return found
-
-
-class UpperHalves:
-    """Keeps the upper half of every picture in grey, as a pipeline's ``on_step``."""
-
-    def __init__(self, found: Pictures) -> None:
-        self._found = found
-
-    def __call__(self, _: Pipeline, step: Step) -> None:
-        """Keep the picture of a step that has one."""
-        if step.frame is not None and isinstance(step.frame.payload, Image):
-            rows = (0, step.frame.payload.pixels.shape[0] // 2)
-            self._found.append(grey_region(step.frame.payload, rows))
+    """Return the upper halves of all pictures of teaching, and of a drive turned aside, straight ahead."""
+    streams, seen, again = {"streams": STREAMS}, upper_halves(), upper_halves()
+    taught = place.teach(options.out / "runs" / "likelihood", streams, options.seed, on_step=seen)
+    taught.replay(Replay(streams, options.seed, AFTERNOON, _TURNED_DEG, use=[]), again)
+    return seen.values, again.values

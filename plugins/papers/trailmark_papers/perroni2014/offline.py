@@ -7,21 +7,20 @@ the upper half shows, between the two poses that an answer says belong together.
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Depth, Floats
 from trailmark.estimates import PathOffset
 from trailmark.experiments import ExperimentOptions, Row
 from trailmark.frames import RGBD, Pinhole
 from trailmark.geometry import Trajectory
 from trailmark.pipeline import Pipeline, Step
-from trailmark_papers.perroni2014.drives import PEERS, STREAMS, Place, Taught, replay, teach
+from trailmark_papers.kit import AnswerKeeper, FrameKeeper, Table, grouped, sweep, truth_of
+from trailmark_papers.perroni2014.drives import AFTERNOON, PEERS, STREAMS, Localizers, Place, Replay, Taught
 from trailmark_papers.perroni2014.plots import draw_shifts
 from trailmark_papers.perroni2014.true_shift import Eyepiece, Surroundings
 
@@ -39,22 +38,21 @@ _PAPER: Mapping[str, Any] = {
     "when_blind": "silent",
     "gain": "paper",
 }
-LOCALIZERS: Mapping[str, Mapping[str, Any]] = {
+LOCALIZERS: Localizers = {
     "streams": STREAMS,
     "stream_alone": {**STREAMS, "when_blind": "silent"},
     "as_the_reference": _PAPER,
     **PEERS,
 }
-_AFTERNOON: Mapping[str, Any] = {"time": "afternoon", "people": 3}
 #: What differs from teaching in the morning with nobody about.
 _CONDITIONS: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
     "street": {
         "6 people, 2 more parked cars": {"people": 6, "cars": 6},
-        "overexposed 2.8 times": {**_AFTERNOON, "exposure": 1.0},
+        "overexposed 2.8 times": {**AFTERNOON, "exposure": 1.0},
     },
     "corridor": {
         "6 people, half of the lamps": {"people": 6, "lamps": "half"},
-        "overexposed 2.4 times": {**_AFTERNOON, "exposure": 5.0},
+        "overexposed 2.4 times": {**AFTERNOON, "exposure": 5.0},
     },
 }
 _FIGURES = {"street": "Fig. 3", "corridor": "Fig. 4"}
@@ -88,19 +86,17 @@ class Answers:
         return 100.0 * len(self.said) / max(1, len(self.said) + self.n_lost)
 
 
-class DepthKeeper:
+class DepthKeeper(FrameKeeper[Depth]):
     """Keeps the depth pictures of a drive, as a pipeline's ``on_step``."""
 
     def __init__(self) -> None:
-        self._seen: list[tuple[float, npt.NDArray[np.float32]]] = []
+        super().__init__(RGBD, lambda payload: payload.depth_m)
         self._eyepiece: Eyepiece | None = None
 
     def __call__(self, pipeline: Pipeline, step: Step) -> None:
         """Keep the depth of a step that has one."""
-        if step.frame is None or not isinstance(step.frame.payload, RGBD):
-            return
-        self._seen.append((step.frame.stamp_s, step.frame.payload.depth_m))
-        if self._eyepiece is None:
+        super().__call__(pipeline, step)
+        if self.values and self._eyepiece is None:
             info = pipeline.sensors["front"]
             assert isinstance(info.calibration, Pinhole)
             assert info.size is not None
@@ -109,9 +105,15 @@ class DepthKeeper:
     def surroundings(self, truth: Trajectory) -> Surroundings:
         """Return what there was to see; `truth` is where the robot was."""
         assert self._eyepiece is not None
-        poses = [truth.at([stamp_s])[0][1] for stamp_s, _ in self._seen]
-        points = [self._eyepiece.points(depth, pose) for (_, depth), pose in zip(self._seen, poses, strict=True)]
+        poses = [truth.at([stamp_s])[0][1] for stamp_s in self.stamps_s]
+        points = [self._eyepiece.points(depth, pose) for depth, pose in zip(self.values, poses, strict=True)]
         return Surroundings(self._eyepiece, poses, points)
+
+
+#: What every localizer said in one drive.
+Drive: TypeAlias = dict[str, Answers]
+#: The drives of a condition and an angle [deg].
+Found: TypeAlias = Mapping[tuple[str, float], list[Drive]]
 
 
 def with_depth() -> dict[str, Any]:
@@ -122,59 +124,56 @@ def with_depth() -> dict[str, Any]:
 def offline_rows(options: ExperimentOptions) -> list[Row]:
     """Return the rows of Figs. 3 and 4, and draw them."""
     if options.quick:
-        return _rows_of(options, Place("corridor", 4.0, 160), n_seeds=1, angles_deg=(5.0,), conditions={})
-    rows = []
-    for world, conditions in _CONDITIONS.items():
-        rows += _rows_of(options, Place(world, _LENGTH_M, _WIDTH_PX), _N_SEEDS, (0.0, 5.0, -5.0), conditions)
-    return rows
+        return _rows_of(options, Place("corridor", 4.0, _WIDTH_PX), (5.0,), {})
+    return [
+        row
+        for world, conditions in _CONDITIONS.items()
+        for row in _rows_of(options, Place(world, _LENGTH_M, _WIDTH_PX), (0.0, 5.0, -5.0), conditions)
+    ]
 
 
 def _rows_of(
-    options: ExperimentOptions,
-    place: Place,
-    n_seeds: int,
-    angles_deg: Sequence[float],
-    conditions: Mapping[str, Mapping[str, Any]],
+    options: ExperimentOptions, place: Place, angles_deg: Sequence[float], conditions: Mapping[str, Mapping[str, Any]]
 ) -> list[Row]:
-    keeper = DepthKeeper()
-    folder = options.out / "runs" / f"offline-{place.world}"
-    taught = teach(folder, place, LOCALIZERS, options.seed, keeper, **with_depth())
+    keeper, folder = DepthKeeper(), options.out / "runs" / f"offline-{place.world}"
+    taught = place.teach(folder, LOCALIZERS, options.seed, on_step=keeper, sensors=with_depth())
     around = keeper.surroundings(taught.truth)
-    seeds = [options.seed + k for k in range(n_seeds)]
-    calls = [(taught, around, _AFTERNOON, angle, seed) for angle in angles_deg for seed in seeds]
-    calls += [(taught, around, given, angle, options.seed) for given in conditions.values() for angle in (5.0, -5.0)]
-    found = options.map(offline_drive, calls)
+    cells: dict[tuple[str, float, int], tuple[Any, ...]] = {
+        ("", angle, k): (taught, around, AFTERNOON, angle, options.seed + k)
+        for angle in angles_deg
+        for k in range(_N_SEEDS)
+    } | {
+        (condition, angle, 0): (taught, around, given, angle, options.seed)
+        for condition, given in conditions.items()
+        for angle in (5.0, -5.0)
+    }
+    found = grouped(sweep(options, offline_drive, cells), lambda cell: cell[:2])
     figure = _FIGURES[place.world]
-    by_angle = {angle: found[k * n_seeds : (k + 1) * n_seeds] for k, angle in enumerate(angles_deg)}
-    turned = [drive for angle, drives in by_angle.items() if angle != 0.0 for drive in drives]
-    rows = _rows_of_drives(f"{figure} {place.world}, 0 deg", by_angle[0.0], is_turned=False) if 0.0 in by_angle else []
-    sides = "/".join(f"{angle:+g}" for angle in angles_deg if angle != 0.0)
-    rows += _rows_of_drives(f"{figure} {place.world}, {sides} deg", turned)
-    first = {angle: _series(drives[0]["streams"]) for angle, drives in by_angle.items()}
+    options.report(f"{figure} {place.world}: {len(cells)} drives")
+    first = {angle: _series(found["", angle][0]["streams"]) for angle in angles_deg}
     draw_shifts(options.out / f"figure_{figure[-1]}_{place.world}.svg", first)
-    for k, condition in enumerate(conditions):
-        start = len(angles_deg) * n_seeds + 2 * k
-        rows += _rows_of_drives(f"{place.world}, {condition}, +5/-5 deg", found[start : start + 2])
-    options.report(f"{figure} {place.world}: {len(calls)} drives")
+    turned = [angle for angle in angles_deg if angle != 0.0]
+    rows = _rows_of_drives(f"{figure} {place.world}, 0 deg", found.get(("", 0.0), []), is_turned=False)
+    sides = "/".join(f"{angle:+g}" for angle in turned)
+    rows += _rows_of_drives(f"{figure} {place.world}, {sides} deg", _of_both(found, "", turned))
+    for condition in conditions:
+        rows += _rows_of_drives(f"{place.world}, {condition}, +5/-5 deg", _of_both(found, condition, (5.0, -5.0)))
     return rows
+
+
+def _of_both(
+    found: Mapping[tuple[str, float], list[Drive]], condition: str, angles_deg: Iterable[float]
+) -> list[Drive]:
+    return [drive for angle in angles_deg for drive in found[condition, angle]]
 
 
 def offline_drive(
     taught: Taught, around: Surroundings, given: Mapping[str, Any], turned_deg: float, seed: int
 ) -> dict[str, Answers]:
     """Drive straight ahead from a start turned aside; return what every localizer said, beside the truth."""
-    told: list[tuple[str, float, PathOffset | None]] = []
-
-    def keep(_: Pipeline, step: Step) -> None:
-        for one in step.estimates:
-            if one.source in LOCALIZERS:
-                offset = one.estimate if isinstance(one.estimate, PathOffset) else None
-                told.append((one.source, one.estimate.stamp_s, offset))
-
-    with tempfile.TemporaryDirectory() as folder:
-        result = replay(Path(folder), taught, given, LOCALIZERS, seed, turned_deg, use=[], on_step=keep)
-    assert result.ground_truth is not None
-    return compare(told, taught, around, result.ground_truth)
+    keeper = AnswerKeeper(LOCALIZERS)
+    result = taught.replay(Replay(LOCALIZERS, seed, given, turned_deg, use=[]), keeper)
+    return compare(keeper.answers, taught, around, truth_of(result))
 
 
 def compare(
@@ -206,23 +205,23 @@ def compare(
     return answers
 
 
-def _rows_of_drives(name: str, drives: Sequence[Mapping[str, Answers]], is_turned: bool = True) -> list[Row]:
+def _rows_of_drives(name: str, drives: Sequence[Drive], is_turned: bool = True) -> list[Row]:
     """Return the rows of some drives: ours with bars, the others beside them."""
-    rows = []
+    rows: list[Row] = []
     for who in LOCALIZERS:
         several = [drive[who] for drive in drives if who in drive]
         if not several:
             continue
         is_judged, said = who == "streams", who.replace("_", " ")
-        common: dict[str, Any] = {"n": sum(len(one.said) for one in several), "seeds": len(several)}
+        table = Table(name, sum(len(one.said) for one in several), len(several))
         bias, bar = _worst_bias(several), 1.0 if is_judged else None
-        rows.append(Row(name, f"{said}: mean less the true mean, worst drive", "columns", bias, None, bar, **common))
+        table.add(f"{said}: mean less the true mean, worst drive", "columns", bias, bar=bar)
         if is_turned:
-            signs, bar = _signs_percent(several), 98.0 if is_judged else None
-            rows.append(Row(name, f"{said}: sign right", "%", signs, None, bar, better="higher", **common))
+            table.add_higher(f"{said}: sign right", "%", _signs_percent(several), bar=98.0 if is_judged else None)
         if any(one.n_lost for one in several):
             spoken = float(np.mean([one.spoken_percent for one in several]))
-            rows.append(Row(name, f"{said}: spoken on", "%", spoken, better="higher", **common))
+            table.add_higher(f"{said}: spoken on", "%", spoken)
+        rows += table
     return rows
 
 
@@ -236,6 +235,6 @@ def _signs_percent(several: Sequence[Answers]) -> float | None:
     return 100.0 * float((np.sign(said) == np.sign(true)).mean()) if len(said) else None
 
 
-def _series(answers: Answers) -> dict[str, npt.NDArray[np.float64]]:
+def _series(answers: Answers) -> dict[str, Floats]:
     columns = {"station": answers.stations_m, "said": answers.said, "true": answers.true}
     return {name: np.array(values) for name, values in columns.items()}

@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Float32s, Floats
 from trailmark.geometry import Trajectory
-from trailmark.report.drawing import BLUE, MUTED, RED, drawing
+from trailmark.report.drawing import BLUE, MUTED, RED
+from trailmark_papers.kit import panels
 
 if TYPE_CHECKING:
     from trailmark_papers.perroni2014.drives import Deviation
@@ -24,7 +25,7 @@ _SILENCE_M = 0.25
 
 def draw_ways(path: Path, ways: Mapping[float, Sequence[Deviation]]) -> None:
     """Draw Fig. 5: offset over station, all seeds of every start."""
-    with drawing(path, 3.4) as (figure, axes):
+    with panels(path, 3.4, "offset from the taught way, left is up [m]", xlabel="way [m]") as (figure, (axes,)):
         for turned_deg, several in ways.items():
             colour = _LEFT if turned_deg > 0 else _RIGHT
             width = 0.4 + abs(turned_deg) / 8.0
@@ -35,24 +36,20 @@ def draw_ways(path: Path, ways: Mapping[float, Sequence[Deviation]]) -> None:
                     way.stations_m[thin], way.lateral_m[thin], color=colour, linewidth=width, alpha=0.5, label=label
                 )
         axes.axhline(0.0, color=_NONE, linewidth=1.0, linestyle="dotted")
-        axes.set_title("offset from the taught way, left is up [m]")
-        axes.set_xlabel("way [m]")
         figure.legend(loc="outside lower center", ncols=6)
 
 
 def draw_corners(path: Path, taught: Trajectory, ways: Sequence[Deviation]) -> None:
     """Draw the taught way with its corners, and the offsets of all replays."""
-    with drawing(path, 5.6, rows=2) as (_, (above, below)):
+    titles = ("the taught way [m]", "offset from it, left is up [m]")
+    with panels(path, 5.6, *titles, xlabel="way [m]") as (_, (above, below)):
         above.plot(*taught.positions[::10].T, color=_NONE)
         above.set_aspect("equal", adjustable="datalim")
-        above.set_title("the taught way [m]")
         for way in ways:
             below.plot(way.stations_m[::10], way.lateral_m[::10], color=_LEFT, linewidth=0.8, alpha=0.6)
-        below.set_title("offset from it, left is up [m]")
-        below.set_xlabel("way [m]")
 
 
-def draw_shifts(path: Path, drives: Mapping[float, Mapping[str, npt.NDArray[np.float64]]]) -> None:
+def draw_shifts(path: Path, drives: Mapping[float, Mapping[str, Floats]]) -> None:
     """Draw Fig. 3 or 4: said and true shift over the way.
 
     Parameters
@@ -60,28 +57,23 @@ def draw_shifts(path: Path, drives: Mapping[float, Mapping[str, npt.NDArray[np.f
     drives : mapping
         For each start [deg]: ``station``, ``said`` and ``true``, (N,) each [m, columns, columns].
     """
-    with drawing(path, 3.6) as (figure, axes):
+    title = "shift, to the right is up; dotted: true median displacement [columns]"
+    with panels(path, 3.6, title, xlabel="way [m]") as (figure, (axes,)):
         for turned_deg, drive in drives.items():
             colour = _NONE if turned_deg == 0.0 else _LEFT if turned_deg > 0.0 else _RIGHT
             label = f"{turned_deg:+g}°" if turned_deg else "0°"
             axes.plot(*_broken(drive["station"], drive["said"]), color=colour, linewidth=1.2, label=label)
             axes.plot(drive["station"], drive["true"], color=colour, linewidth=1.0, linestyle="dotted")
-        axes.set_title("shift, to the right is up; dotted: true median displacement [columns]")
-        axes.set_xlabel("way [m]")
         figure.legend(loc="outside lower center", ncols=3)
 
 
-def _broken(
-    stations_m: npt.NDArray[np.float64], values: npt.NDArray[np.float64]
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+def _broken(stations_m: Floats, values: Floats) -> tuple[Floats, Floats]:
     """Break a line where nothing was said for a while: a line across would look like answers."""
     silent = np.flatnonzero(np.diff(stations_m) > _SILENCE_M) + 1
     return np.insert(stations_m, silent, np.nan), np.insert(values, silent, np.nan)
 
 
-def draw_likelihood(
-    path: Path, maps: Mapping[str, npt.NDArray[np.float64]], paths: Mapping[str, npt.NDArray[np.float64]], reach: int
-) -> None:
+def draw_likelihood(path: Path, maps: Mapping[str, Floats], paths: Mapping[str, Floats], reach: int) -> None:
     """Draw Fig. 1: the likelihood of every shift over the sequence, and the shift that was selected.
 
     Parameters
@@ -93,7 +85,8 @@ def draw_likelihood(
     reach : int
         Largest shift [columns].
     """
-    with drawing(path, 4.6, rows=len(maps)) as (_, rows):
+    titles = [f"{name} [columns]" for name in maps]
+    with panels(path, 4.6, *titles, xlabel="change vector") as (_, rows):
         for axes, (name, likelihood) in zip(rows, maps.items(), strict=True):
             extent = (0, len(likelihood), -reach - 0.5, reach + 0.5)
             dark, bright = np.percentile(likelihood, (2.0, 99.5)).tolist()
@@ -101,16 +94,13 @@ def draw_likelihood(
             axes.imshow(likelihood.T, origin="lower", aspect="auto", extent=extent, **grey)
             axes.plot(paths[name], color=_RIGHT, linewidth=1.4)
             axes.grid(visible=False)
-            axes.set_title(f"{name} [columns]")
-        rows[-1].set_xlabel("change vector")
 
 
-def draw_clutter(path: Path, pictures: Mapping[str, npt.NDArray[np.float32]]) -> None:
+def draw_clutter(path: Path, pictures: Mapping[str, Float32s]) -> None:
     """Draw Fig. 2: change images before and in a turn."""
-    with drawing(path, 4.4, rows=len(pictures)) as (_, rows):
-        for axes, (name, picture) in zip(rows, pictures.items(), strict=True):
+    with panels(path, 4.4, *pictures) as (_, rows):
+        for axes, picture in zip(rows, pictures.values(), strict=True):
             axes.imshow(picture, cmap="gray", vmin=0.0, vmax=0.6, interpolation="nearest")
             axes.grid(visible=False)
             axes.set_xticks([])
             axes.set_yticks([])
-            axes.set_title(name)

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Depth, Floats
 from trailmark.frames import Pinhole
 from trailmark.geometry import Pose2, Pose3
 
@@ -43,7 +43,7 @@ class Eyepiece:
         """Width of a column [px]."""
         return self.size[0] // self.n_columns
 
-    def points(self, depth_m: npt.NDArray[np.float32], pose: Pose2) -> npt.NDArray[np.float64]:
+    def points(self, depth_m: Depth, pose: Pose2) -> Floats:
         """Return what the upper half shows as points in the map, (N, 3) [m].
 
         Parameters
@@ -61,7 +61,7 @@ class Eyepiece:
         up = -(v[seen] - self.lens.cy) / self.lens.fy * forward
         return self._pose(pose).transform(np.column_stack([forward, left, up]))
 
-    def u_px(self, points_map: npt.NDArray[np.float64], pose: Pose2) -> npt.NDArray[np.float64]:
+    def u_px(self, points_map: Floats, pose: Pose2) -> Floats:
         """Return in which pixel column each point is seen from a pose, (N,); NaN where it is not [px]."""
         forward, left, _ = self._pose(pose).inverse().transform(points_map).T
         u = self.lens.cx - self.lens.fx * left / np.maximum(forward, _NEAREST_M)
@@ -88,7 +88,7 @@ class Surroundings:
 
     eyepiece: Eyepiece
     poses: Sequence[Pose2]
-    points: Sequence[npt.NDArray[np.float64]]
+    points: Sequence[Floats]
 
     def shift_columns(self, taught: Pose2, seen: Pose2) -> float:
         """Return the median displacement between two poses, positive to the right [columns].

@@ -11,18 +11,27 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.errors import ConfigError
 from trailmark.experiments import ExperimentOptions, Row
 from trailmark.geometry import Pose2, Trajectory, wrap_angle
-from trailmark.interfaces import Session
 from trailmark.paths import Path as TaughtPath
 from trailmark.pipeline import RunResult
-from trailmark_papers.tasaki2010.place import TaughtPlace, supermarket
+from trailmark_papers.kit import (
+    Table,
+    collisions_of,
+    largest_of,
+    mean_of,
+    path_of,
+    run_config,
+    started_source,
+    truth_of,
+)
+from trailmark_papers.tasaki2010.place import LOCALIZED, TaughtPlace, supermarket
 from trailmark_papers.tasaki2010.plots import draw_routes
 
-__all__ = ["GoalDrive", "drive_to_goal", "goal_rows", "random_starts", "taught_path"]
+__all__ = ["GoalDrive", "drive_to_goal", "goal_rows", "random_starts"]
 
 GOAL = (5.55, 3.11)
 _ARRIVED_M, _BESIDE_M = 0.10, 0.5
@@ -62,8 +71,8 @@ class GoalDrive:
 
     reported: bool
     distance_m: float
-    way: npt.NDArray[np.float64]
-    believed: npt.NDArray[np.float64]
+    way: Floats
+    believed: Floats
     n_bad: int
     worst_m: float
     collisions: int
@@ -77,7 +86,7 @@ class GoalDrive:
 def goal_rows(options: ExperimentOptions, place: TaughtPlace) -> list[Row]:
     """Return the rows of Table 2 and of the random starts, and draw Fig. 7."""
     trials: Sequence[Start] = (_QUICK_START,) if options.quick else _TRIALS
-    starts = [] if options.quick else random_starts(taught_path(place.store), _N_RANDOM, options.seed + 300)
+    starts = [] if options.quick else random_starts(path_of(place.store), _N_RANDOM, options.seed + 300)
     calls = [
         (place.store, start, options.seed + 300 + k, options.out / "runs" / f"goal-{k}")
         for k, start in enumerate([*trials, *starts])
@@ -85,50 +94,39 @@ def goal_rows(options: ExperimentOptions, place: TaughtPlace) -> list[Row]:
     drives = options.map(drive_to_goal, calls)
     named, random = drives[: len(trials)], drives[len(trials) :]
     draw_routes(options.out / "tasaki2010_fig7_routes.svg", named, GOAL)
-    rows = []
+    trial_rows = Table("Table 2")
     for k, found in enumerate(named):
         options.report(f"trial {k + 1}: {1e3 * found.distance_m:.0f} mm from the goal")
         where = f"ended at ({found.way[-1][0]:.2f}, {found.way[-1][1]:.2f}) m"
         paper = None if options.quick else _PAPER_M[k]
-        rows.append(Row("Table 2", f"trial {k + 1}, distance from the goal", "m", found.distance_m, paper, note=where))
-    rows += _summary("Table 2", named, 0.03 if not options.quick else None, 100.0, 0.03)
-    if random:
-        rows += _summary(f"{len(random)} random starts", random, None, 98.0, None)
-    return rows
+        trial_rows.add(f"trial {k + 1}, distance from the goal", "m", found.distance_m, paper=paper, note=where)
+    mean: dict[str, Any] = {"paper": 0.03, "bar": None if options.quick else 0.03}
+    rows = [*trial_rows, *_summary("Table 2", named, 100.0, **mean)]
+    return [*rows, *_summary(f"{len(random)} random starts", random, 98.0)] if random else rows
 
 
-def _summary(
-    name: str, drives: Sequence[GoalDrive], bar_m: float | None, share: float, paper: float | None
-) -> list[Row]:
-    common: dict[str, Any] = {"n": len(drives), "seeds": len(drives)}
+def _summary(name: str, drives: Sequence[GoalDrive], share: float, **mean: Any) -> Table:
+    """Return the rows of some drives: `share` is the bar of those that arrived, `mean` those of the mean distance."""
     at_goal = np.array([found.distance_m for found in drives if found.reported])
-    mean_m = float(at_goal.mean()) if len(at_goal) else None
-    largest_m = float(at_goal.max()) if len(at_goal) else None
-    return [
-        Row(name, "true distance at reported arrival, mean", "m", mean_m, paper, bar_m, 0.01, **common),
-        Row(name, "true distance at reported arrival, largest", "m", largest_m, **common),
-        Row(name, "arrived (reported, and within 0.10 m)", "%", 100 * float(np.mean([d.arrived for d in drives])), None,
-            share, 100.0, better="higher", **common),
-        Row(name, "accepted fixes more than 0.5 m off with NEES > 16", "", float(sum(d.n_bad for d in drives)), None,
-            0.0, **common),
-        Row(name, "largest error of an accepted fix", "m", max(d.worst_m for d in drives), **common),
-        Row(name, "drives that touched something", "", float(sum(d.collisions > 0 for d in drives)), None,
-            0.0, **common),
-    ]  # fmt: skip
+    table = Table(name, len(drives), len(drives))
+    table.add("true distance at reported arrival, mean", "m", mean_of(at_goal), stretch=0.01, **mean)
+    table.add("true distance at reported arrival, largest", "m", largest_of(at_goal))
+    arrived = [drive.arrived for drive in drives]
+    table.add_share("arrived (reported, and within 0.10 m)", arrived, bar=share, stretch=100.0)
+    n_bad = float(sum(drive.n_bad for drive in drives))
+    table.add("accepted fixes more than 0.5 m off with NEES > 16", "", n_bad, bar=0.0)
+    table.add("largest error of an accepted fix", "m", max(drive.worst_m for drive in drives))
+    n_touched = float(sum(drive.collisions > 0 for drive in drives))
+    table.add("drives that touched something", "", n_touched, bar=0.0)
+    return table
 
 
 def drive_to_goal(store: Path, start: Start, seed: int, folder: Path) -> GoalDrive:
     """Put the robot down at a place that it does not know, and let it drive."""
-    from trailmark.api import run
-
+    source = supermarket(route="round", driver="commands", start=list(start), duration_s=_LIMIT_S)
     config = {
-        "sources": {"robot": supermarket(route="round", driver="commands", start=list(start), duration_s=_LIMIT_S)},
-        "localizers": {
-            "wheels": {"plugin": "odometry"},
-            "omni": {"plugin": "omni_surf", "camera": "omni"},
-            "laser": {"plugin": "laser_icp", "laser": "laser"},
-        },
-        "estimator": {"plugin": "kalman"},
+        "sources": {"robot": source},
+        **LOCALIZED,
         "controller": {
             "plugin": "goal_seeking",
             "goal": list(GOAL),
@@ -140,31 +138,28 @@ def drive_to_goal(store: Path, start: Start, seed: int, folder: Path) -> GoalDri
         "control_hz": 20,
         "seed": seed,
     }
-    result = run(config, folder, mode="replay", store=store, overwrite=True, report=False)
-    found = _judged(result)
+    found = _judged(run_config(config, folder, "replay", store=store))
     shutil.rmtree(folder)
     return found
 
 
 def _judged(result: RunResult) -> GoalDrive:
-    truth, believed = result.ground_truth, result.trajectories["fused"]
-    assert truth is not None
     assert result.folder is not None
+    truth = truth_of(result)
     end = truth[len(truth) - 1][1]
     errors_m, nees = _accepted_fixes(result.folder / "estimates.csv", truth)
-    collisions = sum(count for counter, count in result.counters.items() if counter.endswith("collisions"))
     return GoalDrive(
-        result.reason == "the goal is reached",
-        math.hypot(end.x - GOAL[0], end.y - GOAL[1]),
-        truth.poses[::10, :2],
-        believed.poses[::10, :2],
-        int(((errors_m > 0.5) & (nees > 16.0)).sum()),
-        float(errors_m.max(initial=0.0)),
-        collisions,
+        reported=result.reason == "the goal is reached",
+        distance_m=math.hypot(end.x - GOAL[0], end.y - GOAL[1]),
+        way=truth.poses[::10, :2],
+        believed=result.trajectories["fused"].poses[::10, :2],
+        n_bad=int(((errors_m > 0.5) & (nees > 16.0)).sum()),
+        worst_m=float(errors_m.max(initial=0.0)),
+        collisions=collisions_of(result.counters),
     )
 
 
-def _accepted_fixes(path: Path, truth: Trajectory) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+def _accepted_fixes(path: Path, truth: Trajectory) -> tuple[Floats, Floats]:
     """Return the error and the NEES of every fix that the estimator took, (N,) each."""
     errors, nees = [], []
     with path.open(encoding="utf-8", newline="") as file:
@@ -178,19 +173,6 @@ def _accepted_fixes(path: Path, truth: Trajectory) -> tuple[npt.NDArray[np.float
             nees.append(float(off @ np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]]) @ off))
             errors.append(math.hypot(off[0], off[1]))
     return np.array(errors), np.array(nees)
-
-
-def taught_path(store: Path) -> TaughtPath:
-    """Return the path of a store."""
-    from trailmark.api import create
-
-    opened = create("path_store", "sqlite", path=str(store), access="read")
-    opened.start(Session(mode="replay"))
-    try:
-        path: TaughtPath = opened.path()
-        return path
-    finally:
-        opened.close()
 
 
 def random_starts(path: TaughtPath, n: int, seed: int) -> list[Start]:
@@ -215,16 +197,11 @@ def can_turn(start: Start) -> bool:
 
 def can_stand(start: Start) -> bool:
     """Return whether the robot touches nothing there."""
-    from trailmark.api import create
-
-    config = supermarket(sensors=["wheels"], start=list(start))
-    source = create("source", config.pop("plugin"), **config)
     try:
-        source.start(Session("robot", rng=np.random.default_rng(0)))
+        with started_source(supermarket(sensors=["wheels"], start=list(start))):
+            return True
     except ConfigError:
         return False
-    source.close()
-    return True
 
 
 def start_pose(start: Start) -> Pose2:

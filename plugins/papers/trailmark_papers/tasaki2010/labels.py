@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Bools, Floats
 from trailmark.geometry import Pose2
 from trailmark.paths import Keyframe
 from trailmark_omni_surf.landmark_map import Candidates
 from trailmark_omni_surf.laser.scan_map import ScanMap
 
 __all__ = ["first_hit", "labelled_candidates"]
-
-Array = npt.NDArray[np.float64]
 
 _STEP_M, _REACH_M = 0.03, 15.0
 _HIT_M = 0.07  # map points lie 0.1 m apart
@@ -26,7 +24,7 @@ def labelled_candidates(
     walls: ScanMap,
     candidates: Candidates,
     label_distance_m: float = 0.6,
-) -> tuple[Array, npt.NDArray[np.bool_]]:
+) -> tuple[Floats, Bools]:
     """Return the six features and the label of every candidate whose true place is known.
 
     The true place is the middle (median) of where the rays of its sightings first meet a wall of the laser's map: a
@@ -46,7 +44,7 @@ def labelled_candidates(
     label_distance_m : float
         T_d [m].
     """
-    hits: dict[int, list[Array]] = {int(track_id): [] for track_id in candidates.ids}
+    hits: dict[int, list[Floats]] = {int(track_id): [] for track_id in candidates.ids}
     for keyframe in keyframes:
         camera = truth[keyframe.stamp_s] @ Pose2.from_array(keyframe.arrays["pose_base_camera"])
         for track_id, bearing in zip(keyframe.arrays["ids"].tolist(), keyframe.arrays["bearings"].tolist()):
@@ -60,7 +58,7 @@ def labelled_candidates(
     return candidates.features[is_known], missed_m < label_distance_m
 
 
-def first_hit(walls: ScanMap, camera: Pose2, bearing_rad: float) -> Array | None:
+def first_hit(walls: ScanMap, camera: Pose2, bearing_rad: float) -> Floats | None:
     """Return where a ray first comes to a wall, (2,) [m], or None."""
     direction = np.array([np.cos(camera.theta + bearing_rad), np.sin(camera.theta + bearing_rad)])
     points = (camera.x, camera.y) + np.arange(0.2, _REACH_M, _STEP_M)[:, None] * direction

@@ -12,11 +12,11 @@ import numpy as np
 from trailmark.experiments import ExperimentOptions, Row
 from trailmark.frames import Scan
 from trailmark.geometry import Pose2, wrap_angle
-from trailmark.interfaces import Session
 from trailmark_omni_surf.laser.config import LaserIcpConfig
 from trailmark_omni_surf.laser.matching import SearchWindow, match_scan
 from trailmark_omni_surf.laser.scan_map import ScanMap
-from trailmark_papers.tasaki2010.goals import Start, random_starts, start_pose, taught_path
+from trailmark_papers.kit import Table, arrays_of, path_of, started_source
+from trailmark_papers.tasaki2010.goals import Start, random_starts, start_pose
 from trailmark_papers.tasaki2010.place import TaughtPlace, supermarket
 
 __all__ = ["laser_rows", "match_from_nowhere"]
@@ -28,24 +28,23 @@ _RIGHT_M, _RIGHT_RAD = 0.30, math.radians(10.0)
 def laser_rows(options: ExperimentOptions, place: TaughtPlace) -> list[Row]:
     """Return how often a scan alone finds the place, and how often it believes a wrong one."""
     n = _QUICK_STARTS if options.quick else _N_STARTS
-    starts = random_starts(taught_path(place.store), n, options.seed + 300)  # those of the drives to the goal
+    starts = random_starts(path_of(place.store), n, options.seed + 300)  # those of the drives to the goal
     calls = [(place.store, starts[k :: options.jobs], options.seed) for k in range(min(n, options.jobs))]
     found = [one for part in options.map(match_from_nowhere, calls) for one in part]
     right, wrong = found.count("right"), found.count("wrong")
     options.report(f"laser alone: {right} right, {wrong} wrong, {n - right - wrong} refused, of {n}")
-    common: dict[str, Any] = {"n": n, "seeds": 1}
-    name = "Laser alone, unknown start"
+    table = Table("Laser alone, unknown start", n)
     note = "one scan, every start pose of the room tried (0.2 m, 4 deg); the paper: it fails"
-    return [
-        Row(name, "right place (0.3 m, 10 deg)", "%", 100 * right / n, better="higher", note=note, **common),
-        Row(name, "believed a wrong place", "%", 100 * wrong / n, **common),
-        Row(name, "refused as ambiguous or unfitting", "%", 100 * (n - right - wrong) / n, **common),
-    ]
+    table.add_higher("right place (0.3 m, 10 deg)", "%", 100 * right / n, note=note)
+    table.add("believed a wrong place", "%", 100 * wrong / n)
+    table.add("refused as ambiguous or unfitting", "%", 100 * (n - right - wrong) / n)
+    return table.rows
 
 
 def match_from_nowhere(store: Path, starts: Sequence[Start], seed: int) -> list[str]:
     """Return "right", "wrong" or "refused" for a scan from each start."""
-    scan_map = _laser_map(store)
+    saved = arrays_of(store, "laser", "map")
+    scan_map = ScanMap.from_points(saved["points"], saved["normals"])
     low, high = scan_map.points.min(axis=0), scan_map.points.max(axis=0)
     span_m = float((high - low).max()) / 2.0
     window = SearchWindow(span_m=span_m, span_rad=math.pi, n_coarse=60, n_fine=16)
@@ -64,27 +63,11 @@ def match_from_nowhere(store: Path, starts: Sequence[Start], seed: int) -> list[
     return found
 
 
-def _laser_map(store: Path) -> ScanMap:
-    from trailmark.api import create
-
-    opened = create("path_store", "sqlite", path=str(store), access="read")
-    opened.start(Session(mode="replay"))
-    try:
-        saved = opened.localizer_map("laser").load("map")
-    finally:
-        opened.close()
-    return ScanMap.from_points(saved["points"], saved["normals"])
-
-
 def _scan(start: Start, seed: int) -> Any:
     """Return the points of one scan from a place, in base axes, (N, 2) [m]."""
-    from trailmark.api import create
-
     config = supermarket(sensors=["wheels", "laser"], driver="commands", start=list(start), duration_s=0.2)
-    source = create("source", config.pop("plugin"), **config)
-    source.start(Session("robot", rng=np.random.default_rng(seed)))
-    mounting = source.sensors["laser"].pose_base_sensor.planar()
-    frame = next(frame for frame in source.frames() if isinstance(frame.payload, Scan))
-    source.close()
-    points = frame.payload.points()
-    return mounting @ points[np.hypot(*points.T) < frame.payload.range_max_m]
+    with started_source(config, seed) as source:
+        mounting = source.sensors["laser"].pose_base_sensor.planar()
+        scan = next(frame.payload for frame in source.frames() if isinstance(frame.payload, Scan))
+    points = scan.points()
+    return mounting @ points[np.hypot(*points.T) < scan.range_max_m]

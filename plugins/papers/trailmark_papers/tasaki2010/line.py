@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.experiments import ExperimentOptions, Row
+from trailmark_papers.kit import Table, largest_of, mean_of, sd_of
 from trailmark_papers.tasaki2010.place import TaughtPlace, supermarket
 from trailmark_papers.tasaki2010.plots import draw_line
-from trailmark_papers.tasaki2010.variants import Answers, drive, largest_of, mean_of, sd_of
+from trailmark_papers.tasaki2010.variants import Answers, drive
 
 __all__ = ["line_rows"]
 
@@ -28,15 +27,13 @@ Runs = list[dict[str, Answers]]
 def line_rows(options: ExperimentOptions, place: TaughtPlace) -> list[Row]:
     """Return the rows of Table 1 and of the selection, and draw Fig. 6."""
     names = _QUICK_VARIANTS if options.quick else tuple(place.variants)
-    variants = [place.variants[name] for name in names]
-    source = supermarket(route="wall", sensors=["wheels", "omni"])
-    if options.quick:
-        source["duration_s"] = _QUICK_S
+    limits = {"duration_s": _QUICK_S} if options.quick else {}
+    source = supermarket(route="wall", sensors=["wheels", "omni"], **limits)
     n_runs = 1 if options.quick else _N_RUNS
-    calls = [(variants, source, options.seed + 100 + k) for k in range(n_runs)]
+    calls = [([place.variants[name] for name in names], source, options.seed + 100 + k) for k in range(n_runs)]
     runs = options.map(drive, calls)
     for name in names:
-        mean_m = mean_of(_pooled(runs, name))
+        mean_m = mean_of(_pooled(runs, name, "errors_m"))
         options.report(f"line, {name}: " + ("no answers" if mean_m is None else f"{1e3 * mean_m:.0f} mm mean error"))
     draw_line(options.out / "tasaki2010_fig6_positions.svg", runs[0])
     rows = [*_table_rows(runs), *_wall_rows(runs)]
@@ -45,120 +42,96 @@ def line_rows(options: ExperimentOptions, place: TaughtPlace) -> list[Row]:
     return rows
 
 
-def _pooled(runs: Runs, name: str) -> npt.NDArray[np.float64]:
-    """Return the errors of all pictures of all runs; NaN where lost."""
-    return np.concatenate([run[name].errors_m for run in runs])
+def _pooled(runs: Runs, name: str, what: str) -> Floats:
+    """Return the errors or CPU times of all pictures of all runs; errors are NaN where lost."""
+    return np.concatenate([getattr(run[name], what) for run in runs])
 
 
-def _to_route(runs: Runs, name: str) -> npt.NDArray[np.float64]:
+def _to_route(runs: Runs, name: str) -> Floats:
     """Return the error as the paper measures it: the distance to the line of the route [m]."""
     distances = np.concatenate([np.abs(run[name].said[:, 1] - _ROUTE_Y_M) for run in runs])
     return np.asarray(distances[np.isfinite(distances)])
 
 
-def _times(runs: Runs, name: str) -> npt.NDArray[np.float64]:
-    return np.concatenate([run[name].cpu_ms for run in runs])
-
-
 def _table_rows(runs: Runs) -> list[Row]:
     """Return the rows of Table 1."""
-    common: dict[str, Any] = {"n": len(_pooled(runs, "developed")), "seeds": len(runs)}
-    errors, route, times = _pooled(runs, "developed"), _to_route(runs, "developed"), _times(runs, "developed")
-    is_answered = np.isfinite(errors)
-    name = "Table 1"
+    errors, times = _pooled(runs, "developed", "errors_m"), _pooled(runs, "developed", "cpu_ms")
+    route, table = _to_route(runs, "developed"), Table("Table 1", len(errors), len(runs))
     note = "the paper measures the distance to the route; that is the row below"
-    return [
-        Row(name, "developed, true position error, mean", "m", mean_of(errors), 0.38, 0.20, 0.10,
-            note=note, **common),
-        Row(name, "developed, true position error, SD", "m", sd_of(errors), 0.21, 0.15, **common),
-        Row(name, "developed, distance to the route, mean", "m", mean_of(route), 0.38, **common),
-        Row(name, "developed, distance to the route, SD", "m", sd_of(route), 0.21, **common),
-        Row(name, "developed, pictures answered", "%", 100 * float(is_answered.mean()), better="higher", **common),
-        Row(name, "developed, CPU time of a picture, mean", "ms", float(times.mean()), 16.4, 5.0, 2.0,
-            float(times.std()), note="+- is the SD over pictures; the first picture's search for the centre is in",
-            **common),
-        *(row for variant in _SIMPLE for row in _simple_rows(runs, variant)),
-    ]  # fmt: skip
+    error = "developed, true position error"
+    table.add(f"{error}, mean", "m", mean_of(errors), paper=0.38, bar=0.20, stretch=0.10, note=note)
+    table.add(f"{error}, SD", "m", sd_of(errors), paper=0.21, bar=0.15)
+    table.add("developed, distance to the route, mean", "m", mean_of(route), paper=0.38)
+    table.add("developed, distance to the route, SD", "m", sd_of(route), paper=0.21)
+    table.add_share("developed, pictures answered", np.isfinite(errors))
+    table.add(
+        "developed, CPU time of a picture, mean", "ms", float(times.mean()), paper=16.4, bar=5.0, stretch=2.0,
+        spread=float(times.std()), note="+- is the SD over pictures; the first picture's search for the centre is in",
+    )  # fmt: skip
+    return [*table, *(row for variant in _SIMPLE for row in _simple_rows(runs, variant))]
 
 
-def _simple_rows(runs: Runs, variant: str) -> list[Row]:
+def _simple_rows(runs: Runs, variant: str) -> Table:
     """Return the rows of one reading of the simple method: all points, detected in every picture by itself."""
-    errors, route, times = _pooled(runs, variant), _to_route(runs, variant), _times(runs, variant)
-    common: dict[str, Any] = {"n": len(errors), "seeds": len(runs)}
-    name, story = "Table 1", _SIMPLE[variant]
-    return [
-        Row(name, f"{story}: true position error, mean", "m", mean_of(errors), 1.61, **common),
-        Row(name, f"{story}: true position error, SD", "m", sd_of(errors), 1.36, **common),
-        Row(name, f"{story}: distance to the route, mean", "m", mean_of(route), 1.61, **common),
-        Row(name, f"{story}: pictures answered", "%", 100 * float(np.isfinite(errors).mean()), better="higher",
-            **common),
-        Row(name, f"{story}: CPU time of a picture, mean", "ms", float(times.mean()), 46.8, None, None,
-            float(times.std()), **common),
-    ]  # fmt: skip
+    errors, times = _pooled(runs, variant, "errors_m"), _pooled(runs, variant, "cpu_ms")
+    table, story = Table("Table 1", len(errors), len(runs)), _SIMPLE[variant]
+    table.add(f"{story}: true position error, mean", "m", mean_of(errors), paper=1.61)
+    table.add(f"{story}: true position error, SD", "m", sd_of(errors), paper=1.36)
+    table.add(f"{story}: distance to the route, mean", "m", mean_of(_to_route(runs, variant)), paper=1.61)
+    table.add_share(f"{story}: pictures answered", np.isfinite(errors))
+    time = f"{story}: CPU time of a picture, mean"
+    table.add(time, "ms", float(times.mean()), paper=46.8, spread=float(times.std()))
+    return table
 
 
-def _wall_rows(runs: Runs) -> list[Row]:
+def _wall_rows(runs: Runs) -> Table:
     """Return what happens in front of the white wall."""
-    errors = []
-    for run in runs:
-        x = run["developed"].truth[:, 0]
-        errors.append(run["developed"].errors_m[(x >= _WHITE_WALL_M[0]) & (x <= _WHITE_WALL_M[1])])
-    pooled = np.concatenate(errors)
-    common: dict[str, Any] = {"n": len(pooled), "seeds": len(runs)}
-    return [
-        Row("White wall, x 1.0 to 1.5 m", "developed, largest error", "m", largest_of(pooled), 0.6, 0.6, 0.2, **common),
-        Row("White wall, x 1.0 to 1.5 m", "developed, pictures answered", "%",
-            100 * float(np.isfinite(pooled).mean()), better="higher", **common),
-    ]  # fmt: skip
+    x, errors = _pooled(runs, "developed", "truth")[:, 0], _pooled(runs, "developed", "errors_m")
+    before = errors[(x >= _WHITE_WALL_M[0]) & (x <= _WHITE_WALL_M[1])]
+    table = Table("White wall, x 1.0 to 1.5 m", len(before), len(runs))
+    table.add("developed, largest error", "m", largest_of(before), paper=0.6, bar=0.6, stretch=0.2)
+    table.add_share("developed, pictures answered", np.isfinite(before))
+    return table
 
 
-def _compared_rows(runs: Runs) -> list[Row]:
+def _compared_rows(runs: Runs) -> Table:
     """Return the paired comparison: run by run, because the pictures of a run are not independent."""
     from scipy.stats import ttest_rel
 
-    common: dict[str, Any] = {"n": len(runs), "seeds": len(runs)}
-    rows = []
+    table = Table("Table 1, paired", len(runs), len(runs))
     for variant, story in _SIMPLE.items():
         for item, paper in (("error", 4.2), ("time", 2.9)):
             developed, simple = (_run_means(runs, name, item) for name in ("developed", variant))
             p = float(ttest_rel(developed, simple, alternative="less").pvalue)
             ratio = float(simple.mean() / developed.mean())
-            rows += [
-                Row("Table 1, paired", f"{item}, {story} over developed", "x", ratio, paper, 1.0, better="higher",
-                    **common),
-                Row("Table 1, paired", f"{item}, {story}: p of the t-test over runs", "", p, None, 0.01, **common),
-            ]  # fmt: skip
-    return rows
+            table.add_higher(f"{item}, {story} over developed", "x", ratio, paper=paper, bar=1.0)
+            table.add(f"{item}, {story}: p of the t-test over runs", "", p, bar=0.01)
+    return table
 
 
-def _run_means(runs: Runs, name: str, item: str) -> npt.NDArray[np.float64]:
+def _run_means(runs: Runs, name: str, item: str) -> Floats:
     """Return the mean error [m] or CPU time [ms] of every run."""
-    if item == "time":
-        return np.array([float(run[name].cpu_ms.mean()) for run in runs])
-    return np.array([mean_of(run[name].errors_m) for run in runs], dtype=np.float64)
+    what = {"error": "errors_m", "time": "cpu_ms"}[item]
+    return np.array([mean_of(getattr(run[name], what)) for run in runs], dtype=np.float64)
 
 
-def _other_rows(runs: Runs) -> list[Row]:
+def _other_rows(runs: Runs) -> Table:
     """Return what single departures from the paper do."""
-    rows = []
+    table = Table("Departures", len(_pooled(runs, "paper", "errors_m")), len(runs))
     for name, story in (
         ("paper", "the paper's K = 9, no refresh, 4 agreeing"),
         ("detected", "as developed, but every picture detected"),
     ):
-        errors = _pooled(runs, name)
-        common: dict[str, Any] = {"n": len(errors), "seeds": len(runs)}
-        rows += [
-            Row("Departures", f"{story}: error, mean", "m", mean_of(errors), spread=sd_of(errors), **common),
-            Row("Departures", f"{story}: pictures answered", "%", 100 * float(np.isfinite(errors).mean()),
-                better="higher", **common),
-            Row("Departures", f"{story}: CPU time of a picture", "ms", float(_times(runs, name).mean()), **common),
-        ]  # fmt: skip
-    return rows
+        errors = _pooled(runs, name, "errors_m")
+        table.add(f"{story}: error, mean", "m", mean_of(errors), spread=sd_of(errors))
+        table.add_share(f"{story}: pictures answered", np.isfinite(errors))
+        table.add(f"{story}: CPU time of a picture", "ms", float(_pooled(runs, name, "cpu_ms").mean()))
+    return table
 
 
-def _selection_rows(runs: Runs, place: TaughtPlace) -> list[Row]:
+def _selection_rows(runs: Runs, place: TaughtPlace) -> Table:
     """Return what the selection buys, with bootstrap intervals over the runs."""
-    rows = []
+    table = Table("Selection", len(runs), len(runs))
     for name, story in (
         ("developed", f"{place.sizes['developed']} selected by the shipped machine"),
         ("trained", f"{place.sizes['trained']} selected by one trained on 100 of another place"),
@@ -168,19 +141,14 @@ def _selection_rows(runs: Runs, place: TaughtPlace) -> list[Row]:
         means = _run_means(runs, name, "error")
         tracked = np.array([float(np.nansum(run[name].tracked)) / len(run[name].tracked) for run in runs])
         fixed = np.array([run[name].fixed_share for run in runs])
-        common: dict[str, Any] = {"n": len(runs), "seeds": len(runs)}
-        rows += [
-            Row("Selection", f"{story}: error, mean", "m", mean_of(means),
-                note=_interval(means, "m") + (f"; {place.training}" if name == "trained" else ""), **common),
-            Row("Selection", f"{story}: pictures answered by tracking", "%", 100 * float(tracked.mean()),
-                better="higher", note=_interval(100 * tracked, "%"), **common),
-            Row("Selection", f"{story}: pictures answered", "%", 100 * float(fixed.mean()), better="higher",
-                note=_interval(100 * fixed, "%"), **common),
-        ]  # fmt: skip
-    return rows
+        note = _interval(means, "m") + (f"; {place.training}" if name == "trained" else "")
+        table.add(f"{story}: error, mean", "m", mean_of(means), note=note)
+        table.add_share(f"{story}: pictures answered by tracking", tracked, note=_interval(100 * tracked, "%"))
+        table.add_share(f"{story}: pictures answered", fixed, note=_interval(100 * fixed, "%"))
+    return table
 
 
-def _interval(values: npt.NDArray[np.float64], unit: str) -> str:
+def _interval(values: Floats, unit: str) -> str:
     """Return the 95 % bootstrap interval of the mean, in words."""
     rng = np.random.default_rng(0)
     means = values[rng.integers(0, len(values), (_N_RESAMPLES, len(values)))].mean(axis=1)

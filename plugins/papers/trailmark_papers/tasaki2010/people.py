@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+import numpy as np
 
 from trailmark.experiments import ExperimentOptions, Row
+from trailmark_papers.kit import Table, largest_of, mean_of, sd_of, sweep
 from trailmark_papers.tasaki2010.place import TaughtPlace, supermarket
-from trailmark_papers.tasaki2010.variants import drive, largest_of, mean_of, sd_of
+from trailmark_papers.tasaki2010.variants import Answers, drive
 
 __all__ = ["people_rows"]
 
@@ -18,26 +19,23 @@ _QUICK_S = 3.0
 def people_rows(options: ExperimentOptions, place: TaughtPlace) -> list[Row]:
     """Return share, largest error and time by the number of people, through all aisles."""
     crowds = _CROWDS[1:2] if options.quick else _CROWDS
-    developed, calls = place.variants["developed"], []
+    limits = {"duration_s": _QUICK_S} if options.quick else {}
+    cells = {}
     for people, _ in crowds:
-        source = supermarket(route="round", sensors=["wheels", "omni"], options={"people": people})
-        if options.quick:
-            source["duration_s"] = _QUICK_S
-        calls.append(([developed], source, options.seed + 200 + people))
-    rows: list[Row] = []
-    for (people, bar), found in zip(crowds, options.map(drive, calls)):
-        answers = found["developed"]
-        errors, name = answers.errors_m, f"{people} people walking"
-        is_bad = (errors > 0.5) & (answers.nees > 16.0)
-        options.report(f"{name}: {100 * answers.fixed_share:.1f} % answered, {int(is_bad.sum())} bad")
-        common: dict[str, Any] = {"n": len(errors)}
-        rows += [
-            Row(name, "pictures answered", "%", 100 * answers.fixed_share, None, bar, better="higher", **common),
-            Row(name, "error, mean", "m", mean_of(errors), spread=sd_of(errors), **common),
-            Row(name, "error, largest of all answers", "m", largest_of(errors), None, 1.0, **common),
-            Row(name, "answers more than 0.5 m off with NEES > 16", "", float(is_bad.sum()), None, 0.0, **common),
-            Row(name, "pictures tracked", "%", 100 * (mean_of(answers.tracked) or 0.0), better="higher", **common),
-            Row(name, "CPU time of a picture, mean", "ms", float(answers.cpu_ms.mean()),
-                spread=float(answers.cpu_ms.std()), **common),
-        ]  # fmt: skip
-    return rows
+        source = supermarket(route="round", sensors=["wheels", "omni"], options={"people": people}, **limits)
+        cells[people] = ([place.variants["developed"]], source, options.seed + 200 + people)
+    found = sweep(options, drive, cells)
+    return [row for people, bar in crowds for row in _rows_of(options, people, found[people]["developed"], bar)]
+
+
+def _rows_of(options: ExperimentOptions, people: int, answers: Answers, bar: float) -> Table:
+    errors, cpu_ms = answers.errors_m, answers.cpu_ms
+    table = Table(f"{people} people walking", len(errors))
+    options.report(f"{table.name}: {100 * answers.fixed_share:.1f} % answered, {answers.n_bad} bad")
+    table.add_share("pictures answered", np.isfinite(errors), bar=bar)
+    table.add("error, mean", "m", mean_of(errors), spread=sd_of(errors))
+    table.add("error, largest of all answers", "m", largest_of(errors), bar=1.0)
+    table.add("answers more than 0.5 m off with NEES > 16", "", float(answers.n_bad), bar=0.0)
+    table.add_higher("pictures tracked", "%", 100 * (mean_of(answers.tracked) or 0.0))
+    table.add("CPU time of a picture, mean", "ms", float(cpu_ms.mean()), spread=float(cpu_ms.std()))
+    return table

@@ -2,28 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Bools
 from trailmark.experiments import ExperimentOptions
-from trailmark.interfaces import Session
 from trailmark.paths import Keyframe
 from trailmark.pipeline import RunResult
 from trailmark_omni_surf.landmark_map import Candidates, LandmarkMap, measured_candidates
 from trailmark_omni_surf.laser.scan_map import ScanMap
 from trailmark_omni_surf.selection import SelectionModel, shipped_model
 from trailmark_omni_surf.training import train
+from trailmark_papers.kit import keyframes_of, run_config, truth_of
 from trailmark_papers.tasaki2010.labels import labelled_candidates
 from trailmark_papers.tasaki2010.variants import Variant
 
-__all__ = ["START", "TaughtPlace", "supermarket", "taught_place"]
+__all__ = ["LOCALIZED", "START", "TaughtPlace", "supermarket", "taught_place"]
 
 #: Where the taught route begins: x, y [m], heading [deg].
 START = (1.0, 2.0, 0.0)
+#: The camera, the laser and the wheels, fused.
+LOCALIZED: Mapping[str, Any] = {
+    "localizers": {
+        "wheels": {"plugin": "odometry"},
+        "omni": {"plugin": "omni_surf", "camera": "omni"},
+        "laser": {"plugin": "laser_icp", "laser": "laser"},
+    },
+    "estimator": {"plugin": "kalman"},
+}
 _TEST_SEED, _TRAINING_SEED = 1, 2  # two supermarkets with other goods, signs and posters
 _QUICK_S = 13.0  # of teaching: the line by the wall and the corner after it
 _N_LONGEST, _PAPER_N_LONGEST, _N_TRAINING = 40, 9, 100
@@ -81,7 +91,7 @@ def taught_place(options: ExperimentOptions) -> TaughtPlace:
         options.report(f"training: {training}")
     store = options.out / "market.trail"
     _teach(options, store, _TEST_SEED)
-    keyframes, _ = _keyframes(store)
+    keyframes = keyframes_of(store, "omni")
     candidates = measured_candidates(keyframes, _N_LONGEST)
     trained = None if options.quick else SelectionModel.load(model_path)
     maps = _maps(options, keyframes, candidates, trained)
@@ -93,45 +103,22 @@ def taught_place(options: ExperimentOptions) -> TaughtPlace:
 
 def _teach(options: ExperimentOptions, store: Path, world_seed: int) -> RunResult:
     """Drive through all aisles with nobody about; the laser and the wheels know the poses."""
-    from trailmark.api import run
-
-    source = supermarket(route="round", world_seed=world_seed)
-    if options.quick:
-        source["duration_s"] = _QUICK_S
+    limits = {"duration_s": _QUICK_S} if options.quick else {}
     config = {
-        "sources": {"robot": source},
-        "localizers": {
-            "wheels": {"plugin": "odometry"},
-            "omni": {"plugin": "omni_surf", "camera": "omni"},
-            "laser": {"plugin": "laser_icp", "laser": "laser"},
-        },
-        "estimator": {"plugin": "kalman"},
+        "sources": {"robot": supermarket(route="round", world_seed=world_seed, **limits)},
+        **LOCALIZED,
         "start": list(START),
         "seed": options.seed,
     }
-    folder = options.out / "runs" / f"teach-{world_seed}"
-    return run(config, folder, mode="teach", store=store, access="overwrite", overwrite=True, report=False)
-
-
-def _keyframes(store: Path) -> tuple[list[Keyframe], list[Keyframe]]:
-    """Return what the camera and what the laser remembered."""
-    from trailmark.api import create
-
-    opened = create("path_store", "sqlite", path=str(store), access="read")
-    opened.start(Session(mode="replay"))
-    try:
-        return list(opened.localizer_map("omni").keyframes()), list(opened.localizer_map("laser").keyframes())
-    finally:
-        opened.close()
+    return run_config(config, options.out / "runs" / f"teach-{world_seed}", "teach", store=store)
 
 
 def _train_elsewhere(options: ExperimentOptions, model_path: Path) -> str:
     """Train on N = 100 candidates of another supermarket, labelled by |measured - true| < T_d."""
     store = options.out / "training.trail"
-    taught = _teach(options, store, _TRAINING_SEED)
-    assert taught.ground_truth is not None
-    seen, scans = _keyframes(store)
-    truth = dict(taught.ground_truth.at(sorted({frame.stamp_s for frame in [*seen, *scans]})))
+    taught = truth_of(_teach(options, store, _TRAINING_SEED))
+    seen, scans = keyframes_of(store, "omni"), keyframes_of(store, "laser")
+    truth = dict(taught.at(sorted({frame.stamp_s for frame in [*seen, *scans]})))
     points = [frame.arrays["points"].astype(np.float64) for frame in scans]
     walls = ScanMap.from_scans(points, [truth[frame.stamp_s] for frame in scans])
     features, is_good = labelled_candidates(seen, truth, walls, measured_candidates(seen, _N_LONGEST))
@@ -148,7 +135,7 @@ def _train_elsewhere(options: ExperimentOptions, model_path: Path) -> str:
 
 def _maps(
     options: ExperimentOptions, keyframes: list[Keyframe], candidates: Candidates, trained: SelectionModel | None
-) -> dict[str, tuple[Candidates, npt.NDArray[np.bool_]]]:
+) -> dict[str, tuple[Candidates, Bools]]:
     """Return candidates of the same drive and which of them become landmarks, by the name of the variant."""
     shipped = shipped_model()
     chosen = shipped.probability(candidates.features) >= 0.5
@@ -170,7 +157,7 @@ def _maps(
     }
 
 
-def _variant(options: ExperimentOptions, name: str, candidates: Candidates, chosen: npt.NDArray[np.bool_]) -> Variant:
+def _variant(options: ExperimentOptions, name: str, candidates: Candidates, chosen: Bools) -> Variant:
     """Write a map and return the localizer that uses it."""
     path = options.out / f"map-{name}.npz"
     np.savez(path, **LandmarkMap.of(candidates, chosen, "surf").to_arrays())  # type: ignore[arg-type]

@@ -6,11 +6,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-import numpy as np
-import numpy.typing as npt
-
-from trailmark.report.drawing import INK, MUTED, RULE, drawing
+from trailmark.arrays import Floats
+from trailmark.report.drawing import INK, MUTED, RULE
 from trailmark.report.style import line_styles
+from trailmark_papers.kit import panels
 
 if TYPE_CHECKING:
     from trailmark_papers.tasaki2010.variants import Answers
@@ -25,21 +24,20 @@ _SHELF_M = (2.4, 0.8)
 
 class _Route(Protocol):
     @property
-    def way(self) -> npt.NDArray[np.float64]: ...
+    def way(self) -> Floats: ...
     @property
-    def believed(self) -> npt.NDArray[np.float64]: ...
+    def believed(self) -> Floats: ...
 
 
 def draw_line(path: Path, answers: Mapping[str, Answers]) -> None:
     """Draw where both methods say the robot is, beside the route (Fig. 6)."""
-    with drawing(path, 3.4, name="fig6") as (_, axes):
+    title = "Positions along the line by the wall, y [m]"
+    with panels(path, 3.4, title, xlabel="x [m]", name="fig6") as (_, (axes,)):
         styles = line_styles(_NAMES)
         axes.plot(*answers["developed"].truth[:, :2].T, color=MUTED, linewidth=1.2, label="where the robot was")
         for name, marker in (("plain", "^"), ("developed", "s")):
             said = answers[name].said[:, :2]
             axes.plot(*said.T, marker, color=styles[name].colour, markersize=3.0, label=_NAMES[name])
-        axes.set_title("Positions along the line by the wall, y [m]")
-        axes.set_xlabel("x [m]")
         axes.set_xlim(0.0, 6.0)
         axes.set_ylim(0.0, 4.0)  # as in the paper; what lies outside is not drawn
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3)
@@ -49,7 +47,8 @@ def draw_routes(path: Path, drives: Sequence[_Route], goal: tuple[float, float])
     """Draw the ways to the goal, and where the robot believed to be (Fig. 7)."""
     from matplotlib.patches import Circle, Rectangle
 
-    with drawing(path, 6.4, name="fig7") as (_, axes):
+    title = "Routes to the goal (line: true, dots: believed), y [m]"
+    with panels(path, 6.4, title, xlabel="x [m]", name="fig7") as (_, (axes,)):
         for x, y in _SHELVES:
             corner = (x - _SHELF_M[0] / 2, y - _SHELF_M[1] / 2)
             axes.add_patch(Rectangle(corner, *_SHELF_M, facecolor=RULE, edgecolor=MUTED, linewidth=0.8))
@@ -59,8 +58,6 @@ def draw_routes(path: Path, drives: Sequence[_Route], goal: tuple[float, float])
             axes.plot(*drive.way.T, color=style.colour, linewidth=1.3, label=name)
             axes.plot(*drive.way[0], "o", color=style.colour, markersize=5)
         axes.add_patch(Circle(goal, 0.15, fill=False, edgecolor=INK, linewidth=1.2))
-        axes.set_title("Routes to the goal (line: true, dots: believed), y [m]")
-        axes.set_xlabel("x [m]")
         axes.set_xlim(0, 10)
         axes.set_ylim(0, 10)
         axes.set_aspect("equal")

@@ -10,21 +10,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import AnyArray, Floats
 from trailmark.errors import StoreError
 from trailmark.estimates import Belief, Fix
-from trailmark.frames import Image, Odometry
+from trailmark.frames import Frame, Image, Odometry
 from trailmark.geometry import Pose2, wrap_angles
 from trailmark.interfaces import Localizer, LocalizerMap, Session
 from trailmark.paths import Keyframe
 from trailmark_omni_surf.config import OmniSurfConfig
 from trailmark_omni_surf.localizer import OmniSurf
+from trailmark_papers.kit import Watcher, show, started_source, timed
 from trailmark_papers.tasaki2010.plain_surf import PlainSurf
 
-__all__ = ["Answers", "Variant", "drive", "largest_of", "mean_of", "sd_of"]
-
-Array = npt.NDArray[np.float64]
+__all__ = ["Answers", "Variant", "drive"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,10 +68,10 @@ class _OneMap(LocalizerMap):
     def keyframes(self) -> list[Keyframe]:
         return []
 
-    def save(self, name: str, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
+    def save(self, name: str, arrays: Mapping[str, AnyArray]) -> None:
         raise StoreError("a map alone takes no arrays")
 
-    def load(self, name: str) -> dict[str, npt.NDArray[Any]] | None:
+    def load(self, name: str) -> dict[str, AnyArray] | None:
         return self._arrays if name == "landmarks" else None
 
 
@@ -92,14 +91,14 @@ class Answers:
         1 where the main flow gave the answer, 0 where the sub flow did, NaN where none did.
     """
 
-    truth: Array
-    said: Array
-    nees: Array
-    cpu_ms: Array
-    tracked: Array
+    truth: Floats
+    said: Floats
+    nees: Floats
+    cpu_ms: Floats
+    tracked: Floats
 
     @property
-    def errors_m(self) -> Array:
+    def errors_m(self) -> Floats:
         """Distance from the true position, NaN where there was no answer, (N,) [m]."""
         return np.asarray(np.hypot(*(self.said - self.truth)[:, :2].T))
 
@@ -108,23 +107,28 @@ class Answers:
         """Share of the pictures that were answered."""
         return float(np.isfinite(self.said[:, 0]).mean())
 
-
-def mean_of(values: Array) -> float | None:
-    """Return the mean of what is a number; None where nothing is."""
-    numbers = values[np.isfinite(values)]
-    return float(numbers.mean()) if len(numbers) else None
-
-
-def sd_of(values: Array) -> float | None:
-    """Return the standard deviation of what is a number; None where nothing is."""
-    numbers = values[np.isfinite(values)]
-    return float(numbers.std()) if len(numbers) else None
+    @property
+    def n_bad(self) -> int:
+        """Answers that are more than 0.5 m off although they claim to know better: NEES > 16."""
+        return int(((self.errors_m > 0.5) & (self.nees > 16.0)).sum())
 
 
-def largest_of(values: Array) -> float | None:
-    """Return the largest number; None where there is none."""
-    numbers = values[np.isfinite(values)]
-    return float(numbers.max()) if len(numbers) else None
+class _Camera(Watcher):
+    """A localizer that sees the pictures, and believes the wheels where it is relative to its start."""
+
+    def __init__(self, localizer: Localizer) -> None:
+        self._localizer = localizer
+        self._pose_odom_base = Pose2()
+        self.rows: list[tuple[float, ...]] = []
+
+    def see(self, frame: Frame) -> None:
+        """Answer a picture; keep what the wheels say."""
+        if isinstance(frame.payload, Odometry) and frame.payload.pose_start_base is not None:
+            self._pose_odom_base = frame.payload.pose_start_base
+        if isinstance(frame.payload, Image):
+            belief = Belief(frame.stamp_s, pose_odom_base=self._pose_odom_base)
+            (answer,), took_ms = timed(self._localizer, frame, belief, time.process_time_ns)
+            self.rows.append((took_ms, *_numbers(answer)))
 
 
 def drive(variants: Sequence[Variant], source: Mapping[str, Any], seed: int) -> dict[str, Answers]:
@@ -139,28 +143,10 @@ def drive(variants: Sequence[Variant], source: Mapping[str, Any], seed: int) -> 
     seed : int
         Of noise, slip and people.
     """
-    from trailmark.api import create
-
-    config = dict(source)
-    robot = create("source", config.pop("plugin"), **config)
-    robot.start(Session("robot", "track", rng=np.random.default_rng(seed)))
-    localizers = {variant.name: variant.started(robot.sensors) for variant in variants}
-    rows: dict[str, list[tuple[float, ...]]] = {name: [] for name in localizers}
-    stamps: list[float] = []
-    pose_odom_base = Pose2()
-    for frame in robot.frames():
-        if isinstance(frame.payload, Odometry) and frame.payload.pose_start_base is not None:
-            pose_odom_base = frame.payload.pose_start_base
-        if isinstance(frame.payload, Image):
-            stamps.append(frame.stamp_s)
-            belief = Belief(frame.stamp_s, pose_odom_base=pose_odom_base)
-            for name, localizer in localizers.items():
-                began = time.process_time()
-                (answer,) = localizer.observe(frame, belief)
-                rows[name].append((1e3 * (time.process_time() - began), *_numbers(answer)))
-    truth = np.array([pose.array() for _, pose in robot.ground_truth().at(stamps)])
-    robot.close()
-    return {name: _answers(truth, np.array(found)) for name, found in rows.items()}
+    with started_source(source, seed) as robot:
+        cameras = {variant.name: _Camera(variant.started(robot.sensors)) for variant in variants}
+        truth = show(robot, cameras.values(), Image).poses
+    return {name: _answers(truth, np.array(camera.rows)) for name, camera in cameras.items()}
 
 
 def _numbers(answer: Any) -> tuple[float, ...]:
@@ -170,7 +156,7 @@ def _numbers(answer: Any) -> tuple[float, ...]:
     return (answer.details["tracked"], *answer.pose_map_base.array().tolist(), *answer.information.ravel().tolist())
 
 
-def _answers(truth: Array, rows: Array) -> Answers:
+def _answers(truth: Floats, rows: Floats) -> Answers:
     said, information = rows[:, 2:5], rows[:, 5:].reshape(-1, 3, 3)
     off = said - truth
     off[:, 2] = wrap_angles(off[:, 2])

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from trailmark.experiments import ExperimentOptions, Row
-from trailmark.report.drawing import BLUE, GREEN, MUTED, RED, drawing, legend_above
-from trailmark_papers.toth2015.drives import FLOW, LANDMARKS, ORB, Driven, Method, Plan, rms
+from trailmark.report.drawing import BLUE, GREEN, MUTED, RED, legend_above
+from trailmark_papers.kit import Table, panels, rms
+from trailmark_papers.toth2015.drives import FLOW, LANDMARKS, ORB, Driven, Method, Outcome, Plan
 
 __all__ = ["disturbance_plans", "disturbance_rows", "draw_disturbances"]
 
@@ -43,40 +44,35 @@ def disturbance_plans(options: ExperimentOptions) -> list[Plan]:
 
 def disturbance_rows(driven: Sequence[Driven]) -> list[Row]:
     """Return the jumps, the errors, and in the dark the share of pictures with a pose."""
-    rows = []
+    rows: list[Row] = []
     for name in _DISTURBANCES:
         for world, called in _PLACES.items():
             some = [one for one in driven if one.plan.name == name and one.plan.world == world]
             for method in some[0].outcomes if some else ():
-                rows += _rows_of(f"{called}, {name}", method, some)
+                rows += _rows_of(f"{called}, {name}", method, [one.outcomes[method] for one in some])
     return rows
 
 
-def _rows_of(name: str, method: str, driven: Sequence[Driven]) -> list[Row]:
-    outcomes = [one.outcomes[method] for one in driven]
-    is_ours = method == _OURS
-    count: dict[str, Any] = {"n": sum(len(outcome.errors) for outcome in outcomes), "seeds": len(outcomes)}
-    jump: dict[str, Any] = {"bar": 0.05, "stretch": 0.02} if is_ours else {}
-    share: dict[str, Any] = {"bar": 90.0, "stretch": 98.0} if is_ours else {}
-    jump_m, rms_m = max(o.jump_m for o in outcomes), float(np.mean([rms(o.position_m) for o in outcomes]))
+def _rows_of(name: str, method: str, outcomes: Sequence[Outcome]) -> Table:
+    table = Table(name, sum(len(outcome.errors) for outcome in outcomes), len(outcomes))
+    jump, share = ({"bar": 0.05, "stretch": 0.02}, {"bar": 90.0, "stretch": 98.0}) if method == _OURS else ({}, {})
+    table.add(f"{method}: largest jump", "m", max(outcome.jump_m for outcome in outcomes), **jump)
+    table.add(f"{method}: position, rms", "m", float(np.mean([rms(outcome.position_m) for outcome in outcomes])))
     percent = min(outcome.pose_percent for outcome in outcomes)
-    return [
-        Row(name, f"{method}: largest jump", "m", jump_m, **jump, **count),
-        Row(name, f"{method}: position, rms", "m", rms_m, **count),
-        Row(name, f"{method}: pictures with a pose", "%", percent, better="higher", **share, **count),
-    ]
+    table.add_higher(f"{method}: pictures with a pose", "%", percent, **share)
+    return table
 
 
 def draw_disturbances(options: ExperimentOptions, driven: Sequence[Driven]) -> None:
     """Draw the errors over time in the laboratory, one picture for each disturbance."""
     shown = [one for one in driven if one.plan.world == "lab" and one.plan.seed == options.seed]
-    with drawing(options.out / "disturbances.svg", 0.6 + 2.0 * len(shown), rows=len(shown)) as (figure, _):
-        for axes, one in zip(figure.axes, shown):
+    titles = [f"{one.plan.name}: distance from the truth [mm]" for one in shown]
+    path = options.out / "disturbances.svg"
+    with panels(path, 0.6 + 2.0 * len(shown), *titles, xlabel="time [s]") as (figure, panes):
+        for axes, one in zip(panes, shown):
             for (method, outcome), colour in zip(one.outcomes.items(), (BLUE, RED, GREEN, MUTED)):
-                label = method if axes is figure.axes[0] else None
+                label = method if axes is panes[0] else None
                 axes.plot(outcome.stamps_s, 1e3 * outcome.position_m, color=colour, linewidth=0.9, label=label)
             if one.plan.name != _PEOPLE:
                 axes.axvline(2.0, color=MUTED, linestyle="dotted", linewidth=1.0)
-            axes.set_title(f"{one.plan.name}: distance from the truth [mm]")
-        figure.axes[-1].set_xlabel("time [s]")
         legend_above(figure, 4)

@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from trailmark.estimates import Belief, Estimate, Fix, Lost, Motion
-from trailmark.experiments import Row
+from trailmark.arrays import Floats
+from trailmark.estimates import Belief, Estimate, Fix, Motion
 from trailmark.frames import RGBD, Frame
 from trailmark.geometry import Pose2
 from trailmark.interfaces import FrameSource, Localizer, Session
+from trailmark_papers.kit import Table, Watcher, rms, show, spread_of, started_source, timed
 
-__all__ = ["FLOW", "LANDMARKS", "ORB", "Driven", "Outcome", "Plan", "drive", "error_rows", "rms", "seeds_of"]
+__all__ = ["FLOW", "LANDMARKS", "ORB", "Driven", "Outcome", "Plan", "drive", "error_rows", "seeds_of"]
 
-Floats = npt.NDArray[np.float64]
 Method = Mapping[str, Any]
 
 #: Everything on, whatever it costs: what is timed is what is named.
@@ -124,44 +122,33 @@ def drive(plan: Plan) -> Driven:
     import cv2
 
     cv2.setNumThreads(1)
-    source = _source(plan)
-    watchers = {name: _Watcher(source, method, plan.seed) for name, method in plan.methods.items()}
-    stamps_s = []
-    for frame in source.frames():
-        if isinstance(frame.payload, RGBD):
-            stamps_s.append(frame.stamp_s)
-        for watcher in watchers.values():
-            watcher.see(frame)
-    truth = source.ground_truth()
-    assert truth is not None
-    start = Pose2.from_array(truth.poses[0])
-    true = {stamp_s: start.between(pose) for stamp_s, pose in truth.at(np.array(stamps_s))}
-    source.close()
+    with started_source(_source(plan), plan.seed) as source:
+        watchers = {name: _Camera(source, method, plan.seed) for name, method in plan.methods.items()}
+        truth = show(source, watchers.values(), RGBD)
+        ways = source.ground_truth()
+    assert ways is not None
+    start = Pose2.from_array(ways.poses[0])
+    true = {stamp_s: start.between(pose) for stamp_s, pose in truth}
     return Driven(plan, {name: watcher.outcome(true) for name, watcher in watchers.items()})
 
 
-def _source(plan: Plan) -> FrameSource:
-    from trailmark.api import create
-
-    source: FrameSource = create(
-        "source",
-        "sim",
-        world=plan.world,
-        route=plan.route,
-        speed_mps=plan.speed_mps,
-        duration_s=plan.length_m / plan.speed_mps + 0.5 / plan.rate_hz,
-        sensors=["light", _CAMERA],
-        rates_hz={_CAMERA: plan.rate_hz},
-        options={"registered": True, **plan.options},
-        vehicle={"kind": "skid_steer", "max_speed_mps": max(plan.speed_mps, 0.3)},
-        threads=1,
-    )
-    source.start(Session(name="robot", rng=np.random.default_rng(plan.seed)))
-    return source
+def _source(plan: Plan) -> dict[str, Any]:
+    return {
+        "plugin": "sim",
+        "world": plan.world,
+        "route": plan.route,
+        "speed_mps": plan.speed_mps,
+        "duration_s": plan.length_m / plan.speed_mps + 0.5 / plan.rate_hz,
+        "sensors": ["light", _CAMERA],
+        "rates_hz": {_CAMERA: plan.rate_hz},
+        "options": {"registered": True, **plan.options},
+        "vehicle": {"kind": "skid_steer", "max_speed_mps": max(plan.speed_mps, 0.3)},
+        "threads": 1,
+    }
 
 
-class _Watcher:
-    """One localizer and what it said."""
+class _Camera(Watcher):
+    """One localizer that believes itself alone, and what it said."""
 
     def __init__(self, source: FrameSource, method: Method, seed: int) -> None:
         from trailmark.api import create
@@ -178,23 +165,24 @@ class _Watcher:
         self._n_agree: list[float] = []
 
     def see(self, frame: Frame) -> None:
+        """Answer a frame of one of its sensors."""
         if frame.sensor not in self._sensors:
             return
-        began_ns = time.thread_time_ns()
-        answers = self._localizer.observe(frame, Belief(frame.stamp_s, self._pose))
+        answers, took_ms = timed(self._localizer, frame, Belief(frame.stamp_s, self._pose))
         if isinstance(frame.payload, RGBD):
-            self._times_ms.append((time.thread_time_ns() - began_ns) / 1e6)
+            self._times_ms.append(took_ms)
         for answer in answers:
             self._take(answer)
 
     def _take(self, answer: Estimate) -> None:
-        if isinstance(answer, Lost) or not isinstance(answer, Fix | Motion):
+        if not isinstance(answer, Fix | Motion):
             return
         self._pose = answer.pose_map_base if isinstance(answer, Fix) else self._pose @ answer.pose_since_now
         self._poses.append((answer.stamp_s, self._pose))
         self._n_agree.append(answer.details.get("n_agree", math.nan))
 
     def outcome(self, true: Mapping[float, Pose2]) -> Outcome:
+        """Return what it did, beside the true poses from the start, by stamp."""
         misses = [true[stamp_s].between(pose) for stamp_s, pose in self._poses]
         errors = np.array([miss.array() for miss in misses]).reshape(-1, 3)
         n_agree = float(np.mean(self._n_agree)) if self._n_agree else math.nan
@@ -202,25 +190,16 @@ class _Watcher:
         return Outcome(stamps_s, errors, len(self._times_ms) - 1, np.array(self._times_ms[1:]), n_agree)
 
 
-def rms(values: Floats) -> float:
-    """Return the root mean square; NaN of nothing."""
-    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else math.nan
-
-
-def error_rows(name: str, method: str, outcomes: Sequence[Outcome], is_ours: bool) -> list[Row]:
+def error_rows(name: str, method: str, outcomes: Sequence[Outcome], is_ours: bool) -> Table:
     """Return pose share, position and heading errors of one method over seeds; bars where it is ours."""
     position = [rms(outcome.position_m) for outcome in outcomes]
     heading = [math.degrees(rms(outcome.errors[:, 2])) for outcome in outcomes]
-    count: dict[str, Any] = {"n": sum(len(outcome.errors) for outcome in outcomes), "seeds": len(outcomes)}
-    bars: list[dict[str, Any]] = [{"bar": 90.0, "stretch": 98.0}, {"bar": 0.03, "stretch": 0.01}]
-    bars = [*bars, {"bar": 1.0, "stretch": 0.3}] if is_ours else [{}, {}, {}]
-    share = float(np.mean([outcome.pose_percent for outcome in outcomes]))
-    return [
-        Row(name, f"{method}: pictures with a pose", "%", share, better="higher", **bars[0], **count),
-        Row(name, f"{method}: position, rms", "m", float(np.mean(position)), spread=_std(position), **bars[1], **count),
-        Row(name, f"{method}: heading, rms", "deg", float(np.mean(heading)), spread=_std(heading), **bars[2], **count),
-    ]
-
-
-def _std(values: Sequence[float]) -> float | None:
-    return float(np.std(values)) if len(values) > 1 else None
+    table = Table(name, sum(len(outcome.errors) for outcome in outcomes), len(outcomes))
+    share, near, straight = (
+        {"bar": bar, "stretch": stretch} if is_ours else {} for bar, stretch in ((90.0, 98.0), (0.03, 0.01), (1.0, 0.3))
+    )
+    percent = float(np.mean([outcome.pose_percent for outcome in outcomes]))
+    table.add_higher(f"{method}: pictures with a pose", "%", percent, **share)
+    table.add(f"{method}: position, rms", "m", float(np.mean(position)), spread=spread_of(position), **near)
+    table.add(f"{method}: heading, rms", "deg", float(np.mean(heading)), spread=spread_of(heading), **straight)
+    return table

@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from trailmark.arrays import Floats
 from trailmark.experiments import ExperimentOptions, Row
-from trailmark.report.drawing import BLUE, GREEN, RED, drawing, legend_above
-from trailmark_papers.toth2015.drives import (
-    FLOW,
-    LANDMARKS,
-    ORB,
-    Driven,
-    Method,
-    Outcome,
-    Plan,
-    error_rows,
-    seeds_of,
-)
+from trailmark.report.drawing import BLUE, GREEN, RED, legend_above
+from trailmark_papers.kit import Table, panels
+from trailmark_papers.toth2015.drives import FLOW, LANDMARKS, ORB, Driven, Method, Outcome, Plan, error_rows, seeds_of
 
 __all__ = ["draw_places", "place_plans", "place_rows"]
 
@@ -56,57 +48,58 @@ def place_rows(driven: Sequence[Driven]) -> list[Row]:
     """Return errors and rates of all methods."""
     rows: list[Row] = []
     for world, called in _NAMES.items():
-        straight = [one for one in driven if one.plan.world == world and one.plan.name == "straight"]
-        way = f"{called}, {straight[0].plan.length_m:g} m"
+        straight = _in_world(driven, world)
+        rates = Table(f"{called}, rate", seeds=len(straight))
         for method in _METHODS:
             outcomes = [one.outcomes[method] for one in straight]
-            rows += error_rows(way, method, outcomes, method == _OURS)
-        rows += [_rate_row(world, method, [one.outcomes[method] for one in straight]) for method in _METHODS]
+            rows += error_rows(f"{called}, {straight[0].plan.length_m:g} m", method, outcomes, method == _OURS)
+            _add_rate(rates, method, outcomes, _PAPER_FPS[world])
+        rows += rates
     return rows
 
 
-def _rate_row(world: str, method: str, outcomes: Sequence[Outcome]) -> Row:
-    times_ms = np.concatenate([outcome.times_ms for outcome in outcomes])
+def _in_world(driven: Sequence[Driven], world: str) -> list[Driven]:
+    return [one for one in driven if one.plan.world == world and one.plan.name == "straight"]
+
+
+def _times_ms(outcomes: Iterable[Outcome]) -> Floats:
+    return np.concatenate([outcome.times_ms for outcome in outcomes])
+
+
+def _add_rate(table: Table, method: str, outcomes: Sequence[Outcome], paper: float) -> None:
+    times_ms, n_agree = _times_ms(outcomes), float(np.mean([outcome.n_agree for outcome in outcomes]))
+    note = f"p95 {np.percentile(times_ms, 95):.0f} ms CPU time of one thread; {n_agree:.0f} agree on average"
     bar, stretch = _RATES.get(method, (None, None))
-    n_agree = float(np.mean([outcome.n_agree for outcome in outcomes]))
-    return Row(
-        f"{_NAMES[world]}, rate",
-        method,
-        "fps",
-        1e3 / float(times_ms.mean()),
-        _PAPER_FPS[world],
-        bar,
-        stretch,
-        better="higher",
-        n=len(times_ms),
-        seeds=len(outcomes),
-        note=f"p95 {np.percentile(times_ms, 95):.0f} ms CPU time of one thread; {n_agree:.0f} agree on average",
-    )
+    fps = 1e3 / float(times_ms.mean())
+    table.add_higher(method, "fps", fps, paper=paper, bar=bar, stretch=stretch, n=len(times_ms), note=note)
 
 
 def draw_places(options: ExperimentOptions, driven: Sequence[Driven]) -> None:
     """Draw the errors over the way, and the rates beside the paper's."""
-    shown = {_OURS: BLUE, "optical flow": RED, "ORB + depth": GREEN}
-    with drawing(options.out / "places_errors.svg", 4.6, rows=2) as (figure, rows):
-        for axes, (world, called) in zip(rows, _NAMES.items()):
-            for one in (one for one in driven if one.plan.world == world and one.plan.name == "straight"):
-                for method, colour in shown.items():
-                    found = one.outcomes[method]
-                    label = method if axes is rows[0] and one.plan.seed == options.seed else None
-                    way_m = found.stamps_s * one.plan.speed_mps
-                    axes.plot(way_m, 1e3 * found.position_m, color=colour, linewidth=0.9, label=label)
-            axes.set_yscale("log")
-            axes.yaxis.set_major_formatter(lambda value, _position: f"{value:g}")  # powers would be written in TeX
-            axes.set_title(f"{called}: distance from the truth [mm], logarithmic")
-        rows[-1].set_xlabel("way [m]")
-        legend_above(figure, 4)
-    with drawing(options.out / "places_rates.svg", 3.6) as (figure, axes):
+    _draw_errors(options, driven)
+    title = "pictures a second of one core; dotted: the paper"
+    with panels(options.out / "places_rates.svg", 3.6, title) as (figure, (axes,)):
         for k, ((world, called), colour) in enumerate(zip(_NAMES.items(), (BLUE, RED))):
-            straight = [one for one in driven if one.plan.world == world and one.plan.name == "straight"]
-            fps = [1e3 / float(np.concatenate([one.outcomes[m].times_ms for one in straight]).mean()) for m in _METHODS]
+            straight = _in_world(driven, world)
+            fps = [1e3 / float(_times_ms(one.outcomes[method] for one in straight).mean()) for method in _METHODS]
             axes.barh(np.arange(len(fps)) + 0.4 * k, fps, 0.38, color=colour, label=called)
             axes.axvline(_PAPER_FPS[world], color=colour, linestyle="dotted", linewidth=1.5)
         axes.set_yticks(np.arange(len(_METHODS)) + 0.2, list(_METHODS))
         axes.invert_yaxis()
-        axes.set_title("pictures a second of one core; dotted: the paper")
+        legend_above(figure, 4)
+
+
+def _draw_errors(options: ExperimentOptions, driven: Sequence[Driven]) -> None:
+    shown = {_OURS: BLUE, "optical flow": RED, "ORB + depth": GREEN}
+    titles = [f"{called}: distance from the truth [mm], logarithmic" for called in _NAMES.values()]
+    with panels(options.out / "places_errors.svg", 4.6, *titles, xlabel="way [m]") as (figure, panes):
+        for axes, world in zip(panes, _NAMES):
+            for one in _in_world(driven, world):
+                for method, colour in shown.items():
+                    found = one.outcomes[method]
+                    label = method if axes is panes[0] and one.plan.seed == options.seed else None
+                    way_m = found.stamps_s * one.plan.speed_mps
+                    axes.plot(way_m, 1e3 * found.position_m, color=colour, linewidth=0.9, label=label)
+            axes.set_yscale("log")
+            axes.yaxis.set_major_formatter(lambda value, _position: f"{value:g}")  # powers would be written in TeX
         legend_above(figure, 4)

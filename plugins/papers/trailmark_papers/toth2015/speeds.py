@@ -32,7 +32,7 @@ def speed_plans(options: ExperimentOptions) -> list[Plan]:
 
 def speed_rows(driven: Sequence[Driven]) -> list[Row]:
     """Return the errors at every speed; bars where the camera gives what one core can take."""
-    rows = []
+    rows: list[Row] = []
     for one in driven:
         plan = one.plan
         name = f"laboratory, {plan.speed_mps:g} m/s at {plan.rate_hz:g} fps"

@@ -1,0 +1,76 @@
+"""Runs of plain configs: every part is named as a config names it, so that it can be swapped there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from trailmark.geometry import Trajectory
+from trailmark.interfaces import FrameSource, Mode, Session
+
+if TYPE_CHECKING:
+    from trailmark.pipeline import Pipeline, RunResult, Step
+
+__all__ = ["OnStep", "collisions_of", "run_config", "started_source", "truth_of"]
+
+OnStep = Callable[["Pipeline", "Step"], None]
+
+
+def run_config(
+    config: Mapping[str, Any],
+    folder: Path,
+    mode: Mode = "track",
+    *,
+    store: Path | None = None,
+    on_step: OnStep | None = None,
+) -> RunResult:
+    """Run a config into a folder, over what an earlier run left there, without a report.
+
+    Parameters
+    ----------
+    store : Path, optional
+        The path store: teaching overwrites it, a replay reads it.
+    on_step : callable, optional
+        Called with the pipeline and every step.
+    """
+    from trailmark.api import run
+
+    return run(
+        config,
+        folder,
+        mode=mode,
+        store=store,
+        access="overwrite" if mode == "teach" else None,
+        overwrite=True,
+        report=False,
+        on_step=on_step,
+    )
+
+
+def truth_of(result: RunResult) -> Trajectory:
+    """Return where the robot truly was: the simulator always knows."""
+    assert result.ground_truth is not None
+    return result.ground_truth
+
+
+@contextmanager
+def started_source(config: Mapping[str, Any], seed: int = 0, name: str = "robot") -> Iterator[FrameSource]:
+    """Give a source that is started on its own, and close it."""
+    from trailmark.api import create
+
+    keys = dict(config)
+    source: FrameSource = create("source", keys.pop("plugin"), **keys)
+    source.start(Session(name, "track", rng=np.random.default_rng(seed)))
+    try:
+        yield source
+    finally:
+        source.close()
+
+
+def collisions_of(counters: Mapping[str, Any]) -> int:
+    """Return how often the vehicles of a run touched something."""
+    return sum(int(count) for name, count in counters.items() if name.endswith("collisions"))
