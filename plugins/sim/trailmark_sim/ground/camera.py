@@ -12,7 +12,7 @@ from trailmark.frames import GroundPlane, Image, SensorInfo
 from trailmark.geometry import Pose3
 from trailmark_sim.ground.ground import Ground
 from trailmark_sim.ground.optics import Optics, led_light
-from trailmark_sim.ground.tiles import TILE_TEXELS, TileStore
+from trailmark_sim.ground.tiles import TILE_TEXELS, lend_tiles
 from trailmark_sim.ground.warp import expose_rows, touched_tiles, warp_rows
 from trailmark_sim.rng import frame_rng, stream_key
 from trailmark_sim.sensors.shutter import Shutter
@@ -101,7 +101,7 @@ class GroundCamera:
             name, "image", (rig.width, rig.height), rig.rate_hz, rig.mounting, GroundPlane(scale, None, self._light)
         )
         self.rate_hz = rig.rate_hz
-        self.tiles = TileStore(ground, optics.psf_px * min(scale), cap_mb, threads)
+        self.tiles = lend_tiles(self, ground, optics.psf_px * min(scale), cap_mb, threads)
         self._texel_map = np.diag([1.0 / ground.texel_m, 1.0 / ground.texel_m, 1.0])
         self._pose_base_camera = rig.mounting.planar()
         self._plane_pixel = _plane_pixel(rig)

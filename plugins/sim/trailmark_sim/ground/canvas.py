@@ -102,11 +102,6 @@ class Canvas:
         self._y = self._y + slide
         return self
 
-    def fade(self, share: float, grey: float) -> Canvas:
-        """Pull all greys towards one: lowers the contrast."""
-        self.grey = (grey + (self.grey - grey) * (1.0 - share)).astype(np.float32)
-        return self
-
     def _next_seed(self) -> np.uint64:
         self._n_layers += 1
         return np.uint64(stream_key(self._seed, f"layer {self._n_layers}"))
@@ -129,6 +124,6 @@ def grid(
         Direction of the floor's x axis in the map [rad].
     """
     steps = np.arange(n_texels) * pitch_m
-    x, y = np.meshgrid(x_m + steps, y_m + steps)
+    x, y = x_m + steps, (y_m + steps)[:, np.newaxis]
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
     return cos * x + sin * y, cos * y - sin * x

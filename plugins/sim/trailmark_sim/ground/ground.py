@@ -104,12 +104,18 @@ class Ground:
         """
         last_m = (n_texels - 1) * self.texel_m
         x, y = grid(x_m, y_m, self.texel_m, n_texels)
+        visible = self._visible(x_m, x_m + last_m, y_m, y_m + last_m)
         grey = np.empty((n_texels, n_texels), dtype=np.float32)
-        for index in self._visible(x_m, x_m + last_m, y_m, y_m + last_m):
+        for index in visible:
             zone = self.zones[index]
+            yaw_rad = zone.floor.yaw_rad
+            places = grid(x_m, y_m, self.texel_m, n_texels, yaw_rad) if yaw_rad else (x, y)
+            painted = self._paint_floor(zone.floor, *places)
+            if len(visible) == 1:  # it covers the square whole
+                grey = painted
+                break
             west, east, south, north = zone.box_m
             inside = (x >= west) & (x < east) & (y >= south) & (y < north)
-            painted = self._paint_floor(zone.floor, *grid(x_m, y_m, self.texel_m, n_texels, zone.floor.yaw_rad))
             np.copyto(grey, painted, where=inside)
         self.weather.change(grey, x, y)
         return grey

@@ -8,42 +8,60 @@ canvas it lies in: neighbouring tiles fit, and nothing repeats before 2^63 cells
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import AnyArray
 from trailmark.kernels import kernel
 from trailmark_sim.hashing import hash2, mixed, normal_of, unit_of
 from trailmark_sim.interpolation import between
 
 __all__ = ["add_clouds", "add_dust", "add_grains", "add_joints", "add_specks", "split_planks"]
 
-Floats = npt.NDArray[Any]
-
 
 @kernel
 def add_clouds(
-    out: Floats, x: Floats, y: Floats, cell_x_m: float, cell_y_m: float, gain: float, seed: np.uint64
+    out: AnyArray, x: AnyArray, y: AnyArray, cell_x_m: float, cell_y_m: float, gain: float, seed: np.uint64
 ) -> None:
     """Add value noise: normal numbers on a lattice, smoothly interpolated."""
-    last_i, last_j = -(1 << 62), 0
-    a = b = c = d = 0.0
+    width = out.shape[1]
+    us, vs, cells_u, cells_v = np.empty(width), np.empty(width), np.empty(width), np.empty(width)
     for row in range(out.shape[0]):
-        for col in range(out.shape[1]):
+        for col in range(width):  # loops without branches: several texels at once
             u, v = x[row, col] / cell_x_m, y[row, col] / cell_y_m
-            i, j = math.floor(u), math.floor(v)
-            if i != last_i or j != last_j:  # most texels share the corners of the one before
-                a, b = normal_of(hash2(i, j, seed)), normal_of(hash2(i + 1, j, seed))
-                c, d = normal_of(hash2(i, j + 1, seed)), normal_of(hash2(i + 1, j + 1, seed))
-                last_i, last_j = i, j
-            u, v = u - i, v - j
-            u, v = u * u * (3.0 - 2.0 * u), v * v * (3.0 - 2.0 * v)
-            out[row, col] += gain * between(a, b, c, d, u, v)
+            cells_u[col], cells_v[col] = np.floor(u), np.floor(v)
+            u, v = u - cells_u[col], v - cells_v[col]
+            us[col], vs[col] = u * u * (3.0 - 2.0 * u), v * v * (3.0 - 2.0 * v)
+        first = 0
+        while first < width:  # most texels share the corners of the one before
+            last = _end_of_cell(cells_u, cells_v, first)
+            i, j = int(cells_u[first]), int(cells_v[first])
+            a, b = normal_of(hash2(i, j, seed)), normal_of(hash2(i + 1, j, seed))
+            c, d = normal_of(hash2(i, j + 1, seed)), normal_of(hash2(i + 1, j + 1, seed))
+            _add_between(out[row, first:last], (a, b, c, d), us[first:last], vs[first:last], gain)
+            first = last
 
 
 @kernel
-def add_dust(out: Floats, x: Floats, y: Floats, cell_m: float, gain: float, seed: np.uint64) -> None:
+def _end_of_cell(cells_u: AnyArray, cells_v: AnyArray, first: int) -> int:
+    """Return the first texel beyond the cell that `first` lies in."""
+    last = first + 1
+    while last < cells_u.shape[0] and cells_u[last] == cells_u[first] and cells_v[last] == cells_v[first]:
+        last += 1
+    return last
+
+
+@kernel
+def _add_between(
+    out: AnyArray, corners: tuple[float, float, float, float], us: AnyArray, vs: AnyArray, gain: float
+) -> None:
+    a, b, c, d = corners
+    for col in range(out.shape[0]):
+        out[col] += gain * between(a, b, c, d, us[col], vs[col])
+
+
+@kernel
+def add_dust(out: AnyArray, x: AnyArray, y: AnyArray, cell_m: float, gain: float, seed: np.uint64) -> None:
     """Add noise without any smoothing: finer than the texels when the cells are."""
     for row in range(out.shape[0]):
         for col in range(out.shape[1]):
@@ -53,9 +71,9 @@ def add_dust(out: Floats, x: Floats, y: Floats, cell_m: float, gain: float, seed
 
 @kernel
 def add_grains(
-    out: Floats,
-    x: Floats,
-    y: Floats,
+    out: AnyArray,
+    x: AnyArray,
+    y: AnyArray,
     cell_m: float,
     jitter: float,
     gain: float,
@@ -116,9 +134,9 @@ def add_grains(
 
 @kernel
 def add_specks(
-    out: Floats,
-    x: Floats,
-    y: Floats,
+    out: AnyArray,
+    x: AnyArray,
+    y: AnyArray,
     cell_x_m: float,
     cell_y_m: float,
     share: float,
@@ -166,7 +184,9 @@ def add_specks(
 
 
 @kernel
-def add_joints(out: Floats, x: Floats, y: Floats, edge: Floats, width_m: float, gain: float, seed: np.uint64) -> None:
+def add_joints(
+    out: AnyArray, x: AnyArray, y: AnyArray, edge: AnyArray, width_m: float, gain: float, seed: np.uint64
+) -> None:
     """Add grey within `width_m` of an edge whose distances are given, with a ragged rim."""
     for row in range(out.shape[0]):
         for col in range(out.shape[1]):
@@ -178,10 +198,10 @@ def add_joints(out: Floats, x: Floats, y: Floats, edge: Floats, width_m: float, 
 
 @kernel
 def split_planks(
-    out: Floats,
-    x: Floats,
-    y: Floats,
-    edge: Floats,
+    out: AnyArray,
+    x: AnyArray,
+    y: AnyArray,
+    edge: AnyArray,
     length_m: float,
     width_m: float,
     shift: float,

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import math
+import weakref
 from collections import OrderedDict
-from collections.abc import Iterable
+from collections.abc import Hashable, Iterable
 from functools import partial
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from numpy.lib.stride_tricks import as_strided
 
+from trailmark.arrays import AnyArray, Float32s
 from trailmark.errors import ConfigError
 from trailmark.kernels import kernel
 from trailmark_sim.ground.ground import Ground
 from trailmark_sim.workers import run_all
 
-__all__ = ["GREY_STEPS", "TILE_TEXELS", "TileStore"]
+__all__ = ["GREY_STEPS", "TILE_TEXELS", "TileStore", "lend_tiles"]
 
 #: Texels on the side of a tile.
 TILE_TEXELS = 256
@@ -57,7 +57,7 @@ class TileStore:
         #: Every texel and its right neighbour as one number of 32 bits, over the same memory: one access, not two.
         self.pairs = as_strided(self.pool.ravel()[:2].view(np.uint32), (self.pool.size - 1,), (2,))
         self._slots: OrderedDict[Tile, int] = OrderedDict()
-        self._threads = threads
+        self.threads = threads
         self.n_painted = 0
 
     @property
@@ -88,7 +88,7 @@ class TileStore:
             full = len(self._slots) >= self.n_slots
             self._slots[tile] = self._slots.popitem(last=False)[1] if full else len(self._slots)
         self.n_painted += len(missing)
-        run_all([partial(self._paint, tile) for tile in missing], self._threads)
+        run_all([partial(self._paint, tile) for tile in missing], self.threads)
 
     def _paint(self, tile: Tile) -> None:
         margin = len(self._kernel) // 2
@@ -98,7 +98,40 @@ class TileStore:
         _blur_to_steps(grey, self._kernel, self.pool[self._slots[tile]])
 
 
-def _gaussian(sigma: float) -> npt.NDArray[np.float32]:
+#: Tiles that the last camera left, by the floor and the lens that they show.
+_spare: dict[Hashable, TileStore] = {}
+
+
+def lend_tiles(borrower: object, ground: Ground, psf_m: float, cap_mb: float, threads: int) -> TileStore:
+    """Return tiles for a camera: those of the camera before it, if it saw the same ground and is gone, or new ones.
+
+    A path is taught and then repeated in one process: its floor is painted once. Photographs may change between two
+    runs, so that floors of them are always painted anew.
+
+    Parameters
+    ----------
+    borrower : object
+        Who uses the tiles; when it is gone, they are kept for the next.
+    ground, psf_m, cap_mb, threads
+        As for `TileStore`.
+    """
+    key = (ground.zones, ground.seed, ground.weather, ground.texel_m, psf_m, cap_mb)
+    store = _spare.pop(key, None)
+    _spare.clear()  # other ground: its memory is needed
+    if store is None:
+        store = TileStore(ground, psf_m, cap_mb, threads)
+    store.n_painted, store.threads = 0, threads
+    if all(zone.floor.photo is None for zone in ground.zones):
+        weakref.finalize(borrower, _keep, key, store).atexit = False
+    return store
+
+
+def _keep(key: Hashable, store: TileStore) -> None:
+    _spare.clear()
+    _spare[key] = store
+
+
+def _gaussian(sigma: float) -> Float32s:
     radius = max(1, math.ceil(3.5 * sigma))
     steps = np.arange(-radius, radius + 1)
     weights = np.exp(-0.5 * (steps / max(sigma, 1e-3)) ** 2)
@@ -106,7 +139,7 @@ def _gaussian(sigma: float) -> npt.NDArray[np.float32]:
 
 
 @kernel
-def _blur_to_steps(grey: npt.NDArray[Any], kernel: npt.NDArray[Any], out: npt.NDArray[Any]) -> None:
+def _blur_to_steps(grey: AnyArray, kernel: AnyArray, out: AnyArray) -> None:
     """Blur with a separable kernel and store the inner part in steps of 1/256 grey."""
     n, taps = out.shape[0], kernel.shape[0]
     rows = np.zeros((grey.shape[0], n), dtype=np.float32)

@@ -78,12 +78,12 @@ def textured(
         for lane in range(LANES):
             x[lane] = (u[lane] + along * ax[lane] + aside * bx[lane]) * across
             y[lane] = (_ONE - (v[lane] + along * ay[lane] + aside * by[lane])) * up
-        if needs_fine:
-            _find(starts, (width, height), level, _I(0), taps)
-            _gather(texels, taps, part, (-scale, scale), colours)
-        if needs_coarse:
-            _find(starts, (width, height), level, _I(1), taps)
-            _gather(texels, taps, part, (scale, _ZERO), colours)
+        for above in range(2):
+            if (needs_coarse if above else needs_fine) == 0:
+                continue
+            weighting = (scale, _ZERO) if above else (-scale, scale)
+            _find(starts, (width, height), level, _I(above), taps)
+            _gather(texels, taps, part, weighting, colours)
 
 
 @inlined_kernel
