@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import os
 import signal
+import subprocess
 import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,7 +22,10 @@ from trailmark.frames import Frame, Odometry, SensorInfo
 from trailmark.geometry import Pose2, Trajectory
 from trailmark.interfaces import FrameSource, Localizer
 
-Does = Literal["drive", "segfault", "hang", "sleep", "memory", "raise", "exit", "disk", "silent", "lost"]
+Does = Literal[
+    *("drive", "segfault", "hang", "sleep", "memory", "raise", "exit", "disk", "silent", "lost"),
+    *("litter", "fork", "daemon"),
+]
 GOOD = information_from_sigmas(1e-3, 1e-3, 1e-3)
 
 
@@ -117,6 +121,16 @@ def misbehave(how: str) -> None:
             raise RuntimeError("the toy broke")
         case "exit":
             os._exit(0)
+        case "litter":
+            for i in range(200):  # each file is small, and all of them are not
+                Path(f"litter-{i}").write_bytes(bytes(1 << 20))
+                time.sleep(0.05)
+        case "fork":
+            for _ in range(30):
+                subprocess.Popen(["sleep", "300"])
+            time.sleep(60)
+        case "daemon":
+            subprocess.Popen(["sleep", "298765"], start_new_session=True)
         case "disk":
             with tempfile.TemporaryFile() as file:
                 file.writelines(bytes(1 << 20) for _ in range(200))

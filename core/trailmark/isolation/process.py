@@ -4,28 +4,30 @@ from __future__ import annotations
 
 import json
 import os
+import secrets
 import select
 import signal
 import socket
 import subprocess
 import sys
 import time
-from collections import deque
 from collections.abc import Mapping
-from contextlib import suppress
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 from trailmark.errors import ConfigError
 from trailmark.isolation.child import EXIT_FAILED, EXIT_SKIPPED
+from trailmark.isolation.error_tail import ErrorTail
+from trailmark.isolation.limits import LimitWatch
 from trailmark.isolation.outcome import Outcome
+from trailmark.isolation.process_tree import MARK_VARIABLE, ProcessTree
 
 __all__ = ["REQUEST_FILE", "RESULT_FILE", "IsolatedProcess"]
 
 REQUEST_FILE = "cell.json"
 RESULT_FILE = "result.json"
 
-_TAIL_BYTES = 16384
 _POLL_S = 0.5
 # What a process that is told to show where it hangs gets for doing so.
 _LAST_WORDS_S = 0.3
@@ -40,19 +42,26 @@ _THREAD_VARIABLES = (
     "NUMBA_NUM_THREADS",
     "OPENCV_FOR_THREADS_NUM",
 )
+# Paths that a process with another working folder has to find too.
+_PATH_VARIABLES = ("PYTHONPATH", "NUMBA_CACHE_DIR", "MPLCONFIGDIR", "TRAILMARK_DATA")
 
 
 class IsolatedProcess:
     """A process with a request, a folder and limits; `kill` ends it from another thread.
 
+    It leads a session of its own. When it ends, whatever way, everything that it has started is ended too.
+
     Parameters
     ----------
     request : mapping
-        Plain data, written into the folder; ``limits`` in it holds ``timeout_s`` and ``threads``.
+        Plain data, written into the folder; ``limits`` in it holds ``timeout_s`` and ``threads``, and what `LimitWatch`
+        looks at.
     folder : Path
         An empty folder: what the process leaves is in it afterwards, ``result.json`` among it.
     module : str
         What runs in it, as ``python -m MODULE FOLDER PARENT``.
+    scratch : Path, optional
+        Working folder, and place of temporary files; default: those of this process.
 
     Raises
     ------
@@ -60,34 +69,36 @@ class IsolatedProcess:
         Where processes cannot be accounted for: ``os.wait4`` is of Linux and macOS.
     """
 
-    def __init__(self, request: Mapping[str, Any], folder: Path, module: str) -> None:
+    def __init__(self, request: Mapping[str, Any], folder: Path, *, module: str, scratch: Path | None = None) -> None:
         if os.name != "posix":
             raise ConfigError("cells and calls run on Linux and macOS; tables and reports open everywhere")
         self._request = request
         self._module = module
         self._folder = folder
-        self._process: subprocess.Popen[bytes] | None = None
+        self._scratch = scratch
+        self._tree: ProcessTree | None = None
         self._is_killed = False
-        self._tail: deque[bytes] = deque()
-        self._tail_bytes = 0
 
     def run(self) -> Outcome:
         """Start the process, and return when it has ended, whatever way."""
         (self._folder / REQUEST_FILE).write_text(json.dumps(self._request), encoding="utf-8")
-        load = os.getloadavg()[0]
-        limit_s = float(self._request["limits"]["timeout_s"])
-        began_s = time.monotonic()
-        process = self._process = self._start()
+        load, began_s = os.getloadavg()[0], time.monotonic()
+        mark = secrets.token_hex(8)
+        process = self._start(mark)
+        assert process.stderr is not None
+        tree = self._tree = ProcessTree(process.pid, mark)
         if self._is_killed:
-            self._signal(signal.SIGKILL)
-        is_late = self._watch(process, began_s + limit_s)
+            tree.kill()
+        tail = ErrorTail(process.stderr.fileno())
+        limits = LimitWatch(self._request["limits"], self._folder, tree)
+        with closing(_Waiter(process.pid, tail)) as waiter:
+            verdict = self._watch(waiter, limits, tree)
         _, status, usage = os.wait4(process.pid, 0)
-        self._signal(signal.SIGKILL)  # of what it started and left behind
+        tree.kill()  # what it has started and left behind
         process.returncode = os.waitstatus_to_exitcode(status)
-        wall_s = time.monotonic() - began_s
-        self._drain(process)
-        stderr = b"".join(self._tail)[-_TAIL_BYTES:].decode("utf-8", "replace")
-        state, reason = self._verdict(process.returncode, is_late, limit_s, stderr)
+        wall_s, stderr = time.monotonic() - began_s, tail.text()
+        process.stderr.close()
+        state, reason = verdict or limits.final_verdict() or _verdict(self._folder, process.returncode, stderr)
         return Outcome(
             state=state,
             reason=reason,
@@ -100,14 +111,18 @@ class IsolatedProcess:
         )
 
     def kill(self) -> None:
-        """End the process now."""
+        """End the process, and all that it has started, now."""
         self._is_killed = True
-        self._signal(signal.SIGKILL)
+        if self._tree is not None:
+            self._tree.kill()
 
-    def _start(self) -> subprocess.Popen[bytes]:
+    def _start(self, mark: str) -> subprocess.Popen[bytes]:
         threads = self._request["limits"]["threads"]
         pinned = {} if threads is None else dict.fromkeys(_THREAD_VARIABLES, str(threads))
-        environment = os.environ | pinned | {"PYTHONHASHSEED": "0"}
+        environment = os.environ | pinned | {"PYTHONHASHSEED": "0", MARK_VARIABLE: mark}
+        if self._scratch is not None:
+            self._scratch.mkdir(exist_ok=True)
+            environment |= _absolute_paths() | {"TMPDIR": str(self._scratch.absolute())}
         command = [
             sys.executable,
             "-P",  # not a numpy.py of the folder where all was started
@@ -115,86 +130,87 @@ class IsolatedProcess:
             "faulthandler",
             "-m",
             self._module,
-            str(self._folder),
+            str(self._folder.absolute()),
             str(os.getpid()),
         ]
         return subprocess.Popen(
             command,
             env=environment,
+            cwd=self._scratch,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
             start_new_session=True,  # Ctrl-C is for this process; and what that one starts can be ended with it
         )
 
-    def _watch(self, process: subprocess.Popen[bytes], until_s: float) -> bool:
-        """Read what it says until it has ended; return whether it had to be ended because its time was over."""
-        assert process.stderr is not None
-        is_late, deadline_s = False, until_s
-        pipe = process.stderr.fileno()
-        os.set_blocking(pipe, False)
-        watched = [pipe]
+    def _watch(self, waiter: _Waiter, limits: LimitWatch, tree: ProcessTree) -> tuple[str, str] | None:
+        """Wait until the process has ended; return state and reason if it had to be ended."""
+        limit_s = float(self._request["limits"]["timeout_s"])
+        until_s = time.monotonic() + limit_s
+        while not waiter.wait(min(until_s, limits.next_look_s)):
+            verdict = limits.verdict()
+            if verdict is None and time.monotonic() >= until_s:
+                verdict = "timeout", f"not done after {limit_s:g} s"
+                tree.signal_first(signal.SIGUSR1)  # faulthandler: where does it hang
+                waiter.wait(time.monotonic() + _LAST_WORDS_S)
+            if verdict is not None:
+                tree.kill()
+                while not waiter.wait(time.monotonic() + _POLL_S):
+                    tree.kill()
+                return verdict
+        return None
+
+
+class _Waiter:
+    """Waits for the end of a process, and reads meanwhile what it says."""
+
+    def __init__(self, pid: int, tail: ErrorTail) -> None:
+        self._pid = pid
+        self._tail = tail
         try:
-            ended = os.pidfd_open(process.pid)
+            self._ended = os.pidfd_open(pid)
         except (AttributeError, OSError):  # not on this system: look now and then
-            ended = -1
-        if ended >= 0:
-            watched.append(ended)
-        try:
-            while True:
-                left_s = deadline_s - time.monotonic()
-                patience_s = max(0.0, min(left_s, 60.0 if ended >= 0 else 0.02))
-                ready, _, _ = select.select(watched, [], [], patience_s)
-                if pipe in ready and not self._read(pipe):
-                    watched.remove(pipe)
-                if ended in ready or (ended < 0 and _has_ended(process.pid)):
-                    return is_late
-                if time.monotonic() >= deadline_s:
-                    if not is_late:
-                        is_late, deadline_s = True, time.monotonic() + _LAST_WORDS_S
-                        self._signal(signal.SIGUSR1)  # faulthandler: where does it hang
-                    else:
-                        self._signal(signal.SIGKILL)
-                        deadline_s = time.monotonic() + _POLL_S
-        finally:
-            if ended >= 0:
-                os.close(ended)
+            self._ended = -1
+        self._watched = [tail.pipe] if self._ended < 0 else [tail.pipe, self._ended]
 
-    def _drain(self, process: subprocess.Popen[bytes]) -> None:
-        assert process.stderr is not None
-        while self._read(process.stderr.fileno()):
-            pass
-        process.stderr.close()
+    def wait(self, until_s: float) -> bool:
+        """Wait until then at most, by the monotonic clock [s]; return whether the process has ended."""
+        while True:
+            patience_s = max(0.0, min(until_s - time.monotonic(), 60.0 if self._ended >= 0 else 0.02))
+            ready, _, _ = select.select(self._watched, [], [], patience_s)
+            if self._tail.pipe in ready and not self._tail.read():
+                self._watched.remove(self._tail.pipe)
+            if self._ended in ready or (self._ended < 0 and _has_ended(self._pid)):
+                return True
+            if time.monotonic() >= until_s:
+                return False
 
-    def _read(self, pipe: int) -> bool:
-        """Keep the end of what it says; return whether there was something."""
-        try:
-            chunk = os.read(pipe, 65536)
-        except (BlockingIOError, OSError):
-            return False
-        self._tail.append(chunk)
-        self._tail_bytes += len(chunk)
-        while len(self._tail) > 1 and self._tail_bytes - len(self._tail[0]) >= _TAIL_BYTES:
-            self._tail_bytes -= len(self._tail.popleft())
-        return bool(chunk)
+    def close(self) -> None:
+        """Stop waiting."""
+        if self._ended >= 0:
+            os.close(self._ended)
 
-    def _signal(self, number: int) -> None:
-        if self._process is not None:
-            with suppress(ProcessLookupError, PermissionError):
-                os.killpg(self._process.pid, number)
 
-    def _verdict(self, code: int, is_late: bool, limit_s: float, stderr: str) -> tuple[str, str]:
-        if is_late:
-            return "timeout", f"not done after {limit_s:g} s"
-        result = _result(self._folder)
-        if code == 0 and result is not None:
-            return str(result["state"]), str(result["reason"])
-        if code < 0:
-            return "crashed", _signal_words(-code)
-        last = next((line for line in reversed(stderr.splitlines()) if line.strip()), "")
-        if code in (EXIT_FAILED, EXIT_SKIPPED) and last:
-            return "failed" if code == EXIT_FAILED else "skipped", last
-        return "crashed", f"left with code {code} without a result" + (f": {last}" if last else "")
+def _absolute_paths() -> dict[str, str]:
+    """Return the variables that hold paths, with these made absolute."""
+    written = {name: os.environ[name] for name in _PATH_VARIABLES if os.environ.get(name)}
+    return {
+        name: os.pathsep.join(os.path.abspath(path) for path in value.split(os.pathsep) if path)
+        for name, value in written.items()
+    }
+
+
+def _verdict(folder: Path, code: int, stderr: str) -> tuple[str, str]:
+    """Return state and reason by the exit code, the result and the last line of standard error."""
+    result = _result(folder)
+    if code == 0 and result is not None:
+        return str(result["state"]), str(result["reason"])
+    if code < 0:
+        return "crashed", _signal_words(-code)
+    last = next((line for line in reversed(stderr.splitlines()) if line.strip()), "")
+    if code in (EXIT_FAILED, EXIT_SKIPPED) and last:
+        return "failed" if code == EXIT_FAILED else "skipped", last
+    return "crashed", f"left with code {code} without a result" + (f": {last}" if last else "")
 
 
 def _has_ended(pid: int) -> bool:

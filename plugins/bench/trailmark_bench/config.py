@@ -46,9 +46,14 @@ class Limits(PluginConfig):
     timeout_s: float = Field(default=3600.0, gt=0)
     """Wall time [s]."""
     memory_mb: float | None = Field(default=None, ge=64)
-    """Address space; compiled code and libraries take 2 to 4 GB of it before the first frame [MB]."""
+    """Address space of a process, and memory of all its processes together; compiled code and libraries take 2 to 4 GB
+    of address space before the first frame [MB]."""
     file_mb: float | None = Field(default=None, gt=0)
     """Size of a single file [MB]."""
+    disk_mb: float | None = Field(default=10_000.0, gt=0)
+    """All that it leaves in its folder, and has in its working folder and as temporary files [MB]."""
+    processes: int | None = Field(default=200, ge=1)
+    """Processes at a time."""
     threads: int = Field(default=1, ge=1)
     """Threads of the numeric libraries; 1 is fair and reproducible."""
 

@@ -100,7 +100,7 @@ class Matrix:
             "coordinates": coordinates,
             "document": document,
             "teach": teach,
-            "base_dir": str(self._context.document.base_dir),
+            "base_dir": str(self._context.document.base_dir.absolute()),
             "subject": subject,
             "localizer": combination.first_localizer,
             "align": judging["align"],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,15 +11,18 @@ from trailmark.deprecation import deprecated_name
 from trailmark.isolation.outcome import Outcome
 from trailmark.isolation.process import REQUEST_FILE, RESULT_FILE, IsolatedProcess
 
-__all__ = ["DETAIL_FILE", "OUTCOME_FILE", "REQUEST_FILE", "RESULT_FILE", "cell_process", "run_cell"]
+__all__ = ["DETAIL_FILE", "OUTCOME_FILE", "REQUEST_FILE", "RESULT_FILE", "cell_process", "run_cell", "run_to_end"]
 
 DETAIL_FILE = "detail.json"
 OUTCOME_FILE = "outcome.json"
 
+# Working folder of a cell: what it writes by a relative path, or as a temporary file, counts as its own.
+_SCRATCH = "scratch"
+
 
 def cell_process(request: Mapping[str, Any], folder: Path) -> IsolatedProcess:
     """Return the process of a cell, which is to be run."""
-    return IsolatedProcess(request, folder, module="trailmark_bench.child")
+    return IsolatedProcess(request, folder, module="trailmark_bench.child", scratch=folder / _SCRATCH)
 
 
 def run_cell(request: Mapping[str, Any], folder: Path) -> Outcome:
@@ -31,7 +35,14 @@ def run_cell(request: Mapping[str, Any], folder: Path) -> Outcome:
     folder : Path
         An empty folder; what the cell leaves is in it afterwards.
     """
-    return cell_process(request, folder).run()
+    return run_to_end(cell_process(request, folder), folder)
+
+
+def run_to_end(process: IsolatedProcess, folder: Path) -> Outcome:
+    """Run the process of a cell, and remove its working folder."""
+    outcome = process.run()
+    shutil.rmtree(folder / _SCRATCH, ignore_errors=True)
+    return outcome
 
 
 def __getattr__(name: str) -> Any:

@@ -13,7 +13,7 @@ from typing import Any
 from trailmark.isolation.executor import Executor, Finished, Job
 from trailmark.isolation.outcome import Outcome
 from trailmark.isolation.process import IsolatedProcess
-from trailmark_bench.process import cell_process
+from trailmark_bench.process import cell_process, run_to_end
 
 __all__ = ["LocalExecutor"]
 
@@ -37,6 +37,7 @@ class LocalExecutor(Executor):
     def start(self, workspace: Path) -> None:
         """Make ready to run cells below a folder."""
         self._workspace = workspace
+        self._is_closed = False
         self._threads = ThreadPoolExecutor(self.slots, thread_name_prefix="cell")
 
     def submit(self, job: Job) -> None:
@@ -73,7 +74,7 @@ class LocalExecutor(Executor):
                 if self._is_closed:
                     return
                 self._processes[job.id] = process
-            outcome = process.run()
+            outcome = run_to_end(process, folder)
         except Exception as error:  # the thread must answer, or the bench would wait for ever
             outcome = Outcome("failed", f"the cell could not be started: {type(error).__name__}: {error}")
             folder.mkdir(parents=True, exist_ok=True)
