@@ -15,7 +15,12 @@ from pathlib import Path
 
 import pytest
 
-from trailmark_bench import Index
+from trailmark.errors import ConfigError
+from trailmark.isolation import ExecutorLostError, Finished, Outcome
+from trailmark_bench import Index, run_bench
+from trailmark_bench.executors.config import DaskConfig, LocalConfig
+from trailmark_bench.executors.dask import DaskExecutor
+from trailmark_bench.executors.local import LocalExecutor
 from trailmark_bench.remote import packed, run_packed
 
 TOY = Path(__file__).with_name("toy_plugin.py")
@@ -71,33 +76,123 @@ def test_a_worker_with_other_code_refuses(bench_of, tmp_path: Path) -> None:
     assert "other code of trailmark_sim" in digest["reason"]
 
 
+class Moody(LocalExecutor):
+    """Loses what its script says: ``cell`` the next that ends, ``all`` everything; ``away``: it does not start."""
+
+    script: list[str]
+
+    def start(self, workspace: Path) -> None:
+        if self.script[:1] == ["away"]:
+            self.script.pop(0)
+            raise ConfigError("nobody answers")
+        super().start(workspace)
+
+    def wait(self, timeout_s: float) -> list[Finished]:
+        found = list(super().wait(timeout_s))
+        if found and self.script[:1] == ["all"]:
+            self.script.pop(0)
+            raise ExecutorLostError("the scheduler is lost")
+        for place, finished in enumerate(found):
+            if self.script[:1] == ["cell"]:
+                self.script.pop(0)
+                found[place] = Finished(finished.id, Outcome("crashed", "its worker was lost"), is_lost=True)
+        return found
+
+
+def run_moody(bench, folder: Path, script: list[str], patience_s: float = 5.0):
+    executor = Moody(LocalConfig(jobs=1))
+    executor.script = script
+    try:
+        with Index(folder, write=True) as index:
+            return run_bench(bench.cells, index, executor, patience_s=patience_s)
+    finally:
+        assert not (folder / "cells" / ".work").exists()
+
+
+def states(folder: Path) -> list[tuple[str, int]]:
+    with Index(folder) as index:
+        return [(record.state, record.attempts) for record in index.records()]
+
+
+@pytest.mark.parametrize("script", [["cell"], ["all"], ["all", "away"], ["cell", "all", "away", "away"]])
+def test_what_is_lost_is_run_again_and_is_no_failure(bench_of, tmp_path: Path, script: list[str]) -> None:
+    n_lost = sum(word != "away" for word in script)
+
+    assert run_moody(bench_of({"localizers": ["toy"], "seeds": 2}), tmp_path, list(script)) == ()
+
+    assert [state for state, _ in states(tmp_path)] == ["ok", "ok"]
+    assert sum(attempts for _, attempts in states(tmp_path)) == 2 + n_lost
+
+
+def test_an_executor_that_does_not_come_back_leaves_its_cells_pending(bench_of, tmp_path: Path) -> None:
+    bench = bench_of({"localizers": ["toy"], "seeds": 2})
+
+    with pytest.raises(ExecutorLostError, match="the scheduler is lost; nobody answers; the same command goes on"):
+        run_moody(bench, tmp_path, ["all", *["away"] * 9], patience_s=0.1)
+    assert states(tmp_path) == [("pending", 1), ("pending", 0)]
+
+    run_moody(bench, tmp_path, [])
+    assert states(tmp_path) == [("ok", 2), ("ok", 1)]
+
+
+def test_a_cell_that_is_lost_every_time_is_left_for_later(bench_of, tmp_path: Path) -> None:
+    bench = bench_of({"localizers": ["toy"], "seeds": 2})
+
+    lost = run_moody(bench, tmp_path, ["cell"] * 6)
+
+    assert [cell.id for cell in lost] == [cell.id for cell in bench.cells]
+    assert states(tmp_path) == [("pending", 3), ("pending", 3)]
+
+
+class Cluster:
+    """A scheduler and two workers on this machine."""
+
+    def __init__(self, folder: Path) -> None:
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            self._port = free.getsockname()[1]
+        self._folder = folder
+        self.address = f"tcp://127.0.0.1:{self._port}"
+        self.workers: list[subprocess.Popen[bytes]] = []
+
+    def start_all(self) -> None:
+        port = ("--host", "127.0.0.1", "--port", str(self._port))
+        self.scheduler = self._start("dask_scheduler", *port, "--no-dashboard", "--no-jupyter")
+        options = (
+            "--nthreads",
+            "1",
+            "--no-nanny",
+            "--no-dashboard",
+            "--local-directory",
+            str(self._folder / "scratch"),
+        )
+        self.workers = [self._start("dask_worker", self.address, *options) for _ in range(2)]
+
+    def kill(self) -> None:
+        for process in (*self.workers, self.scheduler):
+            process.kill()
+            process.wait()
+
+    def _start(self, module: str, *arguments: str) -> subprocess.Popen[bytes]:
+        environment = os.environ | {"DASK_DISTRIBUTED__SCHEDULER__WORKER_TTL": "60s"}
+        command = [sys.executable, "-m", f"distributed.cli.{module}", *arguments]
+        with (self._folder / f"{module}.log").open("ab") as log:
+            return subprocess.Popen(command, stdout=log, stderr=log, env=environment, cwd=self._folder)
+
+
 @pytest.fixture
-def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+def cluster(tmp_path: Path) -> Iterator[Cluster]:
     """A scheduler and two workers, each a process of its own."""
     pytest.importorskip("distributed", reason="the extra [dask] is not installed")
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    address = f"tcp://127.0.0.1:{port}"
-    environment = os.environ | {"DASK_DISTRIBUTED__SCHEDULER__WORKER_TTL": "60s"}
-
-    def start(module: str, *arguments: str) -> subprocess.Popen[bytes]:
-        log = (tmp_path / f"{module}.log").open("ab")
-        command = [sys.executable, "-m", f"distributed.cli.{module}", *arguments]
-        return subprocess.Popen(command, stdout=log, stderr=log, env=environment, cwd=tmp_path)
-
-    scheduler = start("dask_scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard", "--no-jupyter")
-    options = ("--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", str(tmp_path / "scratch"))
-    workers = [start("dask_worker", address, *options) for _ in range(2)]
-    yield address, workers
-    for process in (*workers, scheduler):
-        process.kill()
-        process.wait()
+    found = Cluster(tmp_path)
+    found.start_all()
+    yield found
+    found.kill()
 
 
 @pytest.mark.long
-def test_a_cluster_loses_and_doubles_nothing_when_a_worker_is_killed(cluster, tmp_path: Path) -> None:
-    address, workers = cluster
+def test_a_cluster_loses_and_doubles_nothing_when_a_worker_is_killed(cluster: Cluster, tmp_path: Path) -> None:
+    address, workers = cluster.address, cluster.workers
     (tmp_path / "b.yaml").write_text(CONFIG)
     (tmp_path / "speed.txt").write_text("1.0")
     out = tmp_path / "out"
@@ -130,3 +225,44 @@ def test_a_cluster_loses_and_doubles_nothing_when_a_worker_is_killed(cluster, tm
     with Index(out) as there, Index(tmp_path / "local") as here:
         assert [record.id for record in there.records()] == [record.id for record in here.records()]
     shutil.rmtree(out)
+
+
+def test_a_cluster_that_is_lost_and_comes_back_goes_on(cluster: Cluster, bench_of, tmp_path: Path) -> None:
+    """Its scheduler and its workers die in the middle; new ones come at the same address."""
+    bench = bench_of({"localizers": {"slow": {"plugin": "toy", "does": "sleep"}}, "seeds": 4})
+    is_lost = False
+
+    def lose_it_once(status) -> None:
+        nonlocal is_lost
+        if status.finished is not None and not is_lost:
+            is_lost = True
+            cluster.kill()
+            cluster.start_all()
+
+    with Index(tmp_path / "out", write=True) as index:
+        executor = DaskExecutor(DaskConfig(scheduler=cluster.address, jobs=2))
+        lost = run_bench(bench.cells, index, executor, on_progress=lose_it_once)
+
+    assert is_lost
+    assert lost == ()
+    assert [state for state, _ in states(tmp_path / "out")] == ["ok"] * 4
+    assert max(attempts for _, attempts in states(tmp_path / "out")) == 2
+
+
+@pytest.mark.long
+def test_a_cluster_that_is_lost_for_good_leaves_pending_cells(cluster: Cluster, bench_of, tmp_path: Path) -> None:
+    bench = bench_of({"localizers": {"slow": {"plugin": "toy", "does": "sleep"}}, "seeds": 3})
+
+    def lose_it(status) -> None:
+        if status.finished is not None:
+            cluster.kill()
+
+    executor = DaskExecutor(DaskConfig(scheduler=cluster.address, jobs=1))
+    with (
+        Index(tmp_path / "out", write=True) as index,
+        pytest.raises(ExecutorLostError, match=r"scheduler at .* is lost"),
+    ):
+        run_bench(bench.cells, index, executor, on_progress=lose_it, patience_s=0.0)
+
+    found = sorted(state for state, _ in states(tmp_path / "out"))
+    assert found == ["ok", "pending", "pending"]

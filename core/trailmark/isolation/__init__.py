@@ -10,15 +10,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from trailmark.isolation.executor import Executor, ExecutorConfig, Finished, Job
+    from trailmark.isolation.executor import Executor, ExecutorConfig, ExecutorLostError, Finished, Job
     from trailmark.isolation.outcome import Outcome
     from trailmark.isolation.process import IsolatedProcess
 
-__all__ = ["Executor", "ExecutorConfig", "Finished", "IsolatedProcess", "Job", "Outcome"]
+__all__ = ["Executor", "ExecutorConfig", "ExecutorLostError", "Finished", "IsolatedProcess", "Job", "Outcome"]
 
 _LAZY = {
     "Executor": "executor",
     "ExecutorConfig": "executor",
+    "ExecutorLostError": "executor",
     "Finished": "executor",
     "IsolatedProcess": "process",
     "Job": "executor",

@@ -9,9 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from trailmark.config.base import PluginConfig
+from trailmark.errors import RunError
 from trailmark.isolation.outcome import Outcome
 
-__all__ = ["Executor", "ExecutorConfig", "Finished", "Job"]
+__all__ = ["Executor", "ExecutorConfig", "ExecutorLostError", "Finished", "Job"]
+
+
+class ExecutorLostError(RunError):
+    """What runs the cells is gone: a scheduler, a network, a queue. It says nothing about the cells."""
 
 
 class ExecutorConfig(PluginConfig):
@@ -51,16 +56,24 @@ class Finished:
         What it left, on this machine; taken over by the bench.
     files : mapping of str to bytes
         The same from another machine: name in the folder to content.
+    is_lost : bool
+        It did not end: the machine that ran it was lost, or its answer was. The cell is pending again then, and
+        `outcome` says why; a state that blames the method would be wrong.
     """
 
     id: str
     outcome: Outcome
     folder: Path | None = None
     files: Mapping[str, bytes] = field(default_factory=dict, repr=False)
+    is_lost: bool = False
 
 
 class Executor(ABC):
-    """Runs jobs somewhere. Jobs that an executor loses (a machine that dies) it runs again itself.
+    """Runs jobs somewhere.
+
+    A job that is lost with the machine that ran it is run again by the executor, or ends with `Finished.is_lost`. When
+    everything is lost, `submit`, `wait` or `slots` raise `ExecutorLostError`: the bench closes the executor then,
+    starts it again, and submits what has not ended.
 
     Parameters
     ----------
@@ -73,7 +86,7 @@ class Executor(ABC):
 
     @abstractmethod
     def start(self, workspace: Path) -> None:
-        """Get ready; `workspace` is a folder for what is in work on this machine.
+        """Get ready, after `close` too; `workspace` is a folder for what is in work on this machine.
 
         Raises
         ------

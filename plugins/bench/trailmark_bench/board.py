@@ -18,6 +18,9 @@ _NEXT: dict[str, tuple[str, ...]] = {
     "running": ("ok", "failed", "timeout", "crashed", "skipped", "pending"),
 }
 
+# Times that a cell is started when what runs it is lost: perhaps the cell kills it.
+_TRIES = 3
+
 
 class CellBoard:
     """The states of a bench's cells while some of them are run: pending, running, or what became of them.
@@ -28,6 +31,13 @@ class CellBoard:
         Keeps every change.
     chosen : sequence of Cell
         Those that are to run; they are pending. Those that run alone come last.
+
+    Attributes
+    ----------
+    counts : Counter
+        Cells of the bench by state.
+    waiting, running, lost : dict of str to Cell
+        Those that are to start, that are in work, and that were lost too often to start again now.
     """
 
     def __init__(self, index: Index, chosen: Sequence[Cell]) -> None:
@@ -36,6 +46,8 @@ class CellBoard:
         self.counts = Counter(record.state for record in index.records())
         self.waiting = {cell.id: cell for cell in sorted(chosen, key=lambda cell: cell.alone)}
         self.running: dict[str, Cell] = {}
+        self.lost: dict[str, Cell] = {}
+        self._losses: Counter[str] = Counter()
 
     def startable(self, slots: int) -> Iterator[Cell]:
         """Yield waiting cells while there are places for them; one that is to run alone gets the machine for itself."""
@@ -58,6 +70,14 @@ class CellBoard:
         del self.running[cell.id]
         if outcome.state == "skipped":
             self._skip_like(cell, outcome.reason)
+
+    def lose(self, cell: Cell) -> None:
+        """What ran a cell was lost: the cell waits again, the third time for another call of the bench."""
+        self._move(cell, "pending")
+        self._index.mark_pending([cell.id])
+        self._losses[cell.id] += 1
+        place = self.waiting if self._losses[cell.id] < _TRIES else self.lost
+        place[cell.id] = self.running.pop(cell.id)
 
     def release(self) -> None:
         """Nothing that is in work will end: it is pending again."""

@@ -63,9 +63,8 @@ def write_page(index: Index, *, baseline: str | None = None) -> Path:
     path = index.folder / PAGE_FILE
     try:
         path.unlink(missing_ok=True)  # never through a link of a stranger's folder
-        path.write_text(
-            page_html(f"{summary.name}, a Trailmark bench", body, style=style, script=script), encoding="utf-8"
-        )
+        page = page_html(f"{summary.name}, a Trailmark bench", body, style=style, script=script)
+        path.write_text(page, encoding="utf-8", errors="replace")  # a path in it may be no text
     except OSError as error:
         raise DataError(f"cannot write {path}: {error.strerror or error}") from error
     return path

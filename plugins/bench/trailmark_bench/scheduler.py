@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import logging
+import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 
-from trailmark.errors import DataError
-from trailmark.isolation.executor import Executor, Finished, Job
+from trailmark.errors import ConfigError, DataError
+from trailmark.isolation.executor import Executor, ExecutorLostError, Finished, Job
 from trailmark_bench.board import CellBoard
 from trailmark_bench.cell import UNSUCCESSFUL, Cell
 from trailmark_bench.durations import CellDurations
@@ -68,7 +69,8 @@ def run_bench(
     *,
     retry: Retry = (),
     on_progress: Callable[[BenchStatus], None] = lambda status: None,
-) -> None:
+    patience_s: float = 60.0,
+) -> tuple[Cell, ...]:
     """Run the cells that are missing. A finished cell is never run again, however often this is called.
 
     Whatever ends it (Ctrl-C, a kill, a full disk), what is finished is kept and the rest is run next time.
@@ -85,11 +87,20 @@ def run_bench(
         Run only cells in these states: ``failed``, ``timeout``, ``crashed``, ``skipped``, ``all``.
     on_progress : callable
         Told when a cell starts or ends, and now and then.
+    patience_s : float
+        How long to wait for an executor that is lost to come back [s].
+
+    Returns
+    -------
+    tuple of Cell
+        Those that are pending still: what ran them was lost, several times.
 
     Raises
     ------
     ConfigError
         If the executor lacks what it needs.
+    ExecutorLostError
+        If it was lost and did not come back; what was in work is pending.
     DataError
         If results cannot be written.
     """
@@ -101,10 +112,12 @@ def run_bench(
         folders.forget_outcomes(chosen)
         index.mark_pending(cell.id for cell in chosen)
     board = CellBoard(index, chosen)
-    rounds = _BenchRound(board, executor, folders, CellDurations(index.records(everything=True)), on_progress)
-    rounds.tell()
+    durations = CellDurations(index.records(everything=True))
+    bench_round = _BenchRound(board, executor, folders, durations=durations, on_progress=on_progress)
+    bench_round.tell()
     if chosen:
-        rounds.run()
+        bench_round.run(patience_s)
+    return tuple(board.lost.values())
 
 
 class _BenchRound:
@@ -115,6 +128,7 @@ class _BenchRound:
         board: CellBoard,
         executor: Executor,
         folders: CellFolders,
+        *,
         durations: CellDurations,
         on_progress: Callable[[BenchStatus], None],
     ) -> None:
@@ -124,30 +138,56 @@ class _BenchRound:
         self._durations = durations
         self._on_progress = on_progress
 
-    def run(self) -> None:
-        """Run all waiting cells."""
+    def run(self, patience_s: float) -> None:
+        """Run all waiting cells; an executor that is lost is started again."""
         self._folders.make_workspace()
         try:
             self._executor.start(self._folders.workspace)
             while self._board.waiting or self._board.running:
-                for cell in self._board.startable(self._executor.slots):
-                    self._board.start(cell)
-                    self._executor.submit(Job(cell.id, cell.request))
-                    self.tell()
-                for finished in self._executor.wait(_WAIT_S):
-                    self._take(finished)
-                self.tell()
+                try:
+                    self._step()
+                except ExecutorLostError as error:
+                    self._start_again(error, time.monotonic() + patience_s)
         finally:
             self._executor.close()
             self._folders.clear_workspace()
             with suppress(DataError):
                 self._board.release()
 
+    def _step(self) -> None:
+        """Start cells while there are places, and keep what those that have ended left."""
+        for cell in self._board.startable(self._executor.slots):
+            self._board.start(cell)
+            self._executor.submit(Job(cell.id, cell.request))
+            self.tell()
+        for finished in self._executor.wait(_WAIT_S):
+            self._take(finished)
+        self.tell()
+
+    def _start_again(self, error: ExecutorLostError, until_s: float) -> None:
+        """Start an executor that is lost, which may take a while; what was in work waits again."""
+        logger.warning("%s; its %d cells are pending again", error, len(self._board.running))
+        for cell in tuple(self._board.running.values()):
+            self._board.lose(cell)
+        self._executor.close()
+        self.tell()
+        while True:
+            try:
+                return self._executor.start(self._folders.workspace)
+            except ConfigError as problem:
+                if time.monotonic() >= until_s:
+                    raise ExecutorLostError(f"{error}; {problem}; the same command goes on") from problem
+                time.sleep(min(1.0, max(0.0, until_s - time.monotonic())))
+
     def _take(self, finished: Finished) -> None:
         """Keep what a cell left, and tell what became of it."""
         cell = self._board.running.get(finished.id)
         if cell is None:  # an executor that lost a machine may give a result twice: the first one counts
             logger.debug("a second result of %s is not taken", finished.id)
+            return
+        if finished.is_lost:
+            logger.warning("%s is pending again: %s", cell.label, finished.outcome.reason)
+            self._board.lose(cell)
             return
         self._board.finish(cell, finished.outcome, *self._folders.keep(finished))
         self._durations.add(cell, finished.outcome.wall_s)

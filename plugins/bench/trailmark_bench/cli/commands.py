@@ -124,7 +124,7 @@ def show_command(
         if is_html:
             from trailmark_bench.page import write_page
 
-            click.echo(str(write_page(index, baseline=baseline)))
+            click.echo(click.format_filename(write_page(index, baseline=baseline)))
 
 
 @bench_group.command("watch")

@@ -20,6 +20,7 @@ from trailmark.plugins import Plugins
 from trailmark_bench.cli.commands import RunOptions
 from trailmark_bench.cli.progress import BenchProgress, duration_text
 from trailmark_bench.cli.showing import show_states, show_tables
+from trailmark_bench.cli.signals import ended_by_signals
 from trailmark_bench.durations import estimated_s
 from trailmark_bench.index import INDEX_FILE, Index
 from trailmark_bench.matrix import Bench, load_bench
@@ -39,14 +40,19 @@ def list_bench(request: RunOptions, plugins: Plugins, chosen: ChosenPlugins) -> 
 
 def run_bench_command(request: RunOptions, plugins: Plugins, chosen: ChosenPlugins) -> None:
     """Run the cells of a bench that are missing, and tell what all of them say."""
-    with Index(request.folder, write=True) as index:
+    with ended_by_signals(), Index(request.folder, write=True) as index:
         cache = index.file_digests()
         bench = load(request, plugins, chosen, cache)
         index.keep_file_digests(cache)
         say_changed(bench, index)
         remember(index, bench, request.config)
-        run_cells(bench, index, executor_of(bench, plugins, request), request.retry)
+        with BenchProgress() as progress:
+            executor = executor_of(bench, plugins, request)
+            lost = run_bench(bench.cells, index, executor, retry=request.retry, on_progress=progress)
         conclude(index, request.no_report, request.as_json)
+    if lost:
+        say(f"{len(lost)} cells are pending: what ran them was lost, more than once; the same command goes on")
+        raise click.exceptions.Exit(1)
 
 
 def load(request: RunOptions, plugins: Plugins, chosen: ChosenPlugins, cache: FileCache) -> Bench:
@@ -97,16 +103,6 @@ def executor_of(bench: Bench, plugins: Plugins, request: RunOptions) -> Executor
     return executor
 
 
-def run_cells(bench: Bench, index: Index, executor: Executor, retry: Sequence[str]) -> None:
-    """Run what is to run, with its progress."""
-    with BenchProgress() as progress:
-        try:
-            run_bench(bench.cells, index, executor, retry=retry, on_progress=progress)
-        except KeyboardInterrupt:
-            say("interrupted: what is finished is kept; the same command goes on")
-            raise
-
-
 def conclude(index: Index, no_report: bool, as_json: bool) -> None:
     """Print the tables and write the report; exit code 1 when no cell gave a result."""
     if not as_json:
@@ -116,7 +112,7 @@ def conclude(index: Index, no_report: bool, as_json: bool) -> None:
     if not no_report:
         page = write_page(index)
         if not as_json:
-            click.echo(f"{index.folder}\n{page}")
+            click.echo(f"{click.format_filename(index.folder)}\n{click.format_filename(page)}")
     states = {record.state for record in index.records()}
     if "ok" not in states and states & {"failed", "crashed", "timeout"}:
         raise click.exceptions.Exit(1)  # a method that fails is a result; a bench without any is not

@@ -68,7 +68,7 @@ def show_cell(index: Index, words: str, as_json: bool) -> None:
         click.echo(f"  {name:<44}{'' if value is None else f'{value:.6g}':>14}")
     folder = index.folder / "cells" / record.id
     if folder.is_dir():
-        click.echo(str(folder))
+        click.echo(click.format_filename(folder))
     if stderr := index.stderr(record.id).rstrip():
         click.echo("\n".join(f"| {line}" for line in stderr.splitlines()[-30:]))
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from click import format_filename
+
 from trailmark.cli.watch import Look
 from trailmark_bench.index import Index
 
@@ -24,6 +26,6 @@ def look_at_bench(folder: Path) -> Look:
         states = ", ".join(f"{count} {state}" for state, count in counts.items())
         running = "".join(f"\n  {record.label}" for record in records if record.state == "running")
         goes_on = bool(counts.get("running"))
-        return goes_on, Text(f"{folder.resolve().name}: {states}{running}")
+        return goes_on, Text(f"{format_filename(folder.resolve().name)}: {states}{running}")
 
     return look

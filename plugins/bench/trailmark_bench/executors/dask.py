@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import queue
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from trailmark.errors import ConfigError
-from trailmark.isolation.executor import Executor, Finished, Job
+from trailmark.isolation.executor import Executor, ExecutorLostError, Finished, Job
 from trailmark.isolation.outcome import Outcome
 from trailmark_bench.remote import packed, received, run_packed
 
@@ -23,7 +24,8 @@ class DaskExecutor(Executor):
     """A task for each cell; each runs in a process of its own beside its worker.
 
     A cell whose worker dies is given to another worker by the scheduler; one during which too many workers died
-    (``distributed.scheduler.allowed-failures``) is told as crashed. A result that comes twice is taken once.
+    (``distributed.scheduler.allowed-failures``), or whose answer does not arrive, is lost, which says nothing about it.
+    When the scheduler is lost, everything is. A result that comes twice is taken once.
     """
 
     def __init__(self, config: Any) -> None:
@@ -42,7 +44,8 @@ class DaskExecutor(Executor):
         now_s = time.monotonic()
         if self._client is not None and now_s - self._looked_s > _LOOK_AGAIN_S:  # workers come and go
             self._looked_s = now_s
-            self._places = max(1, sum(self._client.nthreads().values()))
+            with self._talking() as client:
+                self._places = max(1, sum(client.nthreads().values()))
         return self._places
 
     def start(self, workspace: Path) -> None:
@@ -62,32 +65,58 @@ class DaskExecutor(Executor):
     def submit(self, job: Job) -> None:
         """Give a cell to the cluster."""
         package = packed(job.request, self.config.carry_mb)
-        future = self._client.submit(run_packed, package, key=f"trailmark-{job.id}-{time.monotonic_ns()}", pure=False)
+        with self._talking() as client:
+            future = client.submit(run_packed, package, key=f"trailmark-{job.id}-{time.monotonic_ns()}", pure=False)
         self._futures[job.id] = future
-        future.add_done_callback(lambda done: self._done.put((job, done)))
+        done = self._done  # what ends after `close` is of no interest
+        future.add_done_callback(lambda ended: done.put((job, ended)))
 
     def wait(self, timeout_s: float) -> Sequence[Finished]:
         """Return the cells that have ended."""
-        try:
-            ended = [self._done.get(timeout=timeout_s)]
-        except queue.Empty:
-            return []
+        ended = []
+        with suppress(queue.Empty):
+            ended.append(self._done.get(timeout=timeout_s))
         while not self._done.empty():
             ended.append(self._done.get_nowait())
-        return [self._finished(job, future) for job, future in ended]
+        with self._talking():
+            return [self._finished(job, future) for job, future in ended]
 
     def close(self) -> None:
         """Take back what has not run, and leave the cluster."""
         client, self._client = self._client, None
-        if client is not None:
-            if self._futures:
-                client.cancel(list(self._futures.values()), force=True)
+        futures, self._futures = list(self._futures.values()), {}
+        self._done = queue.Queue()
+        if client is None:
+            return
+        with suppress(Exception):  # a scheduler that is gone takes nothing back
+            if futures and client.status == "running":
+                client.cancel(futures, force=True)
+        with suppress(Exception):
             client.close(timeout=_PATIENCE_S)
+
+    @contextmanager
+    def _talking(self) -> Iterator[Any]:
+        """Give the client; what goes wrong while the scheduler is away is its loss.
+
+        Raises
+        ------
+        ExecutorLostError
+            If the scheduler is away, before or afterwards.
+        """
+        try:
+            if self._client.status == "running":
+                yield self._client
+        except Exception:
+            if self._client.status == "running":
+                raise
+        if self._client.status != "running":
+            raise ExecutorLostError(f"the Dask scheduler at {self.config.scheduler!r} is lost")
 
     def _finished(self, job: Job, future: Any) -> Finished:
         self._futures.pop(job.id, None)
         try:
             return received(job, future.result(timeout=_PATIENCE_S))
         except Exception as error:  # its workers died, or the answer did not arrive
-            story = str(error).splitlines()[0] if str(error) else type(error).__name__
-            return Finished(job.id, Outcome("crashed", f"on the cluster: {type(error).__name__}: {story}"))
+            said = str(error).splitlines()[0] if str(error) else type(error).__name__
+            reason = f"lost on the cluster: {type(error).__name__}: {said}"
+            return Finished(job.id, Outcome("crashed", reason), is_lost=True)
