@@ -53,6 +53,8 @@ def _print(runs: Runs) -> None:
         for table in filter(None, tables):
             print_table(table)
     for run, document in runs:
+        if document["map_frame"]:
+            click.echo(f"{run}: {document['map_frame']}", err=True)
         for problem in document["problems"]:
             click.echo(f"{run}: {problem}", err=True)
 

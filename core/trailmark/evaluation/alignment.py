@@ -6,23 +6,29 @@ straight ones. In the plane the rotation is the angle of one summed vector, so a
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
 
+from trailmark.arrays import Floats
 from trailmark.errors import ConfigError
 from trailmark.evaluation.association import Pairs
 from trailmark.geometry import Pose2, Trajectory
 from trailmark.geometry.rigid import fit_pose2
 
-__all__ = ["ALIGNMENTS", "STATIC_M", "AlignKind", "Alignment", "align"]
+__all__ = ["ALIGNMENTS", "STATIC_M", "UNDETERMINED_RAD", "AlignKind", "Alignment", "align", "rotation_sigma_rad"]
 
 AlignKind = Literal["none", "origin", "se2"]
 ALIGNMENTS: tuple[AlignKind, ...] = get_args(AlignKind)
 
 #: A trajectory whose positions stay this near to their mean (rms) stands still: no direction can be told [m].
 STATIC_M = 1e-3
+#: A turn that the way tells with a larger standard deviation than this is not applied [rad].
+UNDETERMINED_RAD = math.radians(10.0)
+# Errors that hang together throughout are worth this many independent ones.
+_LEAST_INDEPENDENT = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +69,8 @@ def align(pairs: Pairs, kind: AlignKind = "se2") -> Alignment:
         R, t = argmin sum_i |R e_i + t - g_i|^2,  angle = atan2(sum e'_i x g'_i, sum e'_i . g'_i)
 
     with e' and g' relative to their means (Umeyama 1991 in two dimensions without scale). Where one of the two
-    stands still no direction can be told: ``se2`` falls back to ``origin`` and says so.
+    stands still, or the way is so short against the errors that its direction is a guess, ``se2`` falls back to
+    ``origin`` and says so.
 
     Raises
     ------
@@ -80,7 +87,43 @@ def align(pairs: Pairs, kind: AlignKind = "se2") -> Alignment:
     if static:
         reason = f"the {' and the '.join(static)} stands still, so no direction can be told"
         return Alignment(kind, "origin", _origin(pairs), reason)
-    return Alignment(kind, "se2", fit_pose2(pairs.truth.positions, pairs.estimate.positions))
+    fit = fit_pose2(pairs.truth.positions, pairs.estimate.positions)
+    residuals = fit @ pairs.estimate.positions - pairs.truth.positions
+    sigma_rad = rotation_sigma_rad(pairs.truth.positions, residuals)
+    if sigma_rad > UNDETERMINED_RAD:
+        extent_m = _rms(_centred(pairs.truth.positions))
+        reason = (
+            f"the way spreads by {extent_m:.2g} m and the errors by {_rms(residuals):.2g} m, so that its direction is"
+            f" known to {math.degrees(sigma_rad):.0f}° only"
+        )
+        return Alignment(kind, "origin", _origin(pairs), reason)
+    return Alignment(kind, "se2", fit)
+
+
+def rotation_sigma_rad(positions: Floats, residuals: Floats) -> float:
+    """Return the standard deviation of the turn of a fit.
+
+    ``sigma = s / (L sqrt(n))``: s the residuals of one coordinate, L the root mean square distance from the middle, n
+    the number of independent residuals, ``N (1 - rho) / (1 + rho)`` with their correlation rho from one to the next:
+    what drifts has many poses and few errors.
+
+    Parameters
+    ----------
+    positions, residuals : (N, 2) float64
+        Where the pairs are, and what the fit leaves of them [m].
+
+    Returns
+    -------
+    float
+        ``inf`` where all positions coincide [rad].
+    """
+    extent, spread = _rms(_centred(positions)), _rms(residuals) / math.sqrt(2.0)
+    if extent == 0.0:
+        return math.inf
+    squares = float((residuals * residuals).sum())
+    rho = float((residuals[1:] * residuals[:-1]).sum()) / squares if squares > 0.0 else 0.0
+    n = len(residuals) * (1.0 - rho) / (1.0 + rho) if rho > 0.0 else len(residuals)
+    return spread / (extent * math.sqrt(max(n, _LEAST_INDEPENDENT)))
 
 
 def _origin(pairs: Pairs) -> Pose2:
@@ -88,5 +131,12 @@ def _origin(pairs: Pairs) -> Pose2:
 
 
 def _is_static(trajectory: Trajectory) -> bool:
-    offsets = trajectory.positions - trajectory.positions.mean(axis=0)
-    return bool(np.sqrt((offsets * offsets).sum(axis=1).mean()) < STATIC_M)
+    return _rms(_centred(trajectory.positions)) < STATIC_M
+
+
+def _centred(positions: Floats) -> Floats:
+    return np.asarray(positions - positions.mean(axis=0))
+
+
+def _rms(offsets: Floats) -> float:
+    return math.sqrt(float((offsets * offsets).sum(axis=1).mean()))

@@ -24,6 +24,8 @@ Interpolate = Literal["auto", "truth", "estimate"]
 _CLEARLY_DENSER = 0.9
 # Two missing samples in a row are still bridged, a longer gap is not.
 _INTERVALS = 1.5
+#: Stamps that differ by less are one: files write microseconds [s].
+SAME_INSTANT_S = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,7 +98,8 @@ def associate(
     stamps = sparse.stamps_s[_usable(sparse.stamps_s, dense.stamps_s, tolerance_s)]
     if len(stamps) < 2:
         raise DataError(_no_overlap(estimate, truth, len(stamps), tolerance_s))
-    resampled, kept = dense.at(stamps), sparse.at(stamps)
+    inside = dense.at(np.clip(stamps, dense.stamps_s[0], dense.stamps_s[-1]))  # a microsecond over is none
+    resampled, kept = Trajectory(stamps, inside.poses), sparse.at(stamps)
     found = (kept, resampled) if side == "truth" else (resampled, kept)
     return Pairs(*found, side, tolerance_s, len(estimate), len(truth))
 
@@ -148,7 +151,7 @@ def _side_to_interpolate(
 def _usable(wanted_s: Floats, stamps_s: Floats, tolerance_s: float) -> Bools:
     after = np.clip(np.searchsorted(stamps_s, wanted_s), 1, len(stamps_s) - 1)
     nearest_s = np.minimum(np.abs(wanted_s - stamps_s[after - 1]), np.abs(wanted_s - stamps_s[after]))
-    inside = (wanted_s >= stamps_s[0]) & (wanted_s <= stamps_s[-1])
+    inside = (wanted_s >= stamps_s[0] - SAME_INSTANT_S) & (wanted_s <= stamps_s[-1] + SAME_INSTANT_S)
     return np.asarray(inside & (nearest_s <= tolerance_s))
 
 

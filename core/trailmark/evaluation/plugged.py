@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from trailmark.errors import TrailmarkError
 from trailmark.evaluation.estimates_table import EstimateTable
+from trailmark.evaluation.map_frame import ONE_FRAME, MapFrame
 from trailmark.evaluation.naming import quantity_of
 from trailmark.evaluation.trajectory_metrics import Evaluation
 from trailmark.geometry import Trajectory
@@ -42,15 +43,15 @@ class JudgedEstimates:
         Every estimate of the localizer as it told it, `Lost` included.
     truth : Trajectory or None
         Where base really was; None where that is not known.
-    pose_truth_map : Pose2 or None
-        ``pose_truth = pose_truth_map @ pose_map``; None where the frames have nothing in common.
+    map_frame : MapFrame
+        How the map lies in the frame of the truth.
     path : Path or None
         The taught path, which path offsets are about.
     """
 
     estimates: EstimateTable
     truth: Trajectory | None = None
-    pose_truth_map: Any = None
+    map_frame: MapFrame = ONE_FRAME
     path: Path | None = None
 
 

@@ -8,8 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
+from trailmark import paths
 from trailmark.errors import DataError
 from trailmark.evaluation.estimates_table import EstimateTable, read_estimates
+from trailmark.evaluation.path_file import PATH_FILE, read_path
 from trailmark.geometry import Trajectory, read_tum
 
 __all__ = ["FUSED", "GROUND_TRUTH", "RunFolder", "read_run"]
@@ -40,6 +42,8 @@ class RunFolder:
         ``config.yaml``; empty when missing.
     problems : tuple of str
         What could not be read, a line each.
+    path_taught : trailmark.paths.Path or None
+        The taught path that path offsets are about.
     """
 
     path: Path
@@ -50,6 +54,7 @@ class RunFolder:
     timing: Mapping[str, Any]
     config_text: str
     problems: tuple[str, ...]
+    path_taught: paths.Path | None = None
 
     @property
     def name(self) -> str:
@@ -91,6 +96,7 @@ def read_run(folder: str | Path) -> RunFolder:
         run=_attempt(path / "run.json", _json, problems) or {},
         timing=_attempt(path / "timing.json", _json, problems) or {},
         config_text=config_text,
+        path_taught=_attempt(path / PATH_FILE, read_path, problems),
         problems=tuple(problems),
     )
 

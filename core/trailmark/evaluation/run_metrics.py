@@ -9,9 +9,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from trailmark import paths
 from trailmark.errors import DataError
+from trailmark.evaluation.estimate_errors import true_poses
+from trailmark.evaluation.estimates_table import EstimateTable
 from trailmark.evaluation.lateral import lateral_error
+from trailmark.evaluation.map_frame import ONE_FRAME, MapFrame, find_map_frame
+from trailmark.evaluation.path_file import PATH_FILE, write_path
 from trailmark.evaluation.plugged import (
     JudgedEstimates,
     MetricFunction,
@@ -52,6 +58,10 @@ class RunEvaluation:
         By localizer, where the run has ``estimates.csv``.
     problems : mapping of str to str
         Why a trajectory could not be compared.
+    map_frame : MapFrame
+        How the map lies in the frame of the truth.
+    path : Path or None
+        The taught path that path offsets are about.
     """
 
     run: RunFolder
@@ -60,6 +70,8 @@ class RunEvaluation:
     evaluations: Mapping[str, Evaluation]
     sources: Mapping[str, SourceStatistics]
     problems: Mapping[str, str]
+    map_frame: MapFrame = ONE_FRAME
+    path: paths.Path | None = None
 
     @property
     def has_truth(self) -> bool:
@@ -107,16 +119,23 @@ def evaluate_run(
     DataError
         If the folder is not that of a run, or cannot be written to.
     """
-    evaluated = evaluate_run_folder(read_run(folder), protocol)
+    evaluated = evaluate_run_folder(read_run(folder), protocol, path)
     document: dict[str, Any] = _without_nan(metrics_document(evaluated, metrics=metrics, path=path))
     if write:
+        if path is not None:
+            write_path(path, Path(folder) / PATH_FILE)
         _write(Path(folder) / METRICS_FILE, document)
     return document
 
 
-def evaluate_run_folder(run: RunFolder, protocol: Protocol | None = None) -> RunEvaluation:
-    """Compare the trajectories of a run with its ground truth, or without it with one of them."""
-    protocol = protocol or Protocol()
+def evaluate_run_folder(
+    run: RunFolder, protocol: Protocol | None = None, path: paths.Path | None = None
+) -> RunEvaluation:
+    """Compare the trajectories of a run with its ground truth, or without it with one of them.
+
+    The taught path is the one that the run left in its folder, unless another is given.
+    """
+    protocol, path = protocol or Protocol(), path or run.path_taught
     reference = _reference(run)
     truth = run.truth if reference == GROUND_TRUTH else run.trajectories.get(reference or "")
     evaluations: dict[str, Evaluation] = {}
@@ -130,8 +149,10 @@ def evaluate_run_folder(run: RunFolder, protocol: Protocol | None = None) -> Run
             )
         except DataError as error:
             problems[name] = str(error)
-    sources = _sources(run, evaluations if reference == GROUND_TRUTH else {})
-    return RunEvaluation(run, protocol, reference, evaluations, sources, problems)
+    known = run.truth if reference == GROUND_TRUTH else None
+    map_frame = ONE_FRAME if known is None or run.estimates is None else _map_frame(run, run.estimates, known)
+    sources = _sources(run, known, map_frame, path)
+    return RunEvaluation(run, protocol, reference, evaluations, sources, problems, map_frame, path)
 
 
 def metrics_document(
@@ -146,7 +167,7 @@ def metrics_document(
     sources = {name: source.document() for name, source in evaluated.sources.items()}
     plugged = as_plugged(metrics)
     problems += _add_of_trajectories(trajectories, evaluated, plugged)
-    problems += _add_of_estimates(sources, evaluated, plugged, path)
+    problems += _add_of_estimates(sources, evaluated, plugged)
     if evaluated.run.truth is not None:
         trajectories[GROUND_TRUTH] = _plain(evaluated.run.truth)
     if path is not None:
@@ -155,6 +176,7 @@ def metrics_document(
         "reference": evaluated.reference,
         "errors": evaluated.has_truth,
         "align": evaluated.protocol.align,
+        "map_frame": evaluated.map_frame.note,
         "trajectories": trajectories,
         "sources": sources,
         "quantities": declared_quantities(plugged),
@@ -174,14 +196,12 @@ def _add_of_trajectories(
     return problems
 
 
-def _add_of_estimates(
-    sources: Documents, evaluated: RunEvaluation, metrics: Sequence[PluggedMetric], path: paths.Path | None
-) -> list[str]:
+def _add_of_estimates(sources: Documents, evaluated: RunEvaluation, metrics: Sequence[PluggedMetric]) -> list[str]:
     """Add what metrics say of the localizers' estimates, and return what went wrong."""
     problems = []
     judging = [metric for metric in metrics if metric.judges == "estimates"]
     for name, document in sources.items():
-        judged = _judged_estimates(evaluated, name, path)
+        judged = _judged_estimates(evaluated, name)
         for metric in judging:
             numbers, complaints = metric.numbers(judged)
             document["metrics"].update(numbers)
@@ -189,10 +209,10 @@ def _add_of_estimates(
     return problems
 
 
-def _judged_estimates(evaluated: RunEvaluation, name: str, path: paths.Path | None) -> JudgedEstimates:
+def _judged_estimates(evaluated: RunEvaluation, name: str) -> JudgedEstimates:
     assert evaluated.run.estimates is not None
     truth = evaluated.run.truth if evaluated.has_truth else None
-    return JudgedEstimates(evaluated.run.estimates.of(name), truth, _pose(_poses(evaluated.evaluations), name), path)
+    return JudgedEstimates(evaluated.run.estimates.of(name), truth, evaluated.map_frame, evaluated.path)
 
 
 def _reference(run: RunFolder) -> str | None:
@@ -211,23 +231,33 @@ def _span(run: RunFolder, reference: Trajectory) -> tuple[float, float]:
     return max(first_s, span[0]), min(last_s, span[1])
 
 
-def _sources(run: RunFolder, evaluations: Mapping[str, Evaluation]) -> dict[str, SourceStatistics]:
+def _sources(
+    run: RunFolder, truth: Trajectory | None, map_frame: MapFrame, path: paths.Path | None
+) -> dict[str, SourceStatistics]:
     if run.estimates is None:
         return {}
     spoke = run.estimates.sources()
     names = [name for name in run.trajectories if name in spoke]
     names += [name for name in spoke if name not in names]
-    poses = _poses(evaluations)
-    truth = run.truth if poses else None
-    return {name: source_statistics(run.estimates.of(name), truth, _pose(poses, name)) for name in names}
+    return {name: source_statistics(run.estimates.of(name), truth, map_frame, path) for name in names}
 
 
-def _poses(evaluations: Mapping[str, Evaluation]) -> dict[str, Pose2]:
-    return {name: item.absolute.alignment.pose_truth_estimate for name, item in evaluations.items()}
+def _map_frame(run: RunFolder, estimates: EstimateTable, truth: Trajectory) -> MapFrame:
+    """Return how the map lies in the frame of the truth, by all fixes and by where the belief began."""
+    fixes = estimates.where((estimates.kind == "fix") & (estimates.outcome != "refused"))
+    there = true_poses(truth, fixes.stamp_s)
+    known = np.isfinite(there).all(axis=1) & np.isfinite(fixes.numbers).all(axis=1)
+    return find_map_frame(fixes.numbers[known], there[known], _start(run, truth))
 
 
-def _pose(poses: Mapping[str, Pose2], name: str) -> Pose2 | None:
-    return poses.get(name, poses.get(FUSED))
+def _start(run: RunFolder, truth: Trajectory) -> tuple[Pose2, Pose2] | None:
+    """Return the first pose of the belief for which the truth is known, and the true one."""
+    believed = run.trajectories.get(FUSED)
+    if believed is None or not len(believed):
+        return None
+    true = true_poses(truth, believed.stamps_s)
+    known = np.flatnonzero(np.isfinite(true).all(axis=1))
+    return (believed[int(known[0])][1], Pose2.from_array(true[known[0]])) if len(known) else None
 
 
 def _trajectory(evaluated: RunEvaluation, name: str) -> dict[str, Any]:

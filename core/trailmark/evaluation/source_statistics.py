@@ -9,17 +9,15 @@ import numpy as np
 
 from trailmark.arrays import Floats
 from trailmark.errors import DataError
-from trailmark.evaluation.association import poses_at, usual_interval_s
 from trailmark.evaluation.consistency import Consistency, consistency_of, nees
+from trailmark.evaluation.estimate_errors import estimate_errors
 from trailmark.evaluation.estimates_table import EstimateTable
 from trailmark.evaluation.latency import Percentiles, percentiles
-from trailmark.evaluation.relative import between
-from trailmark.geometry import Pose2, Trajectory
+from trailmark.evaluation.map_frame import ONE_FRAME, MapFrame
+from trailmark.geometry import Trajectory
+from trailmark.paths import Path
 
 __all__ = ["SourceStatistics", "source_statistics"]
-
-
-_TRUTH_INTERVALS = 1.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +35,7 @@ class SourceStatistics:
     nis : Consistency or None
         Against the belief; None where the estimator computes none.
     nees : Consistency or None
-        Against the truth, of motions and fixes; None without ground truth. Noise of the truth counts
+        Against the truth, of motions, fixes and path offsets; None without ground truth. Noise of the truth counts
         as the localizer's.
     """
 
@@ -63,7 +61,10 @@ class SourceStatistics:
 
 
 def source_statistics(
-    estimates: EstimateTable, truth: Trajectory | None = None, pose_truth_map: Pose2 | None = None
+    estimates: EstimateTable,
+    truth: Trajectory | None = None,
+    map_frame: MapFrame = ONE_FRAME,
+    path: Path | None = None,
 ) -> SourceStatistics:
     """Return the numbers of one localizer.
 
@@ -73,8 +74,10 @@ def source_statistics(
         Its rows.
     truth : Trajectory, optional
         Ground truth, in its own frame.
-    pose_truth_map : Pose2, optional
-        ``pose_truth = pose_truth_map @ pose_map``; without it fixes are not compared with the truth.
+    map_frame : MapFrame
+        How the map lies in the frame of the truth.
+    path : Path, optional
+        The taught path; without it path offsets are not compared with the truth.
     """
     age_s = estimates.arrived_s - estimates.stamp_s
     age_s = age_s[np.isfinite(age_s) & (estimates.outcome != "lost")]
@@ -83,7 +86,7 @@ def source_statistics(
         outcomes=estimates.counts(),
         latency=percentiles(age_s) if len(age_s) else None,
         nis=_consistency_or_none(estimates.nis, estimates.dof),
-        nees=None if truth is None else _consistency_or_none(*_nees(estimates, truth, pose_truth_map)),
+        nees=None if truth is None else _nees(estimates, truth, map_frame, path),
     )
 
 
@@ -94,16 +97,7 @@ def _consistency_or_none(squares: Floats, dof: Floats) -> Consistency | None:
         return None
 
 
-def _nees(estimates: EstimateTable, truth: Trajectory, pose_truth_map: Pose2 | None) -> tuple[Floats, Floats]:
-    stated = estimates.where(estimates.outcome != "refused")
-    tolerance_s = _TRUTH_INTERVALS * usual_interval_s(truth.stamps_s)
-    motions, fixes = stated.where(stated.kind == "motion"), stated.where(stated.kind == "fix")
-    since, now = (poses_at(truth, stamps, tolerance_s) for stamps in (motions.since_s, motions.stamp_s))
-    errors, information = [motions.numbers - between(since, now)], [motions.information]
-    if pose_truth_map is not None:
-        in_truth = np.broadcast_to(pose_truth_map.array(), (len(fixes), 3))
-        errors.append(fixes.numbers - between(in_truth, poses_at(truth, fixes.stamp_s, tolerance_s)))
-        information.append(fixes.information)
-    all_errors, all_information = np.concatenate(errors), np.concatenate(information)
-    known = np.isfinite(all_errors).all(axis=1) & np.isfinite(all_information).all(axis=(1, 2))
-    return nees(all_errors[known], all_information[known])
+def _nees(estimates: EstimateTable, truth: Trajectory, map_frame: MapFrame, path: Path | None) -> Consistency | None:
+    found = estimate_errors(estimates, truth, map_frame, path)
+    known = np.isfinite(found.errors).all(axis=1) & np.isfinite(found.information).all(axis=(1, 2))
+    return _consistency_or_none(*nees(found.errors[known], found.information[known]))

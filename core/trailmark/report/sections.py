@@ -185,7 +185,11 @@ def _consistency_note(document: Document) -> str:
         " in 95 of 100 runs. NIS: against the belief, gated estimates included."
     )
     if any(item["nees"] for item in document["sources"].values()):
-        note += " NEES: against the ground truth, whose own noise counts as the localizer's."
+        note += (
+            " NEES: against the ground truth, whose own noise counts as the localizer's, places as they are in the map."
+        )
+    if document["map_frame"]:
+        note += f" But {document['map_frame']}."
     return note
 
 
