@@ -29,6 +29,7 @@ from trailmark_papers.kit import (
     run_config,
     sd_of,
     show,
+    simulated,
     spread_of,
     started_source,
     sweep,
@@ -96,6 +97,18 @@ def test_a_taught_path_is_run_kept_and_read_again(tmp_path: Path) -> None:
     assert keyframes_of(store, "nobody") == []
     assert len(keeper.stamps_s) == len(keeper.values) > 10
     assert keeper.values[-1] == pytest.approx(truth_of(result).length_m(), abs=0.05)  # 5 cm
+
+
+def test_a_collision_ends_a_drive(tmp_path: Path) -> None:
+    ahead = {"route": "wall", "start": [6.0, 2.0, 0.0], "driver": "commands", "duration_s": 20.0, "threads": 1}
+    source = simulated("supermarket", sensors=["wheels"], **ahead)
+    controller = {"plugin": "goal_seeking", "goal": [15.0, 2.0], "way": "straight", "max_fix_age_m": None}
+    config = {"sources": {"robot": source}, "localizers": {"wheels": {"plugin": "odometry"}}, "start": [6.0, 2.0, 0.0]}
+
+    result = run_config({**config, "controller": controller}, tmp_path)
+
+    assert collisions_of(result.counters) == 1
+    assert truth_of(result).stamps_s[-1] < 19.0
 
 
 class _Counting(Watcher):

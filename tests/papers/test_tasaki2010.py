@@ -16,7 +16,7 @@ from trailmark.paths import Keyframe, Waypoint
 from trailmark.paths import Path as TaughtPath
 from trailmark_omni_surf.landmark_map import Candidates
 from trailmark_omni_surf.laser.scan_map import ScanMap
-from trailmark_papers.tasaki2010.goals import GoalDrive, can_stand, can_turn, random_starts
+from trailmark_papers.tasaki2010.goals import GoalDrive, can_stand, random_starts
 from trailmark_papers.tasaki2010.labels import first_hit, labelled_candidates
 from trailmark_papers.tasaki2010.variants import Answers
 
@@ -78,10 +78,13 @@ def test_random_starts_are_beside_the_path_and_free() -> None:
     assert not can_stand((3.2, 4.6, 0.0))  # in the middle of a shelf
 
 
-def test_beside_a_shelf_it_can_stand_but_not_turn() -> None:
-    assert can_stand((8.55, 5.13, -75.76))
-    assert not can_turn((8.55, 5.13, -75.76))
-    assert can_turn((5.2, 3.2, 10.0))
+def test_no_start_is_left_out_where_the_robot_can_stand() -> None:
+    """Beside a shelf it can stand, but not turn: some of the starts beside the taught way are such places."""
+    path = TaughtPath(Waypoint(k, 0.1 * k, Pose2(8.5, 4.0 + 0.1 * k, math.pi / 2)) for k in range(20))
+
+    starts = random_starts(path, 20, seed=1)
+
+    assert any(not all(can_stand((x, y, heading + turn)) for turn in range(0, 180, 10)) for x, y, heading in starts)
 
 
 def test_an_arrival_counts_only_where_the_robot_said_so() -> None:
@@ -90,6 +93,7 @@ def test_an_arrival_counts_only_where_the_robot_said_so() -> None:
     assert GoalDrive(True, 0.05, way, way, 0, 0.0, 0).arrived
     assert not GoalDrive(False, 0.05, way, way, 0, 0.0, 0).arrived
     assert not GoalDrive(True, 0.15, way, way, 0, 0.0, 0).arrived
+    assert not GoalDrive(True, 0.05, way, way, 0, 0.0, 1).arrived  # it touched something
 
 
 def test_answers_know_their_errors_and_what_was_lost() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from trailmark_papers.kit.figures import panels
 from trailmark_papers.kit.keepers import AnswerKeeper, FrameKeeper
 from trailmark_papers.kit.numbers import largest_of, mean_of, rms, sd_of, spread_of
-from trailmark_papers.kit.runs import OnStep, collisions_of, run_config, started_source, truth_of
+from trailmark_papers.kit.runs import OnStep, collisions_of, run_config, simulated, started_source, truth_of
 from trailmark_papers.kit.stores import arrays_of, keyframes_of, path_of
 from trailmark_papers.kit.sweeps import grouped, sweep
 from trailmark_papers.kit.tables import Table
@@ -13,6 +13,6 @@ from trailmark_papers.kit.watching import Watcher, show, timed
 
 __all__ = [
     "AnswerKeeper", "FrameKeeper", "OnStep", "Table", "Watcher", "arrays_of", "collisions_of", "grouped",
-    "keyframes_of", "largest_of", "mean_of", "panels", "path_of", "rms", "run_config", "sd_of", "show", "spread_of",
-    "started_source", "sweep", "timed", "truth_of",
+    "keyframes_of", "largest_of", "mean_of", "panels", "path_of", "rms", "run_config", "sd_of", "show", "simulated",
+    "spread_of", "started_source", "sweep", "timed", "truth_of",
 ]  # fmt: skip

@@ -12,7 +12,7 @@ import numpy as np
 from trailmark.arrays import Floats
 from trailmark.experiments import ExperimentOptions
 from trailmark.interfaces import Mode
-from trailmark_papers.kit import run_config, started_source
+from trailmark_papers.kit import run_config, simulated, started_source
 
 __all__ = ["PAPER_MAP", "PIXEL_M", "SWAY_M", "course", "drive", "photographs", "poles_of", "tracking_config"]
 
@@ -26,8 +26,8 @@ PAPER_MAP: Mapping[str, Any] = {"high_pass": False, "refined": False, "min_group
 
 def course(route: str, world_seed: int = 1, **keys: Any) -> dict[str, Any]:
     """Return the source: the vehicle of the paper on one of its courses."""
-    sim = {"plugin": "sim", "world": "ground_course", "route": route, "sensors": ["floor"]}
-    return sim | {"world_seed": world_seed, "sway_m": SWAY_M} | keys
+    common = {"route": route, "sensors": ["floor"], "world_seed": world_seed, "sway_m": SWAY_M}
+    return simulated("ground_course", **(common | keys))
 
 
 def tracking_config(

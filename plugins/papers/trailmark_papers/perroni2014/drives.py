@@ -16,7 +16,7 @@ from trailmark.geometry import Trajectory
 from trailmark.paths import Path as TaughtPath
 from trailmark.paths import Waypoint
 from trailmark.pipeline import RunResult
-from trailmark_papers.kit import OnStep, run_config, truth_of
+from trailmark_papers.kit import OnStep, run_config, simulated, truth_of
 
 __all__ = ["AFTERNOON", "PEERS", "SPEED_MPS", "STREAMS", "Deviation", "Localizers", "Place", "Replay", "Taught"]
 
@@ -68,8 +68,7 @@ class Place:
     def source(self, options: Mapping[str, Any], **more: Any) -> dict[str, Any]:
         """Return the config of the source, in the morning where `options` do not say otherwise."""
         given = {"time": "morning", **options, "width_px": self.width_px}
-        keys = {"plugin": "sim", "world": self.world, "route": self.route, "threads": 1, "options": given}
-        return keys | more
+        return simulated(self.world, route=self.route, threads=1, options=given, **more)
 
     def teach(
         self,

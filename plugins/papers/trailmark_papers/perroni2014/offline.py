@@ -30,6 +30,7 @@ _WIDTH_PX = 160
 _LENGTH_M = 10.0
 _N_SEEDS = 1
 _DEPTH_HZ = 2.0
+_WINDOW = 25  # pictures of a stream
 _PAPER: Mapping[str, Any] = {
     **STREAMS,
     "shift": "paper",
@@ -72,6 +73,8 @@ class Answers:
         How far the station of each answer is from the true one [m].
     n_lost : int
         Pictures that it did not speak on.
+    n_collecting : int
+        How many of them are among the first 25, of which a stream must be collected before it can say anything.
     """
 
     said: list[float] = field(default_factory=list)
@@ -79,11 +82,17 @@ class Answers:
     stations_m: list[float] = field(default_factory=list)
     misses_m: list[float] = field(default_factory=list)
     n_lost: int = 0
+    n_collecting: int = 0
+
+    @property
+    def n_pictures(self) -> int:
+        """Pictures that it was shown."""
+        return len(self.said) + self.n_lost
 
     @property
     def spoken_percent(self) -> float:
         """Share of the pictures that it spoke on [%]."""
-        return 100.0 * len(self.said) / max(1, len(self.said) + self.n_lost)
+        return 100.0 * len(self.said) / max(1, self.n_pictures)
 
 
 class DepthKeeper(FrameKeeper[Depth]):
@@ -193,6 +202,7 @@ def compare(
     for name, stamp_s, offset in told:
         answer = answers.setdefault(name, Answers())
         if offset is None:
+            answer.n_collecting += answer.n_pictures < _WINDOW
             answer.n_lost += 1
             continue
         shift = offset.details.get("shift_columns", offset.details["shift_px"] / column_px)
@@ -217,7 +227,12 @@ def _rows_of_drives(name: str, drives: Sequence[Drive], is_turned: bool = True) 
         bias, bar = _worst_bias(several), 1.0 if is_judged else None
         table.add(f"{said}: mean less the true mean, worst drive", "columns", bias, bar=bar)
         if is_turned:
-            table.add_higher(f"{said}: sign right", "%", _signs_percent(several), bar=98.0 if is_judged else None)
+            table.add_higher(
+                f"{said}: sign right, a picture without an answer is wrong",
+                "%",
+                _signs_percent(several),
+                bar=98.0 if is_judged else None,
+            )
         if any(one.n_lost for one in several):
             spoken = float(np.mean([one.spoken_percent for one in several]))
             table.add_higher(f"{said}: spoken on", "%", spoken)
@@ -231,8 +246,10 @@ def _worst_bias(several: Sequence[Answers]) -> float | None:
 
 
 def _signs_percent(several: Sequence[Answers]) -> float | None:
-    said, true = (np.concatenate([getattr(one, what) for one in several]) for what in ("said", "true"))
-    return 100.0 * float((np.sign(said) == np.sign(true)).mean()) if len(said) else None
+    """Return the share of the pictures after the first window whose sign is right; one without an answer is wrong."""
+    n_right = sum(int((np.sign(one.said) == np.sign(one.true)).sum()) for one in several)
+    n_asked = sum(one.n_pictures - one.n_collecting for one in several)
+    return 100.0 * n_right / n_asked if n_asked else None
 
 
 def _series(answers: Answers) -> dict[str, Floats]:

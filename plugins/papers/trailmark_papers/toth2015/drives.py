@@ -14,7 +14,7 @@ from trailmark.estimates import Belief, Estimate, Fix, Motion
 from trailmark.frames import RGBD, Frame
 from trailmark.geometry import Pose2
 from trailmark.interfaces import FrameSource, Localizer, Session
-from trailmark_papers.kit import Table, Watcher, rms, show, spread_of, started_source, timed
+from trailmark_papers.kit import Table, Watcher, rms, show, simulated, spread_of, started_source, timed
 
 __all__ = ["FLOW", "LANDMARKS", "ORB", "Driven", "Outcome", "Plan", "drive", "error_rows", "seeds_of"]
 
@@ -133,18 +133,17 @@ def drive(plan: Plan) -> Driven:
 
 
 def _source(plan: Plan) -> dict[str, Any]:
-    return {
-        "plugin": "sim",
-        "world": plan.world,
-        "route": plan.route,
-        "speed_mps": plan.speed_mps,
-        "duration_s": plan.length_m / plan.speed_mps + 0.5 / plan.rate_hz,
-        "sensors": ["light", _CAMERA],
-        "rates_hz": {_CAMERA: plan.rate_hz},
-        "options": {"registered": True, **plan.options},
-        "vehicle": {"kind": "skid_steer", "max_speed_mps": max(plan.speed_mps, 0.3)},
-        "threads": 1,
-    }
+    return simulated(
+        plan.world,
+        route=plan.route,
+        speed_mps=plan.speed_mps,
+        duration_s=plan.length_m / plan.speed_mps + 0.5 / plan.rate_hz,
+        sensors=["light", _CAMERA],
+        rates_hz={_CAMERA: plan.rate_hz},
+        options={"registered": True, **plan.options},
+        vehicle={"kind": "skid_steer", "max_speed_mps": max(plan.speed_mps, 0.3)},
+        threads=1,
+    )
 
 
 class _Camera(Watcher):
