@@ -296,3 +296,25 @@ def test_closing_twice_is_fine(camera, localizer_map):
 
     localizer.close()
     localizer.close()
+
+
+@pytest.mark.parametrize(("aside_m", "n_searched"), [((0.017, 0.017), 1), ((0.019, 0.019), 0)])
+def test_a_patch_is_searched_for_within_twenty_five_millimetres(aside_m, n_searched, camera, ground, localizer_map):
+    """Both lie in the square that the search covers, 24 and 27 mm away; the paper looks within 0.025 m."""
+    teacher = taught_one_place(camera, ground, localizer_map)
+    localizer = replayed(camera, localizer_map)
+
+    localizer.observe(seen_from(camera, ground, way(0.0)), Belief(1.0, pose_map_base=Pose2(*aside_m, 0.0)))
+
+    assert teacher.counters()["registered"] == 1
+    assert localizer.counters()["searched"] == n_searched
+
+
+def taught_one_place(camera, ground, localizer_map):
+    """Teach the start alone."""
+    localizer = GroundMap(GroundMapConfig(camera="floor"))
+    sensors = {"floor": camera.sensor_info("floor")}
+    localizer.start(Session(name="floor_map", mode="teach", sensors=sensors, map=localizer_map))
+    localizer.observe(seen_from(camera, ground, way(0.0), 0.0), Belief(0.0, pose_map_base=way(0.0)))
+    localizer.finish()
+    return localizer

@@ -1,0 +1,105 @@
+"""What the localizer does with the light and with the time that it has: the pictures that its finders get."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from trailmark.estimates import Fix
+from trailmark_kinect_landmarks import eye as eye_module
+from trailmark_kinect_landmarks.config import KinectLandmarksConfig
+from trailmark_kinect_landmarks.finders import View, find
+from trailmark_kinect_landmarks.localizer import KinectLandmarks
+
+from .conftest import Drive, arc
+
+FINDERS = ("blobs", "rectangles", "edges", "lines")
+
+
+@pytest.fixture
+def shown(monkeypatch: pytest.MonkeyPatch) -> list[tuple[View, tuple[str, ...]]]:
+    """Return what the finders were shown, and which of them, picture by picture."""
+    seen: list[tuple[View, tuple[str, ...]]] = []
+
+    def keep(view: View, names: tuple[str, ...]) -> object:
+        seen.append((view, tuple(names)))
+        return find(view, names)
+
+    monkeypatch.setattr(eye_module, "find", keep)
+    return seen
+
+
+def landmarks(**options: object) -> KinectLandmarks:
+    return KinectLandmarks(KinectLandmarksConfig(camera="kinect", finders=FINDERS, **options))
+
+
+def brightness(view: View) -> float:
+    return float(np.mean(view.whole))
+
+
+@pytest.mark.parametrize("sensor", [None, "light"])
+def test_a_darker_picture_is_brought_to_the_light_of_the_first(
+    drive: Drive, shown: list[tuple[View, tuple[str, ...]]], sensor: str | None
+) -> None:
+    poses = arc(6)
+
+    answers = drive(landmarks(adapt=False, light=sensor), poses, light=lambda i: 1.0 if i < 3 else 0.4)
+
+    first, last = shown[0][0], shown[-1][0]
+    assert brightness(last) == pytest.approx(brightness(first), rel=0.1)
+    fix = answers[-1]
+    assert isinstance(fix, Fix)
+    assert fix.details["light"] == pytest.approx(0.4, abs=0.05)
+
+
+def test_the_sensor_says_how_much_of_a_change_was_light(
+    drive: Drive, shown: list[tuple[View, tuple[str, ...]]]
+) -> None:
+    """The pictures stay as bright while the sensor halves: the camera exposes by itself, and nothing is made up for."""
+    poses, localizer = arc(6), landmarks(adapt=False, light="light")
+    sensor_says = iter([1.0, 1.0, 1.0, 0.5, 0.5, 0.5])
+    take = localizer.observe
+
+    def observe(frame: object, belief: object) -> object:
+        if frame.sensor == "light":
+            frame = type(frame)("light", frame.stamp_s, type(frame.payload)(next(sensor_says)))
+        return take(frame, belief)
+
+    localizer.observe = observe
+
+    fix = drive(localizer, poses)[-1]
+
+    assert isinstance(fix, Fix)
+    assert fix.details["light"] == 0.5
+    assert brightness(shown[-1][0]) == pytest.approx(brightness(shown[0][0]), rel=0.05)
+
+
+def last_of(drive: Drive, latency_s: float, n: int = 12) -> Fix:
+    slow: Callable[[], float] = lambda: latency_s  # noqa: E731
+    fix = drive(landmarks(adapt=True, landmarks=8), arc(n), last_latency_s=slow)[-1]
+    assert isinstance(fix, Fix)
+    return fix
+
+
+def test_a_picture_that_took_too_long_makes_the_next_one_smaller(
+    drive: Drive, shown: list[tuple[View, tuple[str, ...]]]
+) -> None:
+    fix = last_of(drive, latency_s=0.2)  # six times what 30 Hz allows
+
+    view, names = shown[-1]
+    assert fix.details["scale"] == view.scale == 0.5
+    assert view.grey.shape == (240, 320)
+    assert fix.details["n_finders"] == len(names) < len(FINDERS)
+
+
+def test_with_time_to_spare_the_whole_picture_is_looked_at(
+    drive: Drive, shown: list[tuple[View, tuple[str, ...]]]
+) -> None:
+    fix = last_of(drive, latency_s=0.001)
+
+    view, names = shown[-1]
+    assert fix.details["scale"] == view.scale == 1.0
+    assert view.grey.shape == (480, 640)
+    assert fix.details["n_finders"] == len(names) > 1

@@ -1,0 +1,125 @@
+"""Rules that the paper states in a sentence, each with a test that fails when it is turned round."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from trailmark.estimates import Belief, Fix
+from trailmark.geometry import Pose2
+from trailmark.interfaces import Session
+from trailmark.paths import Keyframe
+from trailmark_omni_surf.config import OmniSurfConfig
+from trailmark_omni_surf.flows import by_tracking
+from trailmark_omni_surf.landmark_map import measured_candidates
+from trailmark_omni_surf.localizer import OmniSurf
+
+
+def config(**changes: object) -> OmniSurfConfig:
+    return OmniSurfConfig.model_validate({"camera": "omni", "confirm_pictures": 1, **changes})
+
+
+@pytest.fixture(scope="module")
+def room(omni: Any) -> Any:
+    return omni.room()
+
+
+@pytest.fixture(scope="module")
+def taught(omni: Any, room: Any) -> Any:
+    return omni.taught(room, config())
+
+
+def started(room: Any, localizer_map: Any, **changes: Any) -> OmniSurf:
+    localizer = OmniSurf(config(**changes))
+    localizer.start(Session("omni", "replay", {"omni": room.sensor()}, map=localizer_map))
+    return localizer
+
+
+def look(localizer: OmniSurf, omni: Any, room: Any, pose: Pose2, stamp_s: float) -> Fix:
+    belief = Belief(stamp_s, pose_odom_base=pose)
+    (answer,) = localizer.observe(omni.frame(room.render(pose), stamp_s), belief)
+    assert isinstance(answer, Fix)
+    return answer
+
+
+@pytest.mark.parametrize(("spare", "n_main"), [(0, 0), (1, 1)])
+def test_the_main_flow_needs_more_than_t_n_landmarks(
+    omni: Any, room: Any, taught: Any, spare: int, n_main: int
+) -> None:
+    """Step 5: with exactly T_n landmarks left, features are detected again."""
+    n_left = int(look(started(room, taught), omni, room, Pose2(), 0.0).details["agreeing"])
+    localizer = started(room, taught, min_tracked=n_left - spare)
+
+    look(localizer, omni, room, Pose2(), 0.0)
+    look(localizer, omni, room, Pose2(0.01, 0.0, 0.0), 0.1)
+
+    assert localizer.counters()["main_flow"] == n_main
+
+
+def test_a_landmark_whose_tracking_error_exceeds_t_p_is_removed(omni: Any, room: Any, taught: Any) -> None:
+    """Step 4: two landmarks across the room are taken for each other; their bearings are far off, and they go."""
+    localizer = started(room, taught)
+    image = room.render(Pose2())
+    look(localizer, omni, room, Pose2(), 0.0)
+    finding, landmarks = localizer._finding, localizer._landmarks
+    assert landmarks is not None
+    swapped = finding.landmark_idx.copy()
+    swapped[[0, len(swapped) // 2]] = swapped[[len(swapped) // 2, 0]]
+    wrong = landmarks.positions[swapped[[0, len(swapped) // 2]]]
+    assert np.hypot(*np.diff(wrong, axis=0)[0]) > 2.0
+    last = replace(finding, landmark_idx=swapped)
+
+    found = by_tracking(image, image, last, landmarks, localizer._centre.camera, localizer._options, Pose2())
+
+    assert found.fix is not None
+    assert found.n_seen == len(swapped)
+    assert set(found.landmark_idx) == set(np.delete(swapped, [0, len(swapped) // 2]))
+    assert (found.fix.errors_rad[found.fix.is_inlier] <= localizer._options.noise.gate_rad).all()
+
+
+def room_keyframes(lives: list[int]) -> list[Keyframe]:
+    """Return keyframes from four places, which all see one track for each life, in the order of their numbers."""
+    points = np.array([[3.0 * math.cos(k), 3.0 * math.sin(k)] for k in range(len(lives))])
+    poses = [Pose2(x, 0.3 * x * x, 0.2) for x in (-0.9, -0.3, 0.3, 0.9)]
+    return [
+        Keyframe(
+            float(k),
+            float(k),
+            pose,
+            {
+                "ids": np.arange(len(lives)),
+                "bearings": np.arctan2(*(points - (pose.x, pose.y)).T[::-1]) - pose.theta,
+                "distances_px": np.full(len(lives), 60.0),
+                "life": np.array(lives),
+                "descriptors": np.eye(len(lives), 8, dtype=np.float32),
+                "sign": np.ones(len(lives), np.int8),
+                "pose_base_camera": np.zeros(3),
+            },
+        )
+        for k, pose in enumerate(poses)
+    ]
+
+
+def test_the_k_longest_lived_points_become_candidates() -> None:
+    candidates = measured_candidates(room_keyframes([4, 40, 9, 25, 12]), n_longest=2)
+
+    np.testing.assert_array_equal(candidates.ids, [1, 3])
+    np.testing.assert_array_equal(candidates.life, [40, 25])
+
+
+def test_k_of_the_config_is_what_the_localizer_teaches_with(omni: Any, room: Any, taught: Any) -> None:
+    few = type(taught)()
+    for keyframe in taught.keyframes():
+        few.add(keyframe)
+    localizer = OmniSurf(config(n_longest=3))
+    localizer.start(Session("omni", "teach", {"omni": room.sensor()}, map=few))
+
+    localizer.finish()
+
+    by_three = measured_candidates(taught.keyframes(), 3)
+    np.testing.assert_array_equal(few.load("candidates")["measured"], by_three.positions)
+    assert 0 < len(by_three.ids) < len(taught.load("candidates")["measured"])
