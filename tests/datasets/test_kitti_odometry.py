@@ -58,6 +58,17 @@ def test_pictures_times_calibration_and_truth_are_found(sequence, play):
     np.testing.assert_allclose(truth.poses, expected, atol=1e-6)
 
 
+def test_a_cut_sequence_has_the_truth_from_where_it_begins(sequence, play):
+    source = kitti(sequence, start_s=0.1)
+    play(source)
+
+    truth = source.ground_truth()
+
+    assert truth is not None
+    np.testing.assert_allclose(truth.poses[1], 0.0, atol=1e-9)  # the first that is delivered
+    assert truth.poses[0, 0] < 0.0  # the one before lies behind
+
+
 def test_another_camera_is_chosen_by_name(sequence, play):
     frames = play(kitti(sequence, camera="image_2"))
 

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from trailmark.errors import SourceError
 from trailmark.frames import DepthCamera
@@ -128,6 +129,44 @@ def tum_truth(path, **keys):
     truth = source.ground_truth()
     assert truth is not None
     return truth
+
+
+def test_a_cut_recording_has_the_truth_of_one_that_begins_there(sequence):
+    turns = [(0.1 * k, 0.2 * k, -0.3 * k) for k in range(50)]  # the camera tilts: planes differ
+    lines = (sequence / "groundtruth.txt").read_text().splitlines()
+    tilted = [
+        " ".join([*line.split()[:4], *(f"{value:.9f}" for value in Rotation.from_euler("xyz", turn).as_quat())])
+        for line, turn in zip(lines[1:], turns, strict=True)
+    ]
+    (sequence / "groundtruth.txt").write_text("\n".join([lines[0], *tilted]))
+
+    cut = tum_truth(sequence, start_s=0.1)
+    for name in ("rgb.txt", "depth.txt"):
+        rows = (sequence / name).read_text().splitlines()
+        (sequence / name).write_text("\n".join([rows[0], *rows[2:]]))
+    whole = tum_truth(sequence)
+
+    kept = cut.stamps_s >= 10.1 - 1e-9
+    np.testing.assert_allclose(cut.poses[kept], whole.poses, atol=1e-9)
+    np.testing.assert_allclose(cut.poses[kept][0], 0.0, atol=1e-12)
+
+
+def test_truth_of_exactly_the_frames_stamps_needs_no_neighbour(sequence):
+    exact = [f"{10.0 + 0.1 * i:.4f} {0.1 * i} 0 0 0 0 0 1" for i in range(3)]
+    (sequence / "groundtruth.txt").write_text("\n".join(exact))
+
+    truth = tum_truth(sequence, max_truth_gap_s=0.02)
+
+    np.testing.assert_allclose(truth.stamps_s, [10.0, 10.1, 10.2])
+
+
+def test_truth_that_is_too_thin_says_the_key_to_set(sequence, caplog):
+    thin = [f"{9.93 + 0.15 * i:.4f} {0.1 * i} 0 0 0 0 0 1" for i in range(3)]
+    (sequence / "groundtruth.txt").write_text("\n".join(thin))
+
+    assert len(tum_truth(sequence)) == 0
+    assert "covers 0 of 3 frames" in caplog.text
+    assert "set max_truth_gap_s" in caplog.text
 
 
 def test_a_truth_of_one_pose_covers_no_frame(sequence):

@@ -27,8 +27,6 @@ ALIGNMENTS: tuple[AlignKind, ...] = get_args(AlignKind)
 STATIC_M = 1e-3
 #: A turn that the way tells with a larger standard deviation than this is not applied [rad].
 UNDETERMINED_RAD = math.radians(10.0)
-# Errors that hang together throughout are worth this many independent ones.
-_LEAST_INDEPENDENT = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +87,7 @@ def align(pairs: Pairs, kind: AlignKind = "se2") -> Alignment:
         return Alignment(kind, "origin", _origin(pairs), reason)
     fit = fit_pose2(pairs.truth.positions, pairs.estimate.positions)
     residuals = fit @ pairs.estimate.positions - pairs.truth.positions
-    sigma_rad = rotation_sigma_rad(pairs.truth.positions, residuals)
+    sigma_rad = rotation_sigma_rad(pairs.truth.positions, residuals, is_one_error=True)
     if sigma_rad > UNDETERMINED_RAD:
         extent_m = _rms(_centred(pairs.truth.positions))
         reason = (
@@ -100,17 +98,18 @@ def align(pairs: Pairs, kind: AlignKind = "se2") -> Alignment:
     return Alignment(kind, "se2", fit)
 
 
-def rotation_sigma_rad(positions: Floats, residuals: Floats) -> float:
+def rotation_sigma_rad(positions: Floats, residuals: Floats, *, is_one_error: bool = False) -> float:
     """Return the standard deviation of the turn of a fit.
 
     ``sigma = s / (L sqrt(n))``: s the residuals of one coordinate, L the root mean square distance from the middle, n
-    the number of independent residuals, ``N (1 - rho) / (1 + rho)`` with their correlation rho from one to the next:
-    what drifts has many poses and few errors.
+    the number of independent residuals, ``N (1 - rho) / (1 + rho)`` with their correlation rho from one to the next.
 
     Parameters
     ----------
     positions, residuals : (N, 2) float64
         Where the pairs are, and what the fit leaves of them [m].
+    is_one_error : bool
+        n = 1: what drifts has many poses and one error, and its correlation from one pose to the next hides that.
 
     Returns
     -------
@@ -120,10 +119,10 @@ def rotation_sigma_rad(positions: Floats, residuals: Floats) -> float:
     extent, spread = _rms(_centred(positions)), _rms(residuals) / math.sqrt(2.0)
     if extent == 0.0:
         return math.inf
-    squares = float((residuals * residuals).sum())
-    rho = float((residuals[1:] * residuals[:-1]).sum()) / squares if squares > 0.0 else 0.0
-    n = len(residuals) * (1.0 - rho) / (1.0 + rho) if rho > 0.0 else len(residuals)
-    return spread / (extent * math.sqrt(max(n, _LEAST_INDEPENDENT)))
+    if is_one_error or spread == 0.0:
+        return spread / extent
+    rho = max(0.0, float((residuals[1:] * residuals[:-1]).sum() / (residuals * residuals).sum()))
+    return spread / (extent * math.sqrt(max(len(residuals) * (1.0 - rho) / (1.0 + rho), 1.0)))
 
 
 def _origin(pairs: Pairs) -> Pose2:

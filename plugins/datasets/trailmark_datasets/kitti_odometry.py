@@ -93,7 +93,10 @@ class KittiOdometry(PictureSource):
             raise SourceError(f"{path} has {len(poses)} poses, but there is a picture number {last - 1}")
         stamps_s = np.array([entry.stamp_s for entry in self._entries])
         kept = np.concatenate([[True], stamps_s[1:] > np.maximum.accumulate(stamps_s)[:-1]])  # as `frames` keeps them
-        return planar_trajectory(stamps_s[kept], poses[self._first : last][kept], mounting_pose(self.config.mounting))
+        begin_s = float(stamps_s[0]) + (self.config.start_s or 0.0)
+        return planar_trajectory(
+            stamps_s[kept], poses[self._first : last][kept], mounting_pose(self.config.mounting), begin_s
+        )
 
 
 def _number_of(path: Path) -> int:

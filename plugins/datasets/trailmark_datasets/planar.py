@@ -1,4 +1,4 @@
-"""Camera poses in space, seen as poses of base in the plane of the first."""
+"""Camera poses in space, seen as poses of base in the plane of the one that a run begins with."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ Matrix = npt.NDArray[np.float64]
 #: optical axes as the sensor sees them.
 OPTICAL: Matrix = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
+_SAME_INSTANT_S = 1e-6
+
 
 def mounting_pose(mounting: Mounting | None) -> Pose3:
     """Return `pose_base_sensor` of a mounting as the config gives it; None: the sensor is base."""
@@ -27,8 +29,13 @@ def mounting_pose(mounting: Mounting | None) -> Pose3:
     return Pose3(mounting.x, mounting.y, mounting.z, roll, pitch, yaw)
 
 
-def planar_trajectory(stamps_s: Matrix, poses_world_camera: Matrix, pose_base_sensor: Pose3) -> Trajectory:
-    """Project camera poses to the plane of the first base pose.
+def planar_trajectory(
+    stamps_s: Matrix, poses_world_camera: Matrix, pose_base_sensor: Pose3, begin_s: float | None = None
+) -> Trajectory:
+    """Project camera poses to the plane of the base pose that a run begins with.
+
+    A localizer begins in the plane of the first picture that it is given. Where the camera tilts, no alignment in the
+    plane mends a projection to another one.
 
     ``T_first_i = inv(T_world_camera_0 T_camera_base) T_world_camera_i T_camera_base``; x and y are its
     translation, theta the heading of its x axis. With the camera itself as base this is x along the first
@@ -42,10 +49,17 @@ def planar_trajectory(stamps_s: Matrix, poses_world_camera: Matrix, pose_base_se
         Poses of the camera's optical frame in any world.
     pose_base_sensor : Pose3
         Mounting of the camera.
+    begin_s : float, optional
+        The first pose is the first one from this stamp on; default: the first of all [s].
     """
     T_base_camera = pose_base_sensor.matrix()
     T_base_camera[:3, :3] = T_base_camera[:3, :3] @ OPTICAL
     T_world_base = poses_world_camera @ np.linalg.inv(T_base_camera)
-    T_first_base = np.linalg.inv(T_world_base[0]) @ T_world_base if len(T_world_base) else T_world_base
+    if len(T_world_base):
+        later = stamps_s >= (-math.inf if begin_s is None else begin_s - _SAME_INSTANT_S)
+        first = int(np.argmax(later)) if later.any() else len(stamps_s) - 1
+        T_first_base = np.linalg.inv(T_world_base[first]) @ T_world_base
+    else:
+        T_first_base = T_world_base
     headings = np.arctan2(T_first_base[:, 1, 0], T_first_base[:, 0, 0])
     return Trajectory(stamps_s, np.column_stack([T_first_base[:, 0, 3], T_first_base[:, 1, 3], headings]))

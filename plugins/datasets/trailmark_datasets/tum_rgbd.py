@@ -29,6 +29,8 @@ logger = logging.getLogger(__name__)
 
 #: Depth values per metre of the benchmark.
 DEPTH_FACTOR = 5000.0
+# Stamps of the same instant: lists have six decimals, files of true poses four.
+_SAME_INSTANT_S = 1e-4
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +43,7 @@ class TumRgbd(RecordedSource):
     """Colour and depth, paired by stamp; the frame's stamp is the colour picture's.
 
     The true poses are those of the camera, interpolated to the frames' stamps and projected to the plane of the
-    first: x along its optical axis, y to its left.
+    first that is delivered, which `start_s` chooses: x along its optical axis, y to its left.
     """
 
     config: TumRgbdConfig
@@ -124,9 +126,18 @@ class TumRgbd(RecordedSource):
         truth_s, poses = _read_poses(path)
         wanted_s = np.unique([pair.colour.stamp_s for pair in self._pairs])
         covered_s = wanted_s[_covered(wanted_s, truth_s, self.config.max_truth_gap_s)]
-        logger.info("%s covers %d of %d frames", path, len(covered_s), len(wanted_s))
+        if 2 * len(covered_s) < len(wanted_s):
+            logger.warning(
+                "%s covers %d of %d frames: between true poses more than %g s apart none is interpolated,"
+                " set max_truth_gap_s",
+                path,
+                len(covered_s),
+                len(wanted_s),
+                self.config.max_truth_gap_s,
+            )
+        begin_s = self._pairs[0].colour.stamp_s + (self.config.start_s or 0.0)
         return planar_trajectory(
-            covered_s, _interpolated(covered_s, truth_s, poses), mounting_pose(self.config.mounting)
+            covered_s, _interpolated(covered_s, truth_s, poses), mounting_pose(self.config.mounting), begin_s
         )
 
 
@@ -178,12 +189,14 @@ def _read_poses(path: Path) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.flo
 def _covered(
     wanted_s: npt.NDArray[np.float64], truth_s: npt.NDArray[np.float64], max_gap_s: float
 ) -> npt.NDArray[np.bool_]:
-    """Tell which stamps lie between two true poses that are close enough together."""
+    """Tell which stamps have a true pose of their own, or lie between two that are close enough together."""
     if len(truth_s) < 2:
         return np.zeros(len(wanted_s), dtype=np.bool_)
     after = np.clip(np.searchsorted(truth_s, wanted_s), 1, len(truth_s) - 1)
     inside = (wanted_s >= truth_s[0]) & (wanted_s <= truth_s[-1])
-    return np.asarray(inside & (truth_s[after] - truth_s[after - 1] <= max_gap_s))
+    nearest_s = np.minimum(np.abs(truth_s[after] - wanted_s), np.abs(truth_s[after - 1] - wanted_s))
+    is_bridged = truth_s[after] - truth_s[after - 1] <= max_gap_s
+    return np.asarray(inside & (is_bridged | (nearest_s <= _SAME_INSTANT_S)))
 
 
 def _interpolated(
