@@ -172,6 +172,10 @@ class FrameSource(Part):
         """Return the true trajectory of base where it is known; asked after the last frame."""
         return None
 
+    def unread(self) -> Mapping[str, str]:
+        """Return what the recording holds and the source does not give, with the reason; known after `start`."""
+        return {}
+
     #: True for devices: frames come when they come, and what is not taken is lost.
     is_live: ClassVar[bool] = False
 

@@ -139,6 +139,34 @@ class Recording:
             twist=t["geometry_msgs/msg/TwistWithCovariance"](twist=twist, covariance=zeros),
         )
 
+    def pose(self, stamp_s: float, x: float, y: float, yaw: float, covariance: np.ndarray | None = None) -> Any:
+        t = self.types
+        pose = t["geometry_msgs/msg/Pose"](position=self.point(x, y), orientation=self.turned(yaw))
+        if covariance is None:
+            return t["geometry_msgs/msg/PoseStamped"](header=self.header(stamp_s), pose=pose)
+        spread = t["geometry_msgs/msg/PoseWithCovariance"](pose=pose, covariance=covariance.ravel())
+        return t["geometry_msgs/msg/PoseWithCovarianceStamped"](header=self.header(stamp_s), pose=spread)
+
+    def satellites(self, stamp_s: float, latitude: float, longitude: float, status: int = 0, sigma: float = 0.0) -> Any:
+        t = self.types
+        return t["sensor_msgs/msg/NavSatFix"](
+            header=self.header(stamp_s),
+            status=t["sensor_msgs/msg/NavSatStatus"](status=status, service=1),
+            latitude=latitude,
+            longitude=longitude,
+            altitude=0.0,
+            position_covariance=np.eye(3).ravel() * sigma**2,
+            position_covariance_type=2 if sigma else 0,
+        )
+
+    def transform(self, stamp_s: float, parent: str, child: str, x: float, yaw: float) -> Any:
+        t = self.types
+        move = t["geometry_msgs/msg/Transform"](translation=self.vector(x, 0, 0), rotation=self.turned(yaw))
+        stamped = t["geometry_msgs/msg/TransformStamped"](
+            header=self.header(stamp_s, parent), child_frame_id=child, transform=move
+        )
+        return t["tf2_msgs/msg/TFMessage"](transforms=[stamped])
+
     def scan(self, stamp_s: float, ranges: list[float]) -> Any:
         return self.types["sensor_msgs/msg/LaserScan"](
             header=self.header(stamp_s),

@@ -50,15 +50,19 @@ def inspect_command(
     if not run_config.sources:
         raise ConfigError(f"{target}: there are no sources to inspect")
     rows: list[dict[str, Any]] = []
+    unread: dict[str, str] = {}
     for feed in plan_of(run_config).feeds:
         seen = _look(feed, n_frames)
         rows += [_row(feed.name, one) for one in seen.values()]
+        unread |= feed.source.unread()
         if out is not None:
             _write_pictures(seen, out)
     if as_json:
         click.echo(json.dumps(rows, indent=1))
     else:
         _print(rows)
+        for name, remark in unread.items():
+            click.echo(f"not read: {name} ({remark})")
 
 
 def _look(feed: Feed, n_frames: int) -> dict[str, _Seen]:
@@ -116,7 +120,7 @@ def _print(rows: list[dict[str, Any]]) -> None:
 
     table = Table(box=None, header_style="bold", pad_edge=False)
     for column in ("sensor", "kind", "size", "rate", "frames read", "interval min / median / max", "calibration"):
-        table.add_column(column)
+        table.add_column(column, no_wrap=column == "sensor", overflow="fold")  # a name is for copying
     for row in rows:
         interval = row["interval_ms"]
         cells = (

@@ -8,7 +8,7 @@ from pydantic import Field, field_validator
 
 from trailmark.config import PluginConfig, Sensor
 
-__all__ = ["ConstantSpeedConfig", "ImuConfig", "OdometryConfig"]
+__all__ = ["ConstantSpeedConfig", "ImuConfig", "OdometryConfig", "PoseFixesConfig"]
 
 
 class OdometryConfig(PluginConfig):
@@ -79,3 +79,14 @@ class ImuConfig(PluginConfig):
     """Heading of the unit's zero in the map, counter-clockwise; added to the absolute heading [deg]."""
     max_gap_s: float = Field(0.5, gt=0)
     """Between readings farther apart the turn is not known: a gap is left [s]."""
+
+
+class PoseFixesConfig(PluginConfig):
+    """Absolute poses from elsewhere."""
+
+    poses: Sensor["pose"]
+    """The sensor of absolute poses, for example of a bag's PoseStamped or NavSatFix topic."""
+    sigma: float | None = Field(None, gt=0)
+    """Standard deviation of the place where the reading does not say, and at least this where it does [m]."""
+    sigma_deg: float | None = Field(None, gt=0)
+    """Standard deviation of the heading where the reading does not say, and at least this where it does [deg]."""

@@ -35,6 +35,13 @@ def trailmark_register(registry: Registry) -> None:
         summary="Turn of an inertial unit's gyro, and its absolute heading where it has one",
         gives=("motion", "fix"),
     )
+    registry.localizer(
+        "pose_fixes",
+        "trailmark_baselines.pose_fixes:PoseFixes",
+        config="trailmark_baselines.config:PoseFixesConfig",
+        summary="Absolute poses from elsewhere: motion capture, a satellite receiver, another program",
+        gives=("fix",),
+    )
     for name, cls, summary in (
         ("column_ncc", "ColumnNCC", "Offset from taught pictures, by correlating the means of their columns"),
         ("patch_ncc", "PatchNCC", "Offset from taught pictures, by correlating small patch-normalised ones"),

@@ -200,7 +200,10 @@ class RosbagConfig(SourceConfig):
     path: ExistingPath
     """A `.bag` file, a folder of a ROS 2 recording, or an `.mcap` or `.db3` file."""
     topics: dict[str, str] | None = None
-    """Sensors and their topics: `name: /topic`; left out: every topic that is understood, under its own name."""
+    """Sensors and their topics: `name: /topic`; left out: every topic that is understood, under its own name. Absolute
+    poses (PoseStamped, PoseWithCovarianceStamped, NavSatFix) are read where they are named here."""
+    ground_truth_topic: str | None = None
+    """Topic of the true poses of base, or a transform, `"map -> base_link"`; satellite fixes lie in a local plane."""
     rgbd: dict[str, RgbdTopics] = Field(default_factory=dict)
     """Colour and depth topics to be paired to one sensor."""
     stamps: Literal["header", "receive"] = "header"

@@ -17,13 +17,13 @@ __all__ = [
     "COMPRESSED",
     "IMAGE_TYPES",
     "KINDS",
-    "frame_pose",
     "image",
     "imu",
     "is_depth",
     "lens",
     "odometry",
     "pixels",
+    "planar_pose",
     "scan",
     "stamp_of",
 ]
@@ -126,15 +126,15 @@ def image(message: Any, where: str) -> Image:
     return Image(as_payload_pixels(pixels(message, where), where, None))
 
 
-def frame_pose(message: Any) -> Pose2:
-    """Return the planar pose of an Odometry message in its own frame.
+def planar_pose(pose: Any) -> Pose2:
+    """Return what a Pose message says of the plane.
 
     Raises
     ------
     ValueError
         If its quaternion is all zeros, which is no orientation: its sender left it empty.
     """
-    position, q = message.pose.pose.position, message.pose.pose.orientation
+    position, q = pose.position, pose.orientation
     if not any((q.x, q.y, q.z, q.w)):
         raise ValueError("the orientation is the quaternion (0, 0, 0, 0): its sender does not know it")
     yaw = math.atan2(2 * (q.w * q.z + q.x * q.y), q.w * q.w + q.x * q.x - q.y * q.y - q.z * q.z)
@@ -145,7 +145,7 @@ def odometry(message: Any, pose_odom_start: Pose2) -> Odometry:
     """Return the odometry of a message, as seen from where the sensor started."""
     linear, angular = message.twist.twist.linear, message.twist.twist.angular
     twist = Twist2(float(linear.x), float(linear.y), float(angular.z))
-    return Odometry(pose_odom_start.inverse() @ frame_pose(message), twist=twist)
+    return Odometry(pose_odom_start.inverse() @ planar_pose(message.pose.pose), twist=twist)
 
 
 def scan(message: Any) -> Scan:

@@ -10,6 +10,7 @@ from difflib import get_close_matches
 from trailmark.errors import SourceError
 from trailmark_datasets.config import RosbagConfig
 from trailmark_datasets.ros_messages import IMAGE_TYPES, KINDS
+from trailmark_datasets.ros_poses import POSE_TYPES
 
 __all__ = ["Choice", "choose_topics", "info_topic", "sensor_name"]
 
@@ -60,8 +61,8 @@ def choose_topics(config: RosbagConfig, available: Mapping[str, str], where: str
             choices.append(Choice(name, topic, "rgbd", True))
     if config.topics is not None:
         for name, topic in config.topics.items():
-            _check_topic(topic, available, where, tuple(KINDS))
-            choices.append(Choice(name, topic, KINDS[available[topic]], True))
+            _check_topic(topic, available, where, (*KINDS, *POSE_TYPES))
+            choices.append(Choice(name, topic, KINDS.get(available[topic], "pose"), True))
     else:
         paired = {choice.topic for choice in choices}
         rest = (topic for topic in sorted(available) if topic not in paired and available[topic] in KINDS)

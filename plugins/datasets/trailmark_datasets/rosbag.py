@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import logging
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import partial
 from typing import Any
 
 from trailmark.errors import SourceError
-from trailmark.frames import RGBD, DepthCamera, Image, Payload, Pinhole, SensorInfo
-from trailmark.geometry import Pose2
+from trailmark.frames import RGBD, DepthCamera, Image, Payload, Pinhole, Record, SensorInfo
+from trailmark.geometry import Pose2, Trajectory
 from trailmark.sources import Reading, Readings, RecordedSource
 from trailmark_datasets import ros_messages
 from trailmark_datasets.bagfile import BagFile, Message, open_bag
@@ -18,6 +18,7 @@ from trailmark_datasets.config import RosbagConfig
 from trailmark_datasets.depth import depth_in_metres
 from trailmark_datasets.pictures import as_payload_pixels
 from trailmark_datasets.rgbd_pairs import RgbdPairs, StampedMessage
+from trailmark_datasets.ros_poses import POSE_TYPES, TRUTH_TYPES, LocalPlane, has_fix, pose_record, true_trajectory
 from trailmark_datasets.ros_topics import Choice, choose_topics, info_topic
 
 __all__ = ["Rosbag"]
@@ -37,9 +38,11 @@ class Rosbag(RecordedSource):
         self.reorder_s = config.reorder_s
         self._choices: tuple[Choice, ...] = ()
         self._pose_odom_start: dict[str, Pose2] = {}
+        self._unread: Mapping[str, str] = {}
 
     def open_recording(self, name: str) -> Iterable[SensorInfo]:
         self._pose_odom_start = {}
+        self._planes: dict[str, LocalPlane] = {}
         infos: dict[str, SensorInfo] = {}
         with open_bag(self.config.path, self.config.distribution) as bag:
             choices = choose_topics(self.config, bag.topics, str(self.config.path))
@@ -54,7 +57,12 @@ class Rosbag(RecordedSource):
         if not infos:
             raise SourceError(f"{self.config.path}: no topic could be read; name them in topics or rgbd")
         self._choices = tuple(choice for choice in choices if choice.sensor in infos)
+        self._unread = _unread_topics(bag, {choice.topic for choice in self._choices})
         return infos.values()
+
+    def unread(self) -> Mapping[str, str]:
+        """Return the topics that are not read, with their types and what could be done."""
+        return self._unread
 
     def _info(self, bag: BagFile, choices: list[Choice]) -> SensorInfo:
         """Tell what a sensor is; for pictures by looking at the first."""
@@ -109,7 +117,9 @@ class Rosbag(RecordedSource):
                 yield error
                 continue
             for choice in by_topic[message.topic]:
-                if choice.kind == "rgbd":
+                if choice.kind == "pose" and not has_fix(message.content):
+                    self.counted[f"no_fix_{choice.sensor}"] += 1
+                elif choice.kind == "rgbd":
                     yield from self._paired(choice, pairs[choice.sensor], message, stamp_s)
                 else:
                     yield Reading(choice.sensor, stamp_s, message.where, partial(self._payload, choice, message))
@@ -145,8 +155,20 @@ class Rosbag(RecordedSource):
             return ros_messages.scan(content)
         if choice.kind == "imu":
             return ros_messages.imu(content)
-        pose_odom_base = ros_messages.frame_pose(content)
+        if choice.kind == "pose":
+            return self._pose(choice, content)
+        pose_odom_base = ros_messages.planar_pose(content.pose.pose)
         return ros_messages.odometry(content, self._pose_odom_start.setdefault(choice.sensor, pose_odom_base))
+
+    def _pose(self, choice: Choice, content: Any) -> Record:
+        return pose_record(content, self._planes.setdefault(choice.sensor, LocalPlane()))
+
+    def ground_truth(self) -> Trajectory | None:
+        """Return the poses of the topic that the config names as the truth."""
+        if self.config.ground_truth_topic is None:
+            return None
+        with open_bag(self.config.path, self.config.distribution) as bag:
+            return true_trajectory(bag, self.config.ground_truth_topic, stamps=self.config.stamps)
 
 
 def _rgbd(colour: StampedMessage, depth: StampedMessage) -> RGBD:
@@ -163,6 +185,20 @@ def _lens_beside(bag: BagFile, topic: str) -> Pinhole | None:
         return None
     info = _first_content(bag, beside)
     return None if info is None else ros_messages.lens(info, is_rectified="rect" in topic)
+
+
+def _unread_topics(bag: BagFile, read: set[str]) -> dict[str, str]:
+    """Return type and remark of the topics that become no sensor; CameraInfo is read beside its pictures."""
+    rest = {topic: kind for topic, kind in sorted(bag.topics.items()) if topic not in read and kind != _CAMERA_INFO}
+    return {topic: f"{kind}: {_remark(kind)}" for topic, kind in rest.items()}
+
+
+def _remark(kind: str) -> str:
+    if kind in POSE_TYPES:
+        return "read when topics names it, or as ground_truth_topic"
+    if kind in TRUTH_TYPES:
+        return "read as ground_truth_topic"
+    return "named in topics it would be read" if kind in ros_messages.KINDS else "not understood"
 
 
 def _frame_id(bag: BagFile, topic: str) -> str:

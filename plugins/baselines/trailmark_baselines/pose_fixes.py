@@ -1,0 +1,66 @@
+"""Absolute poses from elsewhere as fixes: motion capture, a satellite receiver, another program."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from trailmark.arrays import Floats
+from trailmark.estimates import Belief, Estimate, Fix, Lost
+from trailmark.frames import Frame, Record
+from trailmark.geometry import Pose2
+from trailmark.interfaces import Localizer, Session
+from trailmark_baselines.config import PoseFixesConfig
+
+__all__ = ["PoseFixes"]
+
+
+class PoseFixes(Localizer):
+    """Says what a sensor of kind ``pose`` tells: where it is, as exact as it says or as the config does."""
+
+    config: PoseFixesConfig
+
+    def start(self, session: Session) -> None:
+        """Look up where the sensor sits on base."""
+        self._pose_sensor_base = session.sensors[self.config.poses].pose_base_sensor.planar().inverse()
+
+    def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
+        """Return the pose of base, with no information on what the sensor does not know."""
+        if not isinstance(frame.payload, Record):
+            return ()
+        arrays = frame.payload.arrays
+        covariance = self._covariance(arrays["covariance"])
+        if np.isnan(covariance).any():
+            return (Lost(frame.stamp_s, "the reading does not say how exact it is; set sigma and sigma_deg"),)
+        x, y, theta = (float(value) for value in arrays["pose"])
+        knows_heading = math.isfinite(covariance[2, 2])
+        if not knows_heading:
+            if belief.pose_map_base is None and self._pose_sensor_base != Pose2():
+                return (Lost(frame.stamp_s, "the heading is not known, and the sensor does not sit at base"),)
+            theta = 0.0 if belief.pose_map_base is None else belief.pose_map_base.theta
+        pose_map_base = Pose2(x, y, theta) @ self._pose_sensor_base
+        return (Fix(frame.stamp_s, pose_map_base, _information(covariance, knows_heading)),)
+
+    def _covariance(self, told: Floats) -> Floats:
+        """Return the covariance of a reading: as told, or by the config where it is not, or where that is larger."""
+        covariance: Floats = np.array(told, float)
+        sigmas = (self.config.sigma, self.config.sigma, self.config.sigma_deg)
+        for index, sigma in enumerate(sigmas):
+            if sigma is None:
+                continue
+            variance = (math.radians(sigma) if index == 2 else sigma) ** 2
+            if math.isnan(covariance[index, index]):
+                covariance[index, :] = covariance[:, index] = 0.0
+                covariance[index, index] = variance
+            elif math.isfinite(covariance[index, index]):
+                covariance[index, index] = max(variance, covariance[index, index])
+        return covariance
+
+
+def _information(covariance: Floats, knows_heading: bool) -> Floats:
+    information: Floats = np.zeros((3, 3))
+    size = 3 if knows_heading else 2
+    information[:size, :size] = np.linalg.inv(covariance[:size, :size])
+    return information
