@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import pytest
 
 from trailmark.config import PluginConfig, Sensor
+from trailmark.errors import SourceError
 from trailmark.estimates import Belief, Estimate, Fix, Lost, Motion, information_from_sigmas
 from trailmark.frames import Frame, Image, Odometry
 from trailmark.geometry import Pose2
-from trailmark.interfaces import Localizer, Session
-from trailmark.testing import circle, localizer_checks, odometry_run, room_run
+from trailmark.interfaces import Fault, Localizer, Session
+from trailmark.testing import circle, fault_checks, localizer_checks, odometry_run, room_run
 from trailmark.testing.checks.parametrize import parametrize
 
 WHEELS = odometry_run(circle(0.3, 1.0), 30)
@@ -177,3 +179,90 @@ def test_an_expected_failure_needs_a_known_name_and_a_reason() -> None:
         parametrize(checks, {"says_something": " "})
     (parameter,) = parametrize(checks, {"says_something": "because"}).args[1]
     assert parameter.marks[0].kwargs == {"strict": True, "reason": "because"}
+
+
+# --- faults ------------------------------------------------------------------------------------------------------
+
+
+class FaultConfig(PluginConfig):
+    """A config."""
+
+
+class Brighter(Fault):
+    """Makes pictures brighter, and does nothing that it should not."""
+
+    kinds = frozenset({"image"})
+
+    def apply(self, frame: Frame, rng: np.random.Generator, since_s: float) -> Frame | None:
+        assert isinstance(frame.payload, Image)
+        return Frame(frame.sensor, frame.stamp_s, Image(self.worsen(frame.payload.pixels, rng)))
+
+    def worsen(self, pixels: Any, rng: np.random.Generator) -> Any:
+        return pixels // 2 + pixels.dtype.type(100)
+
+
+class Idle(Brighter):
+    def apply(self, frame: Frame, rng: np.random.Generator, since_s: float) -> Frame | None:
+        return frame
+
+
+class OwnDice(Brighter):
+    def worsen(self, pixels: Any, rng: np.random.Generator) -> Any:
+        return np.random.default_rng().integers(0, 255, pixels.shape).astype(pixels.dtype)
+
+
+class Scribbling(Brighter):
+    def worsen(self, pixels: Any, rng: np.random.Generator) -> Any:
+        pixels.base[...] = 0
+        return pixels
+
+
+class Halving(Brighter):
+    def worsen(self, pixels: Any, rng: np.random.Generator) -> Any:
+        return np.ascontiguousarray(pixels[::2])
+
+
+class Stuttering(Brighter):
+    def apply(self, frame: Frame, rng: np.random.Generator, since_s: float) -> Frame | None:
+        return Frame(frame.sensor, max(frame.stamp_s, 0.1), frame.payload)
+
+
+class Ageing(Brighter):
+    n = 0
+
+    def worsen(self, pixels: Any, rng: np.random.Generator) -> Any:
+        self.n += 1
+        return pixels // 2 + pixels.dtype.type(min(self.n, 100))
+
+
+class Blinded(Brighter):
+    def worsen(self, pixels: Any, rng: np.random.Generator) -> Any:
+        return (pixels // pixels.max()).astype(pixels.dtype)
+
+
+@pytest.mark.parametrize(
+    ("check", "fault", "story"),
+    [
+        ("it_does_something", Idle, "it changes no frame of any sensor"),
+        ("same_seed_same_frames", OwnDice, "gives other frames of"),
+        ("frames_are_left_alone", Scribbling, "work on a copy"),
+        ("frames_stay_of_their_kind", Halving, "and became"),
+        ("stamps_strictly_increase", Stuttering, "do not increase"),
+        ("starts_again", Ageing, "forget in start"),
+    ],
+)
+def test_a_fault_that_breaks_a_rule_is_found(check, fault, story) -> None:
+    checks = fault_checks(fault, FaultConfig())
+
+    with pytest.raises(AssertionError, match=story):
+        checks[check]()
+
+
+def test_a_fault_that_cannot_bear_black_pictures_is_found() -> None:
+    with np.errstate(divide="raise"), pytest.raises(SourceError, match="fault 'fault' of source 'checked' raised"):
+        fault_checks(Blinded, FaultConfig())["black_white_and_noise_are_taken"]()
+
+
+@pytest.mark.parametrize("name", sorted(fault_checks(Brighter, FaultConfig())))
+def test_an_honest_fault_passes(name: str) -> None:
+    fault_checks(Brighter, FaultConfig())[name]()

@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Mapping
+from typing import Self
 
-__all__ = ["FrameLoss"]
+import numpy as np
+from pydantic import Field, model_validator
+
+from trailmark.config import PluginConfig
+from trailmark.frames import Frame, Payload
+from trailmark.interfaces import Fault, Session
+
+__all__ = ["FrameLoss", "Frozen", "FrozenConfig", "Jitter", "JitterConfig", "Repeated", "RepeatedConfig"]
 
 
 class FrameLoss:
@@ -32,3 +40,89 @@ class FrameLoss:
             return bool(chance < share)
         self._was_lost = bool(chance >= 1.0 / run if self._was_lost else chance < share / (run * (1.0 - share)))
         return self._was_lost
+
+
+class FrozenConfig(PluginConfig):
+    """A driver that hangs: the last reading again and again, with new stamps."""
+
+    from_s: float = Field(default=0.0, ge=0)
+    """From when on, since the first frame [s]."""
+    to_s: float | None = None
+    """Until when; left out: for ever [s]."""
+
+    @model_validator(mode="after")
+    def _ends_after_it_begins(self) -> Self:
+        if self.to_s is not None and self.to_s <= self.from_s:
+            raise ValueError(f"to_s must be after from_s: {self.to_s:g} is not after {self.from_s:g}")
+        return self
+
+
+class Frozen(Fault):
+    """Gives the last reading before the time that it hangs; stamps go on."""
+
+    config: FrozenConfig
+
+    def start(self, session: Session) -> None:
+        """Forget the reading of the run before."""
+        self._last: Payload | None = None
+        self._n = 0
+
+    def counters(self) -> Mapping[str, int]:
+        """Return how many frames were ``frozen``."""
+        return {"frozen": self._n} if self._n else {}
+
+    def apply(self, frame: Frame, rng: np.random.Generator, since_s: float) -> Frame:
+        """Return the frame, or its stamp with the last reading."""
+        hangs = since_s >= self.config.from_s and (self.config.to_s is None or since_s < self.config.to_s)
+        if not hangs or self._last is None:
+            self._last = frame.payload
+            return frame
+        self._n += 1
+        return Frame(frame.sensor, frame.stamp_s, self._last)
+
+
+class RepeatedConfig(PluginConfig):
+    """Readings that come twice: the second time with the stamp of the one that they take the place of."""
+
+    share: float = Field(default=0.1, ge=0, lt=1)
+    """Share of the readings that are the one before again."""
+
+
+class Repeated(Fault):
+    """Gives the reading before again, now and then."""
+
+    config: RepeatedConfig
+
+    def start(self, session: Session) -> None:
+        """Forget the reading of the run before."""
+        self._last: Payload | None = None
+        self._n = 0
+
+    def counters(self) -> Mapping[str, int]:
+        """Return how many frames were ``repeated``."""
+        return {"repeated": self._n} if self._n else {}
+
+    def apply(self, frame: Frame, rng: np.random.Generator, since_s: float) -> Frame:
+        """Return the frame, or its stamp with what the frame before held."""
+        before, self._last = self._last, frame.payload
+        if before is None or rng.random() >= self.config.share:
+            return frame
+        self._n += 1
+        return Frame(frame.sensor, frame.stamp_s, before)
+
+
+class JitterConfig(PluginConfig):
+    """Stamps that say when a frame arrived, and it took now shorter, now longer."""
+
+    mean_ms: float = Field(default=5.0, gt=0)
+    """How long, on average; exponentially distributed [ms]."""
+
+
+class Jitter(Fault):
+    """Delays frames by times of their own; where one overtakes another, it comes first."""
+
+    config: JitterConfig
+
+    def apply(self, frame: Frame, rng: np.random.Generator, since_s: float) -> Frame:
+        """Return the frame with a later stamp."""
+        return Frame(frame.sensor, frame.stamp_s + self.config.mean_ms / 1e3 * rng.exponential(), frame.payload)
