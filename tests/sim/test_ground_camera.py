@@ -13,7 +13,7 @@ import pytest
 from trailmark.errors import ConfigError
 from trailmark.frames import GroundPlane
 from trailmark.geometry import Pose2, Pose3, Twist2
-from trailmark_sim.ground.camera import GroundCamera, GroundRig
+from trailmark_sim.ground.camera import GroundCameraSensor, GroundRig
 from trailmark_sim.ground.floors import FLOORS
 from trailmark_sim.ground.ground import Floor, Ground, Zone
 from trailmark_sim.ground.optics import Optics, led_light
@@ -24,8 +24,8 @@ PLAIN = Optics(vignette=0.0, read_noise=0.0, shot_noise=0.0, exposure_s=0.0, hei
 SMALL = GroundRig(width=160, height=120, field_m=(160 * 0.2 / 512, 120 * 0.188 / 480))
 
 
-def camera(floor: str = "wood", rig: GroundRig = SMALL, optics: Optics = PLAIN, threads: int = 1) -> GroundCamera:
-    return GroundCamera("floor", Ground([Zone(Floor(floor))], 1), rig, optics, seed=7, threads=threads)
+def camera(floor: str = "wood", rig: GroundRig = SMALL, optics: Optics = PLAIN, threads: int = 1) -> GroundCameraSensor:
+    return GroundCameraSensor("floor", Ground([Zone(Floor(floor))], 1), rig, optics, seed=7, threads=threads)
 
 
 def at(x: float, y: float, theta: float, **more: float) -> VehicleState:

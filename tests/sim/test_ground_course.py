@@ -8,16 +8,16 @@ import pytest
 from trailmark.errors import ConfigError
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Mode
-from trailmark_sim.ground.camera import GroundCamera
+from trailmark_sim.ground.camera import GroundCameraSensor
 from trailmark_sim.vehicles import VehicleState
 from trailmark_sim.worlds import OPTIONS, WORLDS, build_world, options_model, world_module
 from trailmark_sim.worlds.base import WorldOptions
 
 
-def floor_of(route: str, mode: Mode = "teach", **extra: object) -> GroundCamera:
+def floor_of(route: str, mode: Mode = "teach", **extra: object) -> GroundCameraSensor:
     options = WorldOptions(route=route, mode=mode, sensors=("floor",), extra=extra)
     (camera,) = build_world("ground_course", options).sensors
-    assert isinstance(camera, GroundCamera)
+    assert isinstance(camera, GroundCameraSensor)
     return camera
 
 

@@ -13,13 +13,13 @@ from trailmark.errors import ConfigError
 from trailmark.frames import Pinhole
 from trailmark.geometry import Pose2, Pose3, Twist2
 from trailmark_sim.render.bake import Lighting
-from trailmark_sim.render.develop import Sensitometry
 from trailmark_sim.render.lenses import PinholeLens
 from trailmark_sim.render.scene import Scene, SceneBuilder, Surface
 from trailmark_sim.render.viewpoints import Moment, moments_between
-from trailmark_sim.sensors.camera import CameraSensor
-from trailmark_sim.sensors.shutter import STEADY, Shaking, Shutter, poses_after, viewpoints_after
+from trailmark_sim.sensors.camera import CameraRig, CameraSensor
+from trailmark_sim.sensors.shutter import Imaging, Shaking, Shutter, poses_after, viewpoints_after
 from trailmark_sim.sensors.sight import Sight, pose_map_sensor
+from trailmark_sim.stage import Stage
 from trailmark_sim.vehicles import VehicleState
 from trailmark_sim.worlds import build_world
 from trailmark_sim.worlds.base import World, WorldOptions
@@ -42,7 +42,8 @@ def wall() -> Scene:
 
 
 def _sight(scene: Scene, shutter: Shutter, threads: int = 1) -> Sight:
-    return Sight(scene, LENS, Pose3(), lambda stamp_s, pose: NOTHING_MOVES, shutter, threads=threads)
+    stage = Stage(lambda: scene, lambda stamp_s, pose: NOTHING_MOVES, threads=threads)
+    return Sight(stage, LENS, Pose3(), shutter=shutter)
 
 
 def _light(sight: Sight, state: VehicleState) -> npt.NDArray[np.float64]:
@@ -209,11 +210,10 @@ def test_an_impossible_time_is_refused(times: dict[str, float]) -> None:
 
 @pytest.mark.parametrize(("times", "said"), [((0.06, 0.0), "exposes for 60 ms"), ((0.0, 0.06), "is read for 60 ms")])
 def test_a_picture_must_be_done_before_the_next(wall: Scene, times: tuple[float, float], said: str) -> None:
+    stage = Stage(lambda: wall, lambda stamp_s, pose: NOTHING_MOVES)
+
     with pytest.raises(ConfigError, match=f"'cam' {said}.* 20 Hz .* 50 ms"):
-        CameraSensor(
-            "cam", wall, LENS, Pose3(), 20.0, Sensitometry(), lambda stamp_s, pose: NOTHING_MOVES, 0, STEADY,
-            shutter=Shutter(*times),
-        )  # fmt: skip
+        CameraSensor("cam", CameraRig(LENS, Pose3(), 20.0), stage, imaging=Imaging(shutter=Shutter(*times)))
 
 
 def _world(name: str, sensor: str, threads: int = 1, **extra: object) -> World:

@@ -6,6 +6,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from trailmark_sim.sensors.catalogue import names_in
 from trailmark_sim.worlds import WORLDS, options_model, world_module
 
 __all__ = ["option_rows", "world_rows"]
@@ -18,7 +19,7 @@ def world_rows() -> list[dict[str, Any]]:
         module = world_module(name)
         summary = (module.__doc__ or "").strip().splitlines()[0]
         options = list(options_model(name).model_fields)
-        names = {"routes": list(module.ROUTES), "sensors": list(module.SENSORS), "options": options}
+        names = {"routes": list(module.ROUTES), "sensors": list(names_in(module.SENSORS)), "options": options}
         rows.append({"world": name, "summary": summary} | names)
     return rows
 

@@ -14,12 +14,12 @@ from trailmark_sim.render.scene import SceneBuilder, Surface
 from trailmark_sim.render.shapes import Shape, rectangle
 from trailmark_sim.render.viewpoints import Moment
 
-__all__ = ["Prop", "Props", "Troupe", "rises", "walks_off"]
+__all__ = ["Movers", "Prop", "Props", "rises", "walks_off"]
 
 _NOBODY = Moment(np.empty((0, 3, 3)), np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 4), np.float32))
 
 
-class Troupe(Protocol):
+class Movers(Protocol):
     """Whatever moves in a world."""
 
     def add_to(self, builder: SceneBuilder) -> None:
@@ -78,12 +78,12 @@ class Props:
     ----------
     props : sequence of Prop
         The boxes.
-    people : Troupe or None
+    people : Movers or None
         Everybody else; their shapes come first.
     """
 
     props: Sequence[Prop]
-    people: Troupe | None = None
+    people: Movers | None = None
     _nobody: Moment = field(default=_NOBODY, init=False, repr=False)
 
     def add_to(self, builder: SceneBuilder) -> None:

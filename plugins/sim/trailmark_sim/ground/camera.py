@@ -19,7 +19,7 @@ from trailmark_sim.sensors.shutter import Shutter
 from trailmark_sim.vehicles import VehicleState
 from trailmark_sim.workers import in_bands
 
-__all__ = ["GroundCamera", "GroundRig"]
+__all__ = ["GroundCameraSensor", "GroundRig"]
 
 #: A smear of less than this is not rendered: the lens' own blur hides it [px].
 _SMEAR_PX = 0.5
@@ -58,7 +58,7 @@ class GroundRig:
         return self.field_m[0] / self.width, self.field_m[1] / self.height
 
 
-class GroundCamera:
+class GroundCameraSensor:
     """Pictures of the ground under a vehicle.
 
     Parameters

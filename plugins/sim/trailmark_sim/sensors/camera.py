@@ -2,17 +2,40 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
+from trailmark.errors import ConfigError
 from trailmark.frames import Calibration, Image, Omni, Pinhole, SensorInfo
 from trailmark.geometry import Pose3
-from trailmark_sim.render.develop import Film, Sensitometry
+from trailmark_sim.render.develop import Film
 from trailmark_sim.render.lenses import Catadioptric, Lens, PinholeLens
-from trailmark_sim.render.scene import Scene
 from trailmark_sim.render.view import View
-from trailmark_sim.sensors.shutter import GLOBAL_SHUTTER, STEADY, Shaking, Shutter
-from trailmark_sim.sensors.sight import MomentAt, Sight
+from trailmark_sim.sensors.shutter import Imaging
+from trailmark_sim.sensors.sight import Sight
+from trailmark_sim.sensors.site import SensorSite
+from trailmark_sim.stage import Stage
 from trailmark_sim.vehicles import VehicleState
 
-__all__ = ["CameraSensor"]
+__all__ = ["CameraRig", "CameraSensor", "build"]
+
+
+@dataclass(frozen=True, slots=True)
+class CameraRig:
+    """Lens, place and rate of a camera.
+
+    Attributes
+    ----------
+    lens : Lens
+        Rays of its pixels.
+    mounting : Pose3
+        ``point_base = mounting @ point_sensor``.
+    rate_hz : float
+        Pictures per second [Hz].
+    """
+
+    lens: Lens
+    mounting: Pose3
+    rate_hz: float = 20.0
 
 
 class CameraSensor:
@@ -22,26 +45,14 @@ class CameraSensor:
     ----------
     name : str
         Name of the sensor.
-    scene : Scene
+    rig : CameraRig
+        Lens, place and rate.
+    stage : Stage
         What it sees.
-    lens : Lens
-        Rays of its pixels.
-    mounting : Pose3
-        ``point_base = mounting @ point_sensor``.
-    rate_hz : float
-        Pictures per second [Hz].
-    response : Sensitometry
+    imaging : Imaging
         How it sees.
-    moment_at : callable
-        Takes a stamp [s] and the pose of the vehicle and returns where people are.
     seed : int
         Of the noise.
-    shaking : Shaking
-        How the floor shakes it.
-    threads : int
-        Threads that render; no byte depends on it.
-    shutter : Shutter
-        When it sees each row, and for how long.
 
     Raises
     ------
@@ -50,27 +61,17 @@ class CameraSensor:
     """
 
     def __init__(
-        self,
-        name: str,
-        scene: Scene,
-        lens: Lens,
-        mounting: Pose3,
-        rate_hz: float,
-        response: Sensitometry,
-        moment_at: MomentAt,
-        seed: int,
-        shaking: Shaking = STEADY,
-        threads: int = 1,
-        shutter: Shutter = GLOBAL_SHUTTER,
+        self, name: str, rig: CameraRig, stage: Stage, *, imaging: Imaging | None = None, seed: int = 0
     ) -> None:
-        shutter.refuse_at(name, rate_hz)
-        self.rate_hz = rate_hz
-        self.info = SensorInfo(name, "image", (lens.width, lens.height), rate_hz, mounting, _calibration(lens))
-        self.lens = lens
-        self._sight = Sight(scene, lens, mounting, moment_at, shutter, shaking, threads)
-        self._threads = threads
+        imaging, lens = imaging or Imaging(), rig.lens
+        imaging.shutter.refuse_at(name, rig.rate_hz)
+        self.rate_hz, self.lens = rig.rate_hz, lens
+        size = (lens.width, lens.height)
+        self.info = SensorInfo(name, "image", size, rig.rate_hz, rig.mounting, _calibration(lens))
+        self._sight = Sight(stage, lens, rig.mounting, shutter=imaging.shutter, shaking=imaging.shaking)
+        self._threads = stage.threads
         mask = self._sight.mask
-        self._film = Film(response, (lens.height, lens.width), seed, name, None if mask.all() else mask)
+        self._film = Film(imaging.response, (lens.height, lens.width), seed, name, None if mask.all() else mask)
 
     def render(self, k: int, stamp_s: float, state: VehicleState) -> Image:
         """Return picture number `k`."""
@@ -92,3 +93,18 @@ def _calibration(lens: Lens) -> Calibration | None:
     if isinstance(lens, Catadioptric):
         return Omni(lens.cx, lens.cy, lens.inner_px, lens.outer_px, "clockwise", -90.0)
     return None
+
+
+def build(name: str, site: SensorSite, rig_of: str | None = None) -> CameraSensor:
+    """Return a camera of a world, with the rig of its name or of another camera.
+
+    Raises
+    ------
+    ConfigError
+        If the world has no such camera.
+    """
+    rig = site.rigs.get(rig_of or name)
+    if not isinstance(rig, CameraRig):
+        raise ConfigError(f"sim: world {site.world!r} has no lens for a camera named {rig_of or name!r}")
+    rig = replace(rig, rate_hz=site.rate_hz(name, rig.rate_hz))
+    return CameraSensor(name, rig, site.stage_for(name), imaging=site.imaging, seed=site.options.seed)

@@ -10,9 +10,10 @@ import numpy as np
 from trailmark.frames import Imu, SensorInfo
 from trailmark.geometry import Pose3
 from trailmark_sim.rng import frame_rng
+from trailmark_sim.sensors.site import SensorSite
 from trailmark_sim.vehicles import VehicleState
 
-__all__ = ["ImuSensor"]
+__all__ = ["ImuSensor", "build"]
 
 _GRAVITY_MPS2 = 9.80665
 
@@ -74,3 +75,8 @@ class ImuSensor:
                 _GRAVITY_MPS2,
             ]
         )
+
+
+def build(name: str, site: SensorSite) -> ImuSensor:
+    """Return the inertial measurement unit of a vehicle."""
+    return ImuSensor(name, site.rate_hz(name, 100.0), site.options.seed)

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from trailmark.frames import Scan, SensorInfo
-from trailmark.geometry import Pose2, Pose3
+from trailmark.geometry import Pose3
 from trailmark_sim.render.rays import ray_table
-from trailmark_sim.render.scene import Scene
 from trailmark_sim.render.view import View
-from trailmark_sim.render.viewpoints import Moment
 from trailmark_sim.rng import frame_rng
+from trailmark_sim.sensors.site import SensorSite
+from trailmark_sim.stage import Stage
 from trailmark_sim.vehicles import VehicleState
 
-__all__ = ["LaserRig", "LaserSensor"]
+__all__ = ["LaserRig", "LaserSensor", "build"]
 
 #: Below this cosine a beam slides along the surface and little comes back.
 _GRAZING = 0.05
@@ -65,22 +64,18 @@ class LaserSensor:
     ----------
     name : str
         Name of the sensor.
-    scene : Scene
-        What stands there.
     rig : LaserRig
         How it measures.
-    moment_at : callable
-        Takes a stamp [s] and the pose of the vehicle and returns where people are.
+    stage : Stage
+        What stands and moves there.
     seed : int
         Of the noise.
     """
 
-    def __init__(
-        self, name: str, scene: Scene, rig: LaserRig, moment_at: Callable[[float, Pose2], Moment], seed: int
-    ) -> None:
+    def __init__(self, name: str, rig: LaserRig, stage: Stage, seed: int) -> None:
         self.rig, self.rate_hz = rig, rig.rate_hz
         self.info = SensorInfo(name, "scan", None, rig.rate_hz, rig.mounting)
-        self._scene, self._moment_at, self._seed = scene, moment_at, seed
+        self._scene, self._moment_at, self._seed = stage.build_scene(), stage.moment_at, seed
         angles = self.angle_min_rad + self.angle_step_rad * np.arange(rig.n_beams)
         self._table = ray_table(np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=-1)[None])
 
@@ -115,3 +110,10 @@ class LaserSensor:
         ranges = self._table.picture(view.ranges_m, math.inf)[0].astype(np.float64)
         returns = self._table.picture(comes_back.astype(np.float32), 0.0)[0] > 0.5
         return np.where(returns, ranges, 0.0), returns
+
+
+def build(name: str, site: SensorSite) -> LaserSensor:
+    """Return the laser of a vehicle in a world with walls."""
+    rig: LaserRig = site.rigs.get(name, LaserRig())
+    rig = replace(rig, rate_hz=site.rate_hz(name, rig.rate_hz))
+    return LaserSensor(name, rig, site.stage_for(name), site.options.seed)

@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 from trailmark.frames import Scalar, SensorInfo
 from trailmark.geometry import Pose2
 from trailmark_sim.rng import frame_rng
+from trailmark_sim.sensors.site import SensorSite
 from trailmark_sim.vehicles import VehicleState
 
-__all__ = ["LightSensor"]
+__all__ = ["LightSensor", "build"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,3 +52,8 @@ class LightSensor:
         noise = float(frame_rng(self.seed, f"{self.name}/noise", k).standard_normal())
         lux = max(0.0, self.level_lux(state.pose_map_base, stamp_s) * (1.0 + self.noise * noise))
         return Scalar(round(lux / self.step_lux) * self.step_lux)
+
+
+def build(name: str, site: SensorSite) -> LightSensor:
+    """Return the light sensor of a vehicle."""
+    return LightSensor(site.level_lux, name, site.rate_hz(name, 10.0), site.options.seed)

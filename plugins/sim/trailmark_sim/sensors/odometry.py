@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from trailmark.frames import Odometry, SensorInfo
+from trailmark_sim.sensors.site import SensorSite
 from trailmark_sim.vehicles import VehicleState
 
-__all__ = ["WheelOdometry"]
+__all__ = ["WheelOdometry", "build"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,3 +37,8 @@ class WheelOdometry:
     def render(self, k: int, stamp_s: float, state: VehicleState) -> Odometry:
         """Return reading number `k`."""
         return Odometry(state.pose_start_wheels, state.wheels_m, state.twist)
+
+
+def build(name: str, site: SensorSite) -> WheelOdometry:
+    """Return the wheel odometry of a vehicle."""
+    return WheelOdometry(name, site.rate_hz(name, 50.0))

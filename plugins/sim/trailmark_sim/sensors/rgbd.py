@@ -3,28 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from trailmark.frames import RGBD, DepthCamera, Pinhole, SensorInfo
-from trailmark.geometry import Pose2, Pose3
-from trailmark_sim.render.develop import Film, Sensitometry
+from trailmark.geometry import Pose3
+from trailmark_sim.render.develop import Film
 from trailmark_sim.render.lenses import PinholeLens
 from trailmark_sim.render.rays import ray_table
-from trailmark_sim.render.scene import Scene
 from trailmark_sim.render.view import View
 from trailmark_sim.render.viewpoints import Moment
 from trailmark_sim.rng import stream_key
 from trailmark_sim.sensors.depth import DepthErrors, Echoes, measure_depth
-from trailmark_sim.sensors.shutter import GLOBAL_SHUTTER, Shutter
+from trailmark_sim.sensors.shutter import Imaging
 from trailmark_sim.sensors.sight import Sight, pose_map_sensor
+from trailmark_sim.sensors.site import SensorSite
+from trailmark_sim.stage import Stage
 from trailmark_sim.vehicles import VehicleState
 from trailmark_sim.workers import in_bands
 
-__all__ = ["RgbdRig", "RgbdSensor"]
+__all__ = ["RgbdRig", "RgbdSensor", "build"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,22 +83,14 @@ class RgbdSensor:
     ----------
     name : str
         Name of the sensor.
-    scene : Scene
-        What it sees.
     rig : RgbdRig
         Its cameras.
-    response : Sensitometry
-        How the colour camera sees.
-    moment_at : callable
-        Takes a stamp [s] and the pose of the vehicle and returns where people are.
+    stage : Stage
+        What it sees.
+    imaging : Imaging
+        How the colour camera sees; depth is measured at the stamp.
     seed : int
         Of the noise.
-    threads : int
-        Threads that render; no byte depends on it.
-    light_at : callable
-        Takes a stamp [s] and returns the light as a share of that in the scene.
-    shutter : Shutter
-        When the colour camera sees each row, and for how long; depth is measured at the stamp.
 
     Raises
     ------
@@ -106,19 +98,9 @@ class RgbdSensor:
         If it takes longer to expose or to read a picture than until the next.
     """
 
-    def __init__(
-        self,
-        name: str,
-        scene: Scene,
-        rig: RgbdRig,
-        response: Sensitometry,
-        moment_at: Callable[[float, Pose2], Moment],
-        seed: int,
-        threads: int = 1,
-        light_at: Callable[[float], float] = lambda _: 1.0,
-        shutter: Shutter = GLOBAL_SHUTTER,
-    ) -> None:
-        shutter.refuse_at(name, rig.rate_hz)
+    def __init__(self, name: str, rig: RgbdRig, stage: Stage, *, imaging: Imaging | None = None, seed: int = 0) -> None:
+        imaging = imaging or Imaging()
+        imaging.shutter.refuse_at(name, rig.rate_hz)
         self.rig, self.rate_hz = rig, rig.rate_hz
         size = (rig.width, rig.height)
         self._lens = rig.colour if rig.is_registered else rig.depth
@@ -127,21 +109,18 @@ class RgbdSensor:
             rig.colour, None if rig.is_registered else rig.depth, Pose3(y=self._beside_m), depth_kind="z"
         )
         self.info = SensorInfo(name, "rgbd", size, rig.rate_hz, rig.mounting, calibration)
-        self._scene, self._moment_at, self._seed, self._threads = scene, moment_at, seed, threads
-        self._light_at = light_at
-        colour = PinholeLens(*size, rig.colour)
-        self._sight = Sight(scene, colour, rig.mounting, moment_at, shutter, threads=threads)
+        self._scene, self._moment_at, self._threads = stage.build_scene(), stage.moment_at, stage.threads
+        self._seed = seed
+        self._sight = Sight(stage, PinholeLens(*size, rig.colour), rig.mounting, shutter=imaging.shutter)
         self._depth_rays = ray_table(*PinholeLens(*size, self._lens).directions())
-        self._film = Film(response, (rig.height, rig.width), seed, name)
+        self._film = Film(imaging.response, (rig.height, rig.width), seed, name)
 
     def render(self, k: int, stamp_s: float, state: VehicleState) -> RGBD:
         """Return pictures number `k`."""
         moment = self._moment_at(stamp_s, state.pose_map_base)
         pose = pose_map_sensor(state, self.rig.mounting)
         view = self._sight.view(stamp_s, state)
-        # Light adds up: less of all lamps is less of every pixel.
-        radiance = self._sight.radiance(view, stamp_s, state) * np.float32(self._light_at(stamp_s))
-        bgr = self._film.develop(radiance, k, 1.0, self._threads)
+        bgr = self._film.develop(self._sight.radiance(view, stamp_s, state), k, 1.0, self._threads)
         return RGBD(bgr, self._depth(k, pose, moment))
 
     def _depth(self, k: int, pose: Pose3, moment: Moment) -> npt.NDArray[np.float32]:
@@ -180,3 +159,10 @@ class RgbdSensor:
         depth[:, (across < 0) | (across > self.rig.width - 1)] = np.nan
         depth[(down < 0) | (down > self.rig.height - 1)] = np.nan
         return depth
+
+
+def build(name: str, site: SensorSite) -> RgbdSensor:
+    """Return the colour and depth camera of a vehicle in a world with walls."""
+    rig: RgbdRig = site.rigs.get(name, RgbdRig())
+    rig = replace(rig, rate_hz=site.rate_hz(name, rig.rate_hz))
+    return RgbdSensor(name, rig, site.stage_for(name), imaging=site.imaging, seed=site.options.seed)

@@ -11,11 +11,12 @@ import numpy.typing as npt
 
 from trailmark.errors import ConfigError
 from trailmark.geometry import Pose3
+from trailmark_sim.render.develop import Sensitometry
 from trailmark_sim.render.viewpoints import Viewpoints
 from trailmark_sim.rng import frame_rng
 from trailmark_sim.vehicles import VehicleState
 
-__all__ = ["GLOBAL_SHUTTER", "STEADY", "Shaking", "Shutter", "poses_after", "viewpoints_after"]
+__all__ = ["GLOBAL_SHUTTER", "STEADY", "Imaging", "Shaking", "Shutter", "poses_after", "viewpoints_after"]
 
 _WAVES_M = (0.03, 0.05, 0.09, 0.16, 0.35, 0.8)
 Floats = npt.NDArray[np.float64]
@@ -109,6 +110,25 @@ class Shaking:
 GLOBAL_SHUTTER = Shutter()
 #: A sensor that nothing shakes.
 STEADY = Shaking()
+
+
+@dataclass(frozen=True, slots=True)
+class Imaging:
+    """How a camera makes pictures.
+
+    Attributes
+    ----------
+    response : Sensitometry
+        How it turns light into grey levels.
+    shutter : Shutter
+        When it sees each row, and for how long.
+    shaking : Shaking
+        How the floor shakes it.
+    """
+
+    response: Sensitometry = Sensitometry()
+    shutter: Shutter = GLOBAL_SHUTTER
+    shaking: Shaking = STEADY
 
 
 @lru_cache(maxsize=64)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
@@ -11,15 +10,14 @@ import numpy.typing as npt
 from trailmark.geometry import Pose2, Pose3
 from trailmark_sim.render.lenses import Lens
 from trailmark_sim.render.rays import ray_table
-from trailmark_sim.render.scene import Scene
 from trailmark_sim.render.view import View
 from trailmark_sim.render.viewpoints import Moment, moments_between
 from trailmark_sim.sensors.shutter import GLOBAL_SHUTTER, STEADY, Shaking, Shutter, poses_after, viewpoints_after
+from trailmark_sim.stage import Stage
 from trailmark_sim.vehicles import VehicleState
 
-__all__ = ["MomentAt", "Sight", "pose_map_sensor"]
+__all__ = ["Sight", "pose_map_sensor"]
 
-MomentAt = Callable[[float, Pose2], Moment]
 #: A smear of less than this is not rendered: the lens' own blur hides it [px].
 _SMEAR_PX = 0.5
 _MOST_INSTANTS = 15
@@ -41,38 +39,34 @@ class Sight:
 
     Parameters
     ----------
-    scene : Scene
+    stage : Stage
         What it sees.
     lens : Lens
         Rays of its pixels.
     mounting : Pose3
         ``point_base = mounting @ point_sensor``.
-    moment_at : callable
-        Takes a stamp [s] and the pose of the vehicle and returns where people are.
     shutter : Shutter
         When it sees each row, and for how long.
     shaking : Shaking
         How the floor shakes it.
-    threads : int
-        Threads that render; no byte depends on it.
     """
 
     def __init__(
         self,
-        scene: Scene,
+        stage: Stage,
         lens: Lens,
         mounting: Pose3,
-        moment_at: MomentAt,
+        *,
         shutter: Shutter = GLOBAL_SHUTTER,
         shaking: Shaking = STEADY,
-        threads: int = 1,
     ) -> None:
         directions, self.mask = lens.directions()
         self.table = ray_table(directions, self.mask)
         self._rows = ray_table(directions, self.mask, by_row=True) if shutter.readout_s > 0.0 else self.table
         self._after_s = shutter.rows_after_s(lens.height) if shutter.readout_s > 0.0 else np.zeros(1)
-        self._scene, self._mounting, self._moment_at = scene, mounting, moment_at
-        self._shutter, self._shaking, self._threads = shutter, shaking, threads
+        self._stage, self._scene, self._mounting = stage, stage.build_scene(), mounting
+        self._moment_at, self._threads = stage.moment_at, stage.threads
+        self._shutter, self._shaking = shutter, shaking
 
     def view(self, stamp_s: float, state: VehicleState) -> View:
         """Return what is before the lens in the middle of the exposure, each row at its own time."""
@@ -86,13 +80,15 @@ class Sight:
         """Return the light of every pixel, (H, W, 3): the mean over the exposure around a view."""
         light = view.radiance()
         n = self._n_instants(view, stamp_s, state)
-        if n == 1:
-            return light
         for i in range(n):
             if i != n // 2:  # that is the view itself
                 after_s = self._shutter.exposure_s * ((i + 0.5) / n - 0.5)
                 light += self._view_after(stamp_s, state, after_s).radiance()
-        return light * np.float32(1.0 / n)
+        # Light adds up: less of all lamps is less of every pixel.
+        for share in (1.0 / n, self._stage.light_at(stamp_s)):
+            if share != 1.0:
+                light *= np.float32(share)
+        return light
 
     def _view_after(self, stamp_s: float, state: VehicleState, after_s: float) -> View:
         """Return a view of later or earlier, each row at its own time."""

@@ -8,9 +8,11 @@ from trailmark.errors import ConfigError
 from trailmark.frames import RGBD, DepthCamera, Pinhole, SensorInfo
 from trailmark_sim.render.lenses import PinholeLens
 from trailmark_sim.sensors.camera import CameraSensor
+from trailmark_sim.sensors.camera import build as build_camera
+from trailmark_sim.sensors.site import SensorSite
 from trailmark_sim.vehicles import VehicleState
 
-__all__ = ["TrueDepthSensor"]
+__all__ = ["TrueDepthSensor", "build"]
 
 
 class TrueDepthSensor:
@@ -49,3 +51,8 @@ class TrueDepthSensor:
         depth = view.ranges_m * view.table.rays[:, 0]
         depth[view.is_nothing] = np.nan
         return RGBD(camera.develop(view, k, stamp_s, state).pixels, view.table.picture(depth, np.nan))
+
+
+def build(name: str, site: SensorSite) -> TrueDepthSensor:
+    """Return the exact depth of the camera ``front`` of a world."""
+    return TrueDepthSensor(build_camera(name, site, rig_of="front"))

@@ -3,7 +3,8 @@
 A world is a module under ``trailmark_sim.worlds`` with
 
 - ``build(options: WorldOptions) -> World``, named in `trailmark_sim.worlds.WORLDS`;
-- ``SENSORS`` and ``ROUTES``, tuples of the names it knows, so that they can be listed without building it;
+- ``ROUTES``, a tuple of the names it knows, and ``SENSORS``, those of `trailmark_sim.sensors.catalogue` that it has
+  beside those of every world, so that they can be listed without building it;
 - if it has options, a light module with their model, named in `trailmark_sim.worlds.OPTIONS`: they are then
   checked, and their files found, when the config is read;
 - a docstring whose first line says what it is.
@@ -11,39 +12,24 @@ A world is a module under ``trailmark_sim.worlds`` with
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
 from trailmark.config import PluginConfig
 from trailmark.errors import ConfigError
-from trailmark.frames import Payload, SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Mode
 from trailmark.plugins.hints import did_you_mean
 from trailmark_sim.names import unknown_name
 from trailmark_sim.routes import Route
-from trailmark_sim.vehicles import Vehicle, VehicleState
+from trailmark_sim.sensors.site import SensorModel
+from trailmark_sim.vehicles import Vehicle
 
-__all__ = ["SensorModel", "World", "WorldOptions", "choose_sensors", "parse_options"]
-
-
-class SensorModel(Protocol):
-    """A simulated sensor. What it reads depends on (seed, k, stamp, state) alone, never on what it read before."""
-
-    @property
-    def info(self) -> SensorInfo:
-        """Name, kind, size, mounting and calibration."""
-
-    @property
-    def rate_hz(self) -> float:
-        """Readings per second; reading k is taken at ``k / rate_hz``."""
-
-    def render(self, k: int, stamp_s: float, state: VehicleState) -> Payload:
-        """Return reading number `k`, taken at `stamp_s` from a vehicle in `state`."""
+__all__ = ["SensorModel", "World", "WorldOptions", "choose_route", "parse_options"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,21 +111,18 @@ class World:
     area: tuple[float, float, float, float] | None = None
 
 
-def choose_sensors(
-    world: str, options: WorldOptions, builders: Mapping[str, Callable[[], SensorModel]], default: tuple[str, ...]
-) -> tuple[SensorModel, ...]:
-    """Build the sensors that the config asks for, in the order of `builders`, and no other.
+def choose_route(world: str, options: WorldOptions, routes: Sequence[str]) -> str:
+    """Return the name of the route that will be driven: the config's, or the first.
 
     Raises
     ------
     ConfigError
-        If the config names a sensor that the world does not have.
+        If the world has no such route.
     """
-    wanted = default if options.sensors is None else options.sensors
-    for name in (*wanted, *options.rates_hz):
-        if name not in builders:
-            raise ConfigError(f"sim: world {world!r} has {unknown_name('sensor', name, builders)}")
-    return tuple(build() for name, build in builders.items() if name in wanted)
+    name = options.route or routes[0]
+    if name not in routes:
+        raise ConfigError(f"sim: world {world!r} has {unknown_name('route', name, routes)}")
+    return name
 
 
 Options = TypeVar("Options", bound=PluginConfig)

@@ -11,20 +11,19 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from trailmark.errors import ConfigError
 from trailmark.geometry import Pose2
 from trailmark_sim.actors import Crowd, add_cloth
-from trailmark_sim.names import unknown_name
 from trailmark_sim.render import lettering, textures
 from trailmark_sim.render.bake import Lamp, Lighting
 from trailmark_sim.render.scene import Scene, SceneBuilder, Surface
 from trailmark_sim.rng import frame_rng
 from trailmark_sim.routes import arc, line
-from trailmark_sim.worlds.base import World, WorldOptions, parse_options
+from trailmark_sim.worlds.base import World, WorldOptions, choose_route, parse_options
 from trailmark_sim.worlds.corridor_wings import PLANS, WINDOW_M, Wing, add_wings
 from trailmark_sim.worlds.forward_rig import SENSORS, forward_world, route_along, to_and_fro
-from trailmark_sim.worlds.furnishing import hang, lamp_panels, peopled, show_lamps
+from trailmark_sim.worlds.furnishing import hang, lamp_panels, show_lamps
 from trailmark_sim.worlds.scene_options import CorridorOptions
+from trailmark_sim.worlds.setting import Setting
 from trailmark_sim.worlds.solids import Solids
 
 __all__ = ["ROUTES", "SENSORS", "build"]
@@ -43,22 +42,16 @@ _SUN = {"morning": ((-0.55, 0.65, 0.45), (3.6, 3.2, 2.5)), "afternoon": ((0.5, 0
 def build(options: WorldOptions) -> World:
     """Build the corridor of the chosen route."""
     given = parse_options(CorridorOptions, "corridor", options.extra)
-    plan = options.route or ROUTES[0]
-    if plan not in ROUTES:
-        raise ConfigError(f"sim: world 'corridor' has {unknown_name('route', plan, ROUTES)}")
-    crowd = _crowd(plan, given, options.seed)
-    stage = partial(_stage, plan, given.scenery(), options.world_seed, options.threads)
-    return forward_world(
-        "corridor",
-        options,
-        given,
-        peopled(stage, crowd),
-        crowd,
-        _solids(plan),
-        {plan: _ROUTES[plan]} | _ROUTES,
-        partial(_light_lux, plan, {"all": 320.0, "half": 200.0, "off": 90.0}[given.lamps]),
-        vibration_rad=4e-4,
+    plan = choose_route("corridor", options, ROUTES)
+    setting = Setting(
+        name="corridor",
+        build_scene=partial(_stage, plan, given.scenery(), options.world_seed, options.threads),
+        movers=_crowd(plan, given, options.seed),
+        solids=_solids(plan),
+        routes={plan: _ROUTES[plan]} | _ROUTES,
+        level_lux=partial(_light_lux, plan, {"all": 320.0, "half": 200.0, "off": 90.0}[given.lamps]),
     )
+    return forward_world(setting, options, given, vibration_rad=4e-4)
 
 
 def _solids(plan: str) -> Solids:

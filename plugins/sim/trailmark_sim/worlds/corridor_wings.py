@@ -10,7 +10,7 @@ import numpy as np
 from trailmark.geometry import Pose2
 from trailmark_sim.render import lettering, textures
 from trailmark_sim.render.scene import SceneBuilder, Surface
-from trailmark_sim.worlds.furnishing import Room, add_room, add_wall, hang
+from trailmark_sim.worlds.furnishing import RoomExtent, add_room, add_wall, hang
 
 __all__ = ["PLANS", "WINDOW_M", "Wing", "add_wings"]
 
@@ -27,7 +27,7 @@ class Wing:
     ----------
     pose : Pose2
         ``point_map = pose @ point_wing``.
-    room : Room
+    room : RoomExtent
         What it takes of the floor.
     north_end, south_end : float
         Where its long walls end; beyond, another wing begins [m].
@@ -40,7 +40,7 @@ class Wing:
     """
 
     pose: Pose2
-    room: Room
+    room: RoomExtent
     north_end: float
     south_end: float
     ends: tuple[str, ...]
@@ -58,7 +58,7 @@ class Wing:
 
 _STRAIGHT = Wing(
     pose=Pose2(),
-    room=Room(-2.0, 30.0, -1.2, 1.2, _HEIGHT_M),
+    room=RoomExtent(-2.0, 30.0, -1.2, 1.2, _HEIGHT_M),
     north_end=30.0,
     south_end=30.0,
     ends=("west", "east"),
@@ -76,7 +76,7 @@ _STRAIGHT = Wing(
 #: 18.8 m on a wing to the left, 16.8 m on another to the right.
 _FIRST = Wing(
     pose=Pose2(),
-    room=Room(-2.0, 20.0, -1.2, 1.2, _HEIGHT_M),
+    room=RoomExtent(-2.0, 20.0, -1.2, 1.2, _HEIGHT_M),
     north_end=17.6,
     south_end=20.0,
     ends=("west", "east"),
@@ -93,7 +93,7 @@ _FIRST = Wing(
 )
 _SECOND = Wing(
     pose=Pose2(18.8, 0.0, np.pi / 2),
-    room=Room(1.2, 18.0, -1.2, 1.2, _HEIGHT_M),
+    room=RoomExtent(1.2, 18.0, -1.2, 1.2, _HEIGHT_M),
     north_end=18.0,
     south_end=15.6,
     ends=("east",),
@@ -110,7 +110,7 @@ _SECOND = Wing(
 )
 _THIRD = Wing(
     pose=Pose2(20.0, 16.8, 0.0),
-    room=Room(0.0, 17.0, -1.2, 1.2, _HEIGHT_M),
+    room=RoomExtent(0.0, 17.0, -1.2, 1.2, _HEIGHT_M),
     north_end=17.0,
     south_end=17.0,
     ends=("east",),

@@ -6,7 +6,7 @@ import math
 
 from trailmark.geometry import Pose3
 from trailmark_sim.actors import Crowd
-from trailmark_sim.props import Prop, Props, Troupe, rises, walks_off
+from trailmark_sim.props import Movers, Prop, Props, rises, walks_off
 from trailmark_sim.render import textures
 from trailmark_sim.render.scene import SceneBuilder, Surface
 from trailmark_sim.rng import frame_rng
@@ -20,7 +20,7 @@ _SPEED_MPS = 0.5
 
 def with_crate(
     given: LabOptions | HallwayOptions, people: Crowd, x: float, y: float, away_rad: float, way_m: float
-) -> Troupe:
+) -> Movers:
     """Return who and what moves: people, and the crate of the options at a place; nothing stands in its way there.
 
     Parameters

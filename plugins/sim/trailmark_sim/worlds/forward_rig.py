@@ -3,31 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Sequence
 
 from trailmark.frames import Pinhole
 from trailmark.geometry import Pose2, Pose3
 from trailmark_sim.actors import Crowd, Walk
 from trailmark_sim.render.lenses import PinholeLens
-from trailmark_sim.render.scene import Scene
 from trailmark_sim.rng import frame_rng
 from trailmark_sim.routes import Route, trace
-from trailmark_sim.sensors.camera import CameraSensor
-from trailmark_sim.sensors.imu import ImuSensor
-from trailmark_sim.sensors.light import LightSensor
-from trailmark_sim.sensors.odometry import WheelOdometry
+from trailmark_sim.sensors.camera import CameraRig
 from trailmark_sim.sensors.shutter import Shaking
-from trailmark_sim.sensors.true_depth import TrueDepthSensor
 from trailmark_sim.vehicles import Differential
-from trailmark_sim.worlds.base import SensorModel, World, WorldOptions, choose_sensors
-from trailmark_sim.worlds.furnishing import response, shutter
+from trailmark_sim.worlds.base import World, WorldOptions
 from trailmark_sim.worlds.scene_options import CorridorOptions, StreetOptions
-from trailmark_sim.worlds.solids import Solids
+from trailmark_sim.worlds.setting import Setting, imaging_of
 
 __all__ = ["SENSORS", "forward_world", "route_along", "to_and_fro"]
 
-SENSORS = ("wheels", "imu", "light", "front_depth", "front")
+SENSORS = ("front_depth", "front")
 
 #: Speed of all experiments of the paper [m/s].
 _SPEED_MPS = 0.3
@@ -53,51 +46,13 @@ def to_and_fro(n: int, seed: int, length_m: float, ways: Sequence[Sequence[tuple
 
 
 def forward_world(
-    name: str,
-    options: WorldOptions,
-    given: CorridorOptions | StreetOptions,
-    build_scene: Callable[[], Scene],
-    crowd: Crowd,
-    solids: Solids,
-    routes: Mapping[str, Route],
-    level_lux: Callable[[Pose2, float], float],
-    vibration_rad: float,
+    setting: Setting, options: WorldOptions, given: CorridorOptions | StreetOptions, *, vibration_rad: float
 ) -> World:
-    """Return the world with its sensors; `vibration_rad` is the floor's where the options give none [rad]."""
-    vehicle = options.vehicle or Differential()
+    """Return the world of a setting with its sensors; the floor shakes by `vibration_rad` if no option says more."""
     shakes = vibration_rad if given.vibration_mrad is None else given.vibration_mrad / 1e3
-
-    def camera(sensor: str) -> CameraSensor:
-        return CameraSensor(
-            sensor,
-            build_scene(),
-            _lens(given.width_px),
-            _MOUNTING,
-            options.rate_of(sensor, 20.0),
-            response(given.exposure, given.noise, given.blur_px, 0.5),
-            crowd.at,
-            options.seed,
-            Shaking(shakes, shakes * 0.3, options.seed),
-            options.threads,
-            shutter(given.exposure_ms, given.readout_ms),
-        )
-
-    builders: Mapping[str, Callable[[], SensorModel]] = {
-        "wheels": partial(WheelOdometry, rate_hz=options.rate_of("wheels", 50.0)),
-        "imu": partial(ImuSensor, rate_hz=options.rate_of("imu", 100.0), seed=options.seed),
-        "light": partial(LightSensor, level_lux, rate_hz=options.rate_of("light", 10.0), seed=options.seed),
-        "front_depth": lambda: TrueDepthSensor(camera("front_depth")),
-        "front": lambda: camera("front"),
-    }
-    return World(
-        name=name,
-        vehicle=vehicle,
-        sensors=choose_sensors(name, options, builders, default=("wheels", "front")),
-        routes=routes,
-        start=Pose2(),
-        collides=partial(solids.touched, vehicle),
-        area=solids.area,
-    )
+    imaging = imaging_of(given, 0.5, shaking=Shaking(shakes, shakes * 0.3, options.seed))
+    site = setting.site(options, imaging, {"front": CameraRig(_lens(given.width_px), _MOUNTING)})
+    return setting.world(site, options.vehicle or Differential(), SENSORS, ("wheels", "front"), start=Pose2())
 
 
 def _lens(width_px: int) -> PinholeLens:

@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from typing import NamedTuple
 
-from trailmark_sim.props import Troupe
+import numpy as np
+
+from trailmark_sim.render import textures
 from trailmark_sim.render.bake import Lamp
-from trailmark_sim.render.develop import Sensitometry
-from trailmark_sim.render.scene import Scene, SceneBuilder, Surface
-from trailmark_sim.sensors.shutter import Shutter
+from trailmark_sim.render.scene import Colour, SceneBuilder, Surface
+from trailmark_sim.worlds.solids import Solids
 
-__all__ = ["Room", "add_room", "add_wall", "hang", "lamp_panels", "peopled", "response", "show_lamps", "shutter"]
+__all__ = [
+    *("RoomExtent", "Thing", "add_room", "add_wall", "block_things", "hang", "lamp_panels"),
+    *("show_lamps", "show_things"),
+]
 
 #: Each layer on a wall stands so far before the one below [m].
 _GAP_M = 0.003
 
 
 @dataclass(frozen=True, slots=True)
-class Room:
+class RoomExtent:
     """An upright room.
 
     Attributes
@@ -49,7 +53,7 @@ class Room:
 
 def add_room(
     builder: SceneBuilder,
-    room: Room,
+    room: RoomExtent,
     floor: tuple[int, float],
     ceiling: tuple[int, float],
     walls: dict[str, tuple[int, float]],
@@ -65,7 +69,7 @@ def add_room(
         add_wall(builder, room, side, paper)
 
 
-def add_wall(builder: SceneBuilder, room: Room, side: str, paper: tuple[int, float]) -> None:
+def add_wall(builder: SceneBuilder, room: RoomExtent, side: str, paper: tuple[int, float]) -> None:
     """Add one wall: a texture and the length that it covers once [m]."""
     (x, y), (ax, ay), long = room.wall(side)
     texture, length_m = paper
@@ -75,7 +79,7 @@ def add_wall(builder: SceneBuilder, room: Room, side: str, paper: tuple[int, flo
 
 def hang(
     builder: SceneBuilder,
-    room: Room,
+    room: RoomExtent,
     side: str,
     along_m: float,
     bottom_m: float,
@@ -115,30 +119,33 @@ def show_lamps(builder: SceneBuilder, lamps: Sequence[Lamp], emission: float) ->
         builder.rectangle((x - wide / 2, y + deep / 2, z + 0.01), (wide, 0, 0), (0, -deep, 0), glow)
 
 
-def response(
-    exposure: float | None, noise: float, blur_px: float | None, default_blur_px: float, vignette: float = 0.25
-) -> Sensitometry:
-    """Return how a camera sees, from options."""
-    plain = Sensitometry()
-    return Sensitometry(
-        exposure=exposure,
-        vignette=vignette,
-        read_noise=plain.read_noise * noise,
-        shot_noise=plain.shot_noise * noise,
-        blur_px=default_blur_px if blur_px is None else blur_px,
-    )
+class Thing(NamedTuple):
+    """A coloured thing on the floor: ``box``, ``cylinder`` or ``ball``; side or radius [m]."""
+
+    shape: str
+    x: float
+    y: float
+    size_m: float
+    colour: Colour
 
 
-def shutter(exposure_ms: float, readout_ms: float) -> Shutter:
-    """Return when a camera sees, from options."""
-    return Shutter(exposure_ms / 1e3, readout_ms / 1e3)
+def block_things(solids: Solids, things: Sequence[Thing]) -> None:
+    """Add things to what a vehicle can run into."""
+    for thing in things:
+        if thing.shape == "box":
+            solids.box("a box", thing.x, thing.y, thing.size_m, thing.size_m, 0.5)
+        else:
+            solids.pole(f"a {thing.shape}", thing.x, thing.y, thing.size_m)
 
 
-def peopled(stage: Callable[[], Scene], troupe: Troupe) -> Callable[[], Scene]:
-    """Return what builds a scene once, when it is first asked for: what stands, and whoever moves there."""
-
-    @cache
-    def scene() -> Scene:
-        return stage().with_movers(troupe.add_to)
-
-    return scene
+def show_things(builder: SceneBuilder, rng: np.random.Generator, things: Sequence[Thing], cylinder_m: float) -> None:
+    """Add what is seen of things; cylinders are `cylinder_m` high."""
+    card = builder.texture(textures.plaster(rng, (235, 235, 235), 128, 0.05))
+    for shape, x, y, size, colour in things:
+        surface = Surface(card, (1.0, 1.0), colour)
+        if shape == "box":
+            builder.box((x, y, 0.0), (size, size, size * 1.6), surface, 0.5)
+        elif shape == "cylinder":
+            builder.cylinder(x, y, 0.0, size, cylinder_m, surface)
+        else:
+            builder.ellipsoid((x, y, size), (size, size, size), surface)

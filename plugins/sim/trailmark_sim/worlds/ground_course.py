@@ -6,7 +6,7 @@ After the experiments of Nagai & Watanabe, Sec. IV. Every course starts at the o
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -15,24 +15,22 @@ import numpy.typing as npt
 
 from trailmark.errors import ConfigError
 from trailmark.geometry import Pose2, Pose3
-from trailmark_sim.ground.camera import GroundCamera, GroundRig
+from trailmark_sim.ground.camera import GroundCameraSensor, GroundRig
 from trailmark_sim.ground.ground import Floor, Ground, Zone
 from trailmark_sim.ground.optics import Optics
 from trailmark_sim.ground.weather import Weather
-from trailmark_sim.names import unknown_name
 from trailmark_sim.obstacles import Pole, touched_pole
 from trailmark_sim.rng import stream_key
 from trailmark_sim.routes import Route, arc, line, trace
-from trailmark_sim.sensors.imu import ImuSensor
-from trailmark_sim.sensors.light import LightSensor
-from trailmark_sim.sensors.odometry import WheelOdometry
+from trailmark_sim.sensors.catalogue import build_sensors
+from trailmark_sim.sensors.site import SensorSite
 from trailmark_sim.vehicles import FourWheelSteering
-from trailmark_sim.worlds.base import SensorModel, World, WorldOptions, choose_sensors, parse_options
+from trailmark_sim.worlds.base import World, WorldOptions, choose_route, parse_options
 from trailmark_sim.worlds.ground_options import CameraOptions, Covered, Day, FloorOptions, GroundCourseOptions
 
 __all__ = ["ROUTES", "SENSORS", "build"]
 
-SENSORS = ("wheels", "imu", "light", "floor")
+SENSORS = ("floor",)
 ROUTES = ("straight", "indoor", "outdoor")
 
 #: Average speed outdoors, Sec. IV-D [m/s].
@@ -65,23 +63,19 @@ def build(options: WorldOptions) -> World:
     """Build the course of the chosen route."""
     course = parse_options(GroundCourseOptions, "ground_course", options.extra)
     routes = _routes()
-    name = options.route or ROUTES[0]
-    if name not in routes:
-        raise ConfigError(f"sim: world 'ground_course' has {unknown_name('route', name, ROUTES)}")
+    name = choose_route("ground_course", options, ROUTES)
     vehicle = options.vehicle or FourWheelSteering()
     poles = _gates(routes[name]) if name == "indoor" else ()
-    builders: Mapping[str, Callable[[], SensorModel]] = {
-        "wheels": partial(WheelOdometry, rate_hz=options.rate_of("wheels", 50.0)),
-        "imu": partial(ImuSensor, rate_hz=options.rate_of("imu", 100.0), seed=options.seed),
-        "light": partial(
-            LightSensor, partial(_light_lux, name), rate_hz=options.rate_of("light", 10.0), seed=options.seed
-        ),
-        "floor": partial(_camera, course, options, name, routes[name]),
-    }
+    site = SensorSite(
+        world="ground_course",
+        options=options,
+        level_lux=partial(_light_lux, name),
+        floor_camera=partial(_camera, course, options, name, routes[name]),
+    )
     return World(
         name="ground_course",
         vehicle=vehicle,
-        sensors=choose_sensors("ground_course", options, builders, default=("wheels", "floor")),
+        sensors=build_sensors(site, SENSORS, default=("wheels", "floor")),
         routes={name: routes[name]} | routes,
         start=Pose2(),
         collides=partial(touched_pole, poles, vehicle.length_m, vehicle.width_m),
@@ -124,13 +118,15 @@ def _light_lux(route: str, pose: Pose2, stamp_s: float) -> float:
     return 350.0 * (1.0 + 0.25 * math.cos(2.0 * math.pi * pose.x / 3.0))
 
 
-def _camera(course: GroundCourseOptions, options: WorldOptions, name: str, route: Route) -> GroundCamera:
+def _camera(
+    course: GroundCourseOptions, options: WorldOptions, name: str, route: Route, sensor: str
+) -> GroundCameraSensor:
     given = course.camera
     rig = GroundRig(
         given.width,
         given.height,
         (given.field_mm[0] / 1e3, given.field_mm[1] / 1e3),
-        options.rate_of("floor", 70.0),
+        options.rate_of(sensor, 70.0),
         Pose3(x=given.x_m, yaw=math.radians(given.yaw_deg)),
     )
     day = course.in_replay if options.mode == "replay" and course.in_replay is not None else course.today
@@ -140,7 +136,8 @@ def _camera(course: GroundCourseOptions, options: WorldOptions, name: str, route
     # Every course lies on ground of its own.
     ground = Ground(zones, stream_key(options.world_seed, name), weather, texel_m)
     ground.load()
-    return GroundCamera("floor", ground, rig, _optics(given, day), options.seed, given.tiles_mb, options.threads)
+    optics = _optics(given, day)
+    return GroundCameraSensor(sensor, ground, rig, optics, options.seed, cap_mb=given.tiles_mb, threads=options.threads)
 
 
 def _optics(given: CameraOptions, day: Day) -> Optics:

@@ -12,60 +12,64 @@ import numpy as np
 
 from trailmark.geometry import Pose2
 from trailmark_sim.actors import Crowd, Walk, add_cloth
-from trailmark_sim.props import Troupe
+from trailmark_sim.props import Movers
 from trailmark_sim.render import lettering, textures
 from trailmark_sim.render.bake import Lighting
-from trailmark_sim.render.scene import Colour, Scene, SceneBuilder, Surface
+from trailmark_sim.render.scene import Scene, SceneBuilder, Surface
 from trailmark_sim.rng import frame_rng
 from trailmark_sim.routes import Route
 from trailmark_sim.worlds.base import World, WorldOptions, parse_options
 from trailmark_sim.worlds.crate import with_crate
-from trailmark_sim.worlds.furnishing import Room, add_room, hang, lamp_panels, peopled, show_lamps
+from trailmark_sim.worlds.furnishing import (
+    RoomExtent,
+    Thing,
+    add_room,
+    block_things,
+    hang,
+    lamp_panels,
+    show_lamps,
+    show_things,
+)
 from trailmark_sim.worlds.rgbd_rig import SENSORS, rgbd_world
 from trailmark_sim.worlds.scene_options import HallwayOptions
+from trailmark_sim.worlds.setting import Setting
 from trailmark_sim.worlds.solids import Solids
 
 __all__ = ["ROUTES", "SENSORS", "build"]
 
 ROUTES = ("straight",)
 
-_ROOM = Room(-1.0, 13.0, -1.5, 1.5, 2.8)
+_ROOM = RoomExtent(-1.0, 13.0, -1.5, 1.5, 2.8)
 _SPEED_MPS = 0.3
-#: Coloured things on the floor: shape, middle, size [m], colour.
-_THINGS: tuple[tuple[str, float, float, float, Colour], ...] = (
-    ("box", 3.2, 1.15, 0.45, (0.70, 0.06, 0.05)),
-    ("cylinder", 5.0, -1.15, 0.16, (0.05, 0.35, 0.10)),
-    ("ball", 7.2, 1.1, 0.24, (0.85, 0.45, 0.03)),
-    ("box", 9.2, -1.15, 0.40, (0.05, 0.12, 0.60)),
-    ("cylinder", 11.2, 1.1, 0.18, (0.80, 0.70, 0.05)),
+#: What stands on the floor.
+_THINGS = (
+    Thing("box", 3.2, 1.15, 0.45, (0.70, 0.06, 0.05)),
+    Thing("cylinder", 5.0, -1.15, 0.16, (0.05, 0.35, 0.10)),
+    Thing("ball", 7.2, 1.1, 0.24, (0.85, 0.45, 0.03)),
+    Thing("box", 9.2, -1.15, 0.40, (0.05, 0.12, 0.60)),
+    Thing("cylinder", 11.2, 1.1, 0.18, (0.80, 0.70, 0.05)),
 )
 
 
 def build(options: WorldOptions) -> World:
     """Build the hallway."""
     given = parse_options(HallwayOptions, "hallway", options.extra)
-    crowd = _crowd(given, options.seed)
     solids = Solids(_ROOM.west, _ROOM.east, _ROOM.south, _ROOM.north)
-    for shape, x, y, size, _ in _THINGS:
-        if shape == "box":
-            solids.box("a box", x, y, size, size, 0.5)
-        else:
-            solids.pole(f"a {shape}", x, y, size)
+    block_things(solids, _THINGS)
     x_m = np.arange(0.0, 10.0 + 1e-9, 0.01)
     route = np.stack([x_m, np.zeros_like(x_m), np.zeros_like(x_m)], axis=1)
-    return rgbd_world(
-        "hallway",
-        options,
-        given,
-        peopled(partial(_stage, given.scenery(), options.world_seed, options.threads), crowd),
-        crowd,
-        solids,
-        {"straight": Route.from_poses(route, _SPEED_MPS, "10 m along the hallway")},
-        partial(_light_lux, given.light_level),
+    setting = Setting(
+        name="hallway",
+        build_scene=partial(_stage, given.scenery(), options.world_seed, options.threads),
+        movers=_movers(given, options.seed),
+        solids=solids,
+        routes={"straight": Route.from_poses(route, _SPEED_MPS, "10 m along the hallway")},
+        level_lux=partial(_light_lux, given.light_level),
     )
+    return rgbd_world(setting, options, given)
 
 
-def _crowd(given: HallwayOptions, seed: int) -> Troupe:
+def _movers(given: HallwayOptions, seed: int) -> Movers:
     rng = frame_rng(seed, "walks")
     walks = []
     for left_m in (0.5, -0.5, 0.2, -0.2)[: given.people]:
@@ -86,15 +90,7 @@ def _stage(given: HallwayOptions, world_seed: int, threads: int) -> Scene:
     builder = SceneBuilder(Lighting(lamps, (0.20 * level, 0.20 * level, 0.19 * level)))
     _add_walls(builder, rng)
     show_lamps(builder, lamps, 6.0 * level)
-    card = builder.texture(textures.plaster(rng, (235, 235, 235), 128, 0.05))
-    for shape, x, y, size, colour in _THINGS:
-        surface = Surface(card, (1.0, 1.0), colour)
-        if shape == "box":
-            builder.box((x, y, 0.0), (size, size, size * 1.6), surface, 0.5)
-        elif shape == "cylinder":
-            builder.cylinder(x, y, 0.0, size, 1.0, surface)
-        else:
-            builder.ellipsoid((x, y, size), (size, size, size), surface)
+    show_things(builder, rng, _THINGS, 1.0)
     builder.cylinder(12.6, -1.1, 0.0, 0.22, 0.9, Surface(tint=(0.55, 0.56, 0.58), shine=0.6))
     add_cloth(builder)
     return builder.build(threads)

@@ -12,24 +12,34 @@ import numpy as np
 
 from trailmark.geometry import Pose2
 from trailmark_sim.actors import Crowd, Walk, add_cloth
-from trailmark_sim.props import Troupe
+from trailmark_sim.props import Movers
 from trailmark_sim.render import lettering, textures
 from trailmark_sim.render.bake import Lighting
-from trailmark_sim.render.scene import Colour, Scene, SceneBuilder, Surface
+from trailmark_sim.render.scene import Scene, SceneBuilder, Surface
 from trailmark_sim.rng import frame_rng
 from trailmark_sim.routes import Route
 from trailmark_sim.worlds.base import World, WorldOptions, parse_options
 from trailmark_sim.worlds.crate import with_crate
-from trailmark_sim.worlds.furnishing import Room, add_room, hang, lamp_panels, peopled, show_lamps
+from trailmark_sim.worlds.furnishing import (
+    RoomExtent,
+    Thing,
+    add_room,
+    block_things,
+    hang,
+    lamp_panels,
+    show_lamps,
+    show_things,
+)
 from trailmark_sim.worlds.rgbd_rig import SENSORS, rgbd_world
 from trailmark_sim.worlds.scene_options import LabOptions
+from trailmark_sim.worlds.setting import Setting
 from trailmark_sim.worlds.solids import Solids
 
 __all__ = ["ROUTES", "SENSORS", "build"]
 
 ROUTES = ("straight", "loop")
 
-_ROOM = Room(0.0, 8.0, 0.0, 6.0, 2.8)
+_ROOM = RoomExtent(0.0, 8.0, 0.0, 6.0, 2.8)
 _SPEED_MPS = 0.2
 #: Middle, length, width, height [m], heading [rad].
 _TABLES = (
@@ -37,16 +47,16 @@ _TABLES = (
     (7.55, 3.2, 0.8, 3.0, 0.75, 0.0),
     (3.2, 0.4, 3.0, 0.7, 0.75, 0.0),
 )
-#: Coloured things on the floor: shape, middle, size [m], colour.
-_THINGS: tuple[tuple[str, float, float, float, Colour], ...] = (
-    ("box", 6.3, 1.1, 0.45, (0.75, 0.06, 0.05)),
-    ("cylinder", 6.6, 2.1, 0.16, (0.05, 0.45, 0.10)),
-    ("ball", 5.9, 4.6, 0.22, (0.85, 0.45, 0.03)),
-    ("box", 6.4, 4.3, 0.35, (0.05, 0.12, 0.60)),
-    ("cylinder", 4.4, 4.85, 0.14, (0.80, 0.70, 0.05)),
-    ("ball", 5.1, 1.0, 0.16, (0.55, 0.05, 0.45)),
-    ("box", 2.2, 4.75, 0.40, (0.05, 0.50, 0.50)),
-    ("cylinder", 0.5, 4.6, 0.18, (0.70, 0.20, 0.05)),
+#: What stands on the floor.
+_THINGS = (
+    Thing("box", 6.3, 1.1, 0.45, (0.75, 0.06, 0.05)),
+    Thing("cylinder", 6.6, 2.1, 0.16, (0.05, 0.45, 0.10)),
+    Thing("ball", 5.9, 4.6, 0.22, (0.85, 0.45, 0.03)),
+    Thing("box", 6.4, 4.3, 0.35, (0.05, 0.12, 0.60)),
+    Thing("cylinder", 4.4, 4.85, 0.14, (0.80, 0.70, 0.05)),
+    Thing("ball", 5.1, 1.0, 0.16, (0.55, 0.05, 0.45)),
+    Thing("box", 2.2, 4.75, 0.40, (0.05, 0.50, 0.50)),
+    Thing("cylinder", 0.5, 4.6, 0.18, (0.70, 0.20, 0.05)),
 )
 _WALKS = (
     ((1.2, 3.9), (5.6, 3.9)),
@@ -59,28 +69,22 @@ _WALKS = (
 def build(options: WorldOptions) -> World:
     """Build the laboratory."""
     given = parse_options(LabOptions, "lab", options.extra)
-    crowd = _crowd(given, options.seed)
     solids = Solids(_ROOM.west, _ROOM.east, _ROOM.south, _ROOM.north)
     for x, y, length, width, _, yaw in _TABLES:
         solids.box("a table", x, y, length, width, yaw)
-    for shape, x, y, size, _ in _THINGS:
-        if shape == "box":
-            solids.box("a box", x, y, size, size, 0.5)
-        else:
-            solids.pole(f"a {shape}", x, y, size)
-    return rgbd_world(
-        "lab",
-        options,
-        given,
-        peopled(partial(_stage, given.scenery(), options.world_seed, options.threads), crowd),
-        crowd,
-        solids,
-        _routes(),
-        partial(_light_lux, given.light_level),
+    block_things(solids, _THINGS)
+    setting = Setting(
+        name="lab",
+        build_scene=partial(_stage, given.scenery(), options.world_seed, options.threads),
+        movers=_movers(given, options.seed),
+        solids=solids,
+        routes=_routes(),
+        level_lux=partial(_light_lux, given.light_level),
     )
+    return rgbd_world(setting, options, given)
 
 
-def _crowd(given: LabOptions, seed: int) -> Troupe:
+def _movers(given: LabOptions, seed: int) -> Movers:
     rng = frame_rng(seed, "walks")
     walks = [Walk(way, float(rng.uniform(0.4, 1.0)), float(rng.uniform(0, 8))) for way in _WALKS[: given.people]]
     return with_crate(given, Crowd(walks, seed), 3.5, 3.5, math.pi / 2, 1.2)
@@ -111,7 +115,7 @@ def _stage(given: LabOptions, world_seed: int, threads: int) -> Scene:
     show_lamps(builder, lamps, 6.0 * level)
     for table in _TABLES:
         _add_table(builder, rng, table)
-    _add_things(builder, rng)
+    show_things(builder, rng, _THINGS, 0.9)
     _add_clutter(builder, rng)
     add_cloth(builder)
     return builder.build(threads)
@@ -165,18 +169,6 @@ def _add_thing_on_table(builder: SceneBuilder, rng: np.random.Generator, x: floa
         builder.cylinder(x, y, z, 0.07, float(rng.uniform(0.15, 0.35)), Surface(tint=(r, g, b), shine=0.3))
     else:
         builder.ellipsoid((x, y, z + 0.12), (0.12, 0.12, 0.12), Surface(tint=(r, g, b)))
-
-
-def _add_things(builder: SceneBuilder, rng: np.random.Generator) -> None:
-    card = builder.texture(textures.plaster(rng, (235, 235, 235), 128, 0.05))
-    for shape, x, y, size, colour in _THINGS:
-        surface = Surface(card, (1.0, 1.0), colour)
-        if shape == "box":
-            builder.box((x, y, 0.0), (size, size, size * 1.6), surface, 0.5)
-        elif shape == "cylinder":
-            builder.cylinder(x, y, 0.0, size, 0.9, surface)
-        else:
-            builder.ellipsoid((x, y, size), (size, size, size), surface)
 
 
 def _add_clutter(builder: SceneBuilder, rng: np.random.Generator) -> None:

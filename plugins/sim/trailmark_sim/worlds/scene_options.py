@@ -8,7 +8,7 @@ from pydantic import Field
 
 from trailmark.config import PluginConfig
 
-__all__ = ["CorridorOptions", "HallwayOptions", "LabOptions", "StreetOptions", "SupermarketOptions"]
+__all__ = ["CorridorOptions", "HallwayOptions", "ImagingOptions", "LabOptions", "StreetOptions", "SupermarketOptions"]
 
 #: What changes pictures, but nothing that stands.
 _NOT_OF_THE_PLACE = (
@@ -18,7 +18,9 @@ _NOT_OF_THE_PLACE = (
 )
 
 
-class _CameraOptions(PluginConfig):
+class ImagingOptions(PluginConfig):
+    """How the cameras of a world with walls make pictures."""
+
     exposure: float | None = Field(default=None, gt=0)
     """Fixed exposure of the cameras, a gain; left out: automatic."""
     exposure_ms: float = Field(default=0.0, ge=0, le=1000)
@@ -37,7 +39,7 @@ class _CameraOptions(PluginConfig):
         return self.model_copy(update=plain)
 
 
-class SupermarketOptions(_CameraOptions):
+class SupermarketOptions(ImagingOptions):
     """Options of the world `supermarket`."""
 
     people: int = Field(default=0, ge=0, le=8)
@@ -46,7 +48,7 @@ class SupermarketOptions(_CameraOptions):
     """All lamps, or every other one."""
 
 
-class _RgbdOptions(_CameraOptions):
+class _RgbdOptions(ImagingOptions):
     people: int = Field(default=0, ge=0, le=4)
     """How many people walk about."""
     light_level: float = Field(default=1.0, gt=0, le=3)
@@ -73,7 +75,7 @@ class HallwayOptions(_RgbdOptions):
     """Options of the world `hallway`."""
 
 
-class _ForwardOptions(_CameraOptions):
+class _ForwardOptions(ImagingOptions):
     people: int = Field(default=0, ge=0, le=6)
     """How many people walk about."""
     time: Literal["morning", "afternoon"] = "morning"

@@ -13,19 +13,17 @@ from itertools import zip_longest
 import numpy as np
 import numpy.typing as npt
 
-from trailmark.errors import ConfigError
 from trailmark.geometry import Pose2
 from trailmark_sim.actors import Crowd, add_cloth
-from trailmark_sim.names import unknown_name
 from trailmark_sim.render import lettering, textures
 from trailmark_sim.render.bake import Lighting
 from trailmark_sim.render.scene import Scene, SceneBuilder, Surface
 from trailmark_sim.rng import frame_rng
 from trailmark_sim.routes import arc, line
-from trailmark_sim.worlds.base import World, WorldOptions, parse_options
+from trailmark_sim.worlds.base import World, WorldOptions, choose_route, parse_options
 from trailmark_sim.worlds.forward_rig import SENSORS, forward_world, route_along, to_and_fro
-from trailmark_sim.worlds.furnishing import peopled
 from trailmark_sim.worlds.scene_options import StreetOptions
+from trailmark_sim.worlds.setting import Setting
 from trailmark_sim.worlds.solids import Solids
 from trailmark_sim.worlds.street_legs import PLANS, HouseRow, Leg, Plan
 
@@ -58,22 +56,16 @@ _SUN = {
 def build(options: WorldOptions) -> World:
     """Build the street of the chosen route."""
     given = parse_options(StreetOptions, "street", options.extra)
-    name = options.route or ROUTES[0]
-    if name not in ROUTES:
-        raise ConfigError(f"sim: world 'street' has {unknown_name('route', name, ROUTES)}")
-    crowd = _crowd(name, given, options.seed)
-    stage = partial(_stage, name, given.scenery(), options.world_seed, options.threads)
-    return forward_world(
-        "street",
-        options,
-        given,
-        peopled(stage, crowd),
-        crowd,
-        _solids(PLANS[name], given.cars),
-        {name: _ROUTES[name]} | _ROUTES,
-        partial(_light_lux, given.time),
-        vibration_rad=2e-3,
+    name = choose_route("street", options, ROUTES)
+    setting = Setting(
+        name="street",
+        build_scene=partial(_stage, name, given.scenery(), options.world_seed, options.threads),
+        movers=_crowd(name, given, options.seed),
+        solids=_solids(PLANS[name], given.cars),
+        routes={name: _ROUTES[name]} | _ROUTES,
+        level_lux=partial(_light_lux, given.time),
     )
+    return forward_world(setting, options, given, vibration_rad=2e-3)
 
 
 def _parked(plan: Plan, n: int) -> list[Pose2]:

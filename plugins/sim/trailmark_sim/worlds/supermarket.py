@@ -8,7 +8,6 @@ ground camera, a camera that looks forward, colour and depth.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
 from functools import lru_cache, partial
 
 import numpy as np
@@ -16,7 +15,7 @@ import numpy as np
 from trailmark.frames import Pinhole
 from trailmark.geometry import Pose2, Pose3
 from trailmark_sim.actors import Crowd, Walk, add_cloth
-from trailmark_sim.ground.camera import GroundCamera, GroundRig
+from trailmark_sim.ground.camera import GroundCameraSensor, GroundRig
 from trailmark_sim.ground.ground import Floor, Ground, Zone
 from trailmark_sim.ground.optics import Optics
 from trailmark_sim.render import lettering, textures
@@ -25,25 +24,27 @@ from trailmark_sim.render.lenses import Catadioptric, PinholeLens
 from trailmark_sim.render.scene import Scene, SceneBuilder, Surface
 from trailmark_sim.rng import frame_rng, stream_key
 from trailmark_sim.routes import Route
-from trailmark_sim.sensors.camera import CameraSensor
-from trailmark_sim.sensors.imu import ImuSensor
-from trailmark_sim.sensors.laser import LaserRig, LaserSensor
-from trailmark_sim.sensors.light import LightSensor
-from trailmark_sim.sensors.odometry import WheelOdometry
-from trailmark_sim.sensors.rgbd import RgbdRig, RgbdSensor
-from trailmark_sim.sensors.true_depth import TrueDepthSensor
+from trailmark_sim.sensors.camera import CameraRig
+from trailmark_sim.sensors.rgbd import RgbdRig
 from trailmark_sim.vehicles import Holonomic
-from trailmark_sim.worlds.base import SensorModel, World, WorldOptions, choose_sensors, parse_options
-from trailmark_sim.worlds.furnishing import Room, add_room, hang, lamp_panels, peopled, response, show_lamps, shutter
+from trailmark_sim.worlds.base import World, WorldOptions, parse_options
+from trailmark_sim.worlds.furnishing import (
+    RoomExtent,
+    add_room,
+    hang,
+    lamp_panels,
+    show_lamps,
+)
 from trailmark_sim.worlds.scene_options import SupermarketOptions
+from trailmark_sim.worlds.setting import Setting, imaging_of
 from trailmark_sim.worlds.solids import Solids
 
 __all__ = ["ROUTES", "SENSORS", "build"]
 
-SENSORS = ("wheels", "imu", "light", "floor", "laser", "front_depth", "front", "rgbd", "omni")
+SENSORS = ("floor", "laser", "front_depth", "front", "rgbd", "omni")
 ROUTES = ("wall", "round", "goal")
 
-_ROOM = Room(0.0, 10.0, 0.0, 10.0, 3.0)
+_ROOM = RoomExtent(0.0, 10.0, 0.0, 10.0, 3.0)
 _SPEED_MPS = 0.4
 _CAMERA_M = 1.2
 _FRONT = PinholeLens(640, 480, Pinhole(525.0, 525.0, 319.5, 239.5))
@@ -74,63 +75,27 @@ _WALKS = (
 def build(options: WorldOptions) -> World:
     """Build the supermarket."""
     given = parse_options(SupermarketOptions, "supermarket", options.extra)
-    vehicle = options.vehicle or Holonomic()
-    crowd = _crowd(given, options.seed)
-    solids = _solids()
-    scene = peopled(partial(_stage, given.scenery(), options.world_seed, options.threads), crowd)
-    seen = shutter(given.exposure_ms, given.readout_ms)
-    film = response(given.exposure, given.noise, given.blur_px, 0.62, vignette=0.3)
-
-    def front(sensor: str) -> CameraSensor:
-        rate_hz = options.rate_of(sensor, 20.0)
-        place = (_FRONT, _FRONT_MOUNTING, rate_hz)
-        return CameraSensor(
-            sensor, scene(), *place, film, crowd.at, options.seed, threads=options.threads, shutter=seen
-        )
-
-    builders: Mapping[str, Callable[[], SensorModel]] = {
-        "wheels": partial(WheelOdometry, rate_hz=options.rate_of("wheels", 50.0)),
-        "imu": partial(ImuSensor, rate_hz=options.rate_of("imu", 100.0), seed=options.seed),
-        "light": partial(
-            LightSensor, partial(_light_lux, given.lighting), rate_hz=options.rate_of("light", 10.0), seed=options.seed
-        ),
-        "floor": partial(_floor_camera, options),
-        "laser": lambda: LaserSensor(
-            "laser", scene(), LaserRig(rate_hz=options.rate_of("laser", 10.0)), crowd.at, options.seed
-        ),
-        "front_depth": lambda: TrueDepthSensor(front("front_depth")),
-        "front": lambda: front("front"),
-        "rgbd": lambda: RgbdSensor(
-            "rgbd",
-            scene(),
-            RgbdRig(rate_hz=options.rate_of("rgbd", 30.0), mounting=_FRONT_MOUNTING),
-            film,
-            crowd.at,
-            options.seed,
-            options.threads,
-            shutter=seen,
-        ),
-        "omni": lambda: CameraSensor(
-            "omni",
-            scene(),
-            Catadioptric(),
-            Pose3(z=_CAMERA_M),
-            options.rate_of("omni", 15.0),
-            film,
-            crowd.at,
-            options.seed,
-            threads=options.threads,
-            shutter=seen,
-        ),
-    }
-    return World(
+    setting = Setting(
         name="supermarket",
-        vehicle=vehicle,
-        sensors=choose_sensors("supermarket", options, builders, default=("wheels", "laser", "omni")),
+        build_scene=partial(_stage, given.scenery(), options.world_seed, options.threads),
+        movers=_crowd(given, options.seed),
+        solids=_solids(),
         routes=_routes(),
+        level_lux=partial(_light_lux, given.lighting),
+    )
+    rigs = {
+        "front": CameraRig(_FRONT, _FRONT_MOUNTING),
+        "omni": CameraRig(Catadioptric(), Pose3(z=_CAMERA_M), 15.0),
+        "rgbd": RgbdRig(mounting=_FRONT_MOUNTING),
+    }
+    imaging = imaging_of(given, 0.62, vignette=0.3)
+    site = setting.site(options, imaging, rigs, floor_camera=partial(_floor_camera, options))
+    return setting.world(
+        site,
+        options.vehicle or Holonomic(),
+        SENSORS,
+        ("wheels", "laser", "omni"),
         start=Pose2(1.0, 2.0, 0.0),
-        collides=partial(solids.touched, vehicle),
-        area=solids.area,
         truth={"shelves": np.array(_SHELVES), "goal": np.array([5.55, 3.11])},
     )
 
@@ -181,12 +146,12 @@ def _light_lux(lighting: str, pose: Pose2, stamp_s: float) -> float:
     return level * (1.0 + 0.15 * math.cos(2.0 * math.pi * pose.x / 2.5) * math.cos(2.0 * math.pi * pose.y / 3.3))
 
 
-def _floor_camera(options: WorldOptions) -> GroundCamera:
-    rig = GroundRig(rate_hz=options.rate_of("floor", 70.0))
+def _floor_camera(options: WorldOptions, name: str) -> GroundCameraSensor:
+    rig = GroundRig(rate_hz=options.rate_of(name, 70.0))
     texel_m = min(rig.metres_per_pixel) / 1.5
     ground = Ground([Zone(Floor("terrazzo"))], stream_key(options.world_seed, "supermarket"), texel_m=texel_m)
     ground.load()
-    return GroundCamera("floor", ground, rig, Optics(), options.seed, threads=options.threads)
+    return GroundCameraSensor(name, ground, rig, Optics(), options.seed, threads=options.threads)
 
 
 @lru_cache(maxsize=2)

@@ -18,9 +18,10 @@ from trailmark_sim.render.scene import Scene, SceneBuilder, Surface
 from trailmark_sim.rng import frame_rng
 from trailmark_sim.routes import Route
 from trailmark_sim.worlds.base import World, WorldOptions, parse_options
-from trailmark_sim.worlds.furnishing import Room, add_room, hang, lamp_panels, show_lamps
+from trailmark_sim.worlds.furnishing import RoomExtent, add_room, hang, lamp_panels, show_lamps
 from trailmark_sim.worlds.rgbd_rig import SENSORS, rgbd_world
 from trailmark_sim.worlds.scene_options import LabOptions
+from trailmark_sim.worlds.setting import Setting
 from trailmark_sim.worlds.solids import Solids
 
 __all__ = ["BOARD_M", "ROUTES", "SENSORS", "build"]
@@ -30,7 +31,7 @@ ROUTES = ("creep",)
 #: Width and height of the board [m].
 BOARD_M = (0.60, 0.45)
 
-_ROOM = Room(-1.0, 4.5, -2.5, 2.5, 2.6)
+_ROOM = RoomExtent(-1.0, 4.5, -2.5, 2.5, 2.6)
 #: The camera, as `RgbdRig` mounts it.
 _EYE_M = (0.2, 0.6)
 
@@ -40,16 +41,15 @@ def build(options: WorldOptions) -> World:
     given = parse_options(LabOptions, "target", options.extra)
     props = Props([Prop((0.01, *BOARD_M), _board_at, _white)])
     way = np.stack([np.linspace(0.0, 0.05, 6), np.zeros(6), np.zeros(6)], axis=1)
-    return rgbd_world(
-        "target",
-        options,
-        given,
-        partial(_scene, given.scenery(), options.world_seed, options.threads),
-        props,
-        Solids(_ROOM.west, _ROOM.east, _ROOM.south, _ROOM.north),
-        {"creep": Route.from_poses(way, 0.001, "5 cm in 50 s, while the board is moved")},
-        lambda pose, stamp_s: 350.0,
+    setting = Setting(
+        name="target",
+        build_scene=partial(_scene, given.scenery(), options.world_seed, options.threads),
+        movers=props,
+        solids=Solids(_ROOM.west, _ROOM.east, _ROOM.south, _ROOM.north),
+        routes={"creep": Route.from_poses(way, 0.001, "5 cm in 50 s, while the board is moved")},
+        level_lux=lambda pose, stamp_s: 350.0,
     )
+    return rgbd_world(setting, options, given)
 
 
 def _board_at(stamp_s: float) -> Pose3:
