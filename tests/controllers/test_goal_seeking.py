@@ -127,6 +127,16 @@ def test_it_looks_around_on_the_spot_when_asked_to() -> None:
     assert controller.step(belief(Pose2(), fix_age_m=2.5)) == Stop("lost: 2.50 m without a fix", done=False)
 
 
+def test_it_stands_and_looks_before_it_turns() -> None:
+    controller = started(search_dps=20.0, search_wait_s=5.0)
+
+    assert controller.step(Belief(3.0)) == Stop("looking around")
+    assert controller.step(Belief(7.9)) == Stop("looking around")
+    assert controller.step(Belief(8.0)) == Velocity(0.0, 0.0, math.radians(20.0))
+    assert controller.step(Belief(43.9)) == Velocity(0.0, 0.0, math.radians(20.0))
+    assert controller.step(Belief(44.1)) == Stop("the pose is not known yet")
+
+
 @pytest.mark.parametrize(
     ("believed", "reason"),
     [

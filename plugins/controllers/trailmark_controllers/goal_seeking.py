@@ -85,11 +85,14 @@ class GoalSeeking(Controller):
         return ""
 
     def _look_around(self, stamp_s: float) -> Command:
-        """Turn on the spot, twice around; then stand, and leave it to the guard to end the run."""
+        """Stand and look, then turn on the spot, twice around; then stand, and leave it to the guard to end the run."""
         search_dps = self.config.search_dps
         if self._search_began_s is None:
             self._search_began_s = stamp_s
-        if search_dps * (stamp_s - self._search_began_s) >= _SEARCH_DEG or search_dps == 0.0:
+        turning_s = stamp_s - self._search_began_s - self.config.search_wait_s
+        if turning_s < 0.0:
+            return Stop("looking around")
+        if search_dps * turning_s >= _SEARCH_DEG or search_dps == 0.0:
             return Stop("the pose is not known yet")
         return Velocity(0.0, 0.0, math.radians(search_dps))
 

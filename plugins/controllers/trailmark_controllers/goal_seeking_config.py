@@ -40,6 +40,8 @@ class GoalSeekingConfig(PluginConfig):
     search_dps: float = Field(0.0, ge=0)
     """Turn on the spot so fast, twice around, while the pose is not known yet: another heading may show more. 0: stand
     [deg/s]."""
+    search_wait_s: float = Field(0.0, ge=0)
+    """Stand so long before that turn: most places are known without it, and there may be no room to turn [s]."""
     arrive_m: float = Field(0.02, gt=0)
     """The goal counts as reached this close to it [m]."""
     arrive_deg: float = Field(2.0, gt=0, lt=180)

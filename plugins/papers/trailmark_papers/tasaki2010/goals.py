@@ -41,7 +41,7 @@ _TRIALS = ((1.2, 7.6, -90.0), (8.8, 6.6, 90.0), (2.4, 2.2, 180.0), (5.2, 7.4, 20
 _PAPER_M = (0.01, 0.04, 0.06, 0.01)
 _QUICK_START = (3.2, 2.3, 140.0)
 _N_RANDOM = 100
-_LIMIT_S = 120.0
+_LOOK_S, _LIMIT_S = 5.0, 120.0
 _SPEED_MPS = 0.8  # the paper's robot: 1.0 m/s at most
 
 Start = tuple[float, float, float]
@@ -130,9 +130,10 @@ def drive_to_goal(store: Path, start: Start, seed: int, folder: Path) -> GoalDri
             "goal": list(GOAL),
             "drive": "holonomic",
             "speed_mps": _SPEED_MPS,
-            # It stands and looks while it does not know its pose: a turn shows an omnidirectional camera the same ring
-            # again, and the corners of the base may touch a shelf that is too near to turn.
-            "search_dps": 0.0,
+            # It looks before it turns: to an omnidirectional camera most headings are alike, and beside a shelf there
+            # may be no room for the corners of the base.
+            "search_wait_s": _LOOK_S,
+            "search_dps": 20.0,
         },
         "start": "unknown",
         "control_hz": 20,
