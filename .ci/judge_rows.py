@@ -1,0 +1,56 @@
+"""Read the rows of ``trailmark reproduce ... --json`` and fail where a bar of accuracy is missed. ::
+
+    trailmark reproduce all --quick --json --out FOLDER > rows.json
+    python .ci/judge_rows.py rows.json
+
+Times are printed and not judged: they say how busy the machine was.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+#: Units of what depends on the machine: times, and pictures a second.
+_TIMES = ("ms", "s", "fps")
+
+#: So few rows with a bar are no experiment: something has gone missing. The quick versions give 40 and more.
+_FEWEST = 30
+
+
+def is_time(row: Mapping[str, Any]) -> bool:
+    """Return whether a row is a time, or a ratio of two."""
+    return row["unit"] in _TIMES or (row["unit"] == "x" and row["item"].startswith("time"))
+
+
+def line_of(row: Mapping[str, Any]) -> str:
+    """Return a row as a line to read."""
+    ours = "nothing" if row["ours"] is None else f"{row['ours']:.4g}"
+    return f"{row['experiment']}, {row['item']}: {ours} {row['unit']}, asked for {row['bar']:.4g}"
+
+
+def report(rows: Sequence[Mapping[str, Any]]) -> tuple[list[str], bool]:
+    """Return lines to print, and whether every bar of accuracy is met."""
+    judged = [row for row in rows if row["bar"] is not None]
+    accuracy = [row for row in judged if not is_time(row)]
+    missed = [row for row in accuracy if not row["met"]]
+    slow = [row for row in judged if is_time(row) and not row["met"]]
+    lines = [f"missed: {line_of(row)}" for row in missed] + [f"slow (not judged): {line_of(row)}" for row in slow]
+    lines.append(f"{len(accuracy) - len(missed)} of {len(accuracy)} bars of accuracy are met")
+    if len(accuracy) < _FEWEST:
+        lines.append(f"missed: only {len(accuracy)} rows have a bar of accuracy, {_FEWEST} are expected at least")
+    return lines, not missed and len(accuracy) >= _FEWEST
+
+
+def main() -> int:
+    """Judge the file that the command line names."""
+    lines, is_good = report(json.loads(Path(sys.argv[1]).read_text(encoding="utf-8")))
+    print("\n".join(lines))
+    return 0 if is_good else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
