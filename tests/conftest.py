@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,15 @@ settings.register_profile("trailmark", deadline=None, derandomize=bool(os.enviro
 settings.load_profile("trailmark")
 
 REPOSITORY = Path(__file__).parents[1]
+
+
+def pytest_configure() -> None:
+    """Hear signals also under ``nohup`` or in a shell's background, where they are ignored, by children too."""
+    defaults = {signal.SIGINT: signal.default_int_handler}
+    for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT"):
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) == signal.SIG_IGN:
+            signal.signal(number, defaults.get(number, signal.SIG_DFL))
 
 
 @pytest.fixture(scope="session")
