@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from trailmark import hookimpl
+from trailmark.metrics import MetricSpec
 
 if TYPE_CHECKING:
     from trailmark.plugins import Registry
@@ -12,7 +13,7 @@ if TYPE_CHECKING:
 
 @hookimpl
 def trailmark_register(registry: Registry) -> None:
-    """Register the estimators, the path store and the sink that need no plugin."""
+    """Register the estimators, the path store, the sink and the metric that need no plugin."""
     registry.estimator(
         "dead_reckoning",
         "trailmark.estimation.dead_reckoning:DeadReckoning",
@@ -38,4 +39,15 @@ def trailmark_register(registry: Registry) -> None:
         "trailmark.pipeline.jsonl:JsonlSink",
         config="trailmark.pipeline.jsonl_config:JsonlConfig",
         summary="Writes beliefs, estimates and commands as lines of JSON, to a file or to standard output",
+    )
+    registry.metric(
+        "silent",
+        "trailmark.evaluation.silent:silent",
+        judges="estimates",
+        quantities=[
+            MetricSpec("answered_fraction", "share", "higher", "nothing", "answered"),
+            MetricSpec("silent", "share", title="silent"),
+            *(MetricSpec(f"silent_{name}", "share") for name in ("single", "1s", "1m")),
+        ],
+        summary="Share of estimates that are wrong by more than five of their own sigmas, and of answers",
     )

@@ -89,10 +89,11 @@ def align(pairs: Pairs, kind: AlignKind = "se2") -> Alignment:
     residuals = fit @ pairs.estimate.positions - pairs.truth.positions
     sigma_rad = rotation_sigma_rad(pairs.truth.positions, residuals, is_one_error=True)
     if sigma_rad > UNDETERMINED_RAD:
-        extent_m = _rms(_centred(pairs.truth.positions))
+        extent_m, degrees = _rms(_centred(pairs.truth.positions)), math.degrees(sigma_rad)
+        known = f"known to {degrees:.0f}° only" if degrees < 90.0 else "not known"
         reason = (
             f"the way spreads by {extent_m:.2g} m and the errors by {_rms(residuals):.2g} m, so that its direction is"
-            f" known to {math.degrees(sigma_rad):.0f}° only"
+            f" {known}"
         )
         return Alignment(kind, "origin", _origin(pairs), reason)
     return Alignment(kind, "se2", fit)

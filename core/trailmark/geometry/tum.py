@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from pathlib import Path
 
@@ -12,6 +13,8 @@ from trailmark.geometry.trajectory import Trajectory
 
 __all__ = ["read_tum", "write_tum"]
 
+logger = logging.getLogger(__name__)
+
 _COLUMNS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
 _MAX_LINE = 2_000  # a longer line is not a trajectory, and need not be echoed
 
@@ -19,24 +22,36 @@ _MAX_LINE = 2_000  # a longer line is not a trajectory, and need not be echoed
 def read_tum(path: str | Path) -> Trajectory:
     """Read a trajectory; poses in space are projected to the plane (x, y, yaw).
 
+    Of several poses at one stamp, as other programs write them, the first is kept, and a warning says how many there
+    were.
+
     Raises
     ------
     DataError
         If the file cannot be read or a line is malformed; the message names file and line.
     """
     rows: list[tuple[float, float, float, float]] = []
+    n_repeated = 0
     if Path(path).is_char_device():  # /dev/zero would be read for ever
         raise DataError(f"cannot read trajectory {path}: it is a device, not a file")
     try:
         with open(path, encoding="utf-8", errors="strict") as file:
             for number, line in enumerate(file, start=1):
                 text = line.strip()
-                if text and not text.startswith("#"):
-                    rows.append(_parse_line(text, rows[-1][0] if rows else -math.inf, f"{path}:{number}"))
+                if not text or text.startswith("#"):
+                    continue
+                row = _parse_line(text, rows[-1][0] if rows else -math.inf, f"{path}:{number}")
+                if rows and row[0] == rows[-1][0]:
+                    n_repeated += 1
+                else:
+                    rows.append(row)
     except OSError as error:
         raise DataError(f"cannot read trajectory {path}: {error.strerror or error}") from error
     except UnicodeDecodeError as error:
         raise DataError(f"{path} is not a text file, so not a TUM trajectory") from error
+    if n_repeated:
+        what = "1 pose repeats the stamp before it" if n_repeated == 1 else f"{n_repeated} poses repeat a stamp"
+        logger.warning("%s: %s; the first one of each is kept", path, what)
     table = np.array(rows, dtype=np.float64).reshape(-1, 4)
     return Trajectory(table[:, 0], table[:, 1:])
 
@@ -64,7 +79,7 @@ def _parse_line(text: str, previous_s: float, where: str) -> tuple[float, float,
     norm = math.hypot(qx, qy, qz, qw)
     if not 0.9 < norm < 1.1:
         raise DataError(f"{where}: the quaternion has norm {norm:.3g}; qx qy qz qw must be a unit quaternion")
-    if t <= previous_s:
+    if t < previous_s:
         raise DataError(f"{where}: stamps must increase, but {t:.9f} follows {previous_s:.9f}")
     return t, x, y, math.atan2(2 * (qw * qz + qx * qy), qw * qw + qx * qx - qy * qy - qz * qz)
 

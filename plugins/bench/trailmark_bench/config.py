@@ -26,6 +26,8 @@ _DEFAULT_METRICS = (
     "rpe_rmse_m",
     "drift_percent",
     "tracked_fraction",
+    "answered_fraction",
+    "silent",
     "nees_per_dof",
     "call_p95_ms",
 )
