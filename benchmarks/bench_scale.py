@@ -28,7 +28,7 @@ from pathlib import Path
 from typing import Any
 
 from trailmark import __version__
-from trailmark.pipeline.provenance import provenance
+from trailmark.pipeline.outputs.provenance import provenance
 from trailmark.plugins import load_plugins
 from trailmark_bench import Index, load_bench, run_bench
 from trailmark_bench.executors.config import LocalConfig

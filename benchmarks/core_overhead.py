@@ -30,7 +30,7 @@ from trailmark.geometry import Pose2
 from trailmark.interfaces import FrameSource, Localizer, Session
 from trailmark.paths import Path as TaughtPath
 from trailmark.paths import Waypoint
-from trailmark.pipeline import Feed, Pipeline, Plan, PlannedLocalizer, Settled
+from trailmark.pipeline import LocalizerPart, Parts, Pipeline, SourceStream
 
 BAR_US = 50.0
 RATE_HZ = 70.0
@@ -94,11 +94,12 @@ class Row:
 
 def pipeline_of(source: FrameSource, localizers: Mapping[str, Localizer], out: Path | None = None) -> Pipeline:
     """Return a run of these parts."""
-    planned = [PlannedLocalizer(name, localizer, frozenset({"floor"})) for name, localizer in localizers.items()]
-    feed = Feed("floor", source, SourceConfig())
-    return Pipeline(
-        Plan(lambda sensors, names_of: Settled(planned), DeadReckoning(DeadReckoningConfig()), [feed]), out=out
+    parts = Parts(
+        estimator=DeadReckoning(DeadReckoningConfig()),
+        sources=[SourceStream("floor", source, SourceConfig())],
+        localizers=[LocalizerPart(name, localizer, frozenset({"floor"})) for name, localizer in localizers.items()],
     )
+    return Pipeline(parts, out=out)
 
 
 def frame_us(n: int, localizers: Mapping[str, Localizer], out: Path | None = None) -> float:

@@ -19,8 +19,8 @@ import numpy as np
 
 from trailmark.frames import RGBD, Frame, Image, Payload, Scan, SensorInfo, payload_kind
 from trailmark.interfaces import Fault, Session
-from trailmark.pipeline.perturbing import Perturber
-from trailmark.pipeline.seeds import part_rng
+from trailmark.pipeline.lifecycle import part_rng
+from trailmark.pipeline.sources.perturbing import Perturber
 from trailmark.plugins import load_plugins
 
 REGISTRY = load_plugins().registry

@@ -25,7 +25,7 @@ from remembered import MARKET, keep
 
 import trailmark
 from trailmark import Pipeline
-from trailmark.pipeline.provenance import cpu_model
+from trailmark.pipeline.outputs.provenance import cpu_model
 
 RATES_HZ = {"floor": 30.0, "omni": 2.0, "laser": 4.0, "wheels": 40.0}
 USED = ("wheels", "floor", "floor_map", "omni", "laser")

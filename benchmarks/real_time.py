@@ -31,7 +31,7 @@ from remembered import MARKET, keep
 import trailmark
 from trailmark import Pipeline
 from trailmark.pipeline.clock import SystemClock
-from trailmark.pipeline.provenance import cpu_model
+from trailmark.pipeline.outputs.provenance import cpu_model
 from trailmark.plugins import Plugins
 
 RATES_HZ = {"floor": 70.0, "omni": 15.0, "laser": 15.0, "front": 20.0, "rgbd": 10.0, "wheels": 50.0}

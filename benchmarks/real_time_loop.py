@@ -30,7 +30,7 @@ import trailmark
 from trailmark import Pipeline
 from trailmark.geometry import Trajectory
 from trailmark.pipeline.clock import SystemClock
-from trailmark.pipeline.provenance import cpu_model
+from trailmark.pipeline.outputs.provenance import cpu_model
 
 RATES_HZ = {"floor": 70.0, "omni": 15.0}
 TEACH_HZ = {"floor": 30.0, "omni": 4.0}

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
-from trailmark.interfaces import Mode
-from trailmark.pipeline import Pipeline, RunResult, Step, link_latest, new_folder
+from trailmark.pipeline import Pipeline, RunRequest, RunResult, Step, link_latest, new_folder
 
 if TYPE_CHECKING:
     from trailmark.config import RunConfig
-    from trailmark.interfaces import Access
+    from trailmark.pipeline.request import RunKeywords
     from trailmark.plugins import Plugins
     from trailmark.report.glimpses import Glimpses
 
@@ -20,17 +19,12 @@ __all__ = ["create", "run"]
 
 
 def run(
-    config: RunConfig | str | Path | Mapping[str, Any],
+    config: RunConfig | RunRequest | str | Path | Mapping[str, Any],
     out: str | Path | None = None,
     *,
-    overrides: Sequence[Any] = (),
-    store: str | Path | None = None,
-    mode: Mode | None = None,
-    access: Access | None = None,
-    overwrite: bool = False,
     report: bool = True,
-    plugins: Plugins | None = None,
     on_step: Callable[[Pipeline, Step], None] | None = None,
+    **options: Unpack[RunKeywords],
 ) -> RunResult:
     """Run a config to its end and leave a run folder, as ``trailmark run`` does.
 
@@ -38,26 +32,16 @@ def run(
 
     Parameters
     ----------
-    config : RunConfig, path or mapping
+    config : RunConfig, RunRequest, path or mapping
         What to run.
     out : path, optional
         The run's folder; default: ``runs/YYYYmmdd-HHMMSS-NAME``, which ``runs/latest`` then links.
-    overrides : sequence of str
-        As ``--set``: ``"localizers.floor.search_px=8"``.
-    store : path, optional
-        The path store, in place of the config's.
-    mode : {"track", "teach", "replay"}, optional
-        In place of the config's.
-    access : {"create", "append", "overwrite"}, optional
-        How teaching opens the path store.
-    overwrite : bool
-        Whether `out` may hold an earlier run.
     report : bool
         Whether to write plots and ``report.html``.
-    plugins : Plugins, optional
-        What the config may name; default: all that are installed.
     on_step : callable, optional
         Called with the pipeline and every step: progress.
+    **options
+        `store`, `mode`, `overrides`, `plugins`, `access`, `overwrite`: as of `trailmark.pipeline.RunRequest`.
 
     Returns
     -------
@@ -71,17 +55,9 @@ def run(
     RunError, DataError
         If the run fails; its folder holds what there was.
     """
-    folder = new_folder(_name_of(config)) if out is None else Path(out)
-    pipeline = Pipeline(
-        config,
-        out=folder,
-        store=store,
-        mode=mode,
-        overrides=overrides,
-        plugins=plugins,
-        access=access,
-        overwrite=overwrite,
-    )
+    request = config if isinstance(config, RunRequest) else RunRequest(config=config, out=out, **options)
+    folder = new_folder(request.name) if request.out is None else Path(request.out)
+    pipeline = Pipeline(replace(request, out=folder))
     glimpses = None
     if report:
         from trailmark.report.glimpses import Glimpses
@@ -98,7 +74,7 @@ def run(
         if not pipeline.has_ended:  # before the first frame there is nothing to keep
             raise
     finally:
-        if out is None and folder.exists():
+        if request.out is None and folder.exists():
             link_latest(folder.absolute())
     return _evaluated(pipeline, glimpses)
 
@@ -134,12 +110,6 @@ def create(kind: str, name: str, *, plugins: Plugins | None = None, **config: An
     settings = validated(spec.load_config(), config, (), problems, document.base_dir)
     problems.raise_if_any()
     return spec.construct(settings)
-
-
-def _name_of(config: Any) -> str:
-    if isinstance(config, str | Path):
-        return Path(config).stem
-    return "run"
 
 
 def _evaluated(pipeline: Pipeline, glimpses: Glimpses | None) -> RunResult:

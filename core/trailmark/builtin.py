@@ -36,8 +36,8 @@ def trailmark_register(registry: Registry) -> None:
     )
     registry.sink(
         "jsonl",
-        "trailmark.pipeline.jsonl:JsonlSink",
-        config="trailmark.pipeline.jsonl_config:JsonlConfig",
+        "trailmark.pipeline.outputs.jsonl:JsonlSink",
+        config="trailmark.pipeline.outputs.jsonl_config:JsonlConfig",
         summary="Writes beliefs, estimates and commands as lines of JSON, to a file or to standard output",
     )
     registry.metric(

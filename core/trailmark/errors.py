@@ -4,6 +4,7 @@
 
     TrailmarkError
     ├── ConfigError (also ValueError)      a config, an option or an argument is wrong
+    │   └── SensorMismatchError            the sensors of the run do not fit its localizers
     ├── ShapeError (also ValueError)       an array has the wrong shape, size or dtype
     ├── PluginError
     │   ├── UnknownPluginError             nothing of that name is registered
@@ -26,6 +27,7 @@ __all__ = [
     "PluginError",
     "PluginLoadError",
     "RunError",
+    "SensorMismatchError",
     "ShapeError",
     "SourceError",
     "StoreError",
@@ -44,6 +46,10 @@ class TrailmarkError(Exception):
 
 class ConfigError(TrailmarkError, ValueError):
     """A config file, an option or an argument is wrong; the request cannot be carried out."""
+
+
+class SensorMismatchError(ConfigError):
+    """The sensors that the sources turn out to have do not fit what the config asks for."""
 
 
 class ShapeError(TrailmarkError, ValueError):

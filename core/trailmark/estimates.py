@@ -13,6 +13,7 @@ Information and covariances are of these numbers themselves, the chart (x, y, th
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -30,6 +31,7 @@ __all__ = [
     "Applied",
     "Belief",
     "Estimate",
+    "EstimateRecord",
     "Fix",
     "Lost",
     "Motion",
@@ -235,6 +237,34 @@ class Applied:
     reason: str = ""
     nis: float | None = None
     dof: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class EstimateRecord:
+    """An estimate, and what became of it.
+
+    Attributes
+    ----------
+    arrived_s : float
+        When it was applied; later than its frame for a localizer that works beside the run [s].
+    source : str
+        Name of the localizer.
+    estimate : Estimate
+        What the localizer said.
+    outcome : Applied
+        What the estimator answered.
+    """
+
+    arrived_s: float
+    source: str
+    estimate: Estimate
+    outcome: Applied
+
+    @property
+    def applied(self) -> Applied:
+        """The old name of `outcome`; it goes with version 0.3."""
+        warnings.warn("EstimateRecord.applied is called outcome now", DeprecationWarning, stacklevel=2)
+        return self.outcome
 
 
 @dataclass(frozen=True, slots=True, eq=False)

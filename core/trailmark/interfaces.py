@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from trailmark.commands import Command
 from trailmark.deprecation import deprecated_name
-from trailmark.estimates import Applied, Belief, Estimate
+from trailmark.estimates import Applied, Belief, Estimate, EstimateRecord
 from trailmark.frames import Frame, SensorInfo
 from trailmark.geometry import Pose2, Trajectory
 from trailmark.paths import Keyframe, Path, Waypoint
@@ -420,13 +420,20 @@ class RunEnd:
 
 
 class Sink(Part):
-    """Is told what happens: a recorder, a viewer, a bridge. Each method does nothing unless overridden."""
+    """Is told what happens: a recorder, a viewer, a bridge. Each method does nothing unless overridden.
+
+    Only methods that a sink overrides are called.
+    """
 
     def on_frame(self, frame: Frame) -> None:
         """A frame was taken from a source."""
 
+    def on_estimate_record(self, record: EstimateRecord) -> None:
+        """An estimate was applied: when it arrived, whose it is, what it says, and what became of it."""
+        self.on_estimate(record.source, record.estimate, record.outcome)
+
     def on_estimate(self, source: str, estimate: Estimate, applied: Applied) -> None:
-        """An estimate was applied."""
+        """An estimate was applied; `on_estimate_record` also says when, and calls this unless it is overridden."""
 
     def on_belief(self, belief: Belief) -> None:
         """The belief after all localizers saw a frame."""

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 from trailmark.cli.watch import watch_command
 from trailmark.errors import DataError
-from trailmark.pipeline.recorder import ESTIMATE_COLUMNS
+from trailmark.pipeline.outputs.recorder import ESTIMATE_COLUMNS
 from trailmark.report.live import RunWatch
 
 

@@ -12,8 +12,8 @@ import pytest
 
 from trailmark.frames import Frame, Image, SensorInfo, payload_kind
 from trailmark.interfaces import Session
-from trailmark.pipeline.perturbing import Perturber
-from trailmark.pipeline.seeds import part_rng
+from trailmark.pipeline.lifecycle import part_rng
+from trailmark.pipeline.sources.perturbing import Perturber
 from trailmark.plugins import load_plugins
 
 REGISTRY = load_plugins().registry

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 
 from trailmark.commands import Command, Stop, Velocity
-from trailmark.config import SourceConfig
+from trailmark.config import LocalizerOptions, PathStoreOptions, RunSettings, SourceConfig
 from trailmark.estimates import Belief, Estimate, Motion, information_from_sigmas
 from trailmark.estimation.dead_reckoning import DeadReckoning
 from trailmark.estimation.dead_reckoning_config import DeadReckoningConfig
@@ -19,7 +20,7 @@ from trailmark.frames import Frame, Image, Scalar, SensorInfo, payload_kind
 from trailmark.geometry import Pose2, Trajectory
 from trailmark.interfaces import Controller, Drivable, FrameSource, Localizer, LocalizerMap, PathStore, Session
 from trailmark.paths import Keyframe, Path, Waypoint
-from trailmark.pipeline import Clock, Feed, Plan, PlannedLocalizer, Settled, StorePlan
+from trailmark.pipeline import Clock, LocalizerPart, Parts, SourceStream
 
 GOOD = information_from_sigmas(1e-3, 1e-3, 1e-3)
 PIXELS = np.zeros((2, 3), np.uint8)
@@ -259,29 +260,61 @@ class FakeClock(Clock):
             self.t = until
 
 
-def plan(
+class MemoryStoreEntry:
+    """Opens a `MemoryStore` as the entry of a config opens a store."""
+
+    def __init__(self, disk: dict[str, Any], spacing_m: float) -> None:
+        self.options = PathStoreOptions(spacing_m=spacing_m)
+        self._disk = disk
+
+    def open(self, access: str | None, base_dir: object) -> MemoryStore:
+        return MemoryStore(self._disk, access or "create")
+
+
+@dataclass(frozen=True, kw_only=True)
+class AllSensorsParts(Parts):
+    """Parts whose localizers subscribe to every sensor, unless they name theirs."""
+
+    def fitted_to(self, sensors: Mapping[str, SensorInfo]) -> AllSensorsParts:
+        fitted = [part if part.sensors else replace(part, sensors=frozenset(sensors)) for part in self.localizers]
+        return replace(self, localizers=fitted, document={"seed": self.settings.seed})
+
+
+_SETTINGS = frozenset({"mode", "start", "control_hz", "stop_when", "pace", "seed"})
+
+
+def parts(
     sources: Mapping[str, FrameSource] | None = None,
     localizers: Mapping[str, Localizer] | None = None,
     *,
     options: Mapping[str, SourceConfig] | None = None,
-    more: Mapping[str, Mapping[str, Any]] | None = None,
+    localizer_options: Mapping[str, Mapping[str, Any]] | None = None,
+    subscriptions: Mapping[str, frozenset[str]] | None = None,
     disk: dict[str, Any] | None = None,
     spacing_m: float = 0.05,
     **fields: Any,
-) -> Plan:
-    """Return a plan of these parts; `more` are further fields of planned localizers (sensors, is_async ...)."""
-    feeds = [Feed(n, s, (options or {}).get(n) or SourceConfig()) for n, s in (sources or {}).items()]
-
-    def settle(sensors: Mapping[str, SensorInfo], names_of: Mapping[str, Sequence[str]]) -> Settled:
-        planned = [
-            PlannedLocalizer(name, localizer, **{"sensors": frozenset(sensors), **(more or {}).get(name, {})})
+) -> Parts:
+    """Return a run of these parts; `options` are of its sources, `fields` of Parts or of its settings."""
+    settings = {key: fields.pop(key) for key in _SETTINGS & fields.keys()}
+    return AllSensorsParts(
+        sources=[
+            SourceStream(name, source, (options or {}).get(name) or SourceConfig())
+            for name, source in (sources or {}).items()
+        ],
+        localizers=[
+            LocalizerPart(
+                name,
+                localizer,
+                (subscriptions or {}).get(name, frozenset()),
+                LocalizerOptions.model_validate((localizer_options or {}).get(name, {})),
+            )
             for name, localizer in (localizers or {}).items()
-        ]
-        return Settled(planned, {"seed": fields.get("seed", 0)})
-
-    store = None if disk is None else StorePlan(lambda access: MemoryStore(disk, access), "create", spacing_m)
-    estimator = fields.pop("estimator", None) or DeadReckoning(DeadReckoningConfig())
-    return Plan(settle, estimator, feeds, store=store, **fields)
+        ],
+        estimator=fields.pop("estimator", None) or DeadReckoning(DeadReckoningConfig()),
+        path_store=None if disk is None else MemoryStoreEntry(disk, spacing_m),
+        settings=RunSettings(**settings),
+        **fields,
+    )
 
 
 @pytest.fixture(scope="session")
@@ -289,6 +322,6 @@ def fakes() -> SimpleNamespace:
     """Everything above."""
     names = (
         *("Chaser", "FakeClock", "GOOD", "MemoryStore", "Mover", "Recording", "Scripted", "ToyRobot"),
-        *("image_frames", "plan", "scalar_frames"),
+        *("image_frames", "parts", "scalar_frames"),
     )
     return SimpleNamespace(**{name: globals()[name] for name in names})

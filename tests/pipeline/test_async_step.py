@@ -20,8 +20,8 @@ def camera(fakes, n: int, rate_hz: float = 10.0):
 
 def test_estimates_arrive_when_the_latency_has_passed(fakes) -> None:
     slow = fakes.Scripted(fix_at_frame(fakes))
-    more = {"map": {"is_async": True, "latency_s": 0.25}}
-    steps = list(Pipeline(fakes.plan({"cam": camera(fakes, 8)}, {"map": slow}, more=more)))
+    localizer_options = {"map": {"async": True, "latency_ms": 250}}
+    steps = list(Pipeline(fakes.parts({"cam": camera(fakes, 8)}, {"map": slow}, localizer_options=localizer_options)))
 
     arrived = [(step.stamp_s, told.arrived_s, told.estimate.stamp_s) for step in steps for told in step.estimates]
 
@@ -32,8 +32,8 @@ def test_estimates_arrive_when_the_latency_has_passed(fakes) -> None:
 
 def test_what_the_mailbox_overwrites_is_counted(fakes) -> None:
     slow = fakes.Scripted(fix_at_frame(fakes))
-    more = {"map": {"is_async": True, "latency_s": 0.25}}
-    pipeline = Pipeline(fakes.plan({"cam": camera(fakes, 8)}, {"map": slow}, more=more))
+    localizer_options = {"map": {"async": True, "latency_ms": 250}}
+    pipeline = Pipeline(fakes.parts({"cam": camera(fakes, 8)}, {"map": slow}, localizer_options=localizer_options))
 
     list(pipeline)
 
@@ -49,9 +49,9 @@ def test_frames_that_are_no_pictures_all_wait(fakes) -> None:
         [*fakes.image_frames("cam", [0.0, 0.1, 0.2, 0.9]), *fakes.scalar_frames("light", [0.05, 0.15, 0.25])],
         key=lambda frame: frame.stamp_s,
     )
-    more = {"map": {"is_async": True, "latency_s": 0.5}}
+    localizer_options = {"map": {"async": True, "latency_ms": 500}}
 
-    list(Pipeline(fakes.plan({"s": fakes.Recording(frames)}, {"map": slow}, more=more)))
+    list(Pipeline(fakes.parts({"s": fakes.Recording(frames)}, {"map": slow}, localizer_options=localizer_options)))
 
     assert [frame.stamp_s for frame, _ in slow.seen] == [0.0, 0.05, 0.15, 0.2, 0.9][:4]
     # The light costs no time: it is the pictures that take half a second.
@@ -60,9 +60,9 @@ def test_frames_that_are_no_pictures_all_wait(fakes) -> None:
 def test_the_belief_is_that_of_the_frames_own_stamp(fakes) -> None:
     slow = fakes.Scripted()
     localizers = {"vo": fakes.Mover(Pose2(0.1)), "map": slow}
-    more = {"map": {"is_async": True, "latency_s": 0.25}}
+    localizer_options = {"map": {"async": True, "latency_ms": 250}}
 
-    list(Pipeline(fakes.plan({"cam": camera(fakes, 8)}, localizers, more=more)))
+    list(Pipeline(fakes.parts({"cam": camera(fakes, 8)}, localizers, localizer_options=localizer_options)))
 
     assert [belief.pose_map_base.x for _, belief in slow.seen] == pytest.approx([0.0, 0.2, 0.4])
 
@@ -73,7 +73,11 @@ def test_a_late_fix_corrects_everything_after_its_own_stamp(fakes) -> None:
     )
     localizers = {"vo": fakes.Mover(Pose2(0.1)), "map": once}
     steps = list(
-        Pipeline(fakes.plan({"cam": camera(fakes, 5)}, localizers, more={"map": {"is_async": True, "latency_s": 0.25}}))
+        Pipeline(
+            fakes.parts(
+                {"cam": camera(fakes, 5)}, localizers, localizer_options={"map": {"async": True, "latency_ms": 250}}
+            )
+        )
     )
 
     assert [step.belief.pose_map_base.x for step in steps] == pytest.approx([0.0, 0.1, 0.2, 5.3, 5.4])
@@ -82,7 +86,9 @@ def test_a_late_fix_corrects_everything_after_its_own_stamp(fakes) -> None:
 def test_a_localizers_own_model_gives_the_latency_and_is_told_back(fakes) -> None:
     slow = fakes.Scripted(fix_at_frame(fakes))
     slow.latency = 0.35
-    steps = list(Pipeline(fakes.plan({"cam": camera(fakes, 6)}, {"map": slow}, more={"map": {"is_async": True}})))
+    steps = list(
+        Pipeline(fakes.parts({"cam": camera(fakes, 6)}, {"map": slow}, localizer_options={"map": {"async": True}}))
+    )
 
     assert [told.arrived_s for step in steps for told in step.estimates] == pytest.approx([0.35])
     assert slow.session.last_latency_s() == 0.35
@@ -92,7 +98,7 @@ def test_a_synchronous_localizer_is_told_its_modelled_latency_too(fakes) -> None
     kinect = fakes.Scripted()
     kinect.latency = 0.12
 
-    list(Pipeline(fakes.plan({"cam": camera(fakes, 2)}, {"kinect": kinect})))
+    list(Pipeline(fakes.parts({"cam": camera(fakes, 2)}, {"kinect": kinect})))
 
     assert kinect.session.last_latency_s() == 0.12
 
@@ -100,10 +106,10 @@ def test_a_synchronous_localizer_is_told_its_modelled_latency_too(fakes) -> None
 def test_no_latency_is_as_good_as_synchronous(fakes) -> None:
     steps = list(
         Pipeline(
-            fakes.plan(
+            fakes.parts(
                 {"cam": camera(fakes, 3)},
                 {"map": fakes.Scripted(fix_at_frame(fakes))},
-                more={"map": {"is_async": True}},
+                localizer_options={"map": {"async": True}},
             )
         )
     )
@@ -114,7 +120,9 @@ def test_no_latency_is_as_good_as_synchronous(fakes) -> None:
 def test_what_is_in_work_at_the_end_still_counts(fakes) -> None:
     slow = fakes.Scripted(fix_at_frame(fakes))
     pipeline = Pipeline(
-        fakes.plan({"cam": camera(fakes, 1)}, {"map": slow}, more={"map": {"is_async": True, "latency_s": 9.0}})
+        fakes.parts(
+            {"cam": camera(fakes, 1)}, {"map": slow}, localizer_options={"map": {"async": True, "latency_ms": 9000}}
+        )
     )
 
     list(pipeline)
@@ -129,8 +137,10 @@ def test_an_error_beside_the_run_ends_it_once_what_was_said_before_is_told(fakes
             raise ValueError("no texture")
         return (Fix(frame.stamp_s, Pose2(7.0), fakes.GOOD),)
 
-    more = {"map": {"is_async": True, "latency_s": 0.15}}
-    pipeline = Pipeline(fakes.plan({"cam": camera(fakes, 8)}, {"map": fakes.Scripted(say)}, more=more))
+    localizer_options = {"map": {"async": True, "latency_ms": 150}}
+    pipeline = Pipeline(
+        fakes.parts({"cam": camera(fakes, 8)}, {"map": fakes.Scripted(say)}, localizer_options=localizer_options)
+    )
 
     with pytest.raises(
         RunError, match=r"localizer 'map' failed at the frame of 'cam' at 0.100000 s: ValueError: no texture"

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from trailmark.estimates import Belief
 from trailmark.frames import Frame, Image, Scalar, Scan
 from trailmark.pipeline.counters import Counters
-from trailmark.pipeline.mailbox import Mailbox
-from trailmark.pipeline.provenance import git_describe, provenance
-from trailmark.pipeline.seeds import part_rng
+from trailmark.pipeline.lifecycle import part_rng
+from trailmark.pipeline.localizers.mailbox import Mailbox
+from trailmark.pipeline.outputs.provenance import git_describe, provenance
 from trailmark.pipeline.timing import EXACT_CALLS, StageTimes
 
 

@@ -32,7 +32,7 @@ def failing_at(stamp_s: float, error: BaseException):
 
 def test_a_localizer_that_raises_ends_the_run_naming_it_and_the_frame(fakes) -> None:
     source, broken = camera(fakes), fakes.Scripted(failing_at(0.2, ValueError("no texture")))
-    pipeline = Pipeline(fakes.plan({"cam": source}, {"floor": broken}))
+    pipeline = Pipeline(fakes.parts({"cam": source}, {"floor": broken}))
 
     with pytest.raises(
         RunError, match=r"localizer 'floor' failed at the frame of 'cam' at 0\.200000 s: ValueError: no te"
@@ -49,7 +49,9 @@ def test_a_localizer_that_raises_ends_the_run_naming_it_and_the_frame(fakes) -> 
 def test_with_on_error_disable_it_is_switched_off_and_the_rest_goes_on(fakes, caplog) -> None:
     broken = fakes.Scripted(failing_at(0.2, ValueError("no texture")))
     localizers = {"floor": broken, "vo": fakes.Mover(Pose2(0.1))}
-    pipeline = Pipeline(fakes.plan({"cam": camera(fakes)}, localizers, more={"floor": {"on_error": "disable"}}))
+    pipeline = Pipeline(
+        fakes.parts({"cam": camera(fakes)}, localizers, localizer_options={"floor": {"on_error": "disable"}})
+    )
 
     with caplog.at_level(logging.WARNING):
         *_, last = pipeline
@@ -63,7 +65,7 @@ def test_with_on_error_disable_it_is_switched_off_and_the_rest_goes_on(fakes, ca
 
 
 def test_an_answer_that_is_no_sequence_is_an_error(fakes) -> None:
-    pipeline = Pipeline(fakes.plan({"cam": camera(fakes)}, {"floor": fakes.Scripted(lambda frame, belief: None)}))
+    pipeline = Pipeline(fakes.parts({"cam": camera(fakes)}, {"floor": fakes.Scripted(lambda frame, belief: None)}))
 
     with pytest.raises(RunError, match="observe returned NoneType, not a sequence of estimates"):
         list(pipeline)
@@ -71,7 +73,7 @@ def test_an_answer_that_is_no_sequence_is_an_error(fakes) -> None:
 
 def test_a_source_error_ends_the_run_with_what_there_is(fakes) -> None:
     frames = [*fakes.image_frames("cam", [0.0, 0.1]), SourceError("frames/2.png: truncated")]
-    pipeline = Pipeline(fakes.plan({"cam": fakes.Recording(frames)}, {"vo": fakes.Mover(Pose2(0.1))}))
+    pipeline = Pipeline(fakes.parts({"cam": fakes.Recording(frames)}, {"vo": fakes.Mover(Pose2(0.1))}))
 
     with pytest.raises(SourceError, match="truncated"):
         list(pipeline)
@@ -86,7 +88,7 @@ def test_ctrl_c_ends_cleanly_with_what_is_done(fakes, where: str) -> None:
     if where == "source":
         source = fakes.Recording([*fakes.image_frames("cam", [0.0, 0.1, 0.2]), KeyboardInterrupt()])
     said = fakes.Scripted(failing_at(0.3, KeyboardInterrupt()))
-    pipeline = Pipeline(fakes.plan({"cam": source}, {"vo": fakes.Mover(Pose2(0.1)), "floor": said}))
+    pipeline = Pipeline(fakes.parts({"cam": source}, {"vo": fakes.Mover(Pose2(0.1)), "floor": said}))
 
     n_steps = len(list(pipeline))
 
@@ -98,7 +100,7 @@ def test_ctrl_c_ends_cleanly_with_what_is_done(fakes, where: str) -> None:
 
 def test_ctrl_c_in_the_callers_own_code_ends_cleanly_too(fakes) -> None:
     source = camera(fakes)
-    pipeline = Pipeline(fakes.plan({"cam": source}))
+    pipeline = Pipeline(fakes.parts({"cam": source}))
 
     def look() -> None:
         with pipeline:
@@ -113,7 +115,7 @@ def test_ctrl_c_in_the_callers_own_code_ends_cleanly_too(fakes) -> None:
 
 def test_leaving_early_closes_everything(fakes) -> None:
     source = camera(fakes)
-    with Pipeline(fakes.plan({"cam": source})) as pipeline:
+    with Pipeline(fakes.parts({"cam": source})) as pipeline:
         for step in pipeline:
             if step.stamp_s > 0.15:
                 break
@@ -127,7 +129,7 @@ def test_leaving_early_closes_everything(fakes) -> None:
 
 
 def test_the_result_of_a_run_that_goes_on_is_an_error(fakes) -> None:
-    with Pipeline(fakes.plan({"cam": camera(fakes)})) as pipeline, pytest.raises(RunError, match="has not ended"):
+    with Pipeline(fakes.parts({"cam": camera(fakes)})) as pipeline, pytest.raises(RunError, match="has not ended"):
         pipeline.result
 
 
@@ -137,7 +139,7 @@ def test_a_part_that_does_not_start_is_named_and_the_others_are_closed(fakes) ->
             raise OSError("no display")
 
     source, localizer = camera(fakes), fakes.Scripted()
-    pipeline = Pipeline(fakes.plan({"cam": source}, {"floor": localizer}, sinks={"viewer": Broken(None)}))
+    pipeline = Pipeline(fakes.parts({"cam": source}, {"floor": localizer}, sinks={"viewer": Broken(None)}))
 
     with pytest.raises(RunError, match="sink 'viewer' could not start: OSError: no display"):
         pipeline.start()
@@ -150,7 +152,7 @@ def test_a_sink_that_raises_is_named(fakes) -> None:
         def on_belief(self, belief):
             raise OSError("disk full")
 
-    pipeline = Pipeline(fakes.plan({"cam": camera(fakes)}, sinks={"disk": Broken(None)}))
+    pipeline = Pipeline(fakes.parts({"cam": camera(fakes)}, sinks={"disk": Broken(None)}))
 
     with pytest.raises(RunError, match="sink 'disk' failed: OSError: disk full"):
         list(pipeline)
@@ -164,7 +166,7 @@ def test_a_part_that_does_not_close_is_a_warning(fakes, caplog) -> None:
             raise OSError("busy")
 
     source = camera(fakes, 1)
-    list(Pipeline(fakes.plan({"cam": source}, sinks={"disk": Sticky(None)})))
+    list(Pipeline(fakes.parts({"cam": source}, sinks={"disk": Sticky(None)})))
 
     assert "sink 'disk' did not close: OSError: busy" in caplog.text
     assert source.log[-1] == "close"
@@ -173,7 +175,7 @@ def test_a_part_that_does_not_close_is_a_warning(fakes, caplog) -> None:
 def test_hooks_mark_the_ends_of_a_run(fakes) -> None:
     calls = []
     pipeline = Pipeline(
-        fakes.plan({"cam": camera(fakes)}, call_hook=lambda name, **given: calls.append((name, sorted(given))))
+        fakes.parts({"cam": camera(fakes)}, call_hook=lambda name, **given: calls.append((name, sorted(given))))
     )
 
     list(pipeline)
@@ -185,7 +187,7 @@ class TestRobot:
     def test_the_loop_closes_frame_by_frame(self, fakes) -> None:
         robot, chaser = fakes.ToyRobot(), fakes.Chaser(1.0)
         see = fakes.Scripted(lambda frame, belief: (Fix(frame.stamp_s, Pose2(frame.payload.value), fakes.GOOD),))
-        pipeline = Pipeline(fakes.plan({"robot": robot}, {"gps": see}, controller=chaser))
+        pipeline = Pipeline(fakes.parts({"robot": robot}, {"gps": see}, controller=chaser))
 
         steps = list(pipeline)
 
@@ -200,7 +202,7 @@ class TestRobot:
         chaser = fakes.Chaser(1e9)
         source = fakes.Recording(fakes.image_frames("cam", [i / 100 + 0.002 * (i % 2) for i in range(100)]))
 
-        list(Pipeline(fakes.plan({"cam": source}, controller=chaser, control_hz=20.0)))
+        list(Pipeline(fakes.parts({"cam": source}, controller=chaser, control_hz=20.0)))
 
         assert 20 <= len(chaser.beliefs) <= 21  # the last may be a quarter of a period early
 
@@ -208,7 +210,7 @@ class TestRobot:
         chaser = fakes.Chaser(1e9)
         stamps = [round(i / 70, 3) for i in range(70)]
 
-        list(Pipeline(fakes.plan({"cam": fakes.Recording(fakes.image_frames("cam", stamps))}, controller=chaser)))
+        list(Pipeline(fakes.parts({"cam": fakes.Recording(fakes.image_frames("cam", stamps))}, controller=chaser)))
 
         assert len(chaser.beliefs) == 70
 
@@ -217,7 +219,7 @@ class TestRobot:
         localizers = {"floor": fakes.Scripted(failing_at(0.3, ValueError("no texture")))}
 
         with pytest.raises(RunError):
-            list(Pipeline(fakes.plan({"robot": robot}, localizers, controller=fakes.Chaser(9.0))))
+            list(Pipeline(fakes.parts({"robot": robot}, localizers, controller=fakes.Chaser(9.0))))
 
         assert isinstance(robot.commands[-1], Stop)
         assert robot.log[-2:] == ["drive", "close"]
@@ -230,7 +232,7 @@ class TestRobot:
                 self.heard = (*self.heard, (stamp_s, command))
 
         ear = Ear(None)
-        list(Pipeline(fakes.plan({"cam": camera(fakes, 2)}, controller=fakes.Chaser(9.0), sinks={"ear": ear})))
+        list(Pipeline(fakes.parts({"cam": camera(fakes, 2)}, controller=fakes.Chaser(9.0), sinks={"ear": ear})))
 
         assert ear.heard == ((0.0, Velocity(1.0)), (0.1, Velocity(1.0)))
 
@@ -238,23 +240,23 @@ class TestRobot:
         sources = {"robot": fakes.ToyRobot(), "cam": camera(fakes)}
 
         with pytest.raises(ConfigError, match="a robot is the only source of its run, and this run has robot, cam"):
-            list(Pipeline(fakes.plan(sources, controller=fakes.Chaser(1.0))))
+            list(Pipeline(fakes.parts(sources, controller=fakes.Chaser(1.0))))
 
     def test_commands_that_the_robot_does_not_know_are_refused(self, fakes) -> None:
         robot = fakes.ToyRobot(accepts=frozenset({Stop}))
 
         with pytest.raises(ConfigError, match="Chaser gives Velocity, but the robot takes Stop"):
-            list(Pipeline(fakes.plan({"robot": robot}, controller=fakes.Chaser(1.0))))
+            list(Pipeline(fakes.parts({"robot": robot}, controller=fakes.Chaser(1.0))))
 
     def test_a_robot_that_nobody_drives_is_refused(self, fakes) -> None:
         with pytest.raises(ConfigError, match="robot of source 'robot' does not drive by itself: add a controller"):
-            list(Pipeline(fakes.plan({"robot": fakes.ToyRobot()})))
+            list(Pipeline(fakes.parts({"robot": fakes.ToyRobot()})))
 
     def test_a_robot_that_drives_itself_needs_no_controller_and_gets_no_commands(self, fakes) -> None:
         robot, chaser = fakes.ToyRobot(3), fakes.Chaser(1.0)
         robot.drives_itself = True
 
-        list(Pipeline(fakes.plan({"robot": robot}, controller=chaser)))
+        list(Pipeline(fakes.parts({"robot": robot}, controller=chaser)))
 
         assert chaser.beliefs == []
         assert robot.commands == [Stop("done")]
@@ -263,7 +265,7 @@ class TestRobot:
 class TestFeed:
     def test_frames_from_anywhere_go_through_the_same_parts(self, fakes) -> None:
         with Pipeline(
-            fakes.plan({}, {"vo": fakes.Mover(Pose2(0.1))}), sensors=[SensorInfo("cam", "image")]
+            fakes.parts({}, {"vo": fakes.Mover(Pose2(0.1))}), sensors=[SensorInfo("cam", "image")]
         ) as pipeline:
             steps = [pipeline.feed(frame) for frame in fakes.image_frames("cam", [0.0, 0.1, 0.1, 0.2])]
 
@@ -276,14 +278,14 @@ class TestFeed:
 
     def test_feeding_a_pipeline_with_sources_is_refused(self, fakes) -> None:
         with pytest.raises(ConfigError, match="has sources of its own: iterate over it"):
-            Pipeline(fakes.plan({"cam": camera(fakes)})).feed(fakes.image_frames("cam", [0.0])[0])
+            Pipeline(fakes.parts({"cam": camera(fakes)})).feed(fakes.image_frames("cam", [0.0])[0])
 
     def test_feeding_needs_to_know_the_sensors(self, fakes) -> None:
         with pytest.raises(ConfigError, match="before their sensors are known"):
-            Pipeline(fakes.plan({})).feed(fakes.image_frames("cam", [0.0])[0])
+            Pipeline(fakes.parts({})).feed(fakes.image_frames("cam", [0.0])[0])
 
     def test_a_frame_that_goes_back_is_an_error(self, fakes) -> None:
-        with Pipeline(fakes.plan({}), sensors=[SensorInfo("cam", "image")]) as pipeline:
+        with Pipeline(fakes.parts({}), sensors=[SensorInfo("cam", "image")]) as pipeline:
             pipeline.feed(fakes.image_frames("cam", [1.0])[0])
             with pytest.raises(SourceError, match=r"goes back in time: the one before it was at 1\.000000 s$"):
                 pipeline.feed(fakes.image_frames("cam", [0.5])[0])
@@ -298,7 +300,7 @@ class TestPartsThatFail:
         robot = fakes.ToyRobot()
 
         with pytest.raises(RunError, match=r"the controller failed at 0\.000000 s: ZeroDivisionError: no path ahead"):
-            list(Pipeline(fakes.plan({"robot": robot}, controller=Confused(1.0))))
+            list(Pipeline(fakes.parts({"robot": robot}, controller=Confused(1.0))))
         assert isinstance(robot.commands[-1], Stop)
 
     def test_a_robot_that_takes_no_command_ends_the_run_and_is_still_closed(self, fakes, caplog) -> None:
@@ -307,7 +309,7 @@ class TestPartsThatFail:
                 raise OSError("serial port closed")
 
         robot = Deaf()
-        pipeline = Pipeline(fakes.plan({"robot": robot}, controller=fakes.Chaser(1.0)))
+        pipeline = Pipeline(fakes.parts({"robot": robot}, controller=fakes.Chaser(1.0)))
 
         with pytest.raises(RunError, match=r"the robot did not take Velocity.*OSError: serial port closed"):
             list(pipeline)
@@ -325,19 +327,19 @@ class TestPartsThatFail:
             raise ArithmeticError("S is singular")
 
         setattr(Singular, method, fail)
-        plan = fakes.plan(
+        parts = fakes.parts(
             {"cam": camera(fakes)}, {"vo": fakes.Mover(Pose2(0.1))}, estimator=Singular(DeadReckoningConfig())
         )
 
         with pytest.raises(RunError, match=r"the estimator failed at .*: ArithmeticError: S is singular"):
-            list(Pipeline(plan))
+            list(Pipeline(parts))
 
     def test_a_ground_truth_that_fails_costs_a_warning(self, fakes, caplog) -> None:
         class Untrue(fakes.Recording):
             def ground_truth(self):
                 raise OSError("no such file")
 
-        pipeline = Pipeline(fakes.plan({"cam": Untrue(fakes.image_frames("cam", [0.0]))}))
+        pipeline = Pipeline(fakes.parts({"cam": Untrue(fakes.image_frames("cam", [0.0]))}))
 
         list(pipeline)
 
@@ -346,7 +348,7 @@ class TestPartsThatFail:
 
     def test_a_folder_that_cannot_be_written_ends_the_run(self, fakes, tmp_path) -> None:
         source = camera(fakes)
-        pipeline = Pipeline(fakes.plan({"cam": source}), out=tmp_path / "run")
+        pipeline = Pipeline(fakes.parts({"cam": source}), out=tmp_path / "run")
         next(pipeline)
         (tmp_path / "run/timing.json").mkdir()
 
@@ -356,9 +358,9 @@ class TestPartsThatFail:
         assert source.log[-1] == "close"
 
     def test_a_start_that_fails_leaves_no_empty_folder(self, fakes, tmp_path) -> None:
-        plan = fakes.plan({"cam": camera(fakes)}, start="last")
+        parts = fakes.parts({"cam": camera(fakes)}, start="last")
 
         with pytest.raises(ConfigError, match="start: last"):
-            Pipeline(plan, out=tmp_path / "run").start()
+            Pipeline(parts, out=tmp_path / "run").start()
 
         assert not (tmp_path / "run").exists()

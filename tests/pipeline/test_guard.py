@@ -9,7 +9,7 @@ from trailmark.config import StopWhen
 from trailmark.estimates import Belief, Fix
 from trailmark.geometry import Pose2
 from trailmark.pipeline import Pipeline
-from trailmark.pipeline.guard import Guard
+from trailmark.pipeline.control import Guard
 
 
 def test_no_limit_no_guard() -> None:
@@ -51,7 +51,7 @@ def test_the_guard_overrules_the_controller_and_lets_it_go_on(fakes) -> None:
     source = fakes.Recording(fakes.image_frames("cam", [i / 10 for i in range(21)]))
     chaser = fakes.Chaser(1e9)
     pipeline = Pipeline(
-        fakes.plan(
+        fakes.parts(
             {"cam": source}, {"vo": fakes.Scripted(say)}, controller=chaser, stop_when=StopWhen(motion_age_s=0.3)
         )
     )
@@ -69,13 +69,13 @@ def test_the_guard_overrules_the_controller_and_lets_it_go_on(fakes) -> None:
 def test_a_robot_that_stays_stopped_ends_the_run(fakes) -> None:
     robot = fakes.ToyRobot(1000)
     fix_once = fakes.Scripted(lambda frame, belief: () if frame.stamp_s else (Fix(0.0, Pose2(), fakes.GOOD),))
-    plan = fakes.plan(
+    parts = fakes.parts(
         {"robot": robot},
         {"vo": fakes.Mover(Pose2(0.1)), "map": fix_once},
         controller=fakes.Chaser(1e9),
         stop_when=StopWhen(fix_age_m=0.55),
     )
-    pipeline = Pipeline(plan)
+    pipeline = Pipeline(parts)
 
     steps = list(pipeline)
 

@@ -11,11 +11,11 @@ import pytest
 
 from trailmark.commands import Stop, Velocity
 from trailmark.errors import ConfigError
-from trailmark.estimates import Applied, Belief, Fix, Lost, PathOffset, information_from_sigmas
+from trailmark.estimates import Applied, Belief, EstimateRecord, Fix, Lost, PathOffset, information_from_sigmas
 from trailmark.geometry import Pose2
 from trailmark.interfaces import RunEnd, Session
-from trailmark.pipeline.jsonl import JsonlSink
-from trailmark.pipeline.jsonl_config import JsonlConfig
+from trailmark.pipeline.outputs.jsonl import JsonlSink
+from trailmark.pipeline.outputs.jsonl_config import JsonlConfig
 
 GOOD = information_from_sigmas(0.1, 0.1, 0.1)
 
@@ -45,9 +45,11 @@ def test_commands_carry_their_own_fields(capsys) -> None:
 def test_every_kind_of_estimate_has_its_numbers(capsys) -> None:
     sink = started(estimates=True)
 
-    sink.on_estimate("map", Fix(1.0, Pose2(1.0, 2.0, 0.5), GOOD), Applied("accepted"))
-    sink.on_estimate("divs", PathOffset(2.0, 3.0, 0.1, 0.2, GOOD), Applied("late", "too old"))
-    sink.on_estimate("map", Lost(3.0, "dark"), Applied("unused", "lost: dark"))
+    sink.on_estimate_record(EstimateRecord(0.0, "map", Fix(1.0, Pose2(1.0, 2.0, 0.5), GOOD), Applied("accepted")))
+    sink.on_estimate_record(
+        EstimateRecord(0.0, "divs", PathOffset(2.0, 3.0, 0.1, 0.2, GOOD), Applied("late", "too old"))
+    )
+    sink.on_estimate_record(EstimateRecord(0.0, "map", Lost(3.0, "dark"), Applied("unused", "lost: dark")))
 
     fix, offset, lost = lines(capsys.readouterr().out)
     assert fix["pose_map_base"] == [1.0, 2.0, 0.5]
@@ -69,7 +71,7 @@ def test_what_is_not_wanted_is_not_written(capsys) -> None:
 
     sink.on_belief(Belief(1.0))
     sink.on_command(1.0, Stop("x"))
-    sink.on_estimate("map", Lost(3.0, "dark"), Applied("unused"))
+    sink.on_estimate_record(EstimateRecord(0.0, "map", Lost(3.0, "dark"), Applied("unused")))
     sink.on_end(RunEnd("stopped", "no motion"))
 
     assert lines(capsys.readouterr().out) == [{"type": "end", "status": "stopped", "reason": "no motion"}]

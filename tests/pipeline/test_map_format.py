@@ -10,7 +10,7 @@ from trailmark.geometry import Pose2
 from trailmark.interfaces import Localizer
 from trailmark.paths import Keyframe, Waypoint
 from trailmark.pipeline import Pipeline
-from trailmark.pipeline.map_format import FORMAT_NAME, VersionedMap, check_format
+from trailmark.pipeline.teaching.localizer_maps import FORMAT_NAME, VersionedMap, check_format
 from trailmark.testing import MemoryMap
 
 KEYFRAME = Keyframe(0.0, 0.0, Pose2(), {"patch": np.zeros(4, np.uint8)})
@@ -36,7 +36,7 @@ class Mapper(Localizer):
 def pipeline(fakes, mapper: Mapper, disk: dict, mode: str) -> Pipeline:
     source = fakes.Recording(fakes.image_frames("floor", [i / 70 for i in range(60)]))
     return Pipeline(
-        fakes.plan({"floor": source}, {"vo": fakes.Mover(Pose2(0.0037)), "map": mapper}, mode=mode, disk=disk)
+        fakes.parts({"floor": source}, {"vo": fakes.Mover(Pose2(0.0037)), "map": mapper}, mode=mode, disk=disk)
     )
 
 

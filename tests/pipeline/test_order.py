@@ -19,7 +19,7 @@ def test_a_localizer_sees_what_the_ones_before_it_said_of_the_same_frame(fakes) 
     before, mover, after = fakes.Scripted(), fakes.Mover(Pose2(0.1)), fakes.Scripted()
     source = fakes.Recording(fakes.image_frames("cam", stamps(5)))
 
-    for _ in Pipeline(fakes.plan({"cam": source}, {"before": before, "vo": mover, "after": after})):
+    for _ in Pipeline(fakes.parts({"cam": source}, {"before": before, "vo": mover, "after": after})):
         pass
 
     # Both extrapolate to the frame's stamp; only the later one knows the motion until then.
@@ -33,10 +33,12 @@ def test_a_localizer_is_asked_only_with_its_own_sensors(fakes) -> None:
     frames = sorted(
         [*fakes.image_frames("cam", [0.0, 1.0]), *fakes.scalar_frames("light", [0.5, 1.5])], key=lambda f: f.stamp_s
     )
-    more = {"eye": {"sensors": frozenset({"cam"})}, "thermometer": {"sensors": frozenset({"light"})}}
+    subscriptions = {"eye": frozenset({"cam"}), "thermometer": frozenset({"light"})}
 
     for _ in Pipeline(
-        fakes.plan({"robot": fakes.Recording(frames)}, {"eye": eye, "thermometer": thermometer}, more=more)
+        fakes.parts(
+            {"robot": fakes.Recording(frames)}, {"eye": eye, "thermometer": thermometer}, subscriptions=subscriptions
+        )
     ):
         pass
 
@@ -50,11 +52,11 @@ def test_a_step_tells_what_was_said_and_what_became_of_it(fakes) -> None:
 
     source = fakes.Recording(fakes.image_frames("cam", stamps(2)))
 
-    first, second = list(Pipeline(fakes.plan({"cam": source}, {"map": fakes.Scripted(say)})))
+    first, second = list(Pipeline(fakes.parts({"cam": source}, {"map": fakes.Scripted(say)})))
 
-    assert [(told.source, told.applied.status) for told in first.estimates] == [("map", "accepted")]
+    assert [(told.source, told.outcome.status) for told in first.estimates] == [("map", "accepted")]
     assert first.belief.pose_map_base == Pose2(1.0)
-    assert second.estimates[0].applied.status == "unused"
+    assert second.estimates[0].outcome.status == "unused"
     assert second.frame is not None
     assert second.stamp_s == 0.1
 
@@ -63,7 +65,7 @@ def test_an_unused_localizer_runs_and_is_recorded_as_unused(fakes) -> None:
     rival = fakes.Mover(Pose2(5.0))
     source = fakes.Recording(fakes.image_frames("cam", stamps(4)))
     pipeline = Pipeline(
-        fakes.plan({"cam": source}, {"vo": fakes.Mover(Pose2(0.1)), "rival": rival}, use=frozenset({"vo"}))
+        fakes.parts({"cam": source}, {"vo": fakes.Mover(Pose2(0.1)), "rival": rival}, use=frozenset({"vo"}))
     )
 
     *_, last = pipeline
@@ -78,18 +80,18 @@ def test_two_motions_without_use_are_refused(fakes) -> None:
     localizers = {"vo": fakes.Mover(Pose2(0.1)), "wheels": fakes.Mover(Pose2(0.1))}
 
     with pytest.raises(ConfigError, match=r"'vo' and 'wheels' both give motion of the sensor 'cam'.*use: \[vo\]"):
-        list(Pipeline(fakes.plan({"cam": source}, localizers)))
+        list(Pipeline(fakes.parts({"cam": source}, localizers)))
 
 
 def test_an_estimate_about_the_future_is_refused(fakes) -> None:
     prophet = fakes.Scripted(lambda frame, belief: (Fix(frame.stamp_s + 1e9, Pose2(9.0), fakes.GOOD),))
     source = fakes.Recording(fakes.image_frames("cam", stamps(2)))
-    pipeline = Pipeline(fakes.plan({"cam": source}, {"prophet": prophet}))
+    pipeline = Pipeline(fakes.parts({"cam": source}, {"prophet": prophet}))
 
     steps = list(pipeline)
 
-    assert [told.applied.status for step in steps for told in step.estimates] == ["refused", "refused"]
-    assert "but its frame is of" in steps[0].estimates[0].applied.reason
+    assert [told.outcome.status for step in steps for told in step.estimates] == ["refused", "refused"]
+    assert "but its frame is of" in steps[0].estimates[0].outcome.reason
     assert steps[-1].belief.pose_map_base == Pose2()
 
 
@@ -99,7 +101,7 @@ def test_everything_is_counted(fakes) -> None:
         return (late,) if frame.stamp_s > 0.25 else (Lost(frame.stamp_s, "dark"),)
 
     source = fakes.Recording(fakes.image_frames("cam", [0.0, 0.1, 0.1, 0.2, 0.3]))
-    pipeline = Pipeline(fakes.plan({"cam": source}, {"vo": fakes.Mover(Pose2(0.1)), "map": fakes.Scripted(say)}))
+    pipeline = Pipeline(fakes.parts({"cam": source}, {"vo": fakes.Mover(Pose2(0.1)), "map": fakes.Scripted(say)}))
 
     list(pipeline)
 
@@ -134,7 +136,7 @@ def test_sinks_hear_everything_in_order(fakes) -> None:
     source = fakes.Recording(fakes.image_frames("cam", stamps(2)))
     listener = Listener()
 
-    list(Pipeline(fakes.plan({"cam": source}, {"vo": fakes.Mover(Pose2(0.5))}, sinks={"ear": listener})))
+    list(Pipeline(fakes.parts({"cam": source}, {"vo": fakes.Mover(Pose2(0.5))}, sinks={"ear": listener})))
 
     assert listener.heard == ["frame 0", "belief 0", "frame 0.1", "vo accepted", "belief 0.5", "done 2"]
 
@@ -142,11 +144,11 @@ def test_sinks_hear_everything_in_order(fakes) -> None:
 def test_parts_get_sessions_of_their_own(fakes) -> None:
     source = fakes.Recording(fakes.image_frames("cam", stamps(1)))
     a, b = fakes.Scripted(), fakes.Scripted()
-    list(Pipeline(fakes.plan({"cam": source}, {"a": a, "b": b}, seed=3)))
+    list(Pipeline(fakes.parts({"cam": source}, {"a": a, "b": b}, seed=3)))
     numbers = [part.session.rng.random() for part in (a, b)]
 
     alone = fakes.Scripted()
-    list(Pipeline(fakes.plan({"cam": fakes.Recording(fakes.image_frames("cam", stamps(1)))}, {"b": alone}, seed=3)))
+    list(Pipeline(fakes.parts({"cam": fakes.Recording(fakes.image_frames("cam", stamps(1)))}, {"b": alone}, seed=3)))
 
     assert a.session.name == "a"
     assert a.session.start_pose == Pose2()
@@ -161,7 +163,7 @@ def test_motion_of_a_window_may_speak_of_the_past(fakes) -> None:
         return (Motion(end_s - 0.1, end_s, Pose2(0.1), fakes.GOOD),) if frame.stamp_s else ()
 
     source = fakes.Recording(fakes.image_frames("cam", stamps(4)))
-    *_, last = Pipeline(fakes.plan({"cam": source}, {"divs": fakes.Scripted(say)}))
+    *_, last = Pipeline(fakes.parts({"cam": source}, {"divs": fakes.Scripted(say)}))
 
     assert last.belief.pose_map_base.x == pytest.approx(0.35)  # carried on from 0.25 s to 0.3 s
     assert last.belief.motion_age_s == pytest.approx(0.05)
@@ -169,7 +171,7 @@ def test_motion_of_a_window_may_speak_of_the_past(fakes) -> None:
 
 def test_between_two_steps_a_person_may_say_where_the_robot_is(fakes) -> None:
     pipeline = Pipeline(
-        fakes.plan({"cam": fakes.Recording(fakes.image_frames("cam", stamps(5)))}, {"vo": fakes.Mover(Pose2(0.1))})
+        fakes.parts({"cam": fakes.Recording(fakes.image_frames("cam", stamps(5)))}, {"vo": fakes.Mover(Pose2(0.1))})
     )
     poses = []
 

@@ -12,8 +12,8 @@ from trailmark.errors import ConfigError, SourceError
 from trailmark.frames import Frame, Scalar, SensorInfo
 from trailmark.geometry import Pose3
 from trailmark.interfaces import Fault, Session
-from trailmark.pipeline.perturbing import Perturber
-from trailmark.pipeline.seeds import part_rng
+from trailmark.pipeline.lifecycle import part_rng
+from trailmark.pipeline.sources.perturbing import Perturber
 
 SENSORS = {name: SensorInfo(name, "scalar") for name in ("light", "sound")}
 

@@ -45,7 +45,7 @@ class TestRecorded:
         clock = fakes.FakeClock()
         source = fakes.Recording(fakes.image_frames("cam", [50.0, 50.1, 50.4]))
 
-        seen = [clock.now_s() - 1000.0 for _ in Pipeline(fakes.plan({"cam": source}, pace="realtime"), clock=clock)]
+        seen = [clock.now_s() - 1000.0 for _ in Pipeline(fakes.parts({"cam": source}, pace="realtime"), clock=clock)]
 
         assert seen == pytest.approx([0.0, 0.1, 0.4])
 
@@ -58,7 +58,7 @@ class TestRecorded:
             return ()
 
         pipeline = Pipeline(
-            fakes.plan({"cam": source}, {"slow": fakes.Scripted(work_hard)}, pace="realtime"), clock=clock
+            fakes.parts({"cam": source}, {"slow": fakes.Scripted(work_hard)}, pace="realtime"), clock=clock
         )
 
         assert len(list(pipeline)) == 3
@@ -69,9 +69,9 @@ class TestRecorded:
         clock = fakes.FakeClock()
         source = fakes.Recording(fakes.image_frames("cam", [0.0, 1.0]))
         chaser = fakes.Chaser(1e9)
-        plan = fakes.plan({"cam": source}, controller=chaser, control_hz=4.0, pace="realtime")
+        parts = fakes.parts({"cam": source}, controller=chaser, control_hz=4.0, pace="realtime")
 
-        steps = list(Pipeline(plan, clock=clock))
+        steps = list(Pipeline(parts, clock=clock))
 
         assert [round(step.stamp_s, 3) for step in steps] == [0.0, 0.25, 0.5, 0.75, 1.0]
         assert [step.frame is None for step in steps] == [False, True, True, True, False]
@@ -79,9 +79,9 @@ class TestRecorded:
 
     def test_a_simulated_robot_is_asked_at_frames_alone(self, fakes) -> None:
         robot = fakes.ToyRobot(4)
-        plan = fakes.plan({"robot": robot}, controller=fakes.Chaser(1e9), control_hz=1000.0, pace="realtime")
+        parts = fakes.parts({"robot": robot}, controller=fakes.Chaser(1e9), control_hz=1000.0, pace="realtime")
 
-        steps = list(Pipeline(plan, clock=fakes.FakeClock()))
+        steps = list(Pipeline(parts, clock=fakes.FakeClock()))
 
         assert len(steps) == 4
 
@@ -94,7 +94,7 @@ class TestLive:
             clock.scheduled.append((frame.stamp_s, lambda frame=frame: device.queue.put(frame)))
         clock.scheduled.append((1000.3, lambda: device.queue.put(None)))
 
-        steps = list(Pipeline(fakes.plan({"cam": device}, {"vo": fakes.Mover(Pose2(0.1))}), clock=clock))
+        steps = list(Pipeline(fakes.parts({"cam": device}, {"vo": fakes.Mover(Pose2(0.1))}), clock=clock))
 
         assert [step.stamp_s for step in steps] == [1000.1, 1000.2]
         assert steps[-1].belief.pose_map_base.x == pytest.approx(0.1)
@@ -107,7 +107,7 @@ class TestLive:
         ]
         chaser = fakes.Chaser(1e9)
 
-        steps = list(Pipeline(fakes.plan({"cam": device}, controller=chaser, control_hz=10.0), clock=clock))
+        steps = list(Pipeline(fakes.parts({"cam": device}, controller=chaser, control_hz=10.0), clock=clock))
 
         assert [round(step.stamp_s, 3) for step in steps] == [round(1000 + i / 10, 3) for i in range(11)]
         assert [step.frame is not None for step in steps] == [True] + [False] * 10
@@ -121,7 +121,7 @@ class TestLive:
             assert gate.wait(10.0)
             return ()
 
-        pipeline = Pipeline(fakes.plan({"cam": device}, {"slow": fakes.Scripted(block)}))
+        pipeline = Pipeline(fakes.parts({"cam": device}, {"slow": fakes.Scripted(block)}))
         seen: list[float] = []
         run = threading.Thread(target=lambda: seen.extend(step.stamp_s for step in pipeline))
         run.start()
@@ -130,7 +130,7 @@ class TestLive:
         for stamp_s in (2.0, 3.0, 4.0, 5.0):  # while the run is busy with the first
             device.queue.put(fakes.image_frames("cam", [stamp_s])[0])
         device.queue.put(None)
-        while pipeline.plan.feeds[0].n_frames != 5:
+        while pipeline.parts.sources[0].n_frames != 5:
             taken.wait(0.001)
         gate.set()
         run.join(10.0)
@@ -144,7 +144,7 @@ class TestLive:
             (1000.0, lambda: device.queue.put(fakes.image_frames("cam", [1000.0])[0])),
             (1000.1, lambda: device.queue.put(SourceError("camera 0 does not answer"))),
         ]
-        pipeline = Pipeline(fakes.plan({"cam": device}), clock=clock)
+        pipeline = Pipeline(fakes.parts({"cam": device}), clock=clock)
 
         with pytest.raises(SourceError, match="camera 0 does not answer"):
             list(pipeline)
@@ -155,7 +155,7 @@ class TestLive:
         sources = {"cam": Device.of(fakes), "log": fakes.Recording(fakes.scalar_frames("log", [0.0]))}
 
         with pytest.raises(ConfigError, match="cam live and log recorded: two clocks make no run"):
-            list(Pipeline(fakes.plan(sources)))
+            list(Pipeline(fakes.parts(sources)))
 
 
 class TestWorkers:
@@ -169,8 +169,8 @@ class TestWorkers:
 
         slow = fakes.Scripted(think)
         source = fakes.Recording(fakes.image_frames("cam", [i / 10 for i in range(5)]))
-        plan = fakes.plan({"cam": source}, {"map": slow}, more={"map": {"is_async": True}}, pace="realtime")
-        pipeline = Pipeline(plan, clock=fakes.FakeClock())
+        parts = fakes.parts({"cam": source}, {"map": slow}, localizer_options={"map": {"async": True}}, pace="realtime")
+        pipeline = Pipeline(parts, clock=fakes.FakeClock())
 
         assert next(pipeline).estimates == ()
         assert busy.wait(10.0)
@@ -195,10 +195,10 @@ class TestWorkers:
             raise ValueError("no texture")
 
         source = fakes.Recording(fakes.image_frames("cam", [0.0]))
-        plan = fakes.plan(
-            {"cam": source}, {"map": fakes.Scripted(fail)}, more={"map": {"is_async": True}}, pace="realtime"
+        parts = fakes.parts(
+            {"cam": source}, {"map": fakes.Scripted(fail)}, localizer_options={"map": {"async": True}}, pace="realtime"
         )
-        pipeline = Pipeline(plan, clock=fakes.FakeClock())
+        pipeline = Pipeline(parts, clock=fakes.FakeClock())
         next(pipeline)
         assert asked.wait(10.0)
 
@@ -212,8 +212,10 @@ class TestWorkers:
     def test_threads_end_with_the_run(self, fakes) -> None:
         before = threading.active_count()
         source = fakes.Recording(fakes.image_frames("cam", [0.0, 0.1]))
-        plan = fakes.plan({"cam": source}, {"map": fakes.Scripted()}, more={"map": {"is_async": True}}, pace="realtime")
+        parts = fakes.parts(
+            {"cam": source}, {"map": fakes.Scripted()}, localizer_options={"map": {"async": True}}, pace="realtime"
+        )
 
-        list(Pipeline(plan, clock=fakes.FakeClock()))
+        list(Pipeline(parts, clock=fakes.FakeClock()))
 
         assert threading.active_count() == before

@@ -15,7 +15,7 @@ from trailmark.frames import GroundPlane, SensorInfo
 from trailmark.geometry import Pose2, Trajectory, read_tum
 from trailmark.paths import Waypoint
 from trailmark.pipeline import Pipeline, new_folder
-from trailmark.pipeline.recorder import ESTIMATE_COLUMNS
+from trailmark.pipeline.outputs.recorder import ESTIMATE_COLUMNS
 
 
 def noisy(fakes):
@@ -41,8 +41,10 @@ def recorded(fakes, folder, seed: int = 0, n: int = 50):
     truth = Trajectory.from_poses([(0.0, Pose2()), (5.0, Pose2(5.0, 1.0, 0.1))])
     source = fakes.Recording(fakes.image_frames("cam", [i / 10 for i in range(n)]), [info], truth)
     localizers = {"vo": noisy(fakes), "map": fakes.Scripted(look)}
-    more = {"map": {"is_async": True, "latency_s": 0.35}}
-    pipeline = Pipeline(fakes.plan({"cam": source}, localizers, more=more, seed=seed), out=folder)
+    localizer_options = {"map": {"async": True, "latency_ms": 350}}
+    pipeline = Pipeline(
+        fakes.parts({"cam": source}, localizers, localizer_options=localizer_options, seed=seed), out=folder
+    )
     list(pipeline)
     return pipeline.result
 
@@ -81,7 +83,7 @@ def test_a_path_offset_stands_as_station_lateral_heading(fakes, tmp_path) -> Non
     source = fakes.Recording(fakes.image_frames("cam", [0.0]))
     disk = {"waypoints": [Waypoint(i, 0.5 * i, Pose2(0.5 * i)) for i in range(3)]}
 
-    list(Pipeline(fakes.plan({"cam": source}, {"divs": see}, mode="replay", disk=disk), out=tmp_path / "run"))
+    list(Pipeline(fakes.parts({"cam": source}, {"divs": see}, mode="replay", disk=disk), out=tmp_path / "run"))
 
     with (tmp_path / "run/estimates.csv").open() as file:
         (row,) = csv.DictReader(file)
@@ -119,7 +121,7 @@ def test_run_and_timing_say_what_the_contract_promises(fakes, tmp_path) -> None:
 
 def test_a_run_that_fails_leaves_what_there_was(fakes, tmp_path) -> None:
     frames = [*fakes.image_frames("cam", [0.0, 0.1, 0.2]), OSError("unplugged")]
-    pipeline = Pipeline(fakes.plan({"cam": fakes.Recording(frames)}, {"vo": fakes.Mover(Pose2(0.1))}), out=tmp_path)
+    pipeline = Pipeline(fakes.parts({"cam": fakes.Recording(frames)}, {"vo": fakes.Mover(Pose2(0.1))}), out=tmp_path)
 
     with pytest.raises(Exception, match="unplugged"):
         list(pipeline)
@@ -135,11 +137,11 @@ def test_a_folder_that_is_not_empty_needs_overwrite(fakes, tmp_path) -> None:
     (tmp_path / "trajectories").mkdir()
     (tmp_path / "trajectories/old.tum").write_text("")
     (tmp_path / "notes.txt").write_text("mine")
-    plan = fakes.plan({"cam": fakes.Recording(fakes.image_frames("cam", [0.0]))})
+    parts = fakes.parts({"cam": fakes.Recording(fakes.image_frames("cam", [0.0]))})
 
     with pytest.raises(ConfigError, match="is not empty; choose another, or say --overwrite"):
-        Pipeline(plan, out=tmp_path)
-    list(Pipeline(plan, out=tmp_path, overwrite=True))
+        Pipeline(parts, out=tmp_path)
+    list(Pipeline(parts, out=tmp_path, overwrite=True))
 
     assert not (tmp_path / "trajectories/old.tum").exists()
     assert (tmp_path / "notes.txt").read_text() == "mine"  # what no run has written stays
@@ -147,7 +149,7 @@ def test_a_folder_that_is_not_empty_needs_overwrite(fakes, tmp_path) -> None:
 
 def test_a_localizer_that_never_knew_its_start_has_the_way_from_it(fakes) -> None:
     source = fakes.Recording(fakes.image_frames("cam", [i / 10 for i in range(5)]))
-    pipeline = Pipeline(fakes.plan({"cam": source}, {"vo": fakes.Mover(Pose2(0.1))}, start="unknown"))
+    pipeline = Pipeline(fakes.parts({"cam": source}, {"vo": fakes.Mover(Pose2(0.1))}, start="unknown"))
 
     list(pipeline)
 

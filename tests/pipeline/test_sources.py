@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,18 +15,18 @@ from trailmark.config import Mounting, SensorOverride, SourceConfig
 from trailmark.errors import ConfigError, DataError, SourceError
 from trailmark.frames import RGBD, Frame, GroundPlane, Image, Record, Scalar, SensorInfo
 from trailmark.geometry import Pose2, Trajectory, write_tum
-from trailmark.pipeline import Feed, Pipeline
+from trailmark.pipeline import Pipeline, SourceStream
 
 
 def stamps_of(fakes, sources, **fields) -> list[tuple[str, float]]:
-    return [(step.frame.sensor, round(step.stamp_s, 6)) for step in Pipeline(fakes.plan(sources, **fields))]
+    return [(step.frame.sensor, round(step.stamp_s, 6)) for step in Pipeline(fakes.parts(sources, **fields))]
 
 
 class TestOptions:
     def test_an_offset_moves_stamps_and_ground_truth(self, fakes) -> None:
         truth = Trajectory.from_poses([(0.0, Pose2()), (1.0, Pose2(1.0))])
         source = fakes.Recording(fakes.scalar_frames("light", [0.0, 1.0]), truth=truth)
-        pipeline = Pipeline(fakes.plan({"light": source}, options={"light": SourceConfig(time_offset_s=10.0)}))
+        pipeline = Pipeline(fakes.parts({"light": source}, options={"light": SourceConfig(time_offset_s=10.0)}))
 
         assert [step.stamp_s for step in pipeline] == [10.0, 11.0]
         assert pipeline.result.ground_truth.stamps_s.tolist() == [10.0, 11.0]
@@ -40,7 +41,7 @@ class TestOptions:
         source = fakes.Recording(fakes.scalar_frames("light", [0.0]))
         eye = fakes.Scripted()
         pipeline = Pipeline(
-            fakes.plan({"s": source}, {"eye": eye}, options={"s": SourceConfig(rename={"light": "lamp"})})
+            fakes.parts({"s": source}, {"eye": eye}, options={"s": SourceConfig(rename={"light": "lamp"})})
         )
 
         assert [step.frame.sensor for step in pipeline] == ["lamp"]
@@ -51,21 +52,21 @@ class TestOptions:
         options = {"s": SourceConfig(rename={"lihgt": "lamp"})}
 
         with pytest.raises(ConfigError, match=r"sources.s.rename: the source has no sensor 'lihgt'; it has light"):
-            list(Pipeline(fakes.plan({"s": source}, options=options)))
+            list(Pipeline(fakes.parts({"s": source}, options=options)))
 
     def test_mounting_and_calibration_correct_the_only_sensor(self, fakes) -> None:
         eye = fakes.Scripted()
         source = fakes.Recording(fakes.image_frames("floor", [0.0]))
-        feed = Feed("floor", source, SourceConfig(mounting=Mounting(x=0.1, yaw_deg=180.0)), GroundPlane((1e-3, 1e-3)))
-        plan = fakes.plan({}, {"eye": eye})
+        options = SourceConfig(mounting=Mounting(x=0.1, yaw_deg=180.0))
+        stream = SourceStream("floor", source, options, GroundPlane((1e-3, 1e-3)))
         override = SensorOverride(mounting=Mounting(x=0.2))
 
-        list(Pipeline(type(plan)(plan.settle, plan.estimator, [feed], sensors={"floor": override})))
+        list(Pipeline(replace(fakes.parts({}, {"eye": eye}, sensors={"floor": override}), sources=[stream])))
 
         info = eye.session.sensors["floor"]
         assert info.calibration.metres_per_pixel == (1e-3, 1e-3)
         assert (info.pose_base_sensor.x, info.pose_base_sensor.yaw) == (0.2, 0.0)  # sensors: has the last word
-        assert feed.sensors["floor"].pose_base_sensor.yaw == pytest.approx(math.pi)
+        assert stream.sensors["floor"].pose_base_sensor.yaw == pytest.approx(math.pi)
 
     def test_a_calibration_for_several_sensors_is_refused(self, fakes) -> None:
         source = fakes.Recording([], [SensorInfo("a", "scalar"), SensorInfo("b", "scalar")])
@@ -74,7 +75,7 @@ class TestOptions:
         with pytest.raises(
             ConfigError, match="for a source of one sensor, and this one has a, b; write them under sens"
         ):
-            list(Pipeline(fakes.plan({"s": source}, options=options)))
+            list(Pipeline(fakes.parts({"s": source}, options=options)))
 
     def test_a_ground_truth_file_is_read_before_the_run(self, fakes, tmp_path) -> None:
         good, bad = tmp_path / "truth.tum", tmp_path / "bad.tum"
@@ -83,7 +84,7 @@ class TestOptions:
 
         def pipeline(path):
             source = fakes.Recording(fakes.scalar_frames("light", [0.0]))
-            return Pipeline(fakes.plan({"light": source}, options={"light": SourceConfig(ground_truth=str(path))}))
+            return Pipeline(fakes.parts({"light": source}, options={"light": SourceConfig(ground_truth=str(path))}))
 
         run = pipeline(good)
         assert len(list(run)) == 1
@@ -94,7 +95,9 @@ class TestOptions:
 
 class TestChecks:
     def run(self, fakes, frames, sensors=(), **options):
-        pipeline = Pipeline(fakes.plan({"s": fakes.Recording(frames, sensors)}, options={"s": SourceConfig(**options)}))
+        pipeline = Pipeline(
+            fakes.parts({"s": fakes.Recording(frames, sensors)}, options={"s": SourceConfig(**options)})
+        )
         n_steps = len(list(pipeline))
         return n_steps, pipeline.result.counters
 
@@ -195,7 +198,7 @@ class TestMerge:
 
     def test_frames_are_pulled_one_at_a_time(self, fakes) -> None:
         source = fakes.Recording(fakes.scalar_frames("a", [0.0, 1.0, 2.0]))
-        pipeline = Pipeline(fakes.plan({"a": source}))
+        pipeline = Pipeline(fakes.parts({"a": source}))
 
         next(pipeline)
         assert source.log == ["start", "pull 0"]
@@ -212,7 +215,7 @@ class TestMerge:
         with pytest.raises(
             ConfigError, match=r"'front' and 'wheels' do not overlap in time.*wheels.time_offset_s: -5.000"
         ):
-            list(Pipeline(fakes.plan(sources)))
+            list(Pipeline(fakes.parts(sources)))
 
     def test_sources_one_after_the_other_are_fine_while_a_third_goes_on(self, fakes) -> None:
         sources = {
@@ -228,7 +231,7 @@ class TestMerge:
             "front": fakes.Recording(fakes.scalar_frames("front", [0.0, 1.0])),
             "wheels": fakes.Recording(fakes.scalar_frames("wheels", [1.7e9])),
         }
-        pipeline = Pipeline(fakes.plan(sources))
+        pipeline = Pipeline(fakes.parts(sources))
 
         with caplog.at_level(logging.WARNING):
             next(pipeline)

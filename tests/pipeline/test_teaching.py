@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -39,7 +41,7 @@ def test_a_waypoint_is_laid_every_spacing_of_the_way(fakes) -> None:
     source, mover = drive(fakes, 271)  # 270 steps of 3.7 mm: 0.999 m
     disk = {}
 
-    list(Pipeline(fakes.plan({"floor": source}, {"vo": mover}, mode="teach", disk=disk)))
+    list(Pipeline(fakes.parts({"floor": source}, {"vo": mover}, mode="teach", disk=disk)))
 
     stations = [waypoint.station_m for waypoint in disk["waypoints"]]
     assert len(stations) == 21  # at 0, at 19 multiples of 0.05 m, and where the robot stopped
@@ -54,7 +56,7 @@ def test_a_waypoint_is_committed_with_the_keyframes_since_the_last_one(fakes) ->
     source, mover = drive(fakes, 101)
     disk = {}
     pipeline = Pipeline(
-        fakes.plan({"floor": source}, {"vo": mover, "map": Rememberer.of(fakes)}, mode="teach", disk=disk)
+        fakes.parts({"floor": source}, {"vo": mover, "map": Rememberer.of(fakes)}, mode="teach", disk=disk)
     )
 
     list(pipeline)
@@ -73,7 +75,7 @@ def test_at_the_end_every_localizer_finishes_and_that_is_written_down(fakes) -> 
     source, mover = drive(fakes, 50)
     disk = {}
 
-    list(Pipeline(fakes.plan({"floor": source}, {"vo": mover}, mode="teach", disk=disk)))
+    list(Pipeline(fakes.parts({"floor": source}, {"vo": mover}, mode="teach", disk=disk)))
 
     assert mover.log == ["start teach", "finish", "close"]
     assert disk["log"] == ["create", "finished vo", "close"]
@@ -86,7 +88,7 @@ def test_ctrl_c_is_how_a_person_ends_teaching(fakes) -> None:
     source = fakes.Recording([*fakes.image_frames("floor", [i / 70 for i in range(60)]), KeyboardInterrupt()])
     mover = fakes.Mover(Pose2(0.0037))
 
-    list(pipeline := Pipeline(fakes.plan({"floor": source}, {"vo": mover}, mode="teach", disk=disk)))
+    list(pipeline := Pipeline(fakes.parts({"floor": source}, {"vo": mover}, mode="teach", disk=disk)))
 
     assert pipeline.result.status == "interrupted"
     assert "finished vo" in disk["log"]
@@ -98,7 +100,7 @@ def test_after_an_error_what_was_committed_stays_and_nothing_is_finished(fakes) 
     source = fakes.Recording([*fakes.image_frames("floor", [i / 70 for i in range(60)]), OSError("unplugged")])
 
     with pytest.raises(Exception, match="unplugged"):
-        list(Pipeline(fakes.plan({"floor": source}, {"vo": fakes.Mover(Pose2(0.0037))}, mode="teach", disk=disk)))
+        list(Pipeline(fakes.parts({"floor": source}, {"vo": fakes.Mover(Pose2(0.0037))}, mode="teach", disk=disk)))
 
     assert len(disk["waypoints"]) == 5
     assert disk["unfinished"] == {"vo"}
@@ -110,7 +112,7 @@ def test_a_localizer_that_cannot_finish_fails_the_run(fakes) -> None:
             raise ValueError("no landmark")
 
     source, mover = drive(fakes, 50)
-    pipeline = Pipeline(fakes.plan({"floor": source}, {"vo": mover, "map": Stubborn()}, mode="teach", disk={}))
+    pipeline = Pipeline(fakes.parts({"floor": source}, {"vo": mover, "map": Stubborn()}, mode="teach", disk={}))
 
     with pytest.raises(RunError, match="localizer 'map' could not finish: ValueError: no landmark"):
         list(pipeline)
@@ -123,7 +125,7 @@ def test_teaching_without_motion_is_refused_with_a_hint(fakes, n: int, when: str
     source, _ = drive(fakes, n)
 
     with pytest.raises(ConfigError, match=rf"teaching needs motion, and {when}.*'odometry'.*or 'constant_speed'"):
-        list(Pipeline(fakes.plan({"floor": source}, {"map": fakes.Scripted()}, mode="teach", disk={})))
+        list(Pipeline(fakes.parts({"floor": source}, {"map": fakes.Scripted()}, mode="teach", disk={})))
 
 
 def test_a_place_that_could_not_be_taught_is_as_it_was(fakes) -> None:
@@ -131,7 +133,7 @@ def test_a_place_that_could_not_be_taught_is_as_it_was(fakes) -> None:
     source, silent = drive(fakes, 100)[0], fakes.Scripted(lambda frame, belief: ())
 
     with pytest.raises(ConfigError, match="teaching needs motion"):
-        list(Pipeline(fakes.plan({"floor": source}, {"vo": silent}, mode="teach", disk=disk)))
+        list(Pipeline(fakes.parts({"floor": source}, {"vo": silent}, mode="teach", disk=disk)))
 
     assert disk["commits"] == []
 
@@ -141,7 +143,7 @@ def test_the_first_waypoint_is_where_the_robot_stood_before_it_moved(fakes) -> N
     mover = fakes.Mover(Pose2(0.1))
     disk = {}
 
-    list(Pipeline(fakes.plan({"floor": frames}, {"vo": mover}, mode="teach", disk=disk)))
+    list(Pipeline(fakes.parts({"floor": frames}, {"vo": mover}, mode="teach", disk=disk)))
 
     assert disk["waypoints"][0] == Waypoint(0, 0.0, Pose2())
     assert disk["waypoints"][1].station_m == pytest.approx(0.1)
@@ -151,17 +153,17 @@ def test_teaching_from_nowhere_is_refused(fakes) -> None:
     source, mover = drive(fakes, 20)
 
     with pytest.raises(ConfigError, match="nothing was taught, because the pose was never known"):
-        list(Pipeline(fakes.plan({"floor": source}, {"vo": mover}, mode="teach", disk={}, start="unknown")))
+        list(Pipeline(fakes.parts({"floor": source}, {"vo": mover}, mode="teach", disk={}, start="unknown")))
 
 
 def test_a_path_is_continued_where_it_ended(fakes) -> None:
     disk = {"waypoints": taught_path(), "keyframes": [], "commits": []}
     source, mover = drive(fakes, 101, 0.01)
-    plan = fakes.plan(
+    parts = fakes.parts(
         {"floor": source}, {"vo": mover, "map": Rememberer.of(fakes)}, mode="teach", disk=disk, start="last"
     )
 
-    list(Pipeline(plan))
+    list(Pipeline(parts))
 
     stations = [waypoint.station_m for waypoint in disk["waypoints"]]
     assert len(stations) == 41
@@ -174,13 +176,13 @@ def test_a_path_is_continued_where_it_ended(fakes) -> None:
 class TestReplay:
     @pytest.mark.parametrize(
         ("start", "pose"),
-        [("first", Pose2()), ("last", Pose2(1.0)), ("unknown", None), (Pose2(0.3, 0.1, 0.2), Pose2(0.3, 0.1, 0.2))],
+        [("first", Pose2()), ("last", Pose2(1.0)), ("unknown", None), ((0.3, 0.1, 90.0), Pose2(0.3, 0.1, math.pi / 2))],
     )
     def test_it_starts_where_the_config_says(self, fakes, start, pose) -> None:
         disk = {"waypoints": taught_path()}
         source, mover = drive(fakes, 3)
 
-        first, *_ = Pipeline(fakes.plan({"floor": source}, {"vo": mover}, mode="replay", disk=disk, start=start))
+        first, *_ = Pipeline(fakes.parts({"floor": source}, {"vo": mover}, mode="replay", disk=disk, start=start))
 
         assert first.belief.pose_map_base == pose
         assert mover.session.start_pose == pose
@@ -194,7 +196,7 @@ class TestReplay:
         source, mover = drive(fakes, 3)
         mapper = fakes.Scripted()
 
-        list(Pipeline(fakes.plan({"floor": source}, {"vo": mover, "map": mapper}, mode="replay", disk=disk)))
+        list(Pipeline(fakes.parts({"floor": source}, {"vo": mover, "map": mapper}, mode="replay", disk=disk)))
 
         assert disk["log"][:5] == ["read", "close", "append", "finished map", "close"]
         assert disk["log"][5] == "read"
@@ -204,14 +206,14 @@ class TestReplay:
     def test_a_sensor_that_has_changed_since_is_named(self, fakes, caplog) -> None:
         old = SensorInfo("floor", "image", calibration=GroundPlane((1e-3, 1e-3)))
         source, mover = drive(fakes, 3)
-        plan = fakes.plan(
+        parts = fakes.parts(
             {"floor": source},
             {"vo": mover},
             mode="replay",
             disk={"waypoints": taught_path(), "sensors": {"floor": old}},
         )
 
-        list(Pipeline(plan))
+        list(Pipeline(parts))
 
         assert "sensor 'floor' is not as it was when the path was taught: calibration" in caplog.text
 
@@ -219,16 +221,16 @@ class TestReplay:
         source, mover = drive(fakes, 3)
 
         with pytest.raises(ConfigError, match="mode replay needs a path store"):
-            list(Pipeline(fakes.plan({"floor": source}, {"vo": mover}, mode="replay")))
+            list(Pipeline(fakes.parts({"floor": source}, {"vo": mover}, mode="replay")))
 
     def test_without_a_path_it_is_refused(self, fakes) -> None:
         source, mover = drive(fakes, 3)
 
         with pytest.raises(ConfigError, match="holds no path yet"):
-            list(Pipeline(fakes.plan({"floor": source}, {"vo": mover}, mode="replay", disk={})))
+            list(Pipeline(fakes.parts({"floor": source}, {"vo": mover}, mode="replay", disk={})))
 
     def test_the_end_of_a_path_that_is_not_there_is_no_start(self, fakes) -> None:
         source, mover = drive(fakes, 3)
 
         with pytest.raises(ConfigError, match="start: last needs a taught path"):
-            list(Pipeline(fakes.plan({"floor": source}, {"vo": mover}, start="last")))
+            list(Pipeline(fakes.parts({"floor": source}, {"vo": mover}, start="last")))

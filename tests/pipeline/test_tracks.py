@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from trailmark.geometry import Pose2
-from trailmark.pipeline import tracks
-from trailmark.pipeline.tracks import Track
+from trailmark.pipeline.outputs import tracks
+from trailmark.pipeline.outputs.tracks import Track
 
 N_POSES = 40_000
 

@@ -27,7 +27,7 @@ from trailmark.config import load_run_config
 from trailmark.errors import ConfigError, DataError, ShapeError, SourceError
 from trailmark.frames import SensorInfo
 from trailmark.interfaces import Session
-from trailmark.pipeline.provenance import git_describe
+from trailmark.pipeline.outputs.provenance import git_describe
 from trailmark.plugins import load_plugins
 from trailmark_bench import Cell, Index, Outcome
 from trailmark_bench.merge import merge_benches

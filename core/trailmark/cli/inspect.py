@@ -16,8 +16,7 @@ from trailmark.cli.root import plugins_of
 from trailmark.errors import ConfigError
 from trailmark.frames import RGBD, Frame, Image, SensorInfo
 from trailmark.interfaces import Session
-from trailmark.pipeline import Feed
-from trailmark.pipeline.assembly import plan_of, read_config
+from trailmark.pipeline import SourceStream, build_sources, read_config
 
 __all__ = ["inspect_command"]
 
@@ -51,10 +50,10 @@ def inspect_command(
         raise ConfigError(f"{target}: there are no sources to inspect")
     rows: list[dict[str, Any]] = []
     unread: dict[str, str] = {}
-    for feed in plan_of(run_config).feeds:
-        seen = _look(feed, n_frames)
-        rows += [_row(feed.name, one) for one in seen.values()]
-        unread |= feed.source.unread()
+    for source in build_sources(run_config):
+        seen = _look(source, n_frames)
+        rows += [_row(source.name, one) for one in seen.values()]
+        unread |= source.source.unread()
         if out is not None:
             _write_pictures(seen, out)
     if as_json:
@@ -65,17 +64,17 @@ def inspect_command(
             click.echo(f"not read: {name} ({remark})")
 
 
-def _look(feed: Feed, n_frames: int) -> dict[str, _Seen]:
+def _look(source: SourceStream, n_frames: int) -> dict[str, _Seen]:
     """Start a source, read its first frames, close it."""
     try:
-        feed.start(Session(name=feed.name))
-        seen = {name: _Seen(info) for name, info in feed.sensors.items()}
-        for frame in islice(feed.frames(), n_frames):
+        source.start(Session(name=source.name))
+        seen = {name: _Seen(info) for name, info in source.sensors.items()}
+        for frame in islice(source.frames(), n_frames):
             one = seen[frame.sensor]
             one.stamps_s.append(frame.stamp_s)
             one.first = one.first or frame
     finally:
-        feed.close()
+        source.close()
     return seen
 
 

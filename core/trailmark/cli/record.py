@@ -42,7 +42,7 @@ def record_command(
     """
     from trailmark.cli.guess import guess_config, is_config
     from trailmark.cli.progress import RunProgress
-    from trailmark.pipeline.assembly import read_config
+    from trailmark.pipeline import read_config
     from trailmark.recording import record_sources
 
     plugins = plugins_of(context)

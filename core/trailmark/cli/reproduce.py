@@ -55,7 +55,7 @@ def reproduce_command(
 
 def _repeat(spec: Any, quick: bool, seed: int, folder: Path, jobs: int) -> Sequence[Row]:
     from trailmark.isolation.calls import forget_calls
-    from trailmark.pipeline.provenance import provenance
+    from trailmark.pipeline.outputs.provenance import provenance
     from trailmark.report.experiment import write_experiment
 
     say(f"{spec.name}: {spec.summary}")

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -15,7 +16,7 @@ from trailmark.errors import ConfigError
 
 if TYPE_CHECKING:
     from trailmark.interfaces import Access, Mode
-    from trailmark.pipeline import RunResult
+    from trailmark.pipeline import RunRequest, RunResult
 
 __all__ = ["replay_command", "run_command", "teach_command"]
 
@@ -62,7 +63,7 @@ def run_command(
     source is guessed, and the config is written to the run's folder.
     """
     config = _config_of(context, target, localizers, calibration)
-    _execute(context, config, target, store=store, mode=None, access=None, **options)
+    _execute(_request(context, config, options, store=store), target, options)
 
 
 @click.command("teach")
@@ -82,7 +83,7 @@ def teach_command(
     if append and (overwrite_store or options["overwrite"]):
         raise ConfigError("--append goes on with the store and --overwrite replaces it: choose one")
     access: Access = "append" if append else "overwrite" if overwrite_store or options["overwrite"] else "create"
-    _execute(context, config, config, store=store, mode="teach", access=access, **options)
+    _execute(_request(context, config, options, store=store, mode="teach", access=access), config, options)
 
 
 @click.command("replay")
@@ -102,7 +103,7 @@ def replay_command(
     if extra:
         _need_controller(context, config, options["overrides"], "--reverse" if reverse else "--repeat")
     options["overrides"] = (*options["overrides"], *extra)
-    _execute(context, config, config, store=store, mode="replay", access=None, **options)
+    _execute(_request(context, config, options, store=store, mode="replay"), config, options)
 
 
 def _need_controller(context: click.Context, config: str, overrides: tuple[str, ...], option: str) -> None:
@@ -133,42 +134,49 @@ def _config_of(
     return config | {"localizers": {name: {"plugin": name} for name in localizers}}
 
 
-def _execute(
+def _request(
     context: click.Context,
     config: str | dict[str, Any],
-    target: str,
+    options: Mapping[str, Any],
     *,
     store: Path | None,
-    mode: Mode | None,
-    access: Access | None,
-    out: Path | None,
-    overrides: tuple[str, ...],
-    overwrite: bool,
-    seed: int | None,
-    pace: str | None,
-    progress: Any,
-    no_report: bool,
-    as_json: bool,
-) -> None:
+    mode: Mode | None = None,
+    access: Access | None = None,
+) -> RunRequest:
+    """Return what a command asks for: its config, the options that the three commands share, and its own."""
+    from trailmark.pipeline import RunRequest
+
+    shorthands = [f"{key}={options[key]}" for key in ("seed", "pace") if options[key] is not None]
+    return RunRequest(
+        config=config,
+        out=options["out"],
+        store=store,
+        mode=mode,
+        overrides=[*options["overrides"], *shorthands],
+        plugins=plugins_of(context),
+        access=access,
+        overwrite=options["overwrite"],
+    )
+
+
+def _execute(request: RunRequest, target: str, options: Mapping[str, Any]) -> None:
+    """Run what is asked for, with progress, and print what came of it."""
     from trailmark.api import run
     from trailmark.cli.progress import RunProgress
     from trailmark.pipeline import link_latest, new_folder
-    from trailmark.pipeline.assembly import read_config
 
-    changes = [*overrides, *([f"seed={seed}"] if seed is not None else []), *([f"pace={pace}"] if pace else [])]
-    run_config = read_config(config, plugins=plugins_of(context), overrides=changes, mode=mode, store=store)
-    for notice in run_config.notices:
+    config = request.read()
+    for notice in config.notices:
         say(notice)
-    if not run_config.sources:
+    if not config.sources:
         raise ConfigError(f"{target}: there are no sources, so no frames; add a section 'sources:'")
-    folder = out or new_folder(Path(target).stem)
-    with RunProgress(progress) as on_step:
-        result = run(
-            run_config, folder, store=None, access=access, overwrite=overwrite, report=not no_report, on_step=on_step
-        )
-    if out is None:
-        link_latest(folder.absolute())
-    _tell(result, folder, as_json, is_quiet=progress == "json", has_report=not no_report)
+    folder = request.out or new_folder(Path(target).stem)
+    has_report = not options["no_report"]
+    with RunProgress(options["progress"]) as on_step:
+        result = run(replace(request, config=config, out=folder), report=has_report, on_step=on_step)
+    if request.out is None:
+        link_latest(Path(folder).absolute())
+    _tell(result, Path(folder), options["as_json"], is_quiet=options["progress"] == "json", has_report=has_report)
     if result.status == "interrupted":
         raise click.exceptions.Exit(130)
 

@@ -78,8 +78,8 @@ class Problems:
         if (order, text) not in self._found:
             self._found.append((order, text))
 
-    def raise_if_any(self) -> None:
-        """Raise one `ConfigError` with a line for each problem.
+    def raise_if_any(self, error_class: type[ConfigError] = ConfigError) -> None:
+        """Raise one `ConfigError`, or one of its kinds, with a line for each problem.
 
         Raises
         ------
@@ -87,7 +87,7 @@ class Problems:
             If there is a problem.
         """
         if self._found:
-            raise ConfigError("\n".join(text for _, text in sorted(self._found, key=lambda problem: problem[0])))
+            raise error_class("\n".join(text for _, text in sorted(self._found, key=lambda problem: problem[0])))
 
 
 def read_document(config: str | Path | Mapping[str, Any] | Document, base_dir: Path | None = None) -> Document:

@@ -12,6 +12,7 @@ from trailmark.config.checks import refuse_one_sensor_twice
 from trailmark.config.document import Keys, Problems
 from trailmark.config.entries import LocalizerEntry
 from trailmark.config.run import RunConfig
+from trailmark.errors import SensorMismatchError
 from trailmark.frames import SensorInfo
 from trailmark.plugins.hints import nearest_or_all
 
@@ -30,7 +31,7 @@ def resolve_all_roles(run_config: RunConfig, sensors: Mapping[str, SensorInfo]) 
 
     Raises
     ------
-    ConfigError
+    SensorMismatchError
         With one line for every role that cannot be filled, for every name under ``sensors:`` that is no sensor,
         and for two localizers that would tell the motion of one sensor twice.
     """
@@ -39,9 +40,9 @@ def resolve_all_roles(run_config: RunConfig, sensors: Mapping[str, SensorInfo]) 
         if name not in sensors:
             problems.add(("sensors", name), _unknown(name, sensors))
     entries = {name: _filled(entry, sensors, problems) for name, entry in run_config.localizers.items()}
-    problems.raise_if_any()
+    problems.raise_if_any(SensorMismatchError)
     _refuse_motion_twice(run_config, entries, problems)
-    problems.raise_if_any()
+    problems.raise_if_any(SensorMismatchError)
     document = deepcopy(run_config.document)
     for name, entry in entries.items():
         written = document["localizers"][name]
@@ -55,12 +56,12 @@ def resolve_roles(entry: LocalizerEntry, sensors: Mapping[str, SensorInfo], run_
 
     Raises
     ------
-    ConfigError
+    SensorMismatchError
         If a sensor is unknown or of a wrong kind, or if no sensor or several fit a role that names none.
     """
     problems = Problems(run_config.written)
     filled = _filled(entry, sensors, problems)
-    problems.raise_if_any()
+    problems.raise_if_any(SensorMismatchError)
     return filled
 
 
@@ -76,7 +77,7 @@ def refuse_duplicate_sensors(run_config: RunConfig, sensors_of: Mapping[str, Ite
 
     Raises
     ------
-    ConfigError
+    SensorMismatchError
         With a line for every such sensor, naming both sources.
     """
     problems = Problems(run_config.written)
@@ -90,7 +91,7 @@ def refuse_duplicate_sensors(run_config: RunConfig, sensors_of: Mapping[str, Ite
                     f"duplicate sensor {name!r}: the source {first!r} has one of that name; "
                     f"write rename: {{{name}: {source}_{name}}}",
                 )
-    problems.raise_if_any()
+    problems.raise_if_any(SensorMismatchError)
 
 
 def _filled(entry: LocalizerEntry, sensors: Mapping[str, SensorInfo], problems: Problems) -> LocalizerEntry:

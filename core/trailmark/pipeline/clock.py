@@ -6,7 +6,7 @@ import threading
 import time
 from abc import ABC, abstractmethod
 
-__all__ = ["Clock", "SystemClock", "live_stamp_s"]
+__all__ = ["Clock", "RunClock", "SystemClock", "live_stamp_s"]
 
 # Anchored once: a clock that is set while the robot drives must not move its stamps.
 _EPOCH_S = time.time() - time.monotonic()
@@ -42,3 +42,26 @@ class SystemClock(Clock):
     def wait(self, timeout_s: float, wake: threading.Event) -> None:
         """Wait for the event."""
         wake.wait(max(0.0, min(timeout_s, self._LONGEST_WAIT_S)))
+
+
+class RunClock:
+    """The time of a run in real time: the clock's, moved so that the first recorded frame is on time."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._offset_s = 0.0
+        #: Set when something has happened that a waiting run should look at.
+        self.wake = threading.Event()
+
+    def anchor(self, stamp_s: float) -> None:
+        """Let it be `stamp_s` now."""
+        self._offset_s = stamp_s - self._clock.now_s()
+
+    def now_s(self) -> float:
+        """Return the time in the clock of the frames [s]."""
+        return self._clock.now_s() + self._offset_s
+
+    def wait(self, until_s: float) -> None:
+        """Return at `until_s`, or earlier when woken."""
+        self._clock.wait(until_s - self.now_s(), self.wake)
+        self.wake.clear()

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
-from array import array
 from time import perf_counter_ns
 
 from trailmark.commands import Command, Stop
+from trailmark.config import StopWhen
 from trailmark.errors import ConfigError, RunError
 from trailmark.estimates import Belief
 from trailmark.interfaces import Controller, Drivable
-from trailmark.pipeline.counters import Counters
-from trailmark.pipeline.guard import Guard
+from trailmark.pipeline.lifecycle import Instruments
 
-__all__ = ["Control", "check_commands"]
+__all__ = ["Control", "Guard", "check_commands"]
+
+# Differences of stamps and sums of steps: at the limit is not beyond it.
+_ROUNDING = 1e-9
 
 # Cameras jitter: a frame that comes this part of a period too early is on time. The beat keeps the mean rate.
 _SLACK = 0.25
@@ -43,15 +45,14 @@ class Control:
         drivable: Drivable | None,
         guard: Guard,
         control_hz: float,
-        counters: Counters,
-        times: array[int],
+        instruments: Instruments,
     ) -> None:
         self._controller = controller
         self._drivable = drivable
         self._guard = guard
         self._period_s = 1.0 / control_hz
-        self._counters = counters
-        self._times = times
+        self._counters = instruments.counters
+        self._times = instruments.times.stage("controller")
         self._due_s = -math.inf if controller is not None or guard.is_on else math.inf
 
     @property
@@ -67,9 +68,9 @@ class Control:
         self._due_s = self._next_due_s(now_s)
         command: Command | None = self._guard.check(belief) if self._guard.is_on else None
         if command is not None:
-            self._counters.add("control.guard_stops")
+            self._counters["control.guard_stops"] += 1
         elif self._controller is not None:
-            command = self._asked(self._controller, belief)
+            command = self._ask(self._controller, belief)
         if command is not None:
             self.drive(command)
         return command
@@ -92,15 +93,15 @@ class Control:
         on_beat_s = self._due_s + self._period_s
         return on_beat_s if on_beat_s > now_s else now_s + self._period_s
 
-    def _asked(self, controller: Controller, belief: Belief) -> Command:
+    def _ask(self, controller: Controller, belief: Belief) -> Command:
         began_ns = perf_counter_ns()
         try:
             command = controller.step(belief)
         except Exception as error:
-            story = f"the controller failed at {belief.stamp_s:.6f} s: {type(error).__name__}: {error}"
-            raise RunError(story, "controller") from error
+            message = f"the controller failed at {belief.stamp_s:.6f} s: {type(error).__name__}: {error}"
+            raise RunError(message, "controller") from error
         self._times.append(perf_counter_ns() - began_ns)
-        self._counters.add("control.commands")
+        self._counters["control.commands"] += 1
         return command
 
 
@@ -123,3 +124,56 @@ def check_commands(controller: Controller, drivable: Drivable) -> None:
 
 def _names(commands: frozenset[type[Command]]) -> str:
     return ", ".join(sorted(command.__name__ for command in commands))
+
+
+class Guard:
+    """Says `Stop` while the belief is older than ``stop_when`` allows, whatever the controller says.
+
+    Before the first absolute estimate the way counts from the start, and before the first motion the time does:
+    a robot that starts without a fix may drive the same way to find one.
+
+    Parameters
+    ----------
+    stop_when : StopWhen
+        The limits.
+    give_up_s : float
+        A robot that was stopped for so long will not find itself any more: the run ends [s].
+    """
+
+    def __init__(self, stop_when: StopWhen, give_up_s: float = 10.0) -> None:
+        self._stop_when = stop_when
+        self._give_up_s = give_up_s
+        self._start: Belief | None = None
+        self._stopped_s: float | None = None
+
+    @property
+    def is_on(self) -> bool:
+        """Whether there is a limit."""
+        return self._stop_when.fix_age_m is not None or self._stop_when.motion_age_s is not None
+
+    def check(self, belief: Belief) -> Stop | None:
+        """Return why the robot has to stop; None while all is well."""
+        if self._start is None:
+            self._start = belief
+        reason = self._too_old(belief, self._start)
+        if reason is None:
+            self._stopped_s = None
+            return None
+        self._stopped_s = belief.stamp_s if self._stopped_s is None else self._stopped_s
+        return Stop(reason)
+
+    def has_given_up(self, now_s: float) -> bool:
+        """Return whether the robot has been stopped for too long."""
+        return self._stopped_s is not None and now_s - self._stopped_s > self._give_up_s
+
+    def _too_old(self, belief: Belief, start: Belief) -> str | None:
+        fix_limit_m, motion_limit_s = self._stop_when.fix_age_m, self._stop_when.motion_age_s
+        if fix_limit_m is not None:
+            way_m = belief.fix_age_m if math.isfinite(belief.fix_age_m) else belief.travelled_m - start.travelled_m
+            if way_m > fix_limit_m + _ROUNDING:
+                return f"no absolute estimate for {way_m:.2f} m (stop_when.fix_age_m: {fix_limit_m:g})"
+        if motion_limit_s is not None:
+            age_s = belief.motion_age_s if math.isfinite(belief.motion_age_s) else belief.stamp_s - start.stamp_s
+            if age_s > motion_limit_s + _ROUNDING:
+                return f"no motion for {age_s:.2f} s (stop_when.motion_age_s: {motion_limit_s:g})"
+        return None

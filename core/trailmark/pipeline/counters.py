@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 
 __all__ = ["Counters"]
 
 
-class Counters:
+class Counters(Counter[str]):
     """Counts by dotted name, such as ``localizer.floor.late``; nothing is dropped without one."""
-
-    def __init__(self) -> None:
-        self._counts: dict[str, int] = {}
 
     def add(self, name: str, n: int = 1) -> None:
         """Count `n` more of something."""
-        self._counts[name] = self._counts.get(name, 0) + n
-
-    def __getitem__(self, name: str) -> int:
-        return self._counts.get(name, 0)
+        self[name] += n
 
     def merged(self, others: Mapping[str, Mapping[str, int]]) -> dict[str, int]:
         """Return all counts, sorted, with what parts counted themselves below their own prefix."""
-        counts = dict(self._counts)
+        counts = Counter(self)
         for prefix, own in others.items():
-            for name, n in own.items():
-                key = f"{prefix}.{name}"
-                counts[key] = counts.get(key, 0) + n
+            counts.update({f"{prefix}.{name}": n for name, n in own.items()})
         return dict(sorted(counts.items()))

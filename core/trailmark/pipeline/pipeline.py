@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -17,18 +17,17 @@ from trailmark.errors import ConfigError, RunError
 from trailmark.estimates import Applied
 from trailmark.frames import Frame, SensorInfo
 from trailmark.geometry import Pose2
-from trailmark.interfaces import Access, Mode
 from trailmark.paths import Path as TaughtPath
-from trailmark.pipeline.assembly import plan_of, read_config
-from trailmark.pipeline.clock import Clock, SystemClock
-from trailmark.pipeline.pacing import RunClock
-from trailmark.pipeline.plan import Plan
-from trailmark.pipeline.recorder import Recorder
-from trailmark.pipeline.result import RunResult
+from trailmark.pipeline.clock import Clock, RunClock, SystemClock
+from trailmark.pipeline.lifecycle import Instruments
+from trailmark.pipeline.outputs.result import RunResult
+from trailmark.pipeline.parts import Parts, build_parts
+from trailmark.pipeline.request import RunKeywords, RunRequest
 from trailmark.pipeline.run import CTRL_C, Run
-from trailmark.pipeline.run_folder import prepared
 from trailmark.pipeline.steps import Step
-from trailmark.plugins import Plugins
+
+if TYPE_CHECKING:
+    from trailmark.pipeline.outputs.recorder import Recorder
 
 __all__ = ["Pipeline"]
 
@@ -48,26 +47,25 @@ class Pipeline:
 
     Parameters
     ----------
-    config : RunConfig, Plan, path or mapping
+    config : RunConfig, Parts, RunRequest, path or mapping
         What to run.
     out : path, optional
         Folder to record into; default: nothing is recorded.
-    store : path, optional
-        The path store, in place of the config's.
-    mode : {"track", "teach", "replay"}, optional
-        In place of the config's.
-    overrides : sequence of str
-        As ``--set``: ``"localizers.floor.search_px=8"``.
     sensors : iterable of SensorInfo
         Sensors of the frames that are pushed.
-    plugins : Plugins, optional
-        What a config may name; default: all that are installed.
-    access : {"create", "append", "overwrite"}, optional
-        How teaching opens the path store.
-    overwrite : bool
-        Whether `out` may hold an earlier run.
     clock : Clock, optional
         What a run in real time waits by.
+    **options
+        `store`, `mode`, `overrides`, `plugins`, `access`, `overwrite`: as of `RunRequest`.
+
+    Attributes
+    ----------
+    config : RunConfig or None
+        As loaded; None for a run of parts.
+    parts : Parts
+        Constructed.
+    folder : Path or None
+        Where the run is recorded.
 
     Raises
     ------
@@ -77,27 +75,23 @@ class Pipeline:
 
     def __init__(
         self,
-        config: RunConfig | Plan | str | Path | Mapping[str, Any],
+        config: RunConfig | Parts | RunRequest | str | Path | Mapping[str, Any],
         *,
         out: str | Path | None = None,
-        store: str | Path | None = None,
-        mode: Mode | None = None,
-        overrides: Sequence[Any] = (),
         sensors: Iterable[SensorInfo] = (),
-        plugins: Plugins | None = None,
-        access: Access | None = None,
-        overwrite: bool = False,
         clock: Clock | None = None,
+        **options: Unpack[RunKeywords],
     ) -> None:
         self.config: RunConfig | None = None
-        if isinstance(config, Plan):
-            self.plan = config
+        if isinstance(config, Parts):
+            self.parts, overwrite = config, options.get("overwrite", False)
         else:
-            self.config = read_config(config, plugins=plugins, overrides=overrides, mode=mode, store=store)
-            self.plan = plan_of(self.config, access)
-        self.folder = None if out is None else prepared(out, overwrite)
+            request = config if isinstance(config, RunRequest) else RunRequest(config=config, out=out, **options)
+            self.config = request.read()
+            self.parts, out, overwrite = build_parts(self.config, request.access), request.out, request.overwrite
+        self.folder = None if out is None else _prepared(out, overwrite)
         self._pushed = {info.name: info for info in sensors}
-        self._clock = RunClock(clock or SystemClock())
+        self._instruments = Instruments(RunClock(clock or SystemClock()))
         self._lock = threading.RLock()
         self._run: Run | None = None
 
@@ -119,7 +113,7 @@ class Pipeline:
         """End the run, if it has not ended."""
         if self._run is None:
             return
-        if self.plan.feeds:
+        if self.parts.sources:
             self._run.end("interrupted", "left before the last frame")
         else:
             self._run.end("done")
@@ -173,7 +167,7 @@ class Pipeline:
         RunError
             If the run has ended, or fails.
         """
-        if self.plan.feeds:
+        if self.parts.sources:
             raise ConfigError("frames cannot be fed to a pipeline that has sources of its own: iterate over it")
         if not self._pushed:
             raise ConfigError("frames cannot be fed before their sensors are known: Pipeline(..., sensors=[...])")
@@ -190,19 +184,19 @@ class Pipeline:
         It takes and returns what `trailmark.interfaces.Estimator.set_pose` does.
         """
         self._started()
-        return self.plan.estimator.set_pose(pose_map_base, covariance, stamp_s)
+        return self.parts.estimator.set_pose(pose_map_base, covariance, stamp_s)
 
     # --- what is known of it ---------------------------------------------------------------------------------------
 
     @property
     def sensors(self) -> Mapping[str, SensorInfo]:
         """The sensors of the run, by name; asking starts it."""
-        return self._started().rig.sensors
+        return self._started().running.sensors
 
     @property
     def path(self) -> TaughtPath | None:
         """The taught path as it was before the run; asking starts it."""
-        return self._started().rig.place.path
+        return self._started().running.path
 
     @property
     def counters(self) -> Mapping[str, int]:
@@ -212,8 +206,7 @@ class Pipeline:
     @property
     def n_waypoints(self) -> int:
         """How many waypoints of the path store are committed, while teaching."""
-        teaching = self._run.rig.place.teaching if self._run is not None else None
-        return teaching.n_waypoints if teaching is not None else 0
+        return 0 if self._run is None else self._run.n_waypoints
 
     @property
     def has_ended(self) -> bool:
@@ -238,24 +231,39 @@ class Pipeline:
         with self._lock:
             if self._run is None:
                 self._run = self._new_run()
-                self.plan.call_hook("trailmark_run_started", run=self)
+                self.parts.call_hook("trailmark_run_started", run=self)
             return self._run
 
     def _new_run(self) -> Run:
-        plan, config, folder = self.plan, self.config, self.folder
-        facts = {"mode": plan.mode, "pace": "realtime" if plan.is_realtime else "step", "seed": plan.seed}
-        recorder = None
-        if folder is not None:
-            loaded = [] if config is None else [r for r in config.plugins.records if r.status == "ok"]
-            versions = {f"{record.distribution}:{record.name}": record.version for record in loaded}
-            recorder = Recorder(folder, facts | {"plugins": versions}, plan.config_dir)
         try:
-            return Run(plan, self._clock, self._pushed, recorder, self._ended)
+            recorder = self._new_recorder()
+            return Run(self.parts, self._pushed, self._instruments, recorder=recorder, on_end=self._call_end_hook)
         except BaseException:
-            if folder is not None:
+            if self.folder is not None:
                 with suppress(OSError):
-                    folder.rmdir()  # it is empty: nothing has run
+                    self.folder.rmdir()  # it is empty: nothing has run
             raise
 
-    def _ended(self, result: RunResult) -> None:
-        self.plan.call_hook("trailmark_run_finished", run=self, result=result)
+    def _new_recorder(self) -> Recorder | None:
+        if self.folder is None:
+            return None
+        from trailmark.pipeline.outputs.recorder import Recorder  # not every run is recorded
+
+        parts, config = self.parts, self.config
+        loaded = [] if config is None else [record for record in config.plugins.records if record.status == "ok"]
+        facts = {
+            "mode": parts.settings.mode,
+            "pace": "realtime" if parts.is_realtime else "step",
+            "seed": parts.settings.seed,
+            "plugins": {f"{record.distribution}:{record.name}": record.version for record in loaded},
+        }
+        return Recorder(self.folder, facts, parts.base_dir)
+
+    def _call_end_hook(self, result: RunResult) -> None:
+        self.parts.call_hook("trailmark_run_finished", run=self, result=result)
+
+
+def _prepared(out: str | Path, overwrite: bool) -> Path:
+    from trailmark.pipeline.outputs.run_folder import prepared
+
+    return prepared(out, overwrite)

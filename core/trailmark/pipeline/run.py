@@ -1,29 +1,35 @@
-"""A run at work: from started parts to what is left of it."""
+"""A run at work: the loop over frames, and what is left when it ends."""
 
 from __future__ import annotations
 
 import logging
+import math
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 from trailmark.commands import Stop
 from trailmark.errors import RunError
+from trailmark.estimates import EstimateRecord, Lost
 from trailmark.frames import Frame, SensorInfo
-from trailmark.geometry import Trajectory
-from trailmark.interfaces import RunEnd
-from trailmark.pipeline.checks import FrameChecks
-from trailmark.pipeline.counters import Counters
-from trailmark.pipeline.pacing import Event, RunClock
-from trailmark.pipeline.plan import Plan
-from trailmark.pipeline.recorder import Recorder
-from trailmark.pipeline.result import RunResult, Status
-from trailmark.pipeline.rig import Rig
-from trailmark.pipeline.runner import Runner
-from trailmark.pipeline.steps import Step
-from trailmark.pipeline.telling import Telling
-from trailmark.pipeline.timing import StageTimes, peak_rss_mb
-from trailmark.pipeline.tracks import Tracks
+from trailmark.interfaces import RunEnd, Sink
+from trailmark.pipeline.lifecycle import Instruments
+from trailmark.pipeline.localizers import LocalizerFailedError, LocalizerRunner, ObserveResult
+from trailmark.pipeline.outputs.fanout import SinkFanout
+from trailmark.pipeline.outputs.result import RunResult, Status
+from trailmark.pipeline.outputs.tracks import Tracks
+from trailmark.pipeline.parts import Parts
+from trailmark.pipeline.sources.checks import FrameChecks
+from trailmark.pipeline.sources.merging import merged
+from trailmark.pipeline.sources.stream import ground_truth_of
+from trailmark.pipeline.startup import start_parts
+from trailmark.pipeline.steps import Event, Step
+from trailmark.pipeline.timing import peak_rss_mb
+
+if TYPE_CHECKING:
+    from trailmark.pipeline.outputs.recorder import Recorder
 
 __all__ = ["CTRL_C", "Run"]
 
@@ -38,21 +44,32 @@ _FOLD_EVERY = 4096  # frames
 class Run:
     """A run whose parts have started.
 
-    However it ends, the robot gets `Stop` first, then what is in work is finished, what is known written, and all
+    At each frame: results that are due are applied; the localizers that subscribe are asked in the order of the
+    config, each with the belief at the frame's stamp, and its estimates are applied before the next is asked; in
+    teach a waypoint is laid; the controller is asked, if it is time.
+
+    However the run ends, the robot gets `Stop` first, then what is in work is finished, what is known written, and all
     parts closed, once.
 
     Parameters
     ----------
-    plan : Plan
-        The parts.
-    clock : RunClock
-        For real time.
+    parts : Parts
+        The parts, constructed.
     pushed : mapping of str to SensorInfo
         Sensors of frames that are pushed.
+    instruments : Instruments
+        Clock, counters and times.
     recorder : Recorder or None
         Writes the run's folder.
     on_end : callable
         Called with the result, when everything is written and closed.
+
+    Attributes
+    ----------
+    running : RunningParts
+        The parts, started.
+    result : RunResult or None
+        How the run ended, once it has.
 
     Raises
     ------
@@ -62,65 +79,174 @@ class Run:
 
     def __init__(
         self,
-        plan: Plan,
-        clock: RunClock,
+        parts: Parts,
         pushed: Mapping[str, SensorInfo],
+        instruments: Instruments,
+        *,
         recorder: Recorder | None,
         on_end: Callable[[RunResult], None],
     ) -> None:
-        self._counters, self._times = Counters(), StageTimes()
-        self._clock = clock
-        self._recorder = recorder
-        self._on_end = on_end
-        self._lock = threading.RLock()
-        self._checks = FrameChecks("feed", pushed, False, self._counters, remedy="")
-        self.rig = Rig(plan, self._counters, self._times, clock, pushed)
         self.result: RunResult | None = None
+        self.running = running = start_parts(parts, pushed, instruments)
+        self._parts = running.parts
+        self._taught = running.taught
+        self._teaching = None if running.taught is None else running.taught.teaching
+        self._estimator = running.estimator
+        self._control = running.control
+        self._set_localizers(running.localizers)
+        self._clock, self._counters, self._times = instruments.clock, instruments.counters, instruments.times
+        self._recorder, self._on_end = recorder, on_end
+        self._lock = threading.RLock()
+        self._push_checks = FrameChecks("feed", pushed, False, instruments.counters, remedy="")
+        self._events = self._paced_events()
+        self._n_frames = 0
         try:
-            self._tracks = Tracks((planned.name for planned in self.rig.localizers), self.rig.session())
-            sinks = {**plan.sinks, "tracks": self._tracks}
+            self._tracks = Tracks((localizer.name for localizer in running.localizers), running.session)
+            sinks: dict[str, Sink] = {**self._parts.sinks, "tracks": self._tracks}
             if recorder is not None:
-                recorder.open(self.rig.document, self.rig.sensors)
+                recorder.open(self._parts.document, running.sensors)
                 sinks["recorder"] = recorder
-            self._telling = Telling(sinks, self._times)
-            self._runner = Runner(self.rig, self._telling)
-            self._events = self._runner.events()
+            self._sinks = SinkFanout(sinks, instruments.times)
         except BaseException:
-            self.rig.close()
+            running.closing.close()
             raise
         self._began_s = perf_counter()
+
+    # --- the loop --------------------------------------------------------------------------------------------------
 
     def next_step(self) -> Step | None:
         """Take the next frame through all parts; None when the run is over."""
         if self.result is not None:
             return None
-        try:
+        with self._ending_on_failure():
             event = next(self._events, None)
-        except KeyboardInterrupt:
-            self.end("interrupted", CTRL_C)
-            return None
-        except Exception as error:
-            self.end("failed", str(error))
-            raise
-        if event is None:
+            if event is not None:
+                return self._process(event)
             self.end("done")
-            return None
-        return self._worked(event)
+        return None
 
     def push(self, frame: Frame) -> Step | None:
         """Take a frame from elsewhere through all parts; None if it repeats the stamp of its sensor."""
         with self._lock:
             if self.result is not None:
                 raise RunError(f"the run has ended: {self.result.status} {self.result.reason}".rstrip())
-            if not self._checks.accept(frame):
+            if not self._push_checks.accept(frame):
                 return None
-            if self._runner.n_frames == 0:
+            if self._n_frames == 0:
                 self._clock.anchor(frame.stamp_s)
-            return self._worked(frame)
+            with self._ending_on_failure():
+                return self._process(frame)
+            return None
+
+    def _process(self, event: Event) -> Step:
+        """Take a frame through all parts; at a tick, ask only the controller."""
+        now_s = event.stamp_s
+        records: list[EstimateRecord] = []
+        for localizer in self._async_localizers:
+            with self._on_failure(localizer):
+                records += self._apply(localizer, localizer.poll(now_s))
+        frame = event if isinstance(event, Frame) else None
+        if frame is not None:
+            records += self._observe(frame)
+        belief = self._estimator.belief(now_s)
+        if frame is not None:
+            self._sinks.tell(Sink.on_belief, belief)
+            if self._teaching is not None:
+                self._teaching.on_belief(belief)
+        command = self._control.step(belief)
+        if command is not None:
+            self._sinks.tell(Sink.on_command, now_s, command)
+        step = Step(now_s, frame, belief, tuple(records), command)
+        self._end_after(step)
+        return step
+
+    def _observe(self, frame: Frame) -> list[EstimateRecord]:
+        """Ask the localizers that subscribe to the frame's sensor, one after the other."""
+        self._n_frames += 1
+        self._counters["frames"] += 1
+        if self._n_frames % _FOLD_EVERY == 0:
+            self._times.fold()
+        self._sinks.tell(Sink.on_frame, frame)
+        records: list[EstimateRecord] = []
+        for localizer in self._subscribers.get(frame.sensor, ()):
+            with self._on_failure(localizer):
+                belief = self._estimator.belief(frame.stamp_s)
+                records += self._apply(localizer, localizer.submit(frame, belief))
+        return records
+
+    def _apply(self, localizer: LocalizerRunner, results: Sequence[ObserveResult]) -> list[EstimateRecord]:
+        """Let the estimator take what a localizer said; count and tell what became of it."""
+        records: list[EstimateRecord] = []
+        for result in results:
+            for record in self._estimator.apply(localizer.part, result):
+                self._counters[f"localizer.{record.source}.{record.outcome.status}"] += 1
+                if isinstance(record.estimate, Lost):
+                    self._counters[f"localizer.{record.source}.lost"] += 1
+                self._sinks.tell(Sink.on_estimate_record, record)
+                records.append(record)
+        return records
+
+    def _paced_events(self) -> Generator[Event]:
+        """Yield the frames of the sources and the controller's ticks, as the pace says."""
+        parts, control = self._parts, self._control
+        if not parts.is_realtime:
+            yield from merged(parts.sources)
+            return
+        from trailmark.pipeline.sources.realtime import held_to_stamps, live
+
+        if parts.is_live:
+            yield from live(parts.sources, self._clock, lambda: control.due_s, self._counters)
+        elif parts.robot is not None:  # simulated: when its frame is there, it has moved on already
+            yield from held_to_stamps(merged(parts.sources), self._clock, lambda: math.inf)
+        else:
+            yield from held_to_stamps(merged(parts.sources), self._clock, lambda: control.due_s)
+
+    # --- failures --------------------------------------------------------------------------------------------------
+
+    @contextmanager
+    def _on_failure(self, localizer: LocalizerRunner) -> Iterator[None]:
+        """If the localizer fails, end the run or switch the localizer off, as its ``on_error`` says."""
+        try:
+            yield
+        except LocalizerFailedError as error:
+            if localizer.part.options.on_error == "fail":
+                raise
+            logger.warning("%s; it is switched off (on_error: disable)", error)
+            self._counters[f"localizer.{localizer.name}.disabled"] += 1
+            self._estimator.health[localizer.name] = f"switched off: {error}"
+            self._set_localizers([other for other in self._localizers if other is not localizer])
+            localizer.close()
+
+    def _set_localizers(self, localizers: Sequence[LocalizerRunner]) -> None:
+        """Work with these localizers from the next sensor's turn on."""
+        self._localizers = localizers
+        self._async_localizers = [localizer for localizer in localizers if localizer.part.options.is_async]
+        self._subscribers = {
+            sensor: [localizer for localizer in localizers if sensor in localizer.part.sensors]
+            for sensor in self.running.sensors
+        }
+
+    @contextmanager
+    def _ending_on_failure(self) -> Iterator[None]:
+        """End the run when its loop fails, or the user interrupts it."""
+        try:
+            yield
+        except KeyboardInterrupt:
+            self.end("interrupted", CTRL_C)
+        except Exception as error:
+            self.end("failed", str(error))
+            raise
+
+    # --- the end ---------------------------------------------------------------------------------------------------
+
+    @property
+    def n_waypoints(self) -> int:
+        """How many waypoints of the path store are committed, while teaching."""
+        return 0 if self._teaching is None else self._teaching.n_waypoints
 
     def counters(self) -> dict[str, int]:
         """Return what has been counted so far."""
-        return self._counters.merged(self.rig.own_counters())
+        return self._counters.merged(self.running.own_counters())
 
     def end(self, status: Status, reason: str = "") -> None:
         """End the run, if it has not ended.
@@ -136,70 +262,59 @@ class Run:
         failure: BaseException | None = None
         if status != "failed":
             try:
-                self._runner.finish()
+                self._finish()
             except KeyboardInterrupt:
                 status, reason = "interrupted", "interrupted while finishing"
             except Exception as error:
                 status, reason, failure = "failed", str(error), error
         self.result = self._conclude(status, reason.partition("\n")[0])
         try:
-            self._telling.end(RunEnd(status, self.result.reason, self.result.counters))
+            self._sinks.tell(Sink.on_end, RunEnd(status, self.result.reason, self.result.counters))
             if self._recorder is not None:
                 self._recorder.write(self.result)
         finally:
-            self.rig.close()
+            self.running.closing.close()
             self._events.close()
             self._on_end(self.result)
         if failure is not None:
             raise failure
 
-    def _worked(self, event: Event) -> Step | None:
-        try:
-            step = self._runner.work(event)
-        except KeyboardInterrupt:
-            self.end("interrupted", CTRL_C)
-            return None
-        except Exception as error:
-            self.end("failed", str(error))
-            raise
-        if self._runner.n_frames % _FOLD_EVERY == 0:
-            self._times.fold()
-        if (end := self._runner.ends_with(step)) is not None:
-            self.end(*end)
-        return step
+    def _end_after(self, step: Step) -> None:
+        """End the run if its goal is reached, or the guard has held the robot for too long."""
+        if isinstance(step.command, Stop):
+            if step.command.done:
+                self.end("done", step.command.reason)
+            elif self._control.has_given_up(step.stamp_s):
+                self.end("stopped", step.command.reason)
 
     def _stop_robot(self, reason: str) -> None:
         try:
-            self.rig.control.drive(Stop(reason))
+            self._control.drive(Stop(reason))
         except RunError as error:
             logger.warning("%s", error)
 
+    def _finish(self) -> None:
+        """Apply what is still in work; in teach, end the path and let the localizers finish."""
+        for localizer in self._async_localizers:
+            with self._on_failure(localizer):
+                self._apply(localizer, localizer.drain())
+                self._apply(localizer, localizer.poll(math.inf))
+        if self._taught is not None and self._teaching is not None:
+            self._teaching.end(self._estimator.belief())
+            self._taught.finish_teaching([localizer.part for localizer in self._localizers])
+
     def _conclude(self, status: Status, reason: str) -> RunResult:
-        n_frames = self._runner.n_frames
         return RunResult(
             status=status,
             reason=reason,
             counters=self.counters(),
             trajectories=self._tracks.trajectories(),
-            ground_truth=_ground_truth(self.rig),
+            ground_truth=ground_truth_of(self._parts.sources),
             timing={
                 "stages": self._times.table(),
                 "peak_rss_mb": peak_rss_mb(),
-                "frames": n_frames,
+                "frames": self._n_frames,
                 "wall_s": round(perf_counter() - self._began_s, 6),
             },
             folder=None if self._recorder is None else self._recorder.folder,
         )
-
-
-def _ground_truth(rig: Rig) -> Trajectory | None:
-    """Return the truth of the first source that knows it."""
-    for feed in rig.plan.feeds:
-        try:
-            truth = feed.ground_truth()
-        except Exception as error:
-            logger.warning("source %r gives no ground truth: %s: %s", feed.name, type(error).__name__, error)
-            continue
-        if truth is not None:
-            return truth
-    return None

@@ -1,36 +1,25 @@
-"""What a pipeline hands out: one step for each frame."""
+"""What goes into a pipeline, frames and ticks, and what it hands out: one step for each."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from trailmark.commands import Command
-from trailmark.estimates import Applied, Belief, Estimate
+from trailmark.estimates import Belief, EstimateRecord
 from trailmark.frames import Frame
 
-__all__ = ["Step", "Told"]
+__all__ = ["Event", "Step", "Tick"]
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
-    """An estimate, and what became of it.
+class Tick:
+    """An instant at which the controller is asked although no frame has come."""
 
-    Attributes
-    ----------
-    arrived_s : float
-        When it was applied; later than the frame for an async localizer [s].
-    source : str
-        Name of the localizer.
-    estimate : Estimate
-        What it said.
-    applied : Applied
-        What the estimator answered.
-    """
+    stamp_s: float
 
-    arrived_s: float
-    source: str
-    estimate: Estimate
-    applied: Applied
+
+#: What a run goes on with.
+Event = Frame | Tick
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +34,7 @@ class Step:
         The frame; None for a tick.
     belief : Belief
         What is believed at `stamp_s`, after all localizers saw the frame.
-    estimates : tuple of Told
+    estimates : tuple of EstimateRecord
         What was said since the last step, in the order in which it was applied.
     command : Command or None
         What the robot was told, if anything.
@@ -54,5 +43,5 @@ class Step:
     stamp_s: float
     frame: Frame | None
     belief: Belief
-    estimates: tuple[Told, ...] = ()
+    estimates: tuple[EstimateRecord, ...] = ()
     command: Command | None = None

@@ -29,7 +29,7 @@ def write_experiment(
     rows : sequence of Row
         What the experiment reported.
     provenance : dict
-        Of `trailmark.pipeline.provenance`: command, version, machine.
+        Of `trailmark.pipeline.outputs.provenance`: command, version, machine.
     took_s : float
         Wall time of the experiment [s].
     """

@@ -15,11 +15,10 @@ import sys
 import traceback
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from trailmark.errors import ConfigError, TrailmarkError
+from trailmark.errors import ConfigError, SensorMismatchError, TrailmarkError
 from trailmark.isolation.child import EXIT_FAILED, EXIT_SKIPPED, die_with, say, write_json
 from trailmark.isolation.process import REQUEST_FILE, RESULT_FILE
 from trailmark_bench.process import DETAIL_FILE
@@ -27,10 +26,6 @@ from trailmark_bench.process import DETAIL_FILE
 __all__ = ["main"]
 
 _STORE = "place.trail"
-
-
-class _UnfitError(ConfigError):
-    """No sensor of the source suits the localizer: the cell means nothing."""
 
 
 def main(arguments: list[str]) -> int:
@@ -44,7 +39,7 @@ def main(arguments: list[str]) -> int:
         request = json.loads((folder / REQUEST_FILE).read_text(encoding="utf-8"))
         _limit(request["limits"])
         write_json(folder / RESULT_FILE, _run(request, folder))
-    except _UnfitError as error:
+    except SensorMismatchError as error:  # the cell means nothing
         return say(EXIT_SKIPPED, error)
     except MemoryError as error:
         traceback.print_exc()
@@ -97,15 +92,6 @@ def _drive(config: Any, out: Path, store: Path | None) -> Any:
     from trailmark.pipeline import Pipeline
 
     pipeline = Pipeline(config, out=out, store=store)
-    settle = pipeline.plan.settle
-
-    def fitting(*found: Any) -> Any:
-        try:
-            return settle(*found)
-        except ConfigError as error:
-            raise _UnfitError(str(error)) from error
-
-    pipeline.plan = replace(pipeline.plan, settle=fitting)
     with pipeline:
         for _ in pipeline:
             pass

@@ -10,15 +10,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from trailmark.commands import Command, Steer4WS, Stop, Velocity
-from trailmark.config import RunConfig
+from trailmark.config import RunConfig, SensorOverride
 from trailmark.errors import ConfigError, DataError
 from trailmark.estimates import Belief, Lost, Motion
 from trailmark.frames import Frame, GroundPlane, SensorInfo
 from trailmark.geometry import Pose3
 from trailmark.interfaces import Drivable, Session
-from trailmark.pipeline import Feed
-from trailmark.pipeline.assembly import plan_of
-from trailmark.pipeline.sources import corrected
+from trailmark.pipeline import SourceStream, build_sources
 from trailmark_ground_vo.calibration import Assumed, Steps
 from trailmark_ground_vo.config import GroundVOConfig
 from trailmark_ground_vo.localizer import GroundVO
@@ -88,40 +86,37 @@ def observe_drive(
     DataError
         If no picture fits to the one before.
     """
-    plan = plan_of(config)
-    if not plan.feeds:
+    sources = build_sources(config)
+    if not sources:
         raise ConfigError("the config has no source: a recording, a camera or a simulated world")
-    feed, sensor = _started(plan.feeds, plan.sensors, camera)
+    source, sensor = _started(sources, config.sensors, camera)
     try:
-        return _watched(feed, sensor, drive, say)
+        return _watched(source, sensor, drive, say)
     finally:
-        feed.close()
+        source.close()
 
 
-def _started(feeds: Sequence[Feed], overrides: Mapping[str, object], camera: str | None) -> tuple[Feed, SensorInfo]:
+def _started(
+    sources: Sequence[SourceStream], overrides: Mapping[str, SensorOverride], camera: str | None
+) -> tuple[SourceStream, SensorInfo]:
     """Start the source that has the camera; all others are left alone."""
     known = []
-    for feed in feeds:
-        feed.start(Session(name=feed.name, mode="replay"))
-        cameras = [info for info in feed.sensors.values() if info.kind == "image"]
+    for source in sources:
+        source.start(Session(name=source.name, mode="replay"))
+        cameras = [info for info in source.known_sensors(overrides).values() if info.kind == "image"]
         fitting = [info for info in cameras if camera in (None, info.name)]
         if len(fitting) == 1:
-            return feed, _believed(feed, fitting[0], overrides)
-        feed.close()
+            return source, fitting[0]
+        source.close()
         known += [info.name for info in cameras]
     if camera is None and len(known) > 1:
         raise ConfigError(f"there are several cameras: {', '.join(known)}; say which with --camera")
     raise ConfigError(f"no camera {camera or ''!r}; there are: {', '.join(known) or 'none'}")
 
 
-def _believed(feed: Feed, info: SensorInfo, overrides: Mapping[str, object]) -> SensorInfo:
-    override = overrides.get(info.name)
-    if override is not None:
-        info = corrected(info, override.mounting, override.calibration)  # type: ignore[attr-defined]
-    return feed.believed(info)
-
-
-def _watched(feed: Feed, sensor: SensorInfo, drive: Speeds | None, say: Callable[[str], None]) -> ObservedDrive:
+def _watched(
+    source: SourceStream, sensor: SensorInfo, drive: Speeds | None, say: Callable[[str], None]
+) -> ObservedDrive:
     plane = sensor.calibration
     if plane is not None and not isinstance(plane, GroundPlane):
         raise ConfigError(f"sensor {sensor.name!r} is calibrated as a {type(plane).__name__}, not as a ground camera")
@@ -131,7 +126,7 @@ def _watched(feed: Feed, sensor: SensorInfo, drive: Speeds | None, say: Callable
     localizer.start(Session(name="calibrate", sensors={sensor.name: bare}))
     rows, n_pictures, n_lost = [], 0, 0
     with suppress(KeyboardInterrupt):  # how a person says that the drive is over
-        for frame in _frames(feed, sensor, drive, say):
+        for frame in _frames(source, sensor, drive, say):
             n_pictures += 1
             for estimate in localizer.observe(frame, Belief(frame.stamp_s)):
                 if isinstance(estimate, Motion):
@@ -144,17 +139,21 @@ def _watched(feed: Feed, sensor: SensorInfo, drive: Speeds | None, say: Callable
     return ObservedDrive(sensor, Assumed(plane.metres_per_pixel), Steps(*np.array(rows).T), n_pictures, n_lost)
 
 
-def _frames(feed: Feed, sensor: SensorInfo, drive: Speeds | None, say: Callable[[str], None]) -> Iterator[Frame]:
+def _frames(
+    source: SourceStream, sensor: SensorInfo, drive: Speeds | None, say: Callable[[str], None]
+) -> Iterator[Frame]:
     """Yield the pictures of the camera; on the way, drive."""
-    robot = feed.drivable
+    robot = source.drivable
     if drive is None:
-        yield from (frame for frame in feed.frames() if frame.sensor == sensor.name)
+        yield from (frame for frame in source.frames() if frame.sensor == sensor.name)
         return
     if robot is None or robot.drives_itself:
-        raise ConfigError(f"source {feed.name!r} cannot be driven by commands; leave --drive out and drive it yourself")
+        raise ConfigError(
+            f"source {source.name!r} cannot be driven by commands; leave --drive out and drive it yourself"
+        )
     last_s: float | None = None
     orders: _Orders | None = None
-    for frame in feed.frames():
+    for frame in source.frames():
         if frame.sensor != sensor.name:
             continue
         yield frame

@@ -53,7 +53,7 @@ def ground(context: click.Context, /, config: str, **options: Any) -> None:
     from trailmark.cli.errors import say
     from trailmark.cli.guess import guess_config, is_config
     from trailmark.cli.root import plugins_of
-    from trailmark.pipeline.assembly import read_config
+    from trailmark.pipeline import read_config
     from trailmark_ground_vo.calibration import Known, calibrate
     from trailmark_ground_vo.calibration_drive import Speeds, observe_drive
 

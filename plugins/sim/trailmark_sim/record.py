@@ -8,7 +8,7 @@ from pathlib import Path
 from trailmark.config import load_run_config
 from trailmark.errors import ConfigError
 from trailmark.interfaces import Mode, Session
-from trailmark.pipeline.seeds import part_rng
+from trailmark.pipeline.lifecycle import part_rng
 from trailmark.plugins import Plugins
 from trailmark.recording import DatasetWriter
 from trailmark_sim.config import SimConfig

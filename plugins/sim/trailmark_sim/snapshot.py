@@ -8,7 +8,7 @@ from typing import Any
 from trailmark.config import load_run_config
 from trailmark.frames import Payload
 from trailmark.interfaces import Mode, Session
-from trailmark.pipeline.seeds import part_rng
+from trailmark.pipeline.lifecycle import part_rng
 from trailmark.plugins import Plugins
 from trailmark_sim.config import SimConfig
 from trailmark_sim.source import SimSource

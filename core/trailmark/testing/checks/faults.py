@@ -13,7 +13,7 @@ import numpy as np
 from trailmark.config import PluginConfig
 from trailmark.frames import RGBD, Frame, Image, Payload, Scan, SensorInfo, payload_kind
 from trailmark.interfaces import Fault, Session
-from trailmark.pipeline.perturbing import Perturber
+from trailmark.pipeline.sources.perturbing import Perturber
 from trailmark.testing.checks.configs import common_checks
 from trailmark.testing.checks.lives import arrays_of
 from trailmark.testing.checks.parametrize import Check, parametrize

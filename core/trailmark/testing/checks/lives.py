@@ -20,7 +20,7 @@ from trailmark.frames import Frame, Payload
 from trailmark.geometry import Twist2
 from trailmark.interfaces import Localizer, LocalizerMap, Mode, Session
 from trailmark.paths import Path, Waypoint
-from trailmark.pipeline.map_format import VersionedMap
+from trailmark.pipeline.teaching.localizer_maps import VersionedMap
 from trailmark.stores import SqlitePathStore, SqliteStoreConfig
 from trailmark.testing.memory_map import MemoryMap
 from trailmark.testing.runs import AnyRun

@@ -20,7 +20,7 @@ from trailmark.estimates import Estimate, Fix, Lost, Motion, PathOffset
 from trailmark.frames import Frame
 from trailmark.geometry import Pose2, wrap_angle
 from trailmark.interfaces import Localizer
-from trailmark.pipeline.map_format import VersionedMap, check_format
+from trailmark.pipeline.teaching.localizer_maps import VersionedMap, check_format
 from trailmark.testing.checks.configs import common_checks
 from trailmark.testing.checks.lives import (
     LocalizerCase,

@@ -9,7 +9,17 @@ import numpy as np
 
 from trailmark.commands import Steer4WS, Stop, Velocity
 from trailmark.config import PluginConfig
-from trailmark.estimates import Applied, Belief, Fix, Lost, Motion, PathOffset, information_from_sigmas
+from trailmark.estimates import (
+    Applied,
+    Belief,
+    Estimate,
+    EstimateRecord,
+    Fix,
+    Lost,
+    Motion,
+    PathOffset,
+    information_from_sigmas,
+)
 from trailmark.frames import Frame
 from trailmark.geometry import Pose2, Twist2
 from trailmark.interfaces import RunEnd, Session, Sink
@@ -76,14 +86,15 @@ def _tell(sink: Sink, frames: Sequence[Frame]) -> None:
     for frame in frames:
         sink.on_frame(frame)
     stamp_s = frames[-1].stamp_s
-    estimates = (
+    estimates: tuple[Estimate, ...] = (
         Motion(stamp_s - 0.1, stamp_s, Pose2(0.1, 0.0, 0.0), _INFORMATION, {"score": 0.5}),
         Fix(stamp_s, Pose2(1.0, 2.0, 3.0), np.zeros((3, 3))),
         PathOffset(stamp_s, 1.0, 0.1, 0.0, _INFORMATION),
         Lost(stamp_s, "checked\nwith 'quotes', \"more\" and ünïcode"),
     )
     for estimate, status in zip(estimates, ("accepted", "gated", "late", "unused"), strict=True):
-        sink.on_estimate("floor", estimate, Applied(status, "" if status == "accepted" else "checked", 1.5, 3))  # type: ignore[arg-type]
+        outcome = Applied(status, "" if status == "accepted" else "checked", 1.5, 3)  # type: ignore[arg-type]
+        sink.on_estimate_record(EstimateRecord(stamp_s, "floor", estimate, outcome))
     sink.on_belief(Belief(stamp_s, Pose2(1.0, 2.0, 3.0), np.eye(3), Pose2(), Twist2(0.3), 1.0, None, 0.1, 0.1))
     for command in (Steer4WS(0.1, -0.1, 0.26), Velocity(0.3, 0.0, 0.1), Stop("arrived", done=True)):
         sink.on_command(stamp_s, command)

@@ -15,7 +15,7 @@ from trailmark.config.explain import validated
 from trailmark.errors import ConfigError
 from trailmark.isolation.executor import Executor
 from trailmark.isolation.fingerprint import FileCache
-from trailmark.pipeline.provenance import provenance
+from trailmark.pipeline.outputs.provenance import provenance
 from trailmark.plugins import Plugins
 from trailmark_bench.cli.commands import RunOptions
 from trailmark_bench.cli.progress import BenchProgress, duration_text

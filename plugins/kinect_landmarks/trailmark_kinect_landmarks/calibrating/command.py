@@ -117,24 +117,24 @@ def _views(
 
     from trailmark.cli.errors import say
     from trailmark.cli.guess import guess_config, is_config
-    from trailmark.pipeline.assembly import plan_of, read_config
+    from trailmark.pipeline import build_sources, read_config
     from trailmark_kinect_landmarks.calibrating.board import find_board
     from trailmark_kinect_landmarks.calibrating.recordings import choose_sensors, pairs, started
 
     config = recording if is_config(recording) else guess_config(recording, plugins.registry)
-    feeds = plan_of(read_config(config, plugins=plugins)).feeds
+    sources = build_sources(read_config(config, plugins=plugins))
     views: list[BoardView] = []
     n, sizes = 0, None
     try:
-        chosen = choose_sensors(started(feeds), sensor, depth)
-        for bgr, depth_m in islice(pairs(feeds, chosen, depth_factor, every), n_frames):
+        chosen = choose_sensors(started(sources), sensor, depth)
+        for bgr, depth_m in islice(pairs(sources, chosen, depth_factor, every), n_frames):
             n, sizes = n + 1, ((bgr.shape[1], bgr.shape[0]), (depth_m.shape[1], depth_m.shape[0]))
             view = find_board(bgr, depth_m)
             if view is not None:
                 views.append(view)
     finally:
-        for feed in feeds:
-            feed.close()
+        for source in sources:
+            source.close()
     if sizes is None:
         raise ConfigError(f"{recording} gives no pair of a colour and a depth picture")
     say(f"the rectangle is seen whole by both cameras in {len(views)} of {n} pairs")

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from trailmark.errors import ConfigError
 from trailmark.frames import RGBD, Frame, Image, SensorInfo
 from trailmark.interfaces import Session
-from trailmark.pipeline import Feed
+from trailmark.pipeline import SourceStream
 
 __all__ = ["PictureSensors", "choose_sensors", "pairs", "started"]
 
@@ -60,7 +60,7 @@ def choose_sensors(sensors: Mapping[str, SensorInfo], colour: str | None, depth:
     return PictureSensors(both[0])
 
 
-def pairs(feeds: Sequence[Feed], chosen: PictureSensors, depth_factor: float, every: int) -> Iterator[Pair]:
+def pairs(sources: Sequence[SourceStream], chosen: PictureSensors, depth_factor: float, every: int) -> Iterator[Pair]:
     """Yield every n-th pair; colour and depth of two recordings belong together within 40 ms.
 
     Parameters
@@ -70,7 +70,7 @@ def pairs(feeds: Sequence[Feed], chosen: PictureSensors, depth_factor: float, ev
     """
     newest: dict[str, Frame] = {}
     n = 0
-    for frame in heapq.merge(*(feed.frames() for feed in feeds), key=lambda frame: frame.stamp_s):
+    for frame in heapq.merge(*(source.frames() for source in sources), key=lambda frame: frame.stamp_s):
         if frame.sensor not in (chosen.colour, chosen.depth):
             continue
         newest[frame.sensor] = frame
@@ -110,10 +110,10 @@ def _depth_of(frame: Frame, depth_factor: float) -> npt.NDArray[np.float32]:
     return np.where(pixels > 0, pixels / np.float32(depth_factor), np.float32(np.nan)).astype(np.float32)
 
 
-def started(feeds: Sequence[Feed]) -> Mapping[str, SensorInfo]:
+def started(sources: Sequence[SourceStream]) -> Mapping[str, SensorInfo]:
     """Start sources and return their sensors."""
     sensors: dict[str, SensorInfo] = {}
-    for feed in feeds:
-        feed.start(Session(name=feed.name))
-        sensors |= feed.sensors
+    for source in sources:
+        source.start(Session(name=source.name))
+        sensors |= source.sensors
     return sensors

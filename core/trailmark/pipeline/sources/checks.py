@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from trailmark.errors import SourceError
@@ -48,6 +48,12 @@ class FrameChecks:
         self._remedy = remedy
         self._last_s = -math.inf
 
+    def good(self, frames: Iterator[Frame]) -> Iterator[Frame]:
+        """Yield the frames that are good; see `accept`."""
+        for frame in frames:
+            if self.accept(frame):
+                yield frame
+
     def accept(self, frame: Frame) -> bool:
         """Return whether a frame is good; one that repeats the stamp of its sensor is left out and counted.
 
@@ -60,7 +66,7 @@ class FrameChecks:
         if check is None:
             return self._refuse(frame, f"is of none of its sensors ({', '.join(self._checks)})")
         if frame.stamp_s == check.last_s:
-            self._counters.add(f"source.{self._source}.repeated")
+            self._counters[f"source.{self._source}.repeated"] += 1
             return False
         problem = check.problem(frame)
         if problem is None and frame.stamp_s < self._last_s:
@@ -74,7 +80,7 @@ class FrameChecks:
         message = f"source {self._source!r}: the frame of {frame.sensor!r} at {frame.stamp_s:.6f} s {problem}"
         if not self._skips:
             raise SourceError(f"{message}{self._remedy}")
-        self._counters.add(f"source.{self._source}.skipped")
+        self._counters[f"source.{self._source}.skipped"] += 1
         logger.debug("skipped: %s", message)
         return False
 
@@ -94,7 +100,7 @@ class _Check:
         payload = frame.payload
         if not isinstance(payload, self._payload):
             return f"carries {payload_kind(payload)}, but the sensor is of kind {self._kind}"
-        layout = _layout(payload)
+        layout = _layout(payload) if isinstance(payload, Image | RGBD) else None
         if layout != self._layout:
             if self._layout is not None:
                 return f"changes from {_shown(self._layout)} to {_shown(layout)}"
@@ -107,12 +113,10 @@ class _Check:
         return None
 
 
-def _layout(payload: Payload) -> Any:
+def _layout(payload: Image | RGBD) -> Any:
     if isinstance(payload, Image):
         return payload.pixels.shape, payload.pixels.dtype
-    if isinstance(payload, RGBD):
-        return payload.bgr.shape, payload.depth_m.shape
-    return ()
+    return payload.bgr.shape, payload.depth_m.shape
 
 
 def _size(payload: Payload) -> tuple[int, int] | None:

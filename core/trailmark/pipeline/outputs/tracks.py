@@ -11,27 +11,19 @@ from typing import IO
 
 import numpy as np
 
-from trailmark.estimates import Belief, Lost
+from trailmark.estimates import Belief, EstimateRecord, Lost
 from trailmark.estimation.dead_reckoning import DeadReckoning
 from trailmark.estimation.dead_reckoning_config import DeadReckoningConfig
 from trailmark.geometry import Pose2, Trajectory
 from trailmark.interfaces import Session, Sink
-from trailmark.pipeline.steps import Told
 
-__all__ = ["ToldSink", "Track", "Tracks"]
+__all__ = ["Track", "Tracks"]
 
 logger = logging.getLogger(__name__)
 
 _COLUMNS = 4
 #: Poses of a track that are held in memory; older ones wait in a file.
 _N_HELD = 1 << 14
-
-
-class ToldSink(Sink):
-    """A sink of the pipeline's own that also wants to know when an estimate arrived."""
-
-    def on_told(self, told: Told) -> None:
-        """An estimate was applied."""
 
 
 class Track:
@@ -89,7 +81,7 @@ class Track:
         del self._rows[:-_COLUMNS]
 
 
-class _Private:
+class _OwnTrack:
     """A dead reckoning of one localizer's estimates, used or not."""
 
     def __init__(self, session: Session) -> None:
@@ -97,10 +89,10 @@ class _Private:
         self._estimator.start(session)
         self._in_map, self._in_odom = Track(), Track()
 
-    def take(self, told: Told) -> None:
-        if self._estimator.apply(told.source, told.estimate).status == "refused":
+    def add(self, record: EstimateRecord) -> None:
+        if self._estimator.apply(record.source, record.estimate).status == "refused":
             return
-        belief = self._estimator.belief(told.estimate.stamp_s)
+        belief = self._estimator.belief(record.estimate.stamp_s)
         if belief.pose_map_base is not None:
             self._in_map.add(belief.stamp_s, belief.pose_map_base)
         else:
@@ -111,7 +103,7 @@ class _Private:
         return (self._in_map if len(self._in_map) else self._in_odom).trajectory()
 
 
-class Tracks(ToldSink):
+class Tracks(Sink):
     """Collects ``fused`` and a trajectory of each localizer.
 
     Parameters
@@ -125,12 +117,12 @@ class Tracks(ToldSink):
     def __init__(self, names: Iterable[str], session: Session) -> None:
         super().__init__(None)
         self._fused = Track()
-        self._private = {name: _Private(session) for name in names}
+        self._own = {name: _OwnTrack(session) for name in names}
 
-    def on_told(self, told: Told) -> None:
+    def on_estimate_record(self, record: EstimateRecord) -> None:
         """Let the localizer's own dead reckoning take the estimate."""
-        if not isinstance(told.estimate, Lost):
-            self._private[told.source].take(told)
+        if not isinstance(record.estimate, Lost):
+            self._own[record.source].add(record)
 
     def on_belief(self, belief: Belief) -> None:
         """Add to the fused trajectory."""
@@ -139,6 +131,4 @@ class Tracks(ToldSink):
 
     def trajectories(self) -> Mapping[str, Trajectory]:
         """Return all trajectories by name; a localizer that said nothing has an empty one."""
-        return {name: private.trajectory() for name, private in self._private.items()} | {
-            "fused": self._fused.trajectory()
-        }
+        return {name: own.trajectory() for name, own in self._own.items()} | {"fused": self._fused.trajectory()}

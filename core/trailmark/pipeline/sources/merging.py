@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import heapq
 import logging
-from collections.abc import Generator, Sequence
+from collections.abc import Iterator, Sequence
 
 from trailmark.errors import ConfigError
 from trailmark.frames import Frame
-from trailmark.pipeline.sources import Feed
+from trailmark.pipeline.sources.stream import SourceStream
 
 __all__ = ["merged"]
 
@@ -18,7 +18,7 @@ logger = logging.getLogger(__name__)
 _SUSPICIOUS_S = 60.0
 
 
-def merged(feeds: Sequence[Feed]) -> Generator[Frame]:
+def merged(sources: Sequence[SourceStream]) -> Iterator[Frame]:
     """Yield the frames of all sources in the order of their stamps; those of one stamp in the order of the sources.
 
     A source is asked for its next frame only when its last one has been worked on, so a robot is never ahead of its
@@ -30,13 +30,17 @@ def merged(feeds: Sequence[Feed]) -> Generator[Frame]:
         If the times of the sources do not overlap. It shows when all sources that have begun are exhausted, and one
         has not begun yet.
     """
-    streams = [feed.frames() for feed in feeds]
+    streams = [source.frames() for source in sources]
+    return streams[0] if len(streams) == 1 else _by_stamp(sources, streams)
+
+
+def _by_stamp(sources: Sequence[SourceStream], streams: Sequence[Iterator[Frame]]) -> Iterator[Frame]:
     heads: list[tuple[float, int, Frame]] = []
     for index, stream in enumerate(streams):
         frame = next(stream, None)
         if frame is not None:
             heads.append((frame.stamp_s, index, frame))
-    _warn_of_late_starts(feeds, heads)
+    _warn_of_late_starts(sources, heads)
     heapq.heapify(heads)
     begun: set[int] = set()
     while heads:
@@ -49,23 +53,23 @@ def merged(feeds: Sequence[Feed]) -> Generator[Frame]:
             continue
         heapq.heappop(heads)
         if heads and all(other not in begun for _, other, _ in heads) and heads[0][0] > frame.stamp_s:
-            raise _disjoint(feeds[index], frame.stamp_s, feeds[heads[0][1]], heads[0][0])
+            raise _disjoint(sources[index], frame.stamp_s, sources[heads[0][1]], heads[0][0])
 
 
-def _warn_of_late_starts(feeds: Sequence[Feed], heads: list[tuple[float, int, Frame]]) -> None:
+def _warn_of_late_starts(sources: Sequence[SourceStream], heads: list[tuple[float, int, Frame]]) -> None:
     if not heads:
         return
     (first_s, first, _), (last_s, last, _) = min(heads), max(heads)
     if last_s - first_s > _SUSPICIOUS_S:
         logger.warning(
             "source %r begins %.0f s after %r; if their clocks differ, say time_offset_s",
-            feeds[last].name,
+            sources[last].name,
             last_s - first_s,
-            feeds[first].name,
+            sources[first].name,
         )
 
 
-def _disjoint(ended: Feed, ended_s: float, waiting: Feed, begins_s: float) -> ConfigError:
+def _disjoint(ended: SourceStream, ended_s: float, waiting: SourceStream, begins_s: float) -> ConfigError:
     return ConfigError(
         f"the sources {ended.name!r} and {waiting.name!r} do not overlap in time: {ended.name!r} ends at"
         f" {ended_s:.3f} s, {waiting.name!r} begins at {begins_s:.3f} s. If their clocks differ, give one of them a"

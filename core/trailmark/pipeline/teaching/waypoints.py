@@ -2,56 +2,23 @@
 
 from __future__ import annotations
 
-import logging
 import math
-from array import array
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from time import perf_counter_ns
-from typing import Any
-
-import numpy.typing as npt
 
 from trailmark.errors import ConfigError
 from trailmark.estimates import Belief
 from trailmark.geometry import Pose2
-from trailmark.interfaces import LocalizerMap, PathStore
-from trailmark.paths import Keyframe, Waypoint
-from trailmark.pipeline.counters import Counters
+from trailmark.interfaces import PathStore
+from trailmark.paths import Waypoint
+from trailmark.pipeline.lifecycle import Instruments
 
-__all__ = ["ContinuedMap", "Teaching"]
-
-logger = logging.getLogger(__name__)
+__all__ = ["Teaching"]
 
 # Ways that went through sums of floats: this much short of a multiple is on it.
 _SLACK_M = 1e-9
 
 # Odometry starts with the robot; a recording that has given no motion for so long has none.
 _GRACE_S = 5.0
-
-
-class ContinuedMap(LocalizerMap):
-    """A localizer map of a path that is being continued: stations go on where the path ended."""
-
-    def __init__(self, localizer_map: LocalizerMap, offset_m: float) -> None:
-        self._localizer_map = localizer_map
-        self._offset_m = offset_m
-
-    def add(self, keyframe: Keyframe) -> None:
-        """Remember a keyframe."""
-        self._localizer_map.add(replace(keyframe, station_m=keyframe.station_m + self._offset_m))
-
-    def keyframes(self) -> Sequence[Keyframe]:
-        """Return all keyframes, those of the whole path."""
-        return self._localizer_map.keyframes()
-
-    def save(self, name: str, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
-        """Store named arrays."""
-        self._localizer_map.save(name, arrays)
-
-    def load(self, name: str) -> Mapping[str, npt.NDArray[Any]] | None:
-        """Return the arrays saved under a name, or None."""
-        return self._localizer_map.load(name)
 
 
 class Teaching:
@@ -67,15 +34,15 @@ class Teaching:
         Way between waypoints, measured by `Belief.travelled_m` [m].
     start_pose : Pose2 or None
         Where the robot starts; a path is continued from its end straight to there.
+    instruments : Instruments
+        Count the waypoints, and time what laying them takes.
     """
 
-    def __init__(
-        self, store: PathStore, spacing_m: float, start_pose: Pose2 | None, counters: Counters, times: array[int]
-    ) -> None:
+    def __init__(self, store: PathStore, spacing_m: float, start_pose: Pose2 | None, instruments: Instruments) -> None:
         self._store = store
         self._spacing_m = spacing_m
-        self._counters = counters
-        self._times = times
+        self._counters = instruments.counters
+        self._times = instruments.times.stage("store")
         path = store.path()
         self._n_waypoints = 0 if path is None else len(path)
         between_m = 0.0 if path is None else _distance(path[-1].pose_map_base, start_pose, spacing_m)
@@ -142,7 +109,7 @@ class Teaching:
         self._n_waypoints += 1
         self._last_m = belief.travelled_m
         self._next_m = (math.floor((belief.travelled_m + _SLACK_M) / self._spacing_m) + 1) * self._spacing_m
-        self._counters.add("teach.waypoints")
+        self._counters["teach.waypoints"] += 1
 
     def _no_motion(self, when: str) -> ConfigError:
         return ConfigError(

@@ -10,15 +10,14 @@ from time import perf_counter
 from typing import Any, TextIO
 
 from trailmark.errors import RunError
-from trailmark.estimates import Fix, Lost, Motion, PathOffset
+from trailmark.estimates import EstimateRecord, Fix, Lost, Motion, PathOffset
 from trailmark.frames import SensorInfo
 from trailmark.frames.documents import sensor_to_document
 from trailmark.geometry import write_tum
-from trailmark.pipeline.provenance import provenance
-from trailmark.pipeline.result import RunResult
-from trailmark.pipeline.run_folder import files_in
-from trailmark.pipeline.steps import Told
-from trailmark.pipeline.tracks import ToldSink
+from trailmark.interfaces import Sink
+from trailmark.pipeline.outputs.provenance import provenance
+from trailmark.pipeline.outputs.result import RunResult
+from trailmark.pipeline.outputs.run_folder import files_in
 
 __all__ = ["ESTIMATE_COLUMNS", "Recorder"]
 
@@ -32,7 +31,7 @@ ESTIMATE_COLUMNS = (
 _NO_POSE = ("",) * 9
 
 
-class Recorder(ToldSink):
+class Recorder(Sink):
     """Streams estimates while the run goes on, and writes the rest when it ends.
 
     Parameters
@@ -70,9 +69,9 @@ class Recorder(ToldSink):
         except OSError as error:
             raise RunError(f"cannot write to {self.folder}: {error.strerror or error}", "recorder") from error
 
-    def on_told(self, told: Told) -> None:
+    def on_estimate_record(self, record: EstimateRecord) -> None:
         """Write a row."""
-        self._rows.writerow(_row(told))
+        self._rows.writerow(_row(record))
 
     def write(self, result: RunResult) -> None:
         """Write everything that is known at the end."""
@@ -107,26 +106,26 @@ class Recorder(ToldSink):
         (self.folder / name).write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
 
 
-def _row(told: Told) -> tuple[str, ...]:
-    estimate, applied = told.estimate, told.applied
+def _row(record: EstimateRecord) -> tuple[str, ...]:
+    estimate, outcome = record.estimate, record.outcome
     details = {name: float(value) for name, value in estimate.details.items()}
     return (
-        repr(told.arrived_s),
-        told.source,
-        _kind(told),
+        repr(record.arrived_s),
+        record.source,
+        _kind(record),
         repr(float(estimate.since_s)) if isinstance(estimate, Motion) else "",
         repr(float(estimate.stamp_s)),
-        *_numbers(told),
-        applied.status,
-        "" if applied.nis is None else repr(float(applied.nis)),
-        "" if applied.dof is None else str(applied.dof),
-        estimate.reason if isinstance(estimate, Lost) else applied.reason,
+        *_numbers(record),
+        outcome.status,
+        "" if outcome.nis is None else repr(float(outcome.nis)),
+        "" if outcome.dof is None else str(outcome.dof),
+        estimate.reason if isinstance(estimate, Lost) else outcome.reason,
         json.dumps(details, separators=(",", ":")) if details else "",
     )
 
 
-def _kind(told: Told) -> str:
-    match told.estimate:
+def _kind(record: EstimateRecord) -> str:
+    match record.estimate:
         case Motion():
             return "motion"
         case Fix():
@@ -136,9 +135,9 @@ def _kind(told: Told) -> str:
     return "lost"
 
 
-def _numbers(told: Told) -> tuple[str, ...]:
+def _numbers(record: EstimateRecord) -> tuple[str, ...]:
     """Return the three numbers and the six of their information."""
-    match told.estimate:
+    match record.estimate:
         case Lost():
             return _NO_POSE
         case PathOffset(station_m=x, lateral_m=y, heading_rad=theta, information=information):

@@ -1,6 +1,6 @@
-"""When frames are worked on: as fast as possible, held to their stamps, or as a device gives them.
+"""Frames in real time: held to their stamps, or as a device gives them.
 
-Each pace is a generator of events: a `Frame`, or a `Tick` at which only the controller is asked.
+Both are generators of events: a `Frame`, or a `Tick` at which only the controller is asked.
 """
 
 from __future__ import annotations
@@ -9,14 +9,14 @@ import math
 import threading
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
-from dataclasses import dataclass
 
 from trailmark.frames import Frame
-from trailmark.pipeline.clock import Clock
+from trailmark.pipeline.clock import RunClock
 from trailmark.pipeline.counters import Counters
-from trailmark.pipeline.sources import Feed
+from trailmark.pipeline.sources.stream import SourceStream
+from trailmark.pipeline.steps import Event, Tick
 
-__all__ = ["Event", "RunClock", "Tick", "held_to_stamps", "live"]
+__all__ = ["held_to_stamps", "live"]
 
 # Nobody can wait for less; a difference of two clocks is never exactly zero.
 _NOW_S = 1e-6
@@ -26,39 +26,6 @@ _WAITING = 2
 
 # A device that does not let go is left behind: its thread is a daemon.
 _PATIENCE_S = 2.0
-
-
-@dataclass(frozen=True, slots=True)
-class Tick:
-    """An instant at which the controller is asked although no frame has come."""
-
-    stamp_s: float
-
-
-Event = Frame | Tick
-
-
-class RunClock:
-    """The time of a run in real time: the clock's, moved so that the first recorded frame is on time."""
-
-    def __init__(self, clock: Clock) -> None:
-        self._clock = clock
-        self._offset_s = 0.0
-        #: Set when something has happened that a waiting run should look at.
-        self.wake = threading.Event()
-
-    def anchor(self, stamp_s: float) -> None:
-        """Let it be `stamp_s` now."""
-        self._offset_s = stamp_s - self._clock.now_s()
-
-    def now_s(self) -> float:
-        """Return the time in the clock of the frames [s]."""
-        return self._clock.now_s() + self._offset_s
-
-    def wait(self, until_s: float) -> None:
-        """Return at `until_s`, or earlier when woken."""
-        self._clock.wait(until_s - self.now_s(), self.wake)
-        self.wake.clear()
 
 
 def held_to_stamps(frames: Iterator[Frame], clock: RunClock, due_s: Callable[[], float]) -> Generator[Event]:
@@ -86,7 +53,9 @@ def held_to_stamps(frames: Iterator[Frame], clock: RunClock, due_s: Callable[[],
         yield frame
 
 
-def live(feeds: Sequence[Feed], clock: RunClock, due_s: Callable[[], float], counters: Counters) -> Generator[Event]:
+def live(
+    sources: Sequence[SourceStream], clock: RunClock, due_s: Callable[[], float], counters: Counters
+) -> Generator[Event]:
     """Yield the frames of devices as they come, and ticks while none does.
 
     Every source is read by a thread of its own. Of each sensor two frames may wait; then the oldest is dropped and
@@ -98,8 +67,8 @@ def live(feeds: Sequence[Feed], clock: RunClock, due_s: Callable[[], float], cou
         If a source does; after the frames that came before.
     """
     intake = _Intake(counters, clock.wake)
-    for feed in feeds:
-        intake.read(feed)
+    for source in sources:
+        intake.read(source)
     try:
         while True:
             now_s, is_over = clock.now_s(), intake.is_over  # asked first: the last frame may come just before the end
@@ -128,10 +97,10 @@ class _Intake:
         self._threads: list[threading.Thread] = []
         self._error: BaseException | None = None
 
-    def read(self, feed: Feed) -> None:
+    def read(self, source: SourceStream) -> None:
         """Begin to read a source."""
         self._n_open += 1
-        thread = threading.Thread(target=self._read, args=(feed,), name=f"source {feed.name}", daemon=True)
+        thread = threading.Thread(target=self._read, args=(source,), name=f"source {source.name}", daemon=True)
         self._threads.append(thread)
         thread.start()
 
@@ -156,10 +125,10 @@ class _Intake:
         if self._error is not None:
             raise self._error
 
-    def _read(self, feed: Feed) -> None:
+    def _read(self, source: SourceStream) -> None:
         try:
-            for frame in feed.frames():
-                self._put(feed, frame)
+            for frame in source.frames():
+                self._put(source, frame)
         except Exception as error:  # carried to the run's thread
             self._error = error
         finally:
@@ -167,11 +136,11 @@ class _Intake:
                 self._n_open -= 1
             self._wake.set()
 
-    def _put(self, feed: Feed, frame: Frame) -> None:
+    def _put(self, source: SourceStream, frame: Frame) -> None:
         with self._lock:
             queue = self._waiting.setdefault(frame.sensor, deque())
             if len(queue) == _WAITING:
                 queue.popleft()
-                self._counters.add(f"source.{feed.name}.dropped")
+                self._counters.add(f"source.{source.name}.dropped")
             queue.append(frame)
         self._wake.set()

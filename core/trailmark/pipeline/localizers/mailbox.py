@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from trailmark.estimates import Belief
 from trailmark.frames import RGBD, Frame, Image, Scan
+from trailmark.pipeline.counters import Counters
 
 __all__ = ["Mailbox", "is_snapshot"]
 
@@ -39,3 +40,9 @@ class Mailbox:
         if not self._letters:
             return None
         return self._letters.pop(next(iter(self._letters)))
+
+    def give_up(self, counters: Counters, name: str) -> None:
+        """Throw away what waits, and count it as ``localizer.NAME.given_up``."""
+        if self._letters:
+            counters[f"localizer.{name}.given_up"] += len(self._letters)
+        self._letters.clear()

@@ -1,8 +1,9 @@
-"""The format of what a localizer remembers: told beside it, and checked before it is read."""
+"""What a localizer remembers in the store: its format, told beside it, and its stations when a path goes on."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from trailmark.errors import StoreError
 from trailmark.interfaces import Localizer, LocalizerMap
 from trailmark.paths import Keyframe
 
-__all__ = ["FORMAT_NAME", "VersionedMap", "check_format"]
+__all__ = ["FORMAT_NAME", "ContinuedMap", "VersionedMap", "check_format"]
 
 #: Under this name a localizer map tells the format of what is in it.
 FORMAT_NAME = "map_format"
@@ -25,7 +26,7 @@ class VersionedMap(LocalizerMap):
 
     Parameters
     ----------
-    localizer map : LocalizerMap
+    localizer_map : LocalizerMap
         Where it is kept.
     version : int
         The localizer's `map_format`.
@@ -60,12 +61,36 @@ class VersionedMap(LocalizerMap):
             self._is_told = True
 
 
+class ContinuedMap(LocalizerMap):
+    """A localizer map of a path that is being continued: stations go on where the path ended."""
+
+    def __init__(self, localizer_map: LocalizerMap, offset_m: float) -> None:
+        self._localizer_map = localizer_map
+        self._offset_m = offset_m
+
+    def add(self, keyframe: Keyframe) -> None:
+        """Remember a keyframe."""
+        self._localizer_map.add(replace(keyframe, station_m=keyframe.station_m + self._offset_m))
+
+    def keyframes(self) -> Sequence[Keyframe]:
+        """Return all keyframes, those of the whole path."""
+        return self._localizer_map.keyframes()
+
+    def save(self, name: str, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
+        """Store named arrays."""
+        self._localizer_map.save(name, arrays)
+
+    def load(self, name: str) -> Mapping[str, npt.NDArray[Any]] | None:
+        """Return the arrays saved under a name, or None."""
+        return self._localizer_map.load(name)
+
+
 def check_format(localizer_map: LocalizerMap, name: str, localizer: Localizer, is_continued: bool = False) -> None:
     """Refuse what a newer localizer remembered; what tells no format is of a time before there was one.
 
     Parameters
     ----------
-    localizer map : LocalizerMap
+    localizer_map : LocalizerMap
         What is remembered.
     name : str
         The localizer's name in the config.

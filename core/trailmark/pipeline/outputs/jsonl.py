@@ -10,10 +10,10 @@ from typing import Any, TextIO
 
 from trailmark.commands import Command
 from trailmark.errors import ConfigError
-from trailmark.estimates import Applied, Belief, Estimate, Fix, Motion, PathOffset
+from trailmark.estimates import Belief, Estimate, EstimateRecord, Fix, Motion, PathOffset
 from trailmark.geometry import Pose2
 from trailmark.interfaces import RunEnd, Session, Sink
-from trailmark.pipeline.jsonl_config import JsonlConfig
+from trailmark.pipeline.outputs.jsonl_config import JsonlConfig
 
 __all__ = ["JsonlSink"]
 
@@ -69,12 +69,17 @@ class JsonlSink(Sink):
                 motion_age_s=_finite(belief.motion_age_s),
             )
 
-    def on_estimate(self, source: str, estimate: Estimate, applied: Applied) -> None:
+    def on_estimate_record(self, record: EstimateRecord) -> None:
         """Write an estimate."""
         if self._config.estimates:
-            kind = type(estimate).__name__
+            estimate, outcome = record.estimate, record.outcome
             self._write(
-                "estimate", source=source, kind=kind, **_numbers(estimate), status=applied.status, reason=applied.reason
+                "estimate",
+                source=record.source,
+                kind=type(estimate).__name__,
+                **_numbers(estimate),
+                status=outcome.status,
+                reason=outcome.reason,
             )
 
     def on_command(self, stamp_s: float, command: Command) -> None:

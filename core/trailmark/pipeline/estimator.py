@@ -1,0 +1,112 @@
+"""The estimator at work: timed, guarded, and given every estimate once."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Iterator
+from dataclasses import replace
+from time import perf_counter_ns
+
+from trailmark.errors import ConfigError, RunError
+from trailmark.estimates import Applied, Belief, Estimate, EstimateRecord, Motion
+from trailmark.interfaces import Estimator
+from trailmark.pipeline.localizers.runner import ObserveResult
+from trailmark.pipeline.parts import LocalizerPart
+
+__all__ = ["EstimatorRunner"]
+
+# Stamps that went through decimals differ by this from the frame's.
+_SLACK_S = 1e-6
+
+_NOT_IN_USE = Applied("unused", "not in the estimator's 'use'")
+
+
+class EstimatorRunner:
+    """Runs the estimator, with the rules that hold for every one.
+
+    An estimate of a localizer that is not in ``use`` is ``unused``; one about an instant after its frame is
+    ``refused``; a second localizer that gives `Motion` of the same sensor (or, if the estimator integrates one only,
+    any second one) is an error unless ``use`` says that both are meant.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        The part.
+    use : frozenset of str or None
+        The localizers whose estimates it takes; None: all.
+    times : array of int
+        Takes the duration of every call [ns].
+
+    Attributes
+    ----------
+    health : dict of str to str
+        What a belief says about the health of localizers, besides what the estimator says.
+    """
+
+    def __init__(self, estimator: Estimator, use: frozenset[str] | None, times: array[int]) -> None:
+        self.health: dict[str, str] = {}
+        self._estimator = estimator
+        self._use = use
+        self._times = times
+        self._moving: dict[str, LocalizerPart] = {}
+
+    def apply(self, localizer: LocalizerPart, result: ObserveResult) -> Iterator[EstimateRecord]:
+        """Apply what a localizer has said about a frame, and yield what became of each estimate.
+
+        Raises
+        ------
+        ConfigError
+            If its motion would count twice.
+        RunError
+            If the estimator raises.
+        """
+        for estimate in result.estimates:
+            outcome = self._outcome(localizer, estimate, result.frame_s)
+            yield EstimateRecord(result.arrived_s, localizer.name, estimate, outcome)
+
+    def belief(self, stamp_s: float | None = None) -> Belief:
+        """Return the belief at a stamp.
+
+        Raises
+        ------
+        RunError
+            If the estimator raises.
+        """
+        began_ns = perf_counter_ns()
+        try:
+            belief = self._estimator.belief(stamp_s)
+        except Exception as error:
+            raise _failure("belief", error) from error
+        self._times.append(perf_counter_ns() - began_ns)
+        return replace(belief, health={**belief.health, **self.health}) if self.health else belief
+
+    def _outcome(self, localizer: LocalizerPart, estimate: Estimate, frame_s: float) -> Applied:
+        name = localizer.name
+        if self._use is not None and name not in self._use:
+            return _NOT_IN_USE
+        if estimate.stamp_s > frame_s + _SLACK_S:
+            return Applied("refused", f"about {estimate.stamp_s:.6f} s, but its frame is of {frame_s:.6f} s")
+        if isinstance(estimate, Motion) and name not in self._moving:
+            self._admit_motion(localizer)
+        began_ns = perf_counter_ns()
+        try:
+            outcome = self._estimator.apply(name, estimate)
+        except Exception as error:
+            raise _failure(f"{type(estimate).__name__} of {name!r}", error) from error
+        self._times.append(perf_counter_ns() - began_ns)
+        return outcome
+
+    def _admit_motion(self, localizer: LocalizerPart) -> None:
+        for other in self._moving.values() if self._use is None else ():
+            shared = other.sensors & localizer.sensors
+            if shared or self._estimator.takes_one_motion:
+                why = f"of the sensor {min(shared)!r}" if shared else "and the estimator takes it from one"
+                raise ConfigError(
+                    f"{other.name!r} and {localizer.name!r} both give motion {why}: 10 m would become 20. Say which"
+                    f" counts with estimator: {{use: [{other.name}]}}, or choose an estimator that weighs them"
+                )
+        self._moving[localizer.name] = localizer
+
+
+def _failure(what: str, error: Exception) -> RunError:
+    return RunError(f"the estimator failed at {what}: {type(error).__name__}: {error}", "estimator")

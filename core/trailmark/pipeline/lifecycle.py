@@ -1,0 +1,124 @@
+"""The life of a part: what it is told at the start, timed and guarded; and closing, the last first."""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from time import perf_counter_ns
+from typing import Any
+
+import numpy as np
+
+from trailmark.errors import RunError, TrailmarkError
+from trailmark.frames import SensorInfo
+from trailmark.geometry import Pose2
+from trailmark.interfaces import Mode, Part, Session
+from trailmark.paths import Path
+from trailmark.pipeline.clock import RunClock
+from trailmark.pipeline.counters import Counters
+from trailmark.pipeline.timing import StageTimes
+
+__all__ = ["Instruments", "PartStarter", "Sessions", "call_guarded", "part_rng"]
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Instruments:
+    """What a run is measured with: its clock, its counters, and how long everything took."""
+
+    clock: RunClock
+    counters: Counters = field(default_factory=Counters)
+    times: StageTimes = field(default_factory=StageTimes)
+
+
+def part_rng(seed: int, kind: str, name: str) -> np.random.Generator:
+    """Return the generator of one part: from (seed, kind, name) alone, the same on every machine.
+
+    Adding or renaming one part changes no other part's numbers.
+    """
+    digest = hashlib.sha256(f"{kind}:{name}".encode()).digest()
+    words = np.frombuffer(digest, dtype="<u4").tolist()
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=words))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sessions:
+    """What every part of a run is told alike; `session_of` makes the session of one part."""
+
+    mode: Mode
+    seed: int
+    path: Path | None = None
+    start_pose: Pose2 | None = None
+    sensors: Mapping[str, SensorInfo] = field(default_factory=dict)
+
+    def session_of(self, kind: str, name: str, **more: Any) -> Session:
+        """Return the session of a part, with `more` that only this one is told."""
+        common: dict[str, Any] = {
+            "name": name,
+            "mode": self.mode,
+            "sensors": self.sensors,
+            "path": self.path,
+            "start_pose": self.start_pose,
+            "rng": part_rng(self.seed, kind, name),
+        }
+        return Session(**(common | more))
+
+
+class PartStarter:
+    """Starts parts one by one, and leaves behind how they are closed.
+
+    Parameters
+    ----------
+    closing : ExitStack
+        Takes what closes each part.
+    times : StageTimes
+        Takes how long each start took: ``start.KIND.NAME``, or ``start.KIND`` of the only one.
+    """
+
+    def __init__(self, closing: ExitStack, times: StageTimes) -> None:
+        self._closing = closing
+        self._times = times
+
+    def start(self, kind: str, part: Part, session: Session) -> None:
+        """Start a part.
+
+        Raises
+        ------
+        RunError
+            If it raises what is no error of Trailmark.
+        """
+        self.run(kind, session.name, lambda: part.start(session), part.close)
+
+    def run(self, kind: str, name: str, start: Callable[[], None], close: Callable[[], None]) -> None:
+        """Start something that is no part by itself."""
+        part = kind if name == kind else f"{kind} {name!r}"
+        self.on_close(part, close)
+        began_ns = perf_counter_ns()
+        call_guarded(part, "could not start", start)
+        stage = f"start.{kind}" if name == kind else f"start.{kind}.{name}"
+        self._times.stage(stage).append(perf_counter_ns() - began_ns)
+
+    def on_close(self, what: str, close: Callable[[], None]) -> None:
+        """Remember to close something; what fails to close is a warning."""
+        self._closing.callback(_close_quietly, what, close)
+
+
+def call_guarded(part: str, what: str, call: Callable[[], None]) -> None:
+    """Call, and turn what is no error of Trailmark into a `RunError` that names the part."""
+    try:
+        call()
+    except TrailmarkError:
+        raise
+    except Exception as error:
+        raise RunError(f"{part} {what}: {type(error).__name__}: {error}", part) from error
+
+
+def _close_quietly(what: str, close: Callable[[], None]) -> None:
+    try:
+        close()
+    except Exception as error:
+        logger.warning("%s did not close: %s: %s", what, type(error).__name__, error)

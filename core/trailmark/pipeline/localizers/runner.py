@@ -1,0 +1,146 @@
+"""A localizer at work: called, timed, guarded, and told what its last call took."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from array import array
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from time import perf_counter_ns
+
+from trailmark.errors import RunError
+from trailmark.estimates import Belief, Estimate
+from trailmark.frames import Frame, SensorInfo
+from trailmark.interfaces import Session
+from trailmark.pipeline.localizers.mailbox import is_snapshot
+from trailmark.pipeline.parts import LocalizerPart
+
+__all__ = ["LocalizerFailedError", "LocalizerRunner", "ObserveResult", "SyncRunner"]
+
+
+class LocalizerFailedError(RunError):
+    """A localizer raised, or returned what is no sequence of estimates."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ObserveResult:
+    """What a localizer said about a frame.
+
+    Attributes
+    ----------
+    arrived_s, frame_s : float
+        When it is known to the run, and the frame's stamp [s].
+    estimates : sequence of Estimate
+        What it said; not empty.
+    """
+
+    arrived_s: float
+    frame_s: float
+    estimates: Sequence[Estimate]
+
+
+class LocalizerRunner(ABC):
+    """Runs one localizer: frames are submitted, results polled.
+
+    Parameters
+    ----------
+    part : LocalizerPart
+        The localizer.
+    sensors : mapping of str to SensorInfo
+        The sensors of the run.
+    times : array of int
+        Takes the duration of every call [ns].
+    is_realtime : bool
+        Whether the localizer is told measured durations, or modelled ones.
+    """
+
+    def __init__(
+        self, part: LocalizerPart, sensors: Mapping[str, SensorInfo], times: array[int], is_realtime: bool
+    ) -> None:
+        self.part = part
+        self.name = part.name
+        self._localizer = part.localizer
+        self._times = times
+        self._is_realtime = is_realtime
+        self._last_latency_s = 0.0
+        kinds = {sensors[name].kind for name in part.sensors if name in sensors}
+        self._has_snapshots = bool(kinds & {"image", "rgbd", "scan"})
+
+    def start(self, session: Session) -> None:
+        """Start the localizer."""
+        self._localizer.start(session)
+
+    def last_latency_s(self) -> float:
+        """Return the duration of the localizer's last call: measured in realtime, modelled in step [s]."""
+        return self._last_latency_s
+
+    @abstractmethod
+    def submit(self, frame: Frame, belief: Belief) -> Sequence[ObserveResult]:
+        """Hand over a frame; returns what is known at once.
+
+        Raises
+        ------
+        LocalizerFailedError
+            If the localizer has failed.
+        """
+
+    def poll(self, now_s: float) -> Sequence[ObserveResult]:
+        """Return the results that have arrived until `now_s`, each once.
+
+        Raises
+        ------
+        LocalizerFailedError
+            If the localizer has failed, once the results from before are returned.
+        """
+        return ()
+
+    def drain(self) -> Sequence[ObserveResult]:
+        """Return the result that is still in work; frames that wait are given up and counted."""
+        return ()
+
+    def close(self) -> None:  # noqa: B027  (most have nothing to stop)
+        """Stop working."""
+
+    def _observe(self, frame: Frame, belief: Belief) -> tuple[Sequence[Estimate], float]:
+        """Return what the localizer says, and how long that takes by its model [s].
+
+        Raises
+        ------
+        LocalizerFailedError
+            If it raises or returns what is no sequence of estimates; the message names it and the frame.
+        """
+        began_ns = perf_counter_ns()
+        try:
+            estimates = self._localizer.observe(frame, belief)
+            if not isinstance(estimates, list | tuple | Sequence):
+                raise TypeError(f"observe returned {type(estimates).__name__}, not a sequence of estimates")
+        except Exception as error:
+            raise self._failure(frame, error) from error
+        elapsed_ns = perf_counter_ns() - began_ns
+        self._times.append(elapsed_ns)
+        modelled_s = self._modelled_latency_s(frame)
+        self._last_latency_s = elapsed_ns * 1e-9 if self._is_realtime else modelled_s
+        return estimates, modelled_s
+
+    def _modelled_latency_s(self, frame: Frame) -> float:
+        """Return the latency in step pace; of a localizer that looks at pictures, only pictures cost time."""
+        latency_s = self.part.options.latency_s
+        if latency_s is None:
+            return self._localizer.latency_s() or 0.0
+        return latency_s if is_snapshot(frame) or not self._has_snapshots else 0.0
+
+    def _failure(self, frame: Frame, error: Exception) -> LocalizerFailedError:
+        part = f"localizer {self.name!r}"
+        message = f"{type(error).__name__}: {error}".rstrip(": ")
+        return LocalizerFailedError(
+            f"{part} failed at the frame of {frame.sensor!r} at {frame.stamp_s:.6f} s: {message}", part
+        )
+
+
+class SyncRunner(LocalizerRunner):
+    """Runs a localizer that is waited for."""
+
+    def submit(self, frame: Frame, belief: Belief) -> Sequence[ObserveResult]:
+        """Ask the localizer; its result is there at once."""
+        estimates, _ = self._observe(frame, belief)
+        return (ObserveResult(frame.stamp_s, frame.stamp_s, estimates),) if estimates else ()

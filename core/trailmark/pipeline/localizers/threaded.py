@@ -1,0 +1,118 @@
+"""A localizer beside the run, in real time: a thread with a mailbox."""
+
+from __future__ import annotations
+
+import threading
+from array import array
+from collections.abc import Mapping, Sequence
+
+from trailmark.estimates import Belief
+from trailmark.frames import Frame, SensorInfo
+from trailmark.interfaces import Session
+from trailmark.pipeline.clock import RunClock
+from trailmark.pipeline.counters import Counters
+from trailmark.pipeline.localizers.mailbox import Mailbox
+from trailmark.pipeline.localizers.runner import LocalizerFailedError, LocalizerRunner, ObserveResult
+from trailmark.pipeline.parts import LocalizerPart
+
+__all__ = ["ThreadedRunner"]
+
+# A localizer that does not come back is left behind: its thread is a daemon.
+_PATIENCE_S = 5.0
+
+
+class ThreadedRunner(LocalizerRunner):
+    """Runs a localizer in a thread of its own. What it raises reaches the run with its results.
+
+    Parameters
+    ----------
+    part, sensors, times
+        As of `LocalizerRunner`.
+    counters : Counters
+        Of the run.
+    clock : RunClock
+        Of the run; woken when a result has arrived.
+    """
+
+    def __init__(
+        self,
+        part: LocalizerPart,
+        sensors: Mapping[str, SensorInfo],
+        times: array[int],
+        *,
+        counters: Counters,
+        clock: RunClock,
+    ) -> None:
+        super().__init__(part, sensors, times, is_realtime=True)
+        self._counters = counters
+        self._clock = clock
+        self._mailbox = Mailbox()
+        self._results: list[ObserveResult] = []
+        self._error: LocalizerFailedError | None = None
+        self._is_closed = False
+        self._is_busy = False
+        self._changed = threading.Condition()
+        self._thread: threading.Thread | None = None
+
+    def start(self, session: Session) -> None:
+        """Start the localizer, then its thread."""
+        super().start(session)
+        self._thread = threading.Thread(target=self._work, name=f"localizer {self.name}", daemon=True)
+        self._thread.start()
+
+    def submit(self, frame: Frame, belief: Belief) -> Sequence[ObserveResult]:
+        """Leave a frame in the mailbox."""
+        with self._changed:
+            if self._mailbox.put(frame, belief):
+                self._counters[f"localizer.{self.name}.overwritten"] += 1
+            self._changed.notify_all()
+        return ()
+
+    def poll(self, now_s: float) -> Sequence[ObserveResult]:
+        """Return the results that have arrived."""
+        with self._changed:
+            results, self._results = self._results, []
+            error = self._error
+        if error is not None and not results:
+            raise error
+        return results
+
+    def drain(self) -> Sequence[ObserveResult]:
+        """Wait for the result that is in work; frames that wait are given up and counted."""
+        with self._changed:
+            self._mailbox.give_up(self._counters, self.name)
+            self._changed.wait_for(lambda: not self._is_busy, _PATIENCE_S)
+        return self.poll(self._clock.now_s())
+
+    def close(self) -> None:
+        """End the thread; what is in work is not waited for long."""
+        with self._changed:
+            self._is_closed = True
+            self._changed.notify_all()
+        if self._thread is not None and self._thread is not threading.current_thread():
+            self._thread.join(_PATIENCE_S)
+
+    def _work(self) -> None:
+        while (letter := self._next_letter()) is not None:
+            try:
+                estimates, _ = self._observe(*letter)
+                result = ObserveResult(self._clock.now_s(), letter[0].stamp_s, estimates) if estimates else None
+                error = None
+            except LocalizerFailedError as raised:
+                result, error = None, raised
+            with self._changed:
+                self._is_busy = False
+                self._error = self._error or error
+                if result is not None:
+                    self._results.append(result)
+                self._changed.notify_all()
+            self._clock.wake.set()
+
+    def _next_letter(self) -> tuple[Frame, Belief] | None:
+        """Wait for a frame; None when closed."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._is_closed or len(self._mailbox) > 0)
+            if self._is_closed:
+                return None
+            self._is_busy = True
+            return self._mailbox.take()

@@ -1,0 +1,66 @@
+"""Telling the sinks what happens."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Callable, Mapping
+from time import perf_counter_ns
+from typing import Any
+
+from trailmark.errors import RunError, TrailmarkError
+from trailmark.interfaces import Sink
+from trailmark.pipeline.timing import StageTimes
+
+__all__ = ["SinkFanout"]
+
+_Listener = tuple[str, Callable[..., None], "array[int]"]
+
+#: What sinks are told, and the methods that a sink overrides to hear it.
+_OVERRIDES: dict[Callable[..., None], tuple[str, ...]] = {
+    Sink.on_frame: ("on_frame",),
+    Sink.on_estimate_record: ("on_estimate_record", "on_estimate"),
+    Sink.on_belief: ("on_belief",),
+    Sink.on_command: ("on_command",),
+    Sink.on_end: ("on_end",),
+}
+
+
+class SinkFanout:
+    """Calls each sink in turn, those methods alone that it overrides: timed as ``sink.NAME``, errors naming it.
+
+    Parameters
+    ----------
+    sinks : mapping of str to Sink
+        In the order in which they are told.
+    times : StageTimes
+        Of the run.
+    """
+
+    def __init__(self, sinks: Mapping[str, Sink], times: StageTimes) -> None:
+        self._listeners: dict[Callable[..., None], list[_Listener]] = {
+            method: [
+                (name, getattr(sink, method.__name__), times.stage(f"sink.{name}"))
+                for name, sink in sinks.items()
+                if any(getattr(type(sink), own) is not getattr(Sink, own) for own in overrides)
+            ]
+            for method, overrides in _OVERRIDES.items()
+        }
+
+    def tell(self, method: Callable[..., None], *arguments: Any) -> None:
+        """Call a method of `Sink` on every sink that overrides it: ``tell(Sink.on_belief, belief)``.
+
+        Raises
+        ------
+        RunError
+            If a sink raises what is no error of Trailmark.
+        """
+        for name, call, times in self._listeners[method]:
+            began_ns = perf_counter_ns()
+            try:
+                call(*arguments)
+            except TrailmarkError:
+                raise
+            except Exception as error:
+                part = f"sink {name!r}"
+                raise RunError(f"{part} failed: {type(error).__name__}: {error}", part) from error
+            times.append(perf_counter_ns() - began_ns)
