@@ -289,3 +289,14 @@ class TestOverlay:
 
         assert overlaid(base, {"estimator": "dead_reckoning"}) == {"estimator": {"plugin": "dead_reckoning"}}
         assert overlaid(base, {"estimator": {"gate": 2.0}}) == {"estimator": {"plugin": "kalman", "gate": 2.0}}
+
+
+def test_places_are_laid_over_the_sources_and_belong_to_one_condition(bench_of) -> None:
+    from trailmark_bench.naming import Namer
+
+    places = {"near": {}, "far": {"sources": {"robot": {"n": 50}}}}
+    bench = bench_of({"localizers": ["toy"], "places": places, "seeds": 2})
+
+    assert [cell.label for cell in bench.cells] == [f"{p}, toy, seed {s}" for p in ("near", "far") for s in (0, 1)]
+    assert [cell.request["document"]["sources"]["robot"]["n"] for cell in bench.cells] == [40, 40, 50, 50]
+    assert {Namer(bench.cells).condition(cell) for cell in bench.cells} == {"all"}

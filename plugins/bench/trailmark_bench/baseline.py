@@ -1,4 +1,4 @@
-"""Each method against a baseline, seed by seed."""
+"""Each method against a baseline, on equal places and seeds."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ from trailmark.plugins.hints import nearest_or_all
 from trailmark_bench.entries import MethodResult, MethodResults
 from trailmark_bench.index import CellRecord
 from trailmark_bench.naming import METHOD_AXES, Namer
+from trailmark_bench.nested import Samples, compare_samples
 from trailmark_bench.quantities import Metric
-from trailmark_bench.statistics import compare_all, holm
+from trailmark_bench.sampling import samples_by_place
+from trailmark_bench.statistics import holm
 
 __all__ = ["compare_with"]
 
@@ -53,20 +55,30 @@ def _rest(record: CellRecord, axis: str) -> tuple[Any, ...]:
 
 
 def _compare(entries: MethodResults, partners: Mapping[_Key, _Key], metric: Metric) -> None:
-    """Compare seed by seed; one adjustment of p covers all."""
+    """Compare on equal places and seeds; one adjustment of p covers all."""
     compared: list[MethodResult] = []
-    rows: list[tuple[list[float], list[float]]] = []
+    rows: list[tuple[Samples, Samples]] = []
     for key, other in partners.items():
         if key not in entries or other not in entries:  # skipped
             continue
-        ours, theirs = entries[key].values[metric.name], entries[other].values[metric.name]
-        seeds = [seed for seed in ours if seed in theirs]
-        if seeds:
+        row = _paired_samples(entries[key], entries[other], metric)
+        if row[0]:
             compared.append(entries[key])
-            rows.append(([metric.oriented(ours[s]) for s in seeds], [metric.oriented(theirs[s]) for s in seeds]))
-    pairs = compare_all(rows)
+            rows.append(row)
+    pairs = compare_samples(rows)
     for entry, pair, adjusted in zip(compared, pairs, holm([pair.p for pair in pairs]), strict=True):
         entry.comparisons[metric.name] = (pair, adjusted)
+
+
+def _paired_samples(ours: MethodResult, theirs: MethodResult, metric: Metric) -> tuple[Samples, Samples]:
+    """Return oriented values of equal places and seeds; where seeds change neither, a place gives one pair."""
+    values, others = ours.values[metric.name], theirs.values[metric.name]
+    fixed = ours.fixed_for(metric) & theirs.fixed_for(metric)
+    common = [trial for trial in values if trial in others]
+    return (
+        samples_by_place({trial: metric.oriented(values[trial]) for trial in common}, fixed),
+        samples_by_place({trial: metric.oriented(others[trial]) for trial in common}, fixed),
+    )
 
 
 def _axis_of(baseline: str, records: Sequence[CellRecord]) -> str:

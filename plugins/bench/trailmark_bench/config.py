@@ -13,6 +13,7 @@ __all__ = ["AXES", "BenchSection", "CellsSection", "Installed", "Judging", "Limi
 #: Sections of ``cells:`` and what one value of each is called in a table.
 AXES: dict[str, str] = {
     "sources": "source",
+    "places": "place",
     "perturbations": "perturbation",
     "localizers": "localizer",
     "estimators": "estimator",
@@ -76,6 +77,9 @@ class CellsSection(PluginConfig):
     """Of the matrix, where there are several."""
     sources: dict[str, Any] = Field(default_factory=dict)
     """By name: one source, or several by their names; beside those of the run config."""
+    places: dict[str, Any] = Field(default_factory=dict)
+    """By name: sections of a run config laid over the sources, such as another route or world seed. Places are samples
+    of a condition, as seeds are: methods are compared on equal ones, and each place counts once."""
     perturbations: dict[str, Any] = Field(default_factory=dict)
     """By name: what is wrong with the sensors, as under `perturb` of a source; `{}` is nothing."""
     localizers: dict[str, Any] = Field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""One method under one condition, over its seeds."""
+"""One method under one condition, over its places and seeds."""
 
 from __future__ import annotations
 
@@ -6,20 +6,21 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 from trailmark_bench.cell import UNSUCCESSFUL
 from trailmark_bench.index import CellRecord
 from trailmark_bench.naming import Namer
+from trailmark_bench.nested import spreads_of_samples
 from trailmark_bench.quantities import Metric
-from trailmark_bench.statistics import Comparison, SampleSpread, spreads
+from trailmark_bench.sampling import Trial, fixed_places, samples_by_place, trial_of
+from trailmark_bench.statistics import Comparison, SampleSpread
 
 __all__ = ["MethodResult", "MethodResults", "entries_of"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MethodResult:
-    """One method under one condition, over its seeds.
+    """One method under one condition, over its places and seeds.
 
     Attributes
     ----------
@@ -27,8 +28,10 @@ class MethodResult:
         In words.
     counts : mapping of str to int
         Cells by state.
-    values : mapping of str to dict of int to float
-        By metric, seed to value; a failure is infinite in the direction that is worse.
+    values : mapping of str to dict of Trial to float
+        By metric, place and seed to value; a failure is infinite in the direction that is worse.
+    fixed : frozenset of str
+        Places in which seeds change nothing: one sample each.
     spreads : dict of str to SampleSpread
         By metric, of oriented values.
     comparisons : dict of str to (Comparison, float or None)
@@ -38,9 +41,19 @@ class MethodResult:
     method: str
     condition: str
     counts: Mapping[str, int]
-    values: Mapping[str, Mapping[Any, float]]
+    values: Mapping[str, Mapping[Trial, float]]
+    fixed: frozenset[str] = frozenset()
     spreads: dict[str, SampleSpread] = field(default_factory=dict)
     comparisons: dict[str, tuple[Comparison, float | None]] = field(default_factory=dict)
+
+    @property
+    def is_deterministic(self) -> bool:
+        """Whether seeds change nothing, in any of its places."""
+        return all({place for place, _ in values} <= self.fixed for values in self.values.values()) and bool(self.fixed)
+
+    def fixed_for(self, metric: Metric) -> frozenset[str]:
+        """Return the places in which seeds do not change a quantity; what a clock has measured is never the same."""
+        return frozenset() if metric.is_of_machine else self.fixed
 
     @property
     def n_ok(self) -> int:
@@ -78,6 +91,7 @@ def entries_of(records: Sequence[CellRecord], metrics: Sequence[Metric], namer: 
             condition,
             dict(Counter(record.state for record in group)),
             {metric.name: _values(metric, group) for metric in metrics},
+            fixed_places(group),
         )
         for (method, condition), group in groups.items()
     }
@@ -88,10 +102,10 @@ def entries_of(records: Sequence[CellRecord], metrics: Sequence[Metric], namer: 
 
 def _add_spreads(entries: MethodResults, metric: Metric) -> None:
     known = [entry for entry in entries.values() if _is_measured(entry, metric)]
-    rows = [list(entry.values[metric.name].values()) for entry in known]
+    rows = [samples_by_place(entry.values[metric.name], entry.fixed_for(metric)) for entry in known]
     if metric.better != "near one":  # of what should be one, the sides are told apart
-        rows = [[metric.oriented(value) for value in row] for row in rows]
-    for entry, spread in zip(known, spreads(rows), strict=True):
+        rows = [[[metric.oriented(value) for value in place] for place in row] for row in rows]
+    for entry, spread in zip(known, spreads_of_samples(rows), strict=True):
         entry.spreads[metric.name] = spread
 
 
@@ -101,14 +115,13 @@ def _is_measured(entry: MethodResult, metric: Metric) -> bool:
     return bool(values) and (entry.n_ok == 0 or any(math.isfinite(value) for value in values.values()))
 
 
-def _values(metric: Metric, records: Sequence[CellRecord]) -> dict[Any, float]:
-    """Return the value of each seed; of a failure infinity, on the worse side; what was not measured is left out."""
+def _values(metric: Metric, records: Sequence[CellRecord]) -> dict[Trial, float]:
+    """Return the value of each place and seed; of a failure the worse infinity; what was not measured is left out."""
     worst = -math.inf if metric.better == "higher" else math.inf
-    found: dict[Any, float] = {}
+    found: dict[Trial, float] = {}
     for record in records:
-        seed = record.coordinates.get("seed", 0)
         if record.state in UNSUCCESSFUL:
-            found[seed] = worst
+            found[trial_of(record)] = worst
         elif record.state == "ok" and (value := metric.value_of(record)) is not None:
-            found[seed] = value
+            found[trial_of(record)] = value
     return found

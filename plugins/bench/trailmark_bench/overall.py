@@ -27,9 +27,9 @@ class Overall:
     n_ok, n_failed, n_skipped, n_open : int
         Cells with a result, without one, that meant nothing, and that have not run.
     rank : float or None
-        Mean rank by the first metric, among the methods of the same condition and seed; 1 is best.
+        Mean rank by the first metric, among the methods of the same condition, place and seed; 1 is best.
     n_ranked : int
-        Pairs of condition and seed behind it.
+        Conditions, places and seeds behind it.
     ratio : float or None
         Median over conditions of the median ratio to the baseline.
     p : float or None
@@ -77,12 +77,27 @@ def _row(method: str, entries: Sequence[MethodResult], ranks: Mapping[str, Seque
     )
 
 
-def _ranks(entries: MethodResults, metric: Metric) -> dict[str, list[float]]:
-    """Return the ranks of each method, one for each condition and seed that two methods at least have."""
-    groups: dict[tuple[str, Any], dict[str, float]] = {}
+def _fixed_for_all(entries: MethodResults, metric: Metric) -> dict[str, frozenset[str]]:
+    """Return by condition the places in which seeds change no method."""
+    found: dict[str, frozenset[str]] = {}
     for entry in entries.values():
-        for seed, value in entry.values[metric.name].items():
-            groups.setdefault((entry.condition, seed), {})[entry.method] = metric.oriented(value)
+        if entry.values[metric.name]:
+            fixed = entry.fixed_for(metric)
+            found[entry.condition] = found.get(entry.condition, fixed) & fixed
+    return found
+
+
+def _ranks(entries: MethodResults, metric: Metric) -> dict[str, list[float]]:
+    """Return the ranks of each method, one for each condition, place and seed that two methods at least have.
+
+    Where seeds change no method there is one rank.
+    """
+    fixed = _fixed_for_all(entries, metric)
+    groups: dict[tuple[str, str, Any], dict[str, float]] = {}
+    for entry in entries.values():
+        for (place, seed), value in entry.values[metric.name].items():
+            trial = (place, None if place in fixed[entry.condition] else seed)
+            groups.setdefault((entry.condition, *trial), {})[entry.method] = metric.oriented(value)
     ranks: dict[str, list[float]] = {}
     for group in groups.values():
         if len(group) > 1:

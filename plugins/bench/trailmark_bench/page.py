@@ -228,7 +228,9 @@ def _cells_section() -> str:
 
 def _tables(summary: BenchSummary, tables: list[Table]) -> str:
     """Return the methods over all conditions, and why cells gave nothing."""
-    parts = [text_html("Methods over all conditions", "h2"), table_html(tables[-1])] if len(summary.methods) > 1 else []
+    n_tables = (len(summary.methods) > 1) + bool(summary.improvements)
+    parts = [text_html("Methods over all conditions", "h2")] if n_tables else []
+    parts += [table_html(table) for table in tables[len(tables) - n_tables :]]
     if summary.reasons:
         rows = "".join(f"<li>{count} &times; {escape(reason)}</li>" for reason, count in summary.reasons.items())
         parts += [text_html("Why cells gave no result", "h2"), f"<ul>{rows}</ul>"]

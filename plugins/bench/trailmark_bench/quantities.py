@@ -40,6 +40,11 @@ class Metric:
         """Which way is better."""
         return self.spec.better
 
+    @property
+    def is_of_machine(self) -> bool:
+        """Whether it was measured with a clock or a meter: it differs each time, whatever the seed."""
+        return self.name in (*_OF_PROCESS, "run_s", "frames_per_s") or self.name.startswith("call_")
+
     def oriented(self, value: float) -> float:
         """Return a number that is lower where the value is better; of a failure infinity."""
         return self.spec.oriented(value)

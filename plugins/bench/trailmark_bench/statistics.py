@@ -20,12 +20,16 @@ __all__ = [
     "RESAMPLES",
     "Comparison",
     "SampleSpread",
+    "clipped",
     "compare_all",
     "compare_pairs",
+    "difference_of",
     "holm",
     "mean_ranks",
+    "ratio_of",
     "signed_rank_p",
     "spreads",
+    "unclipped",
 ]
 
 #: Resamples of a bootstrap interval.
@@ -51,6 +55,8 @@ class SampleSpread:
         Median and quartiles.
     low, high : float or None
         95 % interval of the median by the percentile bootstrap; None below 3 values.
+    n_places : int
+        Places that the values come from.
     """
 
     n: int
@@ -59,6 +65,7 @@ class SampleSpread:
     q3: float
     low: float | None
     high: float | None
+    n_places: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,12 +111,12 @@ def spreads(rows: Sequence[Sequence[float]]) -> list[SampleSpread]:
     for index, row in enumerate(rows):
         by_length.setdefault(len(row), []).append(index)
     for n, indices in by_length.items():
-        table = np.sort(_finite(np.array([rows[index] for index in indices], dtype=np.float64)), axis=1)
+        table = np.sort(clipped(np.array([rows[index] for index in indices])), axis=1)
         quartiles = np.quantile(table, [0.25, 0.5, 0.75], axis=1)
         bounds = _interval(table) if n >= 3 else None
         for place, index in enumerate(indices):
-            q1, median, q3 = (_unbounded(value) for value in quartiles[:, place].tolist())
-            low, high = (None, None) if bounds is None else (_unbounded(value) for value in bounds[:, place].tolist())
+            q1, median, q3 = (unclipped(value) for value in quartiles[:, place].tolist())
+            low, high = (None, None) if bounds is None else (unclipped(value) for value in bounds[:, place].tolist())
             found[index] = SampleSpread(n, median, q1, q3, low, high)
     return [spread for spread in found if spread is not None]
 
@@ -145,27 +152,33 @@ def compare_pairs(values: Sequence[float], baseline: Sequence[float]) -> Compari
 
 def compare_all(pairs: Sequence[tuple[Sequence[float], Sequence[float]]]) -> list[Comparison]:
     """Return `compare_pairs` of each (values, baseline)."""
-    differences = [[_difference(*both) for both in zip(*pair, strict=True)] for pair in pairs]
+    differences = [[difference_of(*both) for both in zip(*pair, strict=True)] for pair in pairs]
     return [
         _comparison(*pair, difference, spread)
         for pair, difference, spread in zip(pairs, differences, spreads(differences), strict=True)
     ]
 
 
-def _difference(ours: float, theirs: float) -> float:
+def difference_of(ours: float, theirs: float) -> float:
+    """Return how much an oriented value is above another; two failures are equal."""
     return 0.0 if math.isinf(ours) and math.isinf(theirs) else ours - theirs
+
+
+def ratio_of(ours: Sequence[float], theirs: Sequence[float]) -> float | None:
+    """Return the median ratio of pairs; None where a value is not positive or failed, and without any."""
+    is_positive = all(0.0 < value < math.inf for value in (*ours, *theirs))
+    return median(a / b for a, b in zip(ours, theirs, strict=True)) if is_positive and ours else None
 
 
 def _comparison(
     ours: Sequence[float], theirs: Sequence[float], difference: Sequence[float], spread: SampleSpread
 ) -> Comparison:
-    is_positive = all(0.0 < value < math.inf for value in (*ours, *theirs))
     return Comparison(
         n=len(difference),
         difference=spread.median,
         low=spread.low,
         high=spread.high,
-        ratio=median(a / b for a, b in zip(ours, theirs, strict=True)) if is_positive and ours else None,
+        ratio=ratio_of(ours, theirs),
         wins=sum(value < 0.0 for value in difference),
         losses=sum(value > 0.0 for value in difference),
         p=signed_rank_p(difference),
@@ -239,9 +252,11 @@ def _ranks(values: Sequence[float]) -> list[float]:
     return ranks
 
 
-def _finite(values: Floats) -> Floats:
-    return np.clip(values, -_WORST, _WORST)
+def clipped(values: Sequence[float] | Floats) -> Floats:
+    """Return values that can be interpolated: failures are very large numbers."""
+    return np.clip(np.asarray(values, dtype=np.float64), -_WORST, _WORST)
 
 
-def _unbounded(value: float) -> float:
+def unclipped(value: float) -> float:
+    """Return what was interpolated, with infinity for failures."""
     return math.copysign(math.inf, value) if abs(value) > _INFINITE else value

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from trailmark_bench.baseline import compare_with
 from trailmark_bench.entries import MethodResult, MethodResults, entries_of
+from trailmark_bench.improvement import Improvement, improvements
 from trailmark_bench.index import CellRecord, Index
 from trailmark_bench.naming import Namer
 from trailmark_bench.overall import Overall, overall_of
@@ -41,6 +42,8 @@ class BenchSummary:
         Cells by state.
     reasons : mapping of str to int
         Why cells failed or were skipped, and how often.
+    improvements : tuple of Improvement
+        By the first metric, each method against each other.
     """
 
     name: str
@@ -52,6 +55,7 @@ class BenchSummary:
     baseline: str | None
     counts: Mapping[str, int]
     reasons: Mapping[str, int]
+    improvements: tuple[Improvement, ...] = ()
 
     def lines(self) -> list[str]:
         """Return what stands below the tables: how many cells are in which state, and why."""
@@ -66,6 +70,7 @@ class BenchSummary:
                 "method": entry.method,
                 "condition": entry.condition,
                 "cells": dict(entry.counts),
+                "deterministic": entry.is_deterministic,
                 "metrics": {metric.name: _entry_document(entry, metric) for metric in self.metrics},
             }
             for entry in self.entries.values()
@@ -77,6 +82,7 @@ class BenchSummary:
             "baseline": self.baseline,
             "metrics": {metric.name: metric.better for metric in self.metrics},
             "overall": overall,
+            "improvements": [asdict(improvement) for improvement in self.improvements],
             "entries": entries,
             "reasons": dict(self.reasons),
         }
@@ -118,6 +124,7 @@ def summarized(index: Index, metrics: Sequence[str] = (), baseline: str | None =
         overall=tuple(overall_of(methods, entries, chosen[0])),
         baseline=baseline,
         counts=dict(Counter(record.state for record in records).most_common()),
+        improvements=tuple(improvements(methods, entries, chosen[0])),
         reasons=dict(Counter(_reason(record) for record in records if record.reason).most_common()),
     )
 
@@ -135,6 +142,7 @@ def _entry_document(entry: MethodResult, metric: Metric) -> dict[str, Any] | Non
         sides = [sides[1], sides[0], sides[3], sides[2]]
     document: dict[str, Any] = {
         "n": spread.n,
+        "places": spread.n_places,
         "median": _plain(entry.median(metric)),
         **{key: _plain(value) for key, value in zip(("q1", "q3", "low", "high"), sides, strict=True)},
     }

@@ -10,7 +10,7 @@ from trailmark.report.tables import Column, Table
 from trailmark_bench.entries import MethodResult
 from trailmark_bench.overall import Overall
 from trailmark_bench.quantities import Metric
-from trailmark_bench.statistics import RESAMPLES
+from trailmark_bench.statistics import RESAMPLES, SampleSpread
 from trailmark_bench.summary import BenchSummary
 
 __all__ = ["FAILED", "bench_tables", "counts_text", "metric_title", "scaled_column", "value_text"]
@@ -18,6 +18,8 @@ __all__ = ["FAILED", "bench_tables", "counts_text", "metric_title", "scaled_colu
 #: Stands where failures are so many that the median is one.
 FAILED = "failed"
 
+# Methods in the matrix of probabilities.
+_MOST_COMPARED = 8
 _UNITS = {"_m": "m", "_deg": "°", "_percent": "%", "_ms": "ms", "_s": "s", "_mb": "MB", "_mm": "mm"}
 
 
@@ -28,6 +30,8 @@ def bench_tables(summary: BenchSummary) -> list[Table]:
         tables.append(_spread(summary))
     if len(summary.methods) > 1:
         tables.append(_overall(summary))
+    if summary.improvements:
+        tables.append(_improvement(summary))
     return tables
 
 
@@ -73,7 +77,9 @@ def _medians(summary: BenchSummary) -> Table:
         cells = [value_text(entry.median(m), per_unit) for m, (_, per_unit) in zip(shown, scaled, strict=True)]
         rows.append(("" if entry.condition == last else entry.condition, entry.method, counts_text(entry), *cells))
         last = entry.condition
-    notes = ["Medians over seeds; a failed cell counts as the worst result."]
+    notes = [
+        "Medians over seeds, of several places over the medians of each; a failed cell counts as the worst result."
+    ]
     return Table(tuple(columns), tuple(rows), tuple(notes))
 
 
@@ -94,6 +100,10 @@ def _spread(summary: BenchSummary) -> Table:
         last = entry.condition
         rows.append(tuple(row + (_pair_cells(entry, metric) if summary.baseline is not None else [])))
     notes = [f"95 %: interval of the median by the percentile bootstrap, {RESAMPLES} resamples; from 3 seeds on."]
+    if any(entry.is_deterministic for entry in entries):
+        notes.append("Deterministic: n = 1, because another seed changes nothing.")
+    if any(spread.n_places > 1 for entry in entries for spread in entry.spreads.values()):
+        notes.append("Of several places each counts once; intervals draw places, then seeds in them; p is over places.")
     if summary.baseline is not None:
         notes.append(
             f"Pairs of equal seeds with {summary.baseline}; p: Wilcoxon's signed ranks, two-sided; Holm: for all rows."
@@ -110,7 +120,13 @@ def _spread_cells(entry: MethodResult, metric: Metric, per_unit: float) -> list[
     if spread.low is not None and spread.high is not None:
         interval = _range_text(*_sides(entry, metric, spread.low, spread.high), per_unit)
     quartiles = _range_text(low, high, per_unit) if spread.n > 1 else MISSING
-    return [str(spread.n), value_text(entry.median(metric), per_unit), quartiles, interval]
+    return [_n_text(entry, metric, spread), value_text(entry.median(metric), per_unit), quartiles, interval]
+
+
+def _n_text(entry: MethodResult, metric: Metric, spread: SampleSpread) -> str:
+    if spread.n_places > 1:
+        return f"{spread.n} in {spread.n_places} places"
+    return f"{spread.n} (deterministic)" if entry.is_deterministic and not metric.is_of_machine else str(spread.n)
 
 
 def _range_text(low: float | None, high: float | None, per_unit: float) -> str:
@@ -149,10 +165,30 @@ def _overall(summary: BenchSummary) -> Table:
             cells += _overall_pair(row)
         rows.append(tuple(cells))
     title, _ = metric_title(summary.metrics[0])
-    notes = [f"Ranks by {title} within each condition and seed; 1 is best, failed cells share the last rank."]
+    notes = [f"Ranks by {title} within each condition, place and seed; 1 is best, failed cells share the last rank."]
     if summary.baseline is not None:
         notes.append("p over conditions: each counts once, by the median of its seeds.")
     return Table(tuple(columns), tuple(rows), tuple(notes))
+
+
+def _improvement(summary: BenchSummary) -> Table:
+    """Return how probable it is that the method of a row is better than that of a column, of the best methods."""
+    ranked = sorted(summary.overall, key=lambda row: (row.rank is None, row.rank))[:_MOST_COMPARED]
+    names = [row.method for row in ranked]
+    known = {(one.method, one.other): one for one in summary.improvements}
+    rows = []
+    for name in names:
+        cells = [known.get((name, other)) for other in names]
+        rows.append((name, *(MISSING if cell is None else f"{cell.probability:.2f}" for cell in cells)))
+    title, _ = metric_title(summary.metrics[0])
+    notes = [
+        f"Probability that the method of the row has the better {title} than that of the column, on the same frames; a"
+        " tie counts half, each condition once. Intervals stand in the JSON."
+    ]
+    if len(summary.overall) > len(names):
+        notes.append(f"The {len(names)} best by rank; the JSON has all.")
+    columns = (Column("better than", is_number=False), *(Column(name) for name in names))
+    return Table(columns, tuple(rows), tuple(notes))
 
 
 def _overall_pair(row: Overall) -> list[str]:
