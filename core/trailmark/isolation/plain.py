@@ -23,7 +23,7 @@ import numpy.typing as npt
 __all__ = ["from_plain_bytes", "to_plain_bytes"]
 
 
-def to_plain_bytes(value: Any) -> bytes:
+def to_plain_bytes(value: Any, array: Callable[[npt.NDArray[Any]], Any] | None = None) -> bytes:
     """Return a value as JSON.
 
     Parameters
@@ -31,6 +31,8 @@ def to_plain_bytes(value: Any) -> bytes:
     value : object
         None, truth values, numbers, text, bytes, paths, arrays and scalars of numpy without objects in them; lists,
         tuples, sets and mappings of such; dataclasses, named tuples and enumerations.
+    array : callable, optional
+        Puts an array elsewhere, and returns in JSON where it is; default: arrays are in the JSON.
 
     Raises
     ------
@@ -38,13 +40,15 @@ def to_plain_bytes(value: Any) -> bytes:
         If it is, or holds, anything else.
     """
     try:
-        return json.dumps(_tagged(value), separators=(",", ":")).encode()
+        return json.dumps(_Writer(array or _npy).value(value), separators=(",", ":")).encode()
     except RecursionError:
         raise TypeError("it is nested too deeply, or holds itself") from None
 
 
-def from_plain_bytes(content: bytes, package: str) -> Any:
+def from_plain_bytes(content: bytes, package: str, array: Callable[[Any], npt.NDArray[Any]] | None = None) -> Any:
     """Return the value of `to_plain_bytes`; its classes are of Trailmark or of `package`.
+
+    `array` gives the array that is elsewhere.
 
     Raises
     ------
@@ -52,50 +56,56 @@ def from_plain_bytes(content: bytes, package: str) -> Any:
         If it is no such JSON, or names a class that has no place in it.
     """
     try:
-        return _Reader(package).value(json.loads(content))
+        return _Reader(package, array or _array).value(json.loads(content))
     except (KeyError, TypeError, AttributeError, ImportError, OverflowError, MemoryError, RecursionError) as error:
         raise ValueError(f"{type(error).__name__}: {error}") from error
 
 
-def _tagged(value: Any) -> Any:
-    """Return a value as JSON has it; what JSON has not is ``{"tag": ...}``."""
-    if isinstance(value, Enum):
-        return {"enum": [_name_of(type(value)), value.name]}
-    if value is None or type(value) in (bool, int, float, str):
-        return value
-    if isinstance(value, np.ndarray | np.generic):
-        return {"array" if isinstance(value, np.ndarray) else "scalar": _npy(np.asarray(value))}
-    if is_dataclass(value) and not isinstance(value, type):
-        content = {field.name: _tagged(getattr(value, field.name)) for field in fields(value)}
-        return {"fields": [_name_of(type(value)), content]}
-    if isinstance(value, tuple) and hasattr(value, "_fields"):
-        return {"named": [_name_of(type(value)), [_tagged(item) for item in value]]}
-    return _tagged_builtin(value)
+class _Writer:
+    """Says values as JSON has them."""
 
+    def __init__(self, array: Callable[[npt.NDArray[Any]], Any]) -> None:
+        self._array = array
 
-def _tagged_builtin(value: Any) -> Any:
-    match value:
-        case list():
-            return [_tagged(item) for item in value]
-        case tuple():
-            return {"tuple": [_tagged(item) for item in value]}
-        case set() | frozenset():
-            return {type(value).__name__: [_tagged(item) for item in value]}
-        case MappingProxyType():
-            return {"view": _pairs(value)}
-        case dict():
-            return {"dict": _pairs(value)}
-        case bytes():
-            return {"bytes": base64.b64encode(value).decode()}
-        case complex():
-            return {"complex": [value.real, value.imag]}
-        case PurePath():
-            return {"path": str(value)}
-    raise TypeError(f"a {type(value).__module__}.{type(value).__qualname__} is not plain data")
+    def value(self, value: Any) -> Any:
+        """Return a value as JSON has it; what JSON has not is ``{"tag": ...}``."""
+        if isinstance(value, Enum):
+            return {"enum": [_name_of(type(value)), value.name]}
+        if value is None or type(value) in (bool, int, float, str):
+            return value
+        if isinstance(value, np.ndarray):
+            return {"array": self._array(value)}
+        if isinstance(value, np.generic):
+            return {"scalar": _npy(np.asarray(value))}
+        if is_dataclass(value) and not isinstance(value, type):
+            content = {field.name: self.value(getattr(value, field.name)) for field in fields(value)}
+            return {"fields": [_name_of(type(value)), content]}
+        if isinstance(value, tuple) and hasattr(value, "_fields"):
+            return {"named": [_name_of(type(value)), [self.value(item) for item in value]]}
+        return self._builtin(value)
 
+    def _builtin(self, value: Any) -> Any:
+        match value:
+            case list():
+                return [self.value(item) for item in value]
+            case tuple():
+                return {"tuple": [self.value(item) for item in value]}
+            case set() | frozenset():
+                return {type(value).__name__: [self.value(item) for item in value]}
+            case MappingProxyType():
+                return {"view": self._pairs(value)}
+            case dict():
+                return {"dict": self._pairs(value)}
+            case bytes():
+                return {"bytes": base64.b64encode(value).decode()}
+            case complex():
+                return {"complex": [value.real, value.imag]}
+            case PurePath():
+                return {"path": str(value)}
+        raise TypeError(f"a {type(value).__module__}.{type(value).__qualname__} is not plain data")
 
-def _pairs(value: Mapping[Any, Any]) -> list[list[Any]]:
-    return [[_tagged(key), _tagged(item)] for key, item in value.items()]
+    def _pairs(self, value: Mapping[Any, Any]) -> list[list[Any]]:
+        return [[self.value(key), self.value(item)] for key, item in value.items()]
 
 
 def _name_of(cls: type) -> str:
@@ -126,11 +136,11 @@ def _field_names(cls: type[Any]) -> set[str] | None:
 class _Reader:
     """Puts values together again, with the classes of a few packages."""
 
-    def __init__(self, package: str) -> None:
+    def __init__(self, package: str, array: Callable[[Any], npt.NDArray[Any]]) -> None:
         self._package = package
         self._of_tag: dict[str, Callable[[Any], Any]] = {
             "enum": lambda told: self._class(told[0], Enum)[told[1]],
-            "array": _array,
+            "array": array,
             "scalar": lambda text: _array(text)[()],
             "fields": self._dataclass,
             "named": lambda told: tuple.__new__(self._class(told[0], tuple), self._items(told[1])),

@@ -60,6 +60,8 @@ def _run(request: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     from trailmark.config import Document, load_run_config
     from trailmark.evaluation import Protocol, evaluate_run, metrics_of
     from trailmark.plugins import load_plugins
+    from trailmark_bench.cached_source import with_cached_frames
+    from trailmark_bench.frame_cache import FrameCache
     from trailmark_bench.measure import measured
 
     chosen = request["plugins"]
@@ -67,7 +69,11 @@ def _run(request: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     base_dir = Path(request["base_dir"])
 
     def load(document: dict[str, Any]) -> Any:
-        return load_run_config(Document(document, "cell.json", base_dir), plugins=plugins)
+        config = load_run_config(Document(document, "cell.json", base_dir), plugins=plugins)
+        frames = request.get("frames")
+        if frames is None:
+            return config
+        return with_cached_frames(config, FrameCache(Path(frames["folder"]), frames["limit_mb"]), request["data"])
 
     config, store = load(request["document"]), None
     _pin_opencv(int(request["limits"]["threads"]))

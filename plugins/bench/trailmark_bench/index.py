@@ -251,7 +251,7 @@ class Index:
     def _take(self, folder: Path) -> None:
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            for name in (INDEX_FILE, LOCK_FILE, "cells"):  # a stranger's folder may lead out of itself
+            for name in (INDEX_FILE, LOCK_FILE, "cells", "frames"):  # a stranger's folder may lead out of itself
                 if (folder / name).is_symlink():
                     raise ConfigError(f"{folder / name} is a link; a bench is not written through one")
             self._lock = FolderLock(folder)

@@ -17,10 +17,13 @@ from trailmark_bench.index import Index
 from trailmark_bench.process import DETAIL_FILE, OUTCOME_FILE, RESULT_FILE
 from trailmark_bench.remote import unpacked_answer
 
-__all__ = ["CELLS", "CellFolders"]
+__all__ = ["CELLS", "FRAMES", "CellFolders", "frame_folder"]
 
 #: Folder of the cells' folders, in that of the bench.
 CELLS = "cells"
+
+#: Folder of the frames that were rendered once, in that of the bench.
+FRAMES = "frames"
 
 
 class CellFolders:
@@ -91,6 +94,11 @@ class CellFolders:
                 if outcome is not None:
                     result, detail = _json(folder / RESULT_FILE), _bytes(folder / DETAIL_FILE)
                     index.mark_finished(cell.id, Outcome(**outcome), result, detail)
+
+
+def frame_folder(workspace: Path) -> Path:
+    """Return where frames are kept of the bench whose cells are in work in a workspace."""
+    return workspace.parent.parent / FRAMES
 
 
 def _json(path: Path) -> Any:

@@ -14,6 +14,9 @@ class LocalConfig(ExecutorConfig):
 
     jobs: int | None = Field(default=None, ge=1)
     """Cells at a time; left out: 1, so that times are fair."""
+    frames_mb: float = Field(default=4000.0, ge=0)
+    """Frames of simulated sources are rendered once and played to every cell of the same source, seed and place; what
+    they may take below the bench's folder. 0: every cell renders its own [MB]."""
 
 
 class DaskConfig(ExecutorConfig):

@@ -14,6 +14,7 @@ from trailmark.isolation.executor import Executor, Finished, Job
 from trailmark.isolation.outcome import Outcome
 from trailmark.isolation.process import IsolatedProcess
 from trailmark_bench.process import cell_process, run_to_end
+from trailmark_bench.results import frame_folder
 
 __all__ = ["LocalExecutor"]
 
@@ -64,12 +65,18 @@ class LocalExecutor(Executor):
         if self._threads is not None:
             self._threads.shutdown(wait=True, cancel_futures=True)
 
+    def _frames(self) -> dict[str, Any]:
+        """Return where cells find frames that were rendered before."""
+        if not self.config.frames_mb:
+            return {}
+        return {"frames": {"folder": str(frame_folder(self._workspace).absolute()), "limit_mb": self.config.frames_mb}}
+
     def _run(self, job: Job) -> None:
         folder = self._workspace / job.id
         try:
             shutil.rmtree(folder, ignore_errors=True)
             folder.mkdir(parents=True)
-            process = cell_process(job.request, folder)
+            process = cell_process({**job.request, **self._frames()}, folder)
             with self._lock:
                 if self._is_closed:
                     return
