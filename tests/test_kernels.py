@@ -120,3 +120,43 @@ def test_a_kernel_runs_where_no_folder_can_be_written(tmp_path):
     assert "kernel sum_of_squares cannot be cached" in log
     assert total == "14.0"
     assert not list(tmp_path.rglob("*.nb*"))
+
+
+RECORD = """
+from typing import NamedTuple
+
+import numpy as np
+
+
+class {name}(NamedTuple):
+    values: np.ndarray
+"""
+
+TOTAL = """
+import numpy as np
+from record import {name}
+from trailmark.kernels import kernel
+
+
+@kernel
+def total(record):
+    return record.values.sum()
+
+
+print(total({name}(np.arange(4.0))))
+"""
+
+
+def test_a_record_may_be_renamed_after_its_kernel_was_kept(tmp_path: Path) -> None:
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    printed = []
+
+    for name in ("Readings", "Levels"):
+        (tmp_path / "record.py").write_text(RECORD.format(name=name))
+        (tmp_path / "total.py").write_text(TOTAL.format(name=name))
+        done = subprocess.run(
+            [sys.executable, "total.py"], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+        )
+        printed.append(done.stdout.strip() or done.stderr)
+
+    assert printed == ["6.0", "6.0"]

@@ -90,9 +90,31 @@ def _compiler(**options: Any) -> Callable[[_Function], _Function]:
         compiled: _Function
         try:
             compiled = _njit(cache=True, no_cfunc_wrapper=True, **options)(function)
+            _survive_renamed_records(compiled)
         except RuntimeError as error:  # numba found no folder that it can write
             logger.info("kernel %s cannot be cached: %s", function.__name__, error)
             compiled = _njit(no_cfunc_wrapper=True, **options)(function)
         return compiled
 
     return compile_function
+
+
+def _survive_renamed_records(compiled: Any) -> None:
+    """Let a kernel compile anew when what is kept of it names a class that is gone.
+
+    Numba reads the records (named tuples) of a signature before it asks whether the kernel's file has changed since, so
+    that a cache of an older version would end the program.
+    """
+    cache = getattr(compiled, "_cache", None)  # without it numba is switched off
+    if cache is None:
+        return
+    load_index = cache._cache_file._load_index
+
+    def load_index_or_nothing() -> Any:
+        try:
+            return load_index()
+        except (AttributeError, ImportError) as error:
+            logger.info("kernel %s is compiled anew: %s", compiled.__name__, error)
+            return {}
+
+    cache._cache_file._load_index = load_index_or_nothing

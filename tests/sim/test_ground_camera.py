@@ -15,7 +15,7 @@ from trailmark.frames import GroundPlane
 from trailmark.geometry import Pose2, Pose3, Twist2
 from trailmark_sim.ground.camera import GroundCameraSensor, GroundRig
 from trailmark_sim.ground.floors import FLOORS
-from trailmark_sim.ground.ground import Floor, Ground, Zone
+from trailmark_sim.ground.ground import Floor, GroundTexture, Zone
 from trailmark_sim.ground.optics import Optics, led_light
 from trailmark_sim.ground.tiles import TILE_TEXELS, TileStore
 from trailmark_sim.vehicles import VehicleState
@@ -25,7 +25,7 @@ SMALL = GroundRig(width=160, height=120, field_m=(160 * 0.2 / 512, 120 * 0.188 /
 
 
 def camera(floor: str = "wood", rig: GroundRig = SMALL, optics: Optics = PLAIN, threads: int = 1) -> GroundCameraSensor:
-    return GroundCameraSensor("floor", Ground([Zone(Floor(floor))], 1), rig, optics, seed=7, threads=threads)
+    return GroundCameraSensor("floor", GroundTexture([Zone(Floor(floor))], 1), rig, optics, seed=7, threads=threads)
 
 
 def at(x: float, y: float, theta: float, **more: float) -> VehicleState:
@@ -242,7 +242,7 @@ def test_a_tilt_shifts_the_picture_by_height_times_angle() -> None:
 
 
 def test_the_memory_for_tiles_keeps_to_its_cap_and_what_was_dropped_comes_back_the_same() -> None:
-    ground = Ground([Zone(Floor("concrete"))], 1)
+    ground = GroundTexture([Zone(Floor("concrete"))], 1)
     store = TileStore(ground, 2.7e-4, cap_mb=9.0, threads=1)
     first = store.pool[store.slots_of([(0, 0)])[0]].copy()
 
@@ -258,7 +258,7 @@ def test_the_memory_for_tiles_keeps_to_its_cap_and_what_was_dropped_comes_back_t
 
 
 def test_tiles_that_are_looked_at_again_are_dropped_last() -> None:
-    store = TileStore(Ground([Zone(Floor("concrete"))], 1), 2.7e-4, cap_mb=9.0, threads=1)
+    store = TileStore(GroundTexture([Zone(Floor("concrete"))], 1), 2.7e-4, cap_mb=9.0, threads=1)
 
     for n in range(store.n_slots + 5):
         store.slots_of([(0, 0), (n, 1)])
@@ -267,7 +267,7 @@ def test_tiles_that_are_looked_at_again_are_dropped_last() -> None:
 
 
 def test_the_pairs_of_texels_are_the_texels_of_the_pool() -> None:
-    store = TileStore(Ground([Zone(Floor("asphalt"))], 1), 2.7e-4, cap_mb=9.0, threads=1)
+    store = TileStore(GroundTexture([Zone(Floor("asphalt"))], 1), 2.7e-4, cap_mb=9.0, threads=1)
     slot = store.slots_of([(3, -2)])[0]
     side = TILE_TEXELS + 1
 
@@ -279,7 +279,7 @@ def test_the_pairs_of_texels_are_the_texels_of_the_pool() -> None:
 
 def test_too_little_memory_for_tiles_is_refused() -> None:
     with pytest.raises(ConfigError, match="tiles need at least 8 MB, not 1 MB"):
-        TileStore(Ground([Zone(Floor("wood"))], 1), 2.7e-4, cap_mb=1.0, threads=1)
+        TileStore(GroundTexture([Zone(Floor("wood"))], 1), 2.7e-4, cap_mb=1.0, threads=1)
 
 
 @pytest.mark.parametrize("theta", [0.0, 0.3, math.pi / 4, 2.0, -3.0])

@@ -12,15 +12,15 @@ import pytest
 
 from trailmark.errors import ConfigError
 from trailmark_sim.ground.floors import FLOORS
-from trailmark_sim.ground.ground import Floor, Ground, Zone
+from trailmark_sim.ground.ground import Floor, GroundTexture, Zone
 from trailmark_sim.ground.photo import load_photo
 from trailmark_sim.ground.weather import Weather
 
 Picture = npt.NDArray[np.uint8]
 
 
-def ground(floor: str = "wood", weather: Weather | None = None, seed: int = 1) -> Ground:
-    return Ground([Zone(Floor(floor))], seed, weather)
+def ground(floor: str = "wood", weather: Weather | None = None, seed: int = 1) -> GroundTexture:
+    return GroundTexture([Zone(Floor(floor))], seed, weather)
 
 
 @pytest.mark.parametrize("floor", sorted(FLOORS))
@@ -49,7 +49,7 @@ def test_zones_lie_over_each_other() -> None:
         Zone(Floor("soil"), (1.4, 2.0, -1.0, 1.0)),
     ]
     texel = 2.6e-4
-    mixed = Ground(zones, 1)
+    mixed = GroundTexture(zones, 1)
 
     seam = mixed.paint(1.0 - 32 * texel + 1e-9, 0.0, 64)
 
@@ -61,7 +61,7 @@ def test_zones_lie_over_each_other() -> None:
 
 def test_planks_run_in_the_direction_of_their_zone() -> None:
     along = ground("wood").paint(0.02, 0.02, 200)
-    across = Ground([Zone(Floor("wood", yaw_rad=math.pi / 2))], 1).paint(0.02, 0.02, 200)
+    across = GroundTexture([Zone(Floor("wood", yaw_rad=math.pi / 2))], 1).paint(0.02, 0.02, 200)
 
     def roughness(grey: npt.NDArray[np.float32], axis: int) -> float:
         return float(np.abs(np.diff(cv2.GaussianBlur(grey, (0, 0), 2), axis=axis)).mean())
@@ -125,7 +125,7 @@ def photo(tmp_path: Path) -> Path:
 def test_a_photograph_becomes_a_floor_that_looks_like_it(photo: Path) -> None:
     original = cv2.imdecode(np.fromfile(photo, np.uint8), cv2.IMREAD_GRAYSCALE)
     texel = 0.2 / 512
-    floor = Ground([Zone(Floor(photo=photo))], 1, texel_m=texel).paint(12.0, -5.0, 1000)
+    floor = GroundTexture([Zone(Floor(photo=photo))], 1, texel_m=texel).paint(12.0, -5.0, 1000)
 
     assert floor.mean() == pytest.approx(original.mean(), abs=2.0)
     assert floor.std() == pytest.approx(original.std(), rel=0.1)
@@ -134,7 +134,7 @@ def test_a_photograph_becomes_a_floor_that_looks_like_it(photo: Path) -> None:
 
 
 def test_a_floor_of_a_photograph_does_not_repeat(photo: Path) -> None:
-    floor = Ground([Zone(Floor(photo=photo))], 1, texel_m=0.2 / 512).paint(0.0, 0.0, 1300)
+    floor = GroundTexture([Zone(Floor(photo=photo))], 1, texel_m=0.2 / 512).paint(0.0, 0.0, 1300)
 
     patch = floor[600:664, 600:664]
     match = cv2.matchTemplate(floor, patch, cv2.TM_CCOEFF_NORMED)
@@ -167,7 +167,7 @@ def test_a_photograph_that_cannot_be_used_is_one_clear_line(
         (tmp_path / name).write_bytes(content)
 
     with pytest.raises(ConfigError, match=story) as caught:
-        Ground([Zone(Floor(photo=tmp_path / name))], 1).load()
+        GroundTexture([Zone(Floor(photo=tmp_path / name))], 1).load()
     assert name in str(caught.value)
 
 
@@ -185,6 +185,6 @@ def test_a_photograph_of_one_grey_is_a_floor_of_one_grey(tmp_path: Path) -> None
     path = tmp_path / "blank.png"
     path.write_bytes(cv2.imencode(".png", np.full((100, 100), 77, np.uint8))[1].tobytes())
 
-    floor = Ground([Zone(Floor(photo=path))], 1).paint(0.0, 0.0, 50)
+    floor = GroundTexture([Zone(Floor(photo=path))], 1).paint(0.0, 0.0, 50)
 
     np.testing.assert_allclose(floor, 77.0)

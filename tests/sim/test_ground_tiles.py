@@ -13,7 +13,7 @@ import pytest
 from trailmark.geometry import Pose2
 from trailmark_sim.ground import tiles
 from trailmark_sim.ground.camera import GroundCameraSensor, GroundRig
-from trailmark_sim.ground.ground import Floor, Ground, Zone
+from trailmark_sim.ground.ground import Floor, GroundTexture, Zone
 from trailmark_sim.ground.optics import Optics
 from trailmark_sim.vehicles import VehicleState
 
@@ -23,7 +23,7 @@ HERE = VehicleState(Pose2(0.3, 0.1, 0.2))
 
 def see_floor(floor: Floor, seed: int = 1, optics: Optics | None = None) -> tuple[int, np.ndarray]:
     """Return how many tiles a camera painted that is gone afterwards, and its picture."""
-    camera = GroundCameraSensor("floor", Ground([Zone(floor)], seed), RIG, optics or Optics(), seed=7)
+    camera = GroundCameraSensor("floor", GroundTexture([Zone(floor)], seed), RIG, optics or Optics(), seed=7)
     picture = camera.render(0, 0.0, HERE).pixels
     painted = camera.tiles.n_painted
     del camera
@@ -54,7 +54,7 @@ class TestLending:
 
     def test_two_cameras_at_once_have_tiles_of_their_own(self) -> None:
         first, second = (
-            GroundCameraSensor("floor", Ground([Zone(Floor("wood"))], 1), RIG, Optics(), seed=7) for _ in "ab"
+            GroundCameraSensor("floor", GroundTexture([Zone(Floor("wood"))], 1), RIG, Optics(), seed=7) for _ in "ab"
         )
 
         assert first.tiles is not second.tiles

@@ -15,7 +15,7 @@ from trailmark_sim.render.lenses import Catadioptric, Fisheye, Lens, PinholeLens
 from trailmark_sim.render.rays import ray_table
 from trailmark_sim.render.scene import Scene, SceneBuilder, Surface
 from trailmark_sim.render.shapes import cylinder, ellipsoid, rectangle
-from trailmark_sim.render.view import View
+from trailmark_sim.render.view import SceneView
 
 LENSES = {
     "pinhole": PinholeLens(160, 120, Pinhole(130.0, 128.0, 79.5, 59.5)),
@@ -70,7 +70,7 @@ def test_a_bright_ball_is_seen_where_it_projects(lens: Lens) -> None:
     point_map = pose.transform(target)
     scene = _scene(("ball", ellipsoid(point_map.tolist(), (0.08, 0.08, 0.08))), emission=1.0)
 
-    light = View(scene, table, pose).radiance()[..., 1]
+    light = SceneView(scene, table, pose).radiance()[..., 1]
 
     v, u = np.nonzero(light > 0)
     seen = np.array([u.mean(), v.mean()])
@@ -84,7 +84,7 @@ def test_the_edge_of_a_wall_lies_on_its_pixel(lens: Lens) -> None:
     directions, shows = lens.directions()
     table = ray_table(directions, shows)
 
-    view = View(_room(), table, pose)
+    view = SceneView(_room(), table, pose)
 
     ranges = table.picture(view.ranges_m, np.nan)[shows].astype(float)
     landed = lens.project(directions[shows] * ranges[:, None])
@@ -99,8 +99,8 @@ def test_an_upright_cylinder_is_met_at_its_side_and_its_top() -> None:
     level, down = np.array([1.0, 0.0, 0.0]), np.array([3.0, 0.0, -1.0]) / math.sqrt(10.0)
     table = ray_table(np.stack([level, down])[None])
 
-    side = View(scene, table, Pose3(z=0.5)).ranges_m.ravel()[0]
-    top = View(scene, table, Pose3(z=2.0)).ranges_m.ravel()[1]
+    side = SceneView(scene, table, Pose3(z=0.5)).ranges_m.ravel()[0]
+    top = SceneView(scene, table, Pose3(z=2.0)).ranges_m.ravel()[1]
 
     assert side == pytest.approx(2.5, abs=1e-5)
     assert top == pytest.approx(math.sqrt(10.0), abs=1e-5)
@@ -110,7 +110,7 @@ def test_a_turned_ellipsoid_is_met_on_its_long_axis() -> None:
     scene = _scene(("egg", ellipsoid((0.0, 4.0, 1.0), (1.0, 0.2, 0.3), math.pi / 2)))
     table = ray_table(np.array([[[0.0, 1.0, 0.0]]]))
 
-    view = View(scene, table, Pose3(z=1.0))
+    view = SceneView(scene, table, Pose3(z=1.0))
 
     assert view.ranges_m.ravel()[0] == pytest.approx(3.0, abs=1e-5)
     assert view.facing()[0].ravel()[0] == pytest.approx(1.0, abs=1e-5)
@@ -120,8 +120,8 @@ def test_a_rectangle_is_seen_from_its_face_only() -> None:
     scene = _scene(("sign", rectangle((2.0, 0.5, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0))))
     table = ray_table(np.array([[[1.0, 0.0, 0.0]]]))
 
-    before = View(scene, table, Pose3(z=0.5))
-    behind = View(scene, table, Pose3(x=4.0, z=0.5, yaw=math.pi))
+    before = SceneView(scene, table, Pose3(z=0.5))
+    behind = SceneView(scene, table, Pose3(x=4.0, z=0.5, yaw=math.pi))
 
     assert before.ranges_m.ravel()[0] == pytest.approx(2.0, abs=1e-6)
     assert behind.is_nothing.all()
@@ -143,8 +143,8 @@ def test_a_part_stands_where_its_pose_says() -> None:
         plain.cylinder(1.5, 0.4, 0.0, 0.2, 1.2, Surface())
         plain.ellipsoid((1.2, -0.5, 1.0), (0.3, 0.1, 0.2), Surface(), 0.4)
 
-    placed = View(builder.build(), table, Pose3.from_planar(part) @ eye)
-    np.testing.assert_allclose(placed.ranges_m, View(plain.build(), table, eye).ranges_m, rtol=2e-5)
+    placed = SceneView(builder.build(), table, Pose3.from_planar(part) @ eye)
+    np.testing.assert_allclose(placed.ranges_m, SceneView(plain.build(), table, eye).ranges_m, rtol=2e-5)
 
 
 def test_sides_that_are_not_square_are_refused() -> None:
@@ -171,7 +171,7 @@ def test_leaving_shapes_out_early_changes_nothing() -> None:
     pose = Pose3(-6.0, 0.4, 0.2, 0.0, 0.1, -0.1)
 
     table = ray_table(directions)
-    ranges = table.picture(View(builder.build(), table, pose).ranges_m, np.nan)
+    ranges = table.picture(SceneView(builder.build(), table, pose).ranges_m, np.nan)
 
     rays, eye = directions.reshape(-1, 3) @ pose.rotation().T, np.array([pose.x, pose.y, pose.z])
     nearest = np.full(len(rays), np.inf)

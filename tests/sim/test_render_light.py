@@ -16,7 +16,7 @@ from trailmark_sim.render.lenses import Catadioptric, Fisheye, Lens, PinholeLens
 from trailmark_sim.render.rays import ray_table
 from trailmark_sim.render.scene import Scene, SceneBuilder, Surface
 from trailmark_sim.render.shapes import ellipsoid, rectangle
-from trailmark_sim.render.view import View
+from trailmark_sim.render.view import SceneView
 from trailmark_sim.render.viewpoints import Viewpoints
 
 LENS = PinholeLens(64, 48, Pinhole(60.0, 60.0, 31.5, 23.5))
@@ -45,7 +45,7 @@ def test_a_plain_wall_in_plain_light_has_the_light_of_its_tint() -> None:
     builder = SceneBuilder(Lighting(ambient=(1.0, 1.0, 1.0), reach_m=0.5))
     _wall(builder, Surface(tint=(0.5, 0.25, 0.125)))
 
-    light = View(builder.build(), ray_table(*LENS.directions()), Pose3()).radiance()
+    light = SceneView(builder.build(), ray_table(*LENS.directions()), Pose3()).radiance()
 
     np.testing.assert_allclose(light.reshape(-1, 3), np.tile([0.425, 0.2125, 0.10625], (64 * 48, 1)), rtol=1e-5)
 
@@ -55,7 +55,7 @@ def test_a_lamp_gives_light_that_falls_with_the_square_and_the_angle() -> None:
     builder = SceneBuilder(Lighting((lamp,), ambient=(0.0, 0.0, 0.0), texel_m=0.125))
     _wall(builder, Surface())
 
-    light = View(builder.build(), ray_table(*LENS.directions()), Pose3()).radiance()[..., 0]
+    light = SceneView(builder.build(), ray_table(*LENS.directions()), Pose3()).radiance()[..., 0]
 
     assert light[23:25, 31:33].mean() == pytest.approx(3.0 / 4.0, rel=0.01)
     u = 20.5 / 60.0  # tangent of the angle at column 52
@@ -69,7 +69,7 @@ def test_what_stands_before_a_lamp_casts_a_shadow() -> None:
     builder.ellipsoid((1.0, 0.0, 0.0), (0.2, 0.2, 0.2), Surface())
     table = ray_table(*LENS.directions())
 
-    beside = View(builder.build(), table, Pose3(1.3, 0.0, 0.0)).radiance()[24, 32, 0]
+    beside = SceneView(builder.build(), table, Pose3(1.3, 0.0, 0.0)).radiance()[24, 32, 0]
 
     assert beside == pytest.approx(0.0, abs=1e-3)
 
@@ -81,7 +81,7 @@ def test_a_texture_is_seen_upright_and_unmirrored() -> None:
     builder = SceneBuilder(Lighting(ambient=(1.0, 1.0, 1.0)))
     _wall(builder, Surface(builder.texture(image)))
 
-    light = View(builder.build(), ray_table(*LENS.directions()), Pose3()).radiance()
+    light = SceneView(builder.build(), ray_table(*LENS.directions()), Pose3()).radiance()
 
     assert light[8, 8].argmax() == 0
     assert light[40, 56].argmax() == 2
@@ -95,7 +95,7 @@ def test_a_far_texture_is_grey_and_not_glittering() -> None:
     builder = SceneBuilder(Lighting(ambient=(1.0, 1.0, 1.0)))
     _wall(builder, Surface(builder.texture(image), (8.0, 8.0)))
 
-    light = View(builder.build(), ray_table(*LENS.directions()), Pose3(-10.0)).radiance()[20:28, 28:36, 0]
+    light = SceneView(builder.build(), ray_table(*LENS.directions()), Pose3(-10.0)).radiance()[20:28, 28:36, 0]
 
     assert light.std() < 0.01 * light.mean()
 
@@ -166,7 +166,7 @@ def test_every_painted_edge_is_rendered_within_a_twentieth_of_a_pixel(lens: Lens
     errors = []
     for yaw in np.linspace(0.0, 0.06, 15):
         pose = Pose3(yaw=float(yaw))
-        light = View(scene, table, pose).radiance()[..., 1].astype(float)
+        light = SceneView(scene, table, pose).radiance()[..., 1].astype(float)
         errors += _edge_errors(light, directions @ pose.rotation().T, shows)
 
     assert len(errors) > 300
@@ -184,7 +184,9 @@ def test_every_row_may_be_seen_at_a_heading_of_its_own(lens: Lens) -> None:
     errors = []
     for yaw in np.linspace(0.0, 0.06, 15):
         rotations = np.stack([Pose3(yaw=yaw + 0.1 * row).rotation() for row in rows])
-        light = View(scene, table, Viewpoints(rotations, np.zeros((lens.height, 3)))).radiance()[..., 1].astype(float)
+        light = (
+            SceneView(scene, table, Viewpoints(rotations, np.zeros((lens.height, 3)))).radiance()[..., 1].astype(float)
+        )
         errors += _edge_errors(light, np.einsum("vij,vuj->vui", rotations, directions), shows)
 
     assert len(errors) > 300
@@ -233,7 +235,7 @@ def test_movers_of_a_place_look_as_if_built_with_it() -> None:
     add_ball(whole)
     scenes = [whole.build(), place().build().with_movers(add_ball), whole.build().with_movers(add_ball)]
 
-    seen = [View(scene, ray_table(*LENS.directions()), Pose3()).radiance() for scene in scenes]
+    seen = [SceneView(scene, ray_table(*LENS.directions()), Pose3()).radiance() for scene in scenes]
     np.testing.assert_array_equal(seen[0], seen[1])
     np.testing.assert_array_equal(seen[0], seen[2])
     assert place().build().with_movers(lambda builder: None).n_fixed == 1

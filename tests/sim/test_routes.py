@@ -10,7 +10,7 @@ import pytest
 from trailmark.commands import Steer4WS, Stop
 from trailmark.errors import ConfigError
 from trailmark.geometry import Pose2
-from trailmark_sim.motion import Motion
+from trailmark_sim.motion import VehicleIntegrator
 from trailmark_sim.obstacles import Pole, touched_pole
 from trailmark_sim.pilots import Pilot
 from trailmark_sim.routes import Route, arc, line, trace
@@ -19,8 +19,8 @@ from trailmark_sim.vehicles import Differential, FourWheelSteering, Holonomic, S
 BENDS = Route.from_poses(trace(Pose2(1.0, 2.0, 0.5), [line(0.6), arc(1.0, 60), arc(1.0, -60), line(0.6)]), 0.25)
 
 
-def driven(vehicle: Vehicle, route: Route = BENDS, seed: int = 1) -> Motion:
-    motion = Motion(vehicle, route.start, seed, Pilot(route, vehicle))
+def driven(vehicle: Vehicle, route: Route = BENDS, seed: int = 1) -> VehicleIntegrator:
+    motion = VehicleIntegrator(vehicle, route.start, seed, Pilot(route, vehicle))
     for n in range(1, 4000):
         motion.state_at(n * 0.05)
         if motion.has_finished:
@@ -80,7 +80,7 @@ def test_a_route_without_length_is_refused() -> None:
     [(FourWheelSteering(), 2e-3), (Differential(), 2e-3), (Holonomic(), 3e-3), (SkidSteer(), 0.03)],
 )
 def test_a_pilot_keeps_every_vehicle_on_the_route_and_stops_at_its_end(vehicle: Vehicle, tolerance_m: float) -> None:
-    motion = Motion(vehicle, BENDS.start, 1, Pilot(BENDS, vehicle))
+    motion = VehicleIntegrator(vehicle, BENDS.start, 1, Pilot(BENDS, vehicle))
 
     laterals = []
     for n in range(1, 4000):
@@ -104,14 +104,14 @@ def test_a_pilot_does_not_stop_where_the_route_passes_its_own_end() -> None:
 
 
 def test_a_pilot_drives_with_the_speed_of_the_route() -> None:
-    motion = Motion(FourWheelSteering(), BENDS.start, 1, Pilot(BENDS, FourWheelSteering()))
+    motion = VehicleIntegrator(FourWheelSteering(), BENDS.start, 1, Pilot(BENDS, FourWheelSteering()))
 
     assert motion.state_at(4.0).twist.forward_mps == pytest.approx(0.25, abs=1e-6)
 
 
 def test_a_pilot_finds_back_to_the_route() -> None:
     vehicle = FourWheelSteering()
-    motion = Motion(vehicle, BENDS.start @ Pose2(0.0, 0.05, 0.1), 1, Pilot(BENDS, vehicle))
+    motion = VehicleIntegrator(vehicle, BENDS.start @ Pose2(0.0, 0.05, 0.1), 1, Pilot(BENDS, vehicle))
 
     state = motion.state_at(8.0)
 
@@ -120,7 +120,7 @@ def test_a_pilot_finds_back_to_the_route() -> None:
 
 def test_the_way_does_not_depend_on_when_it_is_looked_at() -> None:
     vehicle = FourWheelSteering()
-    rare, often = (Motion(vehicle, BENDS.start, 3, Pilot(BENDS, vehicle)) for _ in range(2))
+    rare, often = (VehicleIntegrator(vehicle, BENDS.start, 3, Pilot(BENDS, vehicle)) for _ in range(2))
     for stamp_s in np.sort(np.random.default_rng(7).uniform(0.0, 6.0, 500)):
         often.state_at(float(stamp_s))
 
@@ -128,7 +128,7 @@ def test_the_way_does_not_depend_on_when_it_is_looked_at() -> None:
 
 
 def test_a_command_holds_from_its_stamp() -> None:
-    motion = Motion(FourWheelSteering(speed_lag_s=0.0), Pose2(), 1, None)
+    motion = VehicleIntegrator(FourWheelSteering(speed_lag_s=0.0), Pose2(), 1, None)
 
     motion.command(0.1234, Steer4WS(0.0, 0.0, 0.2))
 
@@ -137,7 +137,7 @@ def test_a_command_holds_from_its_stamp() -> None:
 
 
 def test_a_command_takes_over_from_the_pilot() -> None:
-    motion = Motion(FourWheelSteering(), BENDS.start, 1, Pilot(BENDS, FourWheelSteering()))
+    motion = VehicleIntegrator(FourWheelSteering(), BENDS.start, 1, Pilot(BENDS, FourWheelSteering()))
     motion.state_at(2.0)
 
     motion.command(2.0, Stop("enough", done=True))
@@ -148,7 +148,7 @@ def test_a_command_takes_over_from_the_pilot() -> None:
 
 
 def test_a_stop_that_is_not_done_does_not_finish() -> None:
-    motion = Motion(FourWheelSteering(), Pose2(), 1, None)
+    motion = VehicleIntegrator(FourWheelSteering(), Pose2(), 1, None)
 
     motion.command(0.0, Stop("waiting"))
     motion.state_at(3.0)

@@ -52,17 +52,7 @@ def list_command(world: str | None, as_json: bool) -> None:
 @click.option("-o", "--out", type=click.Path(path_type=Path, dir_okay=False), required=True, help="PNG to write.")
 @click.pass_context
 def render_command(
-    context: click.Context,
-    world: str,
-    sensor: str | None,
-    at: str | None,
-    route: str | None,
-    settings: tuple[str, ...],
-    mode: Literal["teach", "replay"],
-    frame: int,
-    seed: int,
-    world_seed: int,
-    out: Path,
+    context: click.Context, /, world: str, out: Path, mode: Literal["teach", "replay"], **asked: Any
 ) -> None:
     """Write what a sensor sees from a pose as a picture."""
     from trailmark.cli.root import plugins_of
@@ -71,10 +61,10 @@ def render_command(
     from trailmark_sim.snapshot import take_snapshot
     from trailmark_sim.worlds import world_module
 
-    chosen = sensor or world_module(world).SENSORS[-1]
-    start = None if at is None else _pose(at)
-    keys = {"world": world, "route": route, "world_seed": world_seed, "sensors": [chosen], "start": start}
-    payload = take_snapshot(keys, settings, mode, frame, seed, plugins_of(context))
+    chosen = asked["sensor"] or world_module(world).SENSORS[-1]
+    start = None if asked["at"] is None else _pose(asked["at"])
+    keys = {"world": world, "sensors": [chosen], "start": start} | {key: asked[key] for key in ("route", "world_seed")}
+    payload = take_snapshot(keys, asked["settings"], mode, asked["frame"], asked["seed"], plugins_of(context))
     write_png(out, picture_of(payload))
     click.echo(f"{chosen} of {world} -> {out}")
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.commands import Command, Stop
 from trailmark.geometry import Pose2
 from trailmark_sim.pilots import Driver
 from trailmark_sim.rng import frame_rng
 from trailmark_sim.vehicles import Vehicle, VehicleState
 
-__all__ = ["Motion"]
+__all__ = ["VehicleIntegrator"]
 
 #: Steps of the physics [s]; lags are integrated in closed form, so that shorter ones change little.
 _TICK_S = 0.004
@@ -21,7 +21,7 @@ _SLIP_BLOCK = 1024
 _STANDSTILL_MPS = 1e-4
 
 
-class Motion:
+class VehicleIntegrator:
     """Integrates a vehicle; asked for the state at stamps that do not go back.
 
     Steps lie on a grid. A state between two grid points is computed and thrown away again, so that the way does
@@ -45,7 +45,7 @@ class Motion:
         self._state = VehicleState(pose)
         self._command: Command = Stop("nobody drives yet")
         self._time_s, self._tick = 0.0, 0
-        self._slip: npt.NDArray[np.float64] = np.empty((0, 2))
+        self._slip: Floats = np.empty((0, 2))
         self.stands_since_s = 0.0
 
     def state_at(self, stamp_s: float) -> VehicleState:

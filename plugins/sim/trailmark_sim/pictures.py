@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import AnyArray, Float32s, Grey8
 from trailmark.errors import ConfigError
 from trailmark.frames import RGBD, Image, Payload, Scan
 
@@ -18,7 +17,7 @@ _SCAN_PX = 640
 _FAR_M = 8.0
 
 
-def picture_of(payload: Payload) -> npt.NDArray[Any]:
+def picture_of(payload: Payload) -> AnyArray:
     """Return a reading as a grey or BGR picture.
 
     Colour and depth stand side by side; a scan is seen from above, the sensor in the middle, forward up.
@@ -37,7 +36,7 @@ def picture_of(payload: Payload) -> npt.NDArray[Any]:
     raise ConfigError(f"a reading of kind {type(payload).__name__} is no picture: {payload}")
 
 
-def read_grey(path: Path) -> npt.NDArray[np.uint8]:
+def read_grey(path: Path) -> Grey8:
     """Read a picture as grey levels; the name may hold any characters.
 
     Raises
@@ -54,7 +53,7 @@ def read_grey(path: Path) -> npt.NDArray[np.uint8]:
     return np.asarray(grey, dtype=np.uint8)
 
 
-def _depth_picture(depth_m: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
+def _depth_picture(depth_m: Float32s) -> Grey8:
     """Return near as warm and far as cold colours; black where the depth is unknown."""
     known = np.isfinite(depth_m)
     near = np.clip(1.0 - np.where(known, depth_m, _FAR_M) / _FAR_M, 0.0, 1.0)
@@ -63,7 +62,7 @@ def _depth_picture(depth_m: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
     return np.asarray(picture, dtype=np.uint8)
 
 
-def _scan_picture(scan: Scan) -> npt.NDArray[np.uint8]:
+def _scan_picture(scan: Scan) -> Grey8:
     reach_m = min(scan.range_max_m, float(np.nanmax(scan.ranges_m, initial=1.0)) * 1.1)
     picture = np.full((_SCAN_PX, _SCAN_PX), 255, dtype=np.uint8)
     middle, scale = _SCAN_PX // 2, _SCAN_PX / 2.0 / reach_m
@@ -73,7 +72,7 @@ def _scan_picture(scan: Scan) -> npt.NDArray[np.uint8]:
     return picture
 
 
-def _beside(left: npt.NDArray[np.uint8], right: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+def _beside(left: Grey8, right: Grey8) -> Grey8:
     picture = np.zeros((max(left.shape[0], right.shape[0]), left.shape[1] + right.shape[1], 3), dtype=np.uint8)
     picture[: left.shape[0], : left.shape[1]] = left
     picture[: right.shape[0], left.shape[1] :] = right

@@ -15,7 +15,7 @@ from trailmark_sim.rng import frame_rng
 from trailmark_sim.routes import Route
 from trailmark_sim.worlds.base import World
 
-__all__ = ["Place", "place_vehicle"]
+__all__ = ["VehicleStart", "place_vehicle"]
 
 #: A random start is so far from everything, and in a world without walls so far beside its route at most [m].
 _MARGIN_M, _BESIDE_M = 0.1, 0.5
@@ -25,7 +25,7 @@ _WRONGLY_MEASURED = 0.15
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class VehicleStart:
     """Where the vehicle stands at the beginning.
 
     Attributes
@@ -40,7 +40,7 @@ class Place:
     station_m: float
 
 
-def place_vehicle(config: SimConfig, session: Session, world: World, route: Route, seed: int = 0) -> Place:
+def place_vehicle(config: SimConfig, session: Session, world: World, route: Route, seed: int = 0) -> VehicleStart:
     """Return where the vehicle stands; `seed` says where that is for ``start: random``.
 
     In replay the run says where on the taught path it believes to start. The taught poses have drifted from the
@@ -63,7 +63,7 @@ def place_vehicle(config: SimConfig, session: Session, world: World, route: Rout
     if session.mode == "replay":
         forward_m, left_m, turn_deg = config.put_off
         pose = pose @ Pose2(forward_m, left_m, math.radians(turn_deg))
-    return Place(pose, route.path.locate(pose).station_m)
+    return VehicleStart(pose, route.path.locate(pose).station_m)
 
 
 def _on_route(session: Session, route: Route) -> Pose2:

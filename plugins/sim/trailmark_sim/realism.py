@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import AnyArray, Grey8
 from trailmark.errors import ConfigError, ShapeError
 from trailmark_sim.pictures import read_grey
 
@@ -61,7 +60,7 @@ class PictureStatistics:
         return cls(*(float(value) for value in columns))
 
 
-def picture_statistics(grey: npt.NDArray[np.uint8]) -> PictureStatistics:
+def picture_statistics(grey: Grey8) -> PictureStatistics:
     """Return the statistics of a grey picture of at least 96 x 96.
 
     Raises
@@ -112,7 +111,7 @@ def photo_statistics(path: Path, longest_px: int | None = None) -> PictureStatis
     return PictureStatistics.mean([picture_statistics(np.ascontiguousarray(window)) for window in windows])
 
 
-def spectral_slope(grey: npt.NDArray[Any]) -> float:
+def spectral_slope(grey: AnyArray) -> float:
     """Return the negative exponent of the power spectrum, averaged over windows and directions."""
     n = min(_LARGE_PX, *grey.shape)
     window = np.outer(np.hanning(n), np.hanning(n))
@@ -129,7 +128,7 @@ def spectral_slope(grey: npt.NDArray[Any]) -> float:
     return float(-np.polyfit(np.log(band), np.log(np.maximum(rings[band], 1e-9)), 1)[0])
 
 
-def _distinctiveness(grey: npt.NDArray[np.uint8]) -> float:
+def _distinctiveness(grey: Grey8) -> float:
     patch_px, reach_px = (44, 32) if min(grey.shape) >= _LARGE_PX else (22, 16)
     rng = np.random.default_rng(0)
     picture = grey.astype(np.float32)

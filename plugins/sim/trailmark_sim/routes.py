@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import PchipInterpolator
 
+from trailmark.arrays import Floats
 from trailmark.errors import ConfigError
 from trailmark.geometry import Pose2, wrap_angle
 from trailmark.paths import Path, Waypoint
@@ -113,7 +114,7 @@ def arc(radius_m: float, angle_deg: float) -> tuple[float, float]:
     return radius_m * math.radians(abs(angle_deg)), math.copysign(1.0 / radius_m, angle_deg)
 
 
-def trace(start: Pose2, pieces: Sequence[tuple[float, float]], blend_m: float = 0.3) -> npt.NDArray[np.float64]:
+def trace(start: Pose2, pieces: Sequence[tuple[float, float]], blend_m: float = 0.3) -> Floats:
     """Return the poses of a way made of pieces of constant curvature.
 
     Where pieces meet, the curvature changes over `blend_m` and not at once, as far as a steering wheel is turned

@@ -15,7 +15,7 @@ from trailmark.geometry import Pose2, Trajectory
 from trailmark.interfaces import Drivable, Session
 from trailmark_sim.config import SimConfig
 from trailmark_sim.keyboard import KEYS_HELP, KeyboardPilot, Terminal
-from trailmark_sim.motion import Motion
+from trailmark_sim.motion import VehicleIntegrator
 from trailmark_sim.names import unknown_name
 from trailmark_sim.pilots import Driver, Pilot
 from trailmark_sim.placing import place_vehicle
@@ -113,7 +113,7 @@ class SimSource(Drivable):
     def frames(self) -> Iterator[Frame]:
         """Yield the frames of all sensors until the route or the task is done, or time is up."""
         self._forget()
-        self._motion = Motion(self._world.vehicle, self._place.pose, self._seed, self._hired())
+        self._motion = VehicleIntegrator(self._world.vehicle, self._place.pose, self._seed, self._hired())
         for stamp_s, k, sensor in _schedule(self._sensors):
             if self._is_closed or self._is_over(stamp_s):
                 return

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Float32s, Floats
+from trailmark.deprecation import deprecated_name
 from trailmark.frames import GroundPlane, Image, SensorInfo
 from trailmark.geometry import Pose3
-from trailmark_sim.ground.ground import Ground
+from trailmark_sim.ground.ground import GroundTexture
 from trailmark_sim.ground.optics import Optics, led_light
+from trailmark_sim.ground.regions import TileRegion, touched_tiles
 from trailmark_sim.ground.tiles import TILE_TEXELS, lend_tiles
-from trailmark_sim.ground.warp import expose_rows, touched_tiles, warp_rows
+from trailmark_sim.ground.warp import GreyResponse, expose_rows, warp_rows
 from trailmark_sim.rng import frame_rng, stream_key
 from trailmark_sim.sensors.shutter import Shutter
 from trailmark_sim.vehicles import VehicleState
@@ -65,7 +68,7 @@ class GroundCameraSensor:
     ----------
     name : str
         Name of the sensor.
-    ground : Ground
+    ground : GroundTexture
         What it sees.
     rig, optics
         How it sees it.
@@ -85,7 +88,7 @@ class GroundCameraSensor:
     def __init__(
         self,
         name: str,
-        ground: Ground,
+        ground: GroundTexture,
         rig: GroundRig,
         optics: Optics,
         seed: int,
@@ -111,35 +114,36 @@ class GroundCameraSensor:
 
     def render(self, k: int, stamp_s: float, state: VehicleState) -> Image:
         """Return picture number `k`."""
-        slots, texel_pixel = self._region(state)
+        region = self._region(state)
         out = np.empty((self.rig.height, self.rig.width), dtype=np.uint8)
         optics = self.optics
-        camera = (optics.gain, optics.offset, optics.read_noise**2, optics.shot_noise**2 / 255.0)
+        noise = (optics.read_noise**2, optics.shot_noise**2 / 255.0)
+        response = GreyResponse(optics.gain, optics.offset, *noise)
         seed = np.uint64(stream_key(self._seed, f"{self.info.name}/noise/{k}"))
 
         def expose(first: int, last: int) -> None:
-            expose_rows(out, first, last, texel_pixel, self.tiles.pairs, slots, self._light, camera, seed)
+            expose_rows(out, first, last, region, self._light, response, seed)
 
         in_bands(expose, self.rig.height, self._threads)
         return Image(out)
 
-    def radiance(self, state: VehicleState) -> npt.NDArray[np.float32]:
+    def radiance(self, state: VehicleState) -> Float32s:
         """Return what the ground sends into the lens, before light, noise and grey steps: (H, W) greys."""
-        slots, texel_pixel = self._region(state)
+        region = self._region(state)
         grey = np.empty((self.rig.height, self.rig.width), dtype=np.float32)
 
         def warp(first: int, last: int) -> None:
-            warp_rows(grey, first, last, texel_pixel, self.tiles.pairs, slots)
+            warp_rows(grey, first, last, region)
 
         in_bands(warp, self.rig.height, self._threads)
         return grey
 
-    def ground_pixel(self, state: VehicleState) -> npt.NDArray[np.float64]:
+    def ground_pixel(self, state: VehicleState) -> Floats:
         """Return the homography (3, 3) from pixels to the map [m]: the camera's closed form."""
         pose_map_camera = state.pose_map_base @ self._pose_base_camera
         return np.asarray(pose_map_camera.matrix() @ self._nod(state.travelled_m) @ self._plane_pixel)
 
-    def _nod(self, travelled_m: float) -> npt.NDArray[np.float64]:
+    def _nod(self, travelled_m: float) -> Floats:
         """Return what height and tilt make of the plane: shift, scale and keystone, (3, 3) in metres."""
         optics = self.optics
         phases = travelled_m / self._bumps[:, 0] * 2.0 * math.pi
@@ -154,7 +158,7 @@ class GroundCameraSensor:
         turned = np.diag([h, h, -1.0]) @ Pose3(roll=roll, pitch=pitch).rotation() @ level
         return np.asarray(np.diag([scale, scale, 1.0]) @ turned / turned[2, 2])
 
-    def _homographies(self, state: VehicleState) -> npt.NDArray[np.float64]:
+    def _homographies(self, state: VehicleState) -> Floats:
         """Return the homographies from pixels to texels at each instant of the exposure, for each row or for all."""
         exposure_s, twist = self.optics.exposure_s, state.twist
         reach_m = math.hypot(*self.rig.field_m) / 2.0
@@ -174,8 +178,8 @@ class GroundCameraSensor:
         moved = self._texel_map @ map_base @ moves @ base_texel @ sharp
         return moved.reshape(len(rows_s), n, 3, 3)
 
-    def _region(self, state: VehicleState) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float64]]:
-        """Return where the tiles under the picture stand in the pool, and the homographies into their region."""
+    def _region(self, state: VehicleState) -> TileRegion:
+        """Return the tiles under the picture, which are painted if they are not there yet."""
         texel_pixel = self._homographies(state)
         width, height = self.rig.width, self.rig.height
         corners = np.array([[0.0, width - 1, width - 1, 0.0], [0.0, 0.0, height - 1, height - 1], [1.0] * 4])
@@ -192,10 +196,10 @@ class GroundCameraSensor:
         slots = np.zeros(touched.shape, dtype=np.int32)
         slots[rows, cols] = self.tiles.slots_of([(x + c, y + r) for r, c in zip(rows.tolist(), cols.tolist())])
         to_region = np.array([[1.0, 0.0, -x * TILE_TEXELS], [0.0, 1.0, -y * TILE_TEXELS], [0.0, 0.0, 1.0]])
-        return slots, to_region @ texel_pixel
+        return TileRegion(to_region @ texel_pixel, self.tiles.pairs, slots)
 
 
-def _plane_pixel(rig: GroundRig) -> npt.NDArray[np.float64]:
+def _plane_pixel(rig: GroundRig) -> Floats:
     """Return the matrix (3, 3) from pixels to camera axes on the ground [m]."""
     scale_u, scale_v = rig.metres_per_pixel
     return np.array(
@@ -207,8 +211,12 @@ def _plane_pixel(rig: GroundRig) -> npt.NDArray[np.float64]:
     )
 
 
-def _bumps(seed: int, name: str) -> npt.NDArray[np.float64]:
+def _bumps(seed: int, name: str) -> Floats:
     """Return bumps (N, 4): length [m] and the phases of height, roll and pitch."""
     rng = frame_rng(seed, f"{name}/bumps")
     lengths = np.geomspace(*_BUMPS_M, _N_BUMPS) * rng.uniform(0.8, 1.25, _N_BUMPS)
     return np.column_stack([lengths, rng.uniform(0.0, 2.0 * math.pi, (_N_BUMPS, 3))])
+
+
+def __getattr__(name: str) -> Any:
+    return deprecated_name(__name__, name, {"GroundCamera": GroundCameraSensor})

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark_sim.ground import layers
 from trailmark_sim.rng import stream_key
 
@@ -31,12 +31,12 @@ class Canvas:
         The greys so far.
     """
 
-    def __init__(self, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64], seed: int, grey: float) -> None:
+    def __init__(self, x: Floats, y: Floats, seed: int, grey: float) -> None:
         self.grey = np.full(x.shape, grey, dtype=np.float32)
         self._x, self._y = x, y
         self._seed = seed
         self._n_layers = 0
-        self._edge: npt.NDArray[np.float64] | None = None
+        self._edge: Floats | None = None
 
     def clouds(self, cell_m: float | tuple[float, float], gain: float) -> Canvas:
         """Add smooth noise of one size; cells may be longer along x than along y."""
@@ -49,35 +49,16 @@ class Canvas:
         layers.add_dust(self.grey, self._x, self._y, cell_m, gain, self._next_seed())
         return self
 
-    def grains(
-        self,
-        cell_m: float,
-        gain: float,
-        *,
-        jitter: float = 0.9,
-        gap: float = 0.0,
-        gap_width: float = 0.2,
-        shade: float = 0.0,
-        share: float = 1.0,
-    ) -> Canvas:
-        """Add grains or stones; see `layers.add_grains`."""
-        seed = self._next_seed()
-        layers.add_grains(self.grey, self._x, self._y, cell_m, jitter, gain, gap, gap_width, shade, share, seed)
+    def grains(self, cell_m: float, gain: float, **look: float) -> Canvas:
+        """Add grains or stones; `look` are the other fields of `layers.Grains`."""
+        layers.add_grains(self.grey, self._x, self._y, layers.Grains(cell_m, gain, **look), self._next_seed())
         return self
 
-    def specks(
-        self,
-        cell_m: float | tuple[float, float],
-        share: float,
-        gain: float,
-        *,
-        radius: float = 0.4,
-        spread: float = 0.0,
-    ) -> Canvas:
-        """Add sparse round or long specks; see `layers.add_specks`."""
+    def specks(self, cell_m: float | tuple[float, float], share: float, gain: float, **look: float) -> Canvas:
+        """Add sparse round or long specks; `look` are the other fields of `layers.Specks`."""
         cell_x_m, cell_y_m = cell_m if isinstance(cell_m, tuple) else (cell_m, cell_m)
-        seed = self._next_seed()
-        layers.add_specks(self.grey, self._x, self._y, cell_x_m, cell_y_m, share, radius, gain, spread, seed)
+        specks = layers.Specks(cell_x_m, cell_y_m, share, gain, **look)
+        layers.add_specks(self.grey, self._x, self._y, specks, self._next_seed())
         return self
 
     def planks(self, length_m: float, width_m: float, gain: float, *, shift: float = -1.0) -> Canvas:
@@ -107,9 +88,7 @@ class Canvas:
         return np.uint64(stream_key(self._seed, f"layer {self._n_layers}"))
 
 
-def grid(
-    x_m: float, y_m: float, pitch_m: float, n_texels: int, yaw_rad: float = 0.0
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+def grid(x_m: float, y_m: float, pitch_m: float, n_texels: int, yaw_rad: float = 0.0) -> tuple[Floats, Floats]:
     """Return the places of a square of texels in axes turned by `yaw_rad`.
 
     Parameters

@@ -6,16 +6,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Float32s, Floats
+from trailmark.deprecation import deprecated_name
 from trailmark_sim.ground.canvas import Canvas, grid
 from trailmark_sim.ground.floors import FLOORS
 from trailmark_sim.ground.photo import Photo, load_photo
 from trailmark_sim.ground.weather import Weather
 
-__all__ = ["EVERYWHERE", "Floor", "Ground", "Zone"]
+__all__ = ["EVERYWHERE", "Floor", "GroundTexture", "Zone"]
 
 EVERYWHERE = (-np.inf, np.inf, -np.inf, np.inf)
 
@@ -58,7 +60,7 @@ class Zone:
     box_m: tuple[float, float, float, float] = EVERYWHERE
 
 
-class Ground:
+class GroundTexture:
     """Everything that a downward camera can see, as a function of the place.
 
     Parameters
@@ -87,7 +89,7 @@ class Ground:
             if zone.floor.photo is not None:
                 self._photo(zone.floor)
 
-    def paint(self, x_m: float, y_m: float, n_texels: int) -> npt.NDArray[np.float32]:
+    def paint(self, x_m: float, y_m: float, n_texels: int) -> Float32s:
         """Return the greys of a square of texels.
 
         Parameters
@@ -131,9 +133,7 @@ class Ground:
                 break
         return seen[::-1]
 
-    def _paint_floor(
-        self, floor: Floor, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64]
-    ) -> npt.NDArray[np.float32]:
+    def _paint_floor(self, floor: Floor, x: Floats, y: Floats) -> Float32s:
         if floor.photo is not None:
             return self._photo(floor).paint(x, y, self.seed)
         mean, painter = FLOORS[floor.name]
@@ -147,3 +147,7 @@ class Ground:
 
 
 _cached_photo = lru_cache(maxsize=16)(load_photo)
+
+
+def __getattr__(name: str) -> Any:
+    return deprecated_name(__name__, name, {"Ground": GroundTexture})

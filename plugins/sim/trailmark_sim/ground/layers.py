@@ -8,6 +8,7 @@ canvas it lies in: neighbouring tiles fit, and nothing repeats before 2^63 cells
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from trailmark.kernels import kernel
 from trailmark_sim.hashing import hash2, mixed, normal_of, unit_of
 from trailmark_sim.interpolation import between
 
-__all__ = ["add_clouds", "add_dust", "add_grains", "add_joints", "add_specks", "split_planks"]
+__all__ = ["Grains", "Specks", "add_clouds", "add_dust", "add_grains", "add_joints", "add_specks", "split_planks"]
 
 
 @kernel
@@ -69,30 +70,17 @@ def add_dust(out: AnyArray, x: AnyArray, y: AnyArray, cell_m: float, gain: float
             out[row, col] += gain * normal_of(h)
 
 
-@kernel
-def add_grains(
-    out: AnyArray,
-    x: AnyArray,
-    y: AnyArray,
-    cell_m: float,
-    jitter: float,
-    gain: float,
-    gap: float,
-    gap_width: float,
-    shade: float,
-    share: float,
-    seed: np.uint64,
-) -> None:
-    """Add grains: the cells of scattered points (Voronoi), each of its own grey.
+class Grains(NamedTuple):
+    """Grains: the cells of scattered points (Voronoi), each of its own grey.
 
-    Parameters
+    Attributes
     ----------
     cell_m : float
         Mean distance of the points [m].
-    jitter : float
-        How far points leave their lattice, 0 to 1.
     gain : float
         Standard deviation of the greys of grains.
+    jitter : float
+        How far points leave their lattice, 0 to 1.
     gap, gap_width : float
         Grey added where two grains meet, and how wide the gap is, in cells.
     shade : float
@@ -100,6 +88,20 @@ def add_grains(
     share : float
         Share of the cells that hold a grain; in the others nothing is added.
     """
+
+    cell_m: float
+    gain: float
+    jitter: float = 0.9
+    gap: float = 0.0
+    gap_width: float = 0.2
+    shade: float = 0.0
+    share: float = 1.0
+
+
+@kernel
+def add_grains(out: AnyArray, x: AnyArray, y: AnyArray, grains: Grains, seed: np.uint64) -> None:
+    """Add grains."""
+    cell_m, gain, jitter, gap, gap_width, shade, share = grains
     px, py, tone = np.empty(9), np.empty(9), np.empty(9)
     last_i, last_j = -(1 << 62), 0
     for row in range(out.shape[0]):
@@ -132,32 +134,35 @@ def add_grains(
                 out[row, col] += value if edge >= 1.0 else value * edge + gap * (1.0 - edge)
 
 
-@kernel
-def add_specks(
-    out: AnyArray,
-    x: AnyArray,
-    y: AnyArray,
-    cell_x_m: float,
-    cell_y_m: float,
-    share: float,
-    radius: float,
-    gain: float,
-    spread: float,
-    seed: np.uint64,
-) -> None:
-    """Add sparse round or, with unequal cells, long specks; each lies within its own cell.
+class Specks(NamedTuple):
+    """Sparse round or, with unequal cells, long specks; each lies within its own cell.
 
-    Parameters
+    Attributes
     ----------
     cell_x_m, cell_y_m : float
         Size of a cell [m].
     share : float
         Share of the cells that hold a speck.
+    gain : float
+        Mean grey at the middle of a speck.
     radius : float
         Largest radius, in cells, at most 0.5; they are between a quarter of it and all of it.
-    gain, spread : float
-        Mean grey at the middle of a speck, and its standard deviation.
+    spread : float
+        Standard deviation of the grey at the middle.
     """
+
+    cell_x_m: float
+    cell_y_m: float
+    share: float
+    gain: float
+    radius: float = 0.4
+    spread: float = 0.0
+
+
+@kernel
+def add_specks(out: AnyArray, x: AnyArray, y: AnyArray, specks: Specks, seed: np.uint64) -> None:
+    """Add specks."""
+    cell_x_m, cell_y_m, share, gain, radius, spread = specks
     last_i, last_j = -(1 << 62), 0
     cu = cv = r = tone = 0.0
     for row in range(out.shape[0]):

@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+
+from trailmark.arrays import Float32s
 
 __all__ = ["Optics", "led_light"]
 
@@ -52,7 +53,7 @@ class Optics:
     camera_height_m: float = 0.15
 
 
-def led_light(width: int, height: int, vignette: float) -> npt.NDArray[np.float32]:
+def led_light(width: int, height: int, vignette: float) -> Float32s:
     """Return the brightness of a uniform floor, 1 on average: the lens' falling off and four LEDs in a cover.
 
     Parameters

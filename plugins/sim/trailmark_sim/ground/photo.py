@@ -10,13 +10,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 from scipy.special import ndtri
 
+from trailmark.arrays import AnyArray, Float32s, Floats, Grey8
 from trailmark.errors import ConfigError
 from trailmark.kernels import kernel
 from trailmark_sim.hashing import hash2, mixed, unit_of
@@ -53,12 +52,12 @@ class Photo:
         Size of one of its pixels on the floor [m].
     """
 
-    grey: npt.NDArray[np.uint8]
-    normals: npt.NDArray[np.float32]
-    greys: npt.NDArray[np.float32]
+    grey: Grey8
+    normals: Float32s
+    greys: Float32s
     pitch_m: float
 
-    def paint(self, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64], seed: int) -> npt.NDArray[np.float32]:
+    def paint(self, x: Floats, y: Floats, seed: int) -> Float32s:
         """Return the greys at places (N, N), in the floor's own axes [m]."""
         out = np.empty(x.shape, dtype=np.float32)
         side_m = _TRIANGLE_SHARE * min(self.grey.shape) * self.pitch_m
@@ -108,7 +107,7 @@ def _refuse_too_large(path: Path, size: list[int]) -> None:
         )
 
 
-def _by_rank(grey: npt.NDArray[np.uint8]) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+def _by_rank(grey: Grey8) -> tuple[Float32s, Float32s]:
     """Return the normal value of every grey by its rank, and the table that leads back."""
     counts = np.bincount(grey.ravel(), minlength=256)
     ranks = (np.cumsum(counts) - counts / 2.0) / grey.size
@@ -122,12 +121,12 @@ def _by_rank(grey: npt.NDArray[np.uint8]) -> tuple[npt.NDArray[np.float32], npt.
 
 @kernel
 def _paint_pieces(
-    out: npt.NDArray[Any],
-    x: npt.NDArray[Any],
-    y: npt.NDArray[Any],
-    grey: npt.NDArray[Any],
-    normals: npt.NDArray[Any],
-    greys: npt.NDArray[Any],
+    out: AnyArray,
+    x: AnyArray,
+    y: AnyArray,
+    grey: AnyArray,
+    normals: AnyArray,
+    greys: AnyArray,
     side_m: float,
     pitch_m: float,
     seed: np.uint64,
@@ -175,7 +174,7 @@ def _piece_offset(size: int, reach: float, corner: float, h: np.uint64) -> float
 
 
 @kernel
-def _bilinear(grey: npt.NDArray[Any], normals: npt.NDArray[Any], u: float, v: float) -> float:
+def _bilinear(grey: AnyArray, normals: AnyArray, u: float, v: float) -> float:
     i, j = int(u), int(v)
     fu, fv = u - i, v - j
     a, b = normals[grey[j, i]], normals[grey[j, i + 1]]

@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 from trailmark.geometry import Pose2
 from trailmark_sim.ground.camera import GroundCameraSensor, GroundRig
-from trailmark_sim.ground.ground import Floor, Ground, Zone
+from trailmark_sim.ground.ground import Floor, GroundTexture, Zone
 from trailmark_sim.ground.optics import Optics
 from trailmark_sim.realism import PictureStatistics, photo_statistics, picture_statistics
 from trailmark_sim.vehicles import VehicleState
@@ -35,7 +35,7 @@ def floor_statistics(floor: Floor, seed: int = 1) -> PictureStatistics:
 
     With the noise of the default camera, but in even light: what the calibration leaves after the flat field.
     """
-    ground = Ground([Zone(floor)], seed)
+    ground = GroundTexture([Zone(floor)], seed)
     camera = GroundCameraSensor("floor", ground, GroundRig(), Optics(vignette=0.0), seed, cap_mb=32.0)
     poses = [Pose2(3.37 * k + 0.1, 1.7 * k, 0.6 * k) for k in range(_N_PLACES)]
     pictures = [camera.render(k, 0.0, VehicleState(pose)).pixels for k, pose in enumerate(poses)]

@@ -14,7 +14,7 @@ from numpy.lib.stride_tricks import as_strided
 from trailmark.arrays import AnyArray, Float32s
 from trailmark.errors import ConfigError
 from trailmark.kernels import kernel
-from trailmark_sim.ground.ground import Ground
+from trailmark_sim.ground.ground import GroundTexture
 from trailmark_sim.workers import run_all
 
 __all__ = ["GREY_STEPS", "TILE_TEXELS", "TileStore", "lend_tiles"]
@@ -36,7 +36,7 @@ class TileStore:
 
     Parameters
     ----------
-    ground : Ground
+    ground : GroundTexture
         What is on the tiles.
     psf_m : float
         Standard deviation of the lens' blur, on the ground [m].
@@ -46,7 +46,7 @@ class TileStore:
         Tiles painted at the same time.
     """
 
-    def __init__(self, ground: Ground, psf_m: float, cap_mb: float, threads: int) -> None:
+    def __init__(self, ground: GroundTexture, psf_m: float, cap_mb: float, threads: int) -> None:
         self.n_slots = int(cap_mb * 1e6 / _BYTES)
         if self.n_slots < _FEWEST:
             raise ConfigError(f"sim: tiles need at least {_FEWEST * _BYTES / 1e6:.0f} MB, not {cap_mb:g} MB")
@@ -102,7 +102,7 @@ class TileStore:
 _spare: dict[Hashable, TileStore] = {}
 
 
-def lend_tiles(borrower: object, ground: Ground, psf_m: float, cap_mb: float, threads: int) -> TileStore:
+def lend_tiles(borrower: object, ground: GroundTexture, psf_m: float, cap_mb: float, threads: int) -> TileStore:
     """Return tiles for a camera: those of the camera before it, if it saw the same ground and is gone, or new ones.
 
     A path is taught and then repeated in one process: its floor is painted once. Photographs may change between two

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import sys
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import AnyArray
 from trailmark.kernels import kernel
+from trailmark_sim.ground.regions import TileRegion
 from trailmark_sim.ground.tiles import GREY_STEPS, TILE_TEXELS
 from trailmark_sim.hashing import hash2
 from trailmark_sim.interpolation import between
 
-__all__ = ["expose_rows", "touched_tiles", "warp_rows"]
+__all__ = ["GreyResponse", "expose_rows", "warp_rows"]
 
 _SHIFT = TILE_TEXELS.bit_length() - 1
 _SIDE = TILE_TEXELS + 1
@@ -32,89 +33,26 @@ _MEAN, _PER_SIGMA = np.float32(510.0), np.float32(1.0 / (4.0 * 65535.0 / 12.0) *
 _kernel = kernel(error_model="numpy")
 
 
-@_kernel
-def touched_tiles(
-    pixel_texel: npt.NDArray[Any], region: tuple[int, int, int, int], size: tuple[int, int], margin_px: float
-) -> npt.NDArray[Any]:
-    """Return which tiles of a region a picture touches.
+class GreyResponse(NamedTuple):
+    """Of a ground camera: gain and offset; variance of the noise of black, and what every grey level adds to it."""
 
-    Parameters
-    ----------
-    pixel_texel : (3, 3) float64
-        Homography from texels of the map to pixels.
-    region : (int, int, int, int)
-        First column and row of tiles, and how many columns and rows.
-    size : (int, int)
-        Width and height of the picture [px].
-    margin_px : float
-        Tiles that come this close to the picture count as touched [px].
-
-    Returns
-    -------
-    (rows, cols) bool
-        False where all corners of the tile lie beyond the same side of the picture.
-    """
-    tile_x, tile_y, n_cols, n_rows = region
-    touched = np.empty((n_rows, n_cols), dtype=np.bool_)
-    m = pixel_texel
-    for row in range(n_rows):
-        for col in range(n_cols):
-            u_min = v_min = 1e18
-            u_max = v_max = -1e18
-            for n in range(4):
-                x, y = (tile_x + col + n % 2) * TILE_TEXELS, (tile_y + row + n // 2) * TILE_TEXELS
-                w = m[2, 0] * x + m[2, 1] * y + m[2, 2]
-                u, v = (m[0, 0] * x + m[0, 1] * y + m[0, 2]) / w, (m[1, 0] * x + m[1, 1] * y + m[1, 2]) / w
-                u_min, u_max, v_min, v_max = min(u_min, u), max(u_max, u), min(v_min, v), max(v_max, v)
-            across = u_max >= -margin_px and u_min <= size[0] - 1 + margin_px
-            touched[row, col] = across and v_max >= -margin_px and v_min <= size[1] - 1 + margin_px
-    return touched
+    gain: float
+    offset: float
+    dark_var: float
+    grey_var: float
 
 
 @_kernel
-def warp_rows(
-    out: npt.NDArray[Any],
-    first: int,
-    last: int,
-    texel_pixel: npt.NDArray[Any],
-    pairs: npt.NDArray[Any],
-    slots: npt.NDArray[Any],
-) -> None:
-    """Read rows of a picture off the tiles, bilinear; several homographies are averaged.
-
-    Parameters
-    ----------
-    out : (H, W) float32
-        Receives the greys of rows `first` to `last`.
-    texel_pixel : (R, S, 3, 3) float64
-        From pixels to texels of the region of tiles, one for each instant of the exposure; for every row (R = H), or
-        the same for all (R = 1).
-    pairs : (N,) uint32
-        All texels, each together with its right neighbour, in steps of 1/256 grey; see `TileStore.pairs`.
-    slots : (rows, cols) int32
-        Number of each tile of the region.
-    """
-    width = out.shape[1]
-    index, part, pair = (
-        np.empty((3, width), np.int32),
-        np.empty((2, width), np.float32),
-        np.empty((2, width), np.uint32),
-    )
+def warp_rows(out: AnyArray, first: int, last: int, region: TileRegion) -> None:
+    """Read rows `first` to `last` of a picture (H, W) float32 off the tiles, bilinear."""
+    scratch = _scratch(out.shape[1])
     for row in range(first, last):
-        _warp_row(out[row], row, texel_pixel[row % texel_pixel.shape[0]], pairs, slots, index, part, pair)
+        _warp_row(out[row], row, region, scratch)
 
 
 @_kernel
 def expose_rows(
-    out: npt.NDArray[Any],
-    first: int,
-    last: int,
-    texel_pixel: npt.NDArray[Any],
-    pairs: npt.NDArray[Any],
-    slots: npt.NDArray[Any],
-    light: npt.NDArray[Any],
-    camera: tuple[float, float, float, float],
-    seed: np.uint64,
+    out: AnyArray, first: int, last: int, region: TileRegion, light: AnyArray, response: GreyResponse, seed: np.uint64
 ) -> None:
     """Take rows of a picture: warp, then light, noise, grey steps and clipping.
 
@@ -122,54 +60,55 @@ def expose_rows(
     ----------
     out : (H, W) uint8
         Receives rows `first` to `last`.
-    texel_pixel, pairs, slots
-        As in `warp_rows`.
+    region : TileRegion
+        What the picture shows.
     light : (H, W) float32
         Brightness of the light and the lens, 1 on average.
-    camera : (gain, offset, dark_var, grey_var)
-        Gain and offset; variance of the noise of a black pixel, and what every grey level adds to it.
+    response : GreyResponse
+        Of the camera.
     seed : uint64
         Of this picture's noise.
     """
-    width = out.shape[1]
-    index, part, pair = (
-        np.empty((3, width), np.int32),
-        np.empty((2, width), np.float32),
-        np.empty((2, width), np.uint32),
-    )
-    line = np.empty(width, np.float32)
+    scratch = _scratch(out.shape[1])
+    line = np.empty(out.shape[1], np.float32)
     for row in range(first, last):
-        _warp_row(line, row, texel_pixel[row % texel_pixel.shape[0]], pairs, slots, index, part, pair)
-        _develop_row(out[row], line, light[row], camera, np.uint32(hash2(row, 0, seed)))
+        _warp_row(line, row, region, scratch)
+        _develop_row(out[row], line, light[row], response, np.uint32(hash2(row, 0, seed)))
 
 
 # The loops of a row are kept apart and simple, so that each does eight or sixteen pixels at once: 0.6 ms a
 # picture of 512 x 480 in place of 1.8 ms in one loop.
 
 
+class _RowScratch(NamedTuple):
+    """Of each pixel of a row: column and row of its texel and its place in memory, fractions, pairs of texels."""
+
+    texels: AnyArray
+    parts: AnyArray
+    pairs: AnyArray
+
+
 @_kernel
-def _warp_row(
-    line: npt.NDArray[Any],
-    row: int,
-    texel_pixel: npt.NDArray[Any],
-    pairs: npt.NDArray[Any],
-    slots: npt.NDArray[Any],
-    index: npt.NDArray[Any],
-    part: npt.NDArray[Any],
-    pair: npt.NDArray[Any],
-) -> None:
+def _scratch(width: int) -> _RowScratch:
+    return _RowScratch(
+        np.empty((3, width), np.int32), np.empty((2, width), np.float32), np.empty((2, width), np.uint32)
+    )
+
+
+@_kernel
+def _warp_row(line: AnyArray, row: int, region: TileRegion, scratch: _RowScratch) -> None:
+    index, part, pair = scratch
+    texel_pixel = region.texel_pixel[row % region.texel_pixel.shape[0]]
     line[:] = _ZERO
     for s in range(texel_pixel.shape[0]):
         _locate(index[0], index[1], part[0], part[1], texel_pixel[s], row)
-        _address(index[2], index[0], index[1], slots)
-        _fetch(pair[0], pair[1], index[2], pairs)
+        _address(index[2], index[0], index[1], region.slots)
+        _fetch(pair[0], pair[1], index[2], region.pairs)
         _blend(line, pair[0], pair[1], part[0], part[1], np.float32(1.0 / (GREY_STEPS * texel_pixel.shape[0])))
 
 
 @_kernel
-def _locate(
-    i: npt.NDArray[Any], j: npt.NDArray[Any], fx: npt.NDArray[Any], fy: npt.NDArray[Any], m: npt.NDArray[Any], row: int
-) -> None:
+def _locate(i: AnyArray, j: AnyArray, fx: AnyArray, fy: AnyArray, m: AnyArray, row: int) -> None:
     """Find the texel and the fractions for every pixel of a row."""
     a, b, c = np.float32(m[0, 0]), np.float32(m[1, 0]), np.float32(m[2, 0])
     x0, y0 = np.float32(m[0, 1] * row + m[0, 2]), np.float32(m[1, 1] * row + m[1, 2])
@@ -182,7 +121,7 @@ def _locate(
 
 
 @_kernel
-def _address(at: npt.NDArray[Any], i: npt.NDArray[Any], j: npt.NDArray[Any], slots: npt.NDArray[Any]) -> None:
+def _address(at: AnyArray, i: AnyArray, j: AnyArray, slots: AnyArray) -> None:
     """Turn texels of the region into places in memory, one run of pixels on the same tile after the other."""
     first = 0
     while first < i.shape[0]:
@@ -194,7 +133,7 @@ def _address(at: npt.NDArray[Any], i: npt.NDArray[Any], j: npt.NDArray[Any], slo
 
 
 @_kernel
-def _end_of_tile(i: npt.NDArray[Any], j: npt.NDArray[Any], first: int) -> int:
+def _end_of_tile(i: AnyArray, j: AnyArray, first: int) -> int:
     """Return the first pixel beyond the tile that `first` lies on; along a row a tile is left only once."""
     low, high = first, i.shape[0]
     while low + 1 < high:
@@ -207,13 +146,13 @@ def _end_of_tile(i: npt.NDArray[Any], j: npt.NDArray[Any], first: int) -> int:
 
 
 @_kernel
-def _add_base(at: npt.NDArray[Any], i: npt.NDArray[Any], j: npt.NDArray[Any], base: np.int32) -> None:
+def _add_base(at: AnyArray, i: AnyArray, j: AnyArray, base: np.int32) -> None:
     for col in range(at.shape[0]):
         at[col] = base + j[col] * np.int32(_SIDE) + i[col]
 
 
 @_kernel
-def _fetch(above: npt.NDArray[Any], below: npt.NDArray[Any], at: npt.NDArray[Any], pairs: npt.NDArray[Any]) -> None:
+def _fetch(above: AnyArray, below: AnyArray, at: AnyArray, pairs: AnyArray) -> None:
     for col in range(at.shape[0]):
         k = np.uint64(at[col])  # unsigned: no test for indices from the end
         above[col] = pairs[k]
@@ -222,11 +161,11 @@ def _fetch(above: npt.NDArray[Any], below: npt.NDArray[Any], at: npt.NDArray[Any
 
 @_kernel
 def _blend(
-    line: npt.NDArray[Any],
-    above: npt.NDArray[Any],
-    below: npt.NDArray[Any],
-    fx: npt.NDArray[Any],
-    fy: npt.NDArray[Any],
+    line: AnyArray,
+    above: AnyArray,
+    below: AnyArray,
+    fx: AnyArray,
+    fy: AnyArray,
     scale: np.float32,
 ) -> None:
     for col in range(line.shape[0]):
@@ -241,15 +180,9 @@ def _texel(bits: np.uint32) -> np.float32:
 
 
 @_kernel
-def _develop_row(
-    out: npt.NDArray[Any],
-    line: npt.NDArray[Any],
-    light: npt.NDArray[Any],
-    camera: tuple[float, float, float, float],
-    start: np.uint32,
-) -> None:
-    gain, offset = np.float32(camera[0]), np.float32(camera[1])
-    dark_var, grey_var = np.float32(camera[2]), np.float32(camera[3])
+def _develop_row(out: AnyArray, line: AnyArray, light: AnyArray, response: GreyResponse, start: np.uint32) -> None:
+    gain, offset = np.float32(response.gain), np.float32(response.offset)
+    dark_var, grey_var = np.float32(response.dark_var), np.float32(response.grey_var)
     for col in range(out.shape[0]):
         value = line[col] * light[col] * gain + offset
         sigma = np.sqrt(max(dark_var + grey_var * value, _ZERO))

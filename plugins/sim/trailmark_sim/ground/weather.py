@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import AnyArray, Float32s, Floats
 from trailmark.kernels import kernel
 from trailmark_sim.ground import layers
 from trailmark_sim.hashing import hash2, mixed, normal_of, unit_of
@@ -41,7 +40,7 @@ class Weather:
     leaves_per_m2: float = 0.0
     wet: float = 0.0
 
-    def change(self, grey: npt.NDArray[np.float32], x: npt.NDArray[np.float64], y: npt.NDArray[np.float64]) -> None:
+    def change(self, grey: Float32s, x: Floats, y: Floats) -> None:
         """Change the greys at places (N, N) in the map [m], in place."""
         if self.dirt > 0.0:
             for cell_m, gain in ((0.06, 6.0), (0.012, 6.0), (0.003, 8.0)):
@@ -53,7 +52,7 @@ class Weather:
             share = min(1.0, self.leaves_per_m2 * _LEAF_CELL_M**2)
             _lay_leaves(grey, x, y, share, self._key("leaves"))
 
-    def _wet(self, grey: npt.NDArray[np.float32], x: npt.NDArray[np.float64], y: npt.NDArray[np.float64]) -> None:
+    def _wet(self, grey: Float32s, x: Floats, y: Floats) -> None:
         level = np.zeros_like(grey)
         layers.add_clouds(level, x, y, 0.5, 0.5, 1.0, self._key("puddles"))
         layers.add_clouds(level, x, y, 0.06, 0.06, 0.25, self._key("rims"))
@@ -72,7 +71,7 @@ def _normal_quantile(share: float) -> float:
 
 
 @kernel
-def _lay_leaves(out: npt.NDArray[Any], x: npt.NDArray[Any], y: npt.NDArray[Any], share: float, seed: np.uint64) -> None:
+def _lay_leaves(out: AnyArray, x: AnyArray, y: AnyArray, share: float, seed: np.uint64) -> None:
     """Cover the floor with leaves: 30 to 70 mm long, pointed, with a rib and veins; they hide what is below."""
     leaf = np.zeros((9, 6))  # centre x, y [m], cos, sin of its direction, half length [m], grey; length 0: none
     last_i, last_j = -(1 << 62), 0
@@ -97,7 +96,7 @@ def _lay_leaves(out: npt.NDArray[Any], x: npt.NDArray[Any], y: npt.NDArray[Any],
 
 
 @kernel
-def _fill_leaf(leaf: npt.NDArray[Any], i: int, j: int, share: float, seed: np.uint64) -> None:
+def _fill_leaf(leaf: AnyArray, i: int, j: int, share: float, seed: np.uint64) -> None:
     h = hash2(i, j, seed)
     leaf[4] = 0.0
     if unit_of(h) >= share:

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Float32s, Floats, Int32s
 from trailmark_sim.render.light_kernels import Blockers, LightPlaces, LightSources, light_places
 from trailmark_sim.render.shapes import CYLINDER, RECTANGLE, Shape
 from trailmark_sim.workers import in_bands
@@ -44,7 +44,7 @@ class Lamp:
     facing: tuple[float, float, float] = (0.0, 0.0, -1.0)
     power: Colour = (1.0, 1.0, 1.0)
 
-    def samples(self) -> list[npt.NDArray[np.float64]]:
+    def samples(self) -> list[Floats]:
         """Return the places of 2 x 2 points that stand for it [m]."""
         middle, a, b = (np.asarray(v) for v in (self.centre, self.along, self.across))
         return [middle + i * a + j * b for i in (-0.25, 0.25) for j in (-0.25, 0.25)]
@@ -88,7 +88,7 @@ class Lighting:
         sky = (np.array(self.sunlight, np.float64), np.array(self.ambient, np.float64), float(self.reach_m))
         return LightSources(lamps, facings, powers, sun, *sky, _OPEN)
 
-    def key(self) -> npt.NDArray[np.float64]:
+    def key(self) -> Floats:
         """Return the direction to the brightest light."""
         direction = np.array(self.sun or (0.2, 0.1, 1.0))
         return np.asarray(direction / np.linalg.norm(direction))
@@ -96,7 +96,7 @@ class Lighting:
 
 def bake_light(
     shapes: Sequence[Shape], blocks: Sequence[bool], lighting: Lighting, threads: int = 1
-) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int32]]:
+) -> tuple[Float32s, Int32s]:
     """Return the light on all shapes; those beyond `blocks` move, and are lit as if they stood in the open.
 
     Returns
@@ -128,7 +128,7 @@ def _grid(shape: Shape, texel_m: float) -> tuple[int, int]:
     return columns, rows
 
 
-def _places(shape: Shape, columns: int, rows: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+def _places(shape: Shape, columns: int, rows: int) -> tuple[Floats, Floats]:
     """Return the places of a shape and the normals there, (rows * columns, 3) each."""
     v, u = np.meshgrid((np.arange(rows) + 0.5) / rows, (np.arange(columns) + 0.5) / columns, indexing="ij")
     inverse = np.linalg.inv(shape.frame)
@@ -154,7 +154,7 @@ def _blockers(shapes: Sequence[Shape], blocks: Sequence[bool]) -> Blockers:
     return Blockers(kinds, frames, origins, spheres, solid, len(blocks))
 
 
-def _open_directions() -> npt.NDArray[np.float64]:
+def _open_directions() -> Floats:
     """Return directions about +z, spread like the light that a matt surface takes. The same everywhere: no blotches."""
     n = np.arange(_N_OPEN) + 0.5
     sine, turn = np.sqrt(n / _N_OPEN), n * math.pi * (3.0 - math.sqrt(5.0))

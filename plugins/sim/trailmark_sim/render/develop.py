@@ -7,9 +7,8 @@ from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from trailmark.arrays import Float32s
+from trailmark.arrays import AnyArray, Bgr8, Bools, Float32s
 from trailmark.kernels import kernel
 from trailmark_sim.hashing import hash2
 from trailmark_sim.rng import frame_rng, stream_key
@@ -81,7 +80,7 @@ class Film:
         shape: tuple[int, int],
         seed: int,
         stream: str,
-        mask: npt.NDArray[np.bool_] | None = None,
+        mask: Bools | None = None,
     ) -> None:
         self._response, self._mask = response, mask
         self._seed, self._stream = seed, stream
@@ -92,7 +91,7 @@ class Film:
         self._noise = frame_rng(seed, f"{stream}/grain").standard_normal(_N_NOISE).astype(np.float32)
         self._tone = _tone_curve(response.shoulder)
 
-    def develop(self, radiance: npt.NDArray[np.float32], k: int, gain: float, threads: int) -> npt.NDArray[np.uint8]:
+    def develop(self, radiance: Float32s, k: int, gain: float, threads: int) -> Bgr8:
         """Return picture number `k`, (H, W, 3) uint8 BGR, of light (H, W, 3) red, green, blue."""
         sigma = self._response.blur_px
         if sigma > 0.0:
@@ -111,7 +110,7 @@ class Film:
         return out
 
 
-def auto_exposure(radiance: npt.NDArray[np.float32], target: float, mask: npt.NDArray[np.bool_] | None = None) -> float:
+def auto_exposure(radiance: Float32s, target: float, mask: Bools | None = None) -> float:
     """Return the gain that brings the mean light, with bright places cut off, to the target."""
     seen = radiance[::4, ::4] if mask is None else radiance[::4, ::4][mask[::4, ::4]]
     grey = np.sort(seen.reshape(-1, 3)[:, 1].astype(np.float64))
@@ -122,7 +121,7 @@ def auto_exposure(radiance: npt.NDArray[np.float32], target: float, mask: npt.ND
     return target / max(1e-6, float(np.minimum(grey, ceiling).mean()))
 
 
-def _tone_curve(shoulder: float) -> npt.NDArray[np.uint8]:
+def _tone_curve(shoulder: float) -> Bgr8:
     """Return grey levels for light from 0 to 2 in equal steps: a square root with a soft shoulder."""
     light = np.linspace(0.0, 2.0, _STEPS)
     if shoulder < 1.0:
@@ -136,12 +135,12 @@ def _tone_curve(shoulder: float) -> npt.NDArray[np.uint8]:
 def _develop_rows(
     first: int,
     last: int,
-    radiance: npt.NDArray[Any],
-    falling: npt.NDArray[Any],
+    radiance: AnyArray,
+    falling: AnyArray,
     gain: float,
     noise: _Noise,
-    tone: npt.NDArray[Any],
-    out: npt.NDArray[Any],
+    tone: AnyArray,
+    out: AnyArray,
 ) -> None:
     width = radiance.shape[1]
     scale, top = _F((_STEPS - 1) / 2.0), np.int32(_STEPS - 1)

@@ -12,13 +12,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Bools, Floats
 from trailmark.frames import Pinhole
 
 __all__ = ["Catadioptric", "Fisheye", "Lens", "PinholeLens"]
 
-Points = npt.NDArray[np.float64]
 #: Optical axes in sensor axes: right is -y, down is -z, forward is x.
 _SENSOR_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 #: Optical axes of a camera that looks up: with its top forward, right in the picture is left of the robot.
@@ -39,14 +38,14 @@ class Lens(ABC):
     height: int
 
     @abstractmethod
-    def directions(self) -> tuple[Points, npt.NDArray[np.bool_]]:
+    def directions(self) -> tuple[Floats, Bools]:
         """Return unit vectors (H, W, 3) in sensor axes, and which pixels show anything (H, W)."""
 
     @abstractmethod
-    def project(self, points_sensor: Points) -> Points:
+    def project(self, points_sensor: Floats) -> Floats:
         """Return the pixels (N, 2) of points (N, 3) in sensor axes; NaN where they cannot be seen [px]."""
 
-    def _grid(self) -> tuple[Points, Points]:
+    def _grid(self) -> tuple[Floats, Floats]:
         v, u = np.mgrid[0.0 : self.height, 0.0 : self.width]
         return u, v
 
@@ -59,7 +58,7 @@ class PinholeLens(Lens):
     height: int
     calibration: Pinhole
 
-    def directions(self) -> tuple[Points, npt.NDArray[np.bool_]]:
+    def directions(self) -> tuple[Floats, Bools]:
         c = self.calibration
         u, v = self._grid()
         distorted = np.stack([(u - c.cx) / c.fx, (v - c.cy) / c.fy], axis=-1)
@@ -70,14 +69,14 @@ class PinholeLens(Lens):
         rays = np.concatenate([ideal, np.ones_like(u)[..., None]], axis=-1) @ _SENSOR_OPTICAL.T
         return rays / np.linalg.norm(rays, axis=-1, keepdims=True), np.ones(u.shape, np.bool_)
 
-    def project(self, points_sensor: Points) -> Points:
+    def project(self, points_sensor: Floats) -> Floats:
         c = self.calibration
         optical = points_sensor @ _SENSOR_OPTICAL
         depth = np.where(optical[:, 2:] > 0.0, optical[:, 2:], np.nan)
         plane = self._distorted(optical[:, :2] / depth)
         return np.asarray(plane * (c.fx, c.fy) + (c.cx, c.cy))
 
-    def _distorted(self, ideal: Points) -> Points:
+    def _distorted(self, ideal: Floats) -> Floats:
         k1, k2, p1, p2, k3, k4, k5, k6 = (*self.calibration.distortion, *[0.0] * 8)[:8]
         x, y = ideal[..., 0], ideal[..., 1]
         r2 = x * x + y * y
@@ -109,7 +108,7 @@ class Fisheye(Lens):
     k: tuple[float, float] = (0.0, 0.0)
     half_angle_rad: float = math.radians(90.0)
 
-    def directions(self) -> tuple[Points, npt.NDArray[np.bool_]]:
+    def directions(self) -> tuple[Floats, Bools]:
         u, v = self._grid()
         x, y = u - self.cx, v - self.cy
         radius = np.hypot(x, y)
@@ -117,7 +116,7 @@ class Fisheye(Lens):
         shows = radius <= float(self._radius(np.array(self.half_angle_rad)))
         return _around_axis(x, y, radius, angle) @ _SENSOR_OPTICAL.T, shows
 
-    def project(self, points_sensor: Points) -> Points:
+    def project(self, points_sensor: Floats) -> Floats:
         x, y, z = (points_sensor @ _SENSOR_OPTICAL).T
         across = np.hypot(x, y)
         angle = np.arctan2(across, z)
@@ -125,7 +124,7 @@ class Fisheye(Lens):
         share = radius / np.maximum(across, 1e-12)
         return np.stack([self.cx + share * x, self.cy + share * y], axis=1)
 
-    def _radius(self, angle: Points) -> Points:
+    def _radius(self, angle: Floats) -> Floats:
         square = angle * angle
         return np.asarray(self.focal_px * angle * (1.0 + square * (self.k[0] + square * self.k[1])))
 
@@ -156,7 +155,7 @@ class Catadioptric(Lens):
     inner_px: float = 22.0
     outer_px: float = 114.0
 
-    def directions(self) -> tuple[Points, npt.NDArray[np.bool_]]:
+    def directions(self) -> tuple[Floats, Bools]:
         u, v = self._grid()
         x, y = u - self.cx, v - self.cy
         radius = np.hypot(x, y)
@@ -164,7 +163,7 @@ class Catadioptric(Lens):
         rays = _around_axis(x, y, radius, angle) * (1.0, 1.0, -1.0)  # angles count from straight down
         return rays @ _SENSOR_UP.T, (radius >= self.inner_px) & (radius <= self.outer_px)
 
-    def project(self, points_sensor: Points) -> Points:
+    def project(self, points_sensor: Floats) -> Floats:
         x, y, z = (points_sensor @ _SENSOR_UP).T
         across = np.hypot(x, y)
         angle = np.arctan2(across, -z)
@@ -177,16 +176,16 @@ class Catadioptric(Lens):
     def _most(self) -> float:
         return math.acos(max(-1.0, -self.xi)) - 0.15
 
-    def _radius(self, angle: Points) -> Points:
+    def _radius(self, angle: Floats) -> Floats:
         return np.asarray(self.focal_px * np.sin(angle) / (np.cos(angle) + self.xi))
 
 
-def _around_axis(x: Points, y: Points, radius: Points, angle: Points) -> Points:
+def _around_axis(x: Floats, y: Floats, radius: Floats, angle: Floats) -> Floats:
     share = np.sin(angle) / np.maximum(radius, 1e-12)
     return np.stack([x * share, y * share, np.cos(angle)], axis=-1)
 
 
-def _inverse(radius_of: Callable[[Points], Points], radius: Points, most_rad: float) -> Points:
+def _inverse(radius_of: Callable[[Floats], Floats], radius: Floats, most_rad: float) -> Floats:
     """Return the angle at which a growing function of the angle has a value, by halving."""
     low, high = np.zeros_like(radius), np.full_like(radius, most_rad)
     for _ in range(_ENOUGH):

@@ -6,13 +6,12 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Bgr8, Floats
 from trailmark_sim.render.textures import clouds
 
 __all__ = ["notice", "poster", "sign", "write"]
 
-Picture = npt.NDArray[np.uint8]
 Rgb = Sequence[float]
 _WORDS = (
     *("open", "exit", "storage", "notice", "seminar", "robotics", "spring", "please", "keep", "clear", "meeting"),
@@ -20,7 +19,7 @@ _WORDS = (
 )
 
 
-def write(picture: Picture, text: str, left: int, base: int, height_px: int, colour: Rgb) -> None:
+def write(picture: Bgr8, text: str, left: int, base: int, height_px: int, colour: Rgb) -> None:
     """Write a line of text into a picture; `base` is the row of the base line [px]."""
     if hasattr(cv2, "FontFace"):
         face = cv2.FontFace("sans")
@@ -32,7 +31,7 @@ def write(picture: Picture, text: str, left: int, base: int, height_px: int, col
     cv2.putText(picture, text, (left, base), cv2.FONT_HERSHEY_DUPLEX, scale, tuple(colour), weight, cv2.LINE_AA)
 
 
-def sign(text: str, background: Rgb, ink: Rgb, width: int = 256, height: int = 128) -> Picture:
+def sign(text: str, background: Rgb, ink: Rgb, width: int = 256, height: int = 128) -> Bgr8:
     """Return a sign with one word as large as fits, and a border."""
     picture = np.full((height, width, 3), background, np.uint8)
     letter_px = int(min(height * 0.5, 0.84 * width / max(1, len(text))))
@@ -41,7 +40,7 @@ def sign(text: str, background: Rgb, ink: Rgb, width: int = 256, height: int = 1
     return picture
 
 
-def poster(rng: np.random.Generator, size: int = 256) -> Picture:
+def poster(rng: np.random.Generator, size: int = 256) -> Bgr8:
     """Return a poster: a coloured ground, a headline, shapes, a block of small print."""
     first, second = _colour(rng), _colour(rng)
     picture = clouds(rng, first.tolist(), second.tolist(), size, 1.6)
@@ -58,7 +57,7 @@ def poster(rng: np.random.Generator, size: int = 256) -> Picture:
     return picture
 
 
-def notice(rng: np.random.Generator, size: int = 256) -> Picture:
+def notice(rng: np.random.Generator, size: int = 256) -> Bgr8:
     """Return a sheet of paper with a headline, lines and sometimes a figure."""
     picture = np.full((size, size, 3), float(rng.uniform(215, 250)), np.uint8)
     write(picture, str(rng.choice(_WORDS)).capitalize(), size // 12, size // 6, size // 10, (25, 25, 30))
@@ -70,13 +69,13 @@ def notice(rng: np.random.Generator, size: int = 256) -> Picture:
     return picture
 
 
-def _colour(rng: np.random.Generator) -> npt.NDArray[np.float64]:
+def _colour(rng: np.random.Generator) -> Floats:
     """Return a colour as printed: seldom a pure one."""
     grey, hue = rng.uniform(20, 235), rng.uniform(0, 255, 3)
     return np.asarray(0.45 * grey + 0.55 * hue)
 
 
-def _small_print(rng: np.random.Generator, picture: Picture, top: int, ink: Rgb) -> None:
+def _small_print(rng: np.random.Generator, picture: Bgr8, top: int, ink: Rgb) -> None:
     size = picture.shape[0]
     step = size // 18
     for base in range(top + step, size - size // 16, step):

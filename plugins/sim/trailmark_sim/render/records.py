@@ -8,7 +8,7 @@ import numpy as np
 
 from trailmark.arrays import AnyArray, Float32s, Int32s
 
-__all__ = ["SURFACE_ROW", "RayHits", "SeenShape", "SeenShapes", "Surroundings", "TileRays"]
+__all__ = ["SURFACE_ROW", "RayHits", "SeenShape", "SeenShapes", "SensorSurroundings", "TileRays"]
 
 #: A row of `Scene.surfaces`: how a shape looks, and where its baked light stands in `Scene.light`.
 SURFACE_ROW = np.dtype(
@@ -64,7 +64,7 @@ class RayHits(NamedTuple):
     shapes: Int32s
 
 
-class Surroundings(NamedTuple):
+class SensorSurroundings(NamedTuple):
     """What lies around the shapes of a scene, and where a sensor stands in it at each of G instants.
 
     Attributes

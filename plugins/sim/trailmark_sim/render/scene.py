@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -11,49 +10,18 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from trailmark.arrays import AnyArray, Int32s
+from trailmark.arrays import AnyArray, Bgr8, Float32s, Floats, Int32s
 from trailmark.geometry import Pose2
 from trailmark_sim.render.atlas import Atlas, build_atlas, join_atlases
 from trailmark_sim.render.bake import Lighting, bake_light
 from trailmark_sim.render.records import SURFACE_ROW
-from trailmark_sim.render.shapes import RECTANGLE, Shape, cylinder, ellipsoid, moved, rectangle
+from trailmark_sim.render.shapes import Shape, box_sides, cylinder, ellipsoid, moved, rectangle
+from trailmark_sim.render.surfaces import Colour, Surface, surface_row
 
-__all__ = ["Scene", "SceneBuilder", "Surface"]
+__all__ = ["Colour", "Scene", "SceneBuilder", "Surface"]
 
-Colour = tuple[float, float, float]
-Triple = Sequence[float] | npt.NDArray[np.float64]
+Triple = Sequence[float] | Floats
 _WHITE = np.full((1, 1, 3), 255, np.uint8)
-
-
-@dataclass(frozen=True, slots=True)
-class Surface:
-    """What a shape looks like.
-
-    Attributes
-    ----------
-    texture : int
-        Number of the texture, from `SceneBuilder.texture`; 0 is plain white.
-    repeat : (float, float)
-        How often the texture fits along u and v.
-    tint : (float, float, float)
-        Multiplies the texture's reflectance: red, green, blue.
-    emission : float
-        Light that it sends out by itself: a lamp, a window, a screen.
-    shine : float
-        Share of the light that is mirrored; from 0.2 on a depth sensor sees holes.
-    is_floor : bool
-        People cast their shadows on it.
-    blocks_light : bool
-        False for lamps and window panes.
-    """
-
-    texture: int = 0
-    repeat: tuple[float, float] = (1.0, 1.0)
-    tint: Colour = (1.0, 1.0, 1.0)
-    emission: float = 0.0
-    shine: float = 0.0
-    is_floor: bool = False
-    blocks_light: bool = True
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,15 +54,15 @@ class Scene:
     """
 
     kinds: npt.NDArray[np.int8]
-    frames: npt.NDArray[np.float64]
-    origins: npt.NDArray[np.float64]
-    centres: npt.NDArray[np.float64]
-    radii: npt.NDArray[np.float64]
+    frames: Floats
+    origins: Floats
+    centres: Floats
+    radii: Floats
     surfaces: AnyArray
-    light: npt.NDArray[np.float32]
+    light: Float32s
     atlas: Atlas
-    sky: npt.NDArray[np.float32]
-    key: npt.NDArray[np.float64]
+    sky: Float32s
+    key: Floats
     n_fixed: int
     lighting: Lighting
     prints: Mapping[bytes, int]
@@ -134,7 +102,7 @@ class _Parts:
 
     shapes: list[Shape]
     surfaces: list[Surface]
-    images: list[npt.NDArray[np.uint8]]
+    images: list[Bgr8]
 
 
 @dataclass
@@ -150,11 +118,11 @@ class SceneBuilder:
     """
 
     lighting: Lighting
-    sky: npt.NDArray[np.float32] | None = None
+    sky: Float32s | None = None
     _shapes: list[Shape] = field(default_factory=list)
     _surfaces: list[Surface] = field(default_factory=list)
     _movers: list[tuple[Shape, Surface]] = field(default_factory=list)
-    _images: list[npt.NDArray[np.uint8]] = field(default_factory=lambda: [_WHITE])
+    _images: list[Bgr8] = field(default_factory=lambda: [_WHITE])
     _prints: dict[bytes, int] = field(default_factory=lambda: {_print_of(_WHITE): 0})
     _pose: Pose2 = Pose2()
 
@@ -162,7 +130,7 @@ class SceneBuilder:
         """Return a builder of the same scene that takes the coordinates of a part: a wing, a street around a corner."""
         return replace(self, _pose=self._pose @ pose_map_part)
 
-    def texture(self, image: npt.NDArray[np.uint8]) -> int:
+    def texture(self, image: Bgr8) -> int:
         """Add a texture (H, W, 3) RGB uint8 and return its number; what is there already is not added again."""
         digest = _print_of(image)
         if digest not in self._prints:
@@ -203,21 +171,9 @@ class SceneBuilder:
         top: Surface | None = None,
     ) -> None:
         """Add a box that stands at height ``middle[2]``; its front looks along the yaw."""
-        length, width, height = size
-        x, y, z = middle
-        forward = np.array([math.cos(yaw_rad), math.sin(yaw_rad), 0.0])
-        left = np.array([-forward[1], forward[0], 0.0])
-        base, up = np.array([x, y, z]), np.array([0.0, 0.0, height])
-        sides = ((forward, length, left, width), (left, width, -forward, length))
-        faces = [
-            side for out, deep, along, wide in sides for side in ((out, deep, along, wide), (-out, deep, -along, wide))
-        ]
-        for number, (out, deep, along, wide) in enumerate(faces):
-            corner = base + out * deep / 2.0 - along * wide / 2.0
-            look = front if number == 0 and front is not None else surface
-            self.rectangle(corner, along * wide, up, look)
-        corner = base + up - forward * length / 2.0 + left * width / 2.0
-        self.rectangle(corner, -left * width, forward * length, top or surface)
+        for number, side in enumerate(box_sides(middle, size, yaw_rad)):
+            look = front if number == 0 else top if number == 4 else None
+            self.add(side, look or surface)
 
     def build(self, threads: int = 1) -> Scene:
         """Bake the light and return the scene."""
@@ -251,20 +207,9 @@ def _columns(parts: _Parts, atlas: Atlas, patches: Int32s) -> dict[str, AnyArray
         "origins": np.stack([shape.origin for shape in shapes]),
         "centres": np.stack([shape.centre for shape in shapes]),
         "radii": np.array([shape.radius_m for shape in shapes]),
-        "surfaces": np.array([_row(*row, atlas) for row in zip(shapes, surfaces, patches)], SURFACE_ROW),
+        "surfaces": np.array([surface_row(*row, atlas) for row in zip(shapes, surfaces, patches)], SURFACE_ROW),
     }
 
 
-def _print_of(image: npt.NDArray[np.uint8]) -> bytes:
+def _print_of(image: Bgr8) -> bytes:
     return hashlib.blake2b(f"{image.shape}".encode() + image.tobytes(), digest_size=16).digest()
-
-
-def _row(shape: Shape, surface: Surface, patch: Int32s, atlas: Atlas) -> tuple[Any, ...]:
-    """Return a `SURFACE_ROW`; the patch says where the light begins, and how many columns and rows it has."""
-    size = atlas.sizes[surface.texture]
-    along = surface.repeat[0] * size["width"] / shape.size_m[0]
-    up = surface.repeat[1] * size["height"] / shape.size_m[1]
-    # The geometric mean of both directions: neither is blurred nor aliased much.
-    density = math.sqrt(along * up) if shape.kind == RECTANGLE else max(along, up)
-    look = (*surface.repeat, *surface.tint, surface.emission, surface.shine, density)
-    return (*look, surface.texture, *patch, surface.is_floor)

@@ -18,7 +18,7 @@ from trailmark_sim.render.footprints import place_flat, place_round
 from trailmark_sim.render.illumination import baked, darken, mirrored, show_sky
 from trailmark_sim.render.lanes import Colours, Footprints, Taps, floats, ints
 from trailmark_sim.render.rays import LANES, RayTable
-from trailmark_sim.render.records import RayHits, SeenShape, SeenShapes, Surroundings, TileRays
+from trailmark_sim.render.records import RayHits, SeenShape, SeenShapes, SensorSurroundings, TileRays
 from trailmark_sim.render.reflectance import plain, textured
 from trailmark_sim.render.shapes import RECTANGLE
 
@@ -39,7 +39,7 @@ def shade_tiles(
     surfaces: AnyArray,
     light: AnyArray,
     atlas: Atlas,
-    around: Surroundings,
+    around: SensorSurroundings,
     out: AnyArray,
 ) -> None:
     """Give the rays of some tiles their light.
@@ -52,7 +52,7 @@ def shade_tiles(
         Rays, and what `cast_tiles` found along them.
     surfaces, light, atlas
         Of the `Scene`.
-    around : Surroundings
+    around : SensorSurroundings
         Of the scene and the sensor.
     out : (H * W, 3) float32
         Receives red, green and blue: 1 is a white wall in unit light.

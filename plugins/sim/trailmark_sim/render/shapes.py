@@ -14,15 +14,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.geometry import Pose2
 
-__all__ = ["CYLINDER", "ELLIPSOID", "RECTANGLE", "Shape", "cylinder", "ellipsoid", "moved", "rectangle"]
+__all__ = ["CYLINDER", "ELLIPSOID", "RECTANGLE", "Shape", "box_sides", "cylinder", "ellipsoid", "moved", "rectangle"]
 
 RECTANGLE, CYLINDER, ELLIPSOID = 0, 1, 2
-Vector = npt.NDArray[np.float64]
-Triple = Sequence[float] | Vector
+Triple = Sequence[float] | Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,9 +45,9 @@ class Shape:
     """
 
     kind: int
-    frame: Vector
-    origin: Vector
-    centre: Vector
+    frame: Floats
+    origin: Floats
+    centre: Floats
     radius_m: float
     size_m: tuple[float, float]
 
@@ -68,6 +67,21 @@ def rectangle(corner: Triple, along: Triple, up: Triple) -> Shape:
     normal = np.cross(a, b) / (width * height)
     frame = np.stack([normal, a / width**2, b / height**2])
     return Shape(RECTANGLE, frame, origin, origin + (a + b) / 2.0, math.hypot(width, height) / 2.0, (width, height))
+
+
+def box_sides(middle: tuple[float, float, float], size: tuple[float, float, float], yaw_rad: float) -> list[Shape]:
+    """Return the sides of a box that stands at height ``middle[2]``: front (along the yaw), back, left, right, top."""
+    length, width, height = size
+    forward = np.array([math.cos(yaw_rad), math.sin(yaw_rad), 0.0])
+    left = np.array([-forward[1], forward[0], 0.0])
+    base, up = np.array(middle), np.array([0.0, 0.0, height])
+    sides = []
+    for out, deep, along, wide in ((forward, length, left, width), (left, width, -forward, length)):
+        for sign in (1.0, -1.0):
+            corner = base + sign * out * deep / 2.0 - sign * along * wide / 2.0
+            sides.append(rectangle(corner, sign * along * wide, up))
+    corner = base + up - forward * length / 2.0 + left * width / 2.0
+    return [*sides, rectangle(corner, -left * width, forward * length)]
 
 
 def cylinder(x: float, y: float, z: float, radius_m: float, height_m: float, yaw_rad: float = 0.0) -> Shape:

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-import numpy.typing as npt
+
+from trailmark.arrays import Bgr8, Float32s
 
 __all__ = [
     "boards",
@@ -26,12 +27,10 @@ __all__ = [
     "window",
 ]
 
-Picture = npt.NDArray[np.uint8]
-Grey = npt.NDArray[np.float32]
 Rgb = Sequence[float]
 
 
-def noise(rng: np.random.Generator, size: int, slope: float = 1.0, finest_px: float = 2.0) -> Grey:
+def noise(rng: np.random.Generator, size: int, slope: float = 1.0, finest_px: float = 2.0) -> Float32s:
     """Return noise (size, size) of mean 0 and deviation 1 whose amplitude falls with frequency; it repeats."""
     white = np.fft.rfft2(rng.standard_normal((size, size)))
     fy, fx = np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size)[None]
@@ -43,12 +42,12 @@ def noise(rng: np.random.Generator, size: int, slope: float = 1.0, finest_px: fl
     return np.asarray(values / values.std(), np.float32)
 
 
-def tinted(grey: Grey, colour: Rgb) -> Picture:
+def tinted(grey: Float32s, colour: Rgb) -> Bgr8:
     """Return a picture of a relative brightness (about 1) in a colour [0, 255]."""
     return np.clip(grey[..., None] * np.asarray(colour, np.float32), 0, 255).astype(np.uint8)
 
 
-def plaster(rng: np.random.Generator, colour: Rgb, size: int = 512, roughness: float = 0.02) -> Picture:
+def plaster(rng: np.random.Generator, colour: Rgb, size: int = 512, roughness: float = 0.02) -> Bgr8:
     """Return a painted wall: fine grain, faint stains, a few scratches."""
     grey = 1.0 + roughness * noise(rng, size, 0.3, 1.0) + roughness * noise(rng, size, 1.4)
     for _ in range(size // 40):
@@ -61,7 +60,7 @@ def plaster(rng: np.random.Generator, colour: Rgb, size: int = 512, roughness: f
     return tinted(np.asarray(grey, np.float32), colour)
 
 
-def speckle(rng: np.random.Generator, colour: Rgb, size: int = 512, contrast: float = 0.12, joints: int = 0) -> Picture:
+def speckle(rng: np.random.Generator, colour: Rgb, size: int = 512, contrast: float = 0.12, joints: int = 0) -> Bgr8:
     """Return a floor of terrazzo or lino, with `joints` tiles along a side."""
     grey = 1.0 + contrast * 0.5 * noise(rng, size, 0.2, 1.5) + contrast * 0.5 * noise(rng, size, 0.9)
     chips = noise(rng, size, 0.0, 3.0)
@@ -77,7 +76,7 @@ def speckle(rng: np.random.Generator, colour: Rgb, size: int = 512, contrast: fl
     return tinted(np.asarray(grey, np.float32), colour)
 
 
-def boards(rng: np.random.Generator, colour: Rgb, size: int = 512, n_boards: int = 4) -> Picture:
+def boards(rng: np.random.Generator, colour: Rgb, size: int = 512, n_boards: int = 4) -> Bgr8:
     """Return wood: boards along u with grain."""
     grain = cv2.GaussianBlur(np.asarray(noise(rng, size, 0.3, 1.0)), (0, 0), sigmaX=14.0, sigmaY=0.6)
     grey = 1.0 + 0.5 * grain * 0.12 / max(1e-6, float(grain.std())) + 0.03 * noise(rng, size, 1.2)
@@ -90,7 +89,7 @@ def boards(rng: np.random.Generator, colour: Rgb, size: int = 512, n_boards: int
 
 def bricks(
     rng: np.random.Generator, colour: Rgb, size: int = 512, rows: int = 16, columns: int = 8, contrast: float = 0.14
-) -> Picture:
+) -> Bgr8:
     """Return a wall of bricks, or tiles."""
     grey = np.ones((size, size), np.float32)
     high, wide = size // rows, size // columns
@@ -113,7 +112,7 @@ def bricks(
     return picture
 
 
-def paving(rng: np.random.Generator, colour: Rgb, size: int = 512, rows: int = 8, contrast: float = 0.08) -> Picture:
+def paving(rng: np.random.Generator, colour: Rgb, size: int = 512, rows: int = 8, contrast: float = 0.08) -> Bgr8:
     """Return square slabs with dirty joints and stains."""
     grey = 1.0 + 0.11 * noise(rng, size, 0.1, 0.8) + 0.07 * noise(rng, size, 1.2)
     side = size // rows
@@ -128,7 +127,7 @@ def paving(rng: np.random.Generator, colour: Rgb, size: int = 512, rows: int = 8
     return tinted(np.asarray(grey, np.float32), colour)
 
 
-def panels(rng: np.random.Generator, colour: Rgb, size: int = 512, n: int = 4) -> Picture:
+def panels(rng: np.random.Generator, colour: Rgb, size: int = 512, n: int = 4) -> Bgr8:
     """Return a ceiling of mineral panels: pores and a grid of rails."""
     pores = noise(rng, size, 0.0, 1.6)
     grey = 1.0 - 0.10 * (pores > 1.7) + 0.01 * noise(rng, size, 1.0)
@@ -141,13 +140,13 @@ def panels(rng: np.random.Generator, colour: Rgb, size: int = 512, n: int = 4) -
     return tinted(np.asarray(grey, np.float32), colour)
 
 
-def clouds(rng: np.random.Generator, dark: Rgb, bright: Rgb, size: int = 256, slope: float = 1.3) -> Picture:
+def clouds(rng: np.random.Generator, dark: Rgb, bright: Rgb, size: int = 256, slope: float = 1.3) -> Bgr8:
     """Return soft patches between two colours: cloth, soil, a reflection."""
     part = np.clip(0.5 + 0.25 * noise(rng, size, slope, 1.5), 0, 1)[..., None]
     return np.asarray(np.asarray(dark) * (1 - part) + np.asarray(bright) * part, np.uint8)
 
 
-def foliage(rng: np.random.Generator, colour: Rgb = (70, 95, 45), size: int = 256) -> Picture:
+def foliage(rng: np.random.Generator, colour: Rgb = (70, 95, 45), size: int = 256) -> Bgr8:
     """Return leaves: bright ones over dark gaps."""
     leaf, gap = noise(rng, size, 0.1, 2.5), noise(rng, size, 0.8, 2.0)
     grey = 0.75 + 0.38 * leaf + 0.26 * gap
@@ -156,7 +155,7 @@ def foliage(rng: np.random.Generator, colour: Rgb = (70, 95, 45), size: int = 25
     return np.asarray(np.clip(picture + hue, 0, 255), np.uint8)
 
 
-def products(rng: np.random.Generator, width: int = 512, height: int = 128, n: int = 7) -> Picture:
+def products(rng: np.random.Generator, width: int = 512, height: int = 128, n: int = 7) -> Bgr8:
     """Return the front of one shelf board: packets side by side in groups, each with label, stripes and small print."""
     picture = np.full((height, width, 3), 28, np.uint8)
     at = int(rng.integers(0, 4))
@@ -175,7 +174,7 @@ def products(rng: np.random.Generator, width: int = 512, height: int = 128, n: i
     return picture
 
 
-def _packet(rng: np.random.Generator, wide: int, high: int) -> Picture:
+def _packet(rng: np.random.Generator, wide: int, high: int) -> Bgr8:
     base = 0.4 * rng.uniform(20, 235) + 0.6 * rng.uniform(10, 240, 3)
     packet = np.full((high, wide, 3), base, np.float32)
     contrast = np.clip(255.0 - base + rng.uniform(-40, 40, 3), 10, 245)
@@ -197,10 +196,10 @@ def _packet(rng: np.random.Generator, wide: int, high: int) -> Picture:
     return np.asarray(np.clip(packet * (1.0 - 0.35 * across**4), 0, 255), np.uint8)
 
 
-def door(rng: np.random.Generator, colour: Rgb, width: int = 256, height: int = 512) -> Picture:
+def door(rng: np.random.Generator, colour: Rgb, width: int = 256, height: int = 512) -> Bgr8:
     """Return a door with frame, panel, handle and a small plate."""
     grain = cv2.resize(boards(rng, colour, 512, 1), (width, height), interpolation=cv2.INTER_AREA)
-    picture: Picture = np.ascontiguousarray(np.rot90(np.asarray(cv2.resize(grain, (height, width)), np.uint8)))
+    picture: Bgr8 = np.ascontiguousarray(np.rot90(np.asarray(cv2.resize(grain, (height, width)), np.uint8)))
     frame = (np.asarray(colour) * 0.55).tolist()
     cv2.rectangle(picture, (0, 0), (width - 1, height + 20), frame, 14)
     cv2.rectangle(picture, (60, 60), (width - 60, height // 2 - 20), frame, 3)
@@ -210,7 +209,7 @@ def door(rng: np.random.Generator, colour: Rgb, width: int = 256, height: int = 
     return picture
 
 
-def window(rng: np.random.Generator, size: int = 256, panes: int = 2) -> Picture:
+def window(rng: np.random.Generator, size: int = 256, panes: int = 2) -> Bgr8:
     """Return a window: blurred outdoors behind its frame."""
     picture = clouds(rng, (120, 140, 160), (255, 255, 255), size, 1.6)
     for n in range(panes + 1):
@@ -221,7 +220,7 @@ def window(rng: np.random.Generator, size: int = 256, panes: int = 2) -> Picture
     return picture
 
 
-def facade(rng: np.random.Generator, colour: Rgb, size: int = 1024, rows: int = 4, columns: int = 6) -> Picture:
+def facade(rng: np.random.Generator, colour: Rgb, size: int = 1024, rows: int = 4, columns: int = 6) -> Bgr8:
     """Return a house front: plaster or brick, rows of windows with different curtains and reflections."""
     wall = bricks(rng, colour, size, 64, 32, 0.16) if rng.random() < 0.5 else plaster(rng, colour, size, 0.07)
     picture = np.ascontiguousarray(wall)
@@ -234,7 +233,7 @@ def facade(rng: np.random.Generator, colour: Rgb, size: int = 1024, rows: int = 
     return np.asarray(np.clip(picture * stains[..., None], 0, 255), np.uint8)
 
 
-def _put_window(rng: np.random.Generator, picture: Picture, top: int, left: int, high: int, wide: int) -> None:
+def _put_window(rng: np.random.Generator, picture: Bgr8, top: int, left: int, high: int, wide: int) -> None:
     pane = cv2.resize(clouds(rng, (18, 22, 28), (95, 110, 130), 64, 1.5), (wide, high))
     if rng.random() < 0.5:
         pane[: int(high * rng.uniform(0.2, 0.9))] = rng.uniform(120, 225, 3).astype(np.uint8)

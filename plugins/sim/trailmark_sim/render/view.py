@@ -5,27 +5,27 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from trailmark.arrays import Float32s
+from trailmark.arrays import AnyArray, Bools, Float32s, Floats
+from trailmark.deprecation import deprecated_name
 from trailmark.geometry import Pose3
 from trailmark_sim.render.cast import NOTHING_M, cast_tiles
 from trailmark_sim.render.facing import face_tiles
 from trailmark_sim.render.rays import LANES, RayTable
-from trailmark_sim.render.records import RayHits, SeenShapes, Surroundings
+from trailmark_sim.render.records import RayHits, SeenShapes, SensorSurroundings
 from trailmark_sim.render.scene import Scene
 from trailmark_sim.render.shade import shade_tiles
 from trailmark_sim.render.shapes import RECTANGLE
 from trailmark_sim.render.viewpoints import Moment, Viewpoints
 from trailmark_sim.workers import in_bands
 
-__all__ = ["View"]
+__all__ = ["SceneView"]
 
 #: Radius of a shape that cannot be met.
 _NEVER_M = -1e9
 
 
-class View:
+class SceneView:
     """What a camera, or a laser, sees of a scene from a pose, or from one for each instant of its `RayTable`.
 
     Parameters
@@ -87,12 +87,12 @@ class View:
         self.met = RayHits(np.empty(size, np.float32), np.empty(size, np.int32))
         in_bands(lambda first, last: cast_tiles(first, last, table, self._shapes, self.met), table.n_tiles, threads)
 
-    def radiance(self) -> npt.NDArray[np.float32]:
+    def radiance(self) -> Float32s:
         """Return the light of every pixel, (H, W, 3) red, green, blue; 1 is a white wall in unit light."""
         table, scene = self.table, self._scene
         height, width = table.shape
         out = np.zeros((height * width, 3), np.float32)
-        around = Surroundings(self._to_map, scene.key.astype(np.float32), self._shadows, scene.sky)
+        around = SensorSurroundings(self._to_map, scene.key.astype(np.float32), self._shadows, scene.sky)
         looks = (scene.surfaces, scene.light, scene.atlas)
 
         def shade(first: int, last: int) -> None:
@@ -101,7 +101,7 @@ class View:
         in_bands(shade, table.n_tiles, self._threads)
         return out.reshape(height, width, 3)
 
-    def facing(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+    def facing(self) -> tuple[Float32s, Float32s]:
         """Return the cosine between each ray and the surface it meets, and how much that mirrors: (T, 64) each."""
         cosines, shine = np.empty_like(self.ranges_m), np.empty_like(self.ranges_m)
 
@@ -117,13 +117,17 @@ class View:
         return self.met.ranges_m
 
     @property
-    def is_nothing(self) -> npt.NDArray[np.bool_]:
+    def is_nothing(self) -> Bools:
         """Which rays meet nothing, (T, 64)."""
         return self.ranges_m >= NOTHING_M
 
 
-def _followed(fixed: npt.NDArray[np.float64], moving: npt.NDArray[np.float64], ndim: int) -> npt.NDArray[Any]:
+def _followed(fixed: Floats, moving: Floats, ndim: int) -> AnyArray:
     """Return rows (1, n, ...) or (G, n, ...) of what stands, then of what moves; a row has ``ndim - 1`` axes."""
     moving = moving if moving.ndim > ndim else moving[None]
     still = np.broadcast_to(fixed, (len(moving), *fixed.shape))
     return np.concatenate([still, moving], axis=1)
+
+
+def __getattr__(name: str) -> Any:
+    return deprecated_name(__name__, name, {"View": SceneView})

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import AnyArray, Float32s, Floats
 from trailmark.geometry import Pose3
 
 __all__ = ["Moment", "Viewpoints", "moments_between"]
@@ -30,10 +29,10 @@ class Moment:
         Soft shadows on the floor: x, y, radius [m], depth.
     """
 
-    frames: npt.NDArray[np.float64]
-    origins: npt.NDArray[np.float64]
-    centres: npt.NDArray[np.float64]
-    shadows: npt.NDArray[np.float32]
+    frames: Floats
+    origins: Floats
+    centres: Floats
+    shadows: Float32s
 
     @property
     def is_empty(self) -> bool:
@@ -53,8 +52,8 @@ class Viewpoints:
         Where it stands in the map [m].
     """
 
-    rotations: npt.NDArray[np.float64]
-    eyes: npt.NDArray[np.float64]
+    rotations: Floats
+    eyes: Floats
 
     @classmethod
     def of(cls, pose_map_sensor: Pose3) -> Viewpoints:
@@ -63,7 +62,7 @@ class Viewpoints:
         return cls(pose_map_sensor.rotation()[None], np.array([eye]))
 
 
-def moments_between(known: Sequence[Moment], places: npt.NDArray[np.float64]) -> Moment:
+def moments_between(known: Sequence[Moment], places: Floats) -> Moment:
     """Return where things are at G instants between moments at equal distances in time.
 
     Parameters
@@ -76,11 +75,11 @@ def moments_between(known: Sequence[Moment], places: npt.NDArray[np.float64]) ->
     before = np.clip(np.floor(places).astype(np.intp), 0, len(known) - 2)
     share = places - before
 
-    def column(name: str) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+    def column(name: str) -> tuple[AnyArray, AnyArray]:
         values = np.stack([getattr(moment, name) for moment in known])
         return values[before], values[before + 1]
 
-    def between(name: str, shares: npt.NDArray[np.float64] = share) -> npt.NDArray[Any]:
+    def between(name: str, shares: Floats = share) -> AnyArray:
         first, second = column(name)
         weights = shares.reshape(shares.shape + (1,) * (first.ndim - shares.ndim))
         return np.asarray(first + weights * (second - first), first.dtype)

@@ -9,7 +9,7 @@ from trailmark.frames import Calibration, Image, Omni, Pinhole, SensorInfo
 from trailmark.geometry import Pose3
 from trailmark_sim.render.develop import Film
 from trailmark_sim.render.lenses import Catadioptric, Lens, PinholeLens
-from trailmark_sim.render.view import View
+from trailmark_sim.render.view import SceneView
 from trailmark_sim.sensors.shutter import Imaging
 from trailmark_sim.sensors.sight import Sight
 from trailmark_sim.sensors.site import SensorSite
@@ -77,11 +77,11 @@ class CameraSensor:
         """Return picture number `k`."""
         return self.develop(self.view(stamp_s, state), k, stamp_s, state)
 
-    def develop(self, view: View, k: int, stamp_s: float, state: VehicleState) -> Image:
+    def develop(self, view: SceneView, k: int, stamp_s: float, state: VehicleState) -> Image:
         """Return picture number `k`, of which `view` is the middle of the exposure."""
         return Image(self._film.develop(self._sight.radiance(view, stamp_s, state), k, 1.0, self._threads))
 
-    def view(self, stamp_s: float, state: VehicleState) -> View:
+    def view(self, stamp_s: float, state: VehicleState) -> SceneView:
         """Return what is before the lens in the middle of the exposure, each row at its own time."""
         return self._sight.view(stamp_s, state)
 

@@ -10,7 +10,7 @@ import numpy as np
 from trailmark.frames import Scan, SensorInfo
 from trailmark.geometry import Pose3
 from trailmark_sim.render.rays import ray_table
-from trailmark_sim.render.view import View
+from trailmark_sim.render.view import SceneView
 from trailmark_sim.rng import frame_rng
 from trailmark_sim.sensors.site import SensorSite
 from trailmark_sim.stage import Stage
@@ -104,7 +104,7 @@ class LaserSensor:
     def _cast(self, stamp_s: float, state: VehicleState) -> tuple[np.ndarray, np.ndarray]:
         """Return the true ranges (N,), and which beams come back."""
         pose = Pose3.from_planar(state.pose_map_base) @ self.rig.mounting
-        view = View(self._scene, self._table, pose, self._moment_at(stamp_s, state.pose_map_base))
+        view = SceneView(self._scene, self._table, pose, self._moment_at(stamp_s, state.pose_map_base))
         cosines, shine = view.facing()
         comes_back = (cosines > _GRAZING) & ((shine < _SHINY) | (cosines > _SQUARE)) & ~view.is_nothing
         ranges = self._table.picture(view.ranges_m, math.inf)[0].astype(np.float64)

@@ -6,14 +6,14 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Float32s
 from trailmark.frames import RGBD, DepthCamera, Pinhole, SensorInfo
 from trailmark.geometry import Pose3
 from trailmark_sim.render.develop import Film
 from trailmark_sim.render.lenses import PinholeLens
 from trailmark_sim.render.rays import ray_table
-from trailmark_sim.render.view import View
+from trailmark_sim.render.view import SceneView
 from trailmark_sim.render.viewpoints import Moment
 from trailmark_sim.rng import stream_key
 from trailmark_sim.sensors.depth import DepthErrors, Echoes, measure_depth
@@ -123,10 +123,10 @@ class RgbdSensor:
         bgr = self._film.develop(self._sight.radiance(view, stamp_s, state), k, 1.0, self._threads)
         return RGBD(bgr, self._depth(k, pose, moment))
 
-    def _depth(self, k: int, pose: Pose3, moment: Moment) -> npt.NDArray[np.float32]:
+    def _depth(self, k: int, pose: Pose3, moment: Moment) -> Float32s:
         rig, table = self.rig, self._depth_rays
         eye = pose @ Pose3(y=self._beside_m)
-        view = View(self._scene, table, eye, moment, self._threads)
+        view = SceneView(self._scene, table, eye, moment, self._threads)
         echoes = Echoes(view.ranges_m, *view.facing())
         lit_m = self._lit(eye, moment)
         out = np.full((rig.height, rig.width), np.nan, np.float32)
@@ -140,15 +140,15 @@ class RgbdSensor:
         in_bands(measure, table.n_tiles, self._threads)
         return self._within_the_field(out)
 
-    def _lit(self, eye: Pose3, moment: Moment) -> npt.NDArray[np.float32]:
+    def _lit(self, eye: Pose3, moment: Moment) -> Float32s:
         """Return the depths at which the projector's light ends, on a picture as the camera's; empty without one."""
         if self.rig.projector_m == 0.0:
             return np.empty((0, 0), np.float32)
         table = self._depth_rays
-        view = View(self._scene, table, eye @ Pose3(y=-self.rig.projector_m), moment, self._threads)
+        view = SceneView(self._scene, table, eye @ Pose3(y=-self.rig.projector_m), moment, self._threads)
         return table.picture(view.ranges_m * table.rays[:, 0], math.inf)
 
-    def _within_the_field(self, depth: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    def _within_the_field(self, depth: Float32s) -> Float32s:
         """Leave of registered depth only what the depth camera's smaller field covers."""
         if not self.rig.is_registered:
             return depth

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.errors import ConfigError
 from trailmark.geometry import Pose3
 from trailmark_sim.render.develop import Sensitometry
@@ -19,7 +19,6 @@ from trailmark_sim.vehicles import VehicleState
 __all__ = ["GLOBAL_SHUTTER", "STEADY", "Imaging", "Shaking", "Shutter", "poses_after", "viewpoints_after"]
 
 _WAVES_M = (0.03, 0.05, 0.09, 0.16, 0.35, 0.8)
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Float32s, Floats
 from trailmark.geometry import Pose2, Pose3
 from trailmark_sim.render.lenses import Lens
 from trailmark_sim.render.rays import ray_table
-from trailmark_sim.render.view import View
+from trailmark_sim.render.view import SceneView
 from trailmark_sim.render.viewpoints import Moment, moments_between
 from trailmark_sim.sensors.shutter import GLOBAL_SHUTTER, STEADY, Shaking, Shutter, poses_after, viewpoints_after
 from trailmark_sim.stage import Stage
@@ -68,15 +68,15 @@ class Sight:
         self._moment_at, self._threads = stage.moment_at, stage.threads
         self._shutter, self._shaking = shutter, shaking
 
-    def view(self, stamp_s: float, state: VehicleState) -> View:
+    def view(self, stamp_s: float, state: VehicleState) -> SceneView:
         """Return what is before the lens in the middle of the exposure, each row at its own time."""
         moment = self._moment_at(stamp_s, state.pose_map_base)
         if self._shutter.readout_s == 0.0 or (_stands(state) and moment.is_empty):
             pose = pose_map_sensor(state, self._mounting, self._shaking)
-            return View(self._scene, self.table, pose, moment, self._threads)
+            return SceneView(self._scene, self.table, pose, moment, self._threads)
         return self._view_after(stamp_s, state, 0.0)
 
-    def radiance(self, view: View, stamp_s: float, state: VehicleState) -> npt.NDArray[np.float32]:
+    def radiance(self, view: SceneView, stamp_s: float, state: VehicleState) -> Float32s:
         """Return the light of every pixel, (H, W, 3): the mean over the exposure around a view."""
         light = view.radiance()
         n = self._n_instants(view, stamp_s, state)
@@ -90,13 +90,13 @@ class Sight:
                 light *= np.float32(share)
         return light
 
-    def _view_after(self, stamp_s: float, state: VehicleState, after_s: float) -> View:
+    def _view_after(self, stamp_s: float, state: VehicleState, after_s: float) -> SceneView:
         """Return a view of later or earlier, each row at its own time."""
         after = self._after_s + after_s
         points = viewpoints_after(state, self._mounting, self._shaking, after)
-        return View(self._scene, self._rows, points, self._moments(stamp_s, state, after), self._threads)
+        return SceneView(self._scene, self._rows, points, self._moments(stamp_s, state, after), self._threads)
 
-    def _moments(self, stamp_s: float, state: VehicleState, after_s: npt.NDArray[np.float64]) -> Moment:
+    def _moments(self, stamp_s: float, state: VehicleState, after_s: Floats) -> Moment:
         first_s, span_s = float(after_s[0]), float(after_s[-1] - after_s[0])
         n_steps = max(1, math.ceil(span_s / _STEP_S))
         known_s = first_s + span_s * np.arange(n_steps + 1) / n_steps
@@ -104,7 +104,7 @@ class Sight:
         known = [self._moment_at(stamp_s + at_s, base) for at_s, base in zip(known_s.tolist(), bases)]
         return moments_between(known, (after_s - first_s) * (n_steps / span_s if span_s > 0.0 else 0.0))
 
-    def _n_instants(self, view: View, stamp_s: float, state: VehicleState) -> int:
+    def _n_instants(self, view: SceneView, stamp_s: float, state: VehicleState) -> int:
         """Return at how many instants of the exposure the camera looks: an odd number, a pixel apart at most."""
         if self._shutter.exposure_s == 0.0:
             return 1
@@ -117,7 +117,7 @@ class Sight:
         smear_px = smear / float(self.table.pixel_rad.min())
         return 1 if smear_px < _SMEAR_PX else min(_MOST_INSTANTS, 2 * math.ceil((smear_px - 1.0) / 2.0) + 1)
 
-    def _smear_of_movers(self, stamp_s: float, state: VehicleState, ends_s: npt.NDArray[np.float64]) -> float:
+    def _smear_of_movers(self, stamp_s: float, state: VehicleState, ends_s: Floats) -> float:
         """Return the greatest angle that anybody moves by while the camera exposes, as seen by it [rad]."""
         first, last = (self._moment_at(stamp_s + at_s, state.pose_map_base) for at_s in ends_s.tolist())
         if first.is_empty:

@@ -6,10 +6,11 @@ import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
-from trailmark.commands import Command
+from trailmark.commands import Command, Stop, Velocity
+from trailmark.errors import ConfigError
 from trailmark.geometry import Pose2, Twist2
 
-__all__ = ["Vehicle", "VehicleState", "WheelErrors", "lagged"]
+__all__ = ["Vehicle", "VehicleState", "VelocityVehicle", "WheelErrors", "lagged", "moved"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +100,28 @@ class Vehicle(ABC):
         self, state: VehicleState, command: Command, dt_s: float, slip: tuple[float, float] = (0.0, 0.0)
     ) -> VehicleState:
         """Return the state after `dt_s` seconds of a command; `slip` are two standard normal numbers."""
+
+
+class VelocityVehicle(Vehicle):
+    """A vehicle that follows velocities."""
+
+    @property
+    def accepts(self) -> frozenset[type[Command]]:
+        return frozenset({Velocity, Stop})
+
+    def velocity_of(self, command: Command) -> Velocity:
+        """Return the velocity that a command asks for; zero for `Stop`.
+
+        Raises
+        ------
+        ConfigError
+            If it asks for something else.
+        """
+        if isinstance(command, Stop):
+            return Velocity(0.0)
+        if not isinstance(command, Velocity):
+            raise ConfigError(f"a {type(self).__name__} vehicle cannot follow {type(command).__name__}; use Velocity")
+        return command
 
 
 def lagged(now: float, wanted: float, dt_s: float, lag_s: float) -> tuple[float, float]:

@@ -5,16 +5,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from trailmark.commands import Command, Stop, Velocity
-from trailmark.errors import ConfigError
+from trailmark.commands import Command
 from trailmark.geometry import Twist2
-from trailmark_sim.vehicles.base import Vehicle, VehicleState, WheelErrors, lagged, moved
+from trailmark_sim.vehicles.base import VehicleState, VelocityVehicle, WheelErrors, lagged, moved
 
 __all__ = ["Holonomic"]
 
 
 @dataclass(frozen=True, slots=True)
-class Holonomic(Vehicle):
+class Holonomic(VelocityVehicle):
     """Driven in every direction and turned independently of it.
 
     Attributes
@@ -38,10 +37,6 @@ class Holonomic(Vehicle):
     speed_lag_s: float = 0.2
     wheel_errors: WheelErrors = WheelErrors()
 
-    @property
-    def accepts(self) -> frozenset[type[Command]]:
-        return frozenset({Velocity, Stop})
-
     def step(
         self, state: VehicleState, command: Command, dt_s: float, slip: tuple[float, float] = (0.0, 0.0)
     ) -> VehicleState:
@@ -55,11 +50,8 @@ class Holonomic(Vehicle):
 
     def _wanted(self, command: Command) -> tuple[float, float, float]:
         """Return the velocity that it can do, in the direction that was asked for."""
-        if isinstance(command, Stop):
-            return 0.0, 0.0, 0.0
-        if not isinstance(command, Velocity):
-            raise ConfigError(f"a holonomic vehicle cannot follow {type(command).__name__}; use Velocity")
-        speed = math.hypot(command.forward_mps, command.left_mps)
+        wanted = self.velocity_of(command)
+        speed = math.hypot(wanted.forward_mps, wanted.left_mps)
         share = min(1.0, self.max_speed_mps / speed) if speed > 0.0 else 1.0
-        yaw = min(self.max_yaw_radps, max(-self.max_yaw_radps, command.yaw_radps))
-        return command.forward_mps * share, command.left_mps * share, yaw
+        yaw = min(self.max_yaw_radps, max(-self.max_yaw_radps, wanted.yaw_radps))
+        return wanted.forward_mps * share, wanted.left_mps * share, yaw

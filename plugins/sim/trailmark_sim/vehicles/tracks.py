@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from trailmark.commands import Command, Stop, Velocity
-from trailmark.errors import ConfigError
+from trailmark.commands import Command
 from trailmark.geometry import Twist2
-from trailmark_sim.vehicles.base import Vehicle, VehicleState, WheelErrors, lagged, moved
+from trailmark_sim.vehicles.base import VehicleState, VelocityVehicle, WheelErrors, lagged, moved
 
 __all__ = ["Differential", "SkidSteer"]
 
 
 @dataclass(frozen=True, slots=True)
-class Differential(Vehicle):
+class Differential(VelocityVehicle):
     """Two driven wheels and a castor; it turns on the spot.
 
     Attributes
@@ -37,10 +36,6 @@ class Differential(Vehicle):
     speed_lag_s: float = 0.1
     wheel_errors: WheelErrors = WheelErrors()
 
-    @property
-    def accepts(self) -> frozenset[type[Command]]:
-        return frozenset({Velocity, Stop})
-
     def step(
         self, state: VehicleState, command: Command, dt_s: float, slip: tuple[float, float] = (0.0, 0.0)
     ) -> VehicleState:
@@ -54,15 +49,10 @@ class Differential(Vehicle):
 
     def _wanted(self, command: Command) -> tuple[float, float]:
         """Return speed and yaw rate that the wheels can do."""
-        if isinstance(command, Stop):
-            return 0.0, 0.0
-        if not isinstance(command, Velocity):
-            raise ConfigError(
-                f"a vehicle steered by its wheels' speeds cannot follow {type(command).__name__}; use Velocity"
-            )
-        fastest = abs(command.forward_mps) + abs(command.yaw_radps) * self.track_m / 2.0
+        wanted = self.velocity_of(command)
+        fastest = abs(wanted.forward_mps) + abs(wanted.yaw_radps) * self.track_m / 2.0
         share = min(1.0, self.max_speed_mps / fastest) if fastest > 0.0 else 1.0
-        return command.forward_mps * share, command.yaw_radps * share
+        return wanted.forward_mps * share, wanted.yaw_radps * share
 
     def _ground(self, wheels: Twist2) -> Twist2:
         """Return how the body moves when the wheels turn."""

@@ -11,12 +11,12 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.errors import ConfigError
 from trailmark.geometry import Pose2, Pose3
 from trailmark_sim.ground.camera import GroundCameraSensor, GroundRig
-from trailmark_sim.ground.ground import Floor, Ground, Zone
+from trailmark_sim.ground.ground import Floor, GroundTexture, Zone
 from trailmark_sim.ground.optics import Optics
 from trailmark_sim.ground.weather import Weather
 from trailmark_sim.obstacles import Pole, touched_pole
@@ -26,7 +26,7 @@ from trailmark_sim.sensors.catalogue import build_sensors
 from trailmark_sim.sensors.site import SensorSite
 from trailmark_sim.vehicles import FourWheelSteering
 from trailmark_sim.worlds.base import World, WorldOptions, choose_route, parse_options
-from trailmark_sim.worlds.ground_options import CameraOptions, Covered, Day, FloorOptions, GroundCourseOptions
+from trailmark_sim.worlds.ground_options import CameraOptions, Covered, DayOptions, FloorOptions, GroundCourseOptions
 
 __all__ = ["ROUTES", "SENSORS", "build"]
 
@@ -134,13 +134,13 @@ def _camera(
     zones = [*_zones(course, name, route), *_covers(course, options, route)]
     texel_m = min(rig.metres_per_pixel) / _OVERSAMPLING
     # Every course lies on ground of its own.
-    ground = Ground(zones, stream_key(options.world_seed, name), weather, texel_m)
+    ground = GroundTexture(zones, stream_key(options.world_seed, name), weather, texel_m)
     ground.load()
     optics = _optics(given, day)
     return GroundCameraSensor(sensor, ground, rig, optics, options.seed, cap_mb=given.tiles_mb, threads=options.threads)
 
 
-def _optics(given: CameraOptions, day: Day) -> Optics:
+def _optics(given: CameraOptions, day: DayOptions) -> Optics:
     return Optics(
         psf_px=given.psf_px,
         vignette=given.vignette,
@@ -188,8 +188,6 @@ def _floor(given: FloorOptions) -> Floor:
 def _box(route: Route, first_m: float, last_m: float, side_m: float) -> tuple[float, float, float, float]:
     """Return the box around a stretch of the route and what lies `side_m` to its left and right."""
     poses = [route.pose_at(station_m) for station_m in np.linspace(first_m, last_m, 32)]
-    sides: npt.NDArray[np.float64] = np.concatenate(
-        [pose @ np.array([[0.0, side_m], [0.0, -side_m]]) for pose in poses]
-    )
+    sides: Floats = np.concatenate([pose @ np.array([[0.0, side_m], [0.0, -side_m]]) for pose in poses])
     (west, south), (east, north) = sides.min(axis=0), sides.max(axis=0)
     return float(west), float(east), float(south), float(north)

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from trailmark.config import ExistingPath, PluginConfig
 
-__all__ = ["CameraOptions", "Covered", "Day", "FloorOptions", "GroundCourseOptions"]
+__all__ = ["CameraOptions", "Covered", "DayOptions", "FloorOptions", "GroundCourseOptions"]
 
 FloorName = Literal["asphalt", "carpet", "concrete", "gravel", "pavers", "soil", "terrazzo", "wood"]
 
@@ -53,7 +53,7 @@ class Covered(FloorOptions):
         return self
 
 
-class Day(PluginConfig):
+class DayOptions(PluginConfig):
     """How the ground and the light are on a day."""
 
     day: int = Field(default=1, ge=0)
@@ -114,9 +114,9 @@ class GroundCourseOptions(FloorOptions):
 
     covered: tuple[Covered, ...] = ()
     """Stretches of the route that are covered with another floor."""
-    today: Day = Day()
+    today: DayOptions = DayOptions()
     """How the ground is."""
-    in_replay: Day | None = None
+    in_replay: DayOptions | None = None
     """How it is when the path is driven again; left out: as on the day of teaching."""
     camera: CameraOptions = CameraOptions()
     """The ground camera."""

@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.geometry import Pose2
 from trailmark_sim.vehicles import Vehicle
 
@@ -21,7 +21,7 @@ class _Box:
     half_length_m: float
     half_width_m: float
 
-    def corners(self) -> npt.NDArray[np.float64]:
+    def corners(self) -> Floats:
         signs = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
         return np.asarray(self.pose @ (signs * (self.half_length_m, self.half_width_m)))
 

@@ -11,8 +11,8 @@ from functools import lru_cache, partial
 from itertools import zip_longest
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Float32s, Floats
 from trailmark.geometry import Pose2
 from trailmark_sim.actors import Crowd, add_cloth
 from trailmark_sim.render import lettering, textures
@@ -25,7 +25,7 @@ from trailmark_sim.worlds.forward_rig import SENSORS, forward_world, route_along
 from trailmark_sim.worlds.scene_options import StreetOptions
 from trailmark_sim.worlds.setting import Setting
 from trailmark_sim.worlds.solids import Solids
-from trailmark_sim.worlds.street_legs import PLANS, HouseRow, Leg, Plan
+from trailmark_sim.worlds.street_legs import PLANS, HouseRow, Leg, StreetPlan
 
 __all__ = ["ROUTES", "SENSORS", "build"]
 
@@ -68,13 +68,13 @@ def build(options: WorldOptions) -> World:
     return forward_world(setting, options, given, vibration_rad=2e-3)
 
 
-def _parked(plan: Plan, n: int) -> list[Pose2]:
+def _parked(plan: StreetPlan, n: int) -> list[Pose2]:
     """Return where the first `n` cars stand: one in each leg, then the next in each."""
     rounds = zip_longest(*([leg.pose @ Pose2(x, y) for x, y in leg.cars] for leg in plan.legs))
     return [car for one in rounds for car in one if car is not None][:n]
 
 
-def _solids(plan: Plan, n_cars: int) -> Solids:
+def _solids(plan: StreetPlan, n_cars: int) -> Solids:
     solids = Solids(*plan.bounds)
     for block in plan.blocks:
         middle = ((block.west + block.east) / 2.0, (block.south + block.north) / 2.0)
@@ -123,7 +123,7 @@ def _stage(name: str, given: StreetOptions, world_seed: int, threads: int) -> Sc
     return builder.build(threads)
 
 
-def _sky(rng: np.random.Generator, sun: npt.NDArray[np.float64]) -> npt.NDArray[np.float32]:
+def _sky(rng: np.random.Generator, sun: Floats) -> Float32s:
     """Return the sky: bright at the horizon and about the sun, with clouds."""
     rows, columns = 128, 256
     down, around = np.meshgrid(
@@ -138,7 +138,7 @@ def _sky(rng: np.random.Generator, sun: npt.NDArray[np.float64]) -> npt.NDArray[
     return np.asarray(2.0 * light, np.float32)
 
 
-def _add_ground(builder: SceneBuilder, rng: np.random.Generator, plan: Plan) -> None:
+def _add_ground(builder: SceneBuilder, rng: np.random.Generator, plan: StreetPlan) -> None:
     slabs = builder.texture(textures.paving(rng, (158, 152, 140), 1024, 16, 0.13))
     tar = builder.texture(textures.speckle(rng, (92, 92, 94), 512, 0.22))
     green = builder.texture(textures.foliage(rng, (86, 104, 58), 512))
@@ -157,7 +157,7 @@ def _add_ground(builder: SceneBuilder, rng: np.random.Generator, plan: Plan) -> 
             builder.placed(leg.pose).rectangle((x, 0.9, 0.003), (0.5, 0, 0), (0, 0.4, 0), drain)
 
 
-def _add_houses(builder: SceneBuilder, rng: np.random.Generator, plan: Plan) -> None:
+def _add_houses(builder: SceneBuilder, rng: np.random.Generator, plan: StreetPlan) -> None:
     colours = ((196, 178, 148), (172, 120, 96), (205, 200, 188), (150, 142, 130), (188, 160, 120), (160, 110, 92))
     colours_of = [colours[n] for n in rng.permutation(len(colours))]
     fronts = [builder.texture(textures.facade(rng, colour, 512, 3, 4)) for colour in colours_of]

@@ -9,7 +9,7 @@ import numpy as np
 
 from trailmark.geometry import Pose2
 
-__all__ = ["PLANS", "Block", "HouseRow", "Leg", "Plan", "Strip"]
+__all__ = ["PLANS", "Block", "HouseRow", "Leg", "StreetPlan", "Strip"]
 
 Place = tuple[float, float]
 
@@ -76,7 +76,7 @@ class Block:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class StreetPlan:
     """The street of one route.
 
     Attributes
@@ -122,7 +122,7 @@ def _long_strips(west: float, east: float) -> tuple[Strip, ...]:
     )
 
 
-_STRAIGHT = Plan(
+_STRAIGHT = StreetPlan(
     bounds=(-8.0, 62.0, -7.5, 6.0),
     legs=(
         Leg(
@@ -147,7 +147,7 @@ _STRAIGHT = Plan(
 )
 
 #: 20 m on a street to the left, 18 m on one to the right.
-_BENDS = Plan(
+_BENDS = StreetPlan(
     bounds=(-8.0, 52.0, -7.5, 24.0),
     legs=(
         Leg(
@@ -196,4 +196,4 @@ _BENDS = Plan(
     lanes=((1.0, 0.0), (20.0, 18.0), (45.0, 0.0)),
 )
 #: The street that each route leads along.
-PLANS: Mapping[str, Plan] = {"straight": _STRAIGHT, "bends": _BENDS}
+PLANS: Mapping[str, StreetPlan] = {"straight": _STRAIGHT, "bends": _BENDS}

@@ -16,7 +16,7 @@ from trailmark.frames import Pinhole
 from trailmark.geometry import Pose2, Pose3
 from trailmark_sim.actors import Crowd, Walk, add_cloth
 from trailmark_sim.ground.camera import GroundCameraSensor, GroundRig
-from trailmark_sim.ground.ground import Floor, Ground, Zone
+from trailmark_sim.ground.ground import Floor, GroundTexture, Zone
 from trailmark_sim.ground.optics import Optics
 from trailmark_sim.render import lettering, textures
 from trailmark_sim.render.bake import Lighting
@@ -149,7 +149,7 @@ def _light_lux(lighting: str, pose: Pose2, stamp_s: float) -> float:
 def _floor_camera(options: WorldOptions, name: str) -> GroundCameraSensor:
     rig = GroundRig(rate_hz=options.rate_of(name, 70.0))
     texel_m = min(rig.metres_per_pixel) / 1.5
-    ground = Ground([Zone(Floor("terrazzo"))], stream_key(options.world_seed, "supermarket"), texel_m=texel_m)
+    ground = GroundTexture([Zone(Floor("terrazzo"))], stream_key(options.world_seed, "supermarket"), texel_m=texel_m)
     ground.load()
     return GroundCameraSensor(name, ground, rig, Optics(), options.seed, threads=options.threads)
 
