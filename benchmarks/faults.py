@@ -130,7 +130,7 @@ def print_costs(photo: Any, n: int) -> None:
 
 
 def median_ms(fault: Fault, payload: Payload, n: int) -> float:
-    """Return the median time of a core for one frame, generator included, after the first, which draws what stays [ms]."""
+    """Return the median time of a core for one frame, generator included but for the first one [ms]."""
     fault.start(Session(sensors={"one": SensorInfo("one", payload_kind(payload))}))
     times = []
     for i in range(n + 1):

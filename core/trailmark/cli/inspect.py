@@ -14,7 +14,7 @@ import numpy as np
 from trailmark.cli.errors import say
 from trailmark.cli.root import plugins_of
 from trailmark.errors import ConfigError
-from trailmark.frames import RGBD, Frame, Image, SensorInfo
+from trailmark.frames import Frame, SensorInfo
 from trailmark.interfaces import Session
 from trailmark.pipeline import SourceStream, build_sources, read_config
 
@@ -103,8 +103,7 @@ def _write_pictures(seen: dict[str, _Seen], out: Path) -> None:
 
     out.mkdir(parents=True, exist_ok=True)
     for name, one in seen.items():
-        payload = one.first.payload if one.first is not None else None
-        pixels = payload.pixels if isinstance(payload, Image) else payload.bgr if isinstance(payload, RGBD) else None
+        pixels = None if one.first is None else one.first.payload.picture
         if pixels is not None:
             path = out / f"{name}.png"
             cv2.imwrite(str(path), pixels)

@@ -1,20 +1,38 @@
-"""Frames and their payloads. Arrays are read-only views: a localizer never edits what it is given."""
+"""Frames and their payloads.
+
+A payload says itself of what kind it is, and what those need to know who treat all payloads alike: checks, recorders,
+viewers. A new kind is a subclass of `Payload`, and the sources and localizers that know it. Arrays are read-only views:
+a localizer never edits what it is given.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from types import MappingProxyType
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import AnyArray
 from trailmark.errors import ShapeError
 from trailmark.geometry import Pose2, Twist2
 
-__all__ = ["RGBD", "Frame", "Image", "Imu", "Odometry", "Payload", "Record", "Scalar", "Scan", "read_only"]
+__all__ = [
+    "PAYLOAD_KINDS",
+    "RGBD",
+    "Frame",
+    "Image",
+    "Imu",
+    "Odometry",
+    "Payload",
+    "Record",
+    "Scalar",
+    "Scan",
+    "read_only",
+]
 
 
 def read_only(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -24,8 +42,52 @@ def read_only(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return view
 
 
+#: The kinds of sensor whose payload is fixed, as subclasses of `Payload` name them.
+PAYLOAD_KINDS: dict[str, type[Payload]] = {}
+
+
+class Payload:
+    """What a frame carries: the base of every kind of reading, which are frozen dataclasses."""
+
+    __slots__ = ()
+
+    #: The kind of sensor that gives it; left out by a subclass that is no kind of its own.
+    kind: ClassVar[str] = ""
+    #: Whether a newer one makes it worthless, as pictures and scans.
+    is_snapshot: ClassVar[bool] = False
+
+    def __init_subclass__(cls, **arguments: Any) -> None:
+        super().__init_subclass__(**arguments)
+        if "kind" in vars(cls) and cls.kind != "record":
+            PAYLOAD_KINDS[cls.kind] = cls
+
+    @property
+    def picture(self) -> AnyArray | None:
+        """The pixels that a person would look at, (H, W) or (H, W, 3) in BGR order; None: it is no picture."""
+        return None
+
+    @property
+    def size(self) -> tuple[int, int] | None:
+        """Width and height of the picture [px]."""
+        picture = self.picture
+        return None if picture is None else (picture.shape[1], picture.shape[0])
+
+    @property
+    def layout(self) -> tuple[Any, ...]:
+        """What must not change from frame to frame of a sensor: shapes and types of pictures."""
+        return ()
+
+    def numbers(self) -> Mapping[str, float]:
+        """Return the reading as a row of a table, by column; empty where it is none.
+
+        Unless a subclass says otherwise, its fields that are numbers.
+        """
+        values = {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]  # see above
+        return {name: float(value) for name, value in values.items() if isinstance(value, int | float)}
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class Image:
+class Image(Payload):
     """A picture.
 
     Attributes
@@ -38,6 +100,9 @@ class Image:
     ShapeError
         For any other shape or dtype, and for an empty picture.
     """
+
+    kind: ClassVar[str] = "image"
+    is_snapshot: ClassVar[bool] = True
 
     pixels: npt.NDArray[Any]
 
@@ -53,13 +118,23 @@ class Image:
         object.__setattr__(self, "pixels", read_only(pixels))
 
     @property
+    def picture(self) -> AnyArray:
+        """The pixels."""
+        return self.pixels
+
+    @property
     def size(self) -> tuple[int, int]:
         """Width and height [px]."""
         return self.pixels.shape[1], self.pixels.shape[0]
 
+    @property
+    def layout(self) -> tuple[Any, ...]:
+        """Shape and type."""
+        return self.pixels.shape, self.pixels.dtype
+
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RGBD:
+class RGBD(Payload):
     """A colour picture and its depth; the two may differ in size when depth is not registered to colour.
 
     Attributes
@@ -75,6 +150,9 @@ class RGBD:
         For any other shape or dtype.
     """
 
+    kind: ClassVar[str] = "rgbd"
+    is_snapshot: ClassVar[bool] = True
+
     bgr: npt.NDArray[np.uint8]
     depth_m: npt.NDArray[np.float32]
 
@@ -87,9 +165,19 @@ class RGBD:
         object.__setattr__(self, "bgr", read_only(bgr))
         object.__setattr__(self, "depth_m", read_only(depth))
 
+    @property
+    def picture(self) -> AnyArray:
+        """The colour picture."""
+        return self.bgr
+
+    @property
+    def layout(self) -> tuple[Any, ...]:
+        """Shapes of both pictures."""
+        return self.bgr.shape, self.depth_m.shape
+
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Scan:
+class Scan(Payload):
     """One sweep of a planar laser; beam i looks along ``angle_min_rad + i * angle_step_rad``.
 
     Attributes
@@ -101,6 +189,9 @@ class Scan:
     range_min_m, range_max_m : float
         What the sensor can measure at all [m].
     """
+
+    kind: ClassVar[str] = "scan"
+    is_snapshot: ClassVar[bool] = True
 
     ranges_m: npt.NDArray[np.floating[Any]]
     angle_min_rad: float
@@ -126,7 +217,7 @@ class Scan:
 
 
 @dataclass(frozen=True, slots=True)
-class Odometry:
+class Odometry(Payload):
     """Wheel odometry since the sensor started, so that a frame that gets lost loses nothing.
 
     At least one of `pose_start_base` and `distance_m` is given.
@@ -141,6 +232,8 @@ class Odometry:
         Velocity now, where the sensor gives it.
     """
 
+    kind: ClassVar[str] = "odometry"
+
     pose_start_base: Pose2 | None = None
     distance_m: float | None = None
     twist: Twist2 | None = None
@@ -149,9 +242,16 @@ class Odometry:
         if self.pose_start_base is None and self.distance_m is None:
             raise ShapeError("odometry needs a pose or a distance since the start")
 
+    def numbers(self) -> Mapping[str, float]:
+        """Return ``x, y, theta`` since the start, or else ``distance``."""
+        if (pose := self.pose_start_base) is not None:
+            return {"x": pose.x, "y": pose.y, "theta": pose.theta}
+        assert self.distance_m is not None  # one or the other is given
+        return {"distance": self.distance_m}
+
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Imu:
+class Imu(Payload):
     """An inertial reading in sensor axes.
 
     Attributes
@@ -163,6 +263,8 @@ class Imu:
     quat_xyzw : (4,) float64 or None
         Orientation, where the sensor estimates one.
     """
+
+    kind: ClassVar[str] = "imu"
 
     angular_velocity_radps: npt.NDArray[np.float64]
     linear_acceleration_mps2: npt.NDArray[np.float64] | None = None
@@ -178,9 +280,15 @@ class Imu:
                 raise ShapeError(f"{name} must have shape ({length},), not {array.shape}")
             object.__setattr__(self, name, read_only(array))
 
+    def numbers(self) -> Mapping[str, float]:
+        """Return rates ``wx, wy, wz`` and accelerations ``ax, ay, az``, NaN where unknown."""
+        force = self.linear_acceleration_mps2
+        values = (*self.angular_velocity_radps, *(np.full(3, np.nan) if force is None else force))
+        return dict(zip(("wx", "wy", "wz", "ax", "ay", "az"), values, strict=True))
+
 
 @dataclass(frozen=True, slots=True)
-class Scalar:
+class Scalar(Payload):
     """A single number, for example ambient light; the sensor's kind says of what.
 
     Attributes
@@ -189,11 +297,13 @@ class Scalar:
         The reading, in SI units.
     """
 
+    kind: ClassVar[str] = "scalar"
+
     value: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Record:
+class Record(Payload):
     """Named arrays, for sensors that fit no other payload; `SensorInfo.kind` says what they mean.
 
     Attributes
@@ -202,14 +312,13 @@ class Record:
         For example ids, ranges and bearings of landmarks.
     """
 
+    kind: ClassVar[str] = "record"
+
     arrays: Mapping[str, npt.NDArray[Any]]
 
     def __post_init__(self) -> None:
         views = {name: read_only(np.asarray(array)) for name, array in self.arrays.items()}
         object.__setattr__(self, "arrays", MappingProxyType(views))
-
-
-Payload = Image | RGBD | Scan | Odometry | Imu | Scalar | Record
 
 
 @dataclass(frozen=True, slots=True, eq=False)

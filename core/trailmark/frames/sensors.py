@@ -7,27 +7,17 @@ from dataclasses import dataclass
 
 from trailmark.errors import ShapeError
 from trailmark.frames.calibration import Calibration
-from trailmark.frames.payloads import RGBD, Image, Imu, Odometry, Payload, Scalar, Scan
+from trailmark.frames.payloads import PAYLOAD_KINDS, Payload
 from trailmark.geometry import Pose3
 
 __all__ = ["PAYLOAD_KINDS", "SensorInfo", "payload_kind"]
-
-#: Kinds whose payload is fixed. Any other kind carries a `Record` and means what its source documents.
-PAYLOAD_KINDS: dict[str, type[Payload]] = {
-    "image": Image,
-    "rgbd": RGBD,
-    "scan": Scan,
-    "odometry": Odometry,
-    "imu": Imu,
-    "scalar": Scalar,
-}
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
 def payload_kind(payload: Payload) -> str:
     """Return the kind of a payload; ``"record"`` for named arrays."""
-    return next((kind for kind, cls in PAYLOAD_KINDS.items() if isinstance(payload, cls)), "record")
+    return payload.kind
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ import numpy as np
 
 from trailmark.config.yaml_text import dump_yaml
 from trailmark.errors import ConfigError, SourceError
-from trailmark.frames import RGBD, DepthCamera, Frame, Image, Imu, Odometry, Record, Scalar, Scan, SensorInfo
+from trailmark.frames import RGBD, DepthCamera, Frame, Image, Record, Scan, SensorInfo
 from trailmark.frames.array_documents import array_from_document
 from trailmark.frames.documents import calibration_to_document
 from trailmark.geometry import Trajectory, write_tum
@@ -37,7 +37,7 @@ class DatasetWriter:
     odometry  ``NAME.csv``: t, x, y, theta since the start; or t, distance
     imu       ``NAME.csv``: t, rates, accelerations
     scalar    ``NAME.csv``: t, value
-    others    ``NAME/000000.npz`` ..., ``NAME/timestamps.txt``
+    others    ``NAME/000000.npz`` ..., ``NAME/timestamps.txt`` of a `Record`; else ``NAME.csv``: t, its numbers
     ========  ====================================================================================
 
     Beside them stand ``NAME.calib.yaml`` (arrays of it in ``.npy`` files), ``groundtruth.tum``, and ``config.yaml``
@@ -92,12 +92,12 @@ class DatasetWriter:
                 self._write_rgbd(name, number, frame.stamp_s, payload)
             case Scan():
                 self._line(f"{name}.log", _robotlaser(frame.stamp_s, payload))
-            case Odometry() | Imu() | Scalar():
-                self._row(name, frame.stamp_s, payload)
             case Record():
                 (self.folder / name).mkdir(exist_ok=True)
                 np.savez(self.folder / name / f"{number}.npz", **dict(payload.arrays))  # type: ignore[arg-type]  # no array is called allow_pickle
                 self._line(f"{name}/timestamps.txt", f"{frame.stamp_s!r} {number}.npz")
+            case _:
+                self._row(name, frame.stamp_s, payload.numbers())
 
     def close(self, truth: Trajectory | None) -> None:
         """Write calibrations, the ground truth, and the config that plays it all again."""
@@ -125,8 +125,7 @@ class DatasetWriter:
             self._line(f"{name}/camera.txt", " ".join(repr(float(value)) for value in numbers))
             self._line(f"{name}/camera.txt", repr(_DEPTH_FACTOR))
 
-    def _row(self, name: str, stamp_s: float, payload: Odometry | Imu | Scalar) -> None:
-        columns = _columns(payload)
+    def _row(self, name: str, stamp_s: float, columns: Mapping[str, float]) -> None:
         header = ",".join(("t", *columns))
         if self._headers.setdefault(name, header) != header:
             raise SourceError(f"sensor {name!r} gives {header} at {stamp_s:.6f} s, and {self._headers[name]} before")
@@ -180,20 +179,6 @@ def _section(info: SensorInfo) -> dict[str, Any]:
     if info.calibration is not None:
         section["calibration"] = f"{info.name}.calib.yaml"
     return section
-
-
-def _columns(payload: Odometry | Imu | Scalar) -> dict[str, float]:
-    """Return the columns of a row behind its stamp."""
-    if isinstance(payload, Scalar):
-        return {"value": payload.value}
-    if isinstance(payload, Imu):
-        force = payload.linear_acceleration_mps2
-        numbers = (*payload.angular_velocity_radps, *(np.full(3, np.nan) if force is None else force))
-        return dict(zip(("wx", "wy", "wz", "ax", "ay", "az"), numbers, strict=True))
-    if (pose := payload.pose_start_base) is not None:
-        return {"x": pose.x, "y": pose.y, "theta": pose.theta}
-    assert payload.distance_m is not None  # odometry has one or the other
-    return {"distance": payload.distance_m}
 
 
 def _robotlaser(stamp_s: float, scan: Scan) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 
 from trailmark.arrays import AnyArray, Grey8
 from trailmark.errors import DataError
-from trailmark.frames import RGBD, Frame, Image
+from trailmark.frames import Frame
 from trailmark.report.html import text_html
 
 __all__ = ["FOLDER", "Glimpses", "glimpses_section"]
@@ -54,8 +54,7 @@ class Glimpses:
             return
         if self._began_s is None:
             self._began_s = frame.stamp_s
-        payload = frame.payload
-        pixels = payload.pixels if isinstance(payload, Image) else payload.bgr if isinstance(payload, RGBD) else None
+        pixels = frame.payload.picture
         if pixels is None:
             return
         camera = self._cameras.setdefault(frame.sensor, _Camera())

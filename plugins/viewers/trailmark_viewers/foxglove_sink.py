@@ -14,7 +14,7 @@ from foxglove import channels, messages
 from trailmark.commands import Command
 from trailmark.errors import ConfigError
 from trailmark.estimates import Applied, Belief, Estimate, Fix
-from trailmark.frames import RGBD, Frame, Image, Imu, Odometry, Scalar, Scan
+from trailmark.frames import RGBD, Frame, Image, Imu, Odometry, Record, Scan
 from trailmark.geometry import Pose2, Pose3
 from trailmark.interfaces import RunEnd, Session, Sink
 from trailmark_viewers.common import belief_numbers, estimate_numbers, jpeg, lifted, plain, quaternion_xyzw
@@ -102,10 +102,10 @@ class FoxgloveSink(Sink):
             case Imu() as imu:
                 names = ("angular_velocity_radps", "linear_acceleration_mps2", "quat_xyzw")
                 self._json(topic, stamp_s, {name: plain(getattr(imu, name)) for name in names})
-            case Scalar(value=value):
-                self._json(topic, stamp_s, {"value": plain(value)})
-            case record:
-                self._json(topic, stamp_s, {name: plain(array) for name, array in record.arrays.items()})
+            case Record(arrays=arrays):
+                self._json(topic, stamp_s, {name: plain(array) for name, array in arrays.items()})
+            case other:
+                self._json(topic, stamp_s, {name: plain(number) for name, number in other.numbers().items()})
 
     def on_estimate(self, source: str, estimate: Estimate, applied: Applied) -> None:
         """Write an estimate and what became of it."""

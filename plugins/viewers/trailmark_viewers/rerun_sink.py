@@ -15,7 +15,7 @@ import rerun.blueprint as rrb
 from trailmark.commands import Command
 from trailmark.errors import ConfigError
 from trailmark.estimates import Applied, Belief, Estimate, Fix, Lost
-from trailmark.frames import RGBD, Frame, Image, Imu, Odometry, Record, Scalar, Scan, SensorInfo
+from trailmark.frames import RGBD, Frame, Image, Imu, Odometry, Record, Scan, SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interfaces import RunEnd, Session, Sink
 from trailmark_viewers import rerun_archetypes as shown
@@ -101,10 +101,11 @@ class RerunSink(Sink):
                 self._numbers(f"{numbers}/angular_velocity_radps", imu.angular_velocity_radps.tolist())
                 if imu.linear_acceleration_mps2 is not None:
                     self._numbers(f"{numbers}/linear_acceleration_mps2", imu.linear_acceleration_mps2.tolist())
-            case Scalar(value=value):
-                self._numbers(f"{numbers}/value", [value])
             case Record() as record if (seen := shown.sightings(record)) is not None:
                 self._stream.log(f"{entity}/sightings", seen)
+            case other:
+                for name, number in other.numbers().items():
+                    self._numbers(f"{numbers}/{name}", [number])
 
     def on_estimate(self, source: str, estimate: Estimate, applied: Applied) -> None:
         """Log an estimate and what became of it."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from trailmark.estimates import Belief
-from trailmark.frames import RGBD, Frame, Image, Scan
+from trailmark.frames import Frame
 from trailmark.pipeline.counters import Counters
 
 __all__ = ["Mailbox", "is_snapshot"]
@@ -14,11 +14,11 @@ Letter = tuple[Frame, Belief]
 
 def is_snapshot(frame: Frame) -> bool:
     """Return whether a newer frame of the sensor makes this one worthless (a picture or a scan)."""
-    return isinstance(frame.payload, Image | RGBD | Scan)
+    return frame.payload.is_snapshot
 
 
 class Mailbox:
-    """Keeps the latest frame of each Image, RGBD and Scan sensor, and every other frame."""
+    """Keeps the latest frame of each sensor of pictures or scans, and every other frame."""
 
     def __init__(self) -> None:
         self._letters: dict[object, Letter] = {}  # in order of stamps

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from trailmark.errors import SourceError
-from trailmark.frames import PAYLOAD_KINDS, RGBD, Frame, Image, Payload, Record, SensorInfo, payload_kind
+from trailmark.frames import PAYLOAD_KINDS, Frame, Payload, Record, SensorInfo, payload_kind
 from trailmark.pipeline.counters import Counters
 
 __all__ = ["FrameChecks"]
@@ -90,7 +90,8 @@ class _Check:
 
     def __init__(self, info: SensorInfo) -> None:
         self._kind = info.kind
-        self._payload: type[Any] = PAYLOAD_KINDS.get(info.kind, Record)
+        self._payload = PAYLOAD_KINDS.get(info.kind, Record)
+        self._has_layout = self._payload.layout is not Payload.layout  # of odometry and the like nobody need ask
         self._size = info.size
         self._layout: Any = None
         self.last_s = -math.inf
@@ -100,29 +101,17 @@ class _Check:
         payload = frame.payload
         if not isinstance(payload, self._payload):
             return f"carries {payload_kind(payload)}, but the sensor is of kind {self._kind}"
-        layout = _layout(payload) if isinstance(payload, Image | RGBD) else None
+        layout = payload.layout if self._has_layout else None
         if layout != self._layout:
             if self._layout is not None:
                 return f"changes from {_shown(self._layout)} to {_shown(layout)}"
-            size = _size(payload)
+            size = payload.size
             if self._size is not None and size is not None and size != self._size:
                 return f"is {size[0]}x{size[1]} px, but the sensor is {self._size[0]}x{self._size[1]} px"
             self._layout = layout
         if frame.stamp_s < self.last_s:
             return f"goes back in time: the one before it was at {self.last_s:.6f} s"
         return None
-
-
-def _layout(payload: Image | RGBD) -> Any:
-    if isinstance(payload, Image):
-        return payload.pixels.shape, payload.pixels.dtype
-    return payload.bgr.shape, payload.depth_m.shape
-
-
-def _size(payload: Payload) -> tuple[int, int] | None:
-    if isinstance(payload, Image):
-        return payload.size
-    return (payload.bgr.shape[1], payload.bgr.shape[0]) if isinstance(payload, RGBD) else None
 
 
 def _shown(layout: Any) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 
 from trailmark.commands import Stop
 from trailmark.config import PluginConfig
-from trailmark.frames import RGBD, Frame, Image, payload_kind
+from trailmark.frames import Frame, payload_kind
 from trailmark.frames.sensors import PAYLOAD_KINDS
 from trailmark.interfaces import Drivable, FrameSource, Session
 from trailmark.testing.checks.configs import common_checks
@@ -114,19 +114,10 @@ def _are_as_told(make: Callable[[], FrameSource], n_frames: int) -> None:
             assert kind == info.kind or (kind == "record" and info.kind not in PAYLOAD_KINDS), (
                 f"{frame.sensor!r} is of kind {info.kind!r} and gives {kind!r}"
             )
-            size = _size(frame)
+            size = frame.payload.size
             assert size is None or info.size is None or size == info.size, (
                 f"{frame.sensor!r} is {info.size} pixels and gives {size}"
             )
-
-
-def _size(frame: Frame) -> tuple[int, int] | None:
-    match frame.payload:
-        case Image():
-            return frame.payload.size
-        case RGBD(bgr):
-            return bgr.shape[1], bgr.shape[0]
-    return None
 
 
 def _are_read_only(make: Callable[[], FrameSource], n_frames: int) -> None:
