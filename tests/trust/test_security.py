@@ -103,7 +103,8 @@ def test_modules_are_imported_by_name_in_few_places() -> None:
         if called.rpartition(".")[2] in ("import_module", "exec_module", "spec_from_file_location")
     }
 
-    lazy = {"__init__.py", "root.py", "catalogue.py", "deprecation.py"}  # names that stand in the module itself, or in its caller
+    # Names that stand in the module itself, or in its caller.
+    lazy = {"__init__.py", "root.py", "catalogue.py", "deprecation.py"}
     assert places <= lazy | {"spec.py", "candidates.py", "plain.py", "call.py"}
 
 
