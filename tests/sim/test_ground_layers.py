@@ -9,7 +9,7 @@ import numpy.typing as npt
 import pytest
 
 from trailmark_sim.ground.canvas import Canvas, grid
-from trailmark_sim.ground.layers import Grains, add_clouds, add_grains
+from trailmark_sim.ground.layers import GrainLayer, add_clouds, add_grains
 from trailmark_sim.hashing import hash2, mixed, normal_of, unit_of
 
 SEED = np.uint64(11)
@@ -50,7 +50,7 @@ def test_a_grain_is_the_cell_of_the_nearest_point() -> None:
     x, y = grid(0.2, -0.3, 0.0007, 24)
     out = np.zeros(x.shape, dtype=np.float32)
 
-    add_grains(out, x, y, Grains(cell, 5.0, gap_width=1e-6), SEED)
+    add_grains(out, x, y, GrainLayer(cell, 5.0, gap_width=1e-6), SEED)
 
     for row, col in ((0, 0), (5, 17), (23, 2), (11, 11)):
         assert out[row, col] == pytest.approx(nearest_tone(x[row, col] / cell, y[row, col] / cell), abs=1e-4)

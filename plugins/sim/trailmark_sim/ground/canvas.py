@@ -50,14 +50,14 @@ class Canvas:
         return self
 
     def grains(self, cell_m: float, gain: float, **look: float) -> Canvas:
-        """Add grains or stones; `look` are the other fields of `layers.Grains`."""
-        layers.add_grains(self.grey, self._x, self._y, layers.Grains(cell_m, gain, **look), self._next_seed())
+        """Add grains or stones; `look` are the other fields of `layers.GrainLayer`."""
+        layers.add_grains(self.grey, self._x, self._y, layers.GrainLayer(cell_m, gain, **look), self._next_seed())
         return self
 
     def specks(self, cell_m: float | tuple[float, float], share: float, gain: float, **look: float) -> Canvas:
-        """Add sparse round or long specks; `look` are the other fields of `layers.Specks`."""
+        """Add sparse round or long specks; `look` are the other fields of `layers.SpeckLayer`."""
         cell_x_m, cell_y_m = cell_m if isinstance(cell_m, tuple) else (cell_m, cell_m)
-        specks = layers.Specks(cell_x_m, cell_y_m, share, gain, **look)
+        specks = layers.SpeckLayer(cell_x_m, cell_y_m, share, gain, **look)
         layers.add_specks(self.grey, self._x, self._y, specks, self._next_seed())
         return self
 

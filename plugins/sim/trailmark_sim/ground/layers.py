@@ -17,7 +17,16 @@ from trailmark.kernels import kernel
 from trailmark_sim.hashing import hash2, mixed, normal_of, unit_of
 from trailmark_sim.interpolation import between
 
-__all__ = ["Grains", "Specks", "add_clouds", "add_dust", "add_grains", "add_joints", "add_specks", "split_planks"]
+__all__ = [
+    "GrainLayer",
+    "SpeckLayer",
+    "add_clouds",
+    "add_dust",
+    "add_grains",
+    "add_joints",
+    "add_specks",
+    "split_planks",
+]
 
 
 @kernel
@@ -70,7 +79,7 @@ def add_dust(out: AnyArray, x: AnyArray, y: AnyArray, cell_m: float, gain: float
             out[row, col] += gain * normal_of(h)
 
 
-class Grains(NamedTuple):
+class GrainLayer(NamedTuple):
     """Grains: the cells of scattered points (Voronoi), each of its own grey.
 
     Attributes
@@ -99,7 +108,7 @@ class Grains(NamedTuple):
 
 
 @kernel
-def add_grains(out: AnyArray, x: AnyArray, y: AnyArray, grains: Grains, seed: np.uint64) -> None:
+def add_grains(out: AnyArray, x: AnyArray, y: AnyArray, grains: GrainLayer, seed: np.uint64) -> None:
     """Add grains."""
     cell_m, gain, jitter, gap, gap_width, shade, share = grains
     px, py, tone = np.empty(9), np.empty(9), np.empty(9)
@@ -134,7 +143,7 @@ def add_grains(out: AnyArray, x: AnyArray, y: AnyArray, grains: Grains, seed: np
                 out[row, col] += value if edge >= 1.0 else value * edge + gap * (1.0 - edge)
 
 
-class Specks(NamedTuple):
+class SpeckLayer(NamedTuple):
     """Sparse round or, with unequal cells, long specks; each lies within its own cell.
 
     Attributes
@@ -160,7 +169,7 @@ class Specks(NamedTuple):
 
 
 @kernel
-def add_specks(out: AnyArray, x: AnyArray, y: AnyArray, specks: Specks, seed: np.uint64) -> None:
+def add_specks(out: AnyArray, x: AnyArray, y: AnyArray, specks: SpeckLayer, seed: np.uint64) -> None:
     """Add specks."""
     cell_x_m, cell_y_m, share, gain, radius, spread = specks
     last_i, last_j = -(1 << 62), 0

@@ -97,7 +97,7 @@ class Scene:
 
 
 @dataclass(frozen=True, slots=True)
-class _Parts:
+class _SceneParts:
     """What a builder has collected: shapes, their surfaces, and textures."""
 
     shapes: list[Shape]
@@ -192,13 +192,13 @@ class SceneBuilder:
             prints=self._prints,
         )
 
-    def parts(self) -> _Parts:
+    def parts(self) -> _SceneParts:
         """Return all shapes, what moves last, with their surfaces, and the textures."""
         shapes = [*self._shapes, *(shape for shape, _ in self._movers)]
-        return _Parts(shapes, [*self._surfaces, *(surface for _, surface in self._movers)], self._images)
+        return _SceneParts(shapes, [*self._surfaces, *(surface for _, surface in self._movers)], self._images)
 
 
-def _columns(parts: _Parts, atlas: Atlas, patches: Int32s) -> dict[str, AnyArray]:
+def _columns(parts: _SceneParts, atlas: Atlas, patches: Int32s) -> dict[str, AnyArray]:
     """Return a row for each shape of what the kernels know of it but its light."""
     shapes, surfaces = parts.shapes, parts.surfaces
     return {
