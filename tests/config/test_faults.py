@@ -46,6 +46,33 @@ def test_the_keys_of_the_default_fault_stand_directly_under_perturb() -> None:
     assert fault.keys == ("sources", "robot", "perturb")
 
 
+def test_faults_stand_in_the_order_of_the_config() -> None:
+    assert order({"vignette": {}, "noise": 2.0, "cover": {}, "dropped": 0.1}) == ["vignette", "basic", "cover"]
+    assert order({"cover": {}, "vignette": {}}) == ["cover", "vignette"]
+
+
+def test_null_leaves_a_fault_out() -> None:
+    assert order({"vignette": None, "cover": {}}) == ["cover"]
+
+
+def test_the_order_is_kept_when_a_config_is_written_out() -> None:
+    first = read({"vignette": {"fall": 0.3}, "noise": 2.0, "cover": {}})
+
+    again = load_run_config(json.loads(json.dumps(first.document)), plugins=REAL)
+
+    assert again.sources["robot"].faults == first.sources["robot"].faults
+    assert again.document == first.document
+
+
+def test_what_is_wrong_with_a_named_fault_is_told_at_its_keys() -> None:
+    told = problems({"vignet": {}, "cover": 3, "lens_marks": {"shar": 0.1}, "mains": {"hz": 50}})
+
+    assert "perturb.vignet: unknown key (did you mean 'vignette'?)" in told
+    assert "perturb.cover: must be a mapping of its keys, {} for its defaults, not 3" in told
+    assert "perturb.lens_marks.shar: unknown key (did you mean 'share'?)" in told
+    assert "perturb.mains.hz: must be 100 or 120, not 50" in told
+
+
 def test_a_config_that_is_written_out_gives_the_same_faults() -> None:
     first = read({"noise": 3.0, "occluders": {"n": 1}, "sensors": ["floor"]})
 
@@ -111,6 +138,7 @@ def test_an_editor_knows_the_keys_and_the_faults() -> None:
 
     perturb = schema["$defs"]["perturb"]
     assert schema["$defs"]["source.sim"]["properties"]["perturb"]["anyOf"][0] == {"$ref": "#/$defs/perturb"}
-    assert {"sensors", "noise", "wrong"} <= set(perturb["properties"])
+    assert {"sensors", "noise", "wrong", "lens_marks"} <= set(perturb["properties"])
+    assert perturb["properties"]["lens_marks"]["anyOf"][0] == {"$ref": "#/$defs/fault.lens_marks"}
     assert perturb["additionalProperties"] is False
     assert "plugin" not in schema["$defs"]["fault.basic"]["properties"]
