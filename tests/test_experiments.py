@@ -70,3 +70,21 @@ def test_the_page_holds_rows_notes_and_pictures(tmp_path: Path) -> None:
     assert "- C, poles touched: one gate only" in page
     assert "![figure 13](figure_13.svg)" in page
     assert len(json.loads((tmp_path / "rows.json").read_text("utf-8"))["rows"]) == 2
+
+
+def test_a_seed_has_a_place_of_its_own_unless_one_is_asked_for(tmp_path: Path) -> None:
+    free = ExperimentOptions(quick=True, seed=4, out=tmp_path, report=print)
+    fixed = ExperimentOptions(quick=True, seed=4, out=tmp_path, report=print, place=9)
+
+    assert (free.world_seed, free.place_of(0)) == (5, 1)
+    assert (fixed.world_seed, fixed.place_of(0)) == (9, 9)
+
+
+def test_the_page_names_a_fixed_place(tmp_path: Path) -> None:
+    origin = {"command": "trailmark", "started": "2026-11-21T10:00", "trailmark": "1", "cpu": "A"}
+
+    anywhere = write_experiment(tmp_path / "a", "t", "", [], origin, took_s=1.0).read_text("utf-8")
+    fixed = write_experiment(tmp_path / "b", "t", "", [], origin | {"place": 9}, took_s=1.0).read_text("utf-8")
+
+    assert "world_seed" not in anywhere
+    assert "All drives in one place, `world_seed` 9." in fixed

@@ -78,7 +78,7 @@ class ExperimentOptions:
     quick : bool
         Short versions, for a first look and for CI.
     seed : int
-        First seed; further seeds follow from it.
+        First seed, of noise, people and the place; further seeds follow from it.
     out : Path
         Folder for runs and plots: every ``*.svg`` in it becomes a picture of the written results.
     report : callable
@@ -87,6 +87,8 @@ class ExperimentOptions:
         Processes that independent runs may be spread over.
     is_kept : bool
         Keep the answers of `map` below `out` until the experiment is done: an interrupted one goes on where it was.
+    place : int or None
+        The simulated place of all drives (``world_seed``); None: every seed has a place of its own.
     """
 
     quick: bool
@@ -95,6 +97,16 @@ class ExperimentOptions:
     report: Callable[[str], None]
     jobs: int = 1
     is_kept: bool = False
+    place: int | None = None
+
+    def place_of(self, seed: int) -> int:
+        """Return the ``world_seed`` of drives with a seed: the place that was asked for, or one of the seed's own."""
+        return seed + 1 if self.place is None else self.place
+
+    @property
+    def world_seed(self) -> int:
+        """The place of the first seed."""
+        return self.place_of(self.seed)
 
     def map(self, function: Callable[..., _T], arguments: Iterable[tuple[Any, ...]]) -> list[_T]:
         """Call a function with each tuple of arguments, in up to `jobs` processes, and return the answers in order.

@@ -13,6 +13,7 @@ from trailmark.config import load_run_config
 from trailmark.experiments import ExperimentOptions
 from trailmark.geometry import Pose2, Trajectory
 from trailmark.plugins import load_plugins
+from trailmark_papers.kit import Trial
 from trailmark_papers.nagai2015 import cover, indoor, outdoor, runs, straight
 
 
@@ -109,7 +110,9 @@ def test_without_a_folder_of_recordings_there_are_no_photographs(
 
 
 @pytest.mark.parametrize("name", indoor._VARIANTS)
-def test_every_variant_of_the_indoor_course_is_a_valid_config(name: str) -> None:
-    config = indoor._config(0, indoor._VARIANTS[name], 2.5, Pose2(1.0, 2.0, 0.3), Pose2(1.1, 2.0, 0.3))
+def test_every_variant_of_the_indoor_course_is_a_valid_config(tmp_path: Path, name: str) -> None:
+    config = indoor._config(
+        Trial(tmp_path, 0, 1), indoor._VARIANTS[name], 2.5, Pose2(1.0, 2.0, 0.3), Pose2(1.1, 2.0, 0.3)
+    )
 
     assert load_run_config(config, plugins=load_plugins()).controller is not None

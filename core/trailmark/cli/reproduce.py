@@ -21,14 +21,13 @@ __all__ = ["reproduce_command"]
 @click.command("reproduce")
 @click.argument("paper", required=False)
 @click.option("--quick", is_flag=True, help="Short versions.")
-@click.option("--seed", default=0, show_default=True, type=click.IntRange(0), help="First seed.")
+@click.option("--seed", default=0, show_default=True, type=click.IntRange(0), help="First seed: noise, people, place.")
+@click.option("--place", type=click.IntRange(0), help="World seed of all drives.  [default: of the seed]")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("runs/reproduce"), show_default=True)
 @click.option("--jobs", default=1, show_default=True, type=click.IntRange(1), help="Runs at a time.")
 @click.option("--json", "as_json", is_flag=True, help="Print the rows as JSON.")
 @click.pass_context
-def reproduce_command(
-    context: click.Context, paper: str | None, quick: bool, seed: int, out: Path, jobs: int, as_json: bool
-) -> None:
+def reproduce_command(context: click.Context, /, paper: str | None, out: Path, as_json: bool, **request: Any) -> None:
     """Repeat the experiments of PAPER (or `all`); without PAPER, list them.
 
     Rows, plots and a page of Markdown are written to a folder for each paper under --out. The same command again
@@ -44,7 +43,7 @@ def reproduce_command(
     names = sorted(specs) if paper == "all" else [paper]
     rows: list[Row] = []
     for name in names:
-        found = _repeat(specs[name], quick, seed, out / name, jobs)
+        found = _repeat(specs[name], out / name, **request)
         rows.extend(found)
         if not as_json:
             _print_table(specs[name].summary, found)
@@ -53,7 +52,7 @@ def reproduce_command(
         click.echo(json.dumps([row.document() for row in rows], indent=1))
 
 
-def _repeat(spec: Any, quick: bool, seed: int, folder: Path, jobs: int) -> Sequence[Row]:
+def _repeat(spec: Any, folder: Path, *, quick: bool, seed: int, place: int | None, jobs: int) -> Sequence[Row]:
     from trailmark.isolation.calls import forget_calls
     from trailmark.pipeline.outputs.provenance import provenance
     from trailmark.report.experiment import write_experiment
@@ -61,11 +60,12 @@ def _repeat(spec: Any, quick: bool, seed: int, folder: Path, jobs: int) -> Seque
     say(f"{spec.name}: {spec.summary}")
     began_s, origin = time.monotonic(), provenance()
     folder.mkdir(parents=True, exist_ok=True)
-    _keep_only_the_same(folder, {"quick": quick, "seed": seed})
-    options = ExperimentOptions(quick, seed, folder, lambda line: say(f"  {line}"), jobs, is_kept=True)
+    _keep_only_the_same(folder, {"quick": quick, "seed": seed, "place": place})
+    options = ExperimentOptions(quick, seed, folder, lambda line: say(f"  {line}"), jobs, is_kept=True, place=place)
     rows: Sequence[Row] = spec.load()(options)
     forget_calls(folder / CALLS_FOLDER)
-    write_experiment(folder, spec.summary, spec.reference, rows, origin, time.monotonic() - began_s)
+    where = {} if place is None else {"place": place}
+    write_experiment(folder, spec.summary, spec.reference, rows, origin | where, time.monotonic() - began_s)
     return rows
 
 

@@ -52,6 +52,7 @@ def _lines(
         *([f"Paper: {reference}", ""] if reference else []),
         f"`{_command(provenance['command'])}`, {provenance['started'][:10]}, trailmark {provenance['trailmark']}, "
         f"{took_s / 60:.1f} min on {provenance['cpu']}.",
+        *([f"All drives in one place, `world_seed` {provenance['place']}."] if "place" in provenance else []),
         f"{sum(judged)} of {len(judged)} bars are met.",
         "",
         "| " + " | ".join(_HEADER) + " |",

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from trailmark.experiments import ExperimentOptions, Row
-from trailmark_papers.kit import Table
+from trailmark_papers.kit import Table, Trial
 from trailmark_papers.nagai2015.playback import read_playback
 from trailmark_papers.nagai2015.runs import PAPER_MAP, course, drive, tracking_config
 
@@ -30,9 +30,10 @@ _GIVE_UP_S = 60.0
 def cover_rows(options: ExperimentOptions) -> list[Row]:
     """Return what the carpet does, with the consensus of the four groups and without."""
     modes = ("refined",) if options.quick else ("refined", "paper")
-    options.map(_teach, [(options.out, options.seed, mode, options.quick) for mode in modes])
+    trial = Trial.of(options)
+    options.map(_teach, [(trial, mode, options.quick) for mode in modes])
     cases = [(mode, has_consensus) for mode in modes for has_consensus in (True, False)]
-    options.map(_repeat, [(options.out, options.seed, *case, options.quick) for case in cases])
+    options.map(_repeat, [(trial, *case, options.quick) for case in cases])
     return [row for case in cases for row in _rows(options, *case)]
 
 
@@ -59,18 +60,20 @@ def _playback(mode: str, has_consensus: bool) -> str:
     return f"cover-replay-{mode}-{'with' if has_consensus else 'without'}"
 
 
-def _teach(out: Path, seed: int, mode: str, is_quick: bool) -> Path:
+def _teach(trial: Trial, mode: str, is_quick: bool) -> Path:
     duration_s = (_QUICK if is_quick else _FULL)[0]
     patches = PAPER_MAP if mode == "paper" else None
-    config = tracking_config(course("straight", duration_s=duration_s), seed, motion={"mode": mode}, patches=patches)
-    return drive(out / _teaching(mode), config, out / f"{_teaching(mode)}.trail", mode="teach")
+    config = tracking_config(
+        course("straight", trial.place, duration_s=duration_s), trial.seed, motion={"mode": mode}, patches=patches
+    )
+    return drive(trial.out / _teaching(mode), config, trial.out / f"{_teaching(mode)}.trail", mode="teach")
 
 
-def _repeat(out: Path, seed: int, mode: str, has_consensus: bool, is_quick: bool) -> Path:
+def _repeat(trial: Trial, mode: str, has_consensus: bool, is_quick: bool) -> Path:
     _, from_m, to_m, trips = _QUICK if is_quick else _FULL
     covered = [{"from_m": from_m, "to_m": to_m, "floor": "carpet"}]
     patches = dict(PAPER_MAP if mode == "paper" else {}) | ({} if has_consensus else dict(_NO_CONSENSUS))
-    source = course("straight", options={"covered": covered}, duration_s=_GIVE_UP_S)
-    config = tracking_config(source, seed, repeat=trips, motion={"mode": mode}, patches=patches)
-    folder = out / _playback(mode, has_consensus)
-    return drive(folder, config, out / f"{_teaching(mode)}.trail", mode="replay")
+    source = course("straight", trial.place, options={"covered": covered}, duration_s=_GIVE_UP_S)
+    config = tracking_config(source, trial.seed, repeat=trips, motion={"mode": mode}, patches=patches)
+    folder = trial.out / _playback(mode, has_consensus)
+    return drive(folder, config, trial.out / f"{_teaching(mode)}.trail", mode="replay")

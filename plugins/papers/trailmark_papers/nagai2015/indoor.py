@@ -13,7 +13,7 @@ import numpy as np
 from trailmark.evaluation import read_run
 from trailmark.experiments import ExperimentOptions, Row
 from trailmark.geometry import Pose2, Trajectory
-from trailmark_papers.kit import Table
+from trailmark_papers.kit import Table, Trial
 from trailmark_papers.nagai2015.figures import draw_indoor
 from trailmark_papers.nagai2015.playback import Playback, read_playback
 from trailmark_papers.nagai2015.runs import PAPER_MAP, course, drive, poles_of, tracking_config
@@ -64,14 +64,15 @@ def indoor_rows(options: ExperimentOptions) -> list[Row]:
     names = [_MAIN] if options.quick else list(_VARIANTS)
     trips = {name: _trips(name, options.quick) for name in names}
     kinds = sorted({_taught_as(name) for name in names}, reverse=True)
-    options.map(_teach, [(options.out, options.seed, kind) for kind in kinds])
-    options.map(_repeat, [(options.out, options.seed, name, trips[name]) for name in names])
+    trial = Trial.of(options)
+    options.map(_teach, [(trial, kind) for kind in kinds])
+    options.map(_repeat, [(trial, name, trips[name]) for name in names])
     found = {name: _read(options.out, name) for name in names}
     for name, playback in found.items():
         n = len(playback.detected_m())
         options.report(f"13.4 m indoors, {name}, {trips[name]:g} round trips: {n} corrections, {playback.reason}")
     main = found[_MAIN]
-    draw_indoor(options.out, main, poles_of(course("indoor")))
+    draw_indoor(options.out, main, poles_of(course("indoor", trial.place)))
     rows = [*_course_rows(main, trips[_MAIN]), *_error_rows(main, trips[_MAIN])]
     others = [name for name in names if name != _MAIN]
     return rows + [row for name in others for row in _variant_rows(name, found[name], main, trips[name])]
@@ -87,14 +88,14 @@ def _taught_as(name: str) -> str:
     return _VARIANTS[name].mode
 
 
-def _config(seed: int, variant: _Variant, repeat: float, stands: Pose2, believed: Pose2) -> dict[str, Any]:
+def _config(trial: Trial, variant: _Variant, repeat: float, stands: Pose2, believed: Pose2) -> dict[str, Any]:
     """Return the config of a playback that begins where teaching has ended: 10.5 round trips lead to the start."""
     vehicle: dict[str, Any] = {} if variant.vehicle is None else {"vehicle": dict(variant.vehicle)}
     # The answer is there a millisecond before the picture that it is to meet.
     late = {"async": True, "latency_ms": variant.latency_frames * _FRAME_MS - 1.0}
     return tracking_config(
-        course("indoor", start=_in_degrees(stands), **vehicle),
-        seed,
+        course("indoor", trial.place, start=_in_degrees(stands), **vehicle),
+        trial.seed,
         repeat=repeat,
         motion={"mode": variant.mode},
         patches={**(variant.patches or {}), **late},
@@ -110,18 +111,18 @@ def _in_degrees(pose: Pose2) -> list[float]:
     return [pose.x, pose.y, math.degrees(pose.theta)]
 
 
-def _teach(out: Path, seed: int, mode: str) -> Path:
+def _teach(trial: Trial, mode: str) -> Path:
     patches = PAPER_MAP if mode == "paper" else None
-    config = tracking_config(course("indoor"), seed, motion={"mode": mode}, patches=patches)
-    return drive(out / f"indoor-teach-{mode}", config, out / f"indoor-{mode}.trail", mode="teach")
+    config = tracking_config(course("indoor", trial.place), trial.seed, motion={"mode": mode}, patches=patches)
+    return drive(trial.out / f"indoor-teach-{mode}", config, trial.out / f"indoor-{mode}.trail", mode="teach")
 
 
-def _repeat(out: Path, seed: int, name: str, trips: float) -> Path:
+def _repeat(trial: Trial, name: str, trips: float) -> Path:
     variant = _VARIANTS[name]
-    taught = read_run(out / f"indoor-teach-{variant.mode}")
+    taught = read_run(trial.out / f"indoor-teach-{variant.mode}")
     assert taught.truth is not None
-    config = _config(seed, variant, trips, _last(taught.truth), _last(taught.trajectories["fused"]))
-    return drive(_folder(out, name), config, out / f"indoor-{variant.mode}.trail", mode="replay")
+    config = _config(trial, variant, trips, _last(taught.truth), _last(taught.trajectories["fused"]))
+    return drive(_folder(trial.out, name), config, trial.out / f"indoor-{variant.mode}.trail", mode="replay")
 
 
 def _folder(out: Path, name: str) -> Path:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from trailmark.experiments import ExperimentOptions, Row
-from trailmark_papers.kit import Table, sweep
+from trailmark_papers.kit import Table, Trial, sweep
 from trailmark_papers.nagai2015.figures import draw_outdoor
 from trailmark_papers.nagai2015.playback import Playback, read_playback
 from trailmark_papers.nagai2015.runs import course, drive, tracking_config
@@ -53,8 +53,9 @@ _FALSE_M = 5e-3
 def outdoor_rows(options: ExperimentOptions) -> list[Row]:
     """Return the rows of Sec. IV-D and draw Figs. 16 to 18."""
     days = list(_DAYS)[:1] if options.quick else list(_DAYS)
-    (taught,) = options.map(_teach, [(options.out, options.seed, options.quick)])
-    cells = {(day, way): (options.out, options.seed, day, way) for day in days for way in _DAYS[day].ways}
+    trial = Trial.of(options)
+    (taught,) = options.map(_teach, [(trial, options.quick)])
+    cells = {(day, way): (trial, day, way) for day in days for way in _DAYS[day].ways}
     folders = sweep(options, _repeat, cells)
     rows: list[Row] = []
     for day in days:
@@ -69,23 +70,27 @@ def outdoor_rows(options: ExperimentOptions) -> list[Row]:
     return rows
 
 
-def _teach(out: Path, seed: int, is_quick: bool) -> Path:
+def _teach(trial: Trial, is_quick: bool) -> Path:
     limits: dict[str, Any] = {"duration_s": _QUICK_S} if is_quick else {}
-    return drive(out / "outdoor-teach", tracking_config(course("outdoor", **limits), seed), out / _STORE, "teach")
+    config = tracking_config(course("outdoor", trial.place, **limits), trial.seed)
+    return drive(trial.out / "outdoor-teach", config, trial.out / _STORE, "teach")
 
 
-def _repeat(out: Path, seed: int, day: str, way: str) -> Path:
+def _repeat(trial: Trial, day: str, way: str) -> Path:
     """Drive the course on another day, from one of its ends."""
     ground = _DAYS[day]
     where: dict[str, Any] = {"start": "first" if way == "forward" else "last"}
     source = course(
         "outdoor",
+        trial.place,
         options={"in_replay": dict(ground.weather)},
         put_off=list(ground.put_off),
         rates_hz={"floor": _PLAYBACK_HZ},
     )
-    config = tracking_config(source, seed, stop_when={"fix_age_m": 5.0}, **where)
-    return drive(out / f"outdoor-{day.replace(',', '').replace(' ', '-')}-{way}", config, out / _STORE, "replay")
+    config = tracking_config(source, trial.seed, stop_when={"fix_age_m": 5.0}, **where)
+    return drive(
+        trial.out / f"outdoor-{day.replace(',', '').replace(' ', '-')}-{way}", config, trial.out / _STORE, "replay"
+    )
 
 
 def _taught_rows(found: Playback, options: ExperimentOptions) -> Table:

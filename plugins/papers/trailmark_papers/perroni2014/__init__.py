@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from trailmark.experiments import ExperimentOptions, Row
+from trailmark_papers.kit import over_places
 
 __all__ = ["perroni2014"]
+
+_N_PLACES = 5
 
 
 def perroni2014(options: ExperimentOptions) -> Sequence[Row]:
@@ -19,13 +22,5 @@ def perroni2014(options: ExperimentOptions) -> Sequence[Row]:
     from trailmark_papers.perroni2014.likelihood import likelihood_rows
     from trailmark_papers.perroni2014.offline import offline_rows
 
-    parts = (
-        frame_time_rows,
-        likelihood_rows,
-        clutter_rows,
-        offline_rows,
-        closed_loop_rows,
-        corner_rows,
-        correspondence_rows,
-    )
-    return [row for part in parts for row in part(options)]
+    parts = (likelihood_rows, clutter_rows, offline_rows, closed_loop_rows, corner_rows, correspondence_rows)
+    return frame_time_rows(options) + [row for part in parts for row in over_places(options, part, _N_PLACES)]

@@ -18,7 +18,8 @@ _ANGLES_DEG = (2.0, -2.0, 5.0, -5.0, 10.0, -10.0)
 _PAPER_ANGLES_DEG = (5.0, -5.0)
 _WIDTH_PX = 160
 #: The paper's closed loop is outdoors.
-_N_SEEDS, _N_PEER_SEEDS = {"street": 20, "corridor": 3}, {"street": 1, "corridor": 1}
+#: In each place.
+_N_SEEDS, _N_PEER_SEEDS = {"street": 4, "corridor": 2}, {"street": 1, "corridor": 1}
 _SIZES = (("street", 640), ("corridor", 320))
 _END_M, _END_DEG, _GROWTH_M = 0.30, 3.0, 0.10
 
@@ -34,10 +35,16 @@ class _Case:
 def closed_loop_rows(options: ExperimentOptions) -> list[Row]:
     """Return the rows of Fig. 5, and draw it."""
     if options.quick:
-        return _rows_of(options, Place("street", 4.0, _WIDTH_PX), [5.0, -10.0], n_seeds=1, n_peer_seeds=0)
+        return _rows_of(
+            options,
+            Place("street", 4.0, _WIDTH_PX, world_seed=options.world_seed),
+            [5.0, -10.0],
+            n_seeds=1,
+            n_peer_seeds=0,
+        )
     rows = []
     for world, n_seeds in _N_SEEDS.items():
-        place = Place(world, 10.0, _WIDTH_PX)
+        place = Place(world, 10.0, _WIDTH_PX, world_seed=options.world_seed)
         rows += _rows_of(options, place, _ANGLES_DEG, n_seeds=n_seeds, n_peer_seeds=_N_PEER_SEEDS[world])
     return rows + _size_rows(options)
 
@@ -93,7 +100,10 @@ def _share_row(name: str, said: str, ways: Sequence[Deviation], bar: float | Non
 
 def _size_rows(options: ExperimentOptions) -> list[Row]:
     """Return the same drives with larger pictures, one seed: what the small ones leave out."""
-    calls = [(options.out / "runs", world, width, options.seed) for world, width in _SIZES]
+    place = options.world_seed
+    calls = [
+        (options.out / "runs", Place(world, 10.0, width, world_seed=place), options.seed) for world, width in _SIZES
+    ]
     bars: dict[str, Any] = {"bar": _END_M, "stretch": 0.15, "n": 2}
     return [
         Row(f"Fig. 5 {world}, {width} px wide", "+-5 deg: offset at the end, max", "m", largest_m, **bars)
@@ -101,7 +111,7 @@ def _size_rows(options: ExperimentOptions) -> list[Row]:
     ]
 
 
-def largest_offset_of_size(folder: Path, world: str, width_px: int, seed: int) -> float:
+def largest_offset_of_size(folder: Path, place: Place, seed: int) -> float:
     """Teach and replay with pictures of a size, from both starts of the paper; return the larger final offset [m]."""
-    taught = Place(world, 10.0, width_px).teach(folder / f"size-{world}-{width_px}", {"streams": STREAMS}, seed)
+    taught = place.teach(folder / f"size-{place.world}-{place.width_px}", {"streams": STREAMS}, seed)
     return max(_drive(taught, seed, _Case("streams", angle)).end_m for angle in _PAPER_ANGLES_DEG)

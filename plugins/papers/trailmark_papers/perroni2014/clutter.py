@@ -43,7 +43,9 @@ def clutter_rows(options: ExperimentOptions) -> list[Row]:
 def _change_images(options: ExperimentOptions) -> tuple[Float32s, Float32s]:
     """Return the change image just before the robot turns back to its path, and at the end of the turn."""
     keeper, streams = upper_halves(), {"streams": {**STREAMS, "when_blind": "silent"}}
-    taught = Place("street", _WAY_M, _WIDTH_PX).teach(options.out / "runs" / "clutter", streams, options.seed)
+    taught = Place("street", _WAY_M, _WIDTH_PX, world_seed=options.world_seed).teach(
+        options.out / "runs" / "clutter", streams, options.seed
+    )
     how = Replay(streams, options.seed, turned_deg=_TURNED_DEG, controller=_STEPS)
     first, last = _turn_of(truth_of(taught.replay(how, keeper)).at(keeper.stamps_s))
     return _change_image(keeper.values, first), _change_image(keeper.values, last)

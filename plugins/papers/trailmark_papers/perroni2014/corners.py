@@ -14,7 +14,7 @@ __all__ = ["corner_rows"]
 
 _WIDTH_PX = 160
 _LENGTH_M = 50.0
-_N_SEEDS = {"corridor": 10, "street": 3}
+_N_SEEDS = {"corridor": 2, "street": 1}  # in each place
 _N_OTHERS = {"corridor": 1, "street": 0}  # what is not judged: variants and peers
 _NEAR_M = 0.3
 #: How the place along the path is found; the first is what is judged.
@@ -33,7 +33,7 @@ def corner_rows(options: ExperimentOptions) -> list[Row]:
 
 
 def _rows_of(options: ExperimentOptions, world: str) -> list[Row]:
-    place = Place(world, _LENGTH_M, _WIDTH_PX, route="bends")
+    place = Place(world, _LENGTH_M, _WIDTH_PX, route="bends", world_seed=options.world_seed)
     taught = place.teach(options.out / "runs" / f"corners-{world}", {"streams": STREAMS, **PEERS}, options.seed)
     n_seeds = {name: _N_SEEDS[world] if name == "streams" else _N_OTHERS[world] for name in (*_WAYS, *PEERS)}
     cells = {(driver, k): (taught, options.seed + k, driver) for driver, n in n_seeds.items() for k in range(n)}

@@ -42,7 +42,7 @@ def _rows_of(options: ExperimentOptions, world: str) -> list[Row]:
     localizers = {name: {**STREAMS, **how} for name, how in _HOWS.items()}
     keeper = DepthKeeper()
     folder = options.out / "runs" / f"correspondence-{world}"
-    place = Place(world, _LENGTH_M, _WIDTH_PX)
+    place = Place(world, _LENGTH_M, _WIDTH_PX, world_seed=options.world_seed)
     taught = place.teach(folder, localizers, options.seed, on_step=keeper, sensors=with_depth())
     around = keeper.surroundings(taught.truth)
     cells = {

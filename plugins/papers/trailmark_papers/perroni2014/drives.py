@@ -53,12 +53,15 @@ class Place:
         How much of the route is taught [m].
     width_px : int
         Width of the pictures; the view is always the same [px].
+    world_seed : int
+        Which of the worlds of that kind.
     """
 
     world: str
     length_m: float
     width_px: int
     route: str = "straight"
+    world_seed: int = 1
 
     @property
     def duration_s(self) -> float:
@@ -68,7 +71,7 @@ class Place:
     def source(self, options: Mapping[str, Any], **more: Any) -> dict[str, Any]:
         """Return the config of the source, in the morning where `options` do not say otherwise."""
         given = {"time": "morning", **options, "width_px": self.width_px}
-        return simulated(self.world, route=self.route, threads=1, options=given, **more)
+        return simulated(self.world, route=self.route, world_seed=self.world_seed, threads=1, options=given, **more)
 
     def teach(
         self,

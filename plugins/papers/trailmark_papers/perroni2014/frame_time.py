@@ -28,7 +28,7 @@ _ROUNDS = 10
 def frame_time_rows(options: ExperimentOptions) -> list[Row]:
     """Return the time per picture of 640 x 480 on one core, in thread CPU time."""
     layout, keeper = make_layout((640, 480), _COLUMNS, (0.0, 0.5)), upper_halves()
-    place = Place("street", _WAY_M, 640)
+    place = Place("street", _WAY_M, 640, world_seed=options.world_seed)
     place.teach(options.out / "runs" / "time", {"streams": STREAMS}, options.seed, on_step=keeper)
     compile_kernels()
     times_ms = [time_ms for _ in range(_ROUNDS) for time_ms in _times_ms(keeper.values, layout)]

@@ -35,7 +35,9 @@ Pictures = list[Grey8]
 def likelihood_rows(options: ExperimentOptions) -> list[Row]:
     """Return how steady both selections are, and draw Fig. 1."""
     length_m = 3.0 if options.quick else 10.0
-    taught_pictures, pictures = _pictures_of(options, Place("street", length_m, _WIDTH_PX))
+    taught_pictures, pictures = _pictures_of(
+        options, Place("street", length_m, _WIDTH_PX, world_seed=options.world_seed)
+    )
     n = min(len(taught_pictures), len(pictures)) - _WINDOW  # by index, Eq. (11): both drives have the same speed
     maps, paths = _both(taught_pictures, pictures, n)
     draw_likelihood(options.out / "figure_1_likelihood.svg", maps, paths, _REACH)

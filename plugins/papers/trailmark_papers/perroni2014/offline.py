@@ -133,11 +133,16 @@ def with_depth() -> dict[str, Any]:
 def offline_rows(options: ExperimentOptions) -> list[Row]:
     """Return the rows of Figs. 3 and 4, and draw them."""
     if options.quick:
-        return _rows_of(options, Place("corridor", 4.0, _WIDTH_PX), (5.0,), {})
+        return _rows_of(options, Place("corridor", 4.0, _WIDTH_PX, world_seed=options.world_seed), (5.0,), {})
     return [
         row
         for world, conditions in _CONDITIONS.items()
-        for row in _rows_of(options, Place(world, _LENGTH_M, _WIDTH_PX), (0.0, 5.0, -5.0), conditions)
+        for row in _rows_of(
+            options,
+            Place(world, _LENGTH_M, _WIDTH_PX, world_seed=options.world_seed),
+            (0.0, 5.0, -5.0),
+            conditions,
+        )
     ]
 
 

@@ -8,12 +8,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from trailmark.experiments import ExperimentOptions, Row
+from trailmark_papers.kit import over_places
 
 __all__ = ["tasaki2010"]
+
+_N_PLACES = 5
 
 
 def tasaki2010(options: ExperimentOptions) -> Sequence[Row]:
     """Repeat the experiments of Tasaki et al. 2010."""
+    return over_places(options, _rows_of_place, _N_PLACES)
+
+
+def _rows_of_place(options: ExperimentOptions) -> list[Row]:
     from trailmark_papers.tasaki2010.goals import goal_rows
     from trailmark_papers.tasaki2010.laser_alone import laser_rows
     from trailmark_papers.tasaki2010.line import line_rows

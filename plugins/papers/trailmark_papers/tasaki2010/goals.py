@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import math
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -40,7 +40,7 @@ _ARRIVED_M, _BESIDE_M = 0.10, 0.5
 _TRIALS = ((1.2, 7.6, -90.0), (8.8, 6.6, 90.0), (2.4, 2.2, 180.0), (5.2, 7.4, 20.0))
 _PAPER_M = (0.01, 0.04, 0.06, 0.01)
 _QUICK_START = (3.2, 2.3, 140.0)
-_N_RANDOM = 100
+_N_RANDOM = 20  # in each place
 _LOOK_S, _LIMIT_S = 5.0, 120.0
 _SPEED_MPS = 0.8  # the paper's robot: 1.0 m/s at most
 
@@ -86,7 +86,7 @@ def goal_rows(options: ExperimentOptions, place: TaughtPlace) -> list[Row]:
     trials: Sequence[Start] = (_QUICK_START,) if options.quick else _TRIALS
     starts = [] if options.quick else random_starts(path_of(place.store), _N_RANDOM, options.seed + 300)
     calls = [
-        (place.store, start, options.seed + 300 + k, options.out / "runs" / f"goal-{k}")
+        (place.store, place.source(start=list(start)), options.seed + 300 + k, options.out / "runs" / f"goal-{k}")
         for k, start in enumerate([*trials, *starts])
     ]
     drives = options.map(drive_to_goal, calls)
@@ -119,11 +119,11 @@ def _summary(name: str, drives: Sequence[GoalDrive], share: float, **mean: Any) 
     return table
 
 
-def drive_to_goal(store: Path, start: Start, seed: int, folder: Path) -> GoalDrive:
+def drive_to_goal(store: Path, source: Mapping[str, Any], seed: int, folder: Path) -> GoalDrive:
     """Put the robot down at a place that it does not know, and let it drive."""
-    source = supermarket(route="round", driver="commands", start=list(start), duration_s=_LIMIT_S)
+    drive = {"route": "round", "driver": "commands", "duration_s": _LIMIT_S}
     config = {
-        "sources": {"robot": source},
+        "sources": {"robot": {**source, **drive}},
         **LOCALIZED,
         "controller": {
             "plugin": "goal_seeking",

@@ -21,7 +21,7 @@ from trailmark_papers.tasaki2010.place import TaughtPlace, supermarket
 
 __all__ = ["laser_rows", "match_from_nowhere"]
 
-_N_STARTS, _QUICK_STARTS = 100, 3
+_N_STARTS, _QUICK_STARTS = 20, 3  # in each place
 _RIGHT_M, _RIGHT_RAD = 0.30, math.radians(10.0)
 
 
@@ -29,7 +29,9 @@ def laser_rows(options: ExperimentOptions, place: TaughtPlace) -> list[Row]:
     """Return how often a scan alone finds the place, and how often it believes a wrong one."""
     n = _QUICK_STARTS if options.quick else _N_STARTS
     starts = random_starts(path_of(place.store), n, options.seed + 300)  # those of the drives to the goal
-    calls = [(place.store, starts[k :: options.jobs], options.seed) for k in range(min(n, options.jobs))]
+    calls = [
+        (place.store, place.world_seed, starts[k :: options.jobs], options.seed) for k in range(min(n, options.jobs))
+    ]
     found = [one for part in options.map(match_from_nowhere, calls) for one in part]
     right, wrong = found.count("right"), found.count("wrong")
     options.report(f"laser alone: {right} right, {wrong} wrong, {n - right - wrong} refused, of {n}")
@@ -41,7 +43,7 @@ def laser_rows(options: ExperimentOptions, place: TaughtPlace) -> list[Row]:
     return table.rows
 
 
-def match_from_nowhere(store: Path, starts: Sequence[Start], seed: int) -> list[str]:
+def match_from_nowhere(store: Path, world_seed: int, starts: Sequence[Start], seed: int) -> list[str]:
     """Return "right", "wrong" or "refused" for a scan from each start."""
     saved = arrays_of(store, "laser", "map")
     scan_map = ScanMap.from_points(saved["points"], saved["normals"])
@@ -52,7 +54,7 @@ def match_from_nowhere(store: Path, starts: Sequence[Start], seed: int) -> list[
     rules = LaserIcpConfig.model_validate({"laser": "laser"})
     found = []
     for k, start in enumerate(starts):
-        match = match_scan(scan_map, _scan(start, seed + k), middle, window)
+        match = match_scan(scan_map, _scan(world_seed, start, seed + k), middle, window)
         is_clear = match.runner_up_cost_m - match.cost_m >= rules.ambiguity_margin_m
         if match.inlier_share < rules.min_inlier_share or not is_clear:
             found.append("refused")
@@ -63,9 +65,10 @@ def match_from_nowhere(store: Path, starts: Sequence[Start], seed: int) -> list[
     return found
 
 
-def _scan(start: Start, seed: int) -> Any:
+def _scan(world_seed: int, start: Start, seed: int) -> Any:
     """Return the points of one scan from a place, in base axes, (N, 2) [m]."""
-    config = supermarket(sensors=["wheels", "laser"], driver="commands", start=list(start), duration_s=0.2)
+    place = {"world_seed": world_seed, "start": list(start)}
+    config = supermarket(sensors=["wheels", "laser"], driver="commands", duration_s=0.2, **place)
     with started_source(config, seed) as source:
         mounting = source.sensors["laser"].pose_base_sensor.planar()
         scan = next(frame.payload for frame in source.frames() if isinstance(frame.payload, Scan))

@@ -7,7 +7,7 @@ import numpy as np
 from trailmark.arrays import Floats
 from trailmark.experiments import ExperimentOptions, Row
 from trailmark_papers.kit import Table, largest_of, mean_of, sd_of
-from trailmark_papers.tasaki2010.place import TaughtPlace, supermarket
+from trailmark_papers.tasaki2010.place import TaughtPlace
 from trailmark_papers.tasaki2010.plots import draw_line
 from trailmark_papers.tasaki2010.variants import Answers, drive
 
@@ -15,7 +15,7 @@ __all__ = ["line_rows"]
 
 _ROUTE_Y_M = 2.0
 _WHITE_WALL_M = (1.0, 1.5)  # x of the part in front of the white wall
-_N_RUNS, _QUICK_S = 10, 4.0
+_N_RUNS, _QUICK_S = 3, 4.0  # runs in each place
 _N_RESAMPLES = 5000
 _QUICK_VARIANTS = ("developed", "simple", "plain")
 #: The two readings of the paper's simple method.
@@ -28,7 +28,7 @@ def line_rows(options: ExperimentOptions, place: TaughtPlace) -> list[Row]:
     """Return the rows of Table 1 and of the selection, and draw Fig. 6."""
     names = _QUICK_VARIANTS if options.quick else tuple(place.variants)
     limits = {"duration_s": _QUICK_S} if options.quick else {}
-    source = supermarket(route="wall", sensors=["wheels", "omni"], **limits)
+    source = place.source(route="wall", sensors=["wheels", "omni"], **limits)
     n_runs = 1 if options.quick else _N_RUNS
     calls = [([place.variants[name] for name in names], source, options.seed + 100 + k) for k in range(n_runs)]
     runs = options.map(drive, calls)
@@ -133,15 +133,16 @@ def _selection_rows(runs: Runs, place: TaughtPlace) -> Table:
     """Return what the selection buys, with bootstrap intervals over the runs."""
     table = Table("Selection", len(runs), len(runs))
     for name, story in (
-        ("developed", f"{place.sizes['developed']} selected by the shipped machine"),
-        ("trained", f"{place.sizes['trained']} selected by one trained on 100 of another place"),
-        ("unselected", f"all {place.sizes['unselected']}"),
-        ("random", f"{place.sizes['random']} at random"),
+        ("developed", "selected by the shipped machine"),
+        ("trained", "selected by one trained on 100 of another place"),
+        ("unselected", "all"),
+        ("random", "as many at random"),
     ):
         means = _run_means(runs, name, "error")
         tracked = np.array([float(np.nansum(run[name].tracked)) / len(run[name].tracked) for run in runs])
         fixed = np.array([run[name].fixed_share for run in runs])
-        note = _interval(means, "m") + (f"; {place.training}" if name == "trained" else "")
+        note = f"{place.sizes[name]} landmarks; {_interval(means, 'm')}"
+        note += f"; {place.training}" if name == "trained" else ""
         table.add(f"{story}: error, mean", "m", mean_of(means), note=note)
         table.add_share(f"{story}: pictures answered by tracking", tracked, note=_interval(100 * tracked, "%"))
         table.add_share(f"{story}: pictures answered", fixed, note=_interval(100 * fixed, "%"))

@@ -6,7 +6,7 @@ import numpy as np
 
 from trailmark.experiments import ExperimentOptions, Row
 from trailmark_papers.kit import Table, largest_of, mean_of, sd_of, sweep
-from trailmark_papers.tasaki2010.place import TaughtPlace, supermarket
+from trailmark_papers.tasaki2010.place import TaughtPlace
 from trailmark_papers.tasaki2010.variants import Answers, drive
 
 __all__ = ["people_rows"]
@@ -22,7 +22,7 @@ def people_rows(options: ExperimentOptions, place: TaughtPlace) -> list[Row]:
     limits = {"duration_s": _QUICK_S} if options.quick else {}
     cells = {}
     for people, _ in crowds:
-        source = supermarket(route="round", sensors=["wheels", "omni"], options={"people": people}, **limits)
+        source = place.source(route="round", sensors=["wheels", "omni"], options={"people": people}, **limits)
         cells[people] = ([place.variants["developed"]], source, options.seed + 200 + people)
     found = sweep(options, drive, cells)
     return [row for people, bar in crowds for row in _rows_of(options, people, found[people]["developed"], bar)]

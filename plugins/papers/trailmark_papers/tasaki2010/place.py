@@ -34,7 +34,6 @@ LOCALIZED: Mapping[str, Any] = {
     },
     "estimator": {"plugin": "kalman"},
 }
-_TEST_SEED, _TRAINING_SEED = 1, 2  # two supermarkets with other goods, signs and posters
 _QUICK_S = 13.0  # of teaching: the line by the wall and the corner after it
 _N_LONGEST, _PAPER_N_LONGEST, _N_TRAINING = 40, 9, 100
 _ALL = 100_000
@@ -60,6 +59,8 @@ class TaughtPlace:
 
     Attributes
     ----------
+    world_seed : int
+        Which supermarket: goods, signs and posters; walls and shelves are those of all.
     store : Path
         The path store, taught with the default config: the shipped machine selects the landmarks.
     variants : dict
@@ -70,10 +71,15 @@ class TaughtPlace:
         What the machine of the variant "trained" was trained on, in words; empty without it.
     """
 
+    world_seed: int
     store: Path
     variants: dict[str, Variant]
     sizes: dict[str, int]
     training: str
+
+    def source(self, **more: Any) -> dict[str, Any]:
+        """Return the config of the source in this place."""
+        return supermarket(world_seed=self.world_seed, **more)
 
 
 def supermarket(**more: Any) -> dict[str, Any]:
@@ -85,12 +91,13 @@ def supermarket(**more: Any) -> dict[str, Any]:
 def taught_place(options: ExperimentOptions) -> TaughtPlace:
     """Teach the supermarket, and in the full version another one first, to train a selection there."""
     options.out.mkdir(parents=True, exist_ok=True)
+    world_seed = options.world_seed
     model_path, training = options.out / "selection.npz", ""
     if not options.quick:
-        training = _train_elsewhere(options, model_path)
+        training = _train_elsewhere(options, model_path, world_seed + 1)
         options.report(f"training: {training}")
     store = options.out / "market.trail"
-    _teach(options, store, _TEST_SEED)
+    _teach(options, store, world_seed)
     keyframes = keyframes_of(store, "omni")
     candidates = measured_candidates(keyframes, _N_LONGEST)
     trained = None if options.quick else SelectionModel.load(model_path)
@@ -98,7 +105,7 @@ def taught_place(options: ExperimentOptions) -> TaughtPlace:
     variants = {name: _variant(options, name, *made) for name, made in maps.items()}
     sizes = {name: int(made[1].sum()) for name, made in maps.items()}
     options.report(f"taught: {sizes['developed']} landmarks of {len(candidates.ids)} candidates")
-    return TaughtPlace(store, variants, sizes, training)
+    return TaughtPlace(world_seed, store, variants, sizes, training)
 
 
 def _teach(options: ExperimentOptions, store: Path, world_seed: int) -> RunResult:
@@ -113,10 +120,10 @@ def _teach(options: ExperimentOptions, store: Path, world_seed: int) -> RunResul
     return run_config(config, options.out / "runs" / f"teach-{world_seed}", "teach", store=store)
 
 
-def _train_elsewhere(options: ExperimentOptions, model_path: Path) -> str:
+def _train_elsewhere(options: ExperimentOptions, model_path: Path, world_seed: int) -> str:
     """Train on N = 100 candidates of another supermarket, labelled by |measured - true| < T_d."""
     store = options.out / "training.trail"
-    taught = truth_of(_teach(options, store, _TRAINING_SEED))
+    taught = truth_of(_teach(options, store, world_seed))
     seen, scans = keyframes_of(store, "omni"), keyframes_of(store, "laser")
     truth = dict(taught.at(sorted({frame.stamp_s for frame in [*seen, *scans]})))
     points = [frame.arrays["points"].astype(np.float64) for frame in scans]

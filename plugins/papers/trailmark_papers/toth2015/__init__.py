@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from trailmark.experiments import ExperimentOptions, Row
+from trailmark_papers.kit import over_places
 from trailmark_papers.toth2015.disturbances import disturbance_plans, disturbance_rows, draw_disturbances
 from trailmark_papers.toth2015.drives import drive
 from trailmark_papers.toth2015.places import draw_places, place_plans, place_rows
@@ -14,6 +15,7 @@ from trailmark_papers.toth2015.stage_pictures import draw_stages
 
 __all__ = ["toth2015"]
 
+_N_PLACES = 5
 _PARTS = (
     (place_plans, place_rows),
     (speed_plans, speed_rows),
@@ -24,6 +26,10 @@ _PARTS = (
 
 def toth2015(options: ExperimentOptions) -> Sequence[Row]:
     """Repeat what Toth et al. 2015 report, and what they leave open."""
+    return over_places(options, _rows_of_place, _N_PLACES)
+
+
+def _rows_of_place(options: ExperimentOptions) -> list[Row]:
     plans = [plans_of(options) for plans_of, _ in _PARTS]
     # All drives at once, so that no process waits for the longest of a part.
     calls = [(plan,) for part in plans for plan in part]

@@ -29,14 +29,15 @@ _PLACES = {"lab": "laboratory", "hallway": "hallway"}
 
 def disturbance_plans(options: ExperimentOptions) -> list[Plan]:
     """Return a drive for each disturbance, in the laboratory and in the hallway."""
+    place = options.world_seed
     if options.quick:
         few = {_OURS: LANDMARKS}
         return [
-            Plan(name, "lab", options.seed, few, _DISTURBANCES[name], length_m=length_m)
+            Plan(name, "lab", options.seed, few, _DISTURBANCES[name], length_m=length_m, world_seed=place)
             for name, length_m in ((_WALKS, 1.2), (_DARK, 0.9))
         ]
     return [
-        Plan(name, world, options.seed, _METHODS, given, length_m=1.2)
+        Plan(name, world, options.seed, _METHODS, given, length_m=1.2, world_seed=place)
         for name, given in _DISTURBANCES.items()
         for world in _PLACES
     ]

@@ -16,7 +16,7 @@ from trailmark.geometry import Pose2
 from trailmark.interfaces import FrameSource, Localizer, Session
 from trailmark_papers.kit import Table, Watcher, rms, show, simulated, spread_of, started_source, timed
 
-__all__ = ["FLOW", "LANDMARKS", "ORB", "Driven", "Outcome", "Plan", "drive", "error_rows", "seeds_of"]
+__all__ = ["FLOW", "LANDMARKS", "ORB", "Driven", "Outcome", "Plan", "drive", "error_rows"]
 
 Method = Mapping[str, Any]
 
@@ -50,6 +50,8 @@ class Plan:
         Where, how fast and how far [m/s, m].
     rate_hz : float
         Of the camera [Hz].
+    world_seed : int
+        Which of the worlds of that kind.
     """
 
     name: str
@@ -61,6 +63,7 @@ class Plan:
     speed_mps: float = 0.3
     length_m: float = 3.0
     rate_hz: float = 10.0
+    world_seed: int = 1
 
 
 @dataclass(frozen=True)
@@ -112,11 +115,6 @@ class Driven:
     outcomes: Mapping[str, Outcome]
 
 
-def seeds_of(first: int, n: int) -> list[int]:
-    """Return seeds that follow from the first."""
-    return [first + i for i in range(n)]
-
-
 def drive(plan: Plan) -> Driven:
     """Drive, and let every localizer look at every picture."""
     import cv2
@@ -136,6 +134,7 @@ def _source(plan: Plan) -> dict[str, Any]:
     return simulated(
         plan.world,
         route=plan.route,
+        world_seed=plan.world_seed,
         speed_mps=plan.speed_mps,
         duration_s=plan.length_m / plan.speed_mps + 0.5 / plan.rate_hz,
         sensors=["light", _CAMERA],

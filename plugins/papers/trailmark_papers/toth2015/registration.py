@@ -19,7 +19,17 @@ def registration_plans(options: ExperimentOptions) -> list[Plan]:
     if options.quick:
         return []
     methods = {"by reprojection": LANDMARKS, "by crop ratios": {**LANDMARKS, "crop": _CROP}}
-    return [Plan("registration", "lab", options.seed, methods, {"registered": False}, rate_hz=5.0)]
+    return [
+        Plan(
+            "registration",
+            "lab",
+            options.seed,
+            methods,
+            {"registered": False},
+            rate_hz=5.0,
+            world_seed=options.world_seed,
+        )
+    ]
 
 
 def registration_rows(driven: Sequence[Driven]) -> list[Row]:

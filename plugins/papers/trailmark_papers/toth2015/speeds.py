@@ -25,7 +25,16 @@ def speed_plans(options: ExperimentOptions) -> list[Plan]:
     """Return drives through the laboratory, at several speeds and rates."""
     methods = {"landmarks": LANDMARKS}
     return [
-        Plan("speed", "lab", options.seed, methods, speed_mps=speed_mps, length_m=length_m, rate_hz=rate_hz)
+        Plan(
+            "speed",
+            "lab",
+            options.seed,
+            methods,
+            speed_mps=speed_mps,
+            length_m=length_m,
+            rate_hz=rate_hz,
+            world_seed=options.world_seed,
+        )
         for speed_mps, length_m, rate_hz in (_QUICK if options.quick else _DRIVES)
     ]
 

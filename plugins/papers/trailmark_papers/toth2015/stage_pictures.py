@@ -23,7 +23,17 @@ def draw_stages(options: ExperimentOptions) -> None:
 
     with tempfile.TemporaryDirectory() as folder:
         method = {**LANDMARKS, "debug_images": folder}
-        drive(Plan("stages", "lab", options.seed, {"landmarks": method}, {"registered": False}, length_m=0.15))
+        drive(
+            Plan(
+                "stages",
+                "lab",
+                options.seed,
+                {"landmarks": method},
+                {"registered": False},
+                length_m=0.15,
+                world_seed=options.world_seed,
+            )
+        )
         pictures = sorted(Path(folder).glob("000002_*.png"))
         drawn = options.out / "stages.svg"
         with drawing(drawn, 7.4, rows=3, columns=2) as (figure, _):

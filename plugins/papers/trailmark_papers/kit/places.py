@@ -1,0 +1,96 @@
+"""The same experiment in several places: a figure of one place says nothing of the next."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from trailmark.experiments import ExperimentOptions, Row
+
+__all__ = ["Trial", "over_places"]
+
+#: Between the seeds of two places: more than any experiment counts on from its own.
+_SEED_STEP = 1000
+#: What an item says that is the worst of many; of several places it is the worst of all.
+_WORST = ("max", "largest", "worst", "p99", "p of the t-test")
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """Where the drives of one place are kept, with which seed, and where they take place.
+
+    Attributes
+    ----------
+    out : Path
+        Folder of runs and plots.
+    seed : int
+        Of noise, slip and people.
+    place : int
+        ``world_seed`` of the simulator.
+    """
+
+    out: Path
+    seed: int
+    place: int
+
+    @classmethod
+    def of(cls, options: ExperimentOptions) -> Trial:
+        """Return the trial of the first seed."""
+        return cls(options.out, options.seed, options.world_seed)
+
+
+def over_places(
+    options: ExperimentOptions, rows_of: Callable[[ExperimentOptions], Iterable[Row]], n_places: int
+) -> list[Row]:
+    """Repeat an experiment in several places, each with seeds of its own, and return its rows over all of them.
+
+    Figures are drawn of the first place, whose folder is that of the experiment.
+
+    Parameters
+    ----------
+    rows_of : callable
+        The experiment in one place.
+    n_places : int
+        How many; the quick version keeps to one, and returns its rows as they are.
+    """
+    found = []
+    for k in range(1 if options.quick else n_places):
+        seed = options.seed + _SEED_STEP * k
+        out = options.out if k == 0 else options.out / "places" / str(seed + 1)
+        found.append(list(rows_of(replace(options, seed=seed, out=out))))
+    return found[0] if len(found) == 1 else [_over(rows) for rows in _aligned(found)]
+
+
+def _aligned(found: Sequence[Sequence[Row]]) -> list[list[Row]]:
+    """Return the rows of all places by what they measure, in the order of the first place."""
+    by_key = [{(row.experiment, row.item): row for row in rows} for rows in found]
+    keys = dict.fromkeys(key for rows in by_key for key in rows)
+    return [[rows[key] for rows in by_key if key in rows] for key in keys]
+
+
+def _over(rows: Sequence[Row]) -> Row:
+    """Return one row for several places: `n` counts them, the spread is over them, and the note names each."""
+    first, values = rows[0], [row.ours for row in rows if row.ours is not None]
+    each = ", ".join("nothing" if row.ours is None else f"{row.ours:.3g}" for row in rows)
+    samples = sum(row.n for row in rows)
+    note = f"{first.note}; " if first.note else ""
+    return replace(
+        first,
+        ours=_figure_of(first, values) if len(values) == len(rows) or first.bar is None else None,
+        bar=None if first.bar is None else float(np.mean([row.bar for row in rows if row.bar is not None])),
+        spread=float(np.std(values)) if len(values) > 1 else None,
+        n=len(rows),
+        seeds=sum(row.seeds for row in rows),
+        note=f"{note}by place: {each}; {samples} samples",
+    )
+
+
+def _figure_of(row: Row, values: Sequence[float]) -> float | None:
+    if not values:
+        return None
+    if any(word in row.item for word in _WORST):
+        return max(values) if row.better == "lower" else min(values)
+    return float(np.mean(values))

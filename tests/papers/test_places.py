@@ -1,0 +1,91 @@
+"""An experiment in several places: what is pooled, what counts, what a figure is the worst of."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from trailmark.experiments import ExperimentOptions, Row
+from trailmark_papers.kit import Trial, over_places
+
+
+def options(out: Path, quick: bool = False, seed: int = 0, place: int | None = None) -> ExperimentOptions:
+    return ExperimentOptions(quick=quick, seed=seed, out=out, report=print, place=place)
+
+
+def rows_of_place(errors_m: dict[int, float | None]):
+    """Return an experiment whose error depends on the place alone."""
+
+    def rows(given: ExperimentOptions) -> list[Row]:
+        error_m = errors_m[given.world_seed]
+        return [
+            Row("line", "error, mean", "m", error_m, bar=0.3, n=10, note="as the paper"),
+            Row("line", "error, largest", "m", error_m, bar=0.5, n=10),
+            Row("line", "right, worst of three", "%", error_m, better="higher"),
+        ]
+
+    return rows
+
+
+def test_the_spread_is_over_places_and_n_counts_them(tmp_path: Path) -> None:
+    mean, largest, worst = over_places(options(tmp_path), rows_of_place({1: 0.1, 1001: 0.2, 2001: 0.6}), 3)
+
+    assert mean.ours == pytest.approx(0.3)
+    assert mean.spread == pytest.approx(math.sqrt((0.04 + 0.01 + 0.09) / 3))
+    assert (mean.n, mean.seeds) == (3, 3)
+    assert mean.note == "as the paper; by place: 0.1, 0.2, 0.6; 30 samples"
+    assert largest.ours == 0.6
+    assert largest.met is False
+    assert worst.ours == 0.1
+
+
+def test_a_place_where_nothing_could_be_measured_misses_the_bar(tmp_path: Path) -> None:
+    mean, _, worst = over_places(options(tmp_path), rows_of_place({1: 0.1, 1001: None, 2001: 0.2}), 3)
+
+    assert mean.ours is None
+    assert mean.met is False
+    assert "by place: 0.1, nothing, 0.2" in mean.note
+    assert worst.ours == 0.1  # without a bar: of the places where there is one
+
+
+def test_a_row_that_one_place_alone_has_is_kept(tmp_path: Path) -> None:
+    def rows(given: ExperimentOptions) -> list[Row]:
+        extra = [Row("line", "extra", "m", 1.0)] if given.world_seed == 1001 else []
+        return [Row("line", "error", "m", 0.1), *extra]
+
+    found = over_places(options(tmp_path), rows, 2)
+
+    assert [(row.item, row.n) for row in found] == [("error", 2), ("extra", 1)]
+
+
+def test_every_place_has_seeds_and_a_folder_of_its_own(tmp_path: Path) -> None:
+    seen: list[Trial] = []
+
+    def rows(given: ExperimentOptions) -> list[Row]:
+        seen.append(Trial.of(given))
+        return []
+
+    over_places(options(tmp_path, seed=4), rows, 2)
+
+    assert seen == [Trial(tmp_path, 4, 5), Trial(tmp_path / "places" / "1005", 1004, 1005)]
+
+
+def test_a_fixed_place_has_other_seeds_in_other_folders(tmp_path: Path) -> None:
+    seen: list[Trial] = []
+
+    def rows(given: ExperimentOptions) -> list[Row]:
+        seen.append(Trial.of(given))
+        return []
+
+    over_places(options(tmp_path, place=7), rows, 3)
+
+    assert [(trial.seed, trial.place) for trial in seen] == [(0, 7), (1000, 7), (2000, 7)]
+    assert len({trial.out for trial in seen}) == 3
+
+
+def test_the_quick_version_keeps_to_one_place_and_its_rows(tmp_path: Path) -> None:
+    rows = rows_of_place({3: 0.1})
+
+    assert over_places(options(tmp_path, quick=True, seed=2), rows, 5) == rows(options(tmp_path, seed=2))
