@@ -6,7 +6,8 @@
     python benchmarks/mutations.py --room divs --out found.json # one room
     python benchmarks/mutations.py --check                      # only whether every text is still there
 
-Exit code 1: a mutation survived, or its text has gone. A mutation that makes the tests hang is killed after `--limit`.
+Exit code 1: a mutation was not killed, or its text has gone. Tests that have not ended after `--limit` are ``hung``, and
+say nothing: on a busy machine give them longer.
 """
 
 from __future__ import annotations
@@ -176,7 +177,7 @@ def main() -> int:
         print(f"{verdict.verdict:<9}{verdict.took_s:6.1f} s  {verdict.room}/{verdict.file}: {verdict.what}", flush=True)
         if arguments.out:
             arguments.out.write_text(json.dumps([asdict(one) for one in found], indent=1) + "\n", encoding="utf-8")
-    n_killed = sum(one.verdict in ("killed", "hung") for one in found)
+    n_killed = sum(one.verdict == "killed" for one in found)
     print(f"{n_killed} of {len(found)} mutations killed")
     return int(n_killed < len(found))
 

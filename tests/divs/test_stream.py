@@ -223,3 +223,18 @@ def test_every_kind_of_picture_gives_the_same_grey_region(payload):
 def test_a_picture_that_cannot_be_laid_out_is_refused(settings, message):
     with pytest.raises(ConfigError, match=message):
         make_layout(*settings)
+
+
+def test_the_top_tenth_is_one_of_the_pixels_that_count():
+    """Masked pixels are black in both pictures: counted, they would fill the lower nine tenths and more."""
+    size = (60, 60)
+    stream = ChangeStream(make_layout(size, 10, (0.0, 0.5), 0.3), 1, "p90", "mean", keep_pictures=True)
+    first, second = (half(picture) for picture in pictures(2, size))
+    stream.push(first)
+    stream.push(second)
+    inside = stream._layout.mask > 0
+
+    changed = stream.change_image()[inside] > 0.0
+
+    assert inside.mean() < 0.8
+    assert changed.mean() == pytest.approx(0.1, abs=0.02)

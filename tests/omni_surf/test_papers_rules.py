@@ -111,6 +111,13 @@ def test_the_k_longest_lived_points_become_candidates() -> None:
     np.testing.assert_array_equal(candidates.life, [40, 25])
 
 
+@pytest.mark.parametrize(("n_sightings", "n_candidates"), [(2, 0), (3, 1)])
+def test_a_point_is_measured_from_three_places(n_sightings: int, n_candidates: int) -> None:
+    keyframes = room_keyframes([9])[:n_sightings]
+
+    assert len(measured_candidates(keyframes, n_longest=9).ids) == n_candidates
+
+
 def test_k_of_the_config_is_what_the_localizer_teaches_with(omni: Any, room: Any, taught: Any) -> None:
     few = type(taught)()
     for keyframe in taught.keyframes():

@@ -13,7 +13,7 @@ from trailmark.config import load_run_config
 from trailmark.experiments import ExperimentOptions
 from trailmark.geometry import Pose2, Trajectory
 from trailmark.plugins import load_plugins
-from trailmark_papers.kit import Trial
+from trailmark_papers.kit import Table, Trial
 from trailmark_papers.nagai2015 import cover, indoor, outdoor, runs, straight
 
 
@@ -32,9 +32,21 @@ def test_straight_lines_give_the_papers_three_figures_for_two_modes(
 
     assert len(said) == 1
     assert [row.unit for row in rows] == ["%", "%", "deg/m"] * 2
-    assert [row.paper for row in rows if "odometer" in row.item] == [0.99, 0.99]
+    assert [row.paper for row in rows if "odometer" in row.item] == [None, None]  # the paper's are of 10 m
     assert all(row.ours is not None and 0 < row.ours < 1.0 for row in rows)
     assert all(row.met for row in rows if row.bar is not None)
+
+
+def test_ten_metres_stand_beside_the_papers_two_figures() -> None:
+    table = Table("B 10 m straight, paper", 5, 5)
+
+    straight._add_worst(table, "floors", "paper", {"wood": straight.Drift(1.0, 0.2, 0.03)}, is_papers=True)
+
+    assert [(row.unit, row.ours, row.paper) for row in table] == [
+        ("%", 1.0, None),
+        ("%", 0.2, 0.99),
+        ("deg/m", 0.03, 0.44),
+    ]
 
 
 def test_drift_is_told_in_percent_and_degrees_per_metre() -> None:

@@ -102,16 +102,16 @@ def _taught_rows(found: Playback, options: ExperimentOptions) -> Table:
     else:
         table = Table("D 243.4 m")
         table.add("registrations", "", n, paper=4868)
-        table.add("registrations, more or less than 4868", "", abs(n - 4868), paper=0, bar=25)
+        table.add("registrations, more or less than 4868", "", abs(n - 4868), bar=25)
         table.add("memory for ground images", "MB", n * (44 * 44 + 3 * 8) / 1e6, paper=9.54, bar=9.6)
     table.add("file of the path", "MB", file_mb)
     return table
 
 
 def _day_rows(day: str, found: Sequence[Playback], is_quick: bool) -> Table:
-    """Return the rows of a day; the paper has figures of the next day, and a similar result five days after."""
+    """Return the rows of a day; the paper prints figures of the next day alone ("similar" five days after)."""
     name = f"D {'short' if is_quick else '243.4 m'}, {day}, {' and '.join(_DAYS[day].ways)}"
-    is_papers = day != "wet, with leaves"
+    is_papers = day == "next day" and not is_quick
     offsets = np.abs(np.concatenate([playback.offsets for playback in found]))
     lateral_mm, turned_deg = 1e3 * offsets[:, 1], np.degrees(offsets[:, 2])
     is_found = np.concatenate([playback.searches.is_found for playback in found])

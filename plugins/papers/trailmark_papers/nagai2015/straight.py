@@ -78,7 +78,7 @@ def straight_rows(options: ExperimentOptions) -> list[Row]:
     for mode in _MODES:
         table = Table(f"{length}, {mode}", n_seeds, n_seeds)
         for kind, names in (("floors", floors.simulated), ("photographs", floors.photographs)):
-            _add_worst(table, kind, mode, {name: found[name][mode] for name in names})
+            _add_worst(table, kind, mode, {name: found[name][mode] for name in names}, is_papers=not options.quick)
         for name in floors.hard:
             _add_hard(table, name, mode, found[name][mode])
         rows += table
@@ -137,17 +137,15 @@ def _rms(drifts: Sequence[Drift]) -> Drift:
     return Drift(*np.sqrt(np.mean(np.square([astuple(one) for one in drifts]), axis=0)).tolist())
 
 
-def _add_worst(table: Table, kind: str, mode: str, found: Mapping[str, Drift]) -> None:
-    """Add the worst of several floors, and all of them as a note."""
+def _add_worst(table: Table, kind: str, mode: str, found: Mapping[str, Drift], *, is_papers: bool) -> None:
+    """Add the worst of several floors, and all of them as a note; the paper's figures are those of 10 m."""
     units = (("end position", "%", None), ("odometer", "%", 0.99), ("heading", "deg/m", 0.44))
     for i, (item, unit, paper) in enumerate(units if found else ()):
         by_floor = {name: astuple(one)[i] for name, one in found.items()}
         note = ", ".join(f"{name.removeprefix('photograph ')} {value:.2g}" for name, value in by_floor.items())
         bars = {"bar": _BARS[mode][i], "stretch": _STRETCH[i] if mode == "refined" else None}
-        n = len(found) * table.n
-        table.add(
-            f"{item}, worst of {len(found)} {kind}", unit, max(by_floor.values()), paper=paper, n=n, note=note, **bars
-        )
+        fields = {"paper": paper if is_papers else None, "n": len(found) * table.n, "note": note, **bars}
+        table.add(f"{item}, worst of {len(found)} {kind}", unit, max(by_floor.values()), **fields)
 
 
 def _add_hard(table: Table, name: str, mode: str, found: Drift) -> None:
