@@ -6,8 +6,8 @@
     python benchmarks/mutations.py --room divs --out found.json # one room
     python benchmarks/mutations.py --check                      # only whether every text is still there
 
-Exit code 1: a mutation was not killed, or its text has gone. Tests that have not ended after `--limit` are ``hung``, and
-say nothing: on a busy machine give them longer.
+Exit code 1: a mutation was not killed, or its text has gone. Tests that do not end within `--limit` are ``hung``,
+and say nothing: on a busy machine give them longer.
 """
 
 from __future__ import annotations
