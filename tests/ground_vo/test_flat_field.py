@@ -30,17 +30,18 @@ def test_a_vignette_is_learned_and_then_costs_little(dim_camera, track):
     dull = Ground.procedural(seed=11, size_px=512, grain_px=1.5, contrast=6.0)
     run = uncalibrated(ground_run(straight(0.26, sway_m=0.002, sway_s=1.0), 110, ground=dull, camera=dim_camera))
 
-    learned = track(run)
-    blind = track(run, learn_flat_field=False)
+    learned = track(run, learn_flat_field=True)
+    own = track(run)
 
     assert not learned.lost
     assert math.hypot(*learned.error()[:2]) < 0.5e-3
-    assert math.hypot(*blind.error()[:2]) > 4 * math.hypot(*learned.error()[:2])
+    assert not own.lost
+    assert math.hypot(*own.error()[:2]) < 0.2e-3  # each picture brought to even light by itself
 
 
 def test_what_is_learned_is_the_flat_field(dim_camera, ground):
     run = uncalibrated(ground_run(circle(0.26, 0.3), 120, ground=ground, camera=dim_camera))
-    localizer = GroundVO(GroundVOConfig(camera="floor", n_pixels=384))
+    localizer = GroundVO(GroundVOConfig(camera="floor", n_pixels=384, learn_flat_field=True))
     localizer.start(Session(sensors={"floor": run.sensor}))
     fields = []
     localizer._reader.learn = lambda field, learn=localizer._reader.learn: (fields.append(field), learn(field))

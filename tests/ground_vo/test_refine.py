@@ -29,6 +29,9 @@ HUBER, CLIP = 8.0 * SMOOTH_SCALE, 30.0 * SMOOTH_SCALE
 SCALE = 3.9e-4
 GROUND = Ground.procedural(seed=2, size_px=512, grain_px=1.2)
 
+#: No residual is too large for a pixel to be remembered as before.
+ANY = 1e9
+
 
 def looked_at(u, v, turn_rad, noise_sigma=0.0, index=0, aspect=1.0):
     """A smoothed picture whose content has moved by (u, v, turn) from the one at (0, 0, 0)."""
@@ -158,7 +161,7 @@ def test_a_pixel_averages_what_it_looks_like_over_its_life():
             texture[VALUE] += differences
         else:
             texture, _ = advance_texture(
-                picture, texture, differences, AREA, 5, CENTRE, (0.0, 0.0, 0.0), 1.0, 10.0, HUBER
+                picture, texture, differences, AREA, 5, CENTRE, (0.0, 0.0, 0.0), 1.0, 10.0, HUBER, ANY
             )
         errors.append(float(np.std(texture[VALUE] - clean)))
 
@@ -170,7 +173,9 @@ def test_with_a_memory_of_one_picture_a_pixel_keeps_its_first_look(texture):
     picture = looked_at(0.0, 0.0, 0.0, noise_sigma=4.0, index=3)
     differences = residuals(picture, texture, CENTRE, (0.0, 0.0, 0.0), 1.0)
 
-    kept, n_fresh = advance_texture(picture, texture, differences, AREA, 5, CENTRE, (0.0, 0.0, 0.0), 1.0, 1.0, HUBER)
+    kept, n_fresh = advance_texture(
+        picture, texture, differences, AREA, 5, CENTRE, (0.0, 0.0, 0.0), 1.0, 1.0, HUBER, ANY
+    )
 
     assert n_fresh == 0
     np.testing.assert_array_equal(kept[VALUE], texture[VALUE])
@@ -181,7 +186,7 @@ def test_pixels_and_slopes_turn_with_the_picture_and_jump_at_the_edge(texture):
     picture = looked_at(*motion)
     differences = residuals(picture, texture, CENTRE, motion, 1.0)
 
-    moved, n_fresh = advance_texture(picture, texture, differences, AREA, 5, CENTRE, motion, 1.0, 1.0, HUBER)
+    moved, n_fresh = advance_texture(picture, texture, differences, AREA, 5, CENTRE, motion, 1.0, 1.0, HUBER, ANY)
 
     fresh = moved[AGE] == 1.0
     stayed = (moved[VALUE] == texture[VALUE]) & (moved[X] != np.rint(moved[X]))
@@ -202,7 +207,7 @@ def test_pixels_stay_different_and_spread_on_a_long_curved_drive(motion):
 
     for _ in range(400):
         differences = np.zeros(n_pixels, np.float32)
-        texture, _ = advance_texture(picture, texture, differences, AREA, 5, CENTRE, motion, 1.0, 10.0, HUBER)
+        texture, _ = advance_texture(picture, texture, differences, AREA, 5, CENTRE, motion, 1.0, 10.0, HUBER, ANY)
 
     places = np.floor(np.column_stack([texture[X], texture[Y], np.arange(n_pixels) % 2]) + 0.5)
     assert len(np.unique(places, axis=0)) > 0.9 * n_pixels

@@ -11,10 +11,13 @@ from trailmark.errors import ConfigError
 from trailmark_ground_vo.config import GroundVOConfig
 from trailmark_ground_vo.extremes import Area
 
-__all__ = ["tracking_areas", "wide_shifts"]
+__all__ = ["max_shift_px", "tracking_areas", "wide_shifts"]
 
 #: The picture that the paper's figures are for: height less its rim, and D with and without overlapping areas.
 _PAPER_ROWS, _PAPER_DISTANCE, _DISJOINT_DISTANCE = 352, 128, 192
+
+#: The paper's range of predicted shifts [px], and the one that a second opinion allows, of the shorter side.
+_PAPER_SHIFT_PX, _LONGEST_SHIFT = 36, 0.35
 
 
 def tracking_areas(config: GroundVOConfig, size: tuple[int, int]) -> tuple[tuple[Area, Area], int]:
@@ -36,10 +39,11 @@ def tracking_areas(config: GroundVOConfig, size: tuple[int, int]) -> tuple[tuple
             f" {distance_px} px apart (centre_distance_px): each tracking area needs 32 x 16 px"
         )
     turned_px = math.radians(config.rotation_steps * config.rotation_step_deg) * (width / 2 - margin)
-    needed = math.ceil(config.max_shift_px + config.search_px + turned_px)
+    shift_px = 0 if config.max_shift_px is None and config.mode == "refined" else max_shift_px(config, size)
+    needed = math.ceil(shift_px + config.search_px + turned_px)
     if margin < needed:
         raise ConfigError(
-            f"margin_px is {margin}, but shifts of {config.max_shift_px} + {config.search_px} px and turns of"
+            f"margin_px is {margin}, but shifts of {shift_px} + {config.search_px} px and turns of"
             f" {config.rotation_steps} x {config.rotation_step_deg:.3g} deg reach {needed} px"
         )
     upper: Area = (margin, margin, width - margin, margin + high)
@@ -47,9 +51,16 @@ def tracking_areas(config: GroundVOConfig, size: tuple[int, int]) -> tuple[tuple
     return (lower, upper), distance_px
 
 
-def wide_shifts(config: GroundVOConfig) -> list[tuple[float, float]]:
-    """Return predictions whose searches together cover all shifts, the small ones first."""
-    limit = config.max_shift_px
+def max_shift_px(config: GroundVOConfig, size: tuple[int, int]) -> int:
+    """Return the largest predicted shift of a picture (width, height) [px]."""
+    if config.max_shift_px is not None:
+        return config.max_shift_px
+    return round(_LONGEST_SHIFT * min(size)) if config.mode == "refined" else _PAPER_SHIFT_PX
+
+
+def wide_shifts(config: GroundVOConfig, size: tuple[int, int]) -> list[tuple[float, float]]:
+    """Return predictions whose searches together cover the shifts of the paper, the small ones first."""
+    limit = min(_PAPER_SHIFT_PX, max_shift_px(config, size))
     count = math.ceil(limit / config.search_px) + 1
     along = [float(round(shift)) for shift in np.linspace(-limit, limit, count)]
     return sorted(product(along, along), key=lambda shift: shift[0] ** 2 + shift[1] ** 2)

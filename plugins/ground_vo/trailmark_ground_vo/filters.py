@@ -13,6 +13,7 @@ from trailmark_ground_vo.vector import LANES, smooth_across, smooth_down, transp
 __all__ = [
     "GAIN_ONE",
     "SMOOTH_SCALE",
+    "cell_means",
     "flatten",
     "levels_of",
     "noise_level",
@@ -74,6 +75,26 @@ def flatten(image: Grey8, gain: Grey16) -> Grey8:
         for x in range(width):  # int32: in 16 bits numba would leave the vector registers
             level = (np.int32(image[y, x]) * np.int32(gain[y, x]) + np.int32(128)) >> np.int32(8)
             out[y, x] = min(np.int32(255), level)
+    return out
+
+
+@kernel
+def cell_means(image: Grey8, side: int) -> Grey8:
+    """Return the means of square cells, (H // side, W // side) uint8; what is left over at the edges is left out."""
+    rows, columns = image.shape[0] // side, image.shape[1] // side
+    out = np.empty((rows, columns), np.uint8)
+    sums = np.empty(columns * side, np.int32)
+    for row in range(rows):
+        sums[:] = 0
+        for y in range(row * side, (row + 1) * side):
+            line = image[y]
+            for x in range(columns * side):
+                sums[x] += np.int32(line[x])
+        for column in range(columns):
+            total = np.int32(0)
+            for x in range(column * side, (column + 1) * side):
+                total += sums[x]
+            out[row, column] = total // (side * side)
     return out
 
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from trailmark.estimates import Belief, Estimate, Lost, Motion
 from trailmark.frames import Frame, SensorInfo
+from trailmark.geometry import Pose2
 from trailmark.interfaces import Localizer, Session
 from trailmark_ground_vo.config import GroundVOConfig
-from trailmark_ground_vo.motion import ground_information, pose_prev_now
+from trailmark_ground_vo.motion import ImageMotion, ground_information, pose_prev_now
 from trailmark_ground_vo.picture import PictureReader, camera_of, ground_plane
 from trailmark_ground_vo.tracker import RelativeTracker, TrackedMotion, TrackingFailure
 
@@ -47,6 +49,7 @@ class GroundVO(Localizer):
         self._mounting = self._sensor.pose_base_sensor.planar()
         self._mounting_inverse = self._mounting.inverse()
         self._tracker, self._counts = None, {"lost": 0, "flat_fields": 0}
+        self._told_s = -math.inf
         self._warm_up(self._sensor.size or _USUAL_SIZE)
 
     def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
@@ -62,12 +65,13 @@ class GroundVO(Localizer):
         image = self._reader.read(frame)
         if self._tracker is None:
             self._tracker = self._new_tracker((image.shape[1], image.shape[0]))
-        step = self._tracker.step(image, frame.stamp_s)
+        step = self._tracker.step(image, frame.stamp_s, self._expected(belief))
         if step is None:
             return ()
         if isinstance(step, TrackingFailure):
             self._counts["lost"] += 1
             return (Lost(frame.stamp_s, step.reason, step.details),)
+        self._told_s = frame.stamp_s
         flat_field = self._tracker.new_flat_field()
         if flat_field is not None:
             self._counts["flat_fields"] += 1
@@ -80,12 +84,17 @@ class GroundVO(Localizer):
         return dict(self._counts)
 
     def _new_tracker(self, size: tuple[int, int]) -> RelativeTracker:
-        config, has_flat_field = self.config, self._reader.has_flat_field
-        if config.learn_flat_field is None:
-            config = config.model_copy(update={"learn_flat_field": not has_flat_field})
-        if config.smooth_search is None and has_flat_field:
-            config = config.model_copy(update={"smooth_search": True})
-        return RelativeTracker(config, size, self._scale[1] / self._scale[0])
+        return RelativeTracker(self.config, size, self._scale[1] / self._scale[0])
+
+    def _expected(self, belief: Belief) -> ImageMotion | None:
+        """Return how the content moves according to others, since the last motion; None where only this one tells."""
+        others_s = belief.stamp_s - belief.motion_age_s
+        if belief.motion_age_s > _FRESH_S or others_s <= self._told_s + _SAME_S or self._told_s == -math.inf:
+            return None
+        elapsed_s, twist = belief.stamp_s - self._told_s, belief.twist
+        base = Pose2.exp(*(elapsed_s * part for part in (twist.forward_mps, twist.left_mps, twist.yaw_radps)))
+        content = (self._mounting_inverse @ base @ self._mounting).inverse()
+        return ImageMotion(content.x / self._scale[0], -content.y / self._scale[1], content.theta)
 
     def _warm_up(self, size: tuple[int, int]) -> None:
         self._reader.warm_up()
@@ -100,6 +109,9 @@ class GroundVO(Localizer):
         pose = self._mounting @ camera @ self._mounting_inverse
         return Motion(step.since_s, stamp_s, pose, information, step.details)
 
+
+#: A belief without a motion for so long says nothing about this picture; stamps nearer than this are one [s].
+_FRESH_S, _SAME_S = 0.25, 1e-6
 
 #: Size of the paper's camera, to compile for when the source does not tell.
 _USUAL_SIZE = (512, 480)

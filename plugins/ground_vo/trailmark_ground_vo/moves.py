@@ -6,10 +6,12 @@ A strategy prepares the picture in the forms that its search reads, searches for
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from trailmark.arrays import Float32s, Floats, Grey8
+from trailmark_ground_vo.cleaning import clean
 from trailmark_ground_vo.config import GroundVOConfig
 from trailmark_ground_vo.filters import levels_of, noise_level
 from trailmark_ground_vo.judging import MatchPair
@@ -17,13 +19,26 @@ from trailmark_ground_vo.kernels import Kernels
 from trailmark_ground_vo.levels import half_picture
 from trailmark_ground_vo.motion import ImageMotion, combine
 from trailmark_ground_vo.refinement import Refinement
-from trailmark_ground_vo.uncertainty import drift_information, whole_pixel_information
+from trailmark_ground_vo.uncertainty import drift_information, whole_pixel_information, with_scatter
 from trailmark_ground_vo.viewpoint import GroupMatch, SearchPicture, Viewpoint
+from trailmark_ground_vo.witness import ShiftVote, ShiftWitness
 
-__all__ = ["GroupMove", "MoveStrategy", "PyramidMove", "RefinedMove", "TwoViews", "WholePixelMove"]
+__all__ = [
+    "Disagreement",
+    "GroupMove",
+    "MoveStrategy",
+    "Prediction",
+    "PyramidMove",
+    "RefinedMove",
+    "TwoViews",
+    "WholePixelMove",
+]
 
 #: Bits after the point of the paper's coordinates: 9.7 fixed point.
 _PAPER_GRID = 128.0
+
+#: Shares of the sub-areas and of the remembered pixels that a motion needs.
+_LEAST_AGREEING, _LEAST_FITTING = 0.6, 0.35
 
 #: Drift variance per replacement of all pixels over that of one alignment, measured on ten floors (see README.md).
 _GROWTH_WHOLE_PIXELS, _GROWTH_REFINED = 0.15, 2.5
@@ -47,6 +62,10 @@ class GroupMove:
         Mean absolute residual of the refinement [grey levels].
     iterations : int or None
         Steps of the refinement.
+    fitting : float or None
+        Share of the remembered pixels that look as remembered.
+    agreeing : float or None
+        Share of the sub-areas that have this motion.
     """
 
     motion: ImageMotion
@@ -56,13 +75,51 @@ class GroupMove:
     replaced: float
     residual: float | None = None
     iterations: int | None = None
+    fitting: float | None = None
+    agreeing: float | None = None
 
     @property
     def details(self) -> Mapping[str, float]:
         """The figures that are recorded beside an estimate."""
-        refined = {"residual": self.residual, "iterations": self.iterations}
+        refined = {
+            "residual": self.residual,
+            "iterations": self.iterations,
+            "fitting": self.fitting,
+            "agreeing": self.agreeing,
+        }
         known = {name: float(value) for name, value in refined.items() if value is not None}
         return known | {"replaced": self.replaced}
+
+
+@dataclass(frozen=True, slots=True)
+class Disagreement:
+    """The picture has no one motion, so that nothing was moved.
+
+    Attributes
+    ----------
+    agreeing : float
+        Share of the sub-areas that agree with the best motion.
+    fitting : float
+        Share of the remembered pixels that look as remembered after it.
+    """
+
+    agreeing: float
+    fitting: float
+
+    @property
+    def reason(self) -> str:
+        """Why there is no motion, in a few words."""
+        return (
+            f"no consensus: {100 * self.agreeing:.0f} % of the sub-areas agree, {100 * self.fitting:.0f} % of the"
+            " remembered pixels are seen again (covered, wet, in another light, or not only the ground in view)"
+        )
+
+
+class Prediction(NamedTuple):
+    """Where a group is searched for: the shift of its centre [px] and its turn [rad]."""
+
+    shift: tuple[float, float]
+    turn_rad: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,16 +180,32 @@ class MoveStrategy(ABC):
         """Return a picture in the forms that search and move read."""
 
     @abstractmethod
-    def move(self, picture: SearchPicture, matches: MatchPair) -> GroupMove:
-        """Return the motion that the matches tell, and move what is remembered with it."""
+    def move(
+        self, picture: SearchPicture, matches: MatchPair, guesses: Sequence[ImageMotion] = ()
+    ) -> GroupMove | Disagreement:
+        """Return the motion that the matches tell, and move what is remembered with it.
+
+        Parameters
+        ----------
+        picture : SearchPicture
+            Of `prepare`.
+        matches : (GroupMatch, GroupMatch)
+            Of the lower and of the upper group.
+        guesses : sequence of ImageMotion
+            Other motions that may be right, for strategies that weigh them.
+        """
 
     def begin(self, picture: SearchPicture) -> None:
         """Choose what is remembered in a picture."""
         self._views.begin(picture, self._config.n_pixels)
 
-    def find(self, viewpoint: Viewpoint, picture: SearchPicture, shift: tuple[float, float]) -> GroupMatch:
-        """Search for a group around a predicted shift."""
-        return viewpoint.find(picture, shift)
+    def find(self, viewpoint: Viewpoint, picture: SearchPicture, predicted: Prediction) -> GroupMatch:
+        """Search for a group around a predicted shift and turn."""
+        return viewpoint.find(picture, predicted.shift, predicted.turn_rad)
+
+    def vote(self, before: SearchPicture, now: SearchPicture) -> ShiftVote | None:
+        """Return a second opinion on the shift between two pictures, where the strategy has one."""
+        return None
 
     def new_flat_field(self) -> Float32s | None:
         """Return the flat field that was learned, (H, W) relative to its mean, when there is a new one."""
@@ -149,7 +222,7 @@ class WholePixelMove(MoveStrategy):
         """Return the picture and its transpose."""
         return SearchPicture(image, self._kernels.transpose(image))
 
-    def move(self, picture: SearchPicture, matches: MatchPair) -> GroupMove:
+    def move(self, picture: SearchPicture, matches: MatchPair, guesses: Sequence[ImageMotion] = ()) -> GroupMove:
         """Return Eq. (3), and move each group by its own match."""
         grid = _PAPER_GRID if self._config.mode == "paper" else 0.0
         lower, upper = matches
@@ -169,9 +242,9 @@ class PyramidMove(WholePixelMove):
         half = half_picture(image)
         return SearchPicture(image, self._kernels.transpose(image), half, self._kernels.transpose(half))
 
-    def find(self, viewpoint: Viewpoint, picture: SearchPicture, shift: tuple[float, float]) -> GroupMatch:
+    def find(self, viewpoint: Viewpoint, picture: SearchPicture, predicted: Prediction) -> GroupMatch:
         """Search at half resolution with every second turn, then finely around what was found."""
-        return viewpoint.find_in_pyramid(picture, shift)
+        return viewpoint.find_in_pyramid(picture, predicted.shift)
 
 
 class RefinedMove(MoveStrategy):
@@ -188,15 +261,20 @@ class RefinedMove(MoveStrategy):
     def __init__(self, config: GroundVOConfig, views: TwoViews, kernels: Kernels, size: tuple[int, int]) -> None:
         super().__init__(config, views, kernels)
         self._refinement = Refinement(config, size, views.aspect)
+        self._is_cleaned = not config.learn_flat_field
+        self._witness = ShiftWitness(size)
         self._middle_v = (size[1] - 1) / 2.0
-        self._is_smooth = bool(config.smooth_search)
+        self._is_smooth = config.smooth_search is not False and not config.learn_flat_field
 
     def prepare(self, image: Grey8) -> SearchPicture:
         """Return the picture smoothed, and what is searched: the same once the light is even, else as it is."""
+        if self._is_cleaned:
+            image = clean(image)
+        spectrum = self._witness.spectrum(image)
         smoothed, noise = self._kernels.smooth(image), None
         if self._is_smooth:
             image, noise = levels_of(smoothed), noise_level(image)
-        return SearchPicture(image, self._kernels.transpose(image), smoothed=smoothed, noise=noise)
+        return SearchPicture(image, self._kernels.transpose(image), smoothed=smoothed, noise=noise, spectrum=spectrum)
 
     def begin(self, picture: SearchPicture) -> None:
         """Choose the pixels of the groups and of the refinement."""
@@ -204,22 +282,41 @@ class RefinedMove(MoveStrategy):
         assert picture.smoothed is not None
         self._refinement.begin(picture.smoothed)
 
-    def move(self, picture: SearchPicture, matches: MatchPair) -> GroupMove:
+    def move(
+        self, picture: SearchPicture, matches: MatchPair, guesses: Sequence[ImageMotion] = ()
+    ) -> GroupMove | Disagreement:
         """Refine Eq. (3) and move both groups by what came out."""
         assert picture.smoothed is not None
         found = self._views.combine(matches)
         mean_turn = (matches[0].motion.turn_rad + matches[1].motion.turn_rad) / 2
-        starts = [found, ImageMotion(found.u, found.v, mean_turn), ImageMotion(found.u, found.v, 0.0)]
+        starts = [found, ImageMotion(found.u, found.v, mean_turn), ImageMotion(found.u, found.v, 0.0), *guesses]
         aligned = self._refinement.align(picture.smoothed, starts)
+        if aligned.agreeing < _LEAST_AGREEING or aligned.fitting < _LEAST_FITTING:
+            return Disagreement(aligned.agreeing, aligned.fitting)
         lower, upper = (
             aligned.motion.about(0.0, viewpoint.centre[1] - self._middle_v, self._views.aspect)
             for viewpoint in (self._views.lower, self._views.upper)
         )
+        replaced = self._refinement.follow(picture.smoothed, aligned)
         self._views.advance(picture, lower, upper, 0.0)
-        information = drift_information(aligned.information, aligned.replaced, _GROWTH_REFINED)
+        drift = drift_information(aligned.information, replaced, _GROWTH_REFINED)
         return GroupMove(
-            aligned.motion, lower, upper, information, aligned.replaced, aligned.residual, aligned.iterations
+            aligned.motion,
+            lower,
+            upper,
+            with_scatter(drift, aligned.scatter),
+            replaced,
+            residual=aligned.residual,
+            iterations=aligned.iterations,
+            fitting=aligned.fitting,
+            agreeing=aligned.agreeing,
         )
+
+    def vote(self, before: SearchPicture, now: SearchPicture) -> ShiftVote | None:
+        """Return what phase correlation says."""
+        if before.spectrum is None or now.spectrum is None:
+            return None
+        return self._witness.compare(before.spectrum, now.spectrum)
 
     def new_flat_field(self) -> Float32s | None:
         """Return the flat field that the refinement has learned, when there is a new one."""

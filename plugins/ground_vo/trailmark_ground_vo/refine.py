@@ -15,7 +15,7 @@ from trailmark.arrays import Float32s, Floats, Grey16
 from trailmark.kernels import float_kernel, kernel
 from trailmark_ground_vo.texture import SLOPE_U, SLOPE_V, Texture, X, Y, residuals
 
-__all__ = ["best_start", "mean_clipped", "refine"]
+__all__ = ["best_start", "mean_clipped", "mean_slopes", "refine"]
 
 #: The refinement ends when a step is smaller than this: shift [px] and turn [rad], half of it at the edges.
 _STEP_PX = 0.01
@@ -35,7 +35,7 @@ def mean_clipped(differences: Float32s, clip: float) -> float:
 
 
 @float_kernel
-def _slopes(
+def mean_slopes(
     picture: Grey16, texture: Texture, centre: tuple[float, float], motion: tuple[float, float, float], aspect: float
 ) -> tuple[Float32s, Float32s]:
     """Return the mean of the remembered slopes, turned along, and those of the picture at every pixel."""
@@ -169,7 +169,7 @@ def refine(
         iterations += 1
         motion = (u, v, turn)
         differences = residuals(picture, texture, centre, motion, aspect)
-        slopes = _slopes(picture, texture, centre, motion, aspect)
+        slopes = mean_slopes(picture, texture, centre, motion, aspect)
         curvature, b = _normal_equations(texture, differences, slopes, centre, turn, aspect, huber)
         step_u, step_v, step_turn = _solve(curvature, b)
         u, v, turn = u + step_u, v + step_v, turn + step_turn

@@ -72,6 +72,15 @@ def _put(texture: Texture, n: int, picture: Grey16, u: int, v: int) -> None:
 
 
 @kernel
+def _learn_anew(texture: Texture, n: int, picture: Grey16, value: float, u: int, v: int) -> None:
+    """Remember a pixel as it looks now, where it is."""
+    texture[VALUE, n], texture[AGE, n] = value, 1.0
+    texture[SLOPE_U, n] = 0.5 * _slope(picture, u, v, True)
+    texture[SLOPE_V, n] = 0.5 * _slope(picture, u, v, False)
+    texture[SEEN_X, n], texture[SEEN_Y, n] = texture[X, n], texture[Y, n]
+
+
+@kernel
 def select_texture(picture: Grey16, area: Area, n_segments: int, step_px: int) -> Texture:
     """Return the initial pixels: of every `step_px`-th line and each of its segments the steepest along u and v."""
     left, top, right, bottom = area
@@ -195,6 +204,7 @@ def advance_texture(
     aspect: float,
     memory: float,
     clip: float,
+    misfit: float,
 ) -> tuple[Texture, int]:
     """Move the pixels with the picture, average what they look like, and let those that leave the area jump.
 
@@ -214,6 +224,8 @@ def advance_texture(
         Pictures that a value is averaged over at most; 1 keeps the first.
     clip : float
         Largest difference that enters the average, in units of `picture`.
+    misfit : float
+        A pixel with a larger difference is remembered anew, as it looks now: something else was seen there, or is.
 
     Returns
     -------
@@ -232,6 +244,8 @@ def advance_texture(
     for n in range(n_pixels):
         u, v = math.floor(out[X, n] + 0.5), math.floor(out[Y, n] + 0.5)
         if left <= u < right and top <= v < bottom:
+            if abs(differences[n]) > misfit:
+                _learn_anew(out, n, picture, texture[VALUE, n] + differences[n], u, v)
             taken[n % 2, min((v - top) // height, n_segments - 1), (u - left) * n_lines // (right - left)] = True
     for n in range(n_pixels):
         u, v = math.floor(out[X, n] + 0.5), math.floor(out[Y, n] + 0.5)

@@ -7,15 +7,28 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from trailmark.arrays import Float32s, Floats, Grey8
-from trailmark_ground_vo.areas import tracking_areas, wide_shifts
+from trailmark_ground_vo.areas import max_shift_px, tracking_areas, wide_shifts
 from trailmark_ground_vo.config import GroundVOConfig
 from trailmark_ground_vo.judging import MatchJudge, MatchPair, mean_error
 from trailmark_ground_vo.kernels import load_kernels
 from trailmark_ground_vo.motion import ImageMotion
-from trailmark_ground_vo.moves import MoveStrategy, PyramidMove, RefinedMove, TwoViews, WholePixelMove
+from trailmark_ground_vo.moves import (
+    Disagreement,
+    MoveStrategy,
+    Prediction,
+    PyramidMove,
+    RefinedMove,
+    TwoViews,
+    WholePixelMove,
+)
+from trailmark_ground_vo.rest import RestWatch
 from trailmark_ground_vo.viewpoint import SearchPicture, SearchRange, Viewpoint
+from trailmark_ground_vo.witness import ShiftVote
 
 __all__ = ["RelativeTracker", "TrackedMotion", "TrackingFailure"]
+
+#: Support of the second opinion that a motion needs, of that of the best shift.
+_LEAST_SUPPORT = 0.5
 
 #: Without a motion to predict with.
 _STILL = (ImageMotion(0.0, 0.0, 0.0), ImageMotion(0.0, 0.0, 0.0))
@@ -77,13 +90,19 @@ class RelativeTracker:
         self._views = _two_views(config, size, aspect)
         self._strategy = _strategy(config, size, self._views)
         self._judge = MatchJudge(config)
-        self._wide_shifts = wide_shifts(config)
+        self._most_turn_rad = math.radians(config.rotation_steps * config.rotation_step_deg)
+        self._wide_shifts = wide_shifts(config, size)
+        self._max_shift_px = max_shift_px(config, size)
         self._since_s: float | None = None
         self._interval_s = 0.0
         self._n_missed = 0
         self._last: tuple[ImageMotion, ImageMotion] | None = None
+        self._reference: SearchPicture | None = None
+        self._rest = RestWatch()
 
-    def step(self, image: Grey8, stamp_s: float) -> TrackedMotion | TrackingFailure | None:
+    def step(
+        self, image: Grey8, stamp_s: float, expected: ImageMotion | None = None
+    ) -> TrackedMotion | TrackingFailure | None:
         """Compare a picture with what is remembered of the ones before.
 
         Parameters
@@ -92,6 +111,8 @@ class RelativeTracker:
             The next picture.
         stamp_s : float
             Its stamp, later than the last one's [s].
+        expected : ImageMotion, optional
+            How the content has moved since the last motion if others are right.
 
         Returns
         -------
@@ -103,15 +124,26 @@ class RelativeTracker:
             self._begin(picture, stamp_s)
             return None
         elapsed_s = stamp_s - self._since_s
-        matches = self._find(picture, elapsed_s / self._interval_s if self._interval_s > 0.0 else 1.0)
-        details, reason = self._search_details(matches), self._judge.reason_lost(matches, picture.noise)
+        pace = elapsed_s / self._interval_s if self._interval_s > 0.0 else 1.0
+        vote = self._vote(picture)
+        matches = self._find(picture, pace, vote)
+        details, doubt = self._search_details(matches), self._judge.reason_lost(matches, picture.noise)
+        if doubt and (vote is None or not vote.is_clear):
+            return self._miss(picture, stamp_s, TrackingFailure(doubt, details))
+        found = self._views.combine(matches)
+        reason = self._reason_contradicted(found, vote) if not doubt else ""
+        reason = reason or self._rest.reason_doubted(found, expected)
         if reason:
-            self._miss(picture, stamp_s)
-            return TrackingFailure(reason, details)
-        moved = self._strategy.move(picture, matches)
+            return self._miss(picture, stamp_s, TrackingFailure(reason, details))
+        guesses = [] if vote is None else [ImageMotion(vote.u, vote.v, self._turn_rad(pace))]
+        moved = self._strategy.move(picture, matches, guesses)
+        if isinstance(moved, Disagreement):
+            return self._miss(picture, stamp_s, TrackingFailure(doubt or moved.reason, details))
         tracked = TrackedMotion(self._since_s, moved.motion, moved.information, {**details, **moved.details})
-        self._judge.accept(matches)
-        self._last = (moved.lower, moved.upper)
+        if not doubt:
+            self._judge.accept(matches)
+        self._rest.add(moved.motion)
+        self._last, self._reference = (moved.lower, moved.upper), picture
         self._since_s, self._interval_s, self._n_missed = stamp_s, elapsed_s, 0
         return tracked
 
@@ -124,24 +156,69 @@ class RelativeTracker:
         self._strategy.on_flat_field()
         self._strategy.begin(self._strategy.prepare(image))
 
-    def _miss(self, picture: SearchPicture, stamp_s: float) -> None:
+    def _miss(self, picture: SearchPicture, stamp_s: float, failure: TrackingFailure) -> TrackingFailure:
         """Wait for a better picture, but not for long: what is remembered gets out of reach."""
         self._n_missed += 1
         if self._n_missed > self._config.patience_frames:
             self._begin(picture, stamp_s)
+        return failure
 
     def _begin(self, picture: SearchPicture, stamp_s: float) -> None:
         self._strategy.begin(picture)
+        self._rest.begin(None if self._last is None else self._last[0])
         self._since_s, self._interval_s, self._n_missed, self._last = stamp_s, 0.0, 0, None
+        self._reference = picture
         self._judge.forget()
 
-    def _find(self, picture: SearchPicture, pace: float) -> MatchPair:
+    def _vote(self, picture: SearchPicture) -> ShiftVote | None:
+        if self._reference is None or not self._config.wide_search:
+            return None
+        return self._strategy.vote(self._reference, picture)
+
+    def _find(self, picture: SearchPicture, pace: float, vote: ShiftVote | None) -> MatchPair:
+        if vote is not None and vote.is_clear and not self._is_predicted(vote, pace):
+            return self._find_around(picture, vote, pace)
         if self._last is None:
             return self._find_anywhere(picture) if self._config.wide_search else self._find_near(picture, _STILL, 1.0)
         matches = self._find_near(picture, self._last, pace)
         if self._config.wide_search and self._judge.reason_lost(matches, picture.noise):
             return self._find_anywhere(picture)
         return matches
+
+    def _is_predicted(self, vote: ShiftVote, pace: float) -> bool:
+        """Return whether a vote is so near to what is predicted that the search around that will find it."""
+        if self._last is None:
+            return False
+        shifts = [self._predicted(motion, pace).shift for motion in self._last]
+        u, v = sum(shift[0] for shift in shifts) / 2, sum(shift[1] for shift in shifts) / 2
+        return max(abs(u - vote.u), abs(v - vote.v)) <= self._config.search_px / 2
+
+    def _find_around(self, picture: SearchPicture, vote: ShiftVote, pace: float) -> MatchPair:
+        """Search for both groups where the second opinion says, turned as predicted."""
+        guess = ImageMotion(vote.u, vote.v, self._turn_rad(pace))
+        lower, upper = (
+            self._strategy.find(viewpoint, picture, self._predicted(motion, 1.0))
+            for viewpoint, motion in zip((self._views.lower, self._views.upper), self._of_groups(guess))
+        )
+        return lower, upper
+
+    def _of_groups(self, motion: ImageMotion) -> tuple[ImageMotion, ImageMotion]:
+        """Return a motion about the middle of the picture as those about the centres of both groups."""
+        half = self._views.distance_px / 2.0
+        return motion.about(0.0, half, self._views.aspect), motion.about(0.0, -half, self._views.aspect)
+
+    def _turn_rad(self, pace: float) -> float:
+        """Return the turn that is predicted."""
+        return 0.0 if self._last is None else pace * self._last[0].turn_rad
+
+    def _reason_contradicted(self, found: ImageMotion, vote: ShiftVote | None) -> str:
+        """Return why a second opinion does not let a motion pass; empty when it does."""
+        if vote is None or vote.support(found.u, found.v) >= _LEAST_SUPPORT:
+            return ""
+        return (
+            f"two answers: the search found a shift of {found.u:.0f}, {found.v:.0f} px, phase correlation"
+            f" {vote.u:.0f}, {vote.v:.0f} px (something else than the ground in view)"
+        )
 
     def _find_near(self, picture: SearchPicture, last: tuple[ImageMotion, ImageMotion], pace: float) -> MatchPair:
         lower, upper = (
@@ -150,16 +227,19 @@ class RelativeTracker:
         )
         return lower, upper
 
-    def _predicted(self, last: ImageMotion, pace: float) -> tuple[float, float]:
+    def _predicted(self, last: ImageMotion, pace: float) -> Prediction:
         # Differs from the paper: scaled by the time between pictures, so that a dropped one does not lose the track
-        limit = self._config.max_shift_px
+        limit = self._max_shift_px
         u, v = (float(min(max(round(pace * part), -limit), limit)) for part in (last.u, last.v))
-        return u, v
+        # within half of its range the search needs no predicted turn, and has none, as in the paper
+        turn_rad = pace * last.turn_rad
+        is_far = self._config.mode == "refined" and abs(turn_rad) > self._most_turn_rad / 2
+        return Prediction((u, v), turn_rad if is_far else 0.0)
 
     def _find_anywhere(self, picture: SearchPicture) -> MatchPair:
         tried = [self._views.lower.find(picture, shift) for shift in self._wide_shifts]
         first = min(tried, key=lambda match: match.error)
-        return first, self._views.upper.find(picture, self._predicted(first.motion, 1.0))
+        return first, self._views.upper.find(picture, self._predicted(first.motion, 1.0).shift)
 
     def _search_details(self, matches: MatchPair) -> dict[str, float]:
         turns = [*(match.motion.turn_rad for match in matches), self._views.combine(matches).turn_rad]

@@ -15,7 +15,7 @@ import numpy as np
 from trailmark.arrays import Floats, Int32s
 from trailmark.kernels import kernel
 
-__all__ = ["drift_information", "response_covariance", "whole_pixel_information"]
+__all__ = ["drift_information", "response_covariance", "whole_pixel_information", "with_scatter"]
 
 
 #: Variance of rounding to whole pixels.
@@ -92,3 +92,18 @@ def drift_information(alignment: Floats, replaced: float, growth: float) -> Floa
         Measured: variance of the drift per full replacement, over the alignment's.
     """
     return alignment / max(_FLOOR, growth * replaced)
+
+
+def with_scatter(information: Floats, scatter: Floats) -> Floats:
+    """Return the information of a motion that both drifts and scatters.
+
+    Parameters
+    ----------
+    information : (3, 3) float64
+        Of what the motion adds to the way.
+    scatter : (3, 3) float64
+        Covariance of finding the picture's place, which the motions before and after share with opposite sign.
+    """
+    # (information^-1 + scatter)^-1, without the inverse of what may have none
+    out = information @ np.linalg.inv(np.eye(3) + scatter @ information)
+    return np.asarray((out + out.T) / 2.0, np.float64)

@@ -12,6 +12,7 @@ from trailmark_ground_vo.kernels import Kernels
 from trailmark_ground_vo.motion import ImageMotion
 from trailmark_ground_vo.search import centre_out, places, reach, rotation_angles, summarise
 from trailmark_ground_vo.uncertainty import response_covariance
+from trailmark_ground_vo.witness import Spectrum
 
 __all__ = ["GroupMatch", "SearchPicture", "SearchRange", "Viewpoint"]
 
@@ -30,6 +31,8 @@ class SearchPicture:
         The picture smoothed (see `filters.smooth`), where the refinement needs it.
     noise : float or None
         Standard deviation of its noise before it was smoothed, where `image` is smoothed [grey levels].
+    spectrum : (H / 4, W / 8 + 1) complex64, or None
+        What the second opinion compares (see `witness`), where there is one.
     """
 
     image: Grey8
@@ -38,6 +41,7 @@ class SearchPicture:
     half_t: Grey8 | None = None
     smoothed: Grey16 | None = None
     noise: float | None = None
+    spectrum: Spectrum | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,10 +87,15 @@ class Viewpoint:
         self._shift_px = search.shift_px
         self._step_rad = search.step_rad
         self._angles = rotation_angles(search.steps, search.step_rad)
+        # a candidate reads this far around a pixel; up to this shift no pixel of the area leaves the picture
+        turned_px = abs(self._angles[-1]) * (area[2] - area[0]) / 2.0
+        self._rim_px = reach(search.shift_px) + turned_px
+        self._near_px = min(area[0], area[1]) - search.shift_px - turned_px
         self._aspect = aspect
         self._kernels = kernels
         self._group: Group
         self._half_values: Grey8
+        self._n_compared = 0
 
     def begin(self, picture: SearchPicture, n_pixels: int) -> None:
         """Choose the reference pixels in a picture."""
@@ -95,9 +104,9 @@ class Viewpoint:
             rows, columns = _halved(self._group.y, picture.half, 0), _halved(self._group.x, picture.half, 1)
             self._half_values = picture.half[rows, columns]
 
-    def find(self, picture: SearchPicture, shift: tuple[float, float]) -> GroupMatch:
-        """Search all candidates around a predicted shift, Eqs. (1) and (2)."""
-        values, angles = self._group.values, self._angles
+    def find(self, picture: SearchPicture, shift: tuple[float, float], turn_rad: float = 0.0) -> GroupMatch:
+        """Search all candidates around a predicted shift and turn, Eqs. (1) and (2)."""
+        values, angles = self._group.values, self._angles + turn_rad
         errors = self._errors(picture.image, picture.image_t, values, shift, angles, self._shift_px, 1)
         return self._match(errors, shift, angles)
 
@@ -136,16 +145,27 @@ class Viewpoint:
         height, width = image.shape
         limits = (shift_px, width - 1 - reach(shift_px), shift_px, height - 1 - reach(shift_px))
         x, y, centre = self._group.x, self._group.y, self.centre
+        if max(abs(shift[0]), abs(shift[1])) > self._near_px and scale == 1:
+            x, y, values = self._in_picture(shift, values, (width, height))
         if scale != 1:  # the middle of a block of 2 x 2 pixels
             x, y = (x - 0.5) / scale, (y - 0.5) / scale
             centre = ((centre[0] - 0.5) / scale, (centre[1] - 0.5) / scale)
+        self._n_compared = len(x)
         spots = places(x, y, centre, (shift[0] / scale, shift[1] / scale), angles, self._aspect, limits)
         return self._kernels.sad_search(shift_px)(image, image_t, spots, values)
+
+    def _in_picture(
+        self, shift: tuple[float, float], values: Grey8, size: tuple[int, int]
+    ) -> tuple[Floats, Floats, Grey8]:
+        """Return the pixels that a long shift leaves in the picture, whatever the turn and the candidate."""
+        u, v, rim_px = self._group.x + shift[0], self._group.y + shift[1], self._rim_px
+        inside = (u >= rim_px) & (u < size[0] - rim_px) & (v >= rim_px) & (v < size[1] - rim_px)
+        return self._group.x[inside], self._group.y[inside], values[inside]
 
     def _match(
         self, errors: Int32s, shift: tuple[float, float], angles: Floats, mean: float | None = None
     ) -> GroupMatch:
-        n_pixels, shift_px = len(self._group.values), errors.shape[1] // 2
+        n_pixels, shift_px = max(1, self._n_compared), errors.shape[1] // 2
         k, j, i, best, own_mean = summarise(errors, centre_out(errors.shape[0], errors.shape[1]))
         motion = ImageMotion(shift[0] + i - shift_px, shift[1] + j - shift_px, float(angles[k]))
         covariance = response_covariance(errors, best, n_pixels)
