@@ -46,6 +46,29 @@ def test_the_answer_is_right(trailmark: Run, wheels_config: Path, tmp_path: Path
     np.testing.assert_allclose(estimate.at(truth.stamps_s[1:]).positions, truth.positions[1:], atol=1e-6)
 
 
+def test_a_worthless_run_is_warned_of_and_fails_when_strict(
+    trailmark: Run, wheels_config: Path, tmp_path: Path
+) -> None:
+    header, *rows = (tmp_path / "wheels.csv").read_text().splitlines()
+    in_mm = [",".join([t, *(f"{1000 * float(value):.6f}" for value in (x, y)), theta]) for t, x, y, theta in (
+        row.split(",") for row in rows
+    )]  # fmt: skip
+    (tmp_path / "wheels.csv").write_text("\n".join([header, *in_mm]) + "\n")
+
+    shown = trailmark("run", wheels_config, "--out", "a", "--no-report")
+    strict = trailmark("run", wheels_config, "--out", "b", "--no-report", "--strict")
+
+    assert (shown.returncode, strict.returncode) == (0, 1)
+    assert "WARNING: wheels: it drives 500 m/s; lengths are metres" in shown.stderr
+    assert strict.stderr == shown.stderr
+
+
+def test_a_good_run_is_good_when_strict(trailmark: Run, wheels_config: Path, tmp_path: Path) -> None:
+    done = trailmark("run", wheels_config, "--out", "out", "--no-report", "--strict")
+
+    assert (done.returncode, "WARNING" in done.stderr) == (0, False)
+
+
 def test_the_same_config_and_seed_give_the_same_bytes(trailmark: Run, wheels_config: Path, tmp_path: Path) -> None:
     for name in ("a", "b"):
         assert trailmark("run", wheels_config, "--out", name, "--seed", "7", "--no-report").returncode == 0

@@ -25,10 +25,13 @@ def test_every_trajectory_has_a_row_and_lengths_share_a_unit(fake_run: Write) ->
 
     table = trajectories_table(Trajectories.of_run(document))
 
-    assert _column(table, "trajectory") == ["floor", "floor_map", "klt", "fused"]
+    assert _column(table, "trajectory") == ["floor", "floor_map", "klt", "fused", "standstill"]
     assert {column.unit for column in table.columns if column.title in ("ATE rmse", "max", "end error")} == {"mm"}
     assert "RPE over 2\u00a0m" in [column.title for column in table.columns]
-    assert table.notes == ("Alignment: se2, over 40 to 400 pairs of poses.",)
+    assert table.notes == (
+        "Alignment: se2, over 40 to 400 pairs of poses.",
+        "floor was lost: 59 x too dark, blurred.",
+    )
 
 
 def test_without_ground_truth_the_table_speaks_of_differences(fake_run: Write) -> None:

@@ -12,7 +12,14 @@ import click
 from trailmark.cli.root import plugins_of
 from trailmark.cli.trajectories import align_option, short_names
 from trailmark.evaluation import AlignKind, Protocol, evaluate_run, metrics_of
-from trailmark.report.tables import Table, Trajectories, consistency_table, sources_table, trajectories_table
+from trailmark.report.tables import (
+    Table,
+    Trajectories,
+    consistency_table,
+    offsets_table,
+    sources_table,
+    trajectories_table,
+)
 
 __all__ = ["compare_command"]
 
@@ -49,7 +56,11 @@ def _print(runs: Runs) -> None:
     ]
     if sources:
         label_titles = (*titles[:-1], "localizer")
-        tables = (sources_table(sources, label_titles), consistency_table(sources, label_titles))
+        tables = (
+            offsets_table(sources, label_titles),
+            sources_table(sources, label_titles),
+            consistency_table(sources, label_titles),
+        )
         for table in filter(None, tables):
             print_table(table)
     for run, document in runs:

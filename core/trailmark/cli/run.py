@@ -34,6 +34,7 @@ def _run_options(function: _Function) -> _Function:
         click.option("--pace", type=click.Choice(["step", "realtime"]), help="As fast as possible, or by the stamps."),
         click.option("--progress", type=click.Choice(["auto", "json", "none"]), default="auto", show_default=True),
         click.option("--no-report", is_flag=True, help="Leave plots and report out."),
+        click.option("--strict", is_flag=True, help="Fail, with exit code 1, where the end would only be a warning."),
         click.option("--json", "as_json", is_flag=True, help="Print the rows at the end as JSON."),
     )
     for option in reversed(options):
@@ -163,6 +164,7 @@ def _execute(request: RunRequest, target: str, options: Mapping[str, Any]) -> No
     """Run what is asked for, with progress, and print what came of it."""
     from trailmark.api import run
     from trailmark.cli.progress import RunProgress
+    from trailmark.evaluation import RunWarning
     from trailmark.pipeline import link_latest, new_folder
 
     config = request.read()
@@ -177,8 +179,13 @@ def _execute(request: RunRequest, target: str, options: Mapping[str, Any]) -> No
     if request.out is None:
         link_latest(Path(folder).absolute())
     _tell(result, Path(folder), options["as_json"], is_quiet=options["progress"] == "json", has_report=has_report)
+    warnings = [RunWarning(**warning) for warning in result.metrics.get("warnings", ())]
+    for warning in warnings:
+        say(f"WARNING: {warning}")
     if result.status == "interrupted":
         raise click.exceptions.Exit(130)
+    if warnings and options["strict"]:
+        raise click.exceptions.Exit(1)
 
 
 def _tell(result: RunResult, folder: Path, as_json: bool, is_quiet: bool, has_report: bool) -> None:

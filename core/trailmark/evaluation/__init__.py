@@ -24,6 +24,7 @@ from trailmark.evaluation.run_metrics import RunEvaluation, evaluate_run, evalua
 from trailmark.evaluation.source_statistics import SourceStatistics, source_statistics
 from trailmark.evaluation.tracking import Tracked, tracked_fraction
 from trailmark.evaluation.trajectory_metrics import Evaluation, Protocol, evaluate
+from trailmark.evaluation.warnings import RunWarning, run_warnings
 
 __all__ = [
     "ALIGNMENTS",
@@ -49,6 +50,7 @@ __all__ = [
     "RelativeError",
     "RunEvaluation",
     "RunFolder",
+    "RunWarning",
     "SourceStatistics",
     "Summary",
     "Tracked",
@@ -77,6 +79,7 @@ __all__ = [
     "read_estimates",
     "read_run",
     "relative_error",
+    "run_warnings",
     "source_statistics",
     "spec_of",
     "summarize",

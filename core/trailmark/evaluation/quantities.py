@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from functools import partial
 from typing import Any
 
 from trailmark.metrics import MetricSpec
@@ -21,18 +20,30 @@ def _summary(stem: str, unit: str, protocol: Any, difference: str) -> list[Metri
 
 def _columns() -> list[MetricSpec]:
     """Return the quantities that have a column, in their order."""
-    aligned, apart = partial(MetricSpec, protocol="alignment"), partial(MetricSpec, protocol="distance")
     return [
         MetricSpec("tracked_fraction", "share", "higher", "nothing", "tracked"),
-        aligned(
-            "ate_rmse_m", "m", title="ATE rmse", difference="difference_rmse_m", difference_title="difference rmse"
+        _error("ate_rmse_m", "m", "ATE rmse", ("difference_rmse_m", "difference rmse"), "alignment"),
+        _error("ate_max_m", "m", "max", ("difference_max_m", "largest difference"), "alignment"),
+        _error(
+            "ate_heading_rmse_deg",
+            "deg",
+            "heading rmse",
+            ("difference_heading_rmse_deg", "heading difference"),
+            "alignment",
         ),
-        aligned("ate_max_m", "m", title="max", difference="difference_max_m"),
-        aligned("ate_heading_rmse_deg", "deg", title="heading rmse", difference="difference_heading_rmse_deg"),
-        apart("rpe_rmse_m", "m", title="RPE", difference="relative_difference_rmse_m", difference_title="relative"),
+        _error("rpe_rmse_m", "m", "RPE", ("relative_difference_rmse_m", "relative difference"), "distance"),
         MetricSpec("drift_percent", "%", title="drift"),
-        MetricSpec("end_error_m", "m", title="end error", difference="end_difference_m", difference_title="at the end"),
+        _error("end_error_m", "m", "end error", ("end_difference_m", "difference at end"), ""),
     ]
+
+
+def _error(name: str, unit: str, title: str, difference: tuple[str, str], protocol: Any) -> MetricSpec:
+    """Return an error with a column, and what stands for it without truth: name and title."""
+    return MetricSpec(name, unit, "lower", "truth", title, protocol, *difference)
+
+
+#: Errors of path offsets; they have a table of their own.
+_OFFSETS = (("along", "m"), ("lateral", "m"), ("heading", "deg"))
 
 
 def _all_quantities() -> tuple[MetricSpec, ...]:
@@ -48,6 +59,10 @@ def _all_quantities() -> tuple[MetricSpec, ...]:
         MetricSpec("end_heading_error_deg", "deg", difference="end_heading_difference_deg"),
         *_summary("lateral", "m", "", ""),
         *_summary("path_heading", "deg", "", ""),
+        *(
+            MetricSpec(f"offset_{word}_rmse_{unit}", unit, difference=f"offset_{word}_difference_rmse_{unit}")
+            for word, unit in _OFFSETS
+        ),
         MetricSpec("nees_per_dof", "", "near one"),
         MetricSpec("nees_inside_fraction", "share", "higher"),
         MetricSpec("nis_per_dof", "", "near one", "nothing"),

@@ -86,7 +86,9 @@ def read_run(folder: str | Path) -> RunFolder:
     problems: list[str] = []
     config_text = _attempt(path / "config.yaml", _text, problems) or ""
     read = {tum.stem: _attempt(tum, read_tum, problems) for tum in tums}
-    truth = read.pop(GROUND_TRUTH, None) or _attempt(path / f"{GROUND_TRUTH}.tum", read_tum, problems)
+    truth = read.pop(GROUND_TRUTH, None)
+    if truth is None:  # an empty one is known, and covers nothing
+        truth = _attempt(path / f"{GROUND_TRUTH}.tum", read_tum, problems)
     found = {name: trajectory for name, trajectory in read.items() if trajectory is not None}
     return RunFolder(
         path=path,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 
 from trailmark import paths
 from trailmark.errors import DataError
+from trailmark.evaluation.alignment import STATIC_M
 from trailmark.evaluation.estimate_errors import true_poses
 from trailmark.evaluation.estimates_table import EstimateTable
 from trailmark.evaluation.lateral import lateral_error
@@ -30,6 +31,7 @@ from trailmark.evaluation.run_folder import FUSED, GROUND_TRUTH, RunFolder, read
 from trailmark.evaluation.source_statistics import SourceStatistics, source_statistics
 from trailmark.evaluation.tracking import tracked_fraction
 from trailmark.evaluation.trajectory_metrics import Evaluation, Protocol, evaluate
+from trailmark.evaluation.warnings import run_warnings
 from trailmark.geometry import Pose2, Trajectory
 
 __all__ = ["METRICS_FILE", "RunEvaluation", "evaluate_run", "evaluate_run_folder", "metrics_document"]
@@ -177,11 +179,42 @@ def metrics_document(
         "errors": evaluated.has_truth,
         "align": evaluated.protocol.align,
         "map_frame": evaluated.map_frame.note,
+        "truth": _truth_note(evaluated.run),
+        "stands_still": _stands_still(evaluated),
+        "warnings": [warning.document() for warning in run_warnings(evaluated.run)],
         "trajectories": trajectories,
         "sources": sources,
         "quantities": declared_quantities(plugged),
         "problems": problems,
     }
+
+
+def _truth_note(run: RunFolder) -> str:
+    """Return why a ground truth that there is was not used; empty where it was, or there is none."""
+    if run.truth is None or len(run.truth) > 1:
+        return ""
+    poses = "no frame" if not len(run.truth) else "one frame"
+    return (
+        f"The source has a ground truth, but it covers {poses} of the run: its poses may be too far apart"
+        " (max_truth_gap_s), or of another time (time_offset_s)"
+    )
+
+
+def _stands_still(evaluated: RunEvaluation) -> dict[str, Any] | None:
+    """Return the figures of a robot that never moved: whoever is not better than this has found nothing."""
+    truth = evaluated.run.truth
+    if not evaluated.has_truth or truth is None:
+        return None
+    start_s, stop_s = _span(evaluated.run, truth)
+    within = truth.between(start_s, stop_s)
+    if len(within) < 2 or within.length_m() < STATIC_M:
+        return None
+    still = Trajectory(within.stamps_s, np.tile(within.poses[:1], (len(within), 1)))
+    try:
+        found = evaluate(still, within, replace(evaluated.protocol, align="origin"))
+    except DataError:
+        return None
+    return found.document() | {"is_floor": True}
 
 
 def _add_of_trajectories(
@@ -239,7 +272,8 @@ def _sources(
     spoke = run.estimates.sources()
     names = [name for name in run.trajectories if name in spoke]
     names += [name for name in spoke if name not in names]
-    return {name: source_statistics(run.estimates.of(name), truth, map_frame, path) for name in names}
+    fused = run.trajectories.get(FUSED)
+    return {name: source_statistics(run.estimates.of(name), truth, map_frame, path, fused) for name in names}
 
 
 def _map_frame(run: RunFolder, estimates: EstimateTable, truth: Trajectory) -> MapFrame:

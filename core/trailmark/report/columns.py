@@ -38,7 +38,7 @@ def metric_columns(
     All lengths share the unit that suits the first of them: a table that mixes units invites wrong comparisons. The
     marks stand behind the numbers of the first length, which says how well the others are aligned.
     """
-    lengths = [spec for spec in quantities if spec.unit == "m"]
+    lengths = [spec for spec in quantities if spec.unit == "m" and _is_known(spec, documents)]
     unit, per_m = length_unit(value_of(item, lengths[0]) for item in documents) if lengths else ("m", 1.0)
     columns = []
     for spec in quantities:
@@ -59,6 +59,10 @@ def value_of(document: Document, spec: MetricSpec) -> float | None:
         alignment = document.get("alignment")
         return None if alignment is None else find_metric(document["metrics"], spec.name, alignment["used"])
     return find_metric(document["metrics"], spec.name)
+
+
+def _is_known(spec: MetricSpec, documents: Sequence[Document]) -> bool:
+    return any(value_of(item, spec) is not None for item in documents)
 
 
 def number_column(title: str, unit: str, values: Sequence[float | None]) -> Cells:

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any, Literal
 
 from trailmark.evaluation import GROUND_TRUTH, evaluate_run, spec_of
+from trailmark.evaluation.run_metrics import METRICS_FILE
 from trailmark.report.columns import value_of
-from trailmark.report.tables import Column, Table, Trajectories, trajectories_table
+from trailmark.report.tables import Column, Table, Trajectories, offsets_table, trajectories_table
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table as RichTable
 
-__all__ = ["print_run", "print_table", "run_table", "summary_rows", "table_console", "to_rich"]
+__all__ = ["print_run", "print_table", "run_document", "run_table", "summary_rows", "table_console", "to_rich"]
 
 _WIDTH = 100
 _HEADER_WIDTH = 8
@@ -91,8 +93,26 @@ def run_table(folder: str | Path) -> RichTable:
 
 def print_run(folder: str | Path) -> None:
     """Print the table of a run, with its notes."""
-    document = evaluate_run(folder, write=False)
+    document = run_document(folder)
     print_table(trajectories_table(Trajectories.of_run(document), ("localizer",)))
+    offsets = offsets_table([((name,), item) for name, item in document["sources"].items()])
+    if offsets is not None:
+        print_table(offsets)
+
+
+def run_document(folder: str | Path) -> dict[str, Any]:
+    """Return ``metrics.json`` of a run, with what plugins measured; made anew where the run left none.
+
+    Raises
+    ------
+    DataError
+        If the folder is not that of a run.
+    """
+    try:
+        document = json.loads((Path(folder) / METRICS_FILE).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return evaluate_run(folder, write=False)
+    return document if isinstance(document, dict) and "warnings" in document else evaluate_run(folder, write=False)
 
 
 def to_rich(table: Table) -> RichTable:
@@ -129,6 +149,8 @@ def print_table(table: Table) -> None:
     console, shown = table_console(), to_rich(table)
     if not console.is_terminal:  # a file has room: a name is not broken
         console.width = max(console.width, Console(width=_WIDEST).measure(shown).maximum)
+    if table.title:
+        console.print(Text(table.title, style="bold"))
     console.print(shown)
     for note in table.notes:
         console.print(Text(note, style="dim"))

@@ -10,7 +10,14 @@ from typing import Any
 from trailmark.evaluation import FUSED, GROUND_TRUTH, RunEvaluation
 from trailmark.report.html import counters_html, facts_html, figure_html, notes_html, table_html, text_html
 from trailmark.report.numbers import significant
-from trailmark.report.tables import Trajectories, consistency_table, sources_table, timing_table, trajectories_table
+from trailmark.report.tables import (
+    Trajectories,
+    consistency_table,
+    offsets_table,
+    sources_table,
+    timing_table,
+    trajectories_table,
+)
 
 __all__ = [
     "configuration_section",
@@ -57,7 +64,11 @@ def result_section(evaluated: RunEvaluation, document: Document) -> str:
         parts.append(text_html("The run left no trajectory."))
     else:
         parts.append(table_html(trajectories_table(trajectories)))
-    parts += [text_html(problem, css_class="warning") for problem in document["problems"]]
+    offsets = offsets_table([((name,), item) for name, item in document["sources"].items()])
+    if offsets is not None:
+        parts += [text_html(offsets.title, "h2"), table_html(offsets)]
+    told = [f"{item['about'] or 'The run'}: {item['fact']}; {item['remedy']}." for item in document["warnings"]]
+    parts += [text_html(problem, css_class="warning") for problem in [*told, *document["problems"]]]
     return "\n".join(parts)
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from trailmark.evaluation import GROUND_TRUTH, OUTCOMES, QUANTITIES, quantities_of
+from trailmark.evaluation import GROUND_TRUTH, OUTCOMES, QUANTITIES, find_metric, quantities_of, spec_of
 from trailmark.metrics import MetricSpec
-from trailmark.report.columns import Column, metric_columns, number_column
+from trailmark.report.columns import Cells, Column, metric_columns, number_column
 from trailmark.report.numbers import MISSING, count_text, significant
 
 __all__ = [
@@ -16,6 +16,7 @@ __all__ = [
     "Table",
     "Trajectories",
     "consistency_table",
+    "offsets_table",
     "sources_table",
     "timing_table",
     "trajectories_table",
@@ -36,11 +37,14 @@ class Table:
         A text for each column.
     notes : tuple of str
         What the reader has to know, a sentence each.
+    title : str
+        Stands above it on a terminal; empty: nothing does.
     """
 
     columns: tuple[Column, ...]
     rows: tuple[tuple[str, ...], ...]
     notes: tuple[str, ...] = ()
+    title: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,12 +78,7 @@ class Trajectories:
         Not the ground truth, which has nothing to be compared with. What is known of a localizer's estimates stands
         beside what is known of its trajectory.
         """
-        found = [
-            ((*labels, name), item | {"metrics": item["metrics"] | _source_metrics(document, name)})
-            for labels, document in runs
-            for name, item in document["trajectories"].items()
-            if name != GROUND_TRUTH
-        ]
+        found = [row for labels, document in runs for row in _rows_of(labels, document)]
         first, documents = runs[0][1], [document for _, document in runs]
         return cls(
             tuple(labels for labels, _ in found),
@@ -109,7 +108,24 @@ def trajectories_table(trajectories: Trajectories, label_titles: Sequence[str] =
     ]
     shown = [(column, cells) for column, cells in columns if any(cell.strip() != MISSING for cell in cells)]
     table = _assemble_table(label_titles, trajectories.labels, shown)
-    return replace(table, notes=tuple(_notes(trajectories)))
+    title = "" if trajectories.errors or not trajectories.reference else f"Differences from {trajectories.reference}"
+    return replace(table, notes=tuple(_notes(trajectories)), title=title)
+
+
+def offsets_table(sources: Sources, label_titles: Sequence[str] = ("localizer",)) -> Table | None:
+    """Return what path offsets are worth: along the path, beside it, turned from it; None where nobody says any."""
+    known = [(label, item) for label, item in sources if any(_offset(item, *what) is not None for what in _OFFSETS)]
+    if not known:
+        return None
+    items = [item for _, item in known]
+    errors = any(find_metric(item["metrics"], "offset_lateral_rmse_m") is not None for item in items)
+    quantities = [MetricSpec(_offset_name(items, word, unit), unit, title=title) for word, unit, title in _OFFSETS]
+    shares = [spec_of(name, _SHARES) for name in ("answered_fraction", "silent")]
+    columns = [column for column in metric_columns(items, [*quantities, *shares]) if _has_number(column)]
+    table = _assemble_table(label_titles, [label for label, _ in known], columns)
+    return replace(
+        table, title="Path offsets against the ground truth" if errors else "Path offsets against the belief"
+    )
 
 
 def sources_table(sources: Sources, label_titles: Sequence[str] = ("localizer",)) -> Table:
@@ -162,6 +178,37 @@ def timing_table(stages: Mapping[str, Mapping[str, float]]) -> Table:
     return Table(columns, tuple(rows))
 
 
+_OFFSETS = (("along", "m", "along rmse"), ("lateral", "m", "lateral rmse"), ("heading", "deg", "heading rmse"))
+_SHARES = (MetricSpec("answered_fraction", "share", title="answered"), MetricSpec("silent", "share", title="silent"))
+
+
+def _offset_name(items: Sequence[Document], word: str, unit: str) -> str:
+    names = (f"offset_{word}_rmse_{unit}", f"offset_{word}_difference_rmse_{unit}")
+    return next((name for name in names if any(find_metric(i["metrics"], name) is not None for i in items)), names[0])
+
+
+def _offset(item: Document, word: str, unit: str, _title: str) -> float | None:
+    return find_metric(item["metrics"], _offset_name([item], word, unit))
+
+
+def _has_number(column: Cells) -> bool:
+    return any(cell.strip() != MISSING for cell in column[1])
+
+
+def _rows_of(labels: tuple[str, ...], document: Document) -> Iterator[tuple[tuple[str, ...], Document]]:
+    """Yield the trajectories of a run; last what a robot would have that never moved.
+
+    A localizer of path offsets alone has no way of its own: `offsets_table` tells what it is worth.
+    """
+    for name, item in document["trajectories"].items():
+        source = document["sources"].get(name, {})
+        if name != GROUND_TRUTH and source.get("says_places", True):
+            lost = {"lost_reasons": source.get("lost_reasons") or {}, "truth": document.get("truth", "")}
+            yield (*labels, name), item | lost | {"metrics": item["metrics"] | _source_metrics(document, name)}
+    if still := document.get("stands_still"):
+        yield (*labels, "standstill"), still
+
+
 def _source_metrics(document: Document, name: str) -> Document:
     metrics: Document = document["sources"].get(name, {}).get("metrics", {})
     return metrics
@@ -178,8 +225,8 @@ def _fell_back(document: Document) -> bool:
 
 
 def _notes(trajectories: Trajectories) -> list[str]:
-    compared = [item for item in trajectories.documents if "alignment" in item]
-    notes = []
+    compared = [item for item in trajectories.documents if "alignment" in item and not item.get("is_floor")]
+    notes = sorted({f"{item['truth']}." for item in trajectories.documents if item.get("truth")})
     if not trajectories.errors and trajectories.reference:
         notes.append(f"No ground truth: the numbers are differences from {trajectories.reference}, not errors.")
     if compared:
@@ -189,6 +236,9 @@ def _notes(trajectories: Trajectories) -> list[str]:
     for label, item in zip(trajectories.labels, trajectories.documents, strict=True):
         if "problem" in item:
             notes.append(f"{' '.join(label)}: {item['problem']}.")
+        if lost := item.get("lost_reasons"):
+            told = ", ".join(f"{count} x {reason}" for reason, count in lost.items())
+            notes.append(f"{' '.join(label)} was lost: {told}.")
     return notes
 
 

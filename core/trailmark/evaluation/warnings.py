@@ -1,0 +1,153 @@
+"""What a run should not be taken for a success without: a pure function of what the run left.
+
+Each warning says the fact, with its number, and what to do about it. ``trailmark run`` prints them on standard error,
+``--strict`` makes them a failure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from trailmark.evaluation.lost_reasons import reasons_of
+from trailmark.evaluation.run_folder import FUSED, RunFolder
+from trailmark.geometry import Trajectory
+
+__all__ = ["RunWarning", "run_warnings"]
+
+#: Nothing on wheels is faster; units are wrong then [m/s, rad/s].
+MOST_MPS = 60.0
+MOST_RADPS = 30.0
+#: A camera sees no more ground than this, and no less [m].
+WIDEST_GROUND_M = 30.0
+NARROWEST_GROUND_M = 5e-3
+#: Estimates further apart than this are no odometry: stamps in other units [s].
+LONGEST_INTERVAL_S = 20.0
+#: A larger share of dropped, late or refused estimates is told.
+MOST_UNUSABLE = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class RunWarning:
+    """Something that makes the figures of a run worthless, or of less worth than they look.
+
+    Attributes
+    ----------
+    about : str
+        The localizer or sensor; empty: the whole run.
+    fact, remedy : str
+        What is wrong, with its number; what to do about it.
+    """
+
+    about: str
+    fact: str
+    remedy: str
+
+    def __str__(self) -> str:
+        return f"{self.about}: {self.fact}; {self.remedy}" if self.about else f"{self.fact}; {self.remedy}"
+
+    def document(self) -> dict[str, str]:
+        """Return it as plain data, for ``metrics.json``."""
+        return asdict(self)
+
+
+def run_warnings(run: RunFolder) -> list[RunWarning]:
+    """Return what is wrong with a run that may have ended well, in the order of localizers, motion, sensors."""
+    return [*_of_localizers(run), *_of_use(run), *_of_motion(run), *_of_sensors(run.run.get("sensors"))]
+
+
+def _of_localizers(run: RunFolder) -> Iterator[RunWarning]:
+    if run.estimates is None:
+        return
+    spoke = set(run.estimates.sources())
+    for name in run.trajectories:
+        if name != FUSED and name not in spoke:
+            yield RunWarning(
+                name,
+                "said nothing in the whole run",
+                "it never had what it waits for: its sensor, a belief or a way driven (a localizer that gives motion)",
+            )
+    for name in run.estimates.sources():
+        own = run.estimates.of(name)
+        counts, n = own.counts(), len(own)
+        if counts.get("lost", 0) == n:
+            reason = next(iter(reasons_of(own)), "")
+            yield RunWarning(
+                name, f"was lost all the time, {n} of {n} ({reason})", "change what the reason names, or leave it out"
+            )
+            continue
+        for outcome, remedy in _REMEDIES.items():
+            if counts.get(outcome, 0) > MOST_UNUSABLE * n:
+                reason = next(iter(reasons_of(own, outcome)), "")
+                yield RunWarning(name, f"{counts[outcome]} of {n} estimates were {outcome} ({reason})", remedy)
+
+
+_REMEDIES = {
+    "refused": "look at its stamps (units, order, equal ones) and covariances",
+    "late": "make it faster, lower its rate, or lengthen the estimator's history",
+}
+
+
+def _of_use(run: RunFolder) -> Iterator[RunWarning]:
+    if run.estimates is not None and len(run.estimates) and not (run.estimates.outcome == "accepted").any():
+        yield RunWarning(
+            "",
+            "no estimate was used, so the fused pose is not known or stands still",
+            "look at the outcomes and reasons in estimates.csv, and at 'use' of the estimator",
+        )
+
+
+def _of_motion(run: RunFolder) -> Iterator[RunWarning]:
+    for name, trajectory in run.trajectories.items():
+        if len(trajectory) < 3:
+            continue
+        interval_s = float(np.median(np.diff(trajectory.stamps_s)))
+        if interval_s > LONGEST_INTERVAL_S:
+            yield RunWarning(
+                name, f"its poses are {interval_s:.3g} s apart", "stamps are seconds: are these milli- or nanoseconds?"
+            )
+            continue
+        speed_mps, turn_radps = _usual_speeds(trajectory)
+        if speed_mps > MOST_MPS:
+            yield RunWarning(
+                name,
+                f"it drives {speed_mps:.3g} m/s",
+                "lengths are metres and stamps seconds: look for mm, or for metres_per_pixel in mm",
+            )
+        if turn_radps > MOST_RADPS:
+            yield RunWarning(name, f"it turns by {turn_radps:.3g} rad/s", "angles inside are radians: look for degrees")
+
+
+def _usual_speeds(trajectory: Trajectory) -> tuple[float, float]:
+    """Return what three of four steps are slower than: 90 m/s for one frame may be an error, not a unit."""
+    dt_s = np.diff(trajectory.stamps_s)
+    ways_m = np.linalg.norm(np.diff(trajectory.positions, axis=0), axis=1)
+    turns = np.abs(np.diff(np.unwrap(trajectory.headings)))
+    return float(np.percentile(ways_m / dt_s, 75.0)), float(np.percentile(turns / dt_s, 75.0))
+
+
+def _of_sensors(sensors: Any) -> Iterator[RunWarning]:
+    if not isinstance(sensors, Mapping):
+        return
+    for name, sensor in sensors.items():
+        calibration, size = (
+            (sensor.get(key) for key in ("calibration", "size"))
+            if isinstance(sensor, Mapping)
+            else (
+                None,
+                None,
+            )
+        )
+        scale = calibration.get("metres_per_pixel") if isinstance(calibration, Mapping) else None
+        if not scale or not size:
+            continue
+        width_m = float(np.ravel(scale)[0]) * float(size[0])
+        if not NARROWEST_GROUND_M <= width_m <= WIDEST_GROUND_M:
+            yield RunWarning(
+                str(name),
+                f"a picture shows {width_m:.3g} m of ground",
+                "metres_per_pixel is in metres: 0.4 mm per pixel are 0.0004",
+            )

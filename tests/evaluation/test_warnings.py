@@ -1,0 +1,123 @@
+"""A run that ended well and is worth nothing is warned of, with what to do; a good run is not."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from trailmark.evaluation import evaluate_run, read_run, run_warnings
+from trailmark.geometry import Trajectory
+
+Write = Callable[..., Path]
+
+
+def row(stamp: float, source: str, kind: str, status: str, reason: str = "") -> str:
+    numbers = "0,0,0,1,0,0,1,0,1" if kind != "lost" else ",,,,,,,,"
+    return f"{stamp},{source},{kind},,{stamp},{numbers},{status},,,{reason},"
+
+
+def told(folder: Path) -> list[str]:
+    return [str(warning) for warning in run_warnings(read_run(folder))]
+
+
+def test_a_good_run_is_not_warned_of(write_run: Write, straight: Trajectory) -> None:
+    rows = [row(t, "cam", "fix", "accepted") for t in straight.stamps_s.tolist()]
+    rows[3] = row(0.3, "cam", "lost", "unused", "dark")
+
+    assert told(write_run({"cam": straight, "fused": straight}, estimates=rows)) == []
+
+
+def test_a_localizer_that_was_lost_all_the_time_is_named_with_its_reason(
+    write_run: Write, straight: Trajectory
+) -> None:
+    rows = [row(t, "cam", "lost", "unused", f"no match: error {t} of 22") for t in (0.1, 0.2, 0.3)]
+    rows += [row(t, "wheels", "fix", "accepted") for t in (0.1, 0.2)]
+
+    (warning,) = told(write_run({"cam": straight, "wheels": straight}, estimates=rows))
+
+    assert warning.startswith("cam: was lost all the time, 3 of 3 (no match: error 0.1 of 22)")
+
+
+@pytest.mark.parametrize("n_bad", [5, 6])
+def test_more_than_a_twentieth_of_refused_estimates_is_told(write_run: Write, straight: Trajectory, n_bad: int) -> None:
+    rows = [row(0.1 * k, "cam", "fix", "refused" if k < n_bad else "accepted", "equal stamp") for k in range(100)]
+
+    found = told(write_run({"cam": straight}, estimates=rows))
+
+    assert [text.partition(";")[0] for text in found] == (
+        ["cam: 6 of 100 estimates were refused (equal stamp)"] if n_bad == 6 else []
+    )
+
+
+def test_late_estimates_are_told_with_what_to_do(write_run: Write, straight: Trajectory) -> None:
+    rows = [row(0.1 * k, "cam", "fix", "late" if k < 20 else "accepted", "older than the history") for k in range(100)]
+
+    (warning,) = told(write_run({"cam": straight}, estimates=rows))
+
+    assert "20 of 100 estimates were late" in warning
+    assert "make it faster" in warning
+
+
+def test_a_run_that_used_nothing_says_so(write_run: Write, straight: Trajectory) -> None:
+    rows = [row(0.1 * k, "cam", "fix", "unused") for k in range(10)]
+
+    assert any("no estimate was used" in text for text in told(write_run({"cam": straight}, estimates=rows)))
+
+
+def test_a_localizer_that_never_spoke_is_named(write_run: Write, straight: Trajectory) -> None:
+    rows = [row(0.1 * k, "cam", "fix", "accepted") for k in range(10)]
+    nothing = Trajectory([], np.empty((0, 3)))
+
+    (warning,) = told(write_run({"cam": straight, "divs": nothing}, estimates=rows))
+
+    assert warning.startswith("divs: said nothing in the whole run")
+
+
+@pytest.mark.parametrize(
+    ("stamps", "poses", "fact"),
+    [
+        (1.0, (1000.0, 1.0), "it drives 1e+03 m/s"),  # millimetres
+        (1000.0, (1.0, 1.0), "its poses are 100 s apart"),  # stamps in milliseconds
+        (1e9, (1.0, 1.0), "its poses are 1e+08 s apart"),  # in nanoseconds
+        (1e-3, (1.0, 1.0), "it drives 1e+03 m/s"),  # stamps in kiloseconds
+    ],
+)
+def test_units_that_cannot_be_are_told(
+    write_run: Write, straight: Trajectory, stamps: float, poses: tuple[float, float], fact: str
+) -> None:
+    odd = Trajectory(straight.stamps_s * stamps, straight.poses * [poses[0], poses[0], poses[1]])
+
+    (warning,) = told(write_run({"cam": odd}))
+
+    assert warning.startswith(f"cam: {fact}")
+
+
+def test_degrees_for_radians_are_told(write_run: Write, figure_eight: Trajectory) -> None:
+    headings = np.degrees(np.unwrap(figure_eight.headings))
+    odd = Trajectory(figure_eight.stamps_s, np.column_stack([figure_eight.positions, headings]))
+
+    assert any("look for degrees" in text for text in told(write_run({"cam": odd})))
+
+
+@pytest.mark.parametrize(("scale", "is_odd"), [(0.4, True), (4e-4, False), (4e-7, True)])
+def test_a_picture_that_shows_200_m_of_ground_is_told(
+    write_run: Write, straight: Trajectory, scale: float, is_odd: bool
+) -> None:
+    folder = write_run({"cam": straight})
+    sensors = {"floor": {"size": [512, 480], "calibration": {"metres_per_pixel": [scale, scale]}}, "wheels": None}
+    (folder / "run.json").write_text(json.dumps({"status": "done", "sensors": sensors}))
+
+    assert [text.partition(":")[0] for text in told(folder)] == (["floor"] if is_odd else [])
+
+
+def test_warnings_stand_in_the_document_of_the_run(write_run: Write, straight: Trajectory) -> None:
+    rows = [row(t, "cam", "lost", "unused", "dark") for t in (0.1, 0.2)]
+
+    document = evaluate_run(write_run({"cam": straight}, estimates=rows))
+
+    assert document["warnings"][0]["about"] == "cam"
+    assert document["sources"]["cam"]["lost_reasons"] == {"dark": 2}
