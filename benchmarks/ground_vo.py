@@ -36,7 +36,7 @@ from trailmark.experiments import Row
 from trailmark.frames import Frame, Image
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Localizer, Session
-from trailmark.testing.ground import Ground, GroundCamera, GroundRun, ground_run, straight
+from trailmark.testing.ground import GroundCamera, GroundRun, MirroredFloor, ground_run, straight
 from trailmark_ground_vo.absolute import group_places, patch_search, patch_search_plain, quadrants
 from trailmark_ground_vo.config import GroundMapConfig, GroundVOConfig
 from trailmark_ground_vo.filters import transpose
@@ -51,13 +51,13 @@ CENTRES = ((255.5, 335.5), (255.5, 143.5))
 Grey = npt.NDArray[np.uint8]
 
 
-def wood() -> Ground:
+def wood() -> MirroredFloor:
     """Return the photographed wood floor, or a procedural floor where there is none."""
     beside = Path(__file__).resolve().parents[2] / "shared" / "data"
     file = Path(os.environ.get("TRAILMARK_DATA", beside)) / "ground" / "wood_floor.jpg"
     if file.is_file():
-        return Ground(np.asarray(cv2.imread(str(file), cv2.IMREAD_GRAYSCALE), np.uint8))
-    return Ground.procedural(1, grain_px=1.5)
+        return MirroredFloor(np.asarray(cv2.imread(str(file), cv2.IMREAD_GRAYSCALE), np.uint8))
+    return MirroredFloor.procedural(1, grain_px=1.5)
 
 
 def drive(n_frames: int, vignette: float = 0.3) -> tuple[GroundRun, list[Frame]]:

@@ -33,7 +33,7 @@ from trailmark.interfaces import Localizer, Session
 from trailmark_baselines.rgbd.config import OrbRgbdConfig
 from trailmark_baselines.rgbd.localizer import OrbRgbd
 from trailmark_kinect_landmarks.config import FINDER_NAMES, KinectFlowConfig, KinectLandmarksConfig
-from trailmark_kinect_landmarks.finders import FINDERS, View
+from trailmark_kinect_landmarks.finders import FINDERS, WorkingImage
 from trailmark_kinect_landmarks.flow import KinectFlow
 from trailmark_kinect_landmarks.localizer import KinectLandmarks
 
@@ -162,7 +162,7 @@ def finder_rows(recording: Recording) -> list[Row]:
     for name in FINDER_NAMES:
         times_ms = []
         for frame in recording.frames[::10]:
-            view = View(frame.payload.bgr, frame.payload.depth_m)  # type: ignore[union-attr]
+            view = WorkingImage(frame.payload.bgr, frame.payload.depth_m)  # type: ignore[union-attr]
             began_s = time.process_time()
             FINDERS[name](view)
             times_ms.append(1e3 * (time.process_time() - began_s))

@@ -14,7 +14,7 @@ from trailmark.frames import Frame, GroundPlane, Image, SensorInfo
 from trailmark.geometry import Pose2, Pose3
 from trailmark.geometry.rigid import fit_pose2
 from trailmark.interfaces import Session
-from trailmark.testing.ground import Ground, GroundCamera, ground_run
+from trailmark.testing.ground import GroundCamera, MirroredFloor, ground_run
 from trailmark_baselines.ground.config import KLTConfig, ORBConfig, PhaseCorrelationConfig
 from trailmark_baselines.ground.klt import KLT
 from trailmark_baselines.ground.orb import ORB
@@ -29,7 +29,7 @@ PEERS = {
 #: Largest error of one motion on the floor below [px, deg].
 PRECISION = {"klt": (0.1, 0.03), "orb": (0.4, 0.15), "phase_correlation": (0.15, 0.06)}
 SCALE_M = 3.9e-4
-GROUND = Ground.procedural(seed=4, size_px=512, grain_px=1.5, contrast=20.0)
+GROUND = MirroredFloor.procedural(seed=4, size_px=512, grain_px=1.5, contrast=20.0)
 CAMERA = GroundCamera((320, 288), noise_sigma=2.0)
 
 
@@ -128,7 +128,7 @@ def test_a_blank_picture_is_lost_and_the_next_motion_bridges_it(name):
 @pytest.mark.parametrize("name", PEERS)
 def test_another_floor_is_lost_and_begun_anew(name):
     run = drive(along(9, 4.0, 0.0, 0.0))
-    other = run.over(Ground.procedural(seed=9, size_px=512, grain_px=1.5, contrast=20.0))
+    other = run.over(MirroredFloor.procedural(seed=9, size_px=512, grain_px=1.5, contrast=20.0))
     frames = [*list(run.frames)[:4], *list(other.frames)[4:]]
     localizer = make(name, run.sensor)
 

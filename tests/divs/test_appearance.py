@@ -9,7 +9,7 @@ from trailmark.estimates import Belief, PathOffset
 from trailmark.geometry import Twist2
 from trailmark_divs.appearance import AppearanceFilter, ByAppearance, unrelated_score
 from trailmark_divs.correspondence import ByDistance, ByIndex
-from trailmark_divs.eye import Window
+from trailmark_divs.eye import DifferenceWindow
 from trailmark_divs.landmarks import AtLandmarks, distinct_rows, sameness
 from trailmark_divs.memory import Windows
 
@@ -114,7 +114,8 @@ def test_an_unclear_place_is_no_match():
     by_appearance = ByAppearance(make_filter(), 0.9)
 
     answers = [
-        by_appearance.match(Window(k, seen(100 + k), 0.1 * k, 0.02 * k, 0.0), make_belief(0.0)) for k in range(30)
+        by_appearance.match(DifferenceWindow(k, seen(100 + k), 0.1 * k, 0.02 * k, 0.0), make_belief(0.0))
+        for k in range(30)
     ]
 
     assert answers[0] is None
@@ -125,7 +126,7 @@ def test_without_motion_the_way_is_not_trusted():
     by_appearance = ByAppearance(make_filter(), 0.9)
 
     for k in range(30):
-        window = Window(k, seen(100 + k), 0.1 * k, 0.0, 0.0)
+        window = DifferenceWindow(k, seen(100 + k), 0.1 * k, 0.0, 0.0)
         match = by_appearance.match(window, make_belief(0.0, motion_age_s=math.inf))
 
     assert abs(match.row - 129) <= 1
@@ -153,7 +154,7 @@ def pass_landmark(inner, offset_rows):
     corrected = AtLandmarks(inner, WINDOWS, [150], USABLE, W, 5, 10, 0.9)
     matches = []
     for k in range(130, 170):
-        window = Window(k - offset_rows, seen(k), 0.1 * k, 0.0, 0.0)
+        window = DifferenceWindow(k - offset_rows, seen(k), 0.1 * k, 0.0, 0.0)
         belief = make_belief(0.02 * (k - offset_rows))
         matches.append((k, corrected.match(window, Belief(0.0, on_path=belief.on_path, twist=belief.twist))))
     return matches
@@ -179,6 +180,6 @@ def test_passing_a_landmark_by_distance_tells_the_station_once():
 def test_a_landmark_that_is_not_recognised_is_passed_by():
     corrected = AtLandmarks(ByIndex(WINDOWS, W), WINDOWS, [150], USABLE, W, 5, 10, 0.9)
 
-    matches = [corrected.match(Window(k, np.zeros(D), 0.0, 0.0, 0.0), Belief(0.0)) for k in range(130, 170)]
+    matches = [corrected.match(DifferenceWindow(k, np.zeros(D), 0.0, 0.0, 0.0), Belief(0.0)) for k in range(130, 170)]
 
     assert [match.row for match in matches] == list(range(130, 170))

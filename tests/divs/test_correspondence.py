@@ -6,7 +6,7 @@ import pytest
 from trailmark.estimates import Belief, PathOffset
 from trailmark.geometry import Twist2
 from trailmark_divs.correspondence import ByDistance, ByIndex, ByTime, make_correspondence, nearest
-from trailmark_divs.eye import Window
+from trailmark_divs.eye import DifferenceWindow
 from trailmark_divs.memory import Windows
 
 # Ten windows 0.1 m apart at 0.5 m/s, a turn, and five more.
@@ -17,7 +17,7 @@ WINDOWS = Windows(
 
 
 def window(ordinal=0, stamp_s=0.0, travelled_m=0.0):
-    return Window(ordinal, np.zeros(8), stamp_s, travelled_m, 0.0)
+    return DifferenceWindow(ordinal, np.zeros(8), stamp_s, travelled_m, 0.0)
 
 
 def belief(station_m, travelled_m=0.0, forward_mps=0.3):

@@ -8,7 +8,7 @@ import pytest
 from trailmark.estimates import Belief
 from trailmark.geometry import Pose2, Twist2
 from trailmark_divs.config import DivsConfig
-from trailmark_divs.eye import TURNING, Eye
+from trailmark_divs.eye import TURNING, ImagePreprocessor
 from trailmark_divs.layout import make_layout
 
 SIZE = (200, 20)
@@ -17,7 +17,7 @@ SCENE = np.random.default_rng(7).integers(0, 256, (10, 1200)).astype(np.uint8)
 
 def make_eye(**settings):
     config = DivsConfig(camera="front", window=5, **settings)
-    return Eye(config, make_layout(SIZE, 50, (0.0, 0.5)), math.radians(1.0))
+    return ImagePreprocessor(config, make_layout(SIZE, 50, (0.0, 0.5)), math.radians(1.0))
 
 
 def see(eye, headings_deg, has_odometry=True, first=0):

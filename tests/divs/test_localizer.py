@@ -13,7 +13,7 @@ from trailmark.geometry import Pose2, Pose3, Twist2
 from trailmark.interfaces import Session
 from trailmark_divs.config import DivsConfig
 from trailmark_divs.localizer import Divs
-from trailmark_divs.memory import Recording
+from trailmark_divs.memory import TaughtStream
 
 AFTERNOON = {"gamma": 0.7, "noise": 4.0}
 
@@ -33,7 +33,7 @@ def median(offsets, name):
 def test_teaching_says_nothing_and_remembers_a_look_every_step(taught):
     localizer_map, _ = taught
 
-    stations_m = Recording.from_keyframes(localizer_map.keyframes()).stations_m
+    stations_m = TaughtStream.from_keyframes(localizer_map.keyframes()).stations_m
     np.testing.assert_allclose(np.diff(stations_m[:, 1]), 0.015, atol=1e-9)
     assert len(stations_m) == 400
     assert localizer_map.load("summary")["turning_share"] == 0.0

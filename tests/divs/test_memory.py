@@ -8,7 +8,7 @@ from trailmark.geometry import Pose2
 from trailmark.paths import Keyframe
 from trailmark_divs.eye import TURNING, Look
 from trailmark_divs.layout import make_layout
-from trailmark_divs.memory import Memory, Recording, Windows, check_layout, layout_document, summarize
+from trailmark_divs.memory import KeyframeWriter, TaughtStream, Windows, check_layout, layout_document, summarize
 
 LAYOUT = make_layout((80, 40), 8, (0.0, 0.5))
 DOCUMENT = layout_document(LAYOUT, (0.0, 0.5), None, "p90")
@@ -21,12 +21,12 @@ def make_look(k, run=0, seed=7):
 
 
 def written(localizer_map, looks):
-    memory = Memory(localizer_map)
+    memory = KeyframeWriter(localizer_map)
     memory.begin(DOCUMENT, "divs")
     for look in looks:
         memory.add(look, Pose2(look.travelled_m[1]))
     memory.flush()
-    return Recording.from_keyframes(localizer_map.keyframes())
+    return TaughtStream.from_keyframes(localizer_map.keyframes())
 
 
 def test_what_was_looked_at_comes_back(localizer_map):
@@ -106,12 +106,12 @@ def test_a_summary_says_whether_the_path_can_be_replayed(localizer_map):
 
 def test_an_empty_map_is_refused():
     with pytest.raises(StoreError, match="nothing of this path is remembered"):
-        Recording.from_keyframes([])
+        TaughtStream.from_keyframes([])
 
 
 def test_keyframes_of_another_plugin_are_refused():
     with pytest.raises(StoreError, match="not those of a visual stream"):
-        Recording.from_keyframes([Keyframe(0.0, 0.0, Pose2(), {"patch": np.zeros(4)})])
+        TaughtStream.from_keyframes([Keyframe(0.0, 0.0, Pose2(), {"patch": np.zeros(4)})])
 
 
 @pytest.mark.parametrize(
@@ -130,7 +130,7 @@ def test_keyframes_of_another_plugin_are_refused():
     ],
 )
 def test_a_path_taught_with_other_columns_is_refused(localizer_map, other, message):
-    Memory(localizer_map).begin(DOCUMENT, "divs")
+    KeyframeWriter(localizer_map).begin(DOCUMENT, "divs")
 
     with pytest.raises(ConfigError, match=message):
         check_layout(localizer_map, other, "divs")

@@ -12,7 +12,7 @@ from trailmark.estimates import Belief, Estimate, Lost, Motion
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Session
 from trailmark.testing import MemoryMap
-from trailmark.testing.ground import Ground, GroundCamera, GroundRun
+from trailmark.testing.ground import GroundCamera, GroundRun, MirroredFloor
 from trailmark_ground_vo.config import GroundVOConfig
 from trailmark_ground_vo.localizer import GroundVO
 
@@ -45,8 +45,8 @@ def camera() -> GroundCamera:
 
 
 @pytest.fixture(scope="session")
-def ground() -> Ground:
-    return Ground.procedural(seed=11, size_px=512, grain_px=1.5)
+def ground() -> MirroredFloor:
+    return MirroredFloor.procedural(seed=11, size_px=512, grain_px=1.5)
 
 
 @pytest.fixture(scope="session")

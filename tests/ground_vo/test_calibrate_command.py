@@ -12,7 +12,7 @@ import pytest
 from trailmark.cli import main
 from trailmark.config import read_calibration
 from trailmark.geometry import Pose2, Pose3
-from trailmark.testing.ground import Ground, GroundCamera
+from trailmark.testing.ground import GroundCamera, MirroredFloor
 
 CAMERA = GroundCamera((512, 480), (3.9e-4, 3.9e-4), Pose3(x=0.08, y=0.02, yaw=math.radians(176.0)), noise_sigma=2.0)
 SIMULATED = """
@@ -68,7 +68,7 @@ def test_what_is_believed_wrongly_is_found_within_the_stated_uncertainty(there, 
 def recording(tmp_path_factory) -> Path:
     """A folder of pictures: standing, 0.12 m straight, standing, a turn of 70 deg, standing."""
     folder = tmp_path_factory.mktemp("pictures")
-    ground = Ground.procedural(seed=3, size_px=512, grain_px=1.5)
+    ground = MirroredFloor.procedural(seed=3, size_px=512, grain_px=1.5)
     straight, turn = Pose2(0.12 / 32), Pose2(0.0, 0.0, math.radians(70.0 / 56))
     pose = Pose2()
     for index, step in enumerate([*[Pose2()] * 26, *[straight] * 32, *[Pose2()] * 26, *[turn] * 56, *[Pose2()] * 26]):

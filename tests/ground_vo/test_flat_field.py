@@ -11,7 +11,7 @@ import pytest
 from trailmark.estimates import Belief
 from trailmark.frames import GroundPlane
 from trailmark.interfaces import Session
-from trailmark.testing.ground import Ground, circle, ground_run, straight
+from trailmark.testing.ground import MirroredFloor, circle, ground_run, straight
 from trailmark_ground_vo.config import GroundVOConfig
 from trailmark_ground_vo.localizer import GroundVO
 
@@ -27,7 +27,7 @@ def dim_camera(camera):
 
 
 def test_a_vignette_is_learned_and_then_costs_little(dim_camera, track):
-    dull = Ground.procedural(seed=11, size_px=512, grain_px=1.5, contrast=6.0)
+    dull = MirroredFloor.procedural(seed=11, size_px=512, grain_px=1.5, contrast=6.0)
     run = uncalibrated(ground_run(straight(0.26, sway_m=0.002, sway_s=1.0), 110, ground=dull, camera=dim_camera))
 
     learned = track(run, learn_flat_field=True)

@@ -8,7 +8,7 @@ import cv2
 import pytest
 
 from trailmark.geometry import Pose2
-from trailmark.testing.ground import Ground, GroundCamera, ground_run, straight
+from trailmark.testing.ground import GroundCamera, MirroredFloor, ground_run, straight
 
 FLOORS = [
     "artificial_turf_1k",
@@ -26,7 +26,7 @@ LOW_CONTRAST = {"wood_dark": 4.0}
 
 
 def drive(folder, floor, n_frames, seed):
-    ground = Ground(cv2.imread(str(folder / f"{floor}.jpg"), cv2.IMREAD_GRAYSCALE))
+    ground = MirroredFloor(cv2.imread(str(folder / f"{floor}.jpg"), cv2.IMREAD_GRAYSCALE))
     camera = GroundCamera(noise_sigma=3.0, vignette=0.3)
     motion = straight(0.26, sway_m=0.003, shake_rad=math.radians(0.05))
     start = Pose2(0.7 * seed, 0.3, 0.4 * seed)

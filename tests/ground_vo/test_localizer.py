@@ -14,7 +14,7 @@ from trailmark.estimates import Belief, Motion
 from trailmark.frames import Frame, GroundPlane, Image, Pinhole, Scalar
 from trailmark.geometry import Pose2, Pose3
 from trailmark.interfaces import Session
-from trailmark.testing.ground import Ground, GroundCamera, circle, ground_run, straight
+from trailmark.testing.ground import GroundCamera, MirroredFloor, circle, ground_run, straight
 from trailmark_ground_vo.config import GroundVOConfig
 from trailmark_ground_vo.localizer import GroundVO
 
@@ -101,7 +101,7 @@ def test_a_dropped_frame_does_not_lose_the_track(camera, ground, track):
 
 
 def covered(frame, rng):
-    other = Ground.procedural(seed=99, size_px=512, contrast=20.0)
+    other = MirroredFloor.procedural(seed=99, size_px=512, contrast=20.0)
     pose = Pose2(float(rng.uniform(0, 3)), 0.0, 0.0)
     return GroundCamera(frame.payload.size, noise_sigma=3.0).image(other, pose, seed=5)
 
@@ -203,7 +203,7 @@ def test_information_tells_what_a_drive_drifts(camera, track):
     """The information is that of each motion; summed over a way, whose errors partly cancel, it is too humble."""
     squares = []
     for seed in range(12):
-        ground = Ground.procedural(seed=seed, size_px=512, grain_px=1.5)
+        ground = MirroredFloor.procedural(seed=seed, size_px=512, grain_px=1.5)
         run = ground_run(straight(SPEED_MPS), 45, ground=ground, camera=camera, seed=seed)
         tracked = track(run)
         covariance = sum(np.linalg.inv(motion.information) for motion in tracked.motions)
@@ -218,7 +218,7 @@ def test_information_tells_what_a_drive_drifts(camera, track):
 def test_across_a_grain_the_information_knows_the_blind_direction(camera, track):
     lines = np.random.default_rng(0).normal(128.0, 25.0, 512)
     grain = cv2.GaussianBlur(np.tile(lines, (512, 1)).astype(np.float32), (0, 0), 1.5)
-    run = ground_run(straight(SPEED_MPS), 5, ground=Ground(grain), camera=camera)
+    run = ground_run(straight(SPEED_MPS), 5, ground=MirroredFloor(grain), camera=camera)
 
     motion = track(run).motions[-1]
 

@@ -15,7 +15,7 @@ from trailmark.frames import Frame, Image, Scalar
 from trailmark.geometry import Pose2, Pose3
 from trailmark.interfaces import Session
 from trailmark.paths import Keyframe
-from trailmark.testing.ground import Ground, GroundCamera, ground_run
+from trailmark.testing.ground import GroundCamera, MirroredFloor, ground_run
 from trailmark_ground_vo.config import GroundMapConfig
 from trailmark_ground_vo.map_localizer import GroundMap
 
@@ -87,7 +87,7 @@ def test_the_information_of_a_fix_lies_in_the_axes_of_the_map(camera, localizer_
     lines = np.random.default_rng(0).normal(128.0, 25.0, 512)
     texture = cv2.GaussianBlur(np.tile(lines, (512, 1)).astype(np.float32), (0, 0), 1.5)
     texture += cv2.GaussianBlur(np.random.default_rng(1).normal(0.0, 4.0, (512, 512)).astype(np.float32), (0, 0), 1.0)
-    grain = Ground(np.clip(texture, 0, 255).astype(np.float32))  # known along x of the map, hardly along y
+    grain = MirroredFloor(np.clip(texture, 0, 255).astype(np.float32))  # known along x of the map, hardly along y
     localizer = GroundMap(GroundMapConfig(camera="floor"))
     sensors = {"floor": camera.sensor_info("floor")}
     localizer.start(Session(mode="teach", sensors=sensors, map=localizer_map))
@@ -140,7 +140,7 @@ def test_a_heading_beyond_the_search_is_not_searched(camera, ground, localizer_m
 def test_covered_ground_is_lost_tried_again_and_then_given_up(camera, ground, localizer_map):
     taught(camera, ground, localizer_map)
     localizer = replayed(camera, localizer_map, max_attempts=3)
-    other = Ground.procedural(seed=77, size_px=512, grain_px=1.5)
+    other = MirroredFloor.procedural(seed=77, size_px=512, grain_px=1.5)
 
     said = [
         localizer.observe(seen_from(camera, other, way(0.1), float(n), seed=n), Belief(n, pose_map_base=way(0.1)))
@@ -155,7 +155,7 @@ def test_covered_ground_is_lost_tried_again_and_then_given_up(camera, ground, lo
 def test_a_rejected_patch_is_found_when_the_cover_is_gone(camera, ground, localizer_map):
     taught(camera, ground, localizer_map)
     localizer = replayed(camera, localizer_map)
-    other = Ground.procedural(seed=77, size_px=512, grain_px=1.5)
+    other = MirroredFloor.procedural(seed=77, size_px=512, grain_px=1.5)
 
     first = localizer.observe(seen_from(camera, other, way(0.1)), Belief(0.0, pose_map_base=way(0.1)))
     second = localizer.observe(seen_from(camera, ground, way(0.104)), Belief(1.0, pose_map_base=way(0.104)))
@@ -181,10 +181,10 @@ def test_it_finds_itself_anywhere_on_the_path(station_m, camera, ground, localiz
     assert all("start unknown" in lost.reason for lost in said[:-1])
 
 
-def repeating(period_m: float) -> Ground:
+def repeating(period_m: float) -> MirroredFloor:
     """A floor that is printed: the same every `period_m` along x."""
-    once = Ground.procedural(seed=12, size_px=512, grain_px=1.5).texture[:, : round(period_m / 3.9e-4)]
-    return Ground(np.tile(once, (1, 8)))
+    once = MirroredFloor.procedural(seed=12, size_px=512, grain_px=1.5).texture[:, : round(period_m / 3.9e-4)]
+    return MirroredFloor(np.tile(once, (1, 8)))
 
 
 def drive_on(localizer, camera, ground, from_m, to_m):
@@ -217,9 +217,9 @@ def test_where_the_floor_repeats_itself_it_does_not_guess(camera, localizer_map)
 
 
 def test_driving_on_tells_two_places_apart(camera, localizer_map):
-    once, other = (Ground.procedural(seed=seed, size_px=1024, grain_px=1.5).texture for seed in (12, 13))
+    once, other = (MirroredFloor.procedural(seed=seed, size_px=1024, grain_px=1.5).texture for seed in (12, 13))
     copy = round(0.3 / 3.9e-4)  # 0.1 and 0.4 m look alike; the ground ahead of them, which the camera sees first, not
-    ground = Ground(np.hstack([once[:, :copy], once[:, : round(0.27 / 3.9e-4)], other]))
+    ground = MirroredFloor(np.hstack([once[:, :copy], once[:, : round(0.27 / 3.9e-4)], other]))
     taught_straight(camera, ground, localizer_map, way_m=0.8)
 
     said = drive_on(replayed(camera, localizer_map, search="pyramid"), camera, ground, 0.1, 0.4)
@@ -243,7 +243,7 @@ def test_a_way_to_confirm_is_waited_for(camera, ground, localizer_map):
 def test_off_the_path_it_goes_on_saying_that_it_does_not_know(camera, localizer_map, ground):
     taught(camera, ground, localizer_map)
     localizer = replayed(camera, localizer_map, search="pyramid")
-    other = Ground.procedural(seed=78, size_px=512, grain_px=1.5)
+    other = MirroredFloor.procedural(seed=78, size_px=512, grain_px=1.5)
 
     for index in range(4):
         said = localizer.observe(seen_from(camera, other, way(0.1), float(index), seed=index), Belief(float(index)))

@@ -11,7 +11,7 @@ import pytest
 
 from trailmark.errors import ConfigError
 from trailmark.geometry import Pose2
-from trailmark.testing.ground import Ground
+from trailmark.testing.ground import MirroredFloor
 from trailmark_ground_vo.config import GroundMapConfig
 from trailmark_ground_vo.motion import ImageMotion
 from trailmark_ground_vo.patch import PatchFinder
@@ -78,7 +78,7 @@ def test_whole_pixels_as_in_the_paper(camera, ground, patch):
 
 
 def test_the_high_pass_finds_what_raw_intensities_lose_in_another_light(camera):
-    dull = Ground.procedural(seed=11, size_px=512, grain_px=1.5, contrast=4.0)
+    dull = MirroredFloor.procedural(seed=11, size_px=512, grain_px=1.5, contrast=4.0)
     camera = replace(camera, noise_sigma=1.0)
     relit = replace(camera, gain=0.85, offset=0.0, vignette=0.25)
     accepted = {}
@@ -96,7 +96,7 @@ def test_another_floor_is_rejected(camera, patch):
     finder = finder_for(camera)
     rejected = []
     for seed in range(20, 32):
-        other = Ground.procedural(seed=seed, size_px=512, grain_px=1.5)
+        other = MirroredFloor.procedural(seed=seed, size_px=512, grain_px=1.5)
         found = finder.find(finder.view(moved(camera, other, 0.0, 0.0, 0.0)), patch, ImageMotion(0.0, 0.0, 0.0))
         rejected.append(bool(found.reason))
         assert not found.reason or "covered" in found.reason

@@ -12,7 +12,7 @@ from trailmark.errors import ConfigError, ShapeError
 from trailmark.frames import Frame, GroundPlane, Image, Pinhole, Scalar, SensorInfo
 from trailmark.geometry import Pose2, Pose3
 from trailmark.interfaces import Session
-from trailmark.testing.ground import Ground, GroundCamera
+from trailmark.testing.ground import GroundCamera, MirroredFloor
 from trailmark_ground_vo.picture import PictureReader, camera_of, ground_plane
 
 SENSOR = SensorInfo("floor", "image", (64, 48), 70.0, calibration=GroundPlane((4e-4, 4e-4)))
@@ -51,7 +51,7 @@ def test_twelve_bits_are_brought_to_eight():
 
 def test_the_flat_field_evens_out_a_vignette():
     camera = GroundCamera((128, 96), vignette=0.3)
-    ground = Ground.procedural(seed=1, size_px=256)
+    ground = MirroredFloor.procedural(seed=1, size_px=256)
     reader = PictureReader(camera.sensor_info("floor"))
 
     picture = reader.read(frame_of(camera.image(ground, Pose2())))
@@ -63,7 +63,7 @@ def test_the_flat_field_evens_out_a_vignette():
 def test_the_lens_is_undone():
     lens = Pinhole(300.0, 300.0, 63.5, 47.5, (-0.3, 0.05, 0.0, 0.0))
     camera = GroundCamera((128, 96), lens=lens)
-    ground = Ground.procedural(seed=1, size_px=256, grain_px=3.0)
+    ground = MirroredFloor.procedural(seed=1, size_px=256, grain_px=3.0)
     reader = PictureReader(camera.sensor_info("floor"))
 
     picture = reader.read(frame_of(camera.image(ground, Pose2())))

@@ -13,17 +13,17 @@ from trailmark.estimates import Belief, Lost, Motion
 from trailmark.frames import Frame, Image
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Session
-from trailmark.testing.ground import Ground, ground_run, straight
+from trailmark.testing.ground import MirroredFloor, ground_run, straight
 from trailmark_ground_vo.config import GroundVOConfig
 from trailmark_ground_vo.localizer import GroundVO
 
 
 @pytest.fixture(scope="module")
-def grain() -> Ground:
+def grain() -> MirroredFloor:
     """Streaks along x, as wood has them: such ground nearly fits to itself farther along."""
     rough = np.random.default_rng(14).normal(size=(1024, 1024)).astype(np.float32)
     streaks = cv2.GaussianBlur(rough, (0, 0), sigmaX=16.0, sigmaY=3.0)
-    return Ground(np.clip(128.0 + 10.0 / streaks.std() * streaks, 0, 255).astype(np.float32))
+    return MirroredFloor(np.clip(128.0 + 10.0 / streaks.std() * streaks, 0, 255).astype(np.float32))
 
 
 def started(camera, **keys) -> GroundVO:
@@ -65,7 +65,7 @@ def test_without_asking_for_the_noise_some_jumps_are_believed(camera, grain):
 
 
 def test_a_noisy_camera_keeps_its_track(camera, track):
-    dull = Ground.procedural(seed=15, size_px=1024, grain_px=3.0, contrast=8.0)
+    dull = MirroredFloor.procedural(seed=15, size_px=1024, grain_px=3.0, contrast=8.0)
     noisy = replace(camera, noise_sigma=12.0, vignette=0.2)
     run = ground_run(straight(0.26), 40, ground=dull, camera=noisy)
 

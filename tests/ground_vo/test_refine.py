@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from trailmark.geometry import Pose2
-from trailmark.testing.ground import Ground, GroundCamera
+from trailmark.testing.ground import GroundCamera, MirroredFloor
 from trailmark_ground_vo.filters import SMOOTH_SCALE, smooth
 from trailmark_ground_vo.refine import best_start, mean_clipped, refine
 from trailmark_ground_vo.texture import (
@@ -27,7 +27,7 @@ AREA = (40, 40, 216, 200)
 CENTRE = (127.5, 119.5)
 HUBER, CLIP = 8.0 * SMOOTH_SCALE, 30.0 * SMOOTH_SCALE
 SCALE = 3.9e-4
-GROUND = Ground.procedural(seed=2, size_px=512, grain_px=1.2)
+GROUND = MirroredFloor.procedural(seed=2, size_px=512, grain_px=1.2)
 
 #: No residual is too large for a pixel to be remembered as before.
 ANY = 1e9

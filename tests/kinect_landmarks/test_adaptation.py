@@ -10,7 +10,7 @@ import pytest
 from trailmark.estimates import Fix
 from trailmark_kinect_landmarks import eye as eye_module
 from trailmark_kinect_landmarks.config import KinectLandmarksConfig
-from trailmark_kinect_landmarks.finders import View, find
+from trailmark_kinect_landmarks.finders import WorkingImage, find
 from trailmark_kinect_landmarks.localizer import KinectLandmarks
 
 from .conftest import Drive, arc
@@ -19,11 +19,11 @@ FINDERS = ("blobs", "rectangles", "edges", "lines")
 
 
 @pytest.fixture
-def shown(monkeypatch: pytest.MonkeyPatch) -> list[tuple[View, tuple[str, ...]]]:
+def shown(monkeypatch: pytest.MonkeyPatch) -> list[tuple[WorkingImage, tuple[str, ...]]]:
     """Return what the finders were shown, and which of them, picture by picture."""
-    seen: list[tuple[View, tuple[str, ...]]] = []
+    seen: list[tuple[WorkingImage, tuple[str, ...]]] = []
 
-    def keep(view: View, names: tuple[str, ...]) -> object:
+    def keep(view: WorkingImage, names: tuple[str, ...]) -> object:
         seen.append((view, tuple(names)))
         return find(view, names)
 
@@ -35,13 +35,13 @@ def landmarks(**options: object) -> KinectLandmarks:
     return KinectLandmarks(KinectLandmarksConfig(camera="kinect", finders=FINDERS, **options))
 
 
-def brightness(view: View) -> float:
+def brightness(view: WorkingImage) -> float:
     return float(np.mean(view.whole))
 
 
 @pytest.mark.parametrize("sensor", [None, "light"])
 def test_a_darker_picture_is_brought_to_the_light_of_the_first(
-    drive: Drive, shown: list[tuple[View, tuple[str, ...]]], sensor: str | None
+    drive: Drive, shown: list[tuple[WorkingImage, tuple[str, ...]]], sensor: str | None
 ) -> None:
     poses = arc(6)
 
@@ -55,7 +55,7 @@ def test_a_darker_picture_is_brought_to_the_light_of_the_first(
 
 
 def test_the_sensor_says_how_much_of_a_change_was_light(
-    drive: Drive, shown: list[tuple[View, tuple[str, ...]]]
+    drive: Drive, shown: list[tuple[WorkingImage, tuple[str, ...]]]
 ) -> None:
     """The pictures stay as bright while the sensor halves: the camera exposes by itself, and nothing is made up for."""
     poses, localizer = arc(6), landmarks(adapt=False, light="light")
@@ -84,7 +84,7 @@ def last_of(drive: Drive, latency_s: float, n: int = 12) -> Fix:
 
 
 def test_a_picture_that_took_too_long_makes_the_next_one_smaller(
-    drive: Drive, shown: list[tuple[View, tuple[str, ...]]]
+    drive: Drive, shown: list[tuple[WorkingImage, tuple[str, ...]]]
 ) -> None:
     fix = last_of(drive, latency_s=0.2)  # six times what 30 Hz allows
 
@@ -95,7 +95,7 @@ def test_a_picture_that_took_too_long_makes_the_next_one_smaller(
 
 
 def test_with_time_to_spare_the_whole_picture_is_looked_at(
-    drive: Drive, shown: list[tuple[View, tuple[str, ...]]]
+    drive: Drive, shown: list[tuple[WorkingImage, tuple[str, ...]]]
 ) -> None:
     fix = last_of(drive, latency_s=0.001)
 

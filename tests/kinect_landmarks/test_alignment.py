@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from trailmark.errors import ShapeError
 from trailmark.geometry import Pose2, Pose3
 from trailmark_kinect_landmarks.alignment import (
-    Alignment,
     AlignmentLimits,
+    CloudAlignment,
     Refusal,
     align,
     planar_covariance,
@@ -30,7 +30,7 @@ def _covariances(n: int, dimension: int, sigma_m: float = SIGMA_M) -> Array:
     return np.tile(np.eye(dimension) * sigma_m**2, (n, 1, 1))
 
 
-def _aligned(points_a: Array, points_b: Array, **options: object) -> Alignment | Refusal:
+def _aligned(points_a: Array, points_b: Array, **options: object) -> CloudAlignment | Refusal:
     n, dimension = points_a.shape
     cov = _covariances(n, dimension)
     return align(points_a, points_b, cov, cov, rng=np.random.default_rng(7), **options)  # type: ignore[arg-type]
@@ -66,7 +66,7 @@ def test_two_landmarks_by_alignment_are_the_closed_form() -> None:
 
     found = _aligned(start, now)
 
-    assert isinstance(found, Alignment)
+    assert isinstance(found, CloudAlignment)
     closed = pose_from_two(start[0], start[1], now[0], now[1])
     np.testing.assert_allclose(found.t, [closed.x, closed.y], atol=1e-9)
     assert math.atan2(found.R[1, 0], found.R[0, 0]) == pytest.approx(closed.theta, abs=1e-9)
@@ -82,7 +82,7 @@ def test_a_motion_is_found_among_a_third_of_wrong_landmarks(dimension: int) -> N
 
     found = _aligned(start, now)
 
-    assert isinstance(found, Alignment)
+    assert isinstance(found, CloudAlignment)
     np.testing.assert_allclose(found.R, R, atol=1e-9)
     np.testing.assert_allclose(found.t, t, atol=1e-9)
     assert found.inliers.tolist() == [False] * 6 + [True] * 12
@@ -137,7 +137,7 @@ def test_the_covariance_is_what_noise_does(dimension: int) -> None:
     for _ in range(150):
         noisy = (truth + rng.normal(0.0, SIGMA_M, truth.shape) for _ in range(2))
         found = align(*noisy, cov, cov, rng=rng)
-        assert isinstance(found, Alignment)
+        assert isinstance(found, CloudAlignment)
         errors.append([found.t[0], found.t[1], math.atan2(found.R[1, 0], found.R[0, 0])])
         told.append(np.diag(planar_covariance(found)))
 
@@ -161,5 +161,5 @@ def test_a_landmark_with_poor_depth_counts_by_its_direction() -> None:
         expected=Expected(np.eye(2), np.zeros(2), np.full(2, 0.05), 0.05),
     )
 
-    assert isinstance(found, Alignment)
+    assert isinstance(found, CloudAlignment)
     np.testing.assert_allclose(found.t, 0.0, atol=0.01)  # 1 cm, although two of three miss by 0.32 m

@@ -9,7 +9,7 @@ import pytest
 
 from trailmark.frames import RGBD, DepthCamera, Pinhole, Scalar, Scan, SensorInfo
 from trailmark.geometry import Pose3
-from trailmark_kinect_landmarks.camera import Camera
+from trailmark_kinect_landmarks.camera import LandmarkCamera
 from trailmark_kinect_landmarks.config import CropConfig, KinectFlowConfig
 from trailmark_kinect_landmarks.depth import as_scan
 
@@ -18,9 +18,9 @@ MOUNTING = Pose3(0.1, 0.02, 0.5, 0.0, 0.1, 0.2)
 SIZE = (640, 480)
 
 
-def _camera(calibration: object = DepthCamera(LENS), **options: object) -> Camera:
+def _camera(calibration: object = DepthCamera(LENS), **options: object) -> LandmarkCamera:
     info = SensorInfo("kinect", "rgbd", pose_base_sensor=MOUNTING, calibration=calibration)  # type: ignore[arg-type]
-    return Camera(KinectFlowConfig(camera="kinect", **options), info)
+    return LandmarkCamera(KinectFlowConfig(camera="kinect", **options), info)
 
 
 def _depth(value_m: float) -> np.ndarray:
@@ -86,7 +86,7 @@ def test_the_paper_s_crop_brings_depth_to_colour() -> None:
 def test_a_laser_fills_in_for_glass() -> None:
     laser = SensorInfo("laser", "scan", pose_base_sensor=Pose3(0.3, 0.0, 0.5))
     info = SensorInfo("kinect", "rgbd", pose_base_sensor=Pose3(0.1, 0.0, 0.5), calibration=DepthCamera(LENS))
-    camera = Camera(KinectFlowConfig(camera="kinect", scan="laser"), info, laser)
+    camera = LandmarkCamera(KinectFlowConfig(camera="kinect", scan="laser"), info, laser)
     wall_m = 2.0  # ahead of the laser, 2.2 m ahead of the camera
     angles = np.radians(np.arange(-90.0, 90.0, 0.5))
     scan = Scan(wall_m / np.maximum(np.cos(angles), 0.1), float(angles[0]), math.radians(0.5), range_max_m=15.0)
@@ -106,7 +106,7 @@ def test_a_point_behind_the_camera_has_no_pixel() -> None:
 def test_an_ultrasound_fills_in_straight_ahead_of_it() -> None:
     ultrasound = SensorInfo("sonar", "scalar", pose_base_sensor=Pose3(0.3, 0.0, 0.5))
     info = SensorInfo("kinect", "rgbd", calibration=DepthCamera(LENS), pose_base_sensor=Pose3(0.2, 0.0, 0.5))
-    camera = Camera(KinectFlowConfig(camera="kinect", scan="sonar"), info, ultrasound)
+    camera = LandmarkCamera(KinectFlowConfig(camera="kinect", scan="sonar"), info, ultrasound)
     uv = np.array([[LENS.cx, LENS.cy], [420.0, LENS.cy]])  # the second beside its beam
 
     measured = camera.measure(uv, _depth(np.nan), 1.0, as_scan(Scalar(1.7)))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from trailmark.geometry import Pose2, Pose3
-from trailmark_kinect_landmarks.alignment import Alignment, align
+from trailmark_kinect_landmarks.alignment import CloudAlignment, align
 from trailmark_kinect_landmarks.expectation import Expectation, Expected
 
 
@@ -103,8 +103,8 @@ def test_a_crate_that_walks_before_a_far_wall_does_not_turn_the_robot() -> None:
     without = align(then, now, nothing, cov, rng=np.random.default_rng(1))
     found = align(then, now, nothing, cov, rng=np.random.default_rng(1), expected=expected)
 
-    assert isinstance(without, Alignment)
-    assert isinstance(found, Alignment)
+    assert isinstance(without, CloudAlignment)
+    assert isinstance(found, CloudAlignment)
     assert np.linalg.norm(without.t) > 0.05
     assert np.linalg.norm(found.t) < 0.01
     assert not found.inliers[40:].any()
@@ -120,5 +120,5 @@ def test_an_expectation_that_is_far_off_is_overruled() -> None:
 
     found = align(then, now, cov, cov, rng=rng, expected=Expected(np.eye(2), np.zeros(2), np.full(2, 0.003), 0.002))
 
-    assert isinstance(found, Alignment)
+    assert isinstance(found, CloudAlignment)
     np.testing.assert_allclose(found.t, [0.8, -0.4], atol=1e-9)

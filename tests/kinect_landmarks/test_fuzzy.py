@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trailmark_kinect_landmarks.fuzzy import RULES, Fuzzy, Membership, Plan, chosen
+from trailmark_kinect_landmarks.fuzzy import RULES, Fuzzy, Membership, SearchPlan, chosen
 
 FINDERS = ("blobs", "rectangles", "edges", "lines")
 at_least_zero = st.floats(0.0, 1e6)
@@ -31,7 +31,7 @@ def test_there_is_a_conclusion_for_every_input(light: float, landmarks: float, t
 
 
 def test_with_time_to_spare_everything_runs_on_the_whole_picture() -> None:
-    assert Fuzzy(FINDERS).plan(light=1.0, landmarks=0.8, time=0.3) == Plan(FINDERS, 1.0, True)
+    assert Fuzzy(FINDERS).plan(light=1.0, landmarks=0.8, time=0.3) == SearchPlan(FINDERS, 1.0, True)
 
 
 def test_few_landmarks_call_all_finders_even_when_it_takes_long() -> None:
@@ -39,7 +39,7 @@ def test_few_landmarks_call_all_finders_even_when_it_takes_long() -> None:
 
 
 def test_too_slow_with_many_landmarks_means_one_finder_on_a_smaller_picture() -> None:
-    assert Fuzzy(FINDERS).plan(light=1.0, landmarks=2.0, time=2.0) == Plan(("blobs",), 0.5, True)
+    assert Fuzzy(FINDERS).plan(light=1.0, landmarks=2.0, time=2.0) == SearchPlan(("blobs",), 0.5, True)
 
 
 def test_in_the_dark_colour_is_asked_last_and_tells_nothing() -> None:

@@ -6,21 +6,21 @@ import numpy as np
 import pytest
 
 from trailmark.errors import StoreError
-from trailmark_kinect_landmarks.landmarks import Seen
-from trailmark_kinect_landmarks.memory import Memory, MemoryLimits
+from trailmark_kinect_landmarks.landmarks import SeenLandmarks
+from trailmark_kinect_landmarks.memory import LandmarkMemory, MemoryLimits
 
 ROW = np.array([0])
 
 
-def _seen(n: int = 2) -> Seen:
+def _seen(n: int = 2) -> SeenLandmarks:
     points = np.stack([np.full(n, 2.0), np.arange(n, dtype=float), np.zeros(n)], axis=1)
     cov = np.tile(np.eye(3) * 1e-4, (n, 1, 1))
     look = np.ones((n, 4), np.float32)
-    return Seen(np.zeros((n, 2)), np.zeros(n, np.int8), np.ones(n), look, look, points, cov)
+    return SeenLandmarks(np.zeros((n, 2)), np.zeros(n, np.int8), np.ones(n), look, look, points, cov)
 
 
-def _memory(is_trusted: bool = False) -> Memory:
-    memory = Memory(MemoryLimits(trial=3, moved_after=2))
+def _memory(is_trusted: bool = False) -> LandmarkMemory:
+    memory = LandmarkMemory(MemoryLimits(trial=3, moved_after=2))
     memory.add(_seen(), np.eye(3), np.zeros(3), np.zeros((3, 3)), is_trusted)
     return memory
 
@@ -41,7 +41,7 @@ def test_what_is_remembered_at_the_start_votes_at_once() -> None:
 
 
 def test_landmarks_are_remembered_in_map_axes() -> None:
-    memory = Memory()
+    memory = LandmarkMemory()
     quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
     memory.add(_seen(1), quarter, np.array([1.0, 0.0, 0.0]), np.zeros((3, 3)), is_trusted=True)
@@ -82,7 +82,7 @@ def test_one_sighting_in_agreement_forgives() -> None:
 
 
 def test_what_is_stored_is_what_is_loaded() -> None:
-    memory, again = _memory(), Memory()
+    memory, again = _memory(), LandmarkMemory()
 
     again.load(memory.arrays())
 
@@ -95,10 +95,10 @@ def test_arrays_that_do_not_belong_together_are_refused() -> None:
     arrays["kind"] = arrays["kind"][:1]
 
     with pytest.raises(StoreError, match="differ in length: teach the place again"):
-        Memory().load(arrays)
+        LandmarkMemory().load(arrays)
 
 
-def _at(picture: int, n: int, rng: np.random.Generator) -> Seen:
+def _at(picture: int, n: int, rng: np.random.Generator) -> SeenLandmarks:
     seen = _seen(n)
     seen.points_base[:] = rng.uniform(-5.0, 5.0, (n, 3))
     seen.points_base[:, 0] += 0.01 * picture
@@ -106,7 +106,7 @@ def _at(picture: int, n: int, rng: np.random.Generator) -> Seen:
 
 
 def test_memory_stays_bounded_over_ten_thousand_pictures() -> None:
-    memory, rng = Memory(MemoryLimits(trial=3, moved_after=2, most=300)), np.random.default_rng(7)
+    memory, rng = LandmarkMemory(MemoryLimits(trial=3, moved_after=2, most=300)), np.random.default_rng(7)
     memory.add(_seen(4), np.eye(3), np.zeros(3), np.zeros((3, 3)), is_trusted=True)
     memory.size_m[:4] = 7.0  # by which they are known again
     followed = np.arange(4)
@@ -128,7 +128,7 @@ def test_memory_stays_bounded_over_ten_thousand_pictures() -> None:
 
 
 def test_those_seen_often_outlive_those_seen_once_and_the_moved_go_first() -> None:
-    memory = Memory(MemoryLimits(trial=1, moved_after=1, most=100))
+    memory = LandmarkMemory(MemoryLimits(trial=1, moved_after=1, most=100))
     memory.add(_seen(101), np.eye(3), np.zeros(3), np.zeros((3, 3)), is_trusted=True)
     memory.size_m[:] = np.arange(101)
     often = np.arange(0, 50)
@@ -147,7 +147,7 @@ def test_those_seen_often_outlive_those_seen_once_and_the_moved_go_first() -> No
 
 
 def test_a_taught_place_is_never_forgotten() -> None:
-    taught, memory = _memory(), Memory(MemoryLimits(most=100))
+    taught, memory = _memory(), LandmarkMemory(MemoryLimits(most=100))
     memory.load(taught.arrays())
 
     for _ in range(200):

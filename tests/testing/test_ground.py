@@ -12,10 +12,10 @@ import pytest
 from trailmark.errors import ShapeError
 from trailmark.frames import GroundPlane, Pinhole
 from trailmark.geometry import Pose2, Pose3
-from trailmark.testing.ground import Ground, GroundCamera, circle, ground_run, straight
+from trailmark.testing.ground import GroundCamera, MirroredFloor, circle, ground_run, straight
 
 CAMERA = GroundCamera(size=(256, 240))
-GROUND = Ground.procedural(seed=5, size_px=512, grain_px=3.0)
+GROUND = MirroredFloor.procedural(seed=5, size_px=512, grain_px=3.0)
 
 
 def warped(view, camera, pose_prev_now):
@@ -46,7 +46,7 @@ def test_frames_warp_onto_each_other_by_the_closed_form_motion(camera):
 
 
 def test_a_level_camera_over_the_origin_shows_the_texture_as_it_is():
-    ground = Ground(np.arange(64 * 64, dtype=np.float32).reshape(64, 64) % 251, 1e-3)
+    ground = MirroredFloor(np.arange(64 * 64, dtype=np.float32).reshape(64, 64) % 251, 1e-3)
     camera = GroundCamera((8, 6), (1e-3, 1e-3), mounting=Pose3(), supersample=1)
 
     view = camera.view(ground, Pose2(10.5e-3, -20.5e-3, 0.0))
@@ -69,7 +69,7 @@ def test_driving_forward_with_the_papers_mounting_moves_the_picture_to_the_right
 
 
 def test_the_floor_has_no_end_and_mirrors_at_its_edges():
-    ground = Ground(np.arange(12, dtype=np.uint8).reshape(3, 4))
+    ground = MirroredFloor(np.arange(12, dtype=np.uint8).reshape(3, 4))
 
     window = ground.window(-1, 2, 3, 4)
 
@@ -138,7 +138,7 @@ def test_a_run_gives_frames_truth_and_calibration_that_fit():
 def test_the_same_drive_can_be_repeated_over_another_floor():
     run = ground_run(circle(0.26, 0.75), 3, ground=GROUND, camera=CAMERA)
 
-    other = run.over(Ground.procedural(seed=6, size_px=512))
+    other = run.over(MirroredFloor.procedural(seed=6, size_px=512))
 
     assert other.truth is run.truth
     assert np.any(other.frames[1].payload.pixels != run.frames[1].payload.pixels)
@@ -153,4 +153,4 @@ def test_a_circle_comes_back_to_its_start():
 
 def test_a_texture_of_another_kind_is_refused():
     with pytest.raises(ShapeError, match=r"uint8 or float32, not \(4, 4, 3\) uint8"):
-        Ground(np.zeros((4, 4, 3), np.uint8))
+        MirroredFloor(np.zeros((4, 4, 3), np.uint8))

@@ -19,7 +19,7 @@ __all__ = ["doctor_command"]
 
 
 @dataclass(frozen=True, slots=True)
-class _Check:
+class _MachineCheck:
     name: str
     ok: bool
     found: str
@@ -44,21 +44,21 @@ def doctor_command(context: click.Context, as_json: bool) -> None:
         raise click.exceptions.Exit(1)
 
 
-def _python() -> _Check:
+def _python() -> _MachineCheck:
     found = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
-    return _Check("python", sys.version_info >= (3, 11), found, "Trailmark needs Python 3.11 or newer")
+    return _MachineCheck("python", sys.version_info >= (3, 11), found, "Trailmark needs Python 3.11 or newer")
 
 
-def _packages() -> list[_Check]:
-    checks = [_Check("trailmark", True, f"{__version__} (plugin API {PLUGIN_API})")]
+def _packages() -> list[_MachineCheck]:
+    checks = [_MachineCheck("trailmark", True, f"{__version__} (plugin API {PLUGIN_API})")]
     for requirement in requires("trailmark") or []:
         specification, _, marker = requirement.partition(";")
         name = "".join(_leading_name(specification))
         try:
-            checks.append(_Check(name, True, version(name)))
+            checks.append(_MachineCheck(name, True, version(name)))
         except PackageNotFoundError:
             if not marker:
-                checks.append(_Check(name, False, "missing", f"pip install '{specification.strip()}'"))
+                checks.append(_MachineCheck(name, False, "missing", f"pip install '{specification.strip()}'"))
     unique = {check.name: check for check in checks}
     return list(unique.values())
 
@@ -70,25 +70,25 @@ def _leading_name(specification: str) -> str:
     return specification
 
 
-def _plugins(context: click.Context) -> _Check:
+def _plugins(context: click.Context) -> _MachineCheck:
     records = plugins_of(context).records
     failed = [record.name for record in records if record.status == "failed"]
     found = f"{len(records)} found, {len(failed)} broken"
-    return _Check("plugins", not failed, found, f"'trailmark plugins doctor' says why: {', '.join(failed)}")
+    return _MachineCheck("plugins", not failed, found, f"'trailmark plugins doctor' says why: {', '.join(failed)}")
 
 
-def _numba_cache() -> _Check:
+def _numba_cache() -> _MachineCheck:
     folder = os.environ.get("NUMBA_CACHE_DIR") or os.path.dirname(os.path.dirname(__file__))
     advice = "compiled kernels cannot be kept; set NUMBA_CACHE_DIR to a writable folder for fast starts"
     fallback = os.access(os.path.expanduser("~"), os.W_OK)  # numba then caches per user
-    return _Check("compiled kernels are kept", os.access(folder, os.W_OK) or fallback, folder, advice)
+    return _MachineCheck("compiled kernels are kept", os.access(folder, os.W_OK) or fallback, folder, advice)
 
 
-def _output_folder() -> _Check:
+def _output_folder() -> _MachineCheck:
     folder = os.getcwd()
     try:
         with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as error:
-        return _Check("working folder is writable", False, str(error), "give --out DIR a writable folder")
-    return _Check("working folder is writable", True, folder)
+        return _MachineCheck("working folder is writable", False, str(error), "give --out DIR a writable folder")
+    return _MachineCheck("working folder is writable", True, folder)

@@ -22,7 +22,7 @@ __all__ = ["inspect_command"]
 
 
 @dataclass(slots=True)
-class _Seen:
+class _SensorSummary:
     """What was seen of one sensor."""
 
     info: SensorInfo
@@ -64,11 +64,11 @@ def inspect_command(
             click.echo(f"not read: {name} ({remark})")
 
 
-def _look(source: SourceStream, n_frames: int) -> dict[str, _Seen]:
+def _look(source: SourceStream, n_frames: int) -> dict[str, _SensorSummary]:
     """Start a source, read its first frames, close it."""
     try:
         source.start(Session(name=source.name))
-        seen = {name: _Seen(info) for name, info in source.sensors.items()}
+        seen = {name: _SensorSummary(info) for name, info in source.sensors.items()}
         for frame in islice(source.frames(), n_frames):
             one = seen[frame.sensor]
             one.stamps_s.append(frame.stamp_s)
@@ -78,7 +78,7 @@ def _look(source: SourceStream, n_frames: int) -> dict[str, _Seen]:
     return seen
 
 
-def _row(source: str, seen: _Seen) -> dict[str, Any]:
+def _row(source: str, seen: _SensorSummary) -> dict[str, Any]:
     info = seen.info
     intervals_ms = np.diff(seen.stamps_s) * 1e3
     return {
@@ -98,7 +98,7 @@ def _row(source: str, seen: _Seen) -> dict[str, Any]:
     }
 
 
-def _write_pictures(seen: dict[str, _Seen], out: Path) -> None:
+def _write_pictures(seen: dict[str, _SensorSummary], out: Path) -> None:
     import cv2
 
     out.mkdir(parents=True, exist_ok=True)

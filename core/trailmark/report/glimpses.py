@@ -30,7 +30,7 @@ _MAX_BYTES = 200_000
 
 
 @dataclass(slots=True)
-class _Camera:
+class _PictureStrip:
     """Pictures of one camera: every `stride`-th of those that came."""
 
     stride: int = 1
@@ -45,7 +45,7 @@ class Glimpses:
     """
 
     def __init__(self) -> None:
-        self._cameras: dict[str, _Camera] = {}
+        self._cameras: dict[str, _PictureStrip] = {}
         self._began_s: float | None = None
 
     def see(self, frame: Frame | None) -> None:
@@ -57,7 +57,7 @@ class Glimpses:
         pixels = frame.payload.picture
         if pixels is None:
             return
-        camera = self._cameras.setdefault(frame.sensor, _Camera())
+        camera = self._cameras.setdefault(frame.sensor, _PictureStrip())
         if camera.n_seen % camera.stride == 0:
             camera.kept.append((frame.stamp_s - self._began_s, _small(pixels)))
         camera.n_seen += 1

@@ -14,11 +14,11 @@ from trailmark.evaluation import OUTCOMES
 from trailmark.report.numbers import MISSING, count_text, significant
 from trailmark.report.tables import Column, Table
 
-__all__ = ["RunWatch", "Seen"]
+__all__ = ["LocalizerStatus", "RunWatch"]
 
 
 @dataclass(slots=True)
-class Seen:
+class LocalizerStatus:
     """What one localizer has said so far.
 
     Attributes
@@ -86,7 +86,7 @@ class RunWatch:
         if not (folder / "run.json").is_file():
             raise DataError(f"{folder} is not the folder of a run: it has no run.json")
         self.folder = folder
-        self.localizers: dict[str, Seen] = {}
+        self.localizers: dict[str, LocalizerStatus] = {}
         self.status = "running"
         self._at = 0
         self._columns: list[str] = []
@@ -137,4 +137,4 @@ class RunWatch:
                 self._columns = fields
             elif len(fields) == len(self._columns):
                 row = dict(zip(self._columns, fields, strict=True))
-                self.localizers.setdefault(row["source"], Seen()).take(row)
+                self.localizers.setdefault(row["source"], LocalizerStatus()).take(row)

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
         source_checks,
         store_checks,
     )
-    from trailmark.testing.ground import Ground, GroundCamera, GroundRun, ground_run
+    from trailmark.testing.ground import GroundCamera, GroundRun, MirroredFloor, ground_run
     from trailmark.testing.memory_map import MemoryMap
     from trailmark.testing.motions import MotionLaw, circle, straight, true_poses
     from trailmark.testing.room import Room, room_run
@@ -39,10 +39,10 @@ if TYPE_CHECKING:
 
 __all__ = [
     "AnyRun",
-    "Ground",
     "GroundCamera",
     "GroundRun",
     "MemoryMap",
+    "MirroredFloor",
     "MotionLaw",
     "Room",
     "SyntheticRun",
@@ -73,7 +73,7 @@ __all__ = [
 
 _MODULES = {
     "trailmark.testing.memory_map": ("MemoryMap",),
-    "trailmark.testing.ground": ("Ground", "GroundCamera", "GroundRun", "ground_run"),
+    "trailmark.testing.ground": ("MirroredFloor", "GroundCamera", "GroundRun", "ground_run"),
     "trailmark.testing.motions": ("MotionLaw", "circle", "straight", "true_poses"),
     "trailmark.testing.room": ("Room", "room_run"),
     "trailmark.testing.runs": (

@@ -30,11 +30,20 @@ from trailmark.frames import Frame, GroundPlane, Image, Pinhole, SensorInfo
 from trailmark.geometry import Pose2, Pose3, Trajectory
 from trailmark.testing.motions import MotionLaw, circle, straight, true_poses
 
-__all__ = ["Ground", "GroundCamera", "GroundFrames", "GroundRun", "MotionLaw", "circle", "ground_run", "straight"]
+__all__ = [
+    "GroundCamera",
+    "GroundFrames",
+    "GroundRun",
+    "MirroredFloor",
+    "MotionLaw",
+    "circle",
+    "ground_run",
+    "straight",
+]
 
 
 @dataclass(frozen=True, eq=False)
-class Ground:
+class MirroredFloor:
     """A floor without end: one picture, mirrored at its edges again and again.
 
     Attributes
@@ -62,7 +71,7 @@ class Ground:
         metres_per_texel: float = 3.9e-4,
         grain_px: float = 2.0,
         contrast: float = 14.0,
-    ) -> Ground:
+    ) -> MirroredFloor:
         """Return a floor of band-limited noise: half fine grain, half patches of eight grains.
 
         Parameters
@@ -143,7 +152,7 @@ class GroundCamera:
         squared = (u[None, :] ** 2 + v[:, None] ** 2) / (u[0] ** 2 + v[0] ** 2)
         return np.asarray(1.0 - self.vignette * squared, np.float32)
 
-    def view(self, ground: Ground, pose_map_base: Pose2) -> Float32s:
+    def view(self, ground: MirroredFloor, pose_map_base: Pose2) -> Float32s:
         """Return the noiseless picture from a pose, not rounded to grey levels, (H, W) float32."""
         matrix = self._texel_from_pixel(ground, pose_map_base)
         shape = (self.size[1], self.size[0])
@@ -159,7 +168,9 @@ class GroundCamera:
         irradiance = self._sample_window(window, matrix)
         return np.asarray(irradiance * (self.gain * self.flat_field) + np.float32(self.offset), np.float32)
 
-    def image(self, ground: Ground, pose_map_base: Pose2, seed: int = 0, index: int = 0) -> npt.NDArray[np.uint8]:
+    def image(
+        self, ground: MirroredFloor, pose_map_base: Pose2, seed: int = 0, index: int = 0
+    ) -> npt.NDArray[np.uint8]:
         """Return the picture from a pose with noise seeded by (seed, index), (H, W) uint8."""
         view = self.view(ground, pose_map_base)
         if self.noise_sigma > 0:
@@ -167,7 +178,7 @@ class GroundCamera:
             view = view + np.float32(self.noise_sigma) * rng.standard_normal(view.shape, dtype=np.float32)
         return np.clip(np.rint(view), 0.0, 255.0).astype(np.uint8)
 
-    def _texel_from_pixel(self, ground: Ground, pose_map_base: Pose2) -> Floats:
+    def _texel_from_pixel(self, ground: MirroredFloor, pose_map_base: Pose2) -> Floats:
         """Return the (2, 3) affine map from (u, v, 1) to (column, row) of the endless texture."""
         pose = pose_map_base @ self.mounting.planar()
         cos, sin = math.cos(pose.theta), math.sin(pose.theta)
@@ -216,7 +227,7 @@ class GroundCamera:
 class GroundFrames(Sequence[Frame]):
     """The frames of a run, rendered when asked for and never kept."""
 
-    ground: Ground
+    ground: MirroredFloor
     camera: GroundCamera
     truth: Trajectory
     sensor: str
@@ -263,7 +274,7 @@ class GroundRun:
         """The camera, by its name."""
         return {self.sensor.name: self.sensor}
 
-    def over(self, ground: Ground) -> GroundRun:
+    def over(self, ground: MirroredFloor) -> GroundRun:
         """Return the same drive over another floor."""
         return replace(self, frames=replace(self.frames, ground=ground))
 
@@ -273,7 +284,7 @@ def ground_run(
     n_frames: int,
     *,
     rate_hz: float = 70.0,
-    ground: Ground | None = None,
+    ground: MirroredFloor | None = None,
     camera: GroundCamera | None = None,
     seed: int = 0,
     sensor: str = "floor",
@@ -284,14 +295,14 @@ def ground_run(
     ----------
     motion : callable
         Pose of base at a time, for example `straight` or `circle`.
-    ground : Ground, optional
+    ground : MirroredFloor, optional
         The floor; a procedural one from `seed` unless given.
     camera : GroundCamera, optional
         The camera of the paper, with noise of 3 grey levels, unless given.
     seed : int
         Of the noise, and of the procedural floor.
     """
-    ground = Ground.procedural(seed) if ground is None else ground
+    ground = MirroredFloor.procedural(seed) if ground is None else ground
     camera = GroundCamera(noise_sigma=3.0) if camera is None else camera
     truth = true_poses(motion, n_frames, rate_hz)
     frames = GroundFrames(ground, camera, truth, sensor, seed)

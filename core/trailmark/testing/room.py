@@ -132,7 +132,7 @@ def room_run(
 
 
 @dataclass(frozen=True)
-class _View:
+class _RayFan:
     """One kind of sensor: what it is called, and which rays it looks along."""
 
     kind: str
@@ -193,8 +193,8 @@ def _scan_rays() -> Floats:
 
 
 _VIEWS: dict[str, Any] = {
-    "image": _View("image", _PINHOLE_SIZE, _PINHOLE, _pinhole_rays()),
-    "rgbd": _View("rgbd", _PINHOLE_SIZE, DepthCamera(_PINHOLE), _pinhole_rays()),
-    "omni": _View("image", _OMNI_SIZE, _OMNI, _omni_rays()),
-    "scan": _View("scan", None, None, _scan_rays()),
+    "image": _RayFan("image", _PINHOLE_SIZE, _PINHOLE, _pinhole_rays()),
+    "rgbd": _RayFan("rgbd", _PINHOLE_SIZE, DepthCamera(_PINHOLE), _pinhole_rays()),
+    "omni": _RayFan("image", _OMNI_SIZE, _OMNI, _omni_rays()),
+    "scan": _RayFan("scan", None, None, _scan_rays()),
 }

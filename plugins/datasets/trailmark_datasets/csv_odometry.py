@@ -18,7 +18,7 @@ from trailmark_datasets.odometers import (
     WheelOdometer,
 )
 from trailmark_datasets.posetable import poses_from_table
-from trailmark_datasets.tables import Table, open_table
+from trailmark_datasets.tables import DataTable, open_table
 from trailmark_datasets.textfiles import stamp
 
 __all__ = ["CsvOdometry"]
@@ -37,7 +37,7 @@ class CsvOdometry(RecordedSource):
 
     config: CsvOdometryConfig
     _name = ""
-    _table: Table
+    _table: DataTable
     _quantity = "pose"
 
     def open_recording(self, name: str) -> Iterable[SensorInfo]:
@@ -64,7 +64,7 @@ class CsvOdometry(RecordedSource):
         return poses_from_table(self.config, [])
 
 
-def _quantity_of(table: Table, config: CsvOdometryConfig) -> str:
+def _quantity_of(table: DataTable, config: CsvOdometryConfig) -> str:
     if "t" not in table.columns:
         raise SourceError(f"{table.path}: no column t; name the one that holds the stamps in columns: {{t: ...}}")
     if config.quantity is not None:

@@ -9,7 +9,7 @@ from collections.abc import Collection
 from trailmark.frames import Odometry
 from trailmark.geometry import Pose2, Twist2
 from trailmark_datasets.config import CsvOdometryConfig
-from trailmark_datasets.tables import Row
+from trailmark_datasets.tables import TableRow
 
 __all__ = ["DistanceOdometer", "Odometer", "PoseOdometer", "VelocityOdometer", "WheelOdometer"]
 
@@ -30,19 +30,19 @@ class Odometer(ABC):
         self.columns = columns
 
     @abstractmethod
-    def step(self, stamp_s: float, row: Row) -> Odometry:
+    def step(self, stamp_s: float, row: TableRow) -> Odometry:
         """Return the odometry at a row; raises `SourceError`, and stays as it was, where a field is no number."""
 
-    def metres(self, row: Row, column: str) -> float:
+    def metres(self, row: TableRow, column: str) -> float:
         """Return a length, or a velocity, of a row [m, m/s]."""
         return row.number(column) * self.config.metres_per_unit
 
-    def radians(self, row: Row, column: str) -> float:
+    def radians(self, row: TableRow, column: str) -> float:
         """Return an angle, or a rate, of a row [rad, rad/s]."""
         value = row.number(column)
         return math.radians(value) if self.config.angle_unit == "deg" else value
 
-    def twist(self, row: Row) -> Twist2 | None:
+    def twist(self, row: TableRow) -> Twist2 | None:
         """Return the velocity, where the row has one."""
         if not {"v", "omega"} <= set(self.columns):
             return None
@@ -54,7 +54,7 @@ class PoseOdometer(Odometer):
 
     _pose_table_start: Pose2 | None = None
 
-    def step(self, stamp_s: float, row: Row) -> Odometry:
+    def step(self, stamp_s: float, row: TableRow) -> Odometry:
         """Return the pose as seen from the first row's."""
         pose = Pose2(self.metres(row, "x"), self.metres(row, "y"), self.radians(row, "theta"))
         twist = self.twist(row)
@@ -72,7 +72,7 @@ class VelocityOdometer(Odometer):
     _pose = Pose2()
     _last: tuple[float, Twist2] | None = None
 
-    def step(self, stamp_s: float, row: Row) -> Odometry:
+    def step(self, stamp_s: float, row: TableRow) -> Odometry:
         """Return the integral up to the row."""
         twist = Twist2(self.metres(row, "v"), 0.0, self.radians(row, "omega"))
         if self._last is not None:
@@ -92,7 +92,7 @@ class WheelOdometer(Odometer):
     _pose = Pose2()
     _last: tuple[float, float] | None = None
 
-    def step(self, stamp_s: float, row: Row) -> Odometry:
+    def step(self, stamp_s: float, row: TableRow) -> Odometry:
         """Return the pose after the row."""
         left_m, right_m = self.metres(row, "left"), self.metres(row, "right")
         twist = self.twist(row)
@@ -112,7 +112,7 @@ class DistanceOdometer(Odometer):
     _start_m: float | None = None
     _sum_m = 0.0
 
-    def step(self, stamp_s: float, row: Row) -> Odometry:
+    def step(self, stamp_s: float, row: TableRow) -> Odometry:
         """Return the distance since the first row."""
         distance_m = self.metres(row, "distance")
         if self._start_m is None:

@@ -9,7 +9,7 @@ from itertools import pairwise
 from trailmark.errors import SourceError
 from trailmark.geometry import Pose2, Trajectory
 from trailmark_datasets.config import POSE_COLUMNS, PosesConfig
-from trailmark_datasets.tables import Row, open_table
+from trailmark_datasets.tables import TableRow, open_table
 from trailmark_datasets.textfiles import stamp
 
 __all__ = ["FrameStamp", "poses_from_table"]
@@ -70,13 +70,13 @@ def poses_from_table(config: PosesConfig, frames: list[FrameStamp]) -> Trajector
     return Trajectory.from_poses((stamp_s, _pose(row, config)) for stamp_s, row in told)
 
 
-def _sound(row: Row | SourceError) -> Row:
+def _sound(row: TableRow | SourceError) -> TableRow:
     if isinstance(row, SourceError):
         raise row
     return row
 
 
-def _stamps_by_name(rows: list[Row], frames: list[FrameStamp], config: PosesConfig) -> list[float | None]:
+def _stamps_by_name(rows: list[TableRow], frames: list[FrameStamp], config: PosesConfig) -> list[float | None]:
     """Return the stamp of the frame that each row names; None where it is no frame."""
     by_name = {frame.name: frame.stamp_s for frame in frames}
     names = [row.fields["file"].replace("\\", "/").rsplit("/", 1)[-1] for row in rows]
@@ -86,7 +86,7 @@ def _stamps_by_name(rows: list[Row], frames: list[FrameStamp], config: PosesConf
     return stamps
 
 
-def _stamps_by_order(rows: list[Row], frames: list[FrameStamp], config: PosesConfig) -> list[float | None]:
+def _stamps_by_order(rows: list[TableRow], frames: list[FrameStamp], config: PosesConfig) -> list[float | None]:
     if not frames:
         raise SourceError(f"{config.poses}: no column t; name it in poses_columns: {{t: ...}}")
     if len(rows) != len(frames):
@@ -96,7 +96,7 @@ def _stamps_by_order(rows: list[Row], frames: list[FrameStamp], config: PosesCon
     return [frame.stamp_s for frame in frames]
 
 
-def _pose(row: Row, config: PosesConfig) -> Pose2:
+def _pose(row: TableRow, config: PosesConfig) -> Pose2:
     theta = row.number("theta")
     scale = config.poses_metres_per_unit
     return Pose2(

@@ -10,7 +10,7 @@ from pathlib import Path
 from trailmark.errors import SourceError
 from trailmark_datasets.textfiles import lines_of, number
 
-__all__ = ["Row", "Table", "open_table"]
+__all__ = ["DataTable", "TableRow", "open_table"]
 
 #: Other names under which a column is found without being told.
 ALIASES: Mapping[str, tuple[str, ...]] = {
@@ -22,7 +22,7 @@ ALIASES: Mapping[str, tuple[str, ...]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class TableRow:
     """One line of a table.
 
     Attributes
@@ -42,7 +42,7 @@ class Row:
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class DataTable:
     """A table whose columns are known and whose rows are read when asked for.
 
     Attributes
@@ -65,7 +65,7 @@ class Table:
     delimiter: str | None
     header_line: int
 
-    def rows(self) -> Iterator[Row | SourceError]:
+    def rows(self) -> Iterator[TableRow | SourceError]:
         """Yield the rows; a line of another number of fields, as the error that says so."""
         for line, text in lines_of(self.path):
             if line <= self.header_line:
@@ -75,12 +75,12 @@ class Table:
             if len(fields) < self.n_fields:
                 yield SourceError(f"{where}: expected {self.n_fields} fields, found {len(fields)}: {text[:60]!r}")
             else:
-                yield Row(where, {name: fields[index] for name, index in self.columns.items()})
+                yield TableRow(where, {name: fields[index] for name, index in self.columns.items()})
 
 
 def open_table(
     path: Path, known: Sequence[str], header: Sequence[str] | None = None, columns: Mapping[str, str] | None = None
-) -> Table:
+) -> DataTable:
     """Read the header of a table.
 
     Parameters
@@ -111,7 +111,7 @@ def open_table(
         )
     names = [_normal(name) for name in (fields if header is None else header)]
     found = _find_columns(names, known, columns or {}, f"{path}:{line}" if header is None else "header")
-    return Table(path, found, max(found.values(), default=-1) + 1, delimiter, 0 if header is not None else line)
+    return DataTable(path, found, max(found.values(), default=-1) + 1, delimiter, 0 if header is not None else line)
 
 
 def _find_columns(names: Sequence[str], known: Sequence[str], columns: Mapping[str, str], where: str) -> dict[str, int]:

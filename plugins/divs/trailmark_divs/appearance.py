@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from trailmark.estimates import Belief
 from trailmark_divs.correspondence import Correspondence, Match, direction
-from trailmark_divs.eye import Window
+from trailmark_divs.eye import DifferenceWindow
 from trailmark_divs.memory import Windows
 from trailmark_divs.robust_shift import best_over_shifts, local_windows
 from trailmark_divs.tracking import evidence_per_score
@@ -190,7 +190,7 @@ class ByAppearance(Correspondence):
         self._least_confidence = least_confidence
         self._travelled_m: float | None = None
 
-    def match(self, window: Window, belief: Belief) -> Match | None:
+    def match(self, window: DifferenceWindow, belief: Belief) -> Match | None:
         """Return the match; None while the place is not clear."""
         if not len(self._places):
             return None

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trailmark.estimates import Belief
-from trailmark_divs.eye import Window
+from trailmark_divs.eye import DifferenceWindow
 from trailmark_divs.memory import Windows
 from trailmark_divs.options import Correspond
 
@@ -39,10 +39,10 @@ class Correspondence(ABC):
     """Finds the taught window that belongs to a replayed one."""
 
     @abstractmethod
-    def match(self, window: Window, belief: Belief) -> Match | None:
+    def match(self, window: DifferenceWindow, belief: Belief) -> Match | None:
         """Return the match; None where nothing was taught."""
 
-    def reset(self, window: Window, row: int) -> None:  # noqa: B027  (what takes its place from the belief has no origin)
+    def reset(self, window: DifferenceWindow, row: int) -> None:  # noqa: B027  (what takes its place from the belief has no origin)
         """Set the origin anew: `window` belongs to `row`."""
 
 
@@ -51,7 +51,7 @@ def direction(belief: Belief) -> int:
     return -1 if belief.twist.forward_mps < 0.0 else 1
 
 
-def present_station(window: Window, belief: Belief) -> float | None:
+def present_station(window: DifferenceWindow, belief: Belief) -> float | None:
     """Return the station of a window's middle by the belief, None while the place on the path is unknown [m]."""
     if belief.on_path is None:
         return None
@@ -86,9 +86,9 @@ class _ByLabel(Correspondence):
         self._origin = 0.0
 
     @abstractmethod
-    def _label(self, window: Window, belief: Belief) -> float | None: ...
+    def _label(self, window: DifferenceWindow, belief: Belief) -> float | None: ...
 
-    def match(self, window: Window, belief: Belief) -> Match | None:
+    def match(self, window: DifferenceWindow, belief: Belief) -> Match | None:
         label = self._label(window, belief)
         row = None if label is None else nearest(self._labels, label + self._origin, self._tolerance)
         return None if row is None else Match(row)
@@ -100,7 +100,7 @@ class ByDistance(_ByLabel):
     def __init__(self, windows: Windows, window: int) -> None:
         super().__init__(windows.stations_m, window)
 
-    def _label(self, window: Window, belief: Belief) -> float | None:
+    def _label(self, window: DifferenceWindow, belief: Belief) -> float | None:
         return present_station(window, belief)
 
 
@@ -111,10 +111,10 @@ class ByTime(_ByLabel):
         super().__init__(windows.elapsed_s, window)
         self._start_s = start_s
 
-    def _label(self, window: Window, belief: Belief) -> float | None:
+    def _label(self, window: DifferenceWindow, belief: Belief) -> float | None:
         return window.stamp_s - self._start_s
 
-    def reset(self, window: Window, row: int) -> None:
+    def reset(self, window: DifferenceWindow, row: int) -> None:
         self._origin = float(self._labels[row]) - (window.stamp_s - self._start_s)
 
 
@@ -124,10 +124,10 @@ class ByIndex(_ByLabel):
     def __init__(self, windows: Windows, window: int) -> None:
         super().__init__(windows.ordinals.astype(np.float64), window)
 
-    def _label(self, window: Window, belief: Belief) -> float | None:
+    def _label(self, window: DifferenceWindow, belief: Belief) -> float | None:
         return float(window.ordinal)
 
-    def reset(self, window: Window, row: int) -> None:
+    def reset(self, window: DifferenceWindow, row: int) -> None:
         self._origin = float(self._labels[row]) - window.ordinal
 
 

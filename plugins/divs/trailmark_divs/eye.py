@@ -12,11 +12,11 @@ from trailmark.estimates import Belief
 from trailmark.geometry import wrap_angle
 from trailmark_divs.config import DivsConfig
 from trailmark_divs.difference import column_means
-from trailmark_divs.layout import Layout
+from trailmark_divs.layout import ColumnLayout
 from trailmark_divs.stream import ChangeStream
 from trailmark_divs.turning import TurnGate, turned_columns
 
-__all__ = ["TURNING", "Eye", "Look", "Window"]
+__all__ = ["TURNING", "DifferenceWindow", "ImagePreprocessor", "Look"]
 
 #: Run number of what was seen while turning.
 TURNING = -1
@@ -57,7 +57,7 @@ class Look:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Window:
+class DifferenceWindow:
     """A full window of differences. It speaks of its middle.
 
     Attributes
@@ -85,20 +85,20 @@ class _Picture:
     profile: npt.NDArray[np.float64]
 
 
-class Eye:
+class ImagePreprocessor:
     """Takes the pictures of the stream, notices turns, and keeps the window.
 
     Parameters
     ----------
     config : DivsConfig
         Config.
-    layout : Layout
+    layout : ColumnLayout
         Region and columns of the camera's pictures.
     radians_per_column : float
         Angle of a column, for turns seen in pictures [rad].
     """
 
-    def __init__(self, config: DivsConfig, layout: Layout, radians_per_column: float) -> None:
+    def __init__(self, config: DivsConfig, layout: ColumnLayout, radians_per_column: float) -> None:
         self._config = config
         self._layout = layout
         self._radians_per_column = radians_per_column
@@ -153,12 +153,12 @@ class Eye:
         self._n_looks += 1
         return self._look
 
-    def window(self) -> Window | None:
+    def window(self) -> DifferenceWindow | None:
         """Return the window; None while turning and until it is full again."""
         if self._look is None or self._is_turning or not self._stream.is_full:
             return None
         stamp_s, travelled_m, heading_rad = self._middles.mean(axis=0).tolist()
-        return Window(self._look.ordinal, self._stream.vector(), stamp_s, travelled_m, heading_rad)
+        return DifferenceWindow(self._look.ordinal, self._stream.vector(), stamp_s, travelled_m, heading_rad)
 
     def change_image(self) -> npt.NDArray[np.float32]:
         """Return the change image of the window so far; see `ChangeStream.change_image`."""

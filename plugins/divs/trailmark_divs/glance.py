@@ -9,16 +9,16 @@ import numpy.typing as npt
 
 from trailmark.estimates import Belief
 from trailmark_divs.eye import Look
-from trailmark_divs.memory import Recording
+from trailmark_divs.memory import TaughtStream
 from trailmark_divs.options import Correspond
 from trailmark_divs.robust_shift import local_windows, shift_scores, summit
 from trailmark_divs.tracking import REACH, ShiftTracker, TrackedShift
 
-__all__ = ["Glances", "Place"]
+__all__ = ["Glances", "PathPlace"]
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class PathPlace:
     """Where on the taught path a picture belongs.
 
     Attributes
@@ -44,7 +44,7 @@ class Glances:
 
     Parameters
     ----------
-    recording : Recording
+    recording : TaughtStream
         The taught path.
     by : {"distance", "time", "index", "appearance"}
         What says the place; by appearance, which takes whole windows, it is the belief's station.
@@ -56,7 +56,7 @@ class Glances:
 
     def __init__(
         self,
-        recording: Recording,
+        recording: TaughtStream,
         by: Correspond,
         usable: npt.NDArray[np.bool_],
         correlation_window: int,
@@ -73,7 +73,7 @@ class Glances:
             "index": np.arange(len(recording), dtype=np.float64),
         }.get(by, self._stations_m)
 
-    def place(self, look: Look, start_s: float, belief: Belief) -> Place | None:
+    def place(self, look: Look, start_s: float, belief: Belief) -> PathPlace | None:
         """Return where the newer picture of a look belongs; None where that is not known or nothing was taught."""
         label, labels = self._label(look, start_s, belief), self._labels
         if label is None or len(labels) < 2 or not labels[0] <= label <= labels[-1]:
@@ -85,9 +85,9 @@ class Glances:
             float((1.0 - fraction) * values[row] + fraction * values[row + 1])
             for values in (self._stations_m, self._recording.headings_rad)
         )
-        return Place(row, fraction, station_m, heading_rad)
+        return PathPlace(row, fraction, station_m, heading_rad)
 
-    def shift(self, look: Look, place: Place, tracker: ShiftTracker) -> TrackedShift:
+    def shift(self, look: Look, place: PathPlace, tracker: ShiftTracker) -> TrackedShift:
         """Return the shift of the newer picture of a look."""
         seen = self._windows(look.profile)
         before, after = (

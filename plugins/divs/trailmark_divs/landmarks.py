@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from trailmark.estimates import Belief
 from trailmark_divs.correspondence import Correspondence, Match
-from trailmark_divs.eye import Window
+from trailmark_divs.eye import DifferenceWindow
 from trailmark_divs.memory import Windows
 from trailmark_divs.robust_shift import best_over_shifts, local_windows
 from trailmark_divs.tracking import evidence_per_score
@@ -78,7 +78,7 @@ class AtLandmarks(Correspondence):
         self._least_confidence = least_confidence
         self._last_row: int | None = None
 
-    def match(self, window: Window, belief: Belief) -> Match | None:
+    def match(self, window: DifferenceWindow, belief: Belief) -> Match | None:
         """Return the match of the inner correspondence, or what was found at a landmark."""
         match = self._inner.match(window, belief)
         if match is None:
@@ -93,7 +93,7 @@ class AtLandmarks(Correspondence):
         self._last_row = found.row
         return found
 
-    def reset(self, window: Window, row: int) -> None:
+    def reset(self, window: DifferenceWindow, row: int) -> None:
         """Set the origin of the inner correspondence."""
         self._inner.reset(window, row)
 
@@ -101,7 +101,7 @@ class AtLandmarks(Correspondence):
         low, high = sorted((last, row))
         return bool(((self._landmarks > low) & (self._landmarks <= high)).any())
 
-    def _search(self, window: Window, row: int) -> Match:
+    def _search(self, window: DifferenceWindow, row: int) -> Match:
         first = max(0, row - self._window)
         stop = min(len(self._windows), row + self._window + 1)
         seen = local_windows(window.vector, self._usable, self._correlation_window)

@@ -11,14 +11,14 @@ import numpy.typing as npt
 from trailmark.errors import ConfigError
 from trailmark.frames import RGBD, Image
 
-__all__ = ["Layout", "grey_region", "make_layout"]
+__all__ = ["ColumnLayout", "grey_region", "make_layout"]
 
 # A column of which less than this share lies inside the lens circle is left out: its sum would be noise.
 _LEAST_SHARE = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Layout:
+class ColumnLayout:
     """The region of interest, its columns and its mask.
 
     Attributes
@@ -63,7 +63,7 @@ class Layout:
 
 def make_layout(
     size: tuple[int, int], n_columns: int, region: tuple[float, float], lens_radius: float | None = None
-) -> Layout:
+) -> ColumnLayout:
     """Lay out the columns of a picture, Eq. (7).
 
     Parameters
@@ -99,7 +99,7 @@ def make_layout(
     if not usable.any():
         raise ConfigError(f"lens_radius {lens_radius} leaves no column of a picture of {width} x {height} px")
     mask = None if inside.all() else np.where(inside, np.uint8(255), np.uint8(0))
-    return Layout(width, rows, column_px, mask, area, usable)
+    return ColumnLayout(width, rows, column_px, mask, area, usable)
 
 
 def grey_region(payload: Image | RGBD, rows: tuple[int, int]) -> npt.NDArray[np.uint8]:

@@ -16,10 +16,10 @@ from trailmark.geometry import Pose2
 from trailmark.interfaces import Localizer, LocalizerMap, Session
 from trailmark_divs.config import DivsConfig
 from trailmark_divs.drift import DriftLaw, radians_per_column
-from trailmark_divs.eye import TURNING, Eye
+from trailmark_divs.eye import TURNING, ImagePreprocessor
 from trailmark_divs.layout import grey_region, make_layout
-from trailmark_divs.memory import Memory, Recording, check_layout, layout_document, summarize
-from trailmark_divs.replay import Replay
+from trailmark_divs.memory import KeyframeWriter, TaughtStream, check_layout, layout_document, summarize
+from trailmark_divs.replay import StreamMatcher
 from trailmark_divs.selection import FrameSelector
 from trailmark_divs.warm_up import compile_kernels
 
@@ -37,7 +37,7 @@ class Divs(Localizer):
 
     def __init__(self, config: DivsConfig) -> None:
         super().__init__(config)
-        self._eye: Eye | None = None
+        self._eye: ImagePreprocessor | None = None
         self._counts = {"looks": 0, "turning": 0, "lost": 0}
 
     def start(self, session: Session) -> None:
@@ -55,18 +55,18 @@ class Divs(Localizer):
         step = self.config.spacing_s if self.config.select == "time" else self.config.spacing_m
         self._selector = FrameSelector(self.config.select, step)
         self._eye = None
-        self._memory: Memory | None = None
-        self._recording: Recording | None = None
-        self._replay: Replay | None = None
+        self._memory: KeyframeWriter | None = None
+        self._recording: TaughtStream | None = None
+        self._replay: StreamMatcher | None = None
         self._counts = dict.fromkeys(self._counts, 0)
         compile_kernels()
         localizer_map = self._localizer_map()
         if session.mode == "teach":
-            self._memory = Memory(localizer_map)
+            self._memory = KeyframeWriter(localizer_map)
         elif session.path is None:
             raise ConfigError(f"{session.name}: divs needs a taught path; give the run --store, or teach one first")
         else:
-            self._recording = Recording.from_keyframes(localizer_map.keyframes())
+            self._recording = TaughtStream.from_keyframes(localizer_map.keyframes())
 
     def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
         """Look at a picture if it belongs to the stream; in replay, say where the robot is beside the path."""
@@ -96,7 +96,7 @@ class Divs(Localizer):
         if not keyframes:
             logger.warning("%s: no picture was taught", self._session.name)
             return
-        summary = summarize(Recording.from_keyframes(keyframes))
+        summary = summarize(TaughtStream.from_keyframes(keyframes))
         localizer_map.save("summary", {name: np.array([value]) for name, value in summary.items()})
         if summary["turning_share"] > 0.5:
             logger.warning(
@@ -123,7 +123,7 @@ class Divs(Localizer):
             raise ConfigError("no change image: set keep_change_image, and show the localizer two pictures first")
         return self._eye.change_image()
 
-    def _begin(self, frame: Frame, payload: Image | RGBD) -> Eye:
+    def _begin(self, frame: Frame, payload: Image | RGBD) -> ImagePreprocessor:
         """Lay out the columns for the size of the first picture, and get ready for the rest."""
         config, session = self.config, self._session
         height, width = (payload.bgr if isinstance(payload, RGBD) else payload.pixels).shape[:2]
@@ -137,8 +137,8 @@ class Divs(Localizer):
         elif self._recording is not None and session.path is not None:
             check_layout(self._localizer_map(), document, session.name)
             law = DriftLaw(None if config.gain == "paper" else 1.0 / angle_rad, self._depth_m)
-            self._replay = Replay(config, layout, self._recording, session.path, law, angle_rad, frame.stamp_s)
-        self._eye = Eye(config, layout, angle_rad)
+            self._replay = StreamMatcher(config, layout, self._recording, session.path, law, angle_rad, frame.stamp_s)
+        self._eye = ImagePreprocessor(config, layout, angle_rad)
         return self._eye
 
     def _localizer_map(self) -> LocalizerMap:

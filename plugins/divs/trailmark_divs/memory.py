@@ -15,10 +15,10 @@ from trailmark.interfaces import LocalizerMap
 from trailmark.paths import Keyframe
 from trailmark_divs.averaging import mean_windows, trimmed_windows
 from trailmark_divs.eye import TURNING, Look
-from trailmark_divs.layout import Layout
+from trailmark_divs.layout import ColumnLayout
 from trailmark_divs.options import THRESHOLDS, Threshold
 
-__all__ = ["Memory", "Recording", "Windows", "check_layout", "layout_document", "summarize"]
+__all__ = ["KeyframeWriter", "TaughtStream", "Windows", "check_layout", "layout_document", "summarize"]
 
 _BATCH = 16  # looks in a keyframe: a row of a store costs more than the sums of one look
 _PROFILE_UNITS = 256.0  # a profile is stored in 1/256 grey level
@@ -29,7 +29,7 @@ _UNTOLD = {_THRESHOLD: np.array([THRESHOLDS.index("otsu")])}
 
 
 def layout_document(
-    layout: Layout, region: tuple[float, float], lens_radius: float | None, threshold: Threshold
+    layout: ColumnLayout, region: tuple[float, float], lens_radius: float | None, threshold: Threshold
 ) -> dict[str, Any]:
     """Return what must be the same in teaching and replaying, as arrays for a localizer map."""
     return {
@@ -67,7 +67,7 @@ def _said(key: str, value: npt.NDArray[Any]) -> str:
     return ", ".join(f"{item:g}" for item in value.tolist())
 
 
-class Memory:
+class KeyframeWriter:
     """Writes looks into a localizer map, a few to a keyframe.
 
     Parameters
@@ -124,7 +124,7 @@ def _continued(localizer_map: LocalizerMap) -> tuple[int, float]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Recording:
+class TaughtStream:
     """The looks of a taught path.
 
     Attributes
@@ -149,7 +149,7 @@ class Recording:
     headings_rad: npt.NDArray[np.float64]
 
     @classmethod
-    def from_keyframes(cls, keyframes: Sequence[Keyframe]) -> Recording:
+    def from_keyframes(cls, keyframes: Sequence[Keyframe]) -> TaughtStream:
         """Put the batches together.
 
         Raises
@@ -204,8 +204,8 @@ class Windows:
         return len(self.ordinals)
 
     @classmethod
-    def of(cls, recording: Recording, window: int, n_trimmed: int, scale: npt.NDArray[np.float64]) -> Windows:
-        """Average a recording over windows, Eq. (6); see `Layout.scale` for `scale`."""
+    def of(cls, recording: TaughtStream, window: int, n_trimmed: int, scale: npt.NDArray[np.float64]) -> Windows:
+        """Average a recording over windows, Eq. (6); see `ColumnLayout.scale` for `scale`."""
         runs = recording.runs
         newest = np.arange(window - 1, len(runs))
         oldest = newest - window + 1
@@ -234,7 +234,7 @@ def _means(values: npt.NDArray[np.float64], window: int) -> npt.NDArray[np.float
     return np.asarray(first + (sums[window:] - sums[:-window]) / window)
 
 
-def summarize(recording: Recording) -> dict[str, float]:
+def summarize(recording: TaughtStream) -> dict[str, float]:
     """Return what tells whether a taught path can be replayed: pictures, length, spacing, share of turns."""
     steps_m = np.diff(recording.stations_m[:, 1])
     return {

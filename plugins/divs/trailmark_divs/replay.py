@@ -12,17 +12,17 @@ from trailmark_divs.appearance import AppearanceFilter, ByAppearance
 from trailmark_divs.config import DivsConfig
 from trailmark_divs.correspondence import Correspondence, Match, make_correspondence
 from trailmark_divs.drift import DriftLaw, GainLearner
-from trailmark_divs.eye import TURNING, Look, Window
+from trailmark_divs.eye import TURNING, DifferenceWindow, Look
 from trailmark_divs.glance import Glances
 from trailmark_divs.landmarks import AtLandmarks, distinct_rows, sameness
-from trailmark_divs.layout import Layout
-from trailmark_divs.memory import Recording, Windows
+from trailmark_divs.layout import ColumnLayout
+from trailmark_divs.memory import TaughtStream, Windows
 from trailmark_divs.paper_shift import PaperShift
 from trailmark_divs.robust_shift import local_windows, shift_scores
 from trailmark_divs.stream import n_trimmed
 from trailmark_divs.tracking import ShiftTracker, TrackedShift
 
-__all__ = ["Replay"]
+__all__ = ["StreamMatcher"]
 
 _GLANCE_SIGMAS = 2.0  # a single picture is this much less certain than a window
 # Beside the path, one wall looks as if the robot were farther along, the other as if less far: which of them wins
@@ -30,16 +30,16 @@ _GLANCE_SIGMAS = 2.0  # a single picture is this much less certain than a window
 _STATION_PER_LATERAL = 2.0
 
 
-class Replay:
+class StreamMatcher:
     """Compares what is seen with what was taught.
 
     Parameters
     ----------
     config : DivsConfig
         Config.
-    layout : Layout
+    layout : ColumnLayout
         Region and columns of the camera's pictures.
-    recording : Recording
+    recording : TaughtStream
         What was taught.
     path : Path
         The taught path.
@@ -54,8 +54,8 @@ class Replay:
     def __init__(
         self,
         config: DivsConfig,
-        layout: Layout,
-        recording: Recording,
+        layout: ColumnLayout,
+        recording: TaughtStream,
         path: Path,
         law: DriftLaw,
         radians_per_column: float,
@@ -78,14 +78,16 @@ class Replay:
         self._relative_rad: float | None = None  # heading less the taught one, at the last comparison
         self._has_been_full = False
 
-    def answer(self, look: Look, window: Window | None, belief: Belief, are_turns_measured: bool = False) -> Estimate:
+    def answer(
+        self, look: Look, window: DifferenceWindow | None, belief: Belief, are_turns_measured: bool = False
+    ) -> Estimate:
         """Return the offset from the path, or why there is none.
 
         Parameters
         ----------
         look : Look
             The newest look.
-        window : Window or None
+        window : DifferenceWindow or None
             The window that ends with it, when there is a full one.
         belief : Belief
             What is believed at the newer picture of the look.
@@ -112,7 +114,7 @@ class Replay:
         self._learn(shift, relative_rad, station_m)
         return self._offset(window.stamp_s, station_m, shift, self._config.sigma_columns, belief, match)
 
-    def _shift(self, match: Match, window: Window) -> TrackedShift:
+    def _shift(self, match: Match, window: DifferenceWindow) -> TrackedShift:
         config, usable = self._config, self._layout.usable
         taught = self._windows.vectors[match.row]
         if config.shift == "paper":
@@ -187,7 +189,7 @@ class Replay:
             self._law = replace(self._law, columns_per_rad=self._learner.columns_per_rad)
 
 
-def _correspondence(config: DivsConfig, layout: Layout, windows: Windows, start_s: float) -> Correspondence:
+def _correspondence(config: DivsConfig, layout: ColumnLayout, windows: Windows, start_s: float) -> Correspondence:
     usable, e, most = layout.usable, config.correlation_window, config.max_shift_columns
     if config.correspondence == "appearance":
         places = AppearanceFilter(windows, usable, config.window, e, most, config.look_back, config.look_ahead)

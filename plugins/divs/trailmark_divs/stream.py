@@ -8,7 +8,7 @@ import numpy.typing as npt
 from trailmark.errors import ShapeError
 from trailmark_divs.averaging import trimmed_mean
 from trailmark_divs.difference import column_counts, difference_image, otsu_threshold, percentile_threshold
-from trailmark_divs.layout import Layout
+from trailmark_divs.layout import ColumnLayout
 from trailmark_divs.options import Average, Threshold
 
 __all__ = ["ChangeStream", "n_trimmed"]
@@ -31,7 +31,7 @@ class ChangeStream:
 
     Parameters
     ----------
-    layout : Layout
+    layout : ColumnLayout
         Region, columns and mask.
     window : int
         Differences in a window, w.
@@ -45,7 +45,7 @@ class ChangeStream:
 
     def __init__(
         self,
-        layout: Layout,
+        layout: ColumnLayout,
         window: int,
         threshold: Threshold = "otsu",
         average: Average = "mean",

@@ -18,8 +18,8 @@ from trailmark.geometry.rigid import kabsch
 from trailmark_kinect_landmarks.expectation import Expected
 
 __all__ = [
-    "Alignment",
     "AlignmentLimits",
+    "CloudAlignment",
     "Refusal",
     "align",
     "jacobian",
@@ -65,7 +65,7 @@ class Refusal:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Alignment:
+class CloudAlignment:
     """A rigid motion.
 
     Attributes
@@ -131,7 +131,7 @@ def align(
     limits: AlignmentLimits | None = None,
     expected: Expected | None = None,
     n_tries: int = 96,
-) -> Alignment | Refusal:
+) -> CloudAlignment | Refusal:
     """Return the rigid motion that most landmarks agree on.
 
     Gauss-Newton with the covariances of both sides, the far depth of a landmark counting less than its direction, and
@@ -186,7 +186,7 @@ def align(
     misses = points_a[inliers] - points_b[inliers] @ R.T - t
     dof = max(1, D * int(inliers.sum()) - len(H))
     covariance = np.linalg.inv(H) * max(1.0, chi2 / dof)
-    return Alignment(R, t, covariance, inliers, math.sqrt(float((misses**2).sum(axis=1).mean())))
+    return CloudAlignment(R, t, covariance, inliers, math.sqrt(float((misses**2).sum(axis=1).mean())))
 
 
 def _from_expected(
@@ -320,7 +320,7 @@ def _exp(turn: Array) -> Array:
     return np.asarray(np.eye(3) + math.sin(angle) * K + (1.0 - math.cos(angle)) * (K @ K))
 
 
-def planar_covariance(alignment: Alignment) -> Array:
+def planar_covariance(alignment: CloudAlignment) -> Array:
     """Return the (3, 3) covariance of x, y and heading, the heading being that of the turned x axis."""
     if len(alignment.t) == 2:
         return alignment.covariance

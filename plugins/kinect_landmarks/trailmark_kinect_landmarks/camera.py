@@ -19,7 +19,7 @@ from trailmark_kinect_landmarks.depth import DepthLimits, correct_depth, depth_a
 from trailmark_kinect_landmarks.landmarks import point_covariances
 from trailmark_kinect_landmarks.triangulation import DepthKind, Sights, pixel_angles, planar_range, sights
 
-__all__ = ["Camera", "Measured", "alignment_limits"]
+__all__ = ["DepthPixels", "LandmarkCamera", "alignment_limits"]
 
 Array = npt.NDArray[np.float64]
 
@@ -30,7 +30,7 @@ _N_SCAN_STEPS = 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Measured:
+class DepthPixels:
     """Pixels with depth.
 
     Attributes
@@ -51,7 +51,7 @@ class Measured:
     from_scan: npt.NDArray[np.bool_]
 
 
-class Camera:
+class LandmarkCamera:
     """Measures landmarks: angles from the colour picture, distances from depth.
 
     Parameters
@@ -105,7 +105,7 @@ class Camera:
         depth_m: npt.NDArray[np.float32],
         sigma_px: float,
         scan: Scan | None = None,
-    ) -> Measured:
+    ) -> DepthPixels:
         """Return where pixels stand, Eqs. (7)-(12) and the camera's mounting."""
         size = depth_m.shape[1], depth_m.shape[0]
         lens = self.lens(size)
@@ -121,7 +121,7 @@ class Camera:
         points_sensor = seen.points_sensor()
         cov = point_covariances(points_sensor, np.full(len(uv), sigma_px), sigma_m, lens.fx)
         R = self._R_base_camera
-        return Measured(seen, self._info.pose_base_sensor.transform(points_sensor), R @ cov @ R.T, filled)
+        return DepthPixels(seen, self._info.pose_base_sensor.transform(points_sensor), R @ cov @ R.T, filled)
 
     def project(self, points_base: Array, size: tuple[int, int]) -> Array:
         """Return the pixels of points, (N, 2); NaN for those behind the camera."""

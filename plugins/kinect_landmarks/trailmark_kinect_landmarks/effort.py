@@ -5,8 +5,8 @@ from __future__ import annotations
 import logging
 
 from trailmark_kinect_landmarks.config import KinectLandmarksConfig
-from trailmark_kinect_landmarks.eye import Picture
-from trailmark_kinect_landmarks.fuzzy import Fuzzy, Plan
+from trailmark_kinect_landmarks.eye import PreparedImage
+from trailmark_kinect_landmarks.fuzzy import Fuzzy, SearchPlan
 
 __all__ = ["COSTS_MS", "Effort"]
 
@@ -45,11 +45,11 @@ class Effort:
         usual_ms = 1000.0 / rate_hz if rate_hz else _DEFAULT_ALLOWED_MS
         self._allowed_s = (config.allowed_ms or usual_ms) / 1000.0
         self._light, self._n_agree = 1.0, 0
-        self._plan = Plan(config.finders, 1.0, True)
+        self._plan = SearchPlan(config.finders, 1.0, True)
         #: Of the last picture, by the model [s].
         self.latency_s = 0.0
 
-    def plan(self, last_latency_s: float) -> Plan:
+    def plan(self, last_latency_s: float) -> SearchPlan:
         """Return what to do with the next picture; all of it on the whole picture where nothing is to adapt."""
         if not self._config.adapt:
             return self._plan
@@ -60,7 +60,7 @@ class Effort:
         self._plan = plan
         return plan
 
-    def looked(self, picture: Picture, plan: Plan, n_seen: int, n_agree: int) -> None:
+    def looked(self, picture: PreparedImage, plan: SearchPlan, n_seen: int, n_agree: int) -> None:
         """Take what the last picture gave."""
         self._light, self._n_agree = picture.light, n_agree
         megapixels = picture.grey.size * 1e-6

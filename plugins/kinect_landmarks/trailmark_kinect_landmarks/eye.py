@@ -10,14 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from trailmark.frames import RGBD, Scan
-from trailmark_kinect_landmarks.camera import Camera
+from trailmark_kinect_landmarks.camera import LandmarkCamera
 from trailmark_kinect_landmarks.colour import Light, compensate, picture_light
 from trailmark_kinect_landmarks.config import KinectLandmarksConfig
-from trailmark_kinect_landmarks.finders import View, find
-from trailmark_kinect_landmarks.fuzzy import Plan
-from trailmark_kinect_landmarks.landmarks import KINDS, Seen, anchors, describe, spread_out
+from trailmark_kinect_landmarks.finders import WorkingImage, find
+from trailmark_kinect_landmarks.fuzzy import SearchPlan
+from trailmark_kinect_landmarks.landmarks import KINDS, SeenLandmarks, anchors, describe, spread_out
 
-__all__ = ["Eye", "Picture"]
+__all__ = ["LandmarkDetector", "PreparedImage"]
 
 Array = npt.NDArray[np.float64]
 Kinds = npt.NDArray[np.int8]
@@ -29,14 +29,14 @@ _LEAST_CORNERNESS = 2e-5  # below it a pixel is like its neighbours and cannot b
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Picture:
+class PreparedImage:
     """A picture made ready.
 
     Attributes
     ----------
     original : (H, W, 3) uint8
         As it came.
-    view : View
+    view : WorkingImage
         Compensated colour and corrected depth, for the finders.
     grey : (H, W) uint8
         Compensated, whole.
@@ -49,7 +49,7 @@ class Picture:
     """
 
     original: npt.NDArray[np.uint8]
-    view: View
+    view: WorkingImage
     grey: npt.NDArray[np.uint8]
     registered_m: npt.NDArray[np.float32]
     depth_m: npt.NDArray[np.float32]
@@ -62,23 +62,23 @@ class Picture:
         return self.grey.shape[1], self.grey.shape[0]
 
 
-class Eye:
+class LandmarkDetector:
     """Prepares pictures and sees landmarks in them.
 
     Parameters
     ----------
     config : KinectLandmarksConfig
         Which finders, which pixel.
-    camera : Camera
+    camera : LandmarkCamera
         Measures.
     """
 
-    def __init__(self, config: KinectLandmarksConfig, camera: Camera) -> None:
+    def __init__(self, config: KinectLandmarksConfig, camera: LandmarkCamera) -> None:
         self._config, self._camera = config, camera
         #: Light in which landmarks were remembered; None at first.
         self.reference_light: Light | None = None
 
-    def prepare(self, payload: RGBD, measured_light: float | None, scan: Scan | None, scale: float) -> Picture:
+    def prepare(self, payload: RGBD, measured_light: float | None, scan: Scan | None, scale: float) -> PreparedImage:
         """Return the picture in the reference light, with its depth registered and corrected."""
         light = Light(picture_light(np.asarray(payload.bgr[..., 1])), measured_light)  # green stands for brightness
         if self.reference_light is None:
@@ -86,11 +86,11 @@ class Eye:
         bgr = compensate(payload.bgr, light.gain_to(self.reference_light))
         registered_m = self._camera.registered(payload)
         depth_m = self._camera.corrected(registered_m, payload.bgr)
-        view = View(bgr, depth_m, scale)
+        view = WorkingImage(bgr, depth_m, scale)
         grey = view.grey if scale == 1.0 else np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY), np.uint8)
-        return Picture(payload.bgr, view, grey, registered_m, depth_m, light.share_of(self.reference_light), scan)
+        return PreparedImage(payload.bgr, view, grey, registered_m, depth_m, light.share_of(self.reference_light), scan)
 
-    def find(self, picture: Picture, plan: Plan, taken_uv: Array, n: int) -> Seen:
+    def find(self, picture: PreparedImage, plan: SearchPlan, taken_uv: Array, n: int) -> SeenLandmarks:
         """Return up to `n` landmarks that the finders see and that have depth, away from those that are known."""
         regions = find(picture.view, plan.finders)
         uv, strength = anchors(picture.grey, regions, self._config.point)
@@ -107,13 +107,13 @@ class Eye:
         seen = self.look_at(picture, uv[rows], kind, side)
         return seen.rows(np.flatnonzero(np.isfinite(seen.points_base).all(axis=1))[:n])
 
-    def look_at(self, picture: Picture, uv: Array, kind: Kinds, side_px: Array) -> Seen:
+    def look_at(self, picture: PreparedImage, uv: Array, kind: Kinds, side_px: Array) -> SeenLandmarks:
         """Return what is seen at pixels; landmarks without depth have NaN points."""
         lens = self._camera.lens(picture.size)
         measured = self._camera.measure(uv, picture.depth_m, _SIGMA_PX[self._config.point], picture.scan)
         histogram, vicinity = describe(picture.grey, picture.view.half.index, uv)
         size_m = side_px * np.nan_to_num(measured.sights.dV, nan=1.0) / lens.fx
-        return Seen(uv, kind, size_m, histogram, vicinity, measured.points_base, measured.cov_base)
+        return SeenLandmarks(uv, kind, size_m, histogram, vicinity, measured.points_base, measured.cov_base)
 
 
 def _has_depth(depth_m: npt.NDArray[np.float32], uv: Array) -> npt.NDArray[np.bool_]:

@@ -14,8 +14,8 @@ from trailmark.estimates import Belief, Estimate, Lost, Motion, information_from
 from trailmark.frames import RGBD, Frame, Scalar, Scan
 from trailmark.geometry import Pose2, Pose3
 from trailmark.interfaces import Localizer, Session
-from trailmark_kinect_landmarks.alignment import Alignment, Refusal, align, planar_covariance
-from trailmark_kinect_landmarks.camera import Camera, alignment_limits
+from trailmark_kinect_landmarks.alignment import CloudAlignment, Refusal, align, planar_covariance
+from trailmark_kinect_landmarks.camera import LandmarkCamera, alignment_limits
 from trailmark_kinect_landmarks.config import KinectFlowConfig
 from trailmark_kinect_landmarks.depth import as_scan
 from trailmark_kinect_landmarks.expectation import Expectation
@@ -57,7 +57,7 @@ class KinectFlow(Localizer):
         """Get ready for the first picture."""
         config = self.config
         scan_info = session.sensors[config.scan] if config.scan else None
-        self._camera = Camera(config, session.sensors[config.camera], scan_info)
+        self._camera = LandmarkCamera(config, session.sensors[config.camera], scan_info)
         self._rng = session.rng
         self._scan: Scan | None = None
         self._before: Grey | None = None
@@ -110,7 +110,7 @@ class KinectFlow(Localizer):
             self._renew(grey, depth_m)
         return self._told_as_motion(stamp_s, alignment)
 
-    def _told_as_motion(self, stamp_s: float, alignment: Alignment) -> Estimate:
+    def _told_as_motion(self, stamp_s: float, alignment: CloudAlignment) -> Estimate:
         pose, covariance = self._pose(), planar_covariance(alignment) + _FLOOR
         told, self._told = self._told, (stamp_s, pose, covariance)
         details = {"n_agree": float(alignment.inliers.sum()), "residual_m": alignment.residual_m}
@@ -123,7 +123,7 @@ class KinectFlow(Localizer):
 
     def _aligned(
         self, stamp_s: float, followed: _Points, depth_m: npt.NDArray[np.float32]
-    ) -> tuple[Alignment, npt.NDArray[np.bool_]] | Refusal:
+    ) -> tuple[CloudAlignment, npt.NDArray[np.bool_]] | Refusal:
         """Solve Eq. (2); also returns which points to go on with: all that agree, or have no depth now."""
         measured = self._camera.measure(followed.uv, depth_m, _SIGMA_PX, self._scan)
         known = np.flatnonzero(np.isfinite(measured.points_base).all(axis=1))

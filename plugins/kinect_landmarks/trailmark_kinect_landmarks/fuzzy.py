@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-__all__ = ["RULES", "Fuzzy", "Membership", "Plan", "Rule", "chosen"]
+__all__ = ["RULES", "Fuzzy", "Membership", "Rule", "SearchPlan", "chosen"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +93,7 @@ RULES: tuple[Rule, ...] = (
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class SearchPlan:
     """What to do with the next picture.
 
     Attributes
@@ -126,7 +126,7 @@ class Fuzzy:
         self._finders, self._rules = finders, rules
         self._scale = 1.0
 
-    def plan(self, light: float, landmarks: float, time: float) -> Plan:
+    def plan(self, light: float, landmarks: float, time: float) -> SearchPlan:
         """Return the plan; inputs as in `TERMS`. Resolution changes with a hysteresis, so that it does not flutter."""
         outputs = chosen(self._rules, {"light": light, "landmarks": landmarks, "time": time})
         n = max(1, round(outputs["effort"] * len(self._finders)))
@@ -137,7 +137,7 @@ class Fuzzy:
         elif outputs["resolution"] > 0.75:
             self._scale = 1.0
         kept = set(ordered[:n])
-        return Plan(tuple(name for name in self._finders if name in kept), self._scale, by_colour)
+        return SearchPlan(tuple(name for name in self._finders if name in kept), self._scale, by_colour)
 
 
 def chosen(rules: tuple[Rule, ...], inputs: Mapping[str, float]) -> dict[str, float]:

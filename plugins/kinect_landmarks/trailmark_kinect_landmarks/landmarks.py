@@ -11,7 +11,7 @@ import numpy.typing as npt
 from trailmark_kinect_landmarks.colour import histograms
 from trailmark_kinect_landmarks.finders import Region
 
-__all__ = ["KINDS", "Seen", "anchors", "describe", "point_covariances", "spread_out", "vicinities"]
+__all__ = ["KINDS", "SeenLandmarks", "anchors", "describe", "point_covariances", "spread_out", "vicinities"]
 
 Array = npt.NDArray[np.float64]
 Grey = npt.NDArray[np.uint8]
@@ -26,7 +26,7 @@ _CORNERNESS_BLOCK = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Seen:
+class SeenLandmarks:
     """Landmarks as one picture shows them, a row each.
 
     Attributes
@@ -58,9 +58,9 @@ class Seen:
     def __len__(self) -> int:
         return len(self.uv)
 
-    def rows(self, which: npt.NDArray[np.intp] | npt.NDArray[np.bool_]) -> Seen:
+    def rows(self, which: npt.NDArray[np.intp] | npt.NDArray[np.bool_]) -> SeenLandmarks:
         """Return some of them."""
-        return Seen(
+        return SeenLandmarks(
             self.uv[which],
             self.kind[which],
             self.size_m[which],
@@ -136,7 +136,7 @@ def vicinities(grey: Grey, uv: Array) -> npt.NDArray[np.float32]:
 
 
 def describe(grey: Grey, index: Grey, uv: Array) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-    """Return histograms (N, B), each with sum 1, and vicinities (N, C) of pixels; see `Seen`."""
+    """Return histograms (N, B), each with sum 1, and vicinities (N, C) of pixels; see `SeenLandmarks`."""
     step = index.shape[1] / grey.shape[1]  # colour classes may be made at a lower resolution
     near, wide = (histograms(index, uv * step, max(1, round(radius * step))) for radius in (_NEAR_PX, _WIDE_PX))
     return np.concatenate([near, wide], axis=1) * np.float32(0.5), vicinities(grey, uv)

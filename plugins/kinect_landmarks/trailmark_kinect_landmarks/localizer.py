@@ -15,17 +15,17 @@ from trailmark.geometry import Pose2, Pose3
 from trailmark.interfaces import Localizer, Session
 from trailmark.paths import Keyframe
 from trailmark_kinect_landmarks.alignment import Refusal
-from trailmark_kinect_landmarks.camera import Camera, alignment_limits
+from trailmark_kinect_landmarks.camera import LandmarkCamera, alignment_limits
 from trailmark_kinect_landmarks.colour import Light
 from trailmark_kinect_landmarks.config import KinectLandmarksConfig
 from trailmark_kinect_landmarks.depth import as_scan
 from trailmark_kinect_landmarks.effort import Effort
 from trailmark_kinect_landmarks.expectation import Expectation, Expected
-from trailmark_kinect_landmarks.eye import Eye, Picture
-from trailmark_kinect_landmarks.memory import Memory, MemoryLimits
+from trailmark_kinect_landmarks.eye import LandmarkDetector, PreparedImage
+from trailmark_kinect_landmarks.memory import LandmarkMemory, MemoryLimits
 from trailmark_kinect_landmarks.paper_numbers import paper_numbers
 from trailmark_kinect_landmarks.stages import StagePictures
-from trailmark_kinect_landmarks.tracker import Sighting, Solved, Tracker
+from trailmark_kinect_landmarks.tracker import Solved, TrackedLandmarks, Tracker
 
 __all__ = ["KinectLandmarks", "KinectMotion"]
 
@@ -51,11 +51,11 @@ class KinectLandmarks(Localizer):
         """Load the map of this place where there is one; otherwise landmarks are remembered from the start pose on."""
         config = self.config
         self._session = session
-        self._camera = Camera(
+        self._camera = LandmarkCamera(
             config, session.sensors[config.camera], session.sensors[config.scan] if config.scan else None
         )
-        self._eye = Eye(config, self._camera)
-        self._memory = Memory(MemoryLimits(config.trial, config.moved_after, config.remembered))
+        self._eye = LandmarkDetector(config, self._camera)
+        self._memory = LandmarkMemory(MemoryLimits(config.trial, config.moved_after, config.remembered))
         self._tracker = Tracker(config, self._camera, self._eye, self._memory, alignment_limits(config), session.rng)
         self._effort = Effort(config, session.sensors[config.camera].rate_hz)
         self._stages = StagePictures(config.debug_images) if config.debug_images else None
@@ -111,7 +111,7 @@ class KinectLandmarks(Localizer):
         keyframes = [] if localizer_map is None else localizer_map.keyframes()
         if localizer_map is None or not keyframes:
             return
-        gathered = Memory()
+        gathered = LandmarkMemory()
         for keyframe in keyframes:
             gathered.load({name: array for name, array in keyframe.arrays.items() if name != _LIGHT})
         localizer_map.save(_MAP, gathered.arrays() | {_LIGHT: keyframes[0].arrays[_LIGHT]})
@@ -131,7 +131,7 @@ class KinectLandmarks(Localizer):
         if self._session.start_pose is not None and self.config.solve == "plane":
             self._expectation.begin(-np.inf, Pose3.from_planar(self._session.start_pose).matrix())
 
-    def _begin(self, stamp_s: float, others: Sighting, belief: Belief) -> Sequence[Estimate]:
+    def _begin(self, stamp_s: float, others: TrackedLandmarks, belief: Belief) -> Sequence[Estimate]:
         """Remember what is seen from the start; only if it could carry a pose."""
         pose = belief.pose_map_base or self._session.start_pose
         if pose is None:
@@ -154,7 +154,9 @@ class KinectLandmarks(Localizer):
             return None
         return self._expectation.motion(stamp_s, 2 if self.config.solve == "plane" else 3)
 
-    def _lost(self, stamp_s: float, reason: str, again: Sighting, others: Sighting, belief: Belief) -> Lost:
+    def _lost(
+        self, stamp_s: float, reason: str, again: TrackedLandmarks, others: TrackedLandmarks, belief: Belief
+    ) -> Lost:
         """Say so; after a while begin anew from where the robot is believed to be."""
         details = {"n_landmarks": float(len(again) + len(others)), "n_refound": float(len(again))}
         last = self._expectation.last
@@ -189,7 +191,7 @@ class KinectLandmarks(Localizer):
         pose = Pose3.from_matrix(T_map_base).planar()
         localizer_map.add(Keyframe(belief.travelled_m, stamp_s, pose, arrays))
 
-    def _answer(self, stamp_s: float, solved: Solved, picture: Picture) -> Sequence[Estimate]:
+    def _answer(self, stamp_s: float, solved: Solved, picture: PreparedImage) -> Sequence[Estimate]:
         R, t = solved.T_map_base[:3, :3], solved.T_map_base[:3, 3]
         pose = Pose2(float(t[0]), float(t[1]), float(np.arctan2(R[1, 0], R[0, 0])))
         covariance = solved.covariance + _FLOOR

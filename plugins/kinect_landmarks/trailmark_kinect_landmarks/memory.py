@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from trailmark.errors import StoreError
-from trailmark_kinect_landmarks.landmarks import Seen
+from trailmark_kinect_landmarks.landmarks import SeenLandmarks
 
-__all__ = ["Memory", "MemoryLimits"]
+__all__ = ["LandmarkMemory", "MemoryLimits"]
 
 Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]
@@ -47,7 +47,7 @@ def _rows(*shape: int) -> Any:
 
 
 @dataclass(slots=True, eq=False)
-class Memory:
+class LandmarkMemory:
     """All landmarks, a row each; a row's number is the landmark's identity until `forget` says otherwise.
 
     Attributes
@@ -59,7 +59,7 @@ class Memory:
     anchor_cov : (N, 3, 3) float64
         Of that pose's (x, y, heading): shared by all that was remembered there.
     kind, size_m, histogram, vicinity
-        As in `Seen`.
+        As in `SeenLandmarks`.
     n_seen : (N,) int
         Sightings in agreement.
     n_against : (N,) int
@@ -94,7 +94,9 @@ class Memory:
         """Return which landmarks may vote on the pose: on trial no longer, and not moved."""
         return np.asarray((self.n_seen[rows] >= self.limits.trial) & ~self.is_moved[rows])
 
-    def add(self, seen: Seen, R_map_base: Array, t_map_base: Array, anchor_cov: Array, is_trusted: bool) -> Rows:
+    def add(
+        self, seen: SeenLandmarks, R_map_base: Array, t_map_base: Array, anchor_cov: Array, is_trusted: bool
+    ) -> Rows:
         """Remember what is seen from a pose; returns the new rows. `is_trusted` spares them the trial."""
         n, first = len(seen), len(self)
         points = seen.points_base @ R_map_base.T + t_map_base

@@ -7,19 +7,19 @@ import math
 import numpy as np
 
 from trailmark.geometry import Pose2
-from trailmark_kinect_landmarks.camera import Camera
-from trailmark_kinect_landmarks.landmarks import Seen
+from trailmark_kinect_landmarks.camera import LandmarkCamera
+from trailmark_kinect_landmarks.landmarks import SeenLandmarks
 from trailmark_kinect_landmarks.triangulation import abscissa, epsilon
 
 __all__ = ["paper_numbers"]
 
 
-def paper_numbers(seen: Seen, pose_start_base: Pose2, camera: Camera) -> dict[str, float]:
+def paper_numbers(seen: SeenLandmarks, pose_start_base: Pose2, camera: LandmarkCamera) -> dict[str, float]:
     """Return them for A, the leftmost landmark, and B, the rightmost.
 
     Parameters
     ----------
-    seen : Seen
+    seen : SeenLandmarks
         Landmarks that agree with the pose, at least two.
     pose_start_base : Pose2
         Base as seen from the start.

@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from trailmark.errors import ConfigError
-from trailmark_kinect_landmarks.camera import Camera
-from trailmark_kinect_landmarks.eye import Picture
+from trailmark_kinect_landmarks.camera import LandmarkCamera
+from trailmark_kinect_landmarks.eye import PreparedImage
 from trailmark_kinect_landmarks.landmarks import KINDS
-from trailmark_kinect_landmarks.tracker import Sighting
+from trailmark_kinect_landmarks.tracker import TrackedLandmarks
 
 __all__ = ["StagePictures", "depth_colours"]
 
@@ -39,7 +39,7 @@ class StagePictures:
         except OSError as error:
             raise ConfigError(f"debug_images: cannot make the folder {folder}: {error.strerror}") from error
 
-    def write(self, stamp_s: float, picture: Picture, sighting: Sighting, camera: Camera) -> None:
+    def write(self, stamp_s: float, picture: PreparedImage, sighting: TrackedLandmarks, camera: LandmarkCamera) -> None:
         """Write the six pictures of one frame: ``000012_6_angles.png`` and so on."""
         landmarks = _with_landmarks(picture.original, sighting)
         angles = _with_angles(landmarks, sighting, camera)
@@ -66,7 +66,7 @@ def depth_colours(depth_m: npt.NDArray[np.float32]) -> Bgr:
     return coloured
 
 
-def _where_both_see(picture: Picture) -> Bgr:
+def _where_both_see(picture: PreparedImage) -> Bgr:
     """Return the compensated colour picture, dark where the depth camera does not look."""
     seen = np.isfinite(picture.registered_m)
     columns, rows = np.flatnonzero(seen.any(axis=0)), np.flatnonzero(seen.any(axis=1))
@@ -77,7 +77,7 @@ def _where_both_see(picture: Picture) -> Bgr:
     return np.asarray(pixels, np.uint8)
 
 
-def _with_landmarks(bgr: Bgr, sighting: Sighting) -> Bgr:
+def _with_landmarks(bgr: Bgr, sighting: TrackedLandmarks) -> Bgr:
     pixels = bgr.copy()
     for (u, v), kind, row in zip(np.rint(sighting.seen.uv).astype(int), sighting.seen.kind, sighting.rows, strict=True):
         cv2.rectangle(pixels, (int(u) - 7, int(v) - 7), (int(u) + 7, int(v) + 7), _MARK, 1)
@@ -86,7 +86,7 @@ def _with_landmarks(bgr: Bgr, sighting: Sighting) -> Bgr:
     return pixels
 
 
-def _with_angles(bgr: Bgr, sighting: Sighting, camera: Camera) -> Bgr:
+def _with_angles(bgr: Bgr, sighting: TrackedLandmarks, camera: LandmarkCamera) -> Bgr:
     """Draw for every landmark the angle from the axis and the distance."""
     pixels = bgr.copy()
     height, width = pixels.shape[:2]

@@ -9,19 +9,19 @@ import numpy as np
 import numpy.typing as npt
 
 from trailmark_kinect_landmarks.alignment import (
-    Alignment,
     AlignmentLimits,
+    CloudAlignment,
     Refusal,
     align,
     planar_covariance,
 )
-from trailmark_kinect_landmarks.camera import Camera
+from trailmark_kinect_landmarks.camera import LandmarkCamera
 from trailmark_kinect_landmarks.config import KinectLandmarksConfig
 from trailmark_kinect_landmarks.expectation import Expected
-from trailmark_kinect_landmarks.eye import Eye, Picture
-from trailmark_kinect_landmarks.fuzzy import Plan
-from trailmark_kinect_landmarks.landmarks import Seen
-from trailmark_kinect_landmarks.memory import Memory
+from trailmark_kinect_landmarks.eye import LandmarkDetector, PreparedImage
+from trailmark_kinect_landmarks.fuzzy import SearchPlan
+from trailmark_kinect_landmarks.landmarks import SeenLandmarks
+from trailmark_kinect_landmarks.memory import LandmarkMemory
 from trailmark_kinect_landmarks.refinding import (
     consistent,
     follow,
@@ -32,7 +32,7 @@ from trailmark_kinect_landmarks.refinding import (
     resemblance_where,
 )
 
-__all__ = ["Sighting", "Solved", "Tracker"]
+__all__ = ["Solved", "TrackedLandmarks", "Tracker"]
 
 Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]
@@ -44,26 +44,26 @@ _MODEL_SIGMA_M = 0.004  # what calibration and rounding of depth add to every po
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sighting:
+class TrackedLandmarks:
     """Landmarks of a picture with their rows in the memory.
 
     Attributes
     ----------
-    seen : Seen
+    seen : SeenLandmarks
         What is seen.
     rows : (N,) int
         Their rows; -1: not known yet.
     """
 
-    seen: Seen
+    seen: SeenLandmarks
     rows: Rows
 
     def __len__(self) -> int:
         return len(self.rows)
 
-    def pick(self, which: Rows | npt.NDArray[np.bool_]) -> Sighting:
+    def pick(self, which: Rows | npt.NDArray[np.bool_]) -> TrackedLandmarks:
         """Return some of them."""
-        return Sighting(self.seen.rows(which), self.rows[which])
+        return TrackedLandmarks(self.seen.rows(which), self.rows[which])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,7 +76,7 @@ class Solved:
         In space; with ``solve: plane`` level and at height 0.
     covariance : (3, 3) float64
         Of the planar pose: of the measurements, and of the poses at which the landmarks were remembered.
-    agreeing : Sighting
+    agreeing : TrackedLandmarks
         Landmarks that agree with the pose.
     residual_m : float
         Root mean square distance [m].
@@ -84,7 +84,7 @@ class Solved:
 
     T_map_base: Array
     covariance: Array
-    agreeing: Sighting
+    agreeing: TrackedLandmarks
     residual_m: float
 
 
@@ -106,18 +106,20 @@ class Tracker:
     def __init__(
         self,
         config: KinectLandmarksConfig,
-        camera: Camera,
-        eye: Eye,
-        memory: Memory,
+        camera: LandmarkCamera,
+        eye: LandmarkDetector,
+        memory: LandmarkMemory,
         limits: AlignmentLimits,
         rng: np.random.Generator,
     ) -> None:
         self._config, self._camera, self._eye, self._memory = config, camera, eye, memory
         self._limits, self._rng = limits, rng
-        self._before: Picture | None = None
+        self._before: PreparedImage | None = None
         self._followed: tuple[Rows, Array] = (np.empty(0, np.intp), np.empty((0, 2)))
 
-    def look(self, picture: Picture, plan: Plan, T_map_base: Array | None) -> tuple[Sighting, Sighting]:
+    def look(
+        self, picture: PreparedImage, plan: SearchPlan, T_map_base: Array | None
+    ) -> tuple[TrackedLandmarks, TrackedLandmarks]:
         """Return the landmarks that are found again, and all others that are seen; `T_map_base`: predicted."""
         numbers = self._memory.forget(self._followed[0])
         if numbers is not None:
@@ -127,13 +129,13 @@ class Tracker:
         found = self._eye.find(picture, plan, again.seen.uv, wanted)
         pairs = self._recognised(found, again.rows, picture, plan, T_map_base)
         others = np.setdiff1d(np.arange(len(found)), pairs[:, 0])
-        again = _joined([again, Sighting(found.rows(pairs[:, 0]), pairs[:, 1])])
+        again = _joined([again, TrackedLandmarks(found.rows(pairs[:, 0]), pairs[:, 1])])
         self._before = picture
         self._followed = again.rows, again.seen.uv
         measured = np.flatnonzero(np.isfinite(again.seen.points_base).all(axis=1))
-        return again.pick(measured), Sighting(found.rows(others), np.full(len(others), -1, np.intp))
+        return again.pick(measured), TrackedLandmarks(found.rows(others), np.full(len(others), -1, np.intp))
 
-    def solve(self, again: Sighting, expected: Expected | None) -> Solved | Refusal:
+    def solve(self, again: TrackedLandmarks, expected: Expected | None) -> Solved | Refusal:
         """Return the pose that the landmarks agree on: of those that may vote; where few do, of those on trial too."""
         able = np.asarray(~self._memory.is_moved[again.rows])
         voting = self._memory.votes(again.rows)
@@ -144,7 +146,7 @@ class Tracker:
             answer = answer if isinstance(of_all, Refusal) else of_all
         return answer
 
-    def learn(self, solved: Solved, again: Sighting, others: Sighting) -> Rows:
+    def learn(self, solved: Solved, again: TrackedLandmarks, others: TrackedLandmarks) -> Rows:
         """Refine what agrees, count what does not, remember what is new; returns the rows that passed their trial."""
         R, t = solved.T_map_base[:3, :3], solved.T_map_base[:3, 3]
         points = again.seen.points_base @ R.T + t
@@ -162,7 +164,7 @@ class Tracker:
         self._keep(rows[stays], uv[stays], new_rows, new.uv)
         return passed
 
-    def remember(self, others: Sighting, T_map_base: Array, anchor_cov: Array) -> Rows:
+    def remember(self, others: TrackedLandmarks, T_map_base: Array, anchor_cov: Array) -> Rows:
         """Remember all that is seen from a pose that is taken for granted; returns the new rows."""
         rows = self._memory.add(others.seen, T_map_base[:3, :3], T_map_base[:3, 3], anchor_cov, is_trusted=True)
         self._keep(np.empty(0, np.intp), np.empty((0, 2)), rows, others.seen.uv)
@@ -171,7 +173,7 @@ class Tracker:
     def _keep(self, rows: Rows, uv: Array, new_rows: Rows, new_uv: Array) -> None:
         self._followed = np.concatenate([rows, new_rows]), np.concatenate([uv, new_uv])
 
-    def _follow(self, picture: Picture, plan: Plan, T_map_base: Array | None) -> Sighting:
+    def _follow(self, picture: PreparedImage, plan: SearchPlan, T_map_base: Array | None) -> TrackedLandmarks:
         """Follow the landmarks of the picture before; those that slid off or were set aside are let go."""
         rows, uv = self._followed
         kept = ~self._memory.is_moved[rows]
@@ -179,7 +181,7 @@ class Tracker:
         if self._before is None or self._config.refind != "flow" or self._before.size != picture.size:
             rows, uv = rows[:0], uv[:0]
         if len(rows) == 0:
-            return Sighting(self._eye.look_at(picture, uv, np.empty(0, np.int8), np.empty(0)), rows)
+            return TrackedLandmarks(self._eye.look_at(picture, uv, np.empty(0, np.int8), np.empty(0)), rows)
         assert self._before is not None
         guess = None if T_map_base is None else self._expected(rows, picture, T_map_base)
         if guess is not None:
@@ -190,9 +192,11 @@ class Tracker:
         seen = replace(seen, size_m=self._memory.size_m[rows])
         alike = np.einsum("nc,nc->n", seen.vicinity, self._memory.vicinity[rows])
         still = alike >= _STILL_ALIKE
-        return Sighting(seen.rows(still), rows[still])
+        return TrackedLandmarks(seen.rows(still), rows[still])
 
-    def _recognised(self, found: Seen, taken: Rows, picture: Picture, plan: Plan, T_map_base: Array | None) -> Rows:
+    def _recognised(
+        self, found: SeenLandmarks, taken: Rows, picture: PreparedImage, plan: SearchPlan, T_map_base: Array | None
+    ) -> Rows:
         """Return pairs (row of `found`, row of the memory), (K, 2)."""
         memory = self._memory
         free = ~memory.is_moved
@@ -220,11 +224,11 @@ class Tracker:
             pairs = match_near(alike, found.uv, expected, self._config.search_px, *sizes, self._config.alike)
         return np.stack([pairs[:, 0], rows[pairs[:, 1]]], axis=1)
 
-    def _expected(self, rows: Rows, picture: Picture, T_map_base: Array) -> Array:
+    def _expected(self, rows: Rows, picture: PreparedImage, T_map_base: Array) -> Array:
         points_base = (self._memory.points[rows] - T_map_base[:3, 3]) @ T_map_base[:3, :3]
         return self._camera.project(points_base, picture.size)
 
-    def _aligned(self, sighting: Sighting, expected: Expected | None) -> Solved | Refusal:
+    def _aligned(self, sighting: TrackedLandmarks, expected: Expected | None) -> Solved | Refusal:
         D = 2 if self._config.solve == "plane" else 3
         memory, seen = self._memory, sighting.seen
         model = _MODEL_SIGMA_M**2 * np.eye(D)
@@ -251,15 +255,15 @@ class Tracker:
         return np.atleast_1d(squared < _GATE)
 
 
-def _homogeneous(alignment: Alignment) -> Array:
+def _homogeneous(alignment: CloudAlignment) -> Array:
     D = len(alignment.t)
     T = np.eye(4)
     T[:D, :D], T[:D, 3] = alignment.R, alignment.t
     return T
 
 
-def _joined(parts: Sequence[Sighting]) -> Sighting:
+def _joined(parts: Sequence[TrackedLandmarks]) -> TrackedLandmarks:
     seen = [part.seen for part in parts if len(part)] or [parts[0].seen]
     fields = ("uv", "kind", "size_m", "histogram", "vicinity", "points_base", "cov_base")
     arrays = [np.concatenate([getattr(item, name) for item in seen]) for name in fields]
-    return Sighting(Seen(*arrays), np.concatenate([part.rows for part in parts]))
+    return TrackedLandmarks(SeenLandmarks(*arrays), np.concatenate([part.rows for part in parts]))

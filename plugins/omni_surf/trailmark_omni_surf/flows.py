@@ -15,7 +15,7 @@ from trailmark_omni_surf.features import FeatureExtractor
 from trailmark_omni_surf.landmark_map import LandmarkMap
 from trailmark_omni_surf.tracking import track_points
 
-__all__ = ["NOTHING", "Finding", "FlowOptions", "by_detection", "by_tracking", "chance_agreements"]
+__all__ = ["NOTHING", "FlowOptions", "FlowResult", "by_detection", "by_tracking", "chance_agreements"]
 
 Grey = npt.NDArray[np.uint8]
 
@@ -53,7 +53,7 @@ class FlowOptions:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Finding:
+class FlowResult:
     """What a flow says of one picture.
 
     Attributes
@@ -84,7 +84,7 @@ def by_detection(
     camera: BearingCamera,
     options: FlowOptions,
     start: Pose2 | None = None,
-) -> Finding:
+) -> FlowResult:
     """Detect features, match them with the landmarks and locate the camera; the sub flow.
 
     Parameters
@@ -114,7 +114,7 @@ def by_detection(
             found = near
     if found is None:
         return _nothing(len(uv), doubt)
-    return Finding(found, landmark_idx[found.is_inlier], uv[found.is_inlier], len(uv))
+    return FlowResult(found, landmark_idx[found.is_inlier], uv[found.is_inlier], len(uv))
 
 
 def _doubt(fix: BearingFix | None, bearings: npt.NDArray[np.float64], options: FlowOptions) -> str:
@@ -151,12 +151,12 @@ def _is_expected(near: BearingFix, anywhere: BearingFix | None, found: BearingFi
 def by_tracking(
     previous: Grey,
     image: Grey,
-    last: Finding,
+    last: FlowResult,
     landmarks: LandmarkMap,
     camera: BearingCamera,
     options: FlowOptions,
     start: Pose2,
-) -> Finding:
+) -> FlowResult:
     """Track the landmarks of the last picture into this one and locate the camera; the main flow.
 
     Landmarks whose tracking error, Eq. (4), exceeds T_p are removed: something else is tracked by now.
@@ -165,7 +165,7 @@ def by_tracking(
     ----------
     previous, image : (H, W) uint8
         Grey pictures.
-    last : Finding
+    last : FlowResult
         Of the previous picture.
     landmarks, camera, options : LandmarkMap, BearingCamera, FlowOptions
         As in `by_detection`.
@@ -186,7 +186,7 @@ def by_tracking(
         return _nothing(n, f"the bearings of {n} tracked landmarks do not tell the place")
     if 2 * int(fix.is_inlier.sum()) <= n:
         return _nothing(n, f"{int(fix.is_inlier.sum())} of {n} tracked landmarks agree")
-    return Finding(fix, landmark_idx[fix.is_inlier], uv[fix.is_inlier], n)
+    return FlowResult(fix, landmark_idx[fix.is_inlier], uv[fix.is_inlier], n)
 
 
 def chance_agreements(n: int, n_agreeing: int, gate_rad: float) -> float:
@@ -201,8 +201,8 @@ def chance_agreements(n: int, n_agreeing: int, gate_rad: float) -> float:
     return math.comb(n, 3) * tail
 
 
-def _nothing(n: int, reason: str) -> Finding:
-    return Finding(None, np.empty(0, dtype=np.intp), np.empty((0, 2)), n, reason)
+def _nothing(n: int, reason: str) -> FlowResult:
+    return FlowResult(None, np.empty(0, dtype=np.intp), np.empty((0, 2)), n, reason)
 
 
 #: What a flow says that was not gone.

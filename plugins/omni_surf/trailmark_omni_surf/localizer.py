@@ -18,7 +18,7 @@ from trailmark_omni_surf.bearings import BearingFix, BearingNoise
 from trailmark_omni_surf.centre import CentreFinder
 from trailmark_omni_surf.config import OmniSurfConfig
 from trailmark_omni_surf.features import Features, create_features, grey_of
-from trailmark_omni_surf.flows import NOTHING, Finding, FlowOptions, by_detection, by_tracking
+from trailmark_omni_surf.flows import NOTHING, FlowOptions, FlowResult, by_detection, by_tracking
 from trailmark_omni_surf.landmark_map import Candidates, LandmarkMap, keyframe_arrays, measured_candidates
 from trailmark_omni_surf.selection import SelectionModel, shipped_model
 from trailmark_omni_surf.tracking import TrackBook, TrackOptions
@@ -38,7 +38,7 @@ class OmniSurf(Localizer):
 
     config: OmniSurfConfig
     _image: Grey | None
-    _finding: Finding
+    _finding: FlowResult
     _n_tracked: int
     _last_pose: tuple[Pose2, Pose2] | None
     _pending: tuple[Pose2, Pose2, int] | None
@@ -180,7 +180,7 @@ class OmniSurf(Localizer):
         self._pending = (pose_map_camera, pose_odom_base, n_seen)
         return n_seen >= self.config.confirm_pictures
 
-    def _track(self, landmarks: LandmarkMap, image: Grey, start: Pose2 | None) -> Finding:
+    def _track(self, landmarks: LandmarkMap, image: Grey, start: Pose2 | None) -> FlowResult:
         """Main flow, where it can be gone."""
         if start is None or not self._is_main_flow(image):
             return NOTHING
@@ -191,7 +191,7 @@ class OmniSurf(Localizer):
         self._counters["landmarks_removed"] += found.n_seen - len(found.uv)
         return found
 
-    def _detect(self, landmarks: LandmarkMap, image: Grey, start: Pose2 | None) -> Finding:
+    def _detect(self, landmarks: LandmarkMap, image: Grey, start: Pose2 | None) -> FlowResult:
         """Sub flow."""
         self._n_tracked = 0
         self._counters["sub_flow"] += 1
@@ -212,7 +212,7 @@ class OmniSurf(Localizer):
         pose_map_base, pose_odom_base = self._last_pose
         return pose_map_base @ pose_odom_base.between(belief.pose_odom_base) @ self._pose_base_camera
 
-    def _answer(self, stamp_s: float, finding: Finding, fix: BearingFix, belief: Belief, is_tracked: bool) -> Fix:
+    def _answer(self, stamp_s: float, finding: FlowResult, fix: BearingFix, belief: Belief, is_tracked: bool) -> Fix:
         pose_map_base = fix.pose_map_base @ self._pose_camera_base  # `locate` speaks of the camera
         self._last_pose = (pose_map_base, belief.pose_odom_base)
         details = {

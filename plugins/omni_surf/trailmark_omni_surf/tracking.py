@@ -118,7 +118,7 @@ class Observations:
 
 
 @dataclass(slots=True)
-class _Track:
+class _LandmarkTrack:
     id: int
     uv: Points
     reference: npt.NDArray[np.float32]  # F at time 0
@@ -138,8 +138,8 @@ class TrackBook:
     """
 
     options: TrackOptions = field(default_factory=TrackOptions)
-    _tracks: list[_Track] = field(default_factory=list)
-    _ended: list[_Track] = field(default_factory=list)
+    _tracks: list[_LandmarkTrack] = field(default_factory=list)
+    _ended: list[_LandmarkTrack] = field(default_factory=list)
     _previous: Grey | None = None
     _n_ids: int = 0
     n_rejoined: int = 0
@@ -164,7 +164,7 @@ class TrackBook:
             return
         uv = np.array([track.uv for track in self._tracks]).reshape(-1, 2)
         moved, is_tracked = track_points(self._previous, image, uv)
-        kept: list[_Track] = []
+        kept: list[_LandmarkTrack] = []
         for track, position, found in zip(self._tracks, moved, is_tracked):
             if found:
                 track.uv = position
@@ -173,10 +173,10 @@ class TrackBook:
                 self._end(track)
         self._tracks = kept
 
-    def _confirm(self, features: Features) -> list[tuple[_Track, int]]:
+    def _confirm(self, features: Features) -> list[tuple[_LandmarkTrack, int]]:
         """Pair tracks with features that agree in place and descriptor; end those missed too often."""
-        pairs: list[tuple[_Track, int]] = []
-        kept: list[_Track] = []
+        pairs: list[tuple[_LandmarkTrack, int]] = []
+        kept: list[_LandmarkTrack] = []
         cost = self._costs(features)
         taken: set[int] = set()
         for k, track in enumerate(self._tracks):
@@ -208,7 +208,7 @@ class TrackBook:
         squared[(apart >= self.options.position_gate_px) | (squared >= self.options.descriptor_gate**2)] = np.inf
         return squared
 
-    def _begin(self, features: Features, taken: set[int]) -> list[tuple[_Track, int]]:
+    def _begin(self, features: Features, taken: set[int]) -> list[tuple[_LandmarkTrack, int]]:
         """Begin tracks at free features, the strongest first; join them with ended ones where they look alike."""
         occupied = np.array([track.uv for track in self._tracks]).reshape(-1, 2)
         is_free = np.ones(len(features), dtype=bool)
@@ -218,23 +218,25 @@ class TrackBook:
             is_free &= (apart >= _MIN_APART_PX).all(axis=1)
         free = np.flatnonzero(is_free)[: max(0, self.options.max_tracks - len(self._tracks))].tolist()
         joined = self._rejoin(features, np.array(free, dtype=np.intp))
-        pairs: list[tuple[_Track, int]] = []
+        pairs: list[tuple[_LandmarkTrack, int]] = []
         for k in free:
             track = joined.get(k)
             if track is None:
-                track = _Track(self._n_ids, features.uv[k], features.descriptors[k].copy(), int(features.sign[k]))
+                track = _LandmarkTrack(
+                    self._n_ids, features.uv[k], features.descriptors[k].copy(), int(features.sign[k])
+                )
                 self._n_ids += 1
             pairs.append((track, k))
         self._tracks += [track for track, _ in pairs]
         return pairs
 
-    def _rejoin(self, features: Features, free: npt.NDArray[np.intp]) -> dict[int, _Track]:
+    def _rejoin(self, features: Features, free: npt.NDArray[np.intp]) -> dict[int, _LandmarkTrack]:
         if not self._ended or not len(free):
             return {}
         reference = np.array([track.reference for track in self._ended])
         sign = np.array([track.sign for track in self._ended], dtype=np.int8)
         i, j, _ = match(features.descriptors[free], features.sign[free], reference, sign, self.options.rejoin_gate, 0.7)
-        joined: dict[int, _Track] = {}
+        joined: dict[int, _LandmarkTrack] = {}
         for feature, ended in zip(free[i], j):
             track = self._ended[int(ended)]
             track.uv, track.misses, track.life = features.uv[int(feature)], 0, track.life + 1
@@ -244,6 +246,6 @@ class TrackBook:
         self._ended = [track for track in self._ended if track.id not in back]
         return joined
 
-    def _end(self, track: _Track) -> None:
+    def _end(self, track: _LandmarkTrack) -> None:
         if track.life >= self.options.min_life:
             self._ended = [*self._ended[-(_N_ENDED - 1) :], track]

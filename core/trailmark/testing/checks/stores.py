@@ -53,10 +53,10 @@ def store_checks(store: type[PathStore], config: Callable[[FilePath, Access], Pl
     """Return the checks by name; arguments as of `parametrize_with_store_checks`."""
     some = config(FilePath("place.trail"), "read")
 
-    def on_disk(check: Callable[[_Place], None]) -> Check:
+    def on_disk(check: Callable[[_StorePlace], None]) -> Check:
         def run() -> None:
             with TemporaryDirectory() as folder:
-                check(_Place(store, config, FilePath(folder) / "place.trail"))
+                check(_StorePlace(store, config, FilePath(folder) / "place.trail"))
 
         return run
 
@@ -80,7 +80,7 @@ def store_checks(store: type[PathStore], config: Callable[[FilePath, Access], Pl
     }
 
 
-class _Place:
+class _StorePlace:
     """A place on disk, and stores opened on it."""
 
     def __init__(
@@ -114,7 +114,7 @@ def _keyframe(index: int) -> Keyframe:
     return Keyframe(0.05 * index, float(index), Pose2(0.05 * index, 0.1, 0.2), {"patch": np.full((4, 4), index, "u1")})
 
 
-def _path_comes_back(place: _Place) -> None:
+def _path_comes_back(place: _StorePlace) -> None:
     place.teach_waypoints()
     with place.open_store("read") as store:
         path = store.path()
@@ -122,12 +122,12 @@ def _path_comes_back(place: _Place) -> None:
     assert [path[index] for index in range(len(path))] == [_waypoint(index) for index in range(5)]
 
 
-def _has_no_path(place: _Place) -> None:
+def _has_no_path(place: _StorePlace) -> None:
     with place.open_store("create") as store:
         assert store.path() is None, "a new store has a path"
 
 
-def _forgets(place: _Place) -> None:
+def _forgets(place: _StorePlace) -> None:
     place.teach_waypoints(3)
     with place.open_store("append") as store:
         store.localizer_map("floor").add(_keyframe(3))
@@ -139,14 +139,14 @@ def _forgets(place: _Place) -> None:
     assert len(keyframes) == 3, f"{len(keyframes)} keyframes: one was not committed"
 
 
-def _follow(place: _Place) -> None:
+def _follow(place: _StorePlace) -> None:
     with place.open_store("create") as store:
         store.append(_waypoint(0))
         for wrong in (_waypoint(0), _waypoint(2), Waypoint(1, -1.0, Pose2())):
             _check_refused(lambda wrong=wrong: store.append(wrong), f"{wrong} after waypoint 0")  # type: ignore[misc]
 
 
-def _arrays_come_back(place: _Place) -> None:
+def _arrays_come_back(place: _StorePlace) -> None:
     rng = np.random.default_rng(0)
     kinds = ("u1", "u2", "i4", "i8", "f4", "f8", "?")
     arrays = {f"a_{kind.strip('?')}": rng.integers(0, 2, (3, 5)).astype(kind) for kind in kinds}
@@ -175,7 +175,7 @@ def _arrays_come_back(place: _Place) -> None:
                 )
 
 
-def _are_apart(place: _Place) -> None:
+def _are_apart(place: _StorePlace) -> None:
     with place.open_store("create") as store:
         store.localizer_map("one").add(_keyframe(1))
         store.localizer_map("two").save("model", {"x": np.zeros(2)})
@@ -187,7 +187,7 @@ def _are_apart(place: _Place) -> None:
         assert store.localizer_map("one").load("model") is None, "one localizer sees what another saved"
 
 
-def _works_in_a_thread(place: _Place) -> None:
+def _works_in_a_thread(place: _StorePlace) -> None:
     failures: list[BaseException] = []
 
     def add(localizer_map: Any, index: int) -> None:
@@ -210,7 +210,7 @@ def _works_in_a_thread(place: _Place) -> None:
         assert len(localizer_map.keyframes()) == 80, f"{len(localizer_map.keyframes())} of 80 keyframes"
 
 
-def _reads_only(place: _Place) -> None:
+def _reads_only(place: _StorePlace) -> None:
     place.teach_waypoints()
     before = place.file.read_bytes()
     with place.open_store("read") as store:
@@ -219,7 +219,7 @@ def _reads_only(place: _Place) -> None:
     assert place.file.read_bytes() == before, "reading changed the file"
 
 
-def _sensors_come_back(place: _Place) -> None:
+def _sensors_come_back(place: _StorePlace) -> None:
     sensors = {"floor": SensorInfo("floor", "image", (512, 480), 70.0)}
     with place.open_store("create") as store:
         store.set_sensors(sensors)
@@ -229,7 +229,7 @@ def _sensors_come_back(place: _Place) -> None:
         assert dict(store.sensors()) in (sensors, {}), f"{dict(store.sensors())} came back"
 
 
-def _finishes(place: _Place) -> None:
+def _finishes(place: _StorePlace) -> None:
     place.teach_waypoints()
     with place.open_store("append") as store:
         store.mark_finished("floor")
@@ -238,18 +238,18 @@ def _finishes(place: _Place) -> None:
         assert store.is_finished("floor"), "it forgot that a localizer has finished"
 
 
-def _says_missing(place: _Place) -> None:
+def _says_missing(place: _StorePlace) -> None:
     _check_refused(lambda: _open_and_close(place, "read"), "a file that is not there")
 
 
-def _refuses_foreign(place: _Place) -> None:
+def _refuses_foreign(place: _StorePlace) -> None:
     place.file.write_bytes(_FOREIGN)
     for access in ("read", "append"):
         _check_refused(lambda access=access: _open_and_close(place, access), "a file of another program")  # type: ignore[misc]
     assert place.file.read_bytes() == _FOREIGN, "it changed a file of another program"
 
 
-def _survives_a_cut(place: _Place) -> None:
+def _survives_a_cut(place: _StorePlace) -> None:
     place.teach_waypoints(40)
     whole = place.file.read_bytes()
     for share in (0.0, 0.01, 0.3, 0.7, 0.99):
@@ -262,7 +262,7 @@ def _survives_a_cut(place: _Place) -> None:
             continue
 
 
-def _open_and_close(place: _Place, access: Access) -> None:
+def _open_and_close(place: _StorePlace, access: Access) -> None:
     with place.open_store(access):
         pass
 

@@ -14,14 +14,14 @@ from trailmark.frames import Frame, GroundPlane, Image, SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Session
 
-__all__ = ["Camera", "Grey", "Points", "ground_camera"]
+__all__ = ["DownwardCamera", "Grey", "Points", "ground_camera"]
 
 Grey = npt.NDArray[np.uint8]
 Points = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Camera:
+class DownwardCamera:
     """A calibrated camera that looks straight down; its axes are x along +u and y along -v.
 
     Attributes
@@ -74,7 +74,7 @@ class Camera:
         return np.asarray(points / np.array([along_u, -along_v]) + middle)
 
 
-def ground_camera(session: Session, name: str) -> Camera:
+def ground_camera(session: Session, name: str) -> DownwardCamera:
     """Return the camera of a session; an empty name means its only one.
 
     Raises
@@ -91,7 +91,7 @@ def ground_camera(session: Session, name: str) -> Camera:
     return _camera(session.name, cameras[name])
 
 
-def _camera(who: str, sensor: SensorInfo) -> Camera:
+def _camera(who: str, sensor: SensorInfo) -> DownwardCamera:
     plane, mounting = sensor.calibration, sensor.pose_base_sensor
     if not isinstance(plane, GroundPlane):
         raise ConfigError(
@@ -100,4 +100,4 @@ def _camera(who: str, sensor: SensorInfo) -> Camera:
         )
     if abs(mounting.roll) > 1e-9 or abs(mounting.pitch) > 1e-9:
         raise ConfigError(f"localizer {who!r}: sensor {sensor.name!r} must be level; give x, y and yaw of its mounting")
-    return Camera(sensor.name, plane, mounting.planar())
+    return DownwardCamera(sensor.name, plane, mounting.planar())

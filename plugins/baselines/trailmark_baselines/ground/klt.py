@@ -11,7 +11,7 @@ import numpy as np
 from trailmark.geometry import Pose2
 from trailmark_baselines.ground.camera import Grey, Points
 from trailmark_baselines.ground.config import KLTConfig
-from trailmark_baselines.ground.localizer import Alignment, GroundPeer, Unaligned
+from trailmark_baselines.ground.localizer import GroundPeer, KeyframeMatch, Unaligned
 from trailmark_baselines.ground.rigid import alignment_covariance, ransac_rigid
 
 __all__ = ["KLT"]
@@ -23,7 +23,7 @@ _THIN = 0.5
 
 
 @dataclass(eq=False)
-class _View:
+class _Corners:
     image: Grey
     config: KLTConfig
 
@@ -35,16 +35,16 @@ class _View:
         return np.empty((0, 2)) if found is None else np.asarray(found, np.float64).reshape(-1, 2)
 
 
-class KLT(GroundPeer[_View]):
+class KLT(GroundPeer[_Corners]):
     """Corners of the key frame, looked for around where the last motion says that they are."""
 
     config: KLTConfig
 
-    def view(self, image: Grey) -> _View:
+    def view(self, image: Grey) -> _Corners:
         """Return the picture."""
-        return _View(image, self.config)
+        return _Corners(image, self.config)
 
-    def align(self, key: _View, now: _View, expected: Pose2) -> Alignment | Unaligned:
+    def align(self, key: _Corners, now: _Corners, expected: Pose2) -> KeyframeMatch | Unaligned:
         """Track the corners of the key frame and fit a rigid motion."""
         config, size = self.config, (now.image.shape[1], now.image.shape[0])
         ground = self.camera.on_ground(key.corners, size)
@@ -60,7 +60,7 @@ class KLT(GroundPeer[_View]):
             return Unaligned(f"{n_agree} of {len(a)} tracked corners agree", details)
         pose, agree = Pose2(unit_m * found[0].x, unit_m * found[0].y, found[0].theta), found[1]
         covariance = alignment_covariance(a[agree], pose, b[agree], _SIGMA_PX * unit_m)
-        return Alignment(pose, covariance, n_agree < _THIN * len(key.corners), details)
+        return KeyframeMatch(pose, covariance, n_agree < _THIN * len(key.corners), details)
 
     def _tracked(self, key: Grey, now: Grey, corners: Points, guess: Points) -> tuple[Points, Points]:
         """Return the corners that were tracked and where they are now, (N, 2) each [px]."""

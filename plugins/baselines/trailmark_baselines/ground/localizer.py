@@ -16,10 +16,10 @@ from trailmark.estimates import Belief, Estimate, Lost, Motion, information_from
 from trailmark.frames import Frame
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Localizer, Session
-from trailmark_baselines.ground.camera import Camera, Grey, ground_camera
+from trailmark_baselines.ground.camera import DownwardCamera, Grey, ground_camera
 from trailmark_baselines.ground.config import GroundPeerConfig
 
-__all__ = ["Alignment", "GroundPeer", "Unaligned"]
+__all__ = ["GroundPeer", "KeyframeMatch", "Unaligned"]
 
 Matrix = npt.NDArray[np.float64]
 View = TypeVar("View")
@@ -35,7 +35,7 @@ _BIAS_PX = 0.03
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Alignment:
+class KeyframeMatch:
     """A picture against a key frame.
 
     Attributes
@@ -65,7 +65,7 @@ class Unaligned:
 
 
 @dataclass(slots=True)
-class _Track(Generic[View]):
+class _KeyframeTrack(Generic[View]):
     key: View
     last: View  # the picture before, the next key frame should this one fail
     pose_key_last: Pose2
@@ -88,8 +88,8 @@ class GroundPeer(Localizer, Generic[View]):
         ConfigError
             If it has no scale, or is not there.
         """
-        self.camera: Camera = ground_camera(session, self.config.camera)
-        self._track: _Track[View] | None = None
+        self.camera: DownwardCamera = ground_camera(session, self.config.camera)
+        self._track: _KeyframeTrack[View] | None = None
         self._shape: tuple[int, ...] | None = None
         self._counts = {"lost": 0, "key_frames": 0}
 
@@ -126,7 +126,7 @@ class GroundPeer(Localizer, Generic[View]):
         """Return what is kept of a picture."""
 
     @abstractmethod
-    def align(self, key: View, now: View, expected: Pose2) -> Alignment | Unaligned:
+    def align(self, key: View, now: View, expected: Pose2) -> KeyframeMatch | Unaligned:
         """Return the camera now as seen from the key frame.
 
         Parameters
@@ -136,15 +136,15 @@ class GroundPeer(Localizer, Generic[View]):
         """
 
     def _begin(self, view: View, step: Pose2, stamp_s: float) -> None:
-        self._track = _Track(view, view, Pose2(), stamp_s, step)
+        self._track = _KeyframeTrack(view, view, Pose2(), stamp_s, step)
         self._counts["key_frames"] += 1
 
-    def _aligned(self, track: _Track[View], view: View, stamp_s: float) -> Alignment | Unaligned:
+    def _aligned(self, track: _KeyframeTrack[View], view: View, stamp_s: float) -> KeyframeMatch | Unaligned:
         """Align with the key frame; should it fail, with the last picture, which then is the key frame."""
         pace = (stamp_s - track.last_s) / track.step_s if track.step_s > 0.0 else 1.0
         step = Pose2.exp(*(pace * part for part in track.step.log()))
         found = self.align(track.key, view, track.pose_key_last @ step)
-        if isinstance(found, Alignment) or track.last is track.key:
+        if isinstance(found, KeyframeMatch) or track.last is track.key:
             return found
         again = self.align(track.last, view, step)
         if isinstance(again, Unaligned):
@@ -153,14 +153,16 @@ class GroundPeer(Localizer, Generic[View]):
         self._counts["key_frames"] += 1
         return again
 
-    def _lost(self, track: _Track[View], view: View, stamp_s: float, why: Unaligned) -> Lost:
+    def _lost(self, track: _KeyframeTrack[View], view: View, stamp_s: float, why: Unaligned) -> Lost:
         self._counts["lost"] += 1
         track.n_failed += 1
         if track.n_failed > self.config.patience_frames:
             self._begin(view, Pose2(), stamp_s)
         return Lost(stamp_s, why.reason, why.details)
 
-    def _moved(self, track: _Track[View], view: View, image: Grey, stamp_s: float, found: Alignment) -> Motion:
+    def _moved(
+        self, track: _KeyframeTrack[View], view: View, image: Grey, stamp_s: float, found: KeyframeMatch
+    ) -> Motion:
         before, step = track.pose_key_last, track.pose_key_last.between(found.pose_key_now)
         travelled = self._travelled(found.pose_key_now, image.shape)
         share = min(1.0, max(_LEAST_SHARE, self._travelled(step, image.shape)))

@@ -12,7 +12,7 @@ from trailmark.geometry import Pose2
 from trailmark.interfaces import Session
 from trailmark_baselines.ground.camera import Grey, Points
 from trailmark_baselines.ground.config import ORBConfig
-from trailmark_baselines.ground.localizer import Alignment, GroundPeer, Unaligned
+from trailmark_baselines.ground.localizer import GroundPeer, KeyframeMatch, Unaligned
 from trailmark_baselines.ground.rigid import alignment_covariance, ransac_rigid
 
 __all__ = ["ORB"]
@@ -22,12 +22,12 @@ _SIGMA_PX = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _View:
+class _OrbView:
     ground: Points
     descriptors: npt.NDArray[np.uint8]
 
 
-class ORB(GroundPeer[_View]):
+class ORB(GroundPeer[_OrbView]):
     """Features of the key frame, matched wherever they are."""
 
     config: ORBConfig
@@ -44,14 +44,16 @@ class ORB(GroundPeer[_View]):
         self._orb = cv2.ORB.create(self.config.features, fastThreshold=self.config.fast_threshold)
         self._matcher = cv2.BFMatcher(cv2.NORM_HAMMING, crossCheck=True)
 
-    def view(self, image: Grey) -> _View:
+    def view(self, image: Grey) -> _OrbView:
         """Return the features of the picture, as places on the ground."""
         keypoints, descriptors = self._orb.detectAndCompute(image, None)
         pixels = np.array([keypoint.pt for keypoint in keypoints], np.float64).reshape(-1, 2)
         ground = self.camera.on_ground(pixels, (image.shape[1], image.shape[0]))
-        return _View(ground, np.empty((0, 32), np.uint8) if descriptors is None else np.asarray(descriptors, np.uint8))
+        return _OrbView(
+            ground, np.empty((0, 32), np.uint8) if descriptors is None else np.asarray(descriptors, np.uint8)
+        )
 
-    def align(self, key: _View, now: _View, expected: Pose2) -> Alignment | Unaligned:
+    def align(self, key: _OrbView, now: _OrbView, expected: Pose2) -> KeyframeMatch | Unaligned:
         """Match, and fit a rigid motion."""
         config, unit_m = self.config, self.camera.plane.metres_per_pixel[0]
         pairs = self._pairs(key, now)
@@ -63,9 +65,9 @@ class ORB(GroundPeer[_View]):
             return Unaligned(f"{n_agree} of {len(a)} pairs agree", details)
         pose, agree = Pose2(unit_m * found[0].x, unit_m * found[0].y, found[0].theta), found[1]
         covariance = alignment_covariance(a[agree], pose, b[agree], _SIGMA_PX * unit_m)
-        return Alignment(pose, covariance, n_agree < 2 * config.min_pairs, details)
+        return KeyframeMatch(pose, covariance, n_agree < 2 * config.min_pairs, details)
 
-    def _pairs(self, key: _View, now: _View) -> npt.NDArray[np.intp]:
+    def _pairs(self, key: _OrbView, now: _OrbView) -> npt.NDArray[np.intp]:
         if len(key.ground) == 0 or len(now.ground) == 0:
             return np.empty((0, 2), np.intp)
         matches = self._matcher.match(key.descriptors, now.descriptors)

@@ -13,7 +13,7 @@ from trailmark.geometry import Pose2
 from trailmark.geometry.rigid import fit_pose2
 from trailmark_baselines.ground.camera import Grey, Points
 from trailmark_baselines.ground.config import PhaseCorrelationConfig
-from trailmark_baselines.ground.localizer import Alignment, GroundPeer, Unaligned
+from trailmark_baselines.ground.localizer import GroundPeer, KeyframeMatch, Unaligned
 from trailmark_baselines.ground.rigid import alignment_covariance
 
 __all__ = ["PhaseCorrelation"]
@@ -28,7 +28,7 @@ _LEAST_CONTRAST = 0.5
 _N_ANGLES = 360
 
 
-class _View:
+class _Spectrum:
     def __init__(self, image: Grey) -> None:
         self.image = np.asarray(image, np.float32)
 
@@ -47,7 +47,7 @@ class _View:
         return np.ascontiguousarray(full[:_N_ANGLES, side // 8 :])
 
 
-class PhaseCorrelation(GroundPeer[_View]):
+class PhaseCorrelation(GroundPeer[_Spectrum]):
     """Windows of the key frame, phase-correlated with the picture after it was moved to where it is expected.
 
     The turn comes from the shifts of the windows, which are finer than the log-polar spectrum; the spectrum serves
@@ -56,11 +56,11 @@ class PhaseCorrelation(GroundPeer[_View]):
 
     config: PhaseCorrelationConfig
 
-    def view(self, image: Grey) -> _View:
+    def view(self, image: Grey) -> _Spectrum:
         """Return the picture."""
-        return _View(image)
+        return _Spectrum(image)
 
-    def align(self, key: _View, now: _View, expected: Pose2) -> Alignment | Unaligned:
+    def align(self, key: _Spectrum, now: _Spectrum, expected: Pose2) -> KeyframeMatch | Unaligned:
         """Correlate, move by what was found, and correlate again; from the spectrum's turn where that fails."""
         found = self._correlated(key, now, expected)
         if isinstance(found, Unaligned):
@@ -68,7 +68,7 @@ class PhaseCorrelation(GroundPeer[_View]):
             return found if isinstance(again, Unaligned) else again
         return found
 
-    def _correlated(self, key: _View, now: _View, expected: Pose2) -> Alignment | Unaligned:
+    def _correlated(self, key: _Spectrum, now: _Spectrum, expected: Pose2) -> KeyframeMatch | Unaligned:
         config, size = self.config, (key.image.shape[1], key.image.shape[0])
         unit_m = self.camera.plane.metres_per_pixel[0]
         boxes, pose = _boxes(size, config.windows), expected
@@ -94,7 +94,7 @@ class PhaseCorrelation(GroundPeer[_View]):
             return Unaligned(f"no peak: response {response:.3f}", details)
         if spread_px > config.tolerance_px:
             return Unaligned(f"windows disagree by {spread_px:.1f} px", details)
-        return Alignment(pose, alignment_covariance(a, pose, b, _SIGMA_PX * unit_m), False, details)
+        return KeyframeMatch(pose, alignment_covariance(a, pose, b, _SIGMA_PX * unit_m), False, details)
 
     def _as_from_key(self, image: Floats, pose_key_now: Pose2, size: tuple[int, int]) -> Floats:
         """Return the picture as it would look from the key frame."""
@@ -106,7 +106,7 @@ class PhaseCorrelation(GroundPeer[_View]):
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         return np.asarray(cv2.warpAffine(image, matrix, size, flags=flags, borderMode=cv2.BORDER_REFLECT), np.float32)
 
-    def _coarse_turn(self, key: _View, now: _View) -> float:
+    def _coarse_turn(self, key: _Spectrum, now: _Spectrum) -> float:
         (_, rows), _ = cv2.phaseCorrelate(key.spectrum, now.spectrum)
         return float(rows * math.pi / _N_ANGLES)
 

@@ -28,7 +28,7 @@ _PATIENCE = 5  # pictures without a motion until it begins anew
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Features:
+class _OrbFeatures:
     stamp_s: float
     descriptors: npt.NDArray[np.uint8]
     points_base: Array
@@ -64,7 +64,7 @@ class OrbRgbd(Localizer):
         self._orb = cv2.ORB.create(self.config.features)
         self._matcher = cv2.BFMatcher(cv2.NORM_HAMMING, crossCheck=True)
         self._rng = session.rng
-        self._before: _Features | None = None
+        self._before: _OrbFeatures | None = None
         self._T_first_base = np.eye(4)
         self._n_lost = self._n_in_a_row = 0
 
@@ -99,7 +99,7 @@ class OrbRgbd(Localizer):
         return [self._motion(before.stamp_s, now, R, t, now.points_base[pairs[inliers, 1]], details)]
 
     def _motion(
-        self, since_s: float, now: _Features, R: Array, t: Array, points: Array, details: Mapping[str, float]
+        self, since_s: float, now: _OrbFeatures, R: Array, t: Array, points: Array, details: Mapping[str, float]
     ) -> Motion:
         since = Pose3.from_matrix(self._T_first_base).planar()
         step = np.eye(4)
@@ -109,7 +109,7 @@ class OrbRgbd(Localizer):
         covariance = _covariance(points) + _FLOOR
         return Motion(since_s, now.stamp_s, motion, information_from_covariance(covariance), details)
 
-    def _features(self, stamp_s: float, payload: RGBD) -> _Features:
+    def _features(self, stamp_s: float, payload: RGBD) -> _OrbFeatures:
         if payload.depth_m.shape != payload.bgr.shape[:2]:
             raise ConfigError("orb_rgbd needs depth of the size of colour, registered to it")
         keypoints, descriptors = self._orb.detectAndCompute(cv2.cvtColor(payload.bgr, cv2.COLOR_BGR2GRAY), None)
@@ -118,16 +118,16 @@ class OrbRgbd(Localizer):
         depth_m = payload.depth_m[whole[:, 1], whole[:, 0]].astype(np.float64)
         good = (depth_m > 0.0) & (depth_m < self.config.far_m)
         if not good.any():
-            return _Features(stamp_s, np.empty((0, 32), np.uint8), np.empty((0, 3)), np.empty(0))
+            return _OrbFeatures(stamp_s, np.empty((0, 32), np.uint8), np.empty((0, 3)), np.empty(0))
         rays = cv2.undistortPoints(
             uv[good].reshape(-1, 1, 2), self._lens.matrix(), np.array(self._lens.distortion or (0.0,) * 4)
         )
         flat = np.asarray(rays, dtype=np.float64).reshape(-1, 2)
         optical = np.column_stack([flat, np.ones(len(flat))]) * depth_m[good, None]
         points = self._pose_base_camera.transform(optical @ _SENSOR_FROM_OPTICAL.T)
-        return _Features(stamp_s, np.asarray(descriptors, np.uint8)[good], points, depth_m[good])
+        return _OrbFeatures(stamp_s, np.asarray(descriptors, np.uint8)[good], points, depth_m[good])
 
-    def _pairs(self, before: _Features, now: _Features) -> npt.NDArray[np.intp]:
+    def _pairs(self, before: _OrbFeatures, now: _OrbFeatures) -> npt.NDArray[np.intp]:
         if len(before.descriptors) == 0 or len(now.descriptors) == 0:
             return np.empty((0, 2), np.intp)
         matches = self._matcher.match(before.descriptors, now.descriptors)

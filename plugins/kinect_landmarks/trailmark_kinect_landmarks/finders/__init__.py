@@ -12,11 +12,11 @@ from trailmark_kinect_landmarks.finders.shapes import (
     find_lines,
     find_rectangles,
 )
-from trailmark_kinect_landmarks.finders.view import Region, View
+from trailmark_kinect_landmarks.finders.view import Region, WorkingImage
 
-__all__ = ["FINDERS", "Finder", "Region", "View", "find"]
+__all__ = ["FINDERS", "Finder", "Region", "WorkingImage", "find"]
 
-Finder = Callable[[View], list[Region]]
+Finder = Callable[[WorkingImage], list[Region]]
 
 #: All finders by the name a config gives them.
 FINDERS: Mapping[str, Finder] = {
@@ -31,6 +31,6 @@ FINDERS: Mapping[str, Finder] = {
 }
 
 
-def find(view: View, names: Iterable[str]) -> list[Region]:
+def find(view: WorkingImage, names: Iterable[str]) -> list[Region]:
     """Return what the named finders see, in their order."""
     return [region for name in names for region in FINDERS[name](view)]

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from trailmark_kinect_landmarks.finders.view import Region, View
+from trailmark_kinect_landmarks.finders.view import Region, WorkingImage
 
 __all__ = ["find_blobs", "find_flats", "find_mser", "patches_of"]
 
@@ -22,14 +22,14 @@ _FLAT_STEP_PX = 8
 _NORMAL_CLASSES = 6  # of a normal's components, each way
 
 
-def find_blobs(view: View) -> list[Region]:
+def find_blobs(view: WorkingImage) -> list[Region]:
     """Return connected areas of one colour class; also black, grey and white ones."""
     small = view.half
     found = patches_of(small.index.astype(np.int32), _MIN_BLOB, _MAX_BLOB)
     return [_at(view, 0.5, "blob", box) for box in found]
 
 
-def find_mser(view: View) -> list[Region]:
+def find_mser(view: WorkingImage) -> list[Region]:
     """Return areas that stay the same over many thresholds of grey (Matas et al. 2002)."""
     small = view.half.grey
     n = small.size
@@ -42,7 +42,7 @@ def find_mser(view: View) -> list[Region]:
     return list(found.values())
 
 
-def find_flats(view: View) -> list[Region]:
+def find_flats(view: WorkingImage) -> list[Region]:
     """Return flat objects: areas of one direction of the surface, bounded by steps of depth.
 
     Depth is needed every eighth pixel only; the surface's direction comes from the slope of the inverse depth, which
@@ -84,7 +84,7 @@ def patches_of(
     return [(int(u), int(v), int(w), int(h)) for u, v, w, h, _ in stats[good]]
 
 
-def _at(view: View, scale: float, kind: str, box: Sequence[int]) -> Region:
+def _at(view: WorkingImage, scale: float, kind: str, box: Sequence[int]) -> Region:
     """Return a region found at a share of the view's own resolution."""
     u, v, width, height = (float(value) for value in box)
     region = (u + 0.5) / scale - 0.5, (v + 0.5) / scale - 0.5, width / scale, height / scale

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from trailmark_kinect_landmarks.finders.view import Region, View
+from trailmark_kinect_landmarks.finders.view import Region, WorkingImage
 
 __all__ = ["find_edges", "find_ellipses", "find_hough_circles", "find_lines", "find_rectangles"]
 
@@ -21,7 +21,7 @@ _ROUND = 0.85  # axes of an ellipse that is called a circle
 _OFF_ELLIPSE = 0.08  # mean distance of the contour from the ellipse, in mean radii
 
 
-def find_edges(view: View) -> list[Region]:
+def find_edges(view: WorkingImage) -> list[Region]:
     """Return corners where two long straight edges meet: of a door, a shelf, a change of colour."""
     polygons = [polygon.reshape(-1, 2) for polygon in view.polygons if len(polygon) >= 3]
     if not polygons:
@@ -40,7 +40,7 @@ def find_edges(view: View) -> list[Region]:
     return [view.region("edge", (u - half, v - half, *(_CORNER_BOX_PX,) * 2)) for u, v in corners[sharp]]
 
 
-def find_rectangles(view: View) -> list[Region]:
+def find_rectangles(view: WorkingImage) -> list[Region]:
     """Return convex quadrangles with about right corners."""
     return [view.region("rectangle", cv2.boundingRect(polygon)) for polygon in view.polygons if _is_rectangle(polygon)]
 
@@ -54,7 +54,7 @@ def _is_rectangle(polygon: npt.NDArray[Any]) -> bool:
     return bool(np.abs((unit * np.roll(unit, 1, axis=0)).sum(axis=1)).max() < _RIGHT_ENOUGH)
 
 
-def find_ellipses(view: View) -> list[Region]:
+def find_ellipses(view: WorkingImage) -> list[Region]:
     """Return closed contours that are ellipses, circles among them; costs nothing beyond the edges."""
     found = []
     for chain in view.contours:
@@ -78,7 +78,7 @@ def _off_ellipse(
     return float(np.abs(np.hypot(across, along) - 1.0).mean()) > _OFF_ELLIPSE
 
 
-def find_hough_circles(view: View) -> list[Region]:
+def find_hough_circles(view: WorkingImage) -> list[Region]:
     """Return circles by Hough's transformation, at half resolution: slow, and on real pictures mostly false."""
     small = cv2.medianBlur(view.half.grey, 5)
     circles = cv2.HoughCircles(
@@ -93,7 +93,7 @@ def find_hough_circles(view: View) -> list[Region]:
     return found
 
 
-def find_lines(view: View) -> list[Region]:
+def find_lines(view: WorkingImage) -> list[Region]:
     """Return straight lines by Hough's transformation, at half resolution: a frame around each of both ends."""
     lines = cv2.HoughLinesP(view.half.edges, 1.0, math.pi / 90.0, threshold=30, minLineLength=25, maxLineGap=3)
     if lines is None:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from trailmark_kinect_landmarks.colour import colour_index
 
-__all__ = ["Region", "View"]
+__all__ = ["Region", "WorkingImage"]
 
 Grey = npt.NDArray[np.uint8]
 
@@ -42,7 +42,7 @@ class Region:
         return self.u + (self.width - 1.0) / 2.0, self.v + (self.height - 1.0) / 2.0
 
 
-class View:
+class WorkingImage:
     """A colour picture with its depth, reduced to a working resolution.
 
     Parameters
@@ -69,9 +69,9 @@ class View:
         return np.asarray(cv2.cvtColor(self.bgr, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
 
     @cached_property
-    def half(self) -> View:
+    def half(self) -> WorkingImage:
         """The same at half the working resolution, for what needs no more."""
-        return View(self.bgr, self.depth_m, 0.5)
+        return WorkingImage(self.bgr, self.depth_m, 0.5)
 
     @cached_property
     def index(self) -> Grey:

@@ -9,7 +9,7 @@ import numpy as np
 
 from trailmark.arrays import Floats, Grey8
 from trailmark.experiments import ExperimentOptions, Row
-from trailmark_divs.layout import Layout, make_layout
+from trailmark_divs.layout import ColumnLayout, make_layout
 from trailmark_divs.robust_shift import local_windows, shift_scores
 from trailmark_divs.stream import ChangeStream
 from trailmark_divs.tracking import ShiftTracker
@@ -41,7 +41,7 @@ def frame_time_rows(options: ExperimentOptions) -> list[Row]:
     return table.rows
 
 
-def _times_ms(greys: Sequence[Grey8], layout: Layout) -> list[float]:
+def _times_ms(greys: Sequence[Grey8], layout: ColumnLayout) -> list[float]:
     """Return the time of every picture from the first full window on, against the first window as the taught one."""
     stream, tracker = ChangeStream(layout, _WINDOW, "p90", "trimmed"), ShiftTracker(_MAX_SHIFT, _WINDOW)
     taught: Floats | None = None
