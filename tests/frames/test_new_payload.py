@@ -26,7 +26,7 @@ from trailmark.frames import (
     payload_kind,
 )
 from trailmark.geometry import Pose2
-from trailmark.pipeline.counters import Counters
+from trailmark.pipeline.instruments import Counters
 from trailmark.pipeline.localizers.mailbox import is_snapshot
 from trailmark.pipeline.sources.checks import FrameChecks
 from trailmark.recording.dataset import DatasetWriter

@@ -13,11 +13,10 @@ from hypothesis import strategies as st
 
 from trailmark.estimates import Belief
 from trailmark.frames import Frame, Image, Scalar, Scan
-from trailmark.pipeline.counters import Counters
+from trailmark.pipeline.instruments import EXACT_CALLS, Counters, StageTimes
 from trailmark.pipeline.lifecycle import part_rng
 from trailmark.pipeline.localizers.mailbox import Mailbox
 from trailmark.pipeline.outputs.provenance import git_describe, provenance
-from trailmark.pipeline.timing import EXACT_CALLS, StageTimes
 
 
 def test_percentiles_are_those_of_every_call() -> None:

@@ -10,7 +10,7 @@ from trailmark.config import StopWhen
 from trailmark.errors import ConfigError, RunError
 from trailmark.estimates import Belief
 from trailmark.interfaces import Controller, Drivable
-from trailmark.pipeline.lifecycle import Instruments
+from trailmark.pipeline.instruments import Instruments
 
 __all__ = ["Control", "Guard", "check_commands"]
 

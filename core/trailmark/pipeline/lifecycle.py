@@ -17,22 +17,11 @@ from trailmark.frames import SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Mode, Part, Session
 from trailmark.paths import Path
-from trailmark.pipeline.clock import RunClock
-from trailmark.pipeline.counters import Counters
-from trailmark.pipeline.timing import StageTimes
+from trailmark.pipeline.instruments import StageTimes
 
-__all__ = ["Instruments", "PartStarter", "Sessions", "call_guarded", "part_rng"]
+__all__ = ["PartStarter", "Sessions", "call_guarded", "part_rng"]
 
 logger = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Instruments:
-    """What a run is measured with: its clock, its counters, and how long everything took."""
-
-    clock: RunClock
-    counters: Counters = field(default_factory=Counters)
-    times: StageTimes = field(default_factory=StageTimes)
 
 
 def part_rng(seed: int, kind: str, name: str) -> np.random.Generator:

@@ -19,7 +19,7 @@ from trailmark.frames import Frame, SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.paths import Path as TaughtPath
 from trailmark.pipeline.clock import Clock, RunClock, SystemClock
-from trailmark.pipeline.lifecycle import Instruments
+from trailmark.pipeline.instruments import Instruments
 from trailmark.pipeline.outputs.result import RunResult
 from trailmark.pipeline.parts import Parts, build_parts
 from trailmark.pipeline.request import RunKeywords, RunRequest
@@ -147,7 +147,7 @@ class Pipeline:
         TrailmarkError
             If the run fails; it is over then, and what is known is written.
         """
-        step = self._started().next_step()
+        step = (self._run or self._started()).next_step()
         if step is None:
             raise StopIteration
         return step

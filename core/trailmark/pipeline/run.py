@@ -5,8 +5,7 @@ from __future__ import annotations
 import logging
 import math
 import threading
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Generator, Mapping, Sequence
 from time import perf_counter
 from typing import TYPE_CHECKING
 
@@ -15,7 +14,7 @@ from trailmark.errors import RunError
 from trailmark.estimates import EstimateRecord, Lost
 from trailmark.frames import Frame, SensorInfo
 from trailmark.interfaces import RunEnd, Sink
-from trailmark.pipeline.lifecycle import Instruments
+from trailmark.pipeline.instruments import Instruments, peak_rss_mb
 from trailmark.pipeline.localizers import LocalizerFailedError, LocalizerRunner, ObserveResult
 from trailmark.pipeline.outputs.fanout import SinkFanout
 from trailmark.pipeline.outputs.result import RunResult, Status
@@ -25,11 +24,11 @@ from trailmark.pipeline.sources.checks import FrameChecks
 from trailmark.pipeline.sources.merging import merged
 from trailmark.pipeline.sources.stream import ground_truth_of
 from trailmark.pipeline.startup import start_parts
-from trailmark.pipeline.steps import Event, Step
-from trailmark.pipeline.timing import peak_rss_mb
+from trailmark.pipeline.steps import Step
 
 if TYPE_CHECKING:
     from trailmark.pipeline.outputs.recorder import Recorder
+    from trailmark.pipeline.sources.realtime import Event
 
 __all__ = ["CTRL_C", "Run"]
 
@@ -118,11 +117,13 @@ class Run:
         """Take the next frame through all parts; None when the run is over."""
         if self.result is not None:
             return None
-        with self._ending_on_failure():
+        try:
             event = next(self._events, None)
             if event is not None:
                 return self._process(event)
             self.end("done")
+        except BaseException as error:
+            self._end_by(error)
         return None
 
     def push(self, frame: Frame) -> Step | None:
@@ -134,8 +135,10 @@ class Run:
                 return None
             if self._n_frames == 0:
                 self._clock.anchor(frame.stamp_s)
-            with self._ending_on_failure():
+            try:
                 return self._process(frame)
+            except BaseException as error:
+                self._end_by(error)
             return None
 
     def _process(self, event: Event) -> Step:
@@ -143,8 +146,10 @@ class Run:
         now_s = event.stamp_s
         records: list[EstimateRecord] = []
         for localizer in self._async_localizers:
-            with self._on_failure(localizer):
+            try:
                 records += self._apply(localizer, localizer.poll(now_s))
+            except LocalizerFailedError as error:
+                self._on_failure(localizer, error)
         frame = event if isinstance(event, Frame) else None
         if frame is not None:
             records += self._observe(frame)
@@ -156,9 +161,9 @@ class Run:
         command = self._control.step(belief)
         if command is not None:
             self._sinks.tell(Sink.on_command, now_s, command)
-        step = Step(now_s, frame, belief, tuple(records), command)
-        self._end_after(step)
-        return step
+        if isinstance(command, Stop):
+            self._end_after(command, now_s)
+        return Step(now_s, frame, belief, tuple(records), command)
 
     def _observe(self, frame: Frame) -> list[EstimateRecord]:
         """Ask the localizers that subscribe to the frame's sensor, one after the other."""
@@ -169,9 +174,11 @@ class Run:
         self._sinks.tell(Sink.on_frame, frame)
         records: list[EstimateRecord] = []
         for localizer in self._subscribers.get(frame.sensor, ()):
-            with self._on_failure(localizer):
-                belief = self._estimator.belief(frame.stamp_s)
+            belief = self._estimator.belief(frame.stamp_s)
+            try:
                 records += self._apply(localizer, localizer.submit(frame, belief))
+            except LocalizerFailedError as error:
+                self._on_failure(localizer, error)
         return records
 
     def _apply(self, localizer: LocalizerRunner, results: Sequence[ObserveResult]) -> list[EstimateRecord]:
@@ -203,19 +210,15 @@ class Run:
 
     # --- failures --------------------------------------------------------------------------------------------------
 
-    @contextmanager
-    def _on_failure(self, localizer: LocalizerRunner) -> Iterator[None]:
-        """If the localizer fails, end the run or switch the localizer off, as its ``on_error`` says."""
-        try:
-            yield
-        except LocalizerFailedError as error:
-            if localizer.part.options.on_error == "fail":
-                raise
-            logger.warning("%s; it is switched off (on_error: disable)", error)
-            self._counters[f"localizer.{localizer.name}.disabled"] += 1
-            self._estimator.health[localizer.name] = f"switched off: {error}"
-            self._set_localizers([other for other in self._localizers if other is not localizer])
-            localizer.close()
+    def _on_failure(self, localizer: LocalizerRunner, error: LocalizerFailedError) -> None:
+        """End the run because a localizer has failed, or switch the localizer off, as its ``on_error`` says."""
+        if localizer.part.options.on_error == "fail":
+            raise error
+        logger.warning("%s; it is switched off (on_error: disable)", error)
+        self._counters[f"localizer.{localizer.name}.disabled"] += 1
+        self._estimator.health[localizer.name] = f"switched off: {error}"
+        self._set_localizers([other for other in self._localizers if other is not localizer])
+        localizer.close()
 
     def _set_localizers(self, localizers: Sequence[LocalizerRunner]) -> None:
         """Work with these localizers from the next sensor's turn on."""
@@ -226,16 +229,13 @@ class Run:
             for sensor in self.running.sensors
         }
 
-    @contextmanager
-    def _ending_on_failure(self) -> Iterator[None]:
-        """End the run when its loop fails, or the user interrupts it."""
-        try:
-            yield
-        except KeyboardInterrupt:
+    def _end_by(self, error: BaseException) -> None:
+        """End the run by what was raised in its loop, and raise that again unless the user interrupted the run."""
+        if isinstance(error, KeyboardInterrupt):
             self.end("interrupted", CTRL_C)
-        except Exception as error:
-            self.end("failed", str(error))
-            raise
+            return
+        self.end("failed", str(error))
+        raise error
 
     # --- the end ---------------------------------------------------------------------------------------------------
 
@@ -279,13 +279,12 @@ class Run:
         if failure is not None:
             raise failure
 
-    def _end_after(self, step: Step) -> None:
+    def _end_after(self, stop: Stop, now_s: float) -> None:
         """End the run if its goal is reached, or the guard has held the robot for too long."""
-        if isinstance(step.command, Stop):
-            if step.command.done:
-                self.end("done", step.command.reason)
-            elif self._control.has_given_up(step.stamp_s):
-                self.end("stopped", step.command.reason)
+        if stop.done:
+            self.end("done", stop.reason)
+        elif self._control.has_given_up(now_s):
+            self.end("stopped", stop.reason)
 
     def _stop_robot(self, reason: str) -> None:
         try:
@@ -296,9 +295,11 @@ class Run:
     def _finish(self) -> None:
         """Apply what is still in work; in teach, end the path and let the localizers finish."""
         for localizer in self._async_localizers:
-            with self._on_failure(localizer):
+            try:
                 self._apply(localizer, localizer.drain())
                 self._apply(localizer, localizer.poll(math.inf))
+            except LocalizerFailedError as error:
+                self._on_failure(localizer, error)
         if self._taught is not None and self._teaching is not None:
             self._teaching.end(self._estimator.belief())
             self._taught.finish_teaching([localizer.part for localizer in self._localizers])

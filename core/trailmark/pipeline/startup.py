@@ -16,9 +16,10 @@ from trailmark.geometry import Pose2
 from trailmark.interfaces import Session
 from trailmark.paths import Path
 from trailmark.pipeline.control import Control, Guard, check_commands
-from trailmark.pipeline.estimator import EstimatorRunner
-from trailmark.pipeline.lifecycle import Instruments, PartStarter, Sessions
+from trailmark.pipeline.instruments import Instruments
+from trailmark.pipeline.lifecycle import PartStarter, Sessions
 from trailmark.pipeline.localizers import LocalizerRunner, new_runner
+from trailmark.pipeline.localizers.estimator import EstimatorRunner
 from trailmark.pipeline.parts import Parts
 from trailmark.pipeline.sources.stream import corrected_sensors
 

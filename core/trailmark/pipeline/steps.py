@@ -1,4 +1,4 @@
-"""What goes into a pipeline, frames and ticks, and what it hands out: one step for each."""
+"""What a pipeline hands out: one step for each frame."""
 
 from __future__ import annotations
 
@@ -8,18 +8,7 @@ from trailmark.commands import Command
 from trailmark.estimates import Belief, EstimateRecord
 from trailmark.frames import Frame
 
-__all__ = ["Event", "Step", "Tick"]
-
-
-@dataclass(frozen=True, slots=True)
-class Tick:
-    """An instant at which the controller is asked although no frame has come."""
-
-    stamp_s: float
-
-
-#: What a run goes on with.
-Event = Frame | Tick
+__all__ = ["Step"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,11 +1,14 @@
-"""Localizers at work: waited for, beside the run on the virtual clock, or in threads of their own."""
+"""Localizers at work, and the estimator that takes what they say.
+
+A localizer is waited for, works beside the run on the virtual clock, or has a thread of its own.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
 from trailmark.frames import SensorInfo
-from trailmark.pipeline.lifecycle import Instruments
+from trailmark.pipeline.instruments import Instruments
 from trailmark.pipeline.localizers.runner import LocalizerFailedError, LocalizerRunner, ObserveResult, SyncRunner
 from trailmark.pipeline.parts import LocalizerPart
 
@@ -34,7 +37,7 @@ def new_runner(
     if is_realtime:
         from trailmark.pipeline.localizers.threaded import ThreadedRunner
 
-        return ThreadedRunner(part, sensors, times, counters=instruments.counters, clock=instruments.clock)
+        return ThreadedRunner(part, sensors, times, instruments)
     from trailmark.pipeline.localizers.modelled import ModelledRunner
 
     return ModelledRunner(part, sensors, times, instruments.counters)

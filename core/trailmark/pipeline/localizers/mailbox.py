@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from trailmark.estimates import Belief
 from trailmark.frames import Frame
-from trailmark.pipeline.counters import Counters
+from trailmark.pipeline.instruments import Counters
 
 __all__ = ["Mailbox", "is_snapshot"]
 

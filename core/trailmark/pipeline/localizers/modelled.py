@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from trailmark.estimates import Belief
 from trailmark.frames import Frame, SensorInfo
-from trailmark.pipeline.counters import Counters
+from trailmark.pipeline.instruments import Counters
 from trailmark.pipeline.localizers.mailbox import Mailbox
 from trailmark.pipeline.localizers.runner import LocalizerFailedError, LocalizerRunner, ObserveResult
 from trailmark.pipeline.parts import LocalizerPart

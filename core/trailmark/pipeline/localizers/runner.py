@@ -11,7 +11,7 @@ from time import perf_counter_ns
 from trailmark.errors import RunError
 from trailmark.estimates import Belief, Estimate
 from trailmark.frames import Frame, SensorInfo
-from trailmark.interfaces import Session
+from trailmark.interfaces import Localizer, Session
 from trailmark.pipeline.localizers.mailbox import is_snapshot
 from trailmark.pipeline.parts import LocalizerPart
 
@@ -65,6 +65,9 @@ class LocalizerRunner(ABC):
         self._last_latency_s = 0.0
         kinds = {sensors[name].kind for name in part.sensors if name in sensors}
         self._has_snapshots = bool(kinds & {"image", "rgbd", "scan"})
+        self._fixed_latency_s = part.options.latency_s
+        has_model = type(part.localizer).latency_s is not Localizer.latency_s
+        self._takes_time = has_model or self._fixed_latency_s is not None
 
     def start(self, session: Session) -> None:
         """Start the localizer."""
@@ -118,16 +121,15 @@ class LocalizerRunner(ABC):
             raise self._failure(frame, error) from error
         elapsed_ns = perf_counter_ns() - began_ns
         self._times.append(elapsed_ns)
-        modelled_s = self._modelled_latency_s(frame)
+        modelled_s = self._modelled_latency_s(frame) if self._takes_time else 0.0
         self._last_latency_s = elapsed_ns * 1e-9 if self._is_realtime else modelled_s
         return estimates, modelled_s
 
     def _modelled_latency_s(self, frame: Frame) -> float:
         """Return the latency in step pace; of a localizer that looks at pictures, only pictures cost time."""
-        latency_s = self.part.options.latency_s
-        if latency_s is None:
+        if self._fixed_latency_s is None:
             return self._localizer.latency_s() or 0.0
-        return latency_s if is_snapshot(frame) or not self._has_snapshots else 0.0
+        return self._fixed_latency_s if is_snapshot(frame) or not self._has_snapshots else 0.0
 
     def _failure(self, frame: Frame, error: Exception) -> LocalizerFailedError:
         part = f"localizer {self.name!r}"

@@ -9,8 +9,7 @@ from collections.abc import Mapping, Sequence
 from trailmark.estimates import Belief
 from trailmark.frames import Frame, SensorInfo
 from trailmark.interfaces import Session
-from trailmark.pipeline.clock import RunClock
-from trailmark.pipeline.counters import Counters
+from trailmark.pipeline.instruments import Instruments
 from trailmark.pipeline.localizers.mailbox import Mailbox
 from trailmark.pipeline.localizers.runner import LocalizerFailedError, LocalizerRunner, ObserveResult
 from trailmark.pipeline.parts import LocalizerPart
@@ -28,10 +27,8 @@ class ThreadedRunner(LocalizerRunner):
     ----------
     part, sensors, times
         As of `LocalizerRunner`.
-    counters : Counters
-        Of the run.
-    clock : RunClock
-        Of the run; woken when a result has arrived.
+    instruments : Instruments
+        Of the run; its clock is woken when a result has arrived.
     """
 
     def __init__(
@@ -39,13 +36,11 @@ class ThreadedRunner(LocalizerRunner):
         part: LocalizerPart,
         sensors: Mapping[str, SensorInfo],
         times: array[int],
-        *,
-        counters: Counters,
-        clock: RunClock,
+        instruments: Instruments,
     ) -> None:
         super().__init__(part, sensors, times, is_realtime=True)
-        self._counters = counters
-        self._clock = clock
+        self._counters = instruments.counters
+        self._clock = instruments.clock
         self._mailbox = Mailbox()
         self._results: list[ObserveResult] = []
         self._error: LocalizerFailedError | None = None

@@ -9,7 +9,7 @@ from typing import Any
 
 from trailmark.errors import RunError, TrailmarkError
 from trailmark.interfaces import Sink
-from trailmark.pipeline.timing import StageTimes
+from trailmark.pipeline.instruments import StageTimes
 
 __all__ = ["SinkFanout"]
 

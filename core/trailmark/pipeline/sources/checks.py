@@ -9,7 +9,7 @@ from typing import Any
 
 from trailmark.errors import SourceError
 from trailmark.frames import PAYLOAD_KINDS, Frame, Payload, Record, SensorInfo, payload_kind
-from trailmark.pipeline.counters import Counters
+from trailmark.pipeline.instruments import Counters
 
 __all__ = ["FrameChecks"]
 

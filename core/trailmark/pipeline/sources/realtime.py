@@ -9,14 +9,14 @@ import math
 import threading
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
+from dataclasses import dataclass
 
 from trailmark.frames import Frame
 from trailmark.pipeline.clock import RunClock
-from trailmark.pipeline.counters import Counters
+from trailmark.pipeline.instruments import Counters
 from trailmark.pipeline.sources.stream import SourceStream
-from trailmark.pipeline.steps import Event, Tick
 
-__all__ = ["held_to_stamps", "live"]
+__all__ = ["Event", "Tick", "held_to_stamps", "live"]
 
 # Nobody can wait for less; a difference of two clocks is never exactly zero.
 _NOW_S = 1e-6
@@ -26,6 +26,17 @@ _WAITING = 2
 
 # A device that does not let go is left behind: its thread is a daemon.
 _PATIENCE_S = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """An instant at which the controller is asked although no frame has come."""
+
+    stamp_s: float
+
+
+#: What a run goes on with.
+Event = Frame | Tick
 
 
 def held_to_stamps(frames: Iterator[Frame], clock: RunClock, due_s: Callable[[], float]) -> Generator[Event]:

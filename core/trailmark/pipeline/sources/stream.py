@@ -15,7 +15,7 @@ from trailmark.errors import ConfigError, SourceError, TrailmarkError
 from trailmark.frames import Calibration, Frame, SensorInfo
 from trailmark.geometry import Pose3, Trajectory, read_tum
 from trailmark.interfaces import Drivable, FrameSource, Session
-from trailmark.pipeline.counters import Counters
+from trailmark.pipeline.instruments import Counters
 from trailmark.pipeline.sources.checks import FrameChecks
 
 if TYPE_CHECKING:

@@ -12,7 +12,8 @@ from trailmark.frames.documents import sensor_to_document
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Access, LocalizerMap, PathStore
 from trailmark.paths import Path
-from trailmark.pipeline.lifecycle import Instruments, PartStarter, Sessions, call_guarded
+from trailmark.pipeline.instruments import Instruments
+from trailmark.pipeline.lifecycle import PartStarter, Sessions, call_guarded
 from trailmark.pipeline.outputs.provenance import provenance
 from trailmark.pipeline.parts import LocalizerPart, Parts
 from trailmark.pipeline.teaching.localizer_maps import ContinuedMap, VersionedMap, check_format

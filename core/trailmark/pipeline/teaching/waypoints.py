@@ -10,7 +10,7 @@ from trailmark.estimates import Belief
 from trailmark.geometry import Pose2
 from trailmark.interfaces import PathStore
 from trailmark.paths import Waypoint
-from trailmark.pipeline.lifecycle import Instruments
+from trailmark.pipeline.instruments import Instruments
 
 __all__ = ["Teaching"]
 

@@ -21,7 +21,7 @@ from trailmark.estimates import Estimate
 from trailmark.frames import GroundPlane, SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Estimator, FrameSource, Localizer, LocalizerMap, Mode, Session
-from trailmark.pipeline.timing import peak_rss_mb
+from trailmark.pipeline.instruments import peak_rss_mb
 from trailmark_papers.kit import started_source, timed
 from trailmark_papers.nagai2015.runs import course
 

@@ -1,16 +1,19 @@
-"""How long each stage took: exactly for the first calls, in a histogram once there are many."""
+"""What a run is measured with: its clock, counts of everything that happened, and how long each stage took."""
 
 from __future__ import annotations
 
 import sys
 from array import array
-from collections import defaultdict
-from collections.abc import Sequence
+from collections import Counter, defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["EXACT_CALLS", "StageTimes", "peak_rss_mb"]
+from trailmark.pipeline.clock import RunClock
+
+__all__ = ["EXACT_CALLS", "Counters", "Instruments", "StageTimes", "peak_rss_mb"]
 
 #: A stage with no more calls than this has exact percentiles; beyond, they are within 0.6 %.
 EXACT_CALLS = 1 << 16
@@ -20,10 +23,26 @@ _N_BINS = 48 * _PER_OCTAVE  # up to 2**48 ns, three days
 _PERCENTILES = (50.0, 95.0, 99.0)
 
 
+class Counters(Counter[str]):
+    """Counts by dotted name, such as ``localizer.floor.late``; nothing is dropped without one."""
+
+    def add(self, name: str, n: int = 1) -> None:
+        """Count `n` more of something."""
+        self[name] += n
+
+    def merged(self, others: Mapping[str, Mapping[str, int]]) -> dict[str, int]:
+        """Return all counts, sorted, with what parts counted themselves below their own prefix."""
+        counts = Counter(self)
+        for prefix, own in others.items():
+            counts.update({f"{prefix}.{name}": n for name, n in own.items()})
+        return dict(sorted(counts.items()))
+
+
 class StageTimes:
     """Durations of calls by stage: ``localizer.floor``, ``estimator``, ``sink.jsonl`` ...
 
-    A stage needs at most half a megabyte, however long the run. The hot path appends to `stage` itself::
+    Exactly for the first calls, in a histogram once there are many: a stage needs at most half a megabyte, however
+    long the run. The hot path appends to `stage` itself::
 
         times = stage_times.stage("estimator")
         began_ns = perf_counter_ns()
@@ -81,6 +100,15 @@ class _Histogram:
         bins = np.searchsorted(up_to, np.array(_PERCENTILES) / 100.0 * n)
         middles_ms = np.minimum(np.exp2((bins + 0.5) / _PER_OCTAVE), self._max_ns) / 1e6
         return _figures(n, self._sum_ns / n / 1e6, middles_ms.tolist(), self._max_ns / 1e6)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Instruments:
+    """What a run is measured with."""
+
+    clock: RunClock
+    counters: Counters = field(default_factory=Counters)
+    times: StageTimes = field(default_factory=StageTimes)
 
 
 def _taken(ns: array[int]) -> npt.NDArray[np.int64]:
