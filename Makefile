@@ -2,7 +2,7 @@
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: help install test long trust lint types bench docs demo ci
+.PHONY: help install test check long trust lint types bench docs demo ci
 help:            ## list the targets
 	@sed -n 's/^\([a-z]*\): *[^#]*## /\1	/p' $(MAKEFILE_LIST)
 
@@ -13,6 +13,9 @@ $(BIN)/trailmark: pyproject.toml
 
 test: install    ## all tests but the long ones
 	$(BIN)/pytest -n 2
+
+check: install lint types  ## what a contributor waits for: lint, types, the tests that are not slow
+	$(BIN)/pytest -n 2 -m "not long and not slow"
 
 long: install    ## the tests that take minutes
 	$(BIN)/pytest -n 2 -m long
