@@ -317,7 +317,9 @@ class TestOdometry:
             drive(estimator, 1, first=i)
             published.append(estimator.belief(0.1 * (i + 1)).pose_odom_base)
             if i % 5 == 4:
-                slow = Motion(0.1 * (i - 4), 0.1 * (i + 1), Pose2(0.8, 0.3, 0.5), GOOD)
+                slow = Motion(
+                    0.1 * (i - 4), 0.1 * (i + 1), Pose2(0.8, 0.3, 0.5), information_from_sigmas(0.2, 0.2, 0.3)
+                )
                 estimator.apply("vo", slow)
                 assert estimator.belief(0.1 * (i + 1)).pose_odom_base.distance_to(published[-1]) < 1e-12
 

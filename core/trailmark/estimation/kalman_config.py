@@ -75,6 +75,10 @@ class KalmanConfig(PluginConfig):
     """How many more must be rejected of one localizer than accepted until the belief is doubted, not the localizer."""
     support_s: float = Field(default=3.0, ge=0)
     """It is not doubted while another localizer, accepted within this time, measures the same directions [s]."""
+    agree_scale: float = Field(default=0.03, ge=0)
+    """By which share of the way and of the turn two honest odometries differ (one standard deviation)."""
+    agree_deg_per_s: float = Field(default=0.3, ge=0)
+    """By which yaw rate they differ, even at rest (one standard deviation) [deg/s]."""
     floor_m: float = Field(default=1e-6, gt=0)
     """Smallest standard deviation of a position that is believed [m]."""
     floor_deg: float = Field(default=1e-4, gt=0)
@@ -87,6 +91,8 @@ class KalmanConfig(PluginConfig):
     """Time in which a common error may change by its sigma [s]."""
     timeout_s: float = Field(default=2.0, gt=0)
     """Silence of a localizer that is reported in the health of the belief [s]."""
+    max_speed_mps: float = Field(default=100.0, gt=0)
+    """A motion that is faster is refused [m/s]."""
     time_jump_s: float = Field(default=60.0, gt=0)
     """A stamp that is further than this from the newest is a jump of the clock [s]."""
     time_jump: Literal["reset", "refuse"] = "reset"

@@ -162,6 +162,7 @@ def _accept(
             corroborations={**before.corroborations, source: CorroboratingFix(state.stamp_s, directions)},
             n_recoveries=before.n_recoveries,
         ),
+        consistency=state.consistency,
         left_out=state.left_out,
         checks=state.checks,
         verdicts=(*state.verdicts, verdict),

@@ -13,9 +13,11 @@ from trailmark.estimates import Applied, Belief, Estimate, Fix, Lost, Motion, Pa
 from trailmark.estimation.corrections import covariance_on_path
 from trailmark.estimation.history import History
 from trailmark.estimation.information import checked_covariance
+from trailmark.estimation.kalman.agreement import Tolerance
 from trailmark.estimation.kalman.clock import ClockGuard
 from trailmark.estimation.kalman.correction import Correction, Filter
 from trailmark.estimation.kalman.ekf import Ekf
+from trailmark.estimation.kalman.fault_detection import WINDOW_S, FaultDetector
 from trailmark.estimation.kalman.health import SourceMonitor, health_of
 from trailmark.estimation.kalman.layout import Layout
 from trailmark.estimation.kalman.measurements import (
@@ -43,6 +45,8 @@ _ACCEPTED = Applied("accepted")
 
 # A clock that was set says nothing of how long it really took: the belief is as uncertain as after this gap.
 _GAP_OF_A_JUMP_S = 10.0
+# Half the way around the Earth.
+_FARTHEST_M = 2e7
 
 
 class Kalman(Estimator):
@@ -156,6 +160,7 @@ class Kalman(Estimator):
     def _begin_history(self, state: FilterState) -> None:
         self._motions = Motions()
         self._prediction = Prediction(self.config, self._motions, self._filter, self._layout, self._gate_of)
+        self._faults = FaultDetector(self._prediction, self._correction, Tolerance.of(self.config))
         self._nodes: dict[float, TimeNode] = {}
         self._history: History[TimeNode, FilterState] = History(self.config.history_s, self._step, state)
         self._kept_since_s = -math.inf
@@ -164,8 +169,8 @@ class Kalman(Estimator):
     def _step(self, state: FilterState, stamp_s: float, node: TimeNode) -> FilterState:
         """Return the state after an instant: the step of the history."""
         if not node.still_follows(state, self._motions.n_added):
-            node.set_prediction(state, self._prediction.predict(state, stamp_s), self._motions.n_added)
-        return node.apply_measurements(self._correction)
+            node.set_prediction(state, self._faults.predict(state, stamp_s), self._motions.n_added)
+        return node.apply_measurements(self._faults)
 
     def _check_stamp(self, source: str, estimate: Estimate, trust: Trust) -> Applied:
         stamp_s, newest_s = estimate.stamp_s, self._history.newest_s
@@ -192,6 +197,9 @@ class Kalman(Estimator):
         if isinstance(estimate, Motion):
             return self._apply_motion(source, estimate, StatedMotion(estimate, information))
         if isinstance(estimate, Fix):
+            x_m, y_m = estimate.pose_map_base.x, estimate.pose_map_base.y
+            if not (abs(x_m) <= _FARTHEST_M and abs(y_m) <= _FARTHEST_M):
+                return self._refuse("too_far", f"({x_m:.3g}, {y_m:.3g}) m is no place on Earth")
             return self._apply_measurement(estimate.stamp_s, fix_measurement(source, estimate, information, trust))
         if self._path is None:
             return self._refuse("no_path", "a path offset needs a path, and this run has none")
@@ -206,6 +214,9 @@ class Kalman(Estimator):
             return self._refuse("stamp", f"the motion begins at {motion.since_s} s")
         if motion.stamp_s - motion.since_s > self.config.time_jump_s:
             return self._refuse("time_jump", f"a motion over {motion.stamp_s - motion.since_s:g} s: the clock jumped")
+        speed_mps = stated.speed_mps
+        if speed_mps > self.config.max_speed_mps:
+            return self._refuse("too_fast", f"a motion of {speed_mps:.3g} m/s: see max_speed_mps")
         if not self._motions.add(source, stated):
             return self._refuse("duplicate", "it has told of the same interval already")
         self._odometry.note_change(motion.since_s)
@@ -223,6 +234,9 @@ class Kalman(Estimator):
     def _motion_outcome(self, source: str, stamp_s: float) -> Applied:
         """Return what became of a motion: left out, if it contradicts the others and the velocity before."""
         state = self._history.state_at(stamp_s)
+        fault = state.consistency.faults.get(source)
+        if fault is not None:
+            return Applied("gated", fault.reason)
         if not state.checks:
             return _ACCEPTED
         for check in state.checks:
@@ -238,6 +252,9 @@ class Kalman(Estimator):
         index = node.index_of(measurement.key)
         if index < len(node.measurements) and node.measurements[index].key == measurement.key:
             return self._refuse("duplicate", "it has told the same already")
+        monitor = self._monitors.get(measurement.source)
+        if monitor is not None and monitor.is_repetition(measurement.key, stamp_s):
+            return self._refuse("repeated", "it has told the same just before: one observation counts once")
         n_before = sum(other.source == measurement.source for other in node.measurements)
         if n_before >= self.config.max_per_stamp:
             return self._refuse("stuck_stamp", f"{n_before} estimates of one instant: does its clock stand still?")
@@ -264,7 +281,7 @@ class Kalman(Estimator):
             return
         self._kept_since_s = horizon_s
         self._nodes = {at: node for at, node in self._nodes.items() if at >= horizon_s}
-        self._motions.forget(self._history.state_at(-math.inf).stamp_s)
+        self._motions.forget(self._history.state_at(-math.inf).stamp_s - 3.0 * WINDOW_S)
 
     def _restart_clock(self) -> None:
         """Begin anew at any time, where the belief was, as uncertain as after a gap."""
@@ -281,7 +298,7 @@ class Kalman(Estimator):
             self._odometry.rejoin(self._state_at(self._odometry.last_s).odometry)
 
     def _state_at(self, stamp_s: float) -> FilterState:
-        return self._prediction.predict(self._history.state_at(stamp_s), stamp_s)
+        return self._faults.predict(self._history.state_at(stamp_s), stamp_s)
 
     def _make_belief(self, stamp_s: float) -> Belief:
         self._rejoin()

@@ -15,16 +15,21 @@ from trailmark.estimation.kalman.correction import Filter
 from trailmark.estimation.kalman.ekf import PredictedMotion
 from trailmark.estimation.kalman.layout import Layout
 from trailmark.estimation.kalman.motions import Motions, Step
-from trailmark.estimation.kalman.state import FilterState, Gaussian, OdometryState
+from trailmark.estimation.kalman.state import Consistency, FilterState, Gaussian, MotionSum, OdometryState
 from trailmark.estimation.kalman.velocity import VelocityModel
 from trailmark.estimation.kalman.weighing import StepSelection, fuse_steps, select_steps
 from trailmark.estimation.kalman_config import KalmanConfig
-from trailmark.estimation.symmetric import Sym3, congruence, diagonal, scaled
+from trailmark.estimation.symmetric import NOTHING, ZERO, Sym3, congruence, diagonal, scaled
 from trailmark.geometry import Pose2, Twist2, wrap_angle
 
 __all__ = ["Prediction"]
 
 _AT_REST = Twist2()
+# Stamps this close are one instant: 8.05 and 0.05 x 161 are not equal, and no velocity is seen between them.
+_SAME_INSTANT_S = 1e-9
+_NO_SUM = MotionSum()
+# Variance of what a localizer did not measure: no test sees it, and sums of it stay finite [m^2, rad^2].
+_UNMEASURED = 1e12
 
 
 class _Piece(NamedTuple):
@@ -102,8 +107,12 @@ class Prediction:
         if state.stamp_s == -math.inf:
             return replace(state, stamp_s=stamp_s)
         for cut_s in self._motions.cuts(state.stamp_s, stamp_s):
-            state = self._predict_piece(state, cut_s)
-        return self._predict_piece(state, stamp_s)
+            state = self.predict_piece(state, cut_s)
+        return self.predict_piece(state, stamp_s)
+
+    def cuts(self, since_s: float, stamp_s: float) -> list[float]:
+        """Return the stamps strictly inside an interval at which a motion begins or ends, in order."""
+        return self._motions.cuts(since_s, stamp_s)
 
     def restart_after_gap(self, state: FilterState, gap_s: float) -> FilterState:
         """Return a state that starts anew at any time, as uncertain as after a gap."""
@@ -113,19 +122,33 @@ class Prediction:
         odometry = replace(ahead.odometry, gap_s=0.0)
         return replace(ahead, stamp_s=-math.inf, odometry=odometry, rejections=rejections)
 
-    def _predict_piece(self, state: FilterState, stamp_s: float) -> FilterState:
+    def predict_piece(self, state: FilterState, stamp_s: float) -> FilterState:
         """Predict over a piece of time in which no motion begins or ends."""
+        if stamp_s - state.stamp_s < _SAME_INSTANT_S:
+            return replace(state, stamp_s=stamp_s, verdicts=())
         stated = self._motions.steps(state.stamp_s, stamp_s)
         if not stated:
             return self._coast(state, stamp_s)
-        dt_s = stamp_s - state.stamp_s
-        selection = StepSelection(stated)
-        if len(stated) > 1:
+        consistency = state.consistency
+        dt_s, theta = stamp_s - state.stamp_s, state.odometry.pose_odom_base.theta
+        believed = stated
+        if consistency.faults:
+            believed = [one for one in stated if one[0] not in consistency.faults]
+            if not believed:
+                return self._coast(replace(state, consistency=_added(consistency, stated, theta, dt_s)), stamp_s)
+        selection = StepSelection(believed)
+        if len(believed) > 1:
             drift = scaled(self._drift, dt_s * dt_s)
-            selection = select_steps(stated, dt_s, state.odometry.twist, drift, self._gate_of)
+            selection = select_steps(believed, dt_s, state.odometry.twist, drift, self._gate_of)
+            if selection.left_out and not state.left_out:
+                stated = _without_outliers(stated, selection)
+        consistency = _added(consistency, stated, theta, dt_s)
         if self._layout.common and state.gaussian is not None:
-            return self._with_common_errors(state, state.gaussian, stamp_s, selection)
-        return self._apply_steps(state, stamp_s, selection, [step for _, step in selection.steps], None)
+            before = state.gaussian
+            state = replace(state, consistency=consistency)
+            return self._with_common_errors(state, before, stamp_s, selection)
+        steps = [step for _, step in selection.steps]
+        return self._apply_steps(state, stamp_s, selection, steps, None, consistency)
 
     def _with_common_errors(
         self, state: FilterState, before: Gaussian, stamp_s: float, selection: StepSelection
@@ -148,10 +171,11 @@ class Prediction:
         selection: StepSelection,
         steps: Sequence[Step],
         columns: Floats | None,
+        consistency: Consistency | None = None,
     ) -> FilterState:
         dt_s = stamp_s - state.stamp_s
         step, is_measured = fuse_steps(steps, dt_s, state.odometry.twist, self._unmeasured(dt_s), self._is_independent)
-        moved = self._move(state, stamp_s, _Piece(step, dt_s, is_measured=is_measured, columns=columns))
+        moved = self._move(state, stamp_s, _Piece(step, dt_s, is_measured=is_measured, columns=columns), consistency)
         if self._velocity is not None and moved.gaussian is not None:
             moved = self._velocity.update(moved, steps, dt_s, columns)
         if not (selection.checks or state.left_out or state.checks):
@@ -179,7 +203,9 @@ class Prediction:
         coast_s = self._coast_s
         return gap_s * gap_s if gap_s < coast_s else coast_s * (2.0 * gap_s - coast_s)
 
-    def _move(self, state: FilterState, stamp_s: float, piece: _Piece) -> FilterState:
+    def _move(
+        self, state: FilterState, stamp_s: float, piece: _Piece, consistency: Consistency | None = None
+    ) -> FilterState:
         before, step, odometry = state.gaussian, piece.step, state.odometry
         gaussian = None
         if before is not None:
@@ -199,6 +225,7 @@ class Prediction:
             ),
             fixed_at_m=state.fixed_at_m,
             rejections=state.rejections,
+            consistency=consistency or state.consistency,
         )
 
     def _motion_of(self, x: Floats, step: Step, dt_s: float, columns: Floats | None, held_s: float) -> PredictedMotion:
@@ -222,3 +249,37 @@ class Prediction:
             self._velocity.carry(moved, whole, spread, turned, dt_s, held_s)
         self._common.wander(spread, dt_s)
         return PredictedMotion(moved, whole, spread, (step.x, step.y, step.turn))
+
+
+def _added(consistency: Consistency, stated: Sequence[tuple[str, Step]], theta: float, dt_s: float) -> Consistency:
+    """Return sums to which the steps of all localizers are added, believed or not."""
+    cos, sin = math.cos(theta), math.sin(theta)
+    sums = dict(consistency.sums)
+    for source, step in stated:
+        position_m2, turn_rad2 = _variances_of(step)
+        x, y, turn, position_sum_m2, turn_sum_rad2, covered_s = sums.get(source) or _NO_SUM
+        sums[source] = MotionSum(
+            x + cos * step.x - sin * step.y,
+            y + sin * step.x + cos * step.y,
+            turn + step.turn,
+            position_sum_m2 + position_m2,
+            turn_sum_rad2 + turn_rad2,
+            covered_s + dt_s,
+        )
+    return consistency._replace(sums=sums)
+
+
+def _without_outliers(stated: Sequence[tuple[str, Step]], selection: StepSelection) -> list[tuple[str, Step]]:
+    """Return the steps, with that of others in place of one that was left out: a single outlier has had its effect."""
+    instead = selection.steps[0][1]
+    return [(source, instead if source in selection.left_out else step) for source, step in stated]
+
+
+def _variances_of(step: Step) -> tuple[float, float]:
+    """Return the variance of the worse axis of the position, and of the turn."""
+    if step.covariance is not None:
+        xx, _, _, yy, _, tt = step.covariance
+        return max(xx, yy), tt
+    xx, _, _, yy, _, tt = step.information or ZERO
+    worst = min(xx, yy)
+    return (1.0 / worst if worst > NOTHING else _UNMEASURED), (1.0 / tt if tt > NOTHING else _UNMEASURED)

@@ -6,20 +6,27 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
 
 from trailmark.arrays import Floats
 from trailmark.estimation.kalman.measurements import Measurement
+from trailmark.frames.payloads import read_only
 from trailmark.geometry import Pose2, Twist2
 
 __all__ = [
+    "Consistency",
     "CorroboratingFix",
+    "Fault",
     "FilterState",
     "Gaussian",
     "MotionCheck",
+    "MotionSum",
     "OdometryState",
     "RejectedMeasurement",
     "Rejections",
+    "Rival",
     "Verdict",
 ]
 
@@ -172,6 +179,101 @@ class Rejections:
     n_recoveries: int = 0
 
 
+class MotionSum(NamedTuple):
+    """The steps of one localizer, added up in odom axes, and their variances.
+
+    Attributes
+    ----------
+    x, y, turn : float
+        Sums of the steps [m, m, rad].
+    position_m2, turn_rad2 : float
+        Sums of the variances, of the worse axis of the position and of the turn; 1e12 where not measured.
+    covered_s : float
+        Time that the steps cover [s].
+    """
+
+    x: float = 0.0
+    y: float = 0.0
+    turn: float = 0.0
+    position_m2: float = 0.0
+    turn_rad2: float = 0.0
+    covered_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """Why the motion of a localizer is not believed.
+
+    Attributes
+    ----------
+    since_s : float
+        When it was found [s].
+    reason : str
+        In words.
+    """
+
+    since_s: float
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rival:
+    """One hypothesis of who is right about motion: a filter of its own.
+
+    Attributes
+    ----------
+    state : FilterState
+        The filter that does not use the motion of some localizers, its `faults`.
+    log_weight : float
+        Log of its probability, to a constant.
+    n_measurements : int
+        Absolute estimates that have had a say.
+    is_implausible : bool
+        Whether it says that a moving robot stood still at once, or changed its speed faster than robots do.
+    """
+
+    state: FilterState
+    log_weight: float
+    n_measurements: int = 0
+    is_implausible: bool = False
+
+
+class Consistency(NamedTuple):
+    """What the localizers say of each other.
+
+    Attributes
+    ----------
+    sums : mapping of str to MotionSum
+        By localizer, since the beginning.
+    corrections : (3,) float64
+        Corrections of (x, y, theta) by absolute estimates, added up since the beginning [m, m, rad].
+    correction_covariance : (3, 3) float64
+        Of `corrections`, were the belief consistent.
+    anchors : tuple of FilterState
+        The filter at the beginnings of the test windows, oldest first, at most two.
+    measurements : tuple of (float, Measurement)
+        Absolute estimates since the oldest anchor, with their stamps.
+    faults : mapping of str to Fault
+        Localizers whose motion is not believed.
+    rivals : tuple of Rival
+        Hypotheses that are not decided; empty while the localizers agree.
+    undecided_since_s : float
+        When the rivals came up [s].
+    tested_s : float
+        When the motions were compared last [s].
+    """
+
+    sums: Mapping[str, MotionSum] = _EMPTY
+    corrections: Floats = read_only(np.zeros(3))
+    correction_covariance: Floats = read_only(np.zeros((3, 3)))
+    anchors: tuple[FilterState, ...] = ()
+    measurements: tuple[tuple[float, Measurement], ...] = ()
+    faults: Mapping[str, Fault] = _EMPTY
+    rivals: tuple[Rival, ...] = ()
+    undecided_since_s: float = math.inf
+    tested_s: float = -math.inf
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class FilterState:
     """All that later estimates depend on. Nothing in it is ever changed in place.
@@ -188,6 +290,8 @@ class FilterState:
         Way travelled at the last accepted absolute estimate; ``-inf`` before the first [m].
     rejections : Rejections
         On absolute estimates of late.
+    consistency : Consistency
+        What the localizers say of each other. While it has rivals, `gaussian` is their mixture.
     left_out : mapping of str to int
         Localizers whose motion was left out just before, and in how many pieces in a row.
     checks : tuple of MotionCheck
@@ -201,6 +305,7 @@ class FilterState:
     odometry: OdometryState = OdometryState()
     fixed_at_m: float = -math.inf
     rejections: Rejections = Rejections()
+    consistency: Consistency = Consistency()
     left_out: Mapping[str, int] = field(default_factory=_empty)
     checks: tuple[MotionCheck, ...] = ()
     verdicts: tuple[Verdict, ...] = ()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 
-from trailmark.estimation.kalman.correction import Correction
+from trailmark.estimation.kalman.fault_detection import FaultDetector
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.kalman.state import FilterState
 
@@ -48,9 +48,9 @@ class TimeNode:
         """Take a new prediction; what followed from the old one is void."""
         self._before, self._n_motions, self._states = before, n_motions, [predicted]
 
-    def apply_measurements(self, correction: Correction) -> FilterState:
+    def apply_measurements(self, faults: FaultDetector) -> FilterState:
         """Apply the measurements that are not applied yet and return the state after the last."""
         states = self._states
         for measurement in self.measurements[len(states) - 1 :]:
-            states.append(correction.correct(states[-1], measurement))
+            states.append(faults.correct(states[-1], measurement))
         return states[-1]

@@ -1,0 +1,119 @@
+"""Whether localizers agree, from their motion over a window and from what absolute estimates had to correct.
+
+Noise averages out over a window, an error that persists does not: the steps of two localizers, added up since an
+anchor one to two seconds ago, are compared with the variances that they state (a chi-square test of the accumulated
+parity vector; Willsky, "A survey of design methods for failure detection in dynamic systems", Automatica 12, 1976). Two
+honest odometries differ by their calibration, too: this is allowed for.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from trailmark.estimation.kalman.gate import threshold
+from trailmark.estimation.kalman.state import FilterState, MotionSum
+from trailmark.estimation.kalman_config import KalmanConfig
+from trailmark.geometry import wrap_angle
+
+__all__ = ["Tolerance", "agreeing_groups", "corrections_are_consistent", "is_still", "motion_since", "pair_nis"]
+
+# One false alarm in some hours, with a test a second.
+_PROBABILITY = 0.99999
+# A variance beyond this says that the direction was not measured [m^2, rad^2].
+_NOT_MEASURED = 1e9
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerance:
+    """By how much honest localizers differ in their calibration, as standard deviations.
+
+    Attributes
+    ----------
+    scale : float
+        Share of the way, and of the turn.
+    yaw_radps : float
+        Yaw rate of a robot that does not turn [rad/s].
+    """
+
+    scale: float
+    yaw_radps: float
+
+    @classmethod
+    def of(cls, config: KalmanConfig) -> Tolerance:
+        """Return what a config says of it."""
+        return cls(config.agree_scale, math.radians(config.agree_deg_per_s))
+
+
+def motion_since(state: FilterState, anchor: FilterState, source: str) -> MotionSum | None:
+    """Return what a localizer says of the motion since an anchor; None if it said nothing then or since."""
+    now, then = state.consistency.sums.get(source), anchor.consistency.sums.get(source)
+    if now is None or then is None or now is then:
+        return None
+    x, y, turn, position_m2, turn_rad2, covered_s = (a - b for a, b in zip(now, then))
+    return MotionSum(x, y, turn, max(position_m2, 0.0), max(turn_rad2, 0.0), covered_s)
+
+
+def pair_nis(a: MotionSum, b: MotionSum, tolerance: Tolerance, *, way_m: float, dt_s: float) -> tuple[float, int]:
+    """Return NIS and degrees of freedom of the difference of two motions over the same window."""
+    position_m2, turn_rad2 = a.position_m2 + b.position_m2, a.turn_rad2 + b.turn_rad2
+    nis, dof = 0.0, 0
+    if position_m2 < _NOT_MEASURED:
+        position_m2 += (tolerance.scale * way_m) ** 2
+        nis, dof = ((a.x - b.x) ** 2 + (a.y - b.y) ** 2) / position_m2, 2
+    if turn_rad2 < _NOT_MEASURED:
+        turn = min(abs(a.turn), abs(b.turn))
+        turn_rad2 += (tolerance.scale * turn) ** 2 + (tolerance.yaw_radps * dt_s) ** 2
+        nis, dof = nis + (a.turn - b.turn) ** 2 / turn_rad2, dof + 1
+    return nis, dof
+
+
+def agreeing_groups(
+    state: FilterState, anchor: FilterState, sources: Iterable[str], tolerance: Tolerance
+) -> list[frozenset[str]]:
+    """Return the localizers in groups: within one, each agrees with another over the window, or nothing tests it."""
+    motions = {source: motion_since(state, anchor, source) for source in sources}
+    dt_s = state.stamp_s - anchor.stamp_s
+    tested = {s: motion for s, motion in motions.items() if motion is not None and motion.covered_s > dt_s - 1e-6}
+    if len(tested) < 2:
+        return [frozenset(motions)]
+    groups: list[set[str]] = []
+    for source, motion in tested.items():
+        with_it = [
+            group for group in groups if any(_agree(motion, tested[other], state, anchor, tolerance) for other in group)
+        ]
+        groups = [group for group in groups if group not in with_it]
+        groups.append({source}.union(*with_it))
+    untested = set(motions) - set(tested)
+    return [frozenset(group | untested) for group in groups]
+
+
+def _agree(a: MotionSum, b: MotionSum, state: FilterState, anchor: FilterState, tolerance: Tolerance) -> bool:
+    # The way of the slower one: a robot is not thought to have gone far because one of two says so.
+    way_m = min(math.hypot(a.x, a.y), math.hypot(b.x, b.y))
+    nis, dof = pair_nis(a, b, tolerance, way_m=way_m, dt_s=state.stamp_s - anchor.stamp_s)
+    return dof == 0 or nis <= threshold(_PROBABILITY, dof)
+
+
+def corrections_are_consistent(state: FilterState, anchor: FilterState) -> bool:
+    """Return whether the corrections since an anchor are as large as their covariance says.
+
+    The corrections of a consistent filter are white: one that is always corrected the same way moves by a wrong motion.
+    """
+    moved = state.consistency.corrections - anchor.consistency.corrections
+    moved[2] = wrap_angle(float(moved[2]))
+    covariance = state.consistency.correction_covariance - anchor.consistency.correction_covariance
+    variances = covariance.diagonal()
+    is_corrected = variances > 1e-12
+    if not is_corrected.any():
+        return True
+    nis = moved[is_corrected] ** 2 / variances[is_corrected]
+    return bool(nis.max() <= threshold(_PROBABILITY, 1))
+
+
+def is_still(motion: MotionSum) -> bool:
+    """Return whether a localizer says that base stood still."""
+    return bool(math.hypot(motion.x, motion.y) <= 3.0 * math.sqrt(motion.position_m2)) and (
+        abs(motion.turn) <= 3.0 * math.sqrt(motion.turn_rad2)
+    )
