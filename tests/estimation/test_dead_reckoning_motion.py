@@ -14,7 +14,7 @@ from trailmark.estimates import (
 )
 from trailmark.geometry import Pose2, wrap_angle
 
-from .conftest import GOOD, dead_reckoning, drive, motion, pose_of
+from .conftest import GOOD, ORIGIN, dead_reckoning, drive, motion, pose_of
 
 
 class TestMotion:
@@ -161,3 +161,15 @@ class TestCovariance:
 
         assert covariance is not None
         assert covariance[2, 2] == pytest.approx(math.radians(30.0) ** 2, rel=0.01)
+
+
+@pytest.mark.parametrize("start_pose", [ORIGIN, None], ids=["known", "unknown"])
+@pytest.mark.parametrize("stamp_s", [0.0, 0.3, 0.71, 1.0, 1.5])  # forgotten, kept, between two frames, newest, ahead
+def test_the_poses_alone_are_those_of_the_belief(start_pose: Pose2 | None, stamp_s: float) -> None:
+    estimator = dead_reckoning(start_pose, history_s=0.5)
+    drive(estimator, 70)
+
+    told_s, pose_map_base, pose_odom_base = estimator.poses_at(stamp_s)
+
+    belief = estimator.belief(stamp_s)
+    assert (told_s, pose_map_base, pose_odom_base) == (belief.stamp_s, belief.pose_map_base, belief.pose_odom_base)

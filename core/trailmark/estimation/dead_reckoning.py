@@ -57,6 +57,12 @@ class _Anchor:
         covariance = congruence(add(self.excess, odom.spread), cos, sin, -cos * y - sin * x, cos * x - sin * y)
         return self.pose_map_base @ self.odom.pose_odom_base.between(odom.pose_odom_base), covariance
 
+    def pose_alone_at(self, odom: OdomState) -> Pose2 | None:
+        """Return the pose of `pose_at` without its covariance."""
+        if self.pose_map_base is None:
+            return None
+        return self.pose_map_base @ self.odom.pose_odom_base.between(odom.pose_odom_base)
+
 
 def _anchor_at(odom: OdomState, pose: Pose2, covariance: Sym3, is_measured: bool) -> _Anchor:
     turn = pose.theta - odom.pose_odom_base.theta
@@ -118,6 +124,21 @@ class DeadReckoning(Estimator):
         if self._belief is None or self._belief.stamp_s != stamp_s:
             self._belief = self._make_belief(self._chain.at(stamp_s))
         return self._belief
+
+    def poses_at(self, stamp_s: float) -> tuple[float, Pose2 | None, Pose2]:
+        """Return what `belief` says of stamp and poses, and nothing else, which is much less work.
+
+        Returns
+        -------
+        float
+            The stamp: `stamp_s`, or that of the oldest state that is kept [s].
+        Pose2 or None
+            Base in the map; None while unknown.
+        Pose2
+            Base in odom.
+        """
+        odom = self._chain.at(stamp_s)
+        return odom.stamp_s, self._corrections.state_at(odom.stamp_s).pose_alone_at(odom), odom.pose_odom_base
 
     def set_pose(
         self,

@@ -92,11 +92,11 @@ class _OwnTrack:
     def add(self, record: EstimateRecord) -> None:
         if self._estimator.apply(record.source, record.estimate).status == "refused":
             return
-        belief = self._estimator.belief(record.estimate.stamp_s)
-        if belief.pose_map_base is not None:
-            self._in_map.add(belief.stamp_s, belief.pose_map_base)
+        stamp_s, pose_map_base, pose_odom_base = self._estimator.poses_at(record.estimate.stamp_s)
+        if pose_map_base is not None:
+            self._in_map.add(stamp_s, pose_map_base)
         else:
-            self._in_odom.add(belief.stamp_s, belief.pose_odom_base)
+            self._in_odom.add(stamp_s, pose_odom_base)
 
     def trajectory(self) -> Trajectory:
         """Return the way in the map; of a localizer that never knew where it started, the way from its start."""
