@@ -40,16 +40,19 @@ class RunWarning:
         The localizer or sensor; empty: the whole run.
     fact, remedy : str
         What is wrong, with its number; what to do about it.
+    is_worthless : bool
+        The figures say nothing at all; a bench takes the cell for failed.
     """
 
     about: str
     fact: str
     remedy: str
+    is_worthless: bool = True
 
     def __str__(self) -> str:
         return f"{self.about}: {self.fact}; {self.remedy}" if self.about else f"{self.fact}; {self.remedy}"
 
-    def document(self) -> dict[str, str]:
+    def document(self) -> dict[str, Any]:
         """Return it as plain data, for ``metrics.json``."""
         return asdict(self)
 
@@ -82,7 +85,8 @@ def _of_localizers(run: RunFolder) -> Iterator[RunWarning]:
         for outcome, remedy in _REMEDIES.items():
             if counts.get(outcome, 0) > MOST_UNUSABLE * n:
                 reason = next(iter(reasons_of(own, outcome)), "")
-                yield RunWarning(name, f"{counts[outcome]} of {n} estimates were {outcome} ({reason})", remedy)
+                fact = f"{counts[outcome]} of {n} estimates were {outcome} ({reason})"
+                yield RunWarning(name, fact, remedy, is_worthless=counts[outcome] == n)
 
 
 _REMEDIES = {

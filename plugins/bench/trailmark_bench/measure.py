@@ -11,6 +11,7 @@ import numpy as np
 
 from trailmark.arrays import Floats, Indices
 from trailmark.evaluation import (
+    FUSED,
     GROUND_TRUTH,
     Evaluation,
     Protocol,
@@ -21,7 +22,7 @@ from trailmark.evaluation import (
 from trailmark.geometry import Trajectory
 from trailmark.pipeline import RunResult
 
-__all__ = ["DETAIL_POINTS", "measured"]
+__all__ = ["DETAIL_POINTS", "measured", "verdict_of"]
 
 #: Points of a line on the page of a cell.
 DETAIL_POINTS = 100
@@ -48,7 +49,7 @@ def measured(
     """
     subject, localizer = request["subject"], request["localizer"]
     evaluated = evaluate_run_folder(read_run(folder), Protocol(align=request["align"]))
-    state, reason = _verdict(result, document, subject, localizer)
+    state, reason = verdict_of(result, document, subject, localizer)
     answer = {
         "state": state,
         "reason": reason,
@@ -62,7 +63,7 @@ def measured(
     return answer, _detail(request, evaluated, document, result)
 
 
-def _verdict(result: RunResult, document: Mapping[str, Any], subject: str, localizer: str) -> tuple[str, str]:
+def verdict_of(result: RunResult, document: Mapping[str, Any], subject: str, localizer: str) -> tuple[str, str]:
     """Return state and reason: a run that was stopped, or says nothing to compare, is no result."""
     if result.status != "done":
         return "failed", f"{result.status}: {result.reason}".rstrip(": ")
@@ -74,6 +75,10 @@ def _verdict(result: RunResult, document: Mapping[str, Any], subject: str, local
         return "failed", f"'{localizer}' never said where it is"
     if "problem" in trajectory and told.get("says_places", True):  # who says path offsets alone has no way
         return "failed", str(trajectory["problem"])
+    for warning in document["warnings"]:
+        is_about = warning["about"] in (subject, localizer) or (not warning["about"] and subject == FUSED)
+        if warning["is_worthless"] and is_about:
+            return "failed", f"{warning['about'] or 'the run'}: {warning['fact']}"
     return "ok", ""
 
 

@@ -1,0 +1,53 @@
+"""What a cell that has run is worth."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from trailmark.pipeline import RunResult
+from trailmark_bench.measure import verdict_of
+
+
+def document(**changes: Any) -> dict[str, Any]:
+    """Return ``metrics.json`` of a run in which `cam` spoke and was used."""
+    return {
+        "trajectories": {"fused": {"poses": 9}, "cam": {"poses": 9}},
+        "sources": {"cam": {"estimates": 9, "outcomes": {"accepted": 9}, "says_places": True}},
+        "warnings": [],
+    } | changes
+
+
+def warning(about: str, is_worthless: bool = True) -> dict[str, Any]:
+    return {"about": about, "fact": "it drives 500 m/s", "remedy": "look", "is_worthless": is_worthless}
+
+
+def verdict(found: dict[str, Any], subject: str = "fused") -> tuple[str, str]:
+    return verdict_of(RunResult(status="done", reason=""), found, subject, "cam")
+
+
+def test_a_cell_that_says_something_is_good() -> None:
+    assert verdict(document()) == ("ok", "")
+
+
+@pytest.mark.parametrize(
+    ("about", "subject", "state"),
+    [("cam", "fused", "failed"), ("", "fused", "failed"), ("", "cam", "ok"), ("other", "fused", "ok")],
+)
+def test_a_cell_whose_figures_are_worth_nothing_has_failed(about: str, subject: str, state: str) -> None:
+    assert verdict(document(warnings=[warning(about)]), subject)[0] == state
+
+
+def test_what_is_only_of_less_worth_is_a_result() -> None:
+    assert verdict(document(warnings=[warning("cam", is_worthless=False)]))[0] == "ok"
+
+
+def test_who_says_path_offsets_alone_needs_no_way() -> None:
+    nothing = {"poses": 0, "problem": "no poses"}
+    offsets = {"cam": {"estimates": 9, "outcomes": {"accepted": 9}, "says_places": False}}
+
+    found = document(trajectories={"cam": nothing}, sources=offsets)
+
+    assert verdict(found, "cam") == ("ok", "")
+    assert verdict(document(trajectories={"cam": nothing}), "cam") == ("failed", "'cam' gave no pose")
