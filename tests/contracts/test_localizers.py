@@ -19,6 +19,7 @@ from trailmark.testing import (
     odometry_run,
     room_run,
     straight,
+    uneven,
 )
 from trailmark.testing.checks.parametrize import parametrize
 
@@ -26,6 +27,7 @@ REGISTRY = load_plugins().registry
 BUILT_IN = {spec.name for spec in REGISTRY.specs("localizer") if spec.distribution == "trailmark"}
 
 BEND = circle(0.3, 1.0)
+UNEVEN = uneven(BEND)
 AHEAD = partial(room_run, "image", straight(0.3), 40)
 RGBD = partial(room_run, "rgbd", BEND, 20)
 
@@ -43,13 +45,13 @@ CASES: dict[str, tuple[Callable[[], AnyRun], dict[str, Any]]] = {
     "divs": (AHEAD, {}),
     "ground_map": (over_ground, {}),
     "ground_vo": (over_ground, {}),
-    "imu": (partial(imu_run, BEND), {}),
+    "imu": (partial(imu_run, UNEVEN), {}),
     "kinect_flow": (RGBD, {}),
     "kinect_landmarks": (RGBD, {}),
     "kinect_motion": (RGBD, {}),
     "klt": (over_ground, {}),
     "laser_icp": (partial(room_run, "scan", BEND, 30), {}),
-    "odometry": (partial(odometry_run, BEND), {}),
+    "odometry": (partial(odometry_run, UNEVEN), {}),
     "omni_surf": (partial(room_run, "omni", circle(0.5, 1.0), 40), {}),
     "orb": (over_ground, {}),
     "orb_rgbd": (RGBD, {}),

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -14,10 +15,11 @@ from trailmark.estimates import Belief, Estimate, Fix, Lost, Motion, information
 from trailmark.frames import Frame, Image, Odometry
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Fault, Localizer, Session
-from trailmark.testing import circle, fault_checks, localizer_checks, odometry_run, room_run
+from trailmark.testing import SyntheticRun, circle, fault_checks, localizer_checks, odometry_run, room_run
 from trailmark.testing.checks.parametrize import parametrize
 
 WHEELS = odometry_run(circle(0.3, 1.0), 30)
+UNEVEN = odometry_run(n_frames=60)
 PICTURES = room_run("image", n_frames=12)
 INFORMATION = information_from_sigmas(0.01, 0.01, 0.01)
 
@@ -137,9 +139,71 @@ class Fragile(Honest):
         return () if frame.payload.pixels.shape == (120, 160, 3) else (1 / 0,)  # type: ignore[return-value]
 
 
+class Late(Honest):
+    """Stamps what it says 20 ms after the frame that it is about."""
+
+    def estimate(self, last, frame, pose):
+        return Motion(last[0] + 0.02, frame.stamp_s + 0.02, last[1].between(pose), INFORMATION)
+
+
+class LateFix(Honest):
+    """Says where base was at the frame before."""
+
+    def estimate(self, last, frame, pose):
+        return Fix(frame.stamp_s, last[1], INFORMATION)
+
+
+class Covariant(Honest):
+    """Gives the covariance for the information."""
+
+    def estimate(self, last, frame, pose):
+        return Motion(last[0], frame.stamp_s, last[1].between(pose), np.linalg.inv(INFORMATION))
+
+
+class Humble(Honest):
+    """Says a hundred times the sigma that it has."""
+
+    def estimate(self, last, frame, pose):
+        return Motion(last[0], frame.stamp_s, last[1].between(pose), INFORMATION / 200.0**2)
+
+
+class Shared(Honest):
+    """Keeps the last frame with the class."""
+
+    kept: ClassVar[dict[str, Any]] = {}
+
+    def start(self, session: Session) -> None:
+        Shared.kept.clear()
+
+    def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
+        pose = frame.payload.pose_start_base  # type: ignore[union-attr]
+        last = Shared.kept.get("last")
+        Shared.kept["last"] = frame.stamp_s, pose
+        return () if last is None or last[0] >= frame.stamp_s else (self.estimate(last, frame, pose),)
+
+
+class Threadbare(Honest):
+    """Works where it was started, and nowhere else."""
+
+    def start(self, session: Session) -> None:
+        super().start(session)
+        self.thread = threading.get_ident()
+
+    def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
+        if threading.get_ident() != self.thread:
+            raise RuntimeError("not my thread")
+        return super().observe(frame, belief)
+
+
 @pytest.mark.parametrize(
     ("check", "localizer", "config", "run"),
     [
+        ("stamps_are_those_of_the_frames", Late, Config(), UNEVEN),
+        ("stamps_are_those_of_the_frames", LateFix, Config(), UNEVEN),
+        ("information_says_something", Covariant, Config(), WHEELS),
+        ("information_says_something", Humble, Config(), WHEELS),
+        ("two_instances_share_no_state", Shared, Config(), WHEELS),
+        ("two_instances_work_in_two_threads", Threadbare, Config(), WHEELS),
         ("config_forbids_unknown_keys", Honest, Lax(), WHEELS),
         ("config_describes_every_key", Honest, Undescribed(), WHEELS),
         ("constructor_is_cheap", Opening, Config(), WHEELS),
@@ -166,8 +230,9 @@ def test_an_untyped_error_is_found() -> None:
 
 
 @pytest.mark.parametrize("name", sorted(localizer_checks(Honest, Config(), WHEELS)))
-def test_an_honest_localizer_passes(name: str) -> None:
-    localizer_checks(Honest, Config(), WHEELS, memory_frames=200)[name]()
+@pytest.mark.parametrize("run", [WHEELS, UNEVEN], ids=["even", "uneven"])
+def test_an_honest_localizer_passes(name: str, run: SyntheticRun) -> None:
+    localizer_checks(Honest, Config(), run, memory_frames=200)[name]()
 
 
 def test_an_expected_failure_needs_a_known_name_and_a_reason() -> None:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from trailmark.errors import ShapeError
 from trailmark.frames import RGBD, Image, Imu, Odometry, Record, Scan
-from trailmark.testing import Room, circle, imu_run, landmark_run, odometry_run, room_run, straight
+from trailmark.testing import Room, circle, imu_run, landmark_run, odometry_run, room_run, straight, uneven
 
 KINDS = ("ground", "image", "rgbd", "omni", "scan", "odometry", "imu", "light", "landmarks")
 
@@ -107,3 +109,36 @@ def test_runs_of_the_same_motion_are_merged_by_stamp() -> None:
     assert stamps == sorted(stamps)
     assert set(run.sensors) == {"wheels", "imu"}
     assert len(run.frames) == 50
+
+
+def test_an_uneven_drive_goes_the_same_way_faster_and_slower() -> None:
+    even, drive = circle(0.3, 1.0), uneven(circle(0.3, 1.0), share=0.6, period_s=2.0)
+
+    speeds = np.array([drive(t).distance_to(drive(t + 1e-4)) / 1e-4 for t in np.arange(0.0, 2.0, 0.01)])
+
+    assert speeds.min() == pytest.approx(0.3 * 0.4, rel=0.02)
+    assert speeds.max() == pytest.approx(0.3 * 1.6, rel=0.02)
+    np.testing.assert_allclose(drive(4.0).array(), even(4.0).array(), atol=1e-9)  # after whole periods
+
+
+@pytest.mark.parametrize(("share", "period_s"), [(-0.1, 1.0), (1.1, 1.0), (0.5, 0.0)])
+def test_a_swing_that_cannot_be_is_refused(share: float, period_s: float) -> None:
+    with pytest.raises(ValueError, match="between 0 and 1 and the period be positive"):
+        uneven(circle(0.3, 1.0), share, period_s)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda run: {"sensors": {}}, "frames of wheels, but the sensors are"),
+        (lambda run: {"sensors": {"wheels": replace(run.sensors["wheels"], name="other")}}, "says that it is 'other'"),
+        (lambda run: {"frames": run.frames[::-1]}, "in the order of their stamps"),
+        (lambda run: {"truth": run.truth.between(5.0, 6.0)}, "one pose at least"),
+        (lambda run: {"truth": run.truth.between(0.0, 0.2)}, "the truth covers 0.0 to 0.2 s, but a frame is of 0.25 s"),
+    ],
+)
+def test_a_run_that_does_not_fit_together_is_refused(change: Callable, message: str) -> None:
+    run = odometry_run(n_frames=10)
+
+    with pytest.raises(ShapeError, match=message):
+        replace(run, **change(run))

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     )
     from trailmark.testing.ground import GroundCamera, GroundRun, MirroredFloor, ground_run
     from trailmark.testing.memory_map import MemoryMap
-    from trailmark.testing.motions import MotionLaw, circle, straight, true_poses
+    from trailmark.testing.motions import MotionLaw, circle, straight, true_poses, uneven
     from trailmark.testing.room import Room, room_run
     from trailmark.testing.runs import AnyRun, SyntheticRun, imu_run, landmark_run, light_run, odometry_run
 
@@ -69,12 +69,13 @@ __all__ = [
     "store_checks",
     "straight",
     "true_poses",
+    "uneven",
 ]
 
 _MODULES = {
     "trailmark.testing.memory_map": ("MemoryMap",),
     "trailmark.testing.ground": ("MirroredFloor", "GroundCamera", "GroundRun", "ground_run"),
-    "trailmark.testing.motions": ("MotionLaw", "circle", "straight", "true_poses"),
+    "trailmark.testing.motions": ("MotionLaw", "circle", "straight", "true_poses", "uneven"),
     "trailmark.testing.room": ("Room", "room_run"),
     "trailmark.testing.runs": (
         "AnyRun", "SyntheticRun", "imu_run", "landmark_run", "light_run", "odometry_run",

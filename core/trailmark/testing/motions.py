@@ -9,7 +9,7 @@ import numpy as np
 
 from trailmark.geometry import Pose2, Trajectory
 
-__all__ = ["MotionLaw", "circle", "straight", "true_poses"]
+__all__ = ["MotionLaw", "circle", "straight", "true_poses", "uneven"]
 
 #: Pose of base in the map at a time [s], in closed form.
 MotionLaw = Callable[[float], Pose2]
@@ -41,6 +41,28 @@ def circle(speed_mps: float, radius_m: float) -> MotionLaw:
 
     def pose(time_s: float) -> Pose2:
         return Pose2.exp(speed_mps * time_s, 0.0, speed_mps * time_s / radius_m)
+
+    return pose
+
+
+def uneven(motion: MotionLaw, share: float = 0.6, period_s: float = 2.0) -> MotionLaw:
+    """Return the same way driven faster and slower by turns: speed and turn rate swing by a share of themselves.
+
+    At constant speed and turn an estimate that is 20 ms late looks like one in time.
+
+    Parameters
+    ----------
+    share : float
+        How far the speed swings about its mean, 0 to 1.
+    period_s : float
+        Of the swing [s].
+    """
+    if not 0.0 <= share <= 1.0 or not period_s > 0.0:
+        raise ValueError(f"the share must lie between 0 and 1 and the period be positive, not {share} and {period_s} s")
+    swing = 2.0 * math.pi / period_s
+
+    def pose(time_s: float) -> Pose2:
+        return motion(time_s - share / swing * math.sin(swing * time_s))
 
     return pose
 

@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
 
+from trailmark.errors import ShapeError
 from trailmark.frames import Arrays, Frame, Imu, Odometry, Record, Scalar, SensorInfo
 from trailmark.geometry import Trajectory, Twist2, wrap_angle
-from trailmark.testing.motions import MotionLaw, circle, true_poses
+from trailmark.testing.motions import MotionLaw, circle, true_poses, uneven
 
 __all__ = ["AnyRun", "SyntheticRun", "imu_run", "landmark_run", "light_run", "odometry_run"]
 
@@ -39,11 +41,33 @@ class SyntheticRun:
         What a source would say of them.
     truth : Trajectory
         True pose of base in the map.
+
+    Raises
+    ------
+    ShapeError
+        If frames are out of order, outside of the truth, or of sensors that are not told.
     """
 
     frames: Sequence[Frame]
     sensors: Mapping[str, SensorInfo]
     truth: Trajectory
+
+    def __post_init__(self) -> None:
+        unknown = {frame.sensor for frame in self.frames} - set(self.sensors)
+        if unknown:
+            raise ShapeError(f"frames of {', '.join(sorted(unknown))}, but the sensors are {', '.join(self.sensors)}")
+        misnamed = [name for name, info in self.sensors.items() if info.name != name]
+        if misnamed:
+            raise ShapeError(f"the sensor called {misnamed[0]!r} says that it is {self.sensors[misnamed[0]].name!r}")
+        back = [now.stamp_s for last, now in pairwise(self.frames) if now.stamp_s < last.stamp_s]
+        if back:
+            raise ShapeError(f"frames must be in the order of their stamps, but one of {back[0]} s follows a later one")
+        if not len(self.truth):
+            raise ShapeError("the truth must have one pose at least")
+        first_s, last_s = self.truth.stamps_s[[0, -1]].tolist()
+        outside = [frame.stamp_s for frame in self.frames if not first_s - 1e-6 <= frame.stamp_s <= last_s + 1e-6]
+        if outside:
+            raise ShapeError(f"the truth covers {first_s} to {last_s} s, but a frame is of {outside[0]} s")
 
     def with_sensors(self, *others: SyntheticRun) -> SyntheticRun:
         """Return this run with the frames of others of the same motion, merged by stamp."""
@@ -56,7 +80,7 @@ def odometry_run(
     motion: MotionLaw | None = None, n_frames: int = 100, *, rate_hz: float = 20.0, sensor: str = "wheels"
 ) -> SyntheticRun:
     """Return exact wheel odometry of a drive: pose, distance and velocity since the start."""
-    motion = motion or circle(0.3, 1.0)
+    motion = motion or uneven(circle(0.3, 1.0))
     truth = true_poses(motion, n_frames, rate_hz)
     start, travelled_m = motion(0.0), truth.travelled_m()
     frames = tuple(
@@ -70,7 +94,7 @@ def imu_run(
     motion: MotionLaw | None = None, n_frames: int = 200, *, rate_hz: float = 100.0, sensor: str = "imu"
 ) -> SyntheticRun:
     """Return the exact yaw rate of a drive, with gravity and an orientation."""
-    motion = motion or circle(0.3, 1.0)
+    motion = motion or uneven(circle(0.3, 1.0))
     truth = true_poses(motion, n_frames, rate_hz)
     frames = tuple(
         Frame(
@@ -91,7 +115,7 @@ def light_run(
     motion: MotionLaw | None = None, n_frames: int = 50, *, rate_hz: float = 10.0, sensor: str = "light"
 ) -> SyntheticRun:
     """Return an ambient light that rises and falls along the drive [lux]."""
-    truth = true_poses(motion or circle(0.3, 1.0), n_frames, rate_hz)
+    truth = true_poses(motion or uneven(circle(0.3, 1.0)), n_frames, rate_hz)
     frames = tuple(
         Frame(sensor, stamp_s, Scalar(300.0 + 200.0 * math.sin(pose.x + 2.0 * pose.y))) for stamp_s, pose in truth
     )
@@ -115,7 +139,7 @@ def landmark_run(
     """
     rng = np.random.default_rng(seed)
     positions, ids = rng.uniform(-5.0, 5.0, (n_landmarks, 2)), np.arange(1, n_landmarks + 1)
-    truth = true_poses(motion or circle(0.3, 1.0), n_frames, rate_hz)
+    truth = true_poses(motion or uneven(circle(0.3, 1.0)), n_frames, rate_hz)
     frames = []
     for stamp_s, pose in truth:
         away = positions - [pose.x, pose.y]

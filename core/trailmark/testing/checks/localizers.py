@@ -32,6 +32,7 @@ from trailmark.testing.checks.lives import (
 )
 from trailmark.testing.checks.parametrize import Check, parametrize, skip
 from trailmark.testing.checks.payloads import Spoil, payloads_of_other_size, spoil
+from trailmark.testing.checks.timing_and_state import timing_and_state_checks
 from trailmark.testing.memory_map import MemoryMap
 from trailmark.testing.runs import AnyRun
 
@@ -99,6 +100,7 @@ def localizer_checks(
         **{f"{how}_frames_are_no_answer": partial(_survives_spoiled, case, how) for how in spoils},
         "another_size_is_a_typed_error": lambda: _refuses_another_size(case),
         "memory_is_bounded": lambda: _is_bounded(case, memory_frames),
+        **timing_and_state_checks(case),
     }
 
 
