@@ -18,7 +18,7 @@ from trailmark.geometry import Pose2, Pose3, Trajectory
 from trailmark_papers.perroni2014.closed_loop import _share_row
 from trailmark_papers.perroni2014.drives import Deviation, Place, Taught
 from trailmark_papers.perroni2014.likelihood import _climbed, _tracked
-from trailmark_papers.perroni2014.offline import Answers, _signs_percent, compare
+from trailmark_papers.perroni2014.offline import DriveAnswers, _signs_percent, compare
 from trailmark_papers.perroni2014.plots import draw_clutter, draw_corners, draw_likelihood, draw_shifts, draw_ways
 from trailmark_papers.perroni2014.true_shift import Eyepiece, Surroundings
 
@@ -125,10 +125,10 @@ def test_answers_are_set_beside_the_truth_of_the_poses_they_match(eyepiece):
 
 def test_a_picture_without_an_answer_has_the_wrong_sign():
     """Of 25 + 4 pictures the first 25 fill the window; of the others two are right, one is wrong, one is lost."""
-    collecting = Answers([1.0, 2.0, -1.0], [1.0, 1.0, 1.0], n_lost=26, n_collecting=25)
+    collecting = DriveAnswers([1.0, 2.0, -1.0], [1.0, 1.0, 1.0], n_lost=26, n_collecting=25)
 
     assert _signs_percent([collecting]) == 50.0
-    assert _signs_percent([Answers(n_lost=25, n_collecting=25)]) is None
+    assert _signs_percent([DriveAnswers(n_lost=25, n_collecting=25)]) is None
 
 
 def test_what_is_lost_after_the_first_window_is_not_excused(wall):
@@ -141,7 +141,7 @@ def test_what_is_lost_after_the_first_window_is_not_excused(wall):
 
 
 def test_who_said_nothing_spoke_on_nothing():
-    assert Answers().spoken_percent == 0.0
+    assert DriveAnswers().spoken_percent == 0.0
 
 
 def test_both_selections_follow_a_shift_that_is_there():

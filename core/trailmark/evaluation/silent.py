@@ -20,7 +20,7 @@ from trailmark.evaluation.plugged import JudgedEstimates
 from trailmark.evaluation.relative import between
 from trailmark.geometry import Trajectory, wrap_angles
 
-__all__ = ["FLOORS", "N_SIGMAS", "Floor", "are_silently_wrong", "silent"]
+__all__ = ["FLOORS", "N_SIGMAS", "ErrorFloor", "are_silently_wrong", "silent"]
 
 #: An error within so many of its own standard deviations has been announced.
 N_SIGMAS = 5.0
@@ -29,7 +29,7 @@ _WIDE_M2 = 1e4
 
 
 @dataclass(frozen=True, slots=True)
-class Floor:
+class ErrorFloor:
     """Errors that nobody minds, whatever was claimed [m, rad]."""
 
     position_m: float
@@ -37,10 +37,10 @@ class Floor:
 
 
 #: By kind of estimate. What sees shifts of a picture speaks of path offsets: about 6 px of a usual forward camera.
-FLOORS: Mapping[str, Floor] = {
-    "motion": Floor(0.5e-3, np.radians(0.05)),
-    "fix": Floor(20e-3, np.radians(1.0)),
-    "pathoffset": Floor(20e-3, np.radians(1.0)),
+FLOORS: Mapping[str, ErrorFloor] = {
+    "motion": ErrorFloor(0.5e-3, np.radians(0.05)),
+    "fix": ErrorFloor(20e-3, np.radians(1.0)),
+    "pathoffset": ErrorFloor(20e-3, np.radians(1.0)),
 }
 
 
@@ -68,7 +68,7 @@ def silent(judged: JudgedEstimates) -> dict[str, float]:
     return found
 
 
-def are_silently_wrong(errors: Floats, covariances: Floats, floor: Floor) -> Bools:
+def are_silently_wrong(errors: Floats, covariances: Floats, floor: ErrorFloor) -> Bools:
     """Return which errors are more than `N_SIGMAS` of their own and more than a floor, (N,).
 
     Position and heading are judged each by its own marginal covariance. Where a direction of the position was not

@@ -28,7 +28,7 @@ _CROOKED = {"kind": "four_wheel_steering", "asymmetry": 0.08, "front_trim_deg": 
 
 
 @dataclass(frozen=True, slots=True)
-class _Variant:
+class _PlaybackVariant:
     """A playback of the course.
 
     Attributes
@@ -57,12 +57,12 @@ _PRINTED: Mapping[str, float] = {
     "offset, max": 20.3,
 }
 _MAIN = "refined"
-_VARIANTS: Mapping[str, _Variant] = {
-    _MAIN: _Variant(),
-    "refined, 14 frames": _Variant(latency_frames=14),
-    "paper": _Variant("paper", PAPER_MAP),
-    "paper, 14 frames": _Variant("paper", PAPER_MAP, 14),
-    "crooked steering": _Variant(vehicle=_CROOKED),
+_VARIANTS: Mapping[str, _PlaybackVariant] = {
+    _MAIN: _PlaybackVariant(),
+    "refined, 14 frames": _PlaybackVariant(latency_frames=14),
+    "paper": _PlaybackVariant("paper", PAPER_MAP),
+    "paper, 14 frames": _PlaybackVariant("paper", PAPER_MAP, 14),
+    "crooked steering": _PlaybackVariant(vehicle=_CROOKED),
 }
 
 
@@ -95,7 +95,7 @@ def _taught_as(name: str) -> str:
     return _VARIANTS[name].mode
 
 
-def _config(trial: Trial, variant: _Variant, repeat: float, stands: Pose2, believed: Pose2) -> dict[str, Any]:
+def _config(trial: Trial, variant: _PlaybackVariant, repeat: float, stands: Pose2, believed: Pose2) -> dict[str, Any]:
     """Return the config of a playback that begins where teaching has ended: 10.5 round trips lead to the start."""
     vehicle: dict[str, Any] = {} if variant.vehicle is None else {"vehicle": dict(variant.vehicle)}
     # The answer is there a millisecond before the picture that it is to meet.

@@ -31,7 +31,7 @@ _HARD: Mapping[str, float] = {"wood_dark": 0.3, "artificial_turf": 0.5}
 
 
 @dataclass(frozen=True, slots=True)
-class Drift:
+class StraightErrors:
     """Errors of visual odometry over a straight way."""
 
     position_percent: float
@@ -85,7 +85,7 @@ def straight_rows(options: ExperimentOptions) -> list[Row]:
     return rows
 
 
-def _measured(options: ExperimentOptions, floors: _Floors, n_seeds: int) -> dict[str, dict[str, Drift]]:
+def _measured(options: ExperimentOptions, floors: _Floors, n_seeds: int) -> dict[str, dict[str, StraightErrors]]:
     """Return the errors on every floor in both modes, root mean square over the seeds."""
     cells = {
         (name, seed): (Trial(options.out, seed, options.place_of(seed)), name, ground, options.quick)
@@ -102,7 +102,7 @@ def _measured(options: ExperimentOptions, floors: _Floors, n_seeds: int) -> dict
     return found
 
 
-def _drifts(trial: Trial, name: str, ground: Mapping[str, Any], is_quick: bool) -> dict[str, Drift]:
+def _drifts(trial: Trial, name: str, ground: Mapping[str, Any], is_quick: bool) -> dict[str, StraightErrors]:
     """Drive once and return the errors of both modes, which see the same pictures."""
     limits: dict[str, Any] = {"duration_s": _QUICK_S} if is_quick else {}
     config = {
@@ -116,7 +116,7 @@ def _drifts(trial: Trial, name: str, ground: Mapping[str, Any], is_quick: bool) 
     return {mode: drift(run.trajectories[mode], run.truth) for mode in _MODES}
 
 
-def drift(estimate: Trajectory, truth: Trajectory) -> Drift:
+def drift(estimate: Trajectory, truth: Trajectory) -> StraightErrors:
     """Compare the end of a way with the truth, from a common start."""
     stamps = np.clip(estimate.stamps_s, truth.stamps_s[0], truth.stamps_s[-1])
     at_truth = truth.at(stamps)
@@ -125,7 +125,7 @@ def drift(estimate: Trajectory, truth: Trajectory) -> Drift:
     miss_m = math.hypot(moved.x - should.x, moved.y - should.y)
     odometer = math.hypot(moved.x, moved.y) / math.hypot(should.x, should.y) - 1.0
     turn_rad = wrap_angle(moved.theta - should.theta)
-    return Drift(100.0 * miss_m / way_m, 100.0 * odometer, math.degrees(turn_rad) / way_m)
+    return StraightErrors(100.0 * miss_m / way_m, 100.0 * odometer, math.degrees(turn_rad) / way_m)
 
 
 def _displacement(trajectory: Trajectory) -> Pose2:
@@ -133,11 +133,11 @@ def _displacement(trajectory: Trajectory) -> Pose2:
     return trajectory[0][1].between(trajectory[len(trajectory) - 1][1])
 
 
-def _rms(drifts: Sequence[Drift]) -> Drift:
-    return Drift(*np.sqrt(np.mean(np.square([astuple(one) for one in drifts]), axis=0)).tolist())
+def _rms(drifts: Sequence[StraightErrors]) -> StraightErrors:
+    return StraightErrors(*np.sqrt(np.mean(np.square([astuple(one) for one in drifts]), axis=0)).tolist())
 
 
-def _add_worst(table: Table, kind: str, mode: str, found: Mapping[str, Drift], *, is_papers: bool) -> None:
+def _add_worst(table: Table, kind: str, mode: str, found: Mapping[str, StraightErrors], *, is_papers: bool) -> None:
     """Add the worst of several floors, and all of them as a note; the paper's figures are those of 10 m."""
     units = (("end position", "%", None), ("odometer", "%", 0.99), ("heading", "deg/m", 0.44))
     for i, (item, unit, paper) in enumerate(units if found else ()):
@@ -148,7 +148,7 @@ def _add_worst(table: Table, kind: str, mode: str, found: Mapping[str, Drift], *
         table.add(f"{item}, worst of {len(found)} {kind}", unit, max(by_floor.values()), **fields)
 
 
-def _add_hard(table: Table, name: str, mode: str, found: Drift) -> None:
+def _add_hard(table: Table, name: str, mode: str, found: StraightErrors) -> None:
     bars = {"bar": _HARD[name.removeprefix("photograph ")], "stretch": 0.1} if mode == "refined" else {}
     note = f"odometer {found.odometer_percent:.2g} %, heading {found.heading_deg_per_m:.2g} deg/m"
     table.add(f"end position, {name}", "%", found.position_percent, note=note, **bars)

@@ -12,7 +12,7 @@ from trailmark.experiments import ExperimentOptions, Row
 from trailmark.pipeline import Pipeline, Step
 from trailmark_papers.kit import AnswerKeeper, Table, grouped, sweep, truth_of
 from trailmark_papers.perroni2014.drives import AFTERNOON, STREAMS, Deviation, Localizers, Place, Replay, Taught
-from trailmark_papers.perroni2014.offline import Answers, DepthKeeper, compare, with_depth
+from trailmark_papers.perroni2014.offline import DepthKeeper, DriveAnswers, compare, with_depth
 from trailmark_papers.perroni2014.true_shift import Surroundings
 
 __all__ = ["correspondence_rows"]
@@ -61,7 +61,7 @@ def _rows_of(options: ExperimentOptions, world: str) -> list[Row]:
 
 def corresponding_drive(
     taught: Taught, around: Surroundings, localizers: Localizers, driver: str, seed: int
-) -> tuple[dict[str, Answers], Deviation]:
+) -> tuple[dict[str, DriveAnswers], Deviation]:
     """Let one correspondence lead the robot, and all others look on when distance does."""
     keeper = AnswerKeeper(localizers)
     shown = localizers if driver == "distance" else {driver: localizers[driver]}
@@ -98,7 +98,7 @@ def _rows_of_starts(name: str, found_at: Sequence[tuple[float, float]]) -> Table
     return table
 
 
-def _rows_of_how(name: str, how: str, watched: list[Answers], ways: list[Deviation]) -> Table:
+def _rows_of_how(name: str, how: str, watched: list[DriveAnswers], ways: list[Deviation]) -> Table:
     said, true = (np.concatenate([getattr(one, what) for one in watched]) for what in ("said", "true"))
     misses_m = np.concatenate([one.misses_m for one in watched])
     table = Table(name, len(said), len(ways))

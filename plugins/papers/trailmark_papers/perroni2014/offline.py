@@ -24,7 +24,7 @@ from trailmark_papers.perroni2014.drives import AFTERNOON, PEERS, STREAMS, Local
 from trailmark_papers.perroni2014.plots import draw_shifts
 from trailmark_papers.perroni2014.true_shift import Eyepiece, Surroundings
 
-__all__ = ["LOCALIZERS", "Answers", "DepthKeeper", "compare", "offline_drive", "offline_rows", "with_depth"]
+__all__ = ["LOCALIZERS", "DepthKeeper", "DriveAnswers", "compare", "offline_drive", "offline_rows", "with_depth"]
 
 _WIDTH_PX = 160
 _LENGTH_M = 10.0
@@ -60,7 +60,7 @@ _FIGURES = {"street": "Fig. 3", "corridor": "Fig. 4"}
 
 
 @dataclass(slots=True)
-class Answers:
+class DriveAnswers:
     """What one localizer said in one drive.
 
     Attributes
@@ -120,7 +120,7 @@ class DepthKeeper(FrameKeeper[Depth]):
 
 
 #: What every localizer said in one drive.
-Drive: TypeAlias = dict[str, Answers]
+Drive: TypeAlias = dict[str, DriveAnswers]
 #: The drives of a condition and an angle [deg].
 Found: TypeAlias = Mapping[tuple[str, float], list[Drive]]
 
@@ -183,7 +183,7 @@ def _of_both(
 
 def offline_drive(
     taught: Taught, around: Surroundings, given: Mapping[str, Any], turned_deg: float, seed: int
-) -> dict[str, Answers]:
+) -> dict[str, DriveAnswers]:
     """Drive straight ahead from a start turned aside; return what every localizer said, beside the truth."""
     keeper = AnswerKeeper(LOCALIZERS)
     result = taught.replay(Replay(LOCALIZERS, seed, given, turned_deg, use=[]), keeper)
@@ -192,7 +192,7 @@ def offline_drive(
 
 def compare(
     told: Iterable[tuple[str, float, PathOffset | None]], taught: Taught, around: Surroundings, truth: Trajectory
-) -> dict[str, Answers]:
+) -> dict[str, DriveAnswers]:
     """Set what localizers said beside the truth.
 
     Parameters
@@ -202,10 +202,10 @@ def compare(
     truth : Trajectory
         Of the replay.
     """
-    answers: dict[str, Answers] = {}
+    answers: dict[str, DriveAnswers] = {}
     ways_m, column_px = taught.truth.travelled_m(), taught.place.width_px // 50
     for name, stamp_s, offset in told:
-        answer = answers.setdefault(name, Answers())
+        answer = answers.setdefault(name, DriveAnswers())
         if offset is None:
             answer.n_collecting += answer.n_pictures < _WINDOW
             answer.n_lost += 1
@@ -245,18 +245,18 @@ def _rows_of_drives(name: str, drives: Sequence[Drive], is_turned: bool = True) 
     return rows
 
 
-def _worst_bias(several: Sequence[Answers]) -> float | None:
+def _worst_bias(several: Sequence[DriveAnswers]) -> float | None:
     biases = [abs(float(np.mean(one.said) - np.mean(one.true))) for one in several if one.said]
     return max(biases, default=None)
 
 
-def _signs_percent(several: Sequence[Answers]) -> float | None:
+def _signs_percent(several: Sequence[DriveAnswers]) -> float | None:
     """Return the share of the pictures after the first window whose sign is right; one without an answer is wrong."""
     n_right = sum(int((np.sign(one.said) == np.sign(one.true)).sum()) for one in several)
     n_asked = sum(one.n_pictures - one.n_collecting for one in several)
     return 100.0 * n_right / n_asked if n_asked else None
 
 
-def _series(answers: Answers) -> dict[str, Floats]:
+def _series(answers: DriveAnswers) -> dict[str, Floats]:
     columns = {"station": answers.stations_m, "said": answers.said, "true": answers.true}
     return {name: np.array(values) for name, values in columns.items()}

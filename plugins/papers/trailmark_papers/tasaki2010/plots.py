@@ -22,7 +22,7 @@ _SHELVES = tuple((x, y) for y in (4.6, 6.6, 8.6) for x in (3.2, 7.0))
 _SHELF_M = (2.4, 0.8)
 
 
-class _Route(Protocol):
+class _PlottedRoute(Protocol):
     @property
     def way(self) -> Floats: ...
     @property
@@ -43,7 +43,7 @@ def draw_line(path: Path, answers: Mapping[str, Answers]) -> None:
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3)
 
 
-def draw_routes(path: Path, drives: Sequence[_Route], goal: tuple[float, float]) -> None:
+def draw_routes(path: Path, drives: Sequence[_PlottedRoute], goal: tuple[float, float]) -> None:
     """Draw the ways to the goal, and where the robot believed to be (Fig. 7)."""
     from matplotlib.patches import Circle, Rectangle
 

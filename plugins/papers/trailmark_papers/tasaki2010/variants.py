@@ -113,7 +113,7 @@ class Answers:
         return int(((self.errors_m > 0.5) & (self.nees > 16.0)).sum())
 
 
-class _Camera(Watcher):
+class _CameraDrive(Watcher):
     """A localizer that sees the pictures, and believes the wheels where it is relative to its start."""
 
     def __init__(self, localizer: Localizer) -> None:
@@ -144,7 +144,7 @@ def drive(variants: Sequence[Variant], source: Mapping[str, Any], seed: int) -> 
         Of noise, slip and people.
     """
     with started_source(source, seed) as robot:
-        cameras = {variant.name: _Camera(variant.started(robot.sensors)) for variant in variants}
+        cameras = {variant.name: _CameraDrive(variant.started(robot.sensors)) for variant in variants}
         truth = show(robot, cameras.values(), Image).poses
     return {name: _answers(truth, np.array(camera.rows)) for name, camera in cameras.items()}
 

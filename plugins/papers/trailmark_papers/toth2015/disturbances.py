@@ -10,7 +10,7 @@ import numpy as np
 from trailmark.experiments import ExperimentOptions, Row
 from trailmark.report.drawing import BLUE, GREEN, MUTED, RED, legend_above
 from trailmark_papers.kit import Table, panels, rms
-from trailmark_papers.toth2015.drives import FLOW, LANDMARKS, ORB, Driven, Method, Outcome, Plan
+from trailmark_papers.toth2015.drives import FLOW, LANDMARKS, ORB, Driven, DriveOutcome, Method, Plan
 
 __all__ = ["disturbance_plans", "disturbance_rows", "draw_disturbances"]
 
@@ -54,7 +54,7 @@ def disturbance_rows(driven: Sequence[Driven]) -> list[Row]:
     return rows
 
 
-def _rows_of(name: str, method: str, outcomes: Sequence[Outcome]) -> Table:
+def _rows_of(name: str, method: str, outcomes: Sequence[DriveOutcome]) -> Table:
     table = Table(name, sum(len(outcome.errors) for outcome in outcomes), len(outcomes))
     jump, share = ({"bar": 0.05, "stretch": 0.02}, {"bar": 90.0, "stretch": 98.0}) if method == _OURS else ({}, {})
     table.add(f"{method}: largest jump", "m", max(outcome.jump_m for outcome in outcomes), **jump)

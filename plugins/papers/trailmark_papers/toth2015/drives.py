@@ -16,7 +16,7 @@ from trailmark.geometry import Pose2
 from trailmark.interfaces import FrameSource, Localizer, Session
 from trailmark_papers.kit import Table, Watcher, rms, show, simulated, spread_of, started_source, timed
 
-__all__ = ["FLOW", "LANDMARKS", "ORB", "Driven", "Outcome", "Plan", "drive", "error_rows"]
+__all__ = ["FLOW", "LANDMARKS", "ORB", "DriveOutcome", "Driven", "Plan", "drive", "error_rows"]
 
 Method = Mapping[str, Any]
 
@@ -67,7 +67,7 @@ class Plan:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class DriveOutcome:
     """What one localizer did.
 
     Attributes
@@ -112,7 +112,7 @@ class Driven:
     """A plan and what its localizers did."""
 
     plan: Plan
-    outcomes: Mapping[str, Outcome]
+    outcomes: Mapping[str, DriveOutcome]
 
 
 def drive(plan: Plan) -> Driven:
@@ -121,7 +121,7 @@ def drive(plan: Plan) -> Driven:
 
     cv2.setNumThreads(1)
     with started_source(_source(plan), plan.seed) as source:
-        watchers = {name: _Camera(source, method, plan.seed) for name, method in plan.methods.items()}
+        watchers = {name: _LocalizerDrive(source, method, plan.seed) for name, method in plan.methods.items()}
         truth = show(source, watchers.values(), RGBD)
         ways = source.ground_truth()
     assert ways is not None
@@ -145,7 +145,7 @@ def _source(plan: Plan) -> dict[str, Any]:
     )
 
 
-class _Camera(Watcher):
+class _LocalizerDrive(Watcher):
     """One localizer that believes itself alone, and what it said."""
 
     def __init__(self, source: FrameSource, method: Method, seed: int) -> None:
@@ -179,16 +179,16 @@ class _Camera(Watcher):
         self._poses.append((answer.stamp_s, self._pose))
         self._n_agree.append(answer.details.get("n_agree", math.nan))
 
-    def outcome(self, true: Mapping[float, Pose2]) -> Outcome:
+    def outcome(self, true: Mapping[float, Pose2]) -> DriveOutcome:
         """Return what it did, beside the true poses from the start, by stamp."""
         misses = [true[stamp_s].between(pose) for stamp_s, pose in self._poses]
         errors = np.array([miss.array() for miss in misses]).reshape(-1, 3)
         n_agree = float(np.mean(self._n_agree)) if self._n_agree else math.nan
         stamps_s = np.array([stamp_s for stamp_s, _ in self._poses])
-        return Outcome(stamps_s, errors, len(self._times_ms) - 1, np.array(self._times_ms[1:]), n_agree)
+        return DriveOutcome(stamps_s, errors, len(self._times_ms) - 1, np.array(self._times_ms[1:]), n_agree)
 
 
-def error_rows(name: str, method: str, outcomes: Sequence[Outcome], is_ours: bool) -> Table:
+def error_rows(name: str, method: str, outcomes: Sequence[DriveOutcome], is_ours: bool) -> Table:
     """Return pose share, position and heading errors of one method over seeds; bars where it is ours."""
     position = [rms(outcome.position_m) for outcome in outcomes]
     heading = [math.degrees(rms(outcome.errors[:, 2])) for outcome in outcomes]

@@ -10,7 +10,7 @@ from trailmark.arrays import Floats
 from trailmark.experiments import ExperimentOptions, Row
 from trailmark.report.drawing import BLUE, GREEN, RED, legend_above
 from trailmark_papers.kit import Table, panels
-from trailmark_papers.toth2015.drives import FLOW, LANDMARKS, ORB, Driven, Method, Outcome, Plan, error_rows
+from trailmark_papers.toth2015.drives import FLOW, LANDMARKS, ORB, Driven, DriveOutcome, Method, Plan, error_rows
 
 __all__ = ["draw_places", "place_plans", "place_rows"]
 
@@ -63,11 +63,11 @@ def _in_world(driven: Sequence[Driven], world: str) -> list[Driven]:
     return [one for one in driven if one.plan.world == world and one.plan.name == "straight"]
 
 
-def _times_ms(outcomes: Iterable[Outcome]) -> Floats:
+def _times_ms(outcomes: Iterable[DriveOutcome]) -> Floats:
     return np.concatenate([outcome.times_ms for outcome in outcomes])
 
 
-def _add_rate(table: Table, method: str, outcomes: Sequence[Outcome], paper: float | None) -> None:
+def _add_rate(table: Table, method: str, outcomes: Sequence[DriveOutcome], paper: float | None) -> None:
     times_ms, n_agree = _times_ms(outcomes), float(np.mean([outcome.n_agree for outcome in outcomes]))
     note = f"p95 {np.percentile(times_ms, 95):.0f} ms CPU time of one thread; {n_agree:.0f} agree on average"
     bar, stretch = _RATES.get(method, (None, None))
