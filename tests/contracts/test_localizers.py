@@ -17,6 +17,7 @@ from trailmark.testing import (
     imu_run,
     localizer_checks,
     odometry_run,
+    pose_run,
     room_run,
     straight,
     uneven,
@@ -58,6 +59,7 @@ CASES: dict[str, tuple[Callable[[], AnyRun], dict[str, Any]]] = {
     "patch_ncc": (AHEAD, {}),
     "phase_correlation": (over_ground, {}),
     "phase_shift": (AHEAD, {}),
+    "pose_fixes": (partial(pose_run, UNEVEN), {}),
 }
 
 #: What is known not to pass, and why.

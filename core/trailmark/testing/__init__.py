@@ -35,7 +35,15 @@ if TYPE_CHECKING:
     from trailmark.testing.memory_map import MemoryMap
     from trailmark.testing.motions import MotionLaw, circle, straight, true_poses, uneven
     from trailmark.testing.room import Room, room_run
-    from trailmark.testing.runs import AnyRun, SyntheticRun, imu_run, landmark_run, light_run, odometry_run
+    from trailmark.testing.runs import (
+        AnyRun,
+        SyntheticRun,
+        imu_run,
+        landmark_run,
+        light_run,
+        odometry_run,
+        pose_run,
+    )
 
 __all__ = [
     "AnyRun",
@@ -63,6 +71,7 @@ __all__ = [
     "parametrize_with_sink_checks",
     "parametrize_with_source_checks",
     "parametrize_with_store_checks",
+    "pose_run",
     "room_run",
     "sink_checks",
     "source_checks",
@@ -78,7 +87,7 @@ _MODULES = {
     "trailmark.testing.motions": ("MotionLaw", "circle", "straight", "true_poses", "uneven"),
     "trailmark.testing.room": ("Room", "room_run"),
     "trailmark.testing.runs": (
-        "AnyRun", "SyntheticRun", "imu_run", "landmark_run", "light_run", "odometry_run",
+        "AnyRun", "SyntheticRun", "imu_run", "landmark_run", "light_run", "odometry_run", "pose_run",
     ),
 }  # fmt: skip
 _LAZY = {name: module for module, names in _MODULES.items() for name in names}

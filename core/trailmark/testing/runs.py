@@ -15,7 +15,7 @@ from trailmark.frames import Arrays, Frame, Imu, Odometry, Record, Scalar, Senso
 from trailmark.geometry import Trajectory, Twist2, wrap_angle
 from trailmark.testing.motions import MotionLaw, circle, true_poses, uneven
 
-__all__ = ["AnyRun", "SyntheticRun", "imu_run", "landmark_run", "light_run", "odometry_run"]
+__all__ = ["AnyRun", "SyntheticRun", "imu_run", "landmark_run", "light_run", "odometry_run", "pose_run"]
 
 
 class AnyRun(Protocol):
@@ -120,6 +120,33 @@ def light_run(
         Frame(sensor, stamp_s, Scalar(300.0 + 200.0 * math.sin(pose.x + 2.0 * pose.y))) for stamp_s, pose in truth
     )
     return SyntheticRun(frames, {sensor: SensorInfo(sensor, "scalar", rate_hz=rate_hz)}, truth)
+
+
+def pose_run(
+    motion: MotionLaw | None = None,
+    n_frames: int = 100,
+    *,
+    rate_hz: float = 10.0,
+    sigma: tuple[float, float] = (0.02, 0.01),
+    seed: int = 0,
+    sensor: str = "poses",
+) -> SyntheticRun:
+    """Return absolute poses of a drive from elsewhere, with noise of `sigma` [m, rad] that each reading tells.
+
+    A frame's `Record` has ``pose`` (3,) and ``covariance`` (3, 3); the sensor's kind is ``pose``.
+    """
+    rng = np.random.default_rng(seed)
+    truth = true_poses(motion or uneven(circle(0.3, 1.0)), n_frames, rate_hz)
+    sigmas = np.array([sigma[0], sigma[0], sigma[1]])
+    frames = tuple(
+        Frame(
+            sensor,
+            stamp_s,
+            Record({"pose": pose.array() + rng.normal(size=3) * sigmas, "covariance": np.diag(sigmas**2)}),
+        )
+        for stamp_s, pose in truth
+    )
+    return SyntheticRun(frames, {sensor: SensorInfo(sensor, "pose", rate_hz=rate_hz)}, truth)
 
 
 def landmark_run(

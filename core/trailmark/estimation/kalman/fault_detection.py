@@ -5,7 +5,8 @@ while                                         what is done
 ============================================  ======================================================================
 the localizers agree                          one filter; the tests of `agreement` look at the last one to two seconds
 two motions disagree, or absolute estimates   from the anchor on, a filter for each hypothesis: each group of motions
-correct the belief always the same way        that agree, all but one, and none; the belief is their mixture
+correct the belief of two motions or more     that agree, all but one, and none; the belief is their mixture
+always the same way
 one hypothesis is 50 times as probable        it is the belief; the motion of the others has no weight, and their names
                                               stand in the health with the reason
 nothing decides                               the mixture: it covers all, and the health says so
@@ -118,7 +119,9 @@ class FaultDetector:
             measurements=(*before.measurements, (state.stamp_s, measurement)),
         )
         after = replace(after, consistency=consistency)
-        if consistency.anchors and self._is_doubtful(after, measurement.source):
+        # With one motion a fix may be wrong as well, and nothing decides: gate and recovery see to that.
+        has_rivals = len(self._trusted(after)) > 1
+        if has_rivals and consistency.anchors and self._is_doubtful(after, measurement.source):
             return self._spawn(after, self._all_but_one(after))
         return after
 
