@@ -119,17 +119,20 @@ def _left(
         perturber.close()
 
 
-def _bytes(frames: Sequence[Frame]) -> list[tuple[Any, ...]]:
-    return [
-        (frame.sensor, frame.stamp_s, tuple(array.tobytes() for array in arrays_of(frame.payload)) or frame.payload)
-        for frame in frames
-    ]
+def _digests(frames: Sequence[Frame]) -> list[tuple[Any, ...]]:
+    """Return what tells frames apart; short, as a failed comparison is shown in full."""
+    return [(frame.sensor, frame.stamp_s, _digest(frame.payload)) for frame in frames]
+
+
+def _digest(payload: Payload) -> Any:
+    arrays = list(arrays_of(payload))
+    return sha256(b"".join(array.tobytes() for array in arrays)).hexdigest() if arrays else payload
 
 
 def _does_something(make: Callable[[], Fault]) -> None:
     for frames in _fitting(make).values():
         info = _info(frames)
-        if _bytes(_left(make, frames)) != _bytes(frames):
+        if _digests(_left(make, frames)) != _digests(frames):
             return
         fault = make()
         fault.start(Session(sensors={info.name: info}))
@@ -140,7 +143,7 @@ def _does_something(make: Callable[[], Fault]) -> None:
 
 def _is_deterministic(make: Callable[[], Fault]) -> None:
     for name, frames in _fitting(make).items():
-        assert _bytes(_left(make, frames, seed=1)) == _bytes(_left(make, frames, seed=1)), (
+        assert _digests(_left(make, frames, seed=1)) == _digests(_left(make, frames, seed=1)), (
             f"twice the same seed gives other frames of {name!r}: draw from the generators that it is given"
         )
 
@@ -148,8 +151,8 @@ def _is_deterministic(make: Callable[[], Fault]) -> None:
 def _starts_again(make: Callable[[], Fault]) -> None:
     for name, frames in _fitting(make).items():
         again = partial(_same, make())
-        first = _bytes(_left(again, frames))
-        assert _bytes(_left(again, frames)) == first, (
+        first = _digests(_left(again, frames))
+        assert _digests(_left(again, frames)) == first, (
             f"started again it gives other frames of {name!r}: forget in start()"
         )
 
@@ -161,9 +164,9 @@ def _same(fault: Fault) -> Fault:
 def _leaves_frames_alone(make: Callable[[], Fault]) -> None:
     for name, shared in _fitting(make).items():
         frames = [_copied(frame) for frame in shared]  # a fault that writes spoils no other check
-        before = _bytes(frames)
+        before = _digests(frames)
         _left(make, frames)
-        assert _bytes(frames) == before, f"it changed a frame of {name!r} that it was given: work on a copy"
+        assert _digests(frames) == before, f"it changed a frame of {name!r} that it was given: work on a copy"
 
 
 def _copied(frame: Frame) -> Frame:
