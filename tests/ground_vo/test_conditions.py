@@ -87,3 +87,19 @@ def test_a_robot_at_rest_is_told_that_it_rests(camera, ground, track):
 
     assert len(tracked.motions) == 39
     assert math.hypot(*tracked.error()[:2]) < 1e-4
+
+
+def test_after_a_gap_on_the_move_the_track_is_taken_up_again(camera, ground):
+    """Others go on telling while the camera gives no picture for 1 s; what they say is compared over the same time."""
+    run = ground_run(straight(SPEED_MPS), 160, ground=ground, camera=camera)
+    frames = list(run.frames)
+    localizer = GroundVO(GroundVOConfig(camera="floor"))
+    localizer.start(Session(sensors=run.sensors))
+    told = []
+    for frame in [*frames[:40], *frames[110:]]:
+        belief = Belief(frame.stamp_s, twist=Twist2(SPEED_MPS, 0.0, 0.0), motion_age_s=0.01)
+        told.append(localizer.observe(frame, belief))
+
+    after = [estimates[0] for estimates in told[50:]]
+
+    assert all(isinstance(estimate, Motion) for estimate in after)

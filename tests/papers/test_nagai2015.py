@@ -40,7 +40,7 @@ def test_straight_lines_give_the_papers_three_figures_for_two_modes(
 def test_ten_metres_stand_beside_the_papers_two_figures() -> None:
     table = Table("B 10 m straight, paper", 5, 5)
 
-    straight._add_worst(table, "floors", "paper", {"wood": straight.Drift(1.0, 0.2, 0.03)}, is_papers=True)
+    straight._add_worst(table, "floors", "paper", {"wood": straight.StraightErrors(1.0, 0.2, 0.03)}, is_papers=True)
 
     assert [(row.unit, row.ours, row.paper) for row in table] == [
         ("%", 1.0, None),

@@ -87,11 +87,17 @@ class GroundVO(Localizer):
         return RelativeTracker(self.config, size, self._scale[1] / self._scale[0])
 
     def _expected(self, belief: Belief) -> ImageMotion | None:
-        """Return how the content moves according to others, since the last motion; None where only this one tells."""
+        """Return how the content moves according to others, since the picture that the next is compared with.
+
+        None where only this localizer tells, or there is no such picture yet.
+        """
+        since_s = None if self._tracker is None else self._tracker.since_s
         others_s = belief.stamp_s - belief.motion_age_s
         if belief.motion_age_s > _FRESH_S or others_s <= self._told_s + _SAME_S or self._told_s == -math.inf:
             return None
-        elapsed_s, twist = belief.stamp_s - self._told_s, belief.twist
+        if since_s is None:
+            return None
+        elapsed_s, twist = belief.stamp_s - since_s, belief.twist
         base = Pose2.exp(*(elapsed_s * part for part in (twist.forward_mps, twist.left_mps, twist.yaw_radps)))
         content = (self._mounting_inverse @ base @ self._mounting).inverse()
         return ImageMotion(content.x / self._scale[0], -content.y / self._scale[1], content.theta)

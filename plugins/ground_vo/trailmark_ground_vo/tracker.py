@@ -112,7 +112,7 @@ class RelativeTracker:
         stamp_s : float
             Its stamp, later than the last one's [s].
         expected : ImageMotion, optional
-            How the content has moved since the last motion if others are right.
+            How the content has moved since the picture of `since_s` if others are right.
 
         Returns
         -------
@@ -146,6 +146,11 @@ class RelativeTracker:
         self._last, self._reference = (moved.lower, moved.upper), picture
         self._since_s, self._interval_s, self._n_missed = stamp_s, elapsed_s, 0
         return tracked
+
+    @property
+    def since_s(self) -> float | None:
+        """Stamp of the picture that the next one is compared with; None before the first [s]."""
+        return self._since_s
 
     def new_flat_field(self) -> Float32s | None:
         """Return the flat field that was learned, (H, W) relative to its mean, when there is a new one."""
