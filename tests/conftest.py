@@ -25,6 +25,31 @@ def pytest_configure() -> None:
             signal.signal(number, defaults.get(number, signal.SIG_DFL))
 
 
+#: Files whose tests take seconds each: CI runs them in its second stage, and a contributor by `make test`.
+SLOW = frozenset(
+    {
+        "docs/test_pages.py",
+        "estimation/test_kalman.py",
+        "kinect_landmarks/test_calibrate_command.py",
+        "bench/test_cells.py",
+        "bench/test_executors.py",
+        "bench/test_frames.py",
+        "trust/test_kills.py",
+        "papers/test_nagai2015.py",
+        "sim/test_worlds_forward.py",
+        "ground_vo/test_teach_and_replay.py",
+    }
+)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests of slow files."""
+    tests = Path(__file__).parent
+    for item in items:
+        if item.path.is_relative_to(tests) and item.path.relative_to(tests).as_posix() in SLOW:
+            item.add_marker("slow")
+
+
 @pytest.fixture(scope="session")
 def data_folder() -> Path:
     """Recordings that are not shipped: ``TRAILMARK_DATA``, or ``../shared/data`` beside the checkout."""
