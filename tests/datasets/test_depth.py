@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trailmark.errors import SourceError
+from trailmark.sources.rgbd_pairs import RgbdPairs, StampedMessage
 from trailmark_datasets.depth import depth_in_metres, pair_nearest
-from trailmark_datasets.rgbd_pairs import RgbdPairs, StampedMessage
 
 STAMPS = st.lists(st.floats(0.0, 2.0), max_size=12, unique=True).map(sorted)
 

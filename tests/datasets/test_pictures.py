@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from trailmark.errors import SourceError
-from trailmark_datasets.pictures import as_payload_pixels, decode_raw, header_size, read_picture
+from trailmark.sources.pictures import as_payload_pixels, decode_raw, header_size, read_picture
 
 
 def encoded(suffix: str, pixels: np.ndarray) -> bytes:

@@ -29,10 +29,10 @@ from trailmark.frames import SensorInfo
 from trailmark.interfaces import Session
 from trailmark.pipeline.outputs.provenance import git_describe
 from trailmark.plugins import load_plugins
+from trailmark.sources.pictures import decode_raw, read_raw
 from trailmark_bench import Cell, Index, Outcome
 from trailmark_bench.merge import merge_benches
 from trailmark_bench.page import write_page
-from trailmark_datasets.pictures import decode_raw, read_raw
 from trailmark_datasets.textfiles import lines_of
 from trailmark_omni_surf.selection import SelectionModel, shipped_model
 

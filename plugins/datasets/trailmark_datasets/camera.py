@@ -16,8 +16,8 @@ from trailmark.errors import SourceError
 from trailmark.frames import Frame, Image, SensorInfo
 from trailmark.interfaces import FrameSource, Session
 from trailmark.sources import form_of
+from trailmark.sources.pictures import as_payload_pixels
 from trailmark_datasets.config import CameraConfig
-from trailmark_datasets.pictures import as_payload_pixels
 
 __all__ = ["Camera", "Capture"]
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from trailmark.errors import SourceError
 from trailmark.frames import Image, SensorInfo
 from trailmark.sources import Reading, Readings, RecordedSource
-from trailmark_datasets.pictures import PICTURE_SUFFIXES, read_picture
+from trailmark.sources.pictures import PICTURE_SUFFIXES, read_picture
 from trailmark_datasets.textfiles import natural_key
 
 __all__ = ["Entry", "PictureSource", "list_pictures", "missing_numbers"]

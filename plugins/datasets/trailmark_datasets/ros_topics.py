@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 
 from trailmark.errors import SourceError
+from trailmark.sources.ros_messages import IMAGE_TYPES, KINDS
 from trailmark_datasets.config import RosbagConfig
-from trailmark_datasets.ros_messages import IMAGE_TYPES, KINDS
 from trailmark_datasets.ros_poses import POSE_TYPES
 
 __all__ = ["Choice", "choose_topics", "info_topic", "sensor_name"]

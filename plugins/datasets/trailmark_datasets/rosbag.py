@@ -11,13 +11,12 @@ from typing import Any
 from trailmark.errors import SourceError
 from trailmark.frames import RGBD, DepthCamera, Image, Payload, Pinhole, Record, SensorInfo
 from trailmark.geometry import Pose2, Trajectory
-from trailmark.sources import Reading, Readings, RecordedSource
-from trailmark_datasets import ros_messages
+from trailmark.sources import Reading, Readings, RecordedSource, ros_messages
+from trailmark.sources.pictures import as_payload_pixels
+from trailmark.sources.rgbd_pairs import RgbdPairs, StampedMessage
 from trailmark_datasets.bagfile import BagFile, Message, open_bag
 from trailmark_datasets.config import RosbagConfig
 from trailmark_datasets.depth import depth_in_metres
-from trailmark_datasets.pictures import as_payload_pixels
-from trailmark_datasets.rgbd_pairs import RgbdPairs, StampedMessage
 from trailmark_datasets.ros_poses import POSE_TYPES, TRUTH_TYPES, LocalPlane, has_fix, pose_record, true_trajectory
 from trailmark_datasets.ros_topics import Choice, choose_topics, info_topic
 

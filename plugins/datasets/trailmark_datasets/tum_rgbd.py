@@ -16,9 +16,9 @@ from trailmark.errors import ShapeError, SourceError
 from trailmark.frames import RGBD, DepthCamera, Pinhole, SensorInfo
 from trailmark.geometry import Trajectory
 from trailmark.sources import Reading, Readings, RecordedSource
+from trailmark.sources.pictures import read_picture, read_raw
 from trailmark_datasets.config import TumRgbdConfig
 from trailmark_datasets.depth import depth_in_metres, pair_nearest
-from trailmark_datasets.pictures import read_picture, read_raw
 from trailmark_datasets.planar import mounting_pose, planar_trajectory
 from trailmark_datasets.stamps import Stamp, read_stamps
 from trailmark_datasets.textfiles import lines_of, number

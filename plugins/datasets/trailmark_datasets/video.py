@@ -11,8 +11,8 @@ import cv2
 from trailmark.errors import SourceError
 from trailmark.frames import Image, SensorInfo
 from trailmark.sources import Reading, Readings, RecordedSource
+from trailmark.sources.pictures import as_payload_pixels
 from trailmark_datasets.config import VideoConfig
-from trailmark_datasets.pictures import as_payload_pixels
 
 __all__ = ["Video"]
 

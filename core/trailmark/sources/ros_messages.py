@@ -11,7 +11,7 @@ import numpy.typing as npt
 from trailmark.errors import SourceError
 from trailmark.frames import Image, Imu, Odometry, Pinhole, Scan
 from trailmark.geometry import Pose2, Twist2
-from trailmark_datasets.pictures import as_payload_pixels, decode_raw
+from trailmark.sources.pictures import as_payload_pixels, decode_raw
 
 __all__ = [
     "COMPRESSED",
