@@ -21,7 +21,7 @@ import numpy.typing as npt
 from trailmark.commands import Command
 from trailmark.deprecation import deprecated_name
 from trailmark.estimates import Applied, Belief, Estimate, EstimateRecord
-from trailmark.frames import Frame, SensorInfo
+from trailmark.frames import Frame, SensorInfo, SensorOrigin
 from trailmark.geometry import Pose2, Trajectory
 from trailmark.paths import Keyframe, Path, Waypoint
 
@@ -174,6 +174,10 @@ class FrameSource(Part):
 
     def unread(self) -> Mapping[str, str]:
         """Return what the recording holds and the source does not give, with the reason; known after `start`."""
+        return {}
+
+    def origins(self) -> Mapping[str, SensorOrigin]:
+        """Return where the recording says mountings and calibrations, by sensor; known after `start`."""
         return {}
 
     #: True for devices: frames come when they come, and what is not taken is lost.

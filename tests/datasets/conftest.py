@@ -13,9 +13,11 @@ import pytest
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from scipy.spatial.transform import Rotation
 
 from trailmark.frames import Frame
+from trailmark.geometry import Pose3
 from trailmark.interfaces import FrameSource, Session
 
 
@@ -57,6 +59,10 @@ class Recording:
     def __init__(self, kind: str = "ros1") -> None:
         self.kind = kind
         self.store = get_typestore(Stores.ROS1_NOETIC if kind == "ros1" else Stores.ROS2_HUMBLE)
+        if kind == "ros1":  # rosbags brings no transforms of ROS 1; a bag brings its own definitions
+            self.store.register(
+                get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage")
+            )
         self.types = self.store.types
         self.messages: list[tuple[str, float, Any]] = []
 
@@ -167,9 +173,20 @@ class Recording:
         )
         return t["tf2_msgs/msg/TFMessage"](transforms=[stamped])
 
-    def scan(self, stamp_s: float, ranges: list[float]) -> Any:
+    def mounting(self, parent: str, child: str, pose: Pose3, quat_xyzw: tuple[float, ...] | None = None) -> Any:
+        """Return a message of ``/tf_static``; the quaternion is that of the pose unless it is given."""
+        t = self.types
+        x, y, z, w = Rotation.from_matrix(pose.rotation()).as_quat() if quat_xyzw is None else quat_xyzw
+        turned = t["geometry_msgs/msg/Quaternion"](x=float(x), y=float(y), z=float(z), w=float(w))
+        move = t["geometry_msgs/msg/Transform"](translation=self.vector(pose.x, pose.y, pose.z), rotation=turned)
+        stamped = t["geometry_msgs/msg/TransformStamped"](
+            header=self.header(0.0, parent), child_frame_id=child, transform=move
+        )
+        return t["tf2_msgs/msg/TFMessage"](transforms=[stamped])
+
+    def scan(self, stamp_s: float, ranges: list[float], frame_id: str = "") -> Any:
         return self.types["sensor_msgs/msg/LaserScan"](
-            header=self.header(stamp_s),
+            header=self.header(stamp_s, frame_id),
             angle_min=-1.0,
             angle_max=1.0,
             angle_increment=0.5,

@@ -9,8 +9,8 @@ import pytest
 
 from trailmark.errors import SourceError
 from trailmark.interfaces import Session
+from trailmark.sources.ros_poses import LocalPlane
 from trailmark_datasets.config import RosbagConfig
-from trailmark_datasets.ros_poses import LocalPlane
 from trailmark_datasets.rosbag import Rosbag
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
@@ -13,6 +15,7 @@ import numpy as np
 
 from trailmark.cli.errors import say
 from trailmark.cli.root import plugins_of
+from trailmark.config import SensorOverride
 from trailmark.errors import ConfigError
 from trailmark.frames import Frame, SensorInfo
 from trailmark.interfaces import Session
@@ -50,25 +53,29 @@ def inspect_command(
         raise ConfigError(f"{target}: there are no sources to inspect")
     rows: list[dict[str, Any]] = []
     unread: dict[str, str] = {}
+    origins: list[str] = []
     for source in build_sources(run_config):
-        seen = _look(source, n_frames)
+        seen = _look(source, n_frames, run_config.sensors)
         rows += [_row(source.name, one) for one in seen.values()]
         unread |= source.source.unread()
+        origins += source.origins_in_words(run_config.sensors)
         if out is not None:
             _write_pictures(seen, out)
     if as_json:
         click.echo(json.dumps(rows, indent=1))
     else:
         _print(rows)
+        for line in origins:
+            click.echo(line)
         for name, remark in unread.items():
             click.echo(f"not read: {name} ({remark})")
 
 
-def _look(source: SourceStream, n_frames: int) -> dict[str, _SensorSummary]:
+def _look(source: SourceStream, n_frames: int, overrides: Mapping[str, SensorOverride]) -> dict[str, _SensorSummary]:
     """Start a source, read its first frames, close it."""
     try:
         source.start(Session(name=source.name))
-        seen = {name: _SensorSummary(info) for name, info in source.sensors.items()}
+        seen = {name: _SensorSummary(info) for name, info in source.known_sensors(overrides).items()}
         for frame in islice(source.frames(), n_frames):
             one = seen[frame.sensor]
             one.stamps_s.append(frame.stamp_s)
@@ -94,8 +101,15 @@ def _row(source: str, seen: _SensorSummary) -> dict[str, Any]:
         }
         if len(intervals_ms)
         else None,
+        "mounting": _mounting(info),
         "calibration": type(info.calibration).__name__ if info.calibration is not None else None,
     }
+
+
+def _mounting(info: SensorInfo) -> dict[str, float]:
+    pose = info.pose_base_sensor
+    angles = {f"{name}_deg": round(math.degrees(getattr(pose, name)), 6) for name in ("roll", "pitch", "yaw")}
+    return {name: round(getattr(pose, name), 6) for name in ("x", "y", "z")} | angles
 
 
 def _write_pictures(seen: dict[str, _SensorSummary], out: Path) -> None:

@@ -34,6 +34,7 @@ class RunProgress(AbstractContextManager["RunProgress"]):
         self._bar: Any = None
         self._n_frames = 0
         self._n_waypoints = 0
+        self._has_begun = False
         self._began_s = self._shown_s = time.monotonic()
 
     def __enter__(self) -> Self:
@@ -50,7 +51,11 @@ class RunProgress(AbstractContextManager["RunProgress"]):
             self._bar.stop()
 
     def __call__(self, pipeline: Pipeline, step: Step) -> None:
-        """Take note of a step."""
+        """Take note of a step; with the first one say what was taken from the recording."""
+        if not self._has_begun and self._kind != "none":
+            for line in pipeline.sensor_origins:
+                click.echo(line, err=True)
+        self._has_begun = True
         self._n_frames += step.frame is not None
         if self._kind == "json":
             self._report_waypoints(pipeline, step)

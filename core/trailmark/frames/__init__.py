@@ -19,7 +19,7 @@ from trailmark.frames.payloads import (
     Scalar,
     Scan,
 )
-from trailmark.frames.sensors import PAYLOAD_KINDS, SensorInfo, payload_kind
+from trailmark.frames.sensors import PAYLOAD_KINDS, SensorInfo, SensorOrigin, payload_kind
 
 __all__ = [
     "PAYLOAD_KINDS",
@@ -39,5 +39,6 @@ __all__ = [
     "Scalar",
     "Scan",
     "SensorInfo",
+    "SensorOrigin",
     "payload_kind",
 ]

@@ -10,7 +10,7 @@ from trailmark.frames.calibration import Calibration
 from trailmark.frames.payloads import PAYLOAD_KINDS, Payload
 from trailmark.geometry import Pose3
 
-__all__ = ["PAYLOAD_KINDS", "SensorInfo", "payload_kind"]
+__all__ = ["PAYLOAD_KINDS", "SensorInfo", "SensorOrigin", "payload_kind"]
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 
@@ -53,3 +53,19 @@ class SensorInfo:
             raise ShapeError(
                 f"sensor name {self.name!r}: use lower-case letters, digits and underscores, starting with a letter"
             )
+
+
+@dataclass(frozen=True, slots=True)
+class SensorOrigin:
+    """Where a recording says a sensor's mounting and calibration, in words; empty where it says nothing.
+
+    Attributes
+    ----------
+    mounting : str
+        For example ``"/tf_static, base_link <- front_optical"``; or why it could not be taken from there.
+    calibration : str
+        For example ``"/front/camera_info"``.
+    """
+
+    mounting: str = ""
+    calibration: str = ""

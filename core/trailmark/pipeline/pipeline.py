@@ -194,6 +194,12 @@ class Pipeline:
         return self._started().running.sensors
 
     @property
+    def sensor_origins(self) -> list[str]:
+        """Which mountings and calibrations of a recording are used, a line for a sensor; asking starts the run."""
+        running = self._started().running
+        return [line for source in running.parts.sources for line in source.origins_in_words(running.parts.sensors)]
+
+    @property
     def path(self) -> TaughtPath | None:
         """The taught path as it was before the run; asking starts it."""
         return self._started().running.path

@@ -201,11 +201,16 @@ class RosbagConfig(SourceConfig):
     """A `.bag` file, a folder of a ROS 2 recording, or an `.mcap` or `.db3` file."""
     topics: dict[str, str] | None = None
     """Sensors and their topics: `name: /topic`; left out: every topic that is understood, under its own name. Absolute
-    poses (PoseStamped, PoseWithCovarianceStamped, NavSatFix) are read where they are named here."""
+    poses (PoseStamped, PoseWithCovarianceStamped, NavSatFix) are read where they are named here, and a transform as
+    odometry: `name: "odom -> base_link"`."""
     ground_truth_topic: str | None = None
     """Topic of the true poses of base, or a transform, `"map -> base_link"`; satellite fixes lie in a local plane."""
     rgbd: dict[str, RgbdTopics] = Field(default_factory=dict)
     """Colour and depth topics to be paired to one sensor."""
+    tf_static: bool = True
+    """Take the mountings from /tf_static; what the config says of a sensor's mounting wins."""
+    base_frame: str | None = None
+    """The frame that is base; left out: base_link, base_footprint or base, whichever is in /tf_static."""
     stamps: Literal["header", "receive"] = "header"
     """Stamps of the messages' headers, or the times at which they were recorded."""
     reorder_s: float = Field(1.0, gt=0)

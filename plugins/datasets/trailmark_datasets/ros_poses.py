@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -15,13 +13,12 @@ from trailmark.geometry import Pose2, Trajectory
 from trailmark.sources.ros_messages import planar_pose, stamp_of
 from trailmark.sources.ros_poses import POSE_TYPES, SATELLITE, LocalPlane, has_fix, pose_record
 from trailmark_datasets.bagfile import BagFile, Message
+from trailmark_datasets.ros_transforms import TRANSFORM_TYPES, frame_pair, planar_transforms
 
-__all__ = ["POSE_TYPES", "TRUTH_TYPES", "LocalPlane", "has_fix", "pose_record", "true_trajectory"]
-
-_TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+__all__ = ["TRUTH_TYPES", "true_trajectory"]
 
 #: Types of messages that may be the truth.
-TRUTH_TYPES = (*POSE_TYPES, "nav_msgs/msg/Odometry", *_TRANSFORMS)
+TRUTH_TYPES = (*POSE_TYPES, "nav_msgs/msg/Odometry", *TRANSFORM_TYPES)
 
 
 def true_trajectory(bag: BagFile, truth: str, *, stamps: str) -> Trajectory:
@@ -34,8 +31,8 @@ def true_trajectory(bag: BagFile, truth: str, *, stamps: str) -> Trajectory:
     SourceError
         If there is no such topic or transform, or its messages cannot be poses.
     """
-    parent, arrow, child = (part.strip() for part in truth.partition("->"))
-    topics = [name for name, kind in bag.topics.items() if kind in _TRANSFORMS] if arrow else [truth]
+    pair = frame_pair(truth)
+    topics = [name for name, kind in bag.topics.items() if kind in TRANSFORM_TYPES] if pair else [truth]
     if not topics or bag.topics.get(topics[0]) not in TRUTH_TYPES:
         known = ", ".join(name for name, kind in sorted(bag.topics.items()) if kind in TRUTH_TYPES) or "none"
         raise SourceError(f"{bag.path}: ground_truth_topic {truth!r} holds no poses; topics that do: {known}")
@@ -45,7 +42,9 @@ def true_trajectory(bag: BagFile, truth: str, *, stamps: str) -> Trajectory:
         if isinstance(message, SourceError):
             raise message
         try:
-            found = list(_transforms(message, parent, child) if arrow else _pose_of(message, plane, stamps))
+            found = list(
+                planar_transforms(message.content, pair, message.where) if pair else _pose_of(message, plane, stamps)
+            )
         except (ValueError, AttributeError) as error:
             raise SourceError(f"{message.where} cannot be the truth: {error}") from error
         for stamp_s, pose in found:
@@ -53,7 +52,7 @@ def true_trajectory(bag: BagFile, truth: str, *, stamps: str) -> Trajectory:
     if not poses:
         raise SourceError(f"{bag.path}: nothing of the ground truth {truth!r} is there")
     stamped = sorted(poses.items())
-    if not arrow and bag.topics[truth] == SATELLITE:
+    if pair is None and bag.topics[truth] == SATELLITE:
         stamped = _headed_along_the_way(stamped)
     return Trajectory.from_poses(stamped)
 
@@ -67,21 +66,6 @@ def _pose_of(message: Message, plane: LocalPlane, stamps: str) -> Iterator[tuple
     if has_fix(content):
         pose = pose_record(content, plane).arrays["pose"]
         yield stamp_s, Pose2(*(float(value) for value in pose))
-
-
-def _transforms(message: Message, parent: str, child: str) -> Iterator[tuple[float, Pose2]]:
-    for transform in message.content.transforms:
-        names = (transform.header.frame_id.lstrip("/"), transform.child_frame_id.lstrip("/"))
-        if names == (parent.lstrip("/"), child.lstrip("/")):
-            move = transform.transform
-            pose = planar_pose(_TransformAsPose(move.translation, move.rotation))
-            yield stamp_of(transform, message.where), pose
-
-
-@dataclass(frozen=True, slots=True)
-class _TransformAsPose:
-    position: Any
-    orientation: Any
 
 
 def _headed_along_the_way(stamped: list[tuple[float, Pose2]], apart_m: float = 0.5) -> list[tuple[float, Pose2]]:

@@ -9,8 +9,9 @@ from difflib import get_close_matches
 
 from trailmark.errors import SourceError
 from trailmark.sources.ros_messages import IMAGE_TYPES, KINDS
+from trailmark.sources.ros_poses import POSE_TYPES
 from trailmark_datasets.config import RosbagConfig
-from trailmark_datasets.ros_poses import POSE_TYPES
+from trailmark_datasets.ros_transforms import TRANSFORM_TYPES, frame_pair
 
 __all__ = ["Choice", "choose_topics", "info_topic", "sensor_name"]
 
@@ -29,12 +30,15 @@ class Choice:
         Kind of the sensor.
     is_named : bool
         Whether the config named it; others that turn out not to be understood are left out.
+    pair : (str, str) or None
+        Parent and child of the transform that is its odometry; None for any other message.
     """
 
     sensor: str
     topic: str
     kind: str
     is_named: bool
+    pair: tuple[str, str] | None = None
 
 
 def choose_topics(config: RosbagConfig, available: Mapping[str, str], where: str) -> list[Choice]:
@@ -55,12 +59,16 @@ def choose_topics(config: RosbagConfig, available: Mapping[str, str], where: str
         If a topic is missing or of a type that is not understood, or two topics make the same name.
     """
     choices = []
-    for name, pair in config.rgbd.items():
-        for topic in (pair.colour, pair.depth):
+    for name, two in config.rgbd.items():
+        for topic in (two.colour, two.depth):
             _check_topic(topic, available, where, IMAGE_TYPES)
             choices.append(Choice(name, topic, "rgbd", True))
     if config.topics is not None:
         for name, topic in config.topics.items():
+            pair = frame_pair(topic)
+            if pair is not None:
+                choices += [Choice(name, tf, "odometry", True, pair) for tf in _moving_transforms(available, where)]
+                continue
             _check_topic(topic, available, where, (*KINDS, *POSE_TYPES))
             choices.append(Choice(name, topic, KINDS.get(available[topic], "pose"), True))
     else:
@@ -71,6 +79,13 @@ def choose_topics(config: RosbagConfig, available: Mapping[str, str], where: str
         raise SourceError(f"{where}: no topic is understood; topics: {_listed(available)}")
     _check_unique(choices, where)
     return choices
+
+
+def _moving_transforms(available: Mapping[str, str], where: str) -> list[str]:
+    found = [topic for topic, kind in available.items() if kind in TRANSFORM_TYPES and not topic.endswith("tf_static")]
+    if not found:
+        raise SourceError(f"{where}: no topic holds transforms that move (/tf); topics: {_listed(available)}")
+    return found
 
 
 def sensor_name(topic: str) -> str:
@@ -99,7 +114,8 @@ def _check_unique(choices: list[Choice], where: str) -> None:
     by_name: dict[str, Choice] = {}
     for choice in choices:
         other = by_name.setdefault(choice.sensor, choice)
-        if other is not choice and not (other.kind == choice.kind == "rgbd"):
+        is_same = other.kind == choice.kind == "rgbd" or (other.pair is not None and other.pair == choice.pair)
+        if other is not choice and not is_same:
             raise SourceError(
                 f"{where}: topics {other.topic} and {choice.topic} both make a sensor {choice.sensor!r};"
                 " name them in topics: {name: /topic}"

@@ -5,26 +5,28 @@ from __future__ import annotations
 import logging
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 from trailmark.errors import SourceError
-from trailmark.frames import RGBD, DepthCamera, Image, Payload, Pinhole, Record, SensorInfo
+from trailmark.frames import RGBD, DepthCamera, Image, Odometry, Payload, Record, SensorInfo, SensorOrigin
 from trailmark.geometry import Pose2, Trajectory
 from trailmark.sources import Reading, Readings, RecordedSource, ros_messages
 from trailmark.sources.pictures import as_payload_pixels
 from trailmark.sources.rgbd_pairs import RgbdPairs, StampedMessage
+from trailmark.sources.ros_poses import LocalPlane, has_fix, pose_record
 from trailmark_datasets.bagfile import BagFile, Message, open_bag
 from trailmark_datasets.config import RosbagConfig
 from trailmark_datasets.depth import depth_in_metres
-from trailmark_datasets.ros_poses import POSE_TYPES, TRUTH_TYPES, LocalPlane, has_fix, pose_record, true_trajectory
+from trailmark_datasets.ros_poses import true_trajectory
+from trailmark_datasets.ros_sensors import Mountings, frame_id_of, lens_beside, unread_topics
 from trailmark_datasets.ros_topics import Choice, choose_topics, info_topic
+from trailmark_datasets.ros_transforms import expect_transform, planar_transforms
 
 __all__ = ["Rosbag"]
 
 logger = logging.getLogger(__name__)
-
-_CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 
 
 class Rosbag(RecordedSource):
@@ -38,17 +40,20 @@ class Rosbag(RecordedSource):
         self._choices: tuple[Choice, ...] = ()
         self._pose_odom_start: dict[str, Pose2] = {}
         self._unread: Mapping[str, str] = {}
+        self._origins: dict[str, SensorOrigin] = {}
 
     def open_recording(self, name: str) -> Iterable[SensorInfo]:
         self._pose_odom_start = {}
         self._planes: dict[str, LocalPlane] = {}
+        self._origins = {}
         infos: dict[str, SensorInfo] = {}
         with open_bag(self.config.path, self.config.distribution) as bag:
             choices = choose_topics(self.config, bag.topics, str(self.config.path))
+            mountings = Mountings(bag, self.config)
             for sensor in dict.fromkeys(choice.sensor for choice in choices):
                 own = [choice for choice in choices if choice.sensor == sensor]
                 try:
-                    infos[sensor] = self._info(bag, own)
+                    infos[sensor] = self._mounted(self._info(bag, own), own[0], mountings)
                 except SourceError as error:
                     if own[0].is_named:
                         raise
@@ -56,25 +61,43 @@ class Rosbag(RecordedSource):
         if not infos:
             raise SourceError(f"{self.config.path}: no topic could be read; name them in topics or rgbd")
         self._choices = tuple(choice for choice in choices if choice.sensor in infos)
-        self._unread = _unread_topics(bag, {choice.topic for choice in self._choices})
+        self._unread = unread_topics(bag, {choice.topic for choice in self._choices})
         return infos.values()
 
     def unread(self) -> Mapping[str, str]:
         """Return the topics that are not read, with their types and what could be done."""
         return self._unread
 
+    def origins(self) -> Mapping[str, SensorOrigin]:
+        """Return which topics tell mountings and lenses, by sensor."""
+        return self._origins
+
+    def _mounted(self, info: SensorInfo, choice: Choice, mountings: Mountings) -> SensorInfo:
+        """Return a sensor with the mounting that the recording gives it, and note where its facts come from."""
+        lens = info_topic(choice.topic) if info.calibration is not None else ""
+        found = mountings.mounting_of(choice)
+        if found is None:
+            self._origins[info.name] = SensorOrigin(calibration=lens)
+            return info
+        pose, where = found
+        self._origins[info.name] = SensorOrigin(where, lens)
+        return replace(info, pose_base_sensor=pose)
+
     def _info(self, bag: BagFile, choices: list[Choice]) -> SensorInfo:
         """Tell what a sensor is; for pictures by looking at the first."""
         sensor, kind, topic = choices[0].sensor, choices[0].kind, choices[0].topic
         rate_hz = bag.rates_hz.get(topic)
+        if choices[0].pair is not None:
+            expect_transform(bag, [choice.topic for choice in choices], choices[0].pair)
+            return SensorInfo(sensor, kind)
         if kind not in ("image", "rgbd"):
             return SensorInfo(sensor, kind, rate_hz=rate_hz)
         first = self._first(bag, choices)
         self.expect_form(sensor, first)
-        lens = _lens_beside(bag, topic)
+        lens = lens_beside(bag, topic)
         if isinstance(first, RGBD):
             height, width = first.bgr.shape[:2]
-            is_registered = len({_frame_id(bag, choice.topic) for choice in choices}) == 1
+            is_registered = len({frame_id_of(bag, choice.topic) for choice in choices}) == 1
             calibration = DepthCamera(lens) if lens is not None and is_registered else None
             return SensorInfo(sensor, kind, (width, height), rate_hz, calibration=calibration)
         return SensorInfo(sensor, kind, first.size, rate_hz, calibration=lens)
@@ -110,6 +133,10 @@ class Rosbag(RecordedSource):
             if isinstance(message, SourceError):
                 yield message
                 continue
+            moving = [choice for choice in by_topic[message.topic] if choice.pair is not None]
+            yield from self._transform_readings(message, moving)
+            if len(moving) == len(by_topic[message.topic]):
+                continue  # a message of transforms has no stamp of its own
             try:
                 stamp_s = self._stamp(message)
             except SourceError as error:
@@ -125,6 +152,23 @@ class Rosbag(RecordedSource):
         for name, pending in pairs.items():
             yield from (self._rgbd_reading(name, *pair) for pair in pending.flush())
             self.counted[f"unpaired_{name}"] = pending.unpaired
+
+    def _transform_readings(self, message: Message, choices: list[Choice]) -> Readings:
+        """Yield the odometry that a message of transforms holds."""
+        for choice in choices:
+            assert choice.pair is not None
+            try:
+                found = list(planar_transforms(message.content, choice.pair, message.where))
+            except SourceError as error:
+                yield error
+            except (ValueError, AttributeError, TypeError) as error:
+                yield SourceError(f"{message.where} cannot be used: {error}")
+            else:
+                for stamp_s, pose in found:
+                    at_s = message.receive_s if self.config.stamps == "receive" else stamp_s
+                    start = self._pose_odom_start.setdefault(choice.sensor, pose)
+                    payload = Odometry(start.inverse() @ pose)
+                    yield Reading(choice.sensor, at_s, message.where, partial(_same, payload))
 
     def _stamp(self, message: Message) -> float:
         if self.config.stamps == "receive":
@@ -170,42 +214,12 @@ class Rosbag(RecordedSource):
             return true_trajectory(bag, self.config.ground_truth_topic, stamps=self.config.stamps)
 
 
+def _same(payload: Payload) -> Payload:
+    return payload
+
+
 def _rgbd(colour: StampedMessage, depth: StampedMessage) -> RGBD:
     bgr = as_payload_pixels(ros_messages.pixels(colour.message, colour.where), colour.where, grey=False)
     raw = ros_messages.pixels(depth.message, depth.where)
     values_per_metre = 1.0 if raw.dtype.kind == "f" else 1000.0  # 32FC1 metres, 16UC1 millimetres: REP-118
     return RGBD(bgr, depth_in_metres(raw, values_per_metre, depth.where))
-
-
-def _lens_beside(bag: BagFile, topic: str) -> Pinhole | None:
-    """Return the lens that the CameraInfo beside an image topic tells."""
-    beside = info_topic(topic)
-    if bag.topics.get(beside) != _CAMERA_INFO:
-        return None
-    info = _first_content(bag, beside)
-    return None if info is None else ros_messages.lens(info, is_rectified="rect" in topic)
-
-
-def _unread_topics(bag: BagFile, read: set[str]) -> dict[str, str]:
-    """Return type and remark of the topics that become no sensor; CameraInfo is read beside its pictures."""
-    rest = {topic: kind for topic, kind in sorted(bag.topics.items()) if topic not in read and kind != _CAMERA_INFO}
-    return {topic: f"{kind}: {_remark(kind)}" for topic, kind in rest.items()}
-
-
-def _remark(kind: str) -> str:
-    if kind in POSE_TYPES:
-        return "read when topics names it, or as ground_truth_topic"
-    if kind in TRUTH_TYPES:
-        return "read as ground_truth_topic"
-    return "named in topics it would be read" if kind in ros_messages.KINDS else "not understood"
-
-
-def _frame_id(bag: BagFile, topic: str) -> str:
-    content = _first_content(bag, topic)
-    return "" if content is None else str(content.header.frame_id)
-
-
-def _first_content(bag: BagFile, topic: str) -> Any:
-    """Return the first readable message of a topic, or None."""
-    found = (message.content for message in bag.messages([topic]) if isinstance(message, Message))
-    return next(found, None)

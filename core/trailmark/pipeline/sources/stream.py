@@ -181,6 +181,20 @@ class SourceStream:
         """Return a sensor as the run shall believe it to be: as it is, unless its calibration is wrong on purpose."""
         return info if self._perturber is None else self._perturber.believed(info)
 
+    def origins_in_words(self, overrides: Mapping[str, SensorOverride]) -> list[str]:
+        """Return a line for each sensor of which the recording says mounting or calibration: which one is used."""
+        lines = []
+        for old, origin in self.source.origins().items():
+            name = self._options.rename.get(old, old)
+            override = overrides.get(name, SensorOverride())
+            is_mounted = (override.mounting or self._options.mounting) is not None
+            is_calibrated = (override.calibration or self._calibration) is not None
+            told = (("mounting", origin.mounting, is_mounted), ("calibration", origin.calibration, is_calibrated))
+            words = [f"{what} of {'the config, not of ' if wins else ''}{where}" for what, where, wins in told if where]
+            if words:
+                lines.append(f"{name}: {', '.join(words)}")
+        return lines
+
     def _named(self, sensors: Mapping[str, SensorInfo]) -> dict[str, SensorInfo]:
         options, names = self._options, ", ".join(sensors)
         for old in options.rename:
