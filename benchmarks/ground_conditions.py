@@ -34,7 +34,7 @@ from trailmark.estimates import Belief, Lost, Motion
 from trailmark.frames import Frame, GroundPlane, Image, SensorInfo
 from trailmark.geometry import Pose2, Pose3, Twist2
 from trailmark.interfaces import Localizer, Session
-from trailmark.testing.ground import Ground, GroundCamera
+from trailmark.testing.ground import GroundCamera, MirroredFloor
 from trailmark_baselines.ground.config import KLTConfig, ORBConfig, PhaseCorrelationConfig
 from trailmark_baselines.ground.klt import KLT
 from trailmark_baselines.ground.orb import ORB
@@ -83,7 +83,7 @@ def render(floor: str, seed: int, n_frames: int, *, step_px: float = STEP_PX, tu
     """Drive over a photograph, mirrored at its edges, with the paper's camera; stand still in `rest`."""
     ends = (rest.start, rest.stop) if rest else (10**9, 10**9)
     picture = cv2.imread(str(data_folder() / f"{floor}.jpg"), cv2.IMREAD_GRAYSCALE)
-    ground, camera = Ground(np.asarray(picture, np.uint8), SCALE_M), GroundCamera(SIZE, (SCALE_M, SCALE_M))
+    ground, camera = MirroredFloor(np.asarray(picture, np.uint8), SCALE_M), GroundCamera(SIZE, (SCALE_M, SCALE_M))
     rng = np.random.default_rng([3, seed])
     pose = Pose2(*rng.uniform(0.0, 1.0, 2).tolist(), float(rng.uniform(-math.pi, math.pi)))
     poses, pictures = [], []

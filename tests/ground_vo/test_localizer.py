@@ -200,7 +200,7 @@ def test_plain_kernels_give_the_same_answers(camera, ground, track):
 
 
 def test_information_tells_what_a_drive_drifts(camera, track):
-    """The information is that of each motion; summed over a way, whose errors partly cancel, it is too humble."""
+    """Normalised squared errors of 1 over many drives; between a third and three is honest."""
     squares = []
     for seed in range(12):
         ground = MirroredFloor.procedural(seed=seed, size_px=512, grain_px=1.5)
@@ -211,8 +211,8 @@ def test_information_tells_what_a_drive_drifts(camera, track):
         squares.append([error[0] ** 2 / covariance[0, 0], error[2] ** 2 / covariance[2, 2]])
 
     along, heading = np.mean(squares, axis=0)
-    assert along < 4.0
-    assert heading < 4.0
+    assert 0.2 < along < 4.0
+    assert 0.2 < heading < 4.0
 
 
 def test_across_a_grain_the_information_knows_the_blind_direction(camera, track):
@@ -283,7 +283,7 @@ def test_a_picture_of_another_size_is_refused(camera, ground):
     ("keys", "message"),
     [
         ({"margin_px": 150}, r"pictures of 320 x 288 are too small for a rim of 150 px"),
-        ({"margin_px": 40, "max_shift_px": 36}, r"margin_px is 40, but shifts of 36 \+ 8 px"),
+        ({"margin_px": 40}, r"margin_px is 40, but shifts of 36 \+ 8 px"),
         ({"centre_distance_px": 155}, r"viewpoints 155 px apart"),
     ],
 )

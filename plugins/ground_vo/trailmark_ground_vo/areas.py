@@ -39,7 +39,7 @@ def tracking_areas(config: GroundVOConfig, size: tuple[int, int]) -> tuple[tuple
             f" {distance_px} px apart (centre_distance_px): each tracking area needs 32 x 16 px"
         )
     turned_px = math.radians(config.rotation_steps * config.rotation_step_deg) * (width / 2 - margin)
-    shift_px = 0 if config.max_shift_px is None and config.mode == "refined" else max_shift_px(config, size)
+    shift_px = max_shift_px(config, size)
     needed = math.ceil(shift_px + config.search_px + turned_px)
     if margin < needed:
         raise ConfigError(
@@ -51,11 +51,11 @@ def tracking_areas(config: GroundVOConfig, size: tuple[int, int]) -> tuple[tuple
     return (lower, upper), distance_px
 
 
-def max_shift_px(config: GroundVOConfig, size: tuple[int, int]) -> int:
-    """Return the largest predicted shift of a picture (width, height) [px]."""
+def max_shift_px(config: GroundVOConfig, size: tuple[int, int], *, is_guarded: bool = False) -> int:
+    """Return the largest predicted shift in a picture (width, height) [px]; a second opinion lets it be longer."""
     if config.max_shift_px is not None:
         return config.max_shift_px
-    return round(_LONGEST_SHIFT * min(size)) if config.mode == "refined" else _PAPER_SHIFT_PX
+    return round(_LONGEST_SHIFT * min(size)) if is_guarded else _PAPER_SHIFT_PX
 
 
 def wide_shifts(config: GroundVOConfig, size: tuple[int, int]) -> list[tuple[float, float]]:

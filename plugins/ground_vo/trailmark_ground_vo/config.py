@@ -28,8 +28,8 @@ class GroundVOConfig(PluginConfig):
     rotation_step_deg: float = Field(math.degrees(1 / 128), gt=0, le=5)
     """Step of the rotational search; 1/128 rad, the paper's 0.448 deg [deg]."""
     max_shift_px: int | None = Field(None, ge=0)
-    """Largest predicted shift per picture; left out: 0.35 of the shorter side, and 36 in the other modes, as in the
-    paper. Given, it has to fit into the rim [px]."""
+    """Largest predicted shift per picture; left out: 36 as in the paper, and in mode refined 0.35 of the shorter side
+    where a second opinion says where to look. Given, it has to fit into the rim [px]."""
     margin_px: int = Field(64, ge=8)
     """Rim of the picture without reference pixels, so that none is lost while searching [px]."""
     centre_distance_px: int | None = Field(None, ge=8)
@@ -48,8 +48,8 @@ class GroundVOConfig(PluginConfig):
     """Pictures that may miss in a row before the last of them is what the next ones are compared with."""
     smooth_search: bool | None = None
     """Refined mode: search on the picture smoothed with 1 4 6 4 1, which the noise of the camera disturbs a third as
-    much. Left out: yes, and where the flat field is learned, as soon as it is known. The other modes search on the
-    picture as it is, as the paper."""
+    much, but light that was not corrected more. Left out: as soon as the flat field is known, and wherever the guarded
+    tracker decides. The other modes search on the picture as it is, as the paper."""
     n_segments: int = Field(8, ge=1, le=64)
     """Refinement: segments of each vertical line that give two pixels each."""
     line_step_px: int = Field(2, ge=1, le=64)
@@ -61,8 +61,8 @@ class GroundVOConfig(PluginConfig):
     max_iterations: int = Field(8, ge=1, le=50)
     """Refinement: steps at most."""
     learn_flat_field: bool | None = None
-    """Refined mode: learn while driving how uneven the light is, and believe that it stays so. Left out: every picture
-    is brought to even light by itself, which holds in light that changes."""
+    """Refined mode: learn while driving how uneven the light is; left out: when the calibration has no flat field. Where
+    the light changes, each picture is brought to even light by itself."""
     use_vectors: bool = True
     """Use the vector kernels; false takes the plain ones, which give the same bits, slower."""
 

@@ -12,9 +12,10 @@ from trailmark.frames import Frame, SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Localizer, Session
 from trailmark_ground_vo.config import GroundVOConfig
+from trailmark_ground_vo.guarding import GroundTracker
 from trailmark_ground_vo.motion import ImageMotion, ground_information, pose_prev_now
 from trailmark_ground_vo.picture import PictureReader, camera_of, ground_plane
-from trailmark_ground_vo.tracker import RelativeTracker, TrackedMotion, TrackingFailure
+from trailmark_ground_vo.tracker import TrackedMotion, TrackingFailure
 
 __all__ = ["GroundVO"]
 
@@ -32,7 +33,7 @@ class GroundVO(Localizer):
         super().__init__(config)
         self._sensor: SensorInfo
         self._reader: PictureReader
-        self._tracker: RelativeTracker | None = None
+        self._tracker: GroundTracker | None = None
         self._counts = {"lost": 0, "flat_fields": 0}
 
     def start(self, session: Session) -> None:
@@ -83,8 +84,13 @@ class GroundVO(Localizer):
         """Return how often the track was lost, and how often the flat field was learned anew."""
         return dict(self._counts)
 
-    def _new_tracker(self, size: tuple[int, int]) -> RelativeTracker:
-        return RelativeTracker(self.config, size, self._scale[1] / self._scale[0])
+    def _new_tracker(self, size: tuple[int, int]) -> GroundTracker:
+        config, has_flat_field = self.config, self._reader.has_flat_field
+        if config.learn_flat_field is None:
+            config = config.model_copy(update={"learn_flat_field": not has_flat_field})
+        if config.smooth_search is None and has_flat_field:
+            config = config.model_copy(update={"smooth_search": True})
+        return GroundTracker(config, size, self._scale[1] / self._scale[0])
 
     def _expected(self, belief: Belief) -> ImageMotion | None:
         """Return how the content moves according to others, since the picture that the next is compared with.

@@ -11,17 +11,14 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from trailmark.arrays import Float32s, Floats, Grey8
-from trailmark_ground_vo.cleaning import clean
 from trailmark_ground_vo.config import GroundVOConfig
-from trailmark_ground_vo.filters import levels_of, noise_level
 from trailmark_ground_vo.judging import MatchPair
 from trailmark_ground_vo.kernels import Kernels
 from trailmark_ground_vo.levels import half_picture
 from trailmark_ground_vo.motion import ImageMotion, combine
-from trailmark_ground_vo.refinement import Refinement
-from trailmark_ground_vo.uncertainty import drift_information, whole_pixel_information, with_scatter
+from trailmark_ground_vo.uncertainty import drift_information, whole_pixel_information
 from trailmark_ground_vo.viewpoint import GroupMatch, SearchPicture, Viewpoint
-from trailmark_ground_vo.witness import ShiftVote, ShiftWitness
+from trailmark_ground_vo.witness import ShiftVote
 
 __all__ = [
     "Disagreement",
@@ -29,7 +26,6 @@ __all__ = [
     "MoveStrategy",
     "Prediction",
     "PyramidMove",
-    "RefinedMove",
     "TwoViews",
     "WholePixelMove",
 ]
@@ -168,10 +164,13 @@ class MoveStrategy(ABC):
         The viewpoints; the strategy moves them.
     kernels : Kernels
         The build to use.
+    max_shift_px : int
+        Largest shift that is predicted [px].
     """
 
-    def __init__(self, config: GroundVOConfig, views: TwoViews, kernels: Kernels) -> None:
+    def __init__(self, config: GroundVOConfig, views: TwoViews, kernels: Kernels, *, max_shift_px: int) -> None:
         self._config = config
+        self._max_shift_px = max_shift_px
         self._views = views
         self._kernels = kernels
 
@@ -198,6 +197,13 @@ class MoveStrategy(ABC):
     def begin(self, picture: SearchPicture) -> None:
         """Choose what is remembered in a picture."""
         self._views.begin(picture, self._config.n_pixels)
+
+    def predict(self, last: ImageMotion, pace: float) -> Prediction:
+        """Return where a group is searched for that moved by `last`, `pace` times as long ago."""
+        # Differs from the paper: scaled by the time between pictures, so that a dropped one does not lose the track
+        limit = self._max_shift_px
+        u, v = (float(min(max(round(pace * part), -limit), limit)) for part in (last.u, last.v))
+        return Prediction((u, v))
 
     def find(self, viewpoint: Viewpoint, picture: SearchPicture, predicted: Prediction) -> GroupMatch:
         """Search for a group around a predicted shift and turn."""
@@ -245,83 +251,3 @@ class PyramidMove(WholePixelMove):
     def find(self, viewpoint: Viewpoint, picture: SearchPicture, predicted: Prediction) -> GroupMatch:
         """Search at half resolution with every second turn, then finely around what was found."""
         return viewpoint.find_in_pyramid(picture, predicted.shift)
-
-
-class RefinedMove(MoveStrategy):
-    """Refines the matches and moves both groups like one rigid body.
-
-    Parameters
-    ----------
-    config, views, kernels
-        As in `MoveStrategy`.
-    size : (int, int)
-        Width and height of the pictures [px].
-    """
-
-    def __init__(self, config: GroundVOConfig, views: TwoViews, kernels: Kernels, size: tuple[int, int]) -> None:
-        super().__init__(config, views, kernels)
-        self._refinement = Refinement(config, size, views.aspect)
-        self._is_cleaned = not config.learn_flat_field
-        self._witness = ShiftWitness(size)
-        self._middle_v = (size[1] - 1) / 2.0
-        self._is_smooth = config.smooth_search is not False and not config.learn_flat_field
-
-    def prepare(self, image: Grey8) -> SearchPicture:
-        """Return the picture smoothed, and what is searched: the same once the light is even, else as it is."""
-        if self._is_cleaned:
-            image = clean(image)
-        spectrum = self._witness.spectrum(image)
-        smoothed, noise = self._kernels.smooth(image), None
-        if self._is_smooth:
-            image, noise = levels_of(smoothed), noise_level(image)
-        return SearchPicture(image, self._kernels.transpose(image), smoothed=smoothed, noise=noise, spectrum=spectrum)
-
-    def begin(self, picture: SearchPicture) -> None:
-        """Choose the pixels of the groups and of the refinement."""
-        super().begin(picture)
-        assert picture.smoothed is not None
-        self._refinement.begin(picture.smoothed)
-
-    def move(
-        self, picture: SearchPicture, matches: MatchPair, guesses: Sequence[ImageMotion] = ()
-    ) -> GroupMove | Disagreement:
-        """Refine Eq. (3) and move both groups by what came out."""
-        assert picture.smoothed is not None
-        found = self._views.combine(matches)
-        mean_turn = (matches[0].motion.turn_rad + matches[1].motion.turn_rad) / 2
-        starts = [found, ImageMotion(found.u, found.v, mean_turn), ImageMotion(found.u, found.v, 0.0), *guesses]
-        aligned = self._refinement.align(picture.smoothed, starts)
-        if aligned.agreeing < _LEAST_AGREEING or aligned.fitting < _LEAST_FITTING:
-            return Disagreement(aligned.agreeing, aligned.fitting)
-        lower, upper = (
-            aligned.motion.about(0.0, viewpoint.centre[1] - self._middle_v, self._views.aspect)
-            for viewpoint in (self._views.lower, self._views.upper)
-        )
-        replaced = self._refinement.follow(picture.smoothed, aligned)
-        self._views.advance(picture, lower, upper, 0.0)
-        drift = drift_information(aligned.information, replaced, _GROWTH_REFINED)
-        return GroupMove(
-            aligned.motion,
-            lower,
-            upper,
-            with_scatter(drift, aligned.scatter),
-            replaced,
-            residual=aligned.residual,
-            iterations=aligned.iterations,
-            fitting=aligned.fitting,
-            agreeing=aligned.agreeing,
-        )
-
-    def vote(self, before: SearchPicture, now: SearchPicture) -> ShiftVote | None:
-        """Return what phase correlation says."""
-        if before.spectrum is None or now.spectrum is None:
-            return None
-        return self._witness.compare(before.spectrum, now.spectrum)
-
-    def new_flat_field(self) -> Float32s | None:
-        """Return the flat field that the refinement has learned, when there is a new one."""
-        return self._refinement.new_flat_field()
-
-    def on_flat_field(self) -> None:
-        """Search on the smoothed picture from now on, unless the config forbids it."""
-        self._is_smooth = self._config.smooth_search is not False

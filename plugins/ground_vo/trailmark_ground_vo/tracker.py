@@ -15,13 +15,11 @@ from trailmark_ground_vo.motion import ImageMotion
 from trailmark_ground_vo.moves import (
     Disagreement,
     MoveStrategy,
-    Prediction,
     PyramidMove,
-    RefinedMove,
     TwoViews,
     WholePixelMove,
 )
-from trailmark_ground_vo.rest import RestWatch
+from trailmark_ground_vo.refined_moves import GuardedMove, RefinedMove
 from trailmark_ground_vo.viewpoint import SearchPicture, SearchRange, Viewpoint
 from trailmark_ground_vo.witness import ShiftVote
 
@@ -83,26 +81,26 @@ class RelativeTracker:
         Width and height of the pictures [px].
     aspect : float
         Metres per pixel along v over those along u.
+    is_guarded : bool
+        In mode refined: trust neither the light nor a single opinion.
     """
 
-    def __init__(self, config: GroundVOConfig, size: tuple[int, int], aspect: float = 1.0) -> None:
+    def __init__(
+        self, config: GroundVOConfig, size: tuple[int, int], aspect: float = 1.0, *, is_guarded: bool = False
+    ) -> None:
         self._config = config
         self._views = _two_views(config, size, aspect)
-        self._strategy = _strategy(config, size, self._views)
+        self._strategy = _strategy(config, size, self._views, is_guarded=is_guarded)
         self._judge = MatchJudge(config)
-        self._most_turn_rad = math.radians(config.rotation_steps * config.rotation_step_deg)
         self._wide_shifts = wide_shifts(config, size)
-        self._max_shift_px = max_shift_px(config, size)
         self._since_s: float | None = None
         self._interval_s = 0.0
         self._n_missed = 0
         self._last: tuple[ImageMotion, ImageMotion] | None = None
         self._reference: SearchPicture | None = None
-        self._rest = RestWatch()
+        self.has_begun_anew = False
 
-    def step(
-        self, image: Grey8, stamp_s: float, expected: ImageMotion | None = None
-    ) -> TrackedMotion | TrackingFailure | None:
+    def step(self, image: Grey8, stamp_s: float) -> TrackedMotion | TrackingFailure | None:
         """Compare a picture with what is remembered of the ones before.
 
         Parameters
@@ -111,15 +109,13 @@ class RelativeTracker:
             The next picture.
         stamp_s : float
             Its stamp, later than the last one's [s].
-        expected : ImageMotion, optional
-            How the content has moved since the picture of `since_s` if others are right.
 
         Returns
         -------
         TrackedMotion, TrackingFailure or None
             None for the first picture.
         """
-        picture = self._strategy.prepare(image)
+        picture, self.has_begun_anew = self._strategy.prepare(image), False
         if self._since_s is None:
             self._begin(picture, stamp_s)
             return None
@@ -132,7 +128,6 @@ class RelativeTracker:
             return self._miss(picture, stamp_s, TrackingFailure(doubt, details))
         found = self._views.combine(matches)
         reason = self._reason_contradicted(found, vote) if not doubt else ""
-        reason = reason or self._rest.reason_doubted(found, expected)
         if reason:
             return self._miss(picture, stamp_s, TrackingFailure(reason, details))
         guesses = [] if vote is None else [ImageMotion(vote.u, vote.v, self._turn_rad(pace))]
@@ -142,15 +137,40 @@ class RelativeTracker:
         tracked = TrackedMotion(self._since_s, moved.motion, moved.information, {**details, **moved.details})
         if not doubt:
             self._judge.accept(matches)
-        self._rest.add(moved.motion)
         self._last, self._reference = (moved.lower, moved.upper), picture
         self._since_s, self._interval_s, self._n_missed = stamp_s, elapsed_s, 0
         return tracked
+
+    def resume(self, image: Grey8, stamp_s: float, interval_s: float, last: ImageMotion | None) -> None:
+        """Go on from a picture that another tracker has understood.
+
+        Parameters
+        ----------
+        image : (H, W) uint8
+            That picture.
+        stamp_s, interval_s : float
+            Its stamp, and the time since the picture before [s].
+        last : ImageMotion or None
+            How the content moved in that time.
+        """
+        self._begin(self._strategy.prepare(image), stamp_s)
+        self._last = None if last is None else self._of_groups(last)
+        self._interval_s, self.has_begun_anew = interval_s, False
+
+    @property
+    def interval_s(self) -> float:
+        """Time between the last two pictures that were understood; 0 before [s]."""
+        return self._interval_s
 
     @property
     def since_s(self) -> float | None:
         """Stamp of the picture that the next one is compared with; None before the first [s]."""
         return self._since_s
+
+    @property
+    def reference(self) -> SearchPicture | None:
+        """The last picture that was understood; None before the first."""
+        return self._reference
 
     def new_flat_field(self) -> Float32s | None:
         """Return the flat field that was learned, (H, W) relative to its mean, when there is a new one."""
@@ -159,7 +179,8 @@ class RelativeTracker:
     def refresh(self, image: Grey8) -> None:
         """Choose all pixels anew, in the picture of the last step with another flat field."""
         self._strategy.on_flat_field()
-        self._strategy.begin(self._strategy.prepare(image))
+        self._reference = self._strategy.prepare(image)
+        self._strategy.begin(self._reference)
 
     def _miss(self, picture: SearchPicture, stamp_s: float, failure: TrackingFailure) -> TrackingFailure:
         """Wait for a better picture, but not for long: what is remembered gets out of reach."""
@@ -170,9 +191,8 @@ class RelativeTracker:
 
     def _begin(self, picture: SearchPicture, stamp_s: float) -> None:
         self._strategy.begin(picture)
-        self._rest.begin(None if self._last is None else self._last[0])
         self._since_s, self._interval_s, self._n_missed, self._last = stamp_s, 0.0, 0, None
-        self._reference = picture
+        self._reference, self.has_begun_anew = picture, True
         self._judge.forget()
 
     def _vote(self, picture: SearchPicture) -> ShiftVote | None:
@@ -194,7 +214,7 @@ class RelativeTracker:
         """Return whether a vote is so near to what is predicted that the search around that will find it."""
         if self._last is None:
             return False
-        shifts = [self._predicted(motion, pace).shift for motion in self._last]
+        shifts = [self._strategy.predict(motion, pace).shift for motion in self._last]
         u, v = sum(shift[0] for shift in shifts) / 2, sum(shift[1] for shift in shifts) / 2
         return max(abs(u - vote.u), abs(v - vote.v)) <= self._config.search_px / 2
 
@@ -202,7 +222,7 @@ class RelativeTracker:
         """Search for both groups where the second opinion says, turned as predicted."""
         guess = ImageMotion(vote.u, vote.v, self._turn_rad(pace))
         lower, upper = (
-            self._strategy.find(viewpoint, picture, self._predicted(motion, 1.0))
+            self._strategy.find(viewpoint, picture, self._strategy.predict(motion, 1.0))
             for viewpoint, motion in zip((self._views.lower, self._views.upper), self._of_groups(guess))
         )
         return lower, upper
@@ -227,24 +247,15 @@ class RelativeTracker:
 
     def _find_near(self, picture: SearchPicture, last: tuple[ImageMotion, ImageMotion], pace: float) -> MatchPair:
         lower, upper = (
-            self._strategy.find(viewpoint, picture, self._predicted(motion, pace))
+            self._strategy.find(viewpoint, picture, self._strategy.predict(motion, pace))
             for viewpoint, motion in zip((self._views.lower, self._views.upper), last)
         )
         return lower, upper
 
-    def _predicted(self, last: ImageMotion, pace: float) -> Prediction:
-        # Differs from the paper: scaled by the time between pictures, so that a dropped one does not lose the track
-        limit = self._max_shift_px
-        u, v = (float(min(max(round(pace * part), -limit), limit)) for part in (last.u, last.v))
-        # within half of its range the search needs no predicted turn, and has none, as in the paper
-        turn_rad = pace * last.turn_rad
-        is_far = self._config.mode == "refined" and abs(turn_rad) > self._most_turn_rad / 2
-        return Prediction((u, v), turn_rad if is_far else 0.0)
-
     def _find_anywhere(self, picture: SearchPicture) -> MatchPair:
         tried = [self._views.lower.find(picture, shift) for shift in self._wide_shifts]
         first = min(tried, key=lambda match: match.error)
-        return first, self._views.upper.find(picture, self._predicted(first.motion, 1.0).shift)
+        return first, self._views.upper.find(picture, self._strategy.predict(first.motion, 1.0).shift)
 
     def _search_details(self, matches: MatchPair) -> dict[str, float]:
         turns = [*(match.motion.turn_rad for match in matches), self._views.combine(matches).turn_rad]
@@ -263,8 +274,9 @@ def _two_views(config: GroundVOConfig, size: tuple[int, int], aspect: float) -> 
     return TwoViews(lower, upper, distance_px, aspect)
 
 
-def _strategy(config: GroundVOConfig, size: tuple[int, int], views: TwoViews) -> MoveStrategy:
-    kernels = load_kernels(config.use_vectors)
+def _strategy(config: GroundVOConfig, size: tuple[int, int], views: TwoViews, *, is_guarded: bool) -> MoveStrategy:
+    kernels, limit_px = load_kernels(config.use_vectors), max_shift_px(config, size, is_guarded=is_guarded)
     if config.mode == "refined":
-        return RefinedMove(config, views, kernels, size)
-    return (PyramidMove if config.mode == "pyramid" else WholePixelMove)(config, views, kernels)
+        made = GuardedMove if is_guarded else RefinedMove
+        return made(config, views, kernels, max_shift_px=limit_px, size=size)
+    return (PyramidMove if config.mode == "pyramid" else WholePixelMove)(config, views, kernels, max_shift_px=limit_px)

@@ -1,0 +1,259 @@
+"""An audit of a motion, by pixels that had no part in finding it.
+
+Reference pixels are the steepest ones, wherever they are. A regular grid of others is asked what they make of the
+motion: whether they look as in the picture before, whether the light around them has changed, and whether all of the
+picture, or a part of it, would rather have moved otherwise.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from trailmark.arrays import Float32s, Floats, Grey16, Int64s
+from trailmark.kernels import float_kernel, kernel
+from trailmark_ground_vo.filters import SMOOTH_SCALE
+from trailmark_ground_vo.motion import ImageMotion
+
+__all__ = ["Audit", "MotionAudit"]
+
+#: Distance of the pixels that are asked, and what they need around them [px]; parts of the picture along each side.
+_STEP_PX, _RIM_PX, _N_SIDE = 10, 4, 4
+
+#: A pixel differs when it does so by more robust standard deviations, and more than so far a shift would explain [px].
+_OUT_SIGMAS, _OUT_PX = 6.0, 0.5
+
+#: Differences are clipped here where shading is fitted; the most that a lens changes between pictures at its edge [1].
+_CLIP, _MOST_SHADING = 10.0 * SMOOTH_SCALE, 0.06
+
+#: Residuals count fully up to this [robust standard deviations] (Huber).
+_HUBER_SIGMAS = 2.0
+
+#: A part of the picture has a say with so many pixels, and with own errors below this [px].
+_LEAST_PIXELS, _LEAST_OWN_PX = 40, 0.02
+
+#: Standard deviation over median absolute deviation of a normal distribution.
+_SIGMA_OVER_MEDIAN = 1.4826
+
+# Limits. In good light the grid says at most, on three floors they were chosen on (wood_floor, tiles_1k,
+# asphalt_cracked_1k), blurred and with noise of up to 12 levels: 0.0003 of the pixels out, 0.42 of the noise, light
+# 0.5 sigmas, 0.11 px, 0.03 deg, parts 2.7 sigmas.
+#: Share of the pixels that may differ.
+_MOST_OUT = 0.003
+#: Spread of the differences, over the noise of the picture: smoothing leaves about 0.39 of it.
+_MOST_SPREAD = 0.6
+#: Change of light in a part of the picture [robust standard deviations].
+_MOST_LIGHT_SIGMAS = 3.0
+#: What the whole picture, and a part of it, would correct, beyond so many own standard deviations [px], [rad].
+_MOST_SHIFT_PX, _MOST_TURN_RAD, _SIGMAS, _PART_SIGMAS = 0.1, math.radians(0.01), 5.0, 5.0
+#: Own standard deviation of a turn between two pictures from which on it can be wrong by what matters, 0.05 deg.
+_MOST_TURN_SIGMA_RAD = math.radians(0.01)
+
+
+@dataclass(frozen=True, slots=True)
+class Audit:
+    """What the grid says of a motion.
+
+    Attributes
+    ----------
+    spread : float
+        Robust standard deviation of the differences [grey levels].
+    n_out, n : int
+        Pixels that differ, and that were asked.
+    light_sigmas : float
+        Largest change of light in a part of the picture, in `spread`.
+    shift_sigmas, turn_sigmas : float
+        What the whole picture would correct, over what is usual.
+    turn_sigma_rad : float
+        Standard deviation of that turn [rad].
+    part_sigmas : float
+        Largest shift of a part of the picture against the others, over its own standard deviation.
+    """
+
+    spread: float
+    n_out: int
+    n: int
+    light_sigmas: float
+    shift_sigmas: float
+    turn_sigmas: float
+    turn_sigma_rad: float
+    part_sigmas: float
+
+    def reason_suspected(self, noise: float) -> str:
+        """Return why the motion needs another opinion; empty when it does not.
+
+        Parameters
+        ----------
+        noise : float
+            Noise of the picture (see `filters.noise_level`) [grey levels].
+        """
+        if self.n == 0 or self.n_out > _MOST_OUT * self.n:
+            return f"{self.n_out} of {self.n} pixels differ"
+        if self.spread > _MOST_SPREAD * max(noise, 1.0):
+            return f"differences of {self.spread:.1f} grey levels with noise of {noise:.1f}"
+        if self.light_sigmas > _MOST_LIGHT_SIGMAS:
+            return f"the light changes by {self.light_sigmas:.1f} standard deviations"
+        if max(self.shift_sigmas, self.turn_sigmas) > _SIGMAS:
+            return f"the whole picture moves otherwise, by {max(self.shift_sigmas, self.turn_sigmas):.1f} sigmas"
+        if self.part_sigmas > _PART_SIGMAS:
+            return f"a part of the picture moves otherwise, by {self.part_sigmas:.1f} sigmas"
+        if self.turn_sigma_rad > _MOST_TURN_SIGMA_RAD:
+            return f"noise turns it by {math.degrees(self.turn_sigma_rad):.3f} deg"
+        return ""
+
+
+class MotionAudit:
+    """Asks a regular grid of pixels.
+
+    Parameters
+    ----------
+    size : (int, int)
+        Width and height of the pictures [px].
+    aspect : float
+        Metres per pixel along v over those along u.
+    """
+
+    def __init__(self, size: tuple[int, int], aspect: float) -> None:
+        u, v = np.meshgrid(*(np.arange(_RIM_PX, side - _RIM_PX, _STEP_PX) for side in size))
+        self._grid = np.array([u.ravel(), v.ravel()], np.float32)
+        columns, rows = (grid.ravel() * _N_SIDE // side for grid, side in zip((u, v), size))
+        self._parts = np.asarray(rows * _N_SIDE + columns, np.int64)
+        self._centre = ((size[0] - 1) / 2.0, (size[1] - 1) / 2.0)
+        self._aspect = aspect
+
+    def audit(self, before: Grey16, now: Grey16, motion: ImageMotion) -> Audit:
+        """Compare two smoothed pictures (see `filters.smooth`) after a motion of the content."""
+        moved = (motion.u, motion.v, motion.turn_rad)
+        samples = _samples(before, now, self._grid, self._centre, moved, self._aspect)
+        if samples.shape[1] == 0:
+            return Audit(0.0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        sizes = np.abs(samples[0, ::2])
+        middle = len(sizes) // 2
+        spread = max(_SIGMA_OVER_MEDIAN * float(np.partition(sizes, middle)[middle]), 0.1 * SMOOTH_SCALE)
+        parts, whole, n_out = _equations(samples, self._parts, spread)
+        light, shift, turn, turn_sigma, part = _decided(parts, whole, spread)
+        return Audit(spread / SMOOTH_SCALE, n_out, samples.shape[1], light, shift, turn, turn_sigma, part)
+
+
+@float_kernel
+def _samples(
+    before: Grey16,
+    now: Grey16,
+    grid: Float32s,
+    centre: tuple[float, float],
+    motion: tuple[float, float, float],
+    aspect: float,
+) -> Float32s:
+    """Return difference after the motion, slopes along u and v, offset from the centre and number, (6, n) float32.
+
+    Pixels that left the picture are left out. What moves under a lens that darkens towards the corners changes by its
+    brightness times a linear function of its place: that much is taken out of the differences.
+    """
+    height, width = before.shape
+    cos = np.float32(math.cos(motion[2]))
+    across, down = np.float32(math.sin(motion[2]) * aspect), np.float32(math.sin(motion[2]) / aspect)
+    to_x, to_y = np.float32(centre[0] + motion[0]), np.float32(centre[1] + motion[1])
+    last_x, last_y = np.float32(width - 2), np.float32(height - 2)
+    half, one = np.float32(0.5), np.float32(1.0)
+    out = np.empty((6, grid.shape[1]), np.float32)
+    n, clip = 0, np.float32(_CLIP)
+    a_xx, a_xy, a_yy, b_x, b_y = 1.0, 0.0, 1.0, 0.0, 0.0
+    for k in range(grid.shape[1]):
+        dx, dy = grid[0, k] - np.float32(centre[0]), grid[1, k] - np.float32(centre[1])
+        x, y = cos * dx + across * dy + to_x, cos * dy - down * dx + to_y
+        if x < one or y < one or x >= last_x or y >= last_y:
+            continue
+        u, v, i, j = int(grid[0, k]), int(grid[1, k]), int(x), int(y)
+        a, b = x - np.float32(i), y - np.float32(j)
+        above = np.float32(now[j, i]) + a * (np.float32(now[j, i + 1]) - np.float32(now[j, i]))
+        below = np.float32(now[j + 1, i]) + a * (np.float32(now[j + 1, i + 1]) - np.float32(now[j + 1, i]))
+        value = np.float32(before[v, u])
+        d = above + b * (below - above) - value
+        gain_x, gain_y, clipped = value * dx, value * dy, min(max(d, -clip), clip)
+        a_xx, a_xy, a_yy = a_xx + gain_x * gain_x, a_xy + gain_x * gain_y, a_yy + gain_y * gain_y
+        b_x, b_y = b_x + gain_x * clipped, b_y + gain_y * clipped
+        out[0, n] = d
+        out[1, n] = half * (np.float32(before[v, u + 1]) - np.float32(before[v, u - 1]))
+        out[2, n] = half * (np.float32(before[v + 1, u]) - np.float32(before[v - 1, u]))
+        out[3, n], out[4, n], out[5, n] = dx, dy, k
+        n += 1
+    scale = 1.0 / (a_xx * a_yy - a_xy * a_xy)
+    steepest = _MOST_SHADING / max(centre[0], centre[1])
+    tilt_x = np.float32(min(max((a_yy * b_x - a_xy * b_y) * scale, -steepest), steepest))
+    tilt_y = np.float32(min(max((a_xx * b_y - a_xy * b_x) * scale, -steepest), steepest))
+    for k in range(n):
+        value = np.float32(before[int(grid[1, int(out[5, k])]), int(grid[0, int(out[5, k])])])
+        out[0, k] -= value * (tilt_x * out[3, k] + tilt_y * out[4, k])
+    return out[:, :n]
+
+
+@float_kernel
+def _equations(samples: Float32s, parts: Int64s, spread: float) -> tuple[Floats, Floats, int]:
+    """Return the sums over each part, (16, 10), the normal equations of the whole, (3, 4), and how many pixels differ.
+
+    Sums of a part: n; weights w; w u, w v, w uu, w uv, w vv for slopes u, v; w d, w ud, w vd for differences d.
+    """
+    out, whole, n_out = np.zeros((_N_SIDE * _N_SIDE, 10), np.float64), np.zeros((3, 4), np.float64), 0
+    limit, most, far = np.float32(_HUBER_SIGMAS * spread), np.float32(_OUT_SIGMAS * spread), np.float32(_OUT_PX)
+    least, one = np.float32(1e-3), np.float32(1.0)
+    for n in range(samples.shape[1]):
+        d, u, v = samples[0, n], samples[1, n], samples[2, n]
+        if abs(d) > most + far * (abs(u) + abs(v)):
+            n_out += 1
+        w = min(one, limit / max(abs(d), least))
+        p = parts[int(samples[5, n])]
+        wu, wv, wd = w * u, w * v, w * d
+        out[p, 0] += one
+        out[p, 1] += w
+        out[p, 2] += wu
+        out[p, 3] += wv
+        out[p, 4] += wu * u
+        out[p, 5] += wu * v
+        out[p, 6] += wv * v
+        out[p, 7] += wd
+        out[p, 8] += wd * u
+        out[p, 9] += wd * v
+        t = u * samples[4, n] - v * samples[3, n]
+        whole[0, 2] += wu * t
+        whole[1, 2] += wv * t
+        whole[2, 2] += w * t * t
+        whole[2, 3] -= wd * t
+    total = out.sum(axis=0)
+    whole[0, 0], whole[0, 1], whole[1, 1] = total[4], total[5], total[6]
+    whole[0, 3], whole[1, 3] = -total[8], -total[9]
+    whole[1, 0], whole[2, 0], whole[2, 1] = whole[0, 1], whole[0, 2], whole[1, 2]
+    return out, whole, n_out
+
+
+@kernel
+def _decided(parts: Floats, whole: Floats, spread: float) -> tuple[float, float, float, float, float]:
+    """Return change of light, shift, turn, sigma of the turn [rad] and shift of a part, as `Audit` has them."""
+    covariance = np.linalg.inv(whole[:, :3] + np.eye(3)) * spread * spread
+    step = np.linalg.solve(whole[:, :3] + np.eye(3), np.ascontiguousarray(whole[:, 3]))
+    own_px = math.sqrt(covariance[0, 0] + covariance[1, 1])
+    turn_sigma = math.sqrt(covariance[2, 2])
+    shift = math.hypot(step[0], step[1]) / (own_px + _MOST_SHIFT_PX / _SIGMAS)
+    turn = abs(step[2]) / (turn_sigma + _MOST_TURN_RAD / _SIGMAS)
+    light, n_voting = 0.0, 0
+    votes = np.empty((len(parts), 3), np.float64)
+    for p in range(len(parts)):
+        sums = parts[p]
+        if sums[0] < _LEAST_PIXELS:
+            continue
+        normal = np.array([[sums[1], sums[2], sums[3]], [sums[2], sums[4], sums[5]], [sums[3], sums[5], sums[6]]])
+        normal += np.diag(np.array([1e-3, 1.0, 1.0]))
+        solved = np.linalg.solve(normal, np.array([sums[7], sums[8], sums[9]]))
+        inverse = np.linalg.inv(normal)
+        light = max(light, abs(solved[0]) / spread)
+        votes[n_voting, 0], votes[n_voting, 1] = -solved[1], -solved[2]
+        votes[n_voting, 2] = spread * math.sqrt(inverse[1, 1] + inverse[2, 2])
+        n_voting += 1
+    stray = 0.0
+    if n_voting:
+        middle_u, middle_v = np.median(votes[:n_voting, 0]), np.median(votes[:n_voting, 1])
+        for p in range(n_voting):
+            apart = math.hypot(votes[p, 0] - middle_u, votes[p, 1] - middle_v)
+            stray = max(stray, apart / (votes[p, 2] + _LEAST_OWN_PX))
+    return light, shift, turn, turn_sigma, stray

@@ -1,0 +1,165 @@
+"""Two trackers of one camera: a plain one for light that stays, and a guarded one that decides where it does not.
+
+The plain one is exact and quick, and believes what it sees. Every motion that it tells is audited. As soon as the audit
+finds something, the guarded one takes over, from the last picture that was beyond suspicion, and keeps the track until
+the audit has found nothing for a while.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+
+from trailmark.arrays import Float32s, Grey8, Grey16
+from trailmark_ground_vo.audit import MotionAudit
+from trailmark_ground_vo.config import GroundVOConfig
+from trailmark_ground_vo.filters import noise_level
+from trailmark_ground_vo.kernels import load_kernels
+from trailmark_ground_vo.motion import ImageMotion
+from trailmark_ground_vo.rest import RestWatch
+from trailmark_ground_vo.tracker import RelativeTracker, TrackedMotion, TrackingFailure
+
+__all__ = ["GroundTracker"]
+
+logger = logging.getLogger(__name__)
+
+#: Pictures without a finding after which the plain tracker has its way again, at first and at most: twice as many
+#: each time that it fails soon.
+_CALM_FRAMES, _MOST_CALM_FRAMES = 30, 960
+
+
+class GroundTracker:
+    """Follows the ground from picture to picture; in mode refined under two trackers.
+
+    Parameters
+    ----------
+    config : GroundVOConfig
+        Parameters of the paper, and of what was added.
+    size : (int, int)
+        Width and height of the pictures [px].
+    aspect : float
+        Metres per pixel along v over those along u.
+    """
+
+    def __init__(self, config: GroundVOConfig, size: tuple[int, int], aspect: float = 1.0) -> None:
+        self._plain = RelativeTracker(config, size, aspect)
+        self._guarded: RelativeTracker | None = None
+        if config.mode == "refined":
+            guarded = config.model_copy(update={"learn_flat_field": False})
+            self._guarded = RelativeTracker(guarded, size, aspect, is_guarded=True)
+        self._active = self._plain
+        self._audit = MotionAudit(size, aspect)
+        self._smooth = load_kernels(config.use_vectors).smooth
+        self._rest = RestWatch()
+        self._understood: tuple[Grey8, Grey16] | None = None
+        self._last: ImageMotion | None = None
+        self._n_calm = self._calm_frames = _CALM_FRAMES
+        self._counts = {"suspected": 0, "guarded": 0}
+
+    def step(
+        self, image: Grey8, stamp_s: float, expected: ImageMotion | None = None
+    ) -> TrackedMotion | TrackingFailure | None:
+        """Compare a picture with what is remembered of the ones before.
+
+        Parameters
+        ----------
+        image : (H, W) uint8
+            The next picture.
+        stamp_s : float
+            Its stamp, later than the last one's [s].
+        expected : ImageMotion, optional
+            How the content has moved since the picture of `since_s` if others are right.
+
+        Returns
+        -------
+        TrackedMotion, TrackingFailure or None
+            None for the first picture.
+        """
+        if self._guarded is None:
+            return self._plain.step(image, stamp_s)
+        said = self._step_plain(image, stamp_s) if self._active is self._plain else self._step_guarded(image, stamp_s)
+        if self._active.has_begun_anew:
+            self._rest.begin(self._last)
+        if not isinstance(said, TrackedMotion):
+            return said
+        self._last = said.motion
+        reason = self._rest.reason_doubted(said.motion, expected)
+        self._rest.add(said.motion)
+        return TrackingFailure(reason, said.details) if reason else said
+
+    @property
+    def since_s(self) -> float | None:
+        """Stamp of the picture that the next one is compared with; None before the first [s]."""
+        return self._active.since_s
+
+    def new_flat_field(self) -> Float32s | None:
+        """Return the flat field that was learned, (H, W) relative to its mean, when there is a new one."""
+        return self._plain.new_flat_field() if self._active is self._plain else None
+
+    def refresh(self, image: Grey8) -> None:
+        """Choose all pixels anew, in the picture of the last step with another flat field."""
+        self._plain.refresh(image)
+        self._understood = (image, self._smoothed(self._plain))
+
+    def counters(self) -> Mapping[str, int]:
+        """Return how often the plain tracker was suspected, and how many pictures the guarded one had."""
+        return dict(self._counts)
+
+    def _step_plain(self, image: Grey8, stamp_s: float) -> TrackedMotion | TrackingFailure | None:
+        before = self._understood
+        since_s, interval_s = self._plain.since_s, self._plain.interval_s
+        said = self._plain.step(image, stamp_s)
+        if said is None or before is None or since_s is None:
+            self._understood = (image, self._smoothed(self._plain))
+            return said
+        reason = said.reason if isinstance(said, TrackingFailure) else ""
+        if isinstance(said, TrackedMotion):
+            now = self._smoothed(self._plain)
+            reason = self._audit.audit(before[1], now, said.motion).reason_suspected(self._noise(image))
+            if not reason:
+                self._understood, self._n_calm = (image, now), self._n_calm + 1
+                return said
+        logger.debug("guarded from %.3f s on: %s", since_s, reason)
+        self._guard(before[0], since_s, interval_s)
+        return self._step_guarded(image, stamp_s)
+
+    def _guard(self, image: Grey8, since_s: float, interval_s: float) -> None:
+        """Let the guarded tracker go on from the last picture beyond suspicion."""
+        assert self._guarded is not None
+        self._counts["suspected"] += 1
+        was_soon = self._n_calm < self._calm_frames
+        self._calm_frames = min(2 * self._calm_frames, _MOST_CALM_FRAMES) if was_soon else _CALM_FRAMES
+        self._n_calm = 0
+        self._guarded.resume(image, since_s, interval_s, self._last)
+        self._active = self._guarded
+
+    def _step_guarded(self, image: Grey8, stamp_s: float) -> TrackedMotion | TrackingFailure | None:
+        assert self._guarded is not None
+        self._counts["guarded"] += 1
+        said = self._guarded.step(image, stamp_s)
+        now = self._smooth(image)
+        is_calm = False
+        if isinstance(said, TrackedMotion):
+            if self._understood is not None:
+                audit = self._audit.audit(self._understood[1], now, said.motion)
+                is_calm = not audit.reason_suspected(self._noise(image))
+            self._understood = (image, now)
+        elif self._guarded.has_begun_anew:
+            self._understood = (image, now)
+        self._n_calm = self._n_calm + 1 if is_calm else 0
+        if is_calm and self._n_calm >= self._calm_frames and isinstance(said, TrackedMotion):
+            self._plain.resume(image, stamp_s, self._guarded.interval_s, said.motion)
+            self._active, self._n_calm = self._plain, 0
+        return said
+
+    def _noise(self, image: Grey8) -> float:
+        reference = self._active.reference
+        known = None if reference is None or self._active is not self._plain else reference.noise
+        return float(noise_level(image)) if known is None else known
+
+    @staticmethod
+    def _smoothed(tracker: RelativeTracker) -> Grey16:
+        reference = tracker.reference
+        assert reference is not None
+        assert reference.smoothed is not None
+        return reference.smoothed

@@ -1,0 +1,169 @@
+"""Both groups move like one rigid body, refined: as the light is, or where it is not to be trusted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from trailmark.arrays import Float32s, Grey8
+from trailmark_ground_vo.cleaning import clean
+from trailmark_ground_vo.config import GroundVOConfig
+from trailmark_ground_vo.filters import levels_of, noise_level
+from trailmark_ground_vo.guarded_refinement import GuardedRefinement
+from trailmark_ground_vo.judging import MatchPair
+from trailmark_ground_vo.kernels import Kernels
+from trailmark_ground_vo.motion import ImageMotion
+from trailmark_ground_vo.moves import Disagreement, GroupMove, MoveStrategy, Prediction, TwoViews
+from trailmark_ground_vo.refinement import Refinement
+from trailmark_ground_vo.uncertainty import drift_information, with_scatter
+from trailmark_ground_vo.viewpoint import SearchPicture
+from trailmark_ground_vo.witness import ShiftVote, ShiftWitness
+
+__all__ = ["GuardedMove", "RefinedMove"]
+
+#: Shares of the sub-areas and of the remembered pixels that a motion needs.
+_LEAST_AGREEING, _LEAST_FITTING = 0.6, 0.35
+
+#: Drift variance per replacement of all pixels over that of one alignment, measured on ten floors (see README.md).
+_GROWTH = 2.5
+
+
+class RefinedMove(MoveStrategy):
+    """Refines the matches and moves both groups like one rigid body, in light that stays as it is.
+
+    Parameters
+    ----------
+    config, views, kernels, max_shift_px
+        As in `MoveStrategy`.
+    size : (int, int)
+        Width and height of the pictures [px].
+    """
+
+    def __init__(
+        self, config: GroundVOConfig, views: TwoViews, kernels: Kernels, *, max_shift_px: int, size: tuple[int, int]
+    ) -> None:
+        super().__init__(config, views, kernels, max_shift_px=max_shift_px)
+        self._refinement = Refinement(config, size, views.aspect)
+        self._middle_v = (size[1] - 1) / 2.0
+        self._is_smooth = bool(config.smooth_search)
+
+    def prepare(self, image: Grey8) -> SearchPicture:
+        """Return the picture smoothed, and what is searched: the same once the light is even, else as it is."""
+        smoothed, noise = self._kernels.smooth(image), None
+        if self._is_smooth:
+            image, noise = levels_of(smoothed), noise_level(image)
+        return SearchPicture(image, self._kernels.transpose(image), smoothed=smoothed, noise=noise)
+
+    def begin(self, picture: SearchPicture) -> None:
+        """Choose the pixels of the groups and of the refinement."""
+        super().begin(picture)
+        assert picture.smoothed is not None
+        self._refinement.begin(picture.smoothed)
+
+    def move(
+        self, picture: SearchPicture, matches: MatchPair, guesses: Sequence[ImageMotion] = ()
+    ) -> GroupMove | Disagreement:
+        """Refine Eq. (3) and move both groups by what came out."""
+        assert picture.smoothed is not None
+        aligned = self._refinement.align(picture.smoothed, [*self._starts(matches), *guesses])
+        lower, upper = self._of_groups(aligned.motion)
+        replaced = self._refinement.follow(picture.smoothed, aligned)
+        self._views.advance(picture, lower, upper, 0.0)
+        return GroupMove(
+            aligned.motion,
+            lower,
+            upper,
+            drift_information(aligned.information, replaced, _GROWTH),
+            replaced,
+            residual=aligned.residual,
+            iterations=aligned.iterations,
+        )
+
+    def new_flat_field(self) -> Float32s | None:
+        """Return the flat field that the refinement has learned, when there is a new one."""
+        return self._refinement.new_flat_field()
+
+    def on_flat_field(self) -> None:
+        """Search on the smoothed picture from now on, unless the config forbids it."""
+        self._is_smooth = self._config.smooth_search is not False
+
+    def _starts(self, matches: MatchPair) -> list[ImageMotion]:
+        found = self._views.combine(matches)
+        mean_turn = (matches[0].motion.turn_rad + matches[1].motion.turn_rad) / 2
+        return [found, ImageMotion(found.u, found.v, mean_turn), ImageMotion(found.u, found.v, 0.0)]
+
+    def _of_groups(self, motion: ImageMotion) -> tuple[ImageMotion, ImageMotion]:
+        lower, upper = (
+            motion.about(0.0, viewpoint.centre[1] - self._middle_v, self._views.aspect)
+            for viewpoint in (self._views.lower, self._views.upper)
+        )
+        return lower, upper
+
+
+class GuardedMove(RefinedMove):
+    """The same in any light: pictures are cleaned, phase correlation has a vote, and sub-areas have to agree.
+
+    Parameters
+    ----------
+    config, views, kernels, max_shift_px, size
+        As in `RefinedMove`.
+    """
+
+    def __init__(
+        self, config: GroundVOConfig, views: TwoViews, kernels: Kernels, *, max_shift_px: int, size: tuple[int, int]
+    ) -> None:
+        super().__init__(config, views, kernels, max_shift_px=max_shift_px, size=size)
+        self._agreement = GuardedRefinement(config, size, views.aspect)
+        self._witness = ShiftWitness(size)
+        self._is_smooth = config.smooth_search is not False
+        self._most_turn_rad = math.radians(config.rotation_steps * config.rotation_step_deg)
+
+    def prepare(self, image: Grey8) -> SearchPicture:
+        """Return the picture cleaned and smoothed, with what phase correlation compares."""
+        cleaned = clean(image)
+        picture = super().prepare(cleaned)
+        return replace(picture, spectrum=self._witness.spectrum(cleaned))
+
+    def begin(self, picture: SearchPicture) -> None:
+        """Choose the pixels of the groups and of the refinement."""
+        self._views.begin(picture, self._config.n_pixels)
+        assert picture.smoothed is not None
+        self._agreement.begin(picture.smoothed)
+
+    def predict(self, last: ImageMotion, pace: float) -> Prediction:
+        """Return where a group is searched for; turns are predicted where the search would not reach them."""
+        # within half of its range the search needs no predicted turn, and has none, as in the paper
+        turn_rad = pace * last.turn_rad
+        is_far = abs(turn_rad) > self._most_turn_rad / 2
+        return Prediction(super().predict(last, pace).shift, turn_rad if is_far else 0.0)
+
+    def move(
+        self, picture: SearchPicture, matches: MatchPair, guesses: Sequence[ImageMotion] = ()
+    ) -> GroupMove | Disagreement:
+        """Refine Eq. (3) and move both groups by what came out, if enough of the picture agrees."""
+        assert picture.smoothed is not None
+        aligned = self._agreement.align(picture.smoothed, [*self._starts(matches), *guesses])
+        if aligned.agreeing < _LEAST_AGREEING or aligned.fitting < _LEAST_FITTING:
+            return Disagreement(aligned.agreeing, aligned.fitting)
+        lower, upper = self._of_groups(aligned.motion)
+        replaced = self._agreement.follow(picture.smoothed, aligned)
+        self._views.advance(picture, lower, upper, 0.0)
+        drift = drift_information(aligned.information, replaced, _GROWTH)
+        return GroupMove(
+            aligned.motion,
+            lower,
+            upper,
+            with_scatter(drift, aligned.scatter),
+            replaced,
+            residual=aligned.residual,
+            iterations=aligned.iterations,
+            fitting=aligned.fitting,
+            agreeing=aligned.agreeing,
+        )
+
+    def vote(self, before: SearchPicture, now: SearchPicture) -> ShiftVote | None:
+        """Return what phase correlation says."""
+        if before.spectrum is None or now.spectrum is None:
+            return None
+        return self._witness.compare(before.spectrum, now.spectrum)
