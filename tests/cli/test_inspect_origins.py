@@ -34,8 +34,21 @@ class Mounted(FrameSource):
 class MountedConfig(SourceConfig):
     pass
 
+class Long(Mounted):
+    sensors = {"a" * 90: SensorInfo("a" * 90, "odometry", rate_hz=12.5)}
+
+    def frames(self):
+        yield Frame("a" * 90, 0.0, Odometry(Pose2()))
+
+    def origins(self):
+        return {}
+
+    def unread(self):
+        return {"/chatter": "not understood"}
+
 @hookimpl
 def trailmark_register(registry):
+    registry.source("long", Long, config=MountedConfig, summary="A source whose sensor has a long name")
     registry.source("mounted", Mounted, config=MountedConfig, summary="A source that says where its sensor is")
 """
 CONFIG = "sources: {robot: {plugin: mounted}}\nlocalizers: {wheels: {plugin: odometry}}\n"
@@ -82,3 +95,28 @@ def test_inspect_and_run_say_which_mounting_is_used(
     assert line in shown.splitlines()
     assert row["mounting"]["x"] == x
     assert said.splitlines().count(line) == 1
+
+
+def test_a_long_name_costs_no_column(folder, plugin, capsys, monkeypatch) -> None:
+    monkeypatch.setenv("COLUMNS", "40")
+    (folder / "c.yaml").write_text("sources: {robot: {plugin: long}}\n")
+
+    with pytest.raises(SystemExit):
+        main(["--plugin", plugin, "inspect", "c.yaml"])
+
+    shown = capsys.readouterr().out
+    assert "a" * 90 in shown
+    assert "odometry" in shown
+    assert "12.5 Hz" in shown
+    assert "not read: /chatter (not understood)" in shown
+
+
+def test_what_is_not_read_stands_beside_the_json(folder, plugin, capsys) -> None:
+    (folder / "c.yaml").write_text("sources: {robot: {plugin: long}}\n")
+
+    with pytest.raises(SystemExit):
+        main(["--plugin", plugin, "inspect", "c.yaml", "--json"])
+
+    out, err = capsys.readouterr()
+    assert len(json.loads(out)) == 1
+    assert "not read: /chatter (not understood)" in err

@@ -183,6 +183,24 @@ def test_pictures_missing_at_the_ends_are_said(sequence, play, caplog, gone, wor
     assert words in caplog.text
 
 
+@pytest.mark.parametrize(
+    ("gone", "words"),
+    [
+        ("image_0/000000.png", "has no times.txt, and the pictures are numbers 1 to 3: 1 at the beginning"),
+        ("image_0/000003.png", "has 4 poses, and the pictures are numbers 0 to 2: 0 at the beginning and 1 at the end"),
+    ],
+)
+def test_pictures_missing_at_the_ends_are_said_without_stamps_too(sequence, play, caplog, gone, words):
+    (sequence / "times.txt").unlink()
+    (sequence / gone).unlink()
+    source = kitti(sequence)
+
+    play(source)
+    source.ground_truth()
+
+    assert words in caplog.text
+
+
 def test_a_whole_sequence_is_not_remarked_on(sequence, play, caplog):
     play(kitti(sequence))
 

@@ -23,6 +23,8 @@ from trailmark.pipeline import SourceStream, build_sources, read_config
 
 __all__ = ["inspect_command"]
 
+_WIDEST = 10_000  # columns
+
 
 @dataclass(slots=True)
 class _SensorSummary:
@@ -65,10 +67,8 @@ def inspect_command(
         click.echo(json.dumps(rows, indent=1))
     else:
         _print(rows)
-        for line in origins:
-            click.echo(line)
-        for name, remark in unread.items():
-            click.echo(f"not read: {name} ({remark})")
+    for line in (*origins, *(f"not read: {name} ({remark})" for name, remark in unread.items())):
+        click.echo(line, err=as_json)
 
 
 def _look(source: SourceStream, n_frames: int, overrides: Mapping[str, SensorOverride]) -> dict[str, _SensorSummary]:
@@ -125,6 +125,7 @@ def _write_pictures(seen: dict[str, _SensorSummary], out: Path) -> None:
 
 
 def _print(rows: list[dict[str, Any]]) -> None:
+    from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
@@ -145,4 +146,7 @@ def _print(rows: list[dict[str, Any]]) -> None:
             row["calibration"] or "none",
         )
         table.add_row(*(Text(cell) for cell in cells))
-    table_console().print(table)
+    console = table_console()
+    whole = Console(width=_WIDEST).measure(table).maximum
+    console.width = max(console.width, whole)  # a long name takes no column's place
+    console.print(table)

@@ -65,21 +65,12 @@ class KittiOdometry(PictureSource):
         """Read ``times.txt``; None where there is none."""
         path = self.config.path / "times.txt"
         if not path.exists():
+            _say_missing_ends(f"{path.parent} has no times.txt", last + 1, self._first, last)
             return None
         stamps = read_stamps(path)
         if last >= len(stamps):
             raise SourceError(f"{path} has {len(stamps)} stamps, but there is a picture number {last}")
-        if self._first or last + 1 < len(stamps):
-            logger.warning(
-                "%s has %d stamps, and the pictures are numbers %d to %d: %d at the beginning and %d at the end are"
-                " missing, or this is a part of the sequence",
-                path,
-                len(stamps),
-                self._first,
-                last,
-                self._first,
-                len(stamps) - last - 1,
-            )
+        _say_missing_ends(f"{path} has {len(stamps)} stamps", len(stamps), self._first, last)
         return stamps
 
     def ground_truth(self) -> Trajectory | None:
@@ -91,11 +82,28 @@ class KittiOdometry(PictureSource):
         last = self._first + len(self._entries)
         if len(poses) < last:
             raise SourceError(f"{path} has {len(poses)} poses, but there is a picture number {last - 1}")
+        if len(poses) > last and not (self.config.path / "times.txt").exists():  # else the stamps have said it
+            _say_missing_ends(f"{path} has {len(poses)} poses", len(poses), self._first, last - 1)
         stamps_s = np.array([entry.stamp_s for entry in self._entries])
         kept = np.concatenate([[True], stamps_s[1:] > np.maximum.accumulate(stamps_s)[:-1]])  # as `frames` keeps them
         begin_s = float(stamps_s[0]) + (self.config.start_s or 0.0)
         return planar_trajectory(
             stamps_s[kept], poses[self._first : last][kept], mounting_pose(self.config.mounting), begin_s
+        )
+
+
+def _say_missing_ends(what: str, n_expected: int, first: int, last: int) -> None:
+    """Warn of pictures that are missing before the first and behind the last."""
+    n_behind = n_expected - last - 1
+    if first or n_behind:
+        logger.warning(
+            "%s, and the pictures are numbers %d to %d: %d at the beginning and %d at the end are missing,"
+            " or this is a part of the sequence",
+            what,
+            first,
+            last,
+            first,
+            n_behind,
         )
 
 
