@@ -61,8 +61,8 @@ class GroundVOConfig(PluginConfig):
     max_iterations: int = Field(8, ge=1, le=50)
     """Refinement: steps at most."""
     learn_flat_field: bool | None = None
-    """Refined mode: learn while driving how uneven the light is; left out: when the calibration has no flat field. Where
-    the light changes, each picture is brought to even light by itself."""
+    """Refined mode: learn while driving how uneven the light is; left out: when the calibration has no flat field.
+    Where the light changes, each picture is brought to even light by itself."""
     use_vectors: bool = True
     """Use the vector kernels; false takes the plain ones, which give the same bits, slower."""
 
