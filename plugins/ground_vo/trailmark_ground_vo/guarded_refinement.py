@@ -39,6 +39,9 @@ _NOT_GROUND = 255.0 * SMOOTH_SCALE
 #: Standard deviation over median absolute deviation, and over mean absolute deviation, of a normal distribution.
 _SIGMA_OVER_MEDIAN, _SIGMA_OVER_MEAN = 1.4826, math.sqrt(math.pi / 2.0)
 
+#: A motion is between two pictures, the place of each of which scatters.
+_OWN_AND_BEFORE = 2.0
+
 #: Every so manieth pixel is enough for a median.
 _EVERY = 4
 
@@ -136,4 +139,4 @@ def _sandwich(curvature: Floats, scatter: Floats, reliability: tuple[float, floa
     # a direction without texture has no curvature: there the covariance is large, not infinite
     inverse = np.linalg.inv(curvature + np.diag(_RIDGE * np.diag(curvature) + 1.0))
     scale = 1.0 / np.array([reliability[0], reliability[1], min(reliability)])
-    return np.asarray(inverse @ scatter @ inverse * np.outer(scale, scale), np.float64)
+    return np.asarray(_OWN_AND_BEFORE * inverse @ scatter @ inverse * np.outer(scale, scale), np.float64)

@@ -9,15 +9,18 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
+from dataclasses import replace
 
 from trailmark.arrays import Float32s, Grey8, Grey16
 from trailmark_ground_vo.audit import MotionAudit
 from trailmark_ground_vo.config import GroundVOConfig
 from trailmark_ground_vo.filters import noise_level
 from trailmark_ground_vo.kernels import load_kernels
+from trailmark_ground_vo.lens_marks import LensMarks
 from trailmark_ground_vo.motion import ImageMotion
 from trailmark_ground_vo.rest import RestWatch
 from trailmark_ground_vo.tracker import RelativeTracker, TrackedMotion, TrackingFailure
+from trailmark_ground_vo.viewpoint import SearchPicture
 
 __all__ = ["GroundTracker"]
 
@@ -26,6 +29,18 @@ logger = logging.getLogger(__name__)
 #: Pictures without a finding after which the plain tracker has its way again, at first and at most: twice as many
 #: each time that it fails soon.
 _CALM_FRAMES, _MOST_CALM_FRAMES = 30, 960
+
+#: Spread of the differences of two smoothed pictures of the same, over the noise before, and the most that is believed
+#: of a guarded motion; content that does not move so shows 1.4 and more.
+_SPREAD_OVER_NOISE, _MOST_SPREAD = 0.39, 0.9
+
+#: Or of what a wrong motion leaves, so far from it [px].
+_MOST_OF_ELSEWHERE, _ELSEWHERE_PX = 0.75, 17.0
+
+#: Pictures that may be doubted in a row before other pixels are chosen.
+_PATIENCE_FRAMES = 2
+
+_STILL = ImageMotion(0.0, 0.0, 0.0)
 
 
 class GroundTracker:
@@ -51,6 +66,8 @@ class GroundTracker:
         self._audit = MotionAudit(size, aspect)
         self._smooth = load_kernels(config.use_vectors).smooth
         self._rest = RestWatch()
+        self._marks = LensMarks(size, aspect)
+        self._n_doubted = 0
         self._understood: tuple[Grey8, Grey16] | None = None
         self._last: ImageMotion | None = None
         self._n_calm = self._calm_frames = _CALM_FRAMES
@@ -134,23 +151,71 @@ class GroundTracker:
         self._active = self._guarded
 
     def _step_guarded(self, image: Grey8, stamp_s: float) -> TrackedMotion | TrackingFailure | None:
-        assert self._guarded is not None
+        guarded = self._guarded
+        assert guarded is not None
         self._counts["guarded"] += 1
-        said = self._guarded.step(image, stamp_s)
-        now = self._smooth(image)
-        is_calm = False
+        reference, previous = guarded.reference, guarded.latest
+        said = guarded.step(image, stamp_s)
+        if reference is not None and previous is not None:
+            said = self._credible(said, reference, previous)
+            self._ignore_marks(image, stamp_s, said)
+        now, is_calm = self._smooth(image), False
         if isinstance(said, TrackedMotion):
             if self._understood is not None:
                 audit = self._audit.audit(self._understood[1], now, said.motion)
                 is_calm = not audit.reason_suspected(self._noise(image))
             self._understood = (image, now)
-        elif self._guarded.has_begun_anew:
+        elif guarded.has_begun_anew:
             self._understood = (image, now)
         self._n_calm = self._n_calm + 1 if is_calm else 0
         if is_calm and self._n_calm >= self._calm_frames and isinstance(said, TrackedMotion):
-            self._plain.resume(image, stamp_s, self._guarded.interval_s, said.motion)
+            self._plain.resume(image, stamp_s, guarded.interval_s, said.motion)
             self._active, self._n_calm = self._plain, 0
         return said
+
+    def _credible(
+        self, said: TrackedMotion | TrackingFailure | None, reference: SearchPicture, previous: SearchPicture
+    ) -> TrackedMotion | TrackingFailure | None:
+        """Return what was said, or why the picture as a whole, cleaned, does not move so; marks are learned from it."""
+        assert self._guarded is not None
+        now = self._guarded.latest
+        assert now is not None
+        noise = max(1.0, now.noise or 0.0)
+        sigma = _SPREAD_OVER_NOISE * noise
+        if isinstance(said, TrackedMotion):
+            spread = self._spread(reference, now, said.motion)
+            if spread <= _MOST_SPREAD * noise or spread <= _MOST_OF_ELSEWHERE * self._spread(
+                reference, now, replace(said.motion, u=said.motion.u + _ELSEWHERE_PX, v=said.motion.v + _ELSEWHERE_PX)
+            ):
+                if reference.unmasked is not None and now.unmasked is not None:
+                    self._marks.add(reference.unmasked, now.unmasked, said.motion, sigma)
+                self._n_doubted = 0
+                return said
+            said = TrackingFailure(
+                f"most of the picture does not move as its marks do: differences of {spread:.1f} grey levels with noise"
+                f" of {noise:.1f} (dirt on the lens, reflections?)",
+                said.details,
+            )
+            self._n_doubted += 1
+        moves = self._spread(previous, now, _STILL) > _MOST_SPREAD * noise
+        if moves and previous.unmasked is not None and now.unmasked is not None:
+            self._marks.add(previous.unmasked, now.unmasked, None, sigma)
+        return said
+
+    def _ignore_marks(self, image: Grey8, stamp_s: float, said: TrackedMotion | TrackingFailure | None) -> None:
+        """Let the guarded tracker ignore what turned out to be fixed to the lens; begin anew after a lie."""
+        assert self._guarded is not None
+        weights = self._marks.new_weights()
+        if weights is not None:
+            self._guarded.ignore(weights)
+        if self._n_doubted and (weights is not None or self._n_doubted > _PATIENCE_FRAMES):
+            self._n_doubted = 0
+            self._guarded.resume(image, stamp_s, 0.0, None)
+
+    def _spread(self, before: SearchPicture, now: SearchPicture, motion: ImageMotion) -> float:
+        assert before.smoothed is not None
+        assert now.smoothed is not None
+        return self._audit.audit(before.smoothed, now.smoothed, motion).spread
 
     def _noise(self, image: Grey8) -> float:
         reference = self._active.reference

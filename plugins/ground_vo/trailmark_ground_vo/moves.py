@@ -217,6 +217,13 @@ class MoveStrategy(ABC):
         """Return the flat field that was learned, (H, W) relative to its mean, when there is a new one."""
         return None
 
+    def on_resume(self, image: Grey8) -> SearchPicture:
+        """Return the first picture of another run of pictures, prepared."""
+        return self.prepare(image)
+
+    def ignore(self, weights: Grey8) -> None:  # noqa: B027 - most strategies look at all pixels
+        """Count pixels by these weights from now on."""
+
     def on_flat_field(self) -> None:  # noqa: B027 - most strategies do not ask how even the light is
         """Take the light for even from now on."""
 

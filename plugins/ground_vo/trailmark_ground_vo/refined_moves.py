@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+
+import cv2
+import numpy as np
 
 from trailmark.arrays import Float32s, Grey8
-from trailmark_ground_vo.cleaning import clean
+from trailmark_ground_vo.cleaning import clean, contrast_of, weighted
 from trailmark_ground_vo.config import GroundVOConfig
 from trailmark_ground_vo.filters import levels_of, noise_level
 from trailmark_ground_vo.guarded_refinement import GuardedRefinement
@@ -21,6 +23,13 @@ from trailmark_ground_vo.viewpoint import SearchPicture
 from trailmark_ground_vo.witness import ShiftVote, ShiftWitness
 
 __all__ = ["GuardedMove", "RefinedMove"]
+
+#: Refinement steps of the guarded tracker over those of the plain one: noise makes slopes look steep, and steps short.
+_PATIENCE = 5
+
+#: Least contrast of a smoothed picture over the noise before it; below, the picture is smoothed more, with a Gauss
+#: filter of this standard deviation [px], which leaves this share of the noise.
+_LEAST_CONTRAST, _DIM_SIGMA_PX, _DIM_NOISE = 0.6, 1.6, 0.55
 
 #: Shares of the sub-areas and of the remembered pixels that a motion needs.
 _LEAST_AGREEING, _LEAST_FITTING = 0.6, 0.35
@@ -114,16 +123,45 @@ class GuardedMove(RefinedMove):
         self, config: GroundVOConfig, views: TwoViews, kernels: Kernels, *, max_shift_px: int, size: tuple[int, int]
     ) -> None:
         super().__init__(config, views, kernels, max_shift_px=max_shift_px, size=size)
-        self._agreement = GuardedRefinement(config, size, views.aspect)
+        patient = config.model_copy(update={"max_iterations": _PATIENCE * config.max_iterations})
+        self._agreement = GuardedRefinement(patient, size, views.aspect)
         self._witness = ShiftWitness(size)
-        self._is_smooth = config.smooth_search is not False
         self._most_turn_rad = math.radians(config.rotation_steps * config.rotation_step_deg)
+        self._weights: Grey8 | None = None
+        self._is_dim: bool | None = None
 
     def prepare(self, image: Grey8) -> SearchPicture:
         """Return the picture cleaned and smoothed, with what phase correlation compares."""
         cleaned = clean(image)
-        picture = super().prepare(cleaned)
-        return replace(picture, spectrum=self._witness.spectrum(cleaned))
+        noise, unmasked = float(noise_level(cleaned)), None
+        if self._weights is not None:
+            unmasked = levels_of(self._kernels.smooth(cleaned))
+            cleaned = weighted(cleaned, self._weights)
+        smoothed, searched = self._kernels.smooth(cleaned), cleaned
+        if self._is_dim is None:
+            self._is_dim = _LEAST_CONTRAST * noise > contrast_of(levels_of(smoothed))
+        if self._is_dim:
+            smoothed = np.asarray(cv2.GaussianBlur(smoothed, (0, 0), _DIM_SIGMA_PX), np.uint16)
+            noise *= _DIM_NOISE
+        if self._config.smooth_search is not False:
+            searched = levels_of(smoothed)
+        return SearchPicture(
+            searched,
+            self._kernels.transpose(searched),
+            smoothed=smoothed,
+            noise=noise if searched is not cleaned else None,
+            spectrum=self._witness.spectrum(cleaned),
+            unmasked=searched if unmasked is None else unmasked,
+        )
+
+    def on_resume(self, image: Grey8) -> SearchPicture:
+        """Decide by the noise of this picture how much the next ones are smoothed."""
+        self._is_dim = None
+        return self.prepare(image)
+
+    def ignore(self, weights: Grey8) -> None:
+        """Fade out what is fixed to the lens."""
+        self._weights = weights
 
     def begin(self, picture: SearchPicture) -> None:
         """Choose the pixels of the groups and of the refinement."""

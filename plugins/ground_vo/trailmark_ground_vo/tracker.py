@@ -98,6 +98,7 @@ class RelativeTracker:
         self._n_missed = 0
         self._last: tuple[ImageMotion, ImageMotion] | None = None
         self._reference: SearchPicture | None = None
+        self._latest: SearchPicture | None = None
         self.has_begun_anew = False
 
     def step(self, image: Grey8, stamp_s: float) -> TrackedMotion | TrackingFailure | None:
@@ -115,7 +116,8 @@ class RelativeTracker:
         TrackedMotion, TrackingFailure or None
             None for the first picture.
         """
-        picture, self.has_begun_anew = self._strategy.prepare(image), False
+        self._latest = picture = self._strategy.prepare(image)
+        self.has_begun_anew = False
         if self._since_s is None:
             self._begin(picture, stamp_s)
             return None
@@ -153,7 +155,8 @@ class RelativeTracker:
         last : ImageMotion or None
             How the content moved in that time.
         """
-        self._begin(self._strategy.prepare(image), stamp_s)
+        self._latest = self._strategy.on_resume(image)
+        self._begin(self._latest, stamp_s)
         self._last = None if last is None else self._of_groups(last)
         self._interval_s, self.has_begun_anew = interval_s, False
 
@@ -166,6 +169,11 @@ class RelativeTracker:
     def since_s(self) -> float | None:
         """Stamp of the picture that the next one is compared with; None before the first [s]."""
         return self._since_s
+
+    @property
+    def latest(self) -> SearchPicture | None:
+        """The last picture, understood or not; None before the first."""
+        return self._latest
 
     @property
     def reference(self) -> SearchPicture | None:
@@ -181,6 +189,10 @@ class RelativeTracker:
         self._strategy.on_flat_field()
         self._reference = self._strategy.prepare(image)
         self._strategy.begin(self._reference)
+
+    def ignore(self, weights: Grey8) -> None:
+        """Count pixels by these weights, (H, W) uint8, from the next picture on: some are fixed to the lens."""
+        self._strategy.ignore(weights)
 
     def _miss(self, picture: SearchPicture, stamp_s: float, failure: TrackingFailure) -> TrackingFailure:
         """Wait for a better picture, but not for long: what is remembered gets out of reach."""

@@ -33,6 +33,8 @@ class SearchPicture:
         Standard deviation of its noise before it was smoothed, where `image` is smoothed [grey levels].
     spectrum : (H / 4, W / 8 + 1) complex64, or None
         What the second opinion compares (see `witness`), where there is one.
+    unmasked : (H, W) uint8, or None
+        `image` with what is fixed to the lens, where `image` has none of that.
     """
 
     image: Grey8
@@ -42,6 +44,7 @@ class SearchPicture:
     smoothed: Grey16 | None = None
     noise: float | None = None
     spectrum: Spectrum | None = None
+    unmasked: Grey8 | None = None
 
 
 @dataclass(frozen=True, slots=True)
