@@ -9,9 +9,12 @@
     ├── PluginError
     │   ├── UnknownPluginError             nothing of that name is registered
     │   └── PluginLoadError                it is registered, but cannot be imported or built
+    │       └── ConstructionError (RunError)    its constructor raised
     ├── DataError
     │   ├── SourceError                    a recording or device gives something unusable
+    │   │   └── SourceFailedError (RunError)    the source itself raised
     │   └── StoreError                     a path store is corrupt, foreign, too new or not writable
+    │       └── StoreFailedError (RunError)     it failed while it was written
     └── RunError                           a part raised while the pipeline ran
 
 Getting lost is not an error: it is the estimate ``Lost``.
@@ -23,6 +26,7 @@ from collections.abc import Sequence
 
 __all__ = [
     "ConfigError",
+    "ConstructionError",
     "DataError",
     "PluginError",
     "PluginLoadError",
@@ -30,7 +34,9 @@ __all__ = [
     "SensorMismatchError",
     "ShapeError",
     "SourceError",
+    "SourceFailedError",
     "StoreError",
+    "StoreFailedError",
     "TrailmarkError",
     "UnknownPluginError",
 ]
@@ -102,3 +108,15 @@ class RunError(TrailmarkError):
     def __init__(self, message: str, part: str = "") -> None:
         super().__init__(message)
         self.part = part
+
+
+class ConstructionError(PluginLoadError, RunError):
+    """The constructor of a part raised what is no error of Trailmark."""
+
+
+class SourceFailedError(SourceError, RunError):
+    """A frame source raised what is no error of Trailmark, or gave what is no frame."""
+
+
+class StoreFailedError(StoreError, RunError):
+    """A path store failed while it was written; what was committed before is in it."""

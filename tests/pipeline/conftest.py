@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -34,10 +35,19 @@ def scalar_frames(sensor: str, stamps: Iterable[float]) -> list[Frame]:
     return [Frame(sensor, stamp_s, Scalar(0.0)) for stamp_s in stamps]
 
 
-class Recording(FrameSource):
-    """Frames from a list; an exception in it is raised."""
+def press_ctrl_c() -> None:
+    """Do what the user's Ctrl-C does; also in a process that was started with SIGINT ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        signal.raise_signal(signal.SIGINT)
+    finally:
+        signal.signal(signal.SIGINT, before)
 
-    def __init__(self, frames: Sequence[Frame | Exception], sensors: Iterable[SensorInfo] = (), truth=None) -> None:
+
+class Recording(FrameSource):
+    """Frames from a list; an exception in it is raised, a function called."""
+
+    def __init__(self, frames: Sequence[Any], sensors: Iterable[SensorInfo] = (), truth=None) -> None:
         super().__init__(None)
         self.log: list[str] = []
         self._frames = frames
@@ -62,6 +72,9 @@ class Recording(FrameSource):
         for frame in self._frames:
             if isinstance(frame, BaseException):
                 raise frame
+            if not isinstance(frame, Frame):
+                frame()
+                continue
             self.log.append(f"pull {frame.stamp_s:g}")
             yield frame
 
@@ -322,6 +335,6 @@ def fakes() -> SimpleNamespace:
     """Everything above."""
     names = (
         *("Chaser", "FakeClock", "GOOD", "MemoryStore", "Mover", "Recording", "Scripted", "ToyRobot"),
-        *("image_frames", "parts", "scalar_frames"),
+        *("image_frames", "parts", "press_ctrl_c", "scalar_frames"),
     )
     return SimpleNamespace(**{name: globals()[name] for name in names})

@@ -143,7 +143,7 @@ def test_an_error_beside_the_run_ends_it_once_what_was_said_before_is_told(fakes
     )
 
     with pytest.raises(
-        RunError, match=r"localizer 'map' failed at the frame of 'cam' at 0.100000 s: ValueError: no texture"
+        RunError, match=r"localizer 'map' failed in observe at the frame of 'cam' at 0.100000 s: ValueError: no texture"
     ):
         list(pipeline)
 

@@ -189,5 +189,5 @@ def test_a_fault_that_fails_is_named() -> None:
     def fail(frame: Frame, rng: np.random.Generator, since_s: float) -> Frame:
         raise ZeroDivisionError("no light")
 
-    with pytest.raises(SourceError, match="fault 'add' of source 'robot' raised ZeroDivisionError: no light"):
+    with pytest.raises(SourceError, match="fault 'add' of source 'robot' failed in apply: ZeroDivisionError: no light"):
         left(started({"add": fail}), readings())

@@ -203,7 +203,7 @@ class TestWorkers:
         assert asked.wait(10.0)
 
         with pytest.raises(
-            RunError, match=r"localizer 'map' failed at the frame of 'cam' at .*: ValueError: no texture"
+            RunError, match=r"localizer 'map' failed in observe at the frame of 'cam' at .*: ValueError: no texture"
         ):
             next(pipeline)
 

@@ -162,7 +162,7 @@ class TestChecks:
             self.run(fakes, fakes.scalar_frames("light", [0.0]), [SensorInfo("lamp", "scalar")])
 
     def test_what_a_source_raises_is_a_source_error_that_names_it(self, fakes) -> None:
-        with pytest.raises(SourceError, match="source 's' raised ZeroDivisionError: by zero"):
+        with pytest.raises(SourceError, match="source 's' failed in frames: ZeroDivisionError: by zero"):
             self.run(fakes, [*fakes.scalar_frames("light", [0.0]), ZeroDivisionError("by zero")])
         with pytest.raises(SourceError, match=r"^frames/7.png:"):
             self.run(fakes, [*fakes.scalar_frames("light", [0.0]), SourceError("frames/7.png: truncated")])

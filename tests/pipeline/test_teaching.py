@@ -85,7 +85,7 @@ def test_at_the_end_every_localizer_finishes_and_that_is_written_down(fakes) -> 
 
 def test_ctrl_c_is_how_a_person_ends_teaching(fakes) -> None:
     disk = {}
-    source = fakes.Recording([*fakes.image_frames("floor", [i / 70 for i in range(60)]), KeyboardInterrupt()])
+    source = fakes.Recording([*fakes.image_frames("floor", [i / 70 for i in range(60)]), fakes.press_ctrl_c])
     mover = fakes.Mover(Pose2(0.0037))
 
     list(pipeline := Pipeline(fakes.parts({"floor": source}, {"vo": mover}, mode="teach", disk=disk)))
@@ -114,7 +114,7 @@ def test_a_localizer_that_cannot_finish_fails_the_run(fakes) -> None:
     source, mover = drive(fakes, 50)
     pipeline = Pipeline(fakes.parts({"floor": source}, {"vo": mover, "map": Stubborn()}, mode="teach", disk={}))
 
-    with pytest.raises(RunError, match="localizer 'map' could not finish: ValueError: no landmark"):
+    with pytest.raises(RunError, match="localizer 'map' failed in finish: ValueError: no landmark"):
         list(pipeline)
 
     assert pipeline.result.status == "failed"

@@ -7,8 +7,9 @@ from time import perf_counter_ns
 
 from trailmark.commands import Command, Stop
 from trailmark.config import StopWhen
-from trailmark.errors import ConfigError, RunError
+from trailmark.errors import ConfigError
 from trailmark.estimates import Belief
+from trailmark.failures import call_guarded, raise_failure
 from trailmark.interfaces import Controller, Drivable
 from trailmark.pipeline.instruments import Instruments
 
@@ -81,8 +82,8 @@ class Control:
             return
         try:
             self._drivable.drive(command)
-        except Exception as error:
-            raise RunError(f"the robot did not take {command}: {type(error).__name__}: {error}", "source") from error
+        except BaseException as error:
+            raise_failure(error, "the robot", f"drive({command})", keeps=())
 
     def has_given_up(self, now_s: float) -> bool:
         """Return whether the guard has held a robot for so long that the run is over."""
@@ -97,9 +98,10 @@ class Control:
         began_ns = perf_counter_ns()
         try:
             command = controller.step(belief)
-        except Exception as error:
-            message = f"the controller failed at {belief.stamp_s:.6f} s: {type(error).__name__}: {error}"
-            raise RunError(message, "controller") from error
+            if not isinstance(command, Command):
+                raise TypeError(f"it returned {type(command).__name__}, not a command")
+        except BaseException as error:
+            raise_failure(error, "the controller", f"step at {belief.stamp_s:.6f} s", keeps=())
         self._times.append(perf_counter_ns() - began_ns)
         self._counters["control.commands"] += 1
         return command
@@ -113,9 +115,11 @@ def check_commands(controller: Controller, drivable: Drivable) -> None:
     ConfigError
         Naming the commands.
     """
-    foreign = controller.gives - drivable.accepts - {Stop}
+    given = call_guarded("the controller", "gives", lambda: frozenset(controller.gives))
+    accepted = call_guarded("the robot", "accepts", lambda: frozenset(drivable.accepts))
+    foreign = given - accepted - {Stop}
     if foreign:
-        gives, accepts = _names(foreign), _names(drivable.accepts)
+        gives, accepts = _names(foreign), _names(accepted)
         raise ConfigError(
             f"controller: {type(controller).__name__} gives {gives}, but the robot takes {accepts or 'no command'};"
             " choose a controller for this robot"

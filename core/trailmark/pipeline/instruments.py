@@ -6,17 +6,34 @@ import sys
 from array import array
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
+from numbers import Integral
 
 import numpy as np
 import numpy.typing as npt
 
 from trailmark.pipeline.clock import RunClock
 
-__all__ = ["EXACT_CALLS", "Counters", "Instruments", "StageTimes", "peak_rss_mb"]
+__all__ = [
+    "EXACT_CALLS",
+    "LOCALIZER_COUNTS",
+    "SOURCE_COUNTS",
+    "Counters",
+    "Instruments",
+    "StageTimes",
+    "counts_of",
+    "peak_rss_mb",
+]
 
 #: A stage with no more calls than this has exact percentiles; beyond, they are within 0.6 %.
 EXACT_CALLS = 1 << 16
+
+#: What the pipeline counts of each source and of each localizer.
+SOURCE_COUNTS = frozenset({"frames", "repeated", "skipped", "dropped"})
+LOCALIZER_COUNTS = frozenset(
+    {"accepted", "gated", "late", "refused", "unused", "lost", "overwritten", "given_up", "disabled"}
+)
 
 _PER_OCTAVE = 64  # a bin is 1.1 % wide
 _N_BINS = 48 * _PER_OCTAVE  # up to 2**48 ns, three days
@@ -36,6 +53,29 @@ class Counters(Counter[str]):
         for prefix, own in others.items():
             counts.update({f"{prefix}.{name}": n for name, n in own.items()})
         return dict(sorted(counts.items()))
+
+
+def counts_of(counted: object, taken: AbstractSet[str] = frozenset()) -> dict[str, int]:
+    """Return what a part has counted itself, by name.
+
+    Parameters
+    ----------
+    counted : object
+        The answer of `Part.counters`.
+    taken : set of str
+        What the pipeline counts of such a part: under such a name the part's own count is ``own.NAME``.
+
+    Raises
+    ------
+    TypeError
+        If it is no mapping of names to whole numbers.
+    """
+    if not isinstance(counted, Mapping):
+        raise TypeError(f"it returned {type(counted).__name__}, not counts by name")
+    for name, n in counted.items():
+        if not isinstance(name, str) or not isinstance(n, Integral):
+            raise TypeError(f"it returned {n!r} for {name!r}, not a whole number for a name")
+    return {f"own.{name}" if name in taken else name: int(n) for name, n in counted.items()}
 
 
 class StageTimes:

@@ -12,14 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from trailmark.errors import RunError, TrailmarkError
+from trailmark.errors import TrailmarkError
+from trailmark.failures import call_guarded
 from trailmark.frames import SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Mode, Part, Session
 from trailmark.paths import Path
 from trailmark.pipeline.instruments import StageTimes
 
-__all__ = ["PartStarter", "Sessions", "call_guarded", "part_rng"]
+__all__ = ["PartStarter", "Sessions", "part_rng"]
 
 logger = logging.getLogger(__name__)
 
@@ -66,11 +67,18 @@ class PartStarter:
         Takes what closes each part.
     times : StageTimes
         Takes how long each start took: ``start.KIND.NAME``, or ``start.KIND`` of the only one.
+
+    Attributes
+    ----------
+    not_closed : list of TrailmarkError
+        What parts raised when they were closed.
     """
 
     def __init__(self, closing: ExitStack, times: StageTimes) -> None:
+        self.not_closed: list[TrailmarkError] = []
         self._closing = closing
         self._times = times
+        closing.push(self._warn_of_failures)
 
     def start(self, kind: str, part: Part, session: Session) -> None:
         """Start a part.
@@ -87,27 +95,21 @@ class PartStarter:
         part = kind if name == kind else f"{kind} {name!r}"
         self.on_close(part, close)
         began_ns = perf_counter_ns()
-        call_guarded(part, "could not start", start)
+        call_guarded(part, "start", start)
         stage = f"start.{kind}" if name == kind else f"start.{kind}.{name}"
         self._times.stage(stage).append(perf_counter_ns() - began_ns)
 
     def on_close(self, what: str, close: Callable[[], None]) -> None:
-        """Remember to close something; what fails to close is a warning."""
-        self._closing.callback(_close_quietly, what, close)
+        """Remember to close something; one that fails keeps no other from being closed."""
+        self._closing.callback(self._close, what, close)
 
+    def _close(self, what: str, close: Callable[[], None]) -> None:
+        try:
+            call_guarded(what, "close", close)
+        except TrailmarkError as error:
+            self.not_closed.append(error)
 
-def call_guarded(part: str, what: str, call: Callable[[], None]) -> None:
-    """Call, and turn what is no error of Trailmark into a `RunError` that names the part."""
-    try:
-        call()
-    except TrailmarkError:
-        raise
-    except Exception as error:
-        raise RunError(f"{part} {what}: {type(error).__name__}: {error}", part) from error
-
-
-def _close_quietly(what: str, close: Callable[[], None]) -> None:
-    try:
-        close()
-    except Exception as error:
-        logger.warning("%s did not close: %s: %s", what, type(error).__name__, error)
+    def _warn_of_failures(self, kind: type[BaseException] | None, *_: object) -> None:
+        """Say what did not close, where the start has failed: that is what the user is told first."""
+        for error in self.not_closed if kind is not None else ():
+            logger.warning("%s", error)

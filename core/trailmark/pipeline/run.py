@@ -6,14 +6,17 @@ import logging
 import math
 import threading
 from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from time import perf_counter
 from typing import TYPE_CHECKING
 
 from trailmark.commands import Stop
-from trailmark.errors import RunError
+from trailmark.errors import RunError, TrailmarkError
 from trailmark.estimates import EstimateRecord, Lost
 from trailmark.frames import Frame, SensorInfo
 from trailmark.interfaces import RunEnd, Sink
+from trailmark.pipeline.ending import Ending
 from trailmark.pipeline.instruments import Instruments, peak_rss_mb
 from trailmark.pipeline.localizers import LocalizerFailedError, LocalizerRunner, ObserveResult
 from trailmark.pipeline.outputs.fanout import SinkFanout
@@ -245,8 +248,12 @@ class Run:
         return 0 if self._teaching is None else self._teaching.n_waypoints
 
     def counters(self) -> dict[str, int]:
-        """Return what has been counted so far."""
-        return self._counters.merged(self.running.own_counters())
+        """Return what has been counted so far; without what a part that fails at it has counted."""
+        own: dict[str, Mapping[str, int]] = {}
+        for prefix, ask in self.running.own_counters():
+            with suppress(TrailmarkError):  # the end of the run says it
+                own[prefix] = ask()
+        return self._counters.merged(own)
 
     def end(self, status: Status, reason: str = "") -> None:
         """End the run, if it has not ended.
@@ -258,26 +265,25 @@ class Run:
         """
         if self.result is not None:
             return
-        self._stop_robot(reason or status)
-        failure: BaseException | None = None
+        ending = Ending(status, reason, self._spared_parts())
+        ending.attempt(lambda: self._control.drive(Stop(reason or status)))
         if status != "failed":
-            try:
-                self._finish()
-            except KeyboardInterrupt:
-                status, reason = "interrupted", "interrupted while finishing"
-            except Exception as error:
-                status, reason, failure = "failed", str(error), error
-        self.result = self._conclude(status, reason.partition("\n")[0])
-        try:
-            self._sinks.tell(Sink.on_end, RunEnd(status, self.result.reason, self.result.counters))
-            if self._recorder is not None:
-                self._recorder.write(self.result)
-        finally:
-            self.running.closing.close()
-            self._events.close()
-            self._on_end(self.result)
-        if failure is not None:
-            raise failure
+            ending.attempt(self._finish)
+        own = {prefix: ending.attempt(ask) or {} for prefix, ask in self.running.own_counters()}
+        self.result = self._conclude(ending, self._counters.merged(own))
+        for tell in self._sinks.on_end(RunEnd(ending.status, ending.reason, self.result.counters)):
+            ending.attempt(tell)
+        self._write(ending)
+        ending.attempt(self.running.closing.close)
+        for error in self.running.not_closed:
+            ending.fail(error)
+        ending.attempt(self._events.close)
+        if ending.status != self.result.status:  # what failed while the end was written, and at closing
+            self.result = replace(self.result, status=ending.status, reason=ending.reason)
+            self._write_status(ending)
+        self._on_end(self.result)
+        if ending.failure is not None:
+            raise ending.failure
 
     def _end_after(self, stop: Stop, now_s: float) -> None:
         """End the run if its goal is reached, or the guard has held the robot for too long."""
@@ -286,11 +292,21 @@ class Run:
         elif self._control.has_given_up(now_s):
             self.end("stopped", stop.reason)
 
-    def _stop_robot(self, reason: str) -> None:
-        try:
-            self._control.drive(Stop(reason))
-        except RunError as error:
-            logger.warning("%s", error)
+    def _write(self, ending: Ending) -> None:
+        """Write the run's folder, if there is one."""
+        recorder, result = self._recorder, self.result
+        if recorder is not None and result is not None:
+            ending.attempt(lambda: recorder.write(result))
+
+    def _write_status(self, ending: Ending) -> None:
+        recorder, result = self._recorder, self.result
+        if recorder is not None and result is not None:
+            ending.attempt(lambda: recorder.write_status(result))
+
+    def _spared_parts(self) -> frozenset[str]:
+        """Return the localizers whose failure ends no run."""
+        parts = self._parts.localizers
+        return frozenset(f"localizer {part.name!r}" for part in parts if part.options.on_error == "disable")
 
     def _finish(self) -> None:
         """Apply what is still in work; in teach, end the path and let the localizers finish."""
@@ -302,13 +318,17 @@ class Run:
                 self._on_failure(localizer, error)
         if self._taught is not None and self._teaching is not None:
             self._teaching.end(self._estimator.belief())
-            self._taught.finish_teaching([localizer.part for localizer in self._localizers])
+            for localizer in self._localizers:
+                try:
+                    self._taught.finish(localizer.part)
+                except LocalizerFailedError as error:
+                    self._on_failure(localizer, error)
 
-    def _conclude(self, status: Status, reason: str) -> RunResult:
+    def _conclude(self, ending: Ending, counters: Mapping[str, int]) -> RunResult:
         return RunResult(
-            status=status,
-            reason=reason,
-            counters=self.counters(),
+            status=ending.status,
+            reason=ending.reason,
+            counters=counters,
             trajectories=self._tracks.trajectories(),
             ground_truth=ground_truth_of(self._parts.sources),
             timing={

@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
 from trailmark.config import RunSettings, StopWhen
-from trailmark.errors import ConfigError
+from trailmark.errors import ConfigError, TrailmarkError
+from trailmark.failures import call_guarded
 from trailmark.frames import SensorInfo
 from trailmark.geometry import Pose2
-from trailmark.interfaces import Session
+from trailmark.interfaces import Estimator, Session
 from trailmark.paths import Path
 from trailmark.pipeline.control import Control, Guard, check_commands
-from trailmark.pipeline.instruments import Instruments
+from trailmark.pipeline.instruments import LOCALIZER_COUNTS, Instruments, counts_of
 from trailmark.pipeline.lifecycle import PartStarter, Sessions
 from trailmark.pipeline.localizers import LocalizerRunner, new_runner
 from trailmark.pipeline.localizers.estimator import EstimatorRunner
-from trailmark.pipeline.parts import Parts
+from trailmark.pipeline.parts import LocalizerPart, Parts
 from trailmark.pipeline.sources.stream import corrected_sensors
 
 if TYPE_CHECKING:
@@ -53,6 +54,8 @@ class RunningParts:
         What all parts are told alike.
     closing : ExitStack
         Closes all parts, the last first.
+    not_closed : list of TrailmarkError
+        What they raised when they were closed.
     """
 
     parts: Parts
@@ -63,18 +66,20 @@ class RunningParts:
     control: Control
     session: Session
     closing: ExitStack
+    not_closed: list[TrailmarkError]
 
     @property
     def path(self) -> Path | None:
         """The path as it was before the run."""
         return None if self.taught is None else self.taught.path
 
-    def own_counters(self) -> dict[str, Mapping[str, int]]:
-        """Return what the parts counted themselves, by dotted name of the part."""
-        parts = self.parts
-        own = {f"source.{source.name}": source.counters() for source in parts.sources}
-        own |= {f"localizer.{part.name}": part.localizer.counters() for part in parts.localizers}
-        return own | {"estimator": parts.estimator.counters()}
+    def own_counters(self) -> Iterator[tuple[str, Callable[[], Mapping[str, int]]]]:
+        """Yield what asks each part for what it counted itself, with the part's dotted name."""
+        for source in self.parts.sources:
+            yield f"source.{source.name}", partial(call_guarded, f"source {source.name!r}", "counters", source.counters)
+        for part in self.parts.localizers:
+            yield f"localizer.{part.name}", partial(_localizer_counts, part)
+        yield "estimator", partial(_estimator_counts, self.parts.estimator)
 
 
 def start_parts(parts: Parts, pushed: Mapping[str, SensorInfo], instruments: Instruments) -> RunningParts:
@@ -130,7 +135,18 @@ def start_parts(parts: Parts, pushed: Mapping[str, SensorInfo], instruments: Ins
             control=control,
             session=sessions.session_of("run", "run"),
             closing=closing.pop_all(),
+            not_closed=starter.not_closed,
         )
+
+
+def _localizer_counts(part: LocalizerPart) -> dict[str, int]:
+    return call_guarded(
+        f"localizer {part.name!r}", "counters", lambda: counts_of(part.localizer.counters(), LOCALIZER_COUNTS)
+    )
+
+
+def _estimator_counts(estimator: Estimator) -> dict[str, int]:
+    return call_guarded("the estimator", "counters", lambda: counts_of(estimator.counters()))
 
 
 def _refuse_two_clocks(parts: Parts) -> None:

@@ -21,6 +21,7 @@ import pluggy
 
 from trailmark import PLUGIN_API
 from trailmark.errors import ConfigError, PluginError, PluginLoadError
+from trailmark.failures import is_from_user, words_of
 from trailmark.plugins.candidates import ENTRY_POINT_GROUP, Candidate, file_candidates, installed_candidates
 from trailmark.plugins.hookspecs import HookSpecs
 from trailmark.plugins.records import PluginRecord, Status
@@ -67,8 +68,10 @@ class Plugins:
             if record.status == "ok" and hook in record.hooks:
                 try:
                     _call_one(self._manager, _key(record), hook, arguments)
-                except Exception as error:
-                    logger.warning("%s failed in %s: %s: %s", record.origin, hook, type(error).__name__, error)
+                except BaseException as error:
+                    if is_from_user(error):
+                        raise
+                    logger.warning("%s failed in %s: %s", record.origin, hook, words_of(error))
                     logger.debug("%s", traceback.format_exc())
 
     def restricted(self, enable: Iterable[str] | None = None, block: Iterable[str] = ()) -> Plugins:

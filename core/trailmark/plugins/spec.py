@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
-from trailmark.errors import PluginLoadError, TrailmarkError
+from trailmark.errors import ConstructionError, PluginLoadError
+from trailmark.failures import speaks_for_itself, words_of
 from trailmark.metrics import Judged, MetricSpec
 
 if TYPE_CHECKING:
@@ -118,7 +119,8 @@ class Spec:
         Raises
         ------
         PluginLoadError
-            If the class cannot be imported, or its constructor raises what is no error of Trailmark.
+            If the class cannot be imported; a `ConstructionError`, if its constructor raises what is no error of
+            Trailmark.
         """
         cls = self.load()
         with self.naming_what_fails(place):
@@ -126,15 +128,16 @@ class Spec:
 
     @contextmanager
     def naming_what_fails(self, place: str = "") -> Iterator[None]:
-        """Turn what a constructor raises into a `PluginLoadError` that names the part; for a ``with`` block."""
+        """Turn what a constructor raises into a `ConstructionError` that names the part; for a ``with`` block."""
         try:
             yield
-        except TrailmarkError:
-            raise
-        except Exception as error:
-            raise PluginLoadError(
+        except BaseException as error:
+            if speaks_for_itself(error):
+                raise
+            raise ConstructionError(
                 f"{place and f'{place}: '}{self.kind} {self.name!r} of {self.origin} cannot be constructed:"
-                f" {type(error).__name__}: {error}"
+                f" {words_of(error)}",
+                f"{self.kind} {self.name!r}",
             ) from error
 
     def load_config(self) -> type[PluginConfig]:

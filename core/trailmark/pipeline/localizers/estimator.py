@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 from time import perf_counter_ns
 
-from trailmark.errors import ConfigError, RunError
+from trailmark.errors import ConfigError
 from trailmark.estimates import Applied, Belief, Estimate, EstimateRecord, Motion
+from trailmark.failures import raise_failure
 from trailmark.interfaces import Estimator
 from trailmark.pipeline.localizers.runner import ObserveResult
 from trailmark.pipeline.parts import LocalizerPart
@@ -75,8 +76,10 @@ class EstimatorRunner:
         began_ns = perf_counter_ns()
         try:
             belief = self._estimator.belief(stamp_s)
-        except Exception as error:
-            raise _failure("belief", error) from error
+            if not isinstance(belief, Belief):
+                raise TypeError(f"it returned {type(belief).__name__}, not a Belief")
+        except BaseException as error:
+            raise_failure(error, "the estimator", "belief", keeps=())
         self._times.append(perf_counter_ns() - began_ns)
         return replace(belief, health={**belief.health, **self.health}) if self.health else belief
 
@@ -91,8 +94,10 @@ class EstimatorRunner:
         began_ns = perf_counter_ns()
         try:
             outcome = self._estimator.apply(name, estimate)
-        except Exception as error:
-            raise _failure(f"{type(estimate).__name__} of {name!r}", error) from error
+            if not isinstance(outcome, Applied):
+                raise TypeError(f"it returned {type(outcome).__name__}, not an Applied")
+        except BaseException as error:
+            raise_failure(error, "the estimator", f"apply at the {type(estimate).__name__} of {name!r}", keeps=())
         self._times.append(perf_counter_ns() - began_ns)
         return outcome
 
@@ -106,7 +111,3 @@ class EstimatorRunner:
                     f" counts with estimator: {{use: [{other.name}]}}, or choose an estimator that weighs them"
                 )
         self._moving[localizer.name] = localizer
-
-
-def _failure(what: str, error: Exception) -> RunError:
-    return RunError(f"the estimator failed at {what}: {type(error).__name__}: {error}", "estimator")

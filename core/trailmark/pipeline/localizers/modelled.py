@@ -5,11 +5,12 @@ from __future__ import annotations
 from array import array
 from collections.abc import Mapping, Sequence
 
+from trailmark.errors import RunError
 from trailmark.estimates import Belief
 from trailmark.frames import Frame, SensorInfo
 from trailmark.pipeline.instruments import Counters
 from trailmark.pipeline.localizers.mailbox import Mailbox
-from trailmark.pipeline.localizers.runner import LocalizerFailedError, LocalizerRunner, ObserveResult
+from trailmark.pipeline.localizers.runner import LocalizerRunner, ObserveResult
 from trailmark.pipeline.parts import LocalizerPart
 
 __all__ = ["ModelledRunner"]
@@ -29,7 +30,7 @@ class ModelledRunner(LocalizerRunner):
         self._counters = counters
         self._mailbox = Mailbox()
         self._pending: ObserveResult | None = None
-        self._error: LocalizerFailedError | None = None
+        self._error: RunError | None = None
 
     def submit(self, frame: Frame, belief: Belief) -> Sequence[ObserveResult]:
         """Begin with a frame, or leave it in the mailbox; what takes no time is returned at once."""
@@ -69,7 +70,7 @@ class ModelledRunner(LocalizerRunner):
         if letter is not None:
             try:
                 self._begin(*letter, now_s)
-            except LocalizerFailedError as error:
+            except RunError as error:
                 self._error = error
 
     def _begin(self, frame: Frame, belief: Belief, began_s: float) -> None:

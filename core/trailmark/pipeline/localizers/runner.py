@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from time import perf_counter_ns
+from typing import NoReturn
 
-from trailmark.errors import RunError
-from trailmark.estimates import Belief, Estimate
+from trailmark.errors import RunError, StoreFailedError
+from trailmark.estimates import Belief, Estimate, Fix, Lost, Motion, PathOffset
+from trailmark.failures import raise_failure
 from trailmark.frames import Frame, SensorInfo
 from trailmark.interfaces import Localizer, Session
 from trailmark.pipeline.localizers.mailbox import is_snapshot
 from trailmark.pipeline.parts import LocalizerPart
 
 __all__ = ["LocalizerFailedError", "LocalizerRunner", "ObserveResult", "SyncRunner"]
+
+
+#: More estimates about one frame are a mistake, and each costs time.
+_MOST_ESTIMATES = 1000
 
 
 class LocalizerFailedError(RunError):
@@ -114,11 +122,9 @@ class LocalizerRunner(ABC):
         """
         began_ns = perf_counter_ns()
         try:
-            estimates = self._localizer.observe(frame, belief)
-            if not isinstance(estimates, list | tuple | Sequence):
-                raise TypeError(f"observe returned {type(estimates).__name__}, not a sequence of estimates")
-        except Exception as error:
-            raise self._failure(frame, error) from error
+            estimates = _checked(self._localizer.observe(frame, belief))
+        except BaseException as error:
+            self._raise_failure("observe", frame, error)
         elapsed_ns = perf_counter_ns() - began_ns
         self._times.append(elapsed_ns)
         modelled_s = self._modelled_latency_s(frame) if self._takes_time else 0.0
@@ -128,15 +134,31 @@ class LocalizerRunner(ABC):
     def _modelled_latency_s(self, frame: Frame) -> float:
         """Return the latency in step pace; of a localizer that looks at pictures, only pictures cost time."""
         if self._fixed_latency_s is None:
-            return self._localizer.latency_s() or 0.0
+            try:
+                latency_s = float(self._localizer.latency_s() or 0.0)
+                if not 0.0 <= latency_s < math.inf:
+                    raise ValueError(f"{latency_s} is no duration")
+            except BaseException as error:
+                self._raise_failure("latency_s", frame, error)
+            return latency_s
         return self._fixed_latency_s if is_snapshot(frame) or not self._has_snapshots else 0.0
 
-    def _failure(self, frame: Frame, error: Exception) -> LocalizerFailedError:
-        part = f"localizer {self.name!r}"
-        message = f"{type(error).__name__}: {error}".rstrip(": ")
-        return LocalizerFailedError(
-            f"{part} failed at the frame of {frame.sensor!r} at {frame.stamp_s:.6f} s: {message}", part
-        )
+    def _raise_failure(self, method: str, frame: Frame, error: BaseException) -> NoReturn:
+        where = f"{method} at the frame of {frame.sensor!r} at {frame.stamp_s:.6f} s"
+        raise_failure(error, f"localizer {self.name!r}", where, kind=LocalizerFailedError, keeps=StoreFailedError)
+
+
+def _checked(answer: object) -> tuple[Estimate, ...]:
+    """Return what `Localizer.observe` has returned, if it is a sequence of estimates."""
+    if not isinstance(answer, list | tuple | Sequence) or isinstance(answer, str | bytes):
+        raise TypeError(f"it returned {type(answer).__name__}, not a sequence of estimates")
+    estimates = tuple(islice(answer, _MOST_ESTIMATES + 1))
+    if len(estimates) > _MOST_ESTIMATES:
+        raise ValueError(f"it returned {len(answer)} estimates about one frame, more than {_MOST_ESTIMATES}")
+    for estimate in estimates:
+        if not isinstance(estimate, Motion | Fix | PathOffset | Lost):
+            raise TypeError(f"it returned {type(estimate).__name__} in its sequence of estimates")
+    return estimates
 
 
 class SyncRunner(LocalizerRunner):

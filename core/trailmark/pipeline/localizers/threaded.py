@@ -6,12 +6,13 @@ import threading
 from array import array
 from collections.abc import Mapping, Sequence
 
+from trailmark.errors import RunError
 from trailmark.estimates import Belief
 from trailmark.frames import Frame, SensorInfo
 from trailmark.interfaces import Session
 from trailmark.pipeline.instruments import Instruments
 from trailmark.pipeline.localizers.mailbox import Mailbox
-from trailmark.pipeline.localizers.runner import LocalizerFailedError, LocalizerRunner, ObserveResult
+from trailmark.pipeline.localizers.runner import LocalizerRunner, ObserveResult
 from trailmark.pipeline.parts import LocalizerPart
 
 __all__ = ["ThreadedRunner"]
@@ -43,7 +44,7 @@ class ThreadedRunner(LocalizerRunner):
         self._clock = instruments.clock
         self._mailbox = Mailbox()
         self._results: list[ObserveResult] = []
-        self._error: LocalizerFailedError | None = None
+        self._error: RunError | None = None
         self._is_closed = False
         self._is_busy = False
         self._changed = threading.Condition()
@@ -93,7 +94,7 @@ class ThreadedRunner(LocalizerRunner):
                 estimates, _ = self._observe(*letter)
                 result = ObserveResult(self._clock.now_s(), letter[0].stamp_s, estimates) if estimates else None
                 error = None
-            except LocalizerFailedError as raised:
+            except RunError as raised:
                 result, error = None, raised
             with self._changed:
                 self._is_busy = False

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from time import perf_counter_ns
 from typing import Any
 
-from trailmark.errors import RunError, TrailmarkError
-from trailmark.interfaces import Sink
+from trailmark.failures import raise_failure
+from trailmark.interfaces import RunEnd, Sink
 from trailmark.pipeline.instruments import StageTimes
 
 __all__ = ["SinkFanout"]
@@ -54,13 +55,20 @@ class SinkFanout:
         RunError
             If a sink raises what is no error of Trailmark.
         """
-        for name, call, times in self._listeners[method]:
-            began_ns = perf_counter_ns()
-            try:
-                call(*arguments)
-            except TrailmarkError:
-                raise
-            except Exception as error:
-                part = f"sink {name!r}"
-                raise RunError(f"{part} failed: {type(error).__name__}: {error}", part) from error
-            times.append(perf_counter_ns() - began_ns)
+        for listener in self._listeners[method]:
+            _call(listener, method.__name__, arguments)
+
+    def on_end(self, end: RunEnd) -> Iterator[Callable[[], None]]:
+        """Yield a call for each sink that tells it how the run has ended; one that raises keeps it from no other."""
+        for listener in self._listeners[Sink.on_end]:
+            yield partial(_call, listener, Sink.on_end.__name__, (end,))
+
+
+def _call(listener: _Listener, method: str, arguments: tuple[Any, ...]) -> None:
+    name, call, times = listener
+    began_ns = perf_counter_ns()
+    try:
+        call(*arguments)
+    except BaseException as error:
+        raise_failure(error, f"sink {name!r}", method)
+    times.append(perf_counter_ns() - began_ns)

@@ -51,6 +51,7 @@ class Recorder(Sink):
         self._config_dir = config_dir
         self._estimates: TextIO | None = None
         self._about: dict[str, Any] = {}
+        self._measured: dict[str, Any] = {}
         self._began_s = 0.0
 
     def open(self, document: Mapping[str, Any], sensors: Mapping[str, SensorInfo]) -> None:
@@ -79,12 +80,18 @@ class Recorder(Sink):
         try:
             self._write_trajectories(result)
             self._write_json("timing.json", result.timing)
-            about = self._about | {
-                "status": result.status,
-                "reason": result.reason,
+            self._measured = {
                 "duration_s": round(perf_counter() - self._began_s, 3),
                 "counters": dict(result.counters),
             }
+        except OSError as error:
+            raise RunError(f"cannot write to {self.folder}: {error.strerror or error}", "recorder") from error
+        self.write_status(result)
+
+    def write_status(self, result: RunResult) -> None:
+        """Write how the run ended."""
+        try:
+            about = self._about | {"status": result.status, "reason": result.reason} | self._measured
             self._write_json("run.json", about | {"files": files_in(self.folder)})
         except OSError as error:
             raise RunError(f"cannot write to {self.folder}: {error.strerror or error}", "recorder") from error

@@ -10,16 +10,20 @@ import heapq
 import zlib
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import count
 from typing import Any
 
 import numpy as np
 
 from trailmark.config.host import DEFAULT_PLUGINS
-from trailmark.errors import ConfigError, SourceError, TrailmarkError
+from trailmark.errors import ConfigError, SourceError, SourceFailedError
+from trailmark.failures import call_guarded, raise_failure
 from trailmark.frames import Frame, SensorInfo
 from trailmark.interfaces import Fault, Session
+from trailmark.pipeline.instruments import counts_of
 
 __all__ = ["Perturber"]
 
@@ -70,25 +74,29 @@ class Perturber:
             if made and not fitting:
                 raise ConfigError(_idle_message(self._source, fault_name, next(iter(made.values())), befallen))
             for sensor, fault in fitting.items():
-                self._chains[sensor].append(_started(fault_name, fault, befallen[sensor], session))
+                seeded = _seeded(fault_name, fault, befallen[sensor], session)
+                self._chains[sensor].append(seeded)
+                call_guarded(self._named(fault_name), "start", partial(_start, seeded, befallen[sensor], session))
 
     def close(self) -> None:
         """Close the faults. Any thread, twice."""
-        for seeded in self._seeded():
-            seeded.fault.close()
+        with ExitStack() as closing:  # one that raises keeps no other from being closed
+            for seeded in self._seeded():
+                closing.callback(call_guarded, self._named(seeded.name), "close", seeded.fault.close)
 
     def counters(self) -> dict[str, int]:
         """Return what the faults counted: ``perturb.dropped``, ``perturb.NAME.counter`` of others than the default."""
         found: Counter[str] = Counter()
         for seeded in self._seeded():
             prefix = "perturb" if seeded.name == DEFAULT_PLUGINS["fault"] else f"perturb.{seeded.name}"
-            found.update({f"{prefix}.{name}": n for name, n in seeded.fault.counters().items()})
+            own = call_guarded(self._named(seeded.name), "counters", partial(_counts_of, seeded.fault))
+            found.update({f"{prefix}.{name}": n for name, n in own.items()})
         return dict(found)
 
     def believed(self, info: SensorInfo) -> SensorInfo:
         """Return a sensor as the run shall believe it to be."""
         for seeded in self._chains.get(info.name, ()):
-            info = seeded.fault.believed(info)
+            info = call_guarded(self._named(seeded.name), "believed", partial(_believed, seeded.fault, info))
         return info
 
     def frames(self, frames: Iterator[Frame]) -> Iterator[Frame]:
@@ -123,18 +131,20 @@ class Perturber:
         for seeded in chain:
             try:
                 left = seeded.fault.apply(frame, seeded.rng(index), frame.stamp_s - self._first_s)
-            except TrailmarkError:
-                raise
-            except Exception as error:
-                told = f"raised {type(error).__name__}: {error}"
-                raise SourceError(f"fault {seeded.name!r} of source {self._source!r} {told}") from error
+                if left is not None and not isinstance(left, Frame):
+                    raise TypeError(f"it returned {type(left).__name__}, not a Frame")
+            except BaseException as error:
+                raise_failure(error, self._named(seeded.name), "apply", kind=SourceFailedError)
             if left is None:
                 return None
             if left.sensor != frame.sensor or left.stamp_s < frame.stamp_s:
                 told = f"made {left.sensor!r} at {left.stamp_s:.6f} s of {frame.sensor!r} at {frame.stamp_s:.6f} s"
-                raise SourceError(f"fault {seeded.name!r} of source {self._source!r} {told}")
+                raise SourceError(f"{self._named(seeded.name)} {told}")
             frame = left
         return frame
+
+    def _named(self, fault: str) -> str:
+        return f"fault {fault!r} of source {self._source!r}"
 
     def _befallen(self, sensors: Mapping[str, SensorInfo]) -> dict[str, SensorInfo]:
         for name in self._wanted or ():
@@ -163,6 +173,17 @@ class _Seeded:
         return np.random.default_rng(np.random.SeedSequence(self.entropy, spawn_key=(*self.key, *index)))
 
 
+def _believed(fault: Fault, info: SensorInfo) -> SensorInfo:
+    believed = fault.believed(info)
+    if not isinstance(believed, SensorInfo):
+        raise TypeError(f"it returned {type(believed).__name__}, not a SensorInfo")
+    return believed
+
+
+def _counts_of(fault: Fault) -> dict[str, int]:
+    return counts_of(fault.counters())
+
+
 def _can_befall(fault: Fault, info: SensorInfo) -> bool:
     return not fault.kinds or info.kind in fault.kinds
 
@@ -173,11 +194,12 @@ def _idle_message(source: str, name: str, fault: Fault, sensors: Mapping[str, Se
     return f"sources.{source}.perturb.{name}: befalls sensors of kind {wanted}, not {have}"
 
 
-def _started(name: str, fault: Fault, info: SensorInfo, session: Session) -> _Seeded:
-    """Return a fault of one sensor, started; it draws from a branch of the source's seed, and not from the source's."""
+def _seeded(name: str, fault: Fault, info: SensorInfo, session: Session) -> _Seeded:
+    """Return a fault of one sensor; it draws from a branch of the source's seed, and not from the source's."""
     seeds: Any = session.rng.bit_generator.seed_seq
     branch = b"perturb" if name == DEFAULT_PLUGINS["fault"] else f"perturb {name}".encode()
-    key = (*seeds.spawn_key, zlib.crc32(branch), zlib.crc32(info.name.encode()))
-    seeded = _Seeded(name, fault, seeds.entropy, key)
-    fault.start(replace(session, name=name, sensors={info.name: info}, rng=seeded.rng()))
-    return seeded
+    return _Seeded(name, fault, seeds.entropy, (*seeds.spawn_key, zlib.crc32(branch), zlib.crc32(info.name.encode())))
+
+
+def _start(seeded: _Seeded, info: SensorInfo, session: Session) -> None:
+    seeded.fault.start(replace(session, name=seeded.name, sensors={info.name: info}, rng=seeded.rng()))

@@ -140,7 +140,7 @@ class _Intake:
         try:
             for frame in source.frames():
                 self._put(source, frame)
-        except Exception as error:  # carried to the run's thread
+        except BaseException as error:  # carried to the run's thread
             self._error = error
         finally:
             with self._lock:

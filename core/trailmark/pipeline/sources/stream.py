@@ -11,11 +11,12 @@ from time import perf_counter_ns
 from typing import TYPE_CHECKING
 
 from trailmark.config import Mounting, SensorOverride, SourceConfig
-from trailmark.errors import ConfigError, SourceError, TrailmarkError
+from trailmark.errors import ConfigError, SourceError, SourceFailedError
+from trailmark.failures import call_guarded, is_from_user, raise_failure, words_of
 from trailmark.frames import Calibration, Frame, SensorInfo
 from trailmark.geometry import Pose3, Trajectory, read_tum
 from trailmark.interfaces import Drivable, FrameSource, Session
-from trailmark.pipeline.instruments import Counters
+from trailmark.pipeline.instruments import SOURCE_COUNTS, Counters, counts_of
 from trailmark.pipeline.sources.checks import FrameChecks
 
 if TYPE_CHECKING:
@@ -98,20 +99,22 @@ class SourceStream:
         path = self._options.ground_truth
         self._truth = None if path is None else read_tum(path)  # a wrong file shows before the run, not after it
         self.source.start(session)
-        self.sensors = self._named(self.source.sensors)
+        self.sensors = self._named(call_guarded(f"source {self.name!r}", "sensors", self._own_sensors))
         if self._perturber is not None:
             self._perturber.start(session, self.sensors)
 
     def close(self) -> None:
         """Close the source; `frames` then ends. Any thread, twice."""
         self._is_closed = True
-        self.source.close()
-        if self._perturber is not None:
-            self._perturber.close()
+        try:
+            self.source.close()
+        finally:
+            if self._perturber is not None:
+                self._perturber.close()
 
     def counters(self) -> Mapping[str, int]:
         """Return what the source and its faults counted themselves."""
-        own = self.source.counters()
+        own = counts_of(self.source.counters(), SOURCE_COUNTS)
         return own if self._perturber is None else {**own, **self._perturber.counters()}
 
     # --- frames ----------------------------------------------------------------------------------------------------
@@ -125,7 +128,7 @@ class SourceStream:
             If the source fails, gives what it must not, or gives nothing at all.
         """
         options = self._options
-        frames = self._timed(self.source.frames())
+        frames = self._timed()
         if options.time_offset_s or options.rename:
             frames = _shifted(frames, options.time_offset_s, options.rename)
         window = _Window(options.start_s or 0.0, options.stop_s or math.inf)
@@ -143,16 +146,18 @@ class SourceStream:
         offset_s = self._options.time_offset_s
         return Trajectory(truth.stamps_s + offset_s, truth.poses) if truth is not None and offset_s else truth
 
-    def _timed(self, frames: Iterator[Frame]) -> Iterator[Frame]:
+    def _timed(self) -> Iterator[Frame]:
         """Yield the source's frames and note how long each took to come; what it raises names the source."""
+        frames: Iterator[Frame] | None = None
         while True:
             began_ns = perf_counter_ns()
             try:
+                frames = iter(self.source.frames()) if frames is None else frames
                 frame = next(frames, None)
-            except (TrailmarkError, KeyboardInterrupt):
-                raise
-            except Exception as error:
-                raise SourceError(f"source {self.name!r} raised {type(error).__name__}: {error}") from error
+                if frame is not None and not isinstance(frame, Frame):
+                    raise TypeError(f"it gave {type(frame).__name__}, not a Frame")
+            except BaseException as error:
+                raise_failure(error, f"source {self.name!r}", "frames", kind=SourceFailedError)
             if frame is None:
                 return
             self._times.append(perf_counter_ns() - began_ns)
@@ -184,7 +189,9 @@ class SourceStream:
     def origins_in_words(self, overrides: Mapping[str, SensorOverride]) -> list[str]:
         """Return a line for each sensor of which the recording says mounting or calibration: which one is used."""
         lines = []
-        for old, origin in self.source.origins().items():
+        for old, origin in call_guarded(
+            f"source {self.name!r}", "origins", lambda: dict(self.source.origins())
+        ).items():
             name = self._options.rename.get(old, old)
             override = overrides.get(name, SensorOverride())
             is_mounted = (override.mounting or self._options.mounting) is not None
@@ -194,6 +201,13 @@ class SourceStream:
             if words:
                 lines.append(f"{name}: {', '.join(words)}")
         return lines
+
+    def _own_sensors(self) -> dict[str, SensorInfo]:
+        sensors = dict(self.source.sensors)
+        for info in sensors.values():
+            if not isinstance(info, SensorInfo):
+                raise TypeError(f"it gave {type(info).__name__} in its sensors, not a SensorInfo")
+        return sensors
 
     def _named(self, sensors: Mapping[str, SensorInfo]) -> dict[str, SensorInfo]:
         options, names = self._options, ", ".join(sensors)
@@ -268,8 +282,10 @@ def ground_truth_of(sources: Sequence[SourceStream]) -> Trajectory | None:
     for source in sources:
         try:
             truth = source.ground_truth()
-        except Exception as error:
-            logger.warning("source %r gives no ground truth: %s: %s", source.name, type(error).__name__, error)
+        except BaseException as error:
+            if is_from_user(error):
+                raise
+            logger.warning("source %r gives no ground truth: %s", source.name, words_of(error))
             continue
         if truth is not None:
             return truth

@@ -6,16 +6,19 @@ import logging
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from trailmark.errors import ConfigError
+from trailmark.errors import ConfigError, StoreFailedError
+from trailmark.failures import raise_failure
 from trailmark.frames import SensorInfo
 from trailmark.frames.documents import sensor_to_document
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Access, LocalizerMap, PathStore
 from trailmark.paths import Path
 from trailmark.pipeline.instruments import Instruments
-from trailmark.pipeline.lifecycle import PartStarter, Sessions, call_guarded
+from trailmark.pipeline.lifecycle import PartStarter, Sessions
+from trailmark.pipeline.localizers.runner import LocalizerFailedError
 from trailmark.pipeline.outputs.provenance import provenance
 from trailmark.pipeline.parts import LocalizerPart, Parts
+from trailmark.pipeline.teaching.guarded_store import GuardedMap, GuardedStore
 from trailmark.pipeline.teaching.localizer_maps import ContinuedMap, VersionedMap, check_format
 from trailmark.pipeline.teaching.waypoints import Teaching
 
@@ -95,7 +98,7 @@ class TaughtMap:
             logger.info("teaching of %r was not finished: finishing it", part.name)
             session = sessions.session_of("localizer", part.name, mode="teach", map=self._versioned_map(part))
             self._starter.start("localizer", part.localizer, session)
-            self._finish(part)
+            self.finish(part)
             part.localizer.close()
         self._reopen("read")
 
@@ -115,20 +118,28 @@ class TaughtMap:
         self._store.set_sensors(sensors)
         self._store.set_meta(provenance(self._parts.base_dir) | {"config": dict(document)})
 
-    def finish_teaching(self, localizers: Sequence[LocalizerPart]) -> None:
-        """Let every localizer select, train and index what it was taught, and write down that it did."""
-        for part in localizers:
-            self._finish(part)
+    def finish(self, part: LocalizerPart) -> None:
+        """Let a localizer select, train and index what it was taught, and write down that it did.
 
-    def _finish(self, part: LocalizerPart) -> None:
-        call_guarded(f"localizer {part.name!r}", "could not finish", part.localizer.finish)
+        Raises
+        ------
+        LocalizerFailedError
+            If it fails at that.
+        """
+        try:
+            part.localizer.finish()
+        except BaseException as error:
+            raise_failure(
+                error, f"localizer {part.name!r}", "finish", kind=LocalizerFailedError, keeps=StoreFailedError
+            )
         self._store.mark_finished(part.name)
         self._store.commit()
 
     def _versioned_map(self, part: LocalizerPart) -> LocalizerMap:
         localizer_map = self._store.localizer_map(part.name)
         check_format(localizer_map, part.name, part.localizer, is_continued=self.teaching is not None)
-        return VersionedMap(localizer_map, part.localizer.map_format)
+        versioned = VersionedMap(localizer_map, part.localizer.map_format)
+        return versioned if self.teaching is None else GuardedMap(versioned)
 
     def _reopen(self, access: Access) -> None:
         self._store.close()
@@ -142,4 +153,4 @@ def _open_store(parts: Parts, access: Access | None, starter: PartStarter) -> Pa
     if store is not None:
         session = Sessions(parts.settings.mode, parts.settings.seed).session_of("path_store", "path_store")
         starter.start("path_store", store, session)
-    return store
+    return None if store is None else GuardedStore(store)
