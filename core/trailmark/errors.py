@@ -9,12 +9,12 @@
     ├── PluginError
     │   ├── UnknownPluginError             nothing of that name is registered
     │   └── PluginLoadError                it is registered, but cannot be imported or built
-    │       └── ConstructionError (RunError)    its constructor raised
+    │       └── ConstructionError (also RunError)    its constructor raised
     ├── DataError
     │   ├── SourceError                    a recording or device gives something unusable
-    │   │   └── SourceFailedError (RunError)    the source itself raised
+    │   │   └── SourceFailedError (also RunError)    the source itself raised
     │   └── StoreError                     a path store is corrupt, foreign, too new or not writable
-    │       └── StoreFailedError (RunError)     it failed while it was written
+    │       └── StoreFailedError (also RunError)     it failed while it was written
     └── RunError                           a part raised while the pipeline ran
 
 Getting lost is not an error: it is the estimate ``Lost``.
