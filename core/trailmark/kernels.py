@@ -71,8 +71,13 @@ def float_kernel(function: _Function) -> _Function:
 
     Sums over floats then run in vectors. Infinities, NaN and their comparisons stay what they are, unlike under
     numba's ``fastmath=True``.
+
+    A kernel that calls it gets a copy of its own, compiled with the options of the caller: a kernel that calls float
+    kernels should be one. Two libraries must not share such a function: its last digits depend on what it is compiled
+    together with, and the loader takes the copy that comes first, which another one is in a run that compiles than in
+    one that finds all kernels on disk.
     """
-    return _compiler(nogil=True, fastmath=set(_REORDER))(function)
+    return _compiler(nogil=True, fastmath=set(_REORDER), inline="always")(function)
 
 
 def inlined_kernel(function: _Function) -> _Function:

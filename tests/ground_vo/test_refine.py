@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -213,3 +216,32 @@ def test_pixels_stay_different_and_spread_on_a_long_curved_drive(motion):
     assert len(np.unique(places, axis=0)) > 0.9 * n_pixels
     cells, _, _ = np.histogram2d(texture[X], texture[Y], bins=(8, 8), range=((40, 216), (40, 200)))
     assert cells.min() > 0.5 * n_pixels / 64
+
+
+REFINED = """
+import numpy as np
+from trailmark_ground_vo.filters import smooth
+from trailmark_ground_vo.refine import best_start, refine
+from trailmark_ground_vo.texture import residuals, select_texture
+
+rng = np.random.default_rng(7)
+grains = rng.integers(0, 256, (60, 64)).astype(np.uint8)
+picture = smooth(np.kron(grains, np.ones((4, 4), np.uint8)))
+texture, centre = select_texture(picture, (40, 40, 216, 200), 8, 2), (127.5, 119.5)
+best_start(picture, texture, centre, np.zeros((2, 3)), 1.0, 480.0)
+motion, curvature, _ = refine(picture, texture, centre, (0.4, 0.2, 0.003), 1.0, 128.0, 12)
+left = residuals(picture, texture, centre, motion, 1.0)
+print(*(value.hex() for value in motion), curvature.tobytes().hex(), left.tobytes().hex())
+"""
+
+
+def test_a_process_that_compiles_the_refinement_gives_the_bits_of_one_that_finds_it_compiled(tmp_path):
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+
+    compiling, finding = (
+        subprocess.run([sys.executable, "-c", REFINED], env=environment, capture_output=True, text=True, check=True)
+        for _ in range(2)
+    )
+
+    assert len(compiling.stdout) > 1000
+    assert compiling.stdout == finding.stdout

@@ -124,7 +124,7 @@ def _solve(a: Floats, b: Floats) -> tuple[float, float, float]:
     return b[0] * i_0 - l_10 * x_1 - l_20 * x_2, x_1, x_2
 
 
-@kernel
+@float_kernel
 def refine(
     picture: Grey16,
     texture: Texture,

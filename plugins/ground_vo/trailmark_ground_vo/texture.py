@@ -192,7 +192,7 @@ def _carried(
     return out
 
 
-@kernel
+@float_kernel
 def advance_texture(
     picture: Grey16,
     texture: Texture,
