@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import sys
 
 import click
@@ -9,6 +10,9 @@ import click
 from trailmark.errors import RunError, TrailmarkError
 
 __all__ = ["exit_code_of", "fail", "say"]
+
+#: The disk is full, or a file may not grow: no fault of the program's, and none of the request.
+_DISK = frozenset({errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO})
 
 
 def say(message: str) -> None:
@@ -50,9 +54,12 @@ def exit_code_of(error: BaseException) -> int:
     if isinstance(error, TrailmarkError):
         say(f"trailmark: {error}")
         return 1 if isinstance(error, RunError) else 2
-    if isinstance(error, OSError) and error.filename is not None:
+    if isinstance(error, OSError) and error.filename is not None and error.errno not in _DISK:
         say(f"trailmark: {error.filename}: {error.strerror}")
         return 2
+    if isinstance(error, OSError) and error.errno in _DISK:
+        say(f"trailmark: cannot write{f' to {error.filename}' if error.filename else ''}: {error.strerror}")
+        return 1
     say(
         f"trailmark: internal error: {type(error).__name__}: {error}\n"
         "This is a bug. Run again with TRAILMARK_DEBUG=1 for the traceback, and report it."

@@ -11,7 +11,7 @@ import numpy as np
 from trailmark.errors import DataError
 from trailmark.geometry.trajectory import Trajectory
 
-__all__ = ["read_tum", "write_tum"]
+__all__ = ["read_tum", "tum_text", "write_tum"]
 
 logger = logging.getLogger(__name__)
 
@@ -58,11 +58,16 @@ def read_tum(path: str | Path) -> Trajectory:
 
 def write_tum(path: str | Path, trajectory: Trajectory) -> None:
     """Write a trajectory with z = 0; stamps with 9 decimals, quaternions as x y z w."""
+    Path(path).write_text(tum_text(trajectory), encoding="utf-8")
+
+
+def tum_text(trajectory: Trajectory) -> str:
+    """Return a trajectory as `write_tum` writes it."""
     lines = [
         f"{stamp_s:.9f} {x:.9f} {y:.9f} 0 0 0 {math.sin(theta / 2):.12f} {math.cos(theta / 2):.12f}\n"
         for stamp_s, (x, y, theta) in zip(trajectory.stamps_s, trajectory.poses, strict=True)
     ]
-    Path(path).write_text("".join(lines), encoding="utf-8")
+    return "".join(lines)
 
 
 def _parse_line(text: str, previous_s: float, where: str) -> tuple[float, float, float, float]:

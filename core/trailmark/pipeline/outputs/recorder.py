@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any, TextIO
@@ -13,11 +15,13 @@ from trailmark.errors import RunError
 from trailmark.estimates import EstimateRecord, Fix, Lost, Motion, PathOffset
 from trailmark.frames import SensorInfo
 from trailmark.frames.documents import sensor_to_document
-from trailmark.geometry import write_tum
+from trailmark.geometry import Trajectory
+from trailmark.geometry.tum import tum_text
 from trailmark.interfaces import Sink
 from trailmark.pipeline.outputs.provenance import provenance
 from trailmark.pipeline.outputs.result import RunResult
 from trailmark.pipeline.outputs.run_folder import files_in
+from trailmark.pipeline.outputs.whole_files import cut_after_last_line, overwrite_in_place, write_whole
 
 __all__ = ["ESTIMATE_COLUMNS", "Recorder"]
 
@@ -27,6 +31,9 @@ ESTIMATE_COLUMNS = (
     *("info_xx", "info_xy", "info_xt", "info_yy", "info_yt", "info_tt"),
     *("status", "nis", "dof", "reason", "details"),
 )
+
+#: ``run.json`` takes so much space from the beginning, so that a full disk has room for how the run ended.
+_RESERVED_BYTES = 1 << 15
 
 _NO_POSE = ("",) * 9
 
@@ -66,51 +73,98 @@ class Recorder(Sink):
             self._estimates = (self.folder / "estimates.csv").open("w", encoding="utf-8", newline="")
             self._rows = csv.writer(self._estimates, lineterminator="\n")
             self._rows.writerow(ESTIMATE_COLUMNS)
-            self._write_json("run.json", self._about | {"status": "running"})
+            about = _json(self._about | {"status": "running"})
+            write_whole(self.folder / "run.json", about.ljust(_RESERVED_BYTES))
         except OSError as error:
-            raise RunError(f"cannot write to {self.folder}: {error.strerror or error}", "recorder") from error
+            self._remove_all()
+            raise _failure(self.folder, error) from error
 
     def on_estimate_record(self, record: EstimateRecord) -> None:
         """Write a row."""
         self._rows.writerow(_row(record))
 
     def write(self, result: RunResult) -> None:
-        """Write everything that is known at the end."""
-        self.close()
-        try:
-            self._write_trajectories(result)
-            self._write_json("timing.json", result.timing)
-            self._measured = {
-                "duration_s": round(perf_counter() - self._began_s, 3),
-                "counters": dict(result.counters),
-            }
-        except OSError as error:
-            raise RunError(f"cannot write to {self.folder}: {error.strerror or error}", "recorder") from error
+        """Write everything that is known at the end; what cannot be written keeps nothing else from being written.
+
+        Raises
+        ------
+        RunError
+            If something cannot be written.
+        """
+        self._measured = {
+            "duration_s": round(perf_counter() - self._began_s, 3),
+            "counters": dict(result.counters),
+        }
+        failures = []
+        for step in (
+            self.close,
+            *self._trajectories_of(result),
+            partial(self._write_json, "timing.json", result.timing),
+        ):
+            try:
+                step()
+            except OSError as error:
+                failures.append(error)
         self.write_status(result)
+        if failures:
+            raise _failure(self.folder, failures[0]) from failures[0]
 
     def write_status(self, result: RunResult) -> None:
-        """Write how the run ended."""
+        """Write how the run ended; on a full disk, into the space that was kept for it."""
+        ended = {"status": result.status, "reason": result.reason}
+        about = self._about | ended | self._measured | {"files": files_in(self.folder)}
+        path = self.folder / "run.json"
         try:
-            about = self._about | {"status": result.status, "reason": result.reason} | self._measured
-            self._write_json("run.json", about | {"files": files_in(self.folder)})
+            try:
+                write_whole(path, _json(about))
+            except OSError:
+                if not overwrite_in_place(path, _json(about)) and not overwrite_in_place(path, _json(ended)):
+                    raise
         except OSError as error:
-            raise RunError(f"cannot write to {self.folder}: {error.strerror or error}", "recorder") from error
+            raise _failure(self.folder, error) from error
 
     def close(self) -> None:
-        """Close the table of estimates."""
-        if self._estimates is not None:
-            self._estimates.close()
+        """Close the table of estimates; where the last row could not be written whole, it ends with the one before."""
+        table, self._estimates = self._estimates, None
+        if table is None:
+            return
+        try:
+            table.close()
+        except OSError:
+            cut_after_last_line(self.folder / "estimates.csv")
+            raise
 
-    def _write_trajectories(self, result: RunResult) -> None:
+    def _trajectories_of(self, result: RunResult) -> Iterator[Callable[[], None]]:
+        """Yield what writes each trajectory."""
         folder = self.folder / "trajectories"
-        folder.mkdir(exist_ok=True)
+        yield partial(folder.mkdir, exist_ok=True)
         for name, trajectory in result.trajectories.items():
-            write_tum(folder / f"{name}.tum", trajectory)
+            yield partial(_write_trajectory, folder / f"{name}.tum", trajectory)
         if result.ground_truth is not None:
-            write_tum(folder / "groundtruth.tum", result.ground_truth)
+            yield partial(_write_trajectory, folder / "groundtruth.tum", result.ground_truth)
 
     def _write_json(self, name: str, content: Any) -> None:
-        (self.folder / name).write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+        write_whole(self.folder / name, _json(content))
+
+    def _remove_all(self) -> None:
+        """Leave nothing of a run that cannot begin."""
+        with suppress(OSError):
+            self.close()
+        for name in ("config.yaml", "estimates.csv", "run.json"):
+            with suppress(OSError):
+                (self.folder / name).unlink(missing_ok=True)
+
+
+def _json(content: Any) -> str:
+    return json.dumps(content, indent=2) + "\n"
+
+
+def _write_trajectory(path: Path, trajectory: Trajectory) -> None:
+    write_whole(path, tum_text(trajectory))
+
+
+def _failure(folder: Path, error: OSError) -> RunError:
+    return RunError(f"cannot write to {folder}: {error.strerror or error}", "recorder")
 
 
 def _row(record: EstimateRecord) -> tuple[str, ...]:
