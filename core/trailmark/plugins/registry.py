@@ -50,6 +50,15 @@ class About(TypedDict, total=False):
     extra: str | None
 
 
+class _Declared(TypedDict, total=False):
+    """What parts of one kind declare besides; see the fields of `Spec`."""
+
+    gives: frozenset[str]
+    opens: tuple[str, ...]
+    judges: Judged
+    quantities: tuple[MetricSpec, ...]
+
+
 class Registry:
     """Parts by kind and name. Plugins get one in ``trailmark_register`` and add to it.
 
@@ -111,10 +120,10 @@ class Registry:
 
         Two that give motion are refused on one sensor and under dead reckoning: 10 m would become 20.
         """
-        told = frozenset(gives)
-        if not told <= _ESTIMATES:
-            raise ValueError(f"localizer {name!r} gives {sorted(told - _ESTIMATES)}; choose of {sorted(_ESTIMATES)}")
-        self._add("localizer", name, target, config, about, told)
+        given = frozenset(gives)
+        if not given <= _ESTIMATES:
+            raise ValueError(f"localizer {name!r} gives {sorted(given - _ESTIMATES)}; choose of {sorted(_ESTIMATES)}")
+        self._add("localizer", name, target, config, about, gives=given)
 
     def estimator(
         self, name: str, target: str | type, config: str | type | None = None, **about: Unpack[About]
@@ -204,10 +213,7 @@ class Registry:
         target: str | type,
         config: str | type | None,
         about: About,
-        gives: frozenset[str] = frozenset(),
-        opens: tuple[str, ...] = (),
-        judges: Judged = "trajectory",
-        quantities: tuple[MetricSpec, ...] = (),
+        **declared: Unpack[_Declared],
     ) -> None:
         if not _NAME.fullmatch(name):
             raise ValueError(f"{kind} {name!r}: use lower-case letters, digits and underscores, a letter first")
@@ -223,16 +229,11 @@ class Registry:
                 name,
                 import_string(target, owner.module),
                 None if config is None else import_string(config, owner.module),
-                about.get("summary", ""),
-                about.get("reference", ""),
-                about.get("extra"),
-                gives,
-                opens,
-                judges,
-                quantities,
-                owner.distribution,
-                owner.version,
-                owner.name,
+                distribution=owner.distribution,
+                version=owner.version,
+                entry_point=owner.name,
+                **about,
+                **declared,
             )
         )
 

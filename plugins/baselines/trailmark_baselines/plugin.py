@@ -13,6 +13,13 @@ if TYPE_CHECKING:
 @hookimpl
 def trailmark_register(registry: Registry) -> None:
     """Register the localizers."""
+    _register_measured(registry)
+    _register_appearance(registry)
+    _register_ground(registry)
+
+
+def _register_measured(registry: Registry) -> None:
+    """Register those that say what another device has measured, or assume it."""
     registry.localizer(
         "odometry",
         "trailmark_baselines.odometry:OdometryLocalizer",
@@ -42,6 +49,10 @@ def trailmark_register(registry: Registry) -> None:
         summary="Absolute poses from elsewhere: motion capture, a satellite receiver, another program",
         gives=("fix",),
     )
+
+
+def _register_appearance(registry: Registry) -> None:
+    """Register those that look ahead: offsets from taught pictures, and motion of an RGB-D camera."""
     for name, cls, summary in (
         ("column_ncc", "ColumnNCC", "Offset from taught pictures, by correlating the means of their columns"),
         ("patch_ncc", "PatchNCC", "Offset from taught pictures, by correlating small patch-normalised ones"),
@@ -61,6 +72,10 @@ def trailmark_register(registry: Registry) -> None:
         summary="Motion of an RGB-D camera: ORB features with depth, aligned rigidly under RANSAC",
         gives=("motion",),
     )
+
+
+def _register_ground(registry: Registry) -> None:
+    """Register the motions of a downward camera."""
     for name, cls, summary in (
         ("klt", "klt:KLT", "Motion of a downward camera: corners tracked from key frames, rigid under RANSAC"),
         ("orb", "orb:ORB", "Motion of a downward camera: ORB features of key frames, rigid under RANSAC"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -41,23 +42,7 @@ _NUDGE = "move a bright flat rectangle before both cameras, near and far, to all
 @click.option("--depth-size", metavar="WxH", help="With --edges: depth picture [px]; default: as --size.")
 @click.option("--overwrite", is_flag=True, help="Replace the file that is there.")
 @click.pass_context
-def rgbd(
-    context: click.Context,
-    /,
-    recording: str | None,
-    out: Path,
-    board: str | None,
-    colour: Path | None,
-    sensor: str | None,
-    depth: str | None,
-    depth_factor: float,
-    n_frames: int,
-    every: int,
-    edges: str | None,
-    size: str,
-    depth_size: str | None,
-    overwrite: bool,
-) -> None:
+def rgbd(context: click.Context, /, recording: str | None, **options: Any) -> None:
     """Tell which depth pixel belongs to which colour pixel (Toth et al. 2015, Eqs. 3-6).
 
     Move a bright flat rectangle before both cameras, to all sides of the picture, and give the recording: the crop of
@@ -69,23 +54,43 @@ def rgbd(
     """
     from trailmark.cli.root import plugins_of
 
-    if out.exists() and not overwrite:
-        raise ConfigError(f"{out} is there already; choose another --out, or --overwrite")
-    if (recording is None) == (edges is None):
+    request = _Request(**options)
+    if request.out.exists() and not request.overwrite:
+        raise ConfigError(f"{request.out} is there already; choose another --out, or --overwrite")
+    if recording is not None and request.edges is None:
+        sides = _sides(request.board) if request.board else None
+        views, sizes = _views(recording, plugins_of(context), request)
+        _from_views(views, sizes, sides, request)
+    elif recording is None and request.edges is not None:
+        _by_hand(request.edges, request)
+    else:
         raise ConfigError(f"give a recording, or --edges, and not both; for a recording {_NUDGE}")
-    if edges is not None:
-        _by_hand(edges, _size(size, "--size"), _size(depth_size or size, "--depth-size"), colour, out)
-        return
-    assert recording is not None
-    sides = _sides(board) if board else None
-    views, sizes = _views(recording, plugins_of(context), sensor, depth, depth_factor, n_frames, every)
-    _from_views(views, *sizes, sides, colour, out)
 
 
-def _by_hand(edges: str, colour_size: Size, depth_size: Size, colour: Path | None, out: Path) -> None:
+@dataclass(frozen=True, slots=True)
+class _Request:
+    """The options of the command."""
+
+    out: Path
+    board: str | None
+    colour: Path | None
+    sensor: str | None
+    depth: str | None
+    depth_factor: float
+    n_frames: int
+    every: int
+    edges: str | None
+    size: str
+    depth_size: str | None
+    overwrite: bool
+
+
+def _by_hand(edges: str, request: _Request) -> None:
     from trailmark_kinect_landmarks.calibrating.crop_ratios import as_depth_camera
     from trailmark_kinect_landmarks.calibration import Crop
 
+    colour_size = _size(request.size, "--size")
+    depth_size = _size(request.depth_size or request.size, "--depth-size")
     numbers = _numbers(edges, ",", 4, "--edges takes LEFT,RIGHT,TOP,BOTTOM in colour pixels, as 33,606,25,454")
     left, right, top, bottom = numbers
     if not (0 <= left < right < colour_size[0] and 0 <= top < bottom < colour_size[1]):
@@ -100,18 +105,10 @@ def _by_hand(edges: str, colour_size: Size, depth_size: Size, colour: Path | Non
         )
     crop = Crop.from_rectangles((left, right, top, bottom), colour_size)
     _say_crop(crop, colour_size, depth_size)
-    _write(as_depth_camera(crop, _lens(colour, colour_size), colour_size, depth_size), out)
+    _write(as_depth_camera(crop, _lens(request.colour, colour_size), colour_size, depth_size), request.out)
 
 
-def _views(
-    recording: str,
-    plugins: Plugins,
-    sensor: str | None,
-    depth: str | None,
-    depth_factor: float,
-    n_frames: int,
-    every: int,
-) -> tuple[list[BoardView], tuple[Size, Size]]:
+def _views(recording: str, plugins: Plugins, request: _Request) -> tuple[list[BoardView], tuple[Size, Size]]:
     """Return all views of the rectangle in a recording, and the sizes of both pictures."""
     from itertools import islice
 
@@ -126,8 +123,8 @@ def _views(
     views: list[BoardView] = []
     n, sizes = 0, None
     try:
-        chosen = choose_sensors(started(sources), sensor, depth)
-        for bgr, depth_m in islice(pairs(sources, chosen, depth_factor, every), n_frames):
+        chosen = choose_sensors(started(sources), request.sensor, request.depth)
+        for bgr, depth_m in islice(pairs(sources, chosen, request.depth_factor, request.every), request.n_frames):
             n, sizes = n + 1, ((bgr.shape[1], bgr.shape[0]), (depth_m.shape[1], depth_m.shape[0]))
             view = find_board(bgr, depth_m)
             if view is not None:
@@ -142,26 +139,22 @@ def _views(
 
 
 def _from_views(
-    views: Sequence[BoardView],
-    colour_size: Size,
-    depth_size: Size,
-    sides: tuple[float, float] | None,
-    colour: Path | None,
-    out: Path,
+    views: Sequence[BoardView], sizes: tuple[Size, Size], sides: tuple[float, float] | None, request: _Request
 ) -> None:
     from trailmark_kinect_landmarks.calibrating.crop_ratios import as_depth_camera, fit_crop
 
+    colour_size, depth_size = sizes
     fit = fit_crop(views, colour_size, depth_size)
     if sides is None:
         _say_crop(fit.crop, colour_size, depth_size)
         click.echo(f"borders        +-{fit.sigma_px:.1f} px; corners of the rectangle miss by {fit.rms_px:.1f} px rms")
-        _write(as_depth_camera(fit.crop, _lens(colour, colour_size), colour_size, depth_size), out)
+        _write(as_depth_camera(fit.crop, _lens(request.colour, colour_size), colour_size, depth_size), request.out)
         return
     import math
 
     from trailmark_kinect_landmarks.calibrating.lenses import fit_lenses
 
-    known = _lens(colour, colour_size) if colour is not None else None
+    known = None if request.colour is None else _lens(request.colour, colour_size)
     found = fit_lenses(views, sides, colour_size, depth_size, known)
     pose = found.camera.pose_colour_depth
     assert found.camera.depth is not None
@@ -176,7 +169,7 @@ def _from_views(
     click.echo(f"depth camera   {shift} mm (+-{1e3 * found.sigma_shift_m:.1f}), as seen from colour")
     click.echo(f"               {turn} deg (+-{math.degrees(found.sigma_turn_rad):.2f})")
     click.echo(f"corners        miss by {found.rms_px:.2f} px rms, by crop ratios {fit.rms_px:.2f} px")
-    _write(found.camera, out)
+    _write(found.camera, request.out)
 
 
 def _say_crop(crop: Any, colour_size: Size, depth_size: Size) -> None:
