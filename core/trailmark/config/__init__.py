@@ -14,7 +14,7 @@ from trailmark.config.load import load_run_config
 from trailmark.config.localizer_names import LocalizerName
 from trailmark.config.roles import refuse_duplicate_sensors, resolve_all_roles, resolve_roles
 from trailmark.config.run import RunConfig, SensorOverride
-from trailmark.config.source import Mounting, SourceConfig
+from trailmark.config.source import LiveSourceConfig, Mounting, SourceConfig
 
 __all__ = [
     "UNNAMED",
@@ -23,6 +23,7 @@ __all__ = [
     "EstimatorEntry",
     "ExistingFile",
     "ExistingPath",
+    "LiveSourceConfig",
     "LocalizerEntry",
     "LocalizerName",
     "LocalizerOptions",

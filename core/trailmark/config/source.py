@@ -9,7 +9,7 @@ from pydantic import Field
 from trailmark.config.base import PluginConfig
 from trailmark.config.files import ExistingFile
 
-__all__ = ["Mounting", "SourceConfig"]
+__all__ = ["LiveSourceConfig", "Mounting", "SourceConfig"]
 
 
 class Mounting(PluginConfig):
@@ -51,3 +51,11 @@ class SourceConfig(PluginConfig):
     perturb: dict[str, Any] | None = None
     """Faults of its sensors, on purpose: keys of the fault `basic` (noise, blur, lost frames, a wrong calibration ...),
     names of other faults with their keys, and `sensors`: which sensors they befall, default: all that they can."""
+
+
+class LiveSourceConfig(SourceConfig):
+    """Base of the config of sources whose frames come when they come."""
+
+    reorder_s: float = Field(0.3, ge=0)
+    """How long the frames of other sensors wait at most for an earlier one of this source: a camera is 30 to 300 ms
+    behind the odometry. They wait no longer than it was late so far. 0: nobody waits for it [s]."""

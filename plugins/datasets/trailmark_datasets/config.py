@@ -7,7 +7,7 @@ from typing import Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from trailmark.config import ExistingPath, PluginConfig, SourceConfig
+from trailmark.config import ExistingPath, LiveSourceConfig, PluginConfig, SourceConfig
 
 __all__ = [
     "CameraConfig",
@@ -96,7 +96,7 @@ class VideoConfig(SourceConfig):
     """true: grey; false or left out: colour."""
 
 
-class CameraConfig(SourceConfig):
+class CameraConfig(LiveSourceConfig):
     """A live camera."""
 
     device: int | str = 0

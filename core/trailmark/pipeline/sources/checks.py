@@ -31,6 +31,11 @@ class FrameChecks:
         Takes ``source.NAME.repeated`` and ``source.NAME.skipped``.
     remedy : str
         What to do about a bad frame, at the end of the message; none for frames that a program pushes.
+
+    Attributes
+    ----------
+    are_in_order : bool
+        Whether a frame may not be older than one of another sensor before it; False where somebody puts them in order.
     """
 
     def __init__(
@@ -47,6 +52,7 @@ class FrameChecks:
         self._counters = counters
         self._remedy = remedy
         self._last_s = -math.inf
+        self.are_in_order = True
 
     def good(self, frames: Iterator[Frame]) -> Iterator[Frame]:
         """Yield the frames that are good; see `accept`."""
@@ -69,7 +75,7 @@ class FrameChecks:
             self._counters[f"source.{self._source}.repeated"] += 1
             return False
         problem = check.problem(frame)
-        if problem is None and frame.stamp_s < self._last_s:
+        if problem is None and self.are_in_order and frame.stamp_s < self._last_s:
             problem = f"is older than the source's frame before it ({self._last_s:.6f} s)"
         if problem is not None:
             return self._refuse(frame, problem)

@@ -7,22 +7,19 @@ from __future__ import annotations
 
 import math
 import threading
-from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
 
 from trailmark.frames import Frame
 from trailmark.pipeline.clock import RunClock
 from trailmark.pipeline.instruments import Counters
+from trailmark.pipeline.sources.ordering import StampOrder
 from trailmark.pipeline.sources.stream import SourceStream
 
 __all__ = ["Event", "Tick", "held_to_stamps", "live"]
 
 # Nobody can wait for less; a difference of two clocks is never exactly zero.
 _NOW_S = 1e-6
-
-# Frames of one sensor that may wait: the one to work on next, and the one that comes meanwhile.
-_WAITING = 2
 
 # A device that does not let go is left behind: its thread is a daemon.
 _PATIENCE_S = 2.0
@@ -69,21 +66,22 @@ def live(
 ) -> Generator[Event]:
     """Yield the frames of devices as they come, and ticks while none does.
 
-    Every source is read by a thread of its own. Of each sensor two frames may wait; then the oldest is dropped and
-    counted as ``source.NAME.dropped``.
+    Every source is read by a thread of its own. Frames of several sensors come in the order of their stamps, within the
+    ``reorder_s`` of their sources; what is later still is counted as ``source.NAME.late``. Of each camera and laser two
+    frames may wait, of other sensors 200; then the oldest is dropped and counted as ``source.NAME.dropped``.
 
     Raises
     ------
     SourceError
         If a source does; after the frames that came before.
     """
-    intake = _Intake(counters, clock.wake)
+    intake = _Intake(sources, counters, clock)
     for source in sources:
         intake.read(source)
     try:
         while True:
             now_s, is_over = clock.now_s(), intake.is_over  # asked first: the last frame may come just before the end
-            if (frame := intake.take()) is not None:
+            if (frame := intake.take(math.inf if is_over else now_s)) is not None:
                 yield frame
             elif is_over:
                 intake.raise_error()
@@ -91,7 +89,7 @@ def live(
             elif -math.inf < due_s() <= now_s + _NOW_S:
                 yield Tick(now_s)
             else:
-                clock.wait(due_s() if due_s() > -math.inf else math.inf)
+                clock.wait(min(due_s() if due_s() > -math.inf else math.inf, intake.due_s(now_s)))
     finally:
         intake.join()
 
@@ -99,11 +97,13 @@ def live(
 class _Intake:
     """Takes frames from the threads of live sources."""
 
-    def __init__(self, counters: Counters, wake: threading.Event) -> None:
+    def __init__(self, sources: Sequence[SourceStream], counters: Counters, clock: RunClock) -> None:
         self._counters = counters
-        self._wake = wake
+        self._clock = clock
         self._lock = threading.Lock()
-        self._waiting: dict[str, deque[Frame]] = {}
+        self._source_of = {sensor: source.name for source in sources for sensor in source.sensors}
+        windows_s = {sensor: source.reorder_s for source in sources for sensor in source.sensors}
+        self._order = StampOrder(windows_s, self._count)
         self._n_open = 0
         self._threads: list[threading.Thread] = []
         self._error: BaseException | None = None
@@ -125,11 +125,15 @@ class _Intake:
         """Whether all sources have ended, or one has failed."""
         return self._n_open == 0 or self._error is not None
 
-    def take(self) -> Frame | None:
-        """Return the oldest frame that waits."""
+    def take(self, now_s: float) -> Frame | None:
+        """Return the earliest frame, if it need not wait for others."""
         with self._lock:
-            queues = [queue for queue in self._waiting.values() if queue]
-            return min(queues, key=lambda queue: queue[0].stamp_s).popleft() if queues else None
+            return self._order.take(now_s)
+
+    def due_s(self, now_s: float) -> float:
+        """Return when the earliest frame need not wait any longer; ``inf``: there is none [s]."""
+        with self._lock:
+            return self._order.due_s(now_s)
 
     def raise_error(self) -> None:
         """Raise what a source raised."""
@@ -139,19 +143,18 @@ class _Intake:
     def _read(self, source: SourceStream) -> None:
         try:
             for frame in source.frames():
-                self._put(source, frame)
+                self._put(frame)
         except BaseException as error:  # carried to the run's thread
             self._error = error
         finally:
             with self._lock:
                 self._n_open -= 1
-            self._wake.set()
+            self._clock.wake.set()
 
-    def _put(self, source: SourceStream, frame: Frame) -> None:
+    def _put(self, frame: Frame) -> None:
         with self._lock:
-            queue = self._waiting.setdefault(frame.sensor, deque())
-            if len(queue) == _WAITING:
-                queue.popleft()
-                self._counters.add(f"source.{source.name}.dropped")
-            queue.append(frame)
-        self._wake.set()
+            self._order.put(frame, self._clock.now_s())
+        self._clock.wake.set()
+
+    def _count(self, sensor: str, what: str) -> None:
+        self._counters.add(f"source.{self._source_of[sensor]}.{what}")

@@ -10,7 +10,7 @@ from dataclasses import replace
 from time import perf_counter_ns
 from typing import TYPE_CHECKING
 
-from trailmark.config import Mounting, SensorOverride, SourceConfig
+from trailmark.config import LiveSourceConfig, Mounting, SensorOverride, SourceConfig
 from trailmark.errors import ConfigError, SourceError, SourceFailedError
 from trailmark.failures import call_guarded, is_from_user, raise_failure, words_of
 from trailmark.frames import Calibration, Frame, SensorInfo
@@ -74,6 +74,11 @@ class SourceStream:
         return self.source.is_live
 
     @property
+    def reorder_s(self) -> float:
+        """How long frames of others wait at most for an earlier one of a live source [s]."""
+        return self._options.reorder_s if isinstance(self._options, LiveSourceConfig) else 0.0
+
+    @property
     def drivable(self) -> Drivable | None:
         """The source as a robot, if it is one."""
         return self.source if isinstance(self.source, Drivable) else None
@@ -122,6 +127,8 @@ class SourceStream:
     def frames(self) -> Iterator[Frame]:
         """Yield the frames between ``start_s`` and ``stop_s``, none twice, with the faults that are asked for.
 
+        Those of a live source come in the order of the stamps of each sensor alone.
+
         Raises
         ------
         SourceError
@@ -134,7 +141,9 @@ class SourceStream:
         window = _Window(options.start_s or 0.0, options.stop_s or math.inf)
         if window.is_bounded:
             frames = window.until_its_end(frames)
-        frames = FrameChecks(self.name, self.sensors, options.on_bad_frame == "skip", self._counters).good(frames)
+        checks = FrameChecks(self.name, self.sensors, options.on_bad_frame == "skip", self._counters)
+        checks.are_in_order = not self.is_live
+        frames = checks.good(frames)
         if window.is_bounded:
             frames = window.from_its_start(frames)
         frames = self._counted(frames)
