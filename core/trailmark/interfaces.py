@@ -90,6 +90,10 @@ def _no_latency() -> float:
     return 0.0
 
 
+def _ignore_pose(pose_map_base: Pose2, covariance: npt.NDArray[np.float64] | None = None) -> None:
+    """Take a pose that nobody asks for."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Session:
     """What one part is told when it starts. Every field has a default.
@@ -112,6 +116,9 @@ class Session:
         Seeded from (seed, kind, name): adding a part changes no other part's numbers.
     last_latency_s : callable
         Returns the duration of this part's last call: measured in realtime, modelled in step [s].
+    tell_pose : callable
+        For sources: ``tell_pose(pose_map_base, covariance)`` passes on where a person says that the robot is. From any
+        thread; the estimator's `Estimator.set_pose` is told before the next frame.
     """
 
     name: str = ""
@@ -122,6 +129,7 @@ class Session:
     map: LocalizerMap | None = None
     rng: np.random.Generator = field(default_factory=_default_rng)
     last_latency_s: Callable[[], float] = _no_latency
+    tell_pose: Callable[[Pose2, npt.NDArray[np.float64] | None], None] = _ignore_pose
 
     @property
     def drawer(self) -> LocalizerMap | None:
@@ -158,7 +166,7 @@ class FrameSource(Part):
 
     @abstractmethod
     def frames(self) -> Iterator[Frame]:
-        """Yield all frames once, in stamp order.
+        """Yield all frames once, in stamp order; a live source may yield those of several sensors as they come.
 
         The iterator ends at the end of the recording or after `close`.
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from trailmark.arrays import Floats
 from trailmark.errors import TrailmarkError
 from trailmark.failures import call_guarded
 from trailmark.frames import SensorInfo
@@ -44,6 +45,7 @@ class Sessions:
     path: Path | None = None
     start_pose: Pose2 | None = None
     sensors: Mapping[str, SensorInfo] = field(default_factory=dict)
+    tell_pose: Callable[[Pose2, Floats | None], None] | None = None
 
     def session_of(self, kind: str, name: str, **more: Any) -> Session:
         """Return the session of a part, with `more` that only this one is told."""
@@ -55,6 +57,8 @@ class Sessions:
             "start_pose": self.start_pose,
             "rng": part_rng(self.seed, kind, name),
         }
+        if self.tell_pose is not None:
+            common["tell_pose"] = self.tell_pose
         return Session(**(common | more))
 
 

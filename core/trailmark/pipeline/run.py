@@ -148,6 +148,8 @@ class Run:
         """Take a frame through all parts; at a tick, ask only the controller."""
         now_s = event.stamp_s
         records: list[EstimateRecord] = []
+        if self.running.told_poses:
+            self._tell_estimator_poses()
         for localizer in self._async_localizers:
             try:
                 records += self._apply(localizer, localizer.poll(now_s))
@@ -167,6 +169,15 @@ class Run:
         if isinstance(command, Stop):
             self._end_after(command, now_s)
         return Step(now_s, frame, belief, tuple(records), command)
+
+    def _tell_estimator_poses(self) -> None:
+        """Tell the estimator where a person says that the robot is."""
+        while self.running.told_poses:
+            pose, covariance = self.running.told_poses.popleft()
+            outcome = self._parts.estimator.set_pose(pose, covariance)
+            self._counters[f"told_poses.{outcome.status}"] += 1
+            if outcome.status != "accepted":
+                logger.warning("the pose that was told (%s) is %s: %s", pose, outcome.status, outcome.reason)
 
     def _observe(self, frame: Frame) -> list[EstimateRecord]:
         """Ask the localizers that subscribe to the frame's sensor, one after the other."""

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import logging
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+from trailmark.arrays import Floats
 from trailmark.config import RunSettings, StopWhen
 from trailmark.errors import ConfigError, TrailmarkError
 from trailmark.failures import call_guarded
@@ -52,6 +54,8 @@ class RunningParts:
         Commands.
     session : Session
         What all parts are told alike.
+    told_poses : deque
+        Poses, with their covariances, that a source was told and the estimator is to be told next.
     closing : ExitStack
         Closes all parts, the last first.
     not_closed : list of TrailmarkError
@@ -65,6 +69,7 @@ class RunningParts:
     estimator: EstimatorRunner
     control: Control
     session: Session
+    told_poses: deque[tuple[Pose2, Floats | None]]
     closing: ExitStack
     not_closed: list[TrailmarkError]
 
@@ -111,7 +116,9 @@ def start_parts(parts: Parts, pushed: Mapping[str, SensorInfo], instruments: Ins
         path = None if taught is None else taught.path
         start_pose = _start_pose(parts.settings, path)
         sessions = Sessions(mode, seed, None if mode == "teach" else path, start_pose)
-        sensors = corrected_sensors(pushed, parts.sensors) | _start_sources(parts, sessions, starter, instruments)
+        told_poses: deque[tuple[Pose2, Floats | None]] = deque()
+        sources = replace(sessions, tell_pose=lambda pose, covariance: told_poses.append((pose, covariance)))
+        sensors = corrected_sensors(pushed, parts.sensors) | _start_sources(parts, sources, starter, instruments)
         sessions = replace(sessions, sensors=sensors)
         parts = parts.fitted_to(sensors)
         if taught is not None and mode == "teach":
@@ -134,6 +141,7 @@ def start_parts(parts: Parts, pushed: Mapping[str, SensorInfo], instruments: Ins
             estimator=EstimatorRunner(parts.estimator, parts.use, instruments.times.stage("estimator")),
             control=control,
             session=sessions.session_of("run", "run"),
+            told_poses=told_poses,
             closing=closing.pop_all(),
             not_closed=starter.not_closed,
         )

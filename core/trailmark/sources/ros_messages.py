@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from trailmark.errors import SourceError
-from trailmark.frames import Image, Imu, Odometry, Pinhole, Scan
+from trailmark.frames import RGBD, Image, Imu, Odometry, Pinhole, Scan
 from trailmark.geometry import Pose2, Twist2
+from trailmark.sources.depth import depth_in_metres
 from trailmark.sources.pictures import as_payload_pixels, decode_raw
 
 __all__ = [
@@ -19,11 +20,13 @@ __all__ = [
     "KINDS",
     "image",
     "imu",
+    "info_topic",
     "is_depth",
     "lens",
     "odometry",
     "pixels",
     "planar_pose",
+    "rgbd",
     "scan",
     "stamp_of",
 ]
@@ -53,6 +56,8 @@ _ENCODINGS: dict[str, tuple[str, int, tuple[int, ...]]] = {
     "bgra8": ("u1", 4, (0, 1, 2)),
     "rgba8": ("u1", 4, (2, 1, 0)),
 }
+# Colours of the first pixels of the first two rows; OpenCV names a pattern by those of the second row and column.
+_BAYER = {"bayer_rggb8": "BG", "bayer_bggr8": "RG", "bayer_gbrg8": "GR", "bayer_grbg8": "GB"}
 _COMPRESSED_DEPTH_HEADER = 12  # bytes of quantisation before the PNG
 
 
@@ -85,11 +90,11 @@ def pixels(message: Any, where: str) -> npt.NDArray[Any]:
     """
     if not hasattr(message, "encoding"):
         return _decoded(message, where)
-    if message.encoding not in _ENCODINGS:
-        raise SourceError(
-            f"{where}: encoding {message.encoding!r} is not understood; understood: {', '.join(_ENCODINGS)}"
-        )
-    code, channels, order = _ENCODINGS[message.encoding]
+    bayer = _BAYER.get(message.encoding)
+    if message.encoding not in _ENCODINGS and bayer is None:
+        known = ", ".join((*_ENCODINGS, *_BAYER))
+        raise SourceError(f"{where}: encoding {message.encoding!r} is not understood; understood: {known}")
+    code, channels, order = _ENCODINGS["mono8" if bayer else message.encoding]
     dtype = np.dtype(code).newbyteorder(">" if message.is_bigendian else "<")
     height, width, step = int(message.height), int(message.width), int(message.step)
     data = np.ascontiguousarray(message.data).view(np.uint8).ravel()
@@ -100,6 +105,10 @@ def pixels(message: Any, where: str) -> npt.NDArray[Any]:
         )
     rows = data[: height * step].reshape(height, step)[:, :row_bytes]
     picture = np.ascontiguousarray(rows).view(dtype).astype(dtype.newbyteorder("="), copy=False)
+    if bayer:
+        import cv2
+
+        return cv2.cvtColor(picture, getattr(cv2, f"COLOR_Bayer{bayer}2BGR"))
     if channels == 1:
         return picture
     return np.ascontiguousarray(picture.reshape(height, width, channels)[:, :, list(order)])
@@ -124,6 +133,14 @@ def image(message: Any, where: str) -> Image:
     if is_depth(message):
         raise SourceError(f"{where} is depth; pair it with its colour: rgbd: {{name: {{colour: /..., depth: /...}}}}")
     return Image(as_payload_pixels(pixels(message, where), where, None))
+
+
+def rgbd(colour: Any, depth: Any, where: str) -> RGBD:
+    """Return a colour picture and a depth picture as one reading; depth is 32FC1 in metres or 16UC1 in millimetres."""
+    bgr = as_payload_pixels(pixels(colour, where), where, grey=False)
+    raw = pixels(depth, where)
+    values_per_metre = 1.0 if raw.dtype.kind == "f" else 1000.0  # REP-118
+    return RGBD(bgr, depth_in_metres(raw, values_per_metre, where))
 
 
 def planar_pose(pose: Any) -> Pose2:
@@ -166,6 +183,11 @@ def imu(message: Any) -> Imu:
         np.array([force.x, force.y, force.z]) if has_force else None,
         np.array([q.x, q.y, q.z, q.w]) if has_orientation else None,
     )
+
+
+def info_topic(topic: str) -> str:
+    """Return the topic beside an image topic on which its CameraInfo is sent."""
+    return topic.removesuffix("/compressed").removesuffix("/compressedDepth").rpartition("/")[0] + "/camera_info"
 
 
 def lens(info: Any, is_rectified: bool) -> Pinhole | None:

@@ -20,7 +20,7 @@ from trailmark.testing.checks.parametrize import Check, skip
 __all__ = ["HEAVY", "common_checks"]
 
 #: Packages that take long to import: never at registration, nor with a config.
-HEAVY = ("cv2", "numba", "scipy", "sklearn", "filterpy", "matplotlib", "rosbags", "pandas", "torch")
+HEAVY = ("cv2", "numba", "scipy", "sklearn", "filterpy", "matplotlib", "rosbags", "cyclonedds", "pandas", "torch")
 
 
 def common_checks(make: Callable[[], Part], config: Callable[[], PluginConfig]) -> dict[str, Check]:
