@@ -29,6 +29,8 @@ if find_spec("foxglove") is not None:  # an extra
     SINKS["foxglove"] = {"path": str(OUT / "contract.mcap")}
 if find_spec("rerun") is not None:  # an extra
     SINKS["rerun"] = {"path": str(OUT / "contract.rrd")}
+if find_spec("cyclonedds") is not None and find_spec("rosbags") is not None:  # an extra
+    SINKS["ros2"] = {"domain": 101}
 
 #: What is known not to pass, and why.
 EXPECTED_FAILURES = {
@@ -62,7 +64,7 @@ def all_checks() -> dict[str, Callable[[], None]]:
 def test_every_built_in_is_checked() -> None:
     assert CONTROLLERS.keys() == built_in("controller")
     assert ESTIMATORS.keys() == built_in("estimator")
-    assert SINKS.keys() | {"foxglove", "rerun"} == built_in("sink")
+    assert SINKS.keys() | {"foxglove", "rerun", "ros2"} == built_in("sink")
     assert {"sqlite"} == built_in("path_store")
 
 

@@ -24,7 +24,7 @@ PACKAGES = ("trailmark", *sorted(path.name for path in REPOSITORY.glob("plugins/
 #: Modules that are run or generated, not imported.
 _LEFT_OUT = ("trailmark.cli.__main__", "trailmark_bench.child")
 #: Packages of extras that are too large for everybody's test environment.
-_EXTRAS = ("rerun",)
+_EXTRAS = ("rerun", "cyclonedds")
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from trailmark.sources.ros_poses import POSE_TYPES, SATELLITE
 from trailmark_datasets.bagfile import BagFile, Message
 from trailmark_datasets.config import RosbagConfig
 from trailmark_datasets.ros_poses import TRUTH_TYPES
-from trailmark_datasets.ros_topics import Choice, info_topic
+from trailmark_datasets.ros_topics import Choice
 from trailmark_datasets.ros_transforms import FrameTree, read_static_tree
 
 __all__ = ["CAMERA_INFO", "Mountings", "frame_id_of", "lens_beside", "unread_topics"]
@@ -96,7 +96,7 @@ def _in_words(pose: Pose3) -> str:
 
 def lens_beside(bag: BagFile, topic: str) -> Pinhole | None:
     """Return the lens that the CameraInfo beside an image topic tells."""
-    beside = info_topic(topic)
+    beside = ros_messages.info_topic(topic)
     if bag.topics.get(beside) != CAMERA_INFO:
         return None
     info = _first_content(bag, beside)

@@ -13,7 +13,7 @@ from trailmark.sources.ros_poses import POSE_TYPES
 from trailmark_datasets.config import RosbagConfig
 from trailmark_datasets.ros_transforms import TRANSFORM_TYPES, frame_pair
 
-__all__ = ["Choice", "choose_topics", "info_topic", "sensor_name"]
+__all__ = ["Choice", "choose_topics", "sensor_name"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,11 +92,6 @@ def sensor_name(topic: str) -> str:
     """Return the sensor's name of a topic: ``/front/image_raw`` becomes ``front_image_raw``."""
     name = re.sub(r"[^a-z0-9]+", "_", topic.lower()).strip("_")
     return name if name[:1].isalpha() else f"topic_{name}"
-
-
-def info_topic(topic: str) -> str:
-    """Return the topic beside an image topic on which its CameraInfo is sent."""
-    return topic.removesuffix("/compressed").removesuffix("/compressedDepth").rpartition("/")[0] + "/camera_info"
 
 
 def _check_topic(topic: str, available: Mapping[str, str], where: str, types: tuple[str, ...]) -> None:

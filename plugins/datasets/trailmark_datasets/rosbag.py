@@ -13,15 +13,13 @@ from trailmark.errors import SourceError
 from trailmark.frames import RGBD, DepthCamera, Image, Odometry, Payload, Record, SensorInfo, SensorOrigin
 from trailmark.geometry import Pose2, Trajectory
 from trailmark.sources import Reading, Readings, RecordedSource, ros_messages
-from trailmark.sources.pictures import as_payload_pixels
 from trailmark.sources.rgbd_pairs import RgbdPairs, StampedMessage
 from trailmark.sources.ros_poses import LocalPlane, has_fix, pose_record
 from trailmark_datasets.bagfile import BagFile, Message, open_bag
 from trailmark_datasets.config import RosbagConfig
-from trailmark_datasets.depth import depth_in_metres
 from trailmark_datasets.ros_poses import true_trajectory
 from trailmark_datasets.ros_sensors import Mountings, frame_id_of, lens_beside, unread_topics
-from trailmark_datasets.ros_topics import Choice, choose_topics, info_topic
+from trailmark_datasets.ros_topics import Choice, choose_topics
 from trailmark_datasets.ros_transforms import expect_transform, planar_transforms
 
 __all__ = ["Rosbag"]
@@ -74,7 +72,7 @@ class Rosbag(RecordedSource):
 
     def _mounted(self, info: SensorInfo, choice: Choice, mountings: Mountings) -> SensorInfo:
         """Return a sensor with the mounting that the recording gives it, and note where its facts come from."""
-        lens = info_topic(choice.topic) if info.calibration is not None else ""
+        lens = ros_messages.info_topic(choice.topic) if info.calibration is not None else ""
         found = mountings.mounting_of(choice)
         if found is None:
             self._origins[info.name] = SensorOrigin(calibration=lens)
@@ -219,7 +217,4 @@ def _same(payload: Payload) -> Payload:
 
 
 def _rgbd(colour: StampedMessage, depth: StampedMessage) -> RGBD:
-    bgr = as_payload_pixels(ros_messages.pixels(colour.message, colour.where), colour.where, grey=False)
-    raw = ros_messages.pixels(depth.message, depth.where)
-    values_per_metre = 1.0 if raw.dtype.kind == "f" else 1000.0  # 32FC1 metres, 16UC1 millimetres: REP-118
-    return RGBD(bgr, depth_in_metres(raw, values_per_metre, depth.where))
+    return ros_messages.rgbd(colour.message, depth.message, colour.where)

@@ -1,0 +1,176 @@
+"""One topic of the robot as frames of one sensor."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections import Counter
+from collections.abc import Iterator
+from typing import Any
+
+from trailmark.errors import SourceError
+from trailmark.frames import Frame, Payload
+from trailmark.pipeline.clock import live_stamp_s
+from trailmark.sources import ros_messages
+from trailmark.sources.rgbd_pairs import RgbdPairs, StampedMessage
+from trailmark_ros2.dds import Network, Quality, Sample, Subscription
+from trailmark_ros2.message_types import deserialize
+from trailmark_ros2.readings import Reader
+from trailmark_ros2.silence import reason_of_silence
+from trailmark_ros2.stamping import Stamper
+
+__all__ = ["DepthPairing", "TopicFeed"]
+
+logger = logging.getLogger(__name__)
+
+#: How many messages of a topic may wait for the program.
+DEPTH = 32
+
+#: A message of more bytes is not looked at.
+MAX_BYTES = 1 << 26
+
+
+class DepthPairing:
+    """Brings the pictures of two topics together to readings of one sensor."""
+
+    kind = "rgbd"
+    restarts = 0
+
+    def __init__(self, depth_topic: str, max_difference_s: float) -> None:
+        self.pairs = RgbdPairs(max_difference_s)
+        self._depth_topic = depth_topic
+
+    def readings(self, message: Any, stamp_s: float, topic: str) -> Iterator[tuple[float, Payload]]:
+        """Yield the pairs that are certain now, each with the stamp of its colour picture."""
+        picture = StampedMessage(stamp_s, topic, message)
+        for colour, depth in self.pairs.push(picture, topic == self._depth_topic):
+            yield colour.stamp_s, ros_messages.rgbd(colour.message, depth.message, topic)
+
+
+class TopicFeed:
+    """A subscription, and what becomes of its messages.
+
+    Attributes
+    ----------
+    sensor : str
+        Whose frames it gives.
+    subscription : Subscription
+        Of the topic.
+    frame_id : str
+        Frame of the first message's header; empty before.
+    counts : Counter of str
+        What was left out, and why.
+    last_heard_s : float
+        When the last message came, in monotonic time [s].
+    """
+
+    def __init__(
+        self,
+        sensor: str,
+        subscription: Subscription,
+        reader: Reader | DepthPairing,
+        stamper: Stamper,
+        *,
+        skips: bool,
+    ) -> None:
+        self.sensor, self.subscription = sensor, subscription
+        self.reader, self.stamper = reader, stamper
+        self.frame_id = ""
+        self.counts: Counter[str] = Counter()
+        self.last_heard_s = time.monotonic()
+        self._skips = skips
+        self._last_stamp_s = float("-inf")
+        self._is_silent = False
+
+    @property
+    def topic(self) -> str:
+        """The topic."""
+        return self.subscription.topic
+
+    def take(self) -> Iterator[Frame]:
+        """Yield frames of the messages that have come.
+
+        Raises
+        ------
+        SourceError
+            If one cannot be used and such are not to be skipped.
+        """
+        for sample in self.subscription.take():
+            came_s = live_stamp_s()
+            self._note_message()
+            try:
+                yield from self._frames(sample, came_s)
+            except Exception as error:  # a message from the network may hold anything
+                self._refuse(error)
+
+    def _frames(self, sample: Sample, came_s: float) -> Iterator[Frame]:
+        if len(sample.cdr) > MAX_BYTES:
+            raise SourceError(f"{len(sample.cdr)} bytes are more than {MAX_BYTES}")
+        message = deserialize(sample.cdr, self.subscription.type_name)
+        self.frame_id = self.frame_id or str(message.header.frame_id)
+        stamp_s = self.stamper.stamp_s(message, came_s)
+        if stamp_s is None:
+            raise SourceError("the header's stamp is empty; set stamps: receive")
+        for reading_s, payload in self._readings(message, stamp_s, sample.writer):
+            if reading_s <= self._last_stamp_s:
+                self.counts["repeated" if reading_s == self._last_stamp_s else "went_back"] += 1
+                continue
+            self._last_stamp_s = reading_s
+            self.counts["received"] += 1
+            yield Frame(self.sensor, reading_s, payload)
+
+    def _readings(self, message: Any, stamp_s: float, writer: int) -> Iterator[tuple[float, Payload]]:
+        if isinstance(self.reader, DepthPairing):
+            yield from self.reader.readings(message, stamp_s, self.topic)
+            return
+        n_restarts = self.reader.restarts
+        payload = self.reader.payload(message, stamp_s, writer)
+        if self.reader.restarts > n_restarts:
+            logger.warning("%s began anew at another origin; it goes on from where the robot was", self.topic)
+        if payload is not None:
+            yield stamp_s, payload
+
+    def _refuse(self, error: Exception) -> None:
+        what = error if isinstance(error, SourceError) else f"{type(error).__name__}: {error}"
+        message = f"{self.topic}: a message cannot be used: {what}"
+        if not self._skips:
+            raise SourceError(message) from error
+        if not self.counts["skipped"]:
+            logger.warning("%s; others like it are skipped silently", message)
+        self.counts["skipped"] += 1
+
+    # --- silence ---------------------------------------------------------------------------------------------------
+
+    def _note_message(self) -> None:
+        now_s = time.monotonic()
+        if self._is_silent:
+            logger.warning("%s is back after %.1f s", self.topic, now_s - self.last_heard_s)
+        self.last_heard_s, self._is_silent = now_s, False
+
+    def check_silence(self, network: Network, silence_s: float) -> bool:
+        """Warn of a silence, once; return whether the subscription was made anew to fit the writer that is there."""
+        silent_s = time.monotonic() - self.last_heard_s
+        if silent_s < silence_s or self._is_silent:
+            return False
+        self._is_silent = True
+        self.counts["silences"] += 1
+        logger.warning("%s is silent for %.0f s: %s", self.topic, silent_s, self.silence_reason(network))
+        if self.subscription.quality.is_reliable and self.subscription.refused_policy == "reliability":
+            best_effort = Quality(is_reliable=False, depth=self.subscription.quality.depth)
+            self.subscription = network.subscription(self.topic, self.subscription.type_name, best_effort)
+            logger.warning("%s is asked for as best effort from now on", self.topic)
+            return True
+        return False
+
+    def silence_reason(self, network: Network) -> str:
+        """Return the likely reason why nothing comes."""
+        others = [writer for writer in network.writers() if not network.is_own(writer)]
+        subscription = self.subscription
+        return reason_of_silence(self.topic, subscription.type_name, subscription.quality, others, network.domain)
+
+    def own_counts(self) -> dict[str, int]:
+        """Return what was counted, with the offset of its stamps in milliseconds."""
+        counts = {name: n for name, n in self.counts.items() if n}
+        if self.stamper.offset_s == self.stamper.offset_s:  # it is known
+            counts["offset_ms"] = round(1000 * self.stamper.offset_s)
+        return counts | ({"restarts": self.reader.restarts} if self.reader.restarts else {})

@@ -1,0 +1,182 @@
+"""Beliefs to ROS 2."""
+
+from __future__ import annotations
+
+import logging
+import time
+from typing import Any
+
+from trailmark.commands import Command, Stop
+from trailmark.estimates import Belief, EstimateRecord
+from trailmark.geometry import Pose2
+from trailmark.interfaces import RunEnd, Session, Sink
+from trailmark_ros2 import dds
+from trailmark_ros2.believing import (
+    diagnostics_message,
+    odometry_message,
+    path_message,
+    pose_message,
+    transform_message,
+)
+from trailmark_ros2.config import Ros2SinkConfig
+from trailmark_ros2.lostness import Lostness
+from trailmark_ros2.robot_odometry import RobotOdometry
+
+__all__ = ["Ros2Sink"]
+
+logger = logging.getLogger(__name__)
+
+_DIAGNOSTICS_EVERY_S = 1.0
+_PATH_EVERY_S = 0.5
+_LONGEST_PATH = 5000
+_LATCHED = dds.Quality(is_reliable=True, is_latched=True, depth=1)
+
+
+class Ros2Sink(Sink):
+    """Publishes what is believed: transform, odometry, pose, paths, diagnostics.
+
+    ``pose_map_odom = pose_map_base @ pose_odom_base.inverse()``, both at the stamp of the belief, where
+    ``pose_odom_base`` is the robot's own odometry: of a localizer Nav2 wants no more. While the robot is lost nothing
+    but diagnostics is sent, which say why.
+    """
+
+    config: Ros2SinkConfig
+
+    def __init__(self, config: Ros2SinkConfig) -> None:
+        super().__init__(config)
+        self._network: dds.Network | None = None
+        self._publishers: dict[str, dds.Publisher] = {}
+        self._odom: dds.Subscription | None = None
+
+    # --- life ------------------------------------------------------------------------------------------------------
+
+    def start(self, session: Session) -> None:
+        """Enter the network, and publish the taught path.
+
+        Raises
+        ------
+        ConfigError
+            If the network cannot be entered.
+        """
+        self.close()
+        config = self.config
+        self._lostness, self._robot_odometry = Lostness(), RobotOdometry()
+        self._way: list[Pose2] = []
+        self._drawn_s = self._diagnosed_s = float("-inf")
+        self._held_back = ""
+        self._command = "none"
+        domain = dds.default_domain() if config.domain is None else config.domain
+        self._network = dds.Network(domain, config.interface)
+        self._publish("tf", "/tf" if config.tf != "none" else None, "tf2_msgs/msg/TFMessage", dds.Quality(depth=100))
+        self._publish("odometry", config.odometry, "nav_msgs/msg/Odometry")
+        self._publish("pose", config.pose, "geometry_msgs/msg/PoseWithCovarianceStamped")
+        self._publish("path", config.path, "nav_msgs/msg/Path", _LATCHED)
+        self._publish("diagnostics", config.diagnostics, "diagnostic_msgs/msg/DiagnosticArray")
+        if config.tf == "map_odom":
+            best_effort = dds.Quality(is_reliable=False, depth=100)
+            self._odom = self._network.subscription(config.odom, "nav_msgs/msg/Odometry", best_effort)
+        if session.path is not None:
+            self._publish("taught_path", config.taught_path, "nav_msgs/msg/Path", _LATCHED)
+            poses = [waypoint.pose_map_base for waypoint in session.path.waypoints]
+            self._send("taught_path", lambda: path_message(poses, time.time(), config.map_frame))
+
+    def close(self) -> None:
+        """Leave the network."""
+        network, self._network, self._odom = self._network, None, None
+        self._publishers = {}
+        if network is not None:
+            network.close()
+
+    def _publish(self, name: str, topic: str | None, type_name: str, quality: dds.Quality | None = None) -> None:
+        assert self._network is not None
+        if topic is not None:
+            self._publishers[name] = self._network.publisher(topic, type_name, quality or dds.Quality())
+
+    def _send(self, name: str, message_of: Any) -> None:
+        if name in self._publishers:
+            self._publishers[name].send(message_of())
+
+    # --- what happens ----------------------------------------------------------------------------------------------
+
+    def on_estimate_record(self, record: EstimateRecord) -> None:
+        """Take note of who is lost."""
+        self._lostness.note_estimate(record)
+
+    def on_command(self, stamp_s: float, command: Command) -> None:
+        """Take note of the command, for diagnostics."""
+        self._command = f"stop: {command.reason}" if isinstance(command, Stop) else type(command).__name__.lower()
+
+    def on_belief(self, belief: Belief) -> None:
+        """Publish a belief, if the robot is not lost."""
+        if self._network is None:
+            return
+        lost = self._lostness.reason(belief)
+        pose = belief.pose_map_base
+        if pose is not None and (not lost or self.config.tf_while_lost):
+            config = self.config
+            self._held_back = self._send_transform(belief, pose)
+            self._send("odometry", lambda: odometry_message(belief, config.map_frame, config.base_frame))
+            self._send("pose", lambda: pose_message(belief, config.map_frame))
+            self._draw_way(belief.stamp_s, pose)
+        self._diagnose(belief, lost)
+
+    def on_end(self, end: RunEnd) -> None:
+        """Say in diagnostics how the run ended."""
+        summary = f"the run is over: {end.status} {end.reason}".strip()
+        level = "error" if end.status == "failed" else "warn"
+        self._send("diagnostics", lambda: diagnostics_message(time.time(), "trailmark", level, {}, summary=summary))
+        for publisher in self._publishers.values():
+            publisher.wait_for_acknowledgments(0.1)
+
+    # --- what is published -----------------------------------------------------------------------------------------
+
+    def _send_transform(self, belief: Belief, pose_map_base: Pose2) -> str:
+        """Publish the transform; return why it is not published, empty where it is."""
+        config = self.config
+        ahead_s = belief.stamp_s + config.transform_tolerance_s
+        if config.tf == "map_base":
+            child, pose = config.base_frame, pose_map_base
+        elif config.tf == "map_odom":
+            self._read_odometry()
+            pose_odom_base = self._robot_odometry.pose_odom_base(belief.stamp_s)
+            if pose_odom_base is None:
+                return f"{config.odom} has no pose of the belief's stamp: is it there, with the stamps of the sensors?"
+            child = config.odom_frame or self._robot_odometry.frame_id
+            pose = pose_map_base @ pose_odom_base.inverse()
+        else:
+            return ""
+        self._send("tf", lambda: transform_message(pose, ahead_s, config.map_frame, child))
+        return ""
+
+    def _read_odometry(self) -> None:
+        for message in self._odom.messages() if self._odom is not None else []:
+            try:
+                self._robot_odometry.add(message)
+            except ValueError as error:
+                logger.debug("%s: a message is left out: %s", self.config.odom, error)
+
+    def _draw_way(self, stamp_s: float, pose: Pose2) -> None:
+        if not self._way or self._way[-1].distance_to(pose) >= self.config.path_spacing_m:
+            self._way.append(pose)
+            del self._way[:-_LONGEST_PATH]
+        if stamp_s - self._drawn_s >= _PATH_EVERY_S:
+            self._drawn_s = stamp_s
+            self._send("path", lambda: path_message(self._way, stamp_s, self.config.map_frame))
+
+    def _diagnose(self, belief: Belief, lost: str) -> None:
+        if belief.stamp_s - self._diagnosed_s < _DIAGNOSTICS_EVERY_S:
+            return
+        self._diagnosed_s = belief.stamp_s
+        level = "error" if lost else ("warn" if self._held_back or belief.health else "ok")
+        summary = f"lost: {lost}" if lost else (self._held_back or "localized")
+        numbers = {
+            "fix_age_m": belief.fix_age_m,
+            "motion_age_s": belief.motion_age_s,
+            "travelled_m": belief.travelled_m,
+        }
+        values = {name: f"{value:.3f}" for name, value in numbers.items()} | {"command": self._command}
+        values |= {f"health of {name}": text for name, text in belief.health.items()}
+        self._send(
+            "diagnostics",
+            lambda: diagnostics_message(belief.stamp_s, "trailmark", level, values, summary=summary),
+        )

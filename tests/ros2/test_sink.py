@@ -1,0 +1,252 @@
+"""What the sink tells ROS, heard by a participant of its own."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import numpy as np
+import pytest
+
+from trailmark.api import create
+from trailmark.estimates import Applied, Belief, EstimateRecord, Fix, Lost, Motion, information_from_sigmas
+from trailmark.geometry import Pose2, Twist2
+from trailmark.interfaces import RunEnd, Session
+from trailmark.paths import Path, Waypoint
+from trailmark_ros2 import dds
+from trailmark_ros2.believing import covariance_of_six
+from trailmark_ros2.lostness import Lostness
+from trailmark_ros2.robot_odometry import RobotOdometry
+
+GOOD = information_from_sigmas(0.01, 0.01, 0.01)
+THERE = Pose2(3.0, -2.0, 0.7)
+TYPES = {
+    "/tf": "tf2_msgs/msg/TFMessage",
+    "/trailmark/odometry": "nav_msgs/msg/Odometry",
+    "/trailmark/pose": "geometry_msgs/msg/PoseWithCovarianceStamped",
+    "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
+}
+
+
+def belief(stamp_s: float, pose: Pose2 | None = THERE) -> Belief:
+    covariance = np.array([[0.04, 0.01, 0.0], [0.01, 0.09, 0.002], [0.0, 0.002, 0.01]])
+    return Belief(stamp_s, pose, None if pose is None else covariance, Pose2(), Twist2(0.4, 0.05, -0.1))
+
+
+def record(source: str, estimate, status="accepted") -> EstimateRecord:
+    return EstimateRecord(estimate.stamp_s, source, estimate, Applied(status))
+
+
+@pytest.fixture
+def listening(domain, robot, wait_for):
+    """Return a started sink, with what is heard of it by topic."""
+    sinks = []
+
+    def start(session=None, **keys):
+        heard = {topic: robot.hear(topic, type_name) for topic, type_name in TYPES.items()}
+        sink = create("sink", "ros2", domain=domain, **keys)
+        sinks.append(sink)
+        sink.start(session or Session("ros"))
+        sent = [topic for topic in TYPES if topic != "/tf" or keys.get("tf") != "none"]
+        assert wait_for(lambda: all(heard[topic].n_matched for topic in sent))
+        return sink, heard
+
+    yield start
+    for sink in sinks:
+        sink.close()
+
+
+def matrix(transform) -> np.ndarray:
+    theta = 2.0 * math.atan2(transform.rotation.z, transform.rotation.w)
+    return Pose2(transform.translation.x, transform.translation.y, theta).matrix()
+
+
+def with_odometry(sink, robot, messages, wait_for, pose: Pose2, stamp_s: float) -> None:
+    """Let the sink hear the robot's odometry, at the stamp and 20 ms before and after."""
+    assert wait_for(lambda: [reader for reader in robot.network.readers() if reader.topic == "/odom"])
+    for dt_s in (-0.02, 0.0, 0.02):
+        robot.send("/odom", messages.odometry(pose.x, pose.y, pose.theta, stamp_s=stamp_s + dt_s))
+        time.sleep(0.1)  # the first may come before the match
+
+
+def test_the_transform_completes_the_robots_own_odometry(listening, robot, messages, wait_for) -> None:
+    sink, heard = listening()
+    now_s = time.time()
+    pose_odom_base, believed = Pose2(10.0, 5.0, -1.2), belief(now_s)
+    with_odometry(sink, robot, messages, wait_for, pose_odom_base, now_s)
+    with_odometry(sink, robot, messages, wait_for, pose_odom_base, now_s + 0.1)
+
+    sink.on_belief(believed)
+    ((stamped,),) = [message.transforms for message in wait_for(heard["/tf"].messages)]
+
+    assert (stamped.header.frame_id, stamped.child_frame_id) == ("map", "odom")
+    product = matrix(stamped.transform) @ pose_odom_base.matrix()
+    np.testing.assert_allclose(product, believed.pose_map_base.matrix(), atol=1e-9)
+    stamp_s = stamped.header.stamp.sec + stamped.header.stamp.nanosec / 1e9
+    assert stamp_s == pytest.approx(now_s + 1.0, abs=1e-6)  # ahead, as AMCL's
+
+
+def test_the_transform_may_lead_to_base(listening, wait_for) -> None:
+    sink, heard = listening(tf="map_base")
+    believed = belief(time.time())
+
+    sink.on_belief(believed)
+    ((stamped,),) = [message.transforms for message in wait_for(heard["/tf"].messages)]
+
+    assert stamped.child_frame_id == "base_link"
+    np.testing.assert_allclose(matrix(stamped.transform), believed.pose_map_base.matrix(), atol=1e-9)
+
+
+def test_pose_odometry_and_covariance_are_those_believed(listening, wait_for) -> None:
+    sink, heard = listening(tf="none")
+    believed = belief(time.time())
+
+    sink.on_belief(believed)
+    (odometry,) = wait_for(heard["/trailmark/odometry"].messages)
+    (pose,) = wait_for(heard["/trailmark/pose"].messages)
+
+    assert (odometry.header.frame_id, odometry.child_frame_id) == ("map", "base_link")
+    assert (pose.pose.pose.position.x, pose.pose.pose.position.y) == (3.0, -2.0)
+    assert 2.0 * math.asin(pose.pose.pose.orientation.z) == pytest.approx(0.7)
+    twist = odometry.twist.twist
+    assert (twist.linear.x, twist.linear.y, twist.angular.z) == (0.4, 0.05, -0.1)
+    six = pose.pose.covariance
+    assert (six[0], six[7], six[35]) == (0.04, 0.09, 0.01)  # x, y, yaw
+    assert (six[1], six[11]) == (0.01, 0.002)  # x with y, y with yaw
+
+
+def test_an_unknown_covariance_is_huge() -> None:
+    six = covariance_of_six(None).reshape(6, 6)
+
+    assert six[0, 0] == six[1, 1] == six[5, 5] == 1e6
+
+
+def test_nothing_is_told_while_the_robot_is_lost_but_why(listening, wait_for) -> None:
+    sink, heard = listening(tf="map_base")
+    now_s = time.time()
+    sink.on_estimate_record(record("eye", Lost(now_s, "too dark"), "unused"))
+
+    sink.on_belief(belief(now_s))
+    (diagnosis,) = wait_for(heard["/diagnostics"].messages)
+    time.sleep(0.2)
+
+    (status,) = diagnosis.status
+    assert (status.level, status.message) == (2, "lost: eye: too dark")
+    assert not [topic for topic in ("/tf", "/trailmark/odometry", "/trailmark/pose") if heard[topic].messages()]
+
+
+def test_a_robot_that_is_found_again_is_told_again(listening, wait_for) -> None:
+    sink, heard = listening(tf="map_base")
+    now_s = time.time()
+    sink.on_estimate_record(record("eye", Lost(now_s, "too dark"), "unused"))
+    sink.on_belief(belief(now_s))
+
+    sink.on_estimate_record(record("eye", Fix(now_s + 0.1, Pose2(3.0, -2.0, 0.7), GOOD)))
+    sink.on_belief(belief(now_s + 0.1))
+
+    assert wait_for(heard["/tf"].messages)
+
+
+def test_nothing_is_told_before_a_pose_is_known(listening, wait_for) -> None:
+    sink, heard = listening(tf="map_base")
+
+    sink.on_belief(belief(time.time(), None))
+    (diagnosis,) = wait_for(heard["/diagnostics"].messages)
+
+    assert diagnosis.status[0].message == "lost: no pose is known yet"
+    assert not heard["/tf"].messages()
+
+
+def test_without_the_robots_odometry_there_is_no_transform_and_it_is_said(listening, wait_for) -> None:
+    sink, heard = listening()
+    now_s = time.time()
+
+    sink.on_belief(belief(now_s))
+    sink.on_belief(belief(now_s + 1.5))
+
+    said = [diagnosis.status[0] for diagnosis in wait_for(heard["/diagnostics"].messages)]
+    assert said[0].level == 1
+    assert "/odom has no pose of the belief's stamp" in said[0].message
+    assert not heard["/tf"].messages()
+
+
+def test_the_taught_path_waits_for_who_comes_late(listening, robot, wait_for) -> None:
+    path = Path([Waypoint(0, 0.0, Pose2()), Waypoint(1, 1.0, Pose2(1.0, 0.5, 0.2))])
+    listening(Session("ros", "replay", path=path))
+
+    late = robot.hear("/trailmark/taught_path", "nav_msgs/msg/Path", dds.Quality(is_latched=True))
+    (message,) = wait_for(late.messages)
+
+    assert [(pose.pose.position.x, pose.pose.position.y) for pose in message.poses] == [(0.0, 0.0), (1.0, 0.5)]
+
+
+def test_the_end_is_said(listening, wait_for) -> None:
+    sink, heard = listening()
+
+    sink.on_end(RunEnd("failed", "the camera burnt"))
+
+    (diagnosis,) = wait_for(heard["/diagnostics"].messages)
+    assert diagnosis.status[0].message == "the run is over: failed the camera burnt"
+
+
+class TestLostness:
+    def test_wheels_that_turn_do_not_find_a_lost_camera(self) -> None:
+        lostness = Lostness()
+        lostness.note_estimate(record("wheels", Motion(0.0, 0.1, Pose2(0.1), GOOD)))
+        assert lostness.reason(belief(0.1)) == ""
+
+        lostness.note_estimate(record("eye", Lost(0.1, "too dark"), "unused"))
+
+        assert lostness.reason(belief(0.1)) == "eye: too dark"
+
+    def test_one_of_two_eyes_is_enough(self) -> None:
+        lostness = Lostness()
+        lostness.note_estimate(record("left", Lost(0.1, "too dark"), "unused"))
+        lostness.note_estimate(record("right", Fix(0.1, Pose2(), GOOD)))
+
+        assert lostness.reason(belief(0.1)) == ""
+
+    def test_a_camera_of_the_floor_that_lost_its_track_is_covered_by_the_wheels(self) -> None:
+        lostness = Lostness()
+        for name in ("floor", "wheels"):
+            lostness.note_estimate(record(name, Motion(0.0, 0.1, Pose2(0.1), GOOD)))
+
+        lostness.note_estimate(record("floor", Lost(0.2, "blurred"), "unused"))
+        assert lostness.reason(belief(0.2)) == ""
+
+        lostness.note_estimate(record("wheels", Lost(0.3, "slipping"), "unused"))
+        assert lostness.reason(belief(0.3)) == "floor: blurred; wheels: slipping"
+
+    def test_a_place_that_is_not_accepted_finds_nobody(self) -> None:
+        lostness = Lostness()
+        lostness.note_estimate(record("eye", Lost(0.1, "too dark"), "unused"))
+
+        lostness.note_estimate(record("eye", Fix(0.2, Pose2(), GOOD), "gated"))
+
+        assert lostness.reason(belief(0.2)) == "eye: too dark"
+
+
+class TestRobotOdometry:
+    def test_poses_between_messages_are_interpolated(self, messages) -> None:
+        odometry = RobotOdometry()
+        odometry.add(messages.odometry(1.0, stamp_s=10.0))
+        odometry.add(messages.odometry(2.0, stamp_s=11.0))
+
+        assert odometry.pose_odom_base(10.25).x == pytest.approx(1.25)
+        assert odometry.pose_odom_base(9.9) is None
+
+    def test_it_is_predicted_by_its_velocity_for_a_short_time(self, messages) -> None:
+        odometry, message = RobotOdometry(), messages.odometry(1.0, stamp_s=10.0)
+        message.twist.twist.linear.x = 0.5
+        odometry.add(message)
+
+        assert odometry.pose_odom_base(10.1).x == pytest.approx(1.05)
+        assert odometry.pose_odom_base(10.3) is None
+
+    def test_odometry_that_goes_back_in_time_begins_anew(self, messages) -> None:
+        odometry = RobotOdometry()
+        odometry.add(messages.odometry(1.0, stamp_s=10.0))
+
+        odometry.add(messages.odometry(0.0, stamp_s=2.0))
+
+        assert odometry.pose_odom_base(2.0).x == 0.0
