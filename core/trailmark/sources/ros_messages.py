@@ -13,6 +13,7 @@ from trailmark.frames import RGBD, Image, Imu, Odometry, Pinhole, Scan
 from trailmark.geometry import Pose2, Twist2
 from trailmark.sources.depth import depth_in_metres
 from trailmark.sources.pictures import as_payload_pixels, decode_raw
+from trailmark.sources.rgbd_pairs import StampedMessage
 
 __all__ = [
     "COMPRESSED",
@@ -135,12 +136,12 @@ def image(message: Any, where: str) -> Image:
     return Image(as_payload_pixels(pixels(message, where), where, None))
 
 
-def rgbd(colour: Any, depth: Any, where: str) -> RGBD:
+def rgbd(colour: StampedMessage, depth: StampedMessage) -> RGBD:
     """Return a colour picture and a depth picture as one reading; depth is 32FC1 in metres or 16UC1 in millimetres."""
-    bgr = as_payload_pixels(pixels(colour, where), where, grey=False)
-    raw = pixels(depth, where)
+    bgr = as_payload_pixels(pixels(colour.message, colour.where), colour.where, grey=False)
+    raw = pixels(depth.message, depth.where)
     values_per_metre = 1.0 if raw.dtype.kind == "f" else 1000.0  # REP-118
-    return RGBD(bgr, depth_in_metres(raw, values_per_metre, where))
+    return RGBD(bgr, depth_in_metres(raw, values_per_metre, depth.where))
 
 
 def planar_pose(pose: Any) -> Pose2:

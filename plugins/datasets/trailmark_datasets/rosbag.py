@@ -180,7 +180,7 @@ class Rosbag(RecordedSource):
             yield self._rgbd_reading(choice.sensor, colour, depth)
 
     def _rgbd_reading(self, sensor: str, colour: StampedMessage, depth: StampedMessage) -> Reading:
-        return Reading(sensor, colour.stamp_s, colour.where, partial(_rgbd, colour, depth))
+        return Reading(sensor, colour.stamp_s, colour.where, partial(ros_messages.rgbd, colour, depth))
 
     def _payload(self, choice: Choice, message: Message) -> Payload:
         try:
@@ -214,7 +214,3 @@ class Rosbag(RecordedSource):
 
 def _same(payload: Payload) -> Payload:
     return payload
-
-
-def _rgbd(colour: StampedMessage, depth: StampedMessage) -> RGBD:
-    return ros_messages.rgbd(colour.message, depth.message, colour.where)

@@ -44,7 +44,7 @@ class DepthPairing:
         """Yield the pairs that are certain now, each with the stamp of its colour picture."""
         picture = StampedMessage(stamp_s, topic, message)
         for colour, depth in self.pairs.push(picture, topic == self._depth_topic):
-            yield colour.stamp_s, ros_messages.rgbd(colour.message, depth.message, topic)
+            yield colour.stamp_s, ros_messages.rgbd(colour, depth)
 
 
 class TopicFeed:
