@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import logging
 import math
+import re
 import threading
 import time
 
@@ -337,7 +338,7 @@ def test_stamps_of_another_clock_are_measured_and_told(robot, messages, started,
 
     assert frames[-1].stamp_s - time.time() > 2.5
     assert source.counters()["offset_ms.wheels"] == pytest.approx(3100, abs=300)
-    assert "/odom: header stamps are 3.1" in caplog.text
+    assert re.search(r"/odom: header stamps are (3.\d|2.9)\d* s ahead of this machine", caplog.text)
 
 
 def test_stamps_of_arrival_ignore_the_clock_of_the_sender(robot, messages, started) -> None:
