@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from trailmark.errors import StoreError
+from trailmark.geometry import Pose3
 from trailmark_kinect_landmarks.landmarks import SeenLandmarks
-from trailmark_kinect_landmarks.memory import LandmarkMemory, MemoryLimits
+from trailmark_kinect_landmarks.memory import Anchor, LandmarkMemory, MemoryLimits
+from trailmark_kinect_landmarks.systematic import Drift
 
 ROW = np.array([0])
 
@@ -21,7 +23,7 @@ def _seen(n: int = 2) -> SeenLandmarks:
 
 def _memory(is_trusted: bool = False) -> LandmarkMemory:
     memory = LandmarkMemory(MemoryLimits(trial=3, moved_after=2))
-    memory.add(_seen(), np.eye(3), np.zeros(3), np.zeros((3, 3)), is_trusted)
+    memory.add(_seen(), Anchor(np.eye(4), np.zeros((3, 3))), is_trusted)
     return memory
 
 
@@ -42,9 +44,9 @@ def test_what_is_remembered_at_the_start_votes_at_once() -> None:
 
 def test_landmarks_are_remembered_in_map_axes() -> None:
     memory = LandmarkMemory()
-    quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    quarter = Pose3(x=1.0, yaw=np.pi / 2).matrix()
 
-    memory.add(_seen(1), quarter, np.array([1.0, 0.0, 0.0]), np.zeros((3, 3)), is_trusted=True)
+    memory.add(_seen(1), Anchor(quarter, np.zeros((3, 3))), is_trusted=True)
 
     np.testing.assert_allclose(memory.points, [[1.0, 2.0, 0.0]])
 
@@ -90,6 +92,36 @@ def test_what_is_stored_is_what_is_loaded() -> None:
         np.testing.assert_array_equal(again.arrays()[name], array)
 
 
+def test_a_map_of_an_earlier_version_is_read_without_its_anchors() -> None:
+    arrays = _memory().arrays()
+    del arrays["anchor"]
+    memory = LandmarkMemory()
+
+    memory.load(arrays)
+
+    assert memory.drift(ROW, np.eye(4), 2.0) == Drift(depth_m=2.0)
+
+
+def test_drift_grows_from_where_landmarks_were_remembered_and_falls_on_the_way_back() -> None:
+    memory = LandmarkMemory()
+    there = Anchor(Pose3(x=1.0).matrix(), np.zeros((3, 3)), Drift(way_m=1.0))
+    first = memory.add(_seen(1), Anchor(np.eye(4), np.zeros((3, 3))), is_trusted=True)
+    later = memory.add(_seen(1), there, is_trusted=True)
+
+    assert memory.drift(later, Pose3(x=3.0).matrix(), 2.0).way_m == pytest.approx(3.0)
+    assert memory.drift(first, Pose3(x=0.1, yaw=0.2).matrix(), 2.0) == Drift(
+        pytest.approx(0.1), pytest.approx(0.2), 2.0
+    )
+
+
+def test_a_memory_that_is_cleared_is_empty() -> None:
+    memory = _memory()
+
+    memory.clear()
+
+    assert len(memory) == 0
+
+
 def test_arrays_that_do_not_belong_together_are_refused() -> None:
     arrays = _memory().arrays()
     arrays["kind"] = arrays["kind"][:1]
@@ -107,7 +139,7 @@ def _at(picture: int, n: int, rng: np.random.Generator) -> SeenLandmarks:
 
 def test_memory_stays_bounded_over_ten_thousand_pictures() -> None:
     memory, rng = LandmarkMemory(MemoryLimits(trial=3, moved_after=2, most=300)), np.random.default_rng(7)
-    memory.add(_seen(4), np.eye(3), np.zeros(3), np.zeros((3, 3)), is_trusted=True)
+    memory.add(_seen(4), Anchor(np.eye(4), np.zeros((3, 3))), is_trusted=True)
     memory.size_m[:4] = 7.0  # by which they are known again
     followed = np.arange(4)
     most = 0
@@ -118,7 +150,7 @@ def test_memory_stays_bounded_over_ten_thousand_pictures() -> None:
         assert (followed >= 0).all()
         if picture % 10 == 0:
             memory.agree(followed, memory.points[followed].copy(), np.tile(np.eye(3) * 1e-4, (len(followed), 1, 1)))
-        new = memory.add(_at(picture, 3, rng), np.eye(3), np.zeros(3), np.zeros((3, 3)), is_trusted=picture % 5 == 0)
+        new = memory.add(_at(picture, 3, rng), Anchor(np.eye(4), np.zeros((3, 3))), is_trusted=picture % 5 == 0)
         assert new[-1] == len(memory) - 1
         most = max(most, len(memory))
 
@@ -129,7 +161,7 @@ def test_memory_stays_bounded_over_ten_thousand_pictures() -> None:
 
 def test_those_seen_often_outlive_those_seen_once_and_the_moved_go_first() -> None:
     memory = LandmarkMemory(MemoryLimits(trial=1, moved_after=1, most=100))
-    memory.add(_seen(101), np.eye(3), np.zeros(3), np.zeros((3, 3)), is_trusted=True)
+    memory.add(_seen(101), Anchor(np.eye(4), np.zeros((3, 3))), is_trusted=True)
     memory.size_m[:] = np.arange(101)
     often = np.arange(0, 50)
     for _ in range(5):
@@ -152,7 +184,7 @@ def test_a_taught_place_is_never_forgotten() -> None:
 
     for _ in range(200):
         memory.forget(np.empty(0, np.intp))
-        memory.add(_seen(1), np.eye(3), np.zeros(3), np.zeros((3, 3)), is_trusted=False)
+        memory.add(_seen(1), Anchor(np.eye(4), np.zeros((3, 3))), is_trusted=False)
 
     assert memory.is_taught.sum() == 2
     assert len(memory) < 2 + 100

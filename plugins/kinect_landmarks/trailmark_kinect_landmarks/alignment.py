@@ -18,10 +18,12 @@ from trailmark.geometry.rigid import kabsch
 from trailmark_kinect_landmarks.expectation import Expected
 
 __all__ = [
+    "GATES",
     "AlignmentLimits",
     "CloudAlignment",
     "Refusal",
     "align",
+    "allowed",
     "jacobian",
     "planar_covariance",
     "pose_from_two",
@@ -30,10 +32,12 @@ __all__ = [
 
 Array = npt.NDArray[np.float64]
 
-_GATE = {2: 13.8, 3: 16.3}  # chi-square, 99.9 %
+#: Squared sigmas in two and three numbers: chi-square, 99.9 %.
+GATES = {2: 13.8, 3: 16.3}
 _N_GAUSS_NEWTON = 6
 _SOFT = 9.0  # squared sigmas at which a residual counts a quarter
 _TRUSTED_SHARE = 0.4  # of the landmarks that agree with where the prediction leads, so that nothing else is tried
+_LEAST_NOISE = 0.25  # of the variance that is assumed: a quiet camera says so by its residuals, a few of them by chance
 _N_FINALISTS = 5  # sets that are judged with the full covariances
 _MAX_EXHAUSTIVE = 120  # minimal sets tried all, rather than drawn
 
@@ -185,8 +189,18 @@ def align(
         return refusal
     misses = points_a[inliers] - points_b[inliers] @ R.T - t
     dof = max(1, D * int(inliers.sum()) - len(H))
-    covariance = np.linalg.inv(H) * max(1.0, chi2 / dof)
+    covariance = np.linalg.inv(H) * max(_LEAST_NOISE, chi2 / dof)
     return CloudAlignment(R, t, covariance, inliers, math.sqrt(float((misses**2).sum(axis=1).mean())))
+
+
+def allowed(points_a: Array, points_b: Array, cov_a: Array, cov_b: Array, expected: Expected) -> npt.NDArray[np.bool_]:
+    """Return which landmarks are where they may be, given how sure the expectation is."""
+    R, t = expected.R, expected.t
+    J = jacobian(points_b @ R.T)
+    cov = cov_a + R @ cov_b @ R.T + J @ np.linalg.inv(expected.information) @ J.transpose(0, 2, 1)
+    misses = points_a - points_b @ R.T - t
+    squared = np.einsum("ni,nij,nj->n", misses, np.linalg.inv(cov), misses)
+    return np.asarray(squared < GATES[points_a.shape[1]])
 
 
 def _from_expected(
@@ -198,7 +212,7 @@ def _from_expected(
     as the median residual of the others asks for, and narrows as that falls: an expectation that is off is off for all
     of them alike.
     """
-    able = _allowed(points_a, points_b, cov_a, cov_b, expected)
+    able = allowed(points_a, points_b, cov_a, cov_b, expected)
     if able.mean() < _TRUSTED_SHARE:
         return None
     a, b, P, Q = points_a[able], points_b[able], cov_a[able], cov_b[able]
@@ -210,16 +224,6 @@ def _from_expected(
         R, t, _, _ = _step(a, b, P, Q, R, t, max(_SOFT, 2.0 * median), expected)
     agreeing = able & _gated(points_a, points_b, cov_a, cov_b, R, t)
     return (R, t, agreeing) if agreeing.mean() >= _TRUSTED_SHARE else None
-
-
-def _allowed(points_a: Array, points_b: Array, cov_a: Array, cov_b: Array, expected: Expected) -> npt.NDArray[np.bool_]:
-    """Return which landmarks are where they may be, given how sure the expectation is."""
-    R, t = expected.R, expected.t
-    J = jacobian(points_b @ R.T)
-    cov = cov_a + R @ cov_b @ R.T + J @ np.linalg.inv(expected.information) @ J.transpose(0, 2, 1)
-    misses = points_a - points_b @ R.T - t
-    squared = np.einsum("ni,nij,nj->n", misses, np.linalg.inv(cov), misses)
-    return np.asarray(squared < _GATE[points_a.shape[1]])
 
 
 def _sets(n: int, size: int, rng: np.random.Generator, n_tries: int) -> npt.NDArray[np.intp]:
@@ -243,11 +247,11 @@ def _consensus(
     Rs, ts = kabsch(points_a[sets], points_b[sets], np.ones(sets.shape))
     variance = (np.trace(cov_a, axis1=1, axis2=2) + np.trace(cov_b, axis1=1, axis2=2)) / D
     misses = points_a - np.einsum("hij,nj->hni", Rs, points_b) - ts[:, None, :]
-    cost = np.minimum((misses**2).sum(axis=2) / variance, _GATE[D]).sum(axis=1)
+    cost = np.minimum((misses**2).sum(axis=2) / variance, GATES[D]).sum(axis=1)
     candidates = [(Rs[i], ts[i]) for i in np.argsort(cost)[:_N_FINALISTS]]
     if expected is not None:
         candidates.append((expected.R, expected.t))
-    exact = [np.minimum(_whitened(points_a, points_b, cov_a, cov_b, R, t)[2], _GATE[D]).sum() for R, t in candidates]
+    exact = [np.minimum(_whitened(points_a, points_b, cov_a, cov_b, R, t)[2], GATES[D]).sum() for R, t in candidates]
     return candidates[int(np.argmin(exact))]
 
 
@@ -265,7 +269,7 @@ def _gated(
     points_a: Array, points_b: Array, cov_a: Array, cov_b: Array, R: Array, t: Array, slack: float = 1.0
 ) -> npt.NDArray[np.bool_]:
     squared = _whitened(points_a, points_b, cov_a, cov_b, R, t)[2]
-    return np.asarray(squared < _GATE[points_a.shape[1]] * slack)
+    return np.asarray(squared < GATES[points_a.shape[1]] * slack)
 
 
 def _step(

@@ -17,6 +17,7 @@ from trailmark_kinect_landmarks.calibration import Crop, depth_pixels, register_
 from trailmark_kinect_landmarks.config import RgbdConfig
 from trailmark_kinect_landmarks.depth import DepthLimits, correct_depth, depth_at, depth_sigma, scan_depth
 from trailmark_kinect_landmarks.landmarks import point_covariances
+from trailmark_kinect_landmarks.registration import Registration
 from trailmark_kinect_landmarks.triangulation import DepthKind, Sights, pixel_angles, planar_range, sights
 
 __all__ = ["DepthPixels", "LandmarkCamera", "alignment_limits"]
@@ -73,16 +74,22 @@ class LandmarkCamera:
         crop = config.crop
         self._crop = Crop(crop.left, crop.right, crop.top, crop.bottom) if crop else None
         self._R_base_camera = info.pose_base_sensor.rotation()
+        #: What was measured where depth does not lie on colour as the calibration says.
+        self.registration: Registration | None = None
         self._pose_laser_camera = scan_info.pose_base_sensor.inverse() @ info.pose_base_sensor if scan_info else Pose3()
 
     def registered(self, payload: RGBD) -> npt.NDArray[np.float32]:
-        """Return depth pixel by pixel as the colour picture, NaN where unknown.
+        """Return depth pixel by pixel as the colour picture, NaN where unknown; by what was measured, if anything was.
 
         Raises
         ------
         ConfigError
             If depth and colour differ in size and nothing says how they belong together.
         """
+        as_given = self._registered_as_given(payload)
+        return as_given if self.registration is None else self.registration.apply(as_given)
+
+    def _registered_as_given(self, payload: RGBD) -> npt.NDArray[np.float32]:
         height, width = payload.bgr.shape[:2]
         if self._crop is not None:
             return _by_crop(payload.depth_m, self._crop, (width, height))

@@ -6,11 +6,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+
+from trailmark.arrays import Floats as Array
+from trailmark_kinect_landmarks.systematic import Rates
 
 __all__ = ["Expectation", "Expected"]
-
-Array = npt.NDArray[np.float64]
 
 _LEARNS = 0.15  # what the newest miss counts, the first ones more
 _SLACK = 2.0  # sigmas of the misses of late that an expectation is worth
@@ -107,6 +107,20 @@ class Expectation:
         before_s, before = self._poses[0]
         share = (stamp_s - last_s) / (last_s - before_s)
         return last @ (np.linalg.inv(before) @ last) if 0.5 < share < 2.0 else last
+
+    def rates(self) -> Rates | None:
+        """Return how fast the camera has moved between the last two poses; None with fewer."""
+        if len(self._poses) < 2:
+            return None
+        (before_s, before), (last_s, last) = self._poses
+        dt_s = last_s - before_s
+        if not math.isfinite(dt_s) or dt_s <= 0.0:
+            return None
+        turned = before[:3, :3].T @ last[:3, :3]
+        spin_rad = math.acos(min(1.0, max(-1.0, (float(np.trace(turned)) - 1.0) / 2.0)))
+        heading_rad = math.atan2(last[1, 0], last[0, 0]) - math.atan2(before[1, 0], before[0, 0])
+        turn_rad = math.remainder(heading_rad, math.tau)
+        return Rates((last[:2, 3] - before[:2, 3]) / dt_s, turn_rad / dt_s, spin_rad / dt_s)
 
     def motion(self, stamp_s: float, n_dimensions: int) -> Expected | None:
         """Return what is expected at a stamp, in the plane (2) or in space (3), and what it is worth."""

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Floats as Array
 from trailmark.errors import ShapeError
 from trailmark.estimates import Belief, Estimate, Fix, Lost, Motion, information_from_covariance
 from trailmark.frames import RGBD, Frame, Scalar, Scan
@@ -22,19 +24,22 @@ from trailmark_kinect_landmarks.depth import as_scan
 from trailmark_kinect_landmarks.effort import Effort
 from trailmark_kinect_landmarks.expectation import Expectation, Expected
 from trailmark_kinect_landmarks.eye import LandmarkDetector, PreparedImage
-from trailmark_kinect_landmarks.memory import LandmarkMemory, MemoryLimits
+from trailmark_kinect_landmarks.fuzzy import SearchPlan
+from trailmark_kinect_landmarks.memory import Anchor, LandmarkMemory, MemoryLimits
 from trailmark_kinect_landmarks.paper_numbers import paper_numbers
+from trailmark_kinect_landmarks.registration import Registration
 from trailmark_kinect_landmarks.stages import StagePictures
+from trailmark_kinect_landmarks.systematic import motion_systematic, systematic_covariance
 from trailmark_kinect_landmarks.tracker import Solved, TrackedLandmarks, Tracker
+from trailmark_kinect_landmarks.watch import DepthWatch
 
 __all__ = ["KinectLandmarks", "KinectMotion"]
 
 logger = logging.getLogger(__name__)
 
-Array = npt.NDArray[np.float64]
-
 _MAP = "map"
 _LIGHT = "light"
+_REGISTRATION = "registration"
 #: Of a fix however many landmarks agree: what all of them share (calibration, stamps).
 _FLOOR = np.diag([0.003**2, 0.003**2, 0.0015**2])
 #: Of a pose at which landmarks are remembered anew after a while without any.
@@ -54,6 +59,7 @@ class KinectLandmarks(Localizer):
         self._camera = LandmarkCamera(
             config, session.sensors[config.camera], session.sensors[config.scan] if config.scan else None
         )
+        self._watch = DepthWatch(session.name or "kinect_landmarks", config.camera)
         self._eye = LandmarkDetector(config, self._camera)
         self._memory = LandmarkMemory(MemoryLimits(config.trial, config.moved_after, config.remembered))
         self._tracker = Tracker(config, self._camera, self._eye, self._memory, alignment_limits(config), session.rng)
@@ -64,7 +70,7 @@ class KinectLandmarks(Localizer):
         self._expectation = Expectation()
         self._start_pose: Pose2 | None = None
         self._told: tuple[float, Pose2, Array] | None = None
-        self._counts = {"lost": 0, "restarts": 0, "relocalized": 0}
+        self._counts = {"lost": 0, "restarts": 0, "relocalized": 0, "registered": 0}
         if session.mode != "teach":
             self._load()
 
@@ -99,7 +105,32 @@ class KinectLandmarks(Localizer):
         self._expectation.took(stamp_s, solved.T_map_base)
         if self._stages is not None:
             self._stages.write(stamp_s, picture, solved.agreeing, self._camera)
-        return self._answer(stamp_s, solved, picture)
+        answers = self._answer(stamp_s, solved, picture)
+        planar = Pose3.from_matrix(solved.T_map_base).planar()
+        odom = belief.pose_odom_base
+        self._watch.compare_ways((planar.x, planar.y), (odom.x, odom.y))
+        if self._watch.look(stamp_s, picture.grey, picture.registered_m, self._expectation.rates()):
+            self._register(payload, solved, plan)
+        return answers
+
+    def _register(self, payload: RGBD, solved: Solved, plan: SearchPlan) -> None:
+        """Begin anew with depth where it was found to lie: landmarks that were seen before stand at wrong depths."""
+        self._counts["registered"] += 1
+        if self._memory.is_taught.any():
+            logger.warning(
+                "%s: this place was taught with depth that did not lie on colour; teach it again", self._session.name
+            )
+            return
+        found = self._camera.registration = self._watch.registration.found
+        assert found is not None
+        share = found.share((payload.bgr.shape[1], payload.bgr.shape[0]))
+        systematic = systematic_covariance(share, solved.drift, None)
+        anchor = Anchor(solved.T_map_base, solved.covariance + systematic)
+        self._memory.clear()
+        self._tracker.forget()
+        picture = self._eye.prepare(payload, self._light, self._scan, plan.scale)
+        _, others = self._tracker.look(picture, plan, None)
+        self._tracker.remember(others, anchor)
 
     def latency_s(self) -> float:
         """Return what the last picture takes by the finders that looked at it [s]."""
@@ -112,9 +143,12 @@ class KinectLandmarks(Localizer):
         if localizer_map is None or not keyframes:
             return
         gathered = LandmarkMemory()
-        for keyframe in keyframes:
-            gathered.load({name: array for name, array in keyframe.arrays.items() if name != _LIGHT})
-        localizer_map.save(_MAP, gathered.arrays() | {_LIGHT: keyframes[0].arrays[_LIGHT]})
+        registration = keyframes[-1].arrays.get(_REGISTRATION, Registration().array())
+        for keyframe in keyframes:  # what was remembered before depth was registered stands at wrong depths
+            if np.array_equal(keyframe.arrays.get(_REGISTRATION, registration), registration):
+                gathered.load(_landmarks_of(keyframe.arrays))
+        about = {_LIGHT: keyframes[0].arrays[_LIGHT], _REGISTRATION: registration}
+        localizer_map.save(_MAP, gathered.arrays() | about)
 
     def counters(self) -> Mapping[str, int]:
         """Return how often it was lost, began anew, or found back."""
@@ -124,7 +158,11 @@ class KinectLandmarks(Localizer):
         saved = self._session.map.load(_MAP) if self._session.map is not None else None
         if saved is None:
             return
-        self._memory.load({name: array for name, array in saved.items() if name != _LIGHT})
+        self._memory.load(_landmarks_of(saved))
+        registration = Registration(*saved.get(_REGISTRATION, Registration().array()).tolist())
+        if registration != Registration():
+            self._camera.registration = registration
+            self._watch.registration.take(registration)
         picture, measured = (*saved[_LIGHT], np.nan)[:2]
         self._eye.reference_light = Light(float(picture), None if np.isnan(measured) else float(measured))
         self._start_pose = self._session.start_pose or Pose2()
@@ -140,7 +178,7 @@ class KinectLandmarks(Localizer):
         if len(others) < needed:
             return [self._lost_now(stamp_s, f"{len(others)} landmarks with depth, {needed} are needed", {})]
         T_map_base = Pose3.from_planar(pose).matrix()
-        rows = self._tracker.remember(others, T_map_base, np.zeros((3, 3)))
+        rows = self._tracker.remember(others, Anchor(T_map_base, np.zeros((3, 3))))
         self._remember(stamp_s, belief, T_map_base, rows)
         self._start_pose = pose
         self._expectation.begin(stamp_s, T_map_base)
@@ -166,7 +204,7 @@ class KinectLandmarks(Localizer):
             T_map_base = last[1]
             if has_motion and belief.pose_map_base is not None:
                 T_map_base = Pose3.from_planar(belief.pose_map_base).matrix()
-            self._tracker.remember(others, T_map_base, _RESTART)
+            self._tracker.remember(others, Anchor(T_map_base, _RESTART))
             self._expectation.begin(stamp_s, T_map_base)
             self._counts["restarts"] += 1
             reason += "; remembers anew"
@@ -187,14 +225,14 @@ class KinectLandmarks(Localizer):
             return
         light = self._eye.reference_light or Light(1.0)
         lights = np.array([light.picture, np.nan if light.measured is None else light.measured])
-        arrays = self._memory.arrays(rows) | {_LIGHT: lights}
+        registration = (self._camera.registration or Registration()).array()
+        arrays = self._memory.arrays(rows) | {_LIGHT: lights, _REGISTRATION: registration}
         pose = Pose3.from_matrix(T_map_base).planar()
         localizer_map.add(Keyframe(belief.travelled_m, stamp_s, pose, arrays))
 
     def _answer(self, stamp_s: float, solved: Solved, picture: PreparedImage) -> Sequence[Estimate]:
         R, t = solved.T_map_base[:3, :3], solved.T_map_base[:3, 3]
         pose = Pose2(float(t[0]), float(t[1]), float(np.arctan2(R[1, 0], R[0, 0])))
-        covariance = solved.covariance + _FLOOR
         details = paper_numbers(solved.agreeing.seen, (self._start_pose or Pose2()).between(pose), self._camera)
         details |= {
             "n_agree": float(len(solved.agreeing)),
@@ -204,11 +242,13 @@ class KinectLandmarks(Localizer):
             "residual_m": solved.residual_m,
             "light": picture.light,
         } | self._effort.details()
-        return self._estimates(stamp_s, pose, covariance, details)
+        return self._estimates(stamp_s, pose, solved, details)
 
     def _estimates(
-        self, stamp_s: float, pose: Pose2, covariance: Array, details: Mapping[str, float]
+        self, stamp_s: float, pose: Pose2, solved: Solved, details: Mapping[str, float]
     ) -> Sequence[Estimate]:
+        systematic = systematic_covariance(self._watch.share, solved.drift, self._expectation.rates())
+        covariance = solved.covariance + _FLOOR + systematic
         return [Fix(stamp_s, pose, information_from_covariance(covariance), details)]
 
 
@@ -216,12 +256,20 @@ class KinectMotion(KinectLandmarks):
     """The same, told as motion since the last answer: for estimators that fuse it with fixes of others."""
 
     def _estimates(
-        self, stamp_s: float, pose: Pose2, covariance: Array, details: Mapping[str, float]
+        self, stamp_s: float, pose: Pose2, solved: Solved, details: Mapping[str, float]
     ) -> Sequence[Estimate]:
+        covariance = solved.covariance + _FLOOR
         told, self._told = self._told, (stamp_s, pose, covariance)
         if told is None:  # the first after a gap has nothing to begin from
             return ()
         since_s, since, before = told
         turn = Pose2(theta=-since.theta).matrix()
         spread = turn @ (covariance + before) @ turn.T
-        return [Motion(since_s, stamp_s, since.between(pose), information_from_covariance(spread), details)]
+        step = since.between(pose)
+        systematic = motion_systematic(self._watch.share, step, stamp_s - since_s, solved.drift.depth_m)
+        information = information_from_covariance(spread + systematic)
+        return [Motion(since_s, stamp_s, step, information, details)]
+
+
+def _landmarks_of(arrays: Mapping[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]]:
+    return {name: array for name, array in arrays.items() if name not in (_LIGHT, _REGISTRATION)}

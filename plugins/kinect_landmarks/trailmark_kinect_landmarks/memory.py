@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -9,18 +10,20 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Floats as Array
+from trailmark.arrays import Indices as Rows
 from trailmark.errors import StoreError
+from trailmark.geometry import wrap_angles
 from trailmark_kinect_landmarks.landmarks import SeenLandmarks
+from trailmark_kinect_landmarks.systematic import Drift
 
-__all__ = ["LandmarkMemory", "MemoryLimits"]
-
-Array = npt.NDArray[np.float64]
-Rows = npt.NDArray[np.intp]
+__all__ = ["Anchor", "LandmarkMemory", "MemoryLimits"]
 
 _MEMORY = 25  # sightings that count
 _TRIAL_PICTURES = 30
 _RARELY = 64  # so many failed trials are gathered before rows are moved together
-_STORED = ("points", "cov", "anchor_cov", "kind", "size_m", "histogram", "vicinity", "n_seen")
+_STORED = ("points", "cov", "anchor_cov", "anchor", "kind", "size_m", "histogram", "vicinity", "n_seen")
+_STORED_LATER = ("anchor",)  # maps of earlier versions are without
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +45,31 @@ class MemoryLimits:
     most: int = 2000
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Anchor:
+    """The pose from which landmarks are remembered.
+
+    Attributes
+    ----------
+    T_map_base : (4, 4) float64
+        The pose.
+    covariance : (3, 3) float64
+        Of its x, y and heading [m, m, rad].
+    drift : Drift
+        What systematic errors had grown on until there.
+    """
+
+    T_map_base: Array
+    covariance: Array
+    drift: Drift = Drift()
+
+    def numbers(self) -> Array:
+        """Return x, y, heading, way and turn, (5,)."""
+        T = self.T_map_base
+        heading_rad = math.atan2(T[1, 0], T[0, 0])
+        return np.array([T[0, 3], T[1, 3], heading_rad, self.drift.way_m, self.drift.turn_rad])
+
+
 def _rows(*shape: int) -> Any:
     return field(default_factory=lambda: np.empty((0, *shape)))
 
@@ -58,6 +86,9 @@ class LandmarkMemory:
         Of the point, as measured from the pose at which it was remembered, in map axes [m^2].
     anchor_cov : (N, 3, 3) float64
         Of that pose's (x, y, heading): shared by all that was remembered there.
+    anchor : (N, 5) float64
+        That pose's x, y and heading, and the way and turn on which systematic errors had grown until there; NaN in
+        maps that were taught before this was kept [m, m, rad, m, rad].
     kind, size_m, histogram, vicinity
         As in `SeenLandmarks`.
     n_seen : (N,) int
@@ -76,6 +107,7 @@ class LandmarkMemory:
     points: Array = _rows(3)
     cov: Array = _rows(3, 3)
     anchor_cov: Array = _rows(3, 3)
+    anchor: Array = _rows(5)
     kind: npt.NDArray[np.int8] = field(default_factory=lambda: np.empty(0, np.int8))
     size_m: Array = _rows()
     histogram: npt.NDArray[np.float32] = field(default_factory=lambda: np.empty((0, 0), np.float32))
@@ -94,17 +126,17 @@ class LandmarkMemory:
         """Return which landmarks may vote on the pose: on trial no longer, and not moved."""
         return np.asarray((self.n_seen[rows] >= self.limits.trial) & ~self.is_moved[rows])
 
-    def add(
-        self, seen: SeenLandmarks, R_map_base: Array, t_map_base: Array, anchor_cov: Array, is_trusted: bool
-    ) -> Rows:
+    def add(self, seen: SeenLandmarks, anchor: Anchor, is_trusted: bool) -> Rows:
         """Remember what is seen from a pose; returns the new rows. `is_trusted` spares them the trial."""
         n, first = len(seen), len(self)
+        R_map_base, t_map_base = anchor.T_map_base[:3, :3], anchor.T_map_base[:3, 3]
         points = seen.points_base @ R_map_base.T + t_map_base
         self._append(
             {
                 "points": points,
                 "cov": R_map_base @ seen.cov_base @ R_map_base.T,
-                "anchor_cov": np.tile(anchor_cov, (n, 1, 1)),
+                "anchor_cov": np.tile(anchor.covariance, (n, 1, 1)),
+                "anchor": np.tile(anchor.numbers(), (n, 1)),
                 "kind": seen.kind,
                 "size_m": seen.size_m,
                 "histogram": seen.histogram,
@@ -113,6 +145,26 @@ class LandmarkMemory:
             }
         )
         return np.arange(first, first + n)
+
+    def drift(self, rows: Rows, T_map_base: Array, depth_m: float) -> Drift:
+        """Return what systematic errors have grown on, for a pose that is taken from some landmarks.
+
+        To the way at which each was remembered comes the way from there: who returns to where it began has drifted no
+        farther than there.
+        """
+        anchors = self.anchor[rows]
+        anchors = anchors[np.isfinite(anchors).all(axis=1)]
+        if not len(anchors):
+            return Drift(depth_m=depth_m)
+        way_m = anchors[:, 3] + np.hypot(T_map_base[0, 3] - anchors[:, 0], T_map_base[1, 3] - anchors[:, 1])
+        heading_rad = math.atan2(T_map_base[1, 0], T_map_base[0, 0])
+        turn_rad = anchors[:, 4] + np.abs(wrap_angles(heading_rad - anchors[:, 2]))
+        return Drift(float(way_m.mean()), float(turn_rad.mean()), depth_m)
+
+    def clear(self) -> None:
+        """Forget all."""
+        for name in (*_STORED, "n_against", "is_moved", "last_seen", "is_taught"):
+            setattr(self, name, getattr(self, name)[:0])
 
     def agree(self, rows: Rows, points_map: Array, cov_map: Array) -> None:
         """Take sightings that agree with the pose: refine the points, end trials, forgive.
@@ -185,11 +237,13 @@ class LandmarkMemory:
         StoreError
             If arrays are missing or do not belong together.
         """
-        missing = [name for name in _STORED if name not in arrays]
-        if missing or len({len(arrays[name]) for name in _STORED}) != 1:
+        missing = [name for name in _STORED if name not in arrays and name not in _STORED_LATER]
+        found = {name: np.asarray(arrays[name]) for name in _STORED if name in arrays}
+        if missing or len({len(array) for array in found.values()}) != 1:
             what = f"lack {', '.join(missing)}" if missing else "differ in length"
             raise StoreError(f"the landmarks in the store {what}: teach the place again")
-        self._append({name: np.asarray(arrays[name]) for name in _STORED})
+        found.setdefault("anchor", np.full((len(found["points"]), 5), np.nan))
+        self._append(found)
         self.is_taught[len(self) - len(arrays["points"]) :] = True
 
     def _append(self, arrays: Mapping[str, npt.NDArray[Any]]) -> None:

@@ -13,6 +13,8 @@ from trailmark_kinect_landmarks.alignment import (
     CloudAlignment,
     Refusal,
     align,
+    allowed,
+    jacobian,
     planar_covariance,
 )
 from trailmark_kinect_landmarks.camera import LandmarkCamera
@@ -21,7 +23,7 @@ from trailmark_kinect_landmarks.expectation import Expected
 from trailmark_kinect_landmarks.eye import LandmarkDetector, PreparedImage
 from trailmark_kinect_landmarks.fuzzy import SearchPlan
 from trailmark_kinect_landmarks.landmarks import SeenLandmarks
-from trailmark_kinect_landmarks.memory import LandmarkMemory
+from trailmark_kinect_landmarks.memory import Anchor, LandmarkMemory
 from trailmark_kinect_landmarks.refinding import (
     consistent,
     follow,
@@ -31,6 +33,7 @@ from trailmark_kinect_landmarks.refinding import (
     resemblance,
     resemblance_where,
 )
+from trailmark_kinect_landmarks.systematic import Drift
 
 __all__ = ["Solved", "TrackedLandmarks", "Tracker"]
 
@@ -39,6 +42,9 @@ Rows = npt.NDArray[np.intp]
 
 _STILL_ALIKE = 0.35  # a followed landmark that looks less like itself has slid off
 _ENOUGH = 12  # landmarks that agree, so that those on trial need not be asked
+_FEW = 12  # with fewer that are wanted, it matters which
+_CANDIDATES = 20  # that are followed beside the few, so that one that is lost is replaced by one that is known
+_SUPPORT = 0.7  # of the candidates that must agree with the pose of the few
 _GATE = 16.3  # chi-square of three numbers, 99.9 %
 _MODEL_SIGMA_M = 0.004  # what calibration and rounding of depth add to every point
 
@@ -80,12 +86,15 @@ class Solved:
         Landmarks that agree with the pose.
     residual_m : float
         Root mean square distance [m].
+    drift : Drift
+        What systematic errors have grown on; they are not in the covariance.
     """
 
     T_map_base: Array
     covariance: Array
     agreeing: TrackedLandmarks
     residual_m: float
+    drift: Drift
 
 
 class Tracker:
@@ -125,7 +134,7 @@ class Tracker:
         if numbers is not None:
             self._followed = numbers[self._followed[0]], self._followed[1]
         again = self._follow(picture, plan, T_map_base)
-        wanted = max(self._config.landmarks - len(again), self._config.landmarks // 3)
+        wanted = max(self._n_followed - len(again), self._n_followed // 3)
         found = self._eye.find(picture, plan, again.seen.uv, wanted)
         pairs = self._recognised(found, again.rows, picture, plan, T_map_base)
         others = np.setdiff1d(np.arange(len(found)), pairs[:, 0])
@@ -137,6 +146,8 @@ class Tracker:
 
     def solve(self, again: TrackedLandmarks, expected: Expected | None) -> Solved | Refusal:
         """Return the pose that the landmarks agree on: of those that may vote; where few do, of those on trial too."""
+        if self._config.landmarks < _FEW:
+            return self._solve_by_few(again, expected)
         able = np.asarray(~self._memory.is_moved[again.rows])
         voting = self._memory.votes(again.rows)
         answer = self._aligned(again.pick(voting), expected)
@@ -146,27 +157,94 @@ class Tracker:
             answer = answer if isinstance(of_all, Refusal) else of_all
         return answer
 
+    def _solve_by_few(self, again: TrackedLandmarks, expected: Expected | None) -> Solved | Refusal:
+        """Return the pose of the few landmarks that tell most, if the others that are followed do not contradict it."""
+        memory = self._memory
+        able = again.pick(np.asarray(~memory.is_moved[again.rows]))
+        as_expected = able if expected is None else able.pick(self._allowed(able, expected))
+        if (
+            len(as_expected) >= self._config.landmarks
+        ):  # a thing that is carried past may show more of them than the room
+            able = as_expected
+        voting = able.pick(memory.votes(able.rows))
+        among = voting if len(voting) >= self._config.landmarks else able
+        answer = self._aligned(among.pick(self._most_telling(among)), expected)
+        if isinstance(answer, Refusal) or len(voting) <= self._config.landmarks:
+            return answer
+        if self._support(answer, voting) >= _SUPPORT:
+            return answer
+        of_all = self._aligned(voting, expected)  # one of the few may have begun to move: who disagrees is left out
+        if isinstance(of_all, Refusal) or self._support(of_all, voting) < _SUPPORT:
+            return Refusal("the landmarks contradict one another")
+        agreeing = of_all.agreeing
+        return self._aligned(agreeing.pick(self._most_telling(agreeing)), expected)
+
+    def _allowed(self, sighting: TrackedLandmarks, expected: Expected) -> npt.NDArray[np.bool_]:
+        D = len(expected.t)
+        seen, rows = sighting.seen, sighting.rows
+        cov_now = seen.cov_base[:, :D, :D] + _MODEL_SIGMA_M**2 * np.eye(D)
+        points, cov = self._memory.points[rows][:, :D], self._memory.cov[rows][:, :D, :D]
+        return allowed(points, seen.points_base[:, :D], cov, cov_now, expected)
+
+    def _support(self, solved: Solved, among: TrackedLandmarks) -> float:
+        """Return the share of landmarks that stand where a pose says."""
+        misses, cov = self._misses(solved, among)
+        return float(self._agree(misses, cov).mean())
+
+    def _misses(self, solved: Solved, sighting: TrackedLandmarks) -> tuple[Array, Array]:
+        R, t = solved.T_map_base[:3, :3], solved.T_map_base[:3, 3]
+        points = sighting.seen.points_base @ R.T + t
+        cov = R @ sighting.seen.cov_base @ R.T + _MODEL_SIGMA_M**2 * np.eye(3)
+        return points - self._memory.points[sighting.rows], cov + self._memory.cov[sighting.rows]
+
+    def _most_telling(self, sighting: TrackedLandmarks) -> Rows:
+        """Return the rows of the few landmarks that leave the planar pose least uncertain, chosen one by one.
+
+        A landmark counts as exact as it was measured and as the pose from which it was remembered: old ones are
+        preferred, and those that stand apart.
+        """
+        n, wanted = len(sighting), self._config.landmarks
+        if n <= wanted:
+            return np.arange(n)
+        points = sighting.seen.points_base[:, :2]
+        cov = sighting.seen.cov_base[:, :2, :2] + self._memory.cov[sighting.rows][:, :2, :2]
+        anchor = np.trace(self._memory.anchor_cov[sighting.rows][:, :2, :2], axis1=1, axis2=2) / 2.0
+        cov = cov + (anchor + _MODEL_SIGMA_M**2)[:, None, None] * np.eye(2)
+        J = jacobian(points)
+        information = J.transpose(0, 2, 1) @ np.linalg.inv(cov) @ J
+        total, chosen = 1e-3 * np.eye(3), list[int]()
+        for _ in range(wanted):
+            spread = np.trace(np.linalg.inv(total + information), axis1=1, axis2=2)
+            spread[chosen] = np.inf
+            chosen.append(int(spread.argmin()))
+            total = total + information[chosen[-1]]
+        return np.array(sorted(chosen), dtype=np.intp)
+
+    @property
+    def _n_followed(self) -> int:
+        wanted = self._config.landmarks
+        return wanted if wanted >= _FEW else wanted + _CANDIDATES
+
     def learn(self, solved: Solved, again: TrackedLandmarks, others: TrackedLandmarks) -> Rows:
         """Refine what agrees, count what does not, remember what is new; returns the rows that passed their trial."""
-        R, t = solved.T_map_base[:3, :3], solved.T_map_base[:3, 3]
-        points = again.seen.points_base @ R.T + t
-        cov = R @ again.seen.cov_base @ R.T + _MODEL_SIGMA_M**2 * np.eye(3)
-        agrees = self._agree(points - self._memory.points[again.rows], cov + self._memory.cov[again.rows])
+        misses, spread = self._misses(solved, again)
+        points, cov = misses + self._memory.points[again.rows], spread - self._memory.cov[again.rows]
+        agrees = self._agree(misses, spread)
         self._memory.agree(again.rows[agrees], points[agrees], cov[agrees])
         self._memory.disagree(again.rows[~agrees])
         agreeing = again.rows[agrees]
         passed: Rows = agreeing[self._memory.n_seen[agreeing] == self._memory.limits.trial]
         rows, uv = self._followed
         stays = ~np.isin(rows, again.rows[~agrees])
-        room = max(0, self._config.landmarks - int(agrees.sum()))
+        room = max(0, self._n_followed - int(agrees.sum()))
         new = others.seen.rows(np.arange(min(room, len(others))))
-        new_rows = self._memory.add(new, R, t, solved.covariance, is_trusted=False)
+        new_rows = self._memory.add(new, Anchor(solved.T_map_base, solved.covariance, solved.drift), is_trusted=False)
         self._keep(rows[stays], uv[stays], new_rows, new.uv)
         return passed
 
-    def remember(self, others: TrackedLandmarks, T_map_base: Array, anchor_cov: Array) -> Rows:
+    def remember(self, others: TrackedLandmarks, anchor: Anchor) -> Rows:
         """Remember all that is seen from a pose that is taken for granted; returns the new rows."""
-        rows = self._memory.add(others.seen, T_map_base[:3, :3], T_map_base[:3, 3], anchor_cov, is_trusted=True)
+        rows = self._memory.add(others.seen, anchor, is_trusted=True)
         self._keep(np.empty(0, np.intp), np.empty((0, 2)), rows, others.seen.uv)
         return rows
 
@@ -246,7 +324,15 @@ class Tracker:
         agreeing = sighting.pick(answer.inliers)
         anchored = memory.anchor_cov[agreeing.rows].mean(axis=0)
         covariance = planar_covariance(answer) + anchored
-        return Solved(_homogeneous(answer), covariance, agreeing, answer.residual_m)
+        T_map_base = _homogeneous(answer)
+        depth_m = float(np.linalg.norm(agreeing.seen.points_base, axis=1).mean())
+        drift = memory.drift(agreeing.rows, T_map_base, depth_m)
+        return Solved(T_map_base, covariance, agreeing, answer.residual_m, drift)
+
+    def forget(self) -> None:
+        """Follow nothing any more."""
+        self._before = None
+        self._followed = np.empty(0, np.intp), np.empty((0, 2))
 
     def _agree(self, misses: Array, cov: Array) -> npt.NDArray[np.bool_]:
         D = 2 if self._config.solve == "plane" else 3
