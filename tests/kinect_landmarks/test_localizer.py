@@ -248,6 +248,31 @@ def test_optical_flow_sets_a_moving_box_aside(drive: Drive) -> None:
     assert pose.distance_to(Pose2()) < 0.01
 
 
+def test_optical_flow_is_not_carried_along_by_a_box_that_walks_off_on_the_way(drive: Drive) -> None:
+    poses = [Pose2(0.01 * i) for i in range(40)]
+    pose = poses[0]
+
+    carried = drive(KinectFlow(KinectFlowConfig(camera="kinect")), poses, box_left_m=lambda i: 0.02 * max(0, i - 10))
+
+    for motion in carried:
+        assert isinstance(motion, Motion)
+        pose = pose @ motion.pose_since_now
+    assert pose.distance_to(poses[-1]) < 0.02
+
+
+def test_two_landmarks_and_one_in_reserve_hold_the_pose(drive: Drive) -> None:
+    config = KinectLandmarksConfig(camera="kinect", solve="plane", landmarks=3, min_landmarks=2, adapt=False)
+    poses = arc(40)
+
+    answers = drive(KinectLandmarks(config), poses)
+
+    fixes = [answer for answer in answers if isinstance(answer, Fix)]
+    assert len(fixes) >= 0.9 * (len(poses) - 1)
+    assert max(fix.details["n_agree"] for fix in fixes) <= 3
+    true = {i / 30.0: pose for i, pose in enumerate(poses)}
+    assert max(fix.pose_map_base.distance_to(true[fix.stamp_s]) for fix in fixes) < 0.1
+
+
 @pytest.mark.data
 @pytest.mark.parametrize("plugin", ["kinect_landmarks", "kinect_flow"])
 def test_a_real_hand_held_recording_is_tracked(data_folder: Path, plugin: str) -> None:
