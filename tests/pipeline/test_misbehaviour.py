@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import signal
+import threading
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
@@ -219,3 +221,75 @@ def test_ground_truth_that_fails_is_a_warning(plugins: Plugins, log: list[str], 
 
     assert result.status == "done"
     assert "source 'robot' gives no ground truth: SystemExit: 0" in caplog.text
+
+
+_SLOW = [
+    ("source", "next"),
+    ("localizer", "observe"),
+    ("sink", "on_frame"),
+    ("path_store", "commit"),
+    ("fault", "apply"),
+]
+
+
+@pytest.mark.parametrize("deed", ["wait", "spin"])
+@pytest.mark.parametrize(("kind", "method"), _SLOW)
+def test_a_part_that_does_not_come_back_is_interrupted(
+    kind: str,
+    method: str,
+    deed: str,
+    *,
+    plugins: Plugins,
+    log: list[str],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    before = signal.getsignal(signal.SIGURG)
+    with pytest.raises(RunError, match="it has not come back for too long") as caught:
+        run(config_of(kind, method, deed) | {"patience_s": 0.5}, tmp_path / "out", plugins)
+
+    assert_told(caught.value, kind, method, capsys)
+    assert_closed_once(log)
+    assert signal.getsignal(signal.SIGURG) == before
+
+
+def test_in_a_thread_of_a_program_what_spins_is_interrupted(plugins: Plugins, log: list[str], tmp_path: Path) -> None:
+    told: list[BaseException] = []
+
+    def drive() -> None:
+        try:
+            run(config_of("localizer", "observe", "spin") | {"patience_s": 0.5}, tmp_path / "out", plugins)
+        except RunError as error:
+            told.append(error)
+
+    thread = threading.Thread(target=drive, daemon=True)
+    thread.start()
+    thread.join(20.0)
+
+    assert "localizer 'floor' failed in observe" in str(told)
+    assert "it has not come back" in str(told)
+
+
+@pytest.mark.parametrize("options", [{}, _ASYNC], ids=["waited for", "beside the run"])
+def test_one_that_may_be_switched_off_and_hangs_is_left_behind(
+    options: dict[str, Any], *, plugins: Plugins, log: list[str], tmp_path: Path, caplog: Any
+) -> None:
+    config = config_of("localizer", "observe", "wait", on_error="disable", **options)
+    config["localizers"]["other"] = {"plugin": "wicked"}
+    config["estimator"]["use"] = ["floor", "other"]
+
+    result = run(config | {"patience_s": 0.4, "pace": "realtime"}, tmp_path / "out", plugins)
+
+    assert result.status == "done"
+    assert "localizer 'floor' failed in observe" in caplog.text
+    assert "it has not come back" in caplog.text
+    assert "it is switched off (on_error: disable)" in caplog.text
+
+
+def test_a_thread_that_hangs_ends_the_run(plugins: Plugins, log: list[str], tmp_path: Path) -> None:
+    config = config_of("localizer", "observe", "wait", **_ASYNC) | {"patience_s": 0.4, "pace": "realtime"}
+    with pytest.raises(RunError, match=r"failed in observe: it has not come back for 0\.4 s") as caught:
+        run(config, tmp_path / "out", plugins)
+
+    assert exit_code_of(caught.value) == 1
+    assert json.loads((tmp_path / "out/run.json").read_text())["status"] == "failed"

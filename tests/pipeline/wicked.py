@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import errno
+import threading
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -68,6 +71,23 @@ RAISES: dict[str, Callable[[], Any]] = {
     "disk full": raising(OSError, errno.ENOSPC, "No space left on device"),
 }
 
+
+def wait() -> None:
+    """Wait for what never comes."""
+    threading.Event().wait(30.0)
+
+
+def spin() -> None:
+    """Work for ever, catching what it can."""
+    until_s = time.monotonic() + 30.0
+    while time.monotonic() < until_s:
+        with contextlib.suppress(Exception):
+            sum(range(1000))
+
+
+#: What a method may do instead of coming back.
+HANGS: dict[str, Callable[[], Any]] = {"wait": wait, "spin": spin}
+
 #: What a method may answer instead of what it should.
 ANSWERS: dict[str, Callable[[], Any]] = {
     "none": lambda: None,
@@ -105,7 +125,7 @@ class Wicked:
         LOG.append(f"{self.kind} {method}")
         if self.config.method != method:
             return good
-        return (RAISES | ANSWERS)[self.config.deed]()
+        return (RAISES | ANSWERS | HANGS)[self.config.deed]()
 
     def start(self, session: Session) -> None:
         self.act("start")

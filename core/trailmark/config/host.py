@@ -136,6 +136,8 @@ class RunSettings(PluginConfig):
     """The controller is asked at most this often; 70 frames a second is what the ground-camera paper ran at [Hz]."""
     stop_when: StopWhen = StopWhen()
     """When the robot is stopped whatever the controller says."""
+    patience_s: float = Field(default=120.0, gt=0)
+    """A part that has not come back from a frame for so long has failed [s]."""
     pace: Pace | None = None
     """As fast as possible and reproducible, or held to the stamps; default: realtime for live sources only."""
     seed: int = Field(default=0, ge=0)

@@ -149,6 +149,7 @@ class Instruments:
     clock: RunClock
     counters: Counters = field(default_factory=Counters)
     times: StageTimes = field(default_factory=StageTimes)
+    patience_s: float = 120.0
 
 
 def _taken(ns: array[int]) -> npt.NDArray[np.int64]:

@@ -91,7 +91,7 @@ class Pipeline:
             self.parts, out, overwrite = build_parts(self.config, request.access), request.out, request.overwrite
         self.folder = None if out is None else _prepared(out, overwrite)
         self._pushed = {info.name: info for info in sensors}
-        self._instruments = Instruments(RunClock(clock or SystemClock()))
+        self._instruments = Instruments(RunClock(clock or SystemClock()), patience_s=self.parts.settings.patience_s)
         self._lock = threading.RLock()
         self._run: Run | None = None
 

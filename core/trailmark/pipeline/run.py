@@ -6,7 +6,7 @@ import logging
 import math
 import threading
 from collections.abc import Callable, Generator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 from time import perf_counter
 from typing import TYPE_CHECKING
@@ -17,6 +17,7 @@ from trailmark.estimates import EstimateRecord, Lost
 from trailmark.frames import Frame, SensorInfo
 from trailmark.interfaces import RunEnd, Sink
 from trailmark.pipeline.ending import Ending
+from trailmark.pipeline.hangs import HangWatch
 from trailmark.pipeline.instruments import Instruments, peak_rss_mb
 from trailmark.pipeline.localizers import LocalizerFailedError, LocalizerRunner, ObserveResult
 from trailmark.pipeline.outputs.fanout import SinkFanout
@@ -101,6 +102,10 @@ class Run:
         self._lock = threading.RLock()
         self._push_checks = FrameChecks("feed", pushed, False, instruments.counters, remedy="")
         self._events = self._paced_events()
+        self._hangs = HangWatch(parts.settings.patience_s)
+        self._source_watch = (
+            nullcontext() if self._parts.is_realtime else self._hangs
+        )  # in real time frames are awaited
         self._n_frames = 0
         try:
             self._tracks = Tracks((localizer.name for localizer in running.localizers), running.session)
@@ -121,9 +126,11 @@ class Run:
         if self.result is not None:
             return None
         try:
-            event = next(self._events, None)
+            with self._source_watch:
+                event = next(self._events, None)
             if event is not None:
-                return self._process(event)
+                with self._hangs:
+                    return self._process(event)
             self.end("done")
         except BaseException as error:
             self._end_by(error)
@@ -139,7 +146,8 @@ class Run:
             if self._n_frames == 0:
                 self._clock.anchor(frame.stamp_s)
             try:
-                return self._process(frame)
+                with self._hangs:
+                    return self._process(frame)
             except BaseException as error:
                 self._end_by(error)
             return None
@@ -276,6 +284,7 @@ class Run:
         """
         if self.result is not None:
             return
+        self._hangs.close()  # to finish takes its time
         ending = Ending(status, reason, self._spared_parts())
         ending.attempt(lambda: self._control.drive(Stop(reason or status)))
         if status != "failed":

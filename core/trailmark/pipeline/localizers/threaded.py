@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from array import array
 from collections.abc import Mapping, Sequence
+from time import monotonic
 
 from trailmark.errors import RunError
 from trailmark.estimates import Belief
@@ -12,7 +14,7 @@ from trailmark.frames import Frame, SensorInfo
 from trailmark.interfaces import Session
 from trailmark.pipeline.instruments import Instruments
 from trailmark.pipeline.localizers.mailbox import Mailbox
-from trailmark.pipeline.localizers.runner import LocalizerRunner, ObserveResult
+from trailmark.pipeline.localizers.runner import LocalizerFailedError, LocalizerRunner, ObserveResult
 from trailmark.pipeline.parts import LocalizerPart
 
 __all__ = ["ThreadedRunner"]
@@ -40,6 +42,8 @@ class ThreadedRunner(LocalizerRunner):
         instruments: Instruments,
     ) -> None:
         super().__init__(part, sensors, times, is_realtime=True)
+        self._patience_s = instruments.patience_s
+        self._work_began_s = math.inf
         self._counters = instruments.counters
         self._clock = instruments.clock
         self._mailbox = Mailbox()
@@ -47,6 +51,7 @@ class ThreadedRunner(LocalizerRunner):
         self._error: RunError | None = None
         self._is_closed = False
         self._is_busy = False
+        self._has_given_up = False
         self._changed = threading.Condition()
         self._thread: threading.Thread | None = None
 
@@ -68,6 +73,8 @@ class ThreadedRunner(LocalizerRunner):
         """Return the results that have arrived."""
         with self._changed:
             results, self._results = self._results, []
+            if self._is_busy and monotonic() - self._work_began_s > self._patience_s:
+                self._give_up(f"for {self._patience_s:g} s (patience_s)")
             error = self._error
         if error is not None and not results:
             raise error
@@ -77,7 +84,8 @@ class ThreadedRunner(LocalizerRunner):
         """Wait for the result that is in work; frames that wait are given up and counted."""
         with self._changed:
             self._mailbox.give_up(self._counters, self.name)
-            self._changed.wait_for(lambda: not self._is_busy, _PATIENCE_S)
+            if not self._changed.wait_for(lambda: not self._is_busy, _PATIENCE_S):
+                self._give_up(f"{_PATIENCE_S:g} s after the last frame")
         return self.poll(self._clock.now_s())
 
     def close(self) -> None:
@@ -85,8 +93,17 @@ class ThreadedRunner(LocalizerRunner):
         with self._changed:
             self._is_closed = True
             self._changed.notify_all()
+            patience_s = 0.0 if self._has_given_up else _PATIENCE_S
         if self._thread is not None and self._thread is not threading.current_thread():
-            self._thread.join(_PATIENCE_S)
+            self._thread.join(patience_s)
+
+    def _give_up(self, how_long: str) -> None:
+        """Take a call that does not come back for a failure; its thread is left behind."""
+        part = f"localizer {self.name!r}"
+        self._has_given_up = True
+        self._error = self._error or LocalizerFailedError(
+            f"{part} failed in observe: it has not come back {how_long}", part
+        )
 
     def _work(self) -> None:
         while (letter := self._next_letter()) is not None:
@@ -110,5 +127,5 @@ class ThreadedRunner(LocalizerRunner):
             self._changed.wait_for(lambda: self._is_closed or len(self._mailbox) > 0)
             if self._is_closed:
                 return None
-            self._is_busy = True
+            self._is_busy, self._work_began_s = True, monotonic()
             return self._mailbox.take()

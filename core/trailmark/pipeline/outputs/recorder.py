@@ -96,11 +96,7 @@ class Recorder(Sink):
             "counters": dict(result.counters),
         }
         failures = []
-        for step in (
-            self.close,
-            *self._trajectories_of(result),
-            partial(self._write_json, "timing.json", result.timing),
-        ):
+        for step in self._steps_of(result):
             try:
                 step()
             except OSError as error:
@@ -134,14 +130,16 @@ class Recorder(Sink):
             cut_after_last_line(self.folder / "estimates.csv")
             raise
 
-    def _trajectories_of(self, result: RunResult) -> Iterator[Callable[[], None]]:
-        """Yield what writes each trajectory."""
+    def _steps_of(self, result: RunResult) -> Iterator[Callable[[], None]]:
+        """Yield what writes each file."""
+        yield self.close
         folder = self.folder / "trajectories"
         yield partial(folder.mkdir, exist_ok=True)
         for name, trajectory in result.trajectories.items():
             yield partial(_write_trajectory, folder / f"{name}.tum", trajectory)
         if result.ground_truth is not None:
             yield partial(_write_trajectory, folder / "groundtruth.tum", result.ground_truth)
+        yield partial(self._write_json, "timing.json", result.timing)
 
     def _write_json(self, name: str, content: Any) -> None:
         write_whole(self.folder / name, _json(content))

@@ -1,0 +1,94 @@
+"""A part that does not come back: the run's thread is interrupted, so that the call fails like any other."""
+
+from __future__ import annotations
+
+import ctypes
+import logging
+import signal
+import threading
+from time import monotonic
+from types import FrameType
+from typing import Any
+
+__all__ = ["HangError", "HangWatch"]
+
+logger = logging.getLogger(__name__)
+
+# Ignored unless handled, and hardly ever used: it interrupts what waits for the system, too.
+_SIGNAL: signal.Signals | None = getattr(signal, "SIGURG", None)
+
+
+class HangError(BaseException):
+    """A part has not come back; no `Exception`, because parts catch those."""
+
+    def __str__(self) -> str:
+        return "it has not come back for too long (patience_s)"
+
+
+class HangWatch:
+    """Interrupts the thread that takes a frame through the parts, if that lasts too long.
+
+    Python code, and what waits (for a lock, a device, the time), is interrupted. Compiled code that never returns
+    cannot be: that is logged, and the process has to be ended from outside.
+
+    Parameters
+    ----------
+    patience_s : float
+        How long a frame may take [s].
+    """
+
+    def __init__(self, patience_s: float) -> None:
+        self._patience_s = patience_s
+        self._since_s: float | None = None
+        self._thread_id = 0
+        self._over = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._handler_before: Any = None
+
+    def __enter__(self) -> None:
+        """Begin to watch a block."""
+        if self._thread is None:
+            self._begin()
+        self._thread_id, self._since_s = threading.get_ident(), monotonic()
+
+    def __exit__(self, *_: object) -> None:
+        self._since_s = None
+
+    def close(self) -> None:
+        """Watch no more."""
+        self._since_s = None
+        self._over.set()
+        if self._handler_before is not None and threading.current_thread() is threading.main_thread():
+            assert _SIGNAL is not None
+            signal.signal(_SIGNAL, self._handler_before)
+            self._handler_before = None
+
+    def _begin(self) -> None:
+        is_main = threading.current_thread() is threading.main_thread()
+        if is_main and _SIGNAL is not None and signal.getsignal(_SIGNAL) == signal.SIG_DFL:
+            self._handler_before = signal.signal(_SIGNAL, self._raise)
+        self._thread = threading.Thread(target=self._watch, name="watch for parts that hang", daemon=True)
+        self._thread.start()
+
+    def _watch(self) -> None:
+        struck_s: float | None = None
+        while not self._over.wait(min(1.0, self._patience_s / 4)):
+            since_s = self._since_s
+            if since_s is None or monotonic() - since_s < self._patience_s:
+                continue
+            if since_s != struck_s:
+                struck_s = since_s
+                self._interrupt()
+            elif monotonic() - since_s > 2 * self._patience_s:
+                logger.error("a part hangs in compiled code, which cannot be interrupted: end this process")
+                return
+
+    def _interrupt(self) -> None:
+        if self._handler_before is not None and _SIGNAL is not None:
+            signal.pthread_kill(self._thread_id, _SIGNAL)
+        else:
+            ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(self._thread_id), ctypes.py_object(HangError))
+
+    def _raise(self, number: int, frame: FrameType | None) -> None:
+        if self._since_s is not None:  # it may have come back just now
+            raise HangError
