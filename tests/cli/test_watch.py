@@ -99,3 +99,24 @@ def synthetic_folder(tmp_path: Path) -> Path:
 def test_what_is_no_run_is_told(tmp_path: Path) -> None:
     with pytest.raises(DataError, match=r"it has no run\.json"):
         RunWatch(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("source,stamp_s\na,1\n", "estimates.csv is no table of estimates, or was changed by hand: no column 'kind'"),
+        (",".join(ESTIMATE_COLUMNS) + "\n" + ",".join(ESTIMATE_COLUMNS) + "\n", "stamp_s is not a number: 'stamp_s'"),
+    ],
+)
+def test_a_table_that_is_none_is_refused(run: Path, content: str, words: str) -> None:
+    (run / "estimates.csv").write_text(content)
+
+    with pytest.raises(DataError, match=words):
+        RunWatch(run).look()
+
+
+@pytest.mark.parametrize("content", ["[]", "3", "null"])
+def test_a_status_that_is_none_is_one_that_is_being_written(run: Path, content: str) -> None:
+    (run / "run.json").write_text(content)
+
+    assert RunWatch(run).look()

@@ -465,5 +465,36 @@ def test_an_error_without_words_is_told_by_its_place(tmp_path, recording, monkey
     record.add("/scan", record.scan(1.0, [1.0]), 1.0)
     monkeypatch.setattr("trailmark_datasets.bagfile.BagFile", refuse)
 
-    with pytest.raises(SourceError, match=r"AssertionError in refuse of test_rosbag\.py, which says no more"):
+    with pytest.raises(SourceError, match=r"its structure is wrong \(refuse of test_rosbag\.py could not go on\)"):
+        bag(record.write(tmp_path)).start(Session())
+
+
+def _quoting(inner: Exception) -> Exception:
+    error = ValueError(f"Invalid bag metadata: {inner}")
+    error.__context__ = inner
+    return error
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (UnicodeDecodeError("utf-8", b"\x8b", 0, 1, "invalid start byte"), "a text in it is not UTF-8"),
+        (MemoryError(), "a length in it is larger than the memory"),
+        (_quoting(TypeError("x is not subscriptable")), "Invalid bag metadata: its structure is wrong"),
+        (_quoting(IsADirectoryError(21, "Is a directory")), "Invalid bag metadata: Is a directory"),
+        (
+            IndexError("list index out of range"),
+            r"its structure is wrong \(refuse of test_rosbag\.py could not go on\)",
+        ),
+    ],
+)
+def test_words_of_python_are_not_passed_on(tmp_path, recording, monkeypatch, error, words):
+    def refuse(*_: object) -> None:
+        raise error
+
+    record = recording("ros1")
+    record.add("/scan", record.scan(1.0, [1.0]), 1.0)
+    monkeypatch.setattr("trailmark_datasets.bagfile.BagFile", refuse)
+
+    with pytest.raises(SourceError, match=words):
         bag(record.write(tmp_path)).start(Session())

@@ -93,7 +93,9 @@ def read_estimates(path: str | Path) -> EstimateTable:
                     words[name].append(row[name])
     except OSError as error:
         raise DataError(f"cannot read {path}: {error.strerror or error}") from error
-    except (UnicodeDecodeError, csv.Error) as error:
+    except UnicodeDecodeError as error:
+        raise DataError(f"{path} is not a table of estimates: it is no text (byte {error.start})") from error
+    except csv.Error as error:
         raise DataError(f"{path} is not a table of estimates: {error}") from error
     return _table(np.array(numbers, dtype=np.float64).reshape(-1, len(_NUMBERS)), words)
 

@@ -46,12 +46,12 @@ class LocalizerStatus:
         """Take a row of ``estimates.csv``."""
         outcome = "lost" if row["kind"] == "lost" else row["status"]
         self.outcomes[outcome] += 1
-        stamp_s = float(row["stamp_s"])
+        stamp_s = _number(row, "stamp_s")
         self.first_s, self.last_s = min(self.first_s, stamp_s), max(self.last_s, stamp_s)
         self.reason = "" if outcome in ("accepted", "unused") else row["reason"]
         if row["kind"] == "lost":
             return
-        x, y, theta = (float(row[name]) for name in ("x", "y", "theta"))
+        x, y, theta = (_number(row, name) for name in ("x", "y", "theta"))
         if row["kind"] == "motion":
             self.way_m += math.hypot(x, y)
         else:
@@ -66,6 +66,13 @@ class LocalizerStatus:
     def rate_hz(self) -> float | None:
         """Estimates a second, in the time of the run; None while there is only one [Hz]."""
         return (self.n - 1) / (self.last_s - self.first_s) if self.last_s > self.first_s else None
+
+
+def _number(row: dict[str, str], name: str) -> float:
+    try:
+        return float(row[name])
+    except ValueError:
+        raise ValueError(f"{name} is not a number: {row[name][:40]!r}") from None
 
 
 class RunWatch:
@@ -120,7 +127,7 @@ class RunWatch:
     def _status(self) -> str:
         try:
             return str(json.loads((self.folder / "run.json").read_text(encoding="utf-8"))["status"])
-        except (OSError, ValueError, KeyError):  # it is being written at this instant
+        except (OSError, ValueError, KeyError, TypeError):  # it is being written at this instant
             return self.status
 
     def _read_rows(self) -> None:
@@ -132,9 +139,17 @@ class RunWatch:
             return
         whole = content[: content.rfind(b"\n") + 1]  # the last line may be half there
         self._at += len(whole)
-        for fields in csv.reader(whole.decode("utf-8", "replace").splitlines()):
-            if not self._columns:
-                self._columns = fields
-            elif len(fields) == len(self._columns):
-                row = dict(zip(self._columns, fields, strict=True))
-                self.localizers.setdefault(row["source"], LocalizerStatus()).take(row)
+        try:
+            for fields in csv.reader(whole.decode("utf-8", "replace").splitlines()):
+                self._take(fields)
+        except (ValueError, KeyError, csv.Error) as error:
+            words = f"no column {error}" if isinstance(error, KeyError) else str(error)
+            path = self.folder / "estimates.csv"
+            raise DataError(f"{path} is no table of estimates, or was changed by hand: {words}") from error
+
+    def _take(self, fields: list[str]) -> None:
+        if not self._columns:
+            self._columns = fields
+        elif len(fields) == len(self._columns):
+            row = dict(zip(self._columns, fields, strict=True))
+            self.localizers.setdefault(row["source"], LocalizerStatus()).take(row)

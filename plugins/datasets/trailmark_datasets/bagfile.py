@@ -23,6 +23,10 @@ from trailmark.errors import SourceError
 __all__ = ["BagFile", "Message", "open_bag"]
 
 
+# Their words are about the inside of the library, and tell nobody what is wrong with the recording.
+_SPEAK_OF_PYTHON = (struct.error, LookupError, TypeError, AttributeError, AssertionError, RecursionError, OverflowError)
+
+
 @dataclass(frozen=True, slots=True)
 class Message:
     """A message of a recording.
@@ -177,8 +181,16 @@ def open_bag(path: Path, distribution: str) -> Iterator[BagFile]:
 
 
 def _words_of(error: Exception) -> str:
-    """Return what an error says; of one without words its kind, and where in rosbags it arose."""
-    if str(error):
+    """Return what an error says; of one that speaks of Python alone, or not at all, where in rosbags it arose."""
+    if isinstance(error, UnicodeDecodeError):
+        return "a text in it is not UTF-8"
+    if isinstance(error, MemoryError):
+        return "a length in it is larger than the memory"
+    inner = error.__cause__ or error.__context__
+    if str(error) and isinstance(inner, (*_SPEAK_OF_PYTHON, OSError)):  # rosbags quotes it
+        what = inner.strerror if isinstance(inner, OSError) else "its structure is wrong"
+        return f"{str(error).partition(':')[0]}: {what}"
+    if str(error) and not isinstance(error, _SPEAK_OF_PYTHON):
         return str(error)
     last = traceback.extract_tb(error.__traceback__)[-1]
-    return f"{type(error).__name__} in {last.name} of {Path(last.filename).name}, which says no more"
+    return f"its structure is wrong ({last.name} of {Path(last.filename).name} could not go on)"

@@ -66,8 +66,10 @@ class Mountings:
         if self._base is None or not is_carried:
             return None
         frame = frame_id_of(self._bag, choice.topic)
+        if not frame:  # its sender does not say
+            return None
         is_optical = choice.kind in ("image", "rgbd") and not frame.endswith("_link")  # REP-103, sensor_msgs/Image
-        pose = self._tree.mounting(self._base, frame, self._where, is_optical=is_optical) if frame else None
+        pose = self._tree.mounting(self._base, frame, self._where, is_optical=is_optical)
         if pose is None:
             logger.warning(
                 "%s: nothing in /tf_static leads from %s to %r, the frame of %s: its mounting is unknown",

@@ -131,8 +131,10 @@ def read_candidates(path: Path, label_distance_m: float = 0.6) -> tuple[Array, L
                 x, y, true_x, true_y = (_number(row, name, path, reader.line_num) for name in _PLACE_COLUMNS)
                 features.append([_number(row, name, path, reader.line_num) for name in FEATURE_NAMES])
                 labels.append(bool(np.hypot(x - true_x, y - true_y) < label_distance_m))
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"cannot read {path}: {error}") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"cannot read {path}: it is no text (byte {error.start})") from error
+    except OSError as error:
+        raise ConfigError(f"cannot read {path}: {error.strerror or error}") from error
     if not features:
         raise ConfigError(f"{path} holds no candidate with a true place: fill in true_x and true_y")
     return np.array(features), np.array(labels)
