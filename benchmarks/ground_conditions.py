@@ -435,8 +435,8 @@ def page(rows: Sequence[Mapping[str, Any]], command: str) -> str:
     methods = sorted({row["method"] for row in rows}, key=lambda name: (name != "refined", name))
     lines = ["# The downward camera under other conditions", "", f"`{command}`", "", head[-2], "", head[-1], "",
              f"Floors: {', '.join(floors)}. n: drives of the first method, pieces of 1 m. Cells: error over 1 m, median"
-             " / worst drive [%]; answered [%]; silent motions / silent pieces [%]. Bar: error not above the best of the"
-             " others, or 0.1 %; answered 95 %; silent 0.1 %, motions and pieces.", ""]  # fmt: skip
+             " / worst drive [%]; answered [%]; silent motions / silent pieces [%]. Bar: error not above the best of"
+             " the others, or 0.1 %; answered 95 %; silent 0.1 %, motions and pieces.", ""]  # fmt: skip
     lines += ["| condition | n | " + " | ".join(methods) + " | bar |", "|---" * (len(methods) + 3) + "|"]
     for condition in CASES:
         of = {name: [r for r in rows if r["condition"] == condition and r["method"] == name] for name in methods}

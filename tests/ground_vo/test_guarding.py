@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from trailmark.testing.ground import ground_run, straight
+from trailmark_ground_vo.areas import margin_px, max_shift_px
 from trailmark_ground_vo.config import GroundVOConfig
 from trailmark_ground_vo.guarding import GroundTracker
-from trailmark_ground_vo.motion import pose_prev_now
-from trailmark_ground_vo.tracker import RelativeTracker, TrackedMotion
+from trailmark_ground_vo.motion import ImageMotion, pose_prev_now
+from trailmark_ground_vo.tracker import RelativeTracker, TrackedMotion, TrackingFailure
 
 SPEED_MPS = 0.26
 
@@ -98,3 +99,47 @@ def test_what_is_told_while_guarded_knows_its_scatter(camera, pictures):
     sigma = [math.sqrt(np.linalg.inv(answer.information)[0, 0]) for answer in said[1:]]
     errors = np.abs(np.abs(moves(said)[:, 0]) - SPEED_MPS / 70 / camera.metres_per_pixel[0])
     assert np.mean(errors[20:] < 5 * np.array(sigma[20:])) > 0.99
+
+
+def test_the_same_picture_bit_by_bit_is_lost_while_others_move(camera, pictures):
+    tracker, ten_px = GroundTracker(config(), camera.size), ImageMotion(10.0, 0.0, 0.0)
+    follow(tracker, pictures[:20])
+
+    frozen = tracker.step(pictures[19].copy(), 20 / 70, ten_px)
+
+    assert isinstance(frozen, TrackingFailure)
+    assert "frozen" in frozen.reason
+
+
+def test_marks_on_the_lens_are_learned_and_the_track_is_right(camera, pictures):
+    for v, u in np.random.default_rng(4).integers(4, 270, (70, 2)):
+        for picture in pictures:
+            picture[v : v + 8, u : u + 8] = 100  # within the ground's own contrast
+    tracker = GroundTracker(config(), camera.size)
+
+    said = follow(tracker, pictures)
+
+    told = [answer for answer in said if isinstance(answer, TrackedMotion)]
+    assert len(told) >= 57
+    steps = np.array([abs(pose_prev_now(answer.motion, camera.metres_per_pixel).x) for answer in told])
+    np.testing.assert_allclose(steps, SPEED_MPS / 70, atol=0.2e-3)
+
+
+def test_a_picture_of_another_size_has_a_rim_and_a_reach_of_its_own():
+    sizes = [(512, 480), (1024, 960), (320, 240)]
+
+    rims = [(margin_px(config(), size), max_shift_px(config(), size)) for size in sizes]
+
+    assert rims == [(64, 36), (128, 72), (32, 18)]
+    assert max_shift_px(config(), (1024, 960), is_guarded=True) == 336
+    assert {margin_px(config(mode="paper"), size) for size in sizes} == {64}  # as printed
+
+
+def test_a_lost_picture_names_the_key_that_limits_the_speed(camera, pictures):
+    tracker = GroundTracker(config(max_shift_px=10), camera.size)
+    tracker.step(pictures[0], 0.0)
+
+    said = tracker.step(np.random.default_rng(0).integers(0, 256, pictures[0].shape, np.uint8), 1 / 70)
+
+    assert isinstance(said, TrackingFailure)
+    assert "max_shift_px is 10" in said.reason

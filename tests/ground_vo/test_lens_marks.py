@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -34,7 +36,7 @@ def weights_of(pictures, motion) -> np.ndarray | None:
     height, width = pictures[0].shape
     marks, weights = LensMarks((width, height), 1.0), None
     even = [levels_of(smooth(picture)) for picture in pictures]
-    for before, now in zip(even, even[1:]):
+    for before, now in itertools.pairwise(even):
         marks.add(before, now, motion, SIGMA)
         news = marks.new_weights()
         weights = weights if news is None else news

@@ -283,8 +283,9 @@ def test_a_picture_of_another_size_is_refused(camera, ground):
     ("keys", "message"),
     [
         ({"margin_px": 150}, r"pictures of 320 x 288 are too small for a rim of 150 px"),
-        ({"margin_px": 40}, r"margin_px is 40, but shifts of 36 \+ 8 px"),
-        ({"centre_distance_px": 155}, r"viewpoints 155 px apart"),
+        ({"margin_px": 40, "max_shift_px": 36}, r"margin_px is 40, but shifts of 36 \+ 8 px"),
+        ({"margin_px": 40, "mode": "paper"}, r"margin_px is 40, but shifts of 36 \+ 8 px"),
+        ({"centre_distance_px": 205}, r"viewpoints 205 px apart"),
     ],
 )
 def test_a_geometry_that_cannot_be_is_refused_at_the_start(keys, message, camera):

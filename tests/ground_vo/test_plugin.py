@@ -36,3 +36,12 @@ def test_registering_imports_nothing_heavy():
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
 
     assert shown.stdout.strip() == "[]"
+
+
+def test_the_starter_asks_which_way_is_forward(tmp_path):
+    asked = [sys.executable, "-m", "trailmark.cli", "init", "ground", "--out", str(tmp_path / "ground.yaml")]
+
+    said = subprocess.run(asked, capture_output=True, text=True, check=True).stdout
+
+    assert "Which way is forward in the picture?" in said
+    assert "yaw_deg 180" in said

@@ -33,6 +33,8 @@ def init_command(context: click.Context, name: str | None, out: Path | None, for
     if path.exists() and not force:
         raise ConfigError(f"{path} exists already; choose another with --out, or overwrite it with --force")
     path.write_text(texts[name], encoding="utf-8")
+    for question in _questions(texts[name]):
+        click.echo(question)
     click.echo(f"wrote {path}; read it, then: trailmark run {path}")
 
 
@@ -55,3 +57,9 @@ def starters(plugins: Plugins) -> dict[str, str]:
 def _first_comment(text: str) -> str:
     first = text.partition("\n")[0]
     return first.removeprefix("#").strip() if first.startswith("#") else ""
+
+
+def _questions(text: str) -> list[str]:
+    """Return what a starter asks the reader: its comments that begin with a question mark."""
+    lines = (line.strip() for line in text.splitlines())
+    return [line.removeprefix("# ?").strip() for line in lines if line.startswith("# ?")]

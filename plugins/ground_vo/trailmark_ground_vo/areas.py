@@ -11,13 +11,14 @@ from trailmark.errors import ConfigError
 from trailmark_ground_vo.config import GroundVOConfig
 from trailmark_ground_vo.extremes import Area
 
-__all__ = ["max_shift_px", "tracking_areas", "wide_shifts"]
+__all__ = ["margin_px", "max_shift_px", "tracking_areas", "wide_shifts"]
 
 #: The picture that the paper's figures are for: height less its rim, and D with and without overlapping areas.
 _PAPER_ROWS, _PAPER_DISTANCE, _DISJOINT_DISTANCE = 352, 128, 192
 
-#: The paper's range of predicted shifts [px], and the one that a second opinion allows, of the shorter side.
-_PAPER_SHIFT_PX, _LONGEST_SHIFT = 36, 0.35
+#: The paper's range of predicted shifts and rim [px], the shorter side of its picture [px], and the range that a second
+#: opinion allows, of the shorter side.
+_PAPER_SHIFT_PX, _PAPER_MARGIN_PX, _PAPER_SIDE_PX, _LONGEST_SHIFT = 36, 64, 480, 0.35
 
 
 def tracking_areas(config: GroundVOConfig, size: tuple[int, int]) -> tuple[tuple[Area, Area], int]:
@@ -29,7 +30,8 @@ def tracking_areas(config: GroundVOConfig, size: tuple[int, int]) -> tuple[tuple
         If the picture is too small for them, or the rim too narrow for the search.
     """
     width, height = size
-    margin, rows = config.margin_px, height - 2 * config.margin_px
+    margin = margin_px(config, size)
+    rows = height - 2 * margin
     paper_px = _PAPER_DISTANCE if config.mode == "paper" else _DISJOINT_DISTANCE
     distance_px = config.centre_distance_px or round(rows * paper_px / _PAPER_ROWS)
     high = rows - distance_px
@@ -55,12 +57,22 @@ def max_shift_px(config: GroundVOConfig, size: tuple[int, int], *, is_guarded: b
     """Return the largest predicted shift in a picture (width, height) [px]; a second opinion lets it be longer."""
     if config.max_shift_px is not None:
         return config.max_shift_px
-    return round(_LONGEST_SHIFT * min(size)) if is_guarded else _PAPER_SHIFT_PX
+    return round(_LONGEST_SHIFT * min(size)) if is_guarded else _scaled(_PAPER_SHIFT_PX, config, size)
+
+
+def margin_px(config: GroundVOConfig, size: tuple[int, int]) -> int:
+    """Return the rim without reference pixels in a picture (width, height) [px]."""
+    return _scaled(_PAPER_MARGIN_PX, config, size) if config.margin_px is None else config.margin_px
+
+
+def _scaled(paper_px: int, config: GroundVOConfig, size: tuple[int, int]) -> int:
+    """Return a length of the paper's picture in one of another size; as printed in the modes of the paper."""
+    return round(paper_px * min(size) / _PAPER_SIDE_PX) if config.mode == "refined" else paper_px
 
 
 def wide_shifts(config: GroundVOConfig, size: tuple[int, int]) -> list[tuple[float, float]]:
     """Return predictions whose searches together cover the shifts of the paper, the small ones first."""
-    limit = min(_PAPER_SHIFT_PX, max_shift_px(config, size))
+    limit = min(_scaled(_PAPER_SHIFT_PX, config, size), max_shift_px(config, size))
     count = math.ceil(limit / config.search_px) + 1
     along = [float(round(shift)) for shift in np.linspace(-limit, limit, count)]
     return sorted(product(along, along), key=lambda shift: shift[0] ** 2 + shift[1] ** 2)

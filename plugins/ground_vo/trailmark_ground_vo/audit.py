@@ -31,6 +31,9 @@ _CLIP, _MOST_SHADING = 10.0 * SMOOTH_SCALE, 0.06
 #: Residuals count fully up to this [robust standard deviations] (Huber).
 _HUBER_SIGMAS = 2.0
 
+#: Slopes count fully up to this, of the mean: what is steeper than all the rest, a mark on the lens, has no more say.
+_STEEP = 2.0
+
 #: A part of the picture has a say with so many pixels, and with own errors below this [px].
 _LEAST_PIXELS, _LEAST_OWN_PX = 40, 0.02
 
@@ -198,11 +201,16 @@ def _equations(samples: Float32s, parts: Int64s, spread: float) -> tuple[Floats,
     out, whole, n_out = np.zeros((_N_SIDE * _N_SIDE, 10), np.float64), np.zeros((3, 4), np.float64), 0
     limit, most, far = np.float32(_HUBER_SIGMAS * spread), np.float32(_OUT_SIGMAS * spread), np.float32(_OUT_PX)
     least, one = np.float32(1e-3), np.float32(1.0)
+    total_slope = np.float32(0.0)
+    for n in range(samples.shape[1]):
+        total_slope += abs(samples[1, n]) + abs(samples[2, n])
+    steep = max(np.float32(_STEEP) * total_slope / np.float32(max(samples.shape[1], 1)), least)
     for n in range(samples.shape[1]):
         d, u, v = samples[0, n], samples[1, n], samples[2, n]
         if abs(d) > most + far * (abs(u) + abs(v)):
             n_out += 1
-        w = min(one, limit / max(abs(d), least))
+        lever = min(one, steep / max(abs(u) + abs(v), least))
+        w = min(one, limit / max(abs(d), least)) * lever * lever
         p = parts[int(samples[5, n])]
         wu, wv, wd = w * u, w * v, w * d
         out[p, 0] += one

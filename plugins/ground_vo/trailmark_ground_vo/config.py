@@ -28,10 +28,11 @@ class GroundVOConfig(PluginConfig):
     rotation_step_deg: float = Field(math.degrees(1 / 128), gt=0, le=5)
     """Step of the rotational search; 1/128 rad, the paper's 0.448 deg [deg]."""
     max_shift_px: int | None = Field(None, ge=0)
-    """Largest predicted shift per picture; left out: 36 as in the paper, and in mode refined 0.35 of the shorter side
-    where a second opinion says where to look. Given, it has to fit into the rim [px]."""
-    margin_px: int = Field(64, ge=8)
-    """Rim of the picture without reference pixels, so that none is lost while searching [px]."""
+    """Largest predicted shift per picture; left out: 36 as in the paper, in mode refined as much of the picture's
+    shorter side, and 0.35 of that where a second opinion says where to look. Given, it has to fit into the rim [px]."""
+    margin_px: int | None = Field(None, ge=8)
+    """Rim of the picture without reference pixels, so that none is lost while searching; left out: 64 as in the paper,
+    and in mode refined as much in a picture of another size as in one 480 px high [px]."""
     centre_distance_px: int | None = Field(None, ge=8)
     """D of Eq. (3), the distance of the two viewpoints; left out: in a picture 480 px high 128 in mode paper, where the
     tracking areas overlap as in Fig. 1, and 192 else, where they do not [px]."""

@@ -11,6 +11,8 @@ import logging
 from collections.abc import Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from trailmark.arrays import Float32s, Grey8, Grey16
 from trailmark_ground_vo.audit import MotionAudit
 from trailmark_ground_vo.config import GroundVOConfig
@@ -30,17 +32,19 @@ logger = logging.getLogger(__name__)
 #: each time that it fails soon.
 _CALM_FRAMES, _MOST_CALM_FRAMES = 30, 960
 
-#: Spread of the differences of two smoothed pictures of the same, over the noise before, and the most that is believed
-#: of a guarded motion; content that does not move so shows 1.4 and more.
-_SPREAD_OVER_NOISE, _MOST_SPREAD = 0.39, 0.9
+#: Spread of the differences of two smoothed pictures of the same, over the noise before: by the filter, at most in
+#: light that is modelled, and the most that is believed; content that does not move so shows 1.4 and more.
+_SPREAD_OVER_NOISE, _USUAL_SPREAD, _MOST_SPREAD = 0.39, 0.6, 0.9
 
 #: Or of what a wrong motion leaves, so far from it [px].
-_MOST_OF_ELSEWHERE, _ELSEWHERE_PX = 0.75, 17.0
+_MOST_OF_ELSEWHERE, _ELSEWHERE_PX = 0.9, 17.0
 
 #: Pictures that may be doubted in a row before other pixels are chosen.
 _PATIENCE_FRAMES = 2
 
 _STILL = ImageMotion(0.0, 0.0, 0.0)
+
+_FROZEN = "the same picture again, bit by bit, while others move (camera or driver frozen)"
 
 
 class GroundTracker:
@@ -94,13 +98,16 @@ class GroundTracker:
         """
         if self._guarded is None:
             return self._plain.step(image, stamp_s)
+        before = None if self._understood is None else self._understood[0]
         said = self._step_plain(image, stamp_s) if self._active is self._plain else self._step_guarded(image, stamp_s)
         if self._active.has_begun_anew:
             self._rest.begin(self._last)
         if not isinstance(said, TrackedMotion):
             return said
         self._last = said.motion
-        reason = self._rest.reason_doubted(said.motion, expected)
+        stands = self._rest.is_contradicted(said.motion, expected)
+        is_frozen = stands and before is not None and np.array_equal(image, before)
+        reason = _FROZEN if is_frozen else self._rest.reason_doubted(said.motion, expected)
         self._rest.add(said.motion)
         return TrackingFailure(reason, said.details) if reason else said
 
@@ -190,7 +197,9 @@ class GroundTracker:
                 if reference.unmasked is not None and now.unmasked is not None:
                     self._marks.add(reference.unmasked, now.unmasked, said.motion, sigma)
                 self._n_doubted = 0
-                return said
+                # what noise does not explain, light that is not modelled, moves the motion as well
+                unexplained = max(1.0, spread / (_USUAL_SPREAD * noise))
+                return replace(said, information=said.information / unexplained)
             said = TrackingFailure(
                 f"most of the picture does not move as its marks do: differences of {spread:.1f} grey levels with noise"
                 f" of {noise:.1f} (dirt on the lens, reflections?)",

@@ -34,10 +34,13 @@ class MatchJudge:
     ----------
     config : GroundVOConfig
         The limits: `max_error_ratio`, `max_error_share`, `max_error_growth`.
+    max_shift_px : int
+        Largest shift that is searched for: what is faster has no match [px].
     """
 
-    def __init__(self, config: GroundVOConfig) -> None:
+    def __init__(self, config: GroundVOConfig, max_shift_px: int) -> None:
         self._config = config
+        self._fast = f"too fast: max_shift_px is {max_shift_px}"
         self._usual: deque[float] = deque(maxlen=_USUAL_FRAMES)
 
     def forget(self) -> None:
@@ -60,10 +63,10 @@ class MatchJudge:
         """
         error, mean = mean_error(matches), (matches[0].mean_error + matches[1].mean_error) / 2
         if error > self._largest_error(mean, noise) or mean == 0.0:
-            return f"no match: error {error:.1f} of {mean:.1f} grey levels (blank, covered, blurred or too fast)"
+            return f"no match: error {error:.1f} of {mean:.1f} grey levels (blank, covered, blurred or {self._fast})"
         usual = max(_QUIET_LEVELS, median(self._usual)) if self._usual else math.inf
         if error > self._config.max_error_growth * usual:
-            return f"bad match: error {error:.1f} grey levels, usually {usual:.1f} (covered, blurred or too fast)"
+            return f"bad match: error {error:.1f} grey levels, usually {usual:.1f} (covered, blurred or {self._fast})"
         return ""
 
     def _largest_error(self, mean: float, noise: float | None) -> float:

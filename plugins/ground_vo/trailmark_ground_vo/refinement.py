@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trailmark.arrays import Float32s, Floats, Grey16
+from trailmark_ground_vo.areas import margin_px
 from trailmark_ground_vo.config import GroundVOConfig
 from trailmark_ground_vo.extremes import Area
 from trailmark_ground_vo.filters import SMOOTH_SCALE
@@ -86,7 +87,7 @@ class Refinement:
     """Aligns each picture with remembered pixels (see `texture` and `refine`)."""
 
     def __init__(self, config: GroundVOConfig, size: tuple[int, int], aspect: float) -> None:
-        margin = config.margin_px
+        margin = margin_px(config, size)
         self._config = config
         self._area: Area = (margin, margin, size[0] - margin, size[1] - margin)
         self._centre = ((size[0] - 1) / 2.0, (size[1] - 1) / 2.0)

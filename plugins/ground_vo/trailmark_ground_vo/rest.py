@@ -47,6 +47,12 @@ class RestWatch:
         if math.hypot(self._u, self._v) > _MOVED_PX or abs(self._turn_rad) > math.radians(3.0):
             self._has_moved = True
 
+    @staticmethod
+    def is_contradicted(found: ImageMotion, expected: ImageMotion | None) -> bool:
+        """Return whether a content stands still while others move."""
+        expected_px = 0.0 if expected is None else math.hypot(expected.u, expected.v)
+        return expected_px > _EXPECTED_PX and math.hypot(found.u, found.v) <= max(_STILL_PX, _STILL_SHARE * expected_px)
+
     def reason_doubted(self, found: ImageMotion, expected: ImageMotion | None) -> str:
         """Return why a motion may not be that of the ground; empty when it may.
 

@@ -91,7 +91,7 @@ class RelativeTracker:
         self._config = config
         self._views = _two_views(config, size, aspect)
         self._strategy = _strategy(config, size, self._views, is_guarded=is_guarded)
-        self._judge = MatchJudge(config)
+        self._judge = MatchJudge(config, max_shift_px(config, size, is_guarded=is_guarded))
         self._wide_shifts = wide_shifts(config, size)
         self._since_s: float | None = None
         self._interval_s = 0.0
