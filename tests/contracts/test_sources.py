@@ -61,6 +61,12 @@ def write_table(path: Path) -> Path:
     return path
 
 
+def write_sightings(path: Path) -> Path:
+    rows = [f"{0.1 * i:.1f},{1 + i % 3},{3.0 + 0.1 * i:.1f},{0.05 * i:.2f}" for i in range(N_FRAMES)]
+    path.write_text("\n".join(["t,id,range,bearing", *rows]) + "\n")
+    return path
+
+
 def write_carmen(path: Path) -> Path:
     ranges = " ".join(f"{2 + 0.01 * beam:.2f}" for beam in range(180))
     lines = ["# CARMEN"]
@@ -124,6 +130,7 @@ def write_bag(path: Path) -> Path:
 RECORDINGS: dict[str, tuple[Callable[[Path], Path], str, dict[str, float]]] = {
     "carmen_log": (write_carmen, "robot.log", {}),
     "csv_odometry": (write_table, "wheels.csv", {}),
+    "csv_records": (write_sightings, "sightings.csv", {}),
     "image_folder": (write_pictures, "pictures", {"rate_hz": 10}),
     "kitti_odometry": (write_kitti, "kitti", {}),
     "rosbag": (write_bag, "bag", {}),

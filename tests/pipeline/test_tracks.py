@@ -8,9 +8,18 @@ import tracemalloc
 import numpy as np
 import pytest
 
+from trailmark.estimates import (
+    Applied,
+    EstimateRecord,
+    Fix,
+    Motion,
+    information_along,
+    information_from_sigmas,
+)
 from trailmark.geometry import Pose2
+from trailmark.interfaces import Session
 from trailmark.pipeline.outputs import tracks
-from trailmark.pipeline.outputs.tracks import Track
+from trailmark.pipeline.outputs.tracks import Track, Tracks
 
 N_POSES = 40_000
 
@@ -89,3 +98,22 @@ def test_where_no_file_can_be_written_nothing_is_lost(
     assert caplog.messages == [
         "trajectories stay in memory: no temporary file can be written: [Errno 28] No space left on device"
     ]
+
+
+def test_fixes_of_one_number_alone_make_no_track_and_with_motion_they_do() -> None:
+    one = Fix(1.0, Pose2(1.0, 2.0), information_along([1.0, 0.0, 0.0], 0.1))
+    whole = Fix(2.0, Pose2(1.0, 2.0), information_from_sigmas(0.1, 0.1, 0.1))
+    collected = Tracks(["radios", "camera", "both"], Session(start_pose=Pose2()))
+    for source, estimate in (
+        ("radios", one),
+        ("camera", whole),
+        ("both", Motion(0.0, 1.0, Pose2(1.0), information_from_sigmas(0.1, 0.1, 0.1))),
+        ("both", one),
+    ):
+        collected.on_estimate_record(EstimateRecord(estimate.stamp_s, source, estimate, Applied("accepted")))
+    assert {name: len(track) for name, track in collected.trajectories().items()} == {
+        "radios": 0,
+        "camera": 1,
+        "both": 1,
+        "fused": 0,
+    }

@@ -13,6 +13,7 @@ __all__ = [
     "CameraConfig",
     "CarmenLogConfig",
     "CsvOdometryConfig",
+    "CsvRecordsConfig",
     "ImageFolderConfig",
     "KittiOdometryConfig",
     "PosesConfig",
@@ -26,6 +27,7 @@ TimeUnit = Literal["s", "ms", "us", "ns"]
 AngleUnit = Literal["rad", "deg"]
 
 POSE_COLUMNS = ("t", "file", "x", "y", "theta")
+RECORD_COLUMNS = ("t", "id", "range", "bearing")
 ODOMETRY_COLUMNS = ("t", "x", "y", "theta", "v", "omega", "left", "right", "distance")
 
 
@@ -181,6 +183,37 @@ class CsvOdometryConfig(PosesConfig):
     @classmethod
     def _columns_are_known(cls, columns: dict[str, str]) -> dict[str, str]:
         return _known_columns(columns, ODOMETRY_COLUMNS)
+
+
+class CsvRecordsConfig(PosesConfig):
+    """Ranges and bearings to landmarks, from a table."""
+
+    path: ExistingPath
+    """The table; commas, semicolons, tabs or blanks; `#`, `%` and `//` start a comment."""
+    header: tuple[str, ...] | None = None
+    """Columns of a table without a header row: `[t, id, range, bearing]` where a row is one sighting, or
+    `[t, "bearing:1", "range:1", "bearing:2"]` where a row is all that was seen at once of the landmarks 1, 2."""
+    columns: dict[str, str] = Field(default_factory=dict)
+    """Columns that bear other names: `quantity: name`, for example `{t: seconds, id: barcode}`."""
+    rate_hz: float | None = Field(None, gt=0)
+    """Rows per second of a table that has no column t [Hz]."""
+    angle_unit: AngleUnit = "rad"
+    """Unit of the bearings, which count counter-clockwise from forward."""
+    metres_per_unit: float = Field(1.0, gt=0)
+    """Length of one unit of a range; 0.93 for ranges that are 7 % too long [m]."""
+    codes: ExistingPath | None = None
+    """Table of the codes that `path` writes for landmarks, where the two differ (barcodes): columns id, code."""
+    codes_header: tuple[str, ...] | None = None
+    """Columns of a table of codes without a header row."""
+    landmarks: ExistingPath | None = None
+    """Where the landmarks stand: columns id, x, y; without id they are counted from 1 [m]."""
+    landmarks_header: tuple[str, ...] | None = None
+    """Columns of a table of landmarks without a header row."""
+
+    @field_validator("columns")
+    @classmethod
+    def _columns_are_known(cls, columns: dict[str, str]) -> dict[str, str]:
+        return _known_columns(columns, RECORD_COLUMNS)
 
 
 class RgbdTopics(PluginConfig):

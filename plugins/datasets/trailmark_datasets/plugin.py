@@ -17,6 +17,7 @@ _SOURCES = (
     ("kitti_odometry", "KittiOdometry", "One camera of the KITTI odometry benchmark", "Geiger et al. 2012"),
     ("carmen_log", "CarmenLog", "Planar laser and odometry of a CARMEN log", ""),
     ("csv_odometry", "CsvOdometry", "Odometry from a table: poses, wheels, velocities or distances", ""),
+    ("csv_records", "CsvRecords", "Ranges and bearings to known landmarks, from a table", ""),
     ("rosbag", "Rosbag", "Recordings of ROS 1 and ROS 2, and MCAP", ""),
 )
 

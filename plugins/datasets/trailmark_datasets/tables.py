@@ -10,7 +10,7 @@ from pathlib import Path
 from trailmark.errors import SourceError
 from trailmark_datasets.textfiles import lines_of, number
 
-__all__ = ["DataTable", "TableRow", "open_table"]
+__all__ = ["DataTable", "TableRow", "column_names", "open_table"]
 
 #: Other names under which a column is found without being told.
 ALIASES: Mapping[str, tuple[str, ...]] = {
@@ -99,6 +99,18 @@ def open_table(
     SourceError
         If there is no header, or a column named in `columns` is not there.
     """
+    line, delimiter, names = _read_header(path, header)
+    found = _find_columns(names, known, columns or {}, f"{path}:{line}" if header is None else "header")
+    return DataTable(path, found, max(found.values(), default=-1) + 1, delimiter, 0 if header is not None else line)
+
+
+def column_names(path: Path, header: Sequence[str] | None = None) -> list[str]:
+    """Return the names of a table's columns, in lower case and without units; see `open_table`."""
+    return _read_header(path, header)[2]
+
+
+def _read_header(path: Path, header: Sequence[str] | None) -> tuple[int, str | None, list[str]]:
+    """Return the first line's number, the delimiter and the names of the columns."""
     first = next(lines_of(path), None)
     if first is None:
         raise SourceError(f"{path} holds no rows")
@@ -109,9 +121,7 @@ def open_table(
         raise SourceError(
             f"{path}:{line} has no header row; name its {len(fields)} columns in the config: header: [t, ...]"
         )
-    names = [_normal(name) for name in (fields if header is None else header)]
-    found = _find_columns(names, known, columns or {}, f"{path}:{line}" if header is None else "header")
-    return DataTable(path, found, max(found.values(), default=-1) + 1, delimiter, 0 if header is not None else line)
+    return line, delimiter, [_normal(name) for name in (fields if header is None else header)]
 
 
 def _find_columns(names: Sequence[str], known: Sequence[str], columns: Mapping[str, str], where: str) -> dict[str, int]:

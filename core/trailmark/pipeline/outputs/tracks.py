@@ -11,9 +11,10 @@ from typing import IO
 
 import numpy as np
 
-from trailmark.estimates import Belief, EstimateRecord, Lost
+from trailmark.estimates import Belief, EstimateRecord, Fix, Lost, Motion
 from trailmark.estimation.dead_reckoning import DeadReckoning
 from trailmark.estimation.dead_reckoning_config import DeadReckoningConfig
+from trailmark.estimation.information import checked_information, measured_directions
 from trailmark.geometry import Pose2, Trajectory
 from trailmark.interfaces import Session, Sink
 
@@ -82,14 +83,22 @@ class Track:
 
 
 class _OwnTrack:
-    """A dead reckoning of one localizer's estimates, used or not."""
+    """A dead reckoning of one localizer's estimates, used or not.
+
+    A fix that says a single number (one range, one bearing) is no pose: without motions between them such fixes would
+    be taken to wherever the track happens to be, and not to where they hold.
+    """
 
     def __init__(self, session: Session) -> None:
         self._estimator = DeadReckoning(DeadReckoningConfig())
         self._estimator.start(session)
         self._in_map, self._in_odom = Track(), Track()
+        self._has_motion = False
 
     def add(self, record: EstimateRecord) -> None:
+        self._has_motion |= isinstance(record.estimate, Motion)
+        if not self._has_motion and isinstance(record.estimate, Fix) and _says_one_number(record.estimate):
+            return
         if self._estimator.apply(record.source, record.estimate).status == "refused":
             return
         stamp_s, pose_map_base, pose_odom_base = self._estimator.poses_at(record.estimate.stamp_s)
@@ -101,6 +110,11 @@ class _OwnTrack:
     def trajectory(self) -> Trajectory:
         """Return the way in the map; of a localizer that never knew where it started, the way from its start."""
         return (self._in_map if len(self._in_map) else self._in_odom).trajectory()
+
+
+def _says_one_number(fix: Fix) -> bool:
+    information = checked_information(fix.information)
+    return not isinstance(information, str) and measured_directions(information).rank == 1
 
 
 class Tracks(Sink):
