@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 from trailmark.commands import Command
 from trailmark.deprecation import deprecated_name
+from trailmark.errors import ConfigError
 from trailmark.estimates import Applied, Belief, Estimate, EstimateRecord
 from trailmark.frames import Frame, SensorInfo, SensorOrigin
 from trailmark.geometry import Pose2, Trajectory
@@ -187,6 +188,17 @@ class FrameSource(Part):
     def origins(self) -> Mapping[str, SensorOrigin]:
         """Return where the recording says mountings and calibrations, by sensor; known after `start`."""
         return {}
+
+    @classmethod
+    def survey(cls, where: str) -> Sequence[Mapping[str, str]]:
+        """Return what is on a network, for ``trailmark inspect NAME://WHERE``: rows of a table, by column.
+
+        Raises
+        ------
+        ConfigError
+            If `where` is no such place, or the source reads no network, which is the default.
+        """
+        raise ConfigError(f"{cls.__name__} reads no network: {where!r} cannot be looked at")
 
     #: True for devices: frames come when they come, and what is not taken is lost.
     is_live: ClassVar[bool] = False

@@ -7,6 +7,9 @@ import sys
 
 import pytest
 
+pytest.importorskip("cyclonedds", reason="the extra [ros2] is not installed")
+
+
 from trailmark.plugins import load_plugins
 from trailmark.testing import source_checks
 

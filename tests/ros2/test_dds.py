@@ -7,6 +7,9 @@ import time
 import numpy as np
 import pytest
 
+pytest.importorskip("cyclonedds", reason="the extra [ros2] is not installed")
+
+
 from trailmark.errors import ConfigError
 from trailmark_ros2 import dds
 from trailmark_ros2.message_types import dds_type_name, deserialize, idl_type, new_message, ros_type_name, serialize

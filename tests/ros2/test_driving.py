@@ -8,6 +8,9 @@ import time
 import numpy as np
 import pytest
 
+pytest.importorskip("cyclonedds", reason="the extra [ros2] is not installed")
+
+
 from trailmark.api import create
 from trailmark.commands import Steer4WS, Stop, Velocity
 from trailmark.errors import ConfigError

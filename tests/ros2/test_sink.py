@@ -8,6 +8,9 @@ import time
 import numpy as np
 import pytest
 
+pytest.importorskip("cyclonedds", reason="the extra [ros2] is not installed")
+
+
 from trailmark.api import create
 from trailmark.estimates import Applied, Belief, EstimateRecord, Fix, Lost, Motion, information_from_sigmas
 from trailmark.geometry import Pose2, Twist2

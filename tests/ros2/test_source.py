@@ -13,6 +13,9 @@ import cv2
 import numpy as np
 import pytest
 
+pytest.importorskip("cyclonedds", reason="the extra [ros2] is not installed")
+
+
 from trailmark.api import create
 from trailmark.errors import SourceError
 from trailmark.frames import DepthCamera, Pinhole
@@ -377,12 +380,11 @@ def test_a_pose_that_is_told_moves_the_belief(domain, robot, messages) -> None:
         "localizers": {"wheels": {"plugin": "odometry"}},
         "estimator": {"plugin": "kalman"},
     }
-    deadline_s = time.monotonic() + 10.0
     with Pipeline(config) as pipeline:
-        for step in pipeline:
+        for step in itertools.islice(pipeline, 500):
             robot.send("/initialpose", messages.pose_with_covariance(3.0, -2.0, 1.0, np.eye(6).ravel() * 0.01))
             pose = step.belief.pose_map_base
-            if (pose is not None and pose.x > 2.9) or time.monotonic() > deadline_s:
+            if pose is not None and pose.x > 2.9:
                 break
 
     np.testing.assert_allclose(pose.array(), [3.0, -2.0, 1.0], atol=1e-6)

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
@@ -18,8 +18,11 @@ from trailmark.cli.root import plugins_of
 from trailmark.config import SensorOverride
 from trailmark.errors import ConfigError
 from trailmark.frames import Frame, SensorInfo
-from trailmark.interfaces import Session
+from trailmark.interfaces import FrameSource, Session
 from trailmark.pipeline import SourceStream, build_sources, read_config
+
+if TYPE_CHECKING:
+    from trailmark.plugins import Registry
 
 __all__ = ["inspect_command"]
 
@@ -36,7 +39,7 @@ class _SensorSummary:
 
 
 @click.command("inspect")
-@click.argument("target", metavar="CONFIG|RECORDING|camera")
+@click.argument("target", metavar="CONFIG|RECORDING|camera|NETWORK")
 @click.option("--frames", "n_frames", type=click.IntRange(1), default=300, show_default=True, help="Frames to read.")
 @click.option("--out", type=click.Path(path_type=Path), help="Folder for the first picture of each camera.")
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key of the config.")
@@ -45,10 +48,16 @@ class _SensorSummary:
 def inspect_command(
     context: click.Context, /, target: str, n_frames: int, out: Path | None, overrides: tuple[str, ...], as_json: bool
 ) -> None:
-    """Show the sensors of a source: kinds, sizes, rates, intervals, and their first frames as pictures."""
+    """Show the sensors of a source: kinds, sizes, rates, intervals, and their first frames as pictures.
+
+    Of a network, such as ros2://0, show what is on it.
+    """
     from trailmark.cli.guess import guess_config, is_config
 
     plugins = plugins_of(context)
+    if "://" in target:
+        _survey(target, plugins.registry, as_json)
+        return
     config = target if is_config(target) else guess_config(target, plugins.registry)
     run_config = read_config(config, plugins=plugins, overrides=overrides)
     if not run_config.sources:
@@ -69,6 +78,30 @@ def inspect_command(
         _print(rows)
     for line in (*origins, *(f"not read: {name} ({remark})" for name, remark in unread.items())):
         click.echo(line, err=as_json)
+
+
+def _survey(target: str, registry: Registry, as_json: bool) -> None:
+    """Show what is on a network: ``NAME://WHERE``, with the name of the source that reads it."""
+    name, _, where = target.partition("://")
+    source: type[FrameSource] = registry.find("source", name).load()
+    rows = source.survey(where)
+    if as_json:
+        click.echo(json.dumps(rows, indent=1))
+        return
+    if not rows:
+        click.echo(f"nothing is seen at {target}")
+        return
+    from rich.table import Table
+    from rich.text import Text
+
+    from trailmark.report.console import table_console
+
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for column in rows[0]:
+        table.add_column(column, overflow="fold")
+    for row in rows:
+        table.add_row(*(Text(str(cell)) for cell in row.values()))
+    table_console().print(table)
 
 
 def _look(source: SourceStream, n_frames: int, overrides: Mapping[str, SensorOverride]) -> dict[str, _SensorSummary]:

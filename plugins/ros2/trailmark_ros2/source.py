@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from types import MappingProxyType
 from typing import ClassVar
@@ -115,6 +115,13 @@ class Ros2Source(Drivable):
         if self._driver is not None:
             counts["watchdog_stops"] = self._driver.n_watchdog_stops
         return counts
+
+    @classmethod
+    def survey(cls, where: str) -> Sequence[Mapping[str, str]]:
+        """Return the topics of a domain, for ``trailmark inspect ros2://0``."""
+        from trailmark_ros2.survey import survey_network  # a run has no use for it
+
+        return survey_network(where)
 
     # --- sensors ---------------------------------------------------------------------------------------------------
 
