@@ -143,6 +143,33 @@ class TestChecks:
             self.run(fakes, frames)
         assert self.run(fakes, frames, on_bad_frame="skip")[0] == 3
 
+    # Not two at the beginning: of the first three, the majority would be wrong.
+    @pytest.mark.parametrize(("at", "n_wrong"), [(0, 1), (1, 1), (1, 2), (25, 1), (25, 2), (48, 1), (48, 2), (49, 1)])
+    def test_a_frame_of_the_future_costs_itself_alone(self, fakes, at: int, n_wrong: int) -> None:
+        stamps = [100.0 + i / 10 for i in range(50)]
+        for index in range(at, at + n_wrong):
+            stamps[index] = 4.1e9 + index  # the year 2100
+
+        n_steps, counters = self.run(fakes, fakes.scalar_frames("light", stamps), on_bad_frame="skip")
+
+        assert (n_steps, counters["source.s.skipped"]) == (50 - n_wrong, n_wrong)
+
+    def test_a_window_does_not_end_at_a_frame_of_the_future(self, fakes) -> None:
+        stamps = [0.0, 0.1, 4.1e9, 0.2, 0.3, 9.0]
+
+        n_steps, _ = self.run(fakes, fakes.scalar_frames("light", stamps), on_bad_frame="skip", stop_s=5.0)
+
+        assert n_steps == 4
+
+    @settings(max_examples=60, deadline=None)
+    @given(st.lists(st.sampled_from([0.1, 1.0, 9.0, 11.0, 60.0, 5000.0]), min_size=1, max_size=12))
+    def test_pauses_cost_no_frame(self, fakes, steps_s: list[float]) -> None:
+        stamps = [sum(steps_s[:i]) for i in range(1, len(steps_s) + 1)]
+
+        n_steps, counters = self.run(fakes, fakes.scalar_frames("light", stamps), on_bad_frame="skip")
+
+        assert (n_steps, counters.get("source.s.skipped", 0)) == (len(stamps), 0)
+
     def test_sensors_of_one_source_come_in_one_order(self, fakes) -> None:
         frames = [*fakes.scalar_frames("a", [1.0]), *fakes.scalar_frames("b", [0.5])]
 

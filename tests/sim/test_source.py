@@ -83,11 +83,11 @@ def test_sensors_give_the_payloads_of_their_kinds() -> None:
     assert made.sensors["floor"].size == (96, 64)
 
 
-def test_the_only_sensor_bears_the_name_of_the_source() -> None:
+def test_a_sensor_that_is_asked_for_by_name_keeps_it() -> None:
     made = source(sensors=["floor"])
 
-    assert set(made.sensors) == {"robot"}
-    assert next(iter(made.frames())).sensor == "robot"
+    assert set(made.sensors) == {"floor"}
+    assert next(iter(made.frames())).sensor == "floor"
 
 
 def test_the_same_seed_gives_the_same_bytes_with_one_and_two_threads() -> None:

@@ -13,15 +13,19 @@ _LEVELS = ("debug", "info", "warning", "error", "critical")
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line and exit: 0 done, 1 the run failed, 2 the request was wrong."""
-    from trailmark.cli.errors import exit_code_of
-    from trailmark.cli.root import root, split_plugin_options
+    from trailmark.cli.errors import exit_code_of, has_lost_its_reader
+    from trailmark.cli.root import refuse_named_pipes, root, split_plugin_options
 
     debug = bool(os.environ.get("TRAILMARK_DEBUG"))
     try:
         _log_to_stderr(os.environ.get("TRAILMARK_LOG") or "warning")
         chosen, rest = split_plugin_options(sys.argv[1:] if arguments is None else arguments)
+        refuse_named_pipes(rest)
         code = root.main(rest, prog_name="trailmark", obj=chosen, standalone_mode=False)
+        sys.stdout.flush()  # a reader that has gone away shows now, and not when Python ends
     except SystemExit:
+        if has_lost_its_reader():
+            sys.exit(0)
         raise
     except BaseException as error:
         if debug:

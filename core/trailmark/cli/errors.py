@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import errno
+import os
 import sys
+from contextlib import suppress
+from typing import TextIO
 
 import click
 
 from trailmark.errors import RunError, TrailmarkError
 
-__all__ = ["exit_code_of", "fail", "say"]
+__all__ = ["exit_code_of", "fail", "has_lost_its_reader", "say"]
 
 #: The disk is full, or a file may not grow: no fault of the program's, and none of the request.
 _DISK = frozenset({errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO})
@@ -38,6 +41,19 @@ def _show(error: click.ClickException) -> None:
     say(f"{command}: {message[:1].lower()}{message[1:]}{hint}")
 
 
+def has_lost_its_reader() -> bool:
+    """Return whether click has left because nobody reads standard output any more; it does so with exit code 1."""
+    return type(sys.stdout).__name__ == "PacifyFlushWrapper"
+
+
+def _silence(stream: TextIO) -> None:
+    """Let what still waits to be written go nowhere: Python would complain of it when it ends."""
+    with suppress(OSError, ValueError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)
+
+
 def exit_code_of(error: BaseException) -> int:
     """Report an error and return the exit code that it means."""
     if isinstance(error, click.exceptions.Exit):
@@ -49,7 +65,7 @@ def exit_code_of(error: BaseException) -> int:
         _show(error)
         return 2
     if isinstance(error, BrokenPipeError):  # the reader of our output went away, as `| head` does
-        sys.stderr.close()
+        _silence(sys.stdout)
         return 0
     if isinstance(error, TrailmarkError):
         say(f"trailmark: {error}")

@@ -40,7 +40,9 @@ def guess_config(target: str, registry: Registry) -> dict[str, Any]:
     fitting = [spec for spec in registry.specs("source") if _opens(spec, path)]
     if not fitting:
         known = ", ".join(sorted({pattern for spec in registry.specs("source") for pattern in spec.opens}))
-        raise ConfigError(f"no source opens {target}; they open {known}. Write a config that names the source's plugin")
+        opens = f"they open {known}" if known else "there is none that opens files"
+        advice = registry.kept_out() or "Write a config that names the source's plugin"
+        raise ConfigError(f"no source opens {target}; {opens}. {advice}")
     best = max(fitting, key=lambda spec: _how_specific(spec, path))
     return {"sources": {_sensor_name(path, best.name): {"plugin": best.name, "path": str(path.resolve())}}}
 

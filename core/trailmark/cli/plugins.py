@@ -224,9 +224,9 @@ def _table(*columns: str) -> Table:
 
 
 def _print_table(table: Table) -> None:
-    from rich.console import Console
+    from trailmark.report.terminal import TerminalConsole
 
-    console = Console(highlight=False)
+    console = TerminalConsole(highlight=False)
     if not console.is_terminal:  # a pipe has no width: keep rows whole
-        console = Console(highlight=False, width=200)
+        console = TerminalConsole(highlight=False, width=200)
     console.print(table)

@@ -84,13 +84,14 @@ class RunProgress(AbstractContextManager["RunProgress"]):
 
 
 def _bar() -> Any:
-    from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    from trailmark.report.terminal import TerminalConsole
 
     return Progress(
         SpinnerColumn(),
         TextColumn("{task.description}"),
         TimeElapsedColumn(),
-        console=Console(stderr=True),
+        console=TerminalConsole(stderr=True),
         transient=True,
     )

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib import import_module
+from stat import S_ISFIFO
 from typing import TYPE_CHECKING
 
 import click
@@ -14,7 +17,7 @@ from trailmark import __version__
 if TYPE_CHECKING:
     from trailmark.plugins import Plugins
 
-__all__ = ["ChosenPlugins", "command_of_plugin", "plugins_of", "root", "split_plugin_options"]
+__all__ = ["ChosenPlugins", "command_of_plugin", "plugins_of", "refuse_named_pipes", "root", "split_plugin_options"]
 
 _COMMANDS = {
     "demo": ("trailmark.cli.demo:demo_command", "The whole story in a minute: teach, replay, report (simulated)."),
@@ -59,6 +62,27 @@ def split_plugin_options(arguments: Sequence[str]) -> tuple[ChosenPlugins, list[
         else:
             rest.append(argument)
     return ChosenPlugins(tuple(block), tuple(files)), rest
+
+
+def refuse_named_pipes(arguments: Sequence[str]) -> None:
+    """Refuse a named pipe where a file is meant: who opens one waits, until somebody writes into it.
+
+    What the shell has opened already (``/dev/stdin``, ``<(...)``) is no such pipe.
+
+    Raises
+    ------
+    ConfigError
+        Naming it.
+    """
+    from trailmark.errors import ConfigError
+
+    for argument in arguments:
+        name = argument.partition("=")[2] if argument.startswith("--") else argument
+        is_pipe = False
+        with suppress(OSError, ValueError):  # no path at all, or none that can be
+            is_pipe = S_ISFIFO(os.stat(name).st_mode)
+        if is_pipe and not name.startswith(("/dev/", "/proc/")):
+            raise ConfigError(f"{name} is a named pipe, not a file: write what comes out of it to a file first")
 
 
 def _sort_choice(value: str, block: list[str], files: list[str]) -> None:

@@ -11,6 +11,7 @@ from typing import TypedDict, Unpack
 from trailmark.errors import PluginError, PluginLoadError, UnknownPluginError
 from trailmark.metrics import Judged, MetricSpec
 from trailmark.plugins.records import PluginRecord
+from trailmark.plugins.selection import ALLOW_VARIABLE
 from trailmark.plugins.spec import KINDS, Kind, Spec, import_string
 
 __all__ = ["NO_PLUGINS", "About", "Owner", "Registry"]
@@ -206,6 +207,19 @@ class Registry:
             return found[0]
         raise _ambiguous(found) if found else self._not_found(kind, name, bare)
 
+    def kept_out(self) -> str:
+        """Return which plugins are installed and may not load, and why: any of them might bring what is missing."""
+        disabled = ", ".join(record.name for record in self._absent if record.status == "disabled")
+        blocked = ", ".join(record.name for record in self._absent if record.status == "blocked")
+        return "; ".join(
+            f"{names} may not load ({why})"
+            for names, why in (
+                (disabled, f"not on the list of {ALLOW_VARIABLE} or plugins.enable"),
+                (blocked, "blocked"),
+            )
+            if names
+        )
+
     def _add(
         self,
         kind: Kind,
@@ -248,6 +262,7 @@ class Registry:
         hint = f" (did you mean {close[0]!r}?)" if close else ""
         broken = [record for record in self._absent if record.status == "failed"]
         story = f". Did not load: {', '.join(record.origin for record in broken)}" if broken else ""
+        story += f". {self.kept_out()}" if self.kept_out() else ""
         return UnknownPluginError(
             f"no {kind} named {name!r}{hint}; available: {', '.join(names) or 'none'}{story}. "
             "Run 'trailmark plugins' to see what is installed",

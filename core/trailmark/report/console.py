@@ -135,10 +135,10 @@ def to_rich(table: Table) -> RichTable:
 
 def table_console() -> Console:
     """Return a console as wide as the terminal, and 100 columns wide where there is none."""
-    from rich.console import Console
+    from trailmark.report.terminal import TerminalConsole
 
-    console = Console()
-    return console if console.is_terminal else Console(width=_WIDTH)
+    console = TerminalConsole()
+    return console if console.is_terminal else TerminalConsole(width=_WIDTH)
 
 
 def print_table(table: Table) -> None:

@@ -198,9 +198,10 @@ class SimSource(Drivable):
         return route.swaying(config.sway_m, frame_rng(config.world_seed, "sway")) if config.sway_m else route
 
     def _named_sensors(self, source: str) -> tuple[SensorModel, ...]:
-        """Give the sensor of a one-sensor source the source's name."""
+        """Give the only sensor of a world the source's name; one that the config names keeps its own."""
         sensors = self._world.sensors
-        return (named(sensors[0], source),) if len(sensors) == 1 and source else sensors
+        is_asked_for = self.config.sensors is not None
+        return (named(sensors[0], source),) if len(sensors) == 1 and source and not is_asked_for else sensors
 
     def _refuse_to_stand_in_something(self, pose: Pose2) -> None:
         touches = self._world.collides(pose)

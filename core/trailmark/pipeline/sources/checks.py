@@ -4,16 +4,24 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from itertools import chain, islice
 from typing import Any
 
 from trailmark.errors import SourceError
 from trailmark.frames import PAYLOAD_KINDS, Frame, Payload, Record, SensorInfo, payload_kind
 from trailmark.pipeline.instruments import Counters
 
-__all__ = ["FrameChecks"]
+__all__ = ["FrameChecks", "without_future"]
 
 logger = logging.getLogger(__name__)
+
+# A recording may pause; a frame that is so far ahead of the one before is looked at with those after it.
+_AHEAD_S = 10.0
+_WAITING = 3
+
+# No recording pauses for a year.
+_ABSURD_S = 3.2e7
 
 
 class FrameChecks:
@@ -54,6 +62,10 @@ class FrameChecks:
         self._last_s = -math.inf
         self.are_in_order = True
 
+    def without_future(self, frames: Iterator[Frame]) -> Iterator[Frame]:
+        """Yield the frames without those of the future, see `without_future`; they are counted as skipped."""
+        return without_future(frames, lambda frame: self._skip(frame, "is of the future: those after it are older"))
+
     def good(self, frames: Iterator[Frame]) -> Iterator[Frame]:
         """Yield the frames that are good; see `accept`."""
         for frame in frames:
@@ -83,12 +95,55 @@ class FrameChecks:
         return True
 
     def _refuse(self, frame: Frame, problem: str) -> bool:
-        message = f"source {self._source!r}: the frame of {frame.sensor!r} at {frame.stamp_s:.6f} s {problem}"
         if not self._skips:
-            raise SourceError(f"{message}{self._remedy}")
-        self._counters[f"source.{self._source}.skipped"] += 1
-        logger.debug("skipped: %s", message)
+            raise SourceError(f"{self._told(frame, problem)}{self._remedy}")
+        self._skip(frame, problem)
         return False
+
+    def _skip(self, frame: Frame, problem: str) -> None:
+        self._counters[f"source.{self._source}.skipped"] += 1
+        logger.debug("skipped: %s", self._told(frame, problem))
+
+    def _told(self, frame: Frame, problem: str) -> str:
+        return f"source {self._source!r}: the frame of {frame.sensor!r} at {frame.stamp_s:.6f} s {problem}"
+
+
+def without_future(frames: Iterator[Frame], skip: Callable[[Frame], None]) -> Iterator[Frame]:
+    """Yield the frames without those whose stamp is far ahead of the frames after them.
+
+    A frame that jumps ahead waits, with up to two more, for the frames after it: if these come back, it is skipped; if
+    they go on from there, time has passed. So one wrong clock costs its own frames, and not all that follow.
+
+    Parameters
+    ----------
+    frames : iterator of Frame
+        As the source gives them.
+    skip : callable
+        Is told of each that is left out.
+    """
+    waiting: list[Frame] = list(islice(frames, _WAITING))
+    if len(waiting) == _WAITING and all(frame.stamp_s < waiting[0].stamp_s - _AHEAD_S for frame in waiting[1:]):
+        skip(waiting.pop(0))
+    last_s = waiting[0].stamp_s if waiting else 0.0
+    frames, waiting = chain(waiting, frames), []
+    for frame in frames:
+        if frame.stamp_s > last_s + _AHEAD_S:
+            waiting.append(frame)
+            if len(waiting) < _WAITING:
+                continue
+        elif waiting:
+            for wrong in waiting:
+                skip(wrong)
+            waiting = []
+        for passed in waiting or (frame,):
+            last_s = max(last_s, passed.stamp_s)
+            yield passed
+        waiting = []
+    for late in waiting:  # nothing came after them: they may be right
+        if late.stamp_s < last_s + _ABSURD_S:
+            yield late
+        else:
+            skip(late)
 
 
 class _Check:

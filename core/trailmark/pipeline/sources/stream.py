@@ -138,11 +138,14 @@ class SourceStream:
         frames = self._timed()
         if options.time_offset_s or options.rename:
             frames = _shifted(frames, options.time_offset_s, options.rename)
+        skips = options.on_bad_frame == "skip"
+        checks = FrameChecks(self.name, self.sensors, skips, self._counters)
+        checks.are_in_order = not self.is_live
+        if skips and not self.is_live and self.drivable is None:  # a robot is not asked for the frames to come
+            frames = checks.without_future(frames)
         window = _Window(options.start_s or 0.0, options.stop_s or math.inf)
         if window.is_bounded:
             frames = window.until_its_end(frames)
-        checks = FrameChecks(self.name, self.sensors, options.on_bad_frame == "skip", self._counters)
-        checks.are_in_order = not self.is_live
         frames = checks.good(frames)
         if window.is_bounded:
             frames = window.from_its_start(frames)

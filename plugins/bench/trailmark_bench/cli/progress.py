@@ -30,10 +30,11 @@ class BenchProgress(AbstractContextManager["BenchProgress"]):
 
     def __enter__(self) -> Self:
         if sys.stderr.isatty():
-            from rich.console import Console
             from rich.live import Live
 
-            self._live = Live(console=Console(stderr=True), refresh_per_second=4, transient=True)
+            from trailmark.report.terminal import TerminalConsole
+
+            self._live = Live(console=TerminalConsole(stderr=True), refresh_per_second=4, transient=True)
             self._live.start()
         return self
 
