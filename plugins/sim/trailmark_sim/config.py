@@ -36,8 +36,7 @@ class SimConfig(SourceConfig):
     put_off: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """How far off the start it is put down in replay: forward, left, turned [m, m, deg]."""
     sensors: tuple[str, ...] | None = Field(default=None, min_length=1)
-    """Which of the world's sensors, by the names that they keep; left out: its usual ones, and an only one bears the
-    source's name."""
+    """Which of the world's sensors; left out: its usual ones."""
     rates_hz: dict[str, float] = Field(default_factory=dict)
     """Rates that differ from the world's, by sensor [Hz]."""
     vehicle: VehicleOptions | None = None

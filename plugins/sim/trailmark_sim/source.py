@@ -19,7 +19,6 @@ from trailmark_sim.motion import VehicleIntegrator
 from trailmark_sim.names import unknown_name
 from trailmark_sim.pilots import Driver, Pilot
 from trailmark_sim.placing import place_vehicle
-from trailmark_sim.renamed import named
 from trailmark_sim.rng import frame_rng, stream_key
 from trailmark_sim.routes import Route
 from trailmark_sim.vehicles import VehicleState
@@ -67,7 +66,7 @@ class SimSource(Drivable):
         self._seed = stream_key(seed, session.mode)
         self._world = build_world(config.world, self._world_options(session))
         self._route = self._choose_route()
-        self._sensors = self._named_sensors(session.name)
+        self._sensors = self._world.sensors
         auto = "commands" if session.mode == "replay" else "route"
         self._driver = auto if config.driver == "auto" else config.driver
         self.drives_itself = self._driver != "commands"
@@ -196,12 +195,6 @@ class SimSource(Drivable):
             raise ConfigError(f"sim: speed_mps is {wanted:g}, but the vehicle drives {fastest:g} m/s at most")
         route = routes[name].at_speed(min(wanted or routes[name].speed_mps, fastest))
         return route.swaying(config.sway_m, frame_rng(config.world_seed, "sway")) if config.sway_m else route
-
-    def _named_sensors(self, source: str) -> tuple[SensorModel, ...]:
-        """Give the only sensor of a world the source's name; one that the config names keeps its own."""
-        sensors = self._world.sensors
-        is_asked_for = self.config.sensors is not None
-        return (named(sensors[0], source),) if len(sensors) == 1 and source and not is_asked_for else sensors
 
     def _refuse_to_stand_in_something(self, pose: Pose2) -> None:
         touches = self._world.collides(pose)
