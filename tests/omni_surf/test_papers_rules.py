@@ -65,20 +65,22 @@ def test_a_landmark_whose_tracking_error_exceeds_t_p_is_removed(omni: Any, room:
     localizer = started(room, taught)
     image = room.render(Pose2())
     look(localizer, omni, room, Pose2(), 0.0)
-    finding, landmarks = localizer._finding, localizer._landmarks
-    assert landmarks is not None
+    bearing_localizer = localizer._bearing_localizer
+    assert bearing_localizer is not None
+    finding, landmarks = bearing_localizer._finding, bearing_localizer._landmarks
+    options = bearing_localizer._options
     swapped = finding.landmark_idx.copy()
     swapped[[0, len(swapped) // 2]] = swapped[[len(swapped) // 2, 0]]
     wrong = landmarks.positions[swapped[[0, len(swapped) // 2]]]
     assert np.hypot(*np.diff(wrong, axis=0)[0]) > 2.0
     last = replace(finding, landmark_idx=swapped)
 
-    found = by_tracking(image, image, last, landmarks, localizer._centre.camera, localizer._options, Pose2())
+    found = by_tracking(image, image, last, landmarks, localizer._centre.camera, options, Pose2())
 
     assert found.fix is not None
     assert found.n_seen == len(swapped)
     assert set(found.landmark_idx) == set(np.delete(swapped, [0, len(swapped) // 2]))
-    assert (found.fix.errors_rad[found.fix.is_inlier] <= localizer._options.noise.gate_rad).all()
+    assert (found.fix.errors_rad[found.fix.is_inlier] <= options.noise.gate_rad).all()
 
 
 def room_keyframes(lives: list[int]) -> list[Keyframe]:

@@ -18,6 +18,7 @@ from trailmark_omni_surf.laser.config import LaserIcpConfig
 from trailmark_omni_surf.laser.growing_map import GrowingMap
 from trailmark_omni_surf.laser.matching import ScanMatch, SearchWindow, match_scan
 from trailmark_omni_surf.laser.scan_map import ScanMap
+from trailmark_omni_surf.spacing import KeyframeSpacing
 
 __all__ = ["LaserIcp"]
 
@@ -36,7 +37,7 @@ class LaserIcp(Localizer):
         self._pose_base_laser = session.sensors[self.config.laser].pose_base_sensor.planar()
         self._window = SearchWindow(span_m=self.config.span_m, span_rad=math.radians(self.config.span_deg))
         self._growing = GrowingMap()
-        self._last_keyframe: tuple[float, Pose2] | None = None
+        self._spacing = KeyframeSpacing(self.config.keyframe_m, math.radians(self.config.keyframe_deg))
         _warm_up()
         self._map = self._load_map() if self._mode != "teach" else None
 
@@ -89,19 +90,12 @@ class LaserIcp(Localizer):
             if isinstance(answer, Lost):  # a scan at a doubtful pose would bend the map
                 return estimates
             pose = answer.pose_map_base if isinstance(answer, Fix) else pose
-        if self._is_new_place(belief.travelled_m, pose):
+        if self._spacing.is_new_place(belief.travelled_m, pose):
             self._remember(frame.stamp_s, belief.travelled_m, pose, points_base)
         return estimates
 
-    def _is_new_place(self, travelled_m: float, pose: Pose2) -> bool:
-        if self._last_keyframe is None:
-            return True
-        last_m, last_pose = self._last_keyframe
-        turn_rad = abs(last_pose.between(pose).theta)
-        return travelled_m - last_m >= self.config.keyframe_m or turn_rad >= math.radians(self.config.keyframe_deg)
-
     def _remember(self, stamp_s: float, station_m: float, pose: Pose2, points_base: npt.NDArray[np.float64]) -> None:
-        self._last_keyframe = (station_m, pose)
+        self._spacing.add(station_m, pose)
         self._growing.add(points_base, pose)
         if self._localizer_map is not None:
             arrays = {"points": points_base.astype(np.float32)}

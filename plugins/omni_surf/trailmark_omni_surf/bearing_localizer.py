@@ -1,0 +1,174 @@
+"""Localizes by bearings to taught landmarks: tracks them from picture to picture, or detects them anew."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from trailmark.arrays import Floats, Grey8
+from trailmark.estimates import Belief, Estimate, Fix, Lost, information_from_covariance
+from trailmark.geometry import Pose2
+from trailmark_omni_surf.bearings import BearingFix, BearingNoise
+from trailmark_omni_surf.circle import BearingCamera
+from trailmark_omni_surf.config import OmniSurfConfig
+from trailmark_omni_surf.features import FeatureExtractor
+from trailmark_omni_surf.flows import NOTHING, FlowOptions, FlowResult, by_detection, by_tracking
+from trailmark_omni_surf.landmark_map import LandmarkMap
+
+__all__ = ["BearingLocalizer"]
+
+_SAME_PLACE_M, _SAME_PLACE_RAD = 0.5, math.radians(15.0)
+_ENOUGH_SHARE = 0.6  # a refresh that finds fewer of the tracked landmarks than this is not taken
+
+
+class BearingLocalizer:
+    """Finds the pose in a picture from bearings to landmarks, and keeps what the next picture is compared with.
+
+    Parameters
+    ----------
+    config : OmniSurfConfig
+        The localizer's options.
+    landmarks : LandmarkMap
+        The taught landmarks; not empty.
+    extract : FeatureExtractor
+        Finds the features of a picture.
+    pose_base_camera : Pose2
+        Mounting of the camera.
+    """
+
+    def __init__(
+        self, config: OmniSurfConfig, landmarks: LandmarkMap, *, extract: FeatureExtractor, pose_base_camera: Pose2
+    ) -> None:
+        self._config = config
+        self._landmarks = landmarks
+        self._extract = extract
+        self._pose_base_camera = pose_base_camera
+        self._pose_camera_base = pose_base_camera.inverse()
+        self._options = _flow_options(config)
+        self._counters = {"main_flow": 0, "sub_flow": 0, "landmarks_removed": 0}
+        self._pending: tuple[Pose2, Pose2, int] | None = None
+        self._image: Grey8 | None = None
+        self._finding = NOTHING
+        self._n_tracked = 0
+        self._last_pose: tuple[Pose2, Pose2] | None = None
+
+    def counters(self) -> Mapping[str, int]:
+        """Return how often each flow ran, and how many landmarks the tracking error removed."""
+        return self._counters
+
+    def locate(self, stamp_s: float, image: Grey8, camera: BearingCamera, belief: Belief) -> Estimate:
+        """Track while enough landmarks are tracked (main flow), detect otherwise (sub flow)."""
+        start = self._expected(belief)
+        tracked = self._track(image, camera, start)
+        finding, is_tracked = tracked, True
+        if tracked.fix is None or self._n_tracked >= self._config.refresh_every:
+            # Differs from the paper: a failed main flow costs no picture, and one that goes well is refreshed.
+            detected = self._detect(image, camera, start)
+            if tracked.fix is None or len(detected.uv) >= _ENOUGH_SHARE * len(tracked.uv):
+                finding, is_tracked = detected, False
+        if finding.fix is None:
+            self.forget()
+            self._pending = None
+            return Lost(stamp_s, finding.reason, {"landmarks": float(finding.n_seen)})
+        if not self._is_sure(finding.fix.pose_map_base, start, belief.pose_odom_base):
+            self.forget()
+            reason = f"{len(finding.uv)} landmarks agree on a place: looking again to make sure"
+            return Lost(stamp_s, reason, {"landmarks": float(finding.n_seen)})
+        self._image, self._finding = image, finding
+        return self._answer(stamp_s, finding, finding.fix, belief, is_tracked)
+
+    def _is_sure(self, pose_map_camera: Pose2, start: Pose2 | None, pose_odom_base: Pose2) -> bool:
+        """Return whether a pose is where it was expected, or was found in enough pictures in a row."""
+        if start is not None and _is_near(start, pose_map_camera):
+            self._pending = None
+            return True
+        n_seen = 1
+        if self._pending is not None:
+            pose_before, odom_before, n_before = self._pending
+            moved = self._pose_camera_base @ odom_before.between(pose_odom_base) @ self._pose_base_camera
+            if _is_near(pose_before @ moved, pose_map_camera):
+                n_seen = n_before + 1
+        self._pending = (pose_map_camera, pose_odom_base, n_seen)
+        return n_seen >= self._config.confirm_pictures
+
+    def _track(self, image: Grey8, camera: BearingCamera, start: Pose2 | None) -> FlowResult:
+        """Main flow, where it can be gone."""
+        if start is None or not self._is_main_flow(image):
+            return NOTHING
+        assert self._image is not None
+        found = by_tracking(self._image, image, self._finding, self._landmarks, camera, self._options, start)
+        self._n_tracked += 1
+        self._counters["main_flow"] += 1
+        self._counters["landmarks_removed"] += found.n_seen - len(found.uv)
+        return found
+
+    def _detect(self, image: Grey8, camera: BearingCamera, start: Pose2 | None) -> FlowResult:
+        """Sub flow."""
+        self._n_tracked = 0
+        self._counters["sub_flow"] += 1
+        return by_detection(image, self._extract, self._landmarks, camera, self._options, start)
+
+    def _is_main_flow(self, image: Grey8) -> bool:
+        """Step 5: more than T_n landmarks are left."""
+        is_same_size = self._image is not None and self._image.shape == image.shape
+        return self._config.use_tracking and is_same_size and len(self._finding.uv) > self._config.min_tracked
+
+    def _expected(self, belief: Belief) -> Pose2 | None:
+        """Return where the camera should be: the last pose, carried along by the motion since.
+
+        Without tracking there is none: every picture is looked at by itself.
+        """
+        if self._last_pose is None or not self._config.use_tracking:
+            return None
+        pose_map_base, pose_odom_base = self._last_pose
+        return pose_map_base @ pose_odom_base.between(belief.pose_odom_base) @ self._pose_base_camera
+
+    def _answer(self, stamp_s: float, finding: FlowResult, fix: BearingFix, belief: Belief, is_tracked: bool) -> Fix:
+        pose_map_base = fix.pose_map_base @ self._pose_camera_base  # `locate` speaks of the camera
+        self._last_pose = (pose_map_base, belief.pose_odom_base)
+        details = {
+            "landmarks": float(finding.n_seen),
+            "agreeing": float(len(finding.uv)),
+            "tracked": float(is_tracked),
+            "error_deg": math.degrees(float(np.sqrt(np.mean(fix.errors_rad[fix.is_inlier] ** 2)))),
+        }
+        return Fix(stamp_s, pose_map_base, self._about_base(fix), details)
+
+    def _about_base(self, fix: BearingFix) -> Floats:
+        """Carry the information from the camera to base, and add what the landmarks are off together."""
+        lever = fix.pose_map_base @ self._pose_camera_base
+        dx, dy = fix.pose_map_base.x - lever.x, fix.pose_map_base.y - lever.y
+        jacobian = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])  # camera pose after base pose
+        covariance = np.linalg.inv(jacobian.T @ fix.information @ jacobian)
+        heading_rad = math.radians(self._config.map_sigma_deg)
+        covariance += np.diag([self._config.map_sigma_m**2, self._config.map_sigma_m**2, heading_rad**2])
+        return information_from_covariance((covariance + covariance.T) / 2.0)
+
+    def forget(self) -> None:
+        """Expect nothing of the next picture: the one before it cannot be used."""
+        self._image = None
+        self._finding = NOTHING
+        self._n_tracked = 0
+        self._last_pose = None
+
+
+def _is_near(expected: Pose2, pose: Pose2) -> bool:
+    off = expected.between(pose)
+    return math.hypot(off.x, off.y) <= _SAME_PLACE_M and abs(off.theta) <= _SAME_PLACE_RAD
+
+
+def _flow_options(config: OmniSurfConfig) -> FlowOptions:
+    noise = BearingNoise(
+        math.radians(config.bearing_sigma_deg), math.radians(config.tracking_error_deg), config.max_position_sigma_m
+    )
+    return FlowOptions(
+        noise,
+        config.descriptor_gate,
+        config.ratio,
+        config.min_agreeing,
+        config.max_rival_share,
+        config.min_agreeing_share,
+        math.radians(config.max_gap_deg),
+    )
