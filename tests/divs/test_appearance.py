@@ -11,7 +11,7 @@ from trailmark_divs.appearance import AppearanceFilter, ByAppearance, unrelated_
 from trailmark_divs.correspondence import ByDistance, ByIndex
 from trailmark_divs.eye import DifferenceWindow
 from trailmark_divs.landmarks import AtLandmarks, distinct_rows, sameness
-from trailmark_divs.memory import Windows
+from trailmark_divs.windows import Windows
 
 N, D, W = 300, 50, 10
 USABLE = np.ones(D, dtype=bool)

@@ -7,7 +7,7 @@ from trailmark.estimates import Belief, PathOffset
 from trailmark.geometry import Twist2
 from trailmark_divs.correspondence import ByDistance, ByIndex, ByTime, make_correspondence, nearest
 from trailmark_divs.eye import DifferenceWindow
-from trailmark_divs.memory import Windows
+from trailmark_divs.windows import Windows
 
 # Ten windows 0.1 m apart at 0.5 m/s, a turn, and five more.
 STATIONS = np.concatenate([np.arange(10) * 0.1, 3.0 + np.arange(5) * 0.1])

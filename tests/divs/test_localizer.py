@@ -13,7 +13,7 @@ from trailmark.geometry import Pose2, Pose3, Twist2
 from trailmark.interfaces import Session
 from trailmark_divs.config import DivsConfig
 from trailmark_divs.localizer import Divs
-from trailmark_divs.memory import TaughtStream
+from trailmark_divs.taught_stream import TaughtStream
 
 AFTERNOON = {"gamma": 0.7, "noise": 4.0}
 

@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from trailmark.estimates import Belief
 from trailmark_divs.eye import DifferenceWindow
-from trailmark_divs.memory import Windows
 from trailmark_divs.options import Correspond
+from trailmark_divs.windows import Windows
 
 __all__ = ["ByDistance", "ByIndex", "ByTime", "Correspondence", "Match", "direction", "nearest", "present_station"]
 

@@ -9,9 +9,9 @@ import numpy.typing as npt
 
 from trailmark.estimates import Belief
 from trailmark_divs.eye import Look
-from trailmark_divs.memory import TaughtStream
 from trailmark_divs.options import Correspond
 from trailmark_divs.robust_shift import local_windows, shift_scores, summit
+from trailmark_divs.taught_stream import TaughtStream
 from trailmark_divs.tracking import REACH, ShiftTracker, TrackedShift
 
 __all__ = ["Glances", "PathPlace"]

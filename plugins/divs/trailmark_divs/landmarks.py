@@ -10,9 +10,9 @@ import numpy.typing as npt
 from trailmark.estimates import Belief
 from trailmark_divs.correspondence import Correspondence, Match
 from trailmark_divs.eye import DifferenceWindow
-from trailmark_divs.memory import Windows
 from trailmark_divs.robust_shift import best_over_shifts, local_windows
 from trailmark_divs.tracking import evidence_per_score
+from trailmark_divs.windows import Windows
 
 __all__ = ["AtLandmarks", "distinct_rows", "sameness"]
 

@@ -17,10 +17,12 @@ from trailmark.interfaces import Localizer, LocalizerMap, Session
 from trailmark_divs.config import DivsConfig
 from trailmark_divs.drift import DriftLaw, radians_per_column
 from trailmark_divs.eye import TURNING, ImagePreprocessor
+from trailmark_divs.keyframe_writer import KeyframeWriter
 from trailmark_divs.layout import grey_region, make_layout
-from trailmark_divs.memory import KeyframeWriter, TaughtStream, check_layout, layout_document, summarize
 from trailmark_divs.replay import StreamMatcher
 from trailmark_divs.selection import FrameSelector
+from trailmark_divs.taught_layout import check_layout, layout_document
+from trailmark_divs.taught_stream import TaughtStream, summarize
 from trailmark_divs.warm_up import compile_kernels
 
 __all__ = ["Divs"]

@@ -16,11 +16,12 @@ from trailmark_divs.eye import TURNING, DifferenceWindow, Look
 from trailmark_divs.glance import Glances
 from trailmark_divs.landmarks import AtLandmarks, distinct_rows, sameness
 from trailmark_divs.layout import ColumnLayout
-from trailmark_divs.memory import TaughtStream, Windows
 from trailmark_divs.paper_shift import PaperShift
 from trailmark_divs.robust_shift import local_windows, shift_scores
 from trailmark_divs.stream import n_trimmed
+from trailmark_divs.taught_stream import TaughtStream
 from trailmark_divs.tracking import ShiftTracker, TrackedShift
+from trailmark_divs.windows import Windows
 
 __all__ = ["StreamMatcher"]
 

@@ -7,8 +7,11 @@ from trailmark.errors import ConfigError, StoreError
 from trailmark.geometry import Pose2
 from trailmark.paths import Keyframe
 from trailmark_divs.eye import TURNING, Look
+from trailmark_divs.keyframe_writer import KeyframeWriter
 from trailmark_divs.layout import make_layout
-from trailmark_divs.memory import KeyframeWriter, TaughtStream, Windows, check_layout, layout_document, summarize
+from trailmark_divs.taught_layout import check_layout, layout_document
+from trailmark_divs.taught_stream import TaughtStream, summarize
+from trailmark_divs.windows import Windows
 
 LAYOUT = make_layout((80, 40), 8, (0.0, 0.5))
 DOCUMENT = layout_document(LAYOUT, (0.0, 0.5), None, "p90")

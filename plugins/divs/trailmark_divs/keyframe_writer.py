@@ -1,0 +1,84 @@
+"""Writes looks into a localizer map while a path is taught."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from trailmark.arrays import AnyArray
+from trailmark.geometry import Pose2
+from trailmark.interfaces import LocalizerMap
+from trailmark.paths import Keyframe
+from trailmark_divs.eye import TURNING, Look
+from trailmark_divs.taught_layout import (
+    HEADINGS,
+    LAYOUT,
+    PROFILE_UNITS,
+    PROFILES,
+    RUNS,
+    STAMPS,
+    STATION_OFFSETS,
+    SUMS,
+    check_layout,
+)
+
+__all__ = ["KeyframeWriter"]
+
+_BATCH = 16  # looks in a keyframe: a row of a store costs more than the sums of one look
+
+
+class KeyframeWriter:
+    """Writes looks into a localizer map, a few to a keyframe.
+
+    Parameters
+    ----------
+    localizer_map : LocalizerMap
+        Where to.
+    """
+
+    def __init__(self, localizer_map: LocalizerMap) -> None:
+        self._localizer_map = localizer_map
+        self._looks: list[Look] = []
+        self._pose = Pose2()
+        self._first_run, self._start_rad = _continued(localizer_map)
+
+    def begin(self, document: Mapping[str, AnyArray], name: str) -> None:
+        """Write the layout down, or check it against what was taught before."""
+        check_layout(self._localizer_map, document, name)
+        self._localizer_map.save(LAYOUT, document)
+
+    def add(self, look: Look, pose_map_base: Pose2) -> None:
+        """Remember a look; `pose_map_base` is where it was taken."""
+        if not self._looks:
+            self._pose = pose_map_base
+        self._looks.append(look)
+        if len(self._looks) >= _BATCH:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write what is left."""
+        if not self._looks:
+            return
+        looks, self._looks = self._looks, []
+        station_m = looks[-1].travelled_m[1]
+        sums = np.array([look.sums for look in looks])
+        profiles = np.array([look.profile for look in looks]) * PROFILE_UNITS
+        arrays = {
+            SUMS: sums.astype(np.uint32 if sums.max() > np.iinfo(np.uint16).max else np.uint16),
+            PROFILES: np.round(profiles).astype(np.uint16),
+            RUNS: np.array([TURNING if look.run == TURNING else look.run + self._first_run for look in looks]),
+            STATION_OFFSETS: np.array([look.travelled_m for look in looks]) - station_m,  # a path can be continued
+            STAMPS: np.array([look.stamps_s for look in looks]),
+            HEADINGS: np.array([look.heading_rad for look in looks]) + self._start_rad,
+        }
+        self._localizer_map.add(Keyframe(station_m, looks[-1].stamps_s[1], self._pose, arrays))
+
+
+def _continued(localizer_map: LocalizerMap) -> tuple[int, float]:
+    """Return the first run number and heading of a teaching that goes on after what is in the localizer map."""
+    keyframes = localizer_map.keyframes()
+    if not keyframes:
+        return 0, 0.0
+    last_run = max(int(keyframe.arrays[RUNS].max()) for keyframe in keyframes)
+    return last_run + 1, float(keyframes[-1].arrays[HEADINGS][-1])

@@ -1,0 +1,86 @@
+"""Reads the looks of a taught path: column sums and brightness profiles, 50 numbers each per picture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from trailmark.arrays import Floats, Int64s
+from trailmark.errors import StoreError
+from trailmark.paths import Keyframe
+from trailmark_divs.eye import TURNING
+from trailmark_divs.taught_layout import HEADINGS, PROFILE_UNITS, PROFILES, RUNS, STAMPS, STATION_OFFSETS, SUMS
+
+__all__ = ["TaughtStream", "summarize"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TaughtStream:
+    """The looks of a taught path.
+
+    Attributes
+    ----------
+    sums : (N, d) int64
+        Changed pixels in each column.
+    profiles : (N, d) float64
+        Mean brightness of each column [grey levels].
+    runs : (N,) int64
+        Straight piece that each belongs to; `TURNING` in a turn.
+    stations_m, stamps_s : (N, 2) float64
+        Of the older and the newer picture of each difference [m, s].
+    headings_rad : (N,) float64
+        Turn since the start of teaching by motion alone, not wrapped, at the newer picture [rad].
+    """
+
+    sums: Int64s
+    profiles: Floats
+    runs: Int64s
+    stations_m: Floats
+    stamps_s: Floats
+    headings_rad: Floats
+
+    @classmethod
+    def from_keyframes(cls, keyframes: Sequence[Keyframe]) -> TaughtStream:
+        """Put the batches together.
+
+        Raises
+        ------
+        StoreError
+            If there are none, or they are not of this plugin.
+        """
+        if not keyframes:
+            raise StoreError("nothing of this path is remembered; teach it with this localizer in the config")
+        try:
+            arrays = {
+                name: np.concatenate([keyframe.arrays[name] for keyframe in keyframes])
+                for name in (SUMS, PROFILES, RUNS, STAMPS, HEADINGS)
+            }
+            stations_m = np.concatenate(
+                [keyframe.station_m + keyframe.arrays[STATION_OFFSETS] for keyframe in keyframes]
+            )
+        except (KeyError, ValueError) as error:
+            raise StoreError(f"the keyframes are not those of a visual stream: {error}") from error
+        return cls(
+            arrays[SUMS].astype(np.int64),
+            arrays[PROFILES] / PROFILE_UNITS,
+            arrays[RUNS].astype(np.int64),
+            stations_m.astype(np.float64),
+            arrays[STAMPS].astype(np.float64),
+            arrays[HEADINGS].astype(np.float64),
+        )
+
+    def __len__(self) -> int:
+        return len(self.runs)
+
+
+def summarize(recording: TaughtStream) -> dict[str, float]:
+    """Return what tells whether a taught path can be replayed: pictures, length, spacing, share of turns."""
+    steps_m = np.diff(recording.stations_m[:, 1])
+    return {
+        "n_looks": float(len(recording)),
+        "length_m": float(recording.stations_m[-1, 1] - recording.stations_m[0, 0]),
+        "spacing_m": float(np.median(steps_m)) if len(steps_m) else 0.0,
+        "turning_share": float((recording.runs == TURNING).mean()),
+    }
