@@ -4,14 +4,13 @@ import warnings
 from importlib import import_module
 from typing import Any
 
-from trailmark.config.base import UNNAMED, PluginConfig, Sensor, SensorRole, sensor_roles
+from trailmark.config.base import UNNAMED, LocalizerName, PluginConfig, Sensor, SensorRole, sensor_roles
 from trailmark.config.calibrations import read_calibration
 from trailmark.config.document import Document, read_document
 from trailmark.config.entries import EstimatorEntry, LocalizerEntry, PartEntry, PathStoreEntry, SourceEntry
 from trailmark.config.files import ConfigPath, ExistingFile, ExistingPath, OutputPath
 from trailmark.config.host import LocalizerOptions, PathStoreOptions, RunSettings, StopWhen
 from trailmark.config.load import load_run_config
-from trailmark.config.localizer_names import LocalizerName
 from trailmark.config.roles import refuse_duplicate_sensors, resolve_all_roles, resolve_roles
 from trailmark.config.run import RunConfig, SensorOverride
 from trailmark.config.source import LiveSourceConfig, Mounting, SourceConfig

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, GetJsonSchemaHandler, model_validato
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
-__all__ = ["UNNAMED", "PluginConfig", "Sensor", "SensorRole", "sensor_roles"]
+__all__ = ["UNNAMED", "IsLocalizer", "LocalizerName", "PluginConfig", "Sensor", "SensorRole", "sensor_roles"]
 
 #: Value of a sensor role that the config leaves to the host: the only sensor of a fitting kind.
 UNNAMED = ""
@@ -69,6 +69,18 @@ else:
         def __class_getitem__(cls, kinds: str | tuple[str, ...]) -> Any:
             names = (kinds,) if isinstance(kinds, str) else tuple(kinds)
             return Annotated[str, SensorRole(names)]
+
+
+@dataclass(frozen=True, slots=True)
+class IsLocalizer:
+    """Marks a text that is the name of a localizer."""
+
+
+LocalizerName = Annotated[str, IsLocalizer()]
+"""The name of a localizer; as the key of a mapping (``dict[LocalizerName, X]``) it is checked against those there are.
+
+A name that no localizer has is no error: a bench leaves localizers out, cell by cell.
+"""
 
 
 def sensor_roles(model: type[BaseModel]) -> dict[str, SensorRole]:

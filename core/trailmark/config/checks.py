@@ -1,18 +1,32 @@
-"""Checks across the parts of a config."""
+"""Checks across the parts of a config: motion that counts twice, names of localizers, classes, files that are written.
+
+A config may come from a stranger: the files that it lets its parts write stay within its folder. What is given on the
+command line (``--set``) or by a program may lie anywhere.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, get_args
 
-from trailmark.config.base import UNNAMED, PluginConfig, sensor_roles
-from trailmark.config.document import Problems
+from trailmark.config.base import UNNAMED, IsLocalizer, PluginConfig, sensor_roles
+from trailmark.config.document import Document, Problems
 from trailmark.config.entries import EstimatorEntry, LocalizerEntry, PartEntry
+from trailmark.config.files import IsWritten
 from trailmark.errors import PluginError
 from trailmark.plugins import Kind
 from trailmark.plugins.hints import nearest_or_all
 
-__all__ = ["check_classes", "check_motion", "check_use", "refuse_one_sensor_twice", "sensors_of"]
+__all__ = [
+    "check_classes",
+    "check_motion",
+    "check_use",
+    "notices_of_strangers",
+    "refuse_one_sensor_twice",
+    "refuse_outputs_elsewhere",
+    "sensors_of",
+]
 
 
 def check_use(localizers: Iterable[str], estimator: EstimatorEntry, problems: Problems) -> None:
@@ -91,3 +105,55 @@ def check_classes(parts: Iterable[PartEntry[Any]], problems: Problems) -> None:
         base = wanted[part.spec.kind]
         if not (isinstance(found, type) and issubclass(found, base)):
             problems.add(keys, f"{part.spec.target} of {part.spec.origin} is no {base.__name__}")
+
+
+def notices_of_strangers(
+    parts: Iterable[PartEntry[Any]], localizers: Collection[str], document: Document
+) -> Iterator[str]:
+    """Yield a line for each name in a config that no localizer has."""
+    for part in parts:
+        for name, field in type(part.config).model_fields.items():
+            value = getattr(part.config, name)
+            if not isinstance(value, Mapping) or not _names_localizers(field.annotation):
+                continue
+            for key in value:
+                if key not in localizers:
+                    place = document.place((*part.keys, name, key))
+                    hint = nearest_or_all(key, localizers, "localizers")
+                    yield f"{place}: no localizer is called {key!r}{hint}, so this changes nothing"
+
+
+def _names_localizers(annotation: object) -> bool:
+    keys = get_args(annotation)[:1]
+    return any(isinstance(mark, IsLocalizer) for key in keys for mark in getattr(key, "__metadata__", ()))
+
+
+def refuse_outputs_elsewhere(parts: Iterable[PartEntry[Any]], document: Document, problems: Problems) -> None:
+    """Note every `OutputPath` of a config file that leads out of the file's folder, by links too."""
+    home = document.base_dir.resolve()
+    for part in parts:
+        for name, path in _outputs(part.config):
+            keys = (*part.keys, name)
+            is_in_file = document.line(keys) is not None
+            if is_in_file and not path.resolve().is_relative_to(home):
+                problems.add(
+                    keys, f"{path} lies outside of the config's folder; to write there, say --set {_dotted(keys)}=..."
+                )
+
+
+def _outputs(config: PluginConfig) -> Iterator[tuple[str, Path]]:
+    for name, field in type(config).model_fields.items():
+        value = getattr(config, name)
+        if isinstance(value, Path) and any(_is_output(part) for part in (*field.metadata, field.annotation)):
+            yield name, value
+
+
+def _is_output(annotation: Any) -> bool:
+    """Return whether a type, or one of those that it is made of, is an `OutputPath`."""
+    if isinstance(annotation, IsWritten):
+        return True
+    return any(_is_output(part) for part in (*get_args(annotation), *getattr(annotation, "__metadata__", ())))
+
+
+def _dotted(keys: Iterable[object]) -> str:
+    return ".".join(map(str, keys))

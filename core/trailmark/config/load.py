@@ -8,13 +8,17 @@ from pathlib import Path
 from typing import Any
 
 from trailmark.config.calibrations import with_absolute_files
-from trailmark.config.checks import check_classes, check_motion, check_use
+from trailmark.config.checks import (
+    check_classes,
+    check_motion,
+    check_use,
+    notices_of_strangers,
+    refuse_outputs_elsewhere,
+)
 from trailmark.config.document import Document, Problems, read_document
 from trailmark.config.entries import EstimatorEntry, LocalizerEntry, PartEntry, PathStoreEntry, SourceEntry
 from trailmark.config.explain import validated
 from trailmark.config.host import NoOptions, PluginsSection, RunSettings, SensorSection
-from trailmark.config.localizer_names import notices_of_strangers
-from trailmark.config.outputs import refuse_outputs_elsewhere
 from trailmark.config.overrides import Override, with_overrides
 from trailmark.config.parts import PartReader
 from trailmark.config.requirements import unmet

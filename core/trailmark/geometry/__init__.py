@@ -1,7 +1,6 @@
 """Planar and spatial poses, twists and trajectories."""
 
-from trailmark.geometry.angles import wrap_angle, wrap_angles
-from trailmark.geometry.se2 import Pose2, Twist2
+from trailmark.geometry.se2 import Pose2, Twist2, wrap_angle, wrap_angles
 from trailmark.geometry.se3 import Pose3
 from trailmark.geometry.trajectory import Trajectory
 from trailmark.geometry.tum import read_tum, write_tum

@@ -1,4 +1,4 @@
-"""SE(2): poses and twists in the plane."""
+"""SE(2): poses and twists in the plane, and angles: counter-clockwise positive, wrapped to [-pi, pi)."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ import numpy.typing as npt
 
 from trailmark.arrays import Floats
 from trailmark.errors import ShapeError
-from trailmark.geometry.angles import wrap_angle
 
-__all__ = ["Pose2", "Twist2"]
+__all__ = ["Pose2", "Twist2", "wrap_angle", "wrap_angles"]
+
+_TWO_PI = 2.0 * math.pi
 
 # Below this angle sin(a)/a and (1-cos(a))/a come from their series: the closed forms lose digits.
 _SMALL_ANGLE_RAD = 1e-6
@@ -164,3 +165,17 @@ class Twist2:
     def after(self, dt_s: float) -> Pose2:
         """Return the motion when the twist holds for `dt_s` seconds."""
         return Pose2.exp(self.forward_mps * dt_s, self.left_mps * dt_s, self.yaw_radps * dt_s)
+
+
+def wrap_angle(angle_rad: float) -> float:
+    """Return the angle wrapped to [-pi, pi); angles already there come back unchanged, bit for bit."""
+    if -math.pi <= angle_rad < math.pi:
+        return angle_rad
+    wrapped = (angle_rad + math.pi) % _TWO_PI - math.pi
+    return -math.pi if wrapped >= math.pi else wrapped  # the remainder can round up to 2 pi
+
+
+def wrap_angles(angles_rad: npt.ArrayLike) -> Floats:
+    """Return every angle of an array wrapped to [-pi, pi); shape unchanged."""
+    wrapped = np.mod(np.asarray(angles_rad, dtype=np.float64) + np.pi, _TWO_PI) - np.pi
+    return np.where(wrapped >= np.pi, -np.pi, wrapped)

@@ -10,8 +10,7 @@ import numpy.typing as npt
 
 from trailmark.arrays import Floats
 from trailmark.errors import ShapeError
-from trailmark.geometry.angles import wrap_angles
-from trailmark.geometry.se2 import Pose2
+from trailmark.geometry.se2 import Pose2, wrap_angles
 
 __all__ = ["Trajectory"]
 

@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Any
 from trailmark.deprecation import deprecated_name
 from trailmark.estimates import EstimateRecord
 from trailmark.pipeline.clock import Clock, SystemClock, live_stamp_s
-from trailmark.pipeline.outputs.result import RunResult
+from trailmark.pipeline.outputs.result import RunResult, Step
 from trailmark.pipeline.parts import LocalizerPart, Parts, build_parts, build_sources
 from trailmark.pipeline.pipeline import Pipeline
 from trailmark.pipeline.request import RunRequest, read_config
 from trailmark.pipeline.sources.stream import SourceStream
-from trailmark.pipeline.steps import Step
 
 if TYPE_CHECKING:
     from trailmark.pipeline.outputs.run_folder import link_latest, new_folder

@@ -20,11 +20,10 @@ from trailmark.geometry import Pose2
 from trailmark.paths import Path as TaughtPath
 from trailmark.pipeline.clock import Clock, RunClock, SystemClock
 from trailmark.pipeline.instruments import Instruments
-from trailmark.pipeline.outputs.result import RunResult
+from trailmark.pipeline.outputs.result import RunResult, Step
 from trailmark.pipeline.parts import Parts, build_parts
 from trailmark.pipeline.request import RunKeywords, RunRequest
 from trailmark.pipeline.run import CTRL_C, Run
-from trailmark.pipeline.steps import Step
 
 if TYPE_CHECKING:
     from trailmark.pipeline.outputs.recorder import Recorder

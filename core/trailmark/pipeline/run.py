@@ -21,14 +21,13 @@ from trailmark.pipeline.hangs import HangWatch
 from trailmark.pipeline.instruments import Instruments, peak_rss_mb
 from trailmark.pipeline.localizers import LocalizerFailedError, LocalizerRunner, ObserveResult
 from trailmark.pipeline.outputs.fanout import SinkFanout
-from trailmark.pipeline.outputs.result import RunResult, Status
+from trailmark.pipeline.outputs.result import RunResult, Status, Step
 from trailmark.pipeline.outputs.tracks import Tracks
 from trailmark.pipeline.parts import Parts
 from trailmark.pipeline.sources.checks import FrameChecks
 from trailmark.pipeline.sources.merging import merged
 from trailmark.pipeline.sources.stream import ground_truth_of
 from trailmark.pipeline.startup import start_parts
-from trailmark.pipeline.steps import Step
 
 if TYPE_CHECKING:
     from trailmark.pipeline.outputs.recorder import Recorder

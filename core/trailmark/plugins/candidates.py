@@ -1,26 +1,45 @@
-"""What could be loaded: entry points of installed distributions, and single files."""
+"""What could be loaded, entry points of installed distributions and single files, and which of it may."""
 
 from __future__ import annotations
 
 import importlib.util
 import logging
+import os
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
-from trailmark.errors import PluginLoadError
+from trailmark.errors import ConfigError, PluginLoadError
 
-__all__ = ["ENTRY_POINT_GROUP", "Candidate", "file_candidates", "installed_candidates"]
+__all__ = [
+    "ALLOW_VARIABLE",
+    "CORE",
+    "ENTRY_POINT_GROUP",
+    "STRICT_VARIABLE",
+    "Candidate",
+    "Selection",
+    "file_candidates",
+    "installed_candidates",
+]
 
 logger = logging.getLogger(__name__)
 
 #: The entry-point group of Trailmark's plugins.
 ENTRY_POINT_GROUP = "trailmark"
+
+#: Names of the plugins that may load, separated by commas; empty: none but core.
+ALLOW_VARIABLE = "TRAILMARK_PLUGINS"
+
+#: Set to anything but 0: the first plugin that does not load ends the program.
+STRICT_VARIABLE = "TRAILMARK_STRICT_PLUGINS"
+
+#: Entry point of the parts that every run needs; it cannot be blocked.
+CORE = ("trailmark", "core")
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,3 +122,65 @@ def _import_file(path: Path) -> Any:
         del sys.modules[name]
         raise
     return module
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """What may load. A name is an entry point, a distribution, or ``distribution:entry``.
+
+    Attributes
+    ----------
+    allowed : frozenset of str or None
+        Nothing else but core and the files may load; None: everything may.
+    blocked : frozenset of str
+        These may not, whatever `allowed` says.
+    files : tuple of Path
+        One-file plugins, absolute.
+    is_strict : bool
+        Raise for the first plugin that does not load.
+    """
+
+    allowed: frozenset[str] | None = None
+    blocked: frozenset[str] = frozenset()
+    files: tuple[Path, ...] = ()
+    is_strict: bool = False
+
+    @classmethod
+    def read(
+        cls,
+        block: Iterable[str] = (),
+        files: Iterable[str | Path] = (),
+        environment: Mapping[str, str] = os.environ,
+    ) -> Selection:
+        """Join names to block, one-file plugins and what the environment says.
+
+        Raises
+        ------
+        ConfigError
+            If a file does not exist or is no ``.py`` file.
+        """
+        listed = environment.get(ALLOW_VARIABLE)
+        return cls(
+            allowed=None if listed is None else frozenset(name.strip() for name in listed.split(",") if name.strip()),
+            blocked=frozenset(block),
+            files=tuple(dict.fromkeys(_plugin_file(file) for file in files)),
+            is_strict=environment.get(STRICT_VARIABLE, "0") not in ("", "0"),
+        )
+
+    def verdict(self, name: str, distribution: str) -> Literal["ok", "blocked", "disabled"]:
+        """Say whether a plugin may load: ``ok``, ``blocked`` by name, or ``disabled`` by the allow list."""
+        if (distribution, name) == CORE:
+            return "ok"
+        names = {name, distribution, f"{distribution}:{name}"}
+        if names & self.blocked:
+            return "blocked"
+        return "ok" if self.allowed is None or names & self.allowed else "disabled"
+
+
+def _plugin_file(file: str | Path) -> Path:
+    path = Path(file).expanduser().resolve()
+    if path.suffix != ".py":
+        raise ConfigError(f"plugin file {file}: a one-file plugin is a .py file")
+    if not path.is_file():
+        raise ConfigError(f"plugin file {file}: no such file: {path}")
+    return path

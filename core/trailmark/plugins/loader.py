@@ -22,11 +22,18 @@ import pluggy
 from trailmark import PLUGIN_API
 from trailmark.errors import ConfigError, PluginError, PluginLoadError
 from trailmark.failures import is_from_user, words_of
-from trailmark.plugins.candidates import ENTRY_POINT_GROUP, Candidate, file_candidates, installed_candidates
+from trailmark.plugins.candidates import (
+    ALLOW_VARIABLE,
+    CORE,
+    ENTRY_POINT_GROUP,
+    Candidate,
+    Selection,
+    file_candidates,
+    installed_candidates,
+)
 from trailmark.plugins.hookspecs import HookSpecs
 from trailmark.plugins.records import PluginRecord, Status
 from trailmark.plugins.registry import Owner, Registry
-from trailmark.plugins.selection import ALLOW_VARIABLE, CORE, Selection
 from trailmark.plugins.spec import Spec
 
 __all__ = ["ENTRY_POINT_GROUP", "Plugins", "discover_plugins", "load_plugins"]

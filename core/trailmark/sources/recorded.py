@@ -137,7 +137,9 @@ class RecordedSource(FrameSource):
         if closed.is_set():
             return
         with closing(self.readings()) as readings:
-            ordered = in_stamp_order(self._check_increasing(readings, closed), tuple(self._sensors), self.reorder_s)
+            increasing = self._check_increasing(readings, closed)
+            names = tuple(self._sensors)
+            ordered = in_stamp_order(increasing, names, self.reorder_s) if len(names) > 1 else increasing
             last_s = -math.inf
             for reading in ordered:
                 if closed.is_set():

@@ -1,4 +1,4 @@
-"""What is left of a run."""
+"""What a run hands out: one step for each frame, and what is left of it in the end."""
 
 from __future__ import annotations
 
@@ -8,11 +8,39 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
 
+from trailmark.commands import Command
+from trailmark.estimates import Belief, EstimateRecord
+from trailmark.frames import Frame
 from trailmark.geometry import Trajectory
 
-__all__ = ["RunResult", "Status"]
+__all__ = ["RunResult", "Status", "Step"]
 
 Status = Literal["done", "stopped", "interrupted", "failed"]
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A frame went through the pipeline; or, in real time, the controller was asked between two frames.
+
+    Attributes
+    ----------
+    stamp_s : float
+        Of the frame, or of the controller's tick [s].
+    frame : Frame or None
+        The frame; None for a tick.
+    belief : Belief
+        What is believed at `stamp_s`, after all localizers saw the frame.
+    estimates : tuple of EstimateRecord
+        What was said since the last step, in the order in which it was applied.
+    command : Command or None
+        What the robot was told, if anything.
+    """
+
+    stamp_s: float
+    frame: Frame | None
+    belief: Belief
+    estimates: tuple[EstimateRecord, ...] = ()
+    command: Command | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
