@@ -98,7 +98,7 @@ def test_a_turn_on_the_spot_spreads_the_heading():
 
 
 def test_a_robot_at_rest_is_not_infinitely_certain():
-    (motion,) = observed(localizer(rest_sigma=0.001, rest_sigma_deg=0.1), at(0.0, Pose2()), at(4.0, Pose2()))
+    (motion,) = observed(localizer(rest_sigma=0.002, rest_sigma_deg=0.2), at(0.0, Pose2()), at(1.0, Pose2()))
 
     np.testing.assert_allclose(sigmas(motion), [0.002, 0.002, math.radians(0.2)])
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+import numpy.typing as npt
+
 from trailmark.estimates import Belief, Estimate, Lost, Motion, information_along, information_from_covariance
 from trailmark.frames import Frame, Odometry
 from trailmark.geometry import Pose2
@@ -13,6 +16,9 @@ from trailmark_baselines.config import OdometryConfig
 from trailmark_baselines.spread import Spread, random_walk, step_covariance
 
 __all__ = ["OdometryLocalizer"]
+
+# Of a robot that nobody watched: as the estimators take it.
+_UNSEEN_MPS, _UNSEEN_DEG_PER_S = 0.5, 30.0
 
 
 class OdometryLocalizer(Localizer):
@@ -66,19 +72,28 @@ class OdometryLocalizer(Localizer):
             random_walk((config.lateral_sigma, driven_m)) + rest_m2,
             turn_deg2 * math.radians(1.0) ** 2,
         )
-        covariance = step_covariance(step.x, step.y, spread)
+        covariance = step_covariance(step.x, step.y, spread) + self._unseen(dt_s)
         return Motion(since_s, stamp_s, step, information_from_covariance(covariance))
+
+    def _unseen(self, dt_s: float) -> npt.NDArray[np.float64]:
+        """Return the covariance of what may have happened between two readings: nothing unusual, or a gap."""
+        if dt_s <= self.config.max_gap_s:
+            return np.zeros((3, 3))
+        position_m, turn_rad = _UNSEEN_MPS * dt_s, min(math.radians(_UNSEEN_DEG_PER_S) * dt_s, math.pi)
+        return np.diag([position_m**2, position_m**2, turn_rad**2])
 
     def _straight(self, since_s: float, stamp_s: float, distance_m: float) -> Motion:
         config, dt_s, step = self.config, stamp_s - since_s, Pose2(distance_m)
         rest_m2 = random_walk((config.rest_sigma, dt_s))
         along_m2 = random_walk((config.distance_sigma, distance_m)) + rest_m2
         if config.unmeasured_turn_deg is None:
+            along_m2 += float(self._unseen(dt_s)[0, 0])
             return Motion(since_s, stamp_s, step, information_along((1.0, 0.0, 0.0), math.sqrt(along_m2)))
         turn_deg2 = random_walk((config.unmeasured_turn_deg, distance_m), (config.rest_sigma_deg, dt_s))
         across_m2 = random_walk((config.lateral_sigma, distance_m)) + rest_m2
         spread = Spread(along_m2, across_m2, turn_deg2 * math.radians(1.0) ** 2)
-        return Motion(since_s, stamp_s, step, information_from_covariance(step_covariance(distance_m, 0.0, spread)))
+        covariance = step_covariance(distance_m, 0.0, spread) + self._unseen(dt_s)
+        return Motion(since_s, stamp_s, step, information_from_covariance(covariance))
 
 
 def _step(before: Odometry, now: Odometry) -> Pose2 | None:
