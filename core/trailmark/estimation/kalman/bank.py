@@ -17,19 +17,32 @@ import numpy as np
 from trailmark.arrays import Floats
 from trailmark.estimation.kalman.innovation import Innovation
 from trailmark.estimation.kalman.measurements import Measurement
-from trailmark.estimation.kalman.state import FilterState, Gaussian, Rival
+from trailmark.estimation.kalman.state import FilterState, FixOffset, Gaussian, Rival
 from trailmark.geometry import Twist2, wrap_angle
 
-__all__ = ["is_jump", "log_likelihood", "mixture_of", "posterior", "with_likelihoods"]
+__all__ = [
+    "is_jump",
+    "log_likelihood",
+    "log_likelihood_of_offset",
+    "mixture_of",
+    "posterior",
+    "with_likelihoods",
+]
 
 # Of a hypothesis by which a moving robot stands still at once, or jumps: what suspicion alone can say. At odds of 16 to
 # 1 the truth is never further than 4 standard deviations from the mixture, whoever is right.
 _SUSPICION = math.log(16.0)
 # One absolute estimate says no more than this of two hypotheses: it may be an outlier itself, one of twenty is.
 _MOST_OF_ONE = math.log(20.0)
+# Nor does it cost more than this that a hypothesis expects little: between motion that is wrong, which leaves the next
+# place open, and absolute estimates that are off by a constant, which leave nothing open.
+_MODESTY = 5.0
 # Speed changes of a robot, as standard deviations: 4 of them are what tyres can do [m/s^2, rad/s^2].
 _ACCELERATION_MPS2, _ACCELERATION_RADPS2 = 1.0, 5.0
 _JUMP = 4.0
+# An offset is the mean of no more than so many absolute estimates: it may change slowly. A change at once, of so many
+# standard deviations, begins another lie.
+_OFFSET_OF, _OTHER_LIE = 40, 5.0
 
 
 def posterior(rivals: Sequence[Rival]) -> Floats:
@@ -70,7 +83,27 @@ def log_likelihood(state: FilterState, measurement: Measurement) -> float:
         return 0.0
     seen = Innovation(*measurement.innovation(state.gaussian.x), state.gaussian.covariance)
     _, log_det = np.linalg.slogdet(seen.inverse)
-    return 0.5 * float(log_det) - 0.5 * seen.nis
+    return max(0.5 * float(log_det), -_MODESTY) - 0.5 * seen.nis
+
+
+def log_likelihood_of_offset(
+    state: FilterState, measurement: Measurement, offset: FixOffset | None
+) -> tuple[float, FixOffset | None]:
+    """Return the log of the density of a measurement that is off by a constant, and what is known of it then.
+
+    Of the first nothing is known, and nothing is lost: who lies by a constant says something only by its second lie.
+    """
+    if state.gaussian is None:
+        return 0.0, offset
+    innovation, _ = measurement.innovation(state.gaussian.x)
+    if offset is None or len(offset.mean) != len(innovation):
+        return 0.0, FixOffset(innovation, 1)
+    away, spread = innovation - offset.mean, 1.0 + 1.0 / offset.n
+    log = -0.5 * len(away) * math.log(spread) - 0.5 * float(away @ away) / spread
+    if float(away @ away) > _OTHER_LIE * _OTHER_LIE * spread:
+        return log, FixOffset(innovation, 1)
+    n = min(offset.n + 1, _OFFSET_OF)
+    return log, FixOffset(offset.mean + away / n, n)
 
 
 def with_likelihoods(rivals: Sequence[Rival], logs: Sequence[float]) -> list[Rival]:

@@ -31,12 +31,14 @@ __all__ = ["Correction", "Filter"]
 _DOUBTS = ((np.diag([1.0, 1.0, 0.0]), 1e3), (np.diag([0.0, 0.0, 1.0]), math.pi))
 _LEAST_DOUBT = 1e-3
 
+# With which one that is not believed agrees again, if it has no gate.
+_GATE = 0.999
 # Rejected measurements that are kept of each localizer, and for how long [s].
 _MOST_REJECTED, _REJECTED_S = 30, 15.0
 
 
 class Filter(Protocol):
-    """The arithmetic of prediction and update: filterpy's EKF or UKF."""
+    """The arithmetic of prediction and update: `Ekf` or `Ukf`."""
 
     def predict(self, x: Floats, covariance: Floats, motion: PredictedMotion) -> tuple[Floats, Floats]:
         """Return state and covariance after a motion."""
@@ -73,6 +75,24 @@ class Correction:
         used = seen if share == 1.0 else seen.weighted(share, before.covariance)
         after = Gaussian(*self._filter.update(before.x, before.covariance, used, measurement))
         return _accept(state, measurement, after, seen.jacobian[:, :3], Verdict("accepted", seen.nis, dof))
+
+    def doubt(self, state: FilterState, measurement: Measurement) -> FilterState:
+        """Return the state after a measurement of a localizer whose absolute estimates are not believed.
+
+        It is kept out, and counted is whether it agrees with the belief.
+        """
+        source, dof, nis = measurement.source, len(measurement.root), math.inf
+        fault = state.consistency.absolute_faults[source]
+        if state.gaussian is not None:
+            nis = Innovation(*measurement.innovation(state.gaussian.x), state.gaussian.covariance).nis
+        agrees = nis <= threshold(measurement.trust.gate or _GATE, dof)
+        faults = {
+            **state.consistency.absolute_faults,
+            source: replace(fault, n_agreed=fault.n_agreed + 1 if agrees else 0),
+        }
+        n = min(state.rejections.counts.get(source, 0) + 1, self._policy.most_rejections)
+        state = replace(state, consistency=state.consistency._replace(absolute_faults=faults))
+        return _keep_out(state, source, n, _with_rejected(state, measurement), Verdict("gated", nis, dof, fault.reason))
 
     def _start(self, state: FilterState, measurement: Measurement) -> FilterState:
         pose = measurement.as_start()

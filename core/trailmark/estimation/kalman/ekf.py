@@ -1,4 +1,4 @@
-"""filterpy's extended Kalman filter, held to one shape and to angles that wrap."""
+"""An extended Kalman filter: predicted by filterpy, updated here."""
 
 from __future__ import annotations
 
@@ -38,10 +38,11 @@ class PredictedMotion:
 class Ekf:
     """Predicts and updates (x, y, theta, ...), from and to values that the caller keeps.
 
-    filterpy makes x of shape (n, 1), and a measurement of shape (m,) then silently broadcasts it to (n, n): x is of
-    shape (n,) here, always, and shapes are checked. It wraps no state and gates nothing: both are done around it. Its
-    ``update`` inverts S anew, with scipy, and copies what nobody reads; `update` is the same update (Joseph form)
-    with the S that the gate has computed, in a third of the time; a test compares the two.
+    filterpy predicts; it does not update. It makes x of shape (n, 1), and a measurement of shape (m,) then silently
+    broadcasts it to (n, n): x is of shape (n,) here, always, and shapes are checked. It wraps no state and gates
+    nothing: both are done around it. Its ``update`` inverts S anew, with scipy, and copies what nobody reads; `update`
+    is the same update (Joseph form) with the S that the gate has computed, in a third of the time; a test compares
+    the two.
     """
 
     def __init__(self, n: int) -> None:

@@ -16,8 +16,9 @@ from trailmark.estimation.information import checked_covariance
 from trailmark.estimation.kalman.agreement import Tolerance
 from trailmark.estimation.kalman.clock import ClockGuard
 from trailmark.estimation.kalman.correction import Correction, Filter
+from trailmark.estimation.kalman.dissent import covering_covariance
 from trailmark.estimation.kalman.ekf import Ekf
-from trailmark.estimation.kalman.fault_detection import WINDOW_S, FaultDetector
+from trailmark.estimation.kalman.fault_detection import FaultDetector
 from trailmark.estimation.kalman.health import SourceMonitor, health_of
 from trailmark.estimation.kalman.layout import Layout
 from trailmark.estimation.kalman.measurements import (
@@ -33,6 +34,7 @@ from trailmark.estimation.kalman.state import FilterState, Gaussian
 from trailmark.estimation.kalman.time_node import TimeNode
 from trailmark.estimation.kalman.trust import Trust
 from trailmark.estimation.kalman.ukf import Ukf
+from trailmark.estimation.kalman.windows import WINDOW_S
 from trailmark.estimation.kalman_config import KalmanConfig
 from trailmark.estimation.symmetric import ZERO, inverse, to_matrix
 from trailmark.frames.payloads import read_only
@@ -42,6 +44,7 @@ from trailmark.interfaces import Estimator, Session
 __all__ = ["Kalman"]
 
 _ACCEPTED = Applied("accepted")
+_IMPOSSIBLE = "no robot changes its velocity like this between two readings"
 
 # A clock that was set says nothing of how long it really took: the belief is as uncertain as after this gap.
 _GAP_OF_A_JUMP_S = 10.0
@@ -51,6 +54,9 @@ _FARTHEST_M = 2e7
 
 class Kalman(Estimator):
     """An extended Kalman filter of the planar pose, for any mix of localizers.
+
+    filterpy does the prediction, and with ``filter: ukf`` the update, too. The update of the extended filter, gates,
+    recovery, hypotheses of who lies, and the history are Trailmark's own.
 
     The belief depends on what was said and on what instants it was said about, not on the order in which it came:
     any arrival inside the history gives what the right order would have given.
@@ -194,9 +200,12 @@ class Kalman(Estimator):
         information = trust.floored_information(estimate.information, self._counted)
         if isinstance(information, str):
             return Applied("refused", information)
+        monitor = self._monitors[source]
         if isinstance(estimate, Motion):
+            information = monitor.believed_of_motion(estimate, information)
             return self._apply_motion(source, estimate, StatedMotion(estimate, information))
         if isinstance(estimate, Fix):
+            information = monitor.fix_certainty.believed(information, estimate.stamp_s)
             x_m, y_m = estimate.pose_map_base.x, estimate.pose_map_base.y
             if not (abs(x_m) <= _FARTHEST_M and abs(y_m) <= _FARTHEST_M):
                 return self._refuse("too_far", f"({x_m:.3g}, {y_m:.3g}) m is no place on Earth")
@@ -238,7 +247,7 @@ class Kalman(Estimator):
         if fault is not None:
             return Applied("gated", fault.reason)
         if not state.checks:
-            return _ACCEPTED
+            return Applied("gated", _IMPOSSIBLE) if source in state.left_out else _ACCEPTED
         for check in state.checks:
             if check.source == source:
                 if source not in state.left_out:
@@ -308,7 +317,7 @@ class Kalman(Estimator):
         pose = covariance = on_path = None
         if gaussian is not None:
             x, y, theta = gaussian.x[:3].tolist()
-            pose, covariance = Pose2(x, y, theta), read_only(gaussian.covariance[:3, :3])
+            pose, covariance = Pose2(x, y, theta), read_only(covering_covariance(state))
             on_path = self._on_path(state.stamp_s, pose, covariance)
         return Belief(
             stamp_s=state.stamp_s,

@@ -5,8 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from trailmark.estimates import Motion
+from trailmark.estimation.kalman.bank import posterior
+from trailmark.estimation.kalman.certainty import CertaintyRecord
 from trailmark.estimation.kalman.state import FilterState
 from trailmark.estimation.kalman.trust import Trust
+from trailmark.estimation.symmetric import Sym3
 
 __all__ = ["SourceMonitor", "health_of"]
 
@@ -14,8 +18,12 @@ __all__ = ["SourceMonitor", "health_of"]
 _REFUSED_OFTEN = 3
 # No sensor observes twice within this [s].
 _MOMENT_S = 0.005
+# So many standard deviations are no motion.
+_AT_REST = 3.0
 # A question that absolute estimates decide is decided sooner [s].
 _UNDECIDED_S = 2.0
+# Less probable hypotheses accuse nobody.
+_PROBABLE = 0.02
 
 
 class SourceMonitor:
@@ -34,15 +42,27 @@ class SourceMonitor:
         Refusals in a row.
     refusal : str
         Reason of the last one.
+    fix_certainty, motion_certainty : CertaintyRecord
+        How certain its absolute estimates and its motion have been.
     """
 
-    __slots__ = ("_last_key", "_last_key_s", "last_s", "n_refused", "refusal", "trust")
+    __slots__ = (
+        "_last_key",
+        "_last_key_s",
+        "fix_certainty",
+        "last_s",
+        "motion_certainty",
+        "n_refused",
+        "refusal",
+        "trust",
+    )
 
     def __init__(self, trust: Trust) -> None:
         self.trust = trust
         self.last_s = -math.inf
         self.n_refused = 0
         self.refusal = ""
+        self.fix_certainty, self.motion_certainty = CertaintyRecord(), CertaintyRecord()
         self._last_key: tuple[str, tuple[float, ...]] | None = None
         self._last_key_s = -math.inf
 
@@ -52,6 +72,19 @@ class SourceMonitor:
         if not is_same:
             self._last_key, self._last_key_s = key, stamp_s
         return is_same
+
+    @property
+    def is_too_certain(self) -> bool:
+        """Whether what it states of its certainty is without precedent."""
+        return max(self.fix_certainty.n_in_a_row, self.motion_certainty.n_in_a_row) >= _REFUSED_OFTEN
+
+    def believed_of_motion(self, motion: Motion, information: Sym3) -> Sym3:
+        """Return the information of a motion as it is believed: at rest there is less to be uncertain of."""
+        xx, _, _, yy, _, tt = information
+        step = motion.pose_since_now
+        way, turn = math.hypot(step.x, step.y) * math.sqrt(max(xx, yy)), abs(step.theta) * math.sqrt(tt)
+        is_at_rest = max(way, turn) < _AT_REST
+        return self.motion_certainty.believed(information, motion.stamp_s, is_at_rest=is_at_rest)
 
     def record_refusal(self, reason: str) -> None:
         """Count an estimate that was refused."""
@@ -68,22 +101,39 @@ class SourceMonitor:
 def health_of(monitors: Mapping[str, SourceMonitor], state: FilterState, recover_after: int) -> dict[str, str]:
     """Return what is wrong, by localizer; nothing for one that is well."""
     health: dict[str, str] = {}
+    undecided = _undecided_of(state)
     for source, monitor in monitors.items():
         n_rejected = state.rejections.counts.get(source, 0)
-        fault = state.consistency.faults.get(source)
+        fault = state.consistency.faults.get(source) or state.consistency.absolute_faults.get(source)
         if fault is not None:
             health[source] = fault.reason
+        elif source in undecided:
+            health[source] = undecided[source]
         elif monitor.n_refused >= _REFUSED_OFTEN:
             health[source] = f"refused {monitor.n_refused} in a row: {monitor.refusal}"
         elif n_rejected >= recover_after:
             health[source] = f"contradicts the belief, {n_rejected} of late"
+        elif monitor.is_too_certain:
+            health[source] = "far more certain than it ever was: not believed to be"
         elif source in state.left_out:
             health[source] = "its motion contradicts the others and the velocity before"
         elif state.stamp_s - monitor.last_s > monitor.trust.timeout_s:
             silence_s = state.stamp_s - monitor.last_s
             health[source] = f"silent for {silence_s:.1f} s" if silence_s < math.inf else "not heard of yet"
-    if state.stamp_s - state.consistency.undecided_since_s > _UNDECIDED_S:
-        for rival in state.consistency.rivals:
-            for source in rival.state.consistency.faults:
-                health.setdefault(source, "its motion and that of others disagree, and nothing decides who is right")
     return health
+
+
+def _undecided_of(state: FilterState) -> dict[str, str]:
+    """Return who may be wrong, and why that is not decided; nobody while a question is young."""
+    undecided: dict[str, str] = {}
+    if state.stamp_s - state.consistency.undecided_since_s <= _UNDECIDED_S:
+        return undecided
+    rivals = state.consistency.rivals
+    for rival, probability in zip(rivals, posterior(rivals)):
+        if probability < _PROBABLE:
+            continue
+        for source in rival.state.consistency.faults:
+            undecided.setdefault(source, "its motion and that of others disagree, and nothing decides who is right")
+        for source, fault in rival.state.consistency.absolute_faults.items():
+            undecided.setdefault(source, fault.reason)
+    return undecided

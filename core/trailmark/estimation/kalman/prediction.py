@@ -17,7 +17,7 @@ from trailmark.estimation.kalman.layout import Layout
 from trailmark.estimation.kalman.motions import Motions, Step
 from trailmark.estimation.kalman.state import Consistency, FilterState, Gaussian, MotionSum, OdometryState
 from trailmark.estimation.kalman.velocity import VelocityModel
-from trailmark.estimation.kalman.weighing import StepSelection, fuse_steps, select_steps
+from trailmark.estimation.kalman.weighing import StepSelection, fuse_steps, replace_impossible_jump, select_steps
 from trailmark.estimation.kalman_config import KalmanConfig
 from trailmark.estimation.symmetric import NOTHING, ZERO, Sym3, congruence, diagonal, scaled
 from trailmark.geometry import Pose2, Twist2, wrap_angle
@@ -137,7 +137,10 @@ class Prediction:
             if not believed:
                 return self._coast(replace(state, consistency=_added(consistency, stated, theta, dt_s)), stamp_s)
         selection = StepSelection(believed)
-        if len(believed) > 1:
+        if len(believed) == 1:
+            if state.odometry.is_measured and self._gate_of(believed[0][0]) is not None:
+                selection = replace_impossible_jump(believed, dt_s, state.odometry.twist)
+        else:
             drift = scaled(self._drift, dt_s * dt_s)
             selection = select_steps(believed, dt_s, state.odometry.twist, drift, self._gate_of)
             if selection.left_out and not state.left_out:
@@ -178,7 +181,7 @@ class Prediction:
         moved = self._move(state, stamp_s, _Piece(step, dt_s, is_measured=is_measured, columns=columns), consistency)
         if self._velocity is not None and moved.gaussian is not None:
             moved = self._velocity.update(moved, steps, dt_s, columns)
-        if not (selection.checks or state.left_out or state.checks):
+        if not (selection.checks or selection.left_out or state.left_out or state.checks):
             return moved
         left_out = {source: state.left_out.get(source, 0) + 1 for source in selection.left_out}
         return replace(moved, left_out=left_out, checks=selection.checks)

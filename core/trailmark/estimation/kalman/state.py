@@ -20,6 +20,7 @@ __all__ = [
     "CorroboratingFix",
     "Fault",
     "FilterState",
+    "FixOffset",
     "Gaussian",
     "MotionCheck",
     "MotionSum",
@@ -210,32 +211,57 @@ class Fault:
         When it was found [s].
     reason : str
         In words.
+    is_outvoted : bool
+        Whether two others at least, which agree, are against it.
+    n_agreed : int
+        How many of its absolute estimates in a row have agreed with the belief since.
     """
 
     since_s: float
     reason: str
+    is_outvoted: bool = True
+    n_agreed: int = 0
+
+
+class FixOffset(NamedTuple):
+    """By how much the absolute estimates of one localizer are off, if they are off by a constant.
+
+    Attributes
+    ----------
+    mean : (k,) float64
+        In standard deviations of the estimates.
+    n : int
+        Of how many this is the mean; no more than the last few count.
+    """
+
+    mean: Floats
+    n: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rival:
-    """One hypothesis of who is right about motion: a filter of its own.
+    """One hypothesis of who is right: a filter of its own.
 
     Attributes
     ----------
     state : FilterState
-        The filter that does not use the motion of some localizers, its `faults`.
+        The filter that uses neither the motion of some localizers, its `faults`, nor the absolute estimates of others,
+        its `absolute_faults`.
     log_weight : float
         Log of its probability, to a constant.
     n_measurements : int
         Absolute estimates that have had a say.
     is_implausible : bool
         Whether it says that a moving robot stood still at once, or changed its speed faster than robots do.
+    offset : FixOffset or None
+        Of the absolute estimates that it does not believe.
     """
 
     state: FilterState
     log_weight: float
     n_measurements: int = 0
     is_implausible: bool = False
+    offset: FixOffset | None = None
 
 
 class Consistency(NamedTuple):
@@ -255,6 +281,8 @@ class Consistency(NamedTuple):
         Absolute estimates since the oldest anchor, with their stamps.
     faults : mapping of str to Fault
         Localizers whose motion is not believed.
+    absolute_faults : mapping of str to Fault
+        Localizers whose absolute estimates are not believed.
     rivals : tuple of Rival
         Hypotheses that are not decided; empty while the localizers agree.
     undecided_since_s : float
@@ -269,6 +297,7 @@ class Consistency(NamedTuple):
     anchors: tuple[FilterState, ...] = ()
     measurements: tuple[tuple[float, Measurement], ...] = ()
     faults: Mapping[str, Fault] = _EMPTY
+    absolute_faults: Mapping[str, Fault] = _EMPTY
     rivals: tuple[Rival, ...] = ()
     undecided_since_s: float = math.inf
     tested_s: float = -math.inf

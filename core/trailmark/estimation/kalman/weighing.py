@@ -7,6 +7,7 @@ step does, nobody knows who is wrong, and all count for as much less as they dis
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -17,12 +18,15 @@ from trailmark.estimation.kalman.gate import threshold
 from trailmark.estimation.kalman.motions import Step
 from trailmark.estimation.kalman.state import MotionCheck
 from trailmark.estimation.kalman.trust import root_of
-from trailmark.estimation.symmetric import ZERO, Sym3, add, inverse, scaled, to_matrix
+from trailmark.estimation.symmetric import ZERO, Sym3, add, diagonal, inverse, scaled, to_matrix
 from trailmark.geometry import Pose2, Twist2, wrap_angle
 
-__all__ = ["StepSelection", "fuse_steps", "information_of", "nis_between", "select_steps"]
+__all__ = ["StepSelection", "fuse_steps", "information_of", "nis_between", "replace_impossible_jump", "select_steps"]
 
 SourceStep = tuple[str, Step]
+
+# Between two readings; a robot that is hit by another changes its velocity by less [m/s].
+_IMPOSSIBLE_MPS = 15.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,6 +86,21 @@ def select_steps(
     return StepSelection(
         kept, tuple(left_out), tuple(MotionCheck(source, *found[source]) for source, _ in steps if source in found)
     )
+
+
+def replace_impossible_jump(steps: Sequence[SourceStep], dt_s: float, held: Twist2) -> StepSelection:
+    """Return a lone step as it is; if no push changes a robot's velocity like this, the velocity before in its place.
+
+    Then it is as uncertain as the two differ.
+    """
+    (source, step), ahead = steps[0], held.after(dt_s)
+    twist = step.twist
+    change_mps = math.hypot(twist.forward_mps - held.forward_mps, twist.left_mps - held.left_mps)
+    if change_mps <= _IMPOSSIBLE_MPS or step.covariance is None:
+        return StepSelection(steps)
+    doubt = diagonal((step.x - ahead.x) ** 2, (step.y - ahead.y) ** 2, wrap_angle(step.turn - ahead.theta) ** 2)
+    instead = Step(ahead.x, ahead.y, ahead.theta, add(step.covariance, doubt), None, held)
+    return StepSelection([(source, instead)], (source,))
 
 
 def _checks(steps: Sequence[SourceStep], dt_s: float, held: Twist2, drift: Sym3) -> list[tuple[str, float, int]]:

@@ -1,0 +1,53 @@
+"""Certainty without precedent: a localizer does not know a thousand times more from one estimate to the next."""
+
+from __future__ import annotations
+
+import math
+
+from trailmark.estimation.symmetric import NOTHING, Sym3, inverse, scaled
+
+__all__ = ["CertaintyRecord"]
+
+# A standard deviation that is smaller than the smallest before by this factor is believed as small as that one, which
+# follows at this rate [1/s]: a camera that comes near to what it sees is soon believed.
+_AT_ONCE, _RATE = 3.0, 0.05
+# The first estimates set the record [s].
+_LEARNS_S = 1.0
+
+
+class CertaintyRecord:
+    """The greatest certainty that one kind of estimate of one localizer has stated so far.
+
+    Estimates of whole poses only: the certainty of a part depends on which part was seen.
+    """
+
+    __slots__ = ("_most", "_since_s", "_stamp_s", "n_in_a_row")
+
+    def __init__(self) -> None:
+        self._most = (0.0, 0.0)
+        self._since_s = self._stamp_s = -math.inf
+        self.n_in_a_row = 0
+
+    def believed(self, information: Sym3, stamp_s: float, *, is_at_rest: bool = False) -> Sym3:
+        """Return the information, reduced if it is without precedent; one at rest may be, and sets the record."""
+        xx, _, _, yy, _, tt = information
+        stated = max(xx, yy), tt
+        if self._since_s == -math.inf:
+            self._since_s = stamp_s
+        is_learning = is_at_rest or stamp_s - self._since_s <= _LEARNS_S
+        dt_s = max(0.0, stamp_s - self._stamp_s) if self._stamp_s > -math.inf else 0.0
+        self._stamp_s = max(self._stamp_s, stamp_s)
+        much = _AT_ONCE * _AT_ONCE
+        share = min(
+            (most / now for most, now in zip(self._most, stated) if now > max(much * most, NOTHING)), default=1.0
+        )
+        if is_learning or share == 1.0:
+            self._most = max(self._most[0], stated[0]), max(self._most[1], stated[1])
+            self.n_in_a_row = 0
+            return information
+        if inverse(information) is None:
+            return information
+        growth = math.exp(2.0 * _RATE * min(dt_s, 1.0))
+        self._most = min(self._most[0] * growth, stated[0]), min(self._most[1] * growth, stated[1])
+        self.n_in_a_row += 1
+        return scaled(information, share)

@@ -1,0 +1,206 @@
+"""A question of who is wrong: one filter for each answer, begun before the question came up.
+
+A hypothesis of n liars has the probability 0.01^n to begin with: so agreeing motions vote. By itself this decides for
+two against one; absolute estimates can overturn it while they are part of the question. Absolute estimates that are
+said to lie are off by a constant, as those are that match the wrong place: one whose offset grows explains less than a
+motion that is wrong.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from trailmark.estimation.kalman.agreement import is_still, motion_since
+from trailmark.estimation.kalman.bank import (
+    is_jump,
+    log_likelihood,
+    log_likelihood_of_offset,
+    posterior,
+    with_likelihoods,
+)
+from trailmark.estimation.kalman.correction import Correction
+from trailmark.estimation.kalman.fault_reasons import reason_against_fixes, reason_against_motion
+from trailmark.estimation.kalman.measurements import Measurement
+from trailmark.estimation.kalman.prediction import Prediction
+from trailmark.estimation.kalman.settling import continued, settle
+from trailmark.estimation.kalman.state import Consistency, Fault, FilterState, Rival
+from trailmark.estimation.kalman.windows import without_windows
+
+__all__ = ["Hypothesis", "HypothesisBank", "trusted_motions"]
+
+_LIAR = math.log(100.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Hypothesis:
+    """An answer to who is wrong.
+
+    Attributes
+    ----------
+    motions : frozenset of str
+        Localizers whose motion is believed, of those that were trusted.
+    lying_fixes : str or None
+        The localizer whose absolute estimates are not.
+    """
+
+    motions: frozenset[str]
+    lying_fixes: str | None = None
+
+
+def trusted_motions(state: FilterState) -> list[str]:
+    """Return the localizers whose motion is believed."""
+    return [source for source in state.consistency.sums if source not in state.consistency.faults]
+
+
+class HypothesisBank:
+    """Begins, predicts and corrects the filters of a question.
+
+    Parameters
+    ----------
+    prediction : Prediction
+        Of one filter.
+    correction : Correction
+        Of one filter.
+    """
+
+    def __init__(self, prediction: Prediction, correction: Correction) -> None:
+        self._prediction = prediction
+        self._correction = correction
+
+    def ask(self, state: FilterState, hypotheses: Iterable[Hypothesis]) -> FilterState:
+        """Return a state with one filter for each hypothesis, each beginning at the oldest anchor."""
+        anchor = state.consistency.anchors[0]
+        rivals = [self._begin_rival(state, anchor, hypothesis) for hypothesis in hypotheses]
+        if len(rivals) < 2:
+            return state
+        rivals = self._replay(rivals, anchor, state)
+        return settle(state, _with_suspicion(state, anchor, rivals))
+
+    def predict(self, state: FilterState, stamp_s: float) -> FilterState:
+        """Return a state with rivals at a later stamp."""
+        before = state.consistency.rivals
+        after = [self._predict_rival(rival, stamp_s) for rival in before]
+        leader = int(np.argmax(posterior(after)))
+        odometry = continued(state.odometry, before[leader].state.odometry, after[leader].state.odometry)
+        return settle(replace(state, stamp_s=stamp_s, odometry=odometry, verdicts=()), after)
+
+    def correct(self, state: FilterState, measurement: Measurement) -> FilterState:
+        """Return a state with rivals after a measurement, with the verdict of the most probable one as its last."""
+        rivals = self._measure(state.consistency.rivals, measurement)
+        leader = rivals[int(np.argmax(posterior(rivals)))].state
+        verdict = leader.verdicts[-1]
+        consistency = state.consistency._replace(
+            measurements=(*state.consistency.measurements, (state.stamp_s, measurement))
+        )
+        fixed_at_m = state.odometry.travelled_m if verdict.status == "accepted" else state.fixed_at_m
+        state = replace(state, consistency=consistency, verdicts=(*state.verdicts, verdict), fixed_at_m=fixed_at_m)
+        if measurement.replaces:
+            return replace(
+                state,
+                gaussian=leader.gaussian,
+                rejections=leader.rejections,
+                consistency=without_windows(state.consistency),
+            )
+        return settle(state, rivals)
+
+    def _begin_rival(self, state: FilterState, anchor: FilterState, hypothesis: Hypothesis) -> Rival:
+        trusted = frozenset(trusted_motions(state))
+        faults, absolute_faults = dict(state.consistency.faults), dict(state.consistency.absolute_faults)
+        for source in sorted(trusted - hypothesis.motions):
+            reason = reason_against_motion(state, anchor, source, hypothesis.motions)
+            faults[source] = Fault(state.stamp_s, reason)
+        liar = hypothesis.lying_fixes
+        if liar is not None:
+            is_outvoted = len(hypothesis.motions) > 1
+            reason = reason_against_fixes(hypothesis.motions, is_outvoted=is_outvoted)
+            absolute_faults[liar] = Fault(state.stamp_s, reason, is_outvoted=is_outvoted)
+        consistency = Consistency(sums=anchor.consistency.sums, faults=faults, absolute_faults=absolute_faults)
+        n_liars = len(trusted - hypothesis.motions) + (liar is not None)
+        return Rival(replace(anchor, consistency=consistency), -_LIAR * n_liars)
+
+    def _replay(self, rivals: Sequence[Rival], anchor: FilterState, state: FilterState) -> list[Rival]:
+        """Return hypotheses at the instant of a state, from an anchor on.
+
+        Nobody knows when a lie begins. As in Page's cumulative sum, it begins anew where until then all localizers
+        together explain the measurements better than a hypothesis does.
+        """
+        before = state.consistency
+        consistency = Consistency(
+            sums=anchor.consistency.sums, faults=before.faults, absolute_faults=before.absolute_faults
+        )
+        replayed = [Rival(replace(anchor, consistency=consistency), 0.0), *rivals]
+        for stamp_s, measurement in before.measurements:
+            replayed = [self._predict_rival(rival, stamp_s) for rival in replayed]
+            replayed = self._measure(replayed, measurement)
+            reference = replayed[0]
+            replayed = [reference, *(_begun_later(*pair, reference) for pair in zip(replayed[1:], rivals))]
+        return [self._predict_rival(rival, state.stamp_s) for rival in replayed[1:]]
+
+    def _predict_rival(self, rival: Rival, stamp_s: float) -> Rival:
+        state, is_implausible = rival.state, rival.is_implausible
+        if stamp_s <= state.stamp_s:
+            return rival
+        for cut_s in [*self._prediction.cuts(state.stamp_s, stamp_s), stamp_s]:
+            before, state = state, self._prediction.predict_piece(state, cut_s)
+            is_implausible = is_implausible or bool(_jumps(before, state))
+        return replace(rival, state=state, is_implausible=is_implausible)
+
+    def _measure(self, rivals: Sequence[Rival], measurement: Measurement) -> list[Rival]:
+        corrected, logs = [], []
+        for rival in rivals:
+            if measurement.source not in rival.state.consistency.absolute_faults:
+                logs.append(log_likelihood(rival.state, measurement))
+                corrected.append(replace(rival, state=self._correction.correct(rival.state, measurement)))
+                continue
+            log, offset = log_likelihood_of_offset(rival.state, measurement, rival.offset)
+            logs.append(log)
+            corrected.append(replace(rival, state=self._correction.doubt(rival.state, measurement), offset=offset))
+        return with_likelihoods(corrected, logs)
+
+
+def _with_suspicion(state: FilterState, anchor: FilterState, rivals: Sequence[Rival]) -> list[Rival]:
+    """Return hypotheses, suspect where those that they believe stand still while others move."""
+    motions = {s: motion_since(state, anchor, s) for s in trusted_motions(state)}
+    moving = {s for s, motion in motions.items() if motion is not None and not is_still(motion)}
+    return [
+        replace(
+            rival,
+            is_implausible=rival.is_implausible
+            or (bool(moving) and moving <= set(rival.state.consistency.faults) < set(motions)),
+        )
+        for rival in rivals
+    ]
+
+
+def _begun_later(rival: Rival, at_first: Rival, reference: Rival) -> Rival:
+    """Return a hypothesis, begun anew from the filter of all if that explains better what was measured until here."""
+    log_weight = reference.log_weight + at_first.log_weight
+    if rival.log_weight > log_weight:
+        return rival
+    said = rival.state.consistency
+    consistency = reference.state.consistency._replace(faults=said.faults, absolute_faults=said.absolute_faults)
+    return Rival(replace(reference.state, consistency=consistency), log_weight)
+
+
+def _jumps(before: FilterState, after: FilterState) -> bool:
+    """Return whether a hypothesis says that the robot changed its velocity faster than robots do."""
+    if before.odometry.gap_s > 0.0 or after.odometry.gap_s > 0.0 or not before.odometry.has_moved:
+        return False
+    steps = [
+        step
+        for source in after.consistency.sums
+        if source not in after.consistency.faults and (step := motion_since(after, before, source)) is not None
+    ]
+    if not steps:
+        return False
+    return is_jump(
+        before.odometry.twist,
+        after.odometry.twist,
+        after.stamp_s - before.stamp_s,
+        position_m2=min(step.position_m2 for step in steps),
+        turn_rad2=min(step.turn_rad2 for step in steps),
+    )

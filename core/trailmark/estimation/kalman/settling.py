@@ -1,0 +1,136 @@
+"""From a bank of hypotheses to one state: its mixture, or the one hypothesis that is left."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from trailmark.arrays import Floats
+from trailmark.estimation.kalman.bank import mixture_of, posterior
+from trailmark.estimation.kalman.forgiveness import AGREED, GIVES_IN_S, without_fault
+from trailmark.estimation.kalman.state import Consistency, FilterState, Gaussian, OdometryState, Rival
+from trailmark.estimation.kalman.windows import without_windows
+
+__all__ = ["continued", "settle"]
+
+_DECIDED = math.log(50.0)
+# Absolute estimates that must have had a say; and more where they contradict all motion, or it contradicts them: a
+# jump of theirs is found out by their own recovery after five.
+_FEWEST, _FEWEST_OF_ONE_AGAINST_ALL = 2, 5
+_FORGOTTEN = 1e-6
+
+
+def settle(state: FilterState, rivals: Sequence[Rival]) -> FilterState:
+    """Return the state of a bank: its mixture, or the one hypothesis that is left.
+
+    Between one motion and absolute estimates that have jumped nothing decides, however probable one is. That these lie
+    is never decided then: they agree again, or in the end they are heard again.
+    """
+    rivals = _without_recovered(state, rivals)
+    weights = posterior(rivals)
+    order = np.argsort(-weights, kind="stable")
+    best = rivals[order[0]]
+    odds = math.log(weights[order[0]] / max(1.0 - weights[order[0]], 1e-300))
+    if odds > _DECIDED and _has_been_heard(state, best):
+        alone = _alone_against(state, best)
+        if alone is None:
+            return _decided(state, best)
+        is_old = state.stamp_s - state.consistency.undecided_since_s > GIVES_IN_S
+        if is_old or best.state.consistency.absolute_faults[alone].n_agreed >= AGREED:
+            return _decided(state, replace(best, state=without_fault(best.state, alone)))
+    return _undecided(state, [rivals[k] for k in order], weights[order])
+
+
+def _without_recovered(state: FilterState, rivals: Sequence[Rival]) -> Sequence[Rival]:
+    """Return hypotheses without one that has given up its belief for the absolute estimates that another doubts.
+
+    The two differ by a constant, and nothing tells them apart.
+    """
+    if all(_doubted_fixes(state, rival) is None for rival in rivals):
+        return rivals
+    n_recoveries = min(rival.state.rejections.n_recoveries for rival in rivals)
+    return [
+        rival for rival in rivals if rival.state.rejections.n_recoveries == n_recoveries or not _believes_motion(rival)
+    ]
+
+
+def _believes_motion(rival: Rival) -> bool:
+    consistency = rival.state.consistency
+    return bool(set(consistency.sums) - set(consistency.faults))
+
+
+def _has_been_heard(state: FilterState, best: Rival) -> bool:
+    """Return whether as many absolute estimates have had a say as it takes, or none is part of the question."""
+    is_against_all = not _believes_motion(best) or _doubted_fixes(state, best) is not None
+    fewest = _FEWEST_OF_ONE_AGAINST_ALL if is_against_all else _FEWEST
+    return best.n_measurements >= fewest or not best.n_measurements
+
+
+def _doubted_fixes(state: FilterState, rival: Rival) -> str | None:
+    """Return the localizer whose absolute estimates are believed no more by this hypothesis."""
+    doubted = set(rival.state.consistency.absolute_faults) - set(state.consistency.absolute_faults)
+    return min(doubted, default=None)
+
+
+def _alone_against(state: FilterState, rival: Rival) -> str | None:
+    """Return the localizer whose absolute estimates a hypothesis does not believe for the sake of one motion."""
+    source = _doubted_fixes(state, rival)
+    return None if source is None or rival.state.consistency.absolute_faults[source].is_outvoted else source
+
+
+def _decided(state: FilterState, best: Rival) -> FilterState:
+    leader = best.state
+    consistency = without_windows(state.consistency)._replace(
+        sums=leader.consistency.sums,
+        faults=leader.consistency.faults,
+        absolute_faults=leader.consistency.absolute_faults,
+    )
+    return _as_leader(state, leader, leader.gaussian, consistency)
+
+
+def _undecided(state: FilterState, rivals: Sequence[Rival], weights: Floats) -> FilterState:
+    n_kept = max(2, int((weights > _FORGOTTEN).sum()))
+    rivals, weights = rivals[:n_kept], weights[:n_kept] / weights[:n_kept].sum()
+    leader, since_s = rivals[0].state, state.consistency.undecided_since_s
+    consistency = state.consistency._replace(
+        sums=leader.consistency.sums,
+        rivals=tuple(rivals),
+        undecided_since_s=leader.stamp_s if since_s == math.inf else since_s,
+    )
+    return _as_leader(state, leader, mixture_of(rivals, weights), consistency)
+
+
+def _as_leader(
+    state: FilterState, leader: FilterState, gaussian: Gaussian | None, consistency: Consistency
+) -> FilterState:
+    """Return a state that goes on as a hypothesis says; odometry, which is published, does not jump."""
+    odometry = replace(
+        leader.odometry,
+        pose_odom_base=state.odometry.pose_odom_base,
+        travelled_m=state.odometry.travelled_m,
+        has_moved=state.odometry.has_moved,
+    )
+    return FilterState(
+        stamp_s=leader.stamp_s,
+        gaussian=gaussian,
+        odometry=odometry,
+        fixed_at_m=state.fixed_at_m,
+        rejections=replace(leader.rejections, measurements={}),
+        consistency=consistency,
+        left_out=leader.left_out,
+        checks=leader.checks,
+        verdicts=state.verdicts,
+    )
+
+
+def continued(odometry: OdometryState, before: OdometryState, after: OdometryState) -> OdometryState:
+    """Return odometry that goes on by what another one has moved."""
+    return replace(
+        after,
+        pose_odom_base=odometry.pose_odom_base @ before.pose_odom_base.between(after.pose_odom_base),
+        travelled_m=odometry.travelled_m + after.travelled_m - before.travelled_m,
+        has_moved=odometry.has_moved or after.has_moved,
+    )
