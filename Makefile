@@ -20,8 +20,10 @@ check: install lint types  ## what a contributor waits for: lint, types, the tes
 long: install    ## the tests that take minutes
 	$(BIN)/pytest -n 2 -m long
 
-trust: install   ## hostile input by the thousand, kills, damage: all of it
-	$(BIN)/python tests/trust/fuzz.py --cases 20000 --out docs/results/hostile-input.md
+CASES ?= 20000
+trust: install   ## hostile input by the thousand, kills, damage: all of it, and its two pages (an hour or more)
+	$(BIN)/python tests/trust/fuzz.py --cases $(CASES) --out docs/results/hostile-input.md; code=$$?; \
+	  $(BIN)/python -m tests.trust.storm --cases $(CASES) --append docs/results/hostile-input.md && exit $$code
 	TRAILMARK_TRUST=full $(BIN)/pytest tests/trust/test_kills.py tests/trust/test_security.py tests/stores \
 	  -o junit_family=xunit1 --junitxml results.xml; code=$$?; \
 	  $(BIN)/python tests/trust/page.py results.xml docs/results/trust.md && rm results.xml && exit $$code

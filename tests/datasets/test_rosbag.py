@@ -482,6 +482,12 @@ def _quoting(inner: Exception) -> Exception:
         (MemoryError(), "a length in it is larger than the memory"),
         (_quoting(TypeError("x is not subscriptable")), "Invalid bag metadata: its structure is wrong"),
         (_quoting(IsADirectoryError(21, "Is a directory")), "Invalid bag metadata: Is a directory"),
+        (_quoting(_quoting(KeyError("x"))), "Invalid bag metadata: its structure is wrong"),
+        (
+            ValueError("no grammar for 'abc'\nand more\n" * 99),
+            r"a\.bag: cannot open the recording: no grammar for 'abc'$",
+        ),
+        (ValueError("long " * 99), r"long +\.\.\.$"),
         (
             IndexError("list index out of range"),
             r"its structure is wrong \(refuse of test_rosbag\.py could not go on\)",

@@ -26,6 +26,8 @@ __all__ = ["BagFile", "Message", "open_bag"]
 # Their words are about the inside of the library, and tell nobody what is wrong with the recording.
 _SPEAK_OF_PYTHON = (struct.error, LookupError, TypeError, AttributeError, AssertionError, RecursionError, OverflowError)
 
+_MOST_WORDS = 200  # letters: some errors quote whole message definitions
+
 
 @dataclass(frozen=True, slots=True)
 class Message:
@@ -180,17 +182,27 @@ def open_bag(path: Path, distribution: str) -> Iterator[BagFile]:
         reader.close()
 
 
-def _words_of(error: Exception) -> str:
-    """Return what an error says; of one that speaks of Python alone, or not at all, where in rosbags it arose."""
+def _words_of(error: BaseException) -> str:
+    """Return what an error says, in a line; of one that speaks of Python alone, or not at all, where it arose."""
     if isinstance(error, UnicodeDecodeError):
         return "a text in it is not UTF-8"
     if isinstance(error, MemoryError):
         return "a length in it is larger than the memory"
-    inner = error.__cause__ or error.__context__
-    if str(error) and isinstance(inner, (*_SPEAK_OF_PYTHON, OSError)):  # rosbags quotes it
-        what = inner.strerror if isinstance(inner, OSError) else "its structure is wrong"
-        return f"{str(error).partition(':')[0]}: {what}"
+    for inner in _behind(error):  # rosbags quotes them
+        if isinstance(inner, OSError) and inner.strerror:
+            return f"{str(error).partition(':')[0]}: {inner.strerror}"
+        if isinstance(inner, _SPEAK_OF_PYTHON) and str(error):
+            return f"{str(error).partition(':')[0]}: its structure is wrong"
     if str(error) and not isinstance(error, _SPEAK_OF_PYTHON):
-        return str(error)
+        first = str(error).partition("\n")[0]
+        return first if len(first) < _MOST_WORDS else f"{first[:_MOST_WORDS]} ..."
     last = traceback.extract_tb(error.__traceback__)[-1]
     return f"its structure is wrong ({last.name} of {Path(last.filename).name} could not go on)"
+
+
+def _behind(error: BaseException) -> Iterator[BaseException]:
+    """Yield the errors that an error was raised because of."""
+    inner = error.__cause__ or error.__context__
+    while inner is not None:
+        yield inner
+        inner = inner.__cause__ or inner.__context__

@@ -138,7 +138,7 @@ def page(tallies: dict[str, Tally], took_s: float, command: str) -> str:
     n, n_findings = sum(t.n for t in tried.values()), sum(len(t.findings) for t in tried.values())
     about = f"{time.strftime('%Y-%m-%d')}, trailmark {trailmark.__version__}, Python {platform.python_version()}"
     lines = [
-        "# Hostile commands",
+        "## Whole commands",
         "",
         f"`{command}`, {about}.",
         f"{n} whole commands in {took_s / 60:.0f} min: {n_findings} findings.",
@@ -167,7 +167,7 @@ def main() -> int:
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--minutes", type=float, default=24 * 60.0, help="begin no case after this")
     parser.add_argument("--keep", type=Path, help="with one case: a folder to keep its files in, and all that it said")
-    parser.add_argument("--out", type=Path, help="page to write")
+    parser.add_argument("--append", type=Path, help="page to write the results behind")
     options = parser.parse_args()
     names = options.only or list(TARGETS)
     each = -(-options.cases // len(names))
@@ -181,8 +181,9 @@ def main() -> int:
         tallies = run_all(cases, box, options.workers, began_s + 60 * options.minutes)
     text = page(tallies, time.time() - began_s, f"python -m tests.trust.storm --cases {options.cases}")
     print(text)
-    if options.out:
-        options.out.write_text(text, encoding="utf-8")
+    if options.append:
+        before = options.append.read_text(encoding="utf-8") if options.append.exists() else ""
+        options.append.write_text(f"{before}\n{text}" if before else text, encoding="utf-8")
     return int(any(tally.findings for tally in tallies.values()))
 
 

@@ -116,8 +116,12 @@ def spoil_bytes(data: bytes, rng: Rng) -> bytes:
 def spoil_file(path: Path, rng: Rng) -> None:
     """Make a file, or one of a folder's, something that it should not be."""
     if path.is_dir():
-        inside = sorted(entry for entry in path.rglob("*") if entry.is_file())
+        inside = sorted(entry for entry in path.rglob("*") if entry.is_file() and not entry.is_symlink())
+        if not inside:
+            return
         path = inside[int(rng.integers(len(inside)))]
+    if path.is_symlink() or not path.is_file():  # spoilt already
+        return
     data = path.read_bytes()
     is_text = path.suffix in (".csv", ".clf", ".tum", ".txt", ".yaml", ".json")
     kind = rng.random()
@@ -164,6 +168,8 @@ def spoil_store(path: Path, rng: Rng) -> bool:
         for _ in range(int(rng.integers(1, 4))):
             table = str(rng.choice(tables))
             columns = [row[1] for row in store.execute(f"PRAGMA table_info({table})")]
+            if not columns:  # dropped
+                continue
             column = str(rng.choice(columns))
             value = _VALUES[int(rng.integers(len(_VALUES)))]
             row = int(rng.integers(0, 13))
