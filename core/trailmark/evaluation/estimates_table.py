@@ -85,6 +85,8 @@ def read_estimates(path: str | Path) -> EstimateTable:
     """
     words: dict[str, list[str]] = {name: [] for name in _WORDS}
     numbers: list[list[float]] = []
+    if Path(path).exists() and not (Path(path).is_file() or Path(path).is_dir()):  # a pipe would be waited for
+        raise DataError(f"cannot read {path}: it is a device or a pipe; write its text into a file")
     try:
         with open(path, encoding="utf-8", newline="") as file:
             for where, row in _rows(file, path):

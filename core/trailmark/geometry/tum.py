@@ -32,8 +32,8 @@ def read_tum(path: str | Path) -> Trajectory:
     """
     rows: list[tuple[float, float, float, float]] = []
     n_repeated = 0
-    if Path(path).is_char_device():  # /dev/zero would be read for ever
-        raise DataError(f"cannot read trajectory {path}: it is a device, not a file")
+    if Path(path).exists() and not (Path(path).is_file() or Path(path).is_dir()):  # read, or waited for, for ever
+        raise DataError(f"cannot read trajectory {path}: it is a device or a pipe; write its text into a file")
     try:
         with open(path, encoding="utf-8", errors="strict") as file:
             for number, line in enumerate(file, start=1):

@@ -131,6 +131,8 @@ class RunWatch:
             return self.status
 
     def _read_rows(self) -> None:
+        if not (self.folder / "estimates.csv").is_file():  # not there yet; a pipe would be waited for
+            return
         try:
             with (self.folder / "estimates.csv").open("rb") as file:
                 file.seek(self._at)

@@ -167,6 +167,7 @@ def open_bag(path: Path, distribution: str) -> Iterator[BagFile]:
     SourceError
         If it cannot be opened.
     """
+    _refuse_pipes(path)
     parts = sorted(path.glob("*.bag")) if path.is_dir() and not (path / "metadata.yaml").exists() else []
     try:
         reader = AnyReader(parts or [path], default_typestore=get_typestore(Stores(distribution)))
@@ -180,6 +181,13 @@ def open_bag(path: Path, distribution: str) -> Iterator[BagFile]:
         yield bag
     finally:
         reader.close()
+
+
+def _refuse_pipes(path: Path) -> None:
+    """Refuse what would be waited for, or read for ever."""
+    for entry in (path, *(path.iterdir() if path.is_dir() else ())):
+        if entry.exists() and not (entry.is_file() or entry.is_dir()):
+            raise SourceError(f"{path}: cannot open the recording: {entry} is a device or a pipe")
 
 
 def _words_of(error: BaseException) -> str:

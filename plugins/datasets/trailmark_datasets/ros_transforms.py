@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -39,7 +40,7 @@ class FrameTree:
     Attributes
     ----------
     parents : mapping of str to (str, (4, 4) float or None)
-        Of a child: the parent and ``T_parent_child``, None where its orientation is a quaternion of zeros.
+        Of a child: the parent and ``T_parent_child``, None where its quaternion is zero or not finite.
     """
 
     parents: Mapping[str, tuple[str, Floats | None]]
@@ -100,7 +101,7 @@ class FrameTree:
             parent, T_parent_child = self.parents[child]
             if T_parent_child is None:
                 raise SourceError(
-                    f"{where}: /tf_static gives {parent} -> {child} the orientation (0, 0, 0, 0), which is none;"
+                    f"{where}: /tf_static gives {parent} -> {child} a quaternion that is zero or not finite;"
                     " set tf_static: false and say the mounting in the config"
                 )
             product = T_parent_child @ product
@@ -124,7 +125,7 @@ def _matrix(move: Any) -> Floats | None:
     """Return the (4, 4) matrix of a Transform message; None where it is no transform."""
     q = np.array([move.rotation.x, move.rotation.y, move.rotation.z, move.rotation.w], float)
     t = np.array([move.translation.x, move.translation.y, move.translation.z], float)
-    norm = float(np.linalg.norm(q))
+    norm = math.hypot(*q)  # which does not overflow
     if not (np.isfinite(norm) and np.all(np.isfinite(t)) and norm > _SMALLEST_NORM):
         return None
     x, y, z, w = q / norm

@@ -37,6 +37,8 @@ def lines_of(path: Path, comments: tuple[str, ...] = ("#", "%", "//")) -> Iterat
         If the file cannot be read or is not text.
     """
     number_, unpacked = 0, 0
+    if path.exists() and not (path.is_file() or path.is_dir()):  # /dev/zero is read for ever, a pipe waited for
+        raise SourceError(f"cannot read {path}: it is a device or a pipe; write its text into a file")
     try:
         unpack = _UNPACK.get(path.suffix, open)
         most = max(_MAX_UNPACKED, _MAX_RATIO * path.stat().st_size) if path.suffix in _UNPACK else math.inf
