@@ -259,7 +259,7 @@ def arguments(rng: Rng, folder: Path, box: Box) -> tuple[list[str], dict[str, st
 
 _commands = cache(commands)
 _SURROUNDINGS: dict[str, tuple[str | None, ...]] = {
-    "HOME": (None, "", "/nowhere", "/dev/null", "\udcff"),
+    "HOME": (None, "", "/nowhere", "\udcff"),
     "COLUMNS": ("0", "-5", "1", "1000000", "x", ""),
     "LINES": ("0", "x"),
     "TERM": (None, "", "dumb", "x" * 300, "xterm-256color"),
