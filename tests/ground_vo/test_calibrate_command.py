@@ -10,9 +10,13 @@ import cv2
 import pytest
 
 from trailmark.cli import main
-from trailmark.config import read_calibration
+from trailmark.config import Mounting, read_calibration
+from trailmark.config.yaml_text import read_yaml
+from trailmark.frames import SensorInfo
 from trailmark.geometry import Pose2, Pose3
 from trailmark.testing.ground import GroundCamera, MirroredFloor
+from trailmark_ground_vo.calibration import Calibrated
+from trailmark_ground_vo.commands import _lines
 
 CAMERA = GroundCamera((512, 480), (3.9e-4, 3.9e-4), Pose3(x=0.08, y=0.02, yaw=math.radians(176.0)), noise_sigma=2.0)
 SIMULATED = """
@@ -94,6 +98,20 @@ def test_a_recording_of_a_camera_of_unknown_scale_is_enough(there, recording, ca
     code, out, error = trailmark(capsys, "run", "used.yaml")
     assert code == 0, error
     assert read_calibration(there / "a.yaml").metres_per_pixel[0] == pytest.approx(3.9e-4, rel=0.01)
+
+
+@pytest.mark.parametrize("lever_m", [None, (0.08123456, -0.02)])
+def test_the_line_for_the_config_keeps_what_was_known(lever_m: tuple[float, float] | None, tmp_path: Path) -> None:
+    sigma = None if lever_m is None else (1e-3, 1e-3)
+    found = Calibrated((4e-4, 4e-4), (1e-6, 1e-6), True, math.radians(176.0), 1e-3, lever_m, sigma, 1.0)
+    known = Pose3(x=0.05, z=0.2, roll=math.radians(180.0), yaw=math.radians(90.0))
+
+    *_, head, line = _lines(found, SensorInfo("floor", "image", pose_base_sensor=known), tmp_path / "floor.calib.yaml")
+
+    x, y = lever_m or (0.05, 0.0)
+    config = read_yaml(f"{head}\n{line}\n")[0]["sensors"]["floor"]
+    assert config["calibration"] == "floor.calib.yaml"
+    assert Mounting(**config["mounting"]) == Mounting(x=round(x, 5), y=y, z=0.2, roll_deg=180.0, yaw_deg=176.0)
 
 
 def test_what_is_missing_is_said_in_a_line(there, recording, capsys):

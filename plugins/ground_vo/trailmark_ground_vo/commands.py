@@ -13,7 +13,8 @@ import click
 from trailmark.errors import ConfigError
 
 if TYPE_CHECKING:
-    from trailmark.frames import GroundPlane
+    from trailmark.frames import GroundPlane, SensorInfo
+    from trailmark.geometry import Pose3
     from trailmark_ground_vo.calibration import Calibrated
 
 __all__ = ["ground"]
@@ -71,11 +72,11 @@ def ground(context: click.Context, /, config: str, **options: Any) -> None:
     known = Known(request.distances, request.sideways, request.distance_sigma, request.backward)
     found = calibrate(seen.steps, known, seen.assumed)
     file = request.out or Path(f"{seen.sensor.name}.calib.yaml")
-    _write(file, seen.sensor.calibration, found, seen.sensor.name)
+    _write(file, found, seen.sensor)
     if request.as_json:
         click.echo(json.dumps(_document(found, seen.sensor.name, seen.n_pictures, seen.n_lost) | {"file": str(file)}))
         return
-    for line in _lines(found, seen.sensor.name, file):
+    for line in _lines(found, seen.sensor, file):
         click.echo(line)
 
 
@@ -103,7 +104,7 @@ def _check(request: _Request) -> None:
         raise ConfigError("--drive drives one straight move: give one --distance and no --sideways")
 
 
-def _write(file: Path, calibration: Any, found: Calibrated, name: str) -> None:
+def _write(file: Path, found: Calibrated, sensor: SensorInfo) -> None:
     """Write the calibration; a flat field goes into a file of its own beside it."""
     import numpy as np
 
@@ -111,6 +112,7 @@ def _write(file: Path, calibration: Any, found: Calibrated, name: str) -> None:
     from trailmark.frames.documents import calibration_to_document
 
     document: dict[str, Any] = {"metres_per_pixel": [float(f"{scale:.7g}") for scale in found.metres_per_pixel]}
+    calibration: Any = sensor.calibration
     plane: GroundPlane | None = calibration
     try:
         if plane is not None and plane.lens is not None:
@@ -119,13 +121,13 @@ def _write(file: Path, calibration: Any, found: Calibrated, name: str) -> None:
             flat = file.with_name(f"{file.name.split('.')[0]}.flat.npy")
             np.save(flat, plane.flat_field)
             document["flat_field"] = flat.name
-        comment = "\n".join(f"# {line}".rstrip() for line in _lines(found, name, file))
+        comment = "\n".join(f"# {line}".rstrip() for line in _lines(found, sensor, file))
         file.write_text(f"{comment}\n{dump_yaml(document)}", encoding="utf-8")
     except OSError as error:
         raise ConfigError(f"cannot write {file}: {error}") from error
 
 
-def _lines(found: Calibrated, name: str, file: Path) -> list[str]:
+def _lines(found: Calibrated, sensor: SensorInfo, file: Path) -> list[str]:
     (along_u, along_v), sigmas = found.metres_per_pixel, found.metres_per_pixel_sigma
     lines = [f"scale along u   {1e3 * along_u:.5f} +- {2e3 * sigmas[0]:.5f} mm/px (95 %)"]
     ratio = "" if found.has_both_scales else ": not measured, ratio to u as before (--sideways measures it)"
@@ -133,15 +135,23 @@ def _lines(found: Calibrated, name: str, file: Path) -> list[str]:
     lines.append(
         f"heading         {math.degrees(found.yaw_rad):.3f} +- {math.degrees(2 * found.yaw_sigma_rad):.3f} deg"
     )
-    mounting = f"yaw_deg: {math.degrees(found.yaw_rad):.3f}"
     if found.lever_m is None or found.lever_sigma_m is None:
         lines.append("place           not measured: no turn in place")
     else:
         for axis, value, sigma in zip(("forward", "left"), found.lever_m, found.lever_sigma_m):
             lines.append(f"{axis:16}{1e3 * value:.2f} +- {2e3 * sigma:.2f} mm")
-        mounting = f"x: {found.lever_m[0]:.5f}, y: {found.lever_m[1]:.5f}, {mounting}"
-    lines += ["for the config:", "sensors:", f"  {name}: {{mounting: {{{mounting}}}, calibration: {file.name}}}"]
+    mounting = _mounting_in_words(found, sensor.pose_base_sensor)
+    lines += ["for the config:", "sensors:", f"  {sensor.name}: {{mounting: {{{mounting}}}, calibration: {file.name}}}"]
     return lines
+
+
+def _mounting_in_words(found: Calibrated, known: Pose3) -> str:
+    """Return the whole mounting: what was measured, and what was known of the rest, which the line must not lose."""
+    x, y = (known.x, known.y) if found.lever_m is None else found.lever_m
+    roll_deg, pitch_deg = math.degrees(known.roll), math.degrees(known.pitch)
+    rest = {"x": x, "y": y, "z": known.z, "roll_deg": roll_deg, "pitch_deg": pitch_deg}
+    told = [f"{name}: {round(value, 5):g}" for name, value in rest.items() if round(value, 5)]
+    return ", ".join([*told, f"yaw_deg: {math.degrees(found.yaw_rad):.3f}"])
 
 
 def _document(found: Calibrated, name: str, n_pictures: int, n_lost: int) -> dict[str, Any]:

@@ -190,7 +190,8 @@ def _write(camera: DepthCamera, out: Path) -> None:
         out.write_text(dump_yaml(calibration_to_document(camera)), encoding="utf-8")
     except OSError as error:
         raise ConfigError(f"cannot write {out}: {error.strerror}") from error
-    say(f"wrote {out}; use it as  sensors: {{NAME: {{calibration: {out.name}}}}}")
+    line = f"sensors: {{NAME: {{calibration: {out.name}}}}}"
+    say(f"wrote {out}; use it as  {line}, beside the sensor's `mounting` if it has one")
 
 
 def _lens(path: Path | None, size: Size) -> Pinhole:
