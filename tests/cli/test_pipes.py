@@ -13,7 +13,7 @@ from trailmark.cli.guess import guess_config
 from trailmark.errors import ConfigError, PluginError
 from trailmark.plugins import load_plugins
 from trailmark.plugins.loader import discover_plugins
-from trailmark.plugins.selection import Selection
+from trailmark.plugins.candidates import Selection
 
 TRAILMARK = f"{sys.executable} -m trailmark.cli"
 
@@ -78,14 +78,6 @@ def test_a_named_pipe_is_refused_and_not_waited_for(command: str, drive: Path) -
 
     assert done.returncode == 2
     assert "f is a named pipe, not a file" in done.stderr
-
-
-@pytest.mark.skipif(os.name != "posix", reason="a shell's pipes")
-def test_what_the_shell_has_opened_is_read(run_folder: Path) -> None:
-    track = "run/trajectories/fused.tum"
-    done = shell(f"{TRAILMARK} evaluate <(cat {track}) {track}", run_folder.parent)
-
-    assert done.returncode == 0, done.stderr
 
 
 def test_a_plugin_that_may_not_load_is_named_where_it_may_be_missing(drive: Path) -> None:
