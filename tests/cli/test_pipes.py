@@ -12,8 +12,8 @@ import pytest
 from trailmark.cli.guess import guess_config
 from trailmark.errors import ConfigError, PluginError
 from trailmark.plugins import load_plugins
-from trailmark.plugins.loader import discover_plugins
 from trailmark.plugins.candidates import Selection
+from trailmark.plugins.loader import discover_plugins
 
 TRAILMARK = f"{sys.executable} -m trailmark.cli"
 
