@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
@@ -24,6 +25,7 @@ from trailmark.pipeline.outputs.result import RunResult, Step
 from trailmark.pipeline.parts import Parts, build_parts
 from trailmark.pipeline.request import RunKeywords, RunRequest
 from trailmark.pipeline.run import CTRL_C, Run
+from trailmark.sources.reorder import ReorderWindow
 
 if TYPE_CHECKING:
     from trailmark.pipeline.outputs.recorder import Recorder
@@ -52,6 +54,10 @@ class Pipeline:
         Folder to record into; default: nothing is recorded.
     sensors : iterable of SensorInfo
         Sensors of the frames that are pushed.
+    reorder_s : float
+        How far the frames of one pushed sensor may lag behind those of others: they are held back until every sensor
+        has one waiting, or they lie so far behind the newest. What is later still is counted as ``source.feed.late``.
+        0: frames are pushed in the order of their stamps, and one that is not is an error [s].
     clock : Clock, optional
         What a run in real time waits by.
     **options
@@ -78,6 +84,7 @@ class Pipeline:
         *,
         out: str | Path | None = None,
         sensors: Iterable[SensorInfo] = (),
+        reorder_s: float = 0.0,
         clock: Clock | None = None,
         **options: Unpack[RunKeywords],
     ) -> None:
@@ -90,6 +97,8 @@ class Pipeline:
             self.parts, out, overwrite = build_parts(self.config, request.access), request.out, request.overwrite
         self.folder = None if out is None else _prepared(out, overwrite)
         self._pushed = {info.name: info for info in sensors}
+        self._window: ReorderWindow[Frame] | None = ReorderWindow(self._pushed, reorder_s) if reorder_s else None
+        self._fed_s = -math.inf
         self._instruments = Instruments(RunClock(clock or SystemClock()), patience_s=self.parts.settings.patience_s)
         self._lock = threading.RLock()
         self._run: Run | None = None
@@ -114,8 +123,10 @@ class Pipeline:
             return
         if self.parts.sources:
             self._run.end("interrupted", "left before the last frame")
-        else:
-            self._run.end("done")
+            return
+        if self._window is not None and self._run.result is None:
+            self._feed_all(self._window.flush())
+        self._run.end("done")
 
     def __enter__(self) -> Self:
         self.start()
@@ -157,7 +168,8 @@ class Pipeline:
         Returns
         -------
         Step or None
-            None for a frame that repeats the stamp of its sensor.
+            None for a frame that repeats the stamp of its sensor. With `reorder_s`, the last step of the frames that
+            need not wait any longer; None: all wait. `close` takes through what still waits.
 
         Raises
         ------
@@ -170,7 +182,20 @@ class Pipeline:
             raise ConfigError("frames cannot be fed to a pipeline that has sources of its own: iterate over it")
         if not self._pushed:
             raise ConfigError("frames cannot be fed before their sensors are known: Pipeline(..., sensors=[...])")
-        return self._started().push(frame)
+        if self._window is None:
+            return self._started().push(frame)
+        with self._lock:
+            if frame.stamp_s < self._fed_s:
+                self._instruments.counters.add("source.feed.late")
+                return None
+            return self._feed_all(self._window.push(frame))
+
+    def _feed_all(self, frames: Iterable[Frame]) -> Step | None:
+        last: Step | None = None
+        for frame in frames:
+            self._fed_s = frame.stamp_s
+            last = self._started().push(frame) or last
+        return last
 
     def set_pose(
         self,

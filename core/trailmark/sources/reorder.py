@@ -6,9 +6,9 @@ import heapq
 import math
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator
-from typing import Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar
 
-__all__ = ["MAX_HELD", "in_stamp_order"]
+__all__ = ["MAX_HELD", "ReorderWindow", "in_stamp_order"]
 
 #: Readings held back at most: unsynchronised clocks must not fill the memory.
 MAX_HELD = 1000
@@ -29,36 +29,58 @@ class Stamped(Protocol):
 StampedT = TypeVar("StampedT", bound=Stamped)
 
 
-def in_stamp_order(readings: Iterable[StampedT], sensors: Collection[str], window_s: float) -> Iterator[StampedT]:
-    """Yield readings by stamp; those of one sensor already increase, one sensor may lag behind another.
+class ReorderWindow(Generic[StampedT]):
+    """Takes readings as they come and gives them by stamp; those of one sensor increase, one sensor may lag.
 
     A reading is released when every sensor has one waiting (nothing earlier can come then), or when it lies more
-    than `window_s` behind the newest one, or when `MAX_HELD` are waiting. What comes later than that is
-    yielded out of order: the caller sees it by its stamp. Readings of equal stamp keep their order.
+    than the window behind the newest one, or when `MAX_HELD` are waiting. What comes later than that is released out
+    of order: the caller sees it by its stamp. Readings of equal stamp keep their order.
 
     Parameters
     ----------
-    readings : iterable
-        In the order of the recording.
     sensors : collection of str
         The sensors that give readings.
     window_s : float
         How far a sensor may lag [s].
     """
+
+    def __init__(self, sensors: Collection[str], window_s: float) -> None:
+        self._sensors, self._window_s = tuple(sensors), window_s
+        self._heap: list[tuple[float, int, StampedT]] = []
+        self._waiting: Counter[str] = Counter()
+        self._newest_s = -math.inf
+        self._n_taken = 0
+
+    def push(self, reading: StampedT) -> Iterator[StampedT]:
+        """Take a reading, and yield those that need not wait any longer."""
+        heapq.heappush(self._heap, (reading.stamp_s, self._n_taken, reading))
+        self._n_taken += 1
+        self._waiting[reading.sensor] += 1
+        self._newest_s = max(self._newest_s, reading.stamp_s)
+        while self._heap and self._is_due():
+            yield self._pop()
+
+    def flush(self) -> Iterator[StampedT]:
+        """Yield all that wait."""
+        while self._heap:
+            yield self._pop()
+
+    def _is_due(self) -> bool:
+        is_complete = all(self._waiting[name] for name in self._sensors)
+        return is_complete or self._newest_s - self._heap[0][0] > self._window_s or len(self._heap) > MAX_HELD
+
+    def _pop(self) -> StampedT:
+        oldest = heapq.heappop(self._heap)[2]
+        self._waiting[oldest.sensor] -= 1
+        return oldest
+
+
+def in_stamp_order(readings: Iterable[StampedT], sensors: Collection[str], window_s: float) -> Iterator[StampedT]:
+    """Yield the readings of a recording by stamp, as `ReorderWindow` gives them."""
     if len(sensors) <= 1:
         yield from readings
         return
-    heap: list[tuple[float, int, StampedT]] = []
-    waiting: Counter[str] = Counter()
-    newest_s = -math.inf
-    for order, reading in enumerate(readings):
-        heapq.heappush(heap, (reading.stamp_s, order, reading))
-        waiting[reading.sensor] += 1
-        newest_s = max(newest_s, reading.stamp_s)
-        while heap and (
-            all(waiting[name] for name in sensors) or newest_s - heap[0][0] > window_s or len(heap) > MAX_HELD
-        ):
-            oldest = heapq.heappop(heap)[2]
-            waiting[oldest.sensor] -= 1
-            yield oldest
-    yield from (heapq.heappop(heap)[2] for _ in range(len(heap)))
+    window: ReorderWindow[StampedT] = ReorderWindow(sensors, window_s)
+    for reading in readings:
+        yield from window.push(reading)
+    yield from window.flush()
