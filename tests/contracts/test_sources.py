@@ -21,7 +21,11 @@ REGISTRY = load_plugins().registry
 BUILT_IN = {spec.name for spec in REGISTRY.specs("source") if spec.distribution == "trailmark"}
 
 #: Sources that cannot be checked here, and why.
-NOT_HERE = {"camera": "needs a device", "ros2": "needs a robot: tests/ros2/test_contract.py"}
+NOT_HERE = {
+    "camera": "needs a device",
+    "ros2": "needs a robot: tests/ros2/test_contract.py",
+    "lines": "needs a robot: tests/lines",
+}
 
 N_FRAMES = 12
 

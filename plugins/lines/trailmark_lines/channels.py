@@ -1,0 +1,175 @@
+"""Where lines come from, and commands go to."""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import sys
+from abc import ABC, abstractmethod
+from pathlib import Path
+
+from trailmark.errors import SourceError
+
+__all__ = ["Channel", "DeviceChannel", "StandardChannel", "TcpChannel", "UdpChannel"]
+
+_CHUNK = 1 << 16
+
+
+class Channel(ABC):
+    """Bytes in both directions."""
+
+    @abstractmethod
+    def read(self, timeout_s: float) -> bytes | None:
+        """Return what has come, empty after a time; None: nothing will come any more."""
+
+    @abstractmethod
+    def write(self, data: bytes) -> None:
+        """Send bytes, if anybody listens."""
+
+    def close(self) -> None:  # noqa: B027  (a default on purpose)
+        """Let go of it."""
+
+
+class StandardChannel(Channel):
+    """Standard input and output."""
+
+    def read(self, timeout_s: float) -> bytes | None:
+        """Read what stands in the pipe."""
+        number = sys.stdin.fileno()
+        if not select.select([number], [], [], timeout_s)[0]:
+            return b""
+        return os.read(number, _CHUNK) or None
+
+    def write(self, data: bytes) -> None:
+        """Write to standard output."""
+        sys.stdout.write(data.decode())
+        sys.stdout.flush()
+
+
+class DeviceChannel(Channel):
+    """A serial port, or what looks like one."""
+
+    def __init__(self, path: Path, baud: int) -> None:
+        import termios
+        import tty
+
+        try:
+            self._number = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        except OSError as error:
+            raise SourceError(f"cannot open {path}: {error.strerror or error}; is it plugged in, and yours?") from error
+        self._path = path
+        if os.isatty(self._number):
+            tty.setraw(self._number)
+            settings = termios.tcgetattr(self._number)
+            settings[4] = settings[5] = getattr(termios, f"B{baud}")
+            termios.tcsetattr(self._number, termios.TCSANOW, settings)
+
+    def read(self, timeout_s: float) -> bytes | None:
+        """Read what has come."""
+        try:
+            if not select.select([self._number], [], [], timeout_s)[0]:
+                return b""
+            return os.read(self._number, _CHUNK) or None
+        except OSError as error:
+            raise SourceError(f"{self._path} gives nothing any more: {error.strerror or error}") from error
+
+    def write(self, data: bytes) -> None:
+        """Write; what the device does not take is lost, as a late command is worth nothing."""
+        try:
+            os.write(self._number, data)
+        except OSError as error:
+            raise SourceError(f"{self._path} takes no commands: {error.strerror or error}") from error
+
+    def close(self) -> None:
+        """Close the device."""
+        number, self._number = self._number, -1
+        if number >= 0:
+            os.close(number)
+
+
+class UdpChannel(Channel):
+    """Packets, each with whole lines; commands go to who sent the last one."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._socket = _bound(socket.SOCK_DGRAM, host, port)
+        self._peer: tuple[str, int] | None = None
+
+    @property
+    def port(self) -> int:
+        """Where it listens."""
+        return int(self._socket.getsockname()[1])
+
+    def read(self, timeout_s: float) -> bytes | None:
+        """Read a packet."""
+        if not select.select([self._socket], [], [], timeout_s)[0]:
+            return b""
+        data, self._peer = self._socket.recvfrom(_CHUNK)
+        return data + b"\n"
+
+    def write(self, data: bytes) -> None:
+        """Send a packet."""
+        if self._peer is not None:
+            self._socket.sendto(data, self._peer)
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+
+class TcpChannel(Channel):
+    """One connection at a time; who goes may come again."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._listener = _bound(socket.SOCK_STREAM, host, port)
+        self._listener.listen(1)
+        self._connection: socket.socket | None = None
+
+    @property
+    def port(self) -> int:
+        """Where it listens."""
+        return int(self._listener.getsockname()[1])
+
+    def read(self, timeout_s: float) -> bytes | None:
+        """Read from the connection, or wait for one."""
+        waiting = self._connection or self._listener
+        if not select.select([waiting], [], [], timeout_s)[0]:
+            return b""
+        if self._connection is None:
+            self._connection, _ = self._listener.accept()
+            return b""
+        try:
+            data = self._connection.recv(_CHUNK)
+        except ConnectionError:
+            data = b""
+        if data:
+            return data
+        self._connection.close()
+        self._connection = None
+        return b"\n"  # half a line of who is gone is none
+
+    def write(self, data: bytes) -> None:
+        """Send to the connection."""
+        connection = self._connection
+        if connection is not None:
+            try:
+                connection.sendall(data)
+            except ConnectionError:
+                return
+
+    def close(self) -> None:
+        """Close both sockets."""
+        if self._connection is not None:
+            self._connection.close()
+        self._listener.close()
+
+
+def _bound(kind: socket.SocketKind, host: str, port: int) -> socket.socket:
+    opened = socket.socket(socket.AF_INET, kind)
+    opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        opened.bind((host, port))
+    except OSError as error:
+        opened.close()
+        raise SourceError(f"cannot listen at {host}:{port}: {error.strerror or error}") from error
+    return opened

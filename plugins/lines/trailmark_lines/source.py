@@ -1,0 +1,180 @@
+"""A robot of any language: frames as lines of JSON, commands back as lines."""
+
+from __future__ import annotations
+
+import json
+import logging
+import threading
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict
+from types import MappingProxyType
+from typing import Any, ClassVar
+
+import numpy as np
+
+from trailmark.commands import Command, Steer4WS, Stop, Velocity
+from trailmark.errors import ConfigError, SourceError
+from trailmark.frames import Frame, SensorInfo
+from trailmark.geometry import Pose2
+from trailmark.interfaces import Drivable, Session
+from trailmark.pipeline.clock import live_stamp_s
+from trailmark_lines.channels import Channel, DeviceChannel, StandardChannel, TcpChannel, UdpChannel
+from trailmark_lines.config import LinesConfig
+from trailmark_lines.readings import LineReader, document_of
+
+__all__ = ["LinesSource"]
+
+logger = logging.getLogger(__name__)
+
+_LONGEST_WAIT_S = 0.1
+#: A line of more bytes is none.
+MAX_LINE = 1 << 25
+_COMMANDS: Mapping[str, type[Command]] = {"velocity": Velocity, "steer_4ws": Steer4WS}
+
+
+class LinesSource(Drivable):
+    """Lines ``{"sensor": ..., "stamp_s": ..., ...}``, one frame each; commands as the sink ``jsonl`` writes them."""
+
+    config: LinesConfig
+    is_live: ClassVar[bool] = True
+
+    def __init__(self, config: LinesConfig) -> None:
+        super().__init__(config)
+        self._channel: Channel | None = None
+        self._busy = threading.Lock()  # a channel must not be closed while it is read
+        self._closed = threading.Event()
+        self._counts: Counter[str] = Counter()
+        self._session = Session()
+        self.drives_itself = config.command is None
+
+    def start(self, session: Session) -> None:
+        """Open the channel.
+
+        Raises
+        ------
+        SourceError
+            If it cannot be opened.
+        """
+        self.close()
+        self._closed, self._session, self._counts = threading.Event(), session, Counter()
+        self.drives_itself = self.config.command is None or session.mode == "teach"
+        self._reader = LineReader(self.config.sensors, self.config.pictures)
+        self._channel = self._opened()
+
+    def close(self) -> None:
+        """End `frames`, and close the channel."""
+        self._closed.set()
+        with self._busy:
+            channel, self._channel = self._channel, None
+            if channel is not None:
+                channel.close()
+
+    def counters(self) -> Mapping[str, int]:
+        """Return what was counted: ``skipped`` lines, and stamps that ``went_back`` or were ``repeated``."""
+        return dict(self._counts)
+
+    @property
+    def sensors(self) -> Mapping[str, SensorInfo]:
+        """The sensors of the config."""
+        return MappingProxyType({name: SensorInfo(name, kind) for name, kind in self.config.sensors.items()})
+
+    @property
+    def port(self) -> int | None:
+        """Where it listens, over tcp and udp."""
+        return getattr(self._channel, "port", None)
+
+    @property
+    def accepts(self) -> frozenset[type[Command]]:
+        """What the config says of the robot; `Stop` always."""
+        return frozenset({Stop} | ({_COMMANDS[self.config.command]} if self.config.command else set()))
+
+    def drive(self, command: Command) -> None:
+        """Send a command as a line.
+
+        Raises
+        ------
+        ConfigError
+            If the robot does not take it.
+        """
+        if type(command) not in self.accepts:
+            raise ConfigError(f"the robot of these lines takes no {type(command).__name__}; see its key command")
+        channel = self._channel
+        if channel is None or self.config.command is None or (self.drives_itself and not isinstance(command, Stop)):
+            return
+        said = {"type": "command", "stamp_s": live_stamp_s(), "kind": type(command).__name__, **asdict(command)}
+        channel.write(json.dumps(said, separators=(",", ":")).encode() + b"\n")
+
+    # --- lines -----------------------------------------------------------------------------------------------------
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield frames as their lines come, until ``{"type": "end"}``, the end of the input, or `close`.
+
+        Raises
+        ------
+        SourceError
+            If a line cannot be used, with ``on_bad_frame: error``.
+        """
+        newest_s: dict[str, float] = {}
+        closed = self._closed
+        for line in self._lines(closed):
+            if closed.is_set():
+                return
+            try:
+                document = document_of(line)
+                if document.get("type") == "end":
+                    return
+                if document.get("type") == "pose":
+                    self._pass_told_pose(document)
+                    continue
+                frame = self._reader.frame(document, live_stamp_s())
+            except SourceError as error:
+                self._refuse(error)
+                continue
+            if frame.stamp_s <= newest_s.get(frame.sensor, -np.inf):
+                self._counts["repeated" if frame.stamp_s == newest_s[frame.sensor] else "went_back"] += 1
+                continue
+            newest_s[frame.sensor] = frame.stamp_s
+            yield frame
+
+    def _lines(self, closed: threading.Event) -> Iterator[bytes]:
+        rest = b""
+        while not closed.is_set():
+            with self._busy:
+                if self._channel is None:
+                    return
+                data = self._channel.read(_LONGEST_WAIT_S)
+            *lines, rest = (rest + (b"\n" if data is None else data)).split(b"\n")
+            yield from (line for line in lines if line.strip())
+            if data is None:
+                return
+            if len(rest) > MAX_LINE:
+                self._refuse(SourceError(f"a line of more than {MAX_LINE} bytes"))
+                rest = b""
+
+    def _pass_told_pose(self, document: Mapping[str, Any]) -> None:
+        """Pass on where a person says that the robot is."""
+        try:
+            pose = Pose2(*(float(value) for value in document["pose_map_base"]))
+        except (KeyError, TypeError, ValueError) as error:
+            raise SourceError(f"a line of type pose needs pose_map_base: [x, y, theta]: {error}") from error
+        self._session.tell_pose(pose, None)
+
+    def _refuse(self, error: SourceError) -> None:
+        if self.config.on_bad_frame == "error":
+            raise error
+        if not self._counts["skipped"]:
+            logger.warning("%s; others like it are skipped silently", error)
+        self._counts["skipped"] += 1
+
+    def _opened(self) -> Channel:
+        config = self.config
+        match config.over:
+            case "tcp":
+                return TcpChannel(config.host, config.port)
+            case "udp":
+                return UdpChannel(config.host, config.port)
+            case "device":
+                assert config.device is not None  # the config sees to it
+                return DeviceChannel(config.device, config.baud)
+        return StandardChannel()

@@ -1,0 +1,280 @@
+"""A robot of any language: lines in, commands out."""
+
+from __future__ import annotations
+
+import base64
+import itertools
+import json
+import math
+import os
+import pty
+import socket
+import subprocess
+import sys
+import textwrap
+import threading
+import time
+import tty
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from trailmark.api import create
+from trailmark.commands import Steer4WS, Stop, Velocity
+from trailmark.errors import ConfigError, SourceError
+from trailmark.interfaces import Session
+from trailmark.plugins import load_plugins
+from trailmark.testing import source_checks
+from trailmark_lines.readings import LineReader
+
+GREY = np.random.default_rng(7).integers(0, 255, (48, 64), dtype=np.uint8)
+
+
+def line(sensor: str, stamp_s: float | None = None, **fields) -> bytes:
+    document = {"sensor": sensor, **fields} | ({} if stamp_s is None else {"stamp_s": stamp_s})
+    return json.dumps(document).encode() + b"\n"
+
+
+def wheels(stamp_s: float) -> bytes:
+    return line("wheels", stamp_s, pose_start_base=[stamp_s, 0.0, 0.0])
+
+
+@pytest.fixture
+def opened():
+    sources = []
+
+    def open_source(mode="replay", session=None, **keys):
+        source = create("source", "lines", **{"sensors": {"wheels": "odometry"}, "port": 0, **keys})
+        sources.append(source)
+        source.start(session or Session("robot", mode))
+        return source
+
+    yield open_source
+    for source in sources:
+        source.close()
+
+
+def read(kinds, document, pictures=None):
+    return LineReader(kinds, pictures).frame(document, 5.0)
+
+
+class TestReadings:
+    def test_odometry_is_a_pose_or_a_distance(self) -> None:
+        frame = read(
+            {"w": "odometry"}, {"sensor": "w", "stamp_s": 1.5, "pose_start_base": [1, 2, 0.5], "twist": [0.3, 0, 0.1]}
+        )
+
+        assert frame.stamp_s == 1.5
+        assert (frame.payload.pose_start_base.y, frame.payload.twist.yaw_radps) == (2.0, 0.1)
+        assert read({"w": "odometry"}, {"sensor": "w", "distance_m": 3}).payload.distance_m == 3.0
+
+    def test_a_frame_without_a_stamp_is_of_its_arrival(self) -> None:
+        assert read({"light": "scalar"}, {"sensor": "light", "value": 0.7}).stamp_s == 5.0
+
+    def test_pictures_come_as_base64(self) -> None:
+        data = base64.b64encode(cv2.imencode(".png", GREY)[1]).decode()
+
+        assert np.array_equal(read({"front": "image"}, {"sensor": "front", "png": data}).payload.pixels, GREY)
+
+    def test_pictures_come_as_files_of_one_folder(self, tmp_path: Path) -> None:
+        cv2.imwrite(str(tmp_path / "a.png"), GREY)
+
+        frame = read({"front": "image"}, {"sensor": "front", "path": "a.png"}, tmp_path)
+
+        assert np.array_equal(frame.payload.pixels, GREY)
+
+    def test_no_other_file_is_opened(self, tmp_path: Path) -> None:
+        (tmp_path / "in").mkdir()
+        cv2.imwrite(str(tmp_path / "a.png"), GREY)
+
+        with pytest.raises(SourceError, match="lies outside of"):
+            read({"front": "image"}, {"sensor": "front", "path": "../a.png"}, tmp_path / "in")
+        with pytest.raises(SourceError, match="names no folder"):
+            read({"front": "image"}, {"sensor": "front", "path": "/etc/passwd"})
+
+    def test_scans_know_what_they_did_not_see(self) -> None:
+        document = {"sensor": "laser", "ranges_m": [1.0, None, 2.5], "angle_min_rad": -0.1, "angle_step_rad": 0.1}
+
+        assert np.array_equal(read({"laser": "scan"}, document).payload.ranges_m, [1.0, np.nan, 2.5], equal_nan=True)
+
+    def test_inertial_readings_and_poses(self) -> None:
+        imu = read({"imu": "imu"}, {"sensor": "imu", "angular_velocity_radps": [0, 0, 0.2]}).payload
+        pose = read({"gps": "pose"}, {"sensor": "gps", "pose": [1, 2, 0]}).payload
+
+        assert imu.angular_velocity_radps[2] == 0.2
+        assert imu.linear_acceleration_mps2 is None
+        assert pose.arrays["pose"].tolist() == [1.0, 2.0, 0.0]
+        assert np.isnan(pose.arrays["covariance"]).all()
+
+    @pytest.mark.parametrize(
+        ("document", "said"),
+        [
+            ({"sensor": "other"}, "a line of sensor 'other'; the config names wheels"),
+            ({"sensor": "wheels", "pose_start_base": [1.0, 2.0]}, "2 numbers where there should be 3"),
+            ({"sensor": "wheels"}, "odometry needs a pose or a distance"),
+            ({"sensor": "wheels", "pose_start_base": [math.nan, 0.0, 0.0]}, "pose is not finite"),
+            ({"sensor": "wheels", "distance_m": 1.0, "stamp_s": math.inf}, "not finite"),
+        ],
+    )
+    def test_what_cannot_be_used_is_said(self, document, said) -> None:
+        with pytest.raises(SourceError, match=said.replace("(", r"\(")):
+            read({"wheels": "odometry"}, document)
+
+
+def test_a_program_in_a_pipe_is_a_robot(tmp_path: Path) -> None:
+    """The whole way: a program's lines into `trailmark run`, beliefs out."""
+    robot = "".join(wheels(0.1 * k).decode() for k in range(50)) + '{"type": "end"}\n'
+    config = tmp_path / "robot.yaml"
+    config.write_text(
+        textwrap.dedent("""\
+            sources:
+              robot: {plugin: lines, sensors: {wheels: odometry}}
+            localizers: {wheels: {plugin: odometry}}
+            estimator: {plugin: kalman}
+            sinks: [{plugin: jsonl}]
+            """)
+    )
+    command = [sys.executable, "-m", "trailmark.cli", "run", str(config), "--out", str(tmp_path / "run"), "--no-report"]
+
+    done = subprocess.run(command, input=robot, capture_output=True, text=True, check=False, timeout=120.0)
+
+    assert done.returncode == 0, done.stderr
+    beliefs = [json.loads(said) for said in done.stdout.splitlines() if said.startswith('{"type":"belief"')]
+    assert len(beliefs) == 50
+    assert beliefs[-1]["pose_map_base"][0] == pytest.approx(4.9, abs=1e-6)
+
+
+def test_a_robot_over_tcp_gets_its_commands_back(opened) -> None:
+    source = opened(over="tcp", command="velocity")
+    with socket.create_connection(("127.0.0.1", source.port)) as robot:
+        robot.sendall(wheels(1.0) + wheels(2.0))
+        assert [frame.stamp_s for frame in itertools.islice(source.frames(), 2)] == [1.0, 2.0]
+
+        source.drive(Velocity(0.4, 0.0, 0.1))
+        said = json.loads(robot.makefile().readline())
+
+    assert (said["kind"], said["forward_mps"], said["yaw_radps"]) == ("Velocity", 0.4, 0.1)
+
+
+def test_a_robot_that_connects_again_goes_on(opened) -> None:
+    source = opened(over="tcp")
+    frames = source.frames()
+    with socket.create_connection(("127.0.0.1", source.port)) as robot:
+        robot.sendall(wheels(1.0) + b'{"sensor": "wheels", "half')
+        assert next(frames).stamp_s == 1.0
+
+    with socket.create_connection(("127.0.0.1", source.port)) as robot:
+        robot.sendall(wheels(2.0))
+        assert next(frames).stamp_s == 2.0
+
+    assert source.counters() == {"skipped": 1}
+
+
+def test_a_robot_over_udp_is_answered_where_it_sent_from(opened) -> None:
+    source = opened(over="udp", command="steer_4ws")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
+        robot.settimeout(10.0)
+        robot.sendto(wheels(1.0), ("127.0.0.1", source.port))
+        assert next(source.frames()).stamp_s == 1.0
+
+        source.drive(Steer4WS(0.1, -0.1, 0.3))
+        said = json.loads(robot.recv(2000))
+
+    assert (said["front_rad"], said["rear_rad"], said["speed_mps"]) == (0.1, -0.1, 0.3)
+
+
+def test_a_robot_on_a_serial_line(opened) -> None:
+    """Tried against a pseudo terminal: what a microcontroller on USB looks like."""
+    robot, port = pty.openpty()
+    tty.setraw(robot)
+    source = opened(over="device", device=os.ttyname(port), command="velocity")
+    os.write(robot, wheels(1.0))
+    assert next(source.frames()).stamp_s == 1.0
+
+    source.drive(Stop("enough"))
+    said = json.loads(os.read(robot, 2000))
+
+    assert (said["kind"], said["reason"]) == ("Stop", "enough")
+    os.close(robot)
+    os.close(port)
+
+
+def test_a_device_that_is_not_there_is_said(opened) -> None:
+    with pytest.raises(SourceError, match="cannot open /dev/no_such_port"):
+        opened(over="device", device="/dev/no_such_port")
+
+
+def test_a_port_that_is_taken_is_said(opened) -> None:
+    first = opened(over="tcp")
+
+    with pytest.raises(SourceError, match=f"cannot listen at 127.0.0.1:{first.port}"):
+        opened(over="tcp", port=first.port)
+
+
+def test_a_pose_that_is_told_is_passed_on(opened) -> None:
+    told = []
+    session = Session("robot", tell_pose=lambda pose, covariance: told.append((pose.array().tolist(), covariance)))
+    source = opened(session=session, over="udp")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
+        robot.sendto(b'{"type": "pose", "pose_map_base": [1, 2, 0.5]}\n' + wheels(1.0), ("127.0.0.1", source.port))
+        next(source.frames())
+
+    assert told == [([1.0, 2.0, 0.5], None)]
+
+
+def test_lines_that_are_none_are_counted_and_end_nothing(opened) -> None:
+    source = opened(over="udp")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
+        rubbish = (b"hello", b"[1, 2]", b'{"sensor": "nobody"}', b"[" * 5000, b"\xff\xfe", b'{"type": "pose"}')
+        for data in rubbish:
+            robot.sendto(data + b"\n", ("127.0.0.1", source.port))
+        robot.sendto(wheels(2.0) + wheels(1.0) + wheels(2.0) + wheels(3.0), ("127.0.0.1", source.port))
+        frames = list(itertools.islice(source.frames(), 2))
+
+    assert [frame.stamp_s for frame in frames] == [2.0, 3.0]
+    assert source.counters() == {"skipped": len(rubbish), "went_back": 1, "repeated": 1}
+
+
+def test_while_a_person_teaches_nothing_but_stops_is_sent(opened) -> None:
+    source = opened("teach", over="tcp", command="velocity")
+    with socket.create_connection(("127.0.0.1", source.port)) as robot:
+        robot.sendall(wheels(1.0))
+        next(source.frames())
+        source.drive(Velocity(0.4))
+        source.drive(Stop("enough"))
+
+        assert json.loads(robot.makefile().readline())["kind"] == "Stop"
+
+
+def test_a_command_of_another_robot_is_refused(opened) -> None:
+    source = opened(over="udp", command="velocity")
+
+    with pytest.raises(ConfigError, match="takes no Steer4WS"):
+        source.drive(Steer4WS(0.1, 0.1, 0.1))
+
+
+def test_closing_ends_the_frames(opened) -> None:
+    source = opened(over="udp")
+    threading.Timer(0.2, source.close).start()
+
+    began_s = time.monotonic()
+    assert list(source.frames()) == []
+    assert time.monotonic() - began_s < 5.0
+
+
+SPEC = load_plugins().registry.find("source", "lines")
+
+
+@pytest.mark.parametrize("name", sorted(source_checks(SPEC.load(), lambda: None)))
+def test_contract(name, tmp_path) -> None:
+    pipe = tmp_path / "robot"
+    os.mkfifo(pipe)
+    writer = os.open(pipe, os.O_RDWR)
+    os.write(writer, b"".join(wheels(0.1 * k) for k in range(400)) + b'{"type": "end"}\n')
+    keys = {"sensors": {"wheels": "odometry"}, "over": "device", "device": str(pipe), "command": "velocity"}
+
+    source_checks(SPEC.load(), lambda: SPEC.load_config().model_validate(keys), n_frames=20)[name]()
+
+    os.close(writer)
