@@ -68,7 +68,7 @@ class LineReader:
             If the sensor is not known or the numbers do not fit.
         """
         sensor = document.get("sensor")
-        if sensor not in self._kinds:
+        if not isinstance(sensor, str) or sensor not in self._kinds:
             raise SourceError(f"a line of sensor {sensor!r}; the config names {', '.join(self._kinds)}")
         try:
             payload = self._payloads[self._kinds[sensor]](document)
