@@ -469,6 +469,24 @@ def test_an_error_without_words_is_told_by_its_place(tmp_path, recording, monkey
         bag(record.write(tmp_path)).start(Session())
 
 
+@pytest.mark.parametrize(
+    "wrong",
+    [{"angle_min": math.nan}, {"angle_increment": math.inf}, {"angle_increment": 1e30}, {"angle_min": -1e18}],
+)
+def test_a_scan_whose_angles_are_none_is_an_error(tmp_path, recording, play, wrong):
+    record = recording()
+    record.add("/scan", record.scan(1.0, [1.0, 2.0]), 1.0)
+    message = record.scan(2.0, [1.0, 2.0])
+    for name, value in wrong.items():
+        object.__setattr__(message, name, value)
+    record.add("/scan", message, 2.0)
+    path = record.write(tmp_path)
+
+    with pytest.raises(SourceError, match=r"message 1 of /scan cannot be used: 2 beams from .* rad in steps of"):
+        play(bag(path))
+    assert len(play(bag(path, on_bad_frame="skip"))) == 1
+
+
 def _quoting(inner: Exception) -> Exception:
     error = ValueError(f"Invalid bag metadata: {inner}")
     error.__context__ = inner

@@ -59,6 +59,7 @@ _ENCODINGS: dict[str, tuple[str, int, tuple[int, ...]]] = {
 }
 # Colours of the first pixels of the first two rows; OpenCV names a pattern by those of the second row and column.
 _BAYER = {"bayer_rggb8": "BG", "bayer_bggr8": "RG", "bayer_gbrg8": "GR", "bayer_grbg8": "GB"}
+_MOST_RAD = 4 * math.pi  # angles of a scan; two turns, since some count theirs from where they like
 _COMPRESSED_DEPTH_HEADER = 12  # bytes of quantisation before the PNG
 
 
@@ -167,8 +168,17 @@ def odometry(message: Any, pose_odom_start: Pose2) -> Odometry:
 
 
 def scan(message: Any) -> Scan:
-    """Return a scan; ranges outside of what the sensor can measure are NaN."""
+    """Return a scan; ranges outside of what the sensor can measure are NaN.
+
+    Raises
+    ------
+    ValueError
+        If its angles are no directions.
+    """
     ranges_m = np.array(message.ranges, dtype=np.float32)
+    first_rad, step_rad = float(message.angle_min), float(message.angle_increment)
+    if not (abs(first_rad) <= _MOST_RAD and abs(step_rad) * len(ranges_m) <= _MOST_RAD):  # NaN is neither
+        raise ValueError(f"{len(ranges_m)} beams from {first_rad:g} rad in steps of {step_rad:g} rad are no scan")
     range_min_m, range_max_m = float(message.range_min), float(message.range_max)
     ranges_m[~((ranges_m >= range_min_m) & (ranges_m <= range_max_m))] = np.nan
     return Scan(ranges_m, float(message.angle_min), float(message.angle_increment), range_min_m, range_max_m)

@@ -228,9 +228,10 @@ def companion(rng: Rng, folder: Path, box: Box) -> tuple[list[str], dict[str, st
     spoil_file(folder / str(rng.choice(["truth.tum", "front.calib.yaml"])), rng)
     if rng.random() < 0.3:
         document = spoil_document({"fx": 60, "fy": 60, "cx": 31, "cy": 23, "distortion": [0.1, 0, 0, 0]}, rng, 2)
+        if (folder / "front.calib.yaml").is_dir():
+            (folder / "front.calib.yaml").rmdir()
         (folder / "front.calib.yaml").unlink(missing_ok=True)
-        if not (folder / "front.calib.yaml").exists():
-            (folder / "front.calib.yaml").write_text(as_yaml(document, rng), encoding="utf-8", errors="surrogatepass")
+        (folder / "front.calib.yaml").write_text(as_yaml(document, rng), encoding="utf-8", errors="surrogatepass")
     stamps = "".join(f"{0.1 * i:.2f}\n" for i in range(10))
     (folder / "stamps.txt").write_text(stamps)
     if rng.random() < 0.4:
@@ -272,8 +273,8 @@ _SURROUNDINGS: dict[str, tuple[str | None, ...]] = {
     "TRAILMARK_DEBUG": ("",),
     "TMPDIR": ("/nowhere", "", "/dev/null"),
     "MPLBACKEND": ("x", "agg", "TkAgg"),
-    "MPLCONFIGDIR": ("/dev/null", "/nowhere"),
-    "XDG_CACHE_HOME": ("/dev/null", ""),
+    "MPLCONFIGDIR": ("",),
+    "XDG_CACHE_HOME": ("",),
     "PWD": ("/nowhere",),
     "PYTHONWARNINGS": ("error",),
     "BROWSER": ("",),
