@@ -1,0 +1,114 @@
+"""What turns frames into estimates, estimates into a belief, and a belief into commands."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.commands import Command
+from trailmark.estimates import Applied, Belief, Estimate
+from trailmark.frames import Frame
+from trailmark.geometry import Pose2
+from trailmark.interfaces.session import Part
+
+__all__ = ["Controller", "Estimator", "Localizer"]
+
+
+class Localizer(Part):
+    """Turns frames into estimates."""
+
+    #: Format of what it keeps in its map. Raise it when an older version could not read that any more: the pipeline
+    #: keeps it beside the map, and a localizer is never started on a map of a newer format than its own.
+    map_format: ClassVar[int] = 1
+
+    @abstractmethod
+    def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
+        """Look at a frame of a sensor that the config subscribes to.
+
+        Parameters
+        ----------
+        frame : Frame
+            The frame; its arrays are read-only.
+        belief : Belief
+            What is believed at the frame's stamp, with the estimates of the localizers before this one.
+
+        Returns
+        -------
+        sequence of Estimate
+            Empty: it did not look. `Lost`: it looked and cannot say.
+        """
+
+    def latency_s(self) -> float | None:
+        """Return how long the last call takes by the localizer's own model [s]; None: it has none."""
+        return None
+
+    def finish(self) -> None:
+        """End of teaching: select, train, index; works from the localizer map alone and may be repeated."""
+
+
+class Estimator(Part):
+    """Makes one belief of many estimates, whatever order they come in."""
+
+    #: True when it can integrate the `Motion` of one localizer only: a second one needs ``use``.
+    takes_one_motion: ClassVar[bool] = False
+
+    @abstractmethod
+    def apply(self, source: str, estimate: Estimate) -> Applied:
+        """Take an estimate of a localizer and say what became of it.
+
+        The estimate may be about a past stamp: the estimator keeps a history and replays it.
+        """
+
+    @abstractmethod
+    def belief(self, stamp_s: float | None = None) -> Belief:
+        """Return the belief at a stamp: interpolated in the history, or predicted beyond it.
+
+        None asks for the newest stamp it has heard of.
+        """
+
+    def set_pose(
+        self,
+        pose_map_base: Pose2,
+        covariance: npt.NDArray[np.float64] | None = None,
+        stamp_s: float | None = None,
+    ) -> Applied:
+        """Be told where base is, by a person or a program that knows, whatever was believed.
+
+        Parameters
+        ----------
+        pose_map_base : Pose2
+            Base in the map.
+        covariance : (3, 3) float64, optional
+            Of (x, y, theta); left out, that of a known start.
+        stamp_s : float, optional
+            When; left out, at the newest stamp heard of [s].
+
+        Returns
+        -------
+        Applied
+            ``accepted``; ``late``, if it is about an instant older than the history; or why it is ``refused``. An
+            estimator that cannot be told a pose, which is the default, refuses.
+
+        Raises
+        ------
+        ShapeError
+            If the covariance is not (3, 3).
+        """
+        return Applied("refused", f"{type(self).__name__} cannot be told a pose")
+
+
+class Controller(Part):
+    """Turns beliefs into commands. Path, goal and direction come with the session and the config."""
+
+    @property
+    @abstractmethod
+    def gives(self) -> frozenset[type[Command]]:
+        """The commands it may give."""
+
+    @abstractmethod
+    def step(self, belief: Belief) -> Command:
+        """Return the command for a belief that is predicted to now."""

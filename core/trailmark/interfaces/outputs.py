@@ -1,0 +1,140 @@
+"""What a run leaves: the taught path, and what sinks are told."""
+
+from __future__ import annotations
+
+import warnings
+from abc import abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path as FilePath
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Literal, Self
+
+from trailmark.commands import Command
+from trailmark.estimates import Applied, Belief, Estimate, EstimateRecord
+from trailmark.frames import Frame, SensorInfo
+from trailmark.interfaces.session import Access, LocalizerMap, Part
+from trailmark.paths import Path, Waypoint
+
+if TYPE_CHECKING:
+    from trailmark.config.base import PluginConfig
+
+__all__ = ["PathStore", "RunEnd", "Sink"]
+
+
+class PathStore(Part):
+    """Keeps a taught path. It belongs to the pipeline; localizers see their `LocalizerMap` only."""
+
+    @classmethod
+    def open(cls, config: PluginConfig, access: Access | None, base_dir: FilePath | None) -> Self | None:
+        """Return a store for one access, constructed and not started; None if the config does not say which one.
+
+        This default is for a config with the keys ``path`` (empty: not said) and ``access``; of a config that lacks
+        one of them it leaves that alone.
+
+        Parameters
+        ----------
+        config : PluginConfig
+            The store's own keys.
+        access : {"read", "create", "append", "overwrite"} or None
+            How it is opened; None: for teaching, as the config says, or else ``create``.
+        base_dir : Path or None
+            Where a relative path starts; None: where we work.
+        """
+        from trailmark.config.files import resolved  # the config stands above the interfaces, and pydantic is slow
+
+        keys = dict(config)
+        if keys.get("path") == "":
+            return None
+        changes: dict[str, Any] = {}
+        if keys.get("path"):
+            changes["path"] = str(resolved(keys["path"], base_dir))
+        if "access" in keys:
+            changes["access"] = access or ("create" if keys["access"] == "read" else keys["access"])
+        return cls(config.model_copy(update=changes))
+
+    @abstractmethod
+    def append(self, waypoint: Waypoint) -> None:
+        """Add a waypoint to the open transaction."""
+
+    @abstractmethod
+    def path(self) -> Path | None:
+        """Return the committed path, or None while there is none."""
+
+    @abstractmethod
+    def localizer_map(self, owner: str) -> LocalizerMap:
+        """Return the map of one localizer."""
+
+    def drawer(self, owner: str) -> LocalizerMap:
+        """Call `localizer_map` by its old name; it goes with version 0.3."""
+        warnings.warn("PathStore.drawer is called localizer_map now", DeprecationWarning, stacklevel=2)
+        return self.localizer_map(owner)
+
+    @abstractmethod
+    def commit(self) -> None:
+        """Make everything so far durable: when this returns, a kill at any instant loses none of it."""
+
+    def is_finished(self, owner: str) -> bool:
+        """Return whether `Localizer.finish` ran for this owner, or has nothing to work from.
+
+        A store that keeps no book of it answers True: it cannot ask for what it cannot record.
+        """
+        return True
+
+    def mark_finished(self, owner: str) -> None:
+        """Write down that `Localizer.finish` ran for this owner; part of the open transaction."""
+
+    def set_sensors(self, sensors: Mapping[str, SensorInfo]) -> None:
+        """Keep what is known of the sensors the path is taught with; part of the open transaction."""
+
+    def sensors(self) -> Mapping[str, SensorInfo]:
+        """Return the sensors that the path was taught with, by name; empty where none were kept."""
+        return {}
+
+    def set_meta(self, meta: Mapping[str, Any]) -> None:
+        """Keep provenance (JSON-able: versions, git, config); part of the open transaction."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunEnd:
+    """How a run ended, told to the sinks.
+
+    Attributes
+    ----------
+    status : {"done", "stopped", "interrupted", "failed"}
+        At the end of the frames or the goal; by the guard; by the user; by an error.
+    reason : str
+        One line, empty for a plain end.
+    counters : mapping of str to int
+        Frames, drops, late, gated, lost ..., by dotted name.
+    """
+
+    status: Literal["done", "stopped", "interrupted", "failed"]
+    reason: str = ""
+    counters: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
+
+
+class Sink(Part):
+    """Is told what happens: a recorder, a viewer, a bridge. Each method does nothing unless overridden.
+
+    Only methods that a sink overrides are called.
+    """
+
+    def on_frame(self, frame: Frame) -> None:
+        """A frame was taken from a source."""
+
+    def on_estimate_record(self, record: EstimateRecord) -> None:
+        """An estimate was applied: when it arrived, whose it is, what it says, and what became of it."""
+        self.on_estimate(record.source, record.estimate, record.outcome)
+
+    def on_estimate(self, source: str, estimate: Estimate, applied: Applied) -> None:
+        """An estimate was applied; `on_estimate_record` also says when, and calls this unless it is overridden."""
+
+    def on_belief(self, belief: Belief) -> None:
+        """The belief after all localizers saw a frame."""
+
+    def on_command(self, stamp_s: float, command: Command) -> None:
+        """A command was given."""
+
+    def on_end(self, end: RunEnd) -> None:
+        """The run is over."""
