@@ -269,7 +269,7 @@ def _added(consistency: Consistency, stated: Sequence[tuple[str, Step]], theta: 
             turn_sum_rad2 + turn_rad2,
             covered_s + dt_s,
         )
-    return consistency._replace(sums=sums)
+    return Consistency(sums, *consistency[1:])  # a fifth of the time of _replace
 
 
 def _without_outliers(stated: Sequence[tuple[str, Step]], selection: StepSelection) -> list[tuple[str, Step]]:
