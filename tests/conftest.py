@@ -35,6 +35,8 @@ SLOW = frozenset(
         "bench/test_executors.py",
         "bench/test_frames.py",
         "trust/test_kills.py",
+        "signals/test_endings.py",
+        "signals/test_report.py",
         "papers/test_nagai2015.py",
         "sim/test_worlds_forward.py",
         "ground_vo/test_teach_and_replay.py",

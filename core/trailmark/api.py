@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import logging
+import shlex
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
+from trailmark.interruption import TELL_S, Interrupted, asked, reason_of, shielded
 from trailmark.pipeline import Pipeline, RunRequest, RunResult, Step, link_latest, new_folder
 
 if TYPE_CHECKING:
@@ -16,6 +19,8 @@ if TYPE_CHECKING:
     from trailmark.report.glimpses import Glimpses
 
 __all__ = ["create", "run"]
+
+logger = logging.getLogger(__name__)
 
 
 def run(
@@ -113,16 +118,54 @@ def create(kind: str, name: str, *, plugins: Plugins | None = None, **config: An
 
 
 def _evaluated(pipeline: Pipeline, glimpses: Glimpses | None) -> RunResult:
+    """Add metrics to the result, and plots and report to the folder.
+
+    A program that was told to end takes the time for pictures, which nobody could take again, and for metrics;
+    `write_report` makes the rest later.
+    """
+    result, metrics = pipeline.result, None
+    if (signal := asked()) is not None:
+        with shielded():
+            logger.warning("%s", _words_at_the_end(signal, result))
+    try:
+        with shielded(TELL_S):
+            metrics = _write_metrics(pipeline, glimpses)
+        if glimpses is not None and asked() is None:
+            _write_report(pipeline)
+    except Interrupted as signal:
+        if result.status != "interrupted":  # in the middle of metrics or drawings
+            with shielded():
+                logger.warning("%s", _words_at_the_end(signal, result))
+    return result if metrics is None else replace(result, metrics=metrics)
+
+
+def _words_at_the_end(signal: Interrupted, result: RunResult) -> str:
+    return (
+        f"{reason_of(signal)}: what is known was written; plots and report were left out,"
+        f" 'trailmark report {shlex.quote(str(result.folder))}' makes them"
+    )
+
+
+def _write_metrics(pipeline: Pipeline, glimpses: Glimpses | None) -> Mapping[str, Any]:
+    """Write what a report is made of, and return the metrics."""
     from trailmark.evaluation import evaluate_run, metrics_of
+    from trailmark.evaluation.path_file import PATH_FILE, write_path
 
-    result = pipeline.result
-    assert result.folder is not None
+    folder, path = pipeline.result.folder, pipeline.path
+    assert folder is not None
     assert pipeline.config is not None
-    extra = metrics_of(pipeline.config.plugins.registry)
-    metrics = evaluate_run(result.folder, metrics=extra, path=pipeline.path)
     if glimpses is not None:
-        from trailmark.report import write_report
+        glimpses.write(folder)
+    if path is not None:
+        write_path(path, folder / PATH_FILE)
+    return evaluate_run(folder, metrics=metrics_of(pipeline.config.plugins.registry), path=path)
 
-        glimpses.write(result.folder)
-        write_report(result.folder, metrics=extra, path=pipeline.path)
-    return replace(result, metrics=metrics)
+
+def _write_report(pipeline: Pipeline) -> None:
+    from trailmark.evaluation import metrics_of
+    from trailmark.report import write_report
+
+    folder = pipeline.result.folder
+    assert folder is not None
+    assert pipeline.config is not None
+    write_report(folder, metrics=metrics_of(pipeline.config.plugins.registry), path=pipeline.path)

@@ -26,7 +26,7 @@ WRONG = {
     ),
     "a key that resembles nothing": (
         SOURCES + "stop_when: {zzz: 30}\n",
-        "config.yaml line 3: stop_when.zzz: unknown key; keys: fix_age_m, motion_age_s",
+        "config.yaml line 3: stop_when.zzz: unknown key; keys: fix_age_m, motion_age_s, stall_s",
     ),
     "a wrong type": (
         SOURCES + "localizers:\n  floor: {plugin: ground_vo, search_px: wide}\n",

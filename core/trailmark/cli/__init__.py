@@ -12,26 +12,34 @@ _LEVELS = ("debug", "info", "warning", "error", "critical")
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run the command line and exit: 0 done, 1 the run failed, 2 the request was wrong."""
+    """Run the command line and exit: 0 done, 1 the run failed, 2 the request was wrong, 128 + N ended by signal N."""
+    from trailmark.cli.signals import heard_signals
+
+    with heard_signals(is_whole_program=arguments is None) as heard:
+        code = _exit_code(sys.argv[1:] if arguments is None else arguments)
+    sys.exit(code if heard.exit_code is None else heard.exit_code)
+
+
+def _exit_code(arguments: list[str]) -> int | str | None:
+    """Run a command and return what to exit with."""
     from trailmark.cli.errors import exit_code_of, has_lost_its_reader
     from trailmark.cli.root import refuse_named_pipes, root, split_plugin_options
+    from trailmark.interruption import shielded
 
-    debug = bool(os.environ.get("TRAILMARK_DEBUG"))
     try:
         _log_to_stderr(os.environ.get("TRAILMARK_LOG") or "warning")
-        chosen, rest = split_plugin_options(sys.argv[1:] if arguments is None else arguments)
+        chosen, rest = split_plugin_options(arguments)
         refuse_named_pipes(rest)
         code = root.main(rest, prog_name="trailmark", obj=chosen, standalone_mode=False)
         sys.stdout.flush()  # a reader that has gone away shows now, and not when Python ends
-    except SystemExit:
-        if has_lost_its_reader():
-            sys.exit(0)
-        raise
+    except SystemExit as error:
+        return 0 if has_lost_its_reader() else error.code
     except BaseException as error:
-        if debug:
+        if os.environ.get("TRAILMARK_DEBUG"):
             raise
-        sys.exit(exit_code_of(error))
-    sys.exit(code if isinstance(code, int) else 0)  # click hands the code of an early exit back
+        with shielded():
+            return exit_code_of(error)
+    return code if isinstance(code, int) else 0  # click hands the code of an early exit back
 
 
 def _log_to_stderr(level: str) -> None:

@@ -13,6 +13,7 @@ import click
 
 from trailmark.cli.root import plugins_of
 from trailmark.errors import ConfigError
+from trailmark.interruption import asked
 
 if TYPE_CHECKING:
     from trailmark.pipeline import RunResult
@@ -75,7 +76,10 @@ def _run(
 
     with RunProgress("auto") as on_step:
         overrides = [f"seed={seed}", *overrides]
-        return run(config, out, mode=mode, store=store, overrides=overrides, plugins=plugins, on_step=on_step)
+        result = run(config, out, mode=mode, store=store, overrides=overrides, plugins=plugins, on_step=on_step)
+    if result.status == "interrupted":
+        raise asked() or KeyboardInterrupt
+    return result
 
 
 def _figures(taught: RunResult, replayed: RunResult) -> dict[str, Any]:

@@ -11,6 +11,7 @@ import click
 from trailmark.cli.errors import say
 from trailmark.cli.root import plugins_of
 from trailmark.errors import ConfigError
+from trailmark.interruption import TELL_S, shielded
 
 if TYPE_CHECKING:
     from trailmark.recording import Recording
@@ -52,7 +53,8 @@ def record_command(
         raise ConfigError(f"{target}: there are no sources to record; add a section 'sources:'")
     with RunProgress(progress) as on_step:
         recording = record_sources(run_config, out, overwrite=overwrite, on_step=on_step)
-    _tell(recording, out, as_json)
+    with shielded(TELL_S):
+        _tell(recording, out, as_json)
     if recording.status == "interrupted":
         raise click.exceptions.Exit(130)
 

@@ -29,6 +29,7 @@ _COMMANDS = {
     "init": ("trailmark.cli.init:init_command", "Write a commented starter config."),
     "reproduce": ("trailmark.cli.reproduce:reproduce_command", "Repeat a paper's experiments: paper and ours."),
     "watch": ("trailmark.cli.watch:watch_command", "Watch a run or a bench while it goes on."),
+    "report": ("trailmark.cli.report:report_command", "Make metrics, plots and report of a run's folder anew."),
     "compare": ("trailmark.cli.compare:compare_command", "Compare runs, or the localizers of one run."),
     "evaluate": ("trailmark.cli.evaluate:evaluate_command", "Metrics for trajectories of any program."),
     "store": ("trailmark.cli.store:store_group", "Look into a path store."),

@@ -13,6 +13,7 @@ import click
 from trailmark.cli.errors import say
 from trailmark.cli.root import plugins_of
 from trailmark.errors import ConfigError
+from trailmark.interruption import TELL_S, asked, shielded
 
 if TYPE_CHECKING:
     from trailmark.interfaces import Access, Mode
@@ -176,12 +177,13 @@ def _execute(request: RunRequest, target: str, options: Mapping[str, Any]) -> No
     has_report = not options["no_report"]
     with RunProgress(options["progress"]) as on_step:
         result = run(replace(request, config=config, out=folder), report=has_report, on_step=on_step)
-    if request.out is None:
-        link_latest(Path(folder).absolute())
-    _tell(result, Path(folder), options["as_json"], is_quiet=options["progress"] == "json", has_report=has_report)
-    warnings = [RunWarning(**warning) for warning in result.metrics.get("warnings", ())]
-    for warning in warnings:
-        say(f"WARNING: {warning}")
+    with shielded(TELL_S):
+        if request.out is None:
+            link_latest(Path(folder).absolute())
+        _tell(result, Path(folder), options["as_json"], is_quiet=options["progress"] == "json", has_report=has_report)
+        warnings = [RunWarning(**warning) for warning in result.metrics.get("warnings", ())]
+        for warning in warnings:
+            say(f"WARNING: {warning}")
     if result.status == "interrupted":
         raise click.exceptions.Exit(130)
     if warnings and options["strict"]:
@@ -200,5 +202,5 @@ def _tell(result: RunResult, folder: Path, as_json: bool, is_quiet: bool, has_re
     elif not is_quiet:
         print_run(folder)
         click.echo(f"{folder}")
-        if has_report:
+        if has_report and asked() is None:
             click.echo(f"{folder / 'report.html'}")

@@ -92,12 +92,14 @@ class SensorSection(PluginConfig):
 
 
 class StopWhen(PluginConfig):
-    """When the robot is stopped whatever the controller says; left out: never."""
+    """When the robot is stopped whatever the controller says; fixes and motions that are left out: never."""
 
     fix_age_m: float | None = Field(default=None, gt=0)
     """Way since the last accepted absolute estimate [m]."""
     motion_age_s: float | None = Field(default=None, gt=0)
     """Time since the last accepted motion [s]."""
+    stall_s: float | None = Field(default=0.5, gt=0)
+    """In real time: for how long the run may stand still before another thread stops the robot; null: for ever [s]."""
 
 
 class PluginsSection(PluginConfig):

@@ -59,7 +59,13 @@ class RunWarning:
 
 def run_warnings(run: RunFolder) -> list[RunWarning]:
     """Return what is wrong with a run that may have ended well, in the order of localizers, motion, sensors."""
-    return [*_of_localizers(run), *_of_use(run), *_of_motion(run), *_of_sensors(run.run.get("sensors"))]
+    return [
+        *_of_localizers(run),
+        *_of_use(run),
+        *_of_motion(run),
+        *_of_sensors(run.run.get("sensors")),
+        *_of_control(run.run.get("counters")),
+    ]
 
 
 def _of_localizers(run: RunFolder) -> Iterator[RunWarning]:
@@ -155,3 +161,15 @@ def _of_sensors(sensors: Any) -> Iterator[RunWarning]:
                 f"a picture shows {width_m:.3g} m of ground",
                 "metres_per_pixel is in metres: 0.4 mm per pixel are 0.0004",
             )
+
+
+def _of_control(counters: Any) -> Iterator[RunWarning]:
+    n = counters.get("control.stall_stops", 0) if isinstance(counters, Mapping) else 0
+    if isinstance(n, int) and n > 0:
+        times = "once" if n == 1 else f"{n} times"
+        yield RunWarning(
+            "",
+            f"the run stood still {times}, and the robot was stopped each time",
+            "standard error says where; give slow localizers async: true, or raise stop_when.stall_s",
+            is_worthless=False,
+        )

@@ -74,7 +74,10 @@ class Drivable(FrameSource):
 
     @abstractmethod
     def drive(self, command: Command) -> None:
-        """Take a command. It holds from the last frame yielded until the next command."""
+        """Take a command. It holds from the last frame yielded until the next command.
+
+        `Stop` may come from another thread, also while another call hangs: at a signal, and from the watchdog.
+        """
 
     #: True when it drives itself, so that a run needs no controller.
     drives_itself: bool = False

@@ -50,6 +50,8 @@ class RunClock:
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
         self._offset_s = 0.0
+        self._is_waiting = False
+        self._alive_s = time.monotonic()
         #: Set when something has happened that a waiting run should look at.
         self.wake = threading.Event()
 
@@ -63,5 +65,18 @@ class RunClock:
 
     def wait(self, until_s: float) -> None:
         """Return at `until_s`, or earlier when woken."""
-        self._clock.wait(until_s - self.now_s(), self.wake)
+        self._is_waiting = True
+        try:
+            self._clock.wait(until_s - self.now_s(), self.wake)
+        finally:
+            self.beat()
+            self._is_waiting = False
         self.wake.clear()
+
+    def beat(self) -> None:
+        """Take note that the run's loop lives."""
+        self._alive_s = time.monotonic()
+
+    def quiet_s(self) -> float:
+        """Return for how long the loop has neither lived nor waited for what comes next; from any thread [s]."""
+        return 0.0 if self._is_waiting else time.monotonic() - self._alive_s

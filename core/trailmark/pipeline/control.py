@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from time import perf_counter_ns
 
@@ -11,9 +12,14 @@ from trailmark.errors import ConfigError
 from trailmark.estimates import Belief
 from trailmark.failures import call_guarded, raise_failure
 from trailmark.interfaces import Controller, Drivable
+from trailmark.pipeline.clock import RunClock
 from trailmark.pipeline.instruments import Instruments
+from trailmark.pipeline.robot import Robot
+from trailmark.pipeline.watchdog import Watchdog
 
 __all__ = ["Control", "Guard", "check_commands"]
+
+logger = logging.getLogger(__name__)
 
 # Differences of stamps and sums of steps: at the limit is not beyond it.
 _ROUNDING = 1e-9
@@ -32,7 +38,7 @@ class Control:
     ----------
     controller : Controller or None
         What drives.
-    drivable : Drivable or None
+    robot : Robot or None
         What is driven; without one, commands go to sinks alone.
     guard : Guard
         Stops the robot whatever the controller says.
@@ -43,13 +49,13 @@ class Control:
     def __init__(
         self,
         controller: Controller | None,
-        drivable: Drivable | None,
+        robot: Robot | None,
         guard: Guard,
         control_hz: float,
         instruments: Instruments,
     ) -> None:
         self._controller = controller
-        self._drivable = drivable
+        self._robot = robot
         self._guard = guard
         self._period_s = 1.0 / control_hz
         self._counters = instruments.counters
@@ -64,6 +70,9 @@ class Control:
     def step(self, belief: Belief) -> Command | None:
         """Return the command for now, already given to the robot; None if it is not time yet."""
         now_s = belief.stamp_s
+        if (stop := self._robot_was_held()) is not None:
+            self._due_s = self._next_due_s(now_s)
+            return stop
         if now_s + _SLACK * self._period_s < self._due_s:
             return None
         self._due_s = self._next_due_s(now_s)
@@ -74,20 +83,36 @@ class Control:
             command = self._ask(self._controller, belief)
         if command is not None:
             self.drive(command)
-        return command
+        return self._robot_was_held() or command
+
+    def _robot_was_held(self) -> Stop | None:
+        """Return the `Stop` that another thread gave meanwhile; the watchdog's holds until the next step only."""
+        if self._robot is None or (stop := self._robot.held_by) is None:
+            return None
+        if self._robot.release():
+            self._counters["control.stall_stops"] += 1
+            logger.warning("the run goes on; from its next step on the robot is commanded again")
+        return stop
 
     def drive(self, command: Command) -> None:
         """Give a command to the robot, if there is one."""
-        if self._drivable is None:
-            return
-        try:
-            self._drivable.drive(command)
-        except BaseException as error:
-            raise_failure(error, "the robot", f"drive({command})", keeps=())
+        if self._robot is not None:
+            self._robot.drive(command)
+
+    def new_watchdog(self, clock: RunClock, stall_s: float) -> Watchdog | None:
+        """Return what stops the robot when the loop stands still; None where nothing is driven by the loop."""
+        if self._robot is None or self._controller is None:
+            return None
+        return Watchdog(self._robot, clock, stall_s)
+
+    def stop_for_good(self, reason: str) -> None:
+        """Stop the robot, if there is one: the run is over. Any thread."""
+        if self._robot is not None:
+            self._robot.hold(Stop(reason), for_good=True)
 
     def has_given_up(self, now_s: float) -> bool:
         """Return whether the guard has held a robot for so long that the run is over."""
-        return self._drivable is not None and self._guard.has_given_up(now_s)
+        return self._robot is not None and self._guard.has_given_up(now_s)
 
     def _next_due_s(self, now_s: float) -> float:
         """Keep to the beat, so that the mean rate is right; after a pause begin a new one."""

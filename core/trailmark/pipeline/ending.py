@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from trailmark.errors import RunError
+from trailmark.interruption import CLOSE_S, reason_of, shielded
 from trailmark.pipeline.outputs.result import Status
 
 __all__ = ["Ending"]
@@ -40,13 +41,24 @@ class Ending:
         self.failure: BaseException | None = None
         self._spared = spared
 
-    def attempt(self, step: Callable[[], _T]) -> _T | None:
-        """Make a step and return its answer; None if it fails."""
+    def attempt(self, step: Callable[[], _T], patience_s: float = CLOSE_S) -> _T | None:
+        """Make a step and return its answer; None if it fails, or takes longer than one waits for it.
+
+        Parameters
+        ----------
+        step : callable
+            Makes it.
+        patience_s : float
+            How long after the program was told to end it may go on [s].
+        """
         try:
-            return step()
-        except KeyboardInterrupt:
-            if self.status != "failed":
-                self.status, self.reason = "interrupted", "interrupted while finishing"
+            with shielded(patience_s):
+                return step()
+        except KeyboardInterrupt as error:
+            if self.status in ("done", "stopped"):
+                self.status, self.reason = "interrupted", f"{reason_of(error)} while finishing"
+            else:
+                logger.warning("not everything came to its end: %s", reason_of(error))
         except BaseException as error:
             self.fail(error)
         return None

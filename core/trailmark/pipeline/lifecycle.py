@@ -18,6 +18,7 @@ from trailmark.failures import call_guarded
 from trailmark.frames import SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Mode, Part, Session
+from trailmark.interruption import CLOSE_S, Interrupted, shielded
 from trailmark.paths import Path
 from trailmark.pipeline.instruments import StageTimes
 
@@ -109,7 +110,10 @@ class PartStarter:
 
     def _close(self, what: str, close: Callable[[], None]) -> None:
         try:
-            call_guarded(what, "close", close)
+            with shielded(CLOSE_S):
+                call_guarded(what, "close", close)
+        except Interrupted:
+            logger.warning("%s did not close in time", what)
         except TrailmarkError as error:
             self.not_closed.append(error)
 

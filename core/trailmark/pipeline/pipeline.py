@@ -18,13 +18,14 @@ from trailmark.errors import ConfigError, RunError
 from trailmark.estimates import Applied
 from trailmark.frames import Frame, SensorInfo
 from trailmark.geometry import Pose2
+from trailmark.interruption import reason_of, shielded
 from trailmark.paths import Path as TaughtPath
 from trailmark.pipeline.clock import Clock, RunClock, SystemClock
 from trailmark.pipeline.instruments import Instruments
 from trailmark.pipeline.outputs.result import RunResult, Step
 from trailmark.pipeline.parts import Parts, build_parts
 from trailmark.pipeline.request import RunKeywords, RunRequest
-from trailmark.pipeline.run import CTRL_C, Run
+from trailmark.pipeline.run import Run
 from trailmark.sources.reorder import ReorderWindow
 
 if TYPE_CHECKING:
@@ -129,7 +130,8 @@ class Pipeline:
         self._run.end("done")
 
     def __enter__(self) -> Self:
-        self.start()
+        with shielded():
+            self.start()
         return self
 
     def __exit__(
@@ -138,7 +140,7 @@ class Pipeline:
         if error is None:
             self.close()
         elif isinstance(error, KeyboardInterrupt):
-            self._started().end("interrupted", CTRL_C)
+            self._started().end("interrupted", reason_of(error))
         else:
             self._started().end("interrupted", f"the caller raised {type(error).__name__}: {error}")
 
@@ -258,7 +260,7 @@ class Pipeline:
         return result
 
     def _started(self) -> Run:
-        with self._lock:
+        with self._lock, shielded():  # a run that has begun is one that can be ended
             if self._run is None:
                 self._run = self._new_run()
                 self.parts.call_hook("trailmark_run_started", run=self)

@@ -16,9 +16,11 @@ from trailmark.errors import RunError, TrailmarkError
 from trailmark.estimates import EstimateRecord, Lost
 from trailmark.frames import Frame, SensorInfo
 from trailmark.interfaces import RunEnd, Sink
+from trailmark.interruption import FINISH_S, KEEP_S, STEP_S, STOP_S, asked, reason_of, shielded
 from trailmark.pipeline.ending import Ending
 from trailmark.pipeline.hangs import HangWatch
 from trailmark.pipeline.instruments import Instruments, peak_rss_mb
+from trailmark.pipeline.lifeline import RunLifeline
 from trailmark.pipeline.localizers import LocalizerFailedError, LocalizerRunner, ObserveResult
 from trailmark.pipeline.outputs.fanout import SinkFanout
 from trailmark.pipeline.outputs.result import RunResult, Status, Step
@@ -33,12 +35,9 @@ if TYPE_CHECKING:
     from trailmark.pipeline.outputs.recorder import Recorder
     from trailmark.pipeline.sources.realtime import Event
 
-__all__ = ["CTRL_C", "Run"]
+__all__ = ["Run"]
 
 logger = logging.getLogger(__name__)
-
-#: Reason of a run that the user ended.
-CTRL_C = "interrupted by the user"
 
 _FOLD_EVERY = 4096  # frames
 
@@ -89,7 +88,8 @@ class Run:
         on_end: Callable[[RunResult], None],
     ) -> None:
         self.result: RunResult | None = None
-        self.running = running = start_parts(parts, pushed, instruments)
+        with shielded(0.0):  # devices that do not answer are not waited for
+            self.running = running = start_parts(parts, pushed, instruments)
         self._parts = running.parts
         self._taught = running.taught
         self._teaching = None if running.taught is None else running.taught.teaching
@@ -106,14 +106,19 @@ class Run:
             nullcontext() if self._parts.is_realtime else self._hangs
         )  # in real time frames are awaited
         self._n_frames = 0
+        self._began_s = perf_counter()
+        self._lifeline = RunLifeline(self._control, recorder, self._conclude_as_it_stands)
         try:
             self._tracks = Tracks((localizer.name for localizer in running.localizers), running.session)
             sinks: dict[str, Sink] = {**self._parts.sinks, "tracks": self._tracks}
+            self._lifeline.__enter__()
             if recorder is not None:
                 recorder.open(self._parts.document, running.sensors)
                 sinks["recorder"] = recorder
             self._sinks = SinkFanout(sinks, instruments.times)
+            self._watch()
         except BaseException:
+            self._lifeline.__exit__(None, None, None)
             running.closing.close()
             raise
         self._began_s = perf_counter()
@@ -124,16 +129,22 @@ class Run:
         """Take the next frame through all parts; None when the run is over."""
         if self.result is not None:
             return None
+        step: Step | None = None
         try:
-            with self._source_watch:
-                event = next(self._events, None)
-            if event is not None:
-                with self._hangs:
-                    return self._process(event)
-            self.end("done")
+            with shielded(STEP_S):
+                with self._source_watch:
+                    event = next(self._events, None)
+                if event is None:
+                    self.end("done")
+                else:
+                    with self._hangs:
+                        step = self._process(event)
+            if (interrupted := asked()) is not None:
+                raise interrupted
         except BaseException as error:
             self._end_by(error)
-        return None
+            return None
+        return step
 
     def push(self, frame: Frame) -> Step | None:
         """Take a frame from elsewhere through all parts; None if it repeats the stamp of its sensor."""
@@ -171,6 +182,7 @@ class Run:
             if self._teaching is not None:
                 self._teaching.on_belief(belief)
         command = self._control.step(belief)
+        self._clock.beat()
         if command is not None:
             self._sinks.tell(Sink.on_command, now_s, command)
         if isinstance(command, Stop):
@@ -229,6 +241,15 @@ class Run:
         else:
             yield from held_to_stamps(merged(parts.sources), self._clock, lambda: control.due_s)
 
+    def _watch(self) -> None:
+        """Let the watchdog look after the loop, where it drives a robot in real time."""
+        stall_s = self._parts.settings.stop_when.stall_s
+        if self._parts.is_realtime and stall_s is not None:
+            watchdog = self._control.new_watchdog(self._clock, stall_s)
+            if watchdog is not None:
+                self.running.closing.callback(watchdog.close)
+                watchdog.start()
+
     # --- failures --------------------------------------------------------------------------------------------------
 
     def _on_failure(self, localizer: LocalizerRunner, error: LocalizerFailedError) -> None:
@@ -253,7 +274,7 @@ class Run:
     def _end_by(self, error: BaseException) -> None:
         """End the run by what was raised in its loop, and raise that again unless the user interrupted the run."""
         if isinstance(error, KeyboardInterrupt):
-            self.end("interrupted", CTRL_C)
+            self.end("interrupted", reason_of(error))
             return
         self.end("failed", str(error))
         raise error
@@ -283,17 +304,26 @@ class Run:
         """
         if self.result is not None:
             return
-        self._hangs.close()  # to finish takes its time
+        with shielded():
+            try:
+                self._hangs.close()  # to finish takes its time
+                self._end(status, reason)
+            finally:
+                self._lifeline.__exit__(None, None, None)
+
+    def _end(self, status: Status, reason: str) -> None:
+        """Take the steps of the end; none that hangs is waited for when the program was told to end."""
         ending = Ending(status, reason, self._spared_parts())
-        ending.attempt(lambda: self._control.drive(Stop(reason or status)))
+        ending.attempt(lambda: self._control.stop_for_good(reason or status), STOP_S)
         if status != "failed":
-            ending.attempt(self._finish)
+            ending.attempt(self._finish, FINISH_S)
         own = {prefix: ending.attempt(ask) or {} for prefix, ask in self.running.own_counters()}
-        self.result = self._conclude(ending, self._counters.merged(own))
+        with shielded(KEEP_S):
+            self.result = self._conclude(ending.status, ending.reason, self._counters.merged(own))
         for tell in self._sinks.on_end(RunEnd(ending.status, ending.reason, self.result.counters)):
             ending.attempt(tell)
         self._write(ending)
-        ending.attempt(self.running.closing.close)
+        ending.attempt(self.running.closing.close, math.inf)
         for error in self.running.not_closed:
             ending.fail(error)
         ending.attempt(self._events.close)
@@ -315,12 +345,12 @@ class Run:
         """Write the run's folder, if there is one."""
         recorder, result = self._recorder, self.result
         if recorder is not None and result is not None:
-            ending.attempt(lambda: recorder.write(result))
+            ending.attempt(lambda: recorder.write(result), KEEP_S)
 
     def _write_status(self, ending: Ending) -> None:
         recorder, result = self._recorder, self.result
         if recorder is not None and result is not None:
-            ending.attempt(lambda: recorder.write_status(result))
+            ending.attempt(lambda: recorder.write_status(result), KEEP_S)
 
     def _spared_parts(self) -> frozenset[str]:
         """Return the localizers whose failure ends no run."""
@@ -343,10 +373,14 @@ class Run:
                 except LocalizerFailedError as error:
                     self._on_failure(localizer, error)
 
-    def _conclude(self, ending: Ending, counters: Mapping[str, int]) -> RunResult:
+    def _conclude_as_it_stands(self, reason: str) -> RunResult:
+        """Return the result for a run that cannot end in order; its parts are not asked, one of them may hang."""
+        return self._conclude("interrupted", reason, self._counters.merged({}))
+
+    def _conclude(self, status: Status, reason: str, counters: Mapping[str, int]) -> RunResult:
         return RunResult(
-            status=ending.status,
-            reason=ending.reason,
+            status=status,
+            reason=reason,
             counters=counters,
             trajectories=self._tracks.trajectories(),
             ground_truth=ground_truth_of(self._parts.sources),

@@ -24,6 +24,7 @@ from trailmark.pipeline.lifecycle import PartStarter, Sessions
 from trailmark.pipeline.localizers import LocalizerRunner, new_runner
 from trailmark.pipeline.localizers.estimator import EstimatorRunner
 from trailmark.pipeline.parts import LocalizerPart, Parts
+from trailmark.pipeline.robot import Robot
 from trailmark.pipeline.sources.stream import corrected_sensors
 
 if TYPE_CHECKING:
@@ -231,7 +232,7 @@ def _start_control(parts: Parts, sessions: Sessions, starter: PartStarter, instr
             check_commands(controller, robot)
         starter.start("controller", controller, sessions.session_of("controller", "controller"))
     guard = Guard(StopWhen() if settings.mode == "teach" else settings.stop_when)
-    return Control(controller, robot, guard, settings.control_hz, instruments)
+    return Control(controller, None if robot is None else Robot(robot), guard, settings.control_hz, instruments)
 
 
 def _check_robot(parts: Parts, is_driven: bool) -> None:

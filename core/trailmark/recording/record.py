@@ -8,6 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from trailmark.config import RunConfig
+from trailmark.interruption import KEEP_S, shielded
 from trailmark.pipeline import Pipeline, Step
 from trailmark.recording.dataset import DatasetWriter
 
@@ -73,7 +74,9 @@ def record_sources(
                     writer.write(step.frame)
                 on_step(pipeline, step)
         finally:
-            pipeline.close()
-            writer.close(pipeline.result.ground_truth)
+            with shielded():
+                pipeline.close()
+            with shielded(KEEP_S):
+                writer.close(pipeline.result.ground_truth)
     dropped = sum(n for name, n in pipeline.counters.items() if name.endswith(".dropped"))
     return Recording(pipeline.result.status, MappingProxyType(dict(writer.counts)), writer.playable, dropped)

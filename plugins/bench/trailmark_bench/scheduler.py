@@ -9,6 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 
 from trailmark.errors import ConfigError, DataError
+from trailmark.interruption import TELL_S, shielded
 from trailmark.isolation.executor import Executor, ExecutorLostError, Finished, Job
 from trailmark_bench.board import CellBoard
 from trailmark_bench.cell import UNSUCCESSFUL, Cell
@@ -149,10 +150,11 @@ class _BenchRound:
                 except ExecutorLostError as error:
                     self._start_again(error, time.monotonic() + patience_s)
         finally:
-            self._executor.close()
-            self._folders.clear_workspace()
-            with suppress(DataError):
-                self._board.release()
+            with shielded(TELL_S):
+                self._executor.close()
+                self._folders.clear_workspace()
+                with suppress(DataError):
+                    self._board.release()
 
     def _step(self) -> None:
         """Start cells while there are places, and keep what those that have ended left."""

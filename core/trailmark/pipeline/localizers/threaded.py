@@ -12,6 +12,7 @@ from trailmark.errors import RunError
 from trailmark.estimates import Belief
 from trailmark.frames import Frame, SensorInfo
 from trailmark.interfaces import Session
+from trailmark.interruption import join
 from trailmark.pipeline.instruments import Instruments
 from trailmark.pipeline.localizers.mailbox import Mailbox
 from trailmark.pipeline.localizers.runner import LocalizerFailedError, LocalizerRunner, ObserveResult
@@ -95,7 +96,7 @@ class ThreadedRunner(LocalizerRunner):
             self._changed.notify_all()
             patience_s = 0.0 if self._has_given_up else _PATIENCE_S
         if self._thread is not None and self._thread is not threading.current_thread():
-            self._thread.join(patience_s)
+            join(self._thread, patience_s)
 
     def _give_up(self, how_long: str) -> None:
         """Take a call that does not come back for a failure; its thread is left behind."""

@@ -9,7 +9,7 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from time import perf_counter
-from typing import Any, TextIO
+from typing import Any
 
 from trailmark.errors import RunError
 from trailmark.estimates import EstimateRecord, Fix, Lost, Motion, PathOffset
@@ -19,9 +19,10 @@ from trailmark.geometry import Trajectory
 from trailmark.geometry.tum import tum_text
 from trailmark.interfaces import Sink
 from trailmark.pipeline.outputs.provenance import provenance
-from trailmark.pipeline.outputs.result import RunResult
+from trailmark.pipeline.outputs.result import RunResult, Status
 from trailmark.pipeline.outputs.run_folder import files_in
-from trailmark.pipeline.outputs.whole_files import cut_after_last_line, overwrite_in_place, write_whole
+from trailmark.pipeline.outputs.whole_files import cut_after_last_line, overwrite_in_place
+from trailmark.writing import WholeLines, write_whole
 
 __all__ = ["ESTIMATE_COLUMNS", "Recorder"]
 
@@ -56,10 +57,12 @@ class Recorder(Sink):
         self.folder = folder
         self._facts = dict(facts)
         self._config_dir = config_dir
-        self._estimates: TextIO | None = None
+        self._estimates: WholeLines | None = None
         self._about: dict[str, Any] = {}
         self._measured: dict[str, Any] = {}
         self._began_s = 0.0
+        #: Whether the end of the run stands in its folder.
+        self.is_written = False
 
     def open(self, document: Mapping[str, Any], sensors: Mapping[str, SensorInfo]) -> None:
         """Write config and provenance, and begin with the estimates."""
@@ -69,8 +72,8 @@ class Recorder(Sink):
         documents = {name: sensor_to_document(info) for name, info in sensors.items()}
         self._about = provenance(self._config_dir) | self._facts | {"sensors": documents}
         try:
-            (self.folder / "config.yaml").write_text(dump_yaml(dict(document)), encoding="utf-8")
-            self._estimates = (self.folder / "estimates.csv").open("w", encoding="utf-8", newline="")
+            write_whole(self.folder / "config.yaml", dump_yaml(dict(document)))
+            self._estimates = WholeLines(self.folder / "estimates.csv")
             self._rows = csv.writer(self._estimates, lineterminator="\n")
             self._rows.writerow(ESTIMATE_COLUMNS)
             about = _json(self._about | {"status": "running"})
@@ -118,6 +121,13 @@ class Recorder(Sink):
                     raise
         except OSError as error:
             raise _failure(self.folder, error) from error
+        self.is_written = True
+
+    def mark(self, status: Status, reason: str) -> None:
+        """Say in ``run.json`` how the run ended, for when there is no time for anything else."""
+        if self._estimates is not None:
+            self._estimates.flush()
+        self._write_json("run.json", self._about | {"status": status, "reason": reason} | self._measured)
 
     def close(self) -> None:
         """Close the table of estimates; where the last row could not be written whole, it ends with the one before."""

@@ -9,6 +9,7 @@ from datetime import datetime
 from pathlib import Path
 
 from trailmark.errors import ConfigError
+from trailmark.writing import DRAFTS
 
 __all__ = ["files_in", "link_latest", "new_folder", "prepared"]
 
@@ -75,3 +76,5 @@ def _clear(path: Path) -> None:
             shutil.rmtree(target)
         else:
             target.unlink(missing_ok=True)
+    for draft in path.glob(DRAFTS):
+        draft.unlink(missing_ok=True)

@@ -1,32 +1,15 @@
-"""Files that are whole or not there, also on a disk that is full."""
+"""Files of a run on a disk that is full."""
 
 from __future__ import annotations
 
 import os
-from contextlib import suppress
 from pathlib import Path
+
+from trailmark.writing import write_whole
 
 __all__ = ["cut_after_last_line", "overwrite_in_place", "write_whole"]
 
 _BLOCK = 1 << 16
-
-
-def write_whole(path: Path, text: str) -> None:
-    """Write a file beside its place and move it there: who reads it finds the old one or the new one.
-
-    Raises
-    ------
-    OSError
-        If it cannot be written; what stood there stands there still, and no space is taken.
-    """
-    draft = path.with_name(f".{path.name}.part")
-    try:
-        draft.write_text(text, encoding="utf-8")
-        draft.replace(path)
-    except OSError:
-        with suppress(OSError):
-            draft.unlink(missing_ok=True)
-        raise
 
 
 def overwrite_in_place(path: Path, text: str) -> bool:

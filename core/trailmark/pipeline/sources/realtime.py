@@ -11,6 +11,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
 
 from trailmark.frames import Frame
+from trailmark.interruption import join
 from trailmark.pipeline.clock import RunClock
 from trailmark.pipeline.instruments import Counters
 from trailmark.pipeline.sources.ordering import StampOrder
@@ -118,7 +119,7 @@ class _Intake:
     def join(self) -> None:
         """Wait for the threads of sources that are closed; one that hangs is left behind."""
         for thread in self._threads:
-            thread.join(_PATIENCE_S)
+            join(thread, _PATIENCE_S)
 
     @property
     def is_over(self) -> bool:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import click
@@ -20,7 +21,6 @@ from trailmark.plugins import Plugins
 from trailmark_bench.cli.commands import RunOptions
 from trailmark_bench.cli.progress import BenchProgress, duration_text
 from trailmark_bench.cli.showing import show_states, show_tables
-from trailmark_bench.cli.signals import ended_by_signals
 from trailmark_bench.durations import estimated_s
 from trailmark_bench.index import INDEX_FILE, Index
 from trailmark_bench.matrix import Bench, load_bench
@@ -40,7 +40,7 @@ def list_bench(request: RunOptions, plugins: Plugins, chosen: ChosenPlugins) -> 
 
 def run_bench_command(request: RunOptions, plugins: Plugins, chosen: ChosenPlugins) -> None:
     """Run the cells of a bench that are missing, and tell what all of them say."""
-    with ended_by_signals(), Index(request.folder, write=True) as index:
+    with _saying_what_is_kept(), Index(request.folder, write=True) as index:
         cache = index.file_digests()
         bench = load(request, plugins, chosen, cache)
         index.keep_file_digests(cache)
@@ -53,6 +53,16 @@ def run_bench_command(request: RunOptions, plugins: Plugins, chosen: ChosenPlugi
     if lost:
         say(f"{len(lost)} cells are pending: what ran them was lost, more than once; the same command goes on")
         raise click.exceptions.Exit(1)
+
+
+@contextmanager
+def _saying_what_is_kept() -> Iterator[None]:
+    """Say what is left when the bench is told to end; its cells are killed then."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        say("interrupted: what is finished is kept; the same command goes on")
+        raise
 
 
 def load(request: RunOptions, plugins: Plugins, chosen: ChosenPlugins, cache: FileCache) -> Bench:

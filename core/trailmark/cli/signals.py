@@ -1,0 +1,250 @@
+"""The signals that end a command: the robot is stopped, the run ends in order, and after two seconds we have left.
+
+This is the one place of Trailmark that touches handlers of signals; `trailmark.cli.main` is the one that calls it.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from types import FrameType
+from typing import Any
+
+from trailmark import interruption
+from trailmark.interruption import Interrupted, Lifeline
+
+__all__ = ["HeardSignals", "heard_signals"]
+
+# Windows has SIGINT, SIGTERM and SIGBREAK; nobody has tried it there.
+_NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGBREAK")
+
+# The process is gone two seconds after the signal; so much of it is for leaving [s].
+_DEADLINE_S = 1.4
+# `timeout`, and a shell that loses its terminal, send the same signal twice at once: that is one wish [s].
+_SAME_WISH_S = 0.2
+# For writing what is known when the run itself does not come to it [s].
+_LAST_WORDS_S = 0.4
+_MARK_S = 0.2
+
+_NUDGE_S = 0.05
+
+_HAS_TIMERS = hasattr(signal, "setitimer")  # not on Windows
+
+_listening: list[HeardSignals] = []
+
+
+@contextmanager
+def heard_signals(*, is_whole_program: bool) -> Iterator[HeardSignals]:
+    """Let the signals end what goes on here; the handlers are as before afterwards.
+
+    A signal that is ignored, as a hang-up under ``nohup``, stays so. In another thread than the main one, where
+    handlers cannot be set, nothing is changed.
+
+    Parameters
+    ----------
+    is_whole_program : bool
+        Whether the process ends with what goes on here; otherwise nobody leaves it any more afterwards.
+    """
+    heard = HeardSignals(is_whole_program)
+    if threading.current_thread() is not threading.main_thread():
+        yield heard
+        return
+    interruption.forget()
+    heard.listen()
+    try:
+        yield heard
+    except Interrupted:  # raised when everything had been said already
+        pass
+    finally:
+        heard.stop_listening()
+
+
+class HeardSignals:
+    """What was heard. The handlers raise `Interrupted` in the main thread, when it is time; a thread sees to the rest.
+
+    The thread hears of a signal even while the main thread is in native code: the system writes the signal's number
+    into a pipe (`signal.set_wakeup_fd`).
+    """
+
+    def __init__(self, is_whole_program: bool) -> None:
+        self._is_whole_program = is_whole_program
+        self._numbers = frozenset[int]()
+        self._before: dict[int, Any] = {}
+        self._wakeup_before = self._reader = self._writer = -1
+        self._first: Interrupted | None = None
+        self._is_done = False
+        self._terminal: Any = None
+        self._leaving = threading.Lock()
+
+    @property
+    def exit_code(self) -> int | None:
+        """128 and the number of the first signal; None: there was none."""
+        by = interruption.asked() or self._first
+        return None if by is None else 128 + by.number
+
+    def listen(self) -> None:
+        """Set the handlers of the signals that nobody ignores or handles elsewhere."""
+        known = [getattr(signal, name) for name in _NAMES if hasattr(signal, name)]
+        self._numbers = frozenset(int(n) for n in known if signal.getsignal(n) not in (signal.SIG_IGN, None))
+        self._terminal = _terminal_settings()
+        self._reader, self._writer = os.pipe()
+        os.set_blocking(self._writer, False)
+        self._wakeup_before = signal.set_wakeup_fd(self._writer, warn_on_full_buffer=False)
+        self._before = {number: signal.signal(number, self._handle) for number in self._numbers}
+        _listening.append(self)
+        threading.Thread(target=self._listen, name="signals", daemon=True).start()
+
+    def stop_listening(self) -> None:
+        """Set the handlers to what they were.
+
+        When the program is to end and does with what went on here, a second signal, and what keeps it from ending, are
+        still seen to.
+        """
+        self._is_done = True
+        is_to_end = self.exit_code is not None
+        if (by := interruption.asked()) is not None:
+            _each(_write, interruption.reason_of(by))  # of a run that was cut off between its beginning and its end
+        if is_to_end and _HAS_TIMERS:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+        if is_to_end and self._is_whole_program:
+            for number in self._numbers:
+                signal.signal(number, _ignore)
+            with suppress(OSError, ValueError):  # nobody reads it any more
+                sys.stdout.flush()
+            return
+        self._first = interruption.asked()
+        interruption.forget()
+        self.let_go()
+        os.close(self._writer)  # ends the thread
+        self._writer = -1
+
+    def let_go(self) -> None:
+        """Set the handlers to what they were, and nothing else."""
+        _listening.remove(self)
+        signal.set_wakeup_fd(self._wakeup_before)
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    # --- in the main thread ----------------------------------------------------------------------------------------
+
+    def _handle(self, number: int, frame: FrameType | None) -> None:
+        by = interruption.ask_to_end(number)
+        if _HAS_TIMERS and signal.SIGALRM not in self._before:
+            self._before[signal.SIGALRM] = signal.signal(signal.SIGALRM, self._nudge)
+            signal.setitimer(signal.ITIMER_REAL, _NUDGE_S, _NUDGE_S)
+        if interruption.is_due():
+            raise by
+
+    def _nudge(self, number: int, frame: FrameType | None) -> None:
+        by = interruption.asked()
+        if by is not None and interruption.is_due():
+            raise by
+
+    # --- in the thread ---------------------------------------------------------------------------------------------
+
+    def _listen(self) -> None:
+        """Hear the first signal, and then the second."""
+        if self._next_signal() is None:
+            return
+        first = interruption.asked()
+        assert first is not None
+        heard_s = time.monotonic()
+        reason = interruption.reason_of(first)
+        threading.Thread(target=_each, args=(_stop, reason), name="stop", daemon=True).start()
+        threading.Thread(target=self._leave_when_late, args=(reason,), name="deadline", daemon=True).start()
+        while self._next_signal() is not None:
+            if time.monotonic() - heard_s > _SAME_WISH_S:
+                self._leave(reason, "left at the second signal", _mark, _MARK_S)
+
+    def _next_signal(self) -> int | None:
+        """Wait for a signal that ends us; None: nobody listens any more."""
+        while True:
+            heard = os.read(self._reader, 1)
+            if not heard:
+                os.close(self._reader)
+                return None
+            if heard[0] in self._numbers:
+                interruption.ask_to_end(heard[0])
+                return heard[0]
+
+    def _leave_when_late(self, reason: str) -> None:
+        time.sleep(_DEADLINE_S)
+        while interruption.is_kept() and interruption.asked_since_s() < interruption.KEEP_S:
+            time.sleep(_NUDGE_S)
+        if self._writer >= 0:
+            self._leave(
+                reason, "not everything came to its end in time; what is known was written", _write, _LAST_WORDS_S
+            )
+
+    def _leave(self, reason: str, words: str, last: Callable[[Lifeline, str], None], limit_s: float) -> None:
+        """End the process here and now."""
+        if not self._leaving.acquire(blocking=False):
+            return
+        worker = threading.Thread(target=_each, args=(last, reason), name="last words", daemon=True)
+        worker.start()
+        worker.join(limit_s)
+        _give_terminal_back(self._terminal)
+        if not self._is_done:
+            with suppress(OSError):
+                os.write(2, f"trailmark: {reason}: {words}\n".encode())
+        os._exit(self.exit_code or 1)
+
+
+def _ignore(number: int, frame: FrameType | None) -> None:
+    """Do nothing in the main thread."""
+
+
+def _let_go_in_child() -> None:
+    """Let a process that was forked from this one be ended as any other."""
+    for heard in _listening:
+        heard.let_go()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_let_go_in_child)
+
+
+def _each(call: Callable[[Lifeline, str], None], reason: str) -> None:
+    for lifeline in interruption.lifelines():
+        call(lifeline, reason)
+
+
+def _stop(lifeline: Lifeline, reason: str) -> None:
+    lifeline.stop(reason)
+
+
+def _mark(lifeline: Lifeline, reason: str) -> None:
+    lifeline.mark(reason)
+
+
+def _write(lifeline: Lifeline, reason: str) -> None:
+    lifeline.stop(reason)
+    lifeline.mark(reason)
+    lifeline.write(reason)
+
+
+def _terminal_settings() -> Any:
+    """Return how the terminal is set, where there is one that is ours."""
+    with suppress(OSError, ValueError, ImportError, AttributeError):  # no standard input, or not such a system
+        import termios
+
+        if os.tcgetpgrp(0) == os.getpgrp():
+            return termios.tcgetattr(0)
+    return None
+
+
+def _give_terminal_back(settings: Any) -> None:
+    """Let the terminal be as it was: a progress bar hides the cursor, and driving with keys takes the echo away."""
+    if settings is None:
+        return
+    import termios
+
+    with suppress(OSError, termios.error):
+        if os.isatty(2):
+            os.write(2, b"\x1b[?25h\r")
+        termios.tcsetattr(0, termios.TCSADRAIN, settings)

@@ -1,0 +1,211 @@
+"""How a program that a signal has told to end comes to its end: what is cut off, what may finish, who stops the robot.
+
+Nothing here touches a signal's handler. The command line has handlers (`trailmark.cli.signals`) and says here when it
+was told to end; in a program of a user's own nobody says so, and everything below has no effect.
+
+`Interrupted` is raised in the main thread, wherever it is, except inside of ``with shielded(patience_s)``: there not
+before so much time has gone since the signal. What hangs is not waited for: two seconds after the signal the program
+leaves, and every `Lifeline` stops its robot and writes what is known.
+"""
+
+from __future__ import annotations
+
+import math
+import signal
+import threading
+import time
+from abc import ABC, abstractmethod
+from types import TracebackType
+from typing import Self
+
+__all__ = [
+    "CLOSE_S",
+    "FINISH_S",
+    "KEEP_S",
+    "STEP_S",
+    "STOP_S",
+    "TELL_S",
+    "Interrupted",
+    "Lifeline",
+    "ask_to_end",
+    "asked",
+    "asked_since_s",
+    "forget",
+    "is_due",
+    "is_kept",
+    "join",
+    "lifelines",
+    "patience_s",
+    "reason_of",
+    "shielded",
+]
+
+# What may go on for how long after the signal; the program is gone after two seconds [s].
+#: A command to stop.
+STOP_S = 0.4
+#: A step of the loop, so that it mostly ends between two frames.
+STEP_S = 0.2
+#: What localizers still have in work, and what they do when teaching ends.
+FINISH_S = 0.6
+#: Closing a part.
+CLOSE_S = 0.9
+#: Metrics, and the words at the end.
+TELL_S = 1.1
+#: Writing what is known: the only thing that is waited for beyond the two seconds.
+KEEP_S = 10.0
+
+# After it was raised, what unwinds has this long before it is raised again: somebody may have caught and dropped it.
+_REPEAT_S = 0.7
+
+# A request is heard so soon by whoever waits [s].
+_SLICE_S = 0.05
+
+
+class Interrupted(KeyboardInterrupt):
+    """A signal told the program to end.
+
+    Parameters
+    ----------
+    number : int
+        Of the signal.
+    """
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.number = number
+
+    def __str__(self) -> str:
+        return signal.Signals(self.number).name
+
+
+class Lifeline(ABC):
+    """Stops a robot and keeps what is known when the program cannot end in order; called from another thread."""
+
+    @abstractmethod
+    def stop(self, reason: str) -> None:
+        """Stop the robot, if there is one that moves."""
+
+    @abstractmethod
+    def mark(self, reason: str) -> None:
+        """Write in an instant that this was interrupted."""
+
+    @abstractmethod
+    def write(self, reason: str) -> None:
+        """Write what is known; there is about a second for it."""
+
+    def __enter__(self) -> Self:
+        _lifelines.append(self)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        if self in _lifelines:
+            _lifelines.remove(self)
+
+
+class _Request:
+    """The one request to end."""
+
+    def __init__(self) -> None:
+        self.by: Interrupted | None = None
+        self.at_s = math.inf
+        self.raised_s = -math.inf
+        self.patience_s = 0.0
+
+
+_request = _Request()
+_lifelines: list[Lifeline] = []
+_main_ident = threading.main_thread().ident
+
+
+def ask_to_end(number: int) -> Interrupted:
+    """Take note that a signal told the program to end; the first one counts. Any thread."""
+    if _request.by is None:
+        _request.at_s = time.monotonic()
+        _request.by = Interrupted(number)
+    return _request.by
+
+
+def forget() -> None:
+    """Begin anew, without a request."""
+    _request.__init__()  # type: ignore[misc]  # a new one in its place: others hold it
+
+
+def asked() -> Interrupted | None:
+    """Return the signal that told the program to end; None: nobody has."""
+    return _request.by
+
+
+def asked_since_s() -> float:
+    """Return how long ago the program was told to end; ``-inf``: it was not [s]."""
+    return -math.inf if _request.by is None else time.monotonic() - _request.at_s
+
+
+def is_due() -> bool:
+    """Return whether `Interrupted` is to be raised in the main thread now, and take note that it is."""
+    since_s = asked_since_s()
+    if since_s < _request.patience_s or since_s - _request.raised_s < _REPEAT_S:
+        return False
+    _request.raised_s = since_s
+    return True
+
+
+def is_kept() -> bool:
+    """Return whether the main thread writes what is known, which is not cut off."""
+    return _request.patience_s == KEEP_S
+
+
+def lifelines() -> list[Lifeline]:
+    """Return those of the runs that are going on."""
+    return list(_lifelines)
+
+
+def patience_s(limit_s: float, until_s: float = CLOSE_S) -> float:
+    """Return how long to wait for somebody else: `limit_s`, or what is left until `until_s` after the request [s]."""
+    since_s = asked_since_s()
+    return limit_s if since_s < 0 else max(0.0, min(limit_s, until_s - since_s))
+
+
+def join(thread: threading.Thread, limit_s: float) -> None:
+    """Wait for a thread to end, but not beyond what `patience_s` allows."""
+    until_s = time.monotonic() + limit_s
+    while thread.is_alive():
+        left_s = min(until_s - time.monotonic(), patience_s(math.inf))
+        if left_s <= 0.0:
+            return
+        thread.join(min(left_s, _SLICE_S))
+
+
+def reason_of(error: KeyboardInterrupt) -> str:
+    """Return why a run was interrupted, in words."""
+    if not isinstance(error, Interrupted):
+        return "interrupted by the user"
+    return f"interrupted by the user ({error})" if error.number == signal.SIGINT else f"interrupted by {error}"
+
+
+class shielded:
+    """Lets what stands inside go on for a while after the program was told to end; ``inf``: as long as the program.
+
+    The innermost one counts. In other threads than the main one it has no effect: nothing is raised there.
+
+    Parameters
+    ----------
+    patience_s : float
+        Time since the request [s].
+    """
+
+    __slots__ = ("_outer_s", "_patience_s")
+
+    def __init__(self, patience_s: float = math.inf) -> None:
+        self._patience_s = patience_s
+
+    def __enter__(self) -> None:
+        if threading.get_ident() == _main_ident:
+            self._outer_s, _request.patience_s = _request.patience_s, self._patience_s
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        if threading.get_ident() == _main_ident:
+            _request.patience_s = self._outer_s

@@ -1,0 +1,58 @@
+"""What is left to do for a run that cannot end in order: its robot is stopped, and what is known is written."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from trailmark.errors import TrailmarkError
+from trailmark.interruption import Lifeline
+from trailmark.pipeline.control import Control
+from trailmark.pipeline.outputs.result import RunResult
+
+if TYPE_CHECKING:
+    from trailmark.pipeline.outputs.recorder import Recorder
+
+__all__ = ["RunLifeline"]
+
+logger = logging.getLogger(__name__)
+
+
+class RunLifeline(Lifeline):
+    """Acts for a run from another thread, while the run itself may stand anywhere.
+
+    Parameters
+    ----------
+    control : Control
+        Has the robot.
+    recorder : Recorder or None
+        Has the folder.
+    conclude : callable
+        Returns the result of the run as it stands, given the reason of its end.
+    """
+
+    def __init__(self, control: Control, recorder: Recorder | None, conclude: Callable[[str], RunResult]) -> None:
+        self._control = control
+        self._recorder = recorder
+        self._conclude = conclude
+
+    def stop(self, reason: str) -> None:
+        """Stop the robot."""
+        try:
+            self._control.stop_for_good(reason)
+        except TrailmarkError as error:
+            logger.warning("%s", error)
+
+    def mark(self, reason: str) -> None:
+        """Let ``run.json`` say that the run was interrupted, unless the run has written its end itself."""
+        if self._recorder is not None and not self._recorder.is_written:
+            with suppress(Exception):  # nobody is left who could do something about it
+                self._recorder.mark("interrupted", reason)
+
+    def write(self, reason: str) -> None:
+        """Write trajectories, times and counts as they stand."""
+        if self._recorder is not None and not self._recorder.is_written:
+            with suppress(Exception):  # the run may stand in the middle of a row
+                self._recorder.write(self._conclude(reason))
