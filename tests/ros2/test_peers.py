@@ -88,7 +88,9 @@ def test_sensors_in_and_beliefs_out(domain, new_peer) -> None:
     for sensor in RATES_HZ:
         stamps_s = [step.frame.stamp_s for step in steps if step.frame.sensor == sensor]
         sent = [stamp_s for stamp_s in said["sent_s"][sensor] if stamps_s[0] - 1e-4 < stamp_s < stamps_s[-1] + 1e-4]
-        assert len(stamps_s) >= 0.95 * len(sent), f"{sensor}: {len(stamps_s)} of {len(sent)}"  # all on an idle machine
+        # All, on an idle machine; of pictures that come too fast for a busy one the run drops the older.
+        least = 0.5 if sensor == "front" else 0.95
+        assert len(stamps_s) >= least * len(sent), f"{sensor}: {len(stamps_s)} of {len(sent)}"
     assert len(said["ages_s"]) >= 0.95 * counters["frames"]
     assert np.median(said["ages_s"]) < 0.1  # 4 ms on an idle machine
     np.testing.assert_allclose(said["last_pose"][0], steps[-1].belief.pose_map_base.x, atol=0.05)
@@ -126,18 +128,16 @@ def test_a_node_that_dies_and_comes_back_goes_on(domain, new_peer) -> None:
 
 def write_driving_config(path: Path, domain: int) -> Path:
     """Write a config that drives towards a goal far away."""
-    path.write_text(
-        json.dumps(
-            config_of(domain, {"wheels": "/odom"}, command="/cmd_vel")
-            | {"controller": {"plugin": "goal_seeking", "goal": [1000.0, 0.0], "way": "straight"}}
-        )
-    )
+    config = config_of(domain, {"wheels": "/odom", "place": "/place"}, command="/cmd_vel")
+    config["localizers"]["place"] = {"plugin": "pose_fixes"}
+    config["controller"] = {"plugin": "goal_seeking", "goal": [1000.0, 0.0], "way": "straight"}
+    path.write_text(json.dumps(config))
     return path
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_program_that_is_told_to_go_stops_the_robot(domain, robot, new_peer, tmp_path, wait_for, number) -> None:
-    peer = new_peer(rates_hz={"wheels": 50})
+    peer = new_peer(rates_hz={"wheels": 50, "place": 10})
     config = write_driving_config(tmp_path / "drive.yaml", domain)
     command = [sys.executable, "-m", "trailmark.cli", "run", str(config), "--out", str(tmp_path / "run"), "--no-report"]
     heard = robot.hear("/cmd_vel", "geometry_msgs/msg/Twist")
@@ -157,5 +157,6 @@ def test_a_program_that_is_told_to_go_stops_the_robot(domain, robot, new_peer, t
     stops = [stamp_s for stamp_s, speed in twists if speed == 0.0 and stamp_s > told_s]
     assert moving, run.stderr.read()
     assert stops, "no zero velocity was heard"
-    assert max(moving) < stops[0] < told_s + 0.3
+    busy = max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
+    assert max(moving) < stops[0] < told_s + 0.3 * busy
     assert ended_s > stops[0]
