@@ -39,7 +39,7 @@ _ACCEPTED = Applied("accepted")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Anchor:
+class _PoseAnchor:
     """The pose after the last correction, and what odometry said there: later motion is carried on from here."""
 
     odom: OdomState
@@ -64,12 +64,12 @@ class _Anchor:
         return self.pose_map_base @ self.odom.pose_odom_base.between(odom.pose_odom_base)
 
 
-def _anchor_at(odom: OdomState, pose: Pose2, covariance: Sym3, is_measured: bool) -> _Anchor:
+def _anchor_at(odom: OdomState, pose: Pose2, covariance: Sym3, is_measured: bool) -> _PoseAnchor:
     turn = pose.theta - odom.pose_odom_base.theta
     cos, sin = math.cos(turn), math.sin(turn)
     x, y = odom.pose_odom_base.x, odom.pose_odom_base.y
-    spread = congruence(covariance, cos, -sin, y, -x)  # the inverse of what `_Anchor.pose_at` does
-    return _Anchor(odom, pose, excess=subtract(spread, odom.spread), is_measured=is_measured)
+    spread = congruence(covariance, cos, -sin, y, -x)  # the inverse of what `_PoseAnchor.pose_at` does
+    return _PoseAnchor(odom, pose, excess=subtract(spread, odom.spread), is_measured=is_measured)
 
 
 class DeadReckoning(Estimator):
@@ -93,7 +93,7 @@ class DeadReckoning(Estimator):
         self._path = session.path
         self._station_m: float | None = None
         self._chain = MotionChain(Twist2(drift_mps, drift_mps, drift_radps))
-        self._corrections: History[Correction, _Anchor] = History(
+        self._corrections: History[Correction, _PoseAnchor] = History(
             config.history_s, self._step, self._start_anchor(session.start_pose)
         )
         self._belief: Belief | None = None
@@ -159,10 +159,10 @@ class DeadReckoning(Estimator):
             stamp_s = self.belief().stamp_s
         return self.apply("set_pose", Fix(stamp_s, pose_map_base, information))
 
-    def _start_anchor(self, start_pose: Pose2 | None) -> _Anchor:
+    def _start_anchor(self, start_pose: Pose2 | None) -> _PoseAnchor:
         odom = OdomState(-math.inf)
         if start_pose is None:
-            return _Anchor(odom, None)
+            return _PoseAnchor(odom, None)
         variance_m2 = self._config.start_sigma_m**2
         variance_rad2 = math.radians(self._config.start_sigma_deg) ** 2
         return _anchor_at(odom, start_pose, diagonal(variance_m2, variance_m2, variance_rad2), is_measured=False)
@@ -215,7 +215,7 @@ class DeadReckoning(Estimator):
         age_s = self._corrections.newest_s - estimate.stamp_s
         return Applied("late", f"{age_s:.3f} s old, the history reaches back {self._config.history_s:g} s")
 
-    def _step(self, anchor: _Anchor, stamp_s: float, correction: Correction) -> _Anchor:
+    def _step(self, anchor: _PoseAnchor, stamp_s: float, correction: Correction) -> _PoseAnchor:
         """Return the anchor after a correction: the step of the history."""
         odom = self._chain.at(stamp_s)
         corrected = correction.apply(anchor.pose_at(odom))

@@ -80,12 +80,6 @@ class RunEvaluation:
         """True when the numbers are errors; False when they are differences."""
         return self.reference == GROUND_TRUTH
 
-    def reference_trajectory(self) -> Trajectory | None:
-        """Return what the trajectories were compared with."""
-        if self.reference is None:
-            return None
-        return self.run.truth if self.has_truth else self.run.trajectories[self.reference]
-
 
 def evaluate_run(
     folder: str | Path,

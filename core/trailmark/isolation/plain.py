@@ -56,7 +56,7 @@ def from_plain_bytes(content: bytes, package: str, array: Callable[[Any], npt.ND
         If it is no such JSON, or names a class that has no place in it.
     """
     try:
-        return _Reader(package, array or _array).value(json.loads(content))
+        return _PlainDecoder(package, array or _array).value(json.loads(content))
     except (KeyError, TypeError, AttributeError, ImportError, OverflowError, MemoryError, RecursionError) as error:
         raise ValueError(f"{type(error).__name__}: {error}") from error
 
@@ -133,7 +133,7 @@ def _field_names(cls: type[Any]) -> set[str] | None:
     return {field.name for field in fields(cls)} if is_dataclass(cls) else None
 
 
-class _Reader:
+class _PlainDecoder:
     """Puts values together again, with the classes of a few packages."""
 
     def __init__(self, package: str, array: Callable[[Any], npt.NDArray[Any]]) -> None:

@@ -91,7 +91,7 @@ class IsolatedProcess:
             tree.kill()
         tail = ErrorTail(process.stderr.fileno())
         limits = LimitWatch(self._request["limits"], self._folder, tree)
-        with closing(_Waiter(process.pid, tail)) as waiter:
+        with closing(_ExitWaiter(process.pid, tail)) as waiter:
             verdict = self._watch(waiter, limits, tree)
         _, status, usage = os.wait4(process.pid, 0)
         tree.kill()  # what it has started and left behind
@@ -143,7 +143,7 @@ class IsolatedProcess:
             start_new_session=True,  # Ctrl-C is for this process; and what that one starts can be ended with it
         )
 
-    def _watch(self, waiter: _Waiter, limits: LimitWatch, tree: ProcessTree) -> tuple[str, str] | None:
+    def _watch(self, waiter: _ExitWaiter, limits: LimitWatch, tree: ProcessTree) -> tuple[str, str] | None:
         """Wait until the process has ended; return state and reason if it had to be ended."""
         limit_s = float(self._request["limits"]["timeout_s"])
         until_s = time.monotonic() + limit_s
@@ -161,7 +161,7 @@ class IsolatedProcess:
         return None
 
 
-class _Waiter:
+class _ExitWaiter:
     """Waits for the end of a process, and reads meanwhile what it says."""
 
     def __init__(self, pid: int, tail: ErrorTail) -> None:

@@ -78,7 +78,7 @@ class DifferenceWindow:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Picture:
+class _TimedPicture:
     stamp_s: float
     travelled_m: float
     odom_rad: float
@@ -105,18 +105,13 @@ class ImagePreprocessor:
         self._stream = ChangeStream(layout, config.window, config.threshold, config.average, config.keep_change_image)
         self._gate = TurnGate(math.radians(config.turn_limit_deg), config.window)
         self._middles = np.empty((config.window, 3))  # stamp, way and heading of each difference in the window
-        self._picture: _Picture | None = None
+        self._picture: _TimedPicture | None = None
         self._look: Look | None = None
         self._belief_turns = config.turn_source == "belief"
         self._n_looks = 0
         self._n_runs = 0
         self._is_turning = False
         self._heading_rad = 0.0
-
-    @property
-    def is_turning(self) -> bool:
-        """True in a turn that the stream cannot see through."""
-        return self._is_turning
 
     @property
     def are_turns_measured(self) -> bool:
@@ -138,7 +133,7 @@ class ImagePreprocessor:
         sums = self._stream.push(grey)
         profile = column_means(self._stream.newest, self._layout.area, self._layout.column_px)
         before = self._picture
-        now = self._picture = _Picture(stamp_s, belief.travelled_m, belief.pose_odom_base.theta, profile)
+        now = self._picture = _TimedPicture(stamp_s, belief.travelled_m, belief.pose_odom_base.theta, profile)
         if sums is None or before is None:
             return None
         step_rad = wrap_angle(now.odom_rad - before.odom_rad)
@@ -164,7 +159,7 @@ class ImagePreprocessor:
         """Return the change image of the window so far; see `ChangeStream.change_image`."""
         return self._stream.change_image()
 
-    def _turn(self, before: _Picture, now: _Picture, belief: Belief) -> float:
+    def _turn(self, before: _TimedPicture, now: _TimedPicture, belief: Belief) -> float:
         """Return the turn between two pictures, by the belief or by what they show [rad]."""
         config = self._config
         step_rad = wrap_angle(now.odom_rad - before.odom_rad)

@@ -49,7 +49,7 @@ def ground(context: click.Context, /, config: str, **options: Any) -> None:
     CONFIG is a config, a recording or `camera`. Every figure comes with its uncertainty (95 %). Writes the scale as a
     file that `sensors:` takes, and prints the mounting beside it.
     """
-    request = _Request(**options)
+    request = _GroundRequest(**options)
     _check(request)
     from trailmark.cli.errors import say
     from trailmark.cli.guess import guess_config, is_config
@@ -81,7 +81,7 @@ def ground(context: click.Context, /, config: str, **options: Any) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class _Request:
+class _GroundRequest:
     """The options of the command."""
 
     distances: tuple[float, ...]
@@ -96,7 +96,7 @@ class _Request:
     as_json: bool
 
 
-def _check(request: _Request) -> None:
+def _check(request: _GroundRequest) -> None:
     lengths = (*request.distances, *request.sideways, request.distance_sigma)
     if any(not length > 0.0 or not math.isfinite(length) for length in lengths):
         raise ConfigError("--distance, --sideways and --distance-sigma are lengths in metres, greater than 0")

@@ -120,7 +120,7 @@ def measured_candidates(keyframes: Sequence[Keyframe], n_longest: int) -> Candid
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Sighting:
+class _PointSighting:
     pose: Array
     bearing: float
     distance_px: float
@@ -128,15 +128,15 @@ class _Sighting:
     sign: int
 
 
-def _gather(keyframes: Sequence[Keyframe]) -> dict[int, list[_Sighting]]:
+def _gather(keyframes: Sequence[Keyframe]) -> dict[int, list[_PointSighting]]:
     """Return all sightings of every track, with the pose of the camera."""
-    seen: dict[int, list[_Sighting]] = defaultdict(list)
+    seen: dict[int, list[_PointSighting]] = defaultdict(list)
     for keyframe in keyframes:
         arrays = keyframe.arrays
         pose = (keyframe.pose_map_base @ Pose2.from_array(arrays["pose_base_camera"])).array()
         columns = (arrays["ids"], arrays["bearings"], arrays["distances_px"], arrays["descriptors"], arrays["sign"])
         for track_id, bearing, distance_px, descriptor, sign in zip(*columns):
-            seen[int(track_id)].append(_Sighting(pose, float(bearing), float(distance_px), descriptor, int(sign)))
+            seen[int(track_id)].append(_PointSighting(pose, float(bearing), float(distance_px), descriptor, int(sign)))
     return seen
 
 

@@ -54,7 +54,7 @@ def rgbd(context: click.Context, /, recording: str | None, **options: Any) -> No
     """
     from trailmark.cli.root import plugins_of
 
-    request = _Request(**options)
+    request = _RgbdRequest(**options)
     if request.out.exists() and not request.overwrite:
         raise ConfigError(f"{request.out} is there already; choose another --out, or --overwrite")
     if recording is not None and request.edges is None:
@@ -68,7 +68,7 @@ def rgbd(context: click.Context, /, recording: str | None, **options: Any) -> No
 
 
 @dataclass(frozen=True, slots=True)
-class _Request:
+class _RgbdRequest:
     """The options of the command."""
 
     out: Path
@@ -85,7 +85,7 @@ class _Request:
     overwrite: bool
 
 
-def _by_hand(edges: str, request: _Request) -> None:
+def _by_hand(edges: str, request: _RgbdRequest) -> None:
     from trailmark_kinect_landmarks.calibrating.crop_ratios import as_depth_camera
     from trailmark_kinect_landmarks.calibration import Crop
 
@@ -108,7 +108,7 @@ def _by_hand(edges: str, request: _Request) -> None:
     _write(as_depth_camera(crop, _lens(request.colour, colour_size), colour_size, depth_size), request.out)
 
 
-def _views(recording: str, plugins: Plugins, request: _Request) -> tuple[list[BoardView], tuple[Size, Size]]:
+def _views(recording: str, plugins: Plugins, request: _RgbdRequest) -> tuple[list[BoardView], tuple[Size, Size]]:
     """Return all views of the rectangle in a recording, and the sizes of both pictures."""
     from itertools import islice
 
@@ -139,7 +139,7 @@ def _views(recording: str, plugins: Plugins, request: _Request) -> tuple[list[Bo
 
 
 def _from_views(
-    views: Sequence[BoardView], sizes: tuple[Size, Size], sides: tuple[float, float] | None, request: _Request
+    views: Sequence[BoardView], sizes: tuple[Size, Size], sides: tuple[float, float] | None, request: _RgbdRequest
 ) -> None:
     from trailmark_kinect_landmarks.calibrating.crop_ratios import as_depth_camera, fit_crop
 
