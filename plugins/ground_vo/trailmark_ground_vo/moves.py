@@ -24,7 +24,7 @@ __all__ = [
     "Disagreement",
     "GroupMove",
     "MoveStrategy",
-    "Prediction",
+    "PredictedMove",
     "PyramidMove",
     "TwoViews",
     "WholePixelMove",
@@ -111,7 +111,7 @@ class Disagreement:
         )
 
 
-class Prediction(NamedTuple):
+class PredictedMove(NamedTuple):
     """Where a group is searched for: the shift of its centre [px] and its turn [rad]."""
 
     shift: tuple[float, float]
@@ -198,14 +198,14 @@ class MoveStrategy(ABC):
         """Choose what is remembered in a picture."""
         self._views.begin(picture, self._config.n_pixels)
 
-    def predict(self, last: ImageMotion, pace: float) -> Prediction:
+    def predict(self, last: ImageMotion, pace: float) -> PredictedMove:
         """Return where a group is searched for that moved by `last`, `pace` times as long ago."""
         # Differs from the paper: scaled by the time between pictures, so that a dropped one does not lose the track
         limit = self._max_shift_px
         u, v = (float(min(max(round(pace * part), -limit), limit)) for part in (last.u, last.v))
-        return Prediction((u, v))
+        return PredictedMove((u, v))
 
-    def find(self, viewpoint: Viewpoint, picture: SearchPicture, predicted: Prediction) -> GroupMatch:
+    def find(self, viewpoint: Viewpoint, picture: SearchPicture, predicted: PredictedMove) -> GroupMatch:
         """Search for a group around a predicted shift and turn."""
         return viewpoint.find(picture, predicted.shift, predicted.turn_rad)
 
@@ -255,6 +255,6 @@ class PyramidMove(WholePixelMove):
         half = half_picture(image)
         return SearchPicture(image, self._kernels.transpose(image), half, self._kernels.transpose(half))
 
-    def find(self, viewpoint: Viewpoint, picture: SearchPicture, predicted: Prediction) -> GroupMatch:
+    def find(self, viewpoint: Viewpoint, picture: SearchPicture, predicted: PredictedMove) -> GroupMatch:
         """Search at half resolution with every second turn, then finely around what was found."""
         return viewpoint.find_in_pyramid(picture, predicted.shift)

@@ -16,7 +16,7 @@ from trailmark_ground_vo.guarded_refinement import GuardedRefinement
 from trailmark_ground_vo.judging import MatchPair
 from trailmark_ground_vo.kernels import Kernels
 from trailmark_ground_vo.motion import ImageMotion
-from trailmark_ground_vo.moves import Disagreement, GroupMove, MoveStrategy, Prediction, TwoViews
+from trailmark_ground_vo.moves import Disagreement, GroupMove, MoveStrategy, PredictedMove, TwoViews
 from trailmark_ground_vo.refinement import Refinement
 from trailmark_ground_vo.uncertainty import drift_information, with_scatter
 from trailmark_ground_vo.viewpoint import SearchPicture
@@ -169,12 +169,12 @@ class GuardedMove(RefinedMove):
         assert picture.smoothed is not None
         self._agreement.begin(picture.smoothed)
 
-    def predict(self, last: ImageMotion, pace: float) -> Prediction:
+    def predict(self, last: ImageMotion, pace: float) -> PredictedMove:
         """Return where a group is searched for; turns are predicted where the search would not reach them."""
         # within half of its range the search needs no predicted turn, and has none, as in the paper
         turn_rad = pace * last.turn_rad
         is_far = abs(turn_rad) > self._most_turn_rad / 2
-        return Prediction(super().predict(last, pace).shift, turn_rad if is_far else 0.0)
+        return PredictedMove(super().predict(last, pace).shift, turn_rad if is_far else 0.0)
 
     def move(
         self, picture: SearchPicture, matches: MatchPair, guesses: Sequence[ImageMotion] = ()
