@@ -1,0 +1,173 @@
+"""What ground_map finds under the conditions of ground_conditions.py: right, or silent, never a wrong place.
+
+    python benchmarks/ground_map_conditions.py [--floors planks grass_1k] [--conditions nominal ...] [--searches 100]
+                                               [--taught clean same] [--seed 0] [--out FOLDER]
+
+A path of 2 m is taught, in good light (``clean``) or under the condition itself (``same``: the same dirt sticks to the
+lens when the path is taught). Then the robot is put down beside its places (8 mm and 1 deg, 1 sigma) with a belief
+that is wrong by as much, and each picture is searched once. One search in five looks at ground that was never taught.
+
+* found: right answers of the searches on taught ground; wrong: answers more than 5 mm or 1 deg off, or of other ground.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from ground_conditions import CASES, RATE_HZ, SCALE_M, SIZE, STEP_PX, Case, Weather, sensor
+from ground_scenes import data_folder, photographs
+
+from trailmark.arrays import Grey8
+from trailmark.estimates import Belief, Fix
+from trailmark.frames import Frame, Image
+from trailmark.geometry import Pose2
+from trailmark.interfaces import Session
+from trailmark.testing import MemoryMap
+from trailmark.testing.ground import GroundCamera, MirroredFloor
+from trailmark_ground_vo.config import GroundMapConfig
+from trailmark_ground_vo.map_localizer import GroundMap
+
+CONDITIONS = tuple(name for name in CASES if name not in ("rest", "fast", "lost_frames"))
+WAY_M, STEP_M, SPREAD_M, SPREAD_RAD = 2.0, 0.05, 8e-3, math.radians(1.0)
+WRONG_M, WRONG_RAD = 5e-3, math.radians(1.0)
+COUNTS = ("n_taught", "n_other", "found", "wrong")
+#: Where other ground lies: farther than the path is long, on the same photograph [m].
+OTHER_M = 3.37
+
+
+class Eye:
+    """The camera over a floor, under a condition."""
+
+    def __init__(self, floor: str, case: Case, seed: int) -> None:
+        texture = cv2.imread(str(data_folder() / f"{floor}.jpg"), cv2.IMREAD_GRAYSCALE)
+        self._ground = MirroredFloor(np.asarray(texture, np.uint8), SCALE_M)
+        self._camera = GroundCamera(SIZE, (SCALE_M, SCALE_M))
+        self._case, self._seed = case, seed
+        self._rng, self._index = np.random.default_rng([6, seed]), 0
+        self._memory: dict[str, Any] = {}
+
+    def see(self, pose: Pose2) -> Grey8:
+        """Return the picture from a pose of base."""
+        self._index += 1
+        fixed = np.random.default_rng([5, self._seed])
+        # half of the pictures lie in what the condition does to a part of the way
+        at = Weather(40 + self._index % 80, 160, self._rng, fixed, pose, STEP_PX, self._memory)
+        light = self._case.change(self._camera.view(self._ground, pose), at)
+        assert light is not None
+        noisy = light + np.float32(self._case.noise) * self._rng.standard_normal(light.shape, dtype=np.float32)
+        return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
+
+
+def path(seed: int) -> list[Pose2]:
+    """Return poses of base every 5 cm along a bend."""
+    rng = np.random.default_rng([7, seed])
+    start = Pose2(*rng.uniform(0.0, 1.0, 2).tolist(), float(rng.uniform(-math.pi, math.pi)))
+    return [start @ Pose2.exp(n * STEP_M, 0.0, n * STEP_M / 1.5) for n in range(round(WAY_M / STEP_M))]
+
+
+def taught(eye: Eye, poses: Sequence[Pose2]) -> MemoryMap:
+    """Teach a path with true poses."""
+    places, localizer = MemoryMap(), GroundMap(GroundMapConfig(camera="floor"))
+    localizer.start(Session(name="floor_map", mode="teach", sensors={"floor": sensor()}, map=places))
+    for index, pose in enumerate(poses):
+        frame = Frame("floor", index / RATE_HZ, Image(eye.see(pose)))
+        localizer.observe(frame, Belief(frame.stamp_s, pose_map_base=pose, travelled_m=index * STEP_M))
+    localizer.finish()
+    return places
+
+
+def searches(
+    eye: Eye, places: MemoryMap, poses: Sequence[Pose2], n_searches: int, seed: int
+) -> Iterator[tuple[bool, Pose2, Fix | None]]:
+    """Yield, for each search, whether the ground was taught, the true pose, and the answer."""
+    rng = np.random.default_rng([8, seed])
+    localizer = GroundMap(GroundMapConfig(camera="floor", max_attempts=1))
+    localizer.start(Session(name="floor_map", mode="replay", sensors={"floor": sensor()}, map=places))
+    for index in range(n_searches):
+        place = (7 * index + int(rng.integers(0, 7))) % len(poses)  # a place is tried once in a row
+        off, wrong = (
+            Pose2(*rng.normal(0.0, SPREAD_M, 2).tolist(), float(rng.normal(0.0, SPREAD_RAD))) for _ in range(2)
+        )
+        is_taught = index % 5 != 4
+        truth = poses[place] @ off
+        believed = truth @ wrong
+        there = truth if is_taught else Pose2(truth.x + OTHER_M, truth.y, truth.theta)
+        frame = Frame("floor", index / RATE_HZ, Image(eye.see(there)))
+        said = localizer.observe(frame, Belief(frame.stamp_s, pose_map_base=believed))
+        if said:  # else the belief is out of reach of every place
+            yield is_taught, truth, said[0] if isinstance(said[0], Fix) else None
+
+
+def measured(floor: str, condition: str, teaching: str, n_searches: int, seed: int) -> dict[str, Any]:
+    """Return how many searches were right, wrong and silent."""
+    poses, case = path(seed), CASES[condition]
+    places = taught(Eye(floor, CASES["nominal"] if teaching == "clean" else case, seed), poses)
+    row: dict[str, Any] = {"floor": floor, "condition": condition, "taught": teaching, "seed": seed}
+    row |= {"n_taught": 0, "found": 0, "n_other": 0, "wrong": 0, "worst_mm": 0.0}
+    for is_taught, truth, fix in searches(Eye(floor, case, seed), places, poses, n_searches, seed):
+        row["n_taught" if is_taught else "n_other"] += 1
+        if fix is None:
+            continue
+        error = truth.between(fix.pose_map_base)
+        is_right = is_taught and math.hypot(error.x, error.y) <= WRONG_M and abs(error.theta) <= WRONG_RAD
+        row["found"] += is_right
+        row["wrong"] += not is_right
+        if is_taught:
+            row["worst_mm"] = max(row["worst_mm"], 1e3 * math.hypot(error.x, error.y))
+    return row
+
+
+def page(rows: Sequence[dict[str, Any]]) -> str:
+    """Return a table: a line for each condition, over all floors."""
+    lines = [
+        "| condition | taught | searches on taught / other ground | found [%] | wrong | largest error [mm] |",
+        "|---" * 6 + "|",
+    ]
+    for condition in CONDITIONS:
+        for teaching in ("clean", "same"):
+            of = [row for row in rows if (row["condition"], row["taught"]) == (condition, teaching)]
+            if of:
+                n, other, found, wrong = (sum(row[key] for row in of) for key in COUNTS)
+                worst = max(row["worst_mm"] for row in of)
+                cells = [f"{n} / {other}", f"{100 * found / max(1, n):.1f}", f"{wrong}", f"{worst:.2f}"]
+                lines.append("| " + " | ".join([condition, teaching, *cells]) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    """Measure, print and write."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--floors", nargs="+", default=["planks", "grass_1k"])
+    parser.add_argument("--conditions", nargs="+", default=list(CONDITIONS), choices=CONDITIONS)
+    parser.add_argument("--taught", nargs="+", default=["clean", "same"], choices=["clean", "same"])
+    parser.add_argument("--searches", type=int, default=100)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--out", type=Path, help="folder of ground_map_conditions.jsonl and .md")
+    options = parser.parse_args()
+    cv2.setNumThreads(1)
+    rows = []
+    for floor in [floor for floor in options.floors if floor in photographs()]:
+        for condition in options.conditions:
+            for teaching in options.taught:
+                row = measured(floor, condition, teaching, options.searches, options.seed)
+                rows.append(row)
+                print(json.dumps(row), flush=True)
+    if options.out is not None:
+        options.out.mkdir(parents=True, exist_ok=True)
+        file = options.out / "ground_map_conditions.jsonl"
+        kept = [json.loads(line) for line in file.read_text().splitlines()] if file.is_file() else []
+        key = ("floor", "condition", "taught", "seed")
+        by_key = {tuple(row[name] for name in key): row for row in [*kept, *rows]}
+        file.write_text("".join(json.dumps(row) + "\n" for row in by_key.values()), encoding="utf-8")
+        (options.out / "ground_map_conditions.md").write_text(page(list(by_key.values())), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
