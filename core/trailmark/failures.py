@@ -12,6 +12,7 @@ from collections.abc import Callable
 from typing import NoReturn, TypeVar
 
 from trailmark.errors import RunError, TrailmarkError
+from trailmark.interruption import Interrupted
 
 __all__ = ["call_guarded", "is_from_user", "raise_failure", "speaks_for_itself", "words_of"]
 
@@ -93,6 +94,8 @@ def is_from_user(error: BaseException) -> bool:
     Signals reach the main thread alone, and between two statements: what a ``raise`` statement outside of Trailmark
     has raised is no signal.
     """
+    if isinstance(error, Interrupted):  # the command line raises it, for a signal
+        return True
     if not isinstance(error, KeyboardInterrupt) or threading.current_thread() is not threading.main_thread():
         return False
     traceback = error.__traceback__

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from trailmark.errors import RunError
-from trailmark.interruption import CLOSE_S, reason_of, shielded
+from trailmark.interruption import CLOSE_S, asked, reason_of, shielded
 from trailmark.pipeline.outputs.result import Status
 
 __all__ = ["Ending"]
@@ -65,7 +65,8 @@ class Ending:
 
     def fail(self, error: BaseException) -> None:
         """Take note of what a step has raised."""
-        if self.status == "failed" or (isinstance(error, RunError) and error.part in self._spared):
+        is_cut_off = self.status == "interrupted" and asked() is not None  # what fails then may fail for that
+        if self.status == "failed" or is_cut_off or (isinstance(error, RunError) and error.part in self._spared):
             logger.warning("%s", error)
         else:
             self.status, self.reason, self.failure = "failed", str(error).partition("\n")[0], error

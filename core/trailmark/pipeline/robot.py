@@ -33,7 +33,7 @@ class Robot:
         self._drivable = drivable
         self._lock = threading.Lock()
         self._held: Stop | None = None
-        self._is_for_good = False
+        self._is_for_good = self._has_ended = False
         self._is_under_way = False
 
     @property
@@ -76,6 +76,8 @@ class Robot:
         RunError
             If the robot fails at it.
         """
+        if self._has_ended and not self._is_under_way:
+            return  # it has got its last command, and may be closed by now
         self._held, self._is_for_good = stop, self._is_for_good or for_good
         is_ours = self._lock.acquire(timeout=_PATIENCE_S)
         try:
@@ -83,6 +85,7 @@ class Robot:
                 logger.warning("the robot has not come back from its last command: it is given Stop beside that")
             self._give(stop)
         finally:
+            self._has_ended = self._is_for_good
             if is_ours:
                 self._lock.release()
 
