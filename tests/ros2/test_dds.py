@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import signal
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -133,3 +136,32 @@ def test_the_domain_of_ros_is_honoured(monkeypatch) -> None:
 
     monkeypatch.delenv("ROS_DOMAIN_ID")
     assert dds.default_domain() == 0
+
+
+def test_waiting_for_a_reader_that_hangs_ends(domain, messages, wait_for) -> None:
+    """cyclonedds raises an AttributeError of its own where the time is up."""
+    code = (
+        "import sys, time\n"
+        "from trailmark_ros2 import dds\n"
+        f"network = dds.Network({domain})\n"
+        f"subscription = network.subscription('/odom', {ODOMETRY!r}, dds.Quality())\n"
+        "print('ready', flush=True)\n"
+        "time.sleep(60.0)\n"
+    )
+    reader = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    own = dds.Network(domain)
+    try:
+        assert reader.stdout.readline() == "ready\n"
+        publisher = own.publisher("/odom", ODOMETRY, dds.Quality())
+        assert wait_for(lambda: publisher.n_matched)
+        reader.send_signal(signal.SIGSTOP)
+
+        publisher.send(messages.odometry())
+
+        assert publisher.wait_for_acknowledgments(0.1) is False
+        reader.send_signal(signal.SIGCONT)
+        assert publisher.wait_for_acknowledgments(10.0)
+    finally:
+        reader.kill()
+        reader.communicate()
+        own.close()
