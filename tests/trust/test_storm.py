@@ -69,7 +69,7 @@ def test_good_input_is_accepted(box: Box, tmp_path: Path, monkeypatch) -> None:
 
 
 def test_a_case_is_made_from_its_number_alone(box: Box, tmp_path: Path) -> None:
-    before = copy.deepcopy(cases._SOURCES)
+    before = copy.deepcopy(cases.SOURCES)
     made = []
     for turn in range(2):
         for number in range(5):
@@ -79,7 +79,7 @@ def test_a_case_is_made_from_its_number_alone(box: Box, tmp_path: Path) -> None:
             made.append((call, texts))
 
     assert made[:5] == made[5:]
-    assert before == cases._SOURCES
+    assert before == cases.SOURCES
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -15,7 +16,7 @@ from trailmark.interfaces import Session
 from trailmark.paths import Keyframe, Waypoint
 from trailmark.stores import SqlitePathStore, SqliteStoreConfig
 
-__all__ = ["FILES", "Box"]
+__all__ = ["FILES", "SOURCES", "Box"]
 
 #: What a box holds, by the name of its file or folder.
 FILES = (
@@ -34,6 +35,24 @@ localizers:
   floor: {plugin: ground_vo, camera: floor}
 estimator: {plugin: kalman}
 """
+
+
+#: Sources that play what a box holds.
+SOURCES: dict[str, dict[str, Any]] = {
+    "wheels": {"plugin": "csv_odometry", "path": "wheels.csv"},
+    "floor": {
+        "plugin": "image_folder",
+        "path": "pictures",
+        "rate_hz": 10,
+        "calibration": {"metres_per_pixel": 1e-3},
+    },
+    "front": {"plugin": "kitti_odometry", "path": "kitti", "camera": "image_0"},
+    "kinect": {"plugin": "tum_rgbd", "path": "rgbd"},
+    "log": {"plugin": "carmen_log", "path": "log.clf", "rename": {"odometry": "log_odometry"}},
+    "film": {"plugin": "video", "path": "film.avi"},
+    "bag": {"plugin": "rosbag", "path": "drive.mcap", "topics": {"imu": "/imu", "fix": "/fix", "odom": "/odom"}},
+    "world": {"plugin": "sim", "world": "corridor", "stop_s": 0.2},
+}
 
 
 class Box:
