@@ -15,6 +15,7 @@ from trailmark.frames import SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Sink
 from trailmark.pipeline import Pipeline
+from trailmark.pipeline.hangs import HangError
 
 
 def camera(fakes, n: int = 5):
@@ -367,3 +368,19 @@ class TestPartsThatFail:
             Pipeline(parts, out=tmp_path / "run").start()
 
         assert not (tmp_path / "run").exists()
+
+
+def test_a_frame_that_takes_too_long_between_two_parts_fails_the_run(fakes, monkeypatch) -> None:
+    def starve(self, frame):
+        raise HangError
+
+    source = camera(fakes)
+    pipeline = Pipeline(fakes.parts({"cam": source}))
+    pipeline.start()
+    monkeypatch.setattr("trailmark.pipeline.run.Run._observe", starve)
+
+    with pytest.raises(RunError, match="the run has not come from one frame to the next: it has not come back"):
+        list(pipeline)
+
+    assert pipeline.result.status == "failed"
+    assert source.log[-1] == "close"

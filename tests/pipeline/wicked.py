@@ -105,6 +105,8 @@ class WickedConfig(PluginConfig):
 
     method: str = ""
     deed: str = ""
+    at: int = 1
+    """From which call of the method on it misbehaves."""
 
 
 class WickedSourceConfig(SourceConfig):
@@ -112,6 +114,8 @@ class WickedSourceConfig(SourceConfig):
 
     method: str = ""
     deed: str = ""
+    at: int = 1
+    """From which call of the method on it misbehaves."""
 
 
 class Wicked:
@@ -124,6 +128,9 @@ class Wicked:
         """Return what the method should return, unless it is the one that misbehaves."""
         LOG.append(f"{self.kind} {method}")
         if self.config.method != method:
+            return good
+        self._n_calls = getattr(self, "_n_calls", 0) + 1
+        if self._n_calls < self.config.at:
             return good
         return (RAISES | ANSWERS | HANGS)[self.config.deed]()
 

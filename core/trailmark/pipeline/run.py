@@ -18,7 +18,7 @@ from trailmark.frames import Frame, SensorInfo
 from trailmark.interfaces import RunEnd, Sink
 from trailmark.interruption import FINISH_S, KEEP_S, STEP_S, STOP_S, asked, reason_of, shielded
 from trailmark.pipeline.ending import Ending
-from trailmark.pipeline.hangs import HangWatch
+from trailmark.pipeline.hangs import HangError, HangWatch
 from trailmark.pipeline.instruments import Instruments, peak_rss_mb
 from trailmark.pipeline.lifeline import RunLifeline
 from trailmark.pipeline.localizers import LocalizerFailedError, LocalizerRunner, ObserveResult
@@ -276,6 +276,8 @@ class Run:
         if isinstance(error, KeyboardInterrupt):
             self.end("interrupted", reason_of(error))
             return
+        if isinstance(error, HangError):  # between two parts: together they have taken too long
+            error = RunError(f"the run has not come from one frame to the next: {error}")
         self.end("failed", str(error))
         raise error
 
