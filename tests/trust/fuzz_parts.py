@@ -5,8 +5,8 @@
     python tests/trust/fuzz_parts.py --cases 500
 
 A case is made from its number alone: ``--first NUMBER --cases 1`` repeats it. A finding is an error without the part's
-name, one called a bug of ours, an exit code other than 1, a folder that does not say ``failed``, a part that is not closed
-exactly once, or a case that takes longer than a minute.
+name, one called a bug of ours, an exit code other than 1, a folder that does not say ``failed``, a part that is not
+closed exactly once, or a case that takes longer than a minute.
 """
 
 from __future__ import annotations
