@@ -286,6 +286,26 @@ def test_a_writer_that_comes_back_as_best_effort_is_read_too(domain, new_robot, 
     assert next(frame for frame in frames if frame.stamp_s > began_s).sensor == "wheels"
 
 
+def test_a_best_effort_writer_that_takes_its_time_is_read_too(domain, new_robot, messages, started) -> None:
+    """It comes when the silence has been said already."""
+    robot = new_robot(domain)
+    robot.repeat("/odom", 50.0, lambda k: messages.odometry(), dds.Quality(is_reliable=True))
+    source = started(topics={"wheels": "/odom"}, silence_s=0.3, end_when_silent_s=8.0)
+    frames = source.frames()
+    next(frames)
+    robot.die()
+    again = []
+
+    def come_back() -> None:
+        again.append(new_robot(domain))
+        again[0].repeat("/odom", 50.0, lambda k: messages.odometry(1.0), dds.Quality(is_reliable=False))
+
+    threading.Timer(2.0, come_back).start()
+
+    began_s = time.time() + 1.0
+    assert any(frame.stamp_s > began_s for frame in frames)
+
+
 def test_a_type_that_does_not_fit_is_said_with_both_names(robot, messages, started) -> None:
     robot.repeat("/odom", 20.0, lambda k: messages.odometry())
 

@@ -150,17 +150,18 @@ class TopicFeed:
     def check_silence(self, network: Network, silence_s: float) -> bool:
         """Warn of a silence, once; return whether the subscription was made anew to fit the writer that is there."""
         silent_s = time.monotonic() - self.last_heard_s
-        if silent_s < silence_s or self._is_silent:
+        if silent_s < silence_s:
             return False
-        self._is_silent = True
-        self.counts["silences"] += 1
-        logger.warning("%s is silent for %.0f s: %s", self.topic, silent_s, self.silence_reason(network))
-        if self.subscription.quality.is_reliable and self.subscription.refused_policy == "reliability":
-            best_effort = Quality(is_reliable=False, depth=self.subscription.quality.depth)
-            self.subscription = network.subscription(self.topic, self.subscription.type_name, best_effort)
-            logger.warning("%s is asked for as best effort from now on", self.topic)
-            return True
-        return False
+        if not self._is_silent:
+            self._is_silent = True
+            self.counts["silences"] += 1
+            logger.warning("%s is silent for %.0f s: %s", self.topic, silent_s, self.silence_reason(network))
+        if not self.subscription.quality.is_reliable or self.subscription.refused_policy != "reliability":
+            return False
+        best_effort = Quality(is_reliable=False, depth=self.subscription.quality.depth)
+        self.subscription = network.subscription(self.topic, self.subscription.type_name, best_effort)
+        logger.warning("%s is asked for as best effort from now on", self.topic)
+        return True
 
     def silence_reason(self, network: Network) -> str:
         """Return the likely reason why nothing comes."""
