@@ -209,6 +209,7 @@ def test_a_start_that_takes_long_is_cut_off(start, tmp_path: Path) -> None:
 def test_ctrl_c_while_the_report_is_drawn_keeps_everything_else(start, tmp_path: Path) -> None:
     child = start("run", "c.yaml", "--out", "out", "--set", "sources.robot.n=200", config=PLAYED)
     child.wait_for((tmp_path / "out/metrics.json").exists)
+    time.sleep(0.2)  # drawing takes a second and more
     child.send(signal.SIGINT)
 
     assert child.end() == 130
