@@ -475,6 +475,10 @@ def page(tallies: list[Tally], took_s: float, command: str) -> str:
     lines = [
         "# Hostile input",
         "",
+        "First to readers, then to whole commands. `make trust` does both and writes this page.",
+        "",
+        "## Readers",
+        "",
         f"`{command}`, {about}.",
         f"{n} cases in {took_s / 60:.1f} min, all in one process whose memory peaked at {peak_mib():.0f} MiB "
         f"(bound: {MEMORY_MIB:.0f}): {n_findings} findings.",
