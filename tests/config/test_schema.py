@@ -49,7 +49,7 @@ def test_the_schema_is_json_and_every_reference_resolves(schema):
 
 
 def test_a_part_takes_the_keys_of_its_plugin_and_of_the_host(schema):
-    ground = {"plugin", "camera", "light", "search_px", "method", "async", "latency_ms", "on_error"}
+    ground = {"plugin", "camera", "light", "search_px", "method", "async", "latency_ms", "delay_ms", "keep", "on_error"}
 
     assert keys_allowed(schema, "localizer", "ground_vo") == ground
     assert keys_allowed(schema, "localizer", "tm-small:ground_vo") == ground
@@ -134,5 +134,5 @@ def test_the_keys_of_a_part_are_described_in_words(plugins):
 def test_the_host_options_of_a_localizer_are_described_last(plugins):
     infos = describe_part(plugins.registry.find("localizer", "ground_vo"))
 
-    assert [info.key for info in infos][-3:] == ["async", "latency_ms", "on_error"]
+    assert [info.key for info in infos][-5:] == ["async", "latency_ms", "delay_ms", "keep", "on_error"]
     assert all(info.is_shared for info in infos[-3:])

@@ -43,18 +43,59 @@ def test_what_the_mailbox_overwrites_is_counted(fakes) -> None:
     assert len(slow.seen) + n_lost == 8
 
 
-def test_frames_that_are_no_pictures_all_wait(fakes) -> None:
+def pictures_and_light(fakes):
+    frames = [*fakes.image_frames("cam", [0.0, 0.1, 0.2, 0.9]), *fakes.scalar_frames("light", [0.05, 0.15, 0.25])]
+    return fakes.Recording(sorted(frames, key=lambda frame: frame.stamp_s))
+
+
+@pytest.mark.parametrize(("keep", "seen"), [("newest", [0.0, 0.2]), ("all", [0.0, 0.05, 0.1])])
+def test_the_newest_frame_of_every_kind_waits_unless_all_are_asked_for(fakes, keep: str, seen: list[float]) -> None:
     slow = fakes.Scripted()
-    frames = sorted(
-        [*fakes.image_frames("cam", [0.0, 0.1, 0.2, 0.9]), *fakes.scalar_frames("light", [0.05, 0.15, 0.25])],
-        key=lambda frame: frame.stamp_s,
+    localizer_options = {"map": {"async": True, "latency_ms": 500, "keep": keep}}
+
+    list(Pipeline(fakes.parts({"s": pictures_and_light(fakes)}, {"map": slow}, localizer_options=localizer_options)))
+
+    # The light costs no time, pictures take half a second: 0.2 until 0.7, 0.1 until 1.0, when all has ended.
+    assert [frame.stamp_s for frame, _ in slow.seen] == seen
+
+
+def test_of_a_localizer_that_keeps_all_no_endless_queue_waits(fakes) -> None:
+    slow = fakes.Scripted()
+    localizer_options = {"map": {"async": True, "latency_ms": 9000, "keep": "all"}}
+    pipeline = Pipeline(
+        fakes.parts({"cam": camera(fakes, 400, 100.0)}, {"map": slow}, localizer_options=localizer_options)
     )
-    localizer_options = {"map": {"async": True, "latency_ms": 500}}
 
-    list(Pipeline(fakes.parts({"s": fakes.Recording(frames)}, {"map": slow}, localizer_options=localizer_options)))
+    list(pipeline)
 
-    assert [frame.stamp_s for frame, _ in slow.seen] == [0.0, 0.05, 0.15, 0.2, 0.9][:4]
-    # The light costs no time: it is the pictures that take half a second.
+    counters = pipeline.result.counters
+    assert counters["localizer.map.overwritten"] == 400 - 1 - 256
+    assert counters["localizer.map.given_up"] == 256
+
+
+@pytest.mark.parametrize("is_async", [False, True])
+def test_a_delay_holds_every_estimate_back_and_keeps_nobody_busy(fakes, is_async: bool) -> None:
+    far = fakes.Scripted(fix_at_frame(fakes))
+    localizer_options = {"map": {"async": is_async, "delay_ms": 250}}
+    pipeline = Pipeline(fakes.parts({"cam": camera(fakes, 8)}, {"map": far}, localizer_options=localizer_options))
+
+    arrived = [(told.estimate.stamp_s, told.arrived_s) for step in pipeline for told in step.estimates]
+
+    assert len(far.seen) == 8
+    assert arrived == [pytest.approx((0.1 * i, 0.1 * i + 0.25)) for i in range(len(arrived))]
+    assert pipeline.result.counters["localizer.map.accepted"] == 8  # those under way at the end arrive too
+    assert "localizer.map.overwritten" not in pipeline.result.counters
+
+
+def test_latency_and_delay_add_up(fakes) -> None:
+    slow = fakes.Scripted(fix_at_frame(fakes))
+    localizer_options = {"map": {"async": True, "latency_ms": 250, "delay_ms": 1000}}
+    pipeline = Pipeline(fakes.parts({"cam": camera(fakes, 15)}, {"map": slow}, localizer_options=localizer_options))
+
+    arrived = [told.arrived_s for step in pipeline for told in step.estimates]
+
+    assert arrived[0] == pytest.approx(1.25)
+    assert [frame.stamp_s for frame, _ in slow.seen][:3] == pytest.approx([0.0, 0.2, 0.4])
 
 
 def test_the_belief_is_that_of_the_frames_own_stamp(fakes) -> None:

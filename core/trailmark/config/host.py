@@ -46,7 +46,13 @@ class LocalizerOptions(PluginConfig):
     is_async: bool = Field(default=False, alias="async")
     """Works beside the run: its estimates arrive late, about the frame that they were made of."""
     latency_ms: float | None = Field(default=None, ge=0)
-    """How late an async localizer's estimates arrive in step pace; default: its own model [ms]."""
+    """How long an async localizer is busy with a frame at step pace, in which it takes no other; default: its own
+    model [ms]."""
+    delay_ms: float = Field(default=0.0, ge=0)
+    """How much later still every estimate arrives at step pace, async or not: a slow link, on which many are under way
+    at once [ms]."""
+    keep: Literal["newest", "all"] = "newest"
+    """Which frames wait while an async localizer is busy: the newest of each sensor, or all, up to 256."""
     on_error: Literal["fail", "disable"] = "fail"
     """When it raises: end the run, or switch it off, say so and go on."""
 
@@ -54,6 +60,16 @@ class LocalizerOptions(PluginConfig):
     def latency_s(self) -> float | None:
         """`latency_ms` in seconds."""
         return None if self.latency_ms is None else self.latency_ms / 1e3
+
+    @property
+    def answers_later(self) -> bool:
+        """Whether estimates may arrive after their frame has passed."""
+        return self.is_async or self.delay_ms > 0.0
+
+    @property
+    def delay_s(self) -> float:
+        """`delay_ms` in seconds."""
+        return self.delay_ms / 1e3
 
 
 class EstimatorOptions(PluginConfig):

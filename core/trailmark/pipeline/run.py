@@ -265,7 +265,7 @@ class Run:
     def _set_localizers(self, localizers: Sequence[LocalizerRunner]) -> None:
         """Work with these localizers from the next sensor's turn on."""
         self._localizers = localizers
-        self._async_localizers = [localizer for localizer in localizers if localizer.part.options.is_async]
+        self._async_localizers = [localizer for localizer in localizers if localizer.part.options.answers_later]
         self._subscribers = {
             sensor: [localizer for localizer in localizers if sensor in localizer.part.sensors]
             for sensor in self.running.sensors

@@ -18,7 +18,7 @@ __all__ = ["LocalizerFailedError", "LocalizerRunner", "ObserveResult", "new_runn
 def new_runner(
     part: LocalizerPart, sensors: Mapping[str, SensorInfo], is_realtime: bool, instruments: Instruments
 ) -> LocalizerRunner:
-    """Return what runs a localizer: waited for, or beside the run if its options say ``async``.
+    """Return what runs a localizer: waited for, or beside the run if its options say ``async`` or ``delay_ms``.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def new_runner(
         Of the run.
     """
     times = instruments.times.stage(f"localizer.{part.name}")
-    if not part.options.is_async:
+    if not part.options.answers_later or (is_realtime and not part.options.is_async):
         return SyncRunner(part, sensors, times, is_realtime)
     if is_realtime:
         from trailmark.pipeline.localizers.threaded import ThreadedRunner

@@ -6,8 +6,10 @@ from trailmark.estimates import Belief
 from trailmark.frames import Frame
 from trailmark.pipeline.instruments import Counters
 
-__all__ = ["Mailbox", "is_snapshot"]
+__all__ = ["MOST_WAITING", "Mailbox", "is_snapshot"]
 
+#: So many frames wait for a localizer that asks for all.
+MOST_WAITING = 256
 #: A frame, and what was believed at its stamp.
 Letter = tuple[Frame, Belief]
 
@@ -18,10 +20,17 @@ def is_snapshot(frame: Frame) -> bool:
 
 
 class Mailbox:
-    """Keeps the latest frame of each sensor of pictures or scans, and every other frame."""
+    """Keeps the newest frame of each sensor: a busy localizer that took them all would answer about ever older ones.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    keeps_all : bool
+        Whether all frames wait, up to `MOST_WAITING`; then the oldest gives way.
+    """
+
+    def __init__(self, keeps_all: bool = False) -> None:
         self._letters: dict[object, Letter] = {}  # in order of stamps
+        self._keeps_all = keeps_all
         self._n_put = 0
 
     def __len__(self) -> int:
@@ -30,8 +39,11 @@ class Mailbox:
     def put(self, frame: Frame, belief: Belief) -> bool:
         """Leave a frame; returns whether it took the place of an older one."""
         self._n_put += 1
-        key: object = frame.sensor if is_snapshot(frame) else self._n_put
+        key: object = self._n_put if self._keeps_all else frame.sensor
         is_overwritten = self._letters.pop(key, None) is not None
+        if len(self._letters) >= MOST_WAITING:
+            self.take()
+            is_overwritten = True
         self._letters[key] = (frame, belief)
         return is_overwritten
 

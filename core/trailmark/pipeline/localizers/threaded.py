@@ -47,7 +47,7 @@ class ThreadedRunner(LocalizerRunner):
         self._work_began_s = math.inf
         self._counters = instruments.counters
         self._clock = instruments.clock
-        self._mailbox = Mailbox()
+        self._mailbox = Mailbox(keeps_all=part.options.keep == "all")
         self._results: list[ObserveResult] = []
         self._error: RunError | None = None
         self._is_closed = False
