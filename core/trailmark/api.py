@@ -130,7 +130,9 @@ def _evaluated(pipeline: Pipeline, glimpses: Glimpses | None) -> RunResult:
     try:
         with shielded(TELL_S):
             metrics = _write_metrics(pipeline, glimpses)
-        if glimpses is not None and asked() is None:
+        if (late := asked()) is not None and result.status != "interrupted":
+            raise late  # it came at the end of the metrics
+        if glimpses is not None and late is None:
             _write_report(pipeline)
     except Interrupted as signal:
         if result.status != "interrupted":  # in the middle of metrics or drawings

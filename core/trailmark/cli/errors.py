@@ -44,7 +44,7 @@ def _show(error: click.ClickException) -> None:
 
 def has_lost_its_reader() -> bool:
     """Return whether click has left because nobody reads standard output any more; it does so with exit code 1."""
-    return type(sys.stdout).__name__ == "PacifyFlushWrapper"
+    return type(sys.stdout).__name__.endswith("PacifyFlushWrapper")
 
 
 def _silence(stream: TextIO) -> None:

@@ -55,8 +55,9 @@ def heard_signals(*, is_whole_program: bool) -> Iterator[HeardSignals]:
         yield heard
         return
     interruption.forget()
-    heard.listen()
     try:
+        with interruption.shielded():  # a signal that comes while the handlers are set is heard when they all are
+            heard.listen()
         yield heard
     except Interrupted:  # raised when everything had been said already
         pass
@@ -95,8 +96,9 @@ class HeardSignals:
         self._reader, self._writer = os.pipe()
         os.set_blocking(self._writer, False)
         self._wakeup_before = signal.set_wakeup_fd(self._writer, warn_on_full_buffer=False)
-        self._before = {number: signal.signal(number, self._handle) for number in self._numbers}
         _listening.append(self)
+        for number in self._numbers:
+            self._before[number] = signal.signal(number, self._handle)
         threading.Thread(target=self._listen, name="signals", daemon=True).start()
 
     def stop_listening(self) -> None:

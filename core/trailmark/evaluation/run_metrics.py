@@ -33,6 +33,7 @@ from trailmark.evaluation.tracking import tracked_fraction
 from trailmark.evaluation.trajectory_metrics import Evaluation, Protocol, evaluate
 from trailmark.evaluation.warnings import run_warnings
 from trailmark.geometry import Pose2, Trajectory
+from trailmark.writing import write_whole
 
 __all__ = ["METRICS_FILE", "RunEvaluation", "evaluate_run", "evaluate_run_folder", "metrics_document"]
 
@@ -314,7 +315,7 @@ def _add_lateral(trajectories: dict[str, dict[str, Any]], run: RunFolder, path: 
 def _write(path: Path, document: Mapping[str, Any]) -> None:
     text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)
     try:
-        path.write_text(text + "\n", encoding="utf-8")
+        write_whole(path, text + "\n")
     except OSError as error:
         raise DataError(f"cannot write {path}: {error.strerror or error}") from error
 

@@ -14,6 +14,8 @@ __all__ = ["HangError", "HangWatch"]
 
 logger = logging.getLogger(__name__)
 
+_ENDS_WITHIN_S = 1.0
+
 # Ignored unless handled, and hardly ever used: it interrupts what waits for the system, too.
 _SIGNAL: signal.Signals | None = getattr(signal, "SIGURG", None)
 
@@ -58,6 +60,8 @@ class HangWatch:
         """Watch no more."""
         self._since_s = None
         self._over.set()
+        if self._thread is not None and self._thread is not threading.current_thread():
+            self._thread.join(_ENDS_WITHIN_S)
         if self._handler_before is not None and threading.current_thread() is threading.main_thread():
             assert _SIGNAL is not None
             signal.signal(_SIGNAL, self._handler_before)

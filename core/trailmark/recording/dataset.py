@@ -16,6 +16,7 @@ from trailmark.frames.array_documents import array_from_document
 from trailmark.frames.documents import calibration_to_document
 from trailmark.geometry import Trajectory, write_tum
 from trailmark.recording.pictures import write_png
+from trailmark.writing import write_whole
 
 __all__ = ["DatasetWriter"]
 
@@ -109,8 +110,8 @@ class DatasetWriter:
         for info in self._sensors.values():
             if info.calibration is not None:
                 document = self._with_files(calibration_to_document(info.calibration), info.name)
-                (self.folder / f"{info.name}.calib.yaml").write_text(dump_yaml(document))
-        (self.folder / "config.yaml").write_text(dump_yaml(self._config(truth is not None)))
+                write_whole(self.folder / f"{info.name}.calib.yaml", dump_yaml(document))
+        write_whole(self.folder / "config.yaml", dump_yaml(self._config(truth is not None)))
 
     def _write_rgbd(self, name: str, number: str, stamp_s: float, payload: RGBD) -> None:
         depth = np.where(np.isfinite(payload.depth_m), payload.depth_m, 0.0) * _DEPTH_FACTOR

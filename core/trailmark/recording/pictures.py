@@ -9,6 +9,7 @@ import cv2
 import numpy.typing as npt
 
 from trailmark.errors import ConfigError
+from trailmark.writing import write_whole
 
 __all__ = ["write_png"]
 
@@ -33,4 +34,4 @@ def write_png(path: Path, picture: npt.NDArray[Any]) -> None:
         _, data = cv2.imencode(".png", picture, [cv2.IMWRITE_PNG_COMPRESSION, 1])
     except cv2.error as error:
         raise ConfigError(f"OpenCV cannot write a picture of {picture.shape} {picture.dtype} as PNG") from error
-    path.write_bytes(data.tobytes())
+    write_whole(path, data.tobytes())

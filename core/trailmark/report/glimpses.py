@@ -14,6 +14,7 @@ from trailmark.arrays import AnyArray, Grey8
 from trailmark.errors import DataError
 from trailmark.frames import Frame
 from trailmark.report.html import text_html
+from trailmark.writing import write_whole
 
 __all__ = ["FOLDER", "Glimpses", "glimpses_section"]
 
@@ -76,7 +77,7 @@ class Glimpses:
             for sensor, camera in self._cameras.items():
                 (folder / FOLDER).mkdir(exist_ok=True)
                 for time_s, picture in camera.kept:
-                    (folder / FOLDER / f"{sensor}_{time_s:.2f}s.jpg").write_bytes(_jpeg(picture))
+                    write_whole(folder / FOLDER / f"{sensor}_{time_s:.2f}s.jpg", _jpeg(picture))
         except OSError as error:
             raise DataError(f"cannot write pictures into {folder}: {error.strerror or error}") from error
 

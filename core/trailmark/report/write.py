@@ -25,6 +25,7 @@ from trailmark.report.html import page_html, text_html
 from trailmark.report.offsets import offset_series, offsets_figure
 from trailmark.report.series import error_series, lanes
 from trailmark.report.style import line_styles, plotting, svg_of
+from trailmark.writing import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -134,7 +135,7 @@ def _page(evaluated: RunEvaluation, document: Mapping[str, Any], plots: Mapping[
 def _write(folder: Path, plots: Mapping[str, str], page: str) -> Path:
     (folder / "plots").mkdir(exist_ok=True)
     for name, svg in plots.items():
-        (folder / "plots" / f"{name}.svg").write_text(svg, encoding="utf-8")
+        write_whole(folder / "plots" / f"{name}.svg", svg)
     path = folder / "report.html"
-    path.write_text(page, encoding="utf-8")
+    write_whole(path, page)
     return path
