@@ -53,6 +53,35 @@ def test_the_command_prints_tables_and_leaves_a_report(done: Path) -> None:
     assert (done / "out" / "report.html").is_file()
 
 
+def test_list_finds_a_sensor_that_does_not_exist(tmp_path: Path) -> None:
+    (tmp_path / "b.yaml").write_text(
+        CONFIG.replace(
+            "localizers: [toy, odometry]",
+            "localizers: {good: {plugin: odometry}, bad: {plugin: odometry, wheels: weels}}",
+        )
+    )
+
+    listed = run(tmp_path / "b.yaml", "--list")
+
+    assert isinstance(listed.exception, ConfigError)
+    problems = str(listed.exception)
+    assert problems.startswith("these cells cannot start:")
+    assert "weels" in problems
+    assert "good" not in problems
+    assert listed.output.count("pending") == 4
+
+
+def test_list_finds_a_source_that_does_not_start(tmp_path: Path) -> None:
+    table = tmp_path / "wheels.csv"
+    table.write_text("t;x\n1;2\n")
+    (tmp_path / "b.yaml").write_text(CONFIG.replace("plugin: toy_wheels", f"plugin: csv_odometry, path: {table}"))
+
+    listed = run(tmp_path / "b.yaml", "--list")
+
+    assert isinstance(listed.exception, ConfigError)
+    assert "wheels.csv" in str(listed.exception)
+
+
 def test_list_tells_states_and_the_time_that_is_left(done: Path, tmp_path: Path) -> None:
     shutil.copy(done / "b.yaml", tmp_path / "b.yaml")
     fresh = run(tmp_path / "b.yaml", "--out", tmp_path / "none", "--list")

@@ -25,17 +25,26 @@ from trailmark_bench.durations import estimated_s
 from trailmark_bench.index import INDEX_FILE, Index
 from trailmark_bench.matrix import Bench, load_bench
 from trailmark_bench.page import write_page
+from trailmark_bench.rehearsal import misfits
 from trailmark_bench.scheduler import run_bench
 
 __all__ = ["list_bench", "run_bench_command"]
 
 
 def list_bench(request: RunOptions, plugins: Plugins, chosen: ChosenPlugins) -> None:
-    """List the cells of a bench; nothing is run, and nothing is written."""
+    """List the cells of a bench, and what keeps some from starting; nothing is run, and nothing is written.
+
+    Raises
+    ------
+    ConfigError
+        If a localizer does not find its sensor, or a source does not start.
+    """
     known = Index(request.folder) if (request.folder / INDEX_FILE).is_file() else None
     bench = load(request, plugins, chosen, {} if known is None else known.file_digests())
     say_changed(bench, known)
     list_cells(bench, known, request.as_json)
+    if problems := misfits(bench.cells, plugins):
+        raise ConfigError("these cells cannot start:\n" + "\n".join(problems))
 
 
 def run_bench_command(request: RunOptions, plugins: Plugins, chosen: ChosenPlugins) -> None:

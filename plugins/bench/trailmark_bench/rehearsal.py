@@ -1,0 +1,87 @@
+"""Whether the localizers of cells find their sensors: told when cells are listed, not by cells that fail at night."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from trailmark.config import Document, RunConfig, load_run_config
+from trailmark.config.roles import refuse_duplicate_sensors, resolve_all_roles
+from trailmark.errors import TrailmarkError
+from trailmark.frames import SensorInfo
+from trailmark.interfaces import Session
+from trailmark.isolation.fingerprint import digest_of
+from trailmark.pipeline.instruments import Counters
+from trailmark.pipeline.parts import build_sources
+from trailmark.plugins import Plugins
+from trailmark_bench.cell import Cell
+
+__all__ = ["misfits"]
+
+
+def misfits(cells: Iterable[Cell], plugins: Plugins) -> list[str]:
+    """Return what keeps cells from starting, a line for each combination of sources and localizers.
+
+    The sources are started, once for each way in which they are written, and closed again; no frame is read. Devices
+    are let be.
+
+    Parameters
+    ----------
+    cells : iterable of Cell
+        Those that are skipped are left out.
+    plugins : Plugins
+        Where their parts are found.
+    """
+    found: dict[str, str] = {}
+    started: dict[str, Mapping[str, SensorInfo] | str | None] = {}
+    for cell in cells:
+        document = cell.request.get("document")
+        if document is None:
+            continue
+        looked_at = {key: document.get(key) for key in ("sources", "sensors", "localizers")}
+        address = digest_of(looked_at)
+        if address not in found:
+            config = _load(cell.request, plugins)
+            sources = digest_of({key: looked_at[key] for key in ("sources", "sensors")})
+            if sources not in started:
+                started[sources] = _sensors_of(config)
+            found[address] = _misfit(cell.label, config, started[sources])
+    return [text for text in found.values() if text]
+
+
+def _load(request: Mapping[str, Any], plugins: Plugins) -> RunConfig:
+    return load_run_config(Document(request["document"], "cell", Path(request["base_dir"])), plugins=plugins)
+
+
+def _misfit(label: str, config: RunConfig, sensors: Mapping[str, SensorInfo] | str | None) -> str:
+    """Return why a cell cannot start; empty: it can, as far as is known."""
+    if sensors is None:
+        return ""
+    if isinstance(sensors, str):
+        return f"{label}: {sensors}"
+    try:
+        resolve_all_roles(config, sensors)
+    except TrailmarkError as error:
+        return f"{label}: {error}"
+    return ""
+
+
+def _sensors_of(config: RunConfig) -> Mapping[str, SensorInfo] | str | None:
+    """Return the sensors that the sources have, or why they do not start; None of devices."""
+    sensors: dict[str, SensorInfo] = {}
+    sources = build_sources(config)
+    if any(source.is_live for source in sources):
+        return None
+    try:
+        for source in sources:
+            source.start(Session(name=source.name, mode=config.settings.mode), Counters(), array("q"))
+            sensors |= source.known_sensors(config.sensors)
+        refuse_duplicate_sensors(config, {source.name: tuple(source.sensors) for source in sources})
+    except TrailmarkError as error:
+        return str(error)
+    finally:
+        for source in sources:
+            source.close()
+    return sensors
