@@ -8,7 +8,6 @@ import signal
 import threading
 from time import monotonic
 from types import FrameType
-from typing import Any
 
 __all__ = ["HangError", "HangWatch"]
 
@@ -33,6 +32,9 @@ class HangWatch:
     Python code, and what waits (for a lock, a device, the time), is interrupted. Compiled code that never returns
     cannot be: that is logged, and the process has to be ended from outside.
 
+    In the main thread the interruption is a signal, whose handler is set only where nobody has one, and set back only
+    if it is still ours: a handler of the program itself is left alone, also one that it sets meanwhile.
+
     Parameters
     ----------
     patience_s : float
@@ -45,7 +47,7 @@ class HangWatch:
         self._thread_id = 0
         self._over = threading.Event()
         self._thread: threading.Thread | None = None
-        self._handler_before: Any = None
+        self._lock = threading.Lock()
 
     def __enter__(self) -> None:
         """Begin to watch a block."""
@@ -54,7 +56,8 @@ class HangWatch:
         self._thread_id, self._since_s = threading.get_ident(), monotonic()
 
     def __exit__(self, *_: object) -> None:
-        self._since_s = None
+        with self._lock:  # what interrupts does so before this, or not at all
+            self._since_s = None
 
     def close(self) -> None:
         """Watch no more."""
@@ -62,15 +65,13 @@ class HangWatch:
         self._over.set()
         if self._thread is not None and self._thread is not threading.current_thread():
             self._thread.join(_ENDS_WITHIN_S)
-        if self._handler_before is not None and threading.current_thread() is threading.main_thread():
+        if _is_main_thread() and self._has_handler():
             assert _SIGNAL is not None
-            signal.signal(_SIGNAL, self._handler_before)
-            self._handler_before = None
+            signal.signal(_SIGNAL, signal.SIG_DFL)
 
     def _begin(self) -> None:
-        is_main = threading.current_thread() is threading.main_thread()
-        if is_main and _SIGNAL is not None and signal.getsignal(_SIGNAL) == signal.SIG_DFL:
-            self._handler_before = signal.signal(_SIGNAL, self._raise)
+        if _is_main_thread() and _SIGNAL is not None and signal.getsignal(_SIGNAL) == signal.SIG_DFL:
+            signal.signal(_SIGNAL, self._raise)
         self._thread = threading.Thread(target=self._watch, name="watch for parts that hang", daemon=True)
         self._thread.start()
 
@@ -82,17 +83,29 @@ class HangWatch:
                 continue
             if since_s != struck_s:
                 struck_s = since_s
-                self._interrupt()
+                with self._lock:
+                    if self._since_s == since_s:
+                        self._interrupt()
             elif monotonic() - since_s > 2 * self._patience_s:
                 logger.error("a part hangs in compiled code, which cannot be interrupted: end this process")
                 return
 
     def _interrupt(self) -> None:
-        if self._handler_before is not None and _SIGNAL is not None:
+        # Python runs handlers in the main thread, whichever thread gets the signal.
+        if self._thread_id == threading.main_thread().ident and self._has_handler():
+            assert _SIGNAL is not None
             signal.pthread_kill(self._thread_id, _SIGNAL)
         else:
             ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(self._thread_id), ctypes.py_object(HangError))
 
+    def _has_handler(self) -> bool:
+        return _SIGNAL is not None and signal.getsignal(_SIGNAL) == self._raise
+
     def _raise(self, number: int, frame: FrameType | None) -> None:
-        if self._since_s is not None:  # it may have come back just now
+        since_s = self._since_s
+        if since_s is not None and monotonic() - since_s >= self._patience_s:  # others may send the signal, too
             raise HangError
+
+
+def _is_main_thread() -> bool:
+    return threading.current_thread() is threading.main_thread()

@@ -78,7 +78,9 @@ class Robot:
         """
         if self._has_ended and not self._is_under_way:
             return  # it has got its last command, and may be closed by now
-        self._held, self._is_for_good = stop, self._is_for_good or for_good
+        if for_good:  # set, never taken back: the watchdog may hold the robot at the same time
+            self._is_for_good = True
+        self._held = stop
         is_ours = self._lock.acquire(timeout=_PATIENCE_S)
         try:
             if not is_ours:
