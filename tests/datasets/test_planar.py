@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from trailmark.config import Mounting
 from trailmark.geometry import Pose2, Pose3
-from trailmark_datasets.planar import OPTICAL, mounting_pose, planar_trajectory
+from trailmark.sources.frame_tree import R_SENSOR_OPTICAL as OPTICAL
+from trailmark_datasets.planar import mounting_pose, planar_trajectory
 
 ANGLES = st.floats(-3.0, 3.0)
 

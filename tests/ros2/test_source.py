@@ -206,35 +206,6 @@ def test_velocities_are_integrated(robot, messages, started) -> None:
     assert way_m == pytest.approx(0.5 * (frames[-1].stamp_s - frames[0].stamp_s), abs=1e-6)
 
 
-def test_mountings_come_from_static_transforms(robot, messages, started) -> None:
-    def transform(parent, child, x, q):
-        quaternion = new_message("geometry_msgs/msg/Quaternion", dict(zip("xyzw", q)))
-        moved = new_message(
-            "geometry_msgs/msg/Transform", {"translation": new_message(VECTOR, {"x": x}), "rotation": quaternion}
-        )
-        fields = {"header": messages.header(0.0, parent), "child_frame_id": child, "transform": moved}
-        return new_message("geometry_msgs/msg/TransformStamped", fields)
-
-    tree = [
-        transform("base_link", "mast", 0.3, (0.0, 0.0, 0.0, 1.0)),
-        transform("mast", "cam_optical", 0.2, (-0.5, 0.5, -0.5, 0.5)),  # x right, y down, z forward
-    ]
-    robot.send(
-        "/tf_static",
-        new_message("tf2_msgs/msg/TFMessage", {"transforms": tree}),
-        dds.Quality(is_reliable=True, is_latched=True, depth=1),
-    )
-    robot.repeat("/image_raw", 30, lambda k: messages.image(GREY, "mono8", frame_id="cam_optical"))
-
-    mounting = started(topics={"front": "/image_raw"}).sensors["front"].pose_base_sensor
-
-    np.testing.assert_allclose(
-        mounting.matrix(),
-        np.array([[1.0, 0.0, 0.0, 0.5], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]),
-        atol=1e-9,
-    )
-
-
 def test_odometry_counts_from_our_start_and_through_a_restart(robot, messages, started) -> None:
     robot.send("/odom", messages.odometry(5.0, 1.0))
     source = started(topics={"wheels": "/odom"}, start_timeout_s=5.0, silence_s=0.2)

@@ -9,14 +9,11 @@ import numpy.typing as npt
 
 from trailmark.config import Mounting
 from trailmark.geometry import Pose3, Trajectory
+from trailmark.sources.frame_tree import R_SENSOR_OPTICAL
 
-__all__ = ["OPTICAL", "mounting_pose", "planar_trajectory"]
+__all__ = ["mounting_pose", "planar_trajectory"]
 
 Matrix = npt.NDArray[np.float64]
-
-#: Optical axes (x right, y down, z forward) in sensor axes (x forward, y left, z up), REP-103: columns are the
-#: optical axes as the sensor sees them.
-OPTICAL: Matrix = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 _SAME_INSTANT_S = 1e-6
 
@@ -53,7 +50,7 @@ def planar_trajectory(
         The first pose is the first one from this stamp on; default: the first of all [s].
     """
     T_base_camera = pose_base_sensor.matrix()
-    T_base_camera[:3, :3] = T_base_camera[:3, :3] @ OPTICAL
+    T_base_camera[:3, :3] = T_base_camera[:3, :3] @ R_SENSOR_OPTICAL
     T_world_base = poses_world_camera @ np.linalg.inv(T_base_camera)
     if len(T_world_base):
         later = stamps_s >= (-math.inf if begin_s is None else begin_s - _SAME_INSTANT_S)

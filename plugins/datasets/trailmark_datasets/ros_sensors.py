@@ -6,15 +6,17 @@ import logging
 import math
 from typing import Any
 
+from trailmark.errors import SourceError
 from trailmark.frames import Pinhole
 from trailmark.geometry import Pose3
 from trailmark.sources import ros_messages
+from trailmark.sources.frame_tree import FrameTree, describe_mounting, is_optical
 from trailmark.sources.ros_poses import POSE_TYPES, SATELLITE
 from trailmark_datasets.bagfile import BagFile, Message
 from trailmark_datasets.config import RosbagConfig
 from trailmark_datasets.ros_poses import TRUTH_TYPES
 from trailmark_datasets.ros_topics import Choice
-from trailmark_datasets.ros_transforms import FrameTree, read_static_tree
+from trailmark_datasets.ros_transforms import base_frame_of, read_static_tree
 
 __all__ = ["CAMERA_INFO", "Mountings", "frame_id_of", "lens_beside", "unread_topics"]
 
@@ -44,7 +46,7 @@ class Mountings:
     def __init__(self, bag: BagFile, config: RosbagConfig) -> None:
         self._bag, self._where = bag, str(config.path)
         self._tree = read_static_tree(bag) if config.tf_static else FrameTree({})
-        self._base = self._tree.base(config.base_frame, self._where) if config.tf_static else None
+        self._base = base_frame_of(self._tree, config.base_frame, self._where) if config.tf_static else None
         if self._tree.parents and self._base is None:
             logger.warning(
                 "%s: none of the frames in /tf_static is called base_link, so no mounting is taken from it;"
@@ -68,8 +70,12 @@ class Mountings:
         frame = frame_id_of(self._bag, choice.topic)
         if not frame:  # its sender does not say
             return None
-        is_optical = choice.kind in ("image", "rgbd") and not frame.endswith("_link")  # REP-103, sensor_msgs/Image
-        pose = self._tree.mounting(self._base, frame, self._where, is_optical=is_optical)
+        try:
+            pose = self._tree.mounting(self._base, frame, is_optical=is_optical(choice.kind, frame))
+        except ValueError as error:
+            raise SourceError(
+                f"{self._where}: {error}; set tf_static: false and say the mounting in the config"
+            ) from error
         if pose is None:
             logger.warning(
                 "%s: nothing in /tf_static leads from %s to %r, the frame of %s: its mounting is unknown",
@@ -84,16 +90,9 @@ class Mountings:
                 "%s: the laser of %s is not level (%s): what works in the plane takes x, y and yaw of it alone",
                 self._where,
                 choice.topic,
-                _in_words(pose),
+                describe_mounting(pose),
             )
-        return pose, f"/tf_static ({self._base} -> {frame}: {_in_words(pose)})"
-
-
-def _in_words(pose: Pose3) -> str:
-    """Return a mounting as a config says it; what is zero is left out."""
-    lengths = {name: round(getattr(pose, name), 4) for name in ("x", "y", "z")}
-    angles = {f"{name}_deg": round(math.degrees(getattr(pose, name)), 2) for name in ("roll", "pitch", "yaw")}
-    return ", ".join(f"{key}: {value:g}" for key, value in (lengths | angles).items() if value) or "at base"
+        return pose, f"/tf_static ({self._base} -> {frame}: {describe_mounting(pose)})"
 
 
 def lens_beside(bag: BagFile, topic: str) -> Pinhole | None:

@@ -2,80 +2,51 @@
 
 from __future__ import annotations
 
-import math
+import logging
 from collections.abc import Iterable
 from typing import Any
 
-import numpy as np
-
 from trailmark.arrays import Floats
 from trailmark.geometry import Pose3
+from trailmark.sources.frame_tree import FrameTree, is_optical, transforms_by_child
 
-__all__ = ["StaticFrames"]
+__all__ = ["mounting_of", "static_tree"]
 
-# REP-103: an optical frame has x right, y down, z forward; sensor axes are x forward, y left, z up.
-_R_SENSOR_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-_DEEPEST = 50
+logger = logging.getLogger(__name__)
 
 
-class StaticFrames:
-    """The tree of /tf_static."""
+def static_tree(messages: Iterable[Any]) -> FrameTree:
+    """Return the transforms of the messages of ``/tf_static``; of one that is told twice, the last."""
+    parents: dict[str, tuple[str, Floats | None]] = {}
+    for message in messages:
+        parents |= transforms_by_child(message)
+    return FrameTree(parents)
 
-    def __init__(self) -> None:
-        self._parents: dict[str, tuple[str, Floats]] = {}
 
-    def add(self, message: Any) -> None:
-        """Take the transforms of a TFMessage; those that are none are left out."""
-        for transform in message.transforms:
-            T_parent_child = _matrix(transform.transform)
-            if T_parent_child is not None:
-                child, parent = (name.lstrip("/") for name in (transform.child_frame_id, transform.header.frame_id))
-                self._parents[child] = parent, T_parent_child
+def mounting_of(tree: FrameTree, base: str, sensor: str, *, frame: str, kind: str) -> Pose3 | None:
+    """Return `pose_base_sensor`; None, with a warning where there is a tree, if it does not say it.
 
-    def mounting(self, base: str, frame: str) -> Pose3 | None:
-        """Return ``pose_base_sensor`` of the sensor whose messages bear a frame; None: no way leads there.
-
-        A frame with ``optical`` in its name has the axes of a picture, which are turned to those of a sensor.
-        """
-        T_base_frame = self._between(base.lstrip("/"), frame.lstrip("/"))
-        if T_base_frame is None:
-            return None
-        if "optical" in frame:
-            T_base_frame = T_base_frame.copy()
-            T_base_frame[:3, :3] = T_base_frame[:3, :3] @ _R_SENSOR_OPTICAL.T
-        return Pose3.from_matrix(T_base_frame)
-
-    def _between(self, base: str, frame: str) -> Floats | None:
-        up_from_base, up_from_frame = dict(self._ancestors(base)), dict(self._ancestors(frame))
-        for name, T_name_frame in up_from_frame.items():
-            if name in up_from_base:
-                return np.asarray(np.linalg.inv(up_from_base[name]) @ T_name_frame)
+    Parameters
+    ----------
+    tree : FrameTree
+        What ``/tf_static`` says.
+    base : str
+        Frame of base.
+    sensor : str
+        Of the run.
+    frame : str
+        That its messages bear.
+    kind : str
+        Of the sensor.
+    """
+    if not tree.parents:
         return None
-
-    def _ancestors(self, frame: str) -> Iterable[tuple[str, Floats]]:
-        """Yield a frame and those above it, each with the transform that takes coordinates of the frame there."""
-        T_above_frame = np.eye(4)
-        yield frame, T_above_frame
-        name = frame
-        for _ in range(_DEEPEST):  # a ring of transforms has no top
-            if name not in self._parents:
-                return
-            name, T_parent_child = self._parents[name]
-            T_above_frame = T_parent_child @ T_above_frame
-            yield name, T_above_frame
-
-
-def _matrix(transform: Any) -> Floats | None:
-    q, t = transform.rotation, transform.translation
-    norm = math.sqrt(q.x**2 + q.y**2 + q.z**2 + q.w**2)
-    if not (math.isfinite(norm) and norm > 1e-6 and all(math.isfinite(value) for value in (t.x, t.y, t.z))):
-        return None
-    x, y, z, w = q.x / norm, q.y / norm, q.z / norm, q.w / norm
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w), t.x],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w), t.y],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y), t.z],
-            [0.0, 0.0, 0.0, 1.0],
-        ]
-    )
+    why = f"nothing in /tf_static leads from {base!r} (base_frame) to {frame!r}"
+    mounting: Pose3 | None = None
+    try:
+        mounting = tree.mounting(base, frame, is_optical=is_optical(kind, frame))
+    except ValueError as error:
+        why = str(error)
+    if mounting is None:
+        logger.warning("%s: %s: unless sensors: of the config says its mounting, it sits at base", sensor, why)
+    return mounting

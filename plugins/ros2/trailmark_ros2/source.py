@@ -18,12 +18,13 @@ from trailmark.frames import DepthCamera, Frame, Pinhole, SensorInfo
 from trailmark.geometry import Pose3
 from trailmark.interfaces import Drivable, Session
 from trailmark.sources import ros_messages
+from trailmark.sources.frame_tree import FrameTree
 from trailmark_ros2 import dds
 from trailmark_ros2.config import Ros2SourceConfig
 from trailmark_ros2.driving import COMMAND_TYPES, RobotDriver, accepted_commands, command_message
 from trailmark_ros2.feeds import DEPTH, DepthPairing, TopicFeed
 from trailmark_ros2.meeting import MetTopic, Patience, first_message, meet_writers
-from trailmark_ros2.mountings import StaticFrames
+from trailmark_ros2.mountings import mounting_of, static_tree
 from trailmark_ros2.readings import new_reader
 from trailmark_ros2.stamping import Stamper
 
@@ -134,10 +135,9 @@ class Ros2Source(Drivable):
         met = meet_writers(network, self._wanted(), patience, DEPTH)
         self._feeds = list(self._new_feeds(network, met))
         firsts = self._first_frames(patience)
-        static = StaticFrames()
-        for message in first_message(network, "/tf_static", _TRANSFORMS, dds.Quality(True, True, 100), _BESIDE_S):
-            static.add(message)
-        infos = [self._info(network, static, sensor, frame) for sensor, frame in firsts.items()]
+        latched = dds.Quality(is_reliable=True, is_latched=True, depth=100)
+        tree = static_tree(first_message(network, "/tf_static", _TRANSFORMS, latched, _BESIDE_S))
+        infos = [self._info(network, tree, sensor, frame) for sensor, frame in firsts.items()]
         self._sensors = MappingProxyType({info.name: info for info in infos})
 
     def _wanted(self) -> dict[str, str | None]:
@@ -190,12 +190,12 @@ class Ros2Source(Drivable):
     def _is_camera(self, sensor: str) -> bool:
         return any(feed.sensor == sensor and feed.reader.kind in ("image", "rgbd") for feed in self._feeds)
 
-    def _info(self, network: dds.Network, static: StaticFrames, sensor: str, first: Frame | None) -> SensorInfo:
+    def _info(self, network: dds.Network, tree: FrameTree, sensor: str, first: Frame | None) -> SensorInfo:
         feed = next(feed for feed in self._feeds if feed.sensor == sensor)
         kind = feed.reader.kind
         mounting = None
         if kind in ("image", "rgbd", "scan", "imu") and feed.frame_id:
-            mounting = static.mounting(self.config.base_frame, feed.frame_id)
+            mounting = mounting_of(tree, self.config.base_frame, sensor, frame=feed.frame_id, kind=kind)
         if mounting is not None:
             logger.info("%s sits at %s, says /tf_static (%s)", sensor, mounting, feed.frame_id)
         size = None if first is None else first.payload.size

@@ -1,0 +1,101 @@
+"""Where the sensors of a live robot sit: `/tf_static`, and what is said where it does not tell."""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+import pytest
+
+pytest.importorskip("cyclonedds", reason="the extra [ros2] is not installed")
+
+from trailmark.api import create
+from trailmark.geometry import Pose3
+from trailmark.interfaces import Session
+from trailmark_ros2 import dds
+from trailmark_ros2.message_types import new_message
+
+GREY = np.zeros((48, 64), np.uint8)
+AHEAD_OPTICAL = (-0.5, 0.5, -0.5, 0.5)  # x right, y down, z forward
+LEVEL = (0.0, 0.0, 0.0, 1.0)
+
+
+@pytest.fixture
+def send_tree(robot, messages):
+    def send(*links):
+        """Send links (parent, child, x [m], quaternion xyzw)."""
+        robot.send(
+            "/tf_static",
+            new_message("tf2_msgs/msg/TFMessage", {"transforms": [transform(*link) for link in links]}),
+            dds.Quality(is_reliable=True, is_latched=True, depth=1),
+        )
+
+    def transform(parent, child, x, quat_xyzw):
+        fields = {
+            "translation": new_message("geometry_msgs/msg/Vector3", {"x": x}),
+            "rotation": new_message("geometry_msgs/msg/Quaternion", dict(zip("xyzw", quat_xyzw))),
+        }
+        return new_message(
+            "geometry_msgs/msg/TransformStamped",
+            {
+                "header": messages.header(0.0, parent),
+                "child_frame_id": child,
+                "transform": new_message("geometry_msgs/msg/Transform", fields),
+            },
+        )
+
+    return send
+
+
+@pytest.fixture
+def mounting_of_camera(domain, robot, messages):
+    sources = []
+
+    def mounting(frame: str) -> Pose3:
+        robot.repeat("/image_raw", 30, lambda k: messages.image(GREY, "mono8", frame_id=frame))
+        sources.append(create("source", "ros2", domain=domain, topics={"front": "/image_raw"}))
+        sources[0].start(Session("robot", "track"))
+        return sources[0].sensors["front"].pose_base_sensor
+
+    yield mounting
+    for source in sources:
+        source.close()
+
+
+@pytest.mark.parametrize("frame", ["cam_optical", "cam"])
+def test_pictures_are_in_optical_axes_whatever_their_frame_is_called(send_tree, mounting_of_camera, frame) -> None:
+    send_tree(("base_link", "mast", 0.3, LEVEL), ("mast", frame, 0.2, AHEAD_OPTICAL))
+
+    mounting = mounting_of_camera(frame)
+
+    np.testing.assert_allclose(mounting.matrix(), Pose3(0.5, 0.0, 0.0).matrix(), atol=1e-9)
+
+
+def test_pictures_of_a_link_are_in_its_axes(send_tree, mounting_of_camera) -> None:
+    send_tree(("base_link", "cam_link", 0.5, LEVEL))
+
+    mounting = mounting_of_camera("cam_link")
+
+    np.testing.assert_allclose(mounting.matrix(), Pose3(0.5, 0.0, 0.0).matrix(), atol=1e-9)
+
+
+@pytest.mark.parametrize("quat_xyzw", [(0.0, 0.0, 0.0, 0.0), (float("nan"), 0.0, 0.0, 1.0), (1.5e308, 1.5e308, 0, 0)])
+def test_a_transform_without_orientation_is_named(send_tree, mounting_of_camera, caplog, quat_xyzw) -> None:
+    send_tree(("base_link", "cam", 0.5, quat_xyzw))
+
+    with caplog.at_level(logging.WARNING):
+        mounting = mounting_of_camera("cam")
+
+    assert mounting == Pose3()
+    assert "front: /tf_static gives base_link -> cam a quaternion that is zero or not finite" in caplog.text
+    assert "it sits at base" in caplog.text
+
+
+def test_a_frame_to_which_nothing_leads_is_named(send_tree, mounting_of_camera, caplog) -> None:
+    send_tree(("base_footprint", "cam", 0.5, LEVEL))
+
+    with caplog.at_level(logging.WARNING):
+        mounting = mounting_of_camera("cam")
+
+    assert mounting == Pose3()
+    assert "front: nothing in /tf_static leads from 'base_link' (base_frame) to 'cam'" in caplog.text
