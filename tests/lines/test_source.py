@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import itertools
 import json
 import math
@@ -54,6 +55,12 @@ def opened():
     yield open_source
     for source in sources:
         source.close()
+
+
+def drive_on(source) -> None:
+    """Give commands, until they do not fit anywhere any more."""
+    for _ in range(200_000):
+        source.drive(Velocity(0.3))
 
 
 def read(kinds, document, pictures=None):
@@ -201,6 +208,42 @@ def test_a_robot_on_a_serial_line(opened) -> None:
     os.close(port)
 
 
+def test_half_a_command_on_a_serial_line_does_not_spoil_the_next(opened) -> None:
+    master, slave = pty.openpty()
+    tty.setraw(master)
+    source = opened(over="device", device=os.ttyname(slave), command="velocity")
+
+    with pytest.raises(SourceError, match="takes no commands"):
+        drive_on(source)
+    os.set_blocking(master, False)
+    stuck = b""
+    with contextlib.suppress(BlockingIOError):
+        while True:
+            stuck += os.read(master, 4096)
+    source.drive(Stop("enough"))
+    time.sleep(0.1)
+    told = (stuck + os.read(master, 4096)).splitlines()
+    os.close(master)
+    os.close(slave)
+
+    assert json.loads(told[-1])["kind"] == "Stop"
+    assert {json.loads(command)["kind"] for command in told[:-2]} == {"Velocity"}
+
+
+def test_who_connects_and_does_not_read_does_not_hold_the_run(opened) -> None:
+    source = opened(over="tcp", command="velocity")
+    with socket.create_connection(("127.0.0.1", source.port)) as robot:
+        robot.sendall(wheels(1.0))
+        next(source.frames())
+        began_s = time.monotonic()
+        threading.Timer(10.0, robot.close).start()  # so that the test ends if it fails
+
+        with pytest.raises(SourceError, match="does not read the commands"):
+            drive_on(source)
+
+    assert time.monotonic() - began_s < 9.0
+
+
 def test_a_device_that_is_not_there_is_said(opened) -> None:
     with pytest.raises(SourceError, match="cannot open /dev/no_such_port"):
         opened(over="device", device="/dev/no_such_port")
@@ -227,7 +270,15 @@ def test_a_pose_that_is_told_is_passed_on(opened) -> None:
 def test_lines_that_are_none_are_counted_and_end_nothing(opened) -> None:
     source = opened(over="udp")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
-        rubbish = (b"hello", b"[1, 2]", b'{"sensor": "nobody"}', b"[" * 5000, b"\xff\xfe", b'{"type": "pose"}')
+        rubbish = (
+            b"hello",
+            b"[1, 2]",
+            b'{"sensor": "nobody"}',
+            b"[" * 5000,
+            b"\xff\xfe",
+            b'{"type": "pose"}',
+            b'{"type": "pose", "pose_map_base": [0, 0, %d]}' % 10**400,
+        )
         for data in rubbish:
             robot.sendto(data + b"\n", ("127.0.0.1", source.port))
         robot.sendto(wheels(2.0) + wheels(1.0) + wheels(2.0) + wheels(3.0), ("127.0.0.1", source.port))
@@ -235,6 +286,19 @@ def test_lines_that_are_none_are_counted_and_end_nothing(opened) -> None:
 
     assert [frame.stamp_s for frame in frames] == [2.0, 3.0]
     assert source.counters() == {"skipped": len(rubbish), "went_back": 1, "repeated": 1}
+
+
+def test_a_clock_that_begins_anew_is_said_once(opened, caplog) -> None:
+    source = opened(over="udp")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
+        for stamp_s in (100.0, 1.0, 2.0, 101.0):
+            robot.sendto(wheels(stamp_s), ("127.0.0.1", source.port))
+        frames = list(itertools.islice(source.frames(), 2))
+
+    assert [frame.stamp_s for frame in frames] == [100.0, 101.0]
+    assert source.counters() == {"went_back": 2}
+    assert caplog.text.count("wheels: stamp_s went back from 100 s to 1 s") == 1
+    assert caplog.text.count("went back") == 1
 
 
 def test_while_a_person_teaches_nothing_but_stops_is_sent(opened) -> None:

@@ -6,6 +6,7 @@ import os
 import select
 import socket
 import sys
+import time
 from abc import ABC, abstractmethod
 from pathlib import Path
 
@@ -14,6 +15,9 @@ from trailmark.errors import SourceError
 __all__ = ["Channel", "DeviceChannel", "StandardChannel", "TcpChannel", "UdpChannel"]
 
 _CHUNK = 1 << 16
+
+# Who does not take a command within this time is not listening [s].
+_WRITE_S = 0.1
 
 
 class Channel(ABC):
@@ -59,6 +63,7 @@ class DeviceChannel(Channel):
         except OSError as error:
             raise SourceError(f"cannot open {path}: {error.strerror or error}; is it plugged in, and yours?") from error
         self._path = path
+        self._is_cut = False  # half a line was taken
         if os.isatty(self._number):
             tty.setraw(self._number)
             settings = termios.tcgetattr(self._number)
@@ -75,11 +80,24 @@ class DeviceChannel(Channel):
             raise SourceError(f"{self._path} gives nothing any more: {error.strerror or error}") from error
 
     def write(self, data: bytes) -> None:
-        """Write; what the device does not take is lost, as a late command is worth nothing."""
+        """Write; half a line that was taken before is ended first, so that this one is read as it is.
+
+        Raises
+        ------
+        SourceError
+            If the device does not take it in time.
+        """
+        left = (b"\n" if self._is_cut else b"") + data
+        until_s = time.monotonic() + _WRITE_S
         try:
-            os.write(self._number, data)
+            while left:
+                if not select.select([], [self._number], [], max(0.0, until_s - time.monotonic()))[1]:
+                    raise SourceError(f"{self._path} takes no commands: nobody reads them")
+                left = left[os.write(self._number, left) :]
         except OSError as error:
             raise SourceError(f"{self._path} takes no commands: {error.strerror or error}") from error
+        finally:
+            self._is_cut = bool(left)
 
     def close(self) -> None:
         """Close the device."""
@@ -137,6 +155,7 @@ class TcpChannel(Channel):
             return b""
         if self._connection is None:
             self._connection, _ = self._listener.accept()
+            self._connection.settimeout(_WRITE_S)  # for writing: what is read is there
             return b""
         try:
             data = self._connection.recv(_CHUNK)
@@ -149,13 +168,23 @@ class TcpChannel(Channel):
         return b"\n"  # half a line of who is gone is none
 
     def write(self, data: bytes) -> None:
-        """Send to the connection."""
+        """Send to the connection.
+
+        Raises
+        ------
+        SourceError
+            If who is connected does not read; the connection is closed then, since half a line may have been sent.
+        """
         connection = self._connection
-        if connection is not None:
-            try:
-                connection.sendall(data)
-            except ConnectionError:
-                return
+        if connection is None:
+            return
+        try:
+            connection.sendall(data)
+        except ConnectionError:
+            return
+        except TimeoutError as error:
+            connection.shutdown(socket.SHUT_RDWR)  # which ends it for the thread that reads
+            raise SourceError("who is connected does not read the commands") from error
 
     def close(self) -> None:
         """Close both sockets."""

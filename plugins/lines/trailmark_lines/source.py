@@ -132,10 +132,25 @@ class LinesSource(Drivable):
                 self._refuse(error)
                 continue
             if frame.stamp_s <= newest_s.get(frame.sensor, -np.inf):
-                self._counts["repeated" if frame.stamp_s == newest_s[frame.sensor] else "went_back"] += 1
+                self._leave_out(frame, newest_s[frame.sensor])
                 continue
             newest_s[frame.sensor] = frame.stamp_s
             yield frame
+
+    def _leave_out(self, frame: Frame, newest_s: float) -> None:
+        """Count a frame that is not newer than the one before it; of those that went back, the first is said."""
+        if frame.stamp_s == newest_s:
+            self._counts["repeated"] += 1
+            return
+        if not self._counts["went_back"]:
+            logger.warning(
+                "%s: stamp_s went back from %g s to %g s; such lines are skipped until the stamps are beyond the first"
+                " one again, others silently: did the robot's clock begin anew?",
+                frame.sensor,
+                newest_s,
+                frame.stamp_s,
+            )
+        self._counts["went_back"] += 1
 
     def _lines(self, closed: threading.Event) -> Iterator[bytes]:
         rest = b""
@@ -156,7 +171,7 @@ class LinesSource(Drivable):
         """Pass on where a person says that the robot is."""
         try:
             pose = Pose2(*(float(value) for value in document["pose_map_base"]))
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise SourceError(f"a line of type pose needs pose_map_base: [x, y, theta]: {error}") from error
         self._session.tell_pose(pose, None)
 
