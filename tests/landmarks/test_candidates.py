@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 
 import numpy as np
 import pytest
@@ -86,3 +87,14 @@ def test_many_landmarks_do_not_make_endless_candidates() -> None:
     landmarks = rng.uniform(-50.0, 50.0, (200, 2))
     ranges, bearings = seen_from(np.zeros(3), landmarks)
     assert len(candidate_poses(landmarks, ranges, bearings)) <= 4 * 120 + 4
+
+
+def test_two_thousand_sightings_take_no_longer_than_sixty() -> None:
+    rng = np.random.default_rng(0)
+    pose = np.array([1.0, 2.0, 0.3])
+    landmarks = rng.uniform(-20.0, 20.0, (2000, 2))
+    begin_s = time.process_time()
+    candidates = candidate_poses(landmarks, *seen_from(pose, landmarks))
+    assert time.process_time() - begin_s < 1.0
+    assert len(candidates) > 100
+    assert np.abs(candidates[:, :2] - pose[:2]).max(axis=1).min() < 1e-6

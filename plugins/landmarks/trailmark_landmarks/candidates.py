@@ -13,6 +13,8 @@ from trailmark.arrays import Floats
 __all__ = ["candidate_poses", "pose_from_three_bearings", "poses_from_two_ranges"]
 
 _MOST_OF_A_KIND = 120
+#: Subsets are gone through one by one to choose an even part of them, so not of thousands of sightings.
+_MOST_CHOSEN_FROM = 60
 _SMALL = 1e-9
 
 
@@ -48,6 +50,7 @@ def candidate_poses(landmarks: Floats, ranges_m: Floats, bearings_rad: Floats) -
 
 def _choose(indices: np.ndarray, size: int) -> Iterator[tuple[int, ...]]:
     """Yield subsets of a size, every so many where there are more than wanted."""
+    indices = indices[:: math.ceil(len(indices) / _MOST_CHOSEN_FROM) or 1]
     every = max(1, math.ceil(math.comb(len(indices), size) / _MOST_OF_A_KIND))
     return islice(combinations(indices.tolist(), size), 0, None, every)
 
