@@ -89,6 +89,32 @@ def test_three_bearings_alone_are_no_pose_because_nothing_could_contradict_them(
     assert "four are needed" in answer.reason
 
 
+MIRROR = MANY * [-1.0, 1.0]
+
+
+def test_a_mirrored_map_tells_no_pose_though_all_ranges_agree_with_it() -> None:
+    arrays = sightings([0, 1, 2, 3, 4, 5, 6])
+    (answer,) = observe(localizer(MIRROR), arrays)
+    assert isinstance(answer, Lost)
+    assert "of 7 bearings agree" in answer.reason
+
+
+def test_bearings_in_a_wrong_unit_tell_no_pose_though_all_ranges_agree() -> None:
+    arrays = sightings([0, 1, 2, 3, 4, 5, 6])
+    arrays["bearings_rad"] = np.degrees(arrays["bearings_rad"])
+    (answer,) = observe(localizer(), arrays)
+    assert isinstance(answer, Lost)
+    assert "of 7 bearings agree" in answer.reason
+
+
+def test_a_sighting_that_is_told_often_counts_once() -> None:
+    once, often = (observe(localizer(), sightings(ids))[0] for ids in ([0, 1, 2, 3], [0, 1, 2, 3] * 30))
+    assert isinstance(once, Fix)
+    assert isinstance(often, Fix)
+    np.testing.assert_array_equal(often.information, once.information)
+    assert often.details == once.details
+
+
 def test_ranges_alone_say_that_they_tell_no_heading() -> None:
     (answer,) = observe(localizer(), sightings([0, 1, 2, 3], bearings=False))
     assert isinstance(answer, Lost)

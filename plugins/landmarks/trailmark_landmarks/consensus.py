@@ -51,8 +51,9 @@ class Consensus:
 def find_consensus(sightings: Sightings, candidates: Floats, max_position_sigma_m: float) -> Consensus | str:
     """Return the pose that more numbers than a pose takes agree on, or in a few words why there is none.
 
-    Three numbers agree with some pose whatever is wrong with them, so four must; they must be more than half of all,
-    and more than agree with any pose elsewhere.
+    Three numbers agree with some pose whatever is wrong with them, so four must; they must be more than half of all
+    ranges and more than half of all bearings, and more than agree with any pose elsewhere. All ranges alone agree with
+    a mirrored map, and where bearings are in a wrong unit: a bearing or two beside them agree by chance.
 
     Parameters
     ----------
@@ -73,6 +74,10 @@ def find_consensus(sightings: Sightings, candidates: Floats, max_position_sigma_
     n_agree = int(best.agrees.sum())
     if n_agree <= max(_UNKNOWNS, len(sightings) / 2.0):
         return f"only {n_agree} of {len(sightings)} numbers agree on a pose"
+    for kind, is_kind in (("ranges", ~sightings.is_bearing), ("bearings", sightings.is_bearing)):
+        n_of_kind, n_agree = int(is_kind.sum()), int(best.agrees[is_kind].sum())
+        if n_of_kind and n_agree <= n_of_kind / 2.0:
+            return f"only {n_agree} of {n_of_kind} {kind} agree with the pose that most numbers agree on"
     if _rival_agrees(sightings, candidates, best):
         return "two places fit what is seen"
     if _worst_sigma_m(best.information) > max_position_sigma_m:

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from trailmark.arrays import Floats
+from trailmark.arrays import Bools, Floats
 from trailmark.errors import ConfigError
 from trailmark.estimates import Belief, Estimate, Fix, Lost, range_fix
 from trailmark.frames import Arrays, Frame, Record, SensorInfo
@@ -92,7 +92,7 @@ class KnownLandmarks(Localizer):
         untold = np.full(len(ids), np.nan)
         ranges_m = np.asarray(record.arrays.get("ranges_m", untold), dtype=np.float64)
         bearings_rad = np.asarray(record.arrays.get("bearings_rad", untold), dtype=np.float64)
-        chosen = is_known & (np.isfinite(ranges_m) | np.isfinite(bearings_rad))
+        chosen = is_known & (np.isfinite(ranges_m) | np.isfinite(bearings_rad)) & _is_first(ids, ranges_m, bearings_rad)
         landmarks = np.array([self._positions[number] for number in ids[chosen].tolist()]).reshape(-1, 2)
         return Seen(ids[chosen], landmarks, ranges_m[chosen], bearings_rad[chosen])
 
@@ -132,6 +132,14 @@ class KnownLandmarks(Localizer):
             "range_sigma_m": range_sigma_m,
             "bearing_sigma_deg": math.degrees(bearing_sigma_rad),
         }
+
+
+def _is_first(ids: np.ndarray, ranges_m: Floats, bearings_rad: Floats) -> Bools:
+    """Return which sightings repeat no earlier one to the last bit: the same error told twice does not average out."""
+    told = np.nan_to_num(np.stack([ids, ranges_m, bearings_rad], axis=1), nan=np.inf)
+    is_first = np.zeros(len(ids), dtype=bool)
+    is_first[np.unique(told, axis=0, return_index=True)[1]] = True
+    return is_first
 
 
 def _calibrated(info: SensorInfo) -> dict[int, tuple[float, float]]:
