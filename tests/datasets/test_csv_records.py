@@ -96,6 +96,7 @@ def test_landmarks_without_numbers_are_counted_from_one(table: Path, tmp_path: P
         ("id,range\n1,2\n", r"no column t; name it in columns: \{t: \.\.\.\}, or set rate_hz"),
         ("t,id,range\n1,2.5,3\n", r"sightings\.csv:2: column 'id' is '2\.5', not a whole number"),
         ("t,id,range\n1,2,-3\n", r"sightings\.csv:2: a range of -3 m is negative"),
+        ("t,id,bearing\n1,2,45\n", r"sightings\.csv:2: a bearing of 45 rad is more than a turn; .* angle_unit: deg"),
         ("t,id,range\n1,2,far\n", r"sightings\.csv:2: column 'range' is 'far', not a number"),
         ("t,id,range\nx,2,3\n", r"sightings\.csv:2: the stamp is 'x', not a number"),
         ("t,id,range\n2,2,3\n1,2,3\n", r"the stamp goes back"),

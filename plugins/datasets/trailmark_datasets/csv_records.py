@@ -35,6 +35,10 @@ class _Sighting:
     bearing_column: str | None
 
 
+#: A bearing of 0 to 360 degrees, with some noise, is one; a number of degrees that is taken for radians is not.
+_MOST_RAD = math.radians(370.0)
+
+
 class CsvRecords(RecordedSource):
     """One frame for all that was seen at one instant: arrays ``ids``, ``ranges_m`` and ``bearings_rad``, (N,).
 
@@ -99,8 +103,14 @@ class CsvRecords(RecordedSource):
         bearing = _optional(row, sighting.bearing_column)
         if range_m < 0.0:
             raise SourceError(f"{row.where}: a range of {range_m:g} m is negative")
+        bearing_rad = math.radians(bearing) if self.config.angle_unit == "deg" else bearing
+        if abs(bearing_rad) > _MOST_RAD:
+            hint = "" if self.config.angle_unit == "deg" else "; if the table is in degrees, set angle_unit: deg"
+            raise SourceError(
+                f"{row.where}: a bearing of {bearing:g} {self.config.angle_unit} is more than a turn{hint}"
+            )
         landmark = self._landmark_of.get(code, -1) if self._landmark_of else code
-        return landmark, range_m, math.radians(bearing) if self.config.angle_unit == "deg" else bearing
+        return landmark, range_m, bearing_rad
 
 
 def _sightings_of(table: DataTable) -> list[_Sighting]:
