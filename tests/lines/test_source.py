@@ -301,6 +301,17 @@ def test_a_clock_that_begins_anew_is_said_once(opened, caplog) -> None:
     assert caplog.text.count("went back") == 1
 
 
+def test_one_stamp_of_the_future_costs_its_own_line_alone(opened) -> None:
+    source = opened(over="udp")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
+        for stamp_s in (1.0, 1.1, 1.2, 1.3, 1.4, 4e9, 1.5, 1.6):
+            robot.sendto(wheels(stamp_s), ("127.0.0.1", source.port))
+        frames = list(itertools.islice(source.frames(), 7))
+
+    assert [frame.stamp_s for frame in frames] == [1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6]
+    assert source.counters() == {"skipped": 1}
+
+
 def test_while_a_person_teaches_nothing_but_stops_is_sent(opened) -> None:
     source = opened("teach", over="tcp", command="velocity")
     with socket.create_connection(("127.0.0.1", source.port)) as robot:

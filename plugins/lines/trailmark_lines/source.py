@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import threading
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from types import MappingProxyType
@@ -19,6 +19,7 @@ from trailmark.frames import Frame, SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Drivable, Session
 from trailmark.pipeline.clock import live_stamp_s
+from trailmark.sources.clock_offset import ClockOffset
 from trailmark_lines.channels import Channel, DeviceChannel, StandardChannel, TcpChannel, UdpChannel
 from trailmark_lines.config import LinesConfig
 from trailmark_lines.readings import LineReader, document_of
@@ -116,6 +117,7 @@ class LinesSource(Drivable):
             If a line cannot be used, with ``on_bad_frame: error``.
         """
         newest_s: dict[str, float] = {}
+        clocks: defaultdict[str, ClockOffset] = defaultdict(ClockOffset)
         closed = self._closed
         for line in self._lines(closed):
             if closed.is_set():
@@ -127,7 +129,10 @@ class LinesSource(Drivable):
                 if document.get("type") == "pose":
                     self._pass_told_pose(document)
                     continue
-                frame = self._reader.frame(document, live_stamp_s())
+                came_s = live_stamp_s()
+                frame = self._reader.frame(document, came_s)
+                if ahead_s := clocks[frame.sensor].note_message(frame.stamp_s, came_s):
+                    raise SourceError(f"a stamp of {frame.sensor!r} is {ahead_s:.0f} s ahead of those before it")
             except SourceError as error:
                 self._refuse(error)
                 continue

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import logging
-import math
-from collections import deque
-from statistics import median
 from typing import Any, Literal
+
+from trailmark.errors import SourceError
+from trailmark.sources.clock_offset import ClockOffset
 
 __all__ = ["Stamper"]
 
 logger = logging.getLogger(__name__)
-
-_N_OFFSETS = 101
 
 
 class Stamper:
@@ -30,26 +28,36 @@ class Stamper:
 
     def __init__(self, topic: str, stamps: Literal["header", "receive"], max_offset_s: float) -> None:
         self._topic, self._stamps, self._max_offset_s = topic, stamps, max_offset_s
-        self._offsets_s: deque[float] = deque(maxlen=_N_OFFSETS)
+        self._clock = ClockOffset()
         self._has_warned = False
 
     def stamp_s(self, message: Any, came_s: float) -> float | None:
-        """Return the stamp of a message that came at a time; None: its sender left it empty [s]."""
+        """Return the stamp of a message that came at a time; None: its sender left it empty [s].
+
+        Raises
+        ------
+        SourceError
+            If it is of the future, by the stamps before it: all after it would be of the past.
+        """
         stamp = message.header.stamp
         header_s = float(stamp.sec) + float(stamp.nanosec) / 1e9
         if header_s == 0.0:
             return came_s if self._stamps == "receive" else None
-        self._offsets_s.append(header_s - came_s)
+        ahead_s = self._clock.note_message(header_s, came_s)
         self._warn_if_far()
-        return came_s if self._stamps == "receive" else header_s
+        if self._stamps == "receive":
+            return came_s
+        if ahead_s:
+            raise SourceError(f"its stamp is {ahead_s:.0f} s ahead of those before it")
+        return header_s
 
     @property
     def offset_s(self) -> float:
         """Median of stamp minus arrival; not a number before the first message [s]."""
-        return median(self._offsets_s) if self._offsets_s else math.nan
+        return self._clock.median_s
 
     def _warn_if_far(self) -> None:
-        if self._has_warned or len(self._offsets_s) < 5 or abs(self.offset_s) <= self._max_offset_s:
+        if self._has_warned or not self._clock.is_known or abs(self.offset_s) <= self._max_offset_s:
             return
         self._has_warned = True
         remedy = "set stamps: receive, or synchronise the clocks" if self._stamps == "header" else "not used"

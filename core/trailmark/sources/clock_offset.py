@@ -1,0 +1,62 @@
+"""How far the clock of a robot is from ours, and which of its stamps cannot be."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from statistics import median
+
+__all__ = ["ClockOffset"]
+
+_N_KEPT = 101
+_N_NEEDED = 5
+# Messages that wait somewhere come late, and never early: what is so far ahead of its like is a wrong stamp [s] ...
+_AHEAD_S = 10.0
+# ... unless so many after one another are: then time has passed, or the clock was set anew.
+_N_BELIEVED = 3
+
+
+class ClockOffset:
+    """Stamp minus arrival of the messages of one sensor.
+
+    A single stamp of the future would otherwise make every stamp after it one of the past.
+    """
+
+    def __init__(self) -> None:
+        self._offsets_s: deque[float] = deque(maxlen=_N_KEPT)
+        self._ahead_s: list[float] = []  # offsets of the last messages, if they are suspicious
+
+    @property
+    def is_known(self) -> bool:
+        """Whether enough messages have come to tell the offset."""
+        return len(self._offsets_s) >= _N_NEEDED
+
+    @property
+    def median_s(self) -> float:
+        """Median of stamp minus arrival; not a number before the first message [s]."""
+        return median(self._offsets_s) if self._offsets_s else math.nan
+
+    def note_message(self, stamp_s: float, came_s: float) -> float:
+        """Take note of a message; return how far its stamp is ahead of all before it if it is not to be believed.
+
+        Parameters
+        ----------
+        stamp_s, came_s : float
+            Its stamp, by the robot's clock, and its arrival, by ours [s].
+
+        Returns
+        -------
+        float
+            0 where it is believed [s].
+        """
+        offset_s = stamp_s - came_s
+        newest_s = max(self._offsets_s, default=offset_s)
+        if offset_s - newest_s > _AHEAD_S:
+            if self._ahead_s and abs(offset_s - self._ahead_s[-1]) > _AHEAD_S:
+                self._ahead_s.clear()  # the one before was wrong in another way
+            self._ahead_s.append(offset_s)
+            if len(self._ahead_s) < _N_BELIEVED:
+                return offset_s - newest_s
+        self._ahead_s.clear()
+        self._offsets_s.append(offset_s)
+        return 0.0

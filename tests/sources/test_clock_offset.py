@@ -1,0 +1,56 @@
+"""The clock of a robot, told by stamps and arrivals."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from trailmark.sources.clock_offset import ClockOffset
+
+
+def clock_after(n: int, offset_s: float) -> ClockOffset:
+    clock = ClockOffset()
+    for k in range(n):
+        clock.note_message(0.1 * k + offset_s, 0.1 * k)
+    return clock
+
+
+def test_the_offset_is_the_median_and_unknown_at_first() -> None:
+    assert math.isnan(ClockOffset().median_s)
+    assert not clock_after(4, -3.0).is_known
+    assert clock_after(5, -3.0).median_s == pytest.approx(-3.0)
+
+
+@pytest.mark.parametrize("offset_s", [0.0, -3600.0, 1e9])
+def test_a_stamp_of_the_future_is_told_whatever_the_robots_clock_says(offset_s: float) -> None:
+    clock = clock_after(20, offset_s)
+
+    assert clock.note_message(2.0 + offset_s + 100.0, 2.0) == pytest.approx(100.0)
+    assert clock.note_message(2.1 + offset_s, 2.1) == 0.0
+
+
+def test_a_message_that_waited_is_nothing_to_refuse() -> None:
+    clock = clock_after(20, 0.0)
+
+    assert clock.note_message(2.0, 500.0) == 0.0
+
+
+def test_a_clock_that_was_set_anew_is_believed_at_the_third_message() -> None:
+    clock = clock_after(300, 0.0)
+
+    told = [clock.note_message(30.0 + 0.1 * k + 3600.0, 30.0 + 0.1 * k) for k in range(4)]
+
+    assert told == [pytest.approx(3600.0), pytest.approx(3600.0), 0.0, 0.0]
+
+
+def test_stamps_that_are_wrong_in_different_ways_are_never_believed() -> None:
+    clock = clock_after(20, 0.0)
+
+    assert all(clock.note_message(1e6 * (k + 1), 2.0 + 0.1 * k) > 0.0 for k in range(10))
+
+
+def test_a_log_that_comes_as_fast_as_it_is_read_is_believed() -> None:
+    clock = ClockOffset()
+
+    assert all(clock.note_message(float(k), 1e-4 * k) == 0.0 for k in range(300))  # a second between two
