@@ -17,8 +17,9 @@ import pytest
 import trailmark
 from trailmark.cli.errors import exit_code_of
 from trailmark.errors import RunError
+from trailmark.estimates import Applied, EstimateRecord, Lost
 from trailmark.geometry import read_tum
-from trailmark.pipeline.outputs.recorder import ESTIMATE_COLUMNS
+from trailmark.pipeline.outputs.recorder import ESTIMATE_COLUMNS, Recorder
 from trailmark.pipeline.outputs.whole_files import cut_after_last_line, overwrite_in_place, write_whole
 
 N_FRAMES = 400
@@ -102,6 +103,19 @@ def test_whichever_write_fails_the_run_says_so(
     assert "This is a bug" not in capsys.readouterr().err
     if out.exists():
         assert_what_there_was_is_there(out)
+
+
+def test_a_run_that_is_left_at_once_says_so_on_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    recorder = Recorder(tmp_path, {"mode": "track"}, None)
+    recorder.open({}, {})
+    recorder.on_estimate_record(EstimateRecord(0.0, "eye", Lost(0.0, "dark"), Applied("lost")))
+    Disk(monkeypatch, tmp_path, 0)
+
+    recorder.mark("interrupted", "interrupted by SIGTERM")
+    monkeypatch.undo()
+
+    about = json.loads((tmp_path / "run.json").read_text())
+    assert (about["status"], about["reason"]) == ("interrupted", "interrupted by SIGTERM")
 
 
 def test_a_run_that_cannot_begin_leaves_nothing(drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

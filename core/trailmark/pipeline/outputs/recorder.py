@@ -112,13 +112,8 @@ class Recorder(Sink):
         """Write how the run ended; on a full disk, into the space that was kept for it."""
         ended = {"status": result.status, "reason": result.reason}
         about = self._about | ended | self._measured | {"files": files_in(self.folder)}
-        path = self.folder / "run.json"
         try:
-            try:
-                write_whole(path, _json(about))
-            except OSError:
-                if not overwrite_in_place(path, _json(about)) and not overwrite_in_place(path, _json(ended)):
-                    raise
+            self._write_about(about, ended)
         except OSError as error:
             raise _failure(self.folder, error) from error
         self.is_written = True
@@ -126,8 +121,19 @@ class Recorder(Sink):
     def mark(self, status: Status, reason: str) -> None:
         """Say in ``run.json`` how the run ended, for when there is no time for anything else."""
         if self._estimates is not None:
-            self._estimates.flush()
-        self._write_json("run.json", self._about | {"status": status, "reason": reason} | self._measured)
+            with suppress(OSError, ValueError):  # the disk is full, or the run's thread has closed it just now
+                self._estimates.flush()
+        ended = {"status": status, "reason": reason}
+        self._write_about(self._about | ended | self._measured, ended)
+
+    def _write_about(self, about: Mapping[str, Any], ended: Mapping[str, Any]) -> None:
+        """Write ``run.json``; on a full disk into the space that was kept for it, if need be the end alone."""
+        path = self.folder / "run.json"
+        try:
+            write_whole(path, _json(about))
+        except OSError:
+            if not overwrite_in_place(path, _json(about)) and not overwrite_in_place(path, _json(ended)):
+                raise
 
     def close(self) -> None:
         """Close the table of estimates; where the last row could not be written whole, it ends with the one before."""
