@@ -193,7 +193,7 @@ class Run:
         """Tell the estimator where a person says that the robot is."""
         while self.running.told_poses:
             pose, covariance = self.running.told_poses.popleft()
-            outcome = self._parts.estimator.set_pose(pose, covariance)
+            outcome = self._estimator.set_pose(pose, covariance)
             self._counters[f"told_poses.{outcome.status}"] += 1
             if outcome.status != "accepted":
                 logger.warning("the pose that was told (%s) is %s: %s", pose, outcome.status, outcome.reason)

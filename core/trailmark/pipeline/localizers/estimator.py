@@ -7,9 +7,11 @@ from collections.abc import Iterator
 from dataclasses import replace
 from time import perf_counter_ns
 
+from trailmark.arrays import Floats
 from trailmark.errors import ConfigError
 from trailmark.estimates import Applied, Belief, Estimate, EstimateRecord, Motion
 from trailmark.failures import raise_failure
+from trailmark.geometry import Pose2
 from trailmark.interfaces import Estimator
 from trailmark.pipeline.localizers.runner import ObserveResult
 from trailmark.pipeline.parts import LocalizerPart
@@ -64,6 +66,22 @@ class EstimatorRunner:
         for estimate in result.estimates:
             outcome = self._outcome(localizer, estimate, result.frame_s)
             yield EstimateRecord(result.arrived_s, localizer.name, estimate, outcome)
+
+    def set_pose(self, pose_map_base: Pose2, covariance: Floats | None) -> Applied:
+        """Tell the estimator where a person says that the robot is.
+
+        Raises
+        ------
+        RunError
+            If the estimator raises.
+        """
+        try:
+            outcome = self._estimator.set_pose(pose_map_base, covariance)
+            if not isinstance(outcome, Applied):
+                raise TypeError(f"it returned {type(outcome).__name__}, not an Applied")
+        except BaseException as error:
+            raise_failure(error, "the estimator", "set_pose", keeps=())
+        return outcome
 
     def belief(self, stamp_s: float | None = None) -> Belief:
         """Return the belief at a stamp.
