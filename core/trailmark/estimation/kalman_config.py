@@ -101,6 +101,9 @@ class KalmanConfig(PluginConfig):
     """How many estimates in a row must agree on the new time."""
     max_per_stamp: int = Field(default=64, ge=1)
     """Absolute estimates of one localizer about one instant; more are refused: its clock stands still."""
+    clock_offsets: Literal["use", "tell", "off"] = "use"
+    """Stamps of one localizer that are late against another's motion, as turns and ways show: tell it, and correct
+    those of fixes by it; or tell it only; or do not look."""
     sources: dict[LocalizerName, SourceTreatment] = Field(default_factory=dict)
     """What is different for single localizers, by name."""
 

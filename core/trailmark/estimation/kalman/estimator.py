@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections import Counter
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,6 +17,7 @@ from trailmark.estimation.history import History
 from trailmark.estimation.information import checked_covariance
 from trailmark.estimation.kalman.agreement import Tolerance
 from trailmark.estimation.kalman.clock import ClockGuard
+from trailmark.estimation.kalman.clock_offsets import ClockOffset, ClockOffsets
 from trailmark.estimation.kalman.correction import Correction, Filter
 from trailmark.estimation.kalman.dissent import covering_covariance
 from trailmark.estimation.kalman.ekf import Ekf
@@ -42,6 +45,8 @@ from trailmark.geometry import Pose2
 from trailmark.interfaces import Estimator, Session
 
 __all__ = ["Kalman"]
+
+logger = logging.getLogger(__name__)
 
 _ACCEPTED = Applied("accepted")
 _IMPOSSIBLE = "no robot changes its velocity like this between two readings"
@@ -78,6 +83,7 @@ class Kalman(Estimator):
         self._odometry = PublishedOdometry()
         self._clock = ClockGuard(config.time_jump_s, config.time_jump_after if config.time_jump == "reset" else None)
         self._monitors = {source: SourceMonitor(Trust.of(config, source)) for source in config.sources}
+        self._offsets = ClockOffsets()
         self._counted: Counter[str] = Counter()
         self._belief: Belief | None = None
         self._begin_history(self._start_state(session.start_pose))
@@ -96,6 +102,10 @@ class Kalman(Estimator):
             for source, i in ((source, common.index) for source, common in self._layout.common.items())
         }
 
+    def clock_offsets(self) -> Mapping[str, ClockOffset]:
+        """Return how late or early stamps are found to be, by localizer; nothing where that is not certain."""
+        return self._offsets.certain
+
     def apply(self, source: str, estimate: Estimate) -> Applied:
         """Use an estimate and return what became of it.
 
@@ -105,6 +115,8 @@ class Kalman(Estimator):
         if monitor is None:
             monitor = self._monitors[source] = SourceMonitor(Trust.of(self.config, source))
         self._belief = None
+        if self.config.clock_offsets != "off":
+            estimate = self._on_one_clock(source, estimate)
         applied = self._check_stamp(source, estimate, monitor.trust)
         if applied.status == "refused":
             monitor.record_refusal(applied.reason)
@@ -177,6 +189,17 @@ class Kalman(Estimator):
         if not node.still_follows(state, self._motions.n_added):
             node.set_prediction(state, self._faults.predict(state, stamp_s), self._motions.n_added)
         return node.apply_measurements(self._faults)
+
+    def _on_one_clock(self, source: str, estimate: Estimate) -> Estimate:
+        """Return a fix that is certainly late with the stamp that it should have."""
+        for name, found in self._offsets.observe(source, estimate).items():
+            remedy = f"set time_offset_s: {-found.late_s:.3f} for its source"
+            logger.warning("localizer %r: %s; %s", name, found, remedy)
+        offset = self._offsets.certain.get(source)
+        if offset is None or offset.late_s < 0.0 or not isinstance(estimate, Fix) or self.config.clock_offsets != "use":
+            return estimate
+        self._counted["stamps_corrected"] += 1
+        return replace(estimate, stamp_s=estimate.stamp_s - offset.late_s)
 
     def _check_stamp(self, source: str, estimate: Estimate, trust: Trust) -> Applied:
         stamp_s, newest_s = estimate.stamp_s, self._history.newest_s
@@ -329,8 +352,14 @@ class Kalman(Estimator):
             on_path=on_path,
             fix_age_m=odometry.travelled_m - state.fixed_at_m,
             motion_age_s=odometry.gap_s if odometry.has_moved else math.inf,
-            health=health_of(self._monitors, state, self.config.recover_after),
+            health=self._health(state),
         )
+
+    def _health(self, state: FilterState) -> Mapping[str, str]:
+        health = health_of(self._monitors, state, self.config.recover_after)
+        for source, offset in self._offsets.certain.items():
+            health.setdefault(source, str(offset))
+        return health
 
     def _on_path(self, stamp_s: float, pose: Pose2, covariance: Floats) -> PathOffset | None:
         if self._path is None:

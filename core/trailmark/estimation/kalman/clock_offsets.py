@@ -1,0 +1,239 @@
+"""By how much the stamps of one localizer are off against those of another: turns and ways that both tell say it.
+
+Two localizers that watch one drive tell the same turns and ways. Where the stamps of one are late, what it tells looks
+like what the other told some time before. Over the last seconds the shift is looked for at which they differ least:
+motions by turns and ways, fixes by where they lie beside the way that the motions of another make. How sharply they
+begin to differ beside it says how well it is known. A drive that neither turns nor changes its speed says nothing, and
+nothing is told.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.arrays import Floats
+from trailmark.estimates import Estimate, Fix, Motion
+
+Complexes: TypeAlias = npt.NDArray[np.complex128]
+
+__all__ = ["ClockOffset", "ClockOffsets"]
+
+_WINDOW_S, _EVERY_S = 12.0, 2.0
+_INTERVAL_S, _LEAST_INTERVALS = 0.25, 12
+_FARTHEST_S, _STEP_S = 0.6, 0.02
+_SHIFTS_S: Floats = np.arange(-_FARTHEST_S, _FARTHEST_S + _STEP_S / 2.0, _STEP_S)
+#: Beside the lowest cost, this far away, it must stand out by so much from all others [s].
+_ASIDE_S, _STANDS_OUT = 0.1, 40.0
+_INTERVALS = _WINDOW_S / _INTERVAL_S
+_LEAST_SPREAD = 1e-6
+_SAME_STAMP_S = 1e-6
+_HEADING, _WAY = 3, 4
+#: Information of a heading from which on it is one [1/rad^2].
+_LEAST_HEADING = 1.0
+#: Offsets from here on are told, when they are so many sigmas from nothing.
+TOLD_S, _SURE = 0.02, 5.0
+#: What differs by more than so many times its usual is left out: slip, jumps.
+_OUTLIER = 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class ClockOffset:
+    """How late the stamps of a localizer are, against those of another.
+
+    Attributes
+    ----------
+    against : str
+        The other localizer.
+    late_s, sigma_s : float
+        Positive where its stamps are later than they should be; standard deviation [s].
+    """
+
+    against: str
+    late_s: float
+    sigma_s: float
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether there is an offset worth telling."""
+        return abs(self.late_s) >= TOLD_S and abs(self.late_s) > _SURE * self.sigma_s
+
+    def __str__(self) -> str:
+        what = "late" if self.late_s > 0.0 else "early"
+        return (
+            f"its stamps are {abs(self.late_s) * 1e3:.0f} +- {self.sigma_s * 1e3:.0f} ms {what} against {self.against}"
+        )
+
+
+class _Track:
+    """What one localizer said of the last seconds: rows of stamp, x, y, heading and way.
+
+    Of motions they are sums since the row before the first, of fixes the poses themselves, without a way.
+    """
+
+    def __init__(self, of_motion: bool) -> None:
+        self.of_motion = of_motion
+        self._rows: deque[tuple[float, float, float, float, float]] = deque()
+
+    def table(self) -> Floats:
+        """Return the rows, (N, 5)."""
+        return np.array(self._rows).reshape(-1, 5)
+
+    def add(self, estimate: Motion | Fix) -> None:
+        """Add a motion or a fix; what does not begin where the last motion ended begins anew."""
+        if isinstance(estimate, Motion):
+            self._add_motion(estimate)
+        elif not self._rows or estimate.stamp_s > self._rows[-1][0]:
+            pose = estimate.pose_map_base
+            self._rows.append((estimate.stamp_s, pose.x, pose.y, pose.theta, 0.0))
+        while self._rows[-1][0] - self._rows[0][0] > _WINDOW_S + 2.0 * _FARTHEST_S:
+            self._rows.popleft()
+
+    def _add_motion(self, motion: Motion) -> None:
+        rows, step = self._rows, motion.pose_since_now
+        if rows and motion.stamp_s <= rows[-1][0]:
+            return
+        if not rows or abs(motion.since_s - rows[-1][0]) > _SAME_STAMP_S:
+            rows.clear()
+            rows.append((motion.since_s, 0.0, 0.0, 0.0, 0.0))
+        _, x, y, heading, way_m = rows[-1]
+        cos, sin = math.cos(heading), math.sin(heading)
+        moved_x, moved_y = x + cos * step.x - sin * step.y, y + sin * step.x + cos * step.y
+        rows.append((motion.stamp_s, moved_x, moved_y, heading + step.theta, way_m + step.x))
+
+
+class ClockOffsets:
+    """Compares the localizers two by two while the drive goes on; what it costs is bounded."""
+
+    def __init__(self) -> None:
+        self._tracks: dict[str, _Track] = {}
+        self._next_s = -math.inf
+        #: Offsets that are certain, by localizer; one stays until another is found for it.
+        self.certain: dict[str, ClockOffset] = {}
+
+    def observe(self, source: str, estimate: Estimate) -> Mapping[str, ClockOffset]:
+        """Take note of an estimate; returns offsets that became certain by it, by localizer.
+
+        Parameters
+        ----------
+        source : str
+            Name of the localizer.
+        estimate : Estimate
+            What it said, and was not refused.
+        """
+        if not isinstance(estimate, Motion) and not (
+            isinstance(estimate, Fix) and _knows_heading(estimate.information)
+        ):
+            return {}
+        track = self._tracks.get(source)
+        if track is None:
+            track = self._tracks[source] = _Track(isinstance(estimate, Motion))
+        if track.of_motion == isinstance(estimate, Motion):
+            track.add(estimate)
+        if len(self._tracks) < 2 or estimate.stamp_s < self._next_s:
+            return {}
+        self._next_s = estimate.stamp_s + _EVERY_S
+        return self._compare_all()
+
+    def _compare_all(self) -> Mapping[str, ClockOffset]:
+        """Compare every localizer with the first that tells motion."""
+        reference = next((name for name, track in self._tracks.items() if track.of_motion), None)
+        if reference is None:
+            return {}
+        news = {}
+        for source, track in self._tracks.items():
+            found = None if source == reference else _compare(track, self._tracks[reference], reference)
+            if found is None:
+                continue
+            known = self.certain.get(source)
+            if not found.is_certain:
+                self.certain.pop(source, None)
+                continue
+            self.certain[source] = found
+            if known is None or abs(found.late_s - known.late_s) > max(TOLD_S, _SURE * found.sigma_s):
+                news[source] = found
+        return news
+
+
+def _knows_heading(information: Floats) -> bool:
+    """Return whether a fix tells the heading by itself, and not only together with where the robot is."""
+    (xx, xy, xt), (_, yy, yt), (_, _, tt) = information.tolist()
+    determinant = xx * yy - xy * xy
+    if determinant <= 0.0:
+        return bool(xt == yt == 0.0 and tt > 0.0)
+    return bool(tt - (xt * (yy * xt - xy * yt) + yt * (xx * yt - xy * xt)) / determinant > _LEAST_HEADING)
+
+
+def _compare(track: _Track, reference: _Track, against: str) -> ClockOffset | None:
+    """Return the shift at which two tracks differ least; None where they do not tell."""
+    rows, other = _thinned(track.table()), reference.table()
+    if len(rows) <= _LEAST_INTERVALS or len(other) <= _LEAST_INTERVALS:
+        return None
+    rows = rows[(rows[:, 0] >= other[0, 0] + _FARTHEST_S) & (rows[:, 0] <= other[-1, 0] - _FARTHEST_S)]
+    if len(rows) <= _LEAST_INTERVALS:
+        return None
+    # A stamp that is late by tau names what the other told of t - tau.
+    at_s = rows[:, 0] - _SHIFTS_S[:, np.newaxis]
+    expected = [np.interp(at_s, other[:, 0], other[:, column]) for column in range(1, 5)]
+    if track.of_motion:
+        costs = sum(_cost_of_steps(rows[:, column], expected[column - 1]) for column in (_HEADING, _WAY))
+    else:
+        costs = _cost_of_places(rows[:, 1] + 1j * rows[:, 2], expected[0] + 1j * expected[1])
+    return _lowest(np.asarray(costs), against)
+
+
+def _cost_of_steps(told: Floats, expected: Floats) -> Floats:
+    """Return how badly turns or ways between rows, (N,), agree at each shift, (S, N) to (S,), in chi squares."""
+    misses = np.diff(told) - np.diff(expected, axis=1)
+    misses -= np.median(misses, axis=1, keepdims=True)  # a bias of a gyro, a wrong radius of a wheel
+    spread = max(1.4826 * float(np.median(np.abs(misses), axis=1).min()), _LEAST_SPREAD)
+    return np.asarray(np.minimum((misses / spread) ** 2, _OUTLIER**2).sum(axis=1))
+
+
+def _cost_of_places(told: Complexes, expected: Complexes) -> Floats:
+    """Return how badly places, (N,), agree with a way, (S, N), laid over them at each shift, in chi squares.
+
+    Turned, moved and scaled as fits best (in complex numbers a similarity is a product and a sum), so that neither the
+    start of the odometry nor the radius of its wheels matters.
+    """
+    told = told - told.mean()
+    expected = expected - expected.mean(axis=1, keepdims=True)
+    power = np.maximum((np.abs(expected) ** 2).sum(axis=1), _LEAST_SPREAD)
+    misfit = (np.abs(told) ** 2).sum() - np.abs((told * expected.conj()).sum(axis=1)) ** 2 / power
+    dof = 2.0 * len(told) - 4.0
+    return np.asarray(misfit * dof / max(float(misfit.min()), _LEAST_SPREAD**2))
+
+
+def _thinned(rows: Floats) -> Floats:
+    """Return rows that are so far apart that what happens between them stands out of the noise."""
+    kept, last_s = [], -math.inf
+    for index, stamp_s in enumerate(rows[:, 0].tolist()):
+        if stamp_s >= last_s + _INTERVAL_S:
+            kept.append(index)
+            last_s = stamp_s
+    return rows[kept]
+
+
+def _lowest(costs: Floats, against: str) -> ClockOffset | None:
+    """Return where the costs are lowest; None where that does not stand out, or lies beyond what was looked at."""
+    best = int(costs.argmin())
+    aside = round(_ASIDE_S / _STEP_S)
+    if not aside <= best < len(costs) - aside:
+        return None
+    lowest = float(costs[best])
+    elsewhere = np.abs(_SHIFTS_S - _SHIFTS_S[best]) > 1.5 * _ASIDE_S
+    if float(costs[elsewhere].min()) - lowest < _STANDS_OUT * max(1.0, lowest / _INTERVALS):
+        return None
+    near = slice(best - 2, best + 3)
+    bend, slope, _ = np.polyfit(_SHIFTS_S[near] - _SHIFTS_S[best], costs[near], 2)
+    wide = float(costs[best - aside] + costs[best + aside] - 2.0 * lowest) / (2.0 * _ASIDE_S**2)
+    if bend <= 0.0 or wide <= 0.0:
+        return None
+    moved_s = min(max(-slope / (2.0 * bend), -2.0 * _STEP_S), 2.0 * _STEP_S)
+    return ClockOffset(against, float(_SHIFTS_S[best] + moved_s), math.sqrt(1.0 / min(bend, wide)))
