@@ -34,7 +34,9 @@ class RobotOdometry:
         stamp_s = message.header.stamp.sec + message.header.stamp.nanosec / 1e9
         linear, angular = message.twist.twist.linear, message.twist.twist.angular
         pose = planar_pose(message.pose.pose)
-        if self._poses and stamp_s <= self._poses[-1][0]:
+        if self._poses and stamp_s == self._poses[-1][0]:
+            return  # a driver that sends its last reading again has not begun anew
+        if self._poses and stamp_s < self._poses[-1][0]:
             self._poses.clear()  # it began anew: what was before is of another clock or origin
         self.frame_id = str(message.header.frame_id).lstrip("/")
         self._poses.append((stamp_s, pose, Twist2(float(linear.x), float(linear.y), float(angular.z))))
