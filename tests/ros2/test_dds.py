@@ -67,6 +67,22 @@ def test_a_late_reader_gets_what_is_latched(domain, robot, messages, wait_for) -
     own.close()
 
 
+def test_bytes_that_are_no_message_are_left_out_with_a_word(domain, robot, messages, wait_for, caplog) -> None:
+    name = "geometry_msgs/msg/PoseWithCovarianceStamped"
+    heard = robot.hear("/initialpose", name)
+    publisher = dds.Network(domain).publisher("/initialpose", name, dds.Quality())
+    wait_for(lambda: publisher.n_matched)
+    cdr = serialize(messages.pose_with_covariance(1.0, 2.0, 0.5))
+    for frame_id in (b"\xff\xfe\xfd", b"\x80\x80\x80"):  # DDS looks at lengths, not at letters
+        publisher.send_bytes(cdr.replace(b"map", frame_id))
+    publisher.send_bytes(cdr)
+
+    found = wait_for(heard.messages)
+
+    assert [message.pose.pose.position.x for message in found] == [1.0]
+    assert caplog.text.count("/initialpose: a message cannot be read and is left out") == 1
+
+
 def test_who_is_there_is_seen_with_type_and_quality(domain, robot, messages, wait_for) -> None:
     own = dds.Network(domain)
     robot.send("/odom", messages.odometry(), dds.Quality(is_reliable=False))

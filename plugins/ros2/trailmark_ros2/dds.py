@@ -6,6 +6,7 @@ version 11): the Python serialiser of cyclonedds takes 20 to 70 ms for a picture
 
 from __future__ import annotations
 
+import logging
 import os
 import threading
 from collections.abc import Iterable
@@ -25,6 +26,8 @@ from trailmark.errors import ConfigError
 from trailmark_ros2.message_types import deserialize, idl_type, ros_type_name, serialize, type_hash
 
 __all__ = ["Endpoint", "Network", "Publisher", "Quality", "Sample", "Subscription", "Waiter", "default_domain"]
+
+logger = logging.getLogger(__name__)
 
 LOOPBACK = "loopback"
 
@@ -208,6 +211,7 @@ class Subscription:
     def __init__(self, topic: str, type_name: str, quality: Quality, reader: Any) -> None:
         self.topic, self.type_name, self.quality = topic, type_name, quality
         self._reader = reader
+        self._has_warned = False
         self.condition = ReadCondition(reader, SampleState.NotRead | ViewState.Any | InstanceState.Any)
 
     def take(self, n: int = 64) -> list[Sample]:
@@ -222,8 +226,16 @@ class Subscription:
         ]
 
     def messages(self) -> list[Any]:
-        """Return the messages that have come, deserialised."""
-        return [deserialize(sample.cdr, self.type_name) for sample in self.take()]
+        """Return the messages that have come, deserialised; those that are none are left out, the first with a word."""
+        found = []
+        for sample in self.take():
+            try:
+                found.append(deserialize(sample.cdr, self.type_name))
+            except Exception as error:  # bytes from the network may be anything
+                log = logger.debug if self._has_warned else logger.warning
+                log("%s: a message cannot be read and is left out: %s: %s", self.topic, type(error).__name__, error)
+                self._has_warned = True
+        return found
 
     @property
     def n_matched(self) -> int:
