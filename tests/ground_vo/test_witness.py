@@ -33,6 +33,18 @@ def test_the_shift_is_found_wherever_it_is(shift, picture):
     assert vote.support(shift[0] + 30, shift[1] + 30) < 0.5
 
 
+def test_the_second_peak_is_the_ground_behind_marks(picture):
+    witness, marks = ShiftWitness(SIZE), np.zeros((SIZE[1], SIZE[0]), np.bool_)
+    for v, u in np.random.default_rng(3).integers(8, 230, (60, 2)):
+        marks[v : v + 8, u : u + 8] = True
+
+    before, now = (np.where(marks, 250, window(picture, u, 0)).astype(np.uint8) for u in (0, 40))
+    peaks = witness.compare(witness.spectrum(before), witness.spectrum(now)).peaks(3)
+
+    assert any(peak == pytest.approx((0.0, 0.0), abs=4.0) for peak in peaks)
+    assert any(peak == pytest.approx((40.0, 0.0), abs=4.0) for peak in peaks)
+
+
 def test_pictures_without_anything_to_see_have_no_clear_shift(picture):
     witness, blank = ShiftWitness(SIZE), np.full((SIZE[1], SIZE[0]), EVEN_LEVEL, np.uint8)
 

@@ -132,12 +132,23 @@ class MotionAudit:
         samples = _samples(before, now, self._grid, self._centre, moved, self._aspect)
         if samples.shape[1] == 0:
             return Audit(0.0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0)
-        sizes = np.abs(samples[0, ::2])
-        middle = len(sizes) // 2
-        spread = max(_SIGMA_OVER_MEDIAN * float(np.partition(sizes, middle)[middle]), 0.1 * SMOOTH_SCALE)
+        spread = _spread(samples)
         parts, whole, n_out = _equations(samples, self._parts, spread)
         light, shift, turn, turn_sigma, part = _decided(parts, whole, spread)
         return Audit(spread / SMOOTH_SCALE, n_out, samples.shape[1], light, shift, turn, turn_sigma, part)
+
+    def spread(self, before: Grey16, now: Grey16, motion: ImageMotion) -> float:
+        """Return `Audit.spread` alone, which takes a part of the time [grey levels]."""
+        moved = (motion.u, motion.v, motion.turn_rad)
+        samples = _samples(before, now, self._grid, self._centre, moved, self._aspect)
+        return _spread(samples) / SMOOTH_SCALE if samples.shape[1] else 0.0
+
+
+def _spread(samples: Float32s) -> float:
+    """Return the robust standard deviation of the differences, in units of the smoothed picture."""
+    sizes = np.abs(samples[0, ::2])
+    middle = len(sizes) // 2
+    return max(_SIGMA_OVER_MEDIAN * float(np.partition(sizes, middle)[middle]), 0.1 * SMOOTH_SCALE)
 
 
 @float_kernel

@@ -21,6 +21,7 @@ from trailmark_ground_vo.kernels import load_kernels
 from trailmark_ground_vo.lens_marks import LensMarks
 from trailmark_ground_vo.motion import ImageMotion
 from trailmark_ground_vo.rest import RestWatch
+from trailmark_ground_vo.rivals import RivalSearch, stands_still
 from trailmark_ground_vo.tracker import RelativeTracker, TrackedMotion, TrackingFailure
 from trailmark_ground_vo.viewpoint import SearchPicture
 
@@ -71,6 +72,7 @@ class GroundTracker:
         self._smooth = load_kernels(config.use_vectors).smooth
         self._rest = RestWatch()
         self._marks = LensMarks(size, aspect)
+        self._rivals = RivalSearch(self._audit)
         self._n_doubted = 0
         self._understood: tuple[Grey8, Grey16] | None = None
         self._last: ImageMotion | None = None
@@ -189,27 +191,46 @@ class GroundTracker:
         assert now is not None
         noise = max(1.0, now.noise or 0.0)
         sigma = _SPREAD_OVER_NOISE * noise
+        rival = None
         if isinstance(said, TrackedMotion):
             spread = self._spread(reference, now, said.motion)
-            if spread <= _MOST_SPREAD * noise or spread <= _MOST_OF_ELSEWHERE * self._spread(
-                reference, now, replace(said.motion, u=said.motion.u + _ELSEWHERE_PX, v=said.motion.v + _ELSEWHERE_PX)
-            ):
-                if reference.unmasked is not None and now.unmasked is not None:
-                    self._marks.add(reference.unmasked, now.unmasked, said.motion, sigma)
+            if spread > _USUAL_SPREAD * noise or stands_still(said.motion):
+                rival = self._better(reference, now, said)
+            if rival is None and self._is_explained(reference, now, said.motion, _MOST_SPREAD * noise):
+                self._learn_marks(reference, now, said.motion, sigma)
                 self._n_doubted = 0
                 # what noise does not explain, light that is not modelled, moves the motion as well
                 unexplained = max(1.0, spread / (_USUAL_SPREAD * noise))
                 return replace(said, information=said.information / unexplained)
+            otherwise = "" if rival is None else f", but by {rival.u:.0f}, {rival.v:.0f} px"
             said = TrackingFailure(
-                f"most of the picture does not move as its marks do: differences of {spread:.1f} grey levels with noise"
-                f" of {noise:.1f} (dirt on the lens, reflections?)",
+                f"most of the picture does not move as its marks do{otherwise}: differences of {spread:.1f} grey levels"
+                f" with noise of {noise:.1f} (dirt on the lens, reflections?)",
                 said.details,
             )
             self._n_doubted += 1
-        moves = self._spread(previous, now, _STILL) > _MOST_SPREAD * noise
-        if moves and previous.unmasked is not None and now.unmasked is not None:
-            self._marks.add(previous.unmasked, now.unmasked, None, sigma)
+        if rival is not None:
+            self._learn_marks(reference, now, rival, sigma)
+        elif self._spread(previous, now, _STILL) > _MOST_SPREAD * noise:
+            self._learn_marks(previous, now, None, sigma)
         return said
+
+    def _is_explained(self, before: SearchPicture, now: SearchPicture, motion: ImageMotion, by_noise: float) -> bool:
+        """Return whether noise explains what a motion leaves, or a wrong one elsewhere leaves more."""
+        spread = self._spread(before, now, motion)
+        elsewhere = replace(motion, u=motion.u + _ELSEWHERE_PX, v=motion.v + _ELSEWHERE_PX)
+        return spread <= by_noise or spread <= _MOST_OF_ELSEWHERE * self._spread(before, now, elsewhere)
+
+    def _better(self, before: SearchPicture, now: SearchPicture, found: TrackedMotion) -> ImageMotion | None:
+        """Return a motion that contradicts what was found; None where there is none."""
+        assert self._guarded is not None
+        assert before.smoothed is not None
+        assert now.smoothed is not None
+        return self._rivals.better(before.smoothed, now.smoothed, found, self._guarded.latest_vote)
+
+    def _learn_marks(self, before: SearchPicture, now: SearchPicture, motion: ImageMotion | None, sigma: float) -> None:
+        if before.unmasked is not None and now.unmasked is not None:
+            self._marks.add(before.unmasked, now.unmasked, motion, sigma)
 
     def _ignore_marks(self, image: Grey8, stamp_s: float, said: TrackedMotion | TrackingFailure | None) -> None:
         """Let the guarded tracker ignore what turned out to be fixed to the lens; begin anew after a lie."""
@@ -224,7 +245,7 @@ class GroundTracker:
     def _spread(self, before: SearchPicture, now: SearchPicture, motion: ImageMotion) -> float:
         assert before.smoothed is not None
         assert now.smoothed is not None
-        return self._audit.audit(before.smoothed, now.smoothed, motion).spread
+        return self._audit.spread(before.smoothed, now.smoothed, motion)
 
     def _noise(self, image: Grey8) -> float:
         reference = self._active.reference

@@ -99,6 +99,7 @@ class RelativeTracker:
         self._last: tuple[ImageMotion, ImageMotion] | None = None
         self._reference: SearchPicture | None = None
         self._latest: SearchPicture | None = None
+        self._latest_vote: ShiftVote | None = None
         self.has_begun_anew = False
 
     def step(self, image: Grey8, stamp_s: float) -> TrackedMotion | TrackingFailure | None:
@@ -123,7 +124,7 @@ class RelativeTracker:
             return None
         elapsed_s = stamp_s - self._since_s
         pace = elapsed_s / self._interval_s if self._interval_s > 0.0 else 1.0
-        vote = self._vote(picture)
+        vote = self._latest_vote = self._vote(picture)
         matches = self._find(picture, pace, vote)
         details, doubt = self._search_details(matches), self._judge.reason_lost(matches, picture.noise)
         if doubt and (vote is None or not vote.is_clear):
@@ -174,6 +175,11 @@ class RelativeTracker:
     def latest(self) -> SearchPicture | None:
         """The last picture, understood or not; None before the first."""
         return self._latest
+
+    @property
+    def latest_vote(self) -> ShiftVote | None:
+        """What phase correlation said of the last picture; None where it was not asked."""
+        return self._latest_vote
 
     @property
     def reference(self) -> SearchPicture | None:

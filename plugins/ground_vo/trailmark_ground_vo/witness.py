@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import fft
 
-from trailmark.arrays import Float32s, Grey8
+from trailmark.arrays import Float32s, Grey8, Int64s
 from trailmark_ground_vo.brightness import EVEN_LEVEL
 
 __all__ = ["ShiftVote", "ShiftWitness", "Spectrum"]
@@ -67,6 +67,16 @@ class ShiftVote:
         near = _around(self.surface, round(v / CELL_PX), round(u / CELL_PX), 1)
         return float(near.max()) / max(float(self.surface.max()), 1e-12)
 
+    def peaks(self, n: int) -> list[tuple[float, float]]:
+        """Return the shifts (u, v) of the n highest cells that are no neighbours, the highest first [px]."""
+        rest, found = self.surface.copy(), []
+        for _ in range(n):
+            row, column = divmod(int(rest.argmax()), rest.shape[1])
+            v, u = (CELL_PX * float(_signed(at, n_cells)) for at, n_cells in zip((row, column), rest.shape))
+            found.append((u, v))
+            _blank(rest, row, column, 1)
+        return found
+
 
 class ShiftWitness:
     """Compares pictures of one size.
@@ -102,9 +112,7 @@ class ShiftWitness:
         row, column = divmod(int(surface.argmax()), self._shape[1])
         best = float(surface[row, column])
         rest = surface.copy()
-        rows = np.arange(row - _PEAK_CELLS, row + _PEAK_CELLS + 1) % self._shape[0]
-        columns = np.arange(column - _PEAK_CELLS, column + _PEAK_CELLS + 1) % self._shape[1]
-        rest[np.ix_(rows, columns)] = 0.0
+        _blank(rest, row, column, _PEAK_CELLS)
         second = float(rest.max())
         v, u = (_signed(at, n) + _vertex(self._shape, surface, row, column, axis)
                 for axis, (at, n) in enumerate(zip((row, column), self._shape)))  # fmt: skip
@@ -127,6 +135,15 @@ def _vertex(shape: tuple[int, int], surface: Float32s, row: int, column: int, ax
 
 
 def _around(surface: Float32s, row: int, column: int, reach: int) -> Float32s:
+    return surface[_cells_around(surface, row, column, reach)]
+
+
+def _blank(surface: Float32s, row: int, column: int, reach: int) -> None:
+    surface[_cells_around(surface, row, column, reach)] = 0.0
+
+
+def _cells_around(surface: Float32s, row: int, column: int, reach: int) -> tuple[Int64s, ...]:
+    """Return the index of a cell and of its neighbours, which wrap around at the ends."""
     rows = np.arange(row - reach, row + reach + 1) % surface.shape[0]
     columns = np.arange(column - reach, column + reach + 1) % surface.shape[1]
-    return surface[np.ix_(rows, columns)]
+    return np.ix_(rows, columns)
