@@ -8,7 +8,7 @@ import pytest
 
 from trailmark.commands import Stop, Velocity
 from trailmark.errors import ConfigError, RunError, SourceError
-from trailmark.estimates import Fix
+from trailmark.estimates import Fix, Lost
 from trailmark.estimation.dead_reckoning import DeadReckoning
 from trailmark.estimation.dead_reckoning_config import DeadReckoningConfig
 from trailmark.frames import SensorInfo
@@ -69,6 +69,14 @@ def test_an_answer_that_is_no_sequence_is_an_error(fakes) -> None:
     pipeline = Pipeline(fakes.parts({"cam": camera(fakes)}, {"floor": fakes.Scripted(lambda frame, belief: None)}))
 
     with pytest.raises(RunError, match=r"failed in observe .*: it returned NoneType, not a sequence of est"):
+        list(pipeline)
+
+
+def test_a_stamp_that_is_no_number_is_an_error_of_the_localizer(fakes) -> None:
+    answer = (Lost("now", "no texture"),)  # type: ignore[arg-type]
+    pipeline = Pipeline(fakes.parts({"cam": camera(fakes)}, {"floor": fakes.Scripted(lambda frame, belief: answer)}))
+
+    with pytest.raises(RunError, match=r"'floor' failed in observe .*: it returned an estimate with the stamp 'now'"):
         list(pipeline)
 
 

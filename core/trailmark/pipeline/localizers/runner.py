@@ -8,6 +8,7 @@ from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
+from numbers import Real
 from time import perf_counter_ns
 from typing import NoReturn
 
@@ -158,6 +159,8 @@ def _checked(answer: object) -> tuple[Estimate, ...]:
     for estimate in estimates:
         if not isinstance(estimate, Motion | Fix | PathOffset | Lost):
             raise TypeError(f"it returned {type(estimate).__name__} in its sequence of estimates")
+        if not isinstance(estimate.stamp_s, Real):
+            raise TypeError(f"it returned an estimate with the stamp {estimate.stamp_s!r}, not a number")
     return estimates
 
 
