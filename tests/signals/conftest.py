@@ -17,7 +17,7 @@ import pytest
 
 PLUGIN = Path(__file__).with_name("toy_robot.py")
 #: All that a child may hear: a shell's background and ``nohup`` would have it ignore some of them.
-HEARD = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
+HEARD = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1, signal.SIGXCPU)
 
 # With so many others for each processor, what takes 0.3 s by itself takes longer than the two seconds.
 _BUSY = 3.0

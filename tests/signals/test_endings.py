@@ -41,6 +41,8 @@ def is_whole(folder: Path) -> bool:
     ("command", "number"),
     [
         *(("run", number) for number in SIGNALS),
+        ("run", signal.SIGUSR1),
+        ("run", signal.SIGXCPU),
         ("teach", signal.SIGTERM),
         ("teach", signal.SIGHUP),
         ("replay", signal.SIGTERM),

@@ -21,7 +21,7 @@ from trailmark.interruption import Interrupted, Lifeline
 __all__ = ["HeardSignals", "heard_signals"]
 
 # Windows has SIGINT, SIGTERM and SIGBREAK; nobody has tried it there.
-_NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGBREAK")
+_NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGUSR1", "SIGUSR2", "SIGXCPU", "SIGBREAK")
 
 # The process is gone two seconds after the signal; so much of it is for leaving [s].
 _DEADLINE_S = 1.4
