@@ -81,7 +81,7 @@ class WholeLines:
         try:
             while data:
                 data = data[self._file.write(data) :]
-        except OSError:
+        except BaseException:  # a signal, too, must not tear a hole
             self._held.insert(0, bytes(data))
             raise
 
