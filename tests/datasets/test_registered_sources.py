@@ -13,6 +13,7 @@ NAMES = (
     "camera",
     "carmen_log",
     "csv_odometry",
+    "csv_records",
     "image_folder",
     "kitti_odometry",
     "rosbag",

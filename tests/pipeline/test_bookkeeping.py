@@ -97,15 +97,21 @@ class TestMailbox:
         payload = {"cam": Image(np.zeros((1, 1), np.uint8)), "laser": Scan(np.zeros(2), 0.0, 0.1), "light": Scalar(0.0)}
         return Frame(sensor, stamp_s, payload[sensor])
 
-    def test_it_keeps_the_latest_picture_and_everything_else(self) -> None:
-        mailbox = Mailbox()
+    @pytest.mark.parametrize(
+        ("keeps_all", "overwrites", "waiting"),
+        [(False, [False, False, False, True, True, True], [3, 4, 5]), (True, [False] * 6, [0, 1, 2, 3, 4, 5])],
+    )
+    def test_it_keeps_the_newest_of_every_sensor_or_all(
+        self, keeps_all: bool, overwrites: list[bool], waiting: list[int]
+    ) -> None:
+        mailbox = Mailbox(keeps_all)
         put = [("cam", 0), ("light", 1), ("laser", 2), ("cam", 3), ("light", 4), ("laser", 5)]
 
         overwritten = [mailbox.put(self.frame(sensor, stamp), Belief(stamp)) for sensor, stamp in put]
 
-        assert overwritten == [False, False, False, True, False, True]
-        taken = [mailbox.take() for _ in range(5)]
-        assert [letter and letter[0].stamp_s for letter in taken] == [1, 3, 4, 5, None]
+        assert overwritten == overwrites
+        taken = [mailbox.take() for _ in range(len(waiting) + 1)]
+        assert [letter and letter[0].stamp_s for letter in taken] == [*waiting, None]
 
     @settings(max_examples=50, deadline=None)
     @given(st.lists(st.sampled_from(["cam", "laser", "light"]), max_size=30))

@@ -324,7 +324,10 @@ def test_a_fault_that_breaks_a_rule_is_found(check, fault, story) -> None:
 
 
 def test_a_fault_that_cannot_bear_black_pictures_is_found() -> None:
-    with np.errstate(divide="raise"), pytest.raises(SourceError, match="fault 'fault' of source 'checked' raised"):
+    with (
+        np.errstate(divide="raise"),
+        pytest.raises(SourceError, match="fault 'fault' of source 'checked' failed in apply"),
+    ):
         fault_checks(Blinded, FaultConfig())["black_white_and_noise_are_taken"]()
 
 
