@@ -62,6 +62,18 @@ def test_late_estimates_are_told_with_what_to_do(write_run: Write, straight: Tra
     assert "make it faster" in warning
 
 
+@pytest.mark.parametrize(("n_gated", "n_told"), [(30, 0), (60, 1)])
+def test_a_localizer_that_contradicts_the_belief_most_of_the_time_is_told(
+    write_run: Write, straight: Trajectory, n_gated: int, n_told: int
+) -> None:
+    rows = [row(0.1 * k, "tags", "fix", "gated" if k < n_gated else "accepted", "NIS 99 of 3 dof") for k in range(100)]
+
+    found = told(write_run({"tags": straight}, estimates=rows))
+
+    assert len(found) == n_told
+    assert all(text.startswith("tags: 60 of 100 estimates were gated") and "mounting" in text for text in found)
+
+
 def test_a_run_that_used_nothing_says_so(write_run: Write, straight: Trajectory) -> None:
     rows = [row(0.1 * k, "cam", "fix", "unused") for k in range(10)]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -206,6 +207,18 @@ def test_strangers_are_counted_and_say_nothing_once_a_landmark_was_seen() -> Non
     observe(found, sightings([0], bearings=False), believing(TRUE))
     assert observe(found, stranger) == []
     assert found.counters() == {"unknown_landmarks": 2}
+
+
+def test_readings_that_hang_while_the_robot_drives_are_no_pose_and_at_rest_they_are() -> None:
+    arrays, answers = sightings([0, 1, 2, 3]), []
+    found = localizer()
+    for travelled_m in (0.0, 0.0, 0.05, 0.3, 0.5):
+        frame = Frame("seen", 1.0 + travelled_m, Record(arrays))
+        answers += found.observe(frame, replace(believing(TRUE), travelled_m=travelled_m))
+    assert [isinstance(answer, Fix) for answer in answers] == [True, True, True, False, False]
+    arrays = sightings([0, 1, 2])
+    (answer,) = found.observe(Frame("seen", 2.0, Record(arrays)), replace(believing(TRUE), travelled_m=0.6))
+    assert isinstance(answer, Fix)
 
 
 def test_places_may_stand_in_the_config() -> None:

@@ -28,6 +28,8 @@ NARROWEST_GROUND_M = 5e-3
 LONGEST_INTERVAL_S = 20.0
 #: A larger share of dropped, late or refused estimates is told.
 MOST_UNUSABLE = 0.05
+#: A larger share that contradicts the belief is no matter of outliers.
+MOST_GATED = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,16 +90,21 @@ def _of_localizers(run: RunFolder) -> Iterator[RunWarning]:
                 name, f"was lost all the time, {n} of {n} ({reason})", "change what the reason names, or leave it out"
             )
             continue
-        for outcome, remedy in _REMEDIES.items():
-            if counts.get(outcome, 0) > MOST_UNUSABLE * n:
+        for outcome, (most, remedy) in _REMEDIES.items():
+            if counts.get(outcome, 0) > most * n:
                 reason = next(iter(reasons_of(own, outcome)), "")
                 fact = f"{counts[outcome]} of {n} estimates were {outcome} ({reason})"
                 yield RunWarning(name, fact, remedy, is_worthless=counts[outcome] == n)
 
 
+#: Which share of an outcome is told, and what to do about it.
 _REMEDIES = {
-    "refused": "look at its stamps (units, order, equal ones) and covariances",
-    "late": "make it faster, lower its rate, or lengthen the estimator's history",
+    "refused": (MOST_UNUSABLE, "look at its stamps (units, order, equal ones) and covariances"),
+    "late": (MOST_UNUSABLE, "make it faster, lower its rate, or lengthen the estimator's history"),
+    "gated": (
+        MOST_GATED,
+        "it or the belief is wrong all along: look at its mounting, its map and units, and at the start pose",
+    ),
 }
 
 

@@ -24,6 +24,8 @@ from trailmark_landmarks.single import single_fix
 __all__ = ["KnownLandmarks"]
 
 _GATE_SIGMAS = 4.0
+#: No two numbers stay the same on such a way.
+_HANGING_M = 0.1
 
 
 class KnownLandmarks(Localizer):
@@ -53,6 +55,7 @@ class KnownLandmarks(Localizer):
         self._noise = SightingNoise(config.range_sigma_m, bearing_sigma_rad, learns=config.learn_noise)
         self._gates = np.array([config.gate_range_m, math.radians(config.gate_bearing_deg)])
         self._n_unknown, self._has_seen_one = 0, False
+        self._newest, self._newest_at_m = b"", 0.0
 
     def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
         """Return one fix of all sightings, or one for each; nothing where only strangers are seen."""
@@ -62,6 +65,8 @@ class KnownLandmarks(Localizer):
         if not len(seen):
             return () if self._has_seen_one else (Lost(frame.stamp_s, self._why_nothing(frame.payload)),)
         self._has_seen_one = True
+        if self._is_hanging(seen, belief.travelled_m):
+            return (Lost(frame.stamp_s, "the readings repeat to the last bit while the robot drives"),)
         sightings = self._sightings(seen)
         candidates = candidate_poses(seen.landmarks, seen.ranges_m, seen.bearings_rad)
         found = find_consensus(sightings, candidates, self.config.max_position_sigma_m)
@@ -95,6 +100,14 @@ class KnownLandmarks(Localizer):
         chosen = is_known & (np.isfinite(ranges_m) | np.isfinite(bearings_rad)) & _is_first(ids, ranges_m, bearings_rad)
         landmarks = np.array([self._positions[number] for number in ids[chosen].tolist()]).reshape(-1, 2)
         return Seen(ids[chosen], landmarks, ranges_m[chosen], bearings_rad[chosen])
+
+    def _is_hanging(self, seen: Seen, travelled_m: float) -> bool:
+        """Return whether two numbers or more have stayed what they are to the last bit on the way driven since."""
+        readings = b"".join(array.tobytes() for array in (seen.ids, seen.ranges_m, seen.bearings_rad))
+        if readings != self._newest:
+            self._newest, self._newest_at_m = readings, travelled_m
+        n_numbers = int(np.isfinite(seen.ranges_m).sum() + np.isfinite(seen.bearings_rad).sum())
+        return n_numbers > 1 and travelled_m - self._newest_at_m > _HANGING_M
 
     def _why_nothing(self, record: Record) -> str:
         strangers = ", ".join(str(number) for number in np.unique(record.arrays["ids"])[:5])
