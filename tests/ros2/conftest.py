@@ -60,8 +60,8 @@ class Robot:
                 k += 1
 
         thread = threading.Thread(target=work, daemon=True)
-        self._threads.append(thread)
         thread.start()
+        self._threads.append(thread)  # not before: the test may end while a timer of its own comes here
 
     def hear(self, topic: str, type_name: str, quality: dds.Quality | None = None) -> dds.Subscription:
         """Return a subscription of the robot's side."""

@@ -231,12 +231,14 @@ def test_a_robot_that_dies_and_comes_back_goes_on(domain, new_robot, messages, s
         again = new_robot(domain)
         again.repeat("/odom", 50.0, lambda k: messages.odometry(0.01 * k))
 
-    threading.Timer(2.0, come_back).start()
+    coming_back = threading.Timer(2.0, come_back)
+    coming_back.start()
     with caplog.at_level(logging.WARNING):
         gap_s = 0.0
         while gap_s < 1.0:
             frame = next(frames)
             gap_s, last = frame.stamp_s - last.stamp_s, frame
+    coming_back.join()
 
     assert "/odom is silent for" in caplog.text
     assert "/odom is back after" in caplog.text
