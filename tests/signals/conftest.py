@@ -82,9 +82,14 @@ class Child:
         os.close(ended)
         out, err = self.process.communicate(timeout=1.0)
         self.stdout, self.stderr = out.decode(), err.decode()
-        if not may_be_cut_off and self.load > _BUSY and "not everything came to its end in time" in self.stderr:
+        if not may_be_cut_off and self.load > _BUSY and self.was_cut_off:
             pytest.skip("this machine is too busy for an end in order within two seconds")
         return self.process.returncode
+
+    @property
+    def was_cut_off(self) -> bool:
+        """Whether it left before everything had come to its end."""
+        return "not everything came to its end in time" in self.stderr
 
     def took_less_than(self, limit_s: float) -> bool:
         """Return whether it ended in time; where others keep the machine busy, its share of it is what counts."""
