@@ -17,7 +17,7 @@ _FOREIGN_SIGMAS = 6.5
 #: Least standard deviation of a picture: plain ground is not full of foreign things [grey levels].
 _LEAST_SIGMA = 3.0
 
-#: Every so manieth row and column tells the standard deviation of the picture.
+#: One row and column in so many tells the standard deviation of the picture.
 _EVERY = 8
 
 #: Standard deviation over median absolute deviation of a normal distribution.

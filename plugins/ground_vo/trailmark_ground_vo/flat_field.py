@@ -27,7 +27,7 @@ _EXPECTED_SIGMAS = np.array([1.0, 1.0, 0.05, 0.05, 0.05, 0.05])
 #: Standard deviation of one relative difference, and how many say the same: they share texture and motion [1].
 _NOISE_SIGMA, _SHARED = 0.01, 50.0
 
-#: Every so manieth remembered pixel is asked: they are many.
+#: One remembered pixel in so many is asked: they are many.
 _EVERY = 4
 
 #: Relative differences beyond this are no shading [1].

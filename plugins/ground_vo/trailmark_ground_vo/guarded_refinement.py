@@ -42,7 +42,7 @@ _SIGMA_OVER_MEDIAN, _SIGMA_OVER_MEAN = 1.4826, math.sqrt(math.pi / 2.0)
 #: A motion is between two pictures, the place of each of which scatters.
 _OWN_AND_BEFORE = 2.0
 
-#: Every so manieth pixel is enough for a median.
+#: One pixel in so many is enough for a median.
 _EVERY = 4
 
 

@@ -17,7 +17,7 @@ from trailmark_ground_vo.motion import ImageMotion
 
 __all__ = ["LensMarks"]
 
-#: Every so manieth row and column is looked at.
+#: One row and column in so many is looked at.
 _EVERY = 2
 
 #: Differences that are seen, and that are none [standard deviations of the difference of two pictures].
