@@ -2,7 +2,7 @@
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: help install test coverage check long trust lint types bench docs demo ci
+.PHONY: help install test coverage check long results trust lint types bench docs demo ci
 help:            ## list the targets
 	@sed -n 's/^\([a-z]*\): *[^#]*## /\1	/p' $(MAKEFILE_LIST)
 
@@ -22,6 +22,10 @@ check: install lint types  ## what a contributor waits for: lint, types, the tes
 
 long: install    ## the tests that take minutes
 	$(BIN)/pytest -n 2 -m long
+
+HOURS ?= 2
+results: install ## the pages of results that are older than their code, the quickest first; it goes on any time
+	$(BIN)/python benchmarks/results.py make --hours $(HOURS)
 
 CASES ?= 20000
 trust: install   ## hostile input by the thousand, kills, damage: all of it, and its two pages (an hour or more)

@@ -1,0 +1,26 @@
+"""Notes which files of a checkout a program and its children read: first on `PYTHONPATH` where `results.py` runs one.
+
+``TRAILMARK_TRACED_TOP`` names the checkout, ``TRAILMARK_TRACED_NOTES`` the folder of notes, one file a process.
+"""
+
+import os
+import sys
+
+_TOP = os.path.join(os.environ["TRAILMARK_TRACED_TOP"], "")
+_NOTES = os.environ["TRAILMARK_TRACED_NOTES"]
+_seen: set[str] = set()
+
+
+def _note(event: str, arguments: tuple[object, ...]) -> None:
+    if event != "open" or not isinstance(arguments[0], str):
+        return
+    path = arguments[0]
+    if not path.startswith(_TOP) or path in _seen:
+        return
+    _seen.add(path)
+    notes = os.open(os.path.join(_NOTES, str(os.getpid())), os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600)
+    os.write(notes, os.fsencode(path) + b"\n")  # at once: a child may leave by os._exit
+    os.close(notes)
+
+
+sys.addaudithook(_note)
