@@ -11,7 +11,7 @@ from typing import Any
 REPOSITORY = Path(__file__).parents[1]
 CARDS = (
     *("ground_vo", "omni_surf", "kinect_landmarks", "divs", "controllers", "sim", "datasets", "baselines"),
-    *("landmarks", "papers", "bench", "faults", "viewers", "ros2", "lines"),
+    *("landmarks", "laser_maps", "papers", "bench", "faults", "viewers", "ros2", "lines"),
 )
 
 _LINK = re.compile(r"(!?)\[([^\]]*)\]\((?!https?:|#|mailto:)([^)\s]+)\)")

@@ -1,0 +1,1 @@
+"""A planar laser and a floor plan: occupancy grids of ROS, read, written and drawn from a taught place."""
