@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import copy
 import os
+import subprocess
+import sys
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import click
 import numpy as np
 import pytest
+from tests.trust.records import CaseRecord, Records
 from tests.trust.storm import cases
 from tests.trust.storm.arguments import commands, grown_arguments
 from tests.trust.storm.box import FILES, Box
 from tests.trust.storm.damage import spoil_bytes, spoil_records
 from tests.trust.storm.oracle import GOOD_STORE, N_WAYPOINTS, Ending, findings_of, n_waypoints
 from tests.trust.storm.worker import run_case
+from tests.trust.storm.workers import Worker
 
 N_CASES = 3
 
@@ -167,3 +172,60 @@ def test_damage_changes_what_it_damages() -> None:
 
     assert n_texts > 40
     assert n_bytes > 40
+
+
+class TestRecords:
+    """Work that is cut off goes on where it was, and what was mended is tried again."""
+
+    def test_what_has_passed_is_known_when_the_file_is_read_again(self, tmp_path: Path) -> None:
+        records = Records(tmp_path / "storm.jsonl")
+        records.add(CaseRecord("config", 1, "0", cpu_s=0.5, peak_mib=300.0, commit="abc"))
+        records.add(CaseRecord("config", 2, "2", findings=("config 2: failed without a word",), commit="abc"))
+        records.add(CaseRecord("store", 1, "1", cpu_s=0.25, commit="abc"))
+
+        again = Records(tmp_path / "storm.jsonl")
+
+        assert [again.has_passed("config", n) for n in (1, 2, 3)] == [True, False, False]
+        assert again.tallies() == records.tallies()
+        assert again.tallies()["config"].ended == {"0": 1, "2": 1}
+        assert again.commits() == "abc (3)"
+
+    def test_the_last_record_of_a_case_counts(self, tmp_path: Path) -> None:
+        for findings in (("a", "b"), ()):
+            Records(tmp_path / "storm.jsonl").add(CaseRecord("config", 2, "2", findings=findings))
+
+        assert Records(tmp_path / "storm.jsonl").tallies()["config"].findings == []
+
+
+@pytest.fixture
+def as_worker(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
+    """Lets a program of a few lines serve in the place of a worker."""
+
+    def serve(program: str) -> None:
+        start = subprocess.Popen
+        command = (sys.executable, "-c", program)
+        monkeypatch.setattr("tests.trust.storm.workers.subprocess.Popen", lambda _, **keys: start(command, **keys))
+
+    return serve
+
+
+class TestWaiting:
+    """A worker that waits without working hangs; one that others keep from the processor does not."""
+
+    @pytest.fixture
+    def worker(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Worker]:
+        monkeypatch.setattr("tests.trust.storm.workers._LOOK_S", 0.05)
+        monkeypatch.setattr("tests.trust.storm.workers.WAITING_S", 0.5)
+        worker = Worker(tmp_path)
+        yield worker
+        worker.close()
+
+    def test_what_sleeps_has_hung(self, worker: Worker, as_worker: Callable[[str], None]) -> None:
+        as_worker("import time; time.sleep(60)")
+
+        assert "no answer" in worker.run("config", 1)["findings"][0]
+
+    def test_what_works_is_waited_for(self, worker: Worker, as_worker: Callable[[str], None]) -> None:
+        as_worker("import time\nwhile time.process_time() < 1.5: pass\nprint('{\"findings\": []}')")
+
+        assert worker.run("config", 1) == {"findings": []}
