@@ -82,9 +82,9 @@ def page(records: Records, command: str) -> str:
         f"{len(records)} whole commands in {cpu_s / 60:.0f} min of processor time, of code {records.commits()}: "
         f"{n_findings} findings.",
         "A finding is a traceback, an internal error, words of Python about its own inside, a failure without words,",
-        f"an exit code other than 0, 1 and 2, more than {PATIENCE_S:g} s of processor time, or {WAITING_S:g} s in",
-        f"which it waits and does nothing, more than {MEMORY_MIB:.0f} MiB, a waypoint of a good store that is gone, a file",
-        "outside of the folder, or a run that used nothing and ended well without a warning.",
+        f"an exit code other than 0, 1 and 2, more than {PATIENCE_S:g} s of processor time, or {WAITING_S:g} s of",
+        f"doing nothing, more than {MEMORY_MIB:.0f} MiB, a waypoint of a good store that is gone, a file outside of",
+        "the folder, or a run that used nothing and ended well without a warning.",
         "",
         "| commands with | cases | exit 0 | exit 1 | exit 2 | slowest [s] | most memory [MiB] | findings |",
         "|---|--:|--:|--:|--:|--:|--:|--:|",
