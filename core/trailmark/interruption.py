@@ -86,6 +86,14 @@ class Lifeline(ABC):
         """Stop the robot, if there is one that moves."""
 
     @abstractmethod
+    def hold(self, reason: str) -> None:
+        """Stop the robot for as long as the process is suspended; it takes no command before `release`."""
+
+    @abstractmethod
+    def release(self) -> None:
+        """Let the run command the robot again."""
+
+    @abstractmethod
     def mark(self, reason: str) -> None:
         """Write in an instant that this was interrupted."""
 
@@ -108,6 +116,10 @@ class _Request:
     """The one request to end."""
 
     def __init__(self) -> None:
+        self.clear()
+
+    def clear(self) -> None:
+        """Be none; others hold this object, so that a new one in its place would not reach them."""
         self.by: Interrupted | None = None
         self.at_s = math.inf
         self.raised_s = -math.inf
@@ -129,7 +141,7 @@ def ask_to_end(number: int) -> Interrupted:
 
 def forget() -> None:
     """Begin anew, without a request."""
-    _request.__init__()  # type: ignore[misc]  # a new one in its place: others hold it
+    _request.clear()
 
 
 def asked() -> Interrupted | None:

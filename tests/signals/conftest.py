@@ -17,7 +17,10 @@ import pytest
 
 PLUGIN = Path(__file__).with_name("toy_robot.py")
 #: All that a child may hear: a shell's background and ``nohup`` would have it ignore some of them.
-HEARD = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1, signal.SIGXCPU)
+HEARD = (
+    *(signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT),
+    *(signal.SIGUSR1, signal.SIGXCPU, signal.SIGTSTP),
+)
 
 # With so many others for each processor, what takes 0.3 s by itself takes longer than the two seconds.
 _BUSY = 3.0
@@ -71,6 +74,12 @@ class Child:
         """Send a signal; the time until the end counts from here."""
         self._sent_s = time.monotonic()
         self.process.send_signal(number)
+
+    @property
+    def is_suspended(self) -> bool:
+        """Whether every thread of it stands still."""
+        states = [(thread / "stat").read_text() for thread in Path(f"/proc/{self.process.pid}/task").iterdir()]
+        return all(state.rpartition(")")[2].split()[0] == "T" for state in states)
 
     def end(self, *, may_be_cut_off: bool = False) -> int:
         """Wait for the end, and return the exit code."""

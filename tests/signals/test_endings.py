@@ -6,6 +6,7 @@ import csv
 import json
 import math
 import signal
+import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -188,7 +189,7 @@ def test_ctrl_c_at_any_instant_of_a_start_ends_it(start, delay_s: float, tmp_pat
     child.send(signal.SIGINT)
 
     code = child.end()
-    began = code in (-signal.SIGINT, 1) and "trailmark/cli" not in child.stderr  # before a line of ours has run
+    began = code in (-signal.SIGINT, 1) and "call_until_signal" not in child.stderr  # before anybody hears it
     assert code == 130 or began
     assert child.took_less_than(LIMIT_S)
     if child.told():
@@ -220,6 +221,108 @@ def test_ctrl_c_while_the_report_is_drawn_keeps_everything_else(start, tmp_path:
     assert json.loads((tmp_path / "out/metrics.json").read_text())["trajectories"]["fused"]["poses"] == 200
     assert "trailmark report " in child.stderr
     assert is_whole(tmp_path / "out")
+
+
+class TestSuspending:
+    """Ctrl-Z stops the robot before the process stands still, and `fg` lets it drive on."""
+
+    def test_the_robot_stands_until_the_run_goes_on(self, start) -> None:
+        child = start("run", "c.yaml", "--out", "out", "--set", "sources.robot.rate_hz=200")
+        child.wait_for(lambda: child.is_under_way)
+        for n_suspended in (1, 2):
+            child.send(signal.SIGTSTP)
+            child.wait_for(lambda: child.is_suspended)
+            told = child.told()
+            assert told[-1] == "drive Stop suspended by SIGTSTP"
+            assert told.count(told[-1]) == n_suspended
+            time.sleep(0.1)
+            assert child.told() == told
+            child.process.send_signal(signal.SIGCONT)
+            n = child.told().count("drive Velocity")
+            child.wait_for(lambda n=n: child.told().count("drive Velocity") > n + 5)
+        child.send(signal.SIGTERM)
+
+        assert child.end() == 128 + signal.SIGTERM
+        assert child.told()[-1] == "close"
+        assert child.run_document()["counters"]["control.stall_stops"] == 2
+
+    def test_a_suspended_run_ends_when_it_goes_on(self, start) -> None:
+        child = start("run", "c.yaml", "--out", "out")
+        child.wait_for(lambda: child.is_under_way)
+        child.process.send_signal(signal.SIGTSTP)
+        child.wait_for(lambda: child.is_suspended)
+        child.send(signal.SIGTERM)
+        child.process.send_signal(signal.SIGCONT)
+
+        assert child.end() == 128 + signal.SIGTERM
+        assert child.told()[-1] == "close"
+
+    def test_a_robot_whose_time_stands_still_is_not_told(self, start) -> None:
+        child = start("run", "c.yaml", "--out", "out", config=PLAYED)
+        child.wait_for(lambda: child.is_under_way)
+        child.process.send_signal(signal.SIGTSTP)
+        child.wait_for(lambda: child.is_suspended)
+
+        assert not any(line.startswith("drive Stop") for line in child.told())
+
+    def test_it_is_ignored_where_it_was(self, start) -> None:
+        child = start("run", "c.yaml", "--out", "out", ignored=(signal.SIGTSTP,))
+        child.wait_for(lambda: child.is_under_way)
+        child.process.send_signal(signal.SIGTSTP)
+        n = len(child.told())
+        child.wait_for(lambda: len(child.told()) > n + 5)
+
+        assert not any(line.startswith("drive Stop") for line in child.told())
+
+
+@pytest.mark.parametrize("step", [7, pytest.param(1, marks=pytest.mark.long)])
+def test_ctrl_c_at_every_line_that_hears_of_it_ends_the_command(step: int) -> None:
+    """Beginning before the handlers are set, and going on until they are what they were."""
+    instants = [sys.executable, str(Path(__file__).with_name("instants.py")), str(step)]
+    ended = subprocess.run(instants, capture_output=True, text=True, timeout=300.0, check=True)
+
+    codes = [int(line.split()[1]) for line in ended.stdout.splitlines()]
+    assert len(codes) > 200 / step
+    n_before = codes.index(130)  # Python's own handler is in charge
+    assert set(codes[:n_before]) == {-signal.SIGINT}
+    n_heard = codes[n_before:].count(130)
+    assert codes[n_before : n_before + n_heard] == [130] * n_heard
+    assert set(codes[n_before + n_heard :]) <= {-signal.SIGINT}  # everything is said; the system ends us, in silence
+    assert ended.stderr.count("Traceback") == ended.stderr.count("\nKeyboardInterrupt\n") == n_before
+
+
+def test_a_signal_is_heard_when_everybody_else_has_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The main thread may come to its end, and forget the request, just when the listening thread has made it."""
+    import threading
+
+    from trailmark import interruption
+    from trailmark.cli.signals import call_until_signal
+
+    is_forgotten, failures = threading.Event(), []
+    make = interruption.ask_to_end
+
+    def make_and_lose(number: int) -> interruption.Interrupted:
+        by = make(number)
+        if threading.current_thread().name == "signals":
+            interruption.forget()
+            is_forgotten.set()
+        return by
+
+    monkeypatch.setattr(interruption, "ask_to_end", make_and_lose)
+    monkeypatch.setattr(threading, "excepthook", failures.append)
+    before = threading.enumerate()
+
+    def be_told() -> bool:
+        with interruption.shielded():
+            signal.raise_signal(signal.SIGTERM)
+            return is_forgotten.wait(30.0)
+
+    assert call_until_signal(be_told, is_whole_program=False) is True
+    for thread in threading.enumerate():
+        if thread not in before and thread.name in ("signals", "stop"):
+            thread.join(30.0)
+
+    assert not failures
 
 
 def test_handlers_are_those_of_before_when_a_command_has_ended() -> None:

@@ -13,11 +13,10 @@ _LEVELS = ("debug", "info", "warning", "error", "critical")
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line and exit: 0 done, 1 the run failed, 2 the request was wrong, 128 + N ended by signal N."""
-    from trailmark.cli.signals import heard_signals
+    from trailmark.cli.signals import call_until_signal
 
-    with heard_signals(is_whole_program=arguments is None) as heard:
-        code = _exit_code(sys.argv[1:] if arguments is None else arguments)
-    sys.exit(code if heard.exit_code is None else heard.exit_code)
+    words = sys.argv[1:] if arguments is None else arguments
+    sys.exit(call_until_signal(lambda: _exit_code(words), is_whole_program=arguments is None))
 
 
 def _exit_code(arguments: list[str]) -> int | str | None:

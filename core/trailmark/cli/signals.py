@@ -1,5 +1,7 @@
 """The signals that end a command: the robot is stopped, the run ends in order, and after two seconds we have left.
 
+Ctrl-Z, which suspends a command, stops the robot before.
+
 No other place of Trailmark touches the handlers of these signals; `trailmark.cli.main` is the one that calls it.
 """
 
@@ -13,12 +15,14 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
-from typing import Any
+from typing import Any, TypeVar
 
 from trailmark import interruption
 from trailmark.interruption import Interrupted, Lifeline
 
-__all__ = ["HeardSignals", "heard_signals"]
+__all__ = ["HeardSignals", "call_until_signal"]
+
+_T = TypeVar("_T")
 
 # Windows has SIGINT, SIGTERM and SIGBREAK; nobody has tried it there.
 _NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGUSR1", "SIGUSR2", "SIGXCPU", "SIGBREAK")
@@ -38,31 +42,31 @@ _HAS_TIMERS = hasattr(signal, "setitimer")  # not on Windows
 _listening: list[HeardSignals] = []
 
 
-@contextmanager
-def heard_signals(*, is_whole_program: bool) -> Iterator[HeardSignals]:
-    """Let the signals end what goes on here; the handlers are as before afterwards.
+def call_until_signal(call: Callable[[], _T], *, is_whole_program: bool) -> _T | int:
+    """Return what a call returns, or 128 and the number of the signal that ended it.
 
-    A signal that is ignored, as a hang-up under ``nohup``, stays so. In another thread than the main one, where
-    handlers cannot be set, nothing is changed.
+    The handlers are as before afterwards. A signal that is ignored, as a hang-up under ``nohup``, stays so. In another
+    thread than the main one, where handlers cannot be set, nothing is changed.
 
     Parameters
     ----------
+    call : callable
+        Is ended by `Interrupted`.
     is_whole_program : bool
-        Whether the process ends with what goes on here; otherwise nobody leaves it any more afterwards.
+        Whether the process ends with it; otherwise nobody leaves the process any more afterwards.
     """
-    heard = HeardSignals(is_whole_program)
     if threading.current_thread() is not threading.main_thread():
-        yield heard
-        return
-    interruption.forget()
-    try:
-        with interruption.shielded():  # a signal that comes while the handlers are set is heard when they all are
+        return call()
+    heard, answer = HeardSignals(is_whole_program), None
+    try:  # `Interrupted` may be raised between any two lines here, but once only: it is not repeated for a while
+        try:
             heard.listen()
-        yield heard
-    except Interrupted:  # raised when everything had been said already
-        pass
-    finally:
+            answer = call()
+        finally:
+            heard.stop_listening()
+    except Interrupted:
         heard.stop_listening()
+    return answer if heard.exit_code is None else heard.exit_code  # type: ignore[return-value]
 
 
 class HeardSignals:
@@ -90,6 +94,14 @@ class HeardSignals:
 
     def listen(self) -> None:
         """Set the handlers of the signals that nobody ignores or handles elsewhere."""
+        with _held_back():  # a signal that comes meanwhile is heard when all handlers are set
+            interruption.forget()
+            self._set_handlers()
+        threading.Thread(target=self._listen, name="signals", daemon=True).start()
+
+    def _set_handlers(self) -> None:
+        if hasattr(signal, "SIGTSTP") and signal.getsignal(signal.SIGTSTP) == signal.SIG_DFL:
+            self._before[signal.SIGTSTP] = signal.signal(signal.SIGTSTP, _ignore)  # the thread sees to it
         known = [getattr(signal, name) for name in _NAMES if hasattr(signal, name)]
         self._numbers = frozenset(int(n) for n in known if signal.getsignal(n) not in (signal.SIG_IGN, None))
         self._terminal = _terminal_settings()
@@ -99,7 +111,6 @@ class HeardSignals:
         _listening.append(self)
         for number in self._numbers:
             self._before[number] = signal.signal(number, self._handle)
-        threading.Thread(target=self._listen, name="signals", daemon=True).start()
 
     def stop_listening(self) -> None:
         """Set the handlers to what they were.
@@ -107,12 +118,16 @@ class HeardSignals:
         When the program is to end and does with what went on here, a second signal, and what keeps it from ending, are
         still seen to.
         """
-        self._is_done = True
+        with _held_back():
+            if self in _listening and not self._is_done:
+                self._is_done = True
+                self._stop_listening()
+
+    def _stop_listening(self) -> None:
         is_to_end = self.exit_code is not None
         if (by := interruption.asked()) is not None:
             _each(_write, interruption.reason_of(by))  # of a run that was cut off between its beginning and its end
-        if is_to_end and _HAS_TIMERS:
-            signal.setitimer(signal.ITIMER_REAL, 0.0)
+        self._stop_nudging()
         if is_to_end and self._is_whole_program:
             for number in self._numbers:
                 signal.signal(number, _ignore)
@@ -130,7 +145,13 @@ class HeardSignals:
         _listening.remove(self)
         signal.set_wakeup_fd(self._wakeup_before)
         for number, handler in self._before.items():
-            signal.signal(number, handler)
+            is_traceback = self._is_whole_program and handler is signal.default_int_handler  # for us there is none
+            signal.signal(number, signal.SIG_DFL if is_traceback else handler)
+
+    def _stop_nudging(self) -> None:
+        """Let the timer ring no more, before its handler is set to what ends the process."""
+        if _HAS_TIMERS and signal.SIGALRM in self._before:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
 
     # --- in the main thread ----------------------------------------------------------------------------------------
 
@@ -151,10 +172,9 @@ class HeardSignals:
 
     def _listen(self) -> None:
         """Hear the first signal, and then the second."""
-        if self._next_signal() is None:
+        first = self._next_signal()
+        if first is None:
             return
-        first = interruption.asked()
-        assert first is not None
         heard_s = time.monotonic()
         reason = interruption.reason_of(first)
         threading.Thread(target=_each, args=(_stop, reason), name="stop", daemon=True).start()
@@ -163,16 +183,17 @@ class HeardSignals:
             if time.monotonic() - heard_s > _SAME_WISH_S:
                 self._leave(reason, "left at the second signal", _mark, _MARK_S)
 
-    def _next_signal(self) -> int | None:
-        """Wait for a signal that ends us; None: nobody listens any more."""
+    def _next_signal(self) -> Interrupted | None:
+        """Wait for a signal that ends us, and suspend us at others; None: nobody listens any more."""
         while True:
             heard = os.read(self._reader, 1)
             if not heard:
                 os.close(self._reader)
                 return None
             if heard[0] in self._numbers:
-                interruption.ask_to_end(heard[0])
-                return heard[0]
+                return interruption.ask_to_end(heard[0])
+            if heard[0] == getattr(signal, "SIGTSTP", None):
+                _suspend(heard[0])
 
     def _leave_when_late(self, reason: str) -> None:
         time.sleep(_DEADLINE_S)
@@ -197,8 +218,36 @@ class HeardSignals:
         os._exit(self.exit_code or 1)
 
 
+@contextmanager
+def _held_back() -> Iterator[None]:
+    """Let signals come, and raise `Interrupted`, not before this is over."""
+    with interruption.shielded():
+        if not hasattr(signal, "pthread_sigmask"):  # not on Windows
+            yield
+            return
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, _all_numbers())
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _all_numbers() -> list[int]:
+    return [getattr(signal, name) for name in (*_NAMES, "SIGALRM", "SIGTSTP") if hasattr(signal, name)]
+
+
 def _ignore(number: int, frame: FrameType | None) -> None:
     """Do nothing in the main thread."""
+
+
+def _suspend(number: int) -> None:
+    """Let this process stand still until it is told to go on; its robots stand before it does."""
+    reason = f"suspended by {signal.Signals(number).name}"
+    for lifeline in interruption.lifelines():
+        lifeline.hold(reason)
+    signal.pthread_kill(threading.get_ident(), signal.SIGSTOP)  # has stopped this thread before it returns
+    for lifeline in interruption.lifelines():
+        lifeline.release()
 
 
 def _let_go_in_child() -> None:

@@ -60,6 +60,7 @@ class Control:
         self._period_s = 1.0 / control_hz
         self._counters = instruments.counters
         self._times = instruments.times.stage("controller")
+        self._is_suspended = False
         self._due_s = -math.inf if controller is not None or guard.is_on else math.inf
 
     @property
@@ -89,7 +90,7 @@ class Control:
         """Return the `Stop` that another thread gave meanwhile; the watchdog's holds until the next step only."""
         if self._robot is None or (stop := self._robot.held_by) is None:
             return None
-        if self._robot.release():
+        if not self._is_suspended and self._robot.release():
             self._counters["control.stall_stops"] += 1
             logger.warning("the run goes on; from its next step on the robot is commanded again")
         return stop
@@ -104,6 +105,16 @@ class Control:
         if self._robot is None or self._controller is None:
             return None
         return Watchdog(self._robot, clock, stall_s)
+
+    def hold(self, reason: str) -> None:
+        """Stop the robot, if there is one, until `release`: the process is going to be suspended. Any thread."""
+        if self._robot is not None:
+            self._is_suspended = True  # the loop may take a step or two before everything stands
+            self._robot.hold(Stop(reason))
+
+    def release(self) -> None:
+        """Let the loop's next step release the robot. Any thread."""
+        self._is_suspended = False
 
     def stop_for_good(self, reason: str) -> None:
         """Stop the robot, if there is one: the run is over. Any thread."""

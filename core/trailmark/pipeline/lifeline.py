@@ -31,10 +31,20 @@ class RunLifeline(Lifeline):
         Has the folder.
     conclude : callable
         Returns the result of the run as it stands, given the reason of its end.
+    is_realtime : bool
+        Whether the robot goes on while the process is suspended; at ``pace: step`` its time stands still, too.
     """
 
-    def __init__(self, control: Control, recorder: Recorder | None, conclude: Callable[[str], RunResult]) -> None:
+    def __init__(
+        self,
+        control: Control,
+        recorder: Recorder | None,
+        conclude: Callable[[str], RunResult],
+        *,
+        is_realtime: bool,
+    ) -> None:
         self._control = control
+        self._is_realtime = is_realtime
         self._recorder = recorder
         self._conclude = conclude
 
@@ -44,6 +54,19 @@ class RunLifeline(Lifeline):
             self._control.stop_for_good(reason)
         except TrailmarkError as error:
             logger.warning("%s", error)
+
+    def hold(self, reason: str) -> None:
+        """Stop the robot for as long as the process is suspended."""
+        if not self._is_realtime:
+            return
+        try:
+            self._control.hold(reason)
+        except TrailmarkError as error:
+            logger.warning("%s", error)
+
+    def release(self) -> None:
+        """Let the run command the robot again, from its next step but one on."""
+        self._control.release()
 
     def mark(self, reason: str) -> None:
         """Let ``run.json`` say that the run was interrupted, unless the run has written its end itself."""

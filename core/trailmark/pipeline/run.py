@@ -107,7 +107,9 @@ class Run:
         )  # in real time frames are awaited
         self._n_frames = 0
         self._began_s = perf_counter()
-        self._lifeline = RunLifeline(self._control, recorder, self._conclude_as_it_stands)
+        self._lifeline = RunLifeline(
+            self._control, recorder, self._conclude_as_it_stands, is_realtime=parts.is_realtime
+        )
         try:
             self._tracks = Tracks((localizer.name for localizer in running.localizers), running.session)
             sinks: dict[str, Sink] = {**self._parts.sinks, "tracks": self._tracks}
