@@ -51,3 +51,10 @@ def test_who_says_path_offsets_alone_needs_no_way() -> None:
 
     assert verdict(found, "cam") == ("ok", "")
     assert verdict(document(trajectories={"cam": nothing}), "cam") == ("failed", "'cam' gave no pose")
+
+
+@pytest.mark.parametrize("subject", ["fused", "cam"])
+def test_a_collision_is_a_failure_whoever_is_judged(subject: str) -> None:
+    result = RunResult(status="done", reason="", counters={"source.robot.collisions": 1})
+
+    assert verdict_of(result, document(), subject, "cam") == ("failed", "the robot touched something")

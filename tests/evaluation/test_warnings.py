@@ -133,3 +133,15 @@ def test_warnings_stand_in_the_document_of_the_run(write_run: Write, straight: T
 
     assert document["warnings"][0]["about"] == "cam"
     assert document["sources"]["cam"]["lost_reasons"] == {"dark": 2}
+
+
+@pytest.mark.parametrize(("n", "fact"), [(0, None), (1, "the robot touched something;"), (3, "something 3 times;")])
+def test_a_robot_that_touched_something_has_not_come_through(
+    write_run: Write, straight: Trajectory, n: int, fact: str | None
+) -> None:
+    folder = write_run({"fused": straight})
+    (folder / "run.json").write_text(json.dumps({"counters": {"source.robot.collisions": n, "frames": 9}}))
+
+    found = told(folder)
+
+    assert [fact in text for text in found] == ([] if fact is None else [True])

@@ -14,6 +14,7 @@ from trailmark.commands import Command, Steer4WS, Stop, Velocity
 from trailmark.errors import ConfigError
 from trailmark.geometry import Pose2, Twist2
 from trailmark_sim.vehicles import (
+    Ackermann,
     Differential,
     FourWheelSteering,
     Holonomic,
@@ -215,3 +216,31 @@ def test_driving_back_the_same_way_returns(speed: float, yaw: float) -> None:
     assert back.pose_map_base.distance_to(Pose2()) < 1e-9
     assert back.wheels_m == pytest.approx(0.0, abs=1e-9)
     assert back.travelled_m == pytest.approx(2 * there.travelled_m)
+
+
+def test_an_ackermann_vehicle_turns_about_a_point_beside_its_rear_axle() -> None:
+    car = Ackermann(steer_lag_s=0.0, speed_lag_s=0.0, wheel_errors=EXACT)
+
+    half = drive(car, Velocity(0.5, 0.0, 0.5), math.pi / 0.5)  # a circle of 1 m
+
+    assert half.pose_map_base.y == pytest.approx(2.0, abs=1e-2)
+    assert half.front_rad == pytest.approx(math.atan(0.36))
+    assert half.pose_start_wheels.distance_to(half.pose_map_base) < 1e-9
+
+
+def test_an_ackermann_vehicle_turns_no_sharper_than_its_full_lock() -> None:
+    car = Ackermann(steer_lag_s=0.0, speed_lag_s=0.0)
+
+    turned = drive(car, Velocity(-0.3, 0.0, 9.0), 1.0)
+
+    assert turned.twist.yaw_radps == pytest.approx(0.3 / car.min_turning_radius_m)
+    assert car.min_turning_radius_m == pytest.approx(0.677, abs=1e-3)
+
+
+def test_an_ackermann_vehicle_that_stands_keeps_its_steering_and_does_not_turn() -> None:
+    state = VehicleState(front_rad=0.2)
+
+    for command in (Velocity(0.0, 0.5, 1.0), Stop("")):
+        stood = drive(Ackermann(), command, 0.5, state)
+        assert stood.front_rad == pytest.approx(0.2)
+        assert stood.pose_map_base == Pose2()

@@ -84,7 +84,7 @@ def _run(
 
 def _figures(taught: RunResult, replayed: RunResult) -> dict[str, Any]:
     """Return what the demo shows: how well the robot held the path, and how well it knew where it was."""
-    from trailmark.evaluation import find_metric
+    from trailmark.evaluation import collisions_of, find_metric
 
     truth = replayed.metrics["trajectories"]["groundtruth"]["metrics"]
     lateral = {key: find_metric(truth, f"lateral_{key}_m") for key in ("mean", "max")}
@@ -99,7 +99,7 @@ def _figures(taught: RunResult, replayed: RunResult) -> dict[str, Any]:
         "reason": replayed.reason,
         "lateral_mean_mm": None if lateral["mean"] is None else 1e3 * lateral["mean"],
         "lateral_max_mm": None if lateral["max"] is None else 1e3 * lateral["max"],
-        "gates_touched": sum(count for name, count in replayed.counters.items() if name.endswith("collisions")),
+        "gates_touched": collisions_of(replayed.counters),
         "ate_rmse_mm": {name: None if error is None else 1e3 * error for name, error in errors.items()},
         "frames": taught.timing["frames"] + replayed.timing["frames"],
     }

@@ -24,7 +24,7 @@ from trailmark.evaluation.run_metrics import RunEvaluation, evaluate_run, evalua
 from trailmark.evaluation.source_statistics import SourceStatistics, source_statistics
 from trailmark.evaluation.tracking import Tracked, tracked_fraction
 from trailmark.evaluation.trajectory_metrics import Evaluation, Protocol, evaluate
-from trailmark.evaluation.warnings import RunWarning, run_warnings
+from trailmark.evaluation.warnings import RunWarning, collisions_of, run_warnings
 
 __all__ = [
     "ALIGNMENTS",
@@ -59,6 +59,7 @@ __all__ = [
     "align",
     "associate",
     "chi2_quantile",
+    "collisions_of",
     "consistency_of",
     "drift",
     "end_error",

@@ -16,7 +16,7 @@ from trailmark.evaluation.lost_reasons import reasons_of
 from trailmark.evaluation.run_folder import FUSED, RunFolder
 from trailmark.geometry import Trajectory
 
-__all__ = ["RunWarning", "run_warnings"]
+__all__ = ["RunWarning", "collisions_of", "run_warnings"]
 
 #: Nothing on wheels is faster; units are wrong then [m/s, rad/s].
 MOST_MPS = 60.0
@@ -67,6 +67,7 @@ def run_warnings(run: RunFolder) -> list[RunWarning]:
         *_of_motion(run),
         *_of_sensors(run.run.get("sensors")),
         *_of_control(run.run.get("counters")),
+        *_of_collisions(run.run.get("counters")),
     ]
 
 
@@ -180,3 +181,16 @@ def _of_control(counters: Any) -> Iterator[RunWarning]:
             "standard error says where; give slow localizers async: true, or raise stop_when.stall_s",
             is_worthless=False,
         )
+
+
+def _of_collisions(counters: Any) -> Iterator[RunWarning]:
+    n = collisions_of(counters) if isinstance(counters, Mapping) else 0
+    if n > 0:
+        times = "" if n == 1 else f" {n} times"
+        yield RunWarning("", f"the robot touched something{times}", "it has not come through: look where, and why")
+
+
+def collisions_of(counters: Mapping[str, Any]) -> int:
+    """Return how often robots have touched something in a run: sources count it as ``collisions``."""
+    numbers = (n for name, n in counters.items() if name.rpartition(".")[2] == "collisions")
+    return sum(int(n) for n in numbers if isinstance(n, int | float))

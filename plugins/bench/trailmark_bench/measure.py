@@ -16,6 +16,7 @@ from trailmark.evaluation import (
     Evaluation,
     Protocol,
     RunEvaluation,
+    collisions_of,
     evaluate_run_folder,
     read_run,
 )
@@ -67,6 +68,8 @@ def verdict_of(result: RunResult, document: Mapping[str, Any], subject: str, loc
     """Return state and reason: a run that was stopped, or says nothing to compare, is no result."""
     if result.status != "done":
         return "failed", f"{result.status}: {result.reason}".rstrip(": ")
+    if collisions_of(result.counters):
+        return "failed", "the robot touched something"
     trajectory = document["trajectories"].get(subject)
     told = document["sources"].get(localizer, {"estimates": 0, "outcomes": {}})
     if trajectory is None or not (trajectory["poses"] or told.get("says_places") is False):

@@ -40,16 +40,16 @@ class SimConfig(SourceConfig):
     rates_hz: dict[str, float] = Field(default_factory=dict)
     """Rates that differ from the world's, by sensor [Hz]."""
     vehicle: VehicleOptions | None = None
-    """A vehicle other than the world's: `kind` is four_wheel_steering, differential, skid_steer or holonomic; its other
-    keys are in the README."""
+    """A vehicle other than the world's: `kind` is four_wheel_steering, ackermann, differential, skid_steer or
+    holonomic; its other keys are in the README."""
     world_seed: int = Field(default=1, ge=0)
     """Seeds the place itself. Teaching and replay must have the same; the run's seed changes noise and slip alone."""
     duration_s: float | None = Field(default=None, gt=0)
     """Ends after this time; left out: at the end of the route, or where a command says it is done [s]."""
     patience_s: float = Field(default=20.0, gt=0)
     """Ends when it has been standing for so long [s]."""
-    on_collision: Literal["count", "end"] = "count"
-    """The vehicle touches something: is counted and goes on, or ends the run."""
+    on_collision: Literal["count", "end"] = "end"
+    """The vehicle touches something: ends the run, or is counted and goes on. Either way the run is no success."""
     threads: int = Field(default=2, ge=1, le=8)
     """Threads that render; no byte depends on it."""
 

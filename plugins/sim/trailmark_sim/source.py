@@ -160,7 +160,8 @@ class SimSource(Drivable):
         touches = self._world.collides(self._motion.state_at(stamp_s).pose_map_base)
         if touches is not None and touches != self._touches:
             self._n_collisions += 1
-            logger.info("the vehicle touches %s at %.2f s", touches, stamp_s)
+            end = "; this ends the run (on_collision: end)" if self.config.on_collision == "end" else ""
+            logger.warning("the vehicle touches %s at %.2f s%s", touches, stamp_s, end)
         self._touches = touches
 
     def _is_over(self, stamp_s: float) -> bool:

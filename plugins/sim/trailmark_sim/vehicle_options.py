@@ -8,7 +8,15 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from trailmark.config import PluginConfig
-from trailmark_sim.vehicles import Differential, FourWheelSteering, Holonomic, SkidSteer, Vehicle, WheelErrors
+from trailmark_sim.vehicles import (
+    Ackermann,
+    Differential,
+    FourWheelSteering,
+    Holonomic,
+    SkidSteer,
+    Vehicle,
+    WheelErrors,
+)
 
 __all__ = ["VehicleOptions"]
 
@@ -71,6 +79,42 @@ class FourWheelSteeringOptions(PluginConfig):
             asymmetry=self.asymmetry,
             front_trim_rad=math.radians(self.front_trim_deg),
             rear_trim_rad=math.radians(self.rear_trim_deg),
+            wheel_errors=self.wheels.build(),
+        )
+
+
+class AckermannOptions(PluginConfig):
+    """Front wheels steer, as those of cars; base is the middle of the rear axle."""
+
+    kind: Literal["ackermann"]
+    """Which vehicle."""
+    length_m: float = Field(default=0.60, gt=0)
+    """Outline, centred on base [m]."""
+    width_m: float = Field(default=0.36, gt=0)
+    """Outline [m]."""
+    max_speed_mps: float = Field(default=1.0, gt=0)
+    """Top speed [m/s]."""
+    wheelbase_m: float = Field(default=0.36, gt=0)
+    """Distance of the axles [m]."""
+    max_steer_deg: float = Field(default=28.0, gt=0, lt=60)
+    """Full lock [deg]."""
+    steer_lag_s: float = Field(default=0.1, ge=0)
+    """Time constant of the servo [s]."""
+    speed_lag_s: float = Field(default=0.15, ge=0)
+    """Time constant of the drive [s]."""
+    wheels: WheelOptions = WheelOptions()
+    """Why its odometry is wrong."""
+
+    def build(self) -> Vehicle:
+        """Return the vehicle."""
+        return Ackermann(
+            length_m=self.length_m,
+            width_m=self.width_m,
+            max_speed_mps=self.max_speed_mps,
+            wheelbase_m=self.wheelbase_m,
+            max_steer_rad=math.radians(self.max_steer_deg),
+            steer_lag_s=self.steer_lag_s,
+            speed_lag_s=self.speed_lag_s,
             wheel_errors=self.wheels.build(),
         )
 
@@ -157,5 +201,6 @@ class HolonomicOptions(PluginConfig):
 
 
 VehicleOptions = Annotated[
-    FourWheelSteeringOptions | DifferentialOptions | SkidSteerOptions | HolonomicOptions, Field(discriminator="kind")
+    FourWheelSteeringOptions | AckermannOptions | DifferentialOptions | SkidSteerOptions | HolonomicOptions,
+    Field(discriminator="kind"),
 ]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from trailmark.evaluation import collisions_of
 from trailmark.geometry import Trajectory
 from trailmark.interfaces import FrameSource, Mode, Session
 
@@ -74,8 +75,3 @@ def started_source(config: Mapping[str, Any], seed: int = 0, name: str = "robot"
         yield source
     finally:
         source.close()
-
-
-def collisions_of(counters: Mapping[str, Any]) -> int:
-    """Return how often the vehicles of a run touched something."""
-    return sum(int(count) for name, count in counters.items() if name.endswith("collisions"))
