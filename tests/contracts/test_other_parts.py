@@ -21,6 +21,7 @@ OUT = Path(tempfile.gettempdir())
 CONTROLLERS: dict[str, dict[str, Any]] = {
     "drift_steering": {},
     "goal_seeking": {"goal": [2.363, 0.537], "way": "straight"},
+    "path_tracking": {},
     "path_tracking_4ws": {},
 }
 ESTIMATORS: dict[str, dict[str, Any]] = {"dead_reckoning": {}, "kalman": {}}

@@ -14,6 +14,13 @@ if TYPE_CHECKING:
 def trailmark_register(registry: Registry) -> None:
     """Register the controllers."""
     registry.controller(
+        "path_tracking",
+        "trailmark_controllers.tracking:PathTracking",
+        config="trailmark_controllers.tracking_config:TrackingConfig",
+        summary="Follows a taught path: differential, holonomic, Ackermann, four-wheel steering",
+        reference="Micaelli & Samson 1993, INRIA RR-2097",
+    )
+    registry.controller(
         "path_tracking_4ws",
         "trailmark_controllers.path_tracking:PathTracking4WS",
         config="trailmark_controllers.path_tracking_config:PathTrackingConfig",
