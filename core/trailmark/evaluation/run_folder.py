@@ -10,8 +10,16 @@ from typing import Any, TypeVar
 
 from trailmark import paths
 from trailmark.errors import DataError
+from trailmark.evaluation.belief_table import (
+    BELIEFS_FILE,
+    OUTLINES_FILE,
+    BeliefTable,
+    read_beliefs,
+    read_outlines,
+)
 from trailmark.evaluation.estimates_table import EstimateTable, read_estimates
 from trailmark.evaluation.path_file import PATH_FILE, read_path
+from trailmark.frames.outlines import Outlines
 from trailmark.geometry import Trajectory, read_tum
 
 __all__ = ["FUSED", "GROUND_TRUTH", "RunFolder", "read_run"]
@@ -44,6 +52,10 @@ class RunFolder:
         What could not be read, a line each.
     path_taught : trailmark.paths.Path or None
         The taught path that path offsets are about.
+    beliefs : BeliefTable or None
+        What was believed, with its covariance, evenly taken over the run.
+    outlines : Outlines or None
+        What stood around, and how large the robot is.
     """
 
     path: Path
@@ -55,6 +67,8 @@ class RunFolder:
     config_text: str
     problems: tuple[str, ...]
     path_taught: paths.Path | None = None
+    beliefs: BeliefTable | None = None
+    outlines: Outlines | None = None
 
     @property
     def name(self) -> str:
@@ -99,6 +113,8 @@ def read_run(folder: str | Path) -> RunFolder:
         timing=_attempt(path / "timing.json", _json, problems) or {},
         config_text=config_text,
         path_taught=_attempt(path / PATH_FILE, read_path, problems),
+        beliefs=_attempt(path / BELIEFS_FILE, read_beliefs, problems),
+        outlines=_attempt(path / OUTLINES_FILE, read_outlines, problems),
         problems=tuple(problems),
     )
 

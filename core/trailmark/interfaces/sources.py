@@ -11,6 +11,7 @@ import numpy as np
 from trailmark.commands import Command
 from trailmark.errors import ConfigError
 from trailmark.frames import Frame, SensorInfo, SensorOrigin
+from trailmark.frames.outlines import Outlines
 from trailmark.geometry import Trajectory
 from trailmark.interfaces.session import Part
 
@@ -39,6 +40,10 @@ class FrameSource(Part):
 
     def ground_truth(self) -> Trajectory | None:
         """Return the true trajectory of base where it is known; asked after the last frame."""
+        return None
+
+    def outlines(self) -> Outlines | None:
+        """Return what stands around and how large the robot is, where it is known, for drawing; asked at the end."""
         return None
 
     def unread(self) -> Mapping[str, str]:

@@ -28,7 +28,7 @@ from trailmark.pipeline.outputs.tracks import Tracks
 from trailmark.pipeline.parts import Parts
 from trailmark.pipeline.sources.checks import FrameChecks
 from trailmark.pipeline.sources.merging import merged
-from trailmark.pipeline.sources.stream import ground_truth_of
+from trailmark.pipeline.sources.stream import ground_truth_of, outlines_of
 from trailmark.pipeline.startup import start_parts
 
 if TYPE_CHECKING:
@@ -388,6 +388,7 @@ class Run:
             counters=counters,
             trajectories=self._tracks.trajectories(),
             ground_truth=ground_truth_of(self._parts.sources),
+            outlines=outlines_of(self._parts.sources),
             timing={
                 "stages": self._times.table(),
                 "peak_rss_mb": peak_rss_mb(),

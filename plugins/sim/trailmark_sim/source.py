@@ -11,12 +11,14 @@ from collections.abc import Iterator, Mapping
 from trailmark.commands import Command, Stop
 from trailmark.errors import ConfigError
 from trailmark.frames import Frame, Payload, SensorInfo
+from trailmark.frames.outlines import Outlines
 from trailmark.geometry import Pose2, Trajectory
 from trailmark.interfaces import Drivable, Session
 from trailmark_sim.config import SimConfig
 from trailmark_sim.keyboard import KEYS_HELP, KeyboardPilot, Terminal
 from trailmark_sim.motion import VehicleIntegrator
 from trailmark_sim.names import unknown_name
+from trailmark_sim.outlines import box_outline
 from trailmark_sim.pilots import Driver, Pilot
 from trailmark_sim.placing import place_vehicle
 from trailmark_sim.rng import frame_rng, stream_key
@@ -130,6 +132,11 @@ class SimSource(Drivable):
     def ground_truth(self) -> Trajectory:
         """Return where the vehicle was at the stamps of the frames."""
         return Trajectory.from_poses(self._truth)
+
+    def outlines(self) -> Outlines:
+        """Return what stands in the world, and the vehicle."""
+        vehicle = self._world.vehicle
+        return Outlines(self._world.around, box_outline(Pose2(), vehicle.length_m, vehicle.width_m))
 
     def counters(self) -> Mapping[str, int]:
         """Return how often the vehicle came to touch something."""

@@ -12,12 +12,14 @@ from time import perf_counter
 from typing import Any
 
 from trailmark.errors import RunError
-from trailmark.estimates import EstimateRecord, Fix, Lost, Motion, PathOffset
+from trailmark.estimates import Belief, EstimateRecord, Fix, Lost, Motion, PathOffset
 from trailmark.frames import SensorInfo
 from trailmark.frames.documents import sensor_to_document
+from trailmark.frames.outlines import Outlines
 from trailmark.geometry import Trajectory
 from trailmark.geometry.tum import tum_text
 from trailmark.interfaces import Sink
+from trailmark.pipeline.outputs.beliefs import BeliefLog
 from trailmark.pipeline.outputs.provenance import provenance
 from trailmark.pipeline.outputs.result import RunResult, Status
 from trailmark.pipeline.outputs.run_folder import files_in
@@ -58,6 +60,7 @@ class Recorder(Sink):
         self._facts = dict(facts)
         self._config_dir = config_dir
         self._estimates: WholeLines | None = None
+        self._beliefs = BeliefLog()
         self._about: dict[str, Any] = {}
         self._measured: dict[str, Any] = {}
         self._began_s = 0.0
@@ -85,6 +88,10 @@ class Recorder(Sink):
     def on_estimate_record(self, record: EstimateRecord) -> None:
         """Write a row."""
         self._rows.writerow(_row(record))
+
+    def on_belief(self, belief: Belief) -> None:
+        """Keep it, if it is among those that are written."""
+        self._beliefs.add(belief)
 
     def write(self, result: RunResult) -> None:
         """Write everything that is known at the end; what cannot be written keeps nothing else from being written.
@@ -156,6 +163,10 @@ class Recorder(Sink):
         if result.ground_truth is not None:
             yield partial(_write_trajectory, folder / "groundtruth.tum", result.ground_truth)
         yield partial(self._write_json, "timing.json", result.timing)
+        if beliefs := self._beliefs.text():
+            yield partial(write_whole, self.folder / "beliefs.csv", beliefs)
+        if result.outlines is not None:
+            yield partial(self._write_json, "outlines.json", _outlines_document(result.outlines))
 
     def _write_json(self, name: str, content: Any) -> None:
         write_whole(self.folder / name, _json(content))
@@ -175,6 +186,12 @@ def _json(content: Any) -> str:
 
 def _write_trajectory(path: Path, trajectory: Trajectory) -> None:
     write_whole(path, tum_text(trajectory))
+
+
+def _outlines_document(outlines: Outlines) -> dict[str, Any]:
+    """Return the lines as lists, to a tenth of a millimetre."""
+    around = [line.round(4).tolist() for line in outlines.around]
+    return {"around": around, "robot": None if outlines.robot is None else outlines.robot.round(4).tolist()}
 
 
 def _failure(folder: Path, error: OSError) -> RunError:

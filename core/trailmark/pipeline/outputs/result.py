@@ -11,6 +11,7 @@ from typing import Any, Literal
 from trailmark.commands import Command
 from trailmark.estimates import Belief, EstimateRecord
 from trailmark.frames import Frame
+from trailmark.frames.outlines import Outlines
 from trailmark.geometry import Trajectory
 
 __all__ = ["RunResult", "Status", "Step"]
@@ -63,6 +64,8 @@ class RunResult:
         As in ``timing.json``: ``stages``, ``peak_rss_mb``, ``frames``, ``wall_s``.
     folder : Path or None
         The run's folder.
+    outlines : Outlines or None
+        What stands around and how large the robot is, where a source knows it.
     metrics : mapping
         As in ``metrics.json``; empty unless `trailmark.run` computed them.
     """
@@ -74,4 +77,5 @@ class RunResult:
     ground_truth: Trajectory | None = field(default=None, repr=False)
     timing: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}), repr=False)
     folder: Path | None = None
+    outlines: Outlines | None = field(default=None, repr=False)
     metrics: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}), repr=False)

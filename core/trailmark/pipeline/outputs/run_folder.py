@@ -20,6 +20,8 @@ _OWN = (
     "estimates.csv",
     "metrics.json",
     "timing.json",
+    "beliefs.csv",
+    "outlines.json",
     "report.html",
     "trajectories",
     "plots",

@@ -14,6 +14,7 @@ from trailmark.config import LiveSourceConfig, Mounting, SensorOverride, SourceC
 from trailmark.errors import ConfigError, SourceError, SourceFailedError
 from trailmark.failures import call_guarded, is_from_user, raise_failure, words_of
 from trailmark.frames import Calibration, Frame, SensorInfo
+from trailmark.frames.outlines import Outlines
 from trailmark.geometry import Pose3, Trajectory, read_tum
 from trailmark.interfaces import Drivable, FrameSource, Session
 from trailmark.pipeline.instruments import SOURCE_COUNTS, Counters, counts_of
@@ -22,7 +23,7 @@ from trailmark.pipeline.sources.checks import FrameChecks
 if TYPE_CHECKING:
     from trailmark.pipeline.sources.perturbing import Perturber
 
-__all__ = ["SourceStream", "corrected", "corrected_sensors", "ground_truth_of"]
+__all__ = ["SourceStream", "corrected", "corrected_sensors", "ground_truth_of", "outlines_of"]
 
 logger = logging.getLogger(__name__)
 
@@ -301,4 +302,21 @@ def ground_truth_of(sources: Sequence[SourceStream]) -> Trajectory | None:
             continue
         if truth is not None:
             return truth
+    return None
+
+
+def outlines_of(sources: Sequence[SourceStream]) -> Outlines | None:
+    """Return the outlines of the first source that knows some; one that fails to say is a warning."""
+    for stream in sources:
+        try:
+            outlines = stream.source.outlines()
+            if outlines is not None and not isinstance(outlines, Outlines):
+                raise TypeError(f"it gave {type(outlines).__name__}, not Outlines")
+        except BaseException as error:
+            if is_from_user(error):
+                raise
+            logger.warning("source %r gives no outlines: %s", stream.name, words_of(error))
+            continue
+        if outlines is not None:
+            return outlines
     return None

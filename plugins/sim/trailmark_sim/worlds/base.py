@@ -19,6 +19,7 @@ from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
+from trailmark.arrays import Floats
 from trailmark.config import PluginConfig
 from trailmark.errors import ConfigError
 from trailmark.geometry import Pose2
@@ -97,6 +98,8 @@ class World:
         Takes the pose of the vehicle and returns what it touches there, or None.
     truth : mapping of str to array
         What else is known exactly: poles, landmarks. For evaluation and drawing.
+    around : tuple of (N, 2) float64
+        Lines of what stands there, for drawing [m].
     area : (float, float, float, float) or None
         West, east, south and north end of where a vehicle may be put down; None: beside the route [m].
     """
@@ -108,6 +111,7 @@ class World:
     start: Pose2
     collides: Callable[[Pose2], str | None] = _nowhere
     truth: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+    around: tuple[Floats, ...] = ()
     area: tuple[float, float, float, float] | None = None
 
 

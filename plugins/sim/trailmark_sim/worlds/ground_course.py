@@ -20,6 +20,7 @@ from trailmark_sim.ground.ground import Floor, GroundTexture, Zone
 from trailmark_sim.ground.optics import Optics
 from trailmark_sim.ground.weather import Weather
 from trailmark_sim.obstacles import Pole, touched_pole
+from trailmark_sim.outlines import circle_outline
 from trailmark_sim.rng import stream_key
 from trailmark_sim.routes import Route, arc, line, trace
 from trailmark_sim.sensors.catalogue import build_sensors
@@ -79,6 +80,7 @@ def build(options: WorldOptions) -> World:
         routes={name: routes[name]} | routes,
         start=Pose2(),
         collides=partial(touched_pole, poles, vehicle.length_m, vehicle.width_m),
+        around=tuple(circle_outline(pole.x, pole.y, pole.radius_m) for pole in poles),
         truth={"poles": np.array([(pole.x, pole.y, pole.radius_m) for pole in poles]).reshape(-1, 3)},
     )
 

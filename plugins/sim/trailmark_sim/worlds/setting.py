@@ -76,6 +76,7 @@ class Setting:
             routes=self.routes,
             collides=partial(self.solids.touched, vehicle),
             area=self.solids.area,
+            around=self.solids.outlines(),
             **{"start": next(iter(self.routes.values())).start} | more,
         )
 

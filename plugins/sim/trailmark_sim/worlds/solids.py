@@ -9,6 +9,7 @@ import numpy as np
 
 from trailmark.arrays import Floats
 from trailmark.geometry import Pose2
+from trailmark_sim.outlines import box_outline, circle_outline
 from trailmark_sim.vehicles import Vehicle
 
 __all__ = ["Solids"]
@@ -55,6 +56,16 @@ class Solids:
     def pole(self, name: str, x: float, y: float, radius_m: float) -> None:
         """Add something round."""
         self._poles.append((name, x, y, radius_m))
+
+    def outlines(self) -> tuple[Floats, ...]:
+        """Return the walls of the room and everything in it as closed lines, (N, 2) each [m]."""
+        walls = box_outline(
+            Pose2((self.west + self.east) / 2.0, (self.south + self.north) / 2.0),
+            self.east - self.west,
+            self.north - self.south,
+        )
+        boxes = (box_outline(box.pose, 2.0 * box.half_length_m, 2.0 * box.half_width_m) for box in self._boxes)
+        return (walls, *boxes, *(circle_outline(x, y, radius) for _, x, y, radius in self._poles))
 
     def touched(self, vehicle: Vehicle, pose: Pose2) -> str | None:
         """Return what the vehicle touches at a pose, or None."""

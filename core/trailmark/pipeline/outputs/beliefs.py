@@ -1,0 +1,50 @@
+"""What was believed, and how surely: a table that stays small however long a run is."""
+
+from __future__ import annotations
+
+from trailmark.estimates import Belief
+
+__all__ = ["BELIEF_COLUMNS", "BeliefLog"]
+
+#: Columns of ``beliefs.csv``: the pose in the map and its covariance [m, m, rad].
+BELIEF_COLUMNS = ("stamp_s", "x", "y", "theta", "cov_xx", "cov_xy", "cov_xt", "cov_yy", "cov_yt", "cov_tt")
+
+_N_KEPT = 2000
+
+
+class BeliefLog:
+    """Keeps a thousand to two thousand beliefs, evenly over a run.
+
+    When there is one too many every second is let go, and only half as many are taken from then on.
+    """
+
+    def __init__(self) -> None:
+        self._kept: list[Belief] = []
+        self._stride = 1
+        self._n_seen = 0
+
+    def add(self, belief: Belief) -> None:
+        """Look at a belief; one without pose or covariance passes."""
+        if belief.pose_map_base is None or belief.covariance is None:
+            return
+        if self._n_seen % self._stride == 0:
+            self._kept.append(belief)
+        self._n_seen += 1
+        if len(self._kept) > _N_KEPT:
+            self._kept, self._stride = self._kept[::2], 2 * self._stride
+
+    def text(self) -> str:
+        """Return the table as CSV; empty when nothing was believed with a covariance."""
+        if not self._kept:
+            return ""
+        lines = [",".join(BELIEF_COLUMNS)]
+        lines += [",".join(repr(value) for value in _row(belief)) for belief in self._kept]
+        return "\n".join(lines) + "\n"
+
+
+def _row(belief: Belief) -> list[float]:
+    assert belief.pose_map_base is not None
+    assert belief.covariance is not None
+    (xx, xy, xt), (_, yy, yt), (_, _, tt) = belief.covariance.tolist()
+    pose: list[float] = belief.pose_map_base.array().tolist()
+    return [float(belief.stamp_s), *pose, xx, xy, xt, yy, yt, tt]
