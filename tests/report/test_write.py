@@ -1,9 +1,11 @@
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 import subprocess
 import sys
+from base64 import b64encode
 from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
@@ -17,8 +19,10 @@ from trailmark.report.style import css_variables
 
 Write = Callable[..., Path]
 
-PLOTS = {"trajectories.svg", "errors.svg", "outcomes.svg", "timing.svg"}
-VOID = {"meta", "br", "img"}
+PLOTS = {"trajectories.svg", "errors.svg", "distribution.svg", "outcomes.svg"}
+VOID = {"meta", "br", "img", "input"}
+#: The map and the time axis, which the script fills.
+EXPLORER = 2
 NASTY = "</style><script>alert(1)</script><img src='http://example.org/x.png' onerror=alert(1)>"
 
 
@@ -66,7 +70,7 @@ def test_a_run_gets_four_plots_and_a_page_with_every_section(fake_run: Write) ->
     page = _page(folder)
 
     assert {path.name for path in (folder / "plots").iterdir()} == PLOTS
-    assert page.tags.count("svg") == 4
+    assert page.tags.count("svg") == 4 + EXPLORER
     for words in (
         "20261120-094107-course",
         "Errors against ground truth",
@@ -102,7 +106,7 @@ def test_plots_are_svg_with_text_as_text_and_units(fake_run: Write) -> None:
     assert "Position error [mm]" in texts["errors.svg"]
     assert "Heading error [°]" in texts["errors.svg"]
     assert "floor_map" in texts["outcomes.svg"]
-    assert "duration of a call [ms]" in texts["timing.svg"]
+    assert "[mm], logarithmic" in texts["distribution.svg"]
 
 
 def test_the_same_run_gives_the_same_bytes(fake_run: Write) -> None:
@@ -123,7 +127,22 @@ def test_the_page_fetches_nothing(fake_run: Write) -> None:
     text = (folder / "report.html").read_text(encoding="utf-8")
     assert not re.search(r"@import|url\((?!#)", text)
     assert "default-src 'none'" in text
-    assert not {"script", "link", "iframe", "object"} & set(page.tags)
+    assert not {"link", "iframe", "object"} & set(page.tags)
+
+
+def test_the_one_script_of_the_page_is_ours_and_the_policy_names_it(fake_run: Write) -> None:
+    text = write_report(fake_run(seconds=10.0)).read_text(encoding="utf-8")
+
+    data, script = re.findall(r"<script([^>]*)>(.*?)</script>", text, re.DOTALL)
+
+    digest = b64encode(hashlib.sha256(script[1].encode()).digest()).decode()
+    assert data[0] == ' type="application/json" id="explorer-data"'
+    assert script[0] == ""
+    assert f"script-src 'sha256-{digest}'" in text
+    assert not re.search(r"\son\w+=", text.replace(script[1], ""))
+    assert not re.search(
+        r"innerHTML|insertAdjacentHTML|\beval\b|new Function|fetch\(|https?:(?!//www.w3.org)", script[1]
+    )
 
 
 def test_what_comes_from_a_run_is_text_not_markup(fake_run: Write) -> None:
@@ -137,7 +156,9 @@ def test_what_comes_from_a_run_is_text_not_markup(fake_run: Write) -> None:
 
     page = _page(folder)
 
-    assert not {"script", "img", "i", "u", "b"} & set(page.tags)
+    assert not {"img", "u", "b"} & set(page.tags)
+    assert page.tags.count("script") == 2
+    assert page.tags.count("i") == 6  # the legend of the map's colours
     assert page.text.count("<script>alert(1)</script>") >= 3
     assert "a<b>&'\"" in page.text
 
@@ -147,6 +168,7 @@ def test_drawings_inside_the_page_follow_the_colours_of_the_screen(fake_run: Wri
     text = write_report(folder).read_text(encoding="utf-8")
 
     drawings = text[text.index('<div class="plots">') : text.index("<h2>Estimates</h2>")]
+    drawings += text[text.index('<section id="explorer"') : text.index("<h2>Errors against ground truth</h2>")]
 
     used = set(re.findall(r"var\((--[a-z0-9-]+)\)", drawings))
     defined = set(re.findall(r"(--[a-z0-9-]+):", css_variables()))
@@ -208,7 +230,7 @@ def test_static_runs_and_corridors_are_drawn(fake_run: Write) -> None:
     for shape in ("static", "corridor"):
         page = _page(fake_run(name=shape, shape=shape, seconds=10.0))
 
-        assert page.tags.count("svg") == 4
+        assert page.tags.count("svg") == 4 + EXPLORER
 
 
 def test_arrays_of_a_calibration_are_not_spelled_out(fake_run: Write) -> None:

@@ -13,17 +13,18 @@ from trailmark.evaluation import OUTCOMES
 from trailmark.geometry import Trajectory
 from trailmark.report.numbers import length_unit
 from trailmark.report.series import ErrorSeries, Lane, way
-from trailmark.report.style import BLUE, INK, MUTED, OUTCOME_COLOURS, WIDTH_INCH, LineStyle
+from trailmark.report.style import INK, OUTCOME_COLOURS, WIDTH_INCH, LineStyle
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["errors_figure", "outcomes_figure", "timing_figure", "trajectories_figure"]
+__all__ = ["distribution_figure", "errors_figure", "outcomes_figure", "trajectories_figure"]
 
 _HEIGHT = 5.0
 _LEGEND_CHARACTERS = 72
 _LEGEND_ROW = 0.21
+_N_BINS = 60
 # Above this ratio the best line would lie on the axis of the worst.
 _LOGARITHMIC_ABOVE = 20.0
 
@@ -79,24 +80,43 @@ def outcomes_figure(found: Sequence[Lane]) -> Figure:
     return figure
 
 
-def timing_figure(stages: Mapping[str, Mapping[str, float]]) -> Figure:
-    """Draw the durations of each stage: the median, to the 95th and 99th percentile; logarithmic."""
-    figure, axes = _figure(1.15 + 0.3 * len(stages))
-    for row, stage in enumerate(stages.values()):
-        p50, p95, p99 = (max(float(stage.get(f"{word}_ms", 0.0)), 1e-4) for word in ("p50", "p95", "p99"))
-        axes.plot([p50, p99], [-row, -row], color=MUTED, linewidth=1.0, solid_capstyle="butt")
-        axes.plot([p50, p95], [-row, -row], color=BLUE, linewidth=5.0, solid_capstyle="butt")
-        axes.plot([p50], [-row], "o", color=INK, markersize=6.0)
+def distribution_figure(errors: Mapping[str, Floats], styles: Mapping[str, LineStyle]) -> Figure:
+    """Draw how often errors of each size were made: for each trajectory a histogram over a box plot; logarithmic.
+
+    The box holds half of the errors, its mark is the median, the line reaches from 2.5 to 97.5 %.
+    """
+    figure, axes = _figure(1.0 + 0.62 * len(errors))
+    positive = {name: values[values > 0.0] for name, values in errors.items()}
+    unit, per_m = length_unit([_rms(values) for values in positive.values() if len(values)])
+    everything = np.concatenate([per_m * values for values in positive.values()])
+    low, high = (np.quantile(everything, share) for share in (0.002, 1.0)) if len(everything) else (1.0, 10.0)
+    edges = np.geomspace(low, max(high, 1.001 * low) * 1.001, _N_BINS + 1)
+    for row, (name, values) in enumerate(positive.items()):
+        if len(values):
+            _draw_distribution(axes, per_m * values, edges, -row, styles[name])
     axes.set_xscale("log")
+    axes.set_xlim(edges[0], edges[-1])
     axes.xaxis.set_major_formatter(lambda value, _position: f"{value:g}")
-    axes.set_yticks([-row for row in range(len(stages))], list(stages))
-    axes.set_ylim(-len(stages) + 0.4, 0.6)
+    axes.set_yticks([0.2 - row for row in range(len(errors))], list(errors))
     axes.tick_params(axis="y", length=0, labelcolor=INK)
     axes.grid(visible=False, axis="y")
     axes.spines["left"].set_visible(False)
-    axes.set_xlabel("duration of a call [ms], logarithmic")
-    _timing_legend(figure)
+    axes.set_ylim(0.72 - len(errors), 0.8)
+    axes.set_xlabel(f"[{unit}], logarithmic")
     return figure
+
+
+def _draw_distribution(axes: Axes, values: Floats, edges: Floats, bottom: float, style: LineStyle) -> None:
+    counts, _ = np.histogram(values, edges)
+    level = bottom + 0.62 * counts / max(1, counts.max())
+    axes.fill_between(
+        edges, bottom, np.append(level, level[-1]), step="post", color=style.colour, alpha=0.45, linewidth=0.0
+    )
+    outer, lower, middle, upper, last = np.quantile(values, [0.025, 0.25, 0.5, 0.75, 0.975])
+    y = bottom - 0.11
+    axes.plot([outer, last], [y, y], color=style.colour, linewidth=1.0, solid_capstyle="butt")
+    axes.plot([lower, upper], [y, y], color=style.colour, linewidth=5.0, solid_capstyle="butt")
+    axes.plot([middle], [y], "o", color=INK, markersize=4.5)
 
 
 def _figure(height: float, rows: int = 1) -> tuple[Figure, Any]:
@@ -174,14 +194,3 @@ def _outcome_legend(figure: Figure, outcomes: Sequence[str]) -> None:
     handles = [Patch(facecolor=OUTCOME_COLOURS[outcome], edgecolor="none", label=outcome) for outcome in outcomes]
     if handles:
         figure.legend(handles=handles, loc="outside upper left", ncols=len(handles), handlelength=0.9, handleheight=0.9)
-
-
-def _timing_legend(figure: Figure) -> None:
-    from matplotlib.lines import Line2D
-
-    handles = [
-        Line2D([], [], color=INK, marker="o", markersize=6.0, linestyle="none", label="median"),
-        Line2D([], [], color=BLUE, linewidth=5.0, label="to 95 %"),
-        Line2D([], [], color=MUTED, linewidth=1.0, label="to 99 %"),
-    ]
-    figure.legend(handles=handles, loc="outside upper left", ncols=3)

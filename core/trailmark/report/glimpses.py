@@ -101,7 +101,10 @@ def glimpses_section(folder: Path) -> str:
 
 def _figure(sensor: str, time_s: float, data: str) -> str:
     words = escape(f"{sensor}, {time_s:.1f} s")
-    return f'<figure><img src="data:image/jpeg;base64,{data}" alt="{words}"><figcaption>{words}</figcaption></figure>'
+    image = (
+        f'<img src="data:image/jpeg;base64,{data}" alt="{words}" data-sensor="{escape(sensor)}" data-time="{time_s}">'
+    )
+    return f"<figure>{image}<figcaption>{words}</figcaption></figure>"
 
 
 def _jpeg(picture: Grey8) -> bytes:

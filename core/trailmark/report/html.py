@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from hashlib import sha256
@@ -10,10 +11,20 @@ from importlib.resources import files
 from typing import Any
 
 from trailmark.evaluation import FUSED
+from trailmark.report.meanings import meaning_of, meanings_of
 from trailmark.report.style import css_variables, embed_svg
 from trailmark.report.tables import Column, Table
 
-__all__ = ["counters_html", "facts_html", "figure_html", "notes_html", "page_html", "table_html", "text_html"]
+__all__ = [
+    "counters_html",
+    "data_html",
+    "facts_html",
+    "figure_html",
+    "notes_html",
+    "page_html",
+    "table_html",
+    "text_html",
+]
 
 #: Nothing is fetched from anywhere, whatever a name in a run may say.
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
@@ -80,10 +91,27 @@ def table_html(table: Table) -> str:
     return f'<div class="scroll">{body}</div>\n{notes_html(table.notes)}'
 
 
+def meanings_html(tables: Sequence[Table]) -> str:
+    """Return what the headings of some tables mean, folded, for those who have no mouse to point with."""
+    known = meanings_of(column.title for table in tables for column in table.columns)
+    if not known:
+        return ""
+    facts = "".join(f"<dt>{escape(title)}</dt><dd>{escape(meaning)}</dd>" for title, meaning in known)
+    return f"<details>\n<summary>What the columns mean</summary>\n<dl>{facts}</dl>\n</details>"
+
+
 def figure_html(svg: str, title: str, caption: str) -> str:
     """Return a drawing with its title above it."""
     heading = f"<figcaption>{escape(title)}<span>{escape(caption)}</span></figcaption>"
     return f"<figure>{heading}\n{embed_svg(svg, escape(f'{title}: {caption}'))}</figure>"
+
+
+def data_html(name: str, document: Any) -> str:
+    """Return data for the page's script: no text in it can end the element that holds it."""
+    text = json.dumps(document, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    for sign in "<>&":
+        text = text.replace(sign, f"\\u{ord(sign):04x}")
+    return f'<script type="application/json" id="{escape(name)}">{text}</script>'
 
 
 def counters_html(counters: Mapping[str, Any]) -> str:
@@ -119,7 +147,9 @@ def _value(value: Any) -> str:
 def _header_cell(column: Column, has_units: bool) -> str:
     attribute = ' class="number"' if column.is_number else ""
     unit = f"<span>{escape(column.unit) or '&nbsp;'}</span>" if has_units else ""
-    return f'<th scope="col"{attribute}>{escape(column.title)}{unit}</th>'
+    meaning = meaning_of(column.title)
+    title = f' title="{escape(meaning)}"' if meaning else ""
+    return f'<th scope="col"{attribute}{title}>{escape(column.title)}{unit}</th>'
 
 
 def _row(columns: Sequence[Column], cells: Sequence[str]) -> str:

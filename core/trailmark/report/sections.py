@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from html import escape
+from importlib.resources import files
 from typing import Any
 
 from trailmark.evaluation import FUSED, GROUND_TRUTH, RunEvaluation
-from trailmark.report.html import counters_html, facts_html, figure_html, notes_html, table_html, text_html
+from trailmark.report.html import (
+    counters_html,
+    data_html,
+    facts_html,
+    figure_html,
+    meanings_html,
+    notes_html,
+    table_html,
+    text_html,
+)
 from trailmark.report.numbers import significant
 from trailmark.report.tables import (
     Trajectories,
     consistency_table,
     offsets_table,
     sources_table,
+    starting_table,
     timing_table,
     trajectories_table,
 )
@@ -23,6 +34,7 @@ __all__ = [
     "configuration_section",
     "counters_section",
     "details_section",
+    "explorer_section",
     "header_section",
     "localizers_section",
     "plots_section",
@@ -41,6 +53,8 @@ _STATUS = {
     "failed": "Failed",
     "running": "Cut off while it ran",
 }
+#: Drawings that the page's script replaces by the map and the time axis.
+_IN_EXPLORER = ("trajectories", "errors", "offsets", "outcomes")
 #: Keys of ``run.json`` that stand elsewhere on the page.
 _SHOWN_ELSEWHERE = ("status", "reason", "counters", "files")
 
@@ -63,7 +77,8 @@ def result_section(evaluated: RunEvaluation, document: Document) -> str:
     if not trajectories.documents:
         parts.append(text_html("The run left no trajectory."))
     else:
-        parts.append(table_html(trajectories_table(trajectories)))
+        table = trajectories_table(trajectories)
+        parts += [table_html(table), meanings_html([table])]
     offsets = offsets_table([((name,), item) for name, item in document["sources"].items()])
     if offsets is not None:
         parts += [text_html(offsets.title, "h2"), table_html(offsets)]
@@ -72,11 +87,31 @@ def result_section(evaluated: RunEvaluation, document: Document) -> str:
     return "\n".join(parts)
 
 
+def explorer_section(document: Mapping[str, Any] | None) -> str:
+    """Return the place of the map and the time axis, which the page's script fills; without it, it stays hidden."""
+    if document is None:
+        return ""
+    place = files("trailmark.report").joinpath("explorer.html").read_text(encoding="utf-8")
+    return place.replace("<!-- data -->", data_html("explorer-data", document)).rstrip()
+
+
 def plots_section(plots: Mapping[str, str], evaluated: RunEvaluation) -> str:
-    """Return the drawings, two beside each other where the screen is wide enough."""
+    """Return the drawings, two beside each other where the screen is wide enough.
+
+    What the map and the time axis show as well is there for readers without a script alone.
+    """
     captions = _captions(evaluated)
-    figures = [figure_html(svg, *captions[name]) for name, svg in plots.items()]
-    return '<div class="plots">\n' + "\n".join(figures) + "\n</div>" if figures else ""
+    figures = {name: figure_html(svg, *captions[name]) for name, svg in plots.items()}
+    still = [figure for name, figure in figures.items() if name in _IN_EXPLORER]
+    own = [figure for name, figure in figures.items() if name not in _IN_EXPLORER]
+    parts = [_grid(own)] if own else []
+    if still:
+        parts.append(f"<noscript>\n{_grid(still)}\n</noscript>")
+    return "\n".join(parts)
+
+
+def _grid(figures: Sequence[str]) -> str:
+    return '<div class="plots">\n' + "\n".join(figures) + "\n</div>"
 
 
 def localizers_section(document: Document) -> str:
@@ -84,12 +119,15 @@ def localizers_section(document: Document) -> str:
     sources = [((name,), item) for name, item in document["sources"].items()]
     if not sources:
         return ""
-    parts = [text_html("Estimates", "h2"), table_html(sources_table(sources))]
+    tables = [sources_table(sources)]
+    parts = [text_html("Estimates", "h2"), table_html(tables[0])]
     parts.append(notes_html(["Age: from the instant an estimate is about to its arrival."]))
     consistency = consistency_table(sources)
     if consistency is not None:
         parts += [text_html("Consistency of the covariances", "h2"), table_html(consistency)]
         parts.append(notes_html([_consistency_note(document)]))
+        tables.append(consistency)
+    parts.append(meanings_html(tables))
     return "\n".join(parts)
 
 
@@ -99,6 +137,9 @@ def timing_section(timing: Document) -> str:
     if not stages:
         return ""
     parts = [text_html("Time per stage", "h2"), table_html(timing_table(stages))]
+    starting = starting_table(stages)
+    if starting is not None:
+        parts += [text_html("What starting took", "h3"), table_html(starting)]
     memory = timing.get("peak_rss_mb")
     if memory is not None:
         parts.append(notes_html([f"Peak memory: {significant(float(memory))} MB."]))
@@ -181,7 +222,10 @@ def _captions(evaluated: RunEvaluation) -> dict[str, tuple[str, str]]:
         "errors": over_time,
         "offsets": ("Offset from the taught path", "as it is remembered; left is positive"),
         "outcomes": ("Estimates over time", "share of each outcome; blank where nothing was said"),
-        "timing": ("Time per stage", "one call; what stands further right costs more"),
+        "distribution": (
+            "How large the errors are" if evaluated.has_truth else "How large the differences are",
+            "a dot marks the median, the box half of all, the line 95 %",
+        ),
     }
 
 

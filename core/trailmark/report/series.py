@@ -13,7 +13,17 @@ from trailmark.evaluation import OUTCOMES, EstimateTable, Evaluation, RunEvaluat
 from trailmark.evaluation.association import usual_interval_s
 from trailmark.geometry import Trajectory
 
-__all__ = ["MAX_POINTS", "ErrorSeries", "Lane", "error_series", "lanes", "thin_line", "way"]
+__all__ = [
+    "MAX_POINTS",
+    "ErrorSeries",
+    "Lane",
+    "breaks",
+    "error_series",
+    "lanes",
+    "position_errors",
+    "thin_line",
+    "way",
+]
 
 
 #: No line has more points.
@@ -87,7 +97,7 @@ def way(trajectory: Trajectory) -> Floats:
     step = max(1, -(-len(trajectory) // (MAX_POINTS // 2)))
     last = np.arange(len(trajectory))[-1:]
     kept = np.union1d(np.arange(0, len(trajectory), step), last)
-    cuts = np.searchsorted(kept, _breaks(trajectory.stamps_s))
+    cuts = np.searchsorted(kept, breaks(trajectory.stamps_s))
     return np.insert(trajectory.positions[kept], cuts, np.nan, axis=0)
 
 
@@ -96,6 +106,14 @@ def error_series(evaluated: RunEvaluation) -> dict[str, ErrorSeries]:
     span = evaluated.run.span_s()
     start_s = span[0] if span else 0.0
     return {name: _series(evaluation, start_s) for name, evaluation in evaluated.evaluations.items()}
+
+
+def position_errors(evaluated: RunEvaluation) -> dict[str, Floats]:
+    """Return the distances from the reference of every trajectory that could be compared, (N,) each [m]."""
+    return {
+        name: absolute_errors(evaluation.pairs, evaluation.absolute.alignment)[0]
+        for name, evaluation in evaluated.evaluations.items()
+    }
 
 
 def lanes(estimates: EstimateTable, names: Iterable[str]) -> list[Lane]:
@@ -112,12 +130,12 @@ def _series(evaluation: Evaluation, start_s: float) -> ErrorSeries:
     stamps = evaluation.pairs.estimate.stamps_s
     kept = np.union1d(thin_line(distances, MAX_POINTS // 2), thin_line(turns, MAX_POINTS // 2))
     kept = kept[thin_line(distances[kept])]  # both peaks where there is room, those of the distance first
-    cuts = np.searchsorted(kept, _breaks(stamps))
+    cuts = np.searchsorted(kept, breaks(stamps))
     columns = (stamps[kept] - start_s, distances[kept], np.degrees(turns[kept]))
     return ErrorSeries(*(np.insert(column, cuts, np.nan) for column in columns))
 
 
-def _breaks(stamps_s: Floats) -> Indices:
+def breaks(stamps_s: Floats) -> Indices:
     """Return the indices before which there is a gap."""
     return np.flatnonzero(np.diff(stamps_s) > _GAP_INTERVALS * usual_interval_s(stamps_s)) + 1
 

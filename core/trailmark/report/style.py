@@ -31,6 +31,7 @@ __all__ = [
     "TRUTH",
     "WIDTH_INCH",
     "LineStyle",
+    "css_variable",
     "css_variables",
     "embed_svg",
     "line_styles",
@@ -76,6 +77,14 @@ _DARK = {
     "#30353c": "#f4f5f6",
     "#e3e6ea": "#2c3137",
 }
+
+#: From small to large errors, after viridis, which stays in order for colour-blind readers.
+_HEAT = ("#440154", "#414487", "#2a788e", "#22a884", "#7ad151", "#fde725")
+_HEAT_DARK = "".join(f"--heat-{5 - level}:{colour};" for level, colour in enumerate(reversed(_HEAT)))
+_HEAT_LIGHT = "".join(
+    f"--heat-{level}:{colour};"
+    for level, colour in enumerate(("#3b528b", "#21918c", "#5ec962", "#e6c229", "#f17105", "#d11149"))
+)
 
 _FONTS = "system-ui, -apple-system, 'Segoe UI', 'Helvetica Neue', Arial, sans-serif"
 _SETTINGS = {
@@ -183,7 +192,14 @@ def css_variables() -> str:
     """Return the rules that define the colours for light screens and paper, and for dark screens."""
     light = "".join(f"{variable}:{colour};" for colour, variable in _variables().items())
     dark = "".join(f"{variable}:{_DARK[colour]};" for colour, variable in _variables().items())
+    light += _HEAT_LIGHT + "--blind:#e69f0130;"
+    dark += _HEAT_DARK + "--blind:#f2b13438;"
     return f":root{{{light}}}\n@media screen and (prefers-color-scheme: dark){{:root{{{dark}}}}}\n"
+
+
+def css_variable(colour: str) -> str:
+    """Return the name of the CSS variable of one of our colours."""
+    return _variables()[colour]
 
 
 def _variables() -> dict[str, str]:

@@ -18,6 +18,7 @@ __all__ = [
     "consistency_table",
     "offsets_table",
     "sources_table",
+    "starting_table",
     "timing_table",
     "trajectories_table",
 ]
@@ -168,16 +169,27 @@ def _assemble_table(
 
 
 def timing_table(stages: Mapping[str, Mapping[str, float]]) -> Table:
-    """Return a row for each stage of ``timing.json``."""
+    """Return a row for each stage of ``timing.json`` that takes part in the loop."""
     words = ("mean", "p50", "p95", "p99", "max")
     rows = [
         (name, count_text(int(stage.get("n", 0))), *(significant(stage.get(f"{word}_ms")) for word in words))
         for name, stage in stages.items()
+        if not name.startswith(_STARTING)
     ]
     columns = (Column("stage", is_number=False), Column("calls"), *(Column(word, "ms") for word in words))
     return Table(columns, tuple(rows))
 
 
+def starting_table(stages: Mapping[str, Mapping[str, float]]) -> Table | None:
+    """Return how long each part took to start, the slowest first; None where that was not measured."""
+    took = {name[len(_STARTING) :]: stage for name, stage in stages.items() if name.startswith(_STARTING)}
+    slowest = sorted(took, key=lambda name: -float(took[name].get("max_ms", 0.0)))
+    rows = [(name, significant(took[name].get("max_ms"))) for name in slowest]
+    return Table((Column("part", is_number=False), Column("took", "ms")), tuple(rows)) if rows else None
+
+
+#: Stages of ``timing.json`` that are over when the loop begins.
+_STARTING = "start."
 _OFFSETS = (("along", "m", "along rmse"), ("lateral", "m", "lateral rmse"), ("heading", "deg", "heading rmse"))
 _SHARES = (MetricSpec("answered_fraction", "share", title="answered"), MetricSpec("silent", "share", title="silent"))
 

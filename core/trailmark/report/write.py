@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,10 +21,11 @@ from trailmark.evaluation import (
 from trailmark.evaluation.run_metrics import metrics_document
 from trailmark.geometry import Trajectory
 from trailmark.report import sections
+from trailmark.report.explorer import explorer_document
 from trailmark.report.glimpses import glimpses_section
 from trailmark.report.html import page_html, text_html
-from trailmark.report.offsets import offset_series, offsets_figure
-from trailmark.report.series import error_series, lanes
+from trailmark.report.offsets import Offsets, offset_series, offsets_figure
+from trailmark.report.series import error_series, lanes, position_errors
 from trailmark.report.style import line_styles, plotting, svg_of
 from trailmark.writing import write_whole
 
@@ -68,32 +70,33 @@ def write_report(
     """
     evaluated = evaluate_run_folder(read_run(folder), protocol)
     document = metrics_document(evaluated, metrics=metrics)
-    plots = _plots(evaluated, path)
-    page = _page(evaluated, document, plots, glimpses_section(Path(folder)))
+    offsets, drawn = offset_series(evaluated, path), _drawn(evaluated)
+    plots = _plots(evaluated, drawn, offsets)
+    explorer = explorer_document(evaluated, drawn, path, offsets)
+    page = _page(evaluated, document, plots, explorer, glimpses_section(Path(folder)))
     try:
         return _write(Path(folder), plots, page)
     except OSError as error:
         raise DataError(f"cannot write the report into {folder}: {error.strerror or error}") from error
 
 
-def _plots(evaluated: RunEvaluation, path: paths.Path | None) -> dict[str, str]:
+def _plots(evaluated: RunEvaluation, drawn: Mapping[str, Trajectory], offsets: Offsets) -> dict[str, str]:
     from trailmark.report import figures  # here: matplotlib is loaded only for drawing
 
     styles = line_styles(sections.shown_trajectories(evaluated))
     series = error_series(evaluated)
-    estimates, stages = evaluated.run.estimates, evaluated.run.timing.get("stages") or {}
+    estimates = evaluated.run.estimates
     found = lanes(estimates, evaluated.sources) if estimates is not None else []
     draw: dict[str, Callable[[], Figure]] = {}
-    if drawn := _drawn(evaluated):
+    if drawn:
         draw["trajectories"] = lambda: figures.trajectories_figure(drawn, styles)
     if series:
         draw["errors"] = lambda: figures.errors_figure(series, styles, evaluated.has_truth)
-    if offsets := offset_series(evaluated, path):
+        draw["distribution"] = lambda: figures.distribution_figure(position_errors(evaluated), styles)
+    if offsets:
         draw["offsets"] = lambda: offsets_figure(offsets, styles)
     if found:
         draw["outcomes"] = lambda: figures.outcomes_figure(found)
-    if stages:
-        draw["timing"] = lambda: figures.timing_figure(stages)
     return {name: _drawing(name, function) for name, function in draw.items()}
 
 
@@ -114,10 +117,17 @@ def _drawn(evaluated: RunEvaluation) -> dict[str, Trajectory]:
     return {**truth, **ways}
 
 
-def _page(evaluated: RunEvaluation, document: Mapping[str, Any], plots: Mapping[str, str], pictures: str) -> str:
+def _page(
+    evaluated: RunEvaluation,
+    document: Mapping[str, Any],
+    plots: Mapping[str, str],
+    explorer: Mapping[str, Any] | None,
+    pictures: str,
+) -> str:
     run = evaluated.run
     parts = [
         sections.header_section(evaluated),
+        sections.explorer_section(explorer),
         sections.result_section(evaluated, document),
         sections.plots_section(plots, evaluated),
         pictures,
@@ -129,7 +139,8 @@ def _page(evaluated: RunEvaluation, document: Mapping[str, Any], plots: Mapping[
         sections.details_section(document),
         text_html(f"Trailmark {run.run.get('trailmark', '')}".strip(), "footer"),
     ]
-    return page_html(f"{run.name}, a Trailmark run", [part for part in parts if part])
+    script = files("trailmark.report").joinpath("explorer.js").read_text(encoding="utf-8") if explorer else ""
+    return page_html(f"{run.name}, a Trailmark run", [part for part in parts if part], script=script)
 
 
 def _write(folder: Path, plots: Mapping[str, str], page: str) -> Path:
