@@ -71,6 +71,8 @@ def information_from_covariance(covariance: npt.ArrayLike) -> Floats:
     ValueError
         If it is not symmetric and positive definite.
     """
+    if np.iscomplexobj(covariance):
+        raise ShapeError("a covariance is of real numbers, not of complex ones")
     matrix = np.asarray(covariance, dtype=np.float64)
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
         raise ShapeError(f"a covariance is square, not {matrix.shape}")
@@ -100,6 +102,8 @@ def information_along(direction: npt.ArrayLike, sigma: float) -> Floats:
 
 
 def _frozen_information(information: npt.ArrayLike) -> Floats:
+    if np.iscomplexobj(information):
+        raise ShapeError("information is of real numbers, not of complex ones")
     matrix = np.asarray(information, dtype=np.float64)
     if matrix.shape != (3, 3):
         raise ShapeError(f"information must have shape (3, 3), not {matrix.shape}")

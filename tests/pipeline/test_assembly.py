@@ -253,3 +253,20 @@ class TestCreate:
     def test_what_cannot_be_constructed_is_named(self, plugins) -> None:
         with pytest.raises(PluginLoadError, match="OSError: no licence"):
             trailmark.create("localizer", "fragile", plugins=plugins)
+
+
+@pytest.mark.parametrize("plugins", [["nobody"], "sim", [], 3])
+def test_plugins_that_are_none_are_refused_by_name(plugins: object) -> None:
+    with pytest.raises(ConfigError, match=r"plugins: takes what trailmark.plugins.load_plugins.* returns, not"):
+        Pipeline({"sources": {"robot": {"plugin": "nobody"}}}, plugins=plugins)
+
+
+@pytest.mark.parametrize(("key", "value"), [("latency_ms", 100), ("keep", "all")])
+@pytest.mark.parametrize("is_async", [False, True])
+def test_what_has_no_effect_without_async_is_said(plugins, key, value, is_async, caplog) -> None:
+    stepper = {"plugin": "stepper", key: value, "async": is_async}
+
+    with Pipeline({"sources": {"floor": {"plugin": "blank"}}, "localizers": {"vo": stepper}}, plugins=plugins):
+        pass
+
+    assert (f"localizers.vo.{key} has no effect without async: true" in caplog.text) != is_async

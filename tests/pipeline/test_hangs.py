@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import signal
 import threading
 import time
@@ -97,3 +98,34 @@ def test_what_hangs_in_a_thread_is_interrupted_there_and_not_in_the_main_thread(
     watch.close()
 
     assert interrupted.is_set()
+
+
+def test_what_drops_the_interruption_is_interrupted_again() -> None:
+    """Python drops what is raised in a finalizer, or in the callback of a weak reference."""
+    watch = HangWatch(PATIENCE_S)
+
+    def drop_one() -> None:
+        with contextlib.suppress(HangError):
+            spin()
+        spin()
+
+    with pytest.raises(HangError), watch:
+        drop_one()
+    watch.close()
+
+
+def test_one_that_cannot_be_interrupted_is_told_once_and_the_next_is_interrupted(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    watch = HangWatch(PATIENCE_S)
+    interrupt, is_compiled = watch._interrupt, True
+    monkeypatch.setattr(watch, "_interrupt", lambda: None if is_compiled else interrupt())
+    with watch:
+        time.sleep(3.7 * PATIENCE_S)
+    is_compiled = False
+
+    with pytest.raises(HangError), watch:
+        time.sleep(LIMIT_S)
+    watch.close()
+
+    assert caplog.text.count("hangs in compiled code") == 1

@@ -41,11 +41,11 @@ _ILL_TYPED: dict[tuple[str, str], tuple[str, ...]] = {
     ("fault", "believed"): ("none", "object", "text"),
     ("fault", "apply"): ("object", "text", "list"),
     ("fault", "counters"): ("none", "object", "text", "counts"),
-    ("localizer", "observe"): ("none", "object", "text", "list", "counts", "class"),
+    ("localizer", "observe"): ("none", "object", "text", "list", "counts", "class", "complex", "mute", "bare"),
     ("localizer", "latency_s"): ("object", "text", "list"),
     ("localizer", "counters"): ("none", "object", "text", "list", "counts"),
     ("estimator", "apply"): ("none", "object", "text"),
-    ("estimator", "belief"): ("none", "object", "text"),
+    ("estimator", "belief"): ("none", "object", "text", "complex belief"),
     ("estimator", "counters"): ("none", "object", "text", "counts"),
     ("controller", "gives"): ("none", "object"),
     ("controller", "step"): ("none", "object", "text", "class"),
@@ -221,6 +221,13 @@ def test_ground_truth_that_fails_is_a_warning(plugins: Plugins, log: list[str], 
 
     assert result.status == "done"
     assert "source 'robot' gives no ground truth: SystemExit: 0" in caplog.text
+
+
+def test_ground_truth_that_is_none_is_a_warning(plugins: Plugins, log: list[str], tmp_path: Path, caplog: Any) -> None:
+    result = run(config_of("source", "ground_truth", "text"), tmp_path / "out", plugins)
+
+    assert result.status == "done"
+    assert "source 'robot' gives no ground truth: TypeError: it gave str, not a Trajectory" in caplog.text
 
 
 _SLOW = [

@@ -15,7 +15,7 @@ import numpy as np
 import trailmark
 from trailmark.commands import Command, Stop, Velocity
 from trailmark.config import PluginConfig, Sensor, SourceConfig
-from trailmark.estimates import Applied, Belief, Estimate, EstimateRecord, Fix, Motion
+from trailmark.estimates import Applied, Belief, Estimate, EstimateRecord, Fix, Lost, Motion
 from trailmark.estimation.dead_reckoning import DeadReckoning
 from trailmark.estimation.dead_reckoning_config import DeadReckoningConfig
 from trailmark.frames import Frame, Scalar, SensorInfo
@@ -96,6 +96,10 @@ ANSWERS: dict[str, Callable[[], Any]] = {
     "list": lambda: [object()],
     "counts": lambda: {"x": float("nan"), 3: "y"},
     "class": lambda: Fix,
+    "complex": lambda: [Fix(0.0, Pose2(), np.eye(3) * 1j)],
+    "complex belief": lambda: Belief(0.0, Pose2(), np.eye(3) * 1j),
+    "mute": lambda: [Lost(0.0, 3)],
+    "bare": lambda: [Lost(0.0, "dark", [1.0])],
     "many": lambda: [Fix(0.0, Pose2(), np.eye(3))] * 200_000,
 }
 
@@ -179,8 +183,8 @@ class WickedSource(Wicked, Drivable):
             yield self.act("next", frame) if index == N_FRAMES // 2 else frame
             self._x += 0.1 * self._speed
 
-    def ground_truth(self) -> None:
-        self.act("ground_truth")
+    def ground_truth(self) -> Any:
+        return self.act("ground_truth")
 
 
 class WickedFault(Wicked, Fault):

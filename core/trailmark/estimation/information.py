@@ -80,6 +80,8 @@ def checked_covariance(covariance: npt.ArrayLike) -> Floats | str:
     ShapeError
         If it is not (3, 3).
     """
+    if np.iscomplexobj(covariance):
+        raise ShapeError("a covariance of (x, y, theta) is of real numbers, not of complex ones")
     matrix = np.asarray(covariance, dtype=np.float64)
     if matrix.shape != (3, 3):
         raise ShapeError(f"a covariance of (x, y, theta) must have shape (3, 3), not {matrix.shape}")

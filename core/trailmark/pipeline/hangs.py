@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import logging
+import math
 import signal
 import threading
 from time import monotonic
@@ -14,6 +15,9 @@ __all__ = ["HangError", "HangWatch"]
 logger = logging.getLogger(__name__)
 
 _ENDS_WITHIN_S = 1.0
+
+# The strike at which one that was not heeded is told.
+_HOPELESS = 2
 
 # Ignored unless handled, and hardly ever used: it interrupts what waits for the system, too.
 _SIGNAL: signal.Signals | None = getattr(signal, "SIGURG", None)
@@ -76,19 +80,20 @@ class HangWatch:
         self._thread.start()
 
     def _watch(self) -> None:
-        struck_s: float | None = None
+        struck_s, n_strikes = math.nan, 0
         while not self._over.wait(min(1.0, self._patience_s / 4)):
             since_s = self._since_s
-            if since_s is None or monotonic() - since_s < self._patience_s:
+            if since_s is None:
                 continue
-            if since_s != struck_s:
-                struck_s = since_s
-                with self._lock:
-                    if self._since_s == since_s:
-                        self._interrupt()
-            elif monotonic() - since_s > 2 * self._patience_s:
+            n_strikes = n_strikes if since_s == struck_s else 0
+            if monotonic() - since_s < (n_strikes + 1) * self._patience_s:
+                continue
+            struck_s, n_strikes = since_s, n_strikes + 1
+            if n_strikes == _HOPELESS:
                 logger.error("a part hangs in compiled code, which cannot be interrupted: end this process")
-                return
+            with self._lock:  # again and again: Python drops what is raised in a finalizer or the callback of a weakref
+                if self._since_s == since_s:
+                    self._interrupt()
 
     def _interrupt(self) -> None:
         # Python runs handlers in the main thread, whichever thread gets the signal.

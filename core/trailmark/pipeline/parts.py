@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -24,6 +25,8 @@ from trailmark.interfaces import Access, Controller, Drivable, Estimator, Locali
 from trailmark.pipeline.sources.stream import SourceStream
 
 __all__ = ["LocalizerPart", "Parts", "build_parts", "build_sources"]
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -189,4 +192,13 @@ def _source(entry: SourceEntry) -> SourceStream:
 
 
 def _localizer(entry: LocalizerEntry) -> LocalizerPart:
+    _warn_of_no_effect(entry)
     return LocalizerPart(entry.name, entry.construct(), frozenset(sensors_of(entry.config)), entry.options)
+
+
+def _warn_of_no_effect(entry: LocalizerEntry) -> None:
+    """Say which options have no effect on a localizer that is waited for."""
+    options = entry.options
+    for key, is_given in (("latency_ms", options.latency_ms is not None), ("keep", options.keep != "newest")):
+        if is_given and not options.is_async:
+            logger.warning("localizers.%s.%s has no effect without async: true: it is waited for", entry.name, key)

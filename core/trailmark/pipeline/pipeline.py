@@ -207,10 +207,14 @@ class Pipeline:
     ) -> Applied:
         """Tell the estimator where base is, between two steps: a person has put the robot somewhere, or sees it there.
 
-        It takes and returns what `trailmark.interfaces.Estimator.set_pose` does.
+        It takes and returns what `trailmark.interfaces.Estimator.set_pose` does; what is no pose is ``refused``.
+
+        Raises
+        ------
+        RunError
+            If the estimator fails at it.
         """
-        self._started()
-        return self.parts.estimator.set_pose(pose_map_base, covariance, stamp_s)
+        return self._started().set_pose(pose_map_base, covariance, stamp_s)
 
     # --- what is known of it ---------------------------------------------------------------------------------------
 

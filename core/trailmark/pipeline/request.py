@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, TypedDict
 
 from trailmark.config import RunConfig, load_run_config
+from trailmark.errors import ConfigError
 from trailmark.interfaces import Access, Mode
 from trailmark.plugins import Plugins, load_plugins
 
@@ -71,6 +72,9 @@ class RunRequest:
         ConfigError
             If the config is wrong; one line for each thing.
         """
+        if self.plugins is not None and not isinstance(self.plugins, Plugins):
+            kind = type(self.plugins).__name__
+            raise ConfigError(f"plugins: takes what trailmark.plugins.load_plugins(files=[...]) returns, not {kind}")
         if isinstance(self.config, RunConfig):
             config = self.config if self.mode is None else self.config.with_mode(self.mode)
             return config if self.store is None else config.with_store(Path(self.store).absolute())

@@ -11,10 +11,12 @@ from dataclasses import replace
 from time import perf_counter
 from typing import TYPE_CHECKING
 
+from trailmark.arrays import Floats
 from trailmark.commands import Stop
 from trailmark.errors import RunError, TrailmarkError
-from trailmark.estimates import EstimateRecord, Lost
+from trailmark.estimates import Applied, EstimateRecord, Lost
 from trailmark.frames import Frame, SensorInfo
+from trailmark.geometry import Pose2
 from trailmark.interfaces import RunEnd, Sink
 from trailmark.interruption import FINISH_S, KEEP_S, STEP_S, STOP_S, asked, reason_of, shielded
 from trailmark.pipeline.ending import Ending
@@ -163,6 +165,11 @@ class Run:
             except BaseException as error:
                 self._end_by(error)
             return None
+
+    def set_pose(self, pose_map_base: Pose2, covariance: Floats | None, stamp_s: float | None) -> Applied:
+        """Tell the estimator where a person says that the robot is, and return what became of that."""
+        with self._lock:
+            return self._estimator.set_pose(pose_map_base, covariance, stamp_s)
 
     def _process(self, event: Event) -> Step:
         """Take a frame through all parts; at a tick, ask only the controller."""
@@ -322,8 +329,11 @@ class Run:
         if status != "failed":
             ending.attempt(self._finish, FINISH_S)
         own = {prefix: ending.attempt(ask) or {} for prefix, ask in self.running.own_counters()}
+        truth = ending.attempt(lambda: ground_truth_of(self._parts.sources), KEEP_S)
+        outlines = ending.attempt(lambda: outlines_of(self._parts.sources), KEEP_S)
         with shielded(KEEP_S):
-            self.result = self._conclude(ending.status, ending.reason, self._counters.merged(own))
+            result = self._conclude(ending.status, ending.reason, self._counters.merged(own))
+            self.result = replace(result, ground_truth=truth, outlines=outlines)
         for tell in self._sinks.on_end(RunEnd(ending.status, ending.reason, self.result.counters)):
             ending.attempt(tell)
         self._write(ending)
@@ -378,8 +388,9 @@ class Run:
                     self._on_failure(localizer, error)
 
     def _conclude_as_it_stands(self, reason: str) -> RunResult:
-        """Return the result for a run that cannot end in order; its parts are not asked, one of them may hang."""
-        return self._conclude("interrupted", reason, self._counters.merged({}))
+        """Return the result for a run that cannot end in order; its parts are not asked for counts, one may hang."""
+        sources, result = self._parts.sources, self._conclude("interrupted", reason, self._counters.merged({}))
+        return replace(result, ground_truth=ground_truth_of(sources), outlines=outlines_of(sources))
 
     def _conclude(self, status: Status, reason: str, counters: Mapping[str, int]) -> RunResult:
         return RunResult(
@@ -387,8 +398,6 @@ class Run:
             reason=reason,
             counters=counters,
             trajectories=self._tracks.trajectories(),
-            ground_truth=ground_truth_of(self._parts.sources),
-            outlines=outlines_of(self._parts.sources),
             timing={
                 "stages": self._times.table(),
                 "peak_rss_mb": peak_rss_mb(),

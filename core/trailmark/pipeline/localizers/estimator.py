@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from array import array
 from collections.abc import Iterator
 from dataclasses import replace
+from numbers import Real
 from time import perf_counter_ns
+
+import numpy as np
 
 from trailmark.arrays import Floats
 from trailmark.errors import ConfigError
@@ -67,16 +71,19 @@ class EstimatorRunner:
             outcome = self._outcome(localizer, estimate, result.frame_s)
             yield EstimateRecord(result.arrived_s, localizer.name, estimate, outcome)
 
-    def set_pose(self, pose_map_base: Pose2, covariance: Floats | None) -> Applied:
-        """Tell the estimator where a person says that the robot is.
+    def set_pose(self, pose_map_base: Pose2, covariance: Floats | None = None, stamp_s: float | None = None) -> Applied:
+        """Tell the estimator where a person says that the robot is; what is no pose is refused.
 
         Raises
         ------
         RunError
             If the estimator raises.
         """
+        if (problem := _problem_of(pose_map_base, covariance, stamp_s)) is not None:
+            return Applied("refused", problem)
         try:
-            outcome = self._estimator.set_pose(pose_map_base, covariance)
+            when = () if stamp_s is None else (stamp_s,)
+            outcome = self._estimator.set_pose(pose_map_base, covariance, *when)
             if not isinstance(outcome, Applied):
                 raise TypeError(f"it returned {type(outcome).__name__}, not an Applied")
         except BaseException as error:
@@ -96,6 +103,8 @@ class EstimatorRunner:
             belief = self._estimator.belief(stamp_s)
             if not isinstance(belief, Belief):
                 raise TypeError(f"it returned {type(belief).__name__}, not a Belief")
+            if isinstance(belief.covariance, np.ndarray) and belief.covariance.dtype.kind == "c":
+                raise TypeError("it returned a Belief with a covariance of complex numbers")
         except BaseException as error:
             raise_failure(error, "the estimator", "belief", keeps=())
         self._times.append(perf_counter_ns() - began_ns)
@@ -129,3 +138,17 @@ class EstimatorRunner:
                     f" counts with estimator: {{use: [{other.name}]}}, or choose an estimator that weighs them"
                 )
         self._moving[localizer.name] = localizer
+
+
+def _problem_of(pose: object, covariance: object, stamp_s: object) -> str | None:
+    """Return why a pose that somebody tells is none; None: it is one."""
+    if not isinstance(pose, Pose2):
+        return f"it is {type(pose).__name__}, not a Pose2"
+    if stamp_s is not None and not (isinstance(stamp_s, Real) and math.isfinite(stamp_s)):
+        return f"its stamp is {stamp_s!r}"
+    if covariance is None:
+        return None
+    matrix = np.asarray(covariance)
+    if matrix.shape != (3, 3) or matrix.dtype.kind not in "fiu":
+        return f"its covariance is of shape {matrix.shape} and type {matrix.dtype}, not (3, 3) and real"
+    return None

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from abc import ABC, abstractmethod
 from array import array
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from numbers import Real
 from time import perf_counter_ns
@@ -22,9 +23,14 @@ from trailmark.pipeline.parts import LocalizerPart
 
 __all__ = ["LocalizerFailedError", "LocalizerRunner", "ObserveResult", "SyncRunner"]
 
+logger = logging.getLogger(__name__)
 
 #: More estimates about one frame are a mistake, and each costs time.
 _MOST_ESTIMATES = 1000
+
+#: What is written for each estimate is for people to read: more of it is cut, and that is said.
+_MOST_DETAILS = 1000
+_LONGEST_REASON = 1000  # letters
 
 
 class LocalizerFailedError(RunError):
@@ -72,6 +78,7 @@ class LocalizerRunner(ABC):
         self._times = times
         self._is_realtime = is_realtime
         self._last_latency_s = 0.0
+        self._has_been_cut = False
         kinds = {sensors[name].kind for name in part.sensors if name in sensors}
         self._has_snapshots = bool(kinds & {"image", "rgbd", "scan"})
         self._fixed_latency_s = part.options.latency_s
@@ -124,6 +131,8 @@ class LocalizerRunner(ABC):
         began_ns = perf_counter_ns()
         try:
             estimates = _checked(self._localizer.observe(frame, belief))
+            if any(_says_too_much(estimate) for estimate in estimates):
+                estimates = self._cut(estimates)
         except BaseException as error:
             self._raise_failure("observe", frame, error)
         elapsed_ns = perf_counter_ns() - began_ns
@@ -131,6 +140,21 @@ class LocalizerRunner(ABC):
         modelled_s = self._modelled_latency_s(frame) if self._takes_time else 0.0
         self._last_latency_s = elapsed_ns * 1e-9 if self._is_realtime else modelled_s
         return estimates, modelled_s
+
+    def _cut(self, estimates: Sequence[Estimate]) -> tuple[Estimate, ...]:
+        """Return estimates without what nobody reads, and say so once."""
+        if not self._has_been_cut:
+            self._has_been_cut = True
+            logger.warning(
+                "localizer %r says too much about an estimate (%d details, a reason of %d letters): %d details and %d"
+                " letters of each are kept",
+                self.name,
+                max(len(estimate.details) for estimate in estimates),
+                max(len(_reason_of(estimate)) for estimate in estimates),
+                _MOST_DETAILS,
+                _LONGEST_REASON,
+            )
+        return tuple(_shortened(estimate) if _says_too_much(estimate) else estimate for estimate in estimates)
 
     def _modelled_latency_s(self, frame: Frame) -> float:
         """Return the latency in step pace; of a localizer that looks at pictures, only pictures cost time."""
@@ -161,7 +185,26 @@ def _checked(answer: object) -> tuple[Estimate, ...]:
             raise TypeError(f"it returned {type(estimate).__name__} in its sequence of estimates")
         if not isinstance(estimate.stamp_s, Real):
             raise TypeError(f"it returned an estimate with the stamp {estimate.stamp_s!r}, not a number")
+        if not isinstance(estimate.details, Mapping):
+            raise TypeError(f"it returned an estimate whose details are {type(estimate.details).__name__}, no mapping")
+        if isinstance(estimate, Lost) and not isinstance(estimate.reason, str):
+            raise TypeError(f"it returned a Lost whose reason is {type(estimate.reason).__name__}, not words")
     return estimates
+
+
+def _says_too_much(estimate: Estimate) -> bool:
+    return len(estimate.details) > _MOST_DETAILS or len(_reason_of(estimate)) > _LONGEST_REASON
+
+
+def _shortened(estimate: Estimate) -> Estimate:
+    details = dict(islice(estimate.details.items(), _MOST_DETAILS))
+    if isinstance(estimate, Lost):
+        return replace(estimate, details=details, reason=estimate.reason[:_LONGEST_REASON])
+    return replace(estimate, details=details)
+
+
+def _reason_of(estimate: Estimate) -> str:
+    return estimate.reason if isinstance(estimate, Lost) else ""
 
 
 class SyncRunner(LocalizerRunner):

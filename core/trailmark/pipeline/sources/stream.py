@@ -156,6 +156,8 @@ class SourceStream:
     def ground_truth(self) -> Trajectory | None:
         """Return the true trajectory, from the file that the options name or from the source, in the run's clock."""
         truth = self.source.ground_truth() if self._truth is None else self._truth
+        if truth is not None and not isinstance(truth, Trajectory):
+            raise TypeError(f"it gave {type(truth).__name__}, not a Trajectory")
         offset_s = self._options.time_offset_s
         return Trajectory(truth.stamps_s + offset_s, truth.poses) if truth is not None and offset_s else truth
 
