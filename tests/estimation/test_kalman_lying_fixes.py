@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
@@ -33,22 +33,26 @@ class Drive:
         self._motions = motions
         self._rng = np.random.default_rng(seed)
         self._i = 0
+        self._x_m = 0.0
 
-    def go(self, until_s: float, *, fix: FixLie | None = None, frozen: str = "") -> Belief:
+    def go(
+        self, until_s: float, *, fix: FixLie | None = None, frozen: Sequence[str] = (), speed_mps: float = SPEED_MPS
+    ) -> Belief:
         """Drive on with these lies; return the belief at the end."""
         while self._i < round(until_s / DT_S):
             self._i += 1
             stamp_s = DT_S * self._i
+            self._x_m += speed_mps * DT_S
             for name in self._motions:
                 noise = (self._rng.normal(size=3) * SIGMAS[name]).tolist()
-                way_m = 0.0 if name == frozen else SPEED_MPS * DT_S
+                way_m = 0.0 if name in frozen else speed_mps * DT_S
                 step = Pose2(way_m + noise[0], noise[1], noise[2])
                 self.estimator.apply(
                     name, Motion(stamp_s - DT_S, stamp_s, step, information_from_sigmas(*SIGMAS[name]))
                 )
             if self._i % 5 == 0:
                 dx, dy, turn = (self._rng.normal(size=3) * LASER_SIGMAS).tolist()
-                pose = Pose2(SPEED_MPS * stamp_s + dx, dy, turn)
+                pose = Pose2(self._x_m + dx, dy, turn)
                 honest = Fix(stamp_s, pose, information_from_sigmas(*LASER_SIGMAS))
                 self.estimator.apply("laser", fix(stamp_s, pose) if fix else honest)
             self._look(stamp_s)
@@ -58,7 +62,8 @@ class Drive:
         belief = self.estimator.belief(stamp_s)
         assert belief.covariance is not None
         sigma_m = math.sqrt((belief.covariance[0, 0] + belief.covariance[1, 1]) / 2.0)
-        self.sigmas_off.append(error_m(belief) / sigma_m)
+        pose = pose_of(belief)
+        self.sigmas_off.append(math.hypot(pose.x - self._x_m, pose.y) / sigma_m)
         for source in belief.health:
             self.named.setdefault(source, stamp_s)
 
@@ -128,12 +133,45 @@ def test_one_motion_that_freezes_loses_against_fixes_that_go_on() -> None:
     drive = Drive("camera")
     drive.go(5.0)
 
-    belief = drive.go(13.0, frozen="camera")
+    belief = drive.go(13.0, frozen=("camera",))
 
     assert set(belief.health) == {"camera"}
     assert drive.named["camera"] <= 7.0
     assert error_m(belief) < 0.2
     assert np.quantile(drive.sigmas_off[100:], 0.95) < 4.0
+
+
+@pytest.mark.parametrize("motions", [("camera",), ("wheels", "camera")])
+def test_motion_that_no_other_can_vouch_for_is_believed_again_by_what_fixes_say(motions: tuple[str, ...]) -> None:
+    drive = Drive(*motions)
+    drive.go(5.0)
+    accused = drive.go(11.0, frozen=motions)
+
+    belief = drive.go(16.0)
+
+    assert set(accused.health) == set(motions)
+    assert not belief.health
+    assert error_m(belief) < 0.05
+    assert np.quantile(drive.sigmas_off[-20:], 0.95) < 4.0
+
+
+def test_motion_that_goes_on_lying_is_not_believed_again() -> None:
+    drive = Drive("camera")
+    drive.go(5.0)
+
+    accused = [set(drive.go(8.0 + 0.5 * k, frozen=("camera",)).health) for k in range(40)]
+
+    assert accused == [{"camera"}] * 40
+
+
+def test_a_robot_at_rest_acquits_nobody() -> None:
+    drive = Drive("camera")
+    drive.go(5.0)
+    drive.go(10.0, frozen=("camera",))
+
+    belief = drive.go(20.0, speed_mps=0.0)
+
+    assert set(belief.health) == {"camera"}
 
 
 def test_a_certainty_without_precedent_is_not_believed_and_said() -> None:

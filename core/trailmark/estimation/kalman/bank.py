@@ -24,6 +24,7 @@ __all__ = [
     "is_jump",
     "log_likelihood",
     "log_likelihood_of_offset",
+    "log_odds_of_one",
     "mixture_of",
     "posterior",
     "with_likelihoods",
@@ -104,6 +105,11 @@ def log_likelihood_of_offset(
         return log, FixOffset(innovation, 1)
     n = min(offset.n + 1, _OFFSET_OF)
     return log, FixOffset(offset.mean + away / n, n)
+
+
+def log_odds_of_one(difference: float) -> float:
+    """Return what one absolute estimate says of two hypotheses, given the difference of its log likelihoods."""
+    return min(max(difference, -_MOST_OF_ONE), _MOST_OF_ONE)
 
 
 def with_likelihoods(rivals: Sequence[Rival], logs: Sequence[float]) -> list[Rival]:

@@ -13,8 +13,11 @@ one hypothesis is 50 times as probable        it is the belief; what the others 
                                               stand in the health with the reason
 nothing decides                               the mixture: it covers all, and the health says so
 a liar has agreed for a window in which the   it is believed again
-robot moved; or three absolute estimates
-in a row have agreed with the belief
+robot moved; or, where no other motion is
+believed, absolute estimates say for 3 s that
+it arrives where they are (`trials`); or
+three absolute estimates in a row have agreed
+with the belief
 absolute estimates contradict for 30 s        they are heard again as if they had never agreed (`RecoveryPolicy`)
 ============================================  ======================================================================
 """
@@ -31,6 +34,7 @@ from trailmark.estimation.kalman.hypotheses import Hypothesis, HypothesisBank, t
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.kalman.prediction import Prediction
 from trailmark.estimation.kalman.state import FilterState
+from trailmark.estimation.kalman.trials import Trials
 from trailmark.estimation.kalman.windows import WINDOW_S, with_new_anchor, without_windows
 
 __all__ = ["FaultDetector"]
@@ -59,6 +63,7 @@ class FaultDetector:
         self._correction = correction
         self._tolerance = tolerance
         self._bank = HypothesisBank(prediction, correction)
+        self._trials = Trials(prediction, correction)
 
     def predict(self, state: FilterState, stamp_s: float) -> FilterState:
         """Return the state at a stamp that is not earlier."""
@@ -68,6 +73,8 @@ class FaultDetector:
         if before.rivals:
             return self._predict_question(state, stamp_s)
         previous, state = state, self._prediction.predict(state, stamp_s)
+        if before.trials:
+            state = self._trials.predict(state, stamp_s)
         if previous.left_out and state.left_out and before.anchors:
             state = self._test_motions(state, [previous])  # no outlier: it goes on
         is_due = stamp_s - before.tested_s >= _EVERY_S and not state.consistency.rivals
@@ -96,6 +103,8 @@ class FaultDetector:
             measurements=(*before.measurements, (state.stamp_s, measurement)),
         )
         after = replace(after, consistency=consistency)
+        if before.faults:
+            after = self._trials.measure(state, after, measurement)
         trusted = trusted_motions(after)
         # A part of a pose is off by the error of what was seen, and the next one by that of another: it does not
         # accuse the only motion. Gate and recovery see to that.

@@ -28,6 +28,7 @@ __all__ = [
     "RejectedMeasurement",
     "Rejections",
     "Rival",
+    "Trial",
     "Verdict",
 ]
 
@@ -264,6 +265,28 @@ class Rival:
     offset: FixOffset | None = None
 
 
+class Trial(NamedTuple):
+    """A filter that believes a motion again which the belief does not.
+
+    Attributes
+    ----------
+    begun : FilterState
+        Where it began.
+    state : FilterState
+        Where it is.
+    nis, dof : float, int
+        Of its measurements since, added up.
+    log_odds : float
+        How much more probable they are with the motion than without.
+    """
+
+    begun: FilterState
+    state: FilterState
+    nis: float = 0.0
+    dof: int = 0
+    log_odds: float = 0.0
+
+
 class Consistency(NamedTuple):
     """What the localizers say of each other.
 
@@ -289,6 +312,8 @@ class Consistency(NamedTuple):
         When the rivals came up [s].
     tested_s : float
         When the motions were compared last [s].
+    trials : mapping of str to Trial
+        By localizer whose motion is not believed, where no other motion is.
     """
 
     sums: Mapping[str, MotionSum] = _EMPTY
@@ -301,6 +326,7 @@ class Consistency(NamedTuple):
     rivals: tuple[Rival, ...] = ()
     undecided_since_s: float = math.inf
     tested_s: float = -math.inf
+    trials: Mapping[str, Trial] = _EMPTY
 
 
 @dataclass(frozen=True, slots=True, eq=False)

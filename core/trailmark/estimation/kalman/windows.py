@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
 
-from trailmark.estimation.kalman.state import Consistency, FilterState
+from trailmark.estimation.kalman.state import Consistency, FilterState, Trial
 
 __all__ = ["WINDOW_S", "with_new_anchor", "without_windows"]
 
@@ -13,13 +15,17 @@ __all__ = ["WINDOW_S", "with_new_anchor", "without_windows"]
 #: do about a lie [s].
 WINDOW_S = 1.0
 
+_NO_TRIALS: Mapping[str, Trial] = MappingProxyType({})
+
 
 def with_new_anchor(state: FilterState) -> FilterState:
     """Return a state whose test windows begin later: the older anchor goes, and this instant is the newer one."""
     consistency = state.consistency
     bare = replace(
         state,
-        consistency=consistency._replace(anchors=(), measurements=(), rivals=(), undecided_since_s=math.inf),
+        consistency=consistency._replace(
+            anchors=(), measurements=(), rivals=(), undecided_since_s=math.inf, trials=_NO_TRIALS
+        ),
         verdicts=(),
     )
     anchors = (*consistency.anchors[-1:], bare)
