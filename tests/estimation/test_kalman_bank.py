@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from trailmark.arrays import Floats
 from trailmark.estimates import Fix, information_from_sigmas
 from trailmark.estimation.kalman.bank import log_likelihood_of_offset
 from trailmark.estimation.kalman.dissent import covering_covariance
@@ -68,8 +69,13 @@ def rejected(x: float, **corroborations: CorroboratingFix) -> FilterState:
     return FilterState(1.0, BELIEF.gaussian, rejections=rejections)
 
 
+def covered(state: FilterState) -> Floats:
+    assert state.gaussian is not None
+    return covering_covariance(state, state.gaussian)
+
+
 def test_the_covariance_covers_a_whole_pose_that_was_rejected() -> None:
-    covariance = covering_covariance(rejected(1.0))
+    covariance = covered(rejected(1.0))
 
     assert 1.0 / math.sqrt((covariance[0, 0] + covariance[1, 1]) / 2.0) < 4.0
     assert covariance[1, 1] == 1e-6
@@ -78,11 +84,11 @@ def test_the_covariance_covers_a_whole_pose_that_was_rejected() -> None:
 def test_it_does_not_where_another_supports_the_belief() -> None:
     supported = rejected(1.0, beacons=CorroboratingFix(0.5, np.eye(3)))
 
-    np.testing.assert_array_equal(covering_covariance(supported), np.eye(3) * 1e-6)
+    np.testing.assert_array_equal(covered(supported), np.eye(3) * 1e-6)
 
 
 def test_who_was_rejected_long_ago_is_not_covered() -> None:
     state = rejected(1.0)
     later = FilterState(10.0, state.gaussian, rejections=state.rejections)
 
-    np.testing.assert_array_equal(covering_covariance(later), np.eye(3) * 1e-6)
+    np.testing.assert_array_equal(covered(later), np.eye(3) * 1e-6)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from trailmark.arrays import Floats
-from trailmark.estimation.kalman.state import FilterState, RejectedMeasurement
+from trailmark.estimation.kalman.state import FilterState, Gaussian, RejectedMeasurement
 from trailmark.geometry import Pose2
 
 __all__ = ["covering_covariance"]
@@ -17,15 +17,14 @@ _SHARE = 1.0 / 5.0
 _RECENT_S = 5.0
 
 
-def covering_covariance(state: FilterState) -> Floats:
+def covering_covariance(state: FilterState, gaussian: Gaussian) -> Floats:
     """Return the covariance of the pose, (3, 3), larger by the squares of how far others are off who may be right.
 
     These are localizers that tell whole poses and were rejected more often than accepted of late, unless other absolute
     estimates support the belief. Motions that agree do not: a robot may have been carried. The filter goes on with
     its own covariance.
     """
-    assert state.gaussian is not None
-    covariance = state.gaussian.covariance[:3, :3]
+    covariance = gaussian.covariance[:3, :3]
     rivals = state.consistency.rivals
     believed = rivals[0].state if rivals else state
     for source, rejected in believed.rejections.measurements.items():

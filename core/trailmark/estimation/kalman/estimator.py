@@ -16,6 +16,7 @@ from trailmark.estimation.corrections import covariance_on_path
 from trailmark.estimation.history import History
 from trailmark.estimation.information import checked_covariance
 from trailmark.estimation.kalman.agreement import Tolerance
+from trailmark.estimation.kalman.alternatives import believed_gaussian
 from trailmark.estimation.kalman.clock import ClockGuard
 from trailmark.estimation.kalman.clock_offsets import ClockOffset, ClockOffsets
 from trailmark.estimation.kalman.correction import Correction, Filter
@@ -335,12 +336,12 @@ class Kalman(Estimator):
     def _make_belief(self, stamp_s: float) -> Belief:
         self._rejoin()
         state = self._state_at(stamp_s)
-        odometry, gaussian = state.odometry, state.gaussian
+        odometry, gaussian = state.odometry, believed_gaussian(state)
         pose_odom_base, travelled_m = self._odometry.publish(odometry, state.stamp_s)
         pose = covariance = on_path = None
         if gaussian is not None:
             x, y, theta = gaussian.x[:3].tolist()
-            pose, covariance = Pose2(x, y, theta), read_only(covering_covariance(state))
+            pose, covariance = Pose2(x, y, theta), read_only(covering_covariance(state, gaussian))
             on_path = self._on_path(state.stamp_s, pose, covariance)
         return Belief(
             stamp_s=state.stamp_s,

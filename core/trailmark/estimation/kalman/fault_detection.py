@@ -12,6 +12,8 @@ always the same way
 one hypothesis is 50 times as probable        it is the belief; what the others say has no weight, and their names
                                               stand in the health with the reason
 nothing decides                               the mixture: it covers all, and the health says so
+motions agree again, and nothing has decided  the places where base may be are remembered (`alternatives`); the next
+                                              absolute estimates decide between them
 a liar has agreed for a window in which the   it is believed again
 robot moved; or, where no other motion is
 believed, absolute estimates say for 3 s that
@@ -28,6 +30,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from trailmark.estimation.kalman.agreement import Tolerance, agreeing_groups, corrections_are_consistent
+from trailmark.estimation.kalman.alternatives import closed_question, reopened_question
 from trailmark.estimation.kalman.correction import Correction
 from trailmark.estimation.kalman.forgiveness import AGREED, GIVES_IN_S, agree_again, with_repentant, without_fault
 from trailmark.estimation.kalman.hypotheses import Hypothesis, HypothesisBank, trusted_motions
@@ -88,6 +91,9 @@ class FaultDetector:
         before = state.consistency
         if before.absolute_faults and not measurement.replaces and measurement.source in before.absolute_faults:
             return self._hear_liar(state, measurement)
+        if before.alternatives:
+            state = _placed(state) if measurement.replaces else reopened_question(state)
+            before = state.consistency
         if before.rivals:
             return self._bank.correct(state, measurement)
         after = self._correction.correct(state, measurement)
@@ -123,6 +129,8 @@ class FaultDetector:
         sources, anchors = trusted_motions(state), consistency.anchors
         is_question_old = bool(anchors) and anchors[0].stamp_s >= consistency.undecided_since_s
         if is_question_old and len(sources) > 1 and agree_again(state, anchors[0], sources, self._tolerance):
+            if all(set(rival.state.consistency.faults) > set(consistency.faults) for rival in consistency.rivals):
+                return closed_question(state)
             return replace(state, consistency=without_windows(consistency))
         return _with_anchor_in_time(state)
 
@@ -160,6 +168,10 @@ def _answers(trusted: Sequence[str], source: str | None) -> list[Hypothesis]:
     groups = dict.fromkeys([everyone, *(everyone - {one} for one in sorted(everyone)), frozenset[str]()])
     lying_fixes = [] if source is None else [Hypothesis(everyone, source)]
     return [*map(Hypothesis, groups), *lying_fixes]
+
+
+def _placed(state: FilterState) -> FilterState:
+    return replace(state, consistency=state.consistency._replace(alternatives=(), accused=frozenset()))
 
 
 def _with_anchor_in_time(state: FilterState) -> FilterState:

@@ -24,6 +24,9 @@ _AT_REST = 3.0
 _UNDECIDED_S = 2.0
 # Less probable hypotheses accuse nobody.
 _PROBABLE = 0.02
+_NEVER_DECIDED = (
+    "its motion and that of others disagreed, and nothing has decided since who was right: the belief covers both"
+)
 
 
 class SourceMonitor:
@@ -125,7 +128,8 @@ def health_of(monitors: Mapping[str, SourceMonitor], state: FilterState, recover
 
 def _undecided_of(state: FilterState) -> dict[str, str]:
     """Return who may be wrong, and why that is not decided; nobody while a question is young."""
-    undecided: dict[str, str] = {}
+    accused = state.consistency.accused
+    undecided = dict.fromkeys(sorted(accused), _NEVER_DECIDED)
     if state.stamp_s - state.consistency.undecided_since_s <= _UNDECIDED_S:
         return undecided
     rivals = state.consistency.rivals

@@ -16,6 +16,7 @@ from trailmark.frames.payloads import read_only
 from trailmark.geometry import Pose2, Twist2
 
 __all__ = [
+    "Alternative",
     "Consistency",
     "CorroboratingFix",
     "Fault",
@@ -287,6 +288,24 @@ class Trial(NamedTuple):
     log_odds: float = 0.0
 
 
+class Alternative(NamedTuple):
+    """A place where base may be instead of where it is believed, as seen in the map.
+
+    Attributes
+    ----------
+    shift : Pose2
+        ``pose_map_base`` if this is true, is ``shift @ pose_map_base`` of the belief; the belief itself is one of them.
+    log_weight : float
+        Log of its probability, to a constant.
+    n_measurements : int
+        Absolute estimates that have had a say.
+    """
+
+    shift: Pose2
+    log_weight: float
+    n_measurements: int
+
+
 class Consistency(NamedTuple):
     """What the localizers say of each other.
 
@@ -314,6 +333,10 @@ class Consistency(NamedTuple):
         When the motions were compared last [s].
     trials : mapping of str to Trial
         By localizer whose motion is not believed, where no other motion is.
+    alternatives : tuple of Alternative
+        Where base may be, after a question that nothing has decided; empty if that is known.
+    accused : frozenset of str
+        Localizers of that question.
     """
 
     sums: Mapping[str, MotionSum] = _EMPTY
@@ -327,6 +350,8 @@ class Consistency(NamedTuple):
     undecided_since_s: float = math.inf
     tested_s: float = -math.inf
     trials: Mapping[str, Trial] = _EMPTY
+    alternatives: tuple[Alternative, ...] = ()
+    accused: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
