@@ -165,6 +165,25 @@ def test_noise_is_learnt_from_what_is_left_over() -> None:
     assert 2.0 < fix.details["bearing_sigma_deg"] < 3.2
 
 
+def range_sigma_m(off_m: Floats) -> float:
+    """Return the noise that is learnt from single ranges that are off by these from what a sure belief expects."""
+    found = localizer(range_sigma_m=0.1)
+    for error_m in off_m.tolist():
+        arrays = sightings([1], bearings=False)
+        arrays["ranges_m"] = arrays["ranges_m"] + error_m
+        (fix,) = observe(found, arrays, believing(TRUE, sigma_m=0.01, sigma_rad=0.01))
+    assert isinstance(fix, Fix)
+    return fix.details["range_sigma_m"]
+
+
+def test_a_belief_that_is_wrong_by_metres_is_not_taken_for_noise() -> None:
+    assert range_sigma_m(np.full(200, 2.0)) == pytest.approx(0.1)
+
+
+def test_noise_that_is_three_times_as_large_is_learnt_from_single_sightings() -> None:
+    assert 0.2 < range_sigma_m(np.random.default_rng(4).normal(scale=0.3, size=400)) < 0.4
+
+
 @pytest.mark.parametrize("sigma_deg", [0.3, 1.0, 3.0])
 def test_poses_are_as_wrong_as_they_say(sigma_deg: float) -> None:
     rng = np.random.default_rng(1)

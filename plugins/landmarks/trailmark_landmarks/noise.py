@@ -16,6 +16,8 @@ __all__ = ["NoiseLevel", "SightingNoise"]
 
 #: A squared error beyond so many times its variance counts as this: outliers must not decide what noise is.
 _CLIP = 4.0
+#: An error beyond so many of its standard deviations is not learnt from, where the belief may be wrong.
+_FARTHEST = 4.0
 #: Mean of a squared normal number clipped there: P(chi2_3 < 4) + 4 P(chi2_1 > 4).
 _MEAN_CLIPPED = 0.9205
 _SLOWEST, _EARLIEST = 1.0 / 200.0, 10.0
@@ -124,7 +126,11 @@ class SightingNoise:
         rows = sightings.derivatives(sensor.array()) @ lever_of(believed, sensor)
         expected = np.einsum("mi,ij,mj->m", rows, covariance, rows)
         for index in range(len(sightings)):
-            self._learn(sightings, index, stamp_s, float(errors[index]), from_belief=float(expected[index]))
+            error, from_belief = float(errors[index]), float(expected[index])
+            variance = (self.bearing if sightings.is_bearing[index] else self.range).variance + from_belief
+            # Beyond this it is the belief that is wrong, or an outlier: neither says what noise is.
+            if error * error <= _FARTHEST * _FARTHEST * variance:
+                self._learn(sightings, index, stamp_s, error, from_belief=from_belief)
 
     def _learn(
         self,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Protocol
 
@@ -24,6 +25,7 @@ from trailmark.estimation.kalman.state import (
     Verdict,
 )
 from trailmark.estimation.kalman_config import KalmanConfig
+from trailmark.geometry import wrap_angle
 
 __all__ = ["Correction", "Filter"]
 
@@ -35,6 +37,10 @@ _LEAST_DOUBT = 1e-3
 _GATE = 0.999
 # Rejected measurements that are kept of each localizer, and for how long [s].
 _MOST_REJECTED, _REJECTED_S = 30, 15.0
+# Error of a line or a circle's tangent that was laid at another place, as a share of the distance.
+_LAID_ELSEWHERE = 0.25
+# Of the share of measurements that is rejected: what one changes, and what is as good as none.
+_SHARE_GAIN, _LEAST_SHARE = 0.1, 0.01
 
 
 class Filter(Protocol):
@@ -123,22 +129,29 @@ class Correction:
             message += f", {decision.reason}" if decision.reason else ""
             return _keep_out(state, source, n, rejected, Verdict("gated", seen.nis, dof, message))
         if isinstance(decision, Relocate):
-            after = self._layout.with_pose(before.x, before.covariance, decision.pose, decision.covariance)
+            covariance = decision.covariance
+            if dof < 3:
+                covariance = covariance + _doubt_of_parts(decision.pose - before.x[:3])
+            after = self._layout.with_pose(before.x, before.covariance, decision.pose, covariance)
             message = f"the belief contradicted {n} of late; they agree on another pose, which was taken"
-            counts, kept, directions = {}, {}, measurement.root
+            # Parts of poses were made with a belief that was wrong, so they stay in doubt until more of them agree.
+            counts, kept, directions = {}, {} if dof == 3 else {source: rejected}, measurement.root
         else:
             inflated = _inflated(before.covariance, seen.innovation, seen.jacobian)
             again = Innovation(seen.innovation, seen.jacobian, inflated)
             after = self._filter.update(before.x, inflated, again, measurement)
             message = f"the belief contradicted {n} of late and was doubted"
-            counts = {**state.rejections.counts, source: 0}
-            kept = {**state.rejections.measurements, source: ()}
+            # What fits no pose is in doubt until it fits again; a part of one is taken at its word.
+            is_in_doubt = dof == 3
+            counts = {**state.rejections.counts, source: self._policy.recover_after if is_in_doubt else 0}
+            kept = {**state.rejections.measurements, source: rejected if is_in_doubt else ()}
             directions = seen.jacobian[:, :3]
         recovered = Rejections(
             counts=counts,
             measurements=kept,
             corroborations=state.rejections.corroborations,
             n_recoveries=state.rejections.n_recoveries + 1,
+            shares=_with_share(state.rejections.shares, source, is_rejected=True),
         )
         state = replace(state, rejections=recovered)
         return _accept(state, measurement, Gaussian(*after), directions, Verdict("accepted", seen.nis, dof, message))
@@ -162,8 +175,23 @@ def _keep_out(
         measurements={**before.measurements, source: rejected},
         corroborations=before.corroborations,
         n_recoveries=before.n_recoveries,
+        shares=_with_share(before.shares, source, is_rejected=True),
     )
     return replace(state, rejections=rejections, verdicts=(*state.verdicts, verdict))
+
+
+def _doubt_of_parts(moved: Floats) -> Floats:
+    """Return how uncertain a pose is, (3, 3), that parts of poses agree on: they are lines laid where it was not."""
+    away_m, turn_rad = math.hypot(moved[0], moved[1]), wrap_angle(float(moved[2]))
+    return _LAID_ELSEWHERE**2 * np.diag([away_m**2, away_m**2, turn_rad**2])
+
+
+def _with_share(shares: Mapping[str, float], source: str, *, is_rejected: bool) -> Mapping[str, float]:
+    share = shares.get(source, 0.0)
+    share += _SHARE_GAIN * (is_rejected - share)
+    if share > _LEAST_SHARE:
+        return {**shares, source: share}
+    return {other: share for other, share in shares.items() if other != source}
 
 
 def _accept(
@@ -181,6 +209,7 @@ def _accept(
             measurements=before.measurements,
             corroborations={**before.corroborations, source: CorroboratingFix(state.stamp_s, directions)},
             n_recoveries=before.n_recoveries,
+            shares=_with_share(before.shares, source, is_rejected=False) if before.shares else before.shares,
         ),
         consistency=state.consistency,
         left_out=state.left_out,

@@ -341,7 +341,8 @@ class Kalman(Estimator):
         pose = covariance = on_path = None
         if gaussian is not None:
             x, y, theta = gaussian.x[:3].tolist()
-            pose, covariance = Pose2(x, y, theta), read_only(covering_covariance(state, gaussian))
+            covariance = read_only(covering_covariance(state, gaussian))
+            pose = Pose2(x, y, theta)
             on_path = self._on_path(state.stamp_s, pose, covariance)
         return Belief(
             stamp_s=state.stamp_s,

@@ -65,9 +65,12 @@ def agreed_pose(rejected: Sequence[RejectedMeasurement], odom: Pose2, believed: 
     return x, spread * covariance
 
 
-def directions_of(rejected: Sequence[RejectedMeasurement]) -> int:
-    """Return how many directions rejected measurements have together."""
-    rows = np.vstack([one.measurement.root for one in rejected])
+def directions_of(rejected: Sequence[RejectedMeasurement], odom: Pose2, believed: Floats) -> int:
+    """Return how many directions of the pose rejected measurements have together, carried to where odometry stands.
+
+    A place measured twice on a way tells the heading, too.
+    """
+    rows = np.vstack([_innovation_of(one, odom.between(one.pose_odom_base), believed[:3])[1] for one in rejected])
     return int(np.linalg.matrix_rank(rows / np.linalg.norm(rows, axis=1, keepdims=True), tol=1e-3))
 
 

@@ -71,13 +71,13 @@ class RecoveryPolicy:
     """
 
     def __init__(self, recover_after: int, support_s: float) -> None:
-        self._recover_after = recover_after
+        self.recover_after = recover_after
         self._support_s = support_s
 
     @property
     def most_rejections(self) -> int:
         """The count of rejections saturates here, so that a localizer that is right again is soon believed."""
-        return _PATIENCE * self._recover_after
+        return _PATIENCE * self.recover_after
 
     def decide(
         self, state: FilterState, source: str, rejected: Sequence[RejectedMeasurement], directions: Floats, n: int
@@ -97,14 +97,15 @@ class RecoveryPolicy:
         n : int
             How many more were rejected than accepted.
         """
-        if n < self._recover_after:
+        if n < self.recover_after:
             return Keep()
         if self._is_supported(state, source, directions):
             return Keep("but others support the belief")
-        if directions_of(rejected) < 3:
-            return Inflate()
         assert state.gaussian is not None
-        agreed = agreed_pose(rejected, state.odometry.pose_odom_base, state.gaussian.x)
+        odom, believed = state.odometry.pose_odom_base, state.gaussian.x
+        if directions_of(rejected, odom, believed) < 3:
+            return Inflate()
+        agreed = agreed_pose(rejected, odom, believed)
         if agreed is not None:
             return Relocate(*agreed)
         return Inflate() if n >= self.most_rejections else Keep("and they do not agree on another pose")

@@ -174,12 +174,15 @@ class Rejections:
         The last accepted one, by localizer.
     n_recoveries : int
         How often the belief was given up for them.
+    shares : mapping of str to float
+        By localizer, the share of the last ten or so that was rejected.
     """
 
     counts: Mapping[str, int] = field(default_factory=_empty)
     measurements: Mapping[str, tuple[RejectedMeasurement, ...]] = field(default_factory=_empty)
     corroborations: Mapping[str, CorroboratingFix] = field(default_factory=_empty)
     n_recoveries: int = 0
+    shares: Mapping[str, float] = field(default_factory=_empty)
 
 
 class MotionSum(NamedTuple):
