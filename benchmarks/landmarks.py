@@ -73,7 +73,7 @@ def main() -> None:
     parser.add_argument("--robots", type=int, nargs="+", default=(1, 2, 3, 4, 5))
     parser.add_argument("--markdown", action="store_true")
     arguments = parser.parse_args()
-    data = Path(os.environ.get("TRAILMARK_DATA", ""))
+    data = Path(os.environ.get("TRAILMARK_DATA", Path(__file__).parents[2] / "shared" / "data"))
     if not (data / "omni" / "bearing").is_dir():
         sys.exit(f"no recordings at {data}; set TRAILMARK_DATA to their folder")
     chosen = arguments.sets or ["bearing", "mrclam", "plaza"]

@@ -9,7 +9,7 @@ import pytest
 
 from trailmark.testing.ground import ground_run, straight
 from trailmark_ground_vo.filters import levels_of, smooth
-from trailmark_ground_vo.lens_marks import LensMarks
+from trailmark_ground_vo.lens_marks import LensMarkEvidence
 from trailmark_ground_vo.motion import ImageMotion
 
 #: Content moves by this per picture along u.
@@ -34,7 +34,7 @@ def marked(pictures, contrast) -> tuple[list, np.ndarray]:
 
 def weights_of(pictures, motion) -> np.ndarray | None:
     height, width = pictures[0].shape
-    marks, weights = LensMarks((width, height), 1.0), None
+    marks, weights = LensMarkEvidence((width, height), 1.0), None
     even = [levels_of(smooth(picture)) for picture in pictures]
     for before, now in itertools.pairwise(even):
         marks.add(before, now, motion, SIGMA)

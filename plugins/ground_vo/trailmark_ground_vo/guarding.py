@@ -18,7 +18,7 @@ from trailmark_ground_vo.audit import MotionAudit
 from trailmark_ground_vo.config import GroundVOConfig
 from trailmark_ground_vo.filters import noise_level
 from trailmark_ground_vo.kernels import load_kernels
-from trailmark_ground_vo.lens_marks import LensMarks
+from trailmark_ground_vo.lens_marks import LensMarkEvidence
 from trailmark_ground_vo.motion import ImageMotion
 from trailmark_ground_vo.rest import RestWatch
 from trailmark_ground_vo.rivals import RivalSearch, stands_still
@@ -71,7 +71,7 @@ class GroundTracker:
         self._audit = MotionAudit(size, aspect)
         self._smooth = load_kernels(config.use_vectors).smooth
         self._rest = RestWatch()
-        self._marks = LensMarks(size, aspect)
+        self._marks = LensMarkEvidence(size, aspect)
         self._rivals = RivalSearch(self._audit)
         self._n_doubted = 0
         self._understood: tuple[Grey8, Grey16] | None = None

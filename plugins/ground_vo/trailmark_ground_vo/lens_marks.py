@@ -15,7 +15,7 @@ from trailmark.arrays import Float32s, Grey8
 from trailmark.kernels import kernel
 from trailmark_ground_vo.motion import ImageMotion
 
-__all__ = ["LensMarks"]
+__all__ = ["LensMarkEvidence"]
 
 #: One row and column in so many is looked at.
 _EVERY = 2
@@ -45,7 +45,7 @@ _MOST_MASKED = 0.35
 _WIDENED, _FADING = 1, 2
 
 
-class LensMarks:
+class LensMarkEvidence:
     """Gathers evidence from pairs of pictures.
 
     Parameters
