@@ -30,7 +30,7 @@ from remembered import MARKET, keep
 
 import trailmark
 from trailmark import Pipeline
-from trailmark.pipeline.clock import SystemClock
+from trailmark.clock import SystemClock
 from trailmark.pipeline.outputs.provenance import cpu_model
 from trailmark.plugins import Plugins
 

@@ -28,8 +28,8 @@ from remembered import MARKET
 
 import trailmark
 from trailmark import Pipeline
+from trailmark.clock import SystemClock
 from trailmark.geometry import Trajectory
-from trailmark.pipeline.clock import SystemClock
 from trailmark.pipeline.outputs.provenance import cpu_model
 
 RATES_HZ = {"floor": 70.0, "omni": 15.0}

@@ -15,7 +15,7 @@ from trailmark.frames import SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Sink
 from trailmark.pipeline import Pipeline
-from trailmark.pipeline.hangs import HangError
+from trailmark.pipeline.ending.hangs import HangError
 
 
 def camera(fakes, n: int = 5):

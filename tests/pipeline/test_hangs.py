@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from trailmark.pipeline.hangs import HangError, HangWatch
+from trailmark.pipeline.ending.hangs import HangError, HangWatch
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGURG"), reason="the system has no SIGURG")
 

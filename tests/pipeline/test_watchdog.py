@@ -7,14 +7,14 @@ import time
 
 import pytest
 
+from trailmark.clock import RunClock, SystemClock
 from trailmark.commands import Stop, Velocity
 from trailmark.config import StopWhen
 from trailmark.errors import RunError
 from trailmark.interfaces import Sink
 from trailmark.pipeline import Pipeline
-from trailmark.pipeline.clock import RunClock, SystemClock
-from trailmark.pipeline.robot import Robot
-from trailmark.pipeline.watchdog import Watchdog
+from trailmark.pipeline.control.robot import Robot
+from trailmark.pipeline.control.watchdog import Watchdog
 
 STALL_S = 0.15
 

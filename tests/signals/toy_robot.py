@@ -13,13 +13,13 @@ from typing import Any, Literal
 import numpy as np
 
 from trailmark import hookimpl
+from trailmark.clock import live_stamp_s
 from trailmark.commands import Command, Stop, Velocity
 from trailmark.config import OutputPath, PluginConfig, Sensor, SourceConfig
 from trailmark.estimates import Belief, Estimate, Motion, information_from_sigmas
 from trailmark.frames import Frame, Image, SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Controller, Drivable, Localizer, Session
-from trailmark.pipeline.clock import live_stamp_s
 
 GOOD = information_from_sigmas(1e-3, 1e-3, 1e-3)
 _ENDLESS_S = 600.0

@@ -5,9 +5,9 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from trailmark.clock import Clock, SystemClock, live_stamp_s
 from trailmark.deprecation import deprecated_name
 from trailmark.estimates import EstimateRecord
-from trailmark.pipeline.clock import Clock, SystemClock, live_stamp_s
 from trailmark.pipeline.outputs.result import RunResult, Step
 from trailmark.pipeline.parts import LocalizerPart, Parts, build_parts, build_sources
 from trailmark.pipeline.pipeline import Pipeline

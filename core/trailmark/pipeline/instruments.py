@@ -13,7 +13,7 @@ from numbers import Integral
 import numpy as np
 import numpy.typing as npt
 
-from trailmark.pipeline.clock import RunClock
+from trailmark.clock import RunClock
 
 __all__ = [
     "EXACT_CALLS",

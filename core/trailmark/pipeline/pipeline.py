@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Self, Unpack
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.clock import Clock, RunClock, SystemClock
 from trailmark.config import RunConfig
 from trailmark.errors import ConfigError, RunError
 from trailmark.estimates import Applied
@@ -20,7 +21,6 @@ from trailmark.frames import Frame, SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interruption import reason_of, shielded
 from trailmark.paths import Path as TaughtPath
-from trailmark.pipeline.clock import Clock, RunClock, SystemClock
 from trailmark.pipeline.instruments import Instruments
 from trailmark.pipeline.outputs.result import RunResult, Step
 from trailmark.pipeline.parts import Parts, build_parts

@@ -19,10 +19,8 @@ from trailmark.frames import Frame, SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interfaces import RunEnd, Sink
 from trailmark.interruption import FINISH_S, KEEP_S, STEP_S, STOP_S, asked, reason_of, shielded
-from trailmark.pipeline.ending import Ending
-from trailmark.pipeline.hangs import HangError, HangWatch
+from trailmark.pipeline.ending import Ending, HangError, HangWatch, RunLifeline
 from trailmark.pipeline.instruments import Instruments, peak_rss_mb
-from trailmark.pipeline.lifeline import RunLifeline
 from trailmark.pipeline.localizers import LocalizerFailedError, LocalizerRunner, ObserveResult
 from trailmark.pipeline.outputs.fanout import SinkFanout
 from trailmark.pipeline.outputs.result import RunResult, Status, Step

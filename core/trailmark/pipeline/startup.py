@@ -18,13 +18,12 @@ from trailmark.frames import SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Estimator, Session
 from trailmark.paths import Path
-from trailmark.pipeline.control import Control, Guard, check_commands
+from trailmark.pipeline.control import Control, Guard, Robot, check_commands
 from trailmark.pipeline.instruments import LOCALIZER_COUNTS, Instruments, counts_of
 from trailmark.pipeline.lifecycle import PartStarter, Sessions
 from trailmark.pipeline.localizers import LocalizerRunner, new_runner
 from trailmark.pipeline.localizers.estimator import EstimatorRunner
 from trailmark.pipeline.parts import LocalizerPart, Parts
-from trailmark.pipeline.robot import Robot
 from trailmark.pipeline.sources.stream import corrected_sensors
 
 if TYPE_CHECKING:

@@ -13,12 +13,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from trailmark.clock import live_stamp_s
 from trailmark.commands import Command, Steer4WS, Stop, Velocity
 from trailmark.errors import ConfigError, SourceError
 from trailmark.frames import Frame, SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Drivable, Session
-from trailmark.pipeline.clock import live_stamp_s
 from trailmark.sources.clock_offset import ClockOffset
 from trailmark_lines.channels import Channel, DeviceChannel, StandardChannel, TcpChannel, UdpChannel
 from trailmark_lines.config import LinesConfig

@@ -9,9 +9,9 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any, Literal
 
+from trailmark.clock import live_stamp_s
 from trailmark.commands import Command, Steer4WS, Stop, Velocity
 from trailmark.errors import ConfigError
-from trailmark.pipeline.clock import live_stamp_s
 from trailmark_ros2.dds import Publisher
 from trailmark_ros2.message_types import new_message
 

@@ -8,9 +8,9 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
+from trailmark.clock import live_stamp_s
 from trailmark.errors import SourceError
 from trailmark.frames import Frame, Payload
-from trailmark.pipeline.clock import live_stamp_s
 from trailmark.sources import ros_messages
 from trailmark.sources.rgbd_pairs import RgbdPairs, StampedMessage
 from trailmark_ros2.dds import Network, Quality, Sample, Subscription

@@ -10,9 +10,9 @@ import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
 
+from trailmark.clock import RunClock
 from trailmark.frames import Frame
 from trailmark.interruption import join
-from trailmark.pipeline.clock import RunClock
 from trailmark.pipeline.instruments import Counters
 from trailmark.pipeline.sources.ordering import StampOrder
 from trailmark.pipeline.sources.stream import SourceStream

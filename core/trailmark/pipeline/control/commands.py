@@ -6,16 +6,16 @@ import logging
 import math
 from time import perf_counter_ns
 
+from trailmark.clock import RunClock
 from trailmark.commands import Command, Stop
 from trailmark.config import StopWhen
 from trailmark.errors import ConfigError
 from trailmark.estimates import Belief
 from trailmark.failures import call_guarded, raise_failure
 from trailmark.interfaces import Controller, Drivable
-from trailmark.pipeline.clock import RunClock
+from trailmark.pipeline.control.robot import Robot
+from trailmark.pipeline.control.watchdog import Watchdog
 from trailmark.pipeline.instruments import Instruments
-from trailmark.pipeline.robot import Robot
-from trailmark.pipeline.watchdog import Watchdog
 
 __all__ = ["Control", "Guard", "check_commands"]
 

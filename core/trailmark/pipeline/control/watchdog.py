@@ -7,10 +7,10 @@ import sys
 import threading
 from pathlib import Path
 
+from trailmark.clock import RunClock
 from trailmark.commands import Stop
 from trailmark.errors import TrailmarkError
-from trailmark.pipeline.clock import RunClock
-from trailmark.pipeline.robot import Robot
+from trailmark.pipeline.control.robot import Robot
 
 __all__ = ["Watchdog"]
 
