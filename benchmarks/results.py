@@ -43,6 +43,8 @@ _BLOCK = re.compile(r"<!-- made by: (?P<command>.+?) -->\n(?P<text>.*?)<!-- made
 _CODE = (".py", ".yaml", ".yml", ".toml", ".csv", ".npz")
 _DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 _ROOMS = ("core", "plugins", "examples")
+#: Read of every plugin that is installed, whether a program uses it or not.
+_DOORS = ("__init__.py", "plugin.py")
 #: Time to keep for a page of which nobody knows how long it takes [h].
 _UNKNOWN_H = 0.5
 
@@ -190,7 +192,7 @@ class Results:
         """Return the folders of code that files belong to, relative to the checkout."""
         sources = {_source_of(path).relative_to(self._top) for path in paths if _is_code(path)}
         apart = {path.as_posix() for path in sources if path.parts[0] == "benchmarks"}
-        rooms = {path.parent.as_posix() for path in sources if path.parts[0] in _ROOMS}
+        rooms = {path.parent.as_posix() for path in sources if path.parts[0] in _ROOMS and path.name not in _DOORS}
         return sorted(apart | rooms)
 
     def _fingerprint(self, code: str) -> str:

@@ -26,7 +26,7 @@ More prose.
 as it was
 <!-- made: end -->
 """
-SAID = "import sys; sys.path.insert(0, 'core/tool'); import kernel; print('| said |', kernel.answer())"
+SAID = "import sys; sys.path.insert(0, 'core/tool'); import kernel; sys.path.insert(0, 'core/elsewhere'); import plugin; print('| said |', kernel.answer())"
 WRITTEN = """
 import pathlib, sys
 out = pathlib.Path(sys.argv[2])
@@ -62,6 +62,7 @@ def checkout(tmp_path: Path) -> Path:
         "benchmarks/other.py": "",
         "core/tool/kernel.py": KERNEL,
         "core/elsewhere/unused.py": "",
+        "core/elsewhere/plugin.py": "",
     }
     for name, text in files.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
