@@ -26,7 +26,12 @@ More prose.
 as it was
 <!-- made: end -->
 """
-SAID = "import sys; sys.path.insert(0, 'core/tool'); import kernel; sys.path.insert(0, 'core/elsewhere'); import plugin; print('| said |', kernel.answer())"
+SAID = """
+import sys
+sys.path[:0] = ["core/tool", "core/elsewhere"]
+import kernel, plugin
+print("| said |", kernel.answer())
+"""
 WRITTEN = """
 import pathlib, sys
 out = pathlib.Path(sys.argv[2])
