@@ -493,6 +493,12 @@ def _quoting(inner: Exception) -> Exception:
     return error
 
 
+def _lacking(key: str) -> Exception:
+    error = ValueError(f"A metadata key is missing {KeyError(key)!r}.")
+    error.__context__ = KeyError(key)
+    return error
+
+
 @pytest.mark.parametrize(
     ("error", "words"),
     [
@@ -500,7 +506,8 @@ def _quoting(inner: Exception) -> Exception:
         (MemoryError(), "a length in it is larger than the memory"),
         (_quoting(TypeError("x is not subscriptable")), "Invalid bag metadata: its structure is wrong"),
         (_quoting(IsADirectoryError(21, "Is a directory")), "Invalid bag metadata: Is a directory"),
-        (_quoting(_quoting(KeyError("x"))), "Invalid bag metadata: its structure is wrong"),
+        (_quoting(_quoting(KeyError("x"))), "Invalid bag metadata: it lacks 'x'$"),
+        (_lacking("name"), "A metadata key is missing: it lacks 'name'$"),
         (
             ValueError("no grammar for 'abc'\nand more\n" * 99),
             r"a\.bag: cannot open the recording: no grammar for 'abc'$",

@@ -80,6 +80,8 @@ def test_an_empty_file_is_an_empty_trajectory(tmp_path: Path) -> None:
         ("1 0 0 0 0 0 0 0", "the quaternion has norm 0"),
         ("1 0 0 0 2 0 0 1", "the quaternion has norm 2.24"),
         ("-1 0 0 0 0 0 0 1", "stamps must increase"),
+        ("1 -1e308 0 0 0 0 0 1", r"1 s at \(-1e\+308, 0\) m is beyond all that can be computed with"),
+        ("1e300 0 0 0 0 0 0 1", r"1e\+300 s at \(0, 0\) m is beyond"),
         ("x" * 100_000, "expected 8 numbers"),
     ],
 )

@@ -45,7 +45,7 @@ _ILL_TYPED: dict[tuple[str, str], tuple[str, ...]] = {
     ("localizer", "latency_s"): ("object", "text", "list"),
     ("localizer", "counters"): ("none", "object", "text", "list", "counts"),
     ("estimator", "apply"): ("none", "object", "text"),
-    ("estimator", "belief"): ("none", "object", "text", "complex belief"),
+    ("estimator", "belief"): ("none", "object", "text", "complex belief", "far belief"),
     ("estimator", "counters"): ("none", "object", "text", "counts"),
     ("controller", "gives"): ("none", "object"),
     ("controller", "step"): ("none", "object", "text", "class"),

@@ -265,3 +265,14 @@ class TestMerge:
 
         assert "source 'wheels' begins 1700000000 s after 'front'" in caplog.text
         pipeline.close()
+
+
+def test_ground_truth_beyond_all_reason_is_a_warning(fakes, caplog) -> None:
+    truth = Trajectory.from_poses([(0.0, Pose2()), (1.0, Pose2(-1e300))])
+    source = fakes.Recording(fakes.scalar_frames("light", [0.0, 1.0]), truth=truth)
+
+    with Pipeline(fakes.parts({"light": source})) as pipeline:
+        list(pipeline)
+
+    assert pipeline.result.ground_truth is None
+    assert "source 'light' gives no ground truth: ValueError: it reaches 1e+300 m" in caplog.text

@@ -98,6 +98,7 @@ ANSWERS: dict[str, Callable[[], Any]] = {
     "class": lambda: Fix,
     "complex": lambda: [Fix(0.0, Pose2(), np.eye(3) * 1j)],
     "complex belief": lambda: Belief(0.0, Pose2(), np.eye(3) * 1j),
+    "far belief": lambda: Belief(0.0, Pose2(1e300)),
     "mute": lambda: [Lost(0.0, 3)],
     "bare": lambda: [Lost(0.0, "dark", [1.0])],
     "many": lambda: [Fix(0.0, Pose2(), np.eye(3))] * 200_000,

@@ -135,6 +135,19 @@ def test_the_taught_path_is_drawn_where_the_map_lies(run: Path) -> None:
     np.testing.assert_allclose(taught, pose @ np.ascontiguousarray(path.positions), atol=1e-4)
 
 
+@pytest.mark.filterwarnings("ignore:overflow encountered", "ignore:invalid value encountered")
+def test_a_fix_beyond_all_reason_is_a_gap(run: Path) -> None:
+    table = run / "estimates.csv"
+    head, *rows = table.read_text().splitlines()
+    fix = next(row for row in rows if ",fix," in row).split(",")
+    fix[5] = "1e308"
+    table.write_text("\n".join([head, ",".join(fix), *rows]) + "\n")
+
+    (told,) = data_of(write_report(run))["fixes"]
+
+    assert np.isnan(unpacked(told["x"])).sum() == 1
+
+
 def test_words_of_a_run_cannot_end_the_data(run: Path) -> None:
     table = run / "estimates.csv"
     table.write_text(table.read_text().replace('"too dark, blurred"', '"</script><script>alert(1)</script>"'))

@@ -12,7 +12,10 @@ from trailmark.arrays import Floats
 from trailmark.errors import ShapeError
 from trailmark.geometry.se2 import Pose2, wrap_angles
 
-__all__ = ["Trajectory"]
+__all__ = ["FARTHEST_M", "Trajectory"]
+
+#: No robot is farther from the origin of its map; of squares and sums of what is no digits are left, or they overflow.
+FARTHEST_M = 1e12
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from trailmark.errors import DataError
-from trailmark.geometry.trajectory import Trajectory
+from trailmark.geometry.trajectory import FARTHEST_M, Trajectory
 
 __all__ = ["read_tum", "tum_text", "write_tum"]
 
 logger = logging.getLogger(__name__)
 
 _COLUMNS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
+_LATEST_S = 1e20  # nanoseconds for seconds are 1e18
 _MAX_LINE = 2_000  # a longer line is not a trajectory, and need not be echoed
 
 
@@ -81,6 +82,8 @@ def _parse_line(text: str, previous_s: float, where: str) -> tuple[float, float,
         raise DataError(f"{where}: {bad[:40]!r} is not a number") from None
     if not all(math.isfinite(value) for value in values):
         raise DataError(f"{where}: a number is not finite")
+    if max(abs(x), abs(y)) > FARTHEST_M or abs(t) > _LATEST_S:
+        raise DataError(f"{where}: {t:g} s at ({x:g}, {y:g}) m is beyond all that can be computed with")
     norm = math.hypot(qx, qy, qz, qw)
     if not 0.9 < norm < 1.1:
         raise DataError(f"{where}: the quaternion has norm {norm:.3g}; qx qy qz qw must be a unit quaternion")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -24,6 +23,7 @@ __all__ = ["explorer_document"]
 Document = dict[str, Any]
 
 #: Of one line, and of all lines of a page.
+_LARGEST = 2.0**53  # JavaScript counts no further
 _MAX_POINTS, _MAX_ALL = 900, 8000
 _MAX_BELIEFS, _MAX_FIXES, _MAX_OUTLINES = 500, 1000, 4000
 
@@ -244,11 +244,11 @@ def _line_in(pose: Pose2, points: Floats) -> list[list[float]]:
 
 
 def _packed(values: Floats, steps: int) -> list[int | None]:
-    """Return numbers as differences of whole steps, after how many make one; a gap is None."""
+    """Return numbers as differences of whole steps, after how many make one; a gap, or what is absurd, is None."""
     packed: list[int | None] = [steps]
     last = 0
     for value in values.tolist():
-        if not math.isfinite(value):
+        if not abs(value * steps) < _LARGEST:  # nor NaN
             packed.append(None)
             continue
         whole = round(value * steps)

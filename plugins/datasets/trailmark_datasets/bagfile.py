@@ -200,7 +200,8 @@ def _words_of(error: BaseException) -> str:
         if isinstance(inner, OSError) and inner.strerror:
             return f"{str(error).partition(':')[0]}: {inner.strerror}"
         if isinstance(inner, _SPEAK_OF_PYTHON) and str(error):
-            return f"{str(error).partition(':')[0]}: its structure is wrong"
+            what = str(error).partition(":")[0].replace(repr(inner), "").rstrip(" .")
+            return f"{what}: it lacks {inner}" if isinstance(inner, KeyError) else f"{what}: its structure is wrong"
     if str(error) and not isinstance(error, _SPEAK_OF_PYTHON):
         first = str(error).partition("\n")[0]
         return first if len(first) < _MOST_WORDS else f"{first[:_MOST_WORDS]} ..."

@@ -13,9 +13,10 @@ import numpy as np
 
 from trailmark.arrays import Floats
 from trailmark.errors import ConfigError
-from trailmark.estimates import Applied, Belief, Estimate, EstimateRecord, Motion
+from trailmark.estimates import Applied, Belief, Estimate, EstimateRecord, Fix, Motion, PathOffset
 from trailmark.failures import raise_failure
 from trailmark.geometry import Pose2
+from trailmark.geometry.trajectory import FARTHEST_M
 from trailmark.interfaces import Estimator
 from trailmark.pipeline.localizers.runner import ObserveResult
 from trailmark.pipeline.parts import LocalizerPart
@@ -105,6 +106,9 @@ class EstimatorRunner:
                 raise TypeError(f"it returned {type(belief).__name__}, not a Belief")
             if isinstance(belief.covariance, np.ndarray) and belief.covariance.dtype.kind == "c":
                 raise TypeError("it returned a Belief with a covariance of complex numbers")
+            pose = belief.pose_map_base
+            if pose is not None and max(abs(pose.x), abs(pose.y)) > FARTHEST_M:
+                raise ValueError(f"it believes to be at {pose}")
         except BaseException as error:
             raise_failure(error, "the estimator", "belief", keeps=())
         self._times.append(perf_counter_ns() - began_ns)
@@ -116,6 +120,8 @@ class EstimatorRunner:
             return _NOT_IN_USE
         if estimate.stamp_s > frame_s + _SLACK_S:
             return Applied("refused", f"about {estimate.stamp_s:.6f} s, but its frame is of {frame_s:.6f} s")
+        if _reaches_m(estimate) > FARTHEST_M:
+            return Applied("refused", f"{_reaches_m(estimate):.3g} m away: no robot comes so far")
         if isinstance(estimate, Motion) and name not in self._moving:
             self._admit_motion(localizer)
         began_ns = perf_counter_ns()
@@ -138,6 +144,16 @@ class EstimatorRunner:
                     f" counts with estimator: {{use: [{other.name}]}}, or choose an estimator that weighs them"
                 )
         self._moving[localizer.name] = localizer
+
+
+def _reaches_m(estimate: Estimate) -> float:
+    """Return the largest coordinate of an estimate [m]."""
+    match estimate:
+        case Motion(pose_since_now=pose) | Fix(pose_map_base=pose):
+            return max(abs(pose.x), abs(pose.y))
+        case PathOffset():
+            return max(abs(estimate.station_m), abs(estimate.lateral_m))
+    return 0.0
 
 
 def _problem_of(pose: object, covariance: object, stamp_s: object) -> str | None:

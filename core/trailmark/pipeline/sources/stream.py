@@ -10,12 +10,15 @@ from dataclasses import replace
 from time import perf_counter_ns
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from trailmark.config import LiveSourceConfig, Mounting, SensorOverride, SourceConfig
 from trailmark.errors import ConfigError, SourceError, SourceFailedError
 from trailmark.failures import call_guarded, is_from_user, raise_failure, words_of
 from trailmark.frames import Calibration, Frame, SensorInfo
 from trailmark.frames.outlines import Outlines
 from trailmark.geometry import Pose3, Trajectory, read_tum
+from trailmark.geometry.trajectory import FARTHEST_M
 from trailmark.interfaces import Drivable, FrameSource, Session
 from trailmark.pipeline.instruments import SOURCE_COUNTS, Counters, counts_of
 from trailmark.pipeline.sources.checks import FrameChecks
@@ -158,6 +161,8 @@ class SourceStream:
         truth = self.source.ground_truth() if self._truth is None else self._truth
         if truth is not None and not isinstance(truth, Trajectory):
             raise TypeError(f"it gave {type(truth).__name__}, not a Trajectory")
+        if truth is not None and len(truth) and (farthest_m := float(np.abs(truth.poses[:, :2]).max())) > FARTHEST_M:
+            raise ValueError(f"it reaches {farthest_m:.3g} m")
         offset_s = self._options.time_offset_s
         return Trajectory(truth.stamps_s + offset_s, truth.poses) if truth is not None and offset_s else truth
 

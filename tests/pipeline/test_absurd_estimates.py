@@ -1,11 +1,11 @@
-"""A localizer that says far too much: what is written of it is for people to read."""
+"""A localizer that says far too much, or what cannot be: it is cut, or refused."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from trailmark.estimates import Belief, Estimate, Fix, Lost
+from trailmark.estimates import Belief, Estimate, Fix, Lost, Motion, PathOffset
 from trailmark.frames import Frame
 from trailmark.geometry import Pose2
 from trailmark.pipeline import Pipeline
@@ -50,3 +50,24 @@ def test_what_people_can_read_is_left_as_it_is(fakes, caplog) -> None:
 
     assert records_of(fakes, [estimate])[0] is estimate
     assert not caplog.text
+
+
+@pytest.mark.parametrize(
+    "estimate",
+    [
+        Fix(0.0, Pose2(1e308), np.eye(3)),
+        Motion(-1.0, 0.0, Pose2(0.0, -1e13), np.eye(3)),
+        PathOffset(0.0, 1e13, 0.0, 0.0, np.eye(3)),
+    ],
+)
+def test_an_estimate_beyond_all_reason_is_refused(fakes, estimate: Estimate) -> None:
+    parts = fakes.parts(
+        {"cam": fakes.Recording(fakes.image_frames("cam", [0.0]))},
+        {"far": fakes.Scripted(lambda frame, belief: [estimate])},
+    )
+
+    (step,) = Pipeline(parts)
+
+    (record,) = step.estimates
+    assert record.outcome.status == "refused"
+    assert "no robot comes so far" in record.outcome.reason
