@@ -7,13 +7,14 @@ import shlex
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
 
 from trailmark.interruption import TELL_S, Interrupted, asked, reason_of, shielded
 from trailmark.pipeline import Pipeline, RunRequest, RunResult, Step, link_latest, new_folder
 
 if TYPE_CHECKING:
     from trailmark.config import RunConfig
+    from trailmark.interfaces import Controller, Estimator, Fault, FrameSource, Localizer, PathStore, Sink
     from trailmark.pipeline.request import RunKeywords
     from trailmark.plugins import Plugins
     from trailmark.report.glimpses import Glimpses
@@ -84,6 +85,22 @@ def run(
     return _evaluated(pipeline, glimpses)
 
 
+@overload
+def create(kind: Literal["source"], name: str, *, plugins: Plugins | None = None, **config: Any) -> FrameSource: ...
+@overload
+def create(kind: Literal["localizer"], name: str, *, plugins: Plugins | None = None, **config: Any) -> Localizer: ...
+@overload
+def create(kind: Literal["estimator"], name: str, *, plugins: Plugins | None = None, **config: Any) -> Estimator: ...
+@overload
+def create(kind: Literal["path_store"], name: str, *, plugins: Plugins | None = None, **config: Any) -> PathStore: ...
+@overload
+def create(kind: Literal["controller"], name: str, *, plugins: Plugins | None = None, **config: Any) -> Controller: ...
+@overload
+def create(kind: Literal["sink"], name: str, *, plugins: Plugins | None = None, **config: Any) -> Sink: ...
+@overload
+def create(kind: Literal["fault"], name: str, *, plugins: Plugins | None = None, **config: Any) -> Fault: ...
+@overload
+def create(kind: str, name: str, *, plugins: Plugins | None = None, **config: Any) -> Any: ...
 def create(kind: str, name: str, *, plugins: Plugins | None = None, **config: Any) -> Any:
     """Return one part alone, constructed and not started: ``create("localizer", "ground_vo", camera="floor")``.
 

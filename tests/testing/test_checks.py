@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from trailmark.config import PluginConfig, Sensor
-from trailmark.errors import SourceError
+from trailmark.errors import ShapeError, SourceError
 from trailmark.estimates import Belief, Estimate, Fix, Lost, Motion, information_from_sigmas
 from trailmark.frames import Frame, Image, Odometry
 from trailmark.geometry import Pose2
@@ -334,3 +334,8 @@ def test_a_fault_that_cannot_bear_black_pictures_is_found() -> None:
 @pytest.mark.parametrize("name", sorted(fault_checks(Brighter, FaultConfig())))
 def test_an_honest_fault_passes(name: str) -> None:
     fault_checks(Brighter, FaultConfig())[name]()
+
+
+def test_a_truth_that_is_no_trajectory_is_refused_with_the_way_to_make_one() -> None:
+    with pytest.raises(ShapeError, match=r"not a list: Trajectory\.from_poses"):
+        SyntheticRun((), {}, [(0.0, Pose2())])  # type: ignore[arg-type]

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from trailmark.arrays import Floats
 from trailmark.errors import ShapeError
+from trailmark.geometry.notebook import pandas_module, plane_axes
 from trailmark.geometry.se2 import Pose2, wrap_angles
 
 __all__ = ["FARTHEST_M", "Trajectory"]
@@ -18,7 +20,7 @@ __all__ = ["FARTHEST_M", "Trajectory"]
 FARTHEST_M = 1e12
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Trajectory:
     """Poses of one body over time, at strictly increasing stamps.
 
@@ -60,6 +62,12 @@ class Trajectory:
         rows = [(stamp_s, pose.x, pose.y, pose.theta) for stamp_s, pose in stamped]
         array = np.array(rows, dtype=np.float64).reshape(-1, 4)
         return cls(array[:, 0], array[:, 1:])
+
+    def __repr__(self) -> str:
+        if not len(self):
+            return "Trajectory(no poses)"
+        first_s, last_s = self.stamps_s[[0, -1]]
+        return f"Trajectory({len(self)} poses, {first_s:.6g} to {last_s:.6g} s, {self.length_m():.4g} m)"
 
     def __len__(self) -> int:
         return len(self.stamps_s)
@@ -122,6 +130,32 @@ class Trajectory:
         positions = pose_new_old @ np.ascontiguousarray(self.positions)
         headings = self.headings + pose_new_old.theta
         return Trajectory(self.stamps_s, np.column_stack([positions, headings]))
+
+    def to_frame(self) -> Any:
+        """Return a pandas.DataFrame: columns ``x``, ``y``, ``theta`` [m, m, rad], index ``stamp_s``.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+        """
+        columns = {"x": self.poses[:, 0], "y": self.poses[:, 1], "theta": self.poses[:, 2]}
+        pandas = pandas_module()
+        return pandas.DataFrame(columns, index=pandas.Index(self.stamps_s, name="stamp_s"))
+
+    def plot(self, axes: Any = None, **style: Any) -> Any:
+        """Draw the way in the plane and return the axes.
+
+        Parameters
+        ----------
+        axes : matplotlib.axes.Axes, optional
+            Where; default: the current ones of pyplot, as in a notebook.
+        **style
+            As of ``Axes.plot``: ``color``, ``label``.
+        """
+        axes = plane_axes(axes)
+        axes.plot(*self.positions.T, **style)
+        return axes
 
 
 def _check_finite_and_increasing(stamps: Floats, poses: Floats) -> None:

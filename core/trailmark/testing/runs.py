@@ -53,6 +53,9 @@ class SyntheticRun:
     truth: Trajectory
 
     def __post_init__(self) -> None:
+        if not isinstance(self.truth, Trajectory):
+            kind = type(self.truth).__name__
+            raise ShapeError(f"the truth is a Trajectory, not a {kind}: Trajectory.from_poses([(stamp_s, pose), ...])")
         unknown = {frame.sensor for frame in self.frames} - set(self.sensors)
         if unknown:
             raise ShapeError(f"frames of {', '.join(sorted(unknown))}, but the sensors are {', '.join(self.sensors)}")

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from trailmark.lazy import lazy_names
 
 if TYPE_CHECKING:
     from trailmark_omni_surf.bearings import BearingFix, BearingNoise, locate
     from trailmark_omni_surf.circle import BearingCamera, ImageCircle, find_circle
+    from trailmark_omni_surf.config import OmniSurfConfig
     from trailmark_omni_surf.features import Features, create_features, match
     from trailmark_omni_surf.landmarks import LandmarkMeasurement, measure_landmark
+    from trailmark_omni_surf.laser.config import LaserIcpConfig
+    from trailmark_omni_surf.laser.localizer import LaserIcp
     from trailmark_omni_surf.laser.matching import ScanMatch, SearchWindow, match_scan
     from trailmark_omni_surf.laser.scan_map import ScanMap
+    from trailmark_omni_surf.localizer import OmniSurf
     from trailmark_omni_surf.surf.detector import Surf, SurfOptions
 
 __all__ = [
@@ -21,6 +26,10 @@ __all__ = [
     "Features",
     "ImageCircle",
     "LandmarkMeasurement",
+    "LaserIcp",
+    "LaserIcpConfig",
+    "OmniSurf",
+    "OmniSurfConfig",
     "ScanMap",
     "ScanMatch",
     "SearchWindow",
@@ -34,19 +43,19 @@ __all__ = [
     "measure_landmark",
 ]
 
-_HOMES = {
-    "bearings": ("BearingFix", "BearingNoise", "locate"),
-    "circle": ("BearingCamera", "ImageCircle", "find_circle"),
-    "features": ("Features", "create_features", "match"),
-    "landmarks": ("LandmarkMeasurement", "measure_landmark"),
-    "laser.matching": ("ScanMatch", "SearchWindow", "match_scan"),
-    "laser.scan_map": ("ScanMap",),
-    "surf.detector": ("Surf", "SurfOptions"),
-}
-
-
-def __getattr__(name: str) -> Any:
-    for module, names in _HOMES.items():
-        if name in names:
-            return getattr(import_module(f"{__name__}.{module}"), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__, __dir__ = lazy_names(
+    __name__,
+    {
+        "bearings": ("BearingFix", "BearingNoise", "locate"),
+        "circle": ("BearingCamera", "ImageCircle", "find_circle"),
+        "features": ("Features", "create_features", "match"),
+        "landmarks": ("LandmarkMeasurement", "measure_landmark"),
+        "laser.matching": ("ScanMatch", "SearchWindow", "match_scan"),
+        "laser.scan_map": ("ScanMap",),
+        "surf.detector": ("Surf", "SurfOptions"),
+        "config": ("OmniSurfConfig",),
+        "laser.config": ("LaserIcpConfig",),
+        "laser.localizer": ("LaserIcp",),
+        "localizer": ("OmniSurf",),
+    },
+)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from html import escape
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
@@ -13,6 +14,7 @@ from trailmark.estimates import Belief, EstimateRecord
 from trailmark.frames import Frame
 from trailmark.frames.outlines import Outlines
 from trailmark.geometry import Trajectory
+from trailmark.geometry.notebook import pandas_module, plane_axes
 
 __all__ = ["RunResult", "Status", "Step"]
 
@@ -44,7 +46,7 @@ class Step:
     command: Command | None = None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class RunResult:
     """How a run ended, and what it gave.
 
@@ -79,3 +81,64 @@ class RunResult:
     folder: Path | None = None
     outlines: Outlines | None = field(default=None, repr=False)
     metrics: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}), repr=False)
+
+    def __repr__(self) -> str:
+        ended = f"{self.status}: {self.reason}" if self.reason else self.status
+        where = "" if self.folder is None else f", folder {str(self.folder)!r}"
+        return f"RunResult({ended}; trajectories {', '.join(self.trajectories) or 'none'}{where})"
+
+    def to_frame(self) -> Any:
+        """Return all poses as a pandas.DataFrame: ``trajectory``, ``stamp_s``, ``x``, ``y``, ``theta`` [s, m, m, rad].
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+        """
+        ways = self._ways()
+        pandas = pandas_module()
+        frames = [way.to_frame().reset_index().assign(trajectory=name) for name, way in ways.items() if len(way)]
+        columns = ["trajectory", "stamp_s", "x", "y", "theta"]
+        return pandas.concat(frames, ignore_index=True)[columns] if frames else pandas.DataFrame(columns=columns)
+
+    def plot(self, axes: Any = None) -> Any:
+        """Draw all trajectories in the plane, as they are, and return the axes.
+
+        Parameters
+        ----------
+        axes : matplotlib.axes.Axes, optional
+            Where; default: the current ones of pyplot, as in a notebook.
+        """
+        axes = plane_axes(axes)
+        for name, way in self._ways().items():
+            if len(way):
+                way.plot(axes, label=name, **_STYLES.get(name, {}))
+        axes.legend()
+        return axes
+
+    def _repr_html_(self) -> str:
+        """Return a small table, which notebooks show in place of the text."""
+        ended = escape(f"{self.status}: {self.reason}" if self.reason else self.status)
+        rows = "".join(_row_html(name, way, self.metrics) for name, way in self.trajectories.items())
+        where = "" if self.folder is None else f"<p>{escape(str(self.folder / 'report.html'))}</p>"
+        head = "<tr><th></th><th>poses</th><th>way [m]</th><th>rms error [m]</th></tr>"
+        return f"<p><b>{ended}</b></p><table><thead>{head}</thead><tbody>{rows}</tbody></table>{where}"
+
+    def _ways(self) -> dict[str, Trajectory]:
+        """Return all trajectories, the truth first."""
+        truth = {} if self.ground_truth is None else {"groundtruth": self.ground_truth}
+        return truth | dict(self.trajectories)
+
+
+#: Of the trajectories that every run has.
+_STYLES: Mapping[str, Mapping[str, Any]] = {
+    "groundtruth": {"color": "0.7", "linewidth": 4.0},
+    "fused": {"color": "black"},
+}
+
+
+def _row_html(name: str, way: Trajectory, metrics: Mapping[str, Any]) -> str:
+    known = metrics.get("trajectories", {}).get(name, {}).get("metrics", {})
+    error = next((value for metric, value in known.items() if metric.startswith("ate_rmse_m")), None)
+    cells = (escape(name), str(len(way)), f"{way.length_m():.4g}", "" if error is None else f"{error:.4g}")
+    return f"<tr>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>"
