@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import contextlib
+import errno
 import itertools
 import json
 import math
@@ -310,6 +311,57 @@ def test_one_stamp_of_the_future_costs_its_own_line_alone(opened) -> None:
 
     assert [frame.stamp_s for frame in frames] == [1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6]
     assert source.counters() == {"skipped": 1}
+
+
+def test_a_first_stamp_of_the_future_ends_the_run(opened) -> None:
+    source = opened(over="udp")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
+        for stamp_s in (4e9, 1.5, 1.6, 1.7):
+            robot.sendto(wheels(stamp_s), ("127.0.0.1", source.port))
+
+        with pytest.raises(SourceError, match=r"the first stamp of 'wheels' was 399999999\d s ahead of all after it"):
+            list(itertools.islice(source.frames(), 2))
+
+
+@pytest.mark.parametrize("stamp_s", [1.7e12, -1.7e18])
+def test_stamps_that_are_no_seconds_are_refused(opened, caplog, stamp_s: float) -> None:
+    source = opened(over="udp")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
+        robot.sendto(wheels(stamp_s) + wheels(1.5), ("127.0.0.1", source.port))
+
+        assert next(source.frames()).stamp_s == 1.5
+    assert f"stamp_s is {stamp_s:g}, which are no seconds; milliseconds or nanoseconds?" in caplog.text
+
+
+class TestBrokenChannels:
+    """Whatever the system says of a channel, it is told in words."""
+
+    def test_one_that_cannot_be_read(self, opened, monkeypatch) -> None:
+        source = opened(over="udp")
+
+        def fail(*_: object) -> None:
+            raise OSError(errno.ENETDOWN, os.strerror(errno.ENETDOWN))
+
+        monkeypatch.setattr(source._channel, "read", fail)
+
+        with pytest.raises(SourceError, match="nothing can be read from udp any more: Network is down"):
+            next(source.frames())
+
+    def test_standard_input_that_is_closed(self, opened, monkeypatch) -> None:
+        with open(os.devnull) as closed:
+            pass
+        monkeypatch.setattr(sys, "stdin", closed)
+        source = opened(over="stdin")
+
+        with pytest.raises(SourceError, match="nothing can be read from stdin any more: I/O operation on closed file"):
+            next(source.frames())
+
+    def test_one_that_cannot_be_written(self, opened) -> None:
+        source = opened(over="udp", command="velocity")
+        source._channel._peer = ("127.0.0.1", 0)  # a port that nobody can have
+
+        with pytest.raises(SourceError, match=r"no command can be sent to 127\.0\.0\.1: Invalid argument"):
+            source.drive(Velocity(0.1))
 
 
 def test_while_a_person_teaches_nothing_but_stops_is_sent(opened) -> None:

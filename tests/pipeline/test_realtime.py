@@ -8,6 +8,7 @@ from queue import SimpleQueue
 import pytest
 
 from trailmark.commands import Velocity
+from trailmark.config import SourceConfig
 from trailmark.errors import ConfigError, RunError, SourceError
 from trailmark.estimates import Fix
 from trailmark.frames import SensorInfo
@@ -219,3 +220,35 @@ class TestWorkers:
         list(Pipeline(parts, clock=fakes.FakeClock()))
 
         assert threading.active_count() == before
+
+
+class TestStampsOfDevices:
+    """Whatever gives live frames: one stamp of the future silences nobody."""
+
+    def run(self, fakes, monkeypatch, stamps, **options):
+        """Return the run of a device whose frames come every tenth of a second, with these stamps."""
+        came_s = iter(0.1 * k for k in range(100))
+        monkeypatch.setattr("trailmark.pipeline.sources.stream.live_stamp_s", lambda: next(came_s))
+        device = Device.of(fakes)
+        for frame in fakes.image_frames("cam", stamps):
+            device.queue.put(frame)
+        device.queue.put(None)
+        parts = fakes.parts({"cam": device}, {"vo": fakes.Mover(Pose2(0.1))}, options={"cam": SourceConfig(**options)})
+        return Pipeline(parts)
+
+    def test_it_costs_its_own_frame_alone(self, fakes, monkeypatch) -> None:
+        pipeline = self.run(fakes, monkeypatch, [0.0, 0.1, 1e9, 0.3, 0.4], on_bad_frame="skip")
+
+        list(pipeline)
+
+        assert pipeline.counters["source.cam.skipped"] == 1
+        assert pipeline.counters["source.cam.frames"] == 4
+
+    def test_it_is_an_error_where_bad_frames_are(self, fakes, monkeypatch) -> None:
+        with pytest.raises(SourceError, match=r"the frame of 'cam' at 5000.000000 s is 5000 s ahead of those"):
+            list(self.run(fakes, monkeypatch, [0.0, 0.1, 5000.0, 0.3]))
+
+    @pytest.mark.parametrize("on_bad_frame", ["skip", "error"])
+    def test_a_run_that_began_in_the_future_ends(self, fakes, monkeypatch, on_bad_frame) -> None:
+        with pytest.raises(SourceError, match=r"the first frame of 'cam' was 500 s ahead of all|goes back in time"):
+            list(self.run(fakes, monkeypatch, [500.0, 0.1, 0.2, 0.3, 0.4], on_bad_frame=on_bad_frame))

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from trailmark.errors import SourceError
+from trailmark.frames import Scalar
 from trailmark_ros2.stamping import Stamper
 
 
@@ -31,3 +33,51 @@ def test_where_arrivals_count_no_stamp_is_refused() -> None:
         stamper.stamp_s(message(k), float(k))
 
     assert stamper.stamp_s(message(4_000_000_011), 11.0) == 11.0
+
+
+class Talker:
+    """A subscription to a topic on which stamps come, one by one."""
+
+    topic = "/odom"
+    type_name = "odometry"
+
+    def __init__(self, stamps: list[float]) -> None:
+        self._stamps = stamps
+
+    def take(self) -> list[SimpleNamespace]:
+        return [SimpleNamespace(cdr=[stamp_s], writer=1) for stamp_s in self._stamps]
+
+
+@pytest.fixture
+def feed(monkeypatch):
+    """Makes a feed of stamps that come a tenth of a second one after another."""
+
+    feeds = pytest.importorskip("trailmark_ros2.feeds", exc_type=ImportError)
+
+    def make(stamps: list[float]) -> Any:
+        came_s = iter(0.1 * k for k in range(100))
+        monkeypatch.setattr("trailmark_ros2.feeds.live_stamp_s", lambda: next(came_s))
+        monkeypatch.setattr("trailmark_ros2.feeds.deserialize", lambda cdr, _: message_with_frame(cdr[0]))
+        reader = SimpleNamespace(restarts=0, payload=lambda *_: Scalar(0.0))
+        return feeds.TopicFeed("wheels", Talker(stamps), reader, Stamper("/odom", "header", 1e10), skips=True)
+
+    return make
+
+
+def message_with_frame(stamp_s: float) -> SimpleNamespace:
+    stamp = SimpleNamespace(sec=int(stamp_s), nanosec=round(stamp_s % 1 * 1e9))
+    return SimpleNamespace(header=SimpleNamespace(stamp=stamp, frame_id="odom"))
+
+
+def test_stamps_that_go_back_are_said_once(feed, caplog) -> None:
+    talker = feed([5.0, 5.1, 1.0, 1.1, 5.2])
+
+    assert [frame.stamp_s for frame in talker.take()] == pytest.approx([5.0, 5.1, 5.2])
+    assert talker.counts["went_back"] == 2
+    assert caplog.text.count("/odom: stamps went back from 5.100 s to 1.000 s") == 1
+    assert caplog.text.count("went back") == 1
+
+
+def test_a_first_stamp_of_the_future_ends_the_run(feed) -> None:
+    with pytest.raises(SourceError, match="/odom: the first stamp was 4000000000 s ahead of all after it"):
+        list(feed([4e9, 0.1, 0.2, 0.3, 0.4]).take())

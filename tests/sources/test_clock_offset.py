@@ -54,3 +54,31 @@ def test_a_log_that_comes_as_fast_as_it_is_read_is_believed() -> None:
     clock = ClockOffset()
 
     assert all(clock.note_message(float(k), 1e-4 * k) == 0.0 for k in range(300))  # a second between two
+
+
+class TestBeginning:
+    """The first stamp has nothing before it to be compared with; those after it tell."""
+
+    @pytest.mark.parametrize("offset_s", [0.0, -3600.0])
+    def test_a_first_stamp_of_the_future_is_told_by_the_three_after_it(self, offset_s: float) -> None:
+        clock = ClockOffset()
+        told = []
+        for k, stamp_s in enumerate([500.0, 0.1, 0.2, 0.3, 0.4]):
+            clock.note_message(stamp_s + offset_s, 0.1 * k)
+            told.append(clock.begun_ahead_s)
+
+        assert told == [0.0, 0.0, 0.0, pytest.approx(500.0), pytest.approx(500.0)]
+
+    def test_messages_that_waited_say_nothing_against_the_first(self) -> None:
+        clock = ClockOffset()
+        for stamp_s, came_s in [(0.0, 0.0), (0.1, 30.0), (0.2, 30.1), (30.2, 30.2), (0.3, 60.0), (0.4, 61.0)]:
+            clock.note_message(stamp_s, came_s)
+
+        assert clock.begun_ahead_s == 0.0
+
+    def test_a_clock_that_began_well_stays_so(self) -> None:
+        clock = clock_after(3, 0.0)
+        for k in range(10):
+            clock.note_message(0.1 * k, 1000.0 + 0.1 * k)
+
+        assert clock.begun_ahead_s == 0.0

@@ -25,6 +25,8 @@ class ClockOffset:
     def __init__(self) -> None:
         self._offsets_s: deque[float] = deque(maxlen=_N_KEPT)
         self._ahead_s: list[float] = []  # offsets of the last messages, if they are suspicious
+        self._first_s: float | None = None  # offset of the first message, until another agrees
+        self._behind_s: list[float] = []  # offsets of those that are far behind it
 
     @property
     def is_known(self) -> bool:
@@ -35,6 +37,16 @@ class ClockOffset:
     def median_s(self) -> float:
         """Median of stamp minus arrival; not a number before the first message [s]."""
         return median(self._offsets_s) if self._offsets_s else math.nan
+
+    @property
+    def begun_ahead_s(self) -> float:
+        """How far the first message was ahead of all after it, once that is certain; 0: it was not [s].
+
+        Nothing can be done about it: whoever believed the first stamp is in the future.
+        """
+        if self._first_s is None or len(self._behind_s) < _N_BELIEVED:
+            return 0.0
+        return self._first_s - median(self._behind_s)
 
     def note_message(self, stamp_s: float, came_s: float) -> float:
         """Take note of a message; return how far its stamp is ahead of all before it if it is not to be believed.
@@ -50,6 +62,7 @@ class ClockOffset:
             0 where it is believed [s].
         """
         offset_s = stamp_s - came_s
+        self._compare_with_first(offset_s)
         newest_s = max(self._offsets_s, default=offset_s)
         if offset_s - newest_s > _AHEAD_S:
             if self._ahead_s and abs(offset_s - self._ahead_s[-1]) > _AHEAD_S:
@@ -60,3 +73,11 @@ class ClockOffset:
         self._ahead_s.clear()
         self._offsets_s.append(offset_s)
         return 0.0
+
+    def _compare_with_first(self, offset_s: float) -> None:
+        if not self._offsets_s:
+            self._first_s = offset_s
+        elif self._first_s is not None and offset_s < self._first_s - _AHEAD_S:
+            self._behind_s.append(offset_s)
+        elif len(self._behind_s) < _N_BELIEVED:
+            self._first_s = None

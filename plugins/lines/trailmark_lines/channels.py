@@ -127,8 +127,14 @@ class UdpChannel(Channel):
 
     def write(self, data: bytes) -> None:
         """Send a packet."""
-        if self._peer is not None:
+        if self._peer is None:
+            return
+        try:
             self._socket.sendto(data, self._peer)
+        except ConnectionError:
+            return
+        except OSError as error:
+            raise SourceError(f"no command can be sent to {self._peer[0]}: {error.strerror or error}") from error
 
     def close(self) -> None:
         """Close the socket."""
@@ -185,6 +191,8 @@ class TcpChannel(Channel):
         except TimeoutError as error:
             connection.shutdown(socket.SHUT_RDWR)  # which ends it for the thread that reads
             raise SourceError("who is connected does not read the commands") from error
+        except OSError as error:
+            raise SourceError(f"no command can be sent: {error.strerror or error}") from error
 
     def close(self) -> None:
         """Close both sockets."""

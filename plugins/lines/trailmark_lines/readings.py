@@ -19,6 +19,8 @@ from trailmark.sources.pictures import as_payload_pixels, decode_raw, read_pictu
 
 __all__ = ["LineReader", "document_of"]
 
+_LATEST_S = 1e11  # the year 5138
+
 
 def document_of(line: bytes) -> dict[str, Any]:
     """Return the JSON object of a line.
@@ -72,7 +74,10 @@ class LineReader:
             raise SourceError(f"a line of sensor {sensor!r}; the config names {', '.join(self._kinds)}")
         try:
             payload = self._payloads[self._kinds[sensor]](document)
-            return Frame(sensor, float(document.get("stamp_s", came_s)), payload)
+            stamp_s = float(document.get("stamp_s", came_s))
+            if _LATEST_S < abs(stamp_s) < math.inf:  # a frame itself refuses what is not finite
+                raise ValueError(f"stamp_s is {stamp_s:g}, which are no seconds; milliseconds or nanoseconds?")
+            return Frame(sensor, stamp_s, payload)
         except KeyError as error:
             raise SourceError(f"a line of {sensor!r} lacks {error}; it is of kind {self._kinds[sensor]}") from error
         except (TypeError, ValueError, OverflowError) as error:

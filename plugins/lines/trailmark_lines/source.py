@@ -131,11 +131,19 @@ class LinesSource(Drivable):
                     continue
                 came_s = live_stamp_s()
                 frame = self._reader.frame(document, came_s)
-                if ahead_s := clocks[frame.sensor].note_message(frame.stamp_s, came_s):
-                    raise SourceError(f"a stamp of {frame.sensor!r} is {ahead_s:.0f} s ahead of those before it")
+                clock = clocks[frame.sensor]
+                if ahead_s := clock.note_message(frame.stamp_s, came_s):
+                    raise SourceError(
+                        f"a stamp of {frame.sensor!r} is {ahead_s:.0f} s ahead of those before it; stamp_s are seconds"
+                    )
             except SourceError as error:
                 self._refuse(error)
                 continue
+            if clock.begun_ahead_s:
+                raise SourceError(
+                    f"the first stamp of {frame.sensor!r} was {clock.begun_ahead_s:.0f} s ahead of all after it, and"
+                    " the run began with it; begin anew"
+                )
             if frame.stamp_s <= newest_s.get(frame.sensor, -np.inf):
                 self._leave_out(frame, newest_s[frame.sensor])
                 continue
@@ -163,7 +171,7 @@ class LinesSource(Drivable):
             with self._busy:
                 if self._channel is None:
                     return
-                data = self._channel.read(_LONGEST_WAIT_S)
+                data = self._read(self._channel)
             *lines, rest = (rest + (b"\n" if data is None else data)).split(b"\n")
             yield from (line for line in lines if line.strip())
             if data is None:
@@ -171,6 +179,13 @@ class LinesSource(Drivable):
             if len(rest) > MAX_LINE:
                 self._refuse(SourceError(f"a line of more than {MAX_LINE} bytes"))
                 rest = b""
+
+    def _read(self, channel: Channel) -> bytes | None:
+        try:
+            return channel.read(_LONGEST_WAIT_S)
+        except (OSError, ValueError) as error:  # the latter if standard input was closed
+            words = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+            raise SourceError(f"nothing can be read from {self.config.over} any more: {words}") from error
 
     def _pass_told_pose(self, document: Mapping[str, Any]) -> None:
         """Pass on where a person says that the robot is."""

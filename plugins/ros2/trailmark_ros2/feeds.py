@@ -102,6 +102,11 @@ class TopicFeed:
                 yield from self._frames(sample, came_s)
             except Exception as error:  # a message from the network may hold anything
                 self._refuse(error)
+            if self.stamper.begun_ahead_s:
+                raise SourceError(
+                    f"{self.topic}: the first stamp was {self.stamper.begun_ahead_s:.0f} s ahead of all after it, and"
+                    " the run began with it; begin anew"
+                )
 
     def _frames(self, sample: Sample, came_s: float) -> Iterator[Frame]:
         if len(sample.cdr) > MAX_BYTES:
@@ -113,11 +118,26 @@ class TopicFeed:
             raise SourceError("the header's stamp is empty; set stamps: receive")
         for reading_s, payload in self._readings(message, stamp_s, sample.writer):
             if reading_s <= self._last_stamp_s:
-                self.counts["repeated" if reading_s == self._last_stamp_s else "went_back"] += 1
+                self._leave_out(reading_s)
                 continue
             self._last_stamp_s = reading_s
             self.counts["received"] += 1
             yield Frame(self.sensor, reading_s, payload)
+
+    def _leave_out(self, reading_s: float) -> None:
+        """Count a reading that is not newer than the one before it; of those that went back, the first is said."""
+        if reading_s == self._last_stamp_s:
+            self.counts["repeated"] += 1
+            return
+        if not self.counts["went_back"]:
+            logger.warning(
+                "%s: stamps went back from %.3f s to %.3f s; such messages are left out until the stamps are beyond the"
+                " first one again, others silently: did the robot's clock begin anew?",
+                self.topic,
+                self._last_stamp_s,
+                reading_s,
+            )
+        self.counts["went_back"] += 1
 
     def _readings(self, message: Any, stamp_s: float, writer: int) -> Iterator[tuple[float, Payload]]:
         if isinstance(self.reader, DepthPairing):

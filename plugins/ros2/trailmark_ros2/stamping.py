@@ -56,6 +56,11 @@ class Stamper:
         """Median of stamp minus arrival; not a number before the first message [s]."""
         return self._clock.median_s
 
+    @property
+    def begun_ahead_s(self) -> float:
+        """How far the first stamp that counts was ahead of all after it; 0: it was not [s]."""
+        return self._clock.begun_ahead_s if self._stamps == "header" else 0.0
+
     def _warn_if_far(self) -> None:
         if self._has_warned or not self._clock.is_known or abs(self.offset_s) <= self._max_offset_s:
             return

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from itertools import chain, islice
 from typing import Any
@@ -11,6 +12,7 @@ from typing import Any
 from trailmark.errors import SourceError
 from trailmark.frames import PAYLOAD_KINDS, Frame, Payload, Record, SensorInfo, payload_kind
 from trailmark.pipeline.instruments import Counters
+from trailmark.sources.clock_offset import ClockOffset
 
 __all__ = ["FrameChecks", "without_future"]
 
@@ -65,6 +67,35 @@ class FrameChecks:
     def without_future(self, frames: Iterator[Frame]) -> Iterator[Frame]:
         """Yield the frames without those of the future, see `without_future`; they are counted as skipped."""
         return without_future(frames, lambda frame: self._skip(frame, "is of the future: those after it are older"))
+
+    def timely(self, frames: Iterator[Frame], now_s: Callable[[], float]) -> Iterator[Frame]:
+        """Yield live frames, and refuse those whose stamps are ahead of the others of their sensor by our clock.
+
+        Parameters
+        ----------
+        frames : iterator of Frame
+            As the device gives them.
+        now_s : callable
+            Returns the time by our clock [s].
+
+        Raises
+        ------
+        SourceError
+            If such a frame is not to be skipped, or was the first: the run would wait for its time to come.
+        """
+        clocks: defaultdict[str, ClockOffset] = defaultdict(ClockOffset)
+        for frame in frames:
+            clock = clocks[frame.sensor]
+            ahead_s = clock.note_message(frame.stamp_s, now_s())
+            if clock.begun_ahead_s:
+                raise SourceError(
+                    f"source {self._source!r}: the first frame of {frame.sensor!r} was {clock.begun_ahead_s:.0f} s"
+                    " ahead of all after it, and the run began at its stamp; begin anew"
+                )
+            if ahead_s:
+                self._refuse(frame, f"is {ahead_s:.0f} s ahead of those before it")
+            else:
+                yield frame
 
     def good(self, frames: Iterator[Frame]) -> Iterator[Frame]:
         """Yield the frames that are good; see `accept`."""

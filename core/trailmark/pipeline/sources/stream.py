@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from trailmark.clock import live_stamp_s
 from trailmark.config import LiveSourceConfig, Mounting, SensorOverride, SourceConfig
 from trailmark.errors import ConfigError, SourceError, SourceFailedError
 from trailmark.failures import call_guarded, is_from_user, raise_failure, words_of
@@ -147,6 +148,8 @@ class SourceStream:
         checks.are_in_order = not self.is_live
         if skips and not self.is_live and self.drivable is None:  # a robot is not asked for the frames to come
             frames = checks.without_future(frames)
+        if self.is_live:
+            frames = checks.timely(frames, live_stamp_s)
         window = _Window(options.start_s or 0.0, options.stop_s or math.inf)
         if window.is_bounded:
             frames = window.until_its_end(frames)
