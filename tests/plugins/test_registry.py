@@ -19,7 +19,8 @@ def test_every_kind_has_a_method_that_registers_it():
     registry = Registry(Owner("mine", "tm-mine", "2.0"))
 
     for kind in KINDS:
-        getattr(registry, kind)("thing", "package.module:Thing", config="package.config:Config", extra="bags")
+        config = {} if kind == "dataset" else {"config": "package.config:Config"}
+        getattr(registry, kind)("thing", "package.module:Thing", **config, extra="bags")
 
     assert [spec.kind for spec in registry.specs()] == list(KINDS)
     spec = registry.find("metric", "thing")

@@ -172,6 +172,10 @@ class Registry:
         """Register an experiment of ``trailmark reproduce``."""
         self._add("experiment", name, target, config, about)
 
+    def dataset(self, name: str, target: str, **about: Unpack[About]) -> None:
+        """Register a recording: the import string of a `trailmark.datasets.Dataset`. ``trailmark data`` lists it."""
+        self._add("dataset", name, target, None, about)
+
     def executor(self, name: str, target: str | type, config: str | type | None = None, **about: Unpack[About]) -> None:
         """Register an executor of bench cells."""
         self._add("executor", name, target, config, about)

@@ -19,7 +19,17 @@ if TYPE_CHECKING:
 __all__ = ["KINDS", "Kind", "Spec", "import_string"]
 
 Kind = Literal[
-    "source", "localizer", "estimator", "path_store", "controller", "sink", "fault", "metric", "experiment", "executor"
+    "source",
+    "localizer",
+    "estimator",
+    "path_store",
+    "controller",
+    "sink",
+    "fault",
+    "metric",
+    "dataset",
+    "experiment",
+    "executor",
 ]
 
 #: The kinds of part that a plugin may bring.

@@ -1,4 +1,4 @@
-"""Registers the sources over files and devices."""
+"""Registers the sources over files and devices, and recordings by name."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 from trailmark import hookimpl
 
 if TYPE_CHECKING:
+    import click
+
     from trailmark.plugins import Registry
 
 _SOURCES = (
@@ -32,10 +34,21 @@ _OPENS = {
     "rosbag": ("*.bag", "*.mcap", "*.db3", "*/metadata.yaml"),
 }
 
+_KNOWN = (
+    ("intel", "Intel Research Lab: laser and odometry, corrected poses"),
+    ("fr079_corrected", "Freiburg 079: laser and odometry, corrected poses"),
+    ("fr079", "Freiburg 079: laser and raw odometry"),
+    ("aces", "ACES building, Austin: laser and raw odometry, relations"),
+    ("husky", "A Husky outdoors: odometry, inertial unit, GPS"),
+    *((f"mrclam_d6_robot{robot}", f"UTIAS MRCLAM data set 6, robot {robot}") for robot in range(1, 6)),
+)
+
 
 @hookimpl
 def trailmark_register(registry: Registry) -> None:
-    """Register every source, by import string."""
+    """Register every source and every known recording, by import string."""
+    for name, summary in _KNOWN:
+        registry.dataset(name, f"trailmark_datasets.known:{name.upper()}", summary=summary)
     for name, cls, summary, reference in _SOURCES:
         registry.source(
             name,
@@ -46,3 +59,11 @@ def trailmark_register(registry: Registry) -> None:
             extra="bags" if name == "rosbag" else None,
             opens=_OPENS.get(name, ()),
         )
+
+
+@hookimpl
+def trailmark_commands(group: click.Group) -> None:
+    """Add `trailmark data`."""
+    from trailmark_datasets.commands import data_group
+
+    group.add_command(data_group)
