@@ -1,7 +1,7 @@
 """What counts as the failure of a part, and how it is told: one policy for every call that leaves our code.
 
 Whatever comes out of a part is its failure and names it: an `Exception`, ``sys.exit()``, a `KeyboardInterrupt` that it
-raises itself. Two things pass as they are: an error of Trailmark, which has its own words, and Ctrl-C.
+raises itself. Two things pass as they are: an error of Trailmark that has its own words, and Ctrl-C.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import threading
 from collections.abc import Callable
 from typing import NoReturn, TypeVar
 
-from trailmark.errors import RunError, TrailmarkError
+from trailmark.errors import RunError, ShapeError, TrailmarkError
 from trailmark.interruption import Interrupted
 
 __all__ = ["call_guarded", "is_from_user", "raise_failure", "speaks_for_itself", "words_of"]
@@ -79,8 +79,12 @@ def raise_failure(
 
 
 def speaks_for_itself(error: BaseException, keeps: type[TrailmarkError] | tuple[()] = TrailmarkError) -> bool:
-    """Return whether an exception is not a part's failure to be named: Ctrl-C, or one of `keeps` that has words."""
-    return is_from_user(error) or (isinstance(error, keeps) and bool(_text_of(error)))
+    """Return whether an exception is not a part's failure to be named: Ctrl-C, or one of `keeps` that has words.
+
+    A `ShapeError` is one: the part has made an array that it must not make, and its words do not say who.
+    """
+    speaks = isinstance(error, keeps) and not isinstance(error, ShapeError) and bool(_text_of(error))
+    return speaks or is_from_user(error)
 
 
 def words_of(error: BaseException) -> str:

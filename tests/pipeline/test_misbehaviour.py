@@ -55,7 +55,7 @@ _ILL_TYPED: dict[tuple[str, str], tuple[str, ...]] = {
 #: What is told of a method under another name.
 _TOLD = {"__init__": "constructed", "next": "frames", "save": "add"}
 _RAISES = ("error", "exit", "interrupt", "plain")
-_RARE = ("no words", "no str", "exit 3", "cancelled", "generator", "stop", "base", "endless")
+_RARE = ("no words", "no str", "exit 3", "cancelled", "generator", "stop", "base", "shape", "endless")
 _CASES = [
     *((kind, method, deed) for kind, methods in _METHODS.items() for method in methods for deed in _RAISES),
     *(("localizer", "observe", deed) for deed in _RARE),
@@ -258,6 +258,14 @@ def test_a_part_that_does_not_come_back_is_interrupted(
     assert_told(caught.value, kind, method, capsys)
     assert_closed_once(log)
     assert signal.getsignal(signal.SIGURG) == before
+
+
+@pytest.mark.parametrize(("kind", "method"), [("source", "next"), ("fault", "apply"), ("localizer", "observe")])
+def test_in_real_time_too(kind: str, method: str, plugins: Plugins, log: list[str], tmp_path: Path) -> None:
+    config = config_of(kind, method, "wait") | {"patience_s": 0.25, "pace": "realtime"}
+
+    with pytest.raises(RunError, match="it has not come back for too long"):
+        run(config, tmp_path / "out", plugins)
 
 
 def test_in_a_thread_of_a_program_what_spins_is_interrupted(plugins: Plugins, log: list[str], tmp_path: Path) -> None:

@@ -67,6 +67,7 @@ RAISES: dict[str, Callable[[], Any]] = {
     "stop": raising(StopIteration),
     "base": raising(NoException, "mine"),
     "plain": raising(trailmark.errors.TrailmarkError),
+    "shape": raising(trailmark.errors.ShapeError, "information is of real numbers"),
     "endless": endless,
     "disk full": raising(OSError, errno.ENOSPC, "No space left on device"),
 }

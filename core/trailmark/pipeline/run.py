@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 import threading
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import replace
 from time import perf_counter
@@ -244,9 +244,18 @@ class Run:
         if parts.is_live:
             yield from live(parts.sources, self._clock, lambda: control.due_s, self._counters)
         elif parts.robot is not None:  # simulated: when its frame is there, it has moved on already
-            yield from held_to_stamps(merged(parts.sources), self._clock, lambda: math.inf)
+            yield from held_to_stamps(self._watched(merged(parts.sources)), self._clock, lambda: math.inf)
         else:
-            yield from held_to_stamps(merged(parts.sources), self._clock, lambda: control.due_s)
+            yield from held_to_stamps(self._watched(merged(parts.sources)), self._clock, lambda: control.due_s)
+
+    def _watched(self, frames: Iterator[Frame]) -> Iterator[Frame]:
+        """Yield recorded frames; who does not come back with one is interrupted, who waits for its time is not."""
+        while True:
+            with self._hangs:
+                frame = next(frames, None)
+            if frame is None:
+                return
+            yield frame
 
     def _watch(self) -> None:
         """Let the watchdog look after the loop, where it drives a robot in real time."""
