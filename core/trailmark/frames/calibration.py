@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Literal
@@ -94,7 +94,8 @@ class GroundPlane:
     flat_field: npt.NDArray[np.float32] | None = None
 
     def __post_init__(self) -> None:
-        if len(self.metres_per_pixel) != 2 or not all(scale > 0 for scale in self.metres_per_pixel):
+        scales: Sequence[float] = self.metres_per_pixel
+        if len(scales) != 2 or not all(scale > 0 for scale in scales):
             raise ShapeError(f"metres_per_pixel must be two positive numbers, not {self.metres_per_pixel}")
         if self.flat_field is not None:
             flat = np.asarray(self.flat_field, dtype=np.float32)

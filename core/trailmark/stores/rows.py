@@ -102,7 +102,7 @@ def unpack_arrays(layout: str, data: bytes) -> dict[str, npt.NDArray[Any]]:
     return arrays
 
 
-def check_name(name: str, what: str) -> None:
+def check_name(name: object, what: str) -> None:
     """Raise `ShapeError` unless a name is printable text of a sensible length."""
     if not isinstance(name, str) or not name.isprintable() or not 0 < len(name) <= _MAX_NAME:
         raise ShapeError(f"{what} cannot be named {str(name)[:40]!r}: use 1 to {_MAX_NAME} printable characters")

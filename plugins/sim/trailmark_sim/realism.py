@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -71,7 +72,7 @@ def picture_statistics(grey: Grey8) -> PictureStatistics:
     if grey.ndim != 2 or grey.dtype != np.uint8 or min(grey.shape) < _SMALLEST_PX:
         raise ShapeError(f"statistics need a grey picture of 96 x 96 at least, not {grey.shape} {grey.dtype}")
     megapixels = grey.size / 1e6
-    corners = cv2.goodFeaturesToTrack(grey, 100_000, 0.01, 5)
+    corners: Any = cv2.goodFeaturesToTrack(grey, 100_000, 0.01, 5)
     return PictureStatistics(
         std=float(grey.std()),
         slope=spectral_slope(grey),

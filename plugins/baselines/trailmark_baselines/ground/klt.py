@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import cv2
 import numpy as np
@@ -31,7 +32,7 @@ class _Corners:
     def corners(self) -> Points:
         """Corners (N, 2) [px], looked for when the picture becomes a key frame."""
         config = self.config
-        found = cv2.goodFeaturesToTrack(self.image, config.corners, config.quality, config.distance_px)
+        found: Any = cv2.goodFeaturesToTrack(self.image, config.corners, config.quality, config.distance_px)
         return np.empty((0, 2)) if found is None else np.asarray(found, np.float64).reshape(-1, 2)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -46,7 +47,8 @@ class ORB(GroundPeer[_OrbView]):
 
     def view(self, image: Grey) -> _OrbView:
         """Return the features of the picture, as places on the ground."""
-        keypoints, descriptors = self._orb.detectAndCompute(image, None)
+        found: tuple[Any, Any] = self._orb.detectAndCompute(image, None)  # its stubs do not say that there may be none
+        keypoints, descriptors = found
         pixels = np.array([keypoint.pt for keypoint in keypoints], np.float64).reshape(-1, 2)
         ground = self.camera.on_ground(pixels, (image.shape[1], image.shape[0]))
         return _OrbView(
