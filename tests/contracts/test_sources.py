@@ -107,6 +107,22 @@ def write_kitti(root: Path) -> Path:
     return path
 
 
+def write_euroc(path: Path) -> Path:
+    """Write a camera that looks ahead, and an inertial unit whose axes are the camera's."""
+    mav = path / "mav0"
+    pictures = write_pictures(mav / "cam0" / "data")
+    names = sorted(picture.name for picture in pictures.iterdir())
+    (mav / "cam0/data.csv").write_text("".join(f"{i * 10**8},{name}\n" for i, name in enumerate(names)))
+    (mav / "cam0/sensor.yaml").write_text("intrinsics: [140, 140, 79.5, 59.5]\n")
+    (mav / "imu0").mkdir()
+    (mav / "imu0/data.csv").write_text("".join(f"{i * 10**8},0,0,0,0,-9.8,0\n" for i in range(N_FRAMES)))
+    (mav / "imu0/sensor.yaml").write_text("sensor_type: imu\n")
+    (mav / "state_groundtruth_estimate0").mkdir()
+    truth = "".join(f"{i * 10**8},0,0,{0.03 * i},1,0,0,0\n" for i in range(N_FRAMES))
+    (mav / "state_groundtruth_estimate0/data.csv").write_text(truth)
+    return path
+
+
 def write_bag(path: Path) -> Path:
     rosbag2 = pytest.importorskip("rosbags.rosbag2", reason="needs the extra bags")
     from rosbags.typesys import Stores, get_typestore
@@ -137,6 +153,7 @@ RECORDINGS: dict[str, tuple[Callable[[Path], Path], str, dict[str, float]]] = {
     "csv_records": (write_sightings, "sightings.csv", {}),
     "image_folder": (write_pictures, "pictures", {"rate_hz": 10}),
     "kitti_odometry": (write_kitti, "kitti", {}),
+    "euroc": (write_euroc, "euroc", {}),
     "rosbag": (write_bag, "bag", {}),
     "tum_rgbd": (write_tum, "tum", {}),
     "video": (write_video, "film.avi", {}),

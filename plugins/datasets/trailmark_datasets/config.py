@@ -14,6 +14,7 @@ __all__ = [
     "CarmenLogConfig",
     "CsvOdometryConfig",
     "CsvRecordsConfig",
+    "EurocConfig",
     "ImageFolderConfig",
     "KittiOdometryConfig",
     "PosesConfig",
@@ -141,6 +142,19 @@ class KittiOdometryConfig(SourceConfig):
     """Poses file; left out: `poses/XX.txt` beside the sequences, where it exists."""
     grey: bool | None = None
     """true: 8-bit grey; false: colour; left out: as stored."""
+
+
+class EurocConfig(SourceConfig):
+    """A sequence in the ASL layout: EuRoC MAV, TUM VI and others."""
+
+    path: ExistingPath
+    """The sequence's folder, with `mav0` in it; or `mav0` itself."""
+    camera: str = Field("cam0", pattern=r"cam\d+")
+    """Which camera; it is base unless `mounting` says otherwise."""
+    imu: bool = True
+    """true: the readings of imu0 come as a second sensor, mounted as the two `sensor.yaml` say."""
+    max_truth_gap_s: float = Field(0.1, gt=0)
+    """Between true poses farther apart than this none is interpolated [s]."""
 
 
 class CarmenLogConfig(SourceConfig):

@@ -11,11 +11,13 @@ from trailmark.config import Mounting
 from trailmark.geometry import Pose3, Trajectory
 from trailmark.sources.frame_tree import R_SENSOR_OPTICAL
 
-__all__ = ["mounting_pose", "planar_trajectory"]
+__all__ = ["covered_stamps", "interpolated_poses", "mounting_pose", "planar_trajectory"]
 
 Matrix = npt.NDArray[np.float64]
 
 _SAME_INSTANT_S = 1e-6
+# Stamps of the same instant: lists have six decimals, files of true poses four.
+_SAME_STAMP_S = 1e-4
 
 
 def mounting_pose(mounting: Mounting | None) -> Pose3:
@@ -60,3 +62,25 @@ def planar_trajectory(
         T_first_base = T_world_base
     headings = np.arctan2(T_first_base[:, 1, 0], T_first_base[:, 0, 0])
     return Trajectory(stamps_s, np.column_stack([T_first_base[:, 0, 3], T_first_base[:, 1, 3], headings]))
+
+
+def covered_stamps(wanted_s: Matrix, truth_s: Matrix, max_gap_s: float) -> npt.NDArray[np.bool_]:
+    """Tell which stamps have a true pose of their own, or lie between two that are close enough together."""
+    if len(truth_s) < 2:
+        return np.zeros(len(wanted_s), dtype=np.bool_)
+    after = np.clip(np.searchsorted(truth_s, wanted_s), 1, len(truth_s) - 1)
+    inside = (wanted_s >= truth_s[0]) & (wanted_s <= truth_s[-1])
+    nearest_s = np.minimum(np.abs(truth_s[after] - wanted_s), np.abs(truth_s[after - 1] - wanted_s))
+    is_bridged = truth_s[after] - truth_s[after - 1] <= max_gap_s
+    return np.asarray(inside & (is_bridged | (nearest_s <= _SAME_STAMP_S)))
+
+
+def interpolated_poses(wanted_s: Matrix, truth_s: Matrix, poses: Matrix) -> Matrix:
+    """Return homogeneous (M, 4, 4) poses between rows x y z qx qy qz qw (N, 7): straight lines, shortest rotations."""
+    from scipy.spatial.transform import Rotation, Slerp
+
+    matrices = np.tile(np.eye(4), (len(wanted_s), 1, 1))
+    if len(wanted_s):
+        matrices[:, :3, :3] = Slerp(truth_s, Rotation.from_quat(poses[:, 3:]))(wanted_s).as_matrix()
+        matrices[:, :3, 3] = np.column_stack([np.interp(wanted_s, truth_s, column) for column in poses[:, :3].T])
+    return matrices

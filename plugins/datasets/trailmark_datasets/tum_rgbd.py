@@ -19,7 +19,7 @@ from trailmark.sources import Reading, Readings, RecordedSource
 from trailmark.sources.pictures import read_picture, read_raw
 from trailmark_datasets.config import TumRgbdConfig
 from trailmark_datasets.depth import depth_in_metres, pair_nearest
-from trailmark_datasets.planar import mounting_pose, planar_trajectory
+from trailmark_datasets.planar import covered_stamps, interpolated_poses, mounting_pose, planar_trajectory
 from trailmark_datasets.stamps import Stamp, read_stamps
 from trailmark_datasets.textfiles import lines_of, number
 
@@ -29,8 +29,6 @@ logger = logging.getLogger(__name__)
 
 #: Depth values per metre of the benchmark.
 DEPTH_FACTOR = 5000.0
-# Stamps of the same instant: lists have six decimals, files of true poses four.
-_SAME_INSTANT_S = 1e-4
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +123,7 @@ class TumRgbd(RecordedSource):
             return None
         truth_s, poses = _read_poses(path)
         wanted_s = np.unique([pair.colour.stamp_s for pair in self._pairs])
-        covered_s = wanted_s[_covered(wanted_s, truth_s, self.config.max_truth_gap_s)]
+        covered_s = wanted_s[covered_stamps(wanted_s, truth_s, self.config.max_truth_gap_s)]
         if 2 * len(covered_s) < len(wanted_s):
             logger.warning(
                 "%s covers %d of %d frames: between true poses more than %g s apart none is interpolated,"
@@ -137,7 +135,7 @@ class TumRgbd(RecordedSource):
             )
         begin_s = self._pairs[0].colour.stamp_s + (self.config.start_s or 0.0)
         return planar_trajectory(
-            covered_s, _interpolated(covered_s, truth_s, poses), mounting_pose(self.config.mounting), begin_s
+            covered_s, interpolated_poses(covered_s, truth_s, poses), mounting_pose(self.config.mounting), begin_s
         )
 
 
@@ -184,29 +182,3 @@ def _read_poses(path: Path) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.flo
         rows.append(row)
     table = np.array(rows, dtype=np.float64).reshape(-1, 8)
     return table[:, 0], table[:, 1:]
-
-
-def _covered(
-    wanted_s: npt.NDArray[np.float64], truth_s: npt.NDArray[np.float64], max_gap_s: float
-) -> npt.NDArray[np.bool_]:
-    """Tell which stamps have a true pose of their own, or lie between two that are close enough together."""
-    if len(truth_s) < 2:
-        return np.zeros(len(wanted_s), dtype=np.bool_)
-    after = np.clip(np.searchsorted(truth_s, wanted_s), 1, len(truth_s) - 1)
-    inside = (wanted_s >= truth_s[0]) & (wanted_s <= truth_s[-1])
-    nearest_s = np.minimum(np.abs(truth_s[after] - wanted_s), np.abs(truth_s[after - 1] - wanted_s))
-    is_bridged = truth_s[after] - truth_s[after - 1] <= max_gap_s
-    return np.asarray(inside & (is_bridged | (nearest_s <= _SAME_INSTANT_S)))
-
-
-def _interpolated(
-    wanted_s: npt.NDArray[np.float64], truth_s: npt.NDArray[np.float64], poses: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
-    """Return homogeneous (M, 4, 4) poses: straight lines and shortest rotations between two true poses."""
-    from scipy.spatial.transform import Rotation, Slerp
-
-    matrices = np.tile(np.eye(4), (len(wanted_s), 1, 1))
-    if len(wanted_s):
-        matrices[:, :3, :3] = Slerp(truth_s, Rotation.from_quat(poses[:, 3:]))(wanted_s).as_matrix()
-        matrices[:, :3, 3] = np.column_stack([np.interp(wanted_s, truth_s, column) for column in poses[:, :3].T])
-    return matrices
