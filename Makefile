@@ -28,12 +28,9 @@ results: install ## the pages of results that are older than their code, the qui
 	$(BIN)/python benchmarks/results.py make --hours $(HOURS)
 
 CASES ?= 20000
-trust: install   ## hostile input by the thousand, kills, damage: all of it, and its two pages (an hour or more)
-	$(BIN)/python tests/trust/fuzz.py --cases $(CASES) --out docs/results/hostile-input.md; code=$$?; \
-	  $(BIN)/python -m tests.trust.storm --cases $(CASES) --append docs/results/hostile-input.md && exit $$code
-	TRAILMARK_TRUST=full $(BIN)/pytest tests/trust/test_kills.py tests/trust/test_security.py tests/stores \
-	  -o junit_family=xunit1 --junitxml results.xml; code=$$?; \
-	  $(BIN)/python tests/trust/page.py results.xml docs/results/trust.md && rm results.xml && exit $$code
+MINUTES ?= 1440
+trust: install   ## hostile input by the thousand, kills, damage: all of it, and its two pages; goes on where it was
+	$(BIN)/python -m tests.trust.recipe --cases $(CASES) --minutes $(MINUTES)
 
 lint: install    ## ruff: lint and format
 	$(BIN)/ruff check . && $(BIN)/ruff format --check .

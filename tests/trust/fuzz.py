@@ -2,7 +2,8 @@
 
 ::
 
-    python tests/trust/fuzz.py --cases 20000 --out docs/results/hostile-input.md
+    python -m tests.trust.fuzz --cases 20000 --out docs/results/hostile-input.md
+    python -m tests.trust.fuzz --record readers.jsonl --minutes 10     # goes on where it was when it is called again
 
 Each case is made from (target, number) alone, so that a finding is repeated by
 ``--only TARGET --first NUMBER --cases 1``.
@@ -30,6 +31,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from tests.trust.records import CaseRecord, Records, commit
 
 import trailmark
 from trailmark.config import load_run_config
@@ -468,30 +470,41 @@ def peak_mib() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
 
 
-def page(tallies: list[Tally], took_s: float, command: str) -> str:
+def page(records: Records, command: str) -> str:
     """Return the results as a page."""
-    n, n_findings = sum(t.n for t in tallies), sum(len(t.findings) for t in tallies)
+    tallies = records.tallies()
+    n_findings, cpu_s = sum(len(t.findings) for t in tallies.values()), sum(record.cpu_s for record in records)
+    peak = max((tally.peak_mib for tally in tallies.values()), default=0.0)
     about = f"{time.strftime('%Y-%m-%d')}, trailmark {trailmark.__version__}, Python {platform.python_version()}"
     lines = [
         "# Hostile input",
         "",
-        "First to readers, then to whole commands. `make trust` does both and writes this page.",
+        "To readers, to whole commands, and by parts that misbehave. `make trust` does all of it and writes this page.",
         "",
         "## Readers",
         "",
         f"`{command}`, {about}.",
-        f"{n} cases in {took_s / 60:.1f} min, all in one process whose memory peaked at {peak_mib():.0f} MiB "
-        f"(bound: {MEMORY_MIB:.0f}): {n_findings} findings.",
+        f"{len(records)} cases in {cpu_s / 60:.1f} min of processor time, of code {records.commits()},",
+        f"in processes whose memory peaked at {peak:.0f} MiB (bound: {MEMORY_MIB:.0f}): {n_findings} findings.",
         "A finding is any error that is not the program's own, an error without words, "
         f"or a case longer than {PATIENCE_S:g} s of processor time or {WALL_FACTOR * PATIENCE_S:g} s in all.",
         "",
         "| input | cases | refused | slowest [s] | findings |",
         "|---|--:|--:|--:|--:|",
     ]
-    for tally in tallies:
-        name, n_findings = tally.target.replace("_", " "), len(tally.findings)
-        lines.append(f"| {name} | {tally.n} | {tally.n_refused} | {tally.slowest_s:.2f} | {n_findings} |")
+    for name, tally in tallies.items():
+        figures = f"{tally.n} | {tally.ended['refused']} | {tally.slowest_s:.2f} | {len(tally.findings)}"
+        lines.append(f"| {name.replace('_', ' ')} | {figures} |")
     return "\n".join(lines) + "\n"
+
+
+def try_case(target: str, number: int, code: str) -> CaseRecord:
+    """Run a case and return what became of it."""
+    tally = run(target, range(number, number + 1))
+    for finding in tally.findings:
+        print(finding, flush=True)
+    ended, findings = "refused" if tally.n_refused else "taken", tuple(tally.findings)
+    return CaseRecord(target, number, ended, round(tally.slowest_s, 3), round(peak_mib(), 1), findings, code)
 
 
 def main() -> int:
@@ -500,29 +513,27 @@ def main() -> int:
     parser.add_argument("--cases", type=int, default=20_000, help="of all targets together")
     parser.add_argument("--first", type=int, default=0, help="number of the first case of each target")
     parser.add_argument("--only", choices=sorted(TARGETS), help="only this target")
+    parser.add_argument("--minutes", type=float, default=24 * 60.0, help="begin no case after this")
+    parser.add_argument("--record", type=Path, help="file to keep each case in; what it has passed is not run again")
     parser.add_argument("--out", type=Path, help="page to write")
     options = parser.parse_args()
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     logging.disable(logging.CRITICAL)
     names = [options.only] if options.only else list(TARGETS)
-    each = -(-options.cases // len(names))
-    for name in names:  # what is imported on first use is not the input's fault
+    numbers = range(options.first, options.first - (-options.cases // len(names)))
+    records, code, until_s = Records(options.record), commit(), time.time() + 60 * options.minutes
+    waiting = [(name, number) for number in numbers for name in names if not records.has_passed(name, number)]
+    for name in {name for name, _ in waiting}:  # what is imported on first use is not the input's fault
         run(name, range(options.first, options.first + 1))
-    began_s, tallies = time.perf_counter(), []
-    for name in names:
-        tally = run(name, range(options.first, options.first + each))
-        tallies.append(tally)
-        print(
-            f"{name:14s} {tally.n:6d} cases, {tally.n_refused:6d} refused, slowest {tally.slowest_s:.2f} s", flush=True
-        )
-        for finding in tally.findings[:20]:
-            print(finding, flush=True)
-    command = f"python tests/trust/fuzz.py --cases {options.cases}"
-    text = page(tallies, time.perf_counter() - began_s, command)
+    for name, number in waiting:
+        if time.time() > until_s:
+            break
+        records.add(try_case(name, number, code))
+    text = page(records, f"python -m tests.trust.fuzz --cases {options.cases}")
     print(text)
     if options.out:
         options.out.write_text(text, encoding="utf-8")
-    return int(any(tally.findings for tally in tallies) or peak_mib() > MEMORY_MIB)
+    return int(any(record.findings for record in records) or peak_mib() > MEMORY_MIB)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,8 @@
 
 ::
 
-    python tests/trust/fuzz_parts.py --cases 500
+    python -m tests.trust.fuzz_parts --cases 500
+    python -m tests.trust.fuzz_parts --record parts.jsonl --minutes 10     # goes on where it was
 
 A case is made from its number alone: ``--first NUMBER --cases 1`` repeats it. A finding is an error without the part's
 name, one called a bug of ours, an exit code other than 1, a folder that does not say ``failed``, a part that is not
@@ -26,6 +27,7 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
+from tests.trust.records import CaseRecord, Records, Tally, commit
 
 from trailmark.cli.errors import exit_code_of
 from trailmark.pipeline import Pipeline
@@ -123,11 +125,49 @@ def findings_of(config: dict[str, Any], out: Path, plugins: Plugins, wicked: Mod
     return status, found
 
 
+def try_case(number: int, plugins: Plugins, wicked: ModuleType, code: str) -> CaseRecord:
+    """Run a case and return what became of it."""
+    config, story = case_of(number, wicked)
+    began_s, began_cpu_s = time.monotonic(), time.process_time()
+    with tempfile.TemporaryDirectory() as folder:
+        signal.alarm(_LIMIT_S)
+        try:
+            status, found = findings_of(config, Path(folder) / "out", plugins, wicked)
+        except BaseException as error:
+            status, found = "escaped", [f"{type(error).__name__}: {error}"]
+        signal.alarm(0)
+    took_s = time.monotonic() - began_s
+    if took_s > _LIMIT_S / 2 and not found:  # the alarm may have ended as a part's failure
+        found = [f"took {took_s:.0f} s"]
+    findings = tuple(f"case {number}: {story}: {line}".rstrip() for line in found)
+    for finding in findings:
+        print(finding, flush=True)
+    return CaseRecord("parts", number, status, round(time.process_time() - began_cpu_s, 3), 0.0, findings, code)
+
+
+def page(records: Records, command: str) -> str:
+    """Return the results as a part of a page."""
+    tally = records.tallies().get("parts", Tally())
+    ended = ", ".join(f"{n} {status}" for status, n in sorted(tally.ended.items()))
+    lines = [
+        "## Parts that misbehave",
+        "",
+        f"`{command}`: {tally.n} runs, of code {records.commits()}: {len(tally.findings)} findings; {ended}.",
+        "In each run one method of one part raises, exits, answers what is no answer, or does not come back, from its",
+        "first, second or third call on. A finding is an error without the part's name or called a bug of ours,",
+        "an exit code other than 1, a folder that does not say `failed`, a part that is not closed exactly once, or a",
+        f"run of more than {_LIMIT_S // 2} s.",
+    ]
+    return "\n".join(lines) + "\n"
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run the cases, print what was found; return 1 if anything was."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cases", type=int, default=200)
     parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--minutes", type=float, default=24 * 60.0, help="begin no case after this")
+    parser.add_argument("--record", type=Path, help="file to keep each case in; what it has passed is not run again")
     chosen = parser.parse_args(arguments)
     plugins = load_plugins(files=[_FILE])
     wicked = sys.modules[plugins.registry.find("sink", "wicked").load().__module__]
@@ -137,29 +177,14 @@ def main(arguments: list[str] | None = None) -> int:
         raise _TooLongError(f"longer than {_LIMIT_S} s")
 
     signal.signal(signal.SIGALRM, ring)
-    outcomes: Counter[str] = Counter()
-    n_found, slowest_s = 0, 0.0
+    records, code, until_s = Records(chosen.record), commit(), time.time() + 60 * chosen.minutes
     for number in range(chosen.first, chosen.first + chosen.cases):
-        config, story = case_of(number, wicked)
-        began_s = time.monotonic()
-        with tempfile.TemporaryDirectory() as folder:
-            signal.alarm(_LIMIT_S)
-            try:
-                status, found = findings_of(config, Path(folder) / "out", plugins, wicked)
-            except BaseException as error:
-                status, found = "escaped", [f"{type(error).__name__}: {error}"]
-            signal.alarm(0)
-        took_s = time.monotonic() - began_s
-        if took_s > _LIMIT_S / 2 and not found:  # the alarm may have ended as a part's failure
-            found = [f"took {took_s:.0f} s"]
-        slowest_s = max(slowest_s, took_s)
-        outcomes[status] += 1
-        n_found += bool(found)
-        for line in found:
-            print(f"case {number}: {story}: {line}".rstrip(), flush=True)
-    told = ", ".join(f"{n} {status}" for status, n in sorted(outcomes.items()))
-    print(f"{chosen.cases} cases from {chosen.first}: {n_found} findings; {told}; slowest {slowest_s:.1f} s")
-    return int(n_found > 0)
+        if time.time() > until_s:
+            break
+        if not records.has_passed("parts", number):
+            records.add(try_case(number, plugins, wicked, code))
+    print(page(records, f"python -m tests.trust.fuzz_parts --cases {chosen.cases}"))
+    return int(any(record.findings for record in records))
 
 
 if __name__ == "__main__":

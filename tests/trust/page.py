@@ -2,7 +2,7 @@
 
 ::
 
-    python tests/trust/page.py results.xml docs/results/trust.md
+    python tests/trust/page.py RESULTS.xml ... docs/results/trust.md
 """
 
 from __future__ import annotations
@@ -11,20 +11,18 @@ import platform
 import sys
 import time
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from xml.etree import ElementTree as ET  # of our own making
 
 import trailmark
 
-COMMAND = (
-    "TRAILMARK_TRUST=full pytest tests/trust/test_kills.py tests/trust/test_security.py tests/stores "
-    "-o junit_family=xunit1 --junitxml results.xml"
-)
+COMMAND = "TRAILMARK_TRUST=full pytest tests/trust/test_kills.py tests/trust/test_security.py tests/stores"
 
 
-def page(results: Path) -> str:
+def page(results: Sequence[Path]) -> str:
     """Return the results as a page."""
-    cases = list(ET.parse(results).iter("testcase"))
+    cases = [case for path in results for case in ET.parse(path).iter("testcase")]
     counted = [(one.get("name"), one.get("value")) for case in cases for one in case.iter("property")]
     modules: dict[str, Counter[str]] = {}
     for case in cases:
@@ -55,4 +53,4 @@ def page(results: Path) -> str:
 
 
 if __name__ == "__main__":
-    Path(sys.argv[2]).write_text(page(Path(sys.argv[1])), encoding="utf-8")
+    Path(sys.argv[-1]).write_text(page([Path(name) for name in sys.argv[1:-1]]), encoding="utf-8")
