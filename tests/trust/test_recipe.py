@@ -8,7 +8,10 @@ import pytest
 from tests.trust import recipe
 from tests.trust.records import CaseRecord, Records
 
-PASSED = '<testsuites><testsuite errors="0" failures="0"><testcase classname="tests.stores.test_a"/></testsuite></testsuites>'
+PASSED = (
+    '<testsuites><testsuite errors="0" failures="0"><testcase classname="tests.stores.test_a"/>'
+    "</testsuite></testsuites>"
+)
 FAILED = (
     '<testsuites><testsuite errors="0" failures="1"><testcase classname="tests.stores.test_b"><failure/></testcase>'
     "</testsuite></testsuites>"
