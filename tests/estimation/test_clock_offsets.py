@@ -84,6 +84,42 @@ def test_right_stamps_are_let_be(fixes: bool, seed: int) -> None:
     assert found(0.0, fixes=fixes, seed=seed) is None
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_a_way_that_drifts_as_it_says_is_not_taken_for_a_late_laser(seed: int) -> None:
+    """At 2 m/s wheels drift by a metre in the window: a shift of 50 ms to 100 ms fits it better than none."""
+    rng, offsets, told = np.random.default_rng(seed), ClockOffsets(), []
+    information = information_from_sigmas(2e-3, 1e-3, 4e-3)
+    for i in range(1, 500):
+        since_s, stamp_s = (i - 1) / 20, i / 20
+        step = fast(since_s).between(fast(stamp_s)) @ Pose2(*(rng.normal(size=3) * (2e-3, 1e-3, 4e-3)).tolist())
+        told += offsets.observe("wheels", Motion(since_s, stamp_s, step, information))
+        if i % 5 == 0:
+            pose = fast(stamp_s)
+            dx, dy, turn = (rng.normal(size=3) * (0.02, 0.02, 0.01)).tolist()
+            fix = Fix(
+                stamp_s, Pose2(pose.x + dx, pose.y + dy, pose.theta + turn), information_from_sigmas(0.02, 0.02, 0.01)
+            )
+            told += offsets.observe("laser", fix)
+
+    assert not told
+
+
+def fast(t: float) -> Pose2:
+    pose = truth(t)
+    return Pose2(4.0 * pose.x, 4.0 * pose.y, pose.theta)
+
+
+def test_who_is_forgotten_is_compared_with_nobody() -> None:
+    rng, offsets = np.random.default_rng(0), ClockOffsets()
+    for i in range(1, 480):
+        since_s, stamp_s = (i - 1) / 20, i / 20
+        offsets.observe("wheels", motion(since_s, stamp_s, 0.0, rng))
+        offsets.forget("camera")
+        offsets.observe("camera", motion(since_s, stamp_s, 0.2, rng))
+
+    assert not offsets.certain
+
+
 @pytest.mark.parametrize("fixes", [False, True])
 @pytest.mark.parametrize("seed", range(5))
 def test_an_even_drive_tells_nothing(fixes: bool, seed: int) -> None:

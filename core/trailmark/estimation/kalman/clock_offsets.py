@@ -13,15 +13,12 @@ import math
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from trailmark.arrays import Floats
 from trailmark.estimates import Estimate, Fix, Motion
-
-Complexes: TypeAlias = npt.NDArray[np.complex128]
+from trailmark.estimation.kalman.clock_places import cost_beside_drift, cost_of_places
 
 __all__ = ["ClockOffset", "ClockOffsets"]
 
@@ -34,9 +31,10 @@ _ASIDE_S, _STANDS_OUT = 0.1, 40.0
 _INTERVALS = _WINDOW_S / _INTERVAL_S
 _LEAST_SPREAD = 1e-6
 _SAME_STAMP_S = 1e-6
-_HEADING, _WAY = 3, 4
+_HEADING, _WAY, _POSITION_M2, _TURN_RAD2 = 3, 4, 5, 6
 #: Information of a heading from which on it is one [1/rad^2].
 _LEAST_HEADING = 1.0
+_LEAST_INFORMATION = 1e-3
 #: Offsets from here on are told, when they are so many sigmas from nothing.
 TOLD_S, _SURE = 0.02, 5.0
 #: What differs by more than so many times its usual is left out: slip, jumps.
@@ -72,18 +70,23 @@ class ClockOffset:
 
 
 class _Track:
-    """What one localizer said of the last seconds: rows of stamp, x, y, heading and way.
+    """What one localizer said of the last seconds: rows of stamp, x, y, heading, way and variances.
 
-    Of motions they are sums since the row before the first, of fixes the poses themselves, without a way.
+    The variances are of position and heading. Of motions all are sums since the row before the first, of fixes the
+    poses themselves, without a way.
     """
 
     def __init__(self, of_motion: bool) -> None:
         self.of_motion = of_motion
-        self._rows: deque[tuple[float, float, float, float, float]] = deque()
+        self._rows: deque[tuple[float, ...]] = deque()
 
     def table(self) -> Floats:
-        """Return the rows, (N, 5)."""
-        return np.array(self._rows).reshape(-1, 5)
+        """Return the rows, (N, 7)."""
+        return np.array(self._rows).reshape(-1, 7)
+
+    def clear(self) -> None:
+        """Forget all."""
+        self._rows.clear()
 
     def add(self, estimate: Motion | Fix) -> None:
         """Add a motion or a fix; what does not begin where the last motion ended begins anew."""
@@ -91,8 +94,8 @@ class _Track:
             self._add_motion(estimate)
         elif not self._rows or estimate.stamp_s > self._rows[-1][0]:
             pose = estimate.pose_map_base
-            self._rows.append((estimate.stamp_s, pose.x, pose.y, pose.theta, 0.0))
-        while self._rows[-1][0] - self._rows[0][0] > _WINDOW_S + 2.0 * _FARTHEST_S:
+            self._rows.append((estimate.stamp_s, pose.x, pose.y, pose.theta, 0.0, *_variances(estimate.information)))
+        while self._rows and self._rows[-1][0] - self._rows[0][0] > _WINDOW_S + 2.0 * _FARTHEST_S:
             self._rows.popleft()
 
     def _add_motion(self, motion: Motion) -> None:
@@ -101,11 +104,13 @@ class _Track:
             return
         if not rows or abs(motion.since_s - rows[-1][0]) > _SAME_STAMP_S:
             rows.clear()
-            rows.append((motion.since_s, 0.0, 0.0, 0.0, 0.0))
-        _, x, y, heading, way_m = rows[-1]
+            rows.append((motion.since_s, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+        _, x, y, heading, way_m, position_m2, turn_rad2 = rows[-1]
+        added_m2, added_rad2 = _variances(motion.information)
         cos, sin = math.cos(heading), math.sin(heading)
         moved_x, moved_y = x + cos * step.x - sin * step.y, y + sin * step.x + cos * step.y
-        rows.append((motion.stamp_s, moved_x, moved_y, heading + step.theta, way_m + step.x))
+        sums = moved_x, moved_y, heading + step.theta, way_m + step.x, position_m2 + added_m2, turn_rad2 + added_rad2
+        rows.append((motion.stamp_s, *sums))
 
 
 class ClockOffsets:
@@ -141,6 +146,12 @@ class ClockOffsets:
         self._next_s = estimate.stamp_s + _EVERY_S
         return self._compare_all()
 
+    def forget(self, source: str) -> None:
+        """Forget what a localizer said: it is not believed."""
+        track = self._tracks.get(source)
+        if track is not None:
+            track.clear()
+
     def _compare_all(self) -> Mapping[str, ClockOffset]:
         """Compare every localizer with the first that tells motion."""
         reference = next((name for name, track in self._tracks.items() if track.of_motion), None)
@@ -159,6 +170,12 @@ class ClockOffsets:
             if known is None or abs(found.late_s - known.late_s) > max(TOLD_S, _SURE * found.sigma_s):
                 news[source] = found
         return news
+
+
+def _variances(information: Floats) -> tuple[float, float]:
+    """Return about how uncertain position and heading are, by the diagonal of the information [m^2, rad^2]."""
+    xx, yy, tt = information.diagonal().tolist()
+    return 2.0 / max(xx + yy, _LEAST_INFORMATION), 1.0 / max(tt, _LEAST_INFORMATION)
 
 
 def _knows_heading(information: Floats) -> bool:
@@ -180,12 +197,17 @@ def _compare(track: _Track, reference: _Track, against: str) -> ClockOffset | No
         return None
     # A stamp that is late by tau names what the other told of t - tau.
     at_s = rows[:, 0] - _SHIFTS_S[:, np.newaxis]
-    expected = [np.interp(at_s, other[:, 0], other[:, column]) for column in range(1, 5)]
     if track.of_motion:
-        costs = sum(_cost_of_steps(rows[:, column], expected[column - 1]) for column in (_HEADING, _WAY))
-    else:
-        costs = _cost_of_places(rows[:, 1] + 1j * rows[:, 2], expected[0] + 1j * expected[1])
-    return _lowest(np.asarray(costs), against)
+        expected = [np.interp(at_s, other[:, 0], other[:, column]) for column in (_HEADING, _WAY)]
+        costs = [_cost_of_steps(rows[:, column], then) for column, then in zip((_HEADING, _WAY), expected)]
+        return _lowest(np.asarray(sum(costs)), against)
+    x, y = (np.interp(at_s, other[:, 0], other[:, column]) for column in (1, 2))
+    found = _lowest(cost_of_places(rows[:, 1] + 1j * rows[:, 2], x + 1j * y), against)
+    if found is None or not found.is_certain:
+        return found
+    walks = [np.interp(at_s, other[:, 0], other[:, column]) for column in (_POSITION_M2, _TURN_RAD2)]
+    way = np.stack([at_s, x, y, *walks], axis=-1)
+    return _lowest(cost_beside_drift(rows[:, [1, 2, _POSITION_M2]], way), against)
 
 
 def _cost_of_steps(told: Floats, expected: Floats) -> Floats:
@@ -194,20 +216,6 @@ def _cost_of_steps(told: Floats, expected: Floats) -> Floats:
     misses -= np.median(misses, axis=1, keepdims=True)  # a bias of a gyro, a wrong radius of a wheel
     spread = max(1.4826 * float(np.median(np.abs(misses), axis=1).min()), _LEAST_SPREAD)
     return np.asarray(np.minimum((misses / spread) ** 2, _OUTLIER**2).sum(axis=1))
-
-
-def _cost_of_places(told: Complexes, expected: Complexes) -> Floats:
-    """Return how badly places, (N,), agree with a way, (S, N), laid over them at each shift, in chi squares.
-
-    Turned, moved and scaled as fits best (in complex numbers a similarity is a product and a sum), so that neither the
-    start of the odometry nor the radius of its wheels matters.
-    """
-    told = told - told.mean()
-    expected = expected - expected.mean(axis=1, keepdims=True)
-    power = np.maximum((np.abs(expected) ** 2).sum(axis=1), _LEAST_SPREAD)
-    misfit = (np.abs(told) ** 2).sum() - np.abs((told * expected.conj()).sum(axis=1)) ** 2 / power
-    dof = 2.0 * len(told) - 4.0
-    return np.asarray(misfit * dof / max(float(misfit.min()), _LEAST_SPREAD**2))
 
 
 def _thinned(rows: Floats) -> Floats:

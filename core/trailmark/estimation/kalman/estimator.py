@@ -22,7 +22,7 @@ from trailmark.estimation.kalman.clock_offsets import ClockOffset, ClockOffsets
 from trailmark.estimation.kalman.correction import Correction, Filter
 from trailmark.estimation.kalman.dissent import covering_covariance
 from trailmark.estimation.kalman.ekf import Ekf
-from trailmark.estimation.kalman.fault_detection import FaultDetector
+from trailmark.estimation.kalman.fault_detection import FaultDetector, outvoted_motions
 from trailmark.estimation.kalman.health import SourceMonitor, health_of
 from trailmark.estimation.kalman.layout import Layout
 from trailmark.estimation.kalman.measurements import (
@@ -193,6 +193,8 @@ class Kalman(Estimator):
 
     def _on_one_clock(self, source: str, estimate: Estimate) -> Estimate:
         """Return a fix that is certainly late with the stamp that it should have."""
+        for liar in outvoted_motions(self._history.state_at(math.inf)):
+            self._offsets.forget(liar)
         for name, found in self._offsets.observe(source, estimate).items():
             remedy = f"set time_offset_s: {-found.late_s:.3f} for its source"
             logger.warning("localizer %r: %s; %s", name, found, remedy)

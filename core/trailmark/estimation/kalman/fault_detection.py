@@ -40,7 +40,7 @@ from trailmark.estimation.kalman.state import FilterState
 from trailmark.estimation.kalman.trials import Trials
 from trailmark.estimation.kalman.windows import WINDOW_S, with_new_anchor, without_windows
 
-__all__ = ["FaultDetector"]
+__all__ = ["FaultDetector", "outvoted_motions"]
 
 # Between two tests, which cost as much as a motion [s].
 _EVERY_S = 0.1 - 1e-6
@@ -160,6 +160,12 @@ class FaultDetector:
                     none = [Hypothesis(frozenset())] if state.consistency.measurements else []
                     return self._bank.ask(state, [*groups, *none])
         return with_repentant(state, self._tolerance) if state.consistency.faults else state
+
+
+def outvoted_motions(state: FilterState) -> list[str]:
+    """Return the localizers whose motion is not believed beside another that is."""
+    faults = state.consistency.faults
+    return sorted(faults) if len(faults) < len(state.consistency.sums) else []
 
 
 def _answers(trusted: Sequence[str], source: str | None) -> list[Hypothesis]:
