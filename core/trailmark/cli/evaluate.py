@@ -21,8 +21,7 @@ __all__ = ["evaluate_command"]
 
 
 @click.command("evaluate")
-@click.argument("truth", metavar="GT.tum", type=click.Path(path_type=Path))
-@click.argument("estimates", metavar="EST.tum...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("files", metavar="GT.tum EST.tum...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @align_option
 @click.option(
     "--max-difference",
@@ -35,20 +34,35 @@ __all__ = ["evaluate_command"]
 @click.option(
     "--store", type=click.Path(path_type=Path), metavar="F.trail", help="With --noise: the path that offsets are about."
 )
+@click.option(
+    "--relations",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Instead of GT.tum: relations between poses (t1 t2 x y z roll pitch yaw).",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print all metrics as JSON.")
 def evaluate_command(
-    truth: Path,
-    estimates: tuple[Path, ...],
+    files: tuple[Path, ...],
     align: AlignKind,
     max_difference_s: float | None,
     noise: bool,
     store: Path | None,
+    relations: Path | None,
     as_json: bool,
 ) -> None:
     """Metrics in the plane for trajectories of any program, in the TUM format (t x y z qx qy qz qw).
 
     With --noise the errors of what each localizer of a run said, as the lines that tell them to the estimator `kalman`.
+    With --relations no truth is named and nothing is aligned: how far each trajectory contradicts the relations.
     """
+    if relations is not None:
+        if noise or store is not None:
+            raise ConfigError("--relations goes with neither --noise nor --store")
+        _print_relations(relations, files, max_difference_s, as_json)
+        return
+    truth, *estimates = files
+    if not estimates:
+        raise click.UsageError("Missing argument 'EST.tum...'.")
     if noise:
         _print_noise(truth, estimates, store, as_json)
         return
@@ -85,6 +99,36 @@ def _print_noise(truth: Path, estimates: Sequence[Path], store: Path | None, as_
             click.echo(json.dumps({"file": str(table), "noise": documents}, indent=1))
         else:
             click.echo(config_lines(found))
+
+
+def _print_relations(path: Path, estimates: Sequence[Path], max_difference_s: float | None, as_json: bool) -> None:
+    """Print how far trajectories contradict relations: all, without outliers, along the way, of loops."""
+    from trailmark.evaluation.relations import read_relations, relation_errors
+
+    relations = read_relations(path)
+    documents = [
+        {"file": str(file), **relation_errors(read_tum(file), relations, max_difference_s).document()}
+        for file in estimates
+    ]
+    if as_json:
+        click.echo(json.dumps({"relations": str(path), "trajectories": documents}, indent=1))
+    else:
+        _print_relation_table(documents)
+
+
+def _print_relation_table(documents: Sequence[dict[str, Any]]) -> None:
+    click.echo(f"{'':24}{'relations':>18}{'translation [m]':>22}{'largest':>10}{'rotation [deg]':>20}{'largest':>10}")
+    for document in documents:
+        click.echo(f"{document['file']}: {document['covered']} of {document['relations']} relations")
+        for group in ("all", "without_outliers", "along_the_way", "loops"):
+            if (found := document[group]) is None:
+                continue
+            translation = f"{found['translation_m_mean']:.3f} +- {found['translation_m_sd']:.3f}"
+            rotation = f"{found['rotation_deg_mean']:.2f} +- {found['rotation_deg_sd']:.2f}"
+            click.echo(
+                f"  {group.replace('_', ' '):22}{found['n']:18}{translation:>22}{found['translation_m_max']:10.3f}"
+                f"{rotation:>20}{found['rotation_deg_max']:10.2f}"
+            )
 
 
 def _path_of(store: Path) -> TaughtPath:

@@ -22,8 +22,8 @@ Interpolate = Literal["auto", "truth", "estimate"]
 
 # Equal rates differ in their last bits; the estimate is resampled only when it is clearly denser.
 _CLEARLY_DENSER = 0.9
-# Two missing samples in a row are still bridged, a longer gap is not.
-_INTERVALS = 1.5
+#: Two missing samples in a row are still bridged, a longer gap is not.
+INTERVALS = 1.5
 #: Stamps that differ by less are one: files write microseconds [s].
 SAME_INSTANT_S = 1e-6
 
@@ -94,7 +94,7 @@ def associate(
             raise DataError(f"the {name} has {count}; at least 2 are needed")
     side = _side_to_interpolate(estimate, truth, interpolate)
     dense, sparse = (truth, estimate) if side == "truth" else (estimate, truth)
-    tolerance_s = _INTERVALS * usual_interval_s(dense.stamps_s) if max_difference_s is None else max_difference_s
+    tolerance_s = INTERVALS * usual_interval_s(dense.stamps_s) if max_difference_s is None else max_difference_s
     stamps = sparse.stamps_s[_usable(sparse.stamps_s, dense.stamps_s, tolerance_s)]
     if len(stamps) < 2:
         raise DataError(_no_overlap(estimate, truth, len(stamps), tolerance_s))
