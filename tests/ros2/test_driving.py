@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import time
 
 import numpy as np
@@ -17,9 +18,12 @@ from trailmark.errors import ConfigError
 from trailmark.frames import Frame
 from trailmark.interfaces import Controller, Session
 from trailmark.pipeline import LocalizerPart, Parts, Pipeline, SourceStream
+from trailmark_ros2 import dds
 from trailmark_ros2.driving import accepted_commands, command_message
+from trailmark_ros2.message_types import deserialize
 
 TWIST = "geometry_msgs/msg/Twist"
+RELIABLE = dds.Quality(depth=1000)
 
 
 def test_velocities_are_twists() -> None:
@@ -146,6 +150,28 @@ def test_a_robot_that_falls_silent_is_stopped_and_gets_no_more_speed(driven, rob
     assert received[0] == 0.4
     assert received[-1] == 0.0
     assert 0.4 not in received[received.index(0.0) :]
+
+
+@pytest.mark.parametrize("lost", ["fall_silent", "die"])
+def test_zero_velocity_comes_within_three_tenths_of_a_second_of_a_lost_link(driven, robot, wait_for, lost) -> None:
+    source, heard = driven()
+    commands = heard if lost == "fall_silent" else dds.Network(robot.domain).subscription("/cmd_vel", TWIST, RELIABLE)
+    met(commands, wait_for)
+    frames = source.frames()
+    for _ in range(3):
+        next(frames)
+        source.drive(Velocity(0.4))
+    getattr(robot, lost)()
+    lost_s = time.time()
+    while time.time() < lost_s + 0.6:  # a controller that goes on with what it believes
+        source.drive(Velocity(0.4))
+        time.sleep(0.02)
+
+    sent = [(sample.sent_s, deserialize(sample.cdr, TWIST).linear.x) for sample in commands.take(1000)]
+    stopped_s = [sent_s for sent_s, speed in sent if speed == 0.0]
+    # A machine that is busy may let the thread of the watchdog wait for its turn.
+    assert stopped_s[0] - lost_s < 0.3 * max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
+    assert not [speed for sent_s, speed in sent if sent_s > stopped_s[0] and speed != 0.0]
 
 
 def test_closing_stops_a_robot_that_moves(driven, wait_for) -> None:

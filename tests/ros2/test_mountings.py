@@ -10,6 +10,7 @@ import pytest
 pytest.importorskip("cyclonedds", reason="the extra [ros2] is not installed")
 
 from trailmark.api import create
+from trailmark.frames import SensorOrigin
 from trailmark.geometry import Pose3
 from trailmark.interfaces import Session
 from trailmark_ros2 import dds
@@ -99,3 +100,20 @@ def test_a_frame_to_which_nothing_leads_is_named(send_tree, mounting_of_camera, 
 
     assert mounting == Pose3()
     assert "front: nothing in /tf_static leads from 'base_link' (base_frame) to 'cam'" in caplog.text
+
+
+def test_where_mountings_and_lenses_come_from_is_told(domain, robot, messages, send_tree) -> None:
+    robot.repeat("/front/image_raw", 30, lambda k: messages.image(GREY, "mono8", frame_id="cam"))
+    robot.repeat("/odom", 30, lambda k: messages.odometry())
+    lens = {"height": 48, "width": 64, "distortion_model": "plumb_bob", "d": np.zeros(5)}
+    lens |= {"k": np.array([55.0, 0.0, 31.5, 0.0, 55.0, 23.5, 0.0, 0.0, 1.0]), "header": messages.header(0.0, "cam")}
+    robot.repeat("/front/camera_info", 30, lambda k: new_message("sensor_msgs/msg/CameraInfo", lens))
+    send_tree(("base_link", "cam", 0.5, AHEAD_OPTICAL))
+    source = create("source", "ros2", domain=domain, topics={"front": "/front/image_raw", "wheels": "/odom"})
+    try:
+        source.start(Session("robot", "track"))
+    finally:
+        source.close()
+
+    assert source.origins()["front"] == SensorOrigin("/tf_static (base_link -> cam: x: 0.5)", "/front/camera_info")
+    assert source.origins()["wheels"] == SensorOrigin()

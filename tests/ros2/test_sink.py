@@ -124,6 +124,25 @@ def test_an_unknown_covariance_is_huge() -> None:
     assert six[0, 0] == six[1, 1] == six[5, 5] == 1e6
 
 
+@pytest.mark.parametrize(
+    "covariance",
+    [
+        np.array([[1e8, 9900.0, 0.0], [9900.0, 1.0, 0.0], [0.0, 0.0, 0.01]]),
+        np.array([[1e8, -9.9e7, 100.0], [-9.9e7, 1e8, 0.0], [100.0, 0.0, 0.01]]),
+        np.array([[np.inf, np.nan, 0.0], [np.nan, 1.0, 0.05], [0.0, 0.05, 0.01]]),
+    ],
+)
+def test_a_covariance_that_is_too_large_to_tell_is_one_still(covariance: np.ndarray) -> None:
+    six = covariance_of_six(covariance).reshape(6, 6)
+    planar = six[np.ix_((0, 1, 5), (0, 1, 5))]
+
+    np.testing.assert_array_equal(six, six.T)
+    assert np.all(np.linalg.eigvalsh(planar) > 0.0)
+    assert planar.max() == 1e6
+    known = np.isfinite(covariance).all(axis=0) & (np.diag(covariance) < 1e6)
+    np.testing.assert_allclose(planar[np.ix_(known, known)], covariance[np.ix_(known, known)])
+
+
 def test_nothing_is_told_while_the_robot_is_lost_but_why(listening, wait_for) -> None:
     sink, heard = listening(tf="map_base")
     now_s = time.time()

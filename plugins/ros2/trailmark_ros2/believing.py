@@ -34,8 +34,19 @@ def covariance_of_six(covariance: Floats | None) -> Floats:
     """Return a covariance of x, y, z, roll, pitch, yaw, (36,) row-major; where nothing is known it is huge."""
     six = np.diag([_UNKNOWN_VARIANCE, _UNKNOWN_VARIANCE, _FLAT, _FLAT, _FLAT, _UNKNOWN_VARIANCE])
     if covariance is not None:
-        six[_PLANAR] = np.minimum(covariance, _UNKNOWN_VARIANCE)
+        six[_PLANAR] = _bounded(np.asarray(covariance, dtype=np.float64))
     return six.ravel()
+
+
+def _bounded(covariance: Floats) -> Floats:
+    """Return a covariance with variances of at most the unknown's; correlations stay, so that it is one still."""
+    is_known = np.isfinite(np.diag(covariance))
+    variances = np.where(is_known, np.diag(covariance), _UNKNOWN_VARIANCE)
+    shrink = np.sqrt(np.minimum(1.0, _UNKNOWN_VARIANCE / np.maximum(variances, _FLAT)))
+    both = np.outer(is_known, is_known)
+    bounded = np.where(both, covariance, 0.0) * np.outer(shrink, shrink)
+    bounded[np.diag_indices(3)] = np.minimum(variances, _UNKNOWN_VARIANCE)
+    return bounded
 
 
 def header(stamp_s: float, frame_id: str) -> Any:

@@ -71,8 +71,9 @@ class Ros2SourceConfig(NetworkConfig, LiveSourceConfig):
     """Twist; TwistStamped, as Nav2 since Kilted; or AckermannDriveStamped."""
     wheelbase_m: float | None = Field(None, gt=0)
     """Of an Ackermann vehicle: distance of its axles; it is then driven by velocities too [m]."""
-    watchdog_s: float = Field(0.3, gt=0)
-    """The robot is stopped when for so long no command is given, or no message comes from it [s]."""
+    watchdog_s: float = Field(0.25, gt=0)
+    """The robot is stopped when for so long no command is given, or no message comes from it: zero velocity is on its
+    way 0.3 s after a link was lost. A robot whose messages come more seldom needs more [s]."""
     initial_pose: str | None = None
     """Topic on which a person says where the robot is (`/initialpose` of RViz); left out: nobody may."""
     stamps: Literal["header", "receive"] = "header"

@@ -8,7 +8,7 @@ from typing import Any
 
 from trailmark.arrays import Floats
 from trailmark.geometry import Pose3
-from trailmark.sources.frame_tree import FrameTree, is_optical, transforms_by_child
+from trailmark.sources.frame_tree import FrameTree, describe_mounting, is_optical, transforms_by_child
 
 __all__ = ["mounting_of", "static_tree"]
 
@@ -23,8 +23,8 @@ def static_tree(messages: Iterable[Any]) -> FrameTree:
     return FrameTree(parents)
 
 
-def mounting_of(tree: FrameTree, base: str, sensor: str, *, frame: str, kind: str) -> Pose3 | None:
-    """Return `pose_base_sensor`; None, with a warning where there is a tree, if it does not say it.
+def mounting_of(tree: FrameTree, base: str, sensor: str, *, frame: str, kind: str) -> tuple[Pose3 | None, str]:
+    """Return `pose_base_sensor` and where it was found, or None and why not; the latter is warned of.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def mounting_of(tree: FrameTree, base: str, sensor: str, *, frame: str, kind: st
         Of the sensor.
     """
     if not tree.parents:
-        return None
+        return None, ""
     why = f"nothing in /tf_static leads from {base!r} (base_frame) to {frame!r}"
     mounting: Pose3 | None = None
     try:
@@ -49,4 +49,5 @@ def mounting_of(tree: FrameTree, base: str, sensor: str, *, frame: str, kind: st
         why = str(error)
     if mounting is None:
         logger.warning("%s: %s: unless sensors: of the config says its mounting, it sits at base", sensor, why)
-    return mounting
+        return None, why
+    return mounting, f"/tf_static ({base} -> {frame}: {describe_mounting(mounting)})"

@@ -14,7 +14,7 @@ import numpy as np
 
 from trailmark.commands import Command, Stop
 from trailmark.errors import SourceError
-from trailmark.frames import DepthCamera, Frame, Pinhole, SensorInfo
+from trailmark.frames import DepthCamera, Frame, Pinhole, SensorInfo, SensorOrigin
 from trailmark.geometry import Pose3
 from trailmark.interfaces import Drivable, Session
 from trailmark.sources import ros_messages
@@ -58,6 +58,7 @@ class Ros2Source(Drivable):
     def __init__(self, config: Ros2SourceConfig) -> None:
         super().__init__(config)
         self._sensors: Mapping[str, SensorInfo] = MappingProxyType({})
+        self._origins: dict[str, SensorOrigin] = {}
         self._feeds: list[TopicFeed] = []
         self._network: dds.Network | None = None
         self._driver: RobotDriver | None = None
@@ -131,6 +132,10 @@ class Ros2Source(Drivable):
         """The sensors, by name; known after `start`."""
         return self._sensors
 
+    def origins(self) -> Mapping[str, SensorOrigin]:
+        """Return which topics tell mountings and lenses, by sensor."""
+        return self._origins
+
     def _meet(self, network: dds.Network, patience: Patience) -> None:
         met = meet_writers(network, self._wanted(), patience, DEPTH)
         self._feeds = list(self._new_feeds(network, met))
@@ -193,13 +198,12 @@ class Ros2Source(Drivable):
     def _info(self, network: dds.Network, tree: FrameTree, sensor: str, first: Frame | None) -> SensorInfo:
         feed = next(feed for feed in self._feeds if feed.sensor == sensor)
         kind = feed.reader.kind
-        mounting = None
+        mounting, where = None, ""
         if kind in ("image", "rgbd", "scan", "imu") and feed.frame_id:
-            mounting = mounting_of(tree, self.config.base_frame, sensor, frame=feed.frame_id, kind=kind)
-        if mounting is not None:
-            logger.info("%s sits at %s, says /tf_static (%s)", sensor, mounting, feed.frame_id)
+            mounting, where = mounting_of(tree, self.config.base_frame, sensor, frame=feed.frame_id, kind=kind)
         size = None if first is None else first.payload.size
         lens = self._lens(network, feed.topic) if self._is_camera(sensor) else None
+        self._origins[sensor] = SensorOrigin(where, "" if lens is None else ros_messages.info_topic(feed.topic))
         calibration = DepthCamera(lens) if lens is not None and kind == "rgbd" else lens
         return SensorInfo(sensor, kind, size, pose_base_sensor=mounting or Pose3(), calibration=calibration)
 
