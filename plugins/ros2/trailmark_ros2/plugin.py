@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 from trailmark import hookimpl
 
 if TYPE_CHECKING:
+    import click
+
     from trailmark.plugins import Registry
 
 
@@ -29,3 +31,11 @@ def trailmark_register(registry: Registry) -> None:
         reference="docs.ros.org: REP-105; docs.nav2.org: transforms",
         extra="ros2",
     )
+
+
+@hookimpl
+def trailmark_commands(group: click.Group) -> None:
+    """Add `trailmark ros2`."""
+    from trailmark_ros2.commands import ros2
+
+    group.add_command(ros2)

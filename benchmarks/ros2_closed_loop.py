@@ -1,0 +1,130 @@
+"""Teach and replay of a simulated robot through ROS 2 topics, and without ROS: how far off its path does it run?
+
+The robot is a program of its own (`trailmark ros2 robot`): a differential vehicle with a floor camera and wheels, which
+sends /floor/image_raw and /wheels/odom and follows /cmd_vel. `ground_vo` and wheels localize, `path_tracking` drives.
+
+    python benchmarks/ros2_closed_loop.py [--runs 3] [--seconds 20] [--pace 1.0]
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from ruamel.yaml import YAML
+
+import trailmark
+from trailmark.geometry import Trajectory, read_tum
+
+CAMERA: dict[str, Any] = {"width": 320, "height": 288, "field_mm": [125.0, 112.5]}
+ROBOT: dict[str, Any] = {
+    "plugin": "sim",
+    "world": "ground_course",
+    "route": "indoor",
+    "sensors": ["wheels", "floor"],
+    "rates_hz": {"wheels": 30, "floor": 30},
+    "speed_mps": 0.2,
+    "vehicle": {"kind": "differential", "length_m": 0.3, "width_m": 0.3},
+    "options": {"camera": CAMERA},
+}
+LOCAL: dict[str, Any] = {
+    "localizers": {"wheels": {"plugin": "odometry", "wheels": "wheels"}, "floor": {"plugin": "ground_vo"}},
+    "estimator": {"plugin": "kalman"},
+    # ground_vo and wheels give motion alone: no fix is waited for
+    "controller": {"plugin": "path_tracking", "speed_mps": 0.2, "max_fix_age_m": None, "reverse": False},
+    "control_hz": 20,
+}
+#: What no topic says: how the floor camera is mounted, and how large its pixels are.
+SENSORS = {
+    "floor": {
+        "mounting": {"yaw_deg": 180.0},
+        "calibration": {"metres_per_pixel": 125.0e-3 / CAMERA["width"]},
+    }
+}
+REPLAY_S = 90.0
+
+
+def live(domain: int) -> dict[str, Any]:
+    """Return the source that hears the robot."""
+    return {
+        "plugin": "ros2",
+        "domain": domain,
+        "topics": {"floor": "/floor/image_raw", "wheels": "/wheels/odom"},
+        "command": "/cmd_vel",
+        "end_when_silent_s": 3.0,
+    }
+
+
+def without_ros(folder: Path, seconds: float, seed: int) -> tuple[Trajectory, Trajectory, str]:
+    """Return the true ways of teaching and of replay, and how the replay ended."""
+    config = {"sources": {"robot": ROBOT | {"duration_s": seconds}}, "sensors": SENSORS, **LOCAL, "seed": seed}
+    config |= {"start": [0.0, 0.0, 0.0]}
+    store = folder / "path.trail"
+    taught = trailmark.run(config, folder / "teach", mode="teach", store=store, report=False)
+    again = config | {"sources": {"robot": ROBOT | {"duration_s": REPLAY_S}}, "start": "first"}
+    driven = trailmark.run(again, folder / "replay", mode="replay", store=store, report=False)
+    assert taught.ground_truth is not None
+    assert driven.ground_truth is not None
+    return taught.ground_truth, driven.ground_truth, driven.reason
+
+
+def through_topics(
+    folder: Path, seconds: float, seed: int, *, domain: int, pace: float = 1.0
+) -> tuple[Trajectory, Trajectory, str]:
+    """Return the same of a robot behind topics."""
+    store, reasons = folder / "path.trail", []
+    for mode, limit_s, start in (("teach", seconds, [0.0, 0.0, 0.0]), ("replay", REPLAY_S, "first")):
+        robot = folder / f"robot_{mode}.yaml"
+        with robot.open("w") as file:
+            YAML().dump({"sources": {"robot": ROBOT | {"duration_s": limit_s}}, **LOCAL, "seed": seed}, file)
+        line = [sys.executable, "-m", "trailmark.cli", "ros2", "robot", str(robot), "--mode", mode]
+        line += ["--domain", str(domain), "--truth", str(folder / f"{mode}.tum"), "--pace", str(pace)]
+        with subprocess.Popen(line, stdout=subprocess.DEVNULL) as node:
+            config = {"sources": {"robot": live(domain)}, "sensors": SENSORS, **LOCAL, "start": start}
+            result = trailmark.run(config, folder / mode, mode=mode, store=store, report=False)
+            reasons.append(result.reason or result.status)
+            node.terminate() if mode == "replay" else None  # it writes where it was
+            node.wait(60.0)
+    return read_tum(folder / "teach.tum"), read_tum(folder / "replay.tum"), reasons[-1]
+
+
+def off_mm(taught: Trajectory, driven: Trajectory) -> np.ndarray:
+    """Return how far from the way of teaching each place of the replay was, (N,)."""
+    way = taught.positions[np.append(True, np.linalg.norm(np.diff(taught.positions, axis=0), axis=1) > 1e-5)]
+    a, b = way[:-1, None], way[1:, None]
+    along = b - a
+    share = np.clip(((driven.positions[None] - a) * along).sum(2) / (along**2).sum(2), 0.0, 1.0)
+    return np.asarray(1e3 * np.linalg.norm(driven.positions[None] - a - share[..., None] * along, axis=2).min(0))
+
+
+def main() -> None:
+    """Measure, and print a table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--runs", type=int, default=3)
+    parser.add_argument("--seconds", type=float, default=20.0)
+    parser.add_argument("--pace", type=float, default=1.0)
+    given = parser.parse_args()
+    print(f"load {os.getloadavg()[0]:.1f} for {os.cpu_count()} cores\n")
+    print("| run | way | mean [mm] | largest [mm] | off the end [mm] | end of the replay |\n|--:|---|--:|--:|--:|---|")
+    for seed in range(given.runs):
+        for name in ("without ROS", "through topics"):
+            with tempfile.TemporaryDirectory() as place:
+                folder = Path(place)
+                if name == "without ROS":
+                    taught, driven, reason = without_ros(folder, given.seconds, seed)
+                else:
+                    domain = 1 + (os.getpid() + seed) % 100
+                    taught, driven, reason = through_topics(folder, given.seconds, seed, domain=domain, pace=given.pace)
+            off = off_mm(taught, driven)
+            end = 1e3 * np.linalg.norm(taught.positions[-1] - driven.positions[-1])
+            print(f"| {seed} | {name} | {off.mean():.1f} | {off.max():.1f} | {end:.0f} | {reason} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
