@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-PARTS = ("--localizer", "--source", "--controller", "--sink", "--metric")
+PARTS = ("--localizer", "--source", "--robot", "--controller", "--sink", "--metric")
 
 
 def python(*arguments: str | Path, cwd: Path, path: Path | None = None) -> subprocess.CompletedProcess[str]:

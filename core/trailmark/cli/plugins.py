@@ -96,6 +96,7 @@ def doctor_command(context: click.Context, deep: bool, as_json: bool) -> None:
 @click.argument("name")
 @click.option("--localizer", "parts", flag_value="localizer", multiple=True, help="With a localizer (the default).")
 @click.option("--source", "parts", flag_value="source", multiple=True, help="With a frame source.")
+@click.option("--robot", "parts", flag_value="robot", multiple=True, help="With a robot that can be driven.")
 @click.option("--controller", "parts", flag_value="controller", multiple=True, help="With a controller.")
 @click.option("--sink", "parts", flag_value="sink", multiple=True, help="With a sink.")
 @click.option("--metric", "parts", flag_value="metric", multiple=True, help="With a metric.")

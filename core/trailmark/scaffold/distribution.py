@@ -18,6 +18,7 @@ __all__ = ["PARTS", "write_distribution"]
 PARTS = {
     "localizer": "motion from wheel odometry",
     "source": "a number over time, from a file",
+    "robot": "a base behind a serial line, which can be driven",
     "controller": "pure pursuit of the taught path",
     "sink": "believed poses as a CSV file",
     "metric": "how jerky a trajectory is",
@@ -79,8 +80,9 @@ def _words(name: str, parts: Sequence[str]) -> dict[str, str]:
         "title": ", ".join(PARTS[part] for part in parts),
         "version": ".".join(trailmark.__version__.split(".")[:2]),
     }
+    words["robot_name"] = f"{name}_robot" if "source" in parts else name  # both are sources
     words["registrations"] = "\n".join(_registration(part, words) for part in parts)
-    words["parts"] = "\n".join(f"- {part} `{name}`: {PARTS[part]}" for part in parts)
+    words["parts"] = "\n".join(f"- {part} `{_called(part, words)}`: {PARTS[part]}" for part in parts)
     return words
 
 
@@ -88,13 +90,18 @@ def _registration(part: str, words: dict[str, str]) -> str:
     module, class_name = f"{words['package']}.{part}", words["class_name"]
     suffix = "" if part == "localizer" else part.capitalize()
     target = words["name"] if part == "metric" else f"{class_name}{suffix}"
-    lines = [f"registry.{part}(", f'    "{words["name"]}",', f'    "{module}:{target}",']
+    kind = "source" if part == "robot" else part
+    lines = [f"registry.{kind}(", f'    "{_called(part, words)}",', f'    "{module}:{target}",']
     if part != "metric":
         lines.append(f'    config="{module}_config:{class_name}{suffix}Config",')
     lines.append(f'    summary="{PARTS[part].capitalize()}",')
     if part == "localizer":
         lines.append('    gives=("motion",),')
     return textwrap.indent("\n".join([*lines, ")"]), "    ")
+
+
+def _called(part: str, words: dict[str, str]) -> str:
+    return words["robot_name" if part == "robot" else "name"]
 
 
 def _filled(template: str, words: dict[str, str]) -> str:

@@ -44,7 +44,7 @@ def _bounded(covariance: Floats) -> Floats:
     variances = np.where(is_known, np.diag(covariance), _UNKNOWN_VARIANCE)
     shrink = np.sqrt(np.minimum(1.0, _UNKNOWN_VARIANCE / np.maximum(variances, _FLAT)))
     both = np.outer(is_known, is_known)
-    bounded = np.where(both, covariance, 0.0) * np.outer(shrink, shrink)
+    bounded: Floats = np.where(both, covariance, 0.0) * np.outer(shrink, shrink)
     bounded[np.diag_indices(3)] = np.minimum(variances, _UNKNOWN_VARIANCE)
     return bounded
 

@@ -1,0 +1,1 @@
+"""Trailmark plugin: beliefs as MAVLink."""
