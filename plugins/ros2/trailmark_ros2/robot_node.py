@@ -5,10 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping
 
+from trailmark.clock import live_stamp_s
 from trailmark.commands import Stop
 from trailmark.frames import Frame
 from trailmark.interfaces import Drivable, FrameSource
-from trailmark.pipeline.clock import live_stamp_s
 from trailmark_ros2 import dds
 from trailmark_ros2.driving import COMMAND_TYPES
 from trailmark_ros2.message_types import deserialize
