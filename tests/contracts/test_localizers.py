@@ -53,6 +53,7 @@ CASES: dict[str, tuple[Callable[[], AnyRun], dict[str, Any]]] = {
     "kinect_motion": (RGBD, {}),
     "klt": (over_ground, {}),
     "known_landmarks": (partial(landmark_run, UNEVEN), {}),
+    "grid_mcl": (partial(room_run, "scan", BEND, 30), {"n_start": 20_000, "n_search": 3000}),
     "laser_icp": (partial(room_run, "scan", BEND, 30), {}),
     "odometry": (partial(odometry_run, UNEVEN), {}),
     "omni_surf": (partial(room_run, "omni", circle(0.5, 1.0), 40), {}),
@@ -62,6 +63,7 @@ CASES: dict[str, tuple[Callable[[], AnyRun], dict[str, Any]]] = {
     "phase_correlation": (over_ground, {}),
     "phase_shift": (AHEAD, {}),
     "pose_fixes": (partial(pose_run, UNEVEN), {}),
+    "scan_odometry": (partial(room_run, "scan", BEND, 30), {}),
 }
 
 #: What is known not to pass, and why.

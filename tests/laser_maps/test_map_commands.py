@@ -69,7 +69,7 @@ def test_a_taught_place_becomes_a_map_whose_walls_stand_where_they_stand(
 
 def test_show_says_size_and_place_and_draws_it(taught: Path, tmp_path: Path) -> None:
     out = tmp_path / "room.yaml"
-    assert "24 scans" in run("export", taught, "--out", out, "--resolution", "0.1")
+    assert "grid_mcl, map:" in run("export", taught, "--out", out, "--resolution", "0.1")
     text = run("show", out, "--width", "60")
     assert "cells of 0.1 m" in text
     sketch = text.splitlines()[2:]

@@ -1,1 +1,1 @@
-"""A planar laser and a floor plan: occupancy grids of ROS, read, written and drawn from a taught place."""
+"""A planar laser and a floor plan: occupancy grids of ROS, a robot found on them, and motion from scans alone."""

@@ -52,6 +52,7 @@ def export_command(
         click.echo(json.dumps({"map": str(out), "image": str(picture), "scans": len(scans)} | _numbers(grid)))
         return
     click.echo(f"{out}: {len(scans)} scans, {_line(grid)}")
+    click.echo(f"use it with localizers.NAME: {{plugin: grid_mcl, map: {out}}}")
 
 
 @map_group.command("show")

@@ -22,7 +22,8 @@ _POINTS = "points"
 def taught_scans(path: Path, localizer: str | None = None) -> list[PlacedScan]:
     """Return the scans of a taught place, where they were taken.
 
-    Any localizer's keyframes do that hold an array ``points``, (N, 2), in base axes: ``laser_icp`` keeps them so.
+    Any localizer's keyframes do that hold an array ``points``, (N, 2), in base axes, as `grid_mcl` and ``laser_icp``
+    keep them.
 
     Parameters
     ----------

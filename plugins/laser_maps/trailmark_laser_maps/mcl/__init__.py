@@ -1,0 +1,1 @@
+"""Monte Carlo localization on an occupancy grid."""

@@ -1,0 +1,255 @@
+"""Monte Carlo localization on a grid: find a place, follow it, and know when it is neither."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from trailmark.arrays import Floats
+from trailmark_laser_maps.mcl.field import GridField
+from trailmark_laser_maps.mcl.hypotheses import Look, Places, Search, best_of_each_neighbourhood, is_elsewhere, moved_by
+from trailmark_laser_maps.mcl.kernels import count_agreeing, score_poses
+from trailmark_laser_maps.mcl.particles import MotionNoise, Particles
+
+__all__ = ["FilterSettings", "GridFilter", "Placed", "Unplaced"]
+
+#: Rays next to each other err together: so many count, however many there are.
+_RAYS_THAT_COUNT = 20.0
+_N_TRACKED, _N_RAYS_TRACKED = 2000, 60
+#: A ray that so few of the particles agree with is of something that is not in the map.
+_AGREE_M, _AGREE_SHARE, _LEAST_USED = 0.3, 0.05, 0.3
+_MOVED_M, _MOVED_RAD = 0.05, math.radians(2.0)
+_LOOK_M, _LOOK_RAD = 0.3, math.radians(25.0)
+_FEWEST_LOOKS = 3
+_N_CANDIDATES = 300
+_FRESH_SHARE = 0.3
+_SECOND_CLUSTER = 0.05
+#: After a jump of the odometry a place near by must explain nearly as much as places did lately.
+_USUAL_GAIN, _USUAL_DROP = 0.1, 0.1
+#: Another place that explains so much more of the last metres takes the followed one's seat.
+_UNSEATS = 0.05
+#: Way after which a place that was taken up again near by is compared with the rest of the map [m].
+_SOON_M = 0.7
+_GLITCH_M, _GLITCH_RAD = 0.3, math.radians(10.0)
+_DRAWN_M, _DRAWN_RAD = 0.1, math.radians(2.0)
+
+
+@dataclass(frozen=True, slots=True)
+class FilterSettings:
+    """How the filter works; see `GridMclConfig`.
+
+    Attributes
+    ----------
+    noise : MotionNoise
+        Of odometry.
+    n_start, n_search, n_fewest, n_most : int
+        Poses drawn over the map at the start, and at each scan until a place is found; particles kept, at least and
+        at most.
+    min_quality : float
+        Share of a scan that a place must explain.
+    margin : float
+        By how much a place must be better than all others to be believed after one look.
+    patience : int
+        After so many scans in a row that the place does not explain it is given up.
+    recheck_m : float
+        Way after which a followed place is compared with the rest of the map again [m].
+    """
+
+    noise: MotionNoise = MotionNoise()
+    n_start: int = 200_000
+    n_search: int = 20_000
+    n_fewest: int = 500
+    n_most: int = 20_000
+    min_quality: float = 0.6
+    margin: float = 0.25
+    patience: int = 5
+    recheck_m: float = 2.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Placed:
+    """A place that is believed: pose (3,) and covariance (3, 3) in grid axes, and the share of the scan it explains."""
+
+    pose: Floats
+    covariance: Floats
+    quality: float
+
+
+@dataclass(frozen=True, slots=True)
+class Unplaced:
+    """No place is believed: why, how much of the scan the best explains, and how many places fit as well."""
+
+    reason: str
+    quality: float
+    n_places: int
+
+
+class GridFilter:
+    """Particles on a map.
+
+    Parameters
+    ----------
+    field : GridField
+        The map.
+    settings : FilterSettings
+        How it works.
+    rng : numpy.random.Generator
+        What it draws from.
+    """
+
+    def __init__(self, field: GridField, settings: FilterSettings, rng: np.random.Generator) -> None:
+        self._field, self._settings, self._rng = field, settings, rng
+        self._search = Search(field)
+        self._particles: Particles | None = None
+        self._hypotheses: Floats = np.empty((0, 3))
+        self._is_believed = False
+        self._n_unexplained = 0
+        self._last: Look | None = None
+        self._unchecked_m = 0.0
+        self._usual_quality = 1.0
+
+    def believe(self, pose: Floats, covariance: Floats) -> None:
+        """Begin at a known pose, in grid axes."""
+        self._particles = Particles.around(pose, covariance, _N_TRACKED, self._rng)
+        self._is_believed, self._n_unexplained, self._unchecked_m = True, 0, 0.0
+
+    def update(self, look: Look, hint: Floats | None = None) -> Placed | Unplaced | None:
+        """Take a look into account; None where the robot has not moved enough for it to tell anything new.
+
+        Parameters
+        ----------
+        look : Look
+            What the laser sees.
+        hint : (3,) float64, optional
+            Where others believe that the robot is, in grid axes: one place more to be looked at.
+        """
+        last = self._last
+        if last is not None:
+            step = last.pose_odom_base.between(look.pose_odom_base)
+            way_m = math.hypot(step.x, step.y)
+            if way_m < _MOVED_M and abs(step.theta) < _MOVED_RAD and self._fits(look):
+                return None
+            self._unchecked_m += way_m
+            if self._particles is not None:
+                self._particles = self._particles.moved(step, self._settings.noise, self._rng)
+            self._hypotheses = moved_by(self._hypotheses, step)
+        self._last = look
+        return self._follow(look) if self._is_believed else self._find(look, hint)
+
+    def _fits(self, look: Look) -> bool:
+        """Whether a robot at rest may leave a look out: nothing is followed, or it shows what was there before."""
+        if not self._is_believed or self._particles is None:
+            return True
+        mean = self._particles.clusters()[0].mean
+        return float(self._search.explained(look, mean[np.newaxis])[0]) >= self._settings.min_quality
+
+    def _follow(self, look: Look) -> Placed | Unplaced:
+        assert self._particles is not None
+        settings = self._settings
+        particles = self._particles.weighed(self._log_likelihoods(look, self._particles.poses))
+        if particles.effective_count < len(particles) / 2:
+            particles = particles.resampled(settings.n_fewest, settings.n_most, self._rng)
+        self._particles = particles
+        clusters = particles.clusters()
+        pose = self._drawn_onto_walls(look, clusters[0].mean)
+        quality = float(self._search.explained(look, pose[np.newaxis])[0])
+        if quality < settings.min_quality:
+            return self._doubt(look, clusters[0].mean, quality)
+        self._n_unexplained = 0
+        self._usual_quality += _USUAL_GAIN * (quality - self._usual_quality)
+        n_places = sum(cluster.share > _SECOND_CLUSTER for cluster in clusters)
+        if n_places > 1:
+            return Unplaced(f"{n_places} places fit", quality, n_places)
+        self._search.remember(look, _LOOK_M, _LOOK_RAD)
+        if self._unchecked_m > settings.recheck_m and (rival := self._better_place(look, pose)) is not None:
+            return rival
+        return Placed(pose, clusters[0].covariance, quality)
+
+    def _doubt(self, look: Look, mean: Floats, quality: float) -> Unplaced:
+        """Look around for what the odometry may have missed; give the place up after a while."""
+        self._n_unexplained += 1
+        if self._n_unexplained >= self._settings.patience:
+            self._give_up()
+        else:
+            wide = np.diag(np.square((_GLITCH_M, _GLITCH_M, _GLITCH_RAD)))
+            net = Particles.around(mean, wide, _N_TRACKED, self._rng).poses
+            near = self._search.followed(look, best_of_each_neighbourhood(net, self._search.scores(look, net), 20))
+            near = near[~is_elsewhere(near, mean)]
+            if not len(near):
+                return Unplaced(f"the place explains only {quality:.0%} of the scan", quality, 0)
+            shares = self._search.explained(look, near)
+            if shares.max() >= max(self._settings.min_quality, self._usual_quality - _USUAL_DROP):
+                n_unexplained = self._n_unexplained
+                self.believe(near[int(shares.argmax())], np.diag(np.square((_DRAWN_M, _DRAWN_M, _DRAWN_RAD))))
+                self._n_unexplained = n_unexplained
+                self._search.forget()  # the odometry does not lead back to what was seen before
+                self._unchecked_m = self._settings.recheck_m - _SOON_M
+        return Unplaced(f"the place explains only {quality:.0%} of the scan", quality, 0)
+
+    def _give_up(self) -> None:
+        self._is_believed, self._particles, self._hypotheses = False, None, np.empty((0, 3))
+        self._search.forget()
+
+    def _better_place(self, look: Look, pose: Floats) -> Unplaced | None:
+        """Compare a followed place with the rest of the map, and begin anew if it does not win."""
+        self._unchecked_m = 0.0
+        drawn = self._field.draw_poses(self._settings.n_search, self._rng)
+        fitting = best_of_each_neighbourhood(drawn, self._search.scores(look, drawn), _N_CANDIDATES)
+        places = self._search.compare(look, np.vstack([pose, fitting]))
+        is_here = ~is_elsewhere(places.poses, pose)
+        if is_here.any() and places.shares[0] - places.shares[is_here].max() < _UNSEATS:
+            return None
+        self._is_believed, self._particles, self._hypotheses = False, None, places.poses
+        return Unplaced("another place fits better", float(places.shares[0]), len(places.poses))
+
+    def _find(self, look: Look, hint: Floats | None) -> Placed | Unplaced:
+        settings, before = self._settings, self._particles
+        drawn = self._field.draw_poses(settings.n_start if before is None else settings.n_search, self._rng)
+        poses = drawn if before is None else np.vstack([before.poses, drawn])
+        weights = np.full(len(poses), 1.0 / len(drawn))
+        if before is not None:
+            weights[: len(before)] = (1.0 - _FRESH_SHARE) * before.weights
+            weights[len(before) :] *= _FRESH_SHARE
+        scores = self._search.scores(look, poses)
+        weighed = Particles(poses, weights).weighed(0.2 * scores)
+        self._particles = weighed.resampled(settings.n_fewest, settings.n_most, self._rng)
+        candidates = [best_of_each_neighbourhood(poses, scores, _N_CANDIDATES), self._hypotheses]
+        if hint is not None:
+            candidates.append(hint[np.newaxis])
+        self._search.remember(look, _LOOK_M, _LOOK_RAD)
+        places = self._search.compare(look, np.vstack(candidates))
+        self._hypotheses = places.poses
+        return self._decide(places)
+
+    def _decide(self, places: Places) -> Placed | Unplaced:
+        """Believe the best place if it explains enough, and clearly more than any other."""
+        settings, best = self._settings, float(places.shares[0])
+        if best < settings.min_quality:
+            return Unplaced(f"no place explains more than {best:.0%} of the scan", best, 0)
+        margin = settings.margin / math.sqrt(places.n_looks)
+        n_places = int((places.shares > best - margin).sum())
+        if n_places > 1:
+            return Unplaced(f"{n_places} places fit", best, n_places)
+        if places.n_looks < _FEWEST_LOOKS:
+            return Unplaced("one place fits, but it was looked at from one side only: drive on", best, 1)
+        covariance = np.diag([_DRAWN_M**2, _DRAWN_M**2, _DRAWN_RAD**2])
+        self.believe(places.poses[0], covariance)
+        return Placed(places.poses[0], covariance, best)
+
+    def _log_likelihoods(self, look: Look, poses: Floats) -> Floats:
+        """Return how well particles fit, without the rays that hardly any of them agrees with (beam skipping)."""
+        field = self._field
+        rays = np.ascontiguousarray(look.rays[:: max(1, len(look.rays) // _N_RAYS_TRACKED)])
+        agreeing = count_agreeing(poses, rays, field.distance_m, field.cell_m, _AGREE_M)
+        is_used = agreeing >= _AGREE_SHARE * len(poses)
+        if is_used.mean() >= _LEAST_USED:
+            rays = rays[is_used]
+        logs = score_poses(poses, rays, field.narrow, field.is_free, field.cell_m, float(field.narrow.min()))
+        return logs * min(1.0, _RAYS_THAT_COUNT / len(rays))
+
+    def _drawn_onto_walls(self, look: Look, mean: Floats) -> Floats:
+        """Return the mean of particles, drawn onto the walls where that is a small step."""
+        refined = self._search.followed(look, mean[np.newaxis])[0]
+        return np.asarray(refined)

@@ -1,0 +1,1 @@
+"""Motion from planar scans alone."""
