@@ -7,13 +7,14 @@ import shutil
 import stat
 from collections.abc import Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from trailmark.errors import ConfigError, DataError
 from trailmark_bench.cell import Cell
 from trailmark_bench.index import INDEX_FILE, CellRecord, Index
 from trailmark_bench.results import CELLS
 
-__all__ = ["merge_benches"]
+__all__ = ["is_address", "merge_benches"]
 
 _ADDRESS = re.compile(r"[0-9a-f]{8,64}")
 
@@ -24,8 +25,9 @@ _BEST = ("ok", "failed", "timeout", "crashed", "skipped", "running", "pending")
 def merge_benches(folders: Sequence[Path], out: Path) -> list[str]:
     """Merge benches into one folder, which may be one of them; return lines about what was done.
 
-    Of a cell that several have, a result is taken before a failure, and what stands in `out` before the rest. Two
-    results of one cell whose figures differ are told: what has the same address should give the same figures.
+    A file of ``export json`` counts as the folder of a bench. Of a cell that several have, a result is taken before a
+    failure, and what stands in `out` before the rest. Two results of one cell whose figures differ are told: what has
+    the same address should give the same figures.
 
     Raises
     ------
@@ -35,16 +37,33 @@ def merge_benches(folders: Sequence[Path], out: Path) -> list[str]:
         If a folder is no bench, or its index names cells by what is no address.
     """
     for folder in folders:
-        if not (folder / INDEX_FILE).is_file():
+        if not folder.is_file() and not (folder / INDEX_FILE).is_file():
             raise DataError(f"{folder} is not the folder of a bench: it has no {INDEX_FILE}")
     others = [folder for folder in folders if folder.resolve() != out.resolve()]
     lines = []
-    with Index(out, write=True) as merged:
-        for folder in others:
-            with Index(folder) as other:
-                lines.append(f"{folder}: {_take(merged, other)}")
-        _show_all(merged)
+    with TemporaryDirectory() as unpacked:
+        opened = [_opened(other, Path(unpacked, str(number))) for number, other in enumerate(others)]
+        with Index(out, write=True) as merged:
+            for name, folder in zip(others, opened, strict=True):
+                with Index(folder) as other:
+                    lines.append(f"{name}: {_take(merged, other)}")
+            _show_all(merged)
     return [*lines, f"{out}: {len(merged_states(out))} cells"]
+
+
+def _opened(bench: Path, folder: Path) -> Path:
+    """Return the folder of a bench; a file of results becomes one."""
+    if not bench.is_file():
+        return bench
+    from trailmark_bench.shared import read_results
+
+    read_results(bench, folder)
+    return folder
+
+
+def is_address(name: object) -> bool:
+    """Return whether something is the address of a cell: hexadecimal digits, and so no path."""
+    return isinstance(name, str) and _ADDRESS.fullmatch(name) is not None
 
 
 def merged_states(folder: Path) -> dict[str, str]:
@@ -76,7 +95,7 @@ def _take(merged: Index, other: Index) -> str:
 
 def _refuse_other_names(index: Index, record: CellRecord) -> None:
     """Refuse what would become a path outside of the folder: a bench may come from a stranger."""
-    if not _ADDRESS.fullmatch(str(record.id)) or record.state not in _BEST:
+    if not is_address(record.id) or record.state not in _BEST:
         raise DataError(
             f"{index.folder / INDEX_FILE} is damaged: no cell is called {str(record.id)[:60]!r}, {record.state!r}"
         )

@@ -147,10 +147,13 @@ def schema_command(context: click.Context) -> None:
 
 
 @bench_group.command("merge")
-@click.argument("folders", metavar="DIR...", nargs=-1, required=True, type=_FOLDER)
+@click.argument("folders", metavar="DIR|FILE...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--out", required=True, type=_FOLDER, help="Folder of the merged bench; it may be one of DIR.")
 def merge_command(folders: tuple[Path, ...], out: Path) -> None:
-    """Put benches together: cells of one address are one cell, whichever machine ran it."""
+    """Put benches together: cells of one address are one cell, whichever machine ran it.
+
+    A FILE is one of `trailmark bench export json`, from whoever sent it.
+    """
     from trailmark_bench.merge import merge_benches
 
     for line in merge_benches(folders, out):
@@ -158,7 +161,7 @@ def merge_command(folders: tuple[Path, ...], out: Path) -> None:
 
 
 @bench_group.command("export")
-@click.argument("form", metavar="csv|latex|markdown", type=click.Choice(["csv", "latex", "markdown"]))
+@click.argument("form", metavar="csv|latex|markdown|json", type=click.Choice(["csv", "latex", "markdown", "json"]))
 @click.argument("folder", metavar="DIR", type=_FOLDER)
 @click.option("--metric", "metrics", multiple=True, metavar="NAME", help="Quantities; default: the bench's.")
 @click.option("--baseline", metavar="NAME", help="Compare with this one.")
@@ -167,14 +170,17 @@ def merge_command(folders: tuple[Path, ...], out: Path) -> None:
 def export_command(
     form: str, folder: Path, metrics: tuple[str, ...], baseline: str | None, is_cells: bool, to: Path | None
 ) -> None:
-    """Write the tables of a bench for a paper, a page or another program."""
+    """Write the tables of a bench for a paper, a page or another program; as json, all cells, for `merge` elsewhere."""
     from trailmark_bench.export import exported
     from trailmark_bench.index import Index
+    from trailmark_bench.shared import shared_results
 
     if is_cells and form != "csv":
         raise ConfigError(f"--cells is for csv: {form} has tables of statistics")
+    if form == "json" and (metrics or baseline):
+        raise ConfigError("json holds every cell with all its figures: --metric and --baseline are for tables")
     with Index(folder) as index:
-        text = exported(index, form, metrics, baseline, is_cells)
+        text = shared_results(index) if form == "json" else exported(index, form, metrics, baseline, is_cells)
     if to is None:
         click.echo(text, nl=False)
     else:

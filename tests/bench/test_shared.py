@@ -1,0 +1,127 @@
+"""Results as a file: what goes out, what comes back, and what a stranger may not send."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from trailmark.cli import main
+from trailmark.errors import DataError
+from trailmark.isolation import Outcome
+from trailmark_bench import Cell, Index
+from trailmark_bench.merge import merge_benches
+from trailmark_bench.shared import read_results, shared_results
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Path:
+    """A bench of three cells: a result, a failure, one that has not run."""
+    with Index(tmp_path / "bench", write=True) as index:
+        index.enter([Cell(f"{seed:020x}", "hall", {"localizer": "klt", "seed": seed}, {}) for seed in range(3)])
+        result = {"metrics": {"ate_rmse_m[se2,n=9]": 0.125}, "times": {"cpu_ms": 1.5}, "errors": True}
+        outcome = Outcome("ok", wall_s=2.0, cpu_s=1.5, peak_rss_mb=90.0, load=0.5, host="somebodys-laptop")
+        index.mark_finished(f"{0:020x}", outcome, result)
+        index.mark_finished(f"{1:020x}", Outcome("failed", "no texture"))
+        origin = {"trailmark": "0.1.0", "command": "trailmark bench /home/somebody/b.yaml", "cpu": "EPYC"}
+        index.set_meta(name="hall", metrics=["ate_rmse_m"], baseline=None, provenance=origin)
+    return tmp_path / "bench"
+
+
+def sent(bench: Path) -> dict[str, Any]:
+    with Index(bench) as index:
+        document: dict[str, Any] = json.loads(shared_results(index))
+    return document
+
+
+def test_what_has_ended_goes_out_without_names_and_paths(bench: Path) -> None:
+    document = sent(bench)
+
+    assert [cell["state"] for cell in document["cells"]] == ["ok", "failed"]
+    assert document["origin"] == {"trailmark": "0.1.0", "cpu": "EPYC"}
+    assert "somebody" not in json.dumps(document)
+
+
+def test_what_comes_back_is_the_same(bench: Path, tmp_path: Path) -> None:
+    (tmp_path / "sent.json").write_text(json.dumps(sent(bench)))
+
+    read_results(tmp_path / "sent.json", tmp_path / "read")
+
+    assert sent(tmp_path / "read")["cells"][0]["result"] == sent(bench)["cells"][0]["result"]
+    with Index(bench) as ours, Index(tmp_path / "read") as theirs:
+        first, second, _ = ours.records()
+        assert [record.coordinates for record in theirs.records()] == [first.coordinates, second.coordinates]
+        assert theirs.records()[0].wall_s == first.wall_s
+        assert theirs.records()[1].reason == "no texture"
+        assert theirs.meta()["name"] == "hall"
+
+
+def test_a_file_is_merged_like_a_folder(bench: Path, tmp_path: Path) -> None:
+    with Index(tmp_path / "other", write=True) as index:
+        index.enter([Cell(f"{2:020x}", "hall", {"localizer": "klt", "seed": 2}, {})])
+        index.mark_finished(f"{2:020x}", Outcome("ok"), {"metrics": {"ate_rmse_m[se2,n=9]": 0.25}})
+    (tmp_path / "sent.json").write_text(json.dumps(sent(tmp_path / "other")))
+
+    lines = merge_benches([bench, tmp_path / "sent.json"], tmp_path / "both")
+
+    with Index(tmp_path / "both") as index:
+        assert index.states() == {f"{0:020x}": "ok", f"{1:020x}": "failed", f"{2:020x}": "ok"}
+    assert "1 cells taken over" in lines[1]
+
+
+def test_the_commands_send_and_merge(bench: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for words in (["export", "json", str(bench), "--to", str(tmp_path / "a.json")],
+                  ["merge", str(tmp_path / "a.json"), "--out", str(tmp_path / "merged")],
+                  ["export", "csv", "--cells", str(tmp_path / "merged")]):  # fmt: skip
+        with pytest.raises(SystemExit) as left:
+            main(["bench", *words])
+        assert not left.value.code
+
+    assert "0.125" in capsys.readouterr().out
+
+
+def changed(document: dict[str, Any], **cell: object) -> dict[str, Any]:
+    return document | {"cells": [document["cells"][0] | cell]}
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"id": "../../etc"}, "cell 0 has no address"),
+        ({"id": 7}, "cell 0 has no address"),
+        ({"state": "running"}, "no state of ok"),
+        ({"coordinates": {"localizer": ["a"]}}, "coordinates are no texts"),
+        ({"coordinates": "klt"}, "coordinates are no texts"),
+        ({"reason": "x" * 3000}, "short texts"),
+        ({"costs": {"wall_s": "long"}}, "costs are no numbers"),
+        ({"result": {"metrics": {"ate_rmse_m": "small"}}}, "metrics, times, counters"),
+        ({"result": {"metrics": []}}, "metrics, times, counters"),
+        ({"result": 3}, "metrics, times, counters"),
+    ],
+)
+def test_a_cell_that_cannot_be_is_refused(bench: Path, tmp_path: Path, change: dict[str, Any], said: str) -> None:
+    (tmp_path / "sent.json").write_text(json.dumps(changed(sent(bench), **change)))
+
+    with pytest.raises(DataError, match=said):
+        merge_benches([tmp_path / "sent.json"], tmp_path / "out")
+
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "sent.json: "),
+        ("[]", "no file of 'trailmark bench export json'"),
+        ('{"form": "trailmark bench results", "version": 2, "cells": []}', "has version 2"),
+        ('{"form": "trailmark bench results", "version": 1, "cells": [3]}', "cell 0 is no cell"),
+        ("[" * 100_000, "sent.json"),
+    ],
+)
+def test_a_file_of_something_else_is_refused(tmp_path: Path, text: str, said: str) -> None:
+    (tmp_path / "sent.json").write_text(text)
+
+    with pytest.raises(DataError, match=said):
+        merge_benches([tmp_path / "sent.json"], tmp_path / "out")
