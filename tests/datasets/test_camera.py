@@ -10,8 +10,11 @@ import cv2
 import numpy as np
 import pytest
 
+from trailmark.api import create
 from trailmark.errors import SourceError
+from trailmark.estimates import Belief, Lost, Motion
 from trailmark.interfaces import Session
+from trailmark.testing.ground import GroundCamera, MirroredFloor, ground_run, straight
 from trailmark_datasets.camera import Camera
 from trailmark_datasets.config import CameraConfig
 
@@ -198,3 +201,80 @@ def test_started_again_the_old_frames_end_and_the_device_is_opened_anew():
     source.close()
     source.close()
     assert devices[1].released == 1
+
+
+class Plug:
+    """Gives another device each time one is opened; None: there is none."""
+
+    def __init__(self, *devices: Device | None) -> None:
+        self.devices = list(devices)
+
+    def open(self, _: int | str) -> Device:
+        device = self.devices.pop(0) if len(self.devices) > 1 else self.devices[0]
+        return Device([], is_there=False) if device is None else device
+
+
+def plugged(plug: Plug, clock: Callable[[], float] | None = None, **keys: Any) -> Camera:
+    ticks = iter(np.arange(100.0, 1000.0, 0.5))
+    config = CameraConfig.model_validate(keys)
+    return Camera(config, plug.open, clock or (lambda: float(next(ticks))), lambda: 5000.0)
+
+
+@pytest.mark.parametrize("on_bad_frame", ["error", "skip"])
+def test_a_camera_that_is_unplugged_and_comes_back_goes_on(on_bad_frame: str, caplog: pytest.LogCaptureFixture):
+    first, second = Device([PICTURE] * 3), Device([PICTURE] * 9)
+    source = plugged(Plug(first, None, Device([]), second), reconnect_s=30, on_bad_frame=on_bad_frame)
+    source.start(Session())
+    frames = source.frames()
+
+    stamps = [next(frames).stamp_s for _ in range(5)]
+
+    assert source.counters() == {"reconnects": 1}
+    assert stamps == sorted(set(stamps))
+    assert first.released == 1
+    assert "camera 0 gives no picture; is it unplugged" in caplog.text
+    assert "camera 0 is back after" in caplog.text
+    source.close()
+    assert second.released == 1
+
+
+def test_a_camera_that_stays_away_ends_the_run():
+    source = plugged(Plug(Device([PICTURE] * 2), None), reconnect_s=0.3)
+    source.start(Session())
+
+    with pytest.raises(SourceError, match=r"cannot open camera 0; .* \(it is gone for \d s; reconnect_s\)"):
+        list(source.frames())
+
+
+def test_a_camera_that_is_closed_while_it_is_away_ends_quietly():
+    source = plugged(Plug(Device([PICTURE] * 2), None), reconnect_s=60)
+    source.start(Session())
+    threading.Timer(0.3, source.close).start()
+
+    assert len(list(source.frames())) == 1
+
+
+def test_a_robot_whose_floor_camera_was_unplugged_is_lost_and_found_again():
+    """It drives on by half a metre meanwhile, so that no picture after it shows what the last before it showed."""
+    floor = MirroredFloor.procedural(seed=11, size_px=512, grain_px=1.5)
+    run = ground_run(straight(0.5), 120, ground=floor, camera=GroundCamera((320, 288), noise_sigma=3.0))
+    seen = [frame.payload.pixels for k, frame in enumerate(run.frames) if not 40 <= k < 110]
+    stamps = iter([run.frames[k].stamp_s for k in (0, 0, *range(1, 40), *range(110, 120))])
+    plug = Plug(Device(seen[:40]), None, Device([seen[40], *seen[40:]]))  # the first after it is looked at, and dropped
+    source = plugged(plug, lambda: float(next(stamps)), reconnect_s=30, grey=True)
+    source.start(Session(name="floor"))
+    localizer = create("localizer", "ground_vo", camera="floor", n_pixels=384)
+    localizer.start(Session(name="vo", sensors={"floor": run.sensor}))
+
+    frames, kinds, ends_s = source.frames(), [], []
+    for _ in range(49):
+        for estimate in localizer.observe(next(frames), Belief(0.0)):
+            kinds.append(type(estimate))
+            ends_s.append(estimate.stamp_s)
+
+    gone = kinds.index(Lost)
+    assert kinds[:gone] == [Motion] * gone
+    assert gone >= 36
+    assert ends_s[gone] - ends_s[gone - 1] == pytest.approx(71 / 70.0, abs=2e-2)
+    assert kinds[-5:] == [Motion] * 5
+    assert source.counters() == {"reconnects": 1}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
 from collections import Counter
@@ -21,8 +22,16 @@ from trailmark_datasets.config import CameraConfig
 
 __all__ = ["Camera", "Capture"]
 
+logger = logging.getLogger(__name__)
+
+#: How often a camera that is gone is looked for [s].
+_LOOK_EVERY_S = 0.25
 #: How long `close` waits for a picture that is being taken; after that `frames` releases the device itself.
 _RELEASE_WAIT_S = 2.0
+
+
+class _GoneError(SourceError):
+    """The device gives no pictures any more."""
 
 
 class Capture(Protocol):
@@ -87,7 +96,7 @@ class Camera(FrameSource):
         return self._sensors
 
     def counters(self) -> Mapping[str, int]:
-        """Return what was counted: ``skipped`` pictures."""
+        """Return what was counted: ``skipped`` pictures, ``reconnects`` of a camera that was gone."""
         return dict(self._counts)
 
     def start(self, session: Session) -> None:
@@ -140,8 +149,14 @@ class Camera(FrameSource):
                 capture = self._capture
                 if closed.is_set() or capture is None:
                     break
-                frame = self._next(capture, closed)
-            if frame is None:
+                frame, gone = None, None
+                try:
+                    frame = self._next(capture, closed)
+                except _GoneError as error:
+                    gone = error
+            if gone is not None:
+                self._wait_until_back(gone, closed)
+            elif frame is None:
                 failures += 1
                 if failures >= self.config.max_failures:
                     raise SourceError(f"camera {self.config.device!r}: no usable picture {failures} times in a row")
@@ -161,16 +176,42 @@ class Camera(FrameSource):
                     f"camera {self.config.device!r}: a picture of {form_of(picture)} after pictures of {self._form}"
                 )
             return Frame(self._name, monotonic_s + self._offset_s, picture)
-        except SourceError:
-            if closed.is_set() or self.config.on_bad_frame == "skip":
+        except SourceError as error:
+            is_to_come_back = isinstance(error, _GoneError) and self.config.reconnect_s > 0.0
+            if closed.is_set() or (self.config.on_bad_frame == "skip" and not is_to_come_back):
                 self._counts["skipped"] += 1
                 return None
             raise
 
+    def _wait_until_back(self, gone: _GoneError, closed: threading.Event) -> None:
+        """Open the device again as soon as it is there; raise if it stays away, return at once when closed."""
+        if self.config.reconnect_s == 0.0:
+            raise gone
+        began_s = time.monotonic()
+        logger.warning("%s; it is looked for again for %g s (reconnect_s)", gone, self.config.reconnect_s)
+        while not closed.wait(_LOOK_EVERY_S):
+            away_s = time.monotonic() - began_s
+            with self._busy:
+                if closed.is_set():
+                    return
+                self._release()
+                try:
+                    self._capture = capture = self._opened()
+                    if not capture.grab():  # it is there, and gives nothing
+                        raise gone
+                except SourceError as error:
+                    self._release()
+                    if away_s > self.config.reconnect_s:
+                        raise SourceError(f"{error} (it is gone for {away_s:.0f} s; reconnect_s)") from gone
+                    continue
+            self._counts["reconnects"] += 1
+            logger.warning("camera %r is back after %.1f s", self.config.device, away_s)
+            return
+
     def _taken(self, capture: Capture) -> tuple[Image, float]:
         """Take a picture, with the monotonic time at which it arrived."""
         if not capture.grab():
-            raise SourceError(f"camera {self.config.device!r} gives no picture; is it unplugged, or the stream over?")
+            raise _GoneError(f"camera {self.config.device!r} gives no picture; is it unplugged, or the stream over?")
         monotonic_s = self._monotonic_s()
         decoded, pixels = capture.retrieve()
         if not decoded:

@@ -114,6 +114,9 @@ class CameraConfig(LiveSourceConfig):
     """true: grey; false or left out: colour."""
     max_failures: int = Field(30, ge=1)
     """With `on_bad_frame: skip`: end after so many failures in a row."""
+    reconnect_s: float = Field(0.0, ge=0)
+    """A camera that is gone (unplugged) is looked for again for so long, and the run goes on when it is back; meanwhile
+    localizers get no picture, and are lost at first when they do. 0: the run ends [s]."""
 
 
 class TumRgbdConfig(SourceConfig):
