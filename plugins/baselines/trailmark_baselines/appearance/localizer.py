@@ -15,6 +15,7 @@ from trailmark.estimates import Belief, Estimate, Lost, PathOffset, information_
 from trailmark.frames import RGBD, Frame, Image, Pinhole
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Localizer, LocalizerMap, Session
+from trailmark.patches import patch_scores, peak, small_picture
 from trailmark.paths import Keyframe
 from trailmark_baselines.appearance.config import (
     AppearanceConfig,
@@ -22,7 +23,7 @@ from trailmark_baselines.appearance.config import (
     PatchNCCConfig,
     PhaseShiftConfig,
 )
-from trailmark_baselines.appearance.kernels import column_scores, patch_normalised, patch_scores, peak, phase_shift
+from trailmark_baselines.appearance.kernels import column_scores, phase_shift
 
 __all__ = ["ColumnNCC", "PatchNCC", "PhaseShift", "TaughtPictures"]
 
@@ -163,11 +164,7 @@ class PatchNCC(TaughtPictures):
 
     def describe(self, grey: npt.NDArray[np.uint8]) -> npt.NDArray[Any]:
         """Return the small normalised picture, (h, w) float32 in [-1, 1]."""
-        import cv2
-
-        size = self.config.width_px, self.config.height_px
-        small = np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
-        return patch_normalised(small, self.config.patch_px)
+        return small_picture(grey, (self.config.width_px, self.config.height_px), self.config.patch_px)
 
     def shift(self, taught: npt.NDArray[Any], seen: npt.NDArray[Any]) -> tuple[float, float]:
         """Return the shift as a share of the width, and its correlation."""
