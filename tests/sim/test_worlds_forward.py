@@ -51,6 +51,21 @@ def test_morning_and_afternoon_differ_in_light_and_not_in_place(name: str) -> No
     assert np.percentile(ratio, 95) > 1.5 * np.percentile(ratio, 5)
 
 
+@pytest.mark.parametrize("season", ["autumn", "winter"])
+def test_seasons_change_what_grows_and_what_lies_about_but_not_the_houses(season: str) -> None:
+    plain = {"noise": 0, "vibration_mrad": 0, "width_px": 160}
+    summer, other = (_world("street", season=one, **plain) for one in ("summer", season))
+    pose = VehicleState(Pose2(2.0, 0.0, 0.0))
+
+    views = [world.sensors[0].view(0.0, pose) for world in (summer, other)]  # type: ignore[attr-defined]
+
+    same_place = np.isclose(views[0].ranges_m, views[1].ranges_m)
+    same_look = (np.abs(views[0].radiance() - views[1].radiance()) < 0.02).all(axis=2)
+    half = len(same_look) // 2
+    assert 0.9 < same_place.mean() < 1.0  # crowns of trees are thinner or gone
+    assert same_look[:half].mean() > 0.8 > same_look[half:].mean()
+
+
 def test_windows_of_the_corridor_are_too_bright_for_the_camera() -> None:
     picture = _picture(_world("corridor"), Pose2(0.0, 0.0, 0.0))
 

@@ -10,6 +10,9 @@ from trailmark.config import PluginConfig
 
 __all__ = ["CorridorOptions", "HallwayOptions", "ImagingOptions", "LabOptions", "StreetOptions", "SupermarketOptions"]
 
+#: Seasons of the street.
+Season = Literal["summer", "autumn", "winter"]
+
 #: What changes pictures, but nothing that stands.
 _NOT_OF_THE_PLACE = (
     *("exposure", "exposure_ms", "readout_ms", "noise", "blur_px"),
@@ -98,3 +101,5 @@ class StreetOptions(_ForwardOptions):
 
     cars: int = Field(default=4, ge=0, le=6)
     """How many cars are parked."""
+    season: Season = "summer"
+    """In autumn leaves have turned, and many lie on the ground; in winter trees are bare and snow lies in patches."""

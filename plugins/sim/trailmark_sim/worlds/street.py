@@ -6,13 +6,14 @@ route chooses the plan of the street.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import zip_longest
 
 import numpy as np
 
-from trailmark.arrays import Float32s, Floats
+from trailmark.arrays import Bgr8, Float32s, Floats
 from trailmark.geometry import Pose2
 from trailmark_sim.actors import Crowd, add_cloth
 from trailmark_sim.render import lettering, textures
@@ -22,7 +23,7 @@ from trailmark_sim.rng import frame_rng
 from trailmark_sim.routes import arc, line
 from trailmark_sim.worlds.base import World, WorldOptions, choose_route, parse_options
 from trailmark_sim.worlds.forward_rig import SENSORS, forward_world, route_along, to_and_fro
-from trailmark_sim.worlds.scene_options import StreetOptions
+from trailmark_sim.worlds.scene_options import Season, StreetOptions
 from trailmark_sim.worlds.setting import Setting
 from trailmark_sim.worlds.solids import Solids
 from trailmark_sim.worlds.street_legs import PLANS, HouseRow, Leg, StreetPlan
@@ -50,6 +51,24 @@ _NORTH_M, _SOUTH_M = 6.0, -10.0
 _SUN = {
     "morning": ((0.55, 0.45, 0.55), (2.6, 2.2, 1.7), (0.55, 0.60, 0.70)),
     "afternoon": ((-0.45, -0.55, 0.75), (3.0, 2.8, 2.4), (0.60, 0.66, 0.74)),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class _Growth:
+    """What grows at a time of the year: colours of leaves and grass, how full the trees are, what lies about."""
+
+    leaf: Rgb
+    green: Rgb
+    n_crowns: int = 4
+    lies_about: Rgb | None = None
+    covered: float = 0.0
+
+
+_GROWTH: Mapping[Season, _Growth] = {
+    "summer": _Growth((74, 98, 46), (86, 104, 58)),
+    "autumn": _Growth((150, 104, 38), (118, 110, 62), 2, (142, 92, 36), 0.25),
+    "winter": _Growth((74, 98, 46), (216, 220, 226), 0, (226, 229, 234), 0.5),
 }
 
 
@@ -100,17 +119,17 @@ def _light_lux(time: str, pose: Pose2, stamp_s: float) -> float:
 
 @lru_cache(maxsize=2)
 def _stage(name: str, given: StreetOptions, world_seed: int, threads: int) -> Scene:
-    rng, plan = frame_rng(world_seed, "street"), PLANS[name]
+    rng, plan, growth = frame_rng(world_seed, "street"), PLANS[name], _GROWTH[given.season]
     direction, sunlight, ambient = _SUN[given.time]
     lighting = Lighting((), ambient, direction, sunlight, reach_m=4.0, texel_m=0.5)
     builder = SceneBuilder(lighting, _sky(rng, np.array(direction)))
-    _add_ground(builder, rng, plan)
+    _add_ground(builder, rng, plan, growth, frame_rng(world_seed, given.season))
     _add_houses(builder, rng, plan)
     bark = Surface(builder.texture(textures.boards(rng, (92, 74, 58), 128, 8)), (1.0, 3.0))
-    leaf = builder.texture(textures.foliage(rng, (74, 98, 46), 256))
+    leaf = builder.texture(textures.foliage(rng, growth.leaf, 256))
     for leg in plan.legs:
         for x, y in leg.trees:
-            _add_tree(builder.placed(leg.pose), rng, x, y, bark, leaf)
+            _add_tree(builder.placed(leg.pose), rng, (x, y), (bark, leaf), growth.n_crowns)
     paints = [_PAINTS[n] for n in rng.permutation(len(_PAINTS))]
     for car, paint in zip(_parked(plan, given.cars), paints):
         _add_car(builder.placed(car), rng, paint)
@@ -138,10 +157,20 @@ def _sky(rng: np.random.Generator, sun: Floats) -> Float32s:
     return np.asarray(2.0 * light, np.float32)
 
 
-def _add_ground(builder: SceneBuilder, rng: np.random.Generator, plan: StreetPlan) -> None:
-    slabs = builder.texture(textures.paving(rng, (158, 152, 140), 1024, 16, 0.13))
-    tar = builder.texture(textures.speckle(rng, (92, 92, 94), 512, 0.22))
-    green = builder.texture(textures.foliage(rng, (86, 104, 58), 512))
+def _add_ground(
+    builder: SceneBuilder,
+    rng: np.random.Generator,
+    plan: StreetPlan,
+    growth: _Growth,
+    weather_rng: np.random.Generator,
+) -> None:
+    """Lay what is paved and what is green; what lies about draws from a generator of its own."""
+    paving, tarmac = (
+        textures.paving(rng, (158, 152, 140), 1024, 16, 0.13),
+        textures.speckle(rng, (92, 92, 94), 512, 0.22),
+    )
+    slabs, tar = (builder.texture(_strewn(weather_rng, look, growth)) for look in (paving, tarmac))
+    green = builder.texture(textures.foliage(rng, growth.green, 512))
     looks = {"slabs": (slabs, 3.2), "tar": (tar, 2.0), "green": (green, 1.6)}
     for strip in plan.strips:
         texture, tile_m = looks[strip.ground]
@@ -155,6 +184,14 @@ def _add_ground(builder: SceneBuilder, rng: np.random.Generator, plan: StreetPla
     for leg in plan.legs:
         for x in leg.drains:
             builder.placed(leg.pose).rectangle((x, 0.9, 0.003), (0.5, 0, 0), (0, 0.4, 0), drain)
+
+
+def _strewn(rng: np.random.Generator, ground: Bgr8, growth: _Growth) -> Bgr8:
+    """Return ground with what lies about on it in patches."""
+    if growth.lies_about is None:
+        return ground
+    cover, where = textures.foliage(rng, growth.lies_about, len(ground)), textures.noise(rng, len(ground), 0.6, 2.0)
+    return np.where((where > np.quantile(where, 1.0 - growth.covered))[..., None], cover, ground)
 
 
 def _add_houses(builder: SceneBuilder, rng: np.random.Generator, plan: StreetPlan) -> None:
@@ -190,13 +227,17 @@ def _add_row(
         x += wide + (float(rng.uniform(0.0, 2.5)) if rng.random() < 0.5 else 0.0)
 
 
-def _add_tree(builder: SceneBuilder, rng: np.random.Generator, x: float, y: float, bark: Surface, leaf: int) -> None:
+def _add_tree(
+    builder: SceneBuilder, rng: np.random.Generator, at: tuple[float, float], looks: tuple[Surface, int], n_crowns: int
+) -> None:
+    (x, y), (bark, leaf) = at, looks
     builder.cylinder(x, y, -0.1, 0.13, 2.6, bark)
-    for _ in range(4):
+    for crown in range(4):  # all are drawn: what comes after is the same in every season
         a, b, c = rng.uniform(0.6, 1.1, 3).tolist()
         dx, dy, dz = rng.uniform((-0.7, -0.6, -0.3), (0.7, 0.6, 0.9)).tolist()
-        middle = (x + dx, y + dy, 2.9 + dz)
-        builder.ellipsoid(middle, (a, b, c), Surface(leaf, (5.0, 2.5)), float(rng.uniform(0, 3)))
+        middle, yaw = (x + dx, y + dy, 2.9 + dz), float(rng.uniform(0, 3))
+        if crown < n_crowns:
+            builder.ellipsoid(middle, (a, b, c), Surface(leaf, (5.0, 2.5)), yaw)
 
 
 def _add_car(builder: SceneBuilder, rng: np.random.Generator, paint: tuple[float, float, float]) -> None:
