@@ -71,7 +71,11 @@ class DivsConfig(PluginConfig):
     turn_source: TurnSource = "auto"
     """What tells a turn: the belief, the pictures, or the belief as soon as it has ever turned."""
     when_blind: WhenBlind = "single"
-    """In turns, and until a window is full: compare single pictures, or say `Lost`."""
+    """In turns, and until a window is full: compare brightness profiles of single pictures, or say `Lost`. `pictures`
+    compares small pictures, also where the stream is unclear or contradicts them, and finds a place that nobody knows;
+    teach with it too."""
+    picture_spacing_m: float = Field(0.1, gt=0)
+    """Way between the small pictures that are taught, of 5 kB each [m]."""
 
     @model_validator(mode="after")
     def _check(self) -> DivsConfig:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections import deque
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Float32s
 from trailmark.estimates import Belief
 from trailmark.geometry import wrap_angle
+from trailmark.patches import PATCH_PX, SMALL_PX, small_picture
 from trailmark_divs.config import DivsConfig
 from trailmark_divs.difference import column_means
 from trailmark_divs.layout import ColumnLayout
@@ -22,6 +25,7 @@ __all__ = ["TURNING", "DifferenceWindow", "ImagePreprocessor", "Look"]
 TURNING = -1
 
 _MOST_TURN_COLUMNS = 6  # between two pictures
+_RECENT_WINDOWS = 4  # a way that was winding will wind again
 _ROUNDING_RAD = 1e-6  # an estimator that was never told of a turn may still turn by rounding
 
 
@@ -45,6 +49,8 @@ class Look:
         Way driven until each [m].
     heading_rad : float
         Turn since the start by motion alone, not wrapped, at the newer picture [rad].
+    small : (h, w) float32
+        The newer picture, small and normalised by patches; empty where pictures are not compared.
     """
 
     ordinal: int
@@ -54,6 +60,7 @@ class Look:
     stamps_s: tuple[float, float]
     travelled_m: tuple[float, float]
     heading_rad: float
+    small: Float32s = field(default_factory=lambda: np.empty((0, 0), np.float32))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,6 +112,9 @@ class ImagePreprocessor:
         self._stream = ChangeStream(layout, config.window, config.threshold, config.average, config.keep_change_image)
         self._gate = TurnGate(math.radians(config.turn_limit_deg), config.window)
         self._middles = np.empty((config.window, 3))  # stamp, way and heading of each difference in the window
+        mask = layout.mask  # patches at its edge would show the edge
+        self._inside = None if mask is None else (_reduced(mask) == 255).astype(np.float32)
+        self._swing: deque[float] = deque(maxlen=_RECENT_WINDOWS * config.window)
         self._picture: _TimedPicture | None = None
         self._look: Look | None = None
         self._belief_turns = config.turn_source == "belief"
@@ -138,15 +148,26 @@ class ImagePreprocessor:
             return None
         step_rad = wrap_angle(now.odom_rad - before.odom_rad)
         self._heading_rad += step_rad
-        self._gate_turn(self._turn(before, now, belief))
+        turn_rad = self._turn(before, now, belief)
+        self._swing.append((self._swing[-1] if self._swing else 0.0) + turn_rad)
+        self._gate_turn(turn_rad)
         if not self._is_turning:
             middle = (before.stamp_s + stamp_s) / 2, (before.travelled_m + now.travelled_m) / 2
             self._middles[self._n_looks % len(self._middles)] = *middle, self._heading_rad - step_rad / 2
         run = TURNING if self._is_turning else self._n_runs
         stamps_s, travelled_m = (before.stamp_s, stamp_s), (before.travelled_m, now.travelled_m)
-        self._look = Look(self._n_looks, run, sums, profile, stamps_s, travelled_m, self._heading_rad)
+        is_compared = self._config.when_blind == "pictures"
+        small = small_picture(grey) if is_compared else np.empty((0, 0), np.float32)
+        if is_compared and self._inside is not None:
+            small *= self._inside
+        self._look = Look(self._n_looks, run, sums, profile, stamps_s, travelled_m, self._heading_rad, small)
         self._n_looks += 1
         return self._look
+
+    @property
+    def bend_columns(self) -> float:
+        """How far the view has swung to and fro of late, by the belief or by what pictures show [columns]."""
+        return float(np.ptp(self._swing)) / self._radians_per_column if len(self._swing) else 0.0
 
     def window(self) -> DifferenceWindow | None:
         """Return the window; None while turning and until it is full again."""
@@ -178,3 +199,10 @@ class ImagePreprocessor:
             self._stream.restart()
         elif was_turning:  # a new "time zero"
             self._n_runs += 1
+
+
+def _reduced(mask: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+    import cv2
+
+    whole = cv2.resize(mask, SMALL_PX, interpolation=cv2.INTER_AREA)
+    return np.asarray(cv2.erode(whole, np.ones((PATCH_PX, PATCH_PX), np.uint8)), np.uint8)

@@ -87,6 +87,10 @@ class Glances:
         )
         return PathPlace(row, fraction, station_m, heading_rad)
 
+    def at(self, row: int) -> PathPlace:
+        """Return the place of a taught look."""
+        return PathPlace(row, 0.0, float(self._stations_m[row]), float(self._recording.headings_rad[row]))
+
     def shift(self, look: Look, place: PathPlace, tracker: ShiftTracker) -> TrackedShift:
         """Return the shift of the newer picture of a look."""
         seen = self._windows(look.profile)

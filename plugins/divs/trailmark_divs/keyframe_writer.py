@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from trailmark_divs.eye import TURNING, Look
 from trailmark_divs.taught_layout import (
     HEADINGS,
     LAYOUT,
+    PICTURE_ROWS,
+    PICTURE_UNITS,
+    PICTURES,
     PROFILE_UNITS,
     PROFILES,
     RUNS,
@@ -26,6 +30,7 @@ from trailmark_divs.taught_layout import (
 __all__ = ["KeyframeWriter"]
 
 _BATCH = 16  # looks in a keyframe: a row of a store costs more than the sums of one look
+_ROUNDING_M = 1e-6
 
 
 class KeyframeWriter:
@@ -35,10 +40,14 @@ class KeyframeWriter:
     ----------
     localizer_map : LocalizerMap
         Where to.
+    picture_spacing_m : float
+        Way between the small pictures that are kept, of looks that have one [m].
     """
 
-    def __init__(self, localizer_map: LocalizerMap) -> None:
+    def __init__(self, localizer_map: LocalizerMap, picture_spacing_m: float = 0.1) -> None:
         self._localizer_map = localizer_map
+        self._picture_spacing_m = picture_spacing_m
+        self._next_picture_m = -math.inf
         self._looks: list[Look] = []
         self._pose = Pose2()
         self._first_run, self._start_rad = _continued(localizer_map)
@@ -64,15 +73,29 @@ class KeyframeWriter:
         station_m = looks[-1].travelled_m[1]
         sums = np.array([look.sums for look in looks])
         profiles = np.array([look.profile for look in looks]) * PROFILE_UNITS
-        arrays = {
+        arrays: dict[str, AnyArray] = {
             SUMS: sums.astype(np.uint32 if sums.max() > np.iinfo(np.uint16).max else np.uint16),
             PROFILES: np.round(profiles).astype(np.uint16),
             RUNS: np.array([TURNING if look.run == TURNING else look.run + self._first_run for look in looks]),
             STATION_OFFSETS: np.array([look.travelled_m for look in looks]) - station_m,  # a path can be continued
             STAMPS: np.array([look.stamps_s for look in looks]),
             HEADINGS: np.array([look.heading_rad for look in looks]) + self._start_rad,
-        }
+        } | self._pictures_of(looks)
         self._localizer_map.add(Keyframe(station_m, looks[-1].stamps_s[1], self._pose, arrays))
+
+    def _pictures_of(self, looks: Sequence[Look]) -> dict[str, AnyArray]:
+        """Return the small pictures that are kept of some looks, and which looks they belong to."""
+        kept = [row for row, look in enumerate(looks) if look.small.size and self._keeps_picture(look.travelled_m[1])]
+        if not kept:
+            return {}
+        pictures = np.array([looks[row].small for row in kept]) * PICTURE_UNITS
+        return {PICTURES: np.round(pictures).astype(np.int8), PICTURE_ROWS: np.array(kept, dtype=np.int64)}
+
+    def _keeps_picture(self, travelled_m: float) -> bool:
+        if travelled_m < self._next_picture_m:
+            return False
+        self._next_picture_m = travelled_m + self._picture_spacing_m - _ROUNDING_M
+        return True
 
 
 def _continued(localizer_map: LocalizerMap) -> tuple[int, float]:

@@ -29,6 +29,8 @@ __all__ = ["Divs"]
 
 logger = logging.getLogger(__name__)
 
+_WINDING_COLUMNS = 2.0  # what the view swings on a winding way: the stream then sees an average of different views
+_GRACE_S = 5.0  # odometry starts with the robot
 _SIDEWAYS = 0.5  # cosine of the camera's yaw below which it looks sideways: shifts then tell the station
 
 
@@ -61,18 +63,27 @@ class Divs(Localizer):
         self._recording: TaughtStream | None = None
         self._replay: StreamMatcher | None = None
         self._counts = dict.fromkeys(self._counts, 0)
+        self._waits_since_s: float | None = None
         compile_kernels()
         localizer_map = self._localizer_map()
         if session.mode == "teach":
-            self._memory = KeyframeWriter(localizer_map)
+            self._memory = KeyframeWriter(localizer_map, self.config.picture_spacing_m)
         elif session.path is None:
             raise ConfigError(f"{session.name}: divs needs a taught path; give the run --store, or teach one first")
         else:
             self._recording = TaughtStream.from_keyframes(localizer_map.keyframes())
+            if self.config.when_blind == "pictures" and not len(self._recording.pictures):
+                logger.warning(
+                    "%s: the path was taught without small pictures, so 'when_blind: pictures' has none to compare:"
+                    " teach it anew with that key",
+                    session.name,
+                )
 
     def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
         """Look at a picture if it belongs to the stream; in replay, say where the robot is beside the path."""
         payload = frame.payload
+        if self._memory is None:  # teaching asks for itself
+            self._ask_for_motion(frame.stamp_s, belief)
         if not isinstance(payload, Image | RGBD) or not self._selector.is_due(frame.stamp_s, belief.travelled_m):
             return ()
         eye = self._eye or self._begin(frame, payload)
@@ -85,7 +96,13 @@ class Divs(Localizer):
             self._memory.add(look, belief.pose_map_base or Pose2())
             return ()
         assert self._replay is not None
-        estimate = self._replay.answer(look, eye.window(), belief, eye.are_turns_measured)
+        estimate = self._replay.answer(
+            look,
+            eye.window(),
+            belief,
+            are_turns_measured=eye.are_turns_measured,
+            is_winding=eye.bend_columns > _WINDING_COLUMNS,
+        )
         self._counts["lost"] += isinstance(estimate, Lost)
         return (estimate,)
 
@@ -124,6 +141,26 @@ class Divs(Localizer):
         if self._eye is None or not self.config.keep_change_image:
             raise ConfigError("no change image: set keep_change_image, and show the localizer two pictures first")
         return self._eye.change_image()
+
+    def _ask_for_motion(self, stamp_s: float, belief: Belief) -> None:
+        """Refuse to wait for a way that nobody measures.
+
+        Raises
+        ------
+        ConfigError
+            If pictures are taken by the way driven, and for a while nothing has told of any.
+        """
+        if self.config.select != "distance" or math.isfinite(belief.motion_age_s) or belief.travelled_m != 0.0:
+            self._waits_since_s = None
+            return
+        if self._waits_since_s is None:
+            self._waits_since_s = stamp_s
+        if stamp_s - self._waits_since_s > _GRACE_S:
+            raise ConfigError(
+                f"{self._session.name}: divs takes its pictures by the way driven, and in {_GRACE_S:g} s no localizer"
+                " has given any motion: add 'odometry' with the robot's wheel odometry, or 'constant_speed' if there is"
+                " none; or take pictures by time (select: time)"
+            )
 
     def _begin(self, frame: Frame, payload: Image | RGBD) -> ImagePreprocessor:
         """Lay out the columns for the size of the first picture, and get ready for the rest."""

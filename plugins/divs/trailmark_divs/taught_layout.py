@@ -16,6 +16,9 @@ from trailmark_divs.options import THRESHOLDS, Threshold
 __all__ = [
     "HEADINGS",
     "LAYOUT",
+    "PICTURES",
+    "PICTURE_ROWS",
+    "PICTURE_UNITS",
     "PROFILES",
     "PROFILE_UNITS",
     "RUNS",
@@ -31,8 +34,11 @@ SUMS, PROFILES, RUNS = "sums", "profiles", "runs"
 #: ... stations of both pictures less that of the keyframe [m], their stamps [s], headings [rad].
 STATION_OFFSETS, STAMPS, HEADINGS = "ways", "stamps", "headings"
 
-#: A profile is stored in 1/256 grey level.
-PROFILE_UNITS = 256.0
+#: Some looks have a small picture too: these, and which looks they belong to.
+PICTURES, PICTURE_ROWS = "pictures", "picture_rows"
+
+#: A profile is stored in 1/256 grey level, a small picture in a byte a pixel.
+PROFILE_UNITS, PICTURE_UNITS = 256.0, 127.0
 
 #: Name of the layout in the localizer map.
 LAYOUT = "layout"

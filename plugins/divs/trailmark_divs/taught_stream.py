@@ -7,11 +7,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trailmark.arrays import Floats, Int64s
+from trailmark.arrays import Float32s, Floats, Int64s
 from trailmark.errors import StoreError
+from trailmark.patches import SMALL_PX
 from trailmark.paths import Keyframe
 from trailmark_divs.eye import TURNING
-from trailmark_divs.taught_layout import HEADINGS, PROFILE_UNITS, PROFILES, RUNS, STAMPS, STATION_OFFSETS, SUMS
+from trailmark_divs.taught_layout import (
+    HEADINGS,
+    PICTURE_ROWS,
+    PICTURE_UNITS,
+    PICTURES,
+    PROFILE_UNITS,
+    PROFILES,
+    RUNS,
+    STAMPS,
+    STATION_OFFSETS,
+    SUMS,
+)
 
 __all__ = ["TaughtStream", "summarize"]
 
@@ -32,6 +44,10 @@ class TaughtStream:
         Of the older and the newer picture of each difference [m, s].
     headings_rad : (N,) float64
         Turn since the start of teaching by motion alone, not wrapped, at the newer picture [rad].
+    pictures : (K, h, w) float32
+        Small newer pictures of some looks; none where pictures are not compared, and in maps of earlier versions.
+    picture_rows : (K,) int64
+        Which looks they belong to.
     """
 
     sums: Int64s
@@ -40,6 +56,8 @@ class TaughtStream:
     stations_m: Floats
     stamps_s: Floats
     headings_rad: Floats
+    pictures: Float32s
+    picture_rows: Int64s
 
     @classmethod
     def from_keyframes(cls, keyframes: Sequence[Keyframe]) -> TaughtStream:
@@ -60,6 +78,7 @@ class TaughtStream:
             stations_m = np.concatenate(
                 [keyframe.station_m + keyframe.arrays[STATION_OFFSETS] for keyframe in keyframes]
             )
+            pictures, picture_rows = _pictures_of(keyframes)
         except (KeyError, ValueError) as error:
             raise StoreError(f"the keyframes are not those of a visual stream: {error}") from error
         return cls(
@@ -69,10 +88,23 @@ class TaughtStream:
             stations_m.astype(np.float64),
             arrays[STAMPS].astype(np.float64),
             arrays[HEADINGS].astype(np.float64),
+            pictures,
+            picture_rows,
         )
 
     def __len__(self) -> int:
         return len(self.runs)
+
+
+def _pictures_of(keyframes: Sequence[Keyframe]) -> tuple[Float32s, Int64s]:
+    """Return the small pictures, and the looks that they belong to; keyframes of earlier versions have none."""
+    firsts = np.cumsum([0, *(len(keyframe.arrays[RUNS]) for keyframe in keyframes)])
+    having = [(k, keyframe.arrays) for k, keyframe in enumerate(keyframes) if PICTURES in keyframe.arrays]
+    if not having:
+        return np.empty((0, *SMALL_PX[::-1]), np.float32), np.empty(0, np.int64)
+    rows = np.concatenate([firsts[k] + arrays[PICTURE_ROWS] for k, arrays in having]).astype(np.int64)
+    pictures = np.concatenate([arrays[PICTURES] for _, arrays in having]).astype(np.float32)
+    return np.asarray(pictures / np.float32(PICTURE_UNITS), np.float32), rows
 
 
 def summarize(recording: TaughtStream) -> dict[str, float]:
