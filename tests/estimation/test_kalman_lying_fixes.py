@@ -26,7 +26,8 @@ FixLie = Callable[[float, Pose2], Fix]
 class Drive:
     """A straight way at 0.5 m/s: motions and a laser tell it, one of which may lie from 5 s on."""
 
-    def __init__(self, *motions: str, seed: int = 3) -> None:
+    def __init__(self, *motions: str, seed: int = 3, lasers: Sequence[str] = ("laser",)) -> None:
+        self._lasers = lasers
         self.estimator: Kalman = kalman()
         self.named: dict[str, float] = {}
         self.sigmas_off: list[float] = []
@@ -50,11 +51,11 @@ class Drive:
                 self.estimator.apply(
                     name, Motion(stamp_s - DT_S, stamp_s, step, information_from_sigmas(*SIGMAS[name]))
                 )
-            if self._i % 5 == 0:
+            for name in self._lasers if self._i % 5 == 0 else ():
                 dx, dy, turn = (self._rng.normal(size=3) * LASER_SIGMAS).tolist()
                 pose = Pose2(self._x_m + dx, dy, turn)
                 honest = Fix(stamp_s, pose, information_from_sigmas(*LASER_SIGMAS))
-                self.estimator.apply("laser", fix(stamp_s, pose) if fix else honest)
+                self.estimator.apply(name, fix(stamp_s, pose) if fix else honest)
             self._look(stamp_s)
         return self.estimator.belief(DT_S * self._i)
 
@@ -114,6 +115,23 @@ def test_fixes_that_contradict_for_long_win_in_the_end() -> None:
 
     assert abs(pose_of(belief).y - 1.0) < 0.1
     assert drive.estimator.counters()["recoveries"] == 1
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_between_two_motions_and_two_lasers_that_jump_together_the_belief_covers_both(seed: int) -> None:
+    drive = Drive("wheels", "camera", seed=seed, lasers=("laser", "beacons"))
+    drive.go(5.0)
+
+    during = drive.go(15.0, fix=aside)
+    after = drive.go(18.0)
+
+    assert set(during.health) == {"laser", "beacons"}
+    assert all("nothing decides" in reason for reason in during.health.values())
+    assert during.covariance is not None
+    assert during.covariance[1, 1] ** 0.5 > 0.25
+    assert max(drive.sigmas_off) < 4.0
+    assert not after.health
+    assert error_m(after) < 0.05
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

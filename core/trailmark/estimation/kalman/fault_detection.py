@@ -117,8 +117,9 @@ class FaultDetector:
         has_rivals = len(trusted) > 1 or (len(trusted) == 1 and len(measurement.root) == 3)
         if has_rivals and consistency.anchors and self._is_doubtful(after, measurement.source):
             is_jump = after.verdicts[-1].status == "gated"
-            liar = measurement.source if is_jump else None
-            return self._bank.ask(after, _answers(trusted, liar))
+            return self._bank.ask(
+                after, _answers(trusted, _contradicting(after, measurement.source) if is_jump else [])
+            )
         return after
 
     def _predict_question(self, state: FilterState, stamp_s: float) -> FilterState:
@@ -128,7 +129,9 @@ class FaultDetector:
             return state
         sources, anchors = trusted_motions(state), consistency.anchors
         is_question_old = bool(anchors) and anchors[0].stamp_s >= consistency.undecided_since_s
-        if is_question_old and len(sources) > 1 and agree_again(state, anchors[0], sources, self._tolerance):
+        is_of_motion = consistency.rivals[0].state.consistency.absolute_faults == consistency.absolute_faults
+        is_of_motion_alone = is_question_old and is_of_motion and len(sources) > 1
+        if is_of_motion_alone and agree_again(state, anchors[0], sources, self._tolerance):
             if all(set(rival.state.consistency.faults) > set(consistency.faults) for rival in consistency.rivals):
                 return closed_question(state)
             return replace(state, consistency=without_windows(consistency))
@@ -168,12 +171,26 @@ def outvoted_motions(state: FilterState) -> list[str]:
     return sorted(faults) if len(faults) < len(state.consistency.sums) else []
 
 
-def _answers(trusted: Sequence[str], source: str | None) -> list[Hypothesis]:
-    """Return who may be wrong where absolute estimates, of a source if they can be, contradict motions that agree."""
+def _contradicting(state: FilterState, source: str) -> list[str]:
+    """Return a localizer, and others whose absolute estimates have been rejected beside its own."""
+    since_s = state.consistency.anchors[0].stamp_s
+    others = [
+        other
+        for other, rejected in sorted(state.rejections.measurements.items())
+        if other != source and rejected and rejected[-1].stamp_s >= since_s and state.rejections.counts.get(other, 0)
+    ]
+    return [source, *others]
+
+
+def _answers(trusted: Sequence[str], sources: Sequence[str]) -> list[Hypothesis]:
+    """Return who may be wrong where absolute estimates, of some that may be, contradict motions that agree.
+
+    The first alone, or all of them.
+    """
     everyone = frozenset(trusted)
     groups = dict.fromkeys([everyone, *(everyone - {one} for one in sorted(everyone)), frozenset[str]()])
-    lying_fixes = [] if source is None else [Hypothesis(everyone, source)]
-    return [*map(Hypothesis, groups), *lying_fixes]
+    liars = dict.fromkeys([frozenset(sources[:1]), frozenset(sources)]) if sources else {}
+    return [*map(Hypothesis, groups), *(Hypothesis(everyone, each) for each in liars)]
 
 
 def _placed(state: FilterState) -> FilterState:

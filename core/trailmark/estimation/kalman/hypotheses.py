@@ -43,12 +43,12 @@ class Hypothesis:
     ----------
     motions : frozenset of str
         Localizers whose motion is believed, of those that were trusted.
-    lying_fixes : str or None
-        The localizer whose absolute estimates are not.
+    lying_fixes : frozenset of str
+        Localizers whose absolute estimates are not.
     """
 
     motions: frozenset[str]
-    lying_fixes: str | None = None
+    lying_fixes: frozenset[str] = frozenset()
 
 
 def trusted_motions(state: FilterState) -> list[str]:
@@ -113,13 +113,13 @@ class HypothesisBank:
         for source in sorted(trusted - hypothesis.motions):
             reason = reason_against_motion(state, anchor, source, hypothesis.motions)
             faults[source] = Fault(state.stamp_s, reason)
-        liar = hypothesis.lying_fixes
-        if liar is not None:
-            is_outvoted = len(hypothesis.motions) > 1
+        liars = hypothesis.lying_fixes
+        is_outvoted = len(hypothesis.motions) > len(liars)
+        for liar in sorted(liars):
             reason = reason_against_fixes(hypothesis.motions, is_outvoted=is_outvoted)
             absolute_faults[liar] = Fault(state.stamp_s, reason, is_outvoted=is_outvoted)
         consistency = Consistency(sums=anchor.consistency.sums, faults=faults, absolute_faults=absolute_faults)
-        n_liars = len(trusted - hypothesis.motions) + (liar is not None)
+        n_liars = len(trusted - hypothesis.motions) + len(liars)
         return Rival(replace(anchor, consistency=consistency), -_LIAR * n_liars)
 
     def _replay(self, rivals: Sequence[Rival], anchor: FilterState, state: FilterState) -> list[Rival]:
@@ -156,9 +156,11 @@ class HypothesisBank:
                 logs.append(log_likelihood(rival.state, measurement))
                 corrected.append(replace(rival, state=self._correction.correct(rival.state, measurement)))
                 continue
-            log, offset = log_likelihood_of_offset(rival.state, measurement, rival.offset)
+            known = rival.offsets.get(measurement.source)
+            log, offset = log_likelihood_of_offset(rival.state, measurement, known)
             logs.append(log)
-            corrected.append(replace(rival, state=self._correction.doubt(rival.state, measurement), offset=offset))
+            offsets = rival.offsets if offset is None else {**rival.offsets, measurement.source: offset}
+            corrected.append(replace(rival, state=self._correction.doubt(rival.state, measurement), offsets=offsets))
         return with_likelihoods(corrected, logs)
 
 

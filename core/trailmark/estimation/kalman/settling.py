@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 
@@ -26,8 +27,8 @@ _FORGOTTEN = 1e-6
 def settle(state: FilterState, rivals: Sequence[Rival]) -> FilterState:
     """Return the state of a bank: its mixture, or the one hypothesis that is left.
 
-    Between one motion and absolute estimates that have jumped nothing decides, however probable one is. That these lie
-    is never decided then: they agree again, or in the end they are heard again.
+    Between one motion and absolute estimates that have jumped nothing decides, however probable one is, nor between two
+    and two. That these lie is never decided then: they agree again, or in the end they are heard again.
     """
     rivals = _without_recovered(state, rivals)
     weights = posterior(rivals)
@@ -35,12 +36,14 @@ def settle(state: FilterState, rivals: Sequence[Rival]) -> FilterState:
     best = rivals[order[0]]
     odds = math.log(weights[order[0]] / max(1.0 - weights[order[0]], 1e-300))
     if odds > _DECIDED and _has_been_heard(state, best):
-        alone = _alone_against(state, best)
-        if alone is None:
+        not_outvoted = _not_outvoted(state, best)
+        if not not_outvoted:
             return _decided(state, best)
         is_old = state.stamp_s - state.consistency.undecided_since_s > GIVES_IN_S
-        if is_old or best.state.consistency.absolute_faults[alone].n_agreed >= AGREED:
-            return _decided(state, replace(best, state=without_fault(best.state, alone)))
+        faults = best.state.consistency.absolute_faults
+        forgiven = [source for source in not_outvoted if is_old or faults[source].n_agreed >= AGREED]
+        if forgiven:
+            return _decided(state, replace(best, state=reduce(without_fault, forgiven, best.state)))
     return _undecided(state, [rivals[k] for k in order], weights[order])
 
 
@@ -49,7 +52,7 @@ def _without_recovered(state: FilterState, rivals: Sequence[Rival]) -> Sequence[
 
     The two differ by a constant, and nothing tells them apart.
     """
-    if all(_doubted_fixes(state, rival) is None for rival in rivals):
+    if not any(_doubted_fixes(state, rival) for rival in rivals):
         return rivals
     n_recoveries = min(rival.state.rejections.n_recoveries for rival in rivals)
     return [
@@ -64,21 +67,20 @@ def _believes_motion(rival: Rival) -> bool:
 
 def _has_been_heard(state: FilterState, best: Rival) -> bool:
     """Return whether as many absolute estimates have had a say as it takes, or none is part of the question."""
-    is_against_all = not _believes_motion(best) or _doubted_fixes(state, best) is not None
+    is_against_all = not _believes_motion(best) or bool(_doubted_fixes(state, best))
     fewest = _FEWEST_OF_ONE_AGAINST_ALL if is_against_all else _FEWEST
     return best.n_measurements >= fewest or not best.n_measurements
 
 
-def _doubted_fixes(state: FilterState, rival: Rival) -> str | None:
-    """Return the localizer whose absolute estimates are believed no more by this hypothesis."""
-    doubted = set(rival.state.consistency.absolute_faults) - set(state.consistency.absolute_faults)
-    return min(doubted, default=None)
+def _doubted_fixes(state: FilterState, rival: Rival) -> list[str]:
+    """Return the localizers whose absolute estimates are believed no more by this hypothesis."""
+    return sorted(set(rival.state.consistency.absolute_faults) - set(state.consistency.absolute_faults))
 
 
-def _alone_against(state: FilterState, rival: Rival) -> str | None:
-    """Return the localizer whose absolute estimates a hypothesis does not believe for the sake of one motion."""
-    source = _doubted_fixes(state, rival)
-    return None if source is None or rival.state.consistency.absolute_faults[source].is_outvoted else source
+def _not_outvoted(state: FilterState, rival: Rival) -> list[str]:
+    """Return the localizers whose absolute estimates a hypothesis does not believe for the sake of no more motions."""
+    faults = rival.state.consistency.absolute_faults
+    return [source for source in _doubted_fixes(state, rival) if not faults[source].is_outvoted]
 
 
 def _decided(state: FilterState, best: Rival) -> FilterState:

@@ -258,15 +258,15 @@ class Rival:
         Absolute estimates that have had a say.
     is_implausible : bool
         Whether it says that a moving robot stood still at once, or changed its speed faster than robots do.
-    offset : FixOffset or None
-        Of the absolute estimates that it does not believe.
+    offsets : mapping of str to FixOffset
+        Of the absolute estimates that it does not believe, by localizer.
     """
 
     state: FilterState
     log_weight: float
     n_measurements: int = 0
     is_implausible: bool = False
-    offset: FixOffset | None = None
+    offsets: Mapping[str, FixOffset] = field(default_factory=_empty)
 
 
 class Trial(NamedTuple):
