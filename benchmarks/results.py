@@ -122,8 +122,9 @@ class Results:
         Raises
         ------
         SystemExit
-            When the command fails; the page stays as it was.
+            When the command fails, or code changes while it runs; the page stays as it was.
         """
+        commit, before = self._commit(), self._everything()
         out = self._top / "runs" / "results" / block.name
         out.mkdir(parents=True, exist_ok=True)
         command, _, taken = block.command.partition(" -> ")
@@ -134,13 +135,17 @@ class Results:
         text = self._taken(block, out, taken.split()) if taken else printed
         if not text.strip():
             raise SystemExit(f"results: {command} printed nothing; its page stays as it was")
+        code = self._folders(read)
+        self._fingerprints.clear()
+        if changed := [folder for folder in code if self._fingerprint(folder) != before.get(folder)]:
+            raise SystemExit(f"results: {changed[0]} changed while {command} ran; its page stays as it was")
         self._put(block, text)
         made = Made(
             block.command,
-            self._commit(),
+            commit,
             dt.datetime.now(dt.UTC).date().isoformat(),
             round((time.monotonic() - began_s) / 60.0, 1),
-            {folder: self._fingerprint(folder) for folder in self._folders(read)},
+            {folder: before[folder] for folder in code},
         )
         self._note(block.name, made)
         return made
@@ -195,6 +200,12 @@ class Results:
         rooms = {path.parent.as_posix() for path in sources if path.parts[0] in _ROOMS and path.name not in _DOORS}
         return sorted(apart | rooms)
 
+    def _everything(self) -> dict[str, str]:
+        """Return the fingerprints of all code there is: what a command reads of it is known when it has ended."""
+        self._fingerprints.clear()
+        files = [path for room in (*_ROOMS, "benchmarks") for path in (self._top / room).rglob("*") if _is_code(path)]
+        return {folder: self._fingerprint(folder) for folder in self._folders(files)}
+
     def _fingerprint(self, code: str) -> str:
         """Return the digest of the code of a file, or of a folder without those below it."""
         if code not in self._fingerprints:
@@ -210,7 +221,8 @@ class Results:
     def _commit(self) -> str:
         git = ["git", "-C", str(self._top)]
         said = subprocess.run([*git, "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False)
-        changed = subprocess.run([*git, "diff", "--quiet", "HEAD", "--", "core", "plugins"], check=False).returncode
+        code = ("core", "plugins", "benchmarks", "examples")
+        changed = subprocess.run([*git, "diff", "--quiet", "HEAD", "--", *code], check=False).returncode
         return said.stdout.strip() + ("+" if changed else "")
 
 

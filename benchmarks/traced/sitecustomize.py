@@ -14,7 +14,7 @@ _seen: set[str] = set()
 def _note(event: str, arguments: tuple[object, ...]) -> None:
     if event != "open" or not isinstance(arguments[0], str):
         return
-    path = arguments[0]
+    path = os.path.abspath(arguments[0])
     if not path.startswith(_TOP) or path in _seen:
         return
     _seen.add(path)

@@ -122,6 +122,16 @@ def test_a_command_that_fails_or_says_nothing_leaves_the_page(recipe: ModuleType
     assert (checkout / "docs/results/page.md").read_text() == PAGE
 
 
+def test_code_that_changes_meanwhile_is_no_code_of_the_page(recipe: ModuleType, checkout: Path) -> None:
+    meddling = "open('core/tool/kernel.py', 'a').write('x = 1')"
+    (checkout / "benchmarks/said.py").write_text(SAID + meddling)
+
+    with pytest.raises(SystemExit, match=r"core/tool changed while .* ran; its page stays as it was"):
+        recipe.main(["make", "page"], checkout)
+
+    assert (checkout / "docs/results/page.md").read_text() == PAGE
+
+
 def test_what_takes_too_long_is_left_and_said(
     recipe: ModuleType, checkout: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
         CarmenLogConfig,
         CsvOdometryConfig,
         CsvRecordsConfig,
+        EurocConfig,
         ImageFolderConfig,
         KittiOdometryConfig,
         RosbagConfig,
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     )
     from trailmark_datasets.csv_odometry import CsvOdometry
     from trailmark_datasets.csv_records import CsvRecords
+    from trailmark_datasets.euroc import Euroc
     from trailmark_datasets.image_folder import ImageFolder
     from trailmark_datasets.kitti_odometry import KittiOdometry
     from trailmark_datasets.rosbag import Rosbag
@@ -40,6 +42,8 @@ __all__ = [
     "CsvOdometryConfig",
     "CsvRecords",
     "CsvRecordsConfig",
+    "Euroc",
+    "EurocConfig",
     "ImageFolder",
     "ImageFolderConfig",
     "KittiOdometry",
@@ -62,6 +66,7 @@ __getattr__, __dir__ = lazy_names(
             "CarmenLogConfig",
             "CsvOdometryConfig",
             "CsvRecordsConfig",
+            "EurocConfig",
             "ImageFolderConfig",
             "KittiOdometryConfig",
             "RosbagConfig",
@@ -70,6 +75,7 @@ __getattr__, __dir__ = lazy_names(
         ),
         "csv_odometry": ("CsvOdometry",),
         "csv_records": ("CsvRecords",),
+        "euroc": ("Euroc",),
         "image_folder": ("ImageFolder",),
         "kitti_odometry": ("KittiOdometry",),
         "rosbag": ("Rosbag",),

@@ -10,6 +10,7 @@ import logging
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,8 @@ logger = logging.getLogger(__name__)
 
 _TRUTHS = ("state_groundtruth_estimate0", "mocap0", "leica0")
 _NOT_A_ROTATION = 1e-2
+#: Columns of ``imu0/data.csv``, and so many of its lines tell the rate.
+_N_IMU, _N_OF_RATE = 7, 100
 _LENSES = ("radial-tangential", "radtan", "plumb_bob")
 
 
@@ -54,7 +57,7 @@ class Euroc(PictureSource):
     """
 
     config: EurocConfig
-    _imu_rows: tuple[_Row, ...] = ()
+    _imu_table: Path | None = None
     _imu_name = ""
     _T_body_camera: npt.NDArray[np.float64] = np.eye(4)
 
@@ -68,18 +71,14 @@ class Euroc(PictureSource):
         self._T_body_camera = _body_pose(about, self._folder / self.config.camera / "sensor.yaml")
         (camera,) = super().open_recording(name or self.config.camera)
         yield replace(camera, calibration=_lens(about, self._folder / self.config.camera / "sensor.yaml"))
-        unit = self._folder / "imu0"
-        if self.config.imu and (unit / "data.csv").is_file():
-            self._imu_rows = tuple(_rows(unit / "data.csv", 7))
+        table = self._folder / "imu0" / "data.csv"
+        self._imu_table = table if self.config.imu and table.is_file() else None
+        if self._imu_table is not None:
             self._imu_name = "imu0" if camera.name != "imu0" else "imu"
-            path = unit / "sensor.yaml"
-            T_body_imu = _body_pose(_read_about(path), path)
-            yield SensorInfo(
-                self._imu_name,
-                "imu",
-                rate_hz=_rate(self._imu_rows),
-                pose_base_sensor=_pose(np.linalg.inv(self._T_body_base()) @ T_body_imu),
-            )
+            T_body_imu = _body_pose(_read_about(table.with_name("sensor.yaml")), table.with_name("sensor.yaml"))
+            T_base_imu = np.linalg.inv(self._T_body_base()) @ T_body_imu
+            first = tuple(islice(_rows(table, _N_IMU), _N_OF_RATE))
+            yield SensorInfo(self._imu_name, "imu", rate_hz=_rate(first), pose_base_sensor=_pose(T_base_imu))
 
     def _list(self) -> Iterator[Entry]:
         folder = self._folder / self.config.camera
@@ -89,7 +88,8 @@ class Euroc(PictureSource):
 
     def readings(self) -> Readings:
         pictures = (Reading(self._name, e.stamp_s, e.where, partial(self._picture, e)) for e in self._entries)
-        inertial = (Reading(self._imu_name, r.stamp_s, r.where, partial(_imu, r)) for r in self._imu_rows)
+        rows = () if self._imu_table is None else _rows(self._imu_table, _N_IMU)
+        inertial = (Reading(self._imu_name, row.stamp_s, row.where, partial(_imu, row)) for row in rows)
         yield from _by_stamp(pictures, inertial)
 
     def _picture(self, entry: Entry) -> Payload:
@@ -135,7 +135,9 @@ def _by_stamp(first: Iterator[Reading], second: Iterator[Reading]) -> Readings:
 def _rows(path: Path, n_fields: int) -> Iterator[_Row]:
     """Yield the lines of a table whose first column is nanoseconds."""
     if not path.is_file():
-        raise SourceError(f"{path} is missing: a sequence has mav0/cam0/data.csv and mav0/cam0/data/*.png")
+        raise SourceError(
+            f"{path} is missing: a sequence has mav0/cam0/data.csv and, beside it, a table of each sensor"
+        )
     n_rows = 0
     for line, text in lines_of(path):
         where = f"{path}:{line}"
