@@ -117,6 +117,18 @@ def test_a_stretch_without_a_word_is_silence(run: Path) -> None:
     assert [gap["kind"] for gap in gaps] == ["silent"]
 
 
+def test_a_localizer_that_never_answered_darkens_nothing(run: Path) -> None:
+    table = run / "estimates.csv"
+    head, *rows = table.read_text().splitlines()
+    kept = [row for row in rows if ",floor," not in row or ",lost," in row]
+    table.write_text("\n".join([head, *kept]) + "\n")
+
+    data = data_of(write_report(run))
+
+    assert not [gap for gap in data["gaps"] if gap["name"] == "floor"]
+    assert next(lane for lane in data["lanes"] if lane["name"] == "floor")["counts"].keys() == {"lost"}
+
+
 def test_fixes_that_were_not_accepted_are_all_there(run: Path) -> None:
     fixes = data_of(write_report(run))["fixes"]
 

@@ -45,6 +45,15 @@ def test_a_way_is_broken_at_a_gap() -> None:
     np.testing.assert_array_equal(np.isnan(points[:, 0]), [False, False, False, True, False, False])
 
 
+def test_a_way_of_uneven_stamps_is_one_line() -> None:
+    intervals = np.tile([0.02] * 9 + [0.12], 500)  # every tenth frame was dropped
+    stamps = np.cumsum(intervals)
+
+    points = way(Trajectory(stamps, np.zeros((len(stamps), 3))))
+
+    assert not np.isnan(points).any()
+
+
 @pytest.mark.parametrize("n", [0, 1, 2])
 def test_short_ways_are_drawn_as_they_are(n: int) -> None:
     assert way(Trajectory(np.arange(n, dtype=float), np.zeros((n, 3)))).shape == (n, 2)

@@ -237,7 +237,7 @@ function drawEllipses(add) {
     const x = right(beliefs.x[i]), y = down(beliefs.y[i]);
     return beliefs.t[i] >= state.from && beliefs.t[i] <= state.to && x > -200 && y > -200 && x < view.width + 200 && y < view.height + 200;
   });
-  const step = Math.max(1, Math.ceil(seen.length / 60));
+  const step = Math.max(1, Math.ceil(seen.length / 36));
   add("path", { d: seen.filter((_, k) => k % step === 0).map((i) => ellipsePath(i, state.times)).join(""), class: "ellipse" }, `the belief, ±3 σ${state.times > 1 ? `, drawn ${state.times} times as large` : ""}`);
   if (state.at !== null) add("path", { d: ellipsePath(before(beliefs.t, state.at), state.times), class: "ellipse now" });
 }

@@ -70,11 +70,13 @@ def _gaps_of(name: str, rows: EstimateTable, span_s: tuple[float, float]) -> lis
     """Return the gaps between answers; of those in which it said `Lost`, why it said so last."""
     is_lost = rows.outcome == "lost"
     answers = np.unique(rows.stamp_s[~is_lost & np.isfinite(rows.stamp_s)])
+    if not len(answers):
+        return []
     losses = rows.where(is_lost)
     least_s = _SHARE * (span_s[1] - span_s[0])
     if len(answers) > 1:
         least_s = max(least_s, _INTERVALS * usual_interval_s(answers))
-    edges = np.concatenate([answers if len(answers) else np.array([span_s[0]]), [span_s[1]]])
+    edges = np.append(answers, span_s[1])
     gaps = []
     for index in np.flatnonzero(np.diff(edges) > 0.0):
         start_s, stop_s = float(edges[index]), float(edges[index + 1])

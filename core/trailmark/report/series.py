@@ -30,6 +30,8 @@ __all__ = [
 MAX_POINTS = 2000
 
 _GAP_INTERVALS = 3.0
+# A line of a real recording, where every tenth interval is three times as long, would fall into crumbs.
+_SEEN_SHARE = 0.003
 _MAX_BINS = 240
 
 
@@ -136,8 +138,11 @@ def _series(evaluation: Evaluation, start_s: float) -> ErrorSeries:
 
 
 def breaks(stamps_s: Floats) -> Indices:
-    """Return the indices before which there is a gap."""
-    return np.flatnonzero(np.diff(stamps_s) > _GAP_INTERVALS * usual_interval_s(stamps_s)) + 1
+    """Return the indices before which there is a gap: several usual intervals, and wide enough to be seen."""
+    if len(stamps_s) < 2:
+        return np.zeros(0, dtype=np.intp)
+    least_s = max(_GAP_INTERVALS * usual_interval_s(stamps_s), _SEEN_SHARE * float(stamps_s[-1] - stamps_s[0]))
+    return np.flatnonzero(np.diff(stamps_s) > least_s) + 1
 
 
 def _lane(name: str, estimates: EstimateTable, span_s: tuple[float, float]) -> Lane:

@@ -157,7 +157,7 @@ function drawStatistics() {
 // --- cells -------------------------------------------------------------------------------------------------------
 
 const label = (cell) => [cell.matrix, ...data.axes.map((axis, index) => (cell.at[index] === null ? null : axis === "seed" ? `seed ${cell.at[index]}` : cell.at[index]))].filter((word) => word !== null && word !== "").join(", ");
-const stateOf = (cell) => node("span", { className: `state ${cell.state}` }, node("i"), cell.state);
+const stateOf = (cell) => node("span", {}, node("span", { className: `state ${cell.state}` }, node("i"), cell.state), node("small", { className: "why", textContent: cell.reason || "" }));
 let cellTable = null;
 function cellColumns() {
   const shown = data.metrics[metric];
