@@ -142,7 +142,7 @@ def _beliefs(evaluated: RunEvaluation, pose: Pose2, start_s: float) -> Document 
     table = evaluated.run.beliefs
     if table is None or not len(table):
         return None
-    kept = np.unique(np.linspace(0, len(table) - 1, min(len(table), _MAX_BELIEFS)).round().astype(np.intp))
+    kept = thin_line(np.trace(table.covariances[:, :2, :2], axis1=1, axis2=2), _MAX_BELIEFS)  # between fixes it swells
     poses, covariances = table.poses[kept], table.covariances[kept][:, :2, :2]
     values, vectors = np.linalg.eigh(covariances)
     sigmas = np.sqrt(np.clip(values, 0.0, None))
