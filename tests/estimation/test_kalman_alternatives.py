@@ -145,3 +145,24 @@ def test_a_reopened_question_has_the_answers_of_the_closed_one() -> None:
         assert not one.state.consistency.faults
     logs = [one.log_weight for one in reopened]
     np.testing.assert_allclose(np.diff(logs), [-1.0, -1.0])
+
+
+def test_fixes_far_apart_decide_too_and_nobody_honest_stays_accused() -> None:
+    rng = np.random.default_rng(3)
+    estimator, sigmas_off = kalman(), []
+    told = information_from_sigmas(0.02, 0.02, 0.01)
+    for i in range(1, 401):
+        stamp_s = DT_S * i
+        for name in ("wheels", "camera"):
+            is_frozen = name == "camera" and FROZEN_S[0] < stamp_s <= FROZEN_S[1]
+            said = Pose2() if is_frozen else STEP @ Pose2(*(rng.normal(size=3) * SIGMAS).tolist())
+            estimator.apply(name, Motion(stamp_s - DT_S, stamp_s, said, information_from_sigmas(*SIGMAS)))
+        if stamp_s > 20.0 and i % 50 == 0:
+            off = Pose2(*(rng.normal(size=3) * (0.02, 0.02, 0.01)).tolist())
+            estimator.apply("laser", Fix(stamp_s, true_pose(stamp_s) @ off, told))
+        if stamp_s > 7.0 and i % 5 == 0:
+            sigmas_off.append(mahalanobis(estimator.belief(stamp_s), true_pose(stamp_s)))
+
+    health = estimator.belief(40.0).health
+    assert not any("nothing has decided" in told for told in health.values())
+    assert max(sigmas_off) < 5.0

@@ -129,3 +129,22 @@ def test_parts_of_poses_are_covered_when_a_third_is_rejected() -> None:
     assert 2.0 / math.sqrt(often[0, 0]) < 4.0
     assert often[1, 1] == pytest.approx(1e-6)
     assert math.pi / math.sqrt(often[2, 2]) < 2.0
+
+
+def test_one_that_says_whole_poses_and_parts_of_poses_may_be_wrong_with_both() -> None:
+    estimator, true = kalman(), Pose2()
+    parts = np.diag([2500.0, 2500.0, 0.0])
+    for i in range(1, 200):
+        true, stamp_s = true @ STEP, DT_S * i
+        estimator.apply("wheels", Motion(stamp_s - DT_S, stamp_s, STEP, WHEELS))
+        if i % 5 == 0:
+            wrong = Pose2(true.x + 3.0 * math.sin(i), true.y + 3.0 * math.cos(2.3 * i), true.theta + 1.5)
+            is_part = (i // 5) % 3 == 0
+            estimator.apply(
+                "camera", Fix(stamp_s, wrong, parts if is_part else information_from_sigmas(0.02, 0.02, 0.01))
+            )
+        belief = estimator.belief(stamp_s)
+
+    assert belief.covariance is not None
+    assert np.linalg.eigvalsh(belief.covariance).min() > 0.0
+    assert sigmas_off(belief, true)[0] < 4.0

@@ -59,8 +59,9 @@ def covering_covariance(state: FilterState, gaussian: Gaussian) -> Floats:
             if len(rejected[-1].measurement.root) == 3:
                 away = _difference(x, pose_odom_base, rejected[-1])
                 covariance = covariance + _SHARE * np.outer(away, away)
+                whole = [one for one in rejected if len(one.measurement.root) == 3]
                 if is_persistent and not _is_outvoted(believed, source):
-                    turned = _turn_between_ways(x, pose_odom_base, rejected)
+                    turned = _turn_between_ways(x, pose_odom_base, whole)
                     covariance = covariance + _SHARE * np.outer(turned, turned)
             elif is_persistent:
                 covariance = covariance + _spread_of_parts(x, pose_odom_base, rejected[-_FEW:])

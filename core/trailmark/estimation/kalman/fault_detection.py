@@ -132,7 +132,9 @@ class FaultDetector:
         is_of_motion = consistency.rivals[0].state.consistency.absolute_faults == consistency.absolute_faults
         is_of_motion_alone = is_question_old and is_of_motion and len(sources) > 1
         if is_of_motion_alone and agree_again(state, anchors[0], sources, self._tolerance):
-            if all(set(rival.state.consistency.faults) > set(consistency.faults) for rival in consistency.rivals):
+            faults = [set(rival.state.consistency.faults) for rival in consistency.rivals]
+            known = set(consistency.faults)
+            if all(one > known for one in faults) or all(one == known for one in faults):  # these differ by place
                 return closed_question(state)
             return replace(state, consistency=without_windows(consistency))
         return _with_anchor_in_time(state)

@@ -89,7 +89,7 @@ def _decided(state: FilterState, best: Rival) -> FilterState:
         sums=leader.consistency.sums,
         faults=leader.consistency.faults,
         absolute_faults=leader.consistency.absolute_faults,
-        accused=frozenset(),
+        accused=state.consistency.accused if state.consistency.alternatives else frozenset(),
     )
     return _as_leader(state, leader, leader.gaussian, consistency)
 
