@@ -217,9 +217,58 @@ def test_finish_from_the_map_alone_gives_the_same_map() -> None:
     np.testing.assert_array_equal(localizer_map.saved["map"]["points"], before["points"])
 
 
-def test_without_a_pose_it_is_lost_and_says_why() -> None:
+def driven_without_a_start(part: LaserIcp, walls: tuple = WALLS, first_m: float = 1.0) -> list[tuple[Pose2, object]]:
+    """Drive 1.6 m with exact odometry from where nobody knows; return true poses and answers."""
+    start, told = Pose2(first_m, 1.3, 0.1), []
+    for k in range(9):
+        moved = Pose2(0.2 * k, 0.02 * k, 0.05 * k)
+        scan = scan_at(start @ moved, noise_m=0.01, seed=90 + k, walls=walls)  # type: ignore[arg-type]
+        (answer,) = part.observe(Frame("scan", float(k), scan), Belief(float(k), pose_odom_base=moved))
+        told.append((start @ moved, answer))
+    return told
+
+
+def test_without_a_pose_it_is_looked_for_in_the_whole_place() -> None:
     localizer_map = FakeMap()
     taught(localizer_map)
+
+    told = driven_without_a_start(localizer("replay", localizer_map))
+
+    fixes = [(true, answer) for true, answer in told if isinstance(answer, Fix)]
+    assert len(fixes) >= 5
+    assert all(error_of(fix.pose_map_base, true)[0] < 0.06 for true, fix in fixes)
+
+
+def test_a_room_that_is_the_same_turned_about_tells_no_start() -> None:
+    walls = ((0.0, 0.0, 6.0, 0.0), (6.0, 0.0, 6.0, 4.0), (6.0, 4.0, 0.0, 4.0), (0.0, 4.0, 0.0, 0.0))
+    localizer_map = FakeMap()
+    part = localizer("teach", localizer_map)
+    for k in range(41):
+        pose = Pose2(1.0 + 0.1 * k, 2.0, 0.0)
+        scan = scan_at(pose, noise_m=0.01, seed=k, walls=walls)  # type: ignore[arg-type]
+        part.observe(Frame("scan", float(k), scan), Belief(float(k), pose, travelled_m=0.1 * k))
+    part.finish()
+
+    told = driven_without_a_start(localizer("replay", localizer_map), walls)
+
+    assert all(isinstance(answer, Lost) for _, answer in told)
+
+
+def test_a_robot_that_stands_is_not_looked_for_again() -> None:
+    localizer_map = FakeMap()
+    taught(localizer_map)
+    part, nothing = localizer("replay", localizer_map), Scan(np.full(360, 3.0), 0.0, 2 * math.pi / 360, 0.05, 20.0)
+
+    reasons = [part.observe(Frame("scan", float(k), nothing), Belief(float(k)))[0] for k in range(2)]
+
+    assert all(isinstance(answer, Lost) for answer in reasons)
+    assert "stands" in reasons[1].reason  # type: ignore[union-attr]
+
+
+def test_a_map_without_taught_poses_says_that_it_needs_a_start() -> None:
+    localizer_map = FakeMap()
+    taught(localizer_map)
+    localizer_map.added.clear()
 
     (lost,) = localizer("replay", localizer_map).observe(Frame("scan", 0.0, scan_at(Pose2(2, 1, 0))), Belief(0.0))
 

@@ -14,6 +14,7 @@ from trailmark.frames import Frame, Scan
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Localizer, Session
 from trailmark.paths import Keyframe
+from trailmark_omni_surf.laser.anywhere import AnywhereMatcher, StartSearch
 from trailmark_omni_surf.laser.config import LaserIcpConfig
 from trailmark_omni_surf.laser.growing_map import GrowingMap
 from trailmark_omni_surf.laser.matching import ScanMatch, SearchWindow, match_scan
@@ -27,7 +28,7 @@ _MAP = "map"
 
 
 class LaserIcp(Localizer):
-    """Matches planar scans to the taught map, starting from the belief (a camera's fix, or odometry)."""
+    """Matches planar scans to the taught map about the belief, or anywhere in it while nobody knows the pose."""
 
     config: LaserIcpConfig
 
@@ -40,6 +41,7 @@ class LaserIcp(Localizer):
         self._spacing = KeyframeSpacing(self.config.keyframe_m, math.radians(self.config.keyframe_deg))
         _warm_up()
         self._map = self._load_map() if self._mode != "teach" else None
+        self._search: StartSearch | None = None
 
     def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
         """Return a `Fix`, or `Lost` when the scan does not fit or fits in two places; see `match_scan`."""
@@ -50,6 +52,9 @@ class LaserIcp(Localizer):
             return self._teach(frame, points_base, belief)
         if self._map is None:
             return [Lost(frame.stamp_s, "no map: nothing was taught here")]
+        if belief.pose_map_base is None:
+            return [self._find(self._map, frame.stamp_s, points_base, belief.pose_odom_base)]
+        self._search = None
         return [self._localize(self._map, frame.stamp_s, points_base, belief.pose_map_base)]
 
     def finish(self) -> None:
@@ -101,11 +106,29 @@ class LaserIcp(Localizer):
             arrays = {"points": points_base.astype(np.float32)}
             self._localizer_map.add(Keyframe(station_m, stamp_s, pose, arrays))
 
-    def _localize(
-        self, scan_map: ScanMap, stamp_s: float, points_base: npt.NDArray[np.float64], guess: Pose2 | None
+    def _find(
+        self, scan_map: ScanMap, stamp_s: float, points_base: npt.NDArray[np.float64], pose_odom_base: Pose2
     ) -> Estimate:
-        if guess is None:
-            return Lost(stamp_s, "no start pose: a scan alone does not tell one shelf from the next")
+        """Look in the whole taught place: nobody knows where the robot is."""
+        if len(points_base) < _MIN_POINTS:
+            return Lost(stamp_s, f"only {len(points_base)} returns")
+        keyframes = self._localizer_map.keyframes() if self._localizer_map is not None else ()
+        if not keyframes:
+            return Lost(stamp_s, "no start pose, and no taught poses to look for it at")
+        if self._search is None:
+            matcher = AnywhereMatcher(scan_map, [keyframe.pose_map_base for keyframe in keyframes])
+            self._search = StartSearch(matcher, self.config.min_inlier_share)
+        if not self._search.is_new(pose_odom_base):
+            return Lost(stamp_s, "no pose stands out yet in the taught place, and the robot stands")
+        match, is_believed = self._search.update(points_base, pose_odom_base, to_line=self.config.error == "line")
+        answer = self._judge(match, stamp_s)
+        if isinstance(answer, Fix) and not is_believed:
+            return Lost(stamp_s, "no pose stands out yet in the taught place", answer.details)
+        return answer
+
+    def _localize(
+        self, scan_map: ScanMap, stamp_s: float, points_base: npt.NDArray[np.float64], guess: Pose2
+    ) -> Estimate:
         if len(points_base) < _MIN_POINTS:
             return Lost(stamp_s, f"only {len(points_base)} returns")
         match = match_scan(scan_map, points_base, guess, self._window, to_line=self.config.error == "line")

@@ -13,13 +13,25 @@ from trailmark.geometry import Pose2
 from trailmark_omni_surf.laser.kernels import normal_equations, refine, score_starts
 from trailmark_omni_surf.laser.scan_map import ScanMap, steps
 
-__all__ = ["ScanMatch", "SearchWindow", "match_scan"]
+__all__ = [
+    "COARSE_GATES_M",
+    "FINE_GATES_M",
+    "MAP_SIGMA",
+    "ScanMatch",
+    "SearchWindow",
+    "best_fit",
+    "is_elsewhere",
+    "match_scan",
+    "refine_all",
+]
 
 # The gate shrinks so that the first steps pull in from afar and the last are not bent by what does not belong.
-_COARSE_GATES_M = np.array([0.5])
-_FINE_GATES_M = np.array([0.25, 0.12])
+COARSE_GATES_M = np.array([0.5])
+FINE_GATES_M = np.array([0.25, 0.12])
 _FIT_GATE_M = 0.10  # a point this near to the map fits it
 _ITERATIONS = 5
+#: What no match can be better than, because the map itself is not: position [m] and heading [rad].
+MAP_SIGMA = (0.01, math.radians(0.25))
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +102,7 @@ def match_scan(
     to_line: bool = True,
     sigma_m: float = 0.02,
     correlation: float = 10.0,
-    map_sigma: tuple[float, float] = (0.01, math.radians(0.25)),
+    map_sigma: tuple[float, float] = MAP_SIGMA,
 ) -> ScanMatch:
     """Return the best fit of a scan to a map near a guess.
 
@@ -126,8 +138,28 @@ def match_scan(
     points = np.ascontiguousarray(points_base, dtype=np.float64)
     starts = window.offsets() + guess.array()
     poses, costs = _refined(scan_map, points, starts, window, to_line)
+    return best_fit(
+        scan_map, points, (poses, costs), to_line=to_line, noise=(sigma_m, correlation), map_sigma=map_sigma
+    )
+
+
+def best_fit(
+    scan_map: ScanMap,
+    points: npt.NDArray[np.float64],
+    refined: tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]],
+    *,
+    to_line: bool = True,
+    noise: tuple[float, float] = (0.02, 10.0),
+    map_sigma: tuple[float, float] = MAP_SIGMA,
+) -> ScanMatch:
+    """Return the best of some refined poses (K, 3), whose costs (K,) [m] are known, and how it fits.
+
+    `noise` and `map_sigma` are those of `match_scan`.
+    """
+    poses, costs = refined
+    sigma_m, correlation = noise
     best = int(np.argmin(costs))
-    elsewhere = _is_elsewhere(poses, poses[best])
+    elsewhere = is_elsewhere(poses, poses[best])
     runner_up = float(costs[elsewhere].min()) if elsewhere.any() else math.inf
     hessian, gradient = np.empty((3, 3)), np.empty(3)
     squared, n_fit = normal_equations(
@@ -160,9 +192,9 @@ def _refined(
     raster = (scan_map.origin, scan_map.cell_m, scan_map.distance_m, scan_map.reach_m)
     thinned = np.ascontiguousarray(points[:: window.thin]) if len(points) >= 40 * window.thin else points
     coarse = _best(starts, score_starts(thinned, starts, *raster), window.n_coarse)
-    coarse = _refine_all(scan_map, thinned, coarse, _COARSE_GATES_M, to_line)
+    coarse = refine_all(scan_map, thinned, coarse, COARSE_GATES_M, to_line)
     fine = _best(coarse, score_starts(points, coarse, *raster), window.n_fine)
-    fine = _refine_all(scan_map, points, fine, _FINE_GATES_M, to_line)
+    fine = refine_all(scan_map, points, fine, FINE_GATES_M, to_line)
     return fine, score_starts(points, fine, *raster)
 
 
@@ -170,13 +202,14 @@ def _best(poses: npt.NDArray[np.float64], costs: npt.NDArray[np.float64], count:
     return np.asarray(poses[np.argsort(costs, kind="stable")[:count]])
 
 
-def _refine_all(
+def refine_all(
     scan_map: ScanMap,
     points: npt.NDArray[np.float64],
     poses: npt.NDArray[np.float64],
     gates_m: npt.NDArray[np.float64],
     to_line: bool,
 ) -> npt.NDArray[np.float64]:
+    """Return the poses (K, 3) after a few steps towards the map with each of the gates."""
     refined = np.empty_like(poses)
     for i, pose in enumerate(poses):
         refined[i] = refine(
@@ -186,7 +219,12 @@ def _refine_all(
     return refined
 
 
-def _is_elsewhere(poses: npt.NDArray[np.float64], best: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+def is_elsewhere(
+    poses: npt.NDArray[np.float64],
+    best: npt.NDArray[np.float64],
+    apart: tuple[float, float] = (0.3, math.radians(10.0)),
+) -> npt.NDArray[np.bool_]:
+    """Return which poses (K, 3) are farther than that from one of them [m, rad]."""
     offset = np.hypot(poses[:, 0] - best[0], poses[:, 1] - best[1])
     turn = np.abs(np.angle(np.exp(1j * (poses[:, 2] - best[2]))))
-    return np.asarray((offset > 0.3) | (turn > math.radians(10.0)))
+    return np.asarray((offset > apart[0]) | (turn > apart[1]))
