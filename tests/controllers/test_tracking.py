@@ -289,3 +289,22 @@ def test_without_a_path_it_refuses_to_start() -> None:
 def test_impossible_configs_are_refused(config: dict[str, object], match: str) -> None:
     with pytest.raises(ValueError, match=match):
         TrackingConfig.model_validate(config)
+
+
+@pytest.mark.parametrize("first_s", [0.0, 1.7e9])
+def test_it_gathers_speed_from_rest_on_any_clock_and_after_a_pause(first_s: float) -> None:
+    """Live stamps count from 1970; a guard or a person may stop the robot without asking."""
+    controller = tracker(path_of((20.0, 0.0)))
+    most = controller.config.accel_mps2 * 0.05 + 1e-9
+
+    for begin_s in (first_s, first_s + 30.0):
+        speeds = []
+        for tick in range(20):
+            place = Pose2(5.0 + 0.01 * tick, 0.0, 0.0)
+            told = Belief(begin_s + 0.05 * tick, place, travelled_m=1.0, fix_age_m=0, motion_age_s=0)
+            command = controller.step(told)
+            assert isinstance(command, Velocity)
+            speeds.append(command.forward_mps)
+        assert speeds[0] <= controller.config.creep_mps + most
+        assert np.diff(speeds).max() <= most + 1e-6
+        assert speeds[-1] > 5 * speeds[0]

@@ -21,6 +21,8 @@ _TURNED_RAD = math.radians(4.0)
 _TURN_GAIN = 1.5
 #: An offset is not driven out on less than so many times the way that the robot's lag takes.
 _LAGS = 5.0
+#: Without a command for longer, somebody else has stopped the robot: it gathers speed from rest [s].
+_PAUSE_S = 0.5
 #: Share of the speed that is left however far the robot looks away from its way.
 _LEAST_SHARE = 0.3
 
@@ -52,7 +54,8 @@ class PathTracking(Controller):
         self._station_m = 0.0
         self._start_m: float | None = None
         self._is_turning = False
-        self._speed_mps, self._stamp_s = 0.0, 0.0
+        self._speed_mps = 0.0
+        self._stamp_s: float | None = None
 
     def step(self, belief: Belief) -> Command:
         """Return the command for a belief; `Stop` while it is too doubtful, `Stop(done=True)` at the end."""
@@ -108,11 +111,14 @@ class PathTracking(Controller):
     def _speed(self, leg: Leg, stamp_s: float, share: float) -> float:
         """Return the speed: what bends, the end and the belief allow, and no more than the drive can gather."""
         config = self.config
+        since_s = math.inf if self._stamp_s is None else stamp_s - self._stamp_s
+        if not 0.0 <= since_s <= _PAUSE_S:  # it stands, whoever has stopped it
+            self._speed_mps, since_s = 0.0, 0.0
         rolls_m = self._speed_mps * config.lag_s
         rest_m = max(0.0, leg.rest_m(self._station_m) - rolls_m)
         braking_mps = math.sqrt(config.creep_mps**2 + 2.0 * config.accel_mps2 * rest_m)
         limit_mps = leg.limit_at(self._station_m + leg.direction * rolls_m)
-        gathered_mps = self._speed_mps + config.accel_mps2 * max(0.0, stamp_s - self._stamp_s)
+        gathered_mps = self._speed_mps + config.accel_mps2 * since_s
         speed_mps = max(config.creep_mps, min(share * min(limit_mps, braking_mps), gathered_mps))
         self._speed_mps, self._stamp_s = speed_mps, stamp_s
         return speed_mps
