@@ -94,3 +94,20 @@ def test_what_cannot_be_exported_is_said(taught: Path, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"a map is a \.yaml"):
         run("export", taught, "--out", tmp_path / "a.pgm")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_scans_of_several_lasers_are_not_drawn_from_the_wrong_place(tmp_path: Path, walls: Floats) -> None:
+    path = tmp_path / "two.trail"
+    store = SqlitePathStore(SqliteStoreConfig(path=str(path), access="create"))
+    store.start(Session())
+    places = {"front": LASER_AT, "rear": Pose2(-0.3, 0.0, 3.1)}
+    store.set_sensors(
+        {name: SensorInfo(name, "scan", pose_base_sensor=Pose3.from_planar(at)) for name, at in places.items()}
+    )
+    store.localizer_map("laser").add(Keyframe(0.0, 0.0, Pose2(), {"points": walls[:2].astype(np.float32)}))
+    store.append(Waypoint(0, 0.0, Pose2()))
+    store.commit()
+    store.close()
+
+    with pytest.raises(ConfigError, match=r"several lasers \(front, rear\)"):
+        run("export", path, "--out", tmp_path / "two.yaml")

@@ -63,9 +63,10 @@ def test_colours_are_averaged_and_alpha_counts_as_ros_counts_it(tmp_path: Path) 
     clear_white = np.full((1, 1, 4), 255, np.uint8)
     clear_white[..., 3] = 0
     assert cells_of_picture(clear_white, mode="trinary", thresholds=(0.2, 0.65))[0, 0] == UNKNOWN  # a mean of 3/4
-    assert cells_of_picture(clear_white, mode="scale")[0, 0] == FREE
-    half = np.full((1, 1, 4), 128, np.uint8)
-    assert cells_of_picture(half, mode="scale")[0, 0] == UNKNOWN  # between the thresholds and not opaque
+    for colour in (255, 128, 0):  # what is not opaque is unknown, whatever its colour
+        clear = np.full((1, 1, 4), colour, np.uint8)
+        clear[..., 3] = 254
+        assert cells_of_picture(clear, mode="scale")[0, 0] == UNKNOWN
     coloured = np.array([[[0, 0, 255]]], np.uint8)
     assert cells_of_picture(coloured)[0, 0] == OCCUPIED  # darkness 2/3
     assert read_map(write_files(tmp_path, coloured)).cells[0, 0] == OCCUPIED
@@ -75,7 +76,14 @@ def test_scale_and_raw_modes_are_those_of_nav2() -> None:
     greys = np.array([[254, 140, 0]], np.uint8)
     share = (1 - 140 / 255 - 0.25) / 0.4
     assert cells_of_picture(greys, mode="scale").tolist() == [[0, round(share * 100), 100]]
-    assert cells_of_picture(np.array([[0, 57, 100, 101, 255]], np.uint8), mode="raw").tolist() == [[0, 57, 100, -1, -1]]
+    raw = np.array([[0, 57, 100, 101, 255]], np.uint8)
+    for negates in (False, True):
+        assert cells_of_picture(raw, mode="raw", negates=negates).tolist() == [[0, 57, 100, -1, -1]]
+
+
+def test_thresholds_the_wrong_way_round_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"free_thresh is 0\.7 and occupied_thresh 0\.65"):
+        read_map(write_files(tmp_path, np.zeros((1, 1), np.uint8), free_thresh=0.7))
 
 
 @pytest.mark.parametrize("suffix", ["pgm", "png"])

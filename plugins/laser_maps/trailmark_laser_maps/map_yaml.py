@@ -44,6 +44,10 @@ def read_map(path: Path) -> OccupancyGrid:
     if mode not in _MODES:
         raise ConfigError(f"{path}: mode is {mode!r}; it is one of {', '.join(_MODES)}")
     occupied, free = (_number(path, {**_DEFAULTS, **keys}, key) for key in ("occupied_thresh", "free_thresh"))
+    if free >= occupied:
+        raise ConfigError(
+            f"{path}: free_thresh is {free:g} and occupied_thresh {occupied:g}; the first is the lower one"
+        )
     picture = _read_picture(path, keys.get("image"))
     cells = cells_of_picture(picture, mode=mode, negates=_flag(path, keys), thresholds=(free, occupied))
     try:
@@ -69,16 +73,19 @@ def cells_of_picture(
         Below the first a cell is free, above the second occupied.
     """
     darkness, alpha = _darkness(picture, averages_alpha=mode == "trinary")
-    darkness = np.flipud(1.0 - darkness if negates else darkness)
+    darkness = np.flipud(darkness)
     if mode == "raw":
-        values = np.rint((1.0 - darkness) * 255.0)
+        values = np.rint((1.0 - darkness) * 255.0)  # of the pixels, whatever `negate` says
         return np.where(values <= OCCUPIED, values, UNKNOWN).astype(np.int8)
+    if negates:
+        darkness = 1.0 - darkness
     free, occupied = thresholds
     between = np.full(darkness.shape, float(UNKNOWN))
     if mode == "scale":
-        share = (darkness - free) / max(occupied - free, 1e-12)
-        between = np.where(np.flipud(alpha) < 1.0, UNKNOWN, np.rint(share * OCCUPIED))
+        between = np.rint((darkness - free) / max(occupied - free, 1e-12) * OCCUPIED)
     cells = np.where(darkness > occupied, OCCUPIED, np.where(darkness < free, FREE, between))
+    if mode == "scale":
+        cells = np.where(np.flipud(alpha) < 1.0, UNKNOWN, cells)  # before the thresholds, as in Nav2's map_io
     return np.ascontiguousarray(cells.astype(np.int8))
 
 

@@ -62,9 +62,16 @@ def _scans_of(store: SqlitePathStore, owner: str, laser: tuple[float, float]) ->
 
 
 def _laser_base(store: SqlitePathStore) -> tuple[float, float]:
-    """Return where the laser sits on base; in its middle if the store does not tell [m]."""
+    """Return where the laser sits on base; in its middle if the store does not tell [m].
+
+    Raises
+    ------
+    ConfigError
+        If there are several, in several places: keyframes do not say which of them saw what.
+    """
     lasers = [info for info in store.sensors().values() if info.kind == "scan"]
-    if len(lasers) != 1:
-        return 0.0, 0.0
-    mounting = lasers[0].pose_base_sensor.planar()
-    return mounting.x, mounting.y
+    mountings = {(pose.x, pose.y) for pose in (info.pose_base_sensor.planar() for info in lasers)}
+    if len(mountings) > 1:
+        names = ", ".join(sorted(info.name for info in lasers))
+        raise ConfigError(f"the place was taught with several lasers ({names}): teach with one to draw its map")
+    return mountings.pop() if mountings else (0.0, 0.0)

@@ -144,7 +144,8 @@ def best_of_each_neighbourhood(poses: Floats, scores: Floats, most: int) -> Floa
     n_looked_at = min(40 * most, len(scores))
     best = np.argpartition(-scores, n_looked_at - 1)[:n_looked_at]
     best = best[np.argsort(-scores[best], kind="stable")]
-    bins = np.floor(poses[best] / (0.4, 0.4, math.radians(20.0))).astype(np.int64)
+    turned = np.column_stack([poses[best, :2], poses[best, 2] % (2.0 * math.pi)])
+    bins = np.floor(turned / (0.4, 0.4, math.radians(20.0))).astype(np.int64)
     _, first = np.unique(bins @ np.array([1 << 30, 64, 1]), return_index=True)
     return np.asarray(poses[best[np.sort(first)[:most]]])
 
