@@ -21,6 +21,8 @@ __all__ = ["Tolerance", "agreeing_groups", "corrections_are_consistent", "is_sti
 
 # One false alarm in some hours, with a test a second.
 _PROBABILITY = 0.99999
+# A variance below this says that nothing was corrected [m^2, rad^2].
+_UNCORRECTED = 1e-12
 # A variance beyond this says that the direction was not measured [m^2, rad^2].
 _NOT_MEASURED = 1e9
 
@@ -101,15 +103,12 @@ def corrections_are_consistent(state: FilterState, anchor: FilterState) -> bool:
 
     The corrections of a consistent filter are white: one that is always corrected the same way moves by a wrong motion.
     """
-    moved = state.consistency.corrections - anchor.consistency.corrections
-    moved[2] = wrap_angle(float(moved[2]))
-    covariance = state.consistency.correction_covariance - anchor.consistency.correction_covariance
-    variances = covariance.diagonal()
-    is_corrected = variances > 1e-12
-    if not is_corrected.any():
-        return True
-    nis = moved[is_corrected] ** 2 / variances[is_corrected]
-    return bool(nis.max() <= threshold(_PROBABILITY, 1))
+    now, then = state.consistency, anchor.consistency
+    x, y, turn = (now.corrections - then.corrections).tolist()
+    variances = (now.correction_covariance.diagonal() - then.correction_covariance.diagonal()).tolist()
+    limit = threshold(_PROBABILITY, 1)
+    moved = x, y, wrap_angle(turn)
+    return all(away**2 / variance <= limit for away, variance in zip(moved, variances) if variance > _UNCORRECTED)
 
 
 def is_still(motion: MotionSum) -> bool:

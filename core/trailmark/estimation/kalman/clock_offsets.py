@@ -146,6 +146,10 @@ class ClockOffsets:
         self._next_s = estimate.stamp_s + _EVERY_S
         return self._compare_all()
 
+    def is_due(self, stamp_s: float) -> bool:
+        """Return whether an estimate of this stamp may make the localizers be compared."""
+        return stamp_s >= self._next_s
+
     def forget(self, source: str) -> None:
         """Forget what a localizer said: it is not believed."""
         track = self._tracks.get(source)

@@ -12,7 +12,6 @@ from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import solve_triangular
 
 from trailmark.arrays import Floats
 
@@ -75,8 +74,8 @@ def cost_beside_drift(rows: Floats, way: Floats) -> Floats:
 def _fit(at: Floats, similarity: Floats, covariance: Floats) -> tuple[Floats, float]:
     """Return the chi squares at each shift, and -2 log likelihood of the best, to a constant."""
     root = np.linalg.cholesky(covariance)
-    basis, triangle = np.linalg.qr(solve_triangular(root, similarity, lower=True))
-    whitened = solve_triangular(root, at.T, lower=True)
+    basis, triangle = np.linalg.qr(np.linalg.solve(root, similarity))
+    whitened = np.linalg.solve(root, at.T)
     misses = whitened - basis @ (basis.T @ whitened)
     costs = (misses**2).sum(axis=0)
     # Restricted likelihood: four numbers were fitted.

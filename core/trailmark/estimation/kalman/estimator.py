@@ -193,8 +193,9 @@ class Kalman(Estimator):
 
     def _on_one_clock(self, source: str, estimate: Estimate) -> Estimate:
         """Return a fix that is certainly late with the stamp that it should have."""
-        for liar in outvoted_motions(self._history.state_at(math.inf)):
-            self._offsets.forget(liar)
+        if self._offsets.is_due(estimate.stamp_s):
+            for liar in outvoted_motions(self._history.state_at(math.inf)):
+                self._offsets.forget(liar)
         for name, found in self._offsets.observe(source, estimate).items():
             remedy = f"set time_offset_s: {-found.late_s:.3f} for its source"
             logger.warning("localizer %r: %s; %s", name, found, remedy)
