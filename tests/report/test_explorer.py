@@ -16,6 +16,8 @@ from trailmark.evaluation import evaluate_run_folder, read_run
 from trailmark.geometry import Pose2, Trajectory, write_tum
 from trailmark.pipeline.outputs.beliefs import BELIEF_COLUMNS
 from trailmark.report import write_report
+from trailmark.report.explorer import explorer_document
+from trailmark.report.write import drawn_trajectories
 
 Write = Callable[..., Path]
 
@@ -37,6 +39,13 @@ def data_of(page: Path) -> dict[str, Any]:
     return json.loads(found[1])
 
 
+def document_of(folder: Path, path: paths.Path | None = None) -> dict[str, Any]:
+    """Return what the page of a run would hand to its script."""
+    evaluated = evaluate_run_folder(read_run(folder))
+    document = explorer_document(evaluated, drawn_trajectories(evaluated), path, {})
+    return json.loads(json.dumps(document, allow_nan=False))
+
+
 @pytest.fixture
 def run(fake_run: Write) -> Path:
     """A run with everything: beliefs that are certain to 2 cm, a room, a robot."""
@@ -52,7 +61,7 @@ def run(fake_run: Write) -> Path:
 
 
 def test_lines_lie_where_the_trajectories_lie(run: Path) -> None:
-    data = data_of(write_report(run))
+    data = document_of(run)
 
     truth = next(track for track in data["tracks"] if track["name"] == "groundtruth")
     way = read_run(run).truth
@@ -65,7 +74,7 @@ def test_lines_lie_where_the_trajectories_lie(run: Path) -> None:
 
 
 def test_errors_of_the_map_are_those_of_the_metrics(run: Path) -> None:
-    data = data_of(write_report(run))
+    data = document_of(run)
 
     evaluated = evaluate_run_folder(read_run(run))
     fused = next(track for track in data["tracks"] if track["name"] == "fused")
@@ -84,14 +93,14 @@ def test_an_error_to_the_left_is_left(tmp_path: Path) -> None:
     aside[24:26, 0] = -0.2
     write_tum(folder / "trajectories/fused.tum", Trajectory(stamps, truth.poses + aside))
 
-    data = data_of(write_report(folder))
+    data = document_of(folder)
 
     left = unpacked(next(track for track in data["tracks"] if track["name"] == "fused")["left"])
     assert left[24] - np.median(left) == pytest.approx(0.2, abs=0.01)  # the alignment moves the way a little
 
 
 def test_sigmas_are_told_in_the_axes_of_the_robot(run: Path) -> None:
-    beliefs = data_of(write_report(run))["beliefs"]
+    beliefs = document_of(run)["beliefs"]
 
     np.testing.assert_allclose(unpacked(beliefs["ahead"]), 0.01, atol=1e-6)
     np.testing.assert_allclose(unpacked(beliefs["left"]), 0.02, atol=1e-6)
@@ -100,7 +109,7 @@ def test_sigmas_are_told_in_the_axes_of_the_robot(run: Path) -> None:
 
 
 def test_a_stretch_in_which_a_localizer_was_lost_is_told_with_its_reason(run: Path) -> None:
-    gaps = [gap for gap in data_of(write_report(run))["gaps"] if gap["name"] == "floor"]
+    gaps = [gap for gap in document_of(run)["gaps"] if gap["name"] == "floor"]
 
     assert [(gap["kind"], gap["reason"]) for gap in gaps] == [("lost", "too dark, blurred")]
     assert gaps[0]["from"] == pytest.approx(15.0, abs=0.11)
@@ -112,7 +121,7 @@ def test_a_stretch_without_a_word_is_silence(run: Path) -> None:
     kept = [line for line in table.read_text().splitlines() if ",floor," not in line or ",lost," not in line]
     table.write_text("\n".join(kept) + "\n")
 
-    gaps = [gap for gap in data_of(write_report(run))["gaps"] if gap["name"] == "floor"]
+    gaps = [gap for gap in document_of(run)["gaps"] if gap["name"] == "floor"]
 
     assert [gap["kind"] for gap in gaps] == ["silent"]
 
@@ -123,14 +132,14 @@ def test_a_localizer_that_never_answered_darkens_nothing(run: Path) -> None:
     kept = [row for row in rows if ",floor," not in row or ",lost," in row]
     table.write_text("\n".join([head, *kept]) + "\n")
 
-    data = data_of(write_report(run))
+    data = document_of(run)
 
     assert not [gap for gap in data["gaps"] if gap["name"] == "floor"]
     assert next(lane for lane in data["lanes"] if lane["name"] == "floor")["counts"].keys() == {"lost"}
 
 
 def test_fixes_that_were_not_accepted_are_all_there(run: Path) -> None:
-    fixes = data_of(write_report(run))["fixes"]
+    fixes = document_of(run)["fixes"]
 
     counts = read_run(run).estimates.of("floor_map").counts()  # type: ignore[union-attr]
     (told,) = fixes
@@ -142,7 +151,7 @@ def test_the_taught_path_is_drawn_where_the_map_lies(run: Path) -> None:
     path = paths.Path([paths.Waypoint(k, float(k), Pose2(float(k), 1.0, 0.0)) for k in range(5)])
     pose = evaluate_run_folder(read_run(run)).evaluations["fused"].absolute.alignment.pose_truth_estimate
 
-    taught = np.array(data_of(write_report(run, path=path))["taught"])
+    taught = np.array(document_of(run, path)["taught"])
 
     np.testing.assert_allclose(taught, pose @ np.ascontiguousarray(path.positions), atol=1e-4)
 
@@ -155,7 +164,7 @@ def test_a_fix_beyond_all_reason_is_a_gap(run: Path) -> None:
     fix[5] = "1e308"
     table.write_text("\n".join([head, ",".join(fix), *rows]) + "\n")
 
-    (told,) = data_of(write_report(run))["fixes"]
+    (told,) = document_of(run)["fixes"]
 
     assert np.isnan(unpacked(told["x"])).sum() == 1
 
@@ -182,7 +191,7 @@ def test_broken_beliefs_and_outlines_are_told_and_left_out(run: Path) -> None:
 
 
 def test_a_run_without_truth_has_differences_and_no_fix_errors(fake_run: Write) -> None:
-    data = data_of(write_report(fake_run(seconds=10.0, has_truth=False)))
+    data = document_of(fake_run(seconds=10.0, has_truth=False))
 
     assert data["errors"] is False
     assert data["reference"] == "fused"

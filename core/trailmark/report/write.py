@@ -32,7 +32,7 @@ from trailmark.writing import write_whole
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["write_report"]
+__all__ = ["drawn_trajectories", "write_report"]
 
 
 def write_report(
@@ -70,7 +70,7 @@ def write_report(
     """
     evaluated = evaluate_run_folder(read_run(folder), protocol)
     document = metrics_document(evaluated, metrics=metrics)
-    offsets, drawn = offset_series(evaluated, path), _drawn(evaluated)
+    offsets, drawn = offset_series(evaluated, path), drawn_trajectories(evaluated)
     plots = _plots(evaluated, drawn, offsets)
     explorer = explorer_document(evaluated, drawn, path, offsets)
     page = _page(evaluated, document, plots, explorer, glimpses_section(Path(folder)))
@@ -105,7 +105,7 @@ def _drawing(name: str, draw: Callable[[], Figure]) -> str:
         return svg_of(draw())
 
 
-def _drawn(evaluated: RunEvaluation) -> dict[str, Trajectory]:
+def drawn_trajectories(evaluated: RunEvaluation) -> dict[str, Trajectory]:
     """Return the trajectories to draw: over ground truth where it is known, each aligned as its errors are."""
     truth = {GROUND_TRUTH: evaluated.run.truth} if evaluated.has_truth and evaluated.run.truth is not None else {}
     compared = evaluated.evaluations if evaluated.has_truth else {}
