@@ -11,11 +11,11 @@ from trailmark.arrays import Floats, Grey8
 from trailmark.estimates import Belief, Estimate, Fix, Lost, information_from_covariance
 from trailmark.geometry import Pose2
 from trailmark_omni_surf.bearings import BearingFix, BearingNoise
-from trailmark_omni_surf.circle import BearingCamera
 from trailmark_omni_surf.config import OmniSurfConfig
 from trailmark_omni_surf.features import FeatureExtractor
 from trailmark_omni_surf.flows import NOTHING, FlowOptions, FlowResult, by_detection, by_tracking
 from trailmark_omni_surf.landmark_map import LandmarkMap
+from trailmark_omni_surf.pixel_bearings import PixelBearings
 
 __all__ = ["BearingLocalizer"]
 
@@ -58,7 +58,7 @@ class BearingLocalizer:
         """Return how often each flow ran, and how many landmarks the tracking error removed."""
         return self._counters
 
-    def locate(self, stamp_s: float, image: Grey8, camera: BearingCamera, belief: Belief) -> Estimate:
+    def locate(self, stamp_s: float, image: Grey8, camera: PixelBearings, belief: Belief) -> Estimate:
         """Track while enough landmarks are tracked (main flow), detect otherwise (sub flow)."""
         start = self._expected(belief)
         tracked = self._track(image, camera, start)
@@ -93,7 +93,7 @@ class BearingLocalizer:
         self._pending = (pose_map_camera, pose_odom_base, n_seen)
         return n_seen >= self._config.confirm_pictures
 
-    def _track(self, image: Grey8, camera: BearingCamera, start: Pose2 | None) -> FlowResult:
+    def _track(self, image: Grey8, camera: PixelBearings, start: Pose2 | None) -> FlowResult:
         """Main flow, where it can be gone."""
         if start is None or not self._is_main_flow(image):
             return NOTHING
@@ -104,7 +104,7 @@ class BearingLocalizer:
         self._counters["landmarks_removed"] += found.n_seen - len(found.uv)
         return found
 
-    def _detect(self, image: Grey8, camera: BearingCamera, start: Pose2 | None) -> FlowResult:
+    def _detect(self, image: Grey8, camera: PixelBearings, start: Pose2 | None) -> FlowResult:
         """Sub flow."""
         self._n_tracked = 0
         self._counters["sub_flow"] += 1

@@ -16,6 +16,8 @@ class OmniSurfConfig(PluginConfig):
 
     camera: Sensor["image"]
     """The omnidirectional camera."""
+    unwrapped: bool = False
+    """Its pictures are panoramas already, 360 deg wide, as 360 degree cameras give them; there is no circle to find."""
     features: Literal["surf", "sift", "orb", "akaze", "cv2_surf"] = "surf"
     """Kind of features. SURF is covered by patents in some countries; `sift` is the free choice."""
     quality: Literal["fast", "quality"] = "fast"

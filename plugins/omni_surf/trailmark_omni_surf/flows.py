@@ -10,9 +10,9 @@ import numpy.typing as npt
 
 from trailmark.geometry import Pose2
 from trailmark_omni_surf.bearings import BearingFix, BearingNoise, locate
-from trailmark_omni_surf.circle import BearingCamera
 from trailmark_omni_surf.features import FeatureExtractor
 from trailmark_omni_surf.landmark_map import LandmarkMap
+from trailmark_omni_surf.pixel_bearings import PixelBearings
 from trailmark_omni_surf.tracking import track_points
 
 __all__ = ["NOTHING", "FlowOptions", "FlowResult", "by_detection", "by_tracking", "chance_agreements"]
@@ -81,7 +81,7 @@ def by_detection(
     image: Grey,
     extract: FeatureExtractor,
     landmarks: LandmarkMap,
-    camera: BearingCamera,
+    camera: PixelBearings,
     options: FlowOptions,
     start: Pose2 | None = None,
 ) -> FlowResult:
@@ -91,7 +91,7 @@ def by_detection(
     ----------
     image : (H, W) uint8
         Grey picture.
-    extract, landmarks, camera : FeatureExtractor, LandmarkMap, BearingCamera
+    extract, landmarks, camera : FeatureExtractor, LandmarkMap, PixelBearings
         What finds features, the map, and what turns pixels into bearings.
     options : FlowOptions
         Gates.
@@ -153,7 +153,7 @@ def by_tracking(
     image: Grey,
     last: FlowResult,
     landmarks: LandmarkMap,
-    camera: BearingCamera,
+    camera: PixelBearings,
     options: FlowOptions,
     start: Pose2,
 ) -> FlowResult:
@@ -167,7 +167,7 @@ def by_tracking(
         Grey pictures.
     last : FlowResult
         Of the previous picture.
-    landmarks, camera, options : LandmarkMap, BearingCamera, FlowOptions
+    landmarks, camera, options : LandmarkMap, PixelBearings, FlowOptions
         As in `by_detection`.
     start : Pose2
         Where the camera is, from the last pose and the motion since.

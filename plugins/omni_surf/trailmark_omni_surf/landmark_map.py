@@ -14,10 +14,10 @@ import numpy.typing as npt
 from trailmark.errors import StoreError
 from trailmark.geometry import Pose2
 from trailmark.paths import Keyframe
-from trailmark_omni_surf.circle import BearingCamera
 from trailmark_omni_surf.features import Features
 from trailmark_omni_surf.landmarks import landmark_features, measure_landmark
 from trailmark_omni_surf.matching_kernels import nearest_groups
+from trailmark_omni_surf.pixel_bearings import PixelBearings
 from trailmark_omni_surf.tracking import Observations
 
 __all__ = ["Candidates", "LandmarkMap", "keyframe_arrays", "measured_candidates"]
@@ -29,7 +29,7 @@ _MAX_EXEMPLARS = 6  # descriptors kept of one landmark
 _NEW_EXEMPLAR = 0.2  # a descriptor this far from all kept ones is kept too, between unit vectors
 
 
-def keyframe_arrays(seen: Observations, camera: BearingCamera, pose_base_camera: Pose2) -> dict[str, npt.NDArray[Any]]:
+def keyframe_arrays(seen: Observations, camera: PixelBearings, pose_base_camera: Pose2) -> dict[str, npt.NDArray[Any]]:
     """Return what a keyframe remembers: which tracks were seen, under which bearing, how they looked."""
     return {
         "ids": seen.ids,

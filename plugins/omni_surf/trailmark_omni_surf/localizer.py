@@ -14,6 +14,7 @@ from trailmark_omni_surf.config import OmniSurfConfig
 from trailmark_omni_surf.features import create_features, grey_of
 from trailmark_omni_surf.landmark_map import LandmarkMap
 from trailmark_omni_surf.map_builder import LANDMARKS, MapBuilder
+from trailmark_omni_surf.panorama import PanoramaFinder
 from trailmark_omni_surf.warm_up import warm_up
 
 __all__ = ["OmniSurf"]
@@ -44,7 +45,11 @@ class OmniSurf(Localizer):
                 f"{type(sensor.calibration).__name__}; give it the keys of Omni: turns, forward_deg, or none"
             )
         self._is_teaching = session.mode == "teach"
-        self._centre = CentreFinder.of(sensor.calibration or Omni(), config)
+        self._centre = (
+            PanoramaFinder.of(sensor.calibration)
+            if config.unwrapped
+            else CentreFinder.of(sensor.calibration or Omni(), config)
+        )
         pose_base_camera = sensor.pose_base_sensor.planar()
         extract = create_features(config.features, config.n_features, config.quality)
         warm_up(extract)

@@ -11,10 +11,10 @@ from trailmark.estimates import Belief
 from trailmark.geometry import Pose2
 from trailmark.interfaces import LocalizerMap
 from trailmark.paths import Keyframe
-from trailmark_omni_surf.circle import BearingCamera
 from trailmark_omni_surf.config import OmniSurfConfig
 from trailmark_omni_surf.features import FeatureExtractor
 from trailmark_omni_surf.landmark_map import Candidates, LandmarkMap, keyframe_arrays, measured_candidates
+from trailmark_omni_surf.pixel_bearings import PixelBearings
 from trailmark_omni_surf.selection import SelectionModel, shipped_model
 from trailmark_omni_surf.spacing import KeyframeSpacing
 from trailmark_omni_surf.tracking import TrackBook, TrackOptions
@@ -61,7 +61,7 @@ class MapBuilder:
         """Tracks that were lost and found again."""
         return self._book.n_rejoined
 
-    def add(self, stamp_s: float, image: Grey8, camera: BearingCamera, belief: Belief) -> None:
+    def add(self, stamp_s: float, image: Grey8, camera: PixelBearings, belief: Belief) -> None:
         """Carry all tracks into the picture; at a new place, remember what was found again."""
         features = self._extract(image)
         seen = self._book.update(image, features.chosen(camera.is_inside(features.uv)))
