@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from trailmark.arrays import Bools, Floats
+from trailmark.arrays import Bools, Floats, Indices
 from trailmark.errors import DataError
 
 __all__ = ["OUTCOMES", "EstimateTable", "read_estimates"]
@@ -61,8 +61,8 @@ class EstimateTable:
         names, first = np.unique(self.source, return_index=True)
         return [str(name) for name in names[np.argsort(first)]]
 
-    def where(self, rows: Bools) -> EstimateTable:
-        """Return some of the rows."""
+    def where(self, rows: Bools | Indices) -> EstimateTable:
+        """Return some of the rows, in the order asked for."""
         return EstimateTable(*(getattr(self, name)[rows] for name in self.__slots__))
 
     def of(self, source: str) -> EstimateTable:

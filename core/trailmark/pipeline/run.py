@@ -397,7 +397,7 @@ class Run:
     def _conclude_as_it_stands(self, reason: str) -> RunResult:
         """Return the result for a run that cannot end in order; its parts are not asked for counts, one may hang."""
         sources, result = self._parts.sources, self._conclude("interrupted", reason, self._counters.merged({}))
-        return replace(result, ground_truth=ground_truth_of(sources), outlines=outlines_of(sources))
+        return replace(result, ground_truth=ground_truth_of(sources))
 
     def _conclude(self, status: Status, reason: str, counters: Mapping[str, int]) -> RunResult:
         return RunResult(

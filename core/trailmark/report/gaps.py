@@ -72,16 +72,19 @@ def _gaps_of(name: str, rows: EstimateTable, span_s: tuple[float, float]) -> lis
     answers = np.unique(rows.stamp_s[~is_lost & np.isfinite(rows.stamp_s)])
     if not len(answers):
         return []
-    losses = rows.where(is_lost)
+    losses = rows.where(is_lost & np.isfinite(rows.stamp_s))
+    losses = losses.where(np.argsort(losses.stamp_s, kind="stable"))
     least_s = _SHARE * (span_s[1] - span_s[0])
     if len(answers) > 1:
         least_s = max(least_s, _INTERVALS * usual_interval_s(answers))
     edges = np.append(answers, span_s[1])
+    until = np.searchsorted(losses.stamp_s, edges, side="right")
+    n_losses, length_s = np.diff(until), np.diff(edges)
     gaps = []
-    for index in np.flatnonzero(np.diff(edges) > 0.0):
-        start_s, stop_s = float(edges[index]), float(edges[index + 1])
-        inside = np.flatnonzero((losses.stamp_s > start_s) & (losses.stamp_s <= stop_s))
-        if len(inside) > 1 or stop_s - start_s > least_s:
-            reason = str(losses.reason[inside[-1]]) if len(inside) else ""
-            gaps.append(Gap(name, "lost" if len(inside) else "silent", start_s, stop_s, reason))
+    for index in np.flatnonzero((length_s > 0.0) & ((n_losses > 1) | (length_s > least_s))).tolist():
+        is_lost_there = bool(n_losses[index])
+        reason = str(losses.reason[until[index + 1] - 1]) if is_lost_there else ""
+        gaps.append(
+            Gap(name, "lost" if is_lost_there else "silent", float(edges[index]), float(edges[index + 1]), reason)
+        )
     return gaps
