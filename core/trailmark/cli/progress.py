@@ -14,7 +14,7 @@ import click
 if TYPE_CHECKING:
     from trailmark.pipeline import Pipeline, Step
 
-__all__ = ["ProgressKind", "RunProgress"]
+__all__ = ["ProgressKind", "RunProgress", "way_text"]
 
 ProgressKind = Literal["auto", "json", "none"]
 
@@ -60,7 +60,7 @@ class RunProgress(AbstractContextManager["RunProgress"]):
         if self._kind == "json":
             self._report_waypoints(pipeline, step)
         elif self._kind == "auto":
-            self._show(step)
+            self._show(step, _way_to_go_m(pipeline))
 
     def _report_waypoints(self, pipeline: Pipeline, step: Step) -> None:
         while self._n_waypoints < pipeline.n_waypoints:
@@ -68,7 +68,7 @@ class RunProgress(AbstractContextManager["RunProgress"]):
             click.echo(json.dumps(event))
             self._n_waypoints += 1
 
-    def _show(self, step: Step) -> None:
+    def _show(self, step: Step, whole_m: float | None) -> None:
         now_s = time.monotonic()
         if self._n_frames <= 1:  # what came before was starting
             self._began_s = self._shown_s = now_s
@@ -76,11 +76,26 @@ class RunProgress(AbstractContextManager["RunProgress"]):
             return
         self._shown_s = now_s
         rate_hz = self._n_frames / max(now_s - self._began_s, 1e-9)
-        text = f"{self._n_frames} frames, {step.belief.travelled_m:.2f} m, {rate_hz:.0f} frames/s"
+        way = way_text(step.belief.travelled_m, whole_m, now_s - self._began_s)
+        text = f"{self._n_frames} frames, {way}, {rate_hz:.0f} frames/s"
         if self._bar is not None:
             self._bar.update(self._task, description=text)
         else:
             click.echo(text, err=True)
+
+
+def way_text(travelled_m: float, whole_m: float | None, took_s: float) -> str:
+    """Return the way so far; where the whole is known its share, and how long the rest takes at this pace."""
+    if whole_m is None or not 0.0 < travelled_m < whole_m:
+        return f"{travelled_m:.2f} m"
+    left_s = took_s * (whole_m / travelled_m - 1.0)
+    return f"{travelled_m:.2f} of {whole_m:.2f} m ({100.0 * travelled_m / whole_m:.0f} %, {left_s:.0f} s left)"
+
+
+def _way_to_go_m(pipeline: Pipeline) -> float | None:
+    """Return the length of the taught path that a run follows; None where there is none, or it is being taught [m]."""
+    path = pipeline.path
+    return None if path is None or len(path) < 2 or pipeline.n_waypoints else path.length_m
 
 
 def _bar() -> Any:
