@@ -8,6 +8,7 @@ import sys
 
 import pytest
 
+from trailmark.clock import live_stamp_s
 from trailmark.interfaces import LocalizerMap, Session
 from trailmark.testing import MemoryMap
 
@@ -16,6 +17,11 @@ from trailmark.testing import MemoryMap
 def test_an_old_name_is_the_new_class_and_warns(module: str, old: str, new: type) -> None:
     with pytest.warns(DeprecationWarning, match=f"{old} is called {new.__name__} now"):
         assert getattr(importlib.import_module(module), old) is new
+
+
+def test_what_has_moved_says_where_it_is() -> None:
+    with pytest.warns(DeprecationWarning, match="live_stamp_s is called trailmark.clock.live_stamp_s now"):
+        assert importlib.import_module("trailmark.pipeline.clock").live_stamp_s is live_stamp_s
 
 
 def test_a_name_that_never_was_is_an_attribute_error() -> None:

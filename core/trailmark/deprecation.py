@@ -34,6 +34,8 @@ def deprecated_name(module: str, name: str, renamed: Mapping[str, Any]) -> Any:
     if name not in renamed:
         raise AttributeError(f"module {module!r} has no attribute {name!r}")
     new = getattr(renamed[name], "__name__", "something else")
+    if new == name:  # it has moved
+        new = f"{renamed[name].__module__}.{new}"
     warnings.warn(f"{module}.{name} is called {new} now", DeprecationWarning, stacklevel=3)
     return renamed[name]
 
