@@ -40,7 +40,7 @@ _LENSES = ("radial-tangential", "radtan", "plumb_bob")
 
 
 @dataclass(frozen=True, slots=True)
-class _Row:
+class _Line:
     """A line of a ``data.csv``."""
 
     stamp_s: float
@@ -132,7 +132,7 @@ def _by_stamp(first: Iterator[Reading], second: Iterator[Reading]) -> Readings:
             right = next(second, None)
 
 
-def _rows(path: Path, n_fields: int) -> Iterator[_Row]:
+def _rows(path: Path, n_fields: int) -> Iterator[_Line]:
     """Yield the lines of a table whose first column is nanoseconds."""
     if not path.is_file():
         raise SourceError(
@@ -145,17 +145,17 @@ def _rows(path: Path, n_fields: int) -> Iterator[_Row]:
         if len(fields) < n_fields:
             raise SourceError(f"{where}: expected {n_fields} columns, found {len(fields)}")
         n_rows += 1
-        yield _Row(stamp(fields[0], "ns", where), fields, where)
+        yield _Line(stamp(fields[0], "ns", where), fields, where)
     if not n_rows:
         raise SourceError(f"{path} is empty")
 
 
-def _imu(row: _Row) -> Imu:
+def _imu(row: _Line) -> Imu:
     values = [number(field, "an inertial reading", row.where) for field in row.fields[1:7]]
     return Imu(np.array(values[:3]), np.array(values[3:]))
 
 
-def _rate(rows: tuple[_Row, ...]) -> float | None:
+def _rate(rows: tuple[_Line, ...]) -> float | None:
     gaps = np.diff([row.stamp_s for row in rows])
     middle = float(np.median(gaps)) if len(gaps) else 0.0
     return 1.0 / middle if middle > 0.0 else None
