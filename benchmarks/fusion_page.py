@@ -39,8 +39,9 @@ _WRONG_START = (
     "start (1 m, 90 deg) it is not back within 60 s either: many sightings of one landmark, each about the belief that",
     "the last one left, make a pose more certain than they know it. The unscented filter does the same on R5.",
     "",
-    "The largest errors are not of outliers: R4 is 1.21 m off, clean as with outliers, 75 s and 5.1 m after the last landmark",
-    "that it saw, and says 1.02 m along each axis; within 2 s of a landmark its largest is 0.85 m. Motion capture has no gap there.",
+    "The largest errors are not of outliers: R4 is 1.21 m off, clean as with outliers, 75 s and 5.1 m after the last",
+    "landmark that it saw, and says 1.02 m along each axis; within 2 s of a landmark its largest is 0.85 m. Motion",
+    "capture has no gap there.",
 )
 _HUSKY = (
     "Wheel velocities, gyro and compass (`examples/real/husky_bag.yaml`), against the end after 359 m that",
