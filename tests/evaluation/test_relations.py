@@ -117,7 +117,7 @@ def test_another_clock_is_refused() -> None:
         ("# nothing\n", "has no relations"),
         ("1 2 3\n", ":1: expected 8 finite numbers"),
         ("1 2 0 0 0 0 0 0\n1 2 0 0 0 0 0 nan\n", ":2: expected 8 finite numbers"),
-        ("1 2 0 0 a 0 0 0\n", ":1: could not convert"),
+        ("1 2 0 0 a 0 0 0\n", ":1: expected 8 finite numbers"),
         ("1 2 0 0 0.5 0 0 0\n", ":1: z, roll and pitch are not zero"),
     ],
 )

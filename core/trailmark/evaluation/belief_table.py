@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from trailmark.arrays import Floats
-from trailmark.errors import DataError, ShapeError
+from trailmark.errors import DataError
+from trailmark.evaluation.number_rows import read_number_rows
 from trailmark.frames.outlines import Outlines
 
 __all__ = ["BELIEFS_FILE", "OUTLINES_FILE", "BeliefTable", "read_beliefs", "read_outlines"]
@@ -51,13 +51,7 @@ def read_beliefs(file: Path) -> BeliefTable:
     DataError
         If it cannot be read or is no such table.
     """
-    try:
-        with open(file, encoding="utf-8", newline="") as source:
-            rows = [[float(row[name]) for name in _NUMBERS] for row in csv.DictReader(source)]
-    except OSError as error:
-        raise DataError(f"cannot read {file}: {error.strerror or error}") from error
-    except (KeyError, TypeError, ValueError, csv.Error) as error:
-        raise DataError(f"{file} is not a table of beliefs: {error}") from error
+    rows = read_number_rows(file, _NUMBERS, "a table of beliefs")
     table = np.array(rows, dtype=np.float64).reshape(-1, len(_NUMBERS))
     table = table[np.isfinite(table).all(axis=1)]
     return BeliefTable(table[:, 0], table[:, 1:4], table[:, [4, 5, 6, 5, 7, 8, 6, 8, 9]].reshape(-1, 3, 3))
@@ -78,5 +72,5 @@ def read_outlines(file: Path) -> Outlines:
         return Outlines(around, None if robot is None else np.array(robot, dtype=np.float64).reshape(-1, 2))
     except OSError as error:
         raise DataError(f"cannot read {file}: {error.strerror or error}") from error
-    except (AttributeError, KeyError, TypeError, ValueError, ShapeError) as error:
-        raise DataError(f"{file} holds no outlines: {error}") from error
+    except (AttributeError, KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
+        raise DataError(f"{file} holds no outlines: around is to be a list of lines, each of points [x, y]") from error

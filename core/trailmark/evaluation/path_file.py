@@ -7,6 +7,7 @@ from pathlib import Path
 
 from trailmark import paths
 from trailmark.errors import DataError, ShapeError
+from trailmark.evaluation.number_rows import read_number_rows
 from trailmark.geometry import Pose2
 
 __all__ = ["PATH_FILE", "read_path", "write_path"]
@@ -39,13 +40,10 @@ def read_path(file: Path) -> paths.Path:
     DataError
         If it cannot be read or is no such table.
     """
+    rows = read_number_rows(file, _COLUMNS, "a taught path")
     try:
-        with open(file, encoding="utf-8", newline="") as source:
-            rows = [[float(row[name]) for name in _COLUMNS] for row in csv.DictReader(source)]
         return paths.Path(
             paths.Waypoint(index, station_m, Pose2(x, y, theta)) for index, (station_m, x, y, theta) in enumerate(rows)
         )
-    except OSError as error:
-        raise DataError(f"cannot read {file}: {error.strerror or error}") from error
-    except (KeyError, TypeError, ValueError, csv.Error, ShapeError) as error:
+    except (ValueError, ShapeError) as error:
         raise DataError(f"{file} is not a taught path: {error}") from error

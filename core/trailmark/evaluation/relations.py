@@ -116,8 +116,10 @@ def read_relations(path: Path) -> Relations:
     rows: list[list[float]] = []
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise DataError(f"{path}: {error}") from error
+    except OSError as error:
+        raise DataError(f"cannot read {path}: {error.strerror or error}") from error
+    except UnicodeDecodeError as error:
+        raise DataError(f"{path} holds no relations: it is no text (byte {error.start})") from error
     for number, line in enumerate(lines, 1):
         fields = line.partition("#")[0].split()
         if not fields:
@@ -125,7 +127,7 @@ def read_relations(path: Path) -> Relations:
         try:
             row = [float(field) for field in fields]
         except ValueError as error:
-            raise DataError(f"{path}:{number}: {error}") from error
+            raise DataError(f"{path}:{number}: expected 8 finite numbers (t1 t2 x y z roll pitch yaw)") from error
         if len(row) != _COLUMNS or not all(math.isfinite(value) for value in row):
             raise DataError(f"{path}:{number}: expected 8 finite numbers (t1 t2 x y z roll pitch yaw)")
         if any(row[4:7]):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -174,7 +175,7 @@ def timing_table(stages: Mapping[str, Mapping[str, float]]) -> Table:
     rows = [
         (name, count_text(int(stage.get("n", 0))), *(significant(stage.get(f"{word}_ms")) for word in words))
         for name, stage in stages.items()
-        if not name.startswith(_STARTING)
+        if not name.startswith(_STARTING) and _is_timed(stage)
     ]
     columns = (Column("stage", is_number=False), Column("calls"), *(Column(word, "ms") for word in words))
     return Table(columns, tuple(rows))
@@ -284,3 +285,11 @@ def _consistency_notes(sources: Sources) -> list[str]:
                     f" than their covariances say ({word.upper()}/dof {significant(found['per_dof'])}, 1 expected)."
                 )
     return notes
+
+
+def _is_timed(stage: object) -> bool:
+    """Return whether a stage of ``timing.json`` is what was written, and not what somebody made of it."""
+    return isinstance(stage, Mapping) and all(
+        isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+        for value in stage.values()
+    )

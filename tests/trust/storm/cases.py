@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from copy import deepcopy
 from functools import cache
@@ -83,6 +84,15 @@ def config(rng: Rng, folder: Path, box: Box) -> tuple[list[str], dict[str, str |
 
 
 def _write(document: Any, folder: Path, rng: Rng) -> None:
+    limit = sys.getrecursionlimit()
+    sys.setrecursionlimit(10 * limit)  # what is nested deeply is to reach the program
+    try:
+        _write_text(document, folder, rng)
+    finally:
+        sys.setrecursionlimit(limit)
+
+
+def _write_text(document: Any, folder: Path, rng: Rng) -> None:
     if rng.random() < 0.1:
         (folder / "c.toml").write_text(as_toml(document), encoding="utf-8", errors="surrogatepass")
     else:
