@@ -26,13 +26,8 @@ _FEWEST_LOOKS = 3
 _N_CANDIDATES = 300
 _FRESH_SHARE = 0.3
 _SECOND_CLUSTER = 0.05
-#: After a jump of the odometry a place near by must explain nearly as much as places did lately.
-_USUAL_GAIN, _USUAL_DROP = 0.1, 0.1
 #: Another place that explains so much more of the last metres takes the followed one's seat.
 _UNSEATS = 0.05
-#: Way after which a place that was taken up again near by is compared with the rest of the map [m].
-_SOON_M = 0.7
-_GLITCH_M, _GLITCH_RAD = 0.3, math.radians(10.0)
 _DRAWN_M, _DRAWN_RAD = 0.1, math.radians(2.0)
 
 
@@ -108,7 +103,6 @@ class GridFilter:
         self._n_unexplained = 0
         self._last: Look | None = None
         self._unchecked_m = 0.0
-        self._usual_quality = 1.0
 
     def believe(self, pose: Floats, covariance: Floats) -> None:
         """Begin at a known pose, in grid axes."""
@@ -156,9 +150,8 @@ class GridFilter:
         pose = self._drawn_onto_walls(look, clusters[0].mean)
         quality = float(self._search.explained(look, pose[np.newaxis])[0])
         if quality < settings.min_quality:
-            return self._doubt(look, clusters[0].mean, quality)
+            return self._doubt(quality)
         self._n_unexplained = 0
-        self._usual_quality += _USUAL_GAIN * (quality - self._usual_quality)
         n_places = sum(cluster.share > _SECOND_CLUSTER for cluster in clusters)
         if n_places > 1:
             return Unplaced(f"{n_places} places fit", quality, n_places)
@@ -167,25 +160,10 @@ class GridFilter:
             return rival
         return Placed(pose, clusters[0].covariance, quality)
 
-    def _doubt(self, look: Look, mean: Floats, quality: float) -> Unplaced:
-        """Look around for what the odometry may have missed; give the place up after a while."""
+    def _doubt(self, quality: float) -> Unplaced:
         self._n_unexplained += 1
         if self._n_unexplained >= self._settings.patience:
             self._give_up()
-        else:
-            wide = np.diag(np.square((_GLITCH_M, _GLITCH_M, _GLITCH_RAD)))
-            net = Particles.around(mean, wide, _N_TRACKED, self._rng).poses
-            near = self._search.followed(look, best_of_each_neighbourhood(net, self._search.scores(look, net), 20))
-            near = near[~is_elsewhere(near, mean)]
-            if not len(near):
-                return Unplaced(f"the place explains only {quality:.0%} of the scan", quality, 0)
-            shares = self._search.explained(look, near)
-            if shares.max() >= max(self._settings.min_quality, self._usual_quality - _USUAL_DROP):
-                n_unexplained = self._n_unexplained
-                self.believe(near[int(shares.argmax())], np.diag(np.square((_DRAWN_M, _DRAWN_M, _DRAWN_RAD))))
-                self._n_unexplained = n_unexplained
-                self._search.forget()  # the odometry does not lead back to what was seen before
-                self._unchecked_m = self._settings.recheck_m - _SOON_M
         return Unplaced(f"the place explains only {quality:.0%} of the scan", quality, 0)
 
     def _give_up(self) -> None:
