@@ -209,7 +209,7 @@ def kidnap_rows(building: Building, n_starts: int) -> dict[str, Any]:
         "found": f"{found / n_starts:.0%}",
         "lost in between": f"{lost / n_starts:.0%}",
         "wrong": n_wrong,
-        "longest wrong s": f"{max(wrong_s):.1f}",
+        "last wrong after s": f"{max(wrong_s):.1f}",
     }
 
 
