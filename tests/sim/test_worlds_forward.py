@@ -51,7 +51,7 @@ def test_morning_and_afternoon_differ_in_light_and_not_in_place(name: str) -> No
     assert np.percentile(ratio, 95) > 1.5 * np.percentile(ratio, 5)
 
 
-@pytest.mark.parametrize("season", ["autumn", "winter"])
+@pytest.mark.parametrize("season", [pytest.param("autumn", marks=pytest.mark.long), "winter"])
 def test_seasons_change_what_grows_and_what_lies_about_but_not_the_houses(season: str) -> None:
     plain = {"noise": 0, "vibration_mrad": 0, "width_px": 160}
     summer, other = (_world("street", season=one, **plain) for one in ("summer", season))
