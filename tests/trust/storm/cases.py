@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from copy import deepcopy
 from functools import cache
@@ -84,19 +83,13 @@ def config(rng: Rng, folder: Path, box: Box) -> tuple[list[str], dict[str, str |
 
 
 def _write(document: Any, folder: Path, rng: Rng) -> None:
-    limit = sys.getrecursionlimit()
-    sys.setrecursionlimit(10 * limit)  # what is nested deeply is to reach the program
+    is_toml = rng.random() < 0.1
     try:
-        _write_text(document, folder, rng)
-    finally:
-        sys.setrecursionlimit(limit)
-
-
-def _write_text(document: Any, folder: Path, rng: Rng) -> None:
-    if rng.random() < 0.1:
-        (folder / "c.toml").write_text(as_toml(document), encoding="utf-8", errors="surrogatepass")
-    else:
-        (folder / "c.yaml").write_text(as_yaml(document, rng), encoding="utf-8", errors="surrogatepass")
+        text = as_toml(document) if is_toml else as_yaml(document, rng)
+    except RecursionError:  # too deep for us to write it as a document
+        text = f"sources{' = ' if is_toml else ': '}{'[' * 5000}"
+    name = "c.toml" if is_toml else "c.yaml"
+    (folder / name).write_text(text, encoding="utf-8", errors="surrogatepass")
 
 
 def arguments(rng: Rng, folder: Path, box: Box) -> tuple[list[str], dict[str, str | None]]:
