@@ -11,7 +11,8 @@ from scipy.stats import chi2
 from trailmark.geometry import Pose2
 from trailmark_laser_maps.grid import OccupancyGrid
 from trailmark_laser_maps.mcl.field import GridField
-from trailmark_laser_maps.mcl.hypotheses import best_of_each_neighbourhood, moved_by
+from trailmark_laser_maps.mcl.filter import FilterSettings, GridFilter, Placed, Unplaced
+from trailmark_laser_maps.mcl.hypotheses import Places, best_of_each_neighbourhood, moved_by
 from trailmark_laser_maps.mcl.kernels import explained_shares, refine_poses, score_poses
 from trailmark_laser_maps.mcl.particles import MotionNoise, Particles, kld_count
 
@@ -145,3 +146,12 @@ def test_one_of_each_neighbourhood_is_kept_the_best() -> None:
     poses = np.array([[0.1, 0.1, 0.1], [0.2, 0.1, 0.1], [3.0, 0.1, 0.1], [0.1, 0.1, 2.0]])
     kept = best_of_each_neighbourhood(poses, np.array([1.0, 5.0, 2.0, 3.0]), 3)
     np.testing.assert_array_equal(kept, poses[[1, 3, 2]])
+
+
+def test_a_place_that_wins_one_look_only_is_not_believed(field: GridField) -> None:
+    filter_ = GridFilter(field, FilterSettings(), np.random.default_rng(7))
+    here, there = (Places(np.array([[x, 2.0, 0.0]]), np.array([0.9]), 5) for x in (0.5, 1.5))
+    assert [type(filter_._decide(places)) for places in (here, there, here)] == [Unplaced] * 3
+    none = Places(here.poses, np.array([0.3]), 5)
+    said = [type(filter_._decide(places)) for places in (here, none, here, here)]
+    assert said == [Placed, Unplaced, Unplaced, Placed]

@@ -99,6 +99,7 @@ class GridFilter:
         self._search = Search(field)
         self._particles: Particles | None = None
         self._hypotheses: Floats = np.empty((0, 3))
+        self._favourite: Floats = np.empty((0, 3))
         self._is_believed = False
         self._n_unexplained = 0
         self._last: Look | None = None
@@ -108,6 +109,7 @@ class GridFilter:
         """Begin at a known pose, in grid axes."""
         self._particles = Particles.around(pose, covariance, _N_TRACKED, self._rng)
         self._is_believed, self._n_unexplained, self._unchecked_m = True, 0, 0.0
+        self._favourite = np.empty((0, 3))
 
     def update(self, look: Look, hint: Floats | None = None) -> Placed | Unplaced | None:
         """Take a look into account; None where the robot has not moved enough for it to tell anything new.
@@ -129,6 +131,7 @@ class GridFilter:
             if self._particles is not None:
                 self._particles = self._particles.moved(step, self._settings.noise, self._rng)
             self._hypotheses = moved_by(self._hypotheses, step)
+            self._favourite = moved_by(self._favourite, step)
         self._last = look
         return self._follow(look) if self._is_believed else self._find(look, hint)
 
@@ -202,8 +205,9 @@ class GridFilter:
         return self._decide(places)
 
     def _decide(self, places: Places) -> Placed | Unplaced:
-        """Believe the best place if it explains enough, and clearly more than any other."""
+        """Believe the best place if it explains enough, clearly more than any other, and at two looks in a row."""
         settings, best = self._settings, float(places.shares[0])
+        favourite, self._favourite = self._favourite, np.empty((0, 3))
         if best < settings.min_quality:
             return Unplaced(f"no place explains more than {best:.0%} of the scan", best, 0)
         margin = settings.margin / math.sqrt(places.n_looks)
@@ -212,6 +216,9 @@ class GridFilter:
             return Unplaced(f"{n_places} places fit", best, n_places)
         if places.n_looks < _FEWEST_LOOKS:
             return Unplaced("one place fits, but it was looked at from one side only: drive on", best, 1)
+        self._favourite = places.poses[:1]
+        if not len(favourite) or is_elsewhere(favourite, places.poses[0])[0]:
+            return Unplaced("one place fits, and the next look must confirm it", best, 1)
         covariance = np.diag([_DRAWN_M**2, _DRAWN_M**2, _DRAWN_RAD**2])
         self.believe(places.poses[0], covariance)
         return Placed(places.poses[0], covariance, best)
