@@ -12,7 +12,7 @@ from trailmark.geometry import Pose2
 from trailmark_laser_maps.grid import OccupancyGrid
 from trailmark_laser_maps.mcl.field import GridField
 from trailmark_laser_maps.mcl.filter import FilterSettings, GridFilter, Placed, Unplaced
-from trailmark_laser_maps.mcl.hypotheses import Places, best_of_each_neighbourhood, moved_by
+from trailmark_laser_maps.mcl.hypotheses import RankedPlaces, best_of_each_neighbourhood, moved_by
 from trailmark_laser_maps.mcl.kernels import explained_shares, refine_poses, score_poses
 from trailmark_laser_maps.mcl.particles import MotionNoise, Particles, kld_count
 
@@ -150,8 +150,8 @@ def test_one_of_each_neighbourhood_is_kept_the_best() -> None:
 
 def test_a_place_that_wins_one_look_only_is_not_believed(field: GridField) -> None:
     filter_ = GridFilter(field, FilterSettings(), np.random.default_rng(7))
-    here, there = (Places(np.array([[x, 2.0, 0.0]]), np.array([0.9]), 5) for x in (0.5, 1.5))
+    here, there = (RankedPlaces(np.array([[x, 2.0, 0.0]]), np.array([0.9]), 5) for x in (0.5, 1.5))
     assert [type(filter_._decide(places)) for places in (here, there, here)] == [Unplaced] * 3
-    none = Places(here.poses, np.array([0.3]), 5)
+    none = RankedPlaces(here.poses, np.array([0.3]), 5)
     said = [type(filter_._decide(places)) for places in (here, none, here, here)]
     assert said == [Placed, Unplaced, Unplaced, Placed]

@@ -69,7 +69,7 @@ class ClockOffset:
         )
 
 
-class _Track:
+class _RecentPoses:
     """What one localizer said of the last seconds: rows of stamp, x, y, heading, way and variances.
 
     The variances are of position and heading. Of motions all are sums since the row before the first, of fixes the
@@ -117,7 +117,7 @@ class ClockOffsets:
     """Compares the localizers two by two while the drive goes on; what it costs is bounded."""
 
     def __init__(self) -> None:
-        self._tracks: dict[str, _Track] = {}
+        self._tracks: dict[str, _RecentPoses] = {}
         self._next_s = -math.inf
         #: Offsets that are certain, by localizer; one stays until another is found for it.
         self.certain: dict[str, ClockOffset] = {}
@@ -138,7 +138,7 @@ class ClockOffsets:
             return {}
         track = self._tracks.get(source)
         if track is None:
-            track = self._tracks[source] = _Track(isinstance(estimate, Motion))
+            track = self._tracks[source] = _RecentPoses(isinstance(estimate, Motion))
         if track.of_motion == isinstance(estimate, Motion):
             track.add(estimate)
         if len(self._tracks) < 2 or estimate.stamp_s < self._next_s:
@@ -191,7 +191,7 @@ def _knows_heading(information: Floats) -> bool:
     return bool(tt - (xt * (yy * xt - xy * yt) + yt * (xx * yt - xy * xt)) / determinant > _LEAST_HEADING)
 
 
-def _compare(track: _Track, reference: _Track, against: str) -> ClockOffset | None:
+def _compare(track: _RecentPoses, reference: _RecentPoses, against: str) -> ClockOffset | None:
     """Return the shift at which two tracks differ least; None where they do not tell."""
     rows, other = _thinned(track.table()), reference.table()
     if len(rows) <= _LEAST_INTERVALS or len(other) <= _LEAST_INTERVALS:

@@ -97,7 +97,7 @@ class StatedMotion:
         return Pose2.exp(fraction * forward_m, fraction * left_m, fraction * turn_rad)
 
 
-class _Track:
+class _StampedMotions:
     """The motions of one localizer, by their beginnings."""
 
     __slots__ = ("longest_s", "motions", "sinces")
@@ -165,7 +165,7 @@ class Motions:
 
     def __init__(self) -> None:
         self.n_added = 0
-        self._tracks: dict[str, _Track] = {}
+        self._tracks: dict[str, _StampedMotions] = {}
 
     def add(self, source: str, motion: StatedMotion) -> bool:
         """Keep a motion; False if this localizer has told of the same interval already."""
@@ -173,7 +173,7 @@ class Motions:
         track = self._tracks.get(source)
         if track is None:
             # In the order of names: the sum of several steps is then the same, to the last bit, whoever came first.
-            self._tracks = dict(sorted((self._tracks | {source: (track := _Track())}).items()))
+            self._tracks = dict(sorted((self._tracks | {source: (track := _StampedMotions())}).items()))
         return track.add(motion)
 
     def cuts(self, since_s: float, stamp_s: float) -> list[float]:

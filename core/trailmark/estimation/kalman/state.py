@@ -28,8 +28,8 @@ __all__ = [
     "OdometryState",
     "RejectedMeasurement",
     "Rejections",
+    "Retrial",
     "Rival",
-    "Trial",
     "Verdict",
 ]
 
@@ -269,7 +269,7 @@ class Rival:
     offsets: Mapping[str, FixOffset] = field(default_factory=_empty)
 
 
-class Trial(NamedTuple):
+class Retrial(NamedTuple):
     """A filter that believes a motion again which the belief does not.
 
     Attributes
@@ -334,7 +334,7 @@ class Consistency(NamedTuple):
         When the rivals came up [s].
     tested_s : float
         When the motions were compared last [s].
-    trials : mapping of str to Trial
+    trials : mapping of str to Retrial
         By localizer whose motion is not believed, where no other motion is.
     alternatives : tuple of Alternative
         Where base may be, after a question that nothing has decided; empty if that is known.
@@ -352,7 +352,7 @@ class Consistency(NamedTuple):
     rivals: tuple[Rival, ...] = ()
     undecided_since_s: float = math.inf
     tested_s: float = -math.inf
-    trials: Mapping[str, Trial] = _EMPTY
+    trials: Mapping[str, Retrial] = _EMPTY
     alternatives: tuple[Alternative, ...] = ()
     accused: frozenset[str] = frozenset()
 

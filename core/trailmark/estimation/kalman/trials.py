@@ -18,7 +18,7 @@ from trailmark.estimation.kalman.gate import threshold
 from trailmark.estimation.kalman.innovation import Innovation
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.kalman.prediction import Prediction
-from trailmark.estimation.kalman.state import Consistency, FilterState, Trial
+from trailmark.estimation.kalman.state import Consistency, FilterState, Retrial
 
 __all__ = ["Trials", "acquitted"]
 
@@ -69,7 +69,7 @@ class Trials:
         accused = before.consistency.faults
         if len(accused) < len(before.consistency.sums):
             return _with_trials(after, {})  # others are believed: `forgiveness` compares with them
-        trials: dict[str, Trial] = {}
+        trials: dict[str, Retrial] = {}
         for source in accused:
             trial = before.consistency.trials.get(source)
             held = None if trial is None else self._hear(trial, before, measurement)
@@ -79,7 +79,7 @@ class Trials:
                 trials[source] = _begin(after, source)
         return _with_trials(after, trials)
 
-    def _hear(self, trial: Trial, before: FilterState, measurement: Measurement) -> Trial | None:
+    def _hear(self, trial: Retrial, before: FilterState, measurement: Measurement) -> Retrial | None:
         """Return a trial after a measurement; None if the motion is wrong."""
         gaussian = trial.state.gaussian
         if gaussian is None:
@@ -99,7 +99,7 @@ def acquitted(state: FilterState) -> list[str]:
     return [source for source, trial in state.consistency.trials.items() if _has_convinced(state, source, trial)]
 
 
-def _has_convinced(state: FilterState, source: str, trial: Trial) -> bool:
+def _has_convinced(state: FilterState, source: str, trial: Retrial) -> bool:
     if state.stamp_s - trial.begun.stamp_s < _LASTS_S or trial.log_odds < _CONVINCING:
         return False
     motion, gaussian = motion_since(trial.state, trial.begun, source), trial.state.gaussian
@@ -110,15 +110,15 @@ def _has_convinced(state: FilterState, source: str, trial: Trial) -> bool:
     return math.hypot(motion.x, motion.y) > _TELLING * sigma_m or abs(motion.turn) > _TELLING * sigma_rad
 
 
-def _begin(state: FilterState, source: str) -> Trial:
+def _begin(state: FilterState, source: str) -> Retrial:
     """Return a trial that begins where the belief without the motion is."""
     faults = {other: fault for other, fault in state.consistency.faults.items() if other != source}
     sums = state.consistency.sums
     begun = replace(state, consistency=Consistency(sums=sums, faults=faults), verdicts=())
-    return Trial(begun, begun)
+    return Retrial(begun, begun)
 
 
-def _with_trials(state: FilterState, trials: Mapping[str, Trial]) -> FilterState:
+def _with_trials(state: FilterState, trials: Mapping[str, Retrial]) -> FilterState:
     if not trials and not state.consistency.trials:
         return state
     return replace(state, consistency=state.consistency._replace(trials=trials))

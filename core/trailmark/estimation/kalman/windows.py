@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
-from trailmark.estimation.kalman.state import Consistency, FilterState, Trial
+from trailmark.estimation.kalman.state import Consistency, FilterState, Retrial
 
 __all__ = ["WINDOW_S", "with_new_anchor", "without_windows"]
 
@@ -15,7 +15,7 @@ __all__ = ["WINDOW_S", "with_new_anchor", "without_windows"]
 #: do about a lie [s].
 WINDOW_S = 1.0
 
-_NO_TRIALS: Mapping[str, Trial] = MappingProxyType({})
+_NO_TRIALS: Mapping[str, Retrial] = MappingProxyType({})
 
 
 def with_new_anchor(state: FilterState) -> FilterState:

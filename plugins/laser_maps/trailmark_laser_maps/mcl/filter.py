@@ -9,7 +9,14 @@ import numpy as np
 
 from trailmark.arrays import Floats
 from trailmark_laser_maps.mcl.field import GridField
-from trailmark_laser_maps.mcl.hypotheses import Look, Places, Search, best_of_each_neighbourhood, is_elsewhere, moved_by
+from trailmark_laser_maps.mcl.hypotheses import (
+    RankedPlaces,
+    ScanLook,
+    Search,
+    best_of_each_neighbourhood,
+    is_elsewhere,
+    moved_by,
+)
 from trailmark_laser_maps.mcl.kernels import count_agreeing, score_poses
 from trailmark_laser_maps.mcl.particles import MotionNoise, Particles
 
@@ -102,7 +109,7 @@ class GridFilter:
         self._favourite: Floats = np.empty((0, 3))
         self._is_believed = False
         self._n_unexplained = 0
-        self._last: Look | None = None
+        self._last: ScanLook | None = None
         self._unchecked_m = 0.0
 
     def believe(self, pose: Floats, covariance: Floats) -> None:
@@ -111,12 +118,12 @@ class GridFilter:
         self._is_believed, self._n_unexplained, self._unchecked_m = True, 0, 0.0
         self._favourite = np.empty((0, 3))
 
-    def update(self, look: Look, hint: Floats | None = None) -> Placed | Unplaced | None:
+    def update(self, look: ScanLook, hint: Floats | None = None) -> Placed | Unplaced | None:
         """Take a look into account; None where the robot has not moved enough for it to tell anything new.
 
         Parameters
         ----------
-        look : Look
+        look : ScanLook
             What the laser sees.
         hint : (3,) float64, optional
             Where others believe that the robot is, in grid axes: one place more to be looked at.
@@ -135,14 +142,14 @@ class GridFilter:
         self._last = look
         return self._follow(look) if self._is_believed else self._find(look, hint)
 
-    def _fits(self, look: Look) -> bool:
+    def _fits(self, look: ScanLook) -> bool:
         """Whether a robot at rest may leave a look out: nothing is followed, or it shows what was there before."""
         if not self._is_believed or self._particles is None:
             return True
         mean = self._particles.clusters()[0].mean
         return float(self._search.explained(look, mean[np.newaxis])[0]) >= self._settings.min_quality
 
-    def _follow(self, look: Look) -> Placed | Unplaced:
+    def _follow(self, look: ScanLook) -> Placed | Unplaced:
         assert self._particles is not None
         settings = self._settings
         particles = self._particles.weighed(self._log_likelihoods(look, self._particles.poses))
@@ -173,7 +180,7 @@ class GridFilter:
         self._is_believed, self._particles, self._hypotheses = False, None, np.empty((0, 3))
         self._search.forget()
 
-    def _better_place(self, look: Look, pose: Floats) -> Unplaced | None:
+    def _better_place(self, look: ScanLook, pose: Floats) -> Unplaced | None:
         """Compare a followed place with the rest of the map, and begin anew if it does not win."""
         self._unchecked_m = 0.0
         drawn = self._field.draw_poses(self._settings.n_search, self._rng)
@@ -185,7 +192,7 @@ class GridFilter:
         self._is_believed, self._particles, self._hypotheses = False, None, places.poses
         return Unplaced("another place fits better", float(places.shares[0]), len(places.poses))
 
-    def _find(self, look: Look, hint: Floats | None) -> Placed | Unplaced:
+    def _find(self, look: ScanLook, hint: Floats | None) -> Placed | Unplaced:
         settings, before = self._settings, self._particles
         drawn = self._field.draw_poses(settings.n_start if before is None else settings.n_search, self._rng)
         poses = drawn if before is None else np.vstack([before.poses, drawn])
@@ -204,7 +211,7 @@ class GridFilter:
         self._hypotheses = places.poses
         return self._decide(places)
 
-    def _decide(self, places: Places) -> Placed | Unplaced:
+    def _decide(self, places: RankedPlaces) -> Placed | Unplaced:
         """Believe the best place if it explains enough, clearly more than any other, and at two looks in a row."""
         settings, best = self._settings, float(places.shares[0])
         favourite, self._favourite = self._favourite, np.empty((0, 3))
@@ -223,7 +230,7 @@ class GridFilter:
         self.believe(places.poses[0], covariance)
         return Placed(places.poses[0], covariance, best)
 
-    def _log_likelihoods(self, look: Look, poses: Floats) -> Floats:
+    def _log_likelihoods(self, look: ScanLook, poses: Floats) -> Floats:
         """Return how well particles fit, without the rays that hardly any of them agrees with (beam skipping)."""
         field = self._field
         rays = np.ascontiguousarray(look.rays[:: max(1, len(look.rays) // _N_RAYS_TRACKED)])
@@ -234,7 +241,7 @@ class GridFilter:
         logs = score_poses(poses, rays, field.narrow, field.is_free, field.cell_m, float(field.narrow.min()))
         return logs * min(1.0, _RAYS_THAT_COUNT / len(rays))
 
-    def _drawn_onto_walls(self, look: Look, mean: Floats) -> Floats:
+    def _drawn_onto_walls(self, look: ScanLook, mean: Floats) -> Floats:
         """Return the mean of particles, drawn onto the walls where that is a small step."""
         refined = self._search.followed(look, mean[np.newaxis])[0]
         return np.asarray(refined)

@@ -13,7 +13,7 @@ from trailmark.geometry import Pose2, wrap_angles
 from trailmark_laser_maps.mcl.field import GridField
 from trailmark_laser_maps.mcl.kernels import explained_shares, refine_poses, score_poses
 
-__all__ = ["Look", "Places", "Search", "best_of_each_neighbourhood", "is_elsewhere", "moved_by"]
+__all__ = ["RankedPlaces", "ScanLook", "Search", "best_of_each_neighbourhood", "is_elsewhere", "moved_by"]
 
 #: So near to a wall a ray ends that is explained [m].
 NEAR_M = 0.15
@@ -26,7 +26,7 @@ _FARTHEST_M, _FARTHEST_RAD = 0.3, math.radians(8.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Look:
+class ScanLook:
     """What the laser saw at one instant.
 
     Attributes
@@ -45,7 +45,7 @@ class Look:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Places:
+class RankedPlaces:
     """Different places, the best first.
 
     Attributes
@@ -77,7 +77,7 @@ class Search:
 
     def __init__(self, field: GridField) -> None:
         self._field = field
-        self._looks: deque[Look] = deque(maxlen=12)
+        self._looks: deque[ScanLook] = deque(maxlen=12)
 
     def __len__(self) -> int:
         return len(self._looks)
@@ -86,7 +86,7 @@ class Search:
         """Forget all looks: the robot may have been carried away."""
         self._looks.clear()
 
-    def remember(self, look: Look, every_m: float, every_rad: float) -> None:
+    def remember(self, look: ScanLook, every_m: float, every_rad: float) -> None:
         """Keep a look, if the robot has moved since the last one that was kept."""
         if self._looks:
             step = self._looks[-1].pose_odom_base.between(look.pose_odom_base)
@@ -94,11 +94,11 @@ class Search:
                 return
         self._looks.append(look)
 
-    def refined(self, look: Look, poses: Floats) -> Floats:
+    def refined(self, look: ScanLook, poses: Floats) -> Floats:
         """Return poses drawn onto the walls that the look shows, (K, 3)."""
         return self._refined(look, poses, _PULL_IN_M)
 
-    def compare(self, look: Look, candidates: Floats, most: int = 60) -> Places:
+    def compare(self, look: ScanLook, candidates: Floats, most: int = 60) -> RankedPlaces:
         """Return the different places among candidates (K, 3) for base at `look`, judged by all looks.
 
         The candidates are refined first. At most so many are judged by their way.
@@ -115,23 +115,23 @@ class Search:
             reference = one
         mean = total / (1 + len(earlier))
         order = np.argsort(-mean, kind="stable")
-        return Places(poses[order], mean[order], 1 + len(earlier))
+        return RankedPlaces(poses[order], mean[order], 1 + len(earlier))
 
-    def scores(self, look: Look, poses: Floats) -> Floats:
+    def scores(self, look: ScanLook, poses: Floats) -> Floats:
         """Return the logarithm of the likelihood of some thirty rays at each pose, among wide walls, (N,)."""
         field, rays = self._field, np.ascontiguousarray(look.rays[:: max(1, len(look.rays) // _N_COARSE)])
         return score_poses(poses, rays, field.wide, field.is_free, field.cell_m, float(field.wide.min()))
 
-    def explained(self, look: Look, poses: Floats) -> Floats:
+    def explained(self, look: ScanLook, poses: Floats) -> Floats:
         """Return the share of a look's rays that each pose explains, (N,)."""
         field = self._field
         return explained_shares(poses, look.rays, look.laser, field.distance_m, field.cell_m, NEAR_M)
 
-    def _refined(self, look: Look, poses: Floats, gates_m: Floats) -> Floats:
+    def _refined(self, look: ScanLook, poses: Floats, gates_m: Floats) -> Floats:
         field = self._field
         return refine_poses(poses, look.rays, field.walls, field.normals, field.nearest_idx, field.cell_m, gates_m)
 
-    def followed(self, look: Look, expected: Floats) -> Floats:
+    def followed(self, look: ScanLook, expected: Floats) -> Floats:
         """Return poses refined, but no farther from where they are expected than odometry may err."""
         found = self._refined(look, expected, _FOLLOW_M)
         offset = np.hypot(found[:, 0] - expected[:, 0], found[:, 1] - expected[:, 1])

@@ -20,7 +20,7 @@ from trailmark_laser_maps.map_yaml import read_map
 from trailmark_laser_maps.mcl.config import GridMclConfig
 from trailmark_laser_maps.mcl.field import GridField
 from trailmark_laser_maps.mcl.filter import FilterSettings, GridFilter, Placed, Unplaced
-from trailmark_laser_maps.mcl.hypotheses import Look
+from trailmark_laser_maps.mcl.hypotheses import ScanLook
 from trailmark_laser_maps.mcl.particles import MotionNoise
 
 __all__ = ["GridMcl"]
@@ -127,7 +127,7 @@ class GridMcl(Localizer):
     def _localize(self, field: GridField, stamp_s: float, points_base: Floats, belief: Belief) -> list[Estimate]:
         chosen = np.linspace(0, len(points_base) - 1, min(self.config.n_rays, len(points_base))).astype(int)
         laser = np.array([self._pose_base_laser.x, self._pose_base_laser.y])
-        look = Look(belief.pose_odom_base, np.ascontiguousarray(points_base[chosen]), laser)
+        look = ScanLook(belief.pose_odom_base, np.ascontiguousarray(points_base[chosen]), laser)
         hint = None if belief.pose_map_base is None else field.pose_map_grid.inverse() @ belief.pose_map_base
         answer = self._filter.update(look, None if hint is None else hint.array())
         if answer is None:

@@ -20,7 +20,7 @@ from trailmark_omni_surf.laser.matching import (
 )
 from trailmark_omni_surf.laser.scan_map import ScanMap
 
-__all__ = ["AnywhereMatcher", "StartSearch"]
+__all__ = ["AnywhereMatcher", "AnywhereSearch"]
 
 _CELL_M = 0.3  # of start positions
 _N_HEADINGS = 60
@@ -72,7 +72,7 @@ class AnywhereMatcher:
         return np.column_stack([positions, np.tile(headings, len(self._positions))])
 
 
-class StartSearch:
+class AnywhereSearch:
     """Says where a robot is that was not told, from one scan or several along its way.
 
     Parameters

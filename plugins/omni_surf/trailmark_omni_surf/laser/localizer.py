@@ -14,7 +14,7 @@ from trailmark.frames import Frame, Scan
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Localizer, Session
 from trailmark.paths import Keyframe
-from trailmark_omni_surf.laser.anywhere import AnywhereMatcher, StartSearch
+from trailmark_omni_surf.laser.anywhere import AnywhereMatcher, AnywhereSearch
 from trailmark_omni_surf.laser.config import LaserIcpConfig
 from trailmark_omni_surf.laser.growing_map import GrowingMap
 from trailmark_omni_surf.laser.matching import ScanMatch, SearchWindow, match_scan
@@ -41,7 +41,7 @@ class LaserIcp(Localizer):
         self._spacing = KeyframeSpacing(self.config.keyframe_m, math.radians(self.config.keyframe_deg))
         _warm_up()
         self._map = self._load_map() if self._mode != "teach" else None
-        self._search: StartSearch | None = None
+        self._search: AnywhereSearch | None = None
 
     def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
         """Return a `Fix`, or `Lost` when the scan does not fit or fits in two places; see `match_scan`."""
@@ -117,7 +117,7 @@ class LaserIcp(Localizer):
             return Lost(stamp_s, "no start pose, and no taught poses to look for it at")
         if self._search is None:
             matcher = AnywhereMatcher(scan_map, [keyframe.pose_map_base for keyframe in keyframes])
-            self._search = StartSearch(matcher, self.config.min_inlier_share)
+            self._search = AnywhereSearch(matcher, self.config.min_inlier_share)
         if not self._search.is_new(pose_odom_base):
             return Lost(stamp_s, "no pose stands out yet in the taught place, and the robot stands")
         match, is_believed = self._search.update(points_base, pose_odom_base, to_line=self.config.error == "line")
