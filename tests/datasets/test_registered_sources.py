@@ -14,6 +14,7 @@ NAMES = (
     "carmen_log",
     "csv_odometry",
     "csv_records",
+    "euroc",
     "image_folder",
     "kitti_odometry",
     "rosbag",

@@ -16,6 +16,7 @@ SHORT = ("sources.robot.duration_s=4", "sources.robot.threads=1")
 def test_there_is_an_example_for_each_combination() -> None:
     assert sorted(path.stem for path in EXAMPLES.glob("*.yaml")) == [
         "all_four",
+        "all_four_driven",
         "ground_divs",
         "ground_omni",
         "wheels_kinect",
