@@ -79,8 +79,8 @@ def test_an_interrupted_run_gets_its_report_later(start, tmp_path: Path, monkeyp
     page = (tmp_path / "out/report.html").read_text()
     assert "Interrupted" in page
     assert "interrupted by SIGTERM" in page
-    if not child.was_cut_off:  # the pictures are written at the end, and a busy machine may not come to it
-        assert "What the cameras saw" in page
+    # They are written if there is time for it, which a busy machine may not have.
+    assert ("What the cameras saw" in page) == (tmp_path / "out/pictures").is_dir()
     assert len(list((tmp_path / "out/plots").glob("*.svg"))) >= 2
 
 
