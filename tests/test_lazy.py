@@ -14,7 +14,9 @@ from trailmark.plugins import load_plugins
 OURS = [
     (target, spec.extra)
     for spec in load_plugins().registry.specs()
-    if spec.kind in ("source", "localizer", "controller", "sink", "fault") and spec.target.startswith("trailmark_")
+    if spec.kind in ("source", "localizer", "controller", "sink", "fault")
+    and spec.distribution == "trailmark"
+    and spec.target.startswith("trailmark_")
     for target in (spec.target, spec.config)
     if target
 ]
