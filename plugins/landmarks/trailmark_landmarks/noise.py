@@ -17,7 +17,7 @@ __all__ = ["NoiseLevel", "SightingNoise"]
 #: A squared error beyond so many times its variance counts as this: outliers must not decide what noise is.
 _CLIP = 4.0
 #: An error beyond so many of its standard deviations is not learnt from, where the belief may be wrong.
-_FARTHEST = 4.0
+_FARTHEST = 10.0
 #: Mean of a squared normal number clipped there: P(chi2_3 < 4) + 4 P(chi2_1 > 4).
 _MEAN_CLIPPED = 0.9205
 _SLOWEST, _EARLIEST = 1.0 / 200.0, 10.0
