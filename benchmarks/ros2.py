@@ -44,7 +44,7 @@ A node of rclpy (Kilted, Fast DDS 3.2.3) sends from a process of its own over lo
 its own clock minus the stamp of the frame that the belief is about. {seconds:.0f} s each, one run, 2 cores,
 `python benchmarks/ros2.py --seconds {seconds:.0f} --page`.
 
-**Load.** The machine was shared: its load was {load[0]:.1f} when the measurement began and {load[1]:.1f} when it ended,
+**Load.** That of the machine was {load[0]:.1f} when the measurement began and {load[1]:.1f} when it ended,
 for 2 cores. Ages and shares are those of such a machine.
 
 | scene | message | Hz | received since the match | share | late or dropped in the run |

@@ -6,7 +6,7 @@ import logging
 import signal
 import subprocess
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal
 
 from trailmark_ros2 import dds
@@ -19,6 +19,7 @@ logger = logging.getLogger(__name__)
 STRING = "std_msgs/msg/String"
 
 Task = Literal["teach", "replay"]
+_TASKS: Mapping[str, Task] = {"teach": "teach", "replay": "replay"}
 #: How long a run has to end after each signal, before the next is sent [s].
 _PATIENCE: Sequence[tuple[int, float]] = ((signal.SIGINT, 5.0), (signal.SIGTERM, 3.0), (signal.SIGKILL, 5.0))
 _LOOK_EVERY_S = 0.05
@@ -70,12 +71,12 @@ class TaskServer:
         asked = str(message.data)[:40]
         if asked == "stop":
             self._end_run()
-        elif asked not in ("teach", "replay"):
+        elif (task := _TASKS.get(asked)) is None:
             logger.warning("%r is no task: teach, replay and stop are", asked)
         elif self._running is not None:
             logger.warning("%s is refused: %s is going on", asked, self._task)
         else:
-            self._start_run(asked)  # type: ignore[arg-type]
+            self._start_run(task)
 
     def _start_run(self, task: Task) -> None:
         self._task = task
