@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
 
 import cv2
@@ -129,9 +130,9 @@ def test_what_is_written_means_the_same_with_the_thresholds_of_ros_1() -> None:
         ({"mode": "colour"}, "mode is 'colour'"),
         ({"negate": 2}, "negate is 2"),
         ({"free_thresh": "low"}, "free_thresh is 'low'"),
-        ({"image": "none.pgm"}, "cannot read its image"),
+        ({"image": "none.pgm"}, "its image .*none.pgm: cannot be read"),
         ({"image": None}, "image is None"),
-        ({"image": "map.yaml"}, "no picture that can be read"),
+        ({"image": "map.yaml"}, "its image .*unreadable picture"),
     ],
 )
 def test_what_is_wrong_is_said_with_its_key(tmp_path: Path, keys: dict[str, object], message: str) -> None:
@@ -145,6 +146,27 @@ def test_what_is_no_map_is_said(tmp_path: Path, text: str) -> None:
     path = tmp_path / "map.yaml"
     path.write_text(text)
     with pytest.raises(ConfigError, match=r"map\.yaml"):
+        read_map(path)
+
+
+def test_bytes_that_are_no_text_are_said_so(tmp_path: Path) -> None:
+    path = tmp_path / "film.avi"
+    path.write_bytes(b"RIFF\xd8\xff")
+    with pytest.raises(ConfigError, match="not UTF-8 text"):
+        read_map(path)
+
+
+def test_a_bomb_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "map.yaml"
+    path.write_text("image: " + "[" * 5000)
+    with pytest.raises(ConfigError, match=r"map\.yaml"):
+        read_map(path)
+
+
+def test_a_pipe_in_place_of_the_picture_is_not_waited_for(tmp_path: Path) -> None:
+    path = write_files(tmp_path, np.zeros((2, 2), np.uint8), image="pipe.pgm")
+    os.mkfifo(tmp_path / "pipe.pgm")
+    with pytest.raises(ConfigError, match="is no file"):
         read_map(path)
 
 

@@ -90,8 +90,19 @@ class Problems:
             raise error_class("\n".join(text for _, text in sorted(self._found, key=lambda problem: problem[0])))
 
 
-def read_document(config: str | Path | Mapping[str, Any] | Document, base_dir: Path | None = None) -> Document:
+def read_document(
+    config: str | Path | Mapping[str, Any] | Document, base_dir: Path | None = None, *, what: str = "config"
+) -> Document:
     """Read a config from a file (``.toml``, or else YAML) or take a mapping as one.
+
+    Parameters
+    ----------
+    config : str, Path, mapping or Document
+        The file, or what it would hold.
+    base_dir : Path, optional
+        What its paths are relative to; the file's folder unless given.
+    what : str
+        What messages call such a file.
 
     Raises
     ------
@@ -105,13 +116,13 @@ def read_document(config: str | Path | Mapping[str, Any] | Document, base_dir: P
     path = Path(config).expanduser()
     read = _reader(path)
     try:
-        data, line_of = read(_text(path))
+        data, line_of = read(_text(path, what))
     except TextError as error:
         raise ConfigError(f"{error.place(str(config))}: {error}") from error
     if data is None:
         raise ConfigError(f"{config}: the file is empty")
     if not isinstance(data, dict):
-        raise ConfigError(f"{config}: a config is a mapping (key: value), not a {type(data).__name__}")
+        raise ConfigError(f"{config}: a {what} is a mapping (key: value), not a {type(data).__name__}")
     return Document(data, str(config), (base_dir or path.parent).absolute(), line_of)
 
 
@@ -125,17 +136,17 @@ def _reader(path: Path) -> Callable[[str], tuple[Any, Callable[[Keys], int | Non
     return read_yaml
 
 
-def _text(path: Path) -> str:
+def _text(path: Path, what: str) -> str:
     if path.exists() and not (path.is_file() or path.is_dir()):  # /dev/zero is read for ever, a pipe waited for
-        raise ConfigError(f"{path} is a device or a pipe, not a config file; write its text into a file")
+        raise ConfigError(f"{path} is a device or a pipe, not a {what} file; write its text into a file")
     try:
         if path.stat().st_size > _MAX_BYTES:
             megabytes = path.stat().st_size / 1e6
-            raise ConfigError(f"{path} has {megabytes:.1f} MB: no config is larger than {_MAX_BYTES / 1e6:g} MB")
+            raise ConfigError(f"{path} has {megabytes:.1f} MB: no {what} is larger than {_MAX_BYTES / 1e6:g} MB")
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         siblings = [entry.name for entry in path.parent.iterdir()] if path.parent.is_dir() else []
-        raise ConfigError(f"no config file {str(path)!r}{did_you_mean(path.name, siblings)}") from None
+        raise ConfigError(f"no {what} file {str(path)!r}{did_you_mean(path.name, siblings)}") from None
     except UnicodeDecodeError as error:
         raise ConfigError(f"{path}: not UTF-8 text (byte {error.start})") from error
     except OSError as error:

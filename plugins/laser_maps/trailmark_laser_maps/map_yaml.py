@@ -10,13 +10,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
 from trailmark.arrays import AnyArray, Floats
-from trailmark.errors import ConfigError, ShapeError
+from trailmark.config import read_document
+from trailmark.errors import ConfigError, ShapeError, SourceError
 from trailmark.geometry import Pose2
+from trailmark.sources.pictures import read_raw
 from trailmark.writing import write_whole
 from trailmark_laser_maps.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
@@ -38,7 +39,7 @@ def read_map(path: Path) -> OccupancyGrid:
     ConfigError
         With file and key, if a key is missing or wrong, or the picture cannot be read.
     """
-    keys = _read_keys(path)
+    keys = read_document(path, what="map").data
     resolution_m = _number(path, keys, "resolution")
     mode = str(keys.get("mode", "trinary")).lower()
     if mode not in _MODES:
@@ -127,21 +128,6 @@ def _darkness(picture: AnyArray, *, averages_alpha: bool) -> tuple[Floats, Float
     return 1.0 - colours.mean(axis=2), alpha
 
 
-def _read_keys(path: Path) -> Mapping[str, Any]:
-    from ruamel.yaml import YAML  # slow to import, and commands without maps do not need it
-    from ruamel.yaml.error import YAMLError
-
-    try:
-        keys = YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigError(f"cannot read {path}: {error.strerror}") from error
-    except (YAMLError, UnicodeDecodeError, ValueError) as error:
-        raise ConfigError(f"{path} is no YAML: {' '.join(str(error).split())[:120]}") from error
-    if not isinstance(keys, Mapping):
-        raise ConfigError(f"{path} is no map: it has no keys image, resolution and origin")
-    return keys
-
-
 def _number(path: Path, keys: Mapping[str, Any], key: str) -> float:
     value = keys.get(key)
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value) or value <= 0:
@@ -170,13 +156,9 @@ def _read_picture(path: Path, name: Any) -> AnyArray:
         raise ConfigError(f"{path}: image is {name!r}; it is the name of a pgm or png")
     picture_path = path.parent / name
     try:
-        encoded = np.fromfile(picture_path, np.uint8)
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot read its image {picture_path}: {error.strerror}") from error
-    try:
-        picture = cv2.imdecode(encoded, cv2.IMREAD_UNCHANGED) if len(encoded) else None
-    except cv2.error:
-        picture = None
-    if picture is None:
-        raise ConfigError(f"{path}: its image {picture_path} is no picture that can be read (pgm, png, bmp)")
-    return np.asarray(picture)
+        picture = read_raw(picture_path, f"{path}: its image {picture_path}")
+    except SourceError as error:
+        raise ConfigError(str(error)) from error
+    if picture.dtype not in (np.uint8, np.uint16):
+        raise ConfigError(f"{path}: its image {picture_path} has pixels of {picture.dtype}; 8 or 16 bits are read")
+    return picture
