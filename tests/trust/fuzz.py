@@ -136,55 +136,20 @@ def config(rng: Rng, folder: Path) -> None:
     load_run_config(path, plugins=_PLUGINS)
 
 
+#: What a command line is thrown together from: commands, options, files, and what is neither.
+_TOKENS = (
+    *("run", "teach", "replay", "compare", "evaluate", "store", "info", "check", "plugins", "show", "schema", "init"),
+    *("inspect", "doctor", "bench", "--list", "reproduce", "sim", "list", "--set", "--store", "--out", "--json", "-h"),
+    *("a.yaml", "b.trail", "c.tum", "d.csv", "nowhere/", "localizers.x.plugin=klt", "seed=x", "--seed", "-1", "--"),
+    *("", "--plugin", "no:sim", "./x.py", "--overwrite", "--frames", "1e9", "\ud7ff", "a" * 3000, "--align", "none"),
+)
+
+
 def command_line(rng: Rng, folder: Path) -> None:
     """Arguments in any order, run as a command."""
-    tokens = (
-        *(
-            "run",
-            "teach",
-            "replay",
-            "compare",
-            "evaluate",
-            "store",
-            "info",
-            "check",
-            "plugins",
-            "show",
-            "schema",
-            "init",
-        ),
-        *(
-            "inspect",
-            "doctor",
-            "bench",
-            "--list",
-            "reproduce",
-            "sim",
-            "list",
-            "--set",
-            "--store",
-            "--out",
-            "--json",
-            "-h",
-        ),
-        *(
-            "a.yaml",
-            "b.trail",
-            "c.tum",
-            "d.csv",
-            "nowhere/",
-            "localizers.x.plugin=klt",
-            "seed=x",
-            "--seed",
-            "-1",
-            "--",
-            "",
-        ),
-        *("--plugin", "no:sim", "./x.py", "--overwrite", "--frames", "1e9", "\ud7ff", "a" * 3000, "--align", "none"),
-    )
     for name in ("a.yaml", "b.trail", "c.tum", "d.csv"):
         (folder / name).write_bytes(spoilt(b"sources: {wheels: {plugin: csv_odometry, path: d.csv}}\nseed: 1\n", rng))
-    chosen = [str(rng.choice(tokens)) for _ in range(int(rng.integers(1, 7)))]
+    chosen = [str(rng.choice(_TOKENS)) for _ in range(int(rng.integers(1, 7)))]
     from trailmark.cli import main
 
     out, err, before = StringIO(), StringIO(), Path.cwd()

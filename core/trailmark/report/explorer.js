@@ -467,6 +467,7 @@ axis.addEventListener("pointerup", () => {
   if (isWide) setWindow(a, b);
   later();
 });
+axis.addEventListener("pointercancel", () => { state.drag = null; later(); });
 axis.addEventListener("dblclick", () => setWindow(0, data.span));
 axis.addEventListener("keydown", (event) => {
   const step = (state.to - state.from) / 100, at = state.at === null ? state.from : state.at, half = (state.to - state.from) / 2;

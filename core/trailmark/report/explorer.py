@@ -174,7 +174,7 @@ def _fixes(
     styles: Mapping[str, LineStyle],
     start_s: float,
 ) -> list[Document]:
-    """Return where each localizer said that the robot is, and what became of it; those not accepted are all kept."""
+    """Return where each localizer said that the robot is, and what became of it; accepted and others thinned apart."""
     estimates = evaluated.run.estimates
     if estimates is None:
         return []

@@ -1,4 +1,9 @@
-"""Public recordings that Trailmark was tried on. They are not shipped: `trailmark data` says where each can be had."""
+"""Public recordings that Trailmark was tried on. They are not shipped: `trailmark data` says where each can be had.
+
+Names and checksums are those of the files as they were tried: unpacked here, compressed there, not always as their
+publishers pack them. A file of another name or checksum may hold the same drive; `trailmark data check` says which
+differ.
+"""
 
 from __future__ import annotations
 
