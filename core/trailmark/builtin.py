@@ -51,3 +51,15 @@ def trailmark_register(registry: Registry) -> None:
         ],
         summary="Share of estimates that are wrong by more than five of their own sigmas, and of answers",
     )
+    registry.metric(
+        "answers",
+        "trailmark.evaluation.answers:answers",
+        judges="estimates",
+        quantities=[
+            MetricSpec("first_answer_s", "s", needs="nothing"),
+            MetricSpec("longest_silence_s", "s", needs="nothing"),
+            MetricSpec("first_right_s", "s"),
+            MetricSpec("recovery_s", "s"),
+        ],
+        summary="How soon there was an answer and a right one, and the longest time without",
+    )

@@ -54,7 +54,14 @@ CONFIG = "mode: track\nsources:\n  robot:\n    plugin: sim\nlocalizers:\n" + "".
 )
 
 
-def synthetic_bench(folder: Path, sources: int = 3, localizers: int = 4, seeds: int = 5, fails: float = 0.1) -> Index:
+def synthetic_bench(
+    folder: Path,
+    sources: int = 3,
+    localizers: int = 4,
+    seeds: int = 5,
+    fails: float = 0.1,
+    floor_m: float | None = None,
+) -> Index:
     """Return the index of a bench with a cell for each combination; some failed, with a log."""
     rng = np.random.default_rng(7)
     index = Index(folder, write=True)
@@ -67,7 +74,10 @@ def synthetic_bench(folder: Path, sources: int = 3, localizers: int = 4, seeds: 
     with index.transaction():
         for cell in cells:
             s, m = (int(str(cell.coordinates[axis]).rpartition("_")[2]) for axis in ("source", "localizer"))
-            index.mark_finished(cell.id, *_finished(rng, s, m, fails))
+            outcome, result, detail = _finished(rng, s, m, fails)
+            if result is not None and floor_m is not None:
+                result["floor"] = {"ate_rmse_m[origin,n=1200]": floor_m * (1 + s)}
+            index.mark_finished(cell.id, outcome, result, detail)
     return index
 
 

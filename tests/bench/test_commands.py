@@ -128,8 +128,8 @@ def test_show_tells_a_cell_its_figures_and_its_log(done: Path) -> None:
 def test_show_as_json_holds_the_statistics(done: Path) -> None:
     document = json.loads(run("show", done / "out", "--json", "--metric", "ate_rmse_m").stdout)
 
-    toy, wheels = document["entries"]
-    assert (toy["method"], wheels["method"]) == ("toy", "odometry")
+    toy, wheels, still = document["entries"]
+    assert (toy["method"], wheels["method"], still["method"]) == ("toy", "odometry", "stands_still")
     assert toy["metrics"]["ate_rmse_m"]["versus"]["n"] == 2
     assert "versus" not in wheels["metrics"]["ate_rmse_m"]
 

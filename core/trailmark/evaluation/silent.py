@@ -20,7 +20,7 @@ from trailmark.evaluation.plugged import JudgedEstimates
 from trailmark.evaluation.relative import between
 from trailmark.geometry import Trajectory, wrap_angles
 
-__all__ = ["FLOORS", "N_SIGMAS", "ErrorFloor", "are_silently_wrong", "silent"]
+__all__ = ["FLOORS", "N_SIGMAS", "ErrorFloor", "are_silently_wrong", "silent", "silently_wrong_ones"]
 
 #: An error within so many of its own standard deviations has been announced.
 N_SIGMAS = 5.0
@@ -93,19 +93,24 @@ def are_silently_wrong(errors: Floats, covariances: Floats, floor: ErrorFloor) -
     return np.asarray(in_position | in_heading)
 
 
+def silently_wrong_ones(judged: EstimateErrors) -> tuple[Bools, Bools]:
+    """Return of which estimates the error is known, (N,), and which of these are silently wrong, (N,)."""
+    known = np.asarray(np.isfinite(judged.errors).all(axis=1) & np.isfinite(judged.information).all(axis=(1, 2)))
+    is_wrong = np.zeros(len(known), dtype=np.bool_)
+    for kind, floor in FLOORS.items():
+        rows = known & (judged.estimates.kind == kind)
+        is_wrong[rows] = are_silently_wrong(judged.errors[rows], covariances_of(judged.information[rows]), floor)
+    return known, is_wrong
+
+
 def _shares(judged: EstimateErrors, truth: Trajectory) -> Iterator[tuple[str, tuple[int, float]]]:
     """Yield the share of silently wrong ones by what was judged, with their number."""
-    known = np.asarray(np.isfinite(judged.errors).all(axis=1) & np.isfinite(judged.information).all(axis=(1, 2)))
-    covariances = covariances_of(judged.information[known])
-    errors, told = judged.errors[known], judged.estimates.where(known)
-    wrong = np.zeros(len(errors), dtype=np.bool_)
-    for kind, floor in FLOORS.items():
-        rows = told.kind == kind
-        wrong[rows] = are_silently_wrong(errors[rows], covariances[rows], floor)
+    known, is_wrong = silently_wrong_ones(judged)
+    told, wrong = judged.estimates.where(known), is_wrong[known]
     if len(wrong):
         yield "single", (len(wrong), float(wrong.mean()))
     rows = np.asarray(told.kind == "motion")
-    motions, own = told.where(rows), covariances[rows]
+    motions, own = told.where(rows), covariances_of(judged.information[known][rows])
     if not len(motions):
         return
     since, now = true_poses(truth, motions.since_s), true_poses(truth, motions.stamp_s)

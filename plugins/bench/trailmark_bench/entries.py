@@ -15,7 +15,7 @@ from trailmark_bench.quantities import Metric
 from trailmark_bench.sampling import Trial, fixed_places, samples_by_place, trial_of
 from trailmark_bench.statistics import Comparison, SampleSpread
 
-__all__ = ["MethodResult", "MethodResults", "entries_of"]
+__all__ = ["MethodResult", "MethodResults", "entries_of", "entries_of_groups"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,12 +79,21 @@ class MethodResult:
 MethodResults = Mapping[tuple[str, str], MethodResult]
 
 
-def entries_of(records: Sequence[CellRecord], metrics: Sequence[Metric], namer: Namer) -> MethodResults:
+def entries_of(
+    records: Sequence[CellRecord], metrics: Sequence[Metric], namer: Namer
+) -> dict[tuple[str, str], MethodResult]:
     """Return the entries of those that ran, with the spread of every quantity that was measured."""
     groups: dict[tuple[str, str], list[CellRecord]] = {}
     for record in records:
         groups.setdefault((namer.method(record), namer.condition(record)), []).append(record)
-    groups = {key: group for key, group in groups.items() if any(record.state != "skipped" for record in group)}
+    ran = {key: group for key, group in groups.items() if any(record.state != "skipped" for record in group)}
+    return entries_of_groups(ran, metrics)
+
+
+def entries_of_groups(
+    groups: Mapping[tuple[str, str], Sequence[CellRecord]], metrics: Sequence[Metric]
+) -> dict[tuple[str, str], MethodResult]:
+    """Return the entry of each group of cells, by method and condition, with the spread of what was measured."""
     entries = {
         (method, condition): MethodResult(
             method,

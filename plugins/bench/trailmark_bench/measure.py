@@ -56,6 +56,7 @@ def measured(
         "reason": reason,
         "errors": document["errors"],
         "metrics": _metrics(document, subject, localizer),
+        "floor": (document["stands_still"] or {}).get("metrics", {}),
         "quantities": document["quantities"],
         "times": _times(result, localizer),
         "counters": {name: count for name, count in result.counters.items() if count},

@@ -10,6 +10,7 @@ from typing import Any
 
 from trailmark_bench.baseline import compare_with
 from trailmark_bench.entries import MethodResult, MethodResults, entries_of
+from trailmark_bench.floor import FLOOR, floor_entries
 from trailmark_bench.improvement import Improvement, improvements
 from trailmark_bench.index import CellRecord, Index
 from trailmark_bench.naming import Namer
@@ -31,9 +32,9 @@ class BenchSummary:
     metrics : tuple of Metric
         The first one ranks.
     methods, conditions : tuple of str
-        In their order.
+        In their order; last the robot that stands still, where there is ground truth.
     entries : mapping of (method, condition) to MethodResult
-        Those that the matrices have.
+        Those that the matrices have, and those of the robot that stands still, which is not ranked.
     overall : tuple of Overall
         A row for each method.
     baseline : str or None
@@ -115,12 +116,13 @@ def summarized(index: Index, metrics: Sequence[str] = (), baseline: str | None =
     if baseline is not None:
         compare_with(baseline, entries, records, chosen, namer)
     methods = tuple(dict.fromkeys(entry.method for entry in entries.values()))
+    floor = floor_entries(records, chosen, namer)
     return BenchSummary(
         name=str(meta.get("name", index.folder.name)),
         metrics=chosen,
-        methods=methods,
+        methods=(*methods, FLOOR) if floor else methods,
         conditions=tuple(dict.fromkeys(entry.condition for entry in entries.values())),
-        entries=entries,
+        entries={**entries, **floor},
         overall=tuple(overall_of(methods, entries, chosen[0])),
         baseline=baseline,
         counts=dict(Counter(record.state for record in records).most_common()),
