@@ -118,10 +118,11 @@ def test_a_cell_that_cannot_be_is_refused(bench: Path, tmp_path: Path, change: d
         ('{"form": "trailmark bench results", "version": 2, "cells": []}', "has version 2"),
         ('{"form": "trailmark bench results", "version": 1, "cells": [3]}', "cell 0 is no cell"),
         ("[" * 100_000, "sent.json"),
+        ("\xc9t\xe9", r"no text \(byte 0\)"),
     ],
 )
 def test_a_file_of_something_else_is_refused(tmp_path: Path, text: str, said: str) -> None:
-    (tmp_path / "sent.json").write_text(text)
+    (tmp_path / "sent.json").write_text(text, encoding="latin-1")
 
     with pytest.raises(DataError, match=said):
         merge_benches([tmp_path / "sent.json"], tmp_path / "out")

@@ -23,7 +23,7 @@ __all__ = ["read_results", "shared_results"]
 
 _FORM, _VERSION = "trailmark bench results", 1
 _FINISHED = ("ok", "failed", "timeout", "crashed", "skipped")
-_GROUPS = ("metrics", "times", "counters")
+_GROUPS = ("metrics", "times", "counters", "floor")
 _MAX_BYTES, _MAX_WORDS = 256 << 20, 2000
 #: Facts about the bench that tables need, and where results come from.
 _META = ("name", "metrics", "baseline", "judging")
@@ -95,8 +95,12 @@ def _read(path: Path) -> dict[str, Any]:
         if path.stat().st_size > _MAX_BYTES:
             raise DataError(f"{path} is larger than {_MAX_BYTES >> 20} MB")
         document = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise DataError(f"{path}: {error}") from error
+    except OSError as error:
+        raise DataError(f"cannot read {path}: {error.strerror or error}") from error
+    except UnicodeDecodeError as error:
+        raise DataError(f"{path} is no file of 'trailmark bench export json': no text (byte {error.start})") from error
+    except (ValueError, RecursionError) as error:
+        raise DataError(f"{path} is no file of 'trailmark bench export json': {error}") from error
     if not isinstance(document, dict) or document.get("form") != _FORM or not isinstance(document.get("cells"), list):
         raise DataError(f"{path} is no file of 'trailmark bench export json'")
     if document.get("version") != _VERSION:
