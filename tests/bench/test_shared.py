@@ -113,7 +113,7 @@ def test_a_cell_that_cannot_be_is_refused(bench: Path, tmp_path: Path, change: d
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "sent.json: "),
+        ("", "sent.json is no file of 'trailmark bench export json': "),
         ("[]", "no file of 'trailmark bench export json'"),
         ('{"form": "trailmark bench results", "version": 2, "cells": []}', "has version 2"),
         ('{"form": "trailmark bench results", "version": 1, "cells": [3]}', "cell 0 is no cell"),
