@@ -36,6 +36,7 @@ __all__ = [
     "join",
     "lifelines",
     "patience_s",
+    "raise_soon",
     "reason_of",
     "shielded",
 ]
@@ -161,6 +162,11 @@ def is_due() -> bool:
         return False
     _request.raised_s = since_s
     return True
+
+
+def raise_soon() -> None:
+    """Take note that what was raised came to nothing, in a destructor for instance: the next look raises it again."""
+    _request.raised_s = -math.inf
 
 
 def is_kept() -> bool:

@@ -325,10 +325,38 @@ def test_a_signal_is_heard_when_everybody_else_has_ended(monkeypatch: pytest.Mon
     assert not failures
 
 
+class _EatsSignals:
+    """Python drops what is raised while an object is let go, and says so on standard error."""
+
+    def __del__(self) -> None:
+        signal.raise_signal(signal.SIGTERM)
+
+
+def test_a_signal_that_comes_while_an_object_is_let_go_is_raised_again(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from trailmark import interruption
+    from trailmark.cli.signals import call_until_signal
+
+    monkeypatch.setattr(interruption, "_REPEAT_S", 60.0)  # for whoever catches and drops it: nobody does here
+    reached: list[str] = []
+
+    def let_go() -> None:
+        eats = _EatsSignals()
+        del eats
+        time.sleep(30.0)
+        reached.append("the end")
+
+    assert call_until_signal(let_go, is_whole_program=False) == 128 + signal.SIGTERM
+    assert not reached
+    assert "ignored" not in capsys.readouterr().err
+
+
 def test_handlers_are_those_of_before_when_a_command_has_ended() -> None:
     from trailmark.cli import main
 
     before = [signal.getsignal(number) for number in SIGNALS]
+    unraisable = sys.unraisablehook
     wakeup = signal.set_wakeup_fd(-1)
     signal.set_wakeup_fd(wakeup)
 
@@ -337,6 +365,7 @@ def test_handlers_are_those_of_before_when_a_command_has_ended() -> None:
 
     assert left.value.code == 0
     assert [signal.getsignal(number) for number in SIGNALS] == before
+    assert sys.unraisablehook is unraisable
     assert signal.set_wakeup_fd(wakeup) == wakeup
 
 

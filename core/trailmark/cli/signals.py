@@ -84,6 +84,7 @@ class HeardSignals:
         self._first: Interrupted | None = None
         self._is_done = False
         self._terminal: Any = None
+        self._unraisable_before: Callable[[Any], Any] = sys.unraisablehook
         self._leaving = threading.Lock()
 
     @property
@@ -108,6 +109,7 @@ class HeardSignals:
         self._reader, self._writer = os.pipe()
         os.set_blocking(self._writer, False)
         self._wakeup_before = signal.set_wakeup_fd(self._writer, warn_on_full_buffer=False)
+        self._unraisable_before, sys.unraisablehook = sys.unraisablehook, self._hear_what_was_dropped
         _listening.append(self)
         for number in self._numbers:
             self._before[number] = signal.signal(number, self._handle)
@@ -143,6 +145,7 @@ class HeardSignals:
     def let_go(self) -> None:
         """Set the handlers to what they were, and nothing else."""
         _listening.remove(self)
+        sys.unraisablehook = self._unraisable_before
         signal.set_wakeup_fd(self._wakeup_before)
         for number, handler in self._before.items():
             is_traceback = self._is_whole_program and handler is signal.default_int_handler  # for us there is none
@@ -167,6 +170,13 @@ class HeardSignals:
         by = interruption.asked()
         if by is not None and interruption.is_due():
             raise by
+
+    def _hear_what_was_dropped(self, unraisable: Any) -> None:
+        """Raise `Interrupted` again, and say nothing, where a destructor or a callback of a weak reference ate it."""
+        if isinstance(unraisable.exc_value, Interrupted):
+            interruption.raise_soon()
+        else:
+            self._unraisable_before(unraisable)
 
     # --- in the thread ---------------------------------------------------------------------------------------------
 
