@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 from trailmark.arrays import Bools, Float32s, Floats, Int32s
 from trailmark.errors import ShapeError
 from trailmark.geometry import Pose2
+from trailmark.geometry.walls import main_axes
 from trailmark_laser_maps.grid import OccupancyGrid
 
 __all__ = ["GridField"]
@@ -119,9 +120,7 @@ def _on_lines(centres: Floats, cell_m: float) -> tuple[Floats, Floats]:
     offsets = centres[chosen] - middle[:, np.newaxis]
     xx, yy = ((share * offsets[:, :, axis] ** 2).sum(axis=1) for axis in (0, 1))
     xy = (share * offsets[:, :, 0] * offsets[:, :, 1]).sum(axis=1)
-    along = 0.5 * np.arctan2(2.0 * xy, xx - yy)
-    normals = np.stack([-np.sin(along), np.cos(along)], axis=1)
-    spread = np.hypot(xx - yy, 2.0 * xy)
-    is_line = (is_near.sum(axis=1) >= 3) & (xx + yy - spread < _LINE_RATIO * (xx + yy + spread))
+    normals, thin, long = main_axes(xx, yy, xy)
+    is_line = (is_near.sum(axis=1) >= 3) & (thin < _LINE_RATIO * long)
     normals = np.where(is_line[:, np.newaxis], normals, 0.0)
     return centres + normals * ((middle - centres) * normals).sum(axis=1, keepdims=True), normals

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from trailmark.arrays import Floats
+from trailmark.geometry.walls import main_axes
 
 __all__ = ["scan_normals"]
 
@@ -39,10 +40,9 @@ def scan_normals(points: Floats) -> Floats:
     offsets = offsets - (share[:, :, np.newaxis] * offsets).sum(axis=1, keepdims=True)
     xx, yy = ((share * offsets[:, :, axis] ** 2).sum(axis=1) for axis in (0, 1))
     xy = (share * offsets[:, :, 0] * offsets[:, :, 1]).sum(axis=1)
-    along = 0.5 * np.arctan2(2.0 * xy, xx - yy)
-    spread = np.hypot(xx - yy, 2.0 * xy)
-    is_line = (n_near >= 4) & (xx + yy - spread < _LINE_RATIO * (xx + yy + spread))
-    return np.where(is_line[:, np.newaxis], np.stack([-np.sin(along), np.cos(along)], axis=1), 0.0)
+    normals, thin, long = main_axes(xx, yy, xy)
+    is_line = (n_near >= 4) & (thin < _LINE_RATIO * long)
+    return np.where(is_line[:, np.newaxis], normals, 0.0)
 
 
 def _spacing(points: Floats) -> Floats:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.geometry.walls import add_line
 from trailmark.kernels import kernel
 
 __all__ = ["normal_equations", "refine", "score_starts", "stamp_nearest", "truncated_cost"]
@@ -121,13 +122,9 @@ def normal_equations(
             if not to_line:
                 nx, ny = (1.0, 0.0) if axis == 0 else (0.0, 1.0)
             residual = nx * ex + ny * ey
-            weight = 1.0 if abs(residual) <= corner else corner / abs(residual)
             jacobian[0], jacobian[1], jacobian[2] = nx, ny, ny * rx - nx * ry
             squared += residual * residual
-            for a in range(3):
-                gradient[a] += weight * jacobian[a] * residual
-                for b in range(3):
-                    hessian[a, b] += weight * jacobian[a] * jacobian[b]
+            add_line(hessian, gradient, jacobian, residual, corner)
     return squared, n_used
 
 

@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 
 from trailmark.errors import ShapeError
 from trailmark.geometry import Pose2
+from trailmark.geometry.walls import main_axes
 from trailmark_omni_surf.laser.kernels import stamp_nearest
 
 __all__ = ["ScanMap"]
@@ -144,11 +145,8 @@ def _on_walls(points: Points, weights: Points, radius_m: float, n_neighbours: in
     xx = (share * offsets[:, :, 0] ** 2).sum(axis=1)
     yy = (share * offsets[:, :, 1] ** 2).sum(axis=1)
     xy = (share * offsets[:, :, 0] * offsets[:, :, 1]).sum(axis=1)
-    along = 0.5 * np.arctan2(2 * xy, xx - yy)  # direction of the large axis of the scatter
-    normals = np.stack([-np.sin(along), np.cos(along)], axis=1)
-    spread = np.hypot(xx - yy, 2 * xy)
-    small, large = (xx + yy - spread) / 2, (xx + yy + spread) / 2
-    is_line = (is_near.sum(axis=1) >= 3) & (small < _LINE_RATIO * np.maximum(large, 1e-12))
+    normals, thin, long = main_axes(xx, yy, xy)
+    is_line = (is_near.sum(axis=1) >= 3) & (thin < _LINE_RATIO * np.maximum(long, 1e-12))
     normals = np.where(is_line[:, None], normals, 0.0)
     return points + normals * ((centre - points) * normals).sum(axis=1, keepdims=True), normals
 

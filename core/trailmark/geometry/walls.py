@@ -1,0 +1,141 @@
+"""Points on walls: lines through neighbouring points, and the equations of matching points to such lines.
+
+Iterative closest points with the point-to-line error (Chen & Medioni 1992; Censi 2008): whoever has found the wall
+point nearest to each point gets the equations of the small motion that lays one onto the other, and what they do not
+tell. Import it from modules that hold kernels: numba takes its time.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from trailmark.arrays import Bools, Floats
+from trailmark.kernels import inlined_kernel, kernel
+
+__all__ = [
+    "add_line",
+    "limited_information",
+    "line_equations",
+    "main_axes",
+    "measured_directions",
+    "measured_information",
+    "measured_step",
+]
+
+Array = npt.NDArray[Any]
+
+#: Normals are uncertain by some 6 degrees; what a plain wall seems to say along itself is that.
+NORMAL_NOISE = 0.01
+
+
+@inlined_kernel
+def add_line(hessian: Array, gradient: Array, jacobian: Array, residual: float, corner: float) -> None:
+    """Add a residual with its Jacobian (3,) to Gauss-Newton's equations, Huber-weighted from `corner` on."""
+    weight = 1.0 if abs(residual) <= corner else corner / abs(residual)
+    for a in range(3):
+        gradient[a] += weight * jacobian[a] * residual
+        for b in range(3):
+            hessian[a, b] += weight * jacobian[a] * jacobian[b]
+
+
+@kernel
+def line_equations(
+    arms: Array, offsets: Array, normals: Array, corner: float, hessian: Array, gradient: Array
+) -> tuple[float, int]:
+    """Fill Gauss-Newton's equations of points and the wall points they belong to.
+
+    The unknown is a small motion (dx, dy, dtheta) in the axes of the points about the position of the pose.
+
+    Parameters
+    ----------
+    arms : (N, 2) float64
+        Points as seen from the position of the pose [m].
+    offsets : (N, 2) float64
+        Points less their wall points [m].
+    normals : (N, 2) float64
+        Unit normals of the walls there; zero: no line, which says nothing.
+    corner : float
+        Residual from which on weights fall [m].
+    hessian, gradient : (3, 3) and (3,) float64
+        Are written.
+
+    Returns
+    -------
+    squared : float
+        Sum of squared residuals [m^2].
+    n_lines : int
+        Points that say something.
+    """
+    hessian[:] = 0.0
+    gradient[:] = 0.0
+    squared, n_lines = 0.0, 0
+    jacobian = np.empty(3)
+    for n in range(arms.shape[0]):
+        nx, ny = normals[n, 0], normals[n, 1]
+        if nx == 0.0 and ny == 0.0:
+            continue
+        residual = nx * offsets[n, 0] + ny * offsets[n, 1]
+        jacobian[0], jacobian[1], jacobian[2] = nx, ny, ny * arms[n, 0] - nx * arms[n, 1]
+        squared += residual * residual
+        n_lines += 1
+        add_line(hessian, gradient, jacobian, residual, corner)
+    return squared, n_lines
+
+
+def main_axes(xx: Floats, yy: Floats, xy: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return the principal axes of scatters of points: unit normals of the long axes, and both variances.
+
+    Parameters
+    ----------
+    xx, yy, xy : (N,) float64
+        Variances and covariance of the points of each neighbourhood [m^2].
+
+    Returns
+    -------
+    normals : (N, 2) float64
+        Across the long axis, sign free.
+    thin, long : (N,) float64
+        Variance across and along it [m^2].
+    """
+    along = 0.5 * np.arctan2(2.0 * xy, xx - yy)  # direction of the large axis of the scatter
+    normals = np.stack([-np.sin(along), np.cos(along)], axis=1)
+    spread = np.hypot(xx - yy, 2.0 * xy)
+    return normals, (xx + yy - spread) / 2.0, (xx + yy + spread) / 2.0
+
+
+def measured_directions(hessian: Floats, n_lines: int) -> tuple[Floats, Floats, Bools]:
+    """Return eigenvalues (3,), eigenvectors (3, 3) and which of them walls tell: a corridor leaves one free."""
+    values, vectors = np.linalg.eigh(hessian)
+    return values, vectors, values > NORMAL_NOISE * n_lines
+
+
+def measured_step(hessian: Floats, gradient: Floats, n_lines: int) -> Floats:
+    """Return Gauss-Newton's step (3,) in the directions that walls tell; a direction that none tells is held."""
+    values, vectors, is_told = measured_directions(hessian, n_lines)
+    shares = np.where(is_told, (vectors.T @ gradient) / np.where(is_told, values, 1.0), 0.0)
+    return np.asarray(vectors @ shares)
+
+
+def measured_information(hessian: Floats, n_lines: int) -> Floats:
+    """Return the normal matrix without what noise of the normals puts into it; nothing where that is all there is."""
+    noise = NORMAL_NOISE * n_lines
+    values, vectors = np.linalg.eigh(hessian - np.diag([1.0, 1.0, 0.0]) * noise)
+    return np.asarray((vectors * np.where(values > noise, values, 0.0)) @ vectors.T)
+
+
+def limited_information(information: Floats, sigma: tuple[float, float]) -> Floats:
+    """Return the information with a covariance added; directions may be unmeasured.
+
+    Parameters
+    ----------
+    information : (3, 3) float64
+        Of (x, y, theta).
+    sigma : (float, float)
+        What nothing is better than: position [m] and heading [rad].
+    """
+    floor = np.diag([sigma[0] ** 2, sigma[0] ** 2, sigma[1] ** 2])
+    limited = information @ np.linalg.inv(np.eye(3) + floor @ information)
+    return np.asarray((limited + limited.T) / 2.0)
