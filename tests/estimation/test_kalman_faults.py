@@ -40,6 +40,20 @@ def driven(estimator: Kalman, n: int, first: int = 0) -> Kalman:
 
 
 class TestInformation:
+    @pytest.mark.parametrize("turn", [0.0, 0.2, 1.0])
+    def test_a_way_that_a_corridor_does_not_tell_contradicts_nobody(self, turn: float) -> None:
+        estimator = kalman()
+        cos, sin = math.cos(turn), math.sin(turn)
+        across = 1e5 * np.array([[sin * sin, -sin * cos, 0.0], [-sin * cos, cos * cos, 0.0], [0.0, 0.0, 0.0]])
+        for i in range(60):
+            estimator.apply("wheels", Motion(0.1 * i, 0.1 * (i + 1), Pose2(0.1 * cos, 0.1 * sin), GOOD))
+            estimator.apply("laser", Motion(0.1 * i, 0.1 * (i + 1), Pose2(), across + np.diag([0.0, 0.0, 1e5])))
+
+        belief = estimator.belief(6.0)
+
+        assert pose_of(belief).distance_to(Pose2(6.0 * cos, 6.0 * sin)) < 5e-3
+        assert not belief.health
+
     @pytest.mark.parametrize(
         ("information", "reason"),
         [

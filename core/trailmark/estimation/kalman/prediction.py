@@ -283,6 +283,6 @@ def _variances_of(step: Step) -> tuple[float, float]:
     if step.covariance is not None:
         xx, _, _, yy, _, tt = step.covariance
         return max(xx, yy), tt
-    xx, _, _, yy, _, tt = step.information or ZERO
-    worst = min(xx, yy)
+    xx, xy, _, yy, _, tt = step.information or ZERO
+    worst = 0.5 * (xx + yy - math.hypot(xx - yy, 2.0 * xy))  # a corridor is seldom parallel to an axis of base
     return (1.0 / worst if worst > NOTHING else _UNMEASURED), (1.0 / tt if tt > NOTHING else _UNMEASURED)
