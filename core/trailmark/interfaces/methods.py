@@ -25,6 +25,10 @@ class Localizer(Part):
     #: keeps it beside the map, and a localizer is never started on a map of a newer format than its own.
     map_format: ClassVar[int] = 1
 
+    #: True where it tells `Motion` besides something else: where that would count twice, it is unused instead of an
+    #: error, and the motion of others counts.
+    motion_is_spare: ClassVar[bool] = False
+
     @abstractmethod
     def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
         """Look at a frame of a sensor that the config subscribes to.

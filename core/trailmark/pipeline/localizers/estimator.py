@@ -34,7 +34,7 @@ class EstimatorRunner:
 
     An estimate of a localizer that is not in ``use`` is ``unused``; one about an instant after its frame is
     ``refused``; a second localizer that gives `Motion` of the same sensor (or, if the estimator integrates one only,
-    any second one) is an error unless ``use`` says that both are meant.
+    any second one) is an error unless ``use`` says that both are meant, or that of one is spare: then it is ``unused``.
 
     Parameters
     ----------
@@ -57,6 +57,7 @@ class EstimatorRunner:
         self._use = use
         self._times = times
         self._moving: dict[str, LocalizerPart] = {}
+        self._spared: dict[str, str] = {}  # whose motion is left out, and for whose
 
     def apply(self, localizer: LocalizerPart, result: ObserveResult) -> Iterator[EstimateRecord]:
         """Apply what a localizer has said about a frame, and yield what became of each estimate.
@@ -124,6 +125,8 @@ class EstimatorRunner:
             return Applied("refused", f"{_reaches_m(estimate):.3g} m away: no robot comes so far")
         if isinstance(estimate, Motion) and name not in self._moving:
             self._admit_motion(localizer)
+        if isinstance(estimate, Motion) and (other := self._spared.get(name)) is not None:
+            return Applied("unused", f"{other!r} gives motion, and both would count twice")
         began_ns = perf_counter_ns()
         try:
             outcome = self._estimator.apply(name, estimate)
@@ -135,9 +138,13 @@ class EstimatorRunner:
         return outcome
 
     def _admit_motion(self, localizer: LocalizerPart) -> None:
-        for other in self._moving.values() if self._use is None else ():
+        for other in list(self._moving.values()) if self._use is None else ():
             shared = other.sensors & localizer.sensors
-            if shared or self._estimator.takes_one_motion:
+            if (shared or self._estimator.takes_one_motion) and other.name not in self._spared:
+                spare = next((one for one in (localizer, other) if one.localizer.motion_is_spare), None)
+                if spare is not None:
+                    self._spared[spare.name] = other.name if spare is localizer else localizer.name
+                    continue
                 why = f"of the sensor {min(shared)!r}" if shared else "and the estimator takes it from one"
                 raise ConfigError(
                     f"{other.name!r} and {localizer.name!r} both give motion {why}: 10 m would become 20. Say which"
