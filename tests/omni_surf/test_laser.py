@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from trailmark.errors import ShapeError
-from trailmark.estimates import Belief, Fix, Lost
+from trailmark.estimates import Belief, Fix, Lost, Motion
 from trailmark.frames import Frame, Image, Scan, SensorInfo
 from trailmark.geometry import Pose2, wrap_angle
 from trailmark.interfaces import Session
@@ -183,12 +183,12 @@ def taught(localizer_map: FakeMap) -> None:
         believed = true @ Pose2(0.002 * i, -0.0015 * i, 0.0)
         estimates = part.observe(
             Frame("scan", float(i), scan_at(true, noise_m=0.01, seed=i)),
-            Belief(float(i), believed, travelled_m=0.1 * i),
+            Belief(float(i), believed, pose_odom_base=believed, travelled_m=0.1 * i),
         )
         if i > 0:
-            (fix,) = estimates
-            assert isinstance(fix, Fix)
-            assert error_of(fix.pose_map_base, true)[0] < 0.05
+            (motion,) = estimates
+            assert isinstance(motion, Motion)
+            assert error_of(motion.pose_since_now, Pose2(0.9 + 0.1 * i, 1.2, 0.02 * i - 0.02).between(true))[0] < 0.02
     part.finish()
 
 

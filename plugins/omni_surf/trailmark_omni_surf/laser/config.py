@@ -33,4 +33,4 @@ class LaserIcpConfig(PluginConfig):
     max_range_m: float = Field(30.0, gt=0)
     """Longer returns are not used [m]."""
     correct_while_teaching: bool = True
-    """In teach, match each scan to the map so far and answer with a `Fix`; otherwise only remember."""
+    """In teach, match each scan to those just before it and answer with a `Motion`; otherwise only remember."""

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.errors import ShapeError, StoreError
 from trailmark.estimates import Belief, Estimate, Fix, Lost
 from trailmark.frames import Frame, Scan
@@ -16,7 +16,7 @@ from trailmark.interfaces import Localizer, Session
 from trailmark.paths import Keyframe
 from trailmark_omni_surf.laser.anywhere import AnywhereMatcher, AnywhereSearch
 from trailmark_omni_surf.laser.config import LaserIcpConfig
-from trailmark_omni_surf.laser.growing_map import GrowingMap
+from trailmark_omni_surf.laser.following import FollowedScan, ScanFollower
 from trailmark_omni_surf.laser.matching import ScanMatch, SearchWindow, match_scan
 from trailmark_omni_surf.laser.scan_map import ScanMap
 from trailmark_omni_surf.spacing import KeyframeSpacing
@@ -30,6 +30,8 @@ _MAP = "map"
 class LaserIcp(Localizer):
     """Matches planar scans to the taught map about the belief, or anywhere in it while nobody knows the pose."""
 
+    motion_is_spare = True  # while it teaches
+
     config: LaserIcpConfig
 
     def start(self, session: Session) -> None:
@@ -37,14 +39,17 @@ class LaserIcp(Localizer):
         self._mode, self._localizer_map = session.mode, session.map
         self._pose_base_laser = session.sensors[self.config.laser].pose_base_sensor.planar()
         self._window = SearchWindow(span_m=self.config.span_m, span_rad=math.radians(self.config.span_deg))
-        self._growing = GrowingMap()
+        self._follower = ScanFollower(self._window, self.config.min_inlier_share)
         self._spacing = KeyframeSpacing(self.config.keyframe_m, math.radians(self.config.keyframe_deg))
         _warm_up()
         self._map = self._load_map() if self._mode != "teach" else None
         self._search: AnywhereSearch | None = None
 
     def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
-        """Return a `Fix`, or `Lost` when the scan does not fit or fits in two places; see `match_scan`."""
+        """Return a `Fix`, or `Lost` when the scan does not fit or fits in two places; see `match_scan`.
+
+        In teach, a `Motion` since the last scan, or `Lost` when it does not fit those before it.
+        """
         if not isinstance(frame.payload, Scan):
             raise ShapeError(f"laser_icp takes scans, but sensor {frame.sensor!r} gave {type(frame.payload).__name__}")
         points_base = self._points(frame.payload)
@@ -68,7 +73,7 @@ class LaserIcp(Localizer):
             scan_map = ScanMap.from_scans(scans, poses, min_hits=self.config.min_hits)
             self._localizer_map.save(_MAP, {"points": scan_map.points, "normals": scan_map.normals})
 
-    def _points(self, scan: Scan) -> npt.NDArray[np.float64]:
+    def _points(self, scan: Scan) -> Floats:
         points = scan.points()
         ranges = np.hypot(points[:, 0], points[:, 1])
         limit_m = min(self.config.max_range_m, scan.range_max_m)
@@ -83,32 +88,28 @@ class LaserIcp(Localizer):
         except KeyError as error:
             raise StoreError(f"the laser map in the store has no array {error}: teach the place again") from error
 
-    def _teach(self, frame: Frame, points_base: npt.NDArray[np.float64], belief: Belief) -> Sequence[Estimate]:
-        """Match to the map so far, then remember the scan at the corrected pose."""
+    def _teach(self, frame: Frame, points_base: Floats, belief: Belief) -> Sequence[Estimate]:
+        """Tell the motion since the last scan, and remember the scan where that has led."""
         pose = belief.pose_map_base
         if pose is None or len(points_base) < _MIN_POINTS:
             return ()
-        estimates: list[Estimate] = []
-        if self.config.correct_while_teaching and self._growing.knows(pose):
-            answer = self._localize(self._growing.scan_map(), frame.stamp_s, points_base, pose)
-            estimates.append(answer)
-            if isinstance(answer, Lost):  # a scan at a doubtful pose would bend the map
-                return estimates
-            pose = answer.pose_map_base if isinstance(answer, Fix) else pose
+        followed = FollowedScan(None)
+        if self.config.correct_while_teaching:
+            followed = self._follower.follow(frame.stamp_s, points_base, belief.pose_odom_base)
+            pose = pose @ followed.correction
         if self._spacing.is_new_place(belief.travelled_m, pose):
             self._remember(frame.stamp_s, belief.travelled_m, pose, points_base)
-        return estimates
+        return () if followed.answer is None else (followed.answer,)
 
-    def _remember(self, stamp_s: float, station_m: float, pose: Pose2, points_base: npt.NDArray[np.float64]) -> None:
+    def _remember(self, stamp_s: float, station_m: float, pose: Pose2, points_base: Floats) -> None:
         self._spacing.add(station_m, pose)
-        self._growing.add(points_base, pose)
+        if self.config.correct_while_teaching:
+            self._follower.remember(points_base)
         if self._localizer_map is not None:
             arrays = {"points": points_base.astype(np.float32)}
             self._localizer_map.add(Keyframe(station_m, stamp_s, pose, arrays))
 
-    def _find(
-        self, scan_map: ScanMap, stamp_s: float, points_base: npt.NDArray[np.float64], pose_odom_base: Pose2
-    ) -> Estimate:
+    def _find(self, scan_map: ScanMap, stamp_s: float, points_base: Floats, pose_odom_base: Pose2) -> Estimate:
         """Look in the whole taught place: nobody knows where the robot is."""
         if len(points_base) < _MIN_POINTS:
             return Lost(stamp_s, f"only {len(points_base)} returns")
@@ -126,9 +127,7 @@ class LaserIcp(Localizer):
             return Lost(stamp_s, "no pose stands out yet in the taught place", answer.details)
         return answer
 
-    def _localize(
-        self, scan_map: ScanMap, stamp_s: float, points_base: npt.NDArray[np.float64], guess: Pose2
-    ) -> Estimate:
+    def _localize(self, scan_map: ScanMap, stamp_s: float, points_base: Floats, guess: Pose2) -> Estimate:
         if len(points_base) < _MIN_POINTS:
             return Lost(stamp_s, f"only {len(points_base)} returns")
         match = match_scan(scan_map, points_base, guess, self._window, to_line=self.config.error == "line")

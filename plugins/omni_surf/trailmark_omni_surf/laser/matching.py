@@ -10,12 +10,14 @@ import numpy.typing as npt
 
 from trailmark.errors import ShapeError
 from trailmark.geometry import Pose2
+from trailmark.geometry.walls import limited_information
 from trailmark_omni_surf.laser.kernels import normal_equations, refine, score_starts
 from trailmark_omni_surf.laser.scan_map import ScanMap, steps
 
 __all__ = [
     "COARSE_GATES_M",
     "FINE_GATES_M",
+    "FIT_GATE_M",
     "MAP_SIGMA",
     "ScanMatch",
     "SearchWindow",
@@ -28,7 +30,7 @@ __all__ = [
 # The gate shrinks so that the first steps pull in from afar and the last are not bent by what does not belong.
 COARSE_GATES_M = np.array([0.5])
 FINE_GATES_M = np.array([0.25, 0.12])
-_FIT_GATE_M = 0.10  # a point this near to the map fits it
+FIT_GATE_M = 0.10  # a point this near to the map fits it
 _ITERATIONS = 5
 #: What no match can be better than, because the map itself is not: position [m] and heading [rad].
 MAP_SIGMA = (0.01, math.radians(0.25))
@@ -164,21 +166,14 @@ def best_fit(
     hessian, gradient = np.empty((3, 3)), np.empty(3)
     squared, n_fit = normal_equations(
         points, poses[best], scan_map.points, scan_map.normals, scan_map.origin, scan_map.cell_m,
-        scan_map.nearest_idx, _FIT_GATE_M, to_line, hessian, gradient,
+        scan_map.nearest_idx, FIT_GATE_M, to_line, hessian, gradient,
     )  # fmt: skip
     residual_m = math.sqrt(squared / max(n_fit, 1))
     variance = correlation * max(sigma_m, residual_m) ** 2
-    information = _limited(hessian / variance, map_sigma)
+    information = limited_information(hessian / variance, map_sigma)
     return ScanMatch(
         Pose2.from_array(poses[best]), information, n_fit / len(points), residual_m, float(costs[best]), runner_up
     )
-
-
-def _limited(information: npt.NDArray[np.float64], sigma: tuple[float, float]) -> npt.NDArray[np.float64]:
-    """Return the information with a covariance added that may leave directions unmeasured."""
-    floor = np.diag([sigma[0] ** 2, sigma[0] ** 2, sigma[1] ** 2])
-    limited = information @ np.linalg.inv(np.eye(3) + floor @ information)
-    return np.asarray((limited + limited.T) / 2.0)
 
 
 def _refined(

@@ -1,0 +1,147 @@
+"""Teaching with a laser beside odometry: never worse than the odometry alone, better where it is poor."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from trailmark.arrays import Floats
+from trailmark.estimates import Lost, Motion
+from trailmark.frames import Frame, Odometry, Scan, SensorInfo
+from trailmark.geometry import Pose2
+from trailmark.pipeline import Pipeline
+from trailmark_omni_surf.laser.following import ScanFollower
+from trailmark_omni_surf.laser.matching import SearchWindow
+
+Walls = tuple[tuple[float, float, float, float], ...]
+CORRIDOR: Walls = ((-3.0, -1.0, 40.0, -1.0), (-3.0, 1.0, 40.0, 1.0))
+ROOM: Walls = (
+    (0.0, 0.0, 8.0, 0.0), (8.0, 0.0, 8.0, 5.0), (8.0, 5.0, 4.5, 5.0), (4.5, 5.0, 4.5, 6.0), (4.5, 6.0, 0.0, 6.0),
+    (0.0, 6.0, 0.0, 0.0), (3.5, 2.6, 4.1, 2.6), (4.1, 2.6, 4.1, 3.4), (4.1, 3.4, 3.5, 3.4), (3.5, 3.4, 3.5, 2.6),
+)  # fmt: skip
+RANGE_M, N_BEAMS = 10.0, 180
+
+
+def scan_at(walls: Walls, pose: Pose2, rng: np.random.Generator) -> Scan:
+    """Return what a laser sees that looks all round."""
+    angles = pose.theta + 2.0 * math.pi * np.arange(N_BEAMS) / N_BEAMS
+    rays = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    best = np.full(N_BEAMS, np.inf)
+    for x1, y1, x2, y2 in walls:
+        edge, to_wall = np.array([x2 - x1, y2 - y1]), np.array([x1 - pose.x, y1 - pose.y])
+        cross = rays[:, 0] * edge[1] - rays[:, 1] * edge[0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            along_ray = (to_wall[0] * edge[1] - to_wall[1] * edge[0]) / cross
+            along_wall = (to_wall[0] * rays[:, 1] - to_wall[1] * rays[:, 0]) / cross
+        hit = (along_ray > 0) & (along_wall >= 0) & (along_wall <= 1)
+        best = np.where(hit & (along_ray < best), along_ray, best)
+    ranges = best + rng.normal(0.0, 0.01, N_BEAMS)
+    return Scan(np.where(ranges < RANGE_M, ranges, np.nan), 0.0, 2.0 * math.pi / N_BEAMS, 0.05, RANGE_M)
+
+
+def down_the_corridor() -> list[Pose2]:
+    return [Pose2(0.1 * k, 0.0, 0.0) for k in range(90)]
+
+
+def round_the_pillar() -> list[Pose2]:
+    turns = np.linspace(0.0, 2.0 * math.pi, 80)
+    return [Pose2(3.8 + 1.6 * math.sin(turn), 3.0 - 1.6 * math.cos(turn), float(turn)) for turn in turns]
+
+
+def poor(truth: Sequence[Pose2]) -> list[Pose2]:
+    """Return an odometry that is 2 % too long and drifts by a degree a metre."""
+    rng, pose, found = np.random.default_rng(1), truth[0], [truth[0]]
+    for before, now in itertools.pairwise(truth):
+        step = before.between(now)
+        way_m = math.hypot(step.x, step.y)
+        turn = step.theta + math.radians(1.0) * way_m + math.radians(0.5) * math.sqrt(way_m) * rng.standard_normal()
+        pose = pose @ Pose2(1.02 * step.x, step.y, turn)
+        found.append(pose)
+    return found
+
+
+def taught(walls: Walls, truth: Sequence[Pose2], odometry: Sequence[Pose2], store: Path) -> Floats:
+    """Return the errors of the belief in position while teaching, laid on the truth at the start, (N,) [m]."""
+    start, rng = truth[0], np.random.default_rng(7)
+    config = {
+        "mode": "teach",
+        "start": [start.x, start.y, math.degrees(start.theta)],
+        "localizers": {
+            "odometry": {"plugin": "odometry", "wheels": "wheels"},
+            "laser": {"plugin": "laser_icp", "laser": "scan"},
+        },
+        "estimator": {"plugin": "kalman"},
+        "path_store": {"plugin": "sqlite", "path": str(store)},
+    }
+    errors = []
+    with Pipeline(config, sensors=[SensorInfo("wheels", "odometry"), SensorInfo("scan", "scan")]) as pipeline:
+        for k, (true, said) in enumerate(zip(truth, odometry, strict=True)):
+            pipeline.feed(Frame("wheels", 0.2 * k, Odometry(odometry[0].between(said))))
+            step = pipeline.feed(Frame("scan", 0.2 * k, scan_at(walls, true, rng)))
+            assert step is not None
+            pose = step.belief.pose_map_base
+            errors.append(0.0 if pose is None else pose.distance_to(true))
+    return np.array(errors)
+
+
+@pytest.mark.parametrize(("walls", "drive"), [(CORRIDOR, down_the_corridor), (ROOM, round_the_pillar)])
+def test_an_exact_odometry_is_not_bent(walls: Walls, drive: object, tmp_path: Path) -> None:
+    truth = drive()  # type: ignore[operator]
+    assert taught(walls, truth, truth, tmp_path / "a.trail").max() < 0.04
+
+
+def test_a_poor_odometry_gets_straight_in_a_corridor(tmp_path: Path) -> None:
+    truth = down_the_corridor()
+    odometry = poor(truth)
+    wheels = np.array([a.distance_to(b) for a, b in zip(odometry, truth, strict=True)])
+    assert wheels.max() > 0.6
+    errors = taught(CORRIDOR, truth, odometry, tmp_path / "a.trail")
+    assert errors.max() < 0.25  # 2 % of the way, which nothing but the wheels tells
+
+
+def test_a_poor_odometry_gets_better_in_a_room(tmp_path: Path) -> None:
+    truth = round_the_pillar()
+    odometry = poor(truth)
+    wheels = np.array([a.distance_to(b) for a, b in zip(odometry, truth, strict=True)])
+    errors = taught(ROOM, truth, odometry, tmp_path / "a.trail")
+    assert errors.mean() < 0.3 * wheels.mean()
+
+
+def followed(walls: Walls, poses: Sequence[Pose2], follower: ScanFollower) -> list[Motion | Lost | None]:
+    rng, said = np.random.default_rng(3), []
+    for k, pose in enumerate(poses):
+        points = scan_at(walls, pose, rng).points()
+        said.append(follower.follow(0.2 * k, points, poses[0].between(pose)).answer)
+        follower.remember(points)
+    return said
+
+
+def test_a_motion_is_as_sure_as_the_walls_let_it_be() -> None:
+    slanting = [Pose2(0.1 * k, 0.02 * k - 0.2, 0.2) for k in range(12)]
+    said = followed(CORRIDOR, slanting, ScanFollower(SearchWindow(), 0.6))
+    assert said[0] is None
+    along, across = (np.array([math.cos(turn), -math.sin(turn)]) for turn in (0.2, 0.2 - math.pi / 2.0))
+    for one, before, now in zip(said[1:], slanting, slanting[1:], strict=False):
+        assert isinstance(one, Motion)
+        assert along @ one.information[:2, :2] @ along < 1e-3 * (across @ one.information[:2, :2] @ across)
+        assert one.pose_since_now.distance_to(before.between(now)) < 0.02
+
+
+def test_after_a_scan_of_elsewhere_the_motion_begins_anew() -> None:
+    follower, rng = ScanFollower(SearchWindow(), 0.6), np.random.default_rng(3)
+    poses = [Pose2(2.0 + 0.1 * k, 1.2, 0.1) for k in range(6)]
+    scans = [scan_at(ROOM, pose, rng).points() for pose in poses]
+    scans[3] = rng.uniform(-9.0, 9.0, (180, 2))
+    said = []
+    for k, points in enumerate(scans):
+        said.append(follower.follow(float(k), points, poses[0].between(poses[k])).answer)
+        if k != 3:
+            follower.remember(points)
+    assert [type(one) for one in said] == [type(None), Motion, Motion, Lost, type(None), Motion]
+    assert isinstance(said[5], Motion)
+    assert said[5].since_s == 4.0
