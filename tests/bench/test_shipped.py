@@ -1,4 +1,4 @@
-"""The benches in ``benchmarks/`` name what is there."""
+"""The benches that are shipped, and those in ``benchmarks/``, name what is there."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import pytest
 
 from trailmark.plugins import load_plugins
 from trailmark_bench import load_bench
+from trailmark_bench.suites import find_config, suite_names
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 
@@ -18,7 +19,7 @@ def test_the_grand_bench_has_every_localizer_and_skips_recordings_that_are_not_t
     monkeypatch.delenv("TRAILMARK_DATA", raising=False)
     plugins = load_plugins()
 
-    bench = load_bench(BENCHMARKS / "grand.yaml", plugins=plugins)
+    bench = load_bench(find_config(Path("grand")), plugins=plugins)
 
     used = {
         part["plugin"]
@@ -27,11 +28,33 @@ def test_the_grand_bench_has_every_localizer_and_skips_recordings_that_are_not_t
         for part in cell.request["document"]["localizers"].values()
     }
     ours = {spec.name for spec in plugins.registry.specs("localizer") if spec.distribution == "trailmark"}
-    # no sensor, a floor plan, half a pose, told as kinect_motion, landmarks of recordings alone, no source of poses
-    assert ours - used <= {"constant_speed", "grid_mcl", "imu", "kinect_landmarks", "known_landmarks", "pose_fixes"}
+    # no sensor, half a pose, landmarks and lasers of recordings alone, no source of poses
+    assert ours - used <= {"constant_speed", "imu", "known_landmarks", "scan_odometry", "pose_fixes"}
     missing = {cell.coordinates["source"] for cell in bench.cells if cell.missing}
-    assert missing == {"photo_wood", "photo_asphalt", "fr1_rpy", "robot_1", "robot_2", "barcodes_1", "barcodes_2"}
+    assert missing == {
+        "photo_wood",
+        "photo_asphalt",
+        "fr1_rpy",
+        "robot_1",
+        "robot_2",
+        "barcodes_1",
+        "barcodes_2",
+        "intel",
+        "freiburg",
+    }
     assert all("TRAILMARK_DATA is not set" in cell.missing for cell in bench.cells if cell.missing)
+
+
+def test_a_shipped_bench_is_found_by_its_name_and_a_file_of_that_name_comes_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+
+    assert suite_names() == ["grand"]
+    assert find_config(Path("grand")).is_file()
+    assert find_config(Path("grand.yaml")) == Path("grand.yaml")
+    (tmp_path / "grand").write_text("mine")
+    assert find_config(Path("grand")) == Path("grand")
 
 
 def test_the_speed_bench_runs_its_cells_alone() -> None:

@@ -129,6 +129,8 @@ class BenchSection(PluginConfig):
 
     cells: CellsSection | tuple[CellsSection, ...]
     """One matrix, or a list of them."""
+    version: str = ""
+    """Of the suite; it stands beside its results, and in what is sent of them."""
     baseline: str | None = None
     """Value of an axis that the others are compared with, pair by pair."""
     exclude: tuple[dict[str, Any], ...] = ()

@@ -17,6 +17,7 @@ from trailmark.pipeline.instruments import Counters
 from trailmark.pipeline.parts import build_sources
 from trailmark.plugins import Plugins
 from trailmark_bench.cell import Cell
+from trailmark_bench.order import first_samples
 
 __all__ = ["misfits"]
 
@@ -24,8 +25,8 @@ __all__ = ["misfits"]
 def misfits(cells: Iterable[Cell], plugins: Plugins) -> list[str]:
     """Return what keeps cells from starting, a line for each combination of sources and localizers.
 
-    The sources are started, once for each way in which they are written, and closed again; no frame is read. Devices
-    are let be.
+    The sources are started, once for each way in which they are written but for faults, of the first place and seed
+    alone, and closed again; no frame is read. Devices are let be.
 
     Parameters
     ----------
@@ -36,14 +37,15 @@ def misfits(cells: Iterable[Cell], plugins: Plugins) -> list[str]:
     """
     found: dict[str, str] = {}
     started: dict[str, Mapping[str, SensorInfo] | str | None] = {}
-    for cell in cells:
+    for cell in first_samples(list(cells)):
         document = cell.request.get("document")
         if document is None:
             continue
-        looked_at = {key: document.get(key) for key in ("sources", "sensors", "localizers")}
+        plain = document | {"sources": {name: _faultless(part) for name, part in document["sources"].items()}}
+        looked_at = {key: plain.get(key) for key in ("sources", "sensors", "localizers")}
         address = digest_of(looked_at)
         if address not in found:
-            config = _load(cell.request, plugins)
+            config = _load(plain, cell.request["base_dir"], plugins)
             sources = digest_of({key: looked_at[key] for key in ("sources", "sensors")})
             if sources not in started:
                 started[sources] = _sensors_of(config)
@@ -51,8 +53,12 @@ def misfits(cells: Iterable[Cell], plugins: Plugins) -> list[str]:
     return [text for text in found.values() if text]
 
 
-def _load(request: Mapping[str, Any], plugins: Plugins) -> RunConfig:
-    return load_run_config(Document(request["document"], "cell", Path(request["base_dir"])), plugins=plugins)
+def _faultless(source: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in source.items() if key != "perturb"}
+
+
+def _load(document: Mapping[str, Any], base_dir: str, plugins: Plugins) -> RunConfig:
+    return load_run_config(Document(document, "cell", Path(base_dir)), plugins=plugins)
 
 
 def _misfit(label: str, config: RunConfig, sensors: Mapping[str, SensorInfo] | str | None) -> str:

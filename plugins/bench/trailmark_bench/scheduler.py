@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -15,6 +16,7 @@ from trailmark_bench.board import CellBoard
 from trailmark_bench.cell import UNSUCCESSFUL, Cell
 from trailmark_bench.durations import CellDurations
 from trailmark_bench.index import Index
+from trailmark_bench.order import in_order_of_worth
 from trailmark_bench.results import CellFolders
 
 __all__ = ["BenchStatus", "Retry", "cells_to_run", "run_bench"]
@@ -71,9 +73,11 @@ def run_bench(
     retry: Retry = (),
     on_progress: Callable[[BenchStatus], None] = lambda status: None,
     patience_s: float = 60.0,
+    budget_s: float = math.inf,
 ) -> tuple[Cell, ...]:
-    """Run the cells that are missing. A finished cell is never run again, however often this is called.
+    """Run the cells that are missing, in the order of what they tell.
 
+    A finished cell is never run again, however often this is called.
     Whatever ends it (Ctrl-C, a kill, a full disk), what is finished is kept and the rest is run next time.
 
     Parameters
@@ -90,6 +94,8 @@ def run_bench(
         Told when a cell starts or ends, and now and then.
     patience_s : float
         How long to wait for an executor that is lost to come back [s].
+    budget_s : float
+        No cell begins after so much time; those that are in work come to their end [s].
 
     Returns
     -------
@@ -112,12 +118,12 @@ def run_bench(
     if retry:
         folders.forget_outcomes(chosen)
         index.mark_pending(cell.id for cell in chosen)
-    board = CellBoard(index, chosen)
+    board = CellBoard(index, in_order_of_worth(chosen))
     durations = CellDurations(index.records(everything=True))
     bench_round = _BenchRound(board, executor, folders, durations=durations, on_progress=on_progress)
     bench_round.tell()
     if chosen:
-        bench_round.run(patience_s)
+        bench_round.run(patience_s, time.monotonic() + budget_s)
     return tuple(board.lost.values())
 
 
@@ -139,14 +145,14 @@ class _BenchRound:
         self._durations = durations
         self._on_progress = on_progress
 
-    def run(self, patience_s: float) -> None:
-        """Run all waiting cells; an executor that is lost is started again."""
+    def run(self, patience_s: float, until_s: float) -> None:
+        """Run waiting cells, and begin none after a time; an executor that is lost is started again."""
         self._folders.make_workspace()
         try:
             self._executor.start(self._folders.workspace)
-            while self._board.waiting or self._board.running:
+            while self._board.running or (self._board.waiting and time.monotonic() < until_s):
                 try:
-                    self._step()
+                    self._step(until_s)
                 except ExecutorLostError as error:
                     self._start_again(error, time.monotonic() + patience_s)
         finally:
@@ -156,9 +162,11 @@ class _BenchRound:
                 with suppress(DataError):
                     self._board.release()
 
-    def _step(self) -> None:
-        """Start cells while there are places, and keep what those that have ended left."""
+    def _step(self, until_s: float) -> None:
+        """Start cells while there are places and time, and keep what those that have ended left."""
         for cell in self._board.startable(self._executor.slots):
+            if time.monotonic() >= until_s:
+                break
             self._board.start(cell)
             self._executor.submit(Job(cell.id, cell.request))
             self.tell()

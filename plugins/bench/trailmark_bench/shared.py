@@ -26,7 +26,7 @@ _FINISHED = ("ok", "failed", "timeout", "crashed", "skipped")
 _GROUPS = ("metrics", "times", "counters", "floor")
 _MAX_BYTES, _MAX_WORDS = 256 << 20, 2000
 #: Facts about the bench that tables need, and where results come from.
-_META = ("name", "metrics", "baseline", "judging")
+_META = ("name", "version", "metrics", "baseline", "judging")
 _ORIGIN = ("trailmark", "started", "python", "platform", "cpu", "packages", "git")
 _COSTS = ("wall_s", "cpu_s", "peak_rss_mb", "load")
 

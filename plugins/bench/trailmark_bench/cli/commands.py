@@ -32,6 +32,8 @@ class RunOptions:
     jobs: int | None = None
     alone: bool = False
     timeout: float | None = None
+    hours: float | None = None
+    quick: bool = False
     executor: str | None = None
     scheduler: str | None = None
     no_report: bool = False
@@ -76,16 +78,22 @@ def bench_group() -> None:
 @click.option("--jobs", type=click.IntRange(1), help="Cells at a time.")
 @click.option("--alone", is_flag=True, help="One cell at a time, for times that count.")
 @click.option("--timeout", type=click.FloatRange(0, min_open=True), metavar="SECONDS", help="For each cell.")
+@click.option("--hours", type=click.FloatRange(0, min_open=True), help="Begin no cell later; the next call goes on.")
+@click.option("--quick", is_flag=True, help="Only the first place and the first seed of everything.")
 @click.option("--executor", metavar="NAME", help="Where cells run: local, dask, or a plugin's.")
 @click.option("--scheduler", metavar="ADDRESS", help="Of a Dask cluster.")
 @click.option("--no-report", is_flag=True, help="Leave the report out.")
 @click.option("--json", "as_json", is_flag=True, help="Print the cells as JSON.")
 @click.pass_context
 def run_command(context: click.Context, /, **options: Any) -> None:
-    """Run the cells of CONFIG that have not been run, and write tables and a report."""
-    from trailmark_bench.cli.running import list_bench, run_bench_command
+    """Run the cells of CONFIG that have not been run, and write tables and a report.
 
-    request = RunOptions(**options)
+    CONFIG is a file, or `grand`: everything that is here, on everything that is here.
+    """
+    from trailmark_bench.cli.running import list_bench, run_bench_command
+    from trailmark_bench.suites import find_config
+
+    request = RunOptions(**options | {"config": find_config(options["config"])})
     if request.alone and request.jobs not in (None, 1):
         raise ConfigError(f"--alone runs one cell at a time; leave --jobs {request.jobs} out")
     chosen: ChosenPlugins = context.find_root().obj or ChosenPlugins()

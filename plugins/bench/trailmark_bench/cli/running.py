@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -18,15 +20,17 @@ from trailmark.isolation.executor import Executor
 from trailmark.isolation.fingerprint import FileCache
 from trailmark.pipeline.outputs.provenance import provenance
 from trailmark.plugins import Plugins
+from trailmark_bench.cell import Cell
 from trailmark_bench.cli.commands import RunOptions
 from trailmark_bench.cli.progress import BenchProgress, duration_text
 from trailmark_bench.cli.showing import show_states, show_tables
 from trailmark_bench.durations import estimated_s
 from trailmark_bench.index import INDEX_FILE, Index
 from trailmark_bench.matrix import Bench, load_bench
+from trailmark_bench.order import first_samples
 from trailmark_bench.page import write_page
 from trailmark_bench.rehearsal import misfits
-from trailmark_bench.scheduler import run_bench
+from trailmark_bench.scheduler import cells_to_run, run_bench
 
 __all__ = ["list_bench", "run_bench_command"]
 
@@ -57,11 +61,28 @@ def run_bench_command(request: RunOptions, plugins: Plugins, chosen: ChosenPlugi
         remember(index, bench, request.config)
         with BenchProgress() as progress:
             executor = executor_of(bench, plugins, request)
-            lost = run_bench(bench.cells, index, executor, retry=request.retry, on_progress=progress)
+            budget_s = math.inf if request.hours is None else 3600.0 * request.hours
+            lost = run_bench(bench.cells, index, executor, retry=request.retry, on_progress=progress, budget_s=budget_s)
         conclude(index, request.no_report, request.as_json)
+        states = index.states()
+    left = [] if lost else cells_to_run(bench.cells, states)
+    if left:
+        say(left_words(left, bench.cells, states))
     if lost:
         say(f"{len(lost)} cells are pending: what ran them was lost, more than once; the same command goes on")
         raise click.exceptions.Exit(1)
+
+
+def left_words(left: Sequence[Cell], cells: Sequence[Cell], states: Mapping[str, str]) -> str:
+    """Return what the time was not enough for, in a line."""
+    begun = {_without_samples(cell) for cell in cells if states.get(cell.id, "pending") not in ("pending", "running")}
+    n_unseen = len({_without_samples(cell) for cell in left} - begun)
+    more = f"of {n_unseen} combinations not one" if n_unseen else "of every combination one at least has"
+    return f"the time is over: {len(left)} of {len(cells)} cells have not been run, {more}; the same command goes on"
+
+
+def _without_samples(cell: Cell) -> tuple[object, ...]:
+    return cell.matrix, *(value for axis, value in cell.coordinates.items() if axis not in ("seed", "place"))
 
 
 @contextmanager
@@ -85,6 +106,8 @@ def load(request: RunOptions, plugins: Plugins, chosen: ChosenPlugins, cache: Fi
         block=chosen.block,
         cache=cache,
     )
+    if request.quick:
+        bench = replace(bench, cells=tuple(first_samples(bench.cells)))
     for notice in bench.notices:
         say(notice)
     if not bench.cells:
@@ -97,6 +120,7 @@ def remember(index: Index, bench: Bench, config: Path) -> None:
     section = bench.section
     index.set_meta(
         name=bench.name,
+        version=section.version,
         metrics=list(section.metrics),
         baseline=section.baseline,
         judging=section.judging.model_dump(mode="json"),
