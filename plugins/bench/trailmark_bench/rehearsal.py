@@ -57,7 +57,7 @@ def _faultless(source: Mapping[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in source.items() if key != "perturb"}
 
 
-def _load(document: Mapping[str, Any], base_dir: str, plugins: Plugins) -> RunConfig:
+def _load(document: dict[str, Any], base_dir: str, plugins: Plugins) -> RunConfig:
     return load_run_config(Document(document, "cell", Path(base_dir)), plugins=plugins)
 
 
