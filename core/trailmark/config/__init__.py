@@ -11,6 +11,7 @@ from trailmark.config.entries import EstimatorEntry, LocalizerEntry, PartEntry, 
 from trailmark.config.files import ConfigPath, ExistingFile, ExistingPath, OutputPath
 from trailmark.config.host import LocalizerOptions, PathStoreOptions, RunSettings, StopWhen
 from trailmark.config.load import load_run_config
+from trailmark.config.presets import PresetConfig, PresetValue
 from trailmark.config.roles import refuse_duplicate_sensors, resolve_all_roles, resolve_roles
 from trailmark.config.run import RunConfig, SensorOverride
 from trailmark.config.source import LiveSourceConfig, Mounting, SourceConfig
@@ -32,6 +33,8 @@ __all__ = [
     "PathStoreEntry",
     "PathStoreOptions",
     "PluginConfig",
+    "PresetConfig",
+    "PresetValue",
     "RunConfig",
     "RunSettings",
     "Sensor",
