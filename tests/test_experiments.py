@@ -35,7 +35,7 @@ def test_the_document_has_the_promised_keys_and_no_nan() -> None:
 
     assert set(document) == {
         "experiment", "item", "unit", "paper", "bar", "stretch", "ours", "spread", "better", "met", "n", "seeds",
-        "note",
+        "note", "faithful",
     }  # fmt: skip
     assert json.loads(json.dumps(document, allow_nan=False))["ours"] is None
 
@@ -58,7 +58,7 @@ def test_map_tells_what_a_call_raised(tmp_path: Path, jobs: int) -> None:
 def test_the_page_holds_rows_notes_and_pictures(tmp_path: Path) -> None:
     (tmp_path / "figure_13.svg").write_text("<svg/>", encoding="utf-8")
     rows = [
-        Row("C", "offset", "mm", 1.4, paper=4.4, bar=4.4, n=75000),
+        Row("C", "offset", "mm", 1.4, paper=4.4, bar=4.4, n=75000, faithful=2.4),
         Row("C", "poles touched", "", 1.0, bar=0.0, note="one gate only"),
     ]
     origin = {"command": "/a/b/trailmark reproduce x", "started": "2026-11-21T10:00", "trailmark": "1", "cpu": "A"}
@@ -66,7 +66,8 @@ def test_the_page_holds_rows_notes_and_pictures(tmp_path: Path) -> None:
     page = write_experiment(tmp_path, "Path tracking", "Nagai 2015", rows, origin, took_s=90.0).read_text("utf-8")
 
     assert "`trailmark reproduce x`, 2026-11-21, trailmark 1, 1.5 min on A.\n1 of 2 bars are met." in page
-    assert "| C | offset | mm | 4.4 | 4.4 |  | 1.4 |  | 75000 | 1 | met |" in page
+    assert "are met.\n`faithful` is the method as the paper prints it" in page
+    assert "| C | offset | mm | 4.4 | 2.4 | 1.4 |  | 4.4 |  | 75000 | 1 | met |" in page
     assert "- C, poles touched: one gate only" in page
     assert "![figure 13](figure_13.svg)" in page
     assert len(json.loads((tmp_path / "rows.json").read_text("utf-8"))["rows"]) == 2

@@ -36,6 +36,8 @@ class Row:
         Samples and seeds behind the figure.
     note : str
         What a reader must know of it, such as how the paper measured.
+    faithful : float or None
+        The same figure of the method as the paper prints it, measured here beside ours.
     """
 
     experiment: str
@@ -50,6 +52,7 @@ class Row:
     n: int = 1
     seeds: int = 1
     note: str = ""
+    faithful: float | None = None
 
     @property
     def met(self) -> bool | None:

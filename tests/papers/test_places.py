@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from trailmark.experiments import ExperimentOptions, Row
-from trailmark_papers.kit import Trial, over_places
+from trailmark_papers.kit import Trial, beside_faithful, over_places
 
 
 def options(out: Path, quick: bool = False, seed: int = 0, place: int | None = None) -> ExperimentOptions:
@@ -39,6 +39,30 @@ def test_the_spread_is_over_places_and_n_counts_them(tmp_path: Path) -> None:
     assert largest.ours == 0.6
     assert largest.met is False
     assert worst.ours == 0.1
+
+
+def test_the_method_as_printed_is_averaged_over_places_too(tmp_path: Path) -> None:
+    def rows(given: ExperimentOptions) -> list[Row]:
+        printed = {1: 1.0, 1001: None, 2001: 2.0}[given.world_seed]
+        return [
+            Row("line", "error, mean", "m", 0.1, faithful=printed),
+            Row("line", "largest", "m", 0.1, faithful=printed),
+        ]
+
+    mean, largest = over_places(options(tmp_path), rows, 3)
+
+    assert mean.faithful == pytest.approx(1.5)
+    assert largest.faithful == 2.0
+
+
+def test_rows_stand_beside_those_of_the_same_item_as_printed() -> None:
+    ours = [Row("line", "error", "m", 0.1, bar=0.2), Row("line", "time", "ms", 1.0), Row("line", "error", "deg", 3.0)]
+    printed = [Row("line, as printed", "error", "m", 0.4, bar=0.2), Row("line", "jumps", "", 9.0)]
+
+    found = beside_faithful(ours, printed)
+
+    assert [row.faithful for row in found] == [0.4, None, None]
+    assert [(row.experiment, row.ours, row.bar) for row in found] == [(r.experiment, r.ours, r.bar) for r in ours]
 
 
 def test_a_place_where_nothing_could_be_measured_misses_the_bar(tmp_path: Path) -> None:

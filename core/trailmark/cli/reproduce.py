@@ -100,12 +100,12 @@ def _print_table(title: str, rows: Sequence[Row]) -> None:
     table = Table(box=None, header_style="bold", pad_edge=False, title=title, title_justify="left", title_style="bold")
     table.add_column("experiment")
     table.add_column("item")
-    for column in ("unit", "paper", "bar", "ours", "+-", "n"):
+    for column in ("unit", "paper", "faithful", "ours", "+-", "bar", "n"):
         table.add_column(column, justify="right", no_wrap=True)
     table.add_column("")
     marks = {True: "[green]met[/]", False: "[red]not met[/]", None: ""}
     for row in rows:
-        numbers = [_number(value) for value in (row.paper, row.bar, row.ours, row.spread)]
+        numbers = [_number(value) for value in (row.paper, row.faithful, row.ours, row.spread, row.bar)]
         table.add_row(row.experiment, row.item, row.unit, *numbers, str(row.n), marks[row.met])
     table_console().print(table)
 

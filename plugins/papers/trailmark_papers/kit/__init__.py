@@ -9,11 +9,11 @@ from trailmark_papers.kit.places import Trial, over_places
 from trailmark_papers.kit.runs import OnStep, collisions_of, run_config, simulated, started_source, truth_of
 from trailmark_papers.kit.stores import arrays_of, keyframes_of, path_of
 from trailmark_papers.kit.sweeps import grouped, sweep
-from trailmark_papers.kit.tables import Table
+from trailmark_papers.kit.tables import Table, beside_faithful
 from trailmark_papers.kit.watching import Watcher, show, timed
 
 __all__ = [
-    "AnswerKeeper", "FrameKeeper", "OnStep", "Table", "Trial", "Watcher", "arrays_of", "collisions_of", "grouped",
-    "keyframes_of", "largest_of", "mean_of", "over_places", "panels", "path_of", "rms", "run_config", "sd_of", "show",
-    "simulated", "spread_of", "started_source", "sweep", "timed", "truth_of",
+    "AnswerKeeper", "FrameKeeper", "OnStep", "Table", "Trial", "Watcher", "arrays_of", "beside_faithful",
+    "collisions_of", "grouped", "keyframes_of", "largest_of", "mean_of", "over_places", "panels", "path_of", "rms",
+    "run_config", "sd_of", "show", "simulated", "spread_of", "started_source", "sweep", "timed", "truth_of",
 ]  # fmt: skip

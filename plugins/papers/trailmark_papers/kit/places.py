@@ -81,6 +81,7 @@ def _over(rows: Sequence[Row]) -> Row:
         first,
         ours=_figure_of(first, values) if len(values) == len(rows) or first.bar is None else None,
         bar=None if first.bar is None else float(np.mean([row.bar for row in rows if row.bar is not None])),
+        faithful=_figure_of(first, [row.faithful for row in rows if row.faithful is not None]),
         spread=float(np.std(values)) if len(values) > 1 else None,
         n=len(rows),
         seeds=sum(row.seeds for row in rows),

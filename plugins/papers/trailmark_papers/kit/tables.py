@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from trailmark.arrays import Bools, Floats
 from trailmark.experiments import Row
 
-__all__ = ["Table"]
+__all__ = ["Table", "beside_faithful"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,3 +48,15 @@ class Table:
     def add_share(self, item: str, holds: Bools | Floats | Sequence[bool], **more: Any) -> None:
         """Add the mean share of what holds, of which more is better [%]."""
         self.add_higher(item, "%", 100.0 * float(np.mean(holds)), **more)
+
+
+def beside_faithful(ours: Iterable[Row], faithful: Iterable[Row]) -> list[Row]:
+    """Return rows with the figures that the method as printed gives for the same items.
+
+    Parameters
+    ----------
+    ours, faithful : iterable of Row
+        Of the default and of the preset; what only one of them measured stays as it is, or is left out.
+    """
+    found = {(row.item, row.unit): row.ours for row in faithful}
+    return [replace(row, faithful=found.get((row.item, row.unit))) for row in ours]
