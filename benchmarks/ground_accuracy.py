@@ -79,7 +79,7 @@ def make(method: str) -> Localizer:
     elif method == "phase_correlation":
         localizer = PhaseCorrelation(PhaseCorrelationConfig.model_validate(camera))
     else:
-        localizer = GroundVO(GroundVOConfig.model_validate(camera | {"mode": method}))
+        localizer = GroundVO(GroundVOConfig.model_validate(camera | ({"preset": "paper"} if method == "paper" else {})))
     localizer.start(Session(name=method, sensors={"floor": sensor()}))
     return localizer
 

@@ -52,8 +52,6 @@ from trailmark_sim.ground.ground import Ground, Zone
 FLOORS = ("wood_floor", "asphalt", "warehouse_concrete_1k")
 START_FLOORS = ("sim:asphalt", "sim:wood", "wood_floor", "asphalt", "warehouse_concrete_1k")
 CAMERA: dict[str, Any] = {"camera": "floor"}
-#: Keys of ground_map that make it the paper's.
-PAPER = {"high_pass": False, "refined": False, "min_groups": 4, "max_attempts": 1}
 NO_CONSENSUS = {"min_groups": 1, "tolerance_px": 1000.0, "min_correlation": 0.0}
 _FALSE_M, _DRIVE_ON_M = 5e-3, 0.5
 
@@ -118,8 +116,8 @@ class Robot:
     """ground_vo, ground_map and dead reckoning, driven over pictures."""
 
     def __init__(self, localizer_map: MemoryMap, mode: str, is_teaching: bool, latency: int = 0, **keys: Any) -> None:
-        motion = GroundVOConfig.model_validate(CAMERA | {"mode": mode})
-        paper = PAPER if mode == "paper" else {}
+        paper = {"preset": "paper"} if mode == "paper" else {}
+        motion = GroundVOConfig.model_validate(CAMERA | paper)
         self.motion, self.map = GroundVO(motion), GroundMap(GroundMapConfig.model_validate(CAMERA | paper | keys))
         session = Session(mode="teach" if is_teaching else "replay", sensors={"floor": sensor()}, map=localizer_map)
         self.motion.start(session)

@@ -145,7 +145,11 @@ def step_rows(n: int) -> Iterator[Row]:
         run, frames = drive(n + 20, vignette)
         light = "even light" if vignette == 0.0 else "flat field"
         for mode, (bar, stretch, slowest) in bars.items():
-            localizer = GroundVO(GroundVOConfig.model_validate({"camera": "floor", "mode": mode}))
+            localizer = GroundVO(
+                GroundVOConfig.model_validate(
+                    {"camera": "floor"} | ({"preset": "paper"} if mode == "paper" else {"mode": mode})
+                )
+            )
             localizer.start(Session(sensors={"floor": run.sensor}))
             times = _observed(localizer, frames)[20:]
             yield _row(f"step, mode {mode}, {light}", times, 3.5, bar, stretch)

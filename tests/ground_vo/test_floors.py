@@ -47,7 +47,7 @@ def test_on_every_floor_the_refined_mode_holds_the_track(floor, floors, track):
 
 @pytest.mark.data
 @pytest.mark.parametrize("floor", ["wood_floor", "artificial_turf_1k"])
-@pytest.mark.parametrize("mode", ["pyramid", "paper"])
+@pytest.mark.parametrize("mode", ["pyramid", "whole_pixels"])
 def test_whole_pixels_hold_the_track_too(floor, mode, floors, track):
     tracked = track(drive(floors, floor, 60, seed=22), n_pixels=768, mode=mode)
 

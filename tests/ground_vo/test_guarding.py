@@ -50,7 +50,7 @@ def test_in_even_light_the_plain_tracker_has_its_way(camera, pictures):
     assert tracker.counters() == {"suspected": 0, "guarded": 0}
 
 
-@pytest.mark.parametrize("mode", ["paper", "pyramid"])
+@pytest.mark.parametrize("mode", ["whole_pixels", "pyramid"])
 def test_the_other_modes_are_not_guarded(camera, pictures, mode):
     tracker, alone = GroundTracker(config(mode=mode), camera.size), RelativeTracker(config(mode=mode), camera.size)
     flickering = [
@@ -132,7 +132,7 @@ def test_a_picture_of_another_size_has_a_rim_and_a_reach_of_its_own():
 
     assert rims == [(64, 36), (128, 72), (32, 18)]
     assert max_shift_px(config(), (1024, 960), is_guarded=True) == 336
-    assert {margin_px(config(mode="paper"), size) for size in sizes} == {64}  # as printed
+    assert {margin_px(config(mode="whole_pixels"), size) for size in sizes} == {64}  # as printed
 
 
 def test_a_lost_picture_names_the_key_that_limits_the_speed(camera, pictures):

@@ -23,7 +23,8 @@ LOST_AT = 12
 
 
 @pytest.mark.parametrize(
-    ("mode", "position_m", "heading_deg"), [("refined", 0.1e-3, 0.02), ("pyramid", 3e-3, 0.6), ("paper", 3e-3, 0.6)]
+    ("mode", "position_m", "heading_deg"),
+    [("refined", 0.1e-3, 0.02), ("pyramid", 3e-3, 0.6), ("whole_pixels", 3e-3, 0.6)],
 )
 def test_a_drive_is_measured(mode, position_m, heading_deg, camera, ground, track):
     motion = straight(SPEED_MPS, sway_m=0.003, sway_s=1.0, shake_rad=0.0009)
@@ -48,7 +49,7 @@ def test_a_tight_and_fast_circle_is_measured(camera, ground, track):
     assert abs(math.degrees(theta)) < 0.03
 
 
-@pytest.mark.parametrize("mode", ["refined", "paper"])
+@pytest.mark.parametrize("mode", ["refined", "whole_pixels"])
 def test_a_robot_that_stands_is_not_told_to_move(mode, camera, ground, track):
     tracked = track(ground_run(lambda _: Pose2(0.1, 0.2, 0.3), 20, ground=ground, camera=camera), mode=mode)
 
@@ -129,7 +130,7 @@ def spoilt(spoil, first, last):
     return change
 
 
-@pytest.mark.parametrize("mode", ["refined", "pyramid", "paper"])
+@pytest.mark.parametrize("mode", ["refined", "pyramid", "whole_pixels"])
 @pytest.mark.parametrize("spoil", [covered, blurred, blank, black])
 def test_a_spoilt_picture_is_lost_and_bridged_by_the_next_motion(spoil, mode, camera, ground, track):
     run = ground_run(straight(SPEED_MPS), 20, ground=ground, camera=camera)
@@ -145,7 +146,7 @@ def test_a_spoilt_picture_is_lost_and_bridged_by_the_next_motion(spoil, mode, ca
     assert tracked.error()[0] == pytest.approx(0.0, abs=0.4e-3)
 
 
-@pytest.mark.parametrize("mode", ["refined", "paper"])
+@pytest.mark.parametrize("mode", ["refined", "whole_pixels"])
 def test_a_long_loss_leaves_a_gap_and_then_the_track_is_found_again(mode, camera, ground, track):
     run = ground_run(straight(SPEED_MPS), 30, ground=ground, camera=camera)
 
@@ -161,7 +162,7 @@ def test_a_long_loss_leaves_a_gap_and_then_the_track_is_found_again(mode, camera
 def test_a_motion_beyond_the_reach_of_the_paper_is_lost_in_its_mode(camera, ground, track):
     run = ground_run(straight(70 * 3.9e-4 * 70), 6, ground=ground, camera=camera)
 
-    tracked = track(run, mode="paper")
+    tracked = track(run, mode="whole_pixels")
 
     assert len(tracked.lost) == 5
     assert "too fast" in tracked.lost[0].reason
@@ -186,7 +187,7 @@ def test_without_the_wide_search_the_start_must_be_slow(camera, ground, track):
 def test_the_refinement_never_leaves_a_larger_error_than_whole_pixels_over_a_way(camera, ground, track):
     run = ground_run(straight(SPEED_MPS, sway_m=0.003, sway_s=1.0), 70, ground=ground, camera=camera)
 
-    refined, whole = track(run, mode="refined"), track(run, mode="paper")
+    refined, whole = track(run, mode="refined"), track(run, mode="whole_pixels")
 
     assert math.hypot(*refined.error()[:2]) < 0.2 * math.hypot(*whole.error()[:2])
 
@@ -284,7 +285,7 @@ def test_a_picture_of_another_size_is_refused(camera, ground):
     [
         ({"margin_px": 150}, r"pictures of 320 x 288 are too small for a rim of 150 px"),
         ({"margin_px": 40, "max_shift_px": 36}, r"margin_px is 40, but shifts of 36 \+ 8 px"),
-        ({"margin_px": 40, "mode": "paper"}, r"margin_px is 40, but shifts of 36 \+ 8 px"),
+        ({"margin_px": 40, "mode": "whole_pixels"}, r"margin_px is 40, but shifts of 36 \+ 8 px"),
         ({"centre_distance_px": 205}, r"viewpoints 205 px apart"),
     ],
 )

@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from trailmark.config import PluginConfig
+from trailmark.config import PresetConfig, PresetValue
 
 __all__ = ["DriftSteeringConfig"]
 
 
-class DriftSteeringConfig(PluginConfig):
+class DriftSteeringConfig(PresetConfig):
     """Steering against the drift from a taught path (Perroni Filho & Ohya 2014, Sec. IV)."""
 
+    presets: ClassVar = {
+        "paper": {
+            "speed_mps": PresetValue(0.3, "Sec. V"),
+            "law": PresetValue("steps", "Sec. IV: turn by the drift, go straight until the next one is known"),
+        }
+    }
+
+    preset: Literal["paper"] | None = None
+    """The steering as printed; what is written beside it wins."""
     speed_mps: float = Field(0.3, gt=0)
     """Speed along the path; the paper's [m/s]."""
     reverse: bool | None = None

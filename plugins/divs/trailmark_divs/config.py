@@ -2,17 +2,39 @@
 
 from __future__ import annotations
 
+from typing import ClassVar, Literal
+
 from pydantic import Field, model_validator
 
-from trailmark.config import PluginConfig, Sensor
+from trailmark.config import PresetConfig, PresetValue, Sensor
 from trailmark_divs.options import Average, Correspond, Gain, Select, Shift, Threshold, TurnSource, WhenBlind
 
 __all__ = ["DivsConfig"]
 
 
-class DivsConfig(PluginConfig):
+class DivsConfig(PresetConfig):
     """Differential visual streams (Perroni Filho & Ohya 2014); w = 25, d = 50, e = 5 and q = 1.5 cm are the paper's."""
 
+    presets: ClassVar = {
+        "paper": {
+            "window": PresetValue(25, "Sec. V: w"),
+            "columns": PresetValue(50, "Sec. V: d"),
+            "correlation_window": PresetValue(5, "Sec. V: e"),
+            "select": PresetValue("distance", "Eq. 14"),
+            "spacing_m": PresetValue(0.015, "Sec. V: a picture every 1.5 cm"),
+            "region": PresetValue((0.0, 0.5), "Eq. 7: the upper half"),
+            "threshold": PresetValue("otsu", "Eq. 5"),
+            "average": PresetValue("mean", "Eq. 6"),
+            "shift": PresetValue("paper", "Eq. 8, Fig. 1: correlation and hill climbing"),
+            "confidence": PresetValue(0.0, "Fig. 1: the hill is the answer, whatever its height"),
+            "correspondence": PresetValue("distance", "Eq. 13"),
+            "gain": PresetValue("paper", "Eqs. 15, 16"),
+            "when_blind": PresetValue("silent", "Sec. IV: nothing is collected in a turn"),
+        }
+    }
+
+    preset: Literal["paper"] | None = None
+    """The method as printed; what is written beside it wins. `drift_steering` has a preset of this name too."""
     camera: Sensor["image", "rgbd"]
     """Camera that looks along the path."""
 

@@ -32,7 +32,7 @@ def tracking_areas(config: GroundVOConfig, size: tuple[int, int]) -> tuple[tuple
     width, height = size
     margin = margin_px(config, size)
     rows = height - 2 * margin
-    paper_px = _PAPER_DISTANCE if config.mode == "paper" else _DISJOINT_DISTANCE
+    paper_px = _PAPER_DISTANCE if config.mode == "whole_pixels" else _DISJOINT_DISTANCE
     distance_px = config.centre_distance_px or round(rows * paper_px / _PAPER_ROWS)
     high = rows - distance_px
     if width - 2 * margin < 32 or high < 16:
@@ -66,7 +66,7 @@ def margin_px(config: GroundVOConfig, size: tuple[int, int]) -> int:
 
 
 def _scaled(paper_px: int, config: GroundVOConfig, size: tuple[int, int]) -> int:
-    """Return a length of the paper's picture in one of another size; as printed in the modes of the paper."""
+    """Return a length of the paper's picture in one of another size; as printed in the other modes."""
     return round(paper_px * min(size) / _PAPER_SIDE_PX) if config.mode == "refined" else paper_px
 
 

@@ -3,29 +3,50 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
+import warnings
+from typing import Any, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from trailmark.config import PluginConfig, Sensor
+from trailmark.config import PresetConfig, PresetValue, Sensor
 
 __all__ = ["GroundMapConfig", "GroundVOConfig"]
 
+_STEP_DEG = math.degrees(1 / 128)
 
-class GroundVOConfig(PluginConfig):
+
+class GroundVOConfig(PresetConfig):
     """Relative search between consecutive pictures of the ground (Nagai & Watanabe 2015, Sec. II-A)."""
 
+    presets: ClassVar = {
+        "paper": {
+            "mode": PresetValue("whole_pixels", "Sec. II-A: integer coordinates and 9.7 fixed point"),
+            "n_pixels": PresetValue(768, "Sec. II-A: N_1 and N_2"),
+            "search_px": PresetValue(8, "Sec. II-A: i and j"),
+            "rotation_steps": PresetValue(5, "Sec. II-A: k"),
+            "rotation_step_deg": PresetValue(_STEP_DEG, "Sec. II-A: 0.448 deg, the least sine in 7 bits"),
+            "max_shift_px": PresetValue(36, "Sec. II-A: the largest p"),
+            "margin_px": PresetValue(64, "Fig. 1"),
+            "wide_search": PresetValue(False, "Sec. II-A: it looks where the last motion leads, and nowhere else"),
+            "max_error_ratio": PresetValue(1.0, "Sec. II-A: the least error is the answer, whatever it is"),
+            "max_error_growth": PresetValue(1e6, "the same"),
+        }
+    }
+
+    preset: Literal["paper"] | None = None
+    """The relative search as printed; what is written beside it wins."""
     camera: Sensor["image"]
     """The downward camera."""
-    mode: Literal["refined", "pyramid", "paper"] = "refined"
-    """paper: whole pixels, as printed; pyramid: the same search in two levels; refined: to a hundredth of a pixel."""
+    mode: Literal["refined", "pyramid", "whole_pixels"] = "refined"
+    """whole_pixels: as the paper; pyramid: the same search in two levels; refined: to a hundredth of a pixel.
+    (`mode: paper` is called `preset: paper` now.)"""
     n_pixels: int = Field(768, ge=16, multiple_of=2)
     """Reference pixels of each of the two groups (paper: 768)."""
     search_px: int = Field(8, ge=2, le=32)
     """Range of the search around the predicted shift, to all sides (paper: 8) [px]."""
     rotation_steps: int = Field(5, ge=1, le=64)
     """Steps of the rotational search to either side (paper: 5)."""
-    rotation_step_deg: float = Field(math.degrees(1 / 128), gt=0, le=5)
+    rotation_step_deg: float = Field(_STEP_DEG, gt=0, le=5)
     """Step of the rotational search; 1/128 rad, the paper's 0.448 deg [deg]."""
     max_shift_px: int | None = Field(None, ge=0)
     """Largest predicted shift per picture; left out: 36 as in the paper, in mode refined as much of the picture's
@@ -34,8 +55,8 @@ class GroundVOConfig(PluginConfig):
     """Rim of the picture without reference pixels, so that none is lost while searching; left out: 64 as in the paper,
     and in mode refined as much in a picture of another size as in one 480 px high [px]."""
     centre_distance_px: int | None = Field(None, ge=8)
-    """D of Eq. (3), the distance of the two viewpoints; left out: in a picture 480 px high 128 in mode paper, where the
-    tracking areas overlap as in Fig. 1, and 192 else, where they do not [px]."""
+    """D of Eq. (3), the distance of the two viewpoints; left out: in a picture 480 px high 128 in mode
+    whole_pixels, where the tracking areas overlap as in Fig. 1, and 192 else, where they do not [px]."""
     wide_search: bool = True
     """Search the whole range of shifts when nothing is known of the motion: at the start and when the track is lost."""
     max_error_ratio: float = Field(0.8, gt=0, le=1)
@@ -67,10 +88,37 @@ class GroundVOConfig(PluginConfig):
     use_vectors: bool = True
     """Use the vector kernels; false takes the plain ones, which give the same bits, slower."""
 
+    @model_validator(mode="before")
+    @classmethod
+    def _rename_mode(cls, values: Any) -> Any:
+        if not isinstance(values, dict) or values.get("mode") != "paper":
+            return values
+        warnings.warn("`mode: paper` of ground_vo is called `preset: paper` now", DeprecationWarning, stacklevel=2)
+        return {"preset": "paper"} | {key: value for key, value in values.items() if key != "mode"}
 
-class GroundMapConfig(PluginConfig):
+
+class GroundMapConfig(PresetConfig):
     """Registration and absolute search of ground patches (Nagai & Watanabe 2015, Sec. II-B)."""
 
+    presets: ClassVar = {
+        "paper": {
+            "spacing_m": PresetValue(0.05, "Sec. II-B"),
+            "patch_px": PresetValue(44, "Sec. II-B: 0.18 W of the half-size picture"),
+            "reach_m": PresetValue(0.025, "Sec. II-B"),
+            "search_px": PresetValue(32, "Sec. II-B: 0.025 m"),
+            "rotation_steps": PresetValue(15, "Sec. II-B: k"),
+            "rotation_step_deg": PresetValue(_STEP_DEG, "Sec. II-A: 0.448 deg"),
+            "search": PresetValue("exhaustive", "Eq. 1"),
+            "high_pass": PresetValue(False, "Eq. 1: raw illuminance"),
+            "refined": PresetValue(False, "Eq. 5: whole pixels"),
+            "min_groups": PresetValue(4, "Sec. II-B: all four close together"),
+            "min_correlation": PresetValue(-1.0, "not in the paper"),
+            "max_attempts": PresetValue(1, "Sec. II-B: one search at a registered place"),
+        }
+    }
+
+    preset: Literal["paper"] | None = None
+    """Registration and search as printed; what is written beside it wins."""
     camera: Sensor["image"]
     """The downward camera."""
     spacing_m: float = Field(0.05, gt=0)
@@ -83,7 +131,7 @@ class GroundMapConfig(PluginConfig):
     """Range of the search to all sides, in pixels of the half-size picture (paper: 32, that is 0.025 m) [px]."""
     rotation_steps: int = Field(15, ge=1, le=90)
     """Steps of the rotational search to either side (paper: 15)."""
-    rotation_step_deg: float = Field(math.degrees(1 / 128), gt=0, le=5)
+    rotation_step_deg: float = Field(_STEP_DEG, gt=0, le=5)
     """Step of the rotational search; 1/128 rad, the paper's 0.448 deg [deg]."""
     search: Literal["exhaustive", "pyramid"] = "exhaustive"
     """exhaustive: every candidate, as Eq. (1) says; pyramid: quarter-size first, ten times faster."""

@@ -237,7 +237,7 @@ class WholePixelMove(MoveStrategy):
 
     def move(self, picture: SearchPicture, matches: MatchPair, guesses: Sequence[ImageMotion] = ()) -> GroupMove:
         """Return Eq. (3), and move each group by its own match."""
-        grid = _PAPER_GRID if self._config.mode == "paper" else 0.0
+        grid = _PAPER_GRID if self._config.mode == "whole_pixels" else 0.0
         lower, upper = matches
         replaced = self._views.advance(picture, lower.motion, upper.motion, grid)
         alignment = whole_pixel_information(

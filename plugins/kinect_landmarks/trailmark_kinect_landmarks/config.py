@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from typing import ClassVar, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from trailmark.config import OutputPath, PluginConfig, Sensor
+from trailmark.config import OutputPath, PresetConfig, PresetValue, Sensor
 
 __all__ = ["FINDER_NAMES", "CropConfig", "KinectFlowConfig", "KinectLandmarksConfig", "RgbdConfig"]
 
@@ -30,9 +30,23 @@ class CropConfig(BaseModel):
     """Lines at the bottom [px]."""
 
 
-class RgbdConfig(PluginConfig):
+#: How both modes of the paper see: in the plane, with its angles and its depth.
+_SIGHT = {
+    "solve": PresetValue("plane", "Figs. 2 and 3: seen from above"),
+    "angles": PresetValue("linear", "angles by counting pixels from the middle"),
+    "depth_kind": PresetValue("range", "Eqs. 7 to 10: depth along the ray"),
+    "field_of_view_deg": PresetValue(57.0, "of its Kinect"),
+    "min_landmarks": PresetValue(2, "two landmarks are enough"),
+}
+
+
+class RgbdConfig(PresetConfig):
     """What the localizers share: the camera, its depth, and when landmarks carry a pose."""
 
+    presets: ClassVar = {"paper": _SIGHT}
+
+    preset: Literal["paper"] | None = None
+    """The method as printed; what is written beside it wins. Its calibration, `crop`, is the camera's own."""
     camera: Sensor["rgbd"]
     """Colour camera with depth."""
     scan: Sensor["scan", "scalar"] | None = None
@@ -74,6 +88,21 @@ class RgbdConfig(PluginConfig):
 
 class KinectLandmarksConfig(RgbdConfig):
     """Landmarks found, remembered, found again and triangulated (Toth et al. 2015)."""
+
+    presets: ClassVar = {
+        "paper": {
+            **_SIGHT,
+            "finders": PresetValue(
+                ("blobs", "edges", "ellipses", "lines", "rectangles", "flats"), "what it finds, in its order"
+            ),
+            "point": PresetValue("centre", "the centre of the frame around a blob"),
+            "refind": PresetValue("look", "it looks for all remembered landmarks in a new picture"),
+            "adapt": PresetValue(True, "fuzzy choice, smaller pictures when slow"),
+            "landmarks": PresetValue(3, "two landmarks and one in reserve"),
+            "trial": PresetValue(1, "not in the paper"),
+            "moved_after": PresetValue(1_000_000, "not in the paper: moving landmarks are an error"),
+        }
+    }
 
     light: Sensor["scalar"] | None = None
     """Ambient light; without it the picture's own brightness is used."""

@@ -2,18 +2,40 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from trailmark.config import ConfigPath, PluginConfig, Sensor
+from trailmark.config import ConfigPath, PresetConfig, PresetValue, Sensor
 
 __all__ = ["OmniSurfConfig"]
 
 
-class OmniSurfConfig(PluginConfig):
+class OmniSurfConfig(PresetConfig):
     """Landmarks from an uncalibrated omnidirectional camera (Tasaki et al. 2010)."""
 
+    presets: ClassVar = {
+        "paper": {
+            "features": PresetValue("surf", "Sec. II-A"),
+            "descriptor_gate": PresetValue(0.4, "Sec. IV: T_F = 40, where vectors have length 100"),
+            "ratio": PresetValue(1.0, "Eq. 1 asks for nothing else"),
+            "position_gate_px": PresetValue(1.5, "Sec. IV: T_x"),
+            "n_longest": PresetValue(9, "Sec. IV: K"),
+            "selection": PresetValue("svm", "Sec. II-B"),
+            "label_distance_m": PresetValue(0.6, "Sec. IV: T_d"),
+            "tracking_error_deg": PresetValue(5.0, "Sec. IV: T_p"),
+            "min_tracked": PresetValue(5, "Sec. IV: T_n"),
+            "refresh_every": PresetValue(1_000_000, "Fig. 3: it tracks as long as more than T_n are left"),
+            "min_agreeing": PresetValue(4, "Sec. III: more than 3 landmarks"),
+            "max_rival_share": PresetValue(1.0, "not in the paper"),
+            "min_agreeing_share": PresetValue(0.0, "not in the paper"),
+            "confirm_pictures": PresetValue(1, "not in the paper"),
+            "max_gap_deg": PresetValue(360.0, "not in the paper"),
+        }
+    }
+
+    preset: Literal["paper"] | None = None
+    """The method as printed; what is written beside it wins. Teach with it too: `n_longest` chooses candidates."""
     camera: Sensor["image"]
     """The omnidirectional camera."""
     unwrapped: bool = False

@@ -11,7 +11,7 @@ import numpy as np
 from trailmark.experiments import ExperimentOptions, Row
 from trailmark_papers.kit import Table, Trial
 from trailmark_papers.nagai2015.playback import read_playback
-from trailmark_papers.nagai2015.runs import PAPER_MAP, course, drive, tracking_config
+from trailmark_papers.nagai2015.runs import course, drive, keys_of, tracking_config
 
 __all__ = ["cover_rows"]
 
@@ -62,18 +62,16 @@ def _playback(mode: str, has_consensus: bool) -> str:
 
 def _teach(trial: Trial, mode: str, is_quick: bool) -> Path:
     duration_s = (_QUICK if is_quick else _FULL)[0]
-    patches = PAPER_MAP if mode == "paper" else None
-    config = tracking_config(
-        course("straight", trial.place, duration_s=duration_s), trial.seed, motion={"mode": mode}, patches=patches
-    )
+    source, keys = course("straight", trial.place, duration_s=duration_s), keys_of(mode)
+    config = tracking_config(source, trial.seed, motion=keys, patches=keys)
     return drive(trial.out / _teaching(mode), config, trial.out / f"{_teaching(mode)}.trail", mode="teach")
 
 
 def _repeat(trial: Trial, mode: str, has_consensus: bool, is_quick: bool) -> Path:
     _, from_m, to_m, trips = _QUICK if is_quick else _FULL
     covered = [{"from_m": from_m, "to_m": to_m, "floor": "carpet"}]
-    patches = dict(PAPER_MAP if mode == "paper" else {}) | ({} if has_consensus else dict(_NO_CONSENSUS))
+    patches = keys_of(mode) | ({} if has_consensus else dict(_NO_CONSENSUS))
     source = course("straight", trial.place, options={"covered": covered}, duration_s=_GIVE_UP_S)
-    config = tracking_config(source, trial.seed, repeat=trips, motion={"mode": mode}, patches=patches)
+    config = tracking_config(source, trial.seed, repeat=trips, motion=keys_of(mode), patches=patches)
     folder = trial.out / _playback(mode, has_consensus)
     return drive(folder, config, trial.out / f"{_teaching(mode)}.trail", mode="replay")

@@ -16,7 +16,7 @@ from trailmark.geometry import Pose2, Trajectory
 from trailmark_papers.kit import Table, Trial
 from trailmark_papers.nagai2015.figures import draw_indoor
 from trailmark_papers.nagai2015.playback import Playback, read_playback
-from trailmark_papers.nagai2015.runs import PAPER_MAP, course, drive, poles_of, tracking_config
+from trailmark_papers.nagai2015.runs import course, drive, keys_of, poles_of, tracking_config
 
 __all__ = ["indoor_rows"]
 
@@ -33,18 +33,15 @@ class _PlaybackVariant:
 
     Attributes
     ----------
-    mode : str
-        Of `ground_vo`.
-    patches : mapping
-        Keys of `ground_map`.
+    method : str
+        ``refined``, the defaults of both localizers, or their preset ``paper``.
     latency_frames : int
         How late a search answers.
     vehicle : mapping or None
         Another vehicle.
     """
 
-    mode: str = "refined"
-    patches: Mapping[str, Any] | None = None
+    method: str = "refined"
     latency_frames: int = 1
     vehicle: Mapping[str, Any] | None = None
 
@@ -60,8 +57,8 @@ _MAIN = "refined"
 _VARIANTS: Mapping[str, _PlaybackVariant] = {
     _MAIN: _PlaybackVariant(),
     "refined, 14 frames": _PlaybackVariant(latency_frames=14),
-    "paper": _PlaybackVariant("paper", PAPER_MAP),
-    "paper, 14 frames": _PlaybackVariant("paper", PAPER_MAP, 14),
+    "paper": _PlaybackVariant("paper"),
+    "paper, 14 frames": _PlaybackVariant("paper", 14),
     "crooked steering": _PlaybackVariant(vehicle=_CROOKED),
 }
 
@@ -92,7 +89,7 @@ def _trips(name: str, is_quick: bool) -> float:
 
 
 def _taught_as(name: str) -> str:
-    return _VARIANTS[name].mode
+    return _VARIANTS[name].method
 
 
 def _config(trial: Trial, variant: _PlaybackVariant, repeat: float, stands: Pose2, believed: Pose2) -> dict[str, Any]:
@@ -104,8 +101,8 @@ def _config(trial: Trial, variant: _PlaybackVariant, repeat: float, stands: Pose
         course("indoor", trial.place, start=_in_degrees(stands), **vehicle),
         trial.seed,
         repeat=repeat,
-        motion={"mode": variant.mode},
-        patches={**(variant.patches or {}), **late},
+        motion=keys_of(variant.method),
+        patches={**keys_of(variant.method), **late},
         start=_in_degrees(believed),
     )
 
@@ -118,18 +115,18 @@ def _in_degrees(pose: Pose2) -> list[float]:
     return [pose.x, pose.y, math.degrees(pose.theta)]
 
 
-def _teach(trial: Trial, mode: str) -> Path:
-    patches = PAPER_MAP if mode == "paper" else None
-    config = tracking_config(course("indoor", trial.place), trial.seed, motion={"mode": mode}, patches=patches)
-    return drive(trial.out / f"indoor-teach-{mode}", config, trial.out / f"indoor-{mode}.trail", mode="teach")
+def _teach(trial: Trial, method: str) -> Path:
+    keys = keys_of(method)
+    config = tracking_config(course("indoor", trial.place), trial.seed, motion=keys, patches=keys)
+    return drive(trial.out / f"indoor-teach-{method}", config, trial.out / f"indoor-{method}.trail", mode="teach")
 
 
 def _repeat(trial: Trial, name: str, trips: float) -> Path:
     variant = _VARIANTS[name]
-    taught = read_run(trial.out / f"indoor-teach-{variant.mode}")
+    taught = read_run(trial.out / f"indoor-teach-{variant.method}")
     assert taught.truth is not None
     config = _config(trial, variant, trips, _last(taught.truth), _last(taught.trajectories["fused"]))
-    return drive(_folder(trial.out, name), config, trial.out / f"indoor-{variant.mode}.trail", mode="replay")
+    return drive(_folder(trial.out, name), config, trial.out / f"indoor-{variant.method}.trail", mode="replay")
 
 
 def _folder(out: Path, name: str) -> Path:
@@ -185,7 +182,7 @@ def _variant_rows(variant: str, found: Playback, main: Playback, trips: float) -
         1e3 * part for part in (found.detected_m(), found.corrected_m(), np.abs(found.offsets[:, 1]))
     )
     table = Table(f"C 13.4 m, {trips:g} trips, {variant}", len(detected_mm))
-    printed = _PRINTED if _VARIANTS[variant].mode == "paper" else {}
+    printed = _PRINTED if _VARIANTS[variant].method == "paper" else {}
     main_mm = 1e3 * float(main.corrected_m().mean())
     mean_bars = {
         "refined, 14 frames": {"bar": 2.0 * main_mm, "stretch": 1.2 * main_mm},

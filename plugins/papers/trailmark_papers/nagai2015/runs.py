@@ -14,14 +14,12 @@ from trailmark.experiments import ExperimentOptions
 from trailmark.interfaces import Mode
 from trailmark_papers.kit import run_config, simulated, started_source
 
-__all__ = ["PAPER_MAP", "PIXEL_M", "SWAY_M", "course", "drive", "photographs", "poles_of", "tracking_config"]
+__all__ = ["PIXEL_M", "SWAY_M", "course", "drive", "keys_of", "photographs", "poles_of", "tracking_config"]
 
 #: Metres per pixel of the paper's camera, the mean over both axes: 200 x 188 mm on 512 x 480 px.
 PIXEL_M = (0.200 / 512 * 0.188 / 480) ** 0.5
 #: A path is taught by hand: the scripted route weaves about its line by this much, root mean square.
 SWAY_M = 0.003
-#: `ground_map` as the paper prints it.
-PAPER_MAP: Mapping[str, Any] = {"high_pass": False, "refined": False, "min_groups": 4, "max_attempts": 1}
 
 
 def course(route: str, world_seed: int = 1, **keys: Any) -> dict[str, Any]:
@@ -50,6 +48,11 @@ def tracking_config(
         "seed": seed,
         **keys,
     }
+
+
+def keys_of(method: str) -> dict[str, Any]:
+    """Return the keys of both localizers: none for ``refined``, the defaults; the preset for ``paper``."""
+    return {"preset": "paper"} if method == "paper" else {}
 
 
 def drive(folder: Path, config: Mapping[str, Any], store: Path | None = None, mode: Mode = "track") -> Path:

@@ -23,7 +23,7 @@ from trailmark.geometry import Pose2
 from trailmark.interfaces import Estimator, FrameSource, Localizer, LocalizerMap, Mode, Session
 from trailmark.pipeline.instruments import peak_rss_mb
 from trailmark_papers.kit import started_source, timed
-from trailmark_papers.nagai2015.runs import course
+from trailmark_papers.nagai2015.runs import course, keys_of
 
 __all__ = ["main"]
 
@@ -69,7 +69,7 @@ def _drive(store: Path, n_frames: int, seed: int) -> dict[str, Any]:
 def _taught(source: FrameSource, localizer_map: LocalizerMap) -> dict[str, list[float]]:
     """Register the way; both modes of the relative search see every picture."""
     sensor = source.sensors["floor"]
-    motion, paper = (_localizer("ground_vo", "teach", sensor, {"mode": mode}) for mode in ("refined", "paper"))
+    motion, paper = (_localizer("ground_vo", "teach", sensor, keys_of(mode)) for mode in ("refined", "paper"))
     patches, estimator = _localizer("ground_map", "teach", sensor, localizer_map=localizer_map), _estimator()
     times: dict[str, list[float]] = {"refined": [], "paper": []}
     for frame in source.frames():

@@ -13,7 +13,7 @@ from trailmark.evaluation import read_run
 from trailmark.experiments import ExperimentOptions, Row
 from trailmark.geometry import Pose2, Trajectory, wrap_angle
 from trailmark_papers.kit import Table, Trial, grouped, sweep
-from trailmark_papers.nagai2015.runs import course, drive, photographs
+from trailmark_papers.nagai2015.runs import course, drive, keys_of, photographs
 
 __all__ = ["straight_rows"]
 
@@ -107,7 +107,7 @@ def _drifts(trial: Trial, name: str, ground: Mapping[str, Any], is_quick: bool) 
     limits: dict[str, Any] = {"duration_s": _QUICK_S} if is_quick else {}
     config = {
         "sources": {"floor": course("straight", trial.place, options=dict(ground), **limits)},
-        "localizers": {mode: {"plugin": "ground_vo", "mode": mode} for mode in _MODES},
+        "localizers": {mode: {"plugin": "ground_vo", **keys_of(mode)} for mode in _MODES},
         "estimator": {"plugin": "dead_reckoning", "use": [_MODES[0]]},
         "seed": trial.seed,
     }

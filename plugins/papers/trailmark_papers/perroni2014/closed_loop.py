@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from trailmark.experiments import ExperimentOptions, Row
-from trailmark_papers.kit import Table
-from trailmark_papers.perroni2014.drives import AFTERNOON, PEERS, STREAMS, Deviation, Place, Replay, Taught
+from trailmark_papers.kit import Table, beside_faithful
+from trailmark_papers.perroni2014.drives import AFTERNOON, FAITHFUL, PEERS, STREAMS, Deviation, Place, Replay, Taught
 from trailmark_papers.perroni2014.plots import draw_ways
 
 __all__ = ["closed_loop_rows"]
@@ -21,6 +21,10 @@ _WIDTH_PX = 160
 #: In each place.
 _N_SEEDS, _N_PEER_SEEDS = {"street": 4, "corridor": 2}, {"street": 1, "corridor": 1}
 _SIZES = (("street", 640), ("corridor", 320))
+#: Who steers by the streams: as it is, as printed with the paper's own steering, and with a gain that learns (Sec. VI).
+_LEARNED = {**STREAMS, "gain": "learned"}
+_STREAMS: Mapping[str, Mapping[str, Any]] = {"streams": STREAMS, "faithful": FAITHFUL, "learned gain": _LEARNED}
+_STEERING: Mapping[str, Mapping[str, Any]] = {"faithful": {"preset": "paper"}}
 _END_M, _END_DEG, _GROWTH_M = 0.30, 3.0, 0.10
 
 
@@ -53,10 +57,13 @@ def _rows_of(
     options: ExperimentOptions, place: Place, angles_deg: Sequence[float], *, n_seeds: int, n_peer_seeds: int
 ) -> list[Row]:
     folder = options.out / "runs" / f"closed-{place.world}"
-    taught = place.teach(folder, {"streams": STREAMS, **PEERS}, options.seed)
+    taught = place.teach(folder, {"streams": STREAMS, "faithful": FAITHFUL, **PEERS}, options.seed)
     cases = [_Case("streams", angle) for angle in angles_deg]
-    with_peers = [*cases, *(_Case(peer, angle) for peer in PEERS for angle in _PAPER_ANGLES_DEG)]
-    calls = [(taught, options.seed + k, with_peers if k < n_peer_seeds else cases) for k in range(n_seeds)]
+    paper_angles = [angle for angle in _PAPER_ANGLES_DEG if angle in angles_deg]
+    faithful = [_Case("faithful", angle) for angle in (angles_deg if n_peer_seeds else paper_angles)]
+    peers = [_Case(peer, angle) for peer in ("learned gain", *PEERS) for angle in paper_angles] if n_peer_seeds else []
+    first = [*cases, *faithful, *peers]
+    calls = [(taught, options.seed + k, first if k < max(1, n_peer_seeds) else cases) for k in range(n_seeds)]
     ways: dict[_Case, list[Deviation]] = {}
     for drives in options.map(drives_of_seed, calls):
         for case, drive in drives.items():
@@ -64,8 +71,12 @@ def _rows_of(
     name = f"Fig. 5 {place.world}, {place.length_m:g} m"
     draw_ways(options.out / f"figure_5_{place.world}.svg", {case.turned_deg: ways[case] for case in cases})
     options.report(f"{name}: {n_seeds} seeds at {len(angles_deg)} angles")
-    rows = [row for case in cases for row in _rows_of_angle(name, case.turned_deg, ways[case])]
-    for peer in PEERS:
+    rows = []
+    for case in cases:
+        printed = ways.get(_Case("faithful", case.turned_deg))
+        as_printed = _rows_of_angle(name, case.turned_deg, printed) if printed else []
+        rows += beside_faithful(_rows_of_angle(name, case.turned_deg, ways[case]), as_printed)
+    for peer in ("learned gain", *PEERS):
         of_peer = [way for case, several in ways.items() if case.driver == peer for way in several]
         rows += [_share_row(name, f"{peer}, +-5 deg", of_peer, None)] if of_peer else []
     return rows
@@ -77,8 +88,12 @@ def drives_of_seed(taught: Taught, seed: int, cases: Sequence[_Case]) -> Mapping
 
 
 def _drive(taught: Taught, seed: int, case: _Case) -> Deviation:
-    localizers = {case.driver: STREAMS if case.driver == "streams" else PEERS[case.driver]}
-    return taught.follow(Replay(localizers, seed, AFTERNOON, case.turned_deg))
+    # The localizer that learns its gain looks at the map of the streams.
+    name = "streams" if case.driver == "learned gain" else case.driver
+    localizers = {name: {**PEERS, **_STREAMS}[case.driver]}
+    return taught.follow(
+        Replay(localizers, seed, AFTERNOON, case.turned_deg, controller=_STEERING.get(case.driver, {}))
+    )
 
 
 def _rows_of_angle(name: str, angle_deg: float, ways: Sequence[Deviation]) -> list[Row]:

@@ -18,7 +18,18 @@ from trailmark.paths import Waypoint
 from trailmark.pipeline import RunResult
 from trailmark_papers.kit import OnStep, run_config, simulated, truth_of
 
-__all__ = ["AFTERNOON", "PEERS", "SPEED_MPS", "STREAMS", "Deviation", "Localizers", "Place", "Replay", "Taught"]
+__all__ = [
+    "AFTERNOON",
+    "FAITHFUL",
+    "PEERS",
+    "SPEED_MPS",
+    "STREAMS",
+    "Deviation",
+    "Localizers",
+    "Place",
+    "Replay",
+    "Taught",
+]
 
 #: Localizers of a config, by name.
 Localizers: TypeAlias = Mapping[str, Mapping[str, Any]]
@@ -26,6 +37,8 @@ Localizers: TypeAlias = Mapping[str, Mapping[str, Any]]
 #: Speed of all experiments of the paper [m/s].
 SPEED_MPS = 0.3
 STREAMS: Mapping[str, Any] = {"plugin": "divs", "camera": "front"}
+#: The same as printed; `drift_steering` has a preset of this name too.
+FAITHFUL: Mapping[str, Any] = {**STREAMS, "preset": "paper"}
 #: What people would use instead, on the same rows of the picture.
 PEERS: Localizers = {
     name: {"plugin": plugin, "camera": "front", "region": [0.0, 0.5]}

@@ -19,8 +19,8 @@ from trailmark.experiments import ExperimentOptions, Row
 from trailmark.frames import RGBD, Pinhole
 from trailmark.geometry import Trajectory
 from trailmark.pipeline import Pipeline, Step
-from trailmark_papers.kit import AnswerKeeper, FrameKeeper, Table, grouped, sweep, truth_of
-from trailmark_papers.perroni2014.drives import AFTERNOON, PEERS, STREAMS, Localizers, Place, Replay, Taught
+from trailmark_papers.kit import AnswerKeeper, FrameKeeper, Table, beside_faithful, grouped, sweep, truth_of
+from trailmark_papers.perroni2014.drives import AFTERNOON, FAITHFUL, PEERS, STREAMS, Localizers, Place, Replay, Taught
 from trailmark_papers.perroni2014.plots import draw_shifts
 from trailmark_papers.perroni2014.true_shift import Eyepiece, Surroundings
 
@@ -31,18 +31,10 @@ _LENGTH_M = 10.0
 _N_SEEDS = 1
 _DEPTH_HZ = 2.0
 _WINDOW = 25  # pictures of a stream
-_PAPER: Mapping[str, Any] = {
-    **STREAMS,
-    "shift": "paper",
-    "threshold": "otsu",
-    "average": "mean",
-    "when_blind": "silent",
-    "gain": "paper",
-}
 LOCALIZERS: Localizers = {
     "streams": STREAMS,
     "stream_alone": {**STREAMS, "when_blind": "silent"},
-    "as_the_reference": _PAPER,
+    "faithful": FAITHFUL,
     **PEERS,
 }
 #: What differs from teaching in the morning with nobody about.
@@ -221,28 +213,35 @@ def compare(
 
 
 def _rows_of_drives(name: str, drives: Sequence[Drive], is_turned: bool = True) -> list[Row]:
-    """Return the rows of some drives: ours with bars, the others beside them."""
+    """Return the rows of some drives: ours with bars and with the method as printed, the others after them."""
     rows: list[Row] = []
     for who in LOCALIZERS:
-        several = [drive[who] for drive in drives if who in drive]
-        if not several:
+        if who == "faithful" or not any(who in drive for drive in drives):
             continue
-        is_judged, said = who == "streams", who.replace("_", " ")
-        table = Table(name, sum(len(one.said) for one in several), len(several))
-        bias, bar = _worst_bias(several), 1.0 if is_judged else None
-        table.add(f"{said}: mean less the true mean, worst drive", "columns", bias, bar=bar)
-        if is_turned:
-            table.add_higher(
-                f"{said}: sign right, a picture without an answer is wrong",
-                "%",
-                _signs_percent(several),
-                bar=98.0 if is_judged else None,
-            )
-        if any(one.n_lost for one in several):
-            spoken = float(np.mean([one.spoken_percent for one in several]))
-            table.add_higher(f"{said}: spoken on", "%", spoken)
-        rows += table
+        said = who.replace("_", " ")
+        ours = _rows_of_one(name, said, [drive[who] for drive in drives if who in drive], is_turned=is_turned)
+        faithful = [drive["faithful"] for drive in drives if "faithful" in drive] if who == "streams" else []
+        rows += beside_faithful(ours, _rows_of_one(name, said, faithful, is_turned=is_turned) if faithful else [])
     return rows
+
+
+def _rows_of_one(name: str, said: str, several: Sequence[DriveAnswers], *, is_turned: bool) -> Table:
+    is_judged = said == "streams"
+    table = Table(name, sum(len(one.said) for one in several), len(several))
+    table.add(
+        f"{said}: mean less the true mean, worst drive", "columns", _worst_bias(several), bar=1.0 if is_judged else None
+    )
+    misses = np.abs([said - true for one in several for said, true in zip(one.said, one.true, strict=True)])
+    table.add(f"{said}: error of an answer, mean absolute", "columns", float(misses.mean()) if len(misses) else None)
+    p95 = float(np.quantile(misses, 0.95)) if len(misses) else None
+    table.add(f"{said}: error of an answer, p95 absolute", "columns", p95)
+    if is_turned:
+        share, bar = _signs_percent(several), 98.0 if is_judged else None
+        table.add_higher(f"{said}: sign right, a picture without an answer is wrong", "%", share, bar=bar)
+    if any(one.n_lost for one in several):
+        spoken = float(np.mean([one.spoken_percent for one in several]))
+        table.add_higher(f"{said}: spoken on", "%", spoken)
+    return table
 
 
 def _worst_bias(several: Sequence[DriveAnswers]) -> float | None:

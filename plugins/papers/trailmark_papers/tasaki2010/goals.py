@@ -20,6 +20,7 @@ from trailmark.paths import Path as TaughtPath
 from trailmark.pipeline import RunResult
 from trailmark_papers.kit import (
     Table,
+    beside_faithful,
     collisions_of,
     largest_of,
     mean_of,
@@ -28,7 +29,7 @@ from trailmark_papers.kit import (
     started_source,
     truth_of,
 )
-from trailmark_papers.tasaki2010.place import LOCALIZED, TaughtPlace, supermarket
+from trailmark_papers.tasaki2010.place import TaughtPlace, localized_by, supermarket
 from trailmark_papers.tasaki2010.plots import draw_routes
 
 __all__ = ["GoalDrive", "drive_to_goal", "goal_rows", "random_starts"]
@@ -89,18 +90,29 @@ def goal_rows(options: ExperimentOptions, place: TaughtPlace) -> list[Row]:
         (place.store, place.source(start=list(start)), options.seed + 300 + k, options.out / "runs" / f"goal-{k}")
         for k, start in enumerate([*trials, *starts])
     ]
-    drives = options.map(drive_to_goal, calls)
-    named, random = drives[: len(trials)], drives[len(trials) :]
+    printed = [] if options.quick else [(*call[:3], call[3].with_suffix(".faithful"), "faithful") for call in calls[:4]]
+    drives = options.map(drive_to_goal, [*calls, *printed])
+    named, random, faithful = (
+        drives[: len(trials)], drives[len(trials) : len(calls)], drives[len(calls) :],
+    )  # fmt: skip
     draw_routes(options.out / "tasaki2010_fig7_routes.svg", named, GOAL)
-    trial_rows = Table("Table 2")
     for k, found in enumerate(named):
         options.report(f"trial {k + 1}: {1e3 * found.distance_m:.0f} mm from the goal")
-        where = f"ended at ({found.way[-1][0]:.2f}, {found.way[-1][1]:.2f}) m"
-        paper = None if options.quick else _PAPER_M[k]
-        trial_rows.add(f"trial {k + 1}, distance from the goal", "m", found.distance_m, paper=paper, note=where)
-    mean: dict[str, Any] = {} if options.quick else {"paper": 0.03, "bar": 0.03}
-    rows = [*trial_rows, *_summary("Table 2", named, 100.0, **mean)]
+    rows = beside_faithful(
+        _trial_rows(named, is_quick=options.quick), _trial_rows(faithful, is_quick=False) if faithful else []
+    )
     return [*rows, *_summary(f"{len(random)} random starts", random, 98.0)] if random else rows
+
+
+def _trial_rows(drives: Sequence[GoalDrive], is_quick: bool) -> list[Row]:
+    """Return the rows of Table 2; the paper's figures belong to four trials."""
+    table = Table("Table 2")
+    for k, found in enumerate(drives):
+        where = f"ended at ({found.way[-1][0]:.2f}, {found.way[-1][1]:.2f}) m"
+        paper = None if is_quick else _PAPER_M[k]
+        table.add(f"trial {k + 1}, distance from the goal", "m", found.distance_m, paper=paper, note=where)
+    mean: dict[str, Any] = {} if is_quick else {"paper": 0.03, "bar": 0.03}
+    return [*table, *_summary("Table 2", drives, 100.0, **mean)]
 
 
 def _summary(name: str, drives: Sequence[GoalDrive], share: float, **mean: Any) -> Table:
@@ -119,12 +131,12 @@ def _summary(name: str, drives: Sequence[GoalDrive], share: float, **mean: Any) 
     return table
 
 
-def drive_to_goal(store: Path, source: Mapping[str, Any], seed: int, folder: Path) -> GoalDrive:
+def drive_to_goal(store: Path, source: Mapping[str, Any], seed: int, folder: Path, camera: str = "omni") -> GoalDrive:
     """Put the robot down at a place that it does not know, and let it drive."""
     drive = {"route": "round", "driver": "commands", "duration_s": _LIMIT_S}
     config = {
         "sources": {"robot": {**source, **drive}},
-        **LOCALIZED,
+        **localized_by(camera),
         "controller": {
             "plugin": "goal_seeking",
             "goal": list(GOAL),

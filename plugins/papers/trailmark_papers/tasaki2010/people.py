@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from trailmark.experiments import ExperimentOptions, Row
-from trailmark_papers.kit import Table, largest_of, mean_of, sd_of, sweep
+from trailmark_papers.kit import Table, beside_faithful, largest_of, mean_of, sd_of, sweep
 from trailmark_papers.tasaki2010.place import TaughtPlace
 from trailmark_papers.tasaki2010.variants import Answers, drive
 
@@ -23,9 +23,13 @@ def people_rows(options: ExperimentOptions, place: TaughtPlace) -> list[Row]:
     cells = {}
     for people, _ in crowds:
         source = place.source(route="round", sensors=["wheels", "omni"], options={"people": people}, **limits)
-        cells[people] = ([place.variants["developed"]], source, options.seed + 200 + people)
+        cells[people] = ([place.variants[name] for name in ("developed", "paper")], source, options.seed + 200 + people)
     found = sweep(options, drive, cells)
-    return [row for people, bar in crowds for row in _rows_of(options, people, found[people]["developed"], bar)]
+    rows = []
+    for people, bar in crowds:
+        ours, faithful = (_rows_of(options, people, found[people][name], bar) for name in ("developed", "paper"))
+        rows += beside_faithful(ours, faithful)
+    return rows
 
 
 def _rows_of(options: ExperimentOptions, people: int, answers: Answers, bar: float) -> Table:

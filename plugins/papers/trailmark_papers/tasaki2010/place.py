@@ -13,6 +13,7 @@ from trailmark.arrays import Bools
 from trailmark.experiments import ExperimentOptions
 from trailmark.paths import Keyframe
 from trailmark.pipeline import RunResult
+from trailmark_omni_surf.config import OmniSurfConfig
 from trailmark_omni_surf.landmark_map import Candidates, LandmarkMap, measured_candidates
 from trailmark_omni_surf.laser.scan_map import ScanMap
 from trailmark_omni_surf.selection import SelectionModel, shipped_model
@@ -21,21 +22,18 @@ from trailmark_papers.kit import keyframes_of, run_config, simulated, truth_of
 from trailmark_papers.tasaki2010.labels import labelled_candidates
 from trailmark_papers.tasaki2010.variants import Variant
 
-__all__ = ["LOCALIZED", "START", "TaughtPlace", "supermarket", "taught_place"]
+__all__ = ["START", "TaughtPlace", "localized_by", "supermarket", "taught_place"]
 
 #: Where the taught route begins: x, y [m], heading [deg].
 START = (1.0, 2.0, 0.0)
-#: The camera, the laser and the wheels, fused.
-LOCALIZED: Mapping[str, Any] = {
-    "localizers": {
-        "wheels": {"plugin": "odometry"},
-        "omni": {"plugin": "omni_surf", "camera": "omni"},
-        "laser": {"plugin": "laser_icp", "laser": "laser"},
-    },
-    "estimator": {"plugin": "kalman"},
+#: The camera's localizer, as it is and as printed; both remember the place when it is taught.
+_CAMERAS: Mapping[str, Mapping[str, Any]] = {
+    "omni": {"plugin": "omni_surf", "camera": "omni"},
+    "faithful": {"plugin": "omni_surf", "camera": "omni", "preset": "paper"},
 }
 _QUICK_S = 13.0  # of teaching: the line by the wall and the corner after it
-_N_LONGEST, _PAPER_N_LONGEST, _N_TRAINING = 40, 9, 100
+_N_LONGEST, _N_TRAINING = 40, 100
+_PAPER_N_LONGEST: int = OmniSurfConfig.presets["paper"]["n_longest"].value
 _ALL = 100_000
 #: A place is believed as the paper says: more than three landmarks.
 _TRUSTING = {
@@ -49,7 +47,7 @@ _TRUSTING = {
 _CONFIGS: dict[str, dict[str, Any]] = {
     "simple": {"use_tracking": False, **_TRUSTING},
     "detected": {"use_tracking": False},
-    "paper": {"refresh_every": _ALL, **_TRUSTING},
+    "paper": {"preset": "paper"},
 }
 
 
@@ -80,6 +78,13 @@ class TaughtPlace:
     def source(self, **more: Any) -> dict[str, Any]:
         """Return the config of the source in this place."""
         return supermarket(world_seed=self.world_seed, **more)
+
+
+def localized_by(*cameras: str) -> dict[str, Any]:
+    """Return the part of a config that localizes: wheels, laser and these of the camera's localizers, fused."""
+    chosen = {name: dict(_CAMERAS[name]) for name in cameras}
+    parts = {"wheels": {"plugin": "odometry"}, **chosen, "laser": {"plugin": "laser_icp", "laser": "laser"}}
+    return {"localizers": parts, "estimator": {"plugin": "kalman"}}
 
 
 def supermarket(**more: Any) -> dict[str, Any]:
@@ -113,7 +118,7 @@ def _teach(options: ExperimentOptions, store: Path, world_seed: int) -> RunResul
     limits = {"duration_s": _QUICK_S} if options.quick else {}
     config = {
         "sources": {"robot": supermarket(route="round", world_seed=world_seed, **limits)},
-        **LOCALIZED,
+        **localized_by(*_CAMERAS),
         "start": list(START),
         "seed": options.seed,
     }
@@ -149,15 +154,15 @@ def _maps(
     every = np.ones(len(chosen), dtype=bool)
     everything = measured_candidates(keyframes, _ALL)
     all_points = (everything, np.ones(len(everything.ids), dtype=bool))
-    maps = {"developed": (candidates, chosen), "simple": all_points, "plain": all_points}
+    few = measured_candidates(keyframes, _PAPER_N_LONGEST)
+    as_printed = (few, shipped.probability(few.features) >= 0.5)
+    maps = {"developed": (candidates, chosen), "simple": all_points, "plain": all_points, "paper": as_printed}
     if trained is None:
         return maps
     random = np.zeros(len(chosen), dtype=bool)
     random[np.random.default_rng(options.seed).permutation(len(chosen))[: int(chosen.sum())]] = True
-    few = measured_candidates(keyframes, _PAPER_N_LONGEST)
     return maps | {
         "detected": (candidates, chosen),
-        "paper": (few, shipped.probability(few.features) >= 0.5),
         "trained": (candidates, trained.probability(candidates.features) >= 0.5),
         "unselected": (candidates, every),
         "random": (candidates, random),

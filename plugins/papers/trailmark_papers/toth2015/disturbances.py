@@ -16,6 +16,12 @@ __all__ = ["disturbance_plans", "disturbance_rows", "draw_disturbances"]
 
 _OURS = "landmarks"
 _METHODS: Mapping[str, Method] = {_OURS: LANDMARKS, "optical flow": FLOW, "ORB + depth": ORB}
+#: What the light sensor buys: where landmarks are recognised by their colours alone, as in the paper, and as it is.
+_LIGHT: Mapping[str, Method] = {
+    "by colours, light sensor": {**LANDMARKS, "refind": "look"},
+    "by colours, no light sensor": {**LANDMARKS, "refind": "look", "light": None},
+    "landmarks, no light sensor": {**LANDMARKS, "light": None},
+}
 _WALKS, _COVERED, _PEOPLE, _DARK = "a landmark walks away", "a landmark is covered", "people cross", "light to 20 %"
 #: Options of the worlds; things begin after 2 s.
 _DISTURBANCES: Mapping[str, Mapping[str, Any]] = {
@@ -37,7 +43,15 @@ def disturbance_plans(options: ExperimentOptions) -> list[Plan]:
             for name, length_m in ((_WALKS, 1.2), (_DARK, 0.9))
         ]
     return [
-        Plan(name, world, options.seed, _METHODS, given, length_m=1.2, world_seed=place)
+        Plan(
+            name,
+            world,
+            options.seed,
+            {**_METHODS, **_LIGHT} if name == _DARK else _METHODS,
+            given,
+            length_m=1.2,
+            world_seed=place,
+        )
         for name, given in _DISTURBANCES.items()
         for world in _PLACES
     ]

@@ -9,39 +9,53 @@ import numpy as np
 from trailmark.arrays import Floats
 from trailmark.experiments import ExperimentOptions, Row
 from trailmark.report.drawing import BLUE, GREEN, RED, legend_above
-from trailmark_papers.kit import Table, panels
-from trailmark_papers.toth2015.drives import FLOW, LANDMARKS, ORB, Driven, DriveOutcome, Method, Plan, error_rows
+from trailmark_papers.kit import Table, beside_faithful, panels
+from trailmark_papers.toth2015.drives import (
+    FAITHFUL,
+    FAITHFUL_FLOW,
+    FLOW,
+    LANDMARKS,
+    ORB,
+    TWO_AND_RESERVE,
+    UNREGISTERED,
+    Driven,
+    DriveOutcome,
+    Method,
+    Plan,
+    error_rows,
+)
 
 __all__ = ["draw_places", "place_plans", "place_rows"]
 
-_OURS, _PAPER = "landmarks", "as the paper"
+_OURS, _FLOW = "landmarks", "optical flow"
 _METHODS: Mapping[str, Method] = {
     _OURS: LANDMARKS,
-    "two landmarks, one in reserve": {**LANDMARKS, "landmarks": 3, "min_landmarks": 2},
+    "two landmarks, one in reserve": TWO_AND_RESERVE,
     "20 landmarks": {**LANDMARKS, "landmarks": 20},
     "blobs alone": {**LANDMARKS, "finders": ["blobs"]},
     "blobs and rectangles": {**LANDMARKS, "finders": ["blobs", "rectangles"]},
-    _PAPER: {**LANDMARKS, "point": "centre", "refind": "look", "angles": "linear"},
-    "optical flow": FLOW,
+    "fuzzy control, 15 ms allowed": {**LANDMARKS, "adapt": True, "allowed_ms": 15.0},
+    _FLOW: FLOW,
     "ORB + depth": ORB,
 }
 #: Of the camera: little more than the paper's [Hz].
 _RATE_HZ = 5.0
 #: Pictures a second that the paper reports.
 _PAPER_FPS = {"lab": 2.0, "hallway": 4.0}
-#: What the paper did not time.
-_UNTIMED = ("optical flow", "ORB + depth")
+#: By the names of the methods that they are the printed form of.
+_FAITHFUL: Mapping[str, Method] = {_OURS: FAITHFUL, _FLOW: FAITHFUL_FLOW}
 _NAMES = {"lab": "laboratory", "hallway": "hallway"}
 #: Pictures a second: bar and stretch.
 _RATES = {_OURS: (15.0, 30.0), "blobs and rectangles": (25.0, 60.0)}
 
 
 def place_plans(options: ExperimentOptions) -> list[Plan]:
-    """Return 3 m straight in both places."""
+    """Return 3 m straight in both places, and the same with the camera and the methods of the paper."""
     length_m, place = 0.9 if options.quick else 3.0, options.world_seed
     return [
-        Plan("straight", world, options.seed, _METHODS, length_m=length_m, rate_hz=_RATE_HZ, world_seed=place)
+        Plan(name, world, options.seed, methods, given, length_m=length_m, rate_hz=_RATE_HZ, world_seed=place)
         for world in _NAMES
+        for name, methods, given in (("straight", _METHODS, {}), ("as printed", _FAITHFUL, UNREGISTERED))
     ]
 
 
@@ -49,30 +63,38 @@ def place_rows(driven: Sequence[Driven]) -> list[Row]:
     """Return errors and rates of all methods."""
     rows: list[Row] = []
     for world, called in _NAMES.items():
-        straight = _in_world(driven, world)
-        rates = Table(f"{called}, rate", seeds=len(straight))
+        straight, printed = _in_world(driven, world), _in_world(driven, world, "as printed")
+        name = f"{called}, {straight[0].plan.length_m:g} m"
+        rates: list[Row] = []
         for method in _METHODS:
             outcomes = [one.outcomes[method] for one in straight]
-            rows += error_rows(f"{called}, {straight[0].plan.length_m:g} m", method, outcomes, method == _OURS)
-            _add_rate(rates, method, outcomes, None if method in _UNTIMED else _PAPER_FPS[world])
+            faithful = [one.outcomes[method] for one in printed if method in one.outcomes]
+            errors = error_rows(name, method, outcomes, method == _OURS)
+            rows += beside_faithful(errors, error_rows(name, method, faithful, is_ours=False) if faithful else [])
+            paper = _PAPER_FPS[world] if method == _OURS else None
+            rate = _rate_rows(f"{called}, rate", method, outcomes, paper)
+            rates += beside_faithful(rate, _rate_rows("", method, faithful, None) if faithful else [])
         rows += rates
     return rows
 
 
-def _in_world(driven: Sequence[Driven], world: str) -> list[Driven]:
-    return [one for one in driven if one.plan.world == world and one.plan.name == "straight"]
+def _in_world(driven: Sequence[Driven], world: str, name: str = "straight") -> list[Driven]:
+    return [one for one in driven if one.plan.world == world and one.plan.name == name]
 
 
 def _times_ms(outcomes: Iterable[DriveOutcome]) -> Floats:
     return np.concatenate([outcome.times_ms for outcome in outcomes])
 
 
-def _add_rate(table: Table, method: str, outcomes: Sequence[DriveOutcome], paper: float | None) -> None:
+def _rate_rows(name: str, method: str, outcomes: Sequence[DriveOutcome], paper: float | None) -> Table:
+    """Return how many pictures a second one core would do; the paper's figure is that of its one method."""
     times_ms, n_agree = _times_ms(outcomes), float(np.mean([outcome.n_agree for outcome in outcomes]))
     note = f"p95 {np.percentile(times_ms, 95):.0f} ms CPU time of one thread; {n_agree:.0f} agree on average"
     bar, stretch = _RATES.get(method, (None, None))
+    table = Table(name, len(times_ms), len(outcomes))
     fps = 1e3 / float(times_ms.mean())
-    table.add_higher(method, "fps", fps, paper=paper, bar=bar, stretch=stretch, n=len(times_ms), note=note)
+    table.add_higher(method, "fps", fps, paper=paper, bar=bar, stretch=stretch, note=note)
+    return table
 
 
 def draw_places(options: ExperimentOptions, driven: Sequence[Driven]) -> None:
@@ -91,7 +113,7 @@ def draw_places(options: ExperimentOptions, driven: Sequence[Driven]) -> None:
 
 
 def _draw_errors(options: ExperimentOptions, driven: Sequence[Driven]) -> None:
-    shown = {_OURS: BLUE, "optical flow": RED, "ORB + depth": GREEN}
+    shown = {_OURS: BLUE, _FLOW: RED, "ORB + depth": GREEN}
     titles = [f"{called}: distance from the truth [mm], logarithmic" for called in _NAMES.values()]
     with panels(options.out / "places_errors.svg", 4.6, *titles, xlabel="way [m]") as (figure, panes):
         for axes, world in zip(panes, _NAMES):

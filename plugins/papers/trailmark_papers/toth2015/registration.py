@@ -5,27 +5,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from trailmark.experiments import ExperimentOptions, Row
-from trailmark_papers.toth2015.drives import LANDMARKS, Driven, Plan, error_rows
+from trailmark_papers.toth2015.drives import CROP, LANDMARKS, UNREGISTERED, Driven, Plan, error_rows
 
 __all__ = ["registration_plans", "registration_rows"]
-
-#: What the simulated depth camera (585 px) does not see of the colour picture (525 px), without regard to the 25 mm
-#: between them: ``(640 - 640 * 525 / 585) / 2`` columns at each side, rows alike.
-_CROP = {"left": 33, "right": 33, "top": 25, "bottom": 25}
 
 
 def registration_plans(options: ExperimentOptions) -> list[Plan]:
     """Return one drive; both ways see the same pictures."""
     if options.quick:
         return []
-    methods = {"by reprojection": LANDMARKS, "by crop ratios": {**LANDMARKS, "crop": _CROP}}
+    methods = {"by reprojection": LANDMARKS, "by crop ratios": {**LANDMARKS, "crop": CROP}}
     return [
         Plan(
             "registration",
             "lab",
             options.seed,
             methods,
-            {"registered": False},
+            UNREGISTERED,
             rate_hz=5.0,
             world_seed=options.world_seed,
         )
