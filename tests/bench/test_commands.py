@@ -71,6 +71,17 @@ def test_list_finds_a_sensor_that_does_not_exist(tmp_path: Path) -> None:
     assert listed.output.count("pending") == 4
 
 
+def test_list_blames_nobody_for_what_is_installed_and_finds_no_sensor(tmp_path: Path) -> None:
+    """A robot with wheels alone: cameras' localizers are skipped, and nobody asked for them."""
+    cells = CONFIG.replace("localizers: [toy, odometry]", "installed: {gives: [motion]}, localizers: [odometry]")
+    (tmp_path / "b.yaml").write_text(cells)
+
+    listed = run(tmp_path / "b.yaml", "--list")
+
+    assert listed.exit_code == 0, listed.output
+    assert "klt" in listed.output
+
+
 def test_list_finds_a_source_that_does_not_start(tmp_path: Path) -> None:
     table = tmp_path / "wheels.csv"
     table.write_text("t;x\n1;2\n")

@@ -43,6 +43,8 @@ class AxisValue:
         Limits that it has for itself.
     about : str
         Localizer of it that figures are told of; empty: the first.
+    is_installed : bool
+        Nobody named it: it is there because a plugin is. Where it finds no sensor, that is nobody's mistake.
     """
 
     axis: str
@@ -54,6 +56,7 @@ class AxisValue:
     missing: str = ""
     limits: dict[str, Any] = field(default_factory=dict)
     about: str = ""
+    is_installed: bool = False
 
 
 class AxisReader:
@@ -79,9 +82,10 @@ class AxisReader:
         """Return the values of an axis; what is wrong with one is noted, and it is left out."""
         written: dict[str, Any] = dict(getattr(self._matrix, axis))
         keys: Keys = (*self._where, axis)
-        if axis == "localizers" and self._matrix.installed is not None:
-            written |= self._installed(written)
         found = [self._value(axis, str(name), value, (*keys, name)) for name, value in written.items()]
+        if axis == "localizers" and self._matrix.installed is not None:
+            installed = self._installed(written).items()
+            found += [self._value(axis, name, part, (*keys, name), is_installed=True) for name, part in installed]
         return [value for value in found if value is not None]
 
     def _installed(self, written: Mapping[str, Any]) -> dict[str, Any]:
@@ -105,7 +109,7 @@ class AxisReader:
                     found[spec.name] = {"plugin": spec.name}
         return found
 
-    def _value(self, axis: str, name: str, value: Any, keys: Keys) -> AxisValue | None:
+    def _value(self, axis: str, name: str, value: Any, keys: Keys, *, is_installed: bool = False) -> AxisValue | None:
         if isinstance(value, str):
             value = {"plugin": value}
         if not isinstance(value, Mapping):
@@ -125,7 +129,7 @@ class AxisReader:
             hint = nearest_or_all(about, piece.get("localizers", {}), "localizers of it")
             self._problems.add((*keys, "about"), f"no localizer is called {about!r}{hint}")
         teach = None if teach is None else dict(teach)
-        return AxisValue(axis, name, piece, run_keys, where, teach, missing, limits, about)
+        return AxisValue(axis, name, piece, run_keys, where, teach, missing, limits, about, is_installed)
 
     def _piece(self, axis: str, name: str, content: dict[str, Any], keys: Keys) -> tuple[dict[str, Any], Keys, Keys]:
         """Return a value as a piece of a run config, and which keys of it stand where."""

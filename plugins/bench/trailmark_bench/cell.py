@@ -36,6 +36,8 @@ class Cell:
         Runs when nothing else does.
     missing : str
         Why it cannot run here; empty: it can.
+    is_installed : bool
+        Nobody named its localizer: it is skipped where there is no sensor for it.
     """
 
     id: str
@@ -44,6 +46,7 @@ class Cell:
     request: Mapping[str, Any] = field(repr=False)
     alone: bool = False
     missing: str = ""
+    is_installed: bool = False
 
     @property
     def label(self) -> str:

@@ -78,9 +78,10 @@ class Matrix:
         if missing:
             return [self._missing_cell(coordinates, seed, missing) for seed in seeds]
         combination = self._combiner.combined(values)
-        return [self._cell(combination, {**coordinates, "seed": seed}) for seed in seeds]
+        is_installed = any(value.is_installed for value in values)
+        return [self._cell(combination, {**coordinates, "seed": seed}, is_installed) for seed in seeds]
 
-    def _cell(self, combination: Combination, coordinates: dict[str, Any]) -> Cell:
+    def _cell(self, combination: Combination, coordinates: dict[str, Any], is_installed: bool) -> Cell:
         seed = coordinates["seed"]
         document = combination.document | {"seed": seed}
         teach = None if combination.teach is None else combination.teach | {"seed": seed}
@@ -110,7 +111,7 @@ class Matrix:
             "keep_stores": self._section.keep_stores,
             **self._context.session,
         }
-        return Cell(cell_id, self._matrix.name, coordinates, request, self._matrix.alone)
+        return Cell(cell_id, self._matrix.name, coordinates, request, self._matrix.alone, is_installed=is_installed)
 
     def _missing_cell(self, coordinates: Mapping[str, Any], seed: int, missing: str) -> Cell:
         named = {**coordinates, "seed": seed}

@@ -31,7 +31,7 @@ def misfits(cells: Iterable[Cell], plugins: Plugins) -> list[str]:
     Parameters
     ----------
     cells : iterable of Cell
-        Those that are skipped are left out.
+        Those that are skipped are left out, and those that are there because a plugin is.
     plugins : Plugins
         Where their parts are found.
     """
@@ -39,7 +39,7 @@ def misfits(cells: Iterable[Cell], plugins: Plugins) -> list[str]:
     started: dict[str, Mapping[str, SensorInfo] | str | None] = {}
     for cell in first_samples(list(cells)):
         document = cell.request.get("document")
-        if document is None:
+        if document is None or cell.is_installed:
             continue
         plain = document | {"sources": {name: _faultless(part) for name, part in document["sources"].items()}}
         looked_at = {key: plain.get(key) for key in ("sources", "sensors", "localizers")}
