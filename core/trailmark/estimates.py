@@ -57,10 +57,14 @@ def information_from_sigmas(*sigmas: float) -> Floats:
     ValueError
         If a sigma is not positive.
     """
-    values = np.asarray(sigmas, dtype=np.float64)
-    if not np.all(values > 0):  # also refuses NaN
+    values = [float(sigma) for sigma in sigmas]
+    if not all(value > 0.0 for value in values):  # also refuses NaN
         raise ValueError(f"standard deviations must be positive, not {sigmas}")
-    return np.diag(1.0 / (values * values))
+    information = np.zeros((len(values), len(values)))
+    for i, value in enumerate(values):
+        variance = value * value
+        information[i, i] = 1.0 / variance if variance else math.inf
+    return information
 
 
 def information_from_covariance(covariance: npt.ArrayLike) -> Floats:
@@ -76,10 +80,12 @@ def information_from_covariance(covariance: npt.ArrayLike) -> Floats:
     matrix = np.asarray(covariance, dtype=np.float64)
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
         raise ShapeError(f"a covariance is square, not {matrix.shape}")
-    if not np.allclose(matrix, matrix.T, rtol=1e-6, atol=1e-12 * max(1e-300, float(np.abs(matrix).max()))):
-        raise ValueError("the covariance is not symmetric")
+    if matrix.tolist() != matrix.T.tolist():  # to the last bit: the mean of both would be the matrix itself
+        if not np.allclose(matrix, matrix.T, rtol=1e-6, atol=1e-12 * max(1e-300, float(np.abs(matrix).max()))):
+            raise ValueError("the covariance is not symmetric")
+        matrix = (matrix + matrix.T) / 2.0
     try:
-        factor = np.linalg.inv(np.linalg.cholesky((matrix + matrix.T) / 2.0))
+        factor = np.linalg.inv(np.linalg.cholesky(matrix))
     except np.linalg.LinAlgError:
         raise ValueError("the covariance is not positive definite") from None
     return np.asarray(factor.T @ factor)
@@ -102,6 +108,8 @@ def information_along(direction: npt.ArrayLike, sigma: float) -> Floats:
 
 
 def _frozen_information(information: npt.ArrayLike) -> Floats:
+    if type(information) is np.ndarray and information.dtype == np.float64 and information.shape == (3, 3):
+        return read_only(information) if information.flags.writeable else information
     if np.iscomplexobj(information):
         raise ShapeError("information is of real numbers, not of complex ones")
     matrix = np.asarray(information, dtype=np.float64)

@@ -12,7 +12,10 @@ from trailmark.estimates import (
     Motion,
     information_from_sigmas,
 )
+from trailmark.estimation.dead_reckoning import DeadReckoning
+from trailmark.estimation.dead_reckoning_config import DeadReckoningConfig
 from trailmark.geometry import Pose2, wrap_angle
+from trailmark.interfaces import Session
 
 from .conftest import GOOD, ORIGIN, dead_reckoning, drive, motion, pose_of
 
@@ -173,3 +176,14 @@ def test_the_poses_alone_are_those_of_the_belief(start_pose: Pose2 | None, stamp
 
     belief = estimator.belief(stamp_s)
     assert (told_s, pose_map_base, pose_odom_base) == (belief.stamp_s, belief.pose_map_base, belief.pose_odom_base)
+
+
+def test_one_that_is_asked_for_poses_alone_gives_the_same_ones() -> None:
+    whole, poses = (DeadReckoning(DeadReckoningConfig(), poses_alone=alone) for alone in (False, True))
+    for estimator in (whole, poses):
+        estimator.start(Session(start_pose=ORIGIN))
+        drive(estimator, 40)
+        estimator.apply("map", Fix(20 / 70, Pose2(1.0, 2.0, 0.7), information_from_sigmas(math.inf, 0.02, 0.03)))
+
+    assert poses.poses_at(0.6) == whole.poses_at(0.6)
+    assert poses.poses_at(0.3) == whole.poses_at(0.3)

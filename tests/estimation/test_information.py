@@ -59,6 +59,15 @@ def test_an_axis_that_was_not_measured_is_kept() -> None:
     np.testing.assert_allclose(to_matrix(measured.covariance), np.diag([0.01, 0.04, 0.0]), atol=1e-15)
 
 
+def test_axes_by_themselves_are_measured_as_the_general_way_measures_them() -> None:
+    axes = measured_directions((4.0, 0.0, 0.0, 0.0, 0.0, 900.0))
+    nearly = measured_directions((4.0, 0.0, 1e-13, 0.0, 0.0, 900.0))  # not diagonal: eigenvalues
+
+    assert axes.rank == nearly.rank == 2
+    np.testing.assert_allclose(axes.gain, nearly.gain, atol=1e-12)
+    np.testing.assert_allclose(axes.covariance, nearly.covariance, atol=1e-12)
+
+
 def test_one_number_that_mixes_axes_is_matched_exactly() -> None:
     row = np.array([0.0, 1.0, 5.0])  # a visual shift: offset plus 5 m times heading
     measured = measured_directions(checked(information_along(row, 0.02)))

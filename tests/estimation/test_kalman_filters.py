@@ -27,6 +27,21 @@ def covariance(rng: np.random.Generator, n: int) -> np.ndarray:
     return rows @ rows.T + 1e-4 * np.eye(n)
 
 
+@pytest.mark.parametrize("n", [3, 5])
+def test_the_prediction_is_that_of_filterpy_to_the_last_bit(n: int) -> None:
+    rng = np.random.default_rng(n)
+    prior, jacobian, noise = covariance(rng, n), rng.normal(size=(n, n)), covariance(rng, n)
+    theirs = ExtendedKalmanFilter(n, 3)
+    theirs.P, theirs.F, theirs.Q = prior.copy(), jacobian, noise
+    theirs.predict()
+    moved = rng.normal(size=n)
+
+    x, predicted = Ekf(n).predict(np.zeros(n), prior, PredictedMotion(moved, jacobian, noise, (0.0, 0.0, 0.0)))
+
+    assert x.tolist() == moved.tolist()
+    assert predicted.tolist() == theirs.P.tolist()
+
+
 @pytest.mark.parametrize("k", [1, 2, 3])
 @pytest.mark.parametrize("n", [3, 5])
 def test_the_update_is_that_of_filterpy(k: int, n: int) -> None:

@@ -28,6 +28,19 @@ def test_a_localizer_sees_what_the_ones_before_it_said_of_the_same_frame(fakes) 
     assert after.seen[-1][1].pose_map_base.x == pytest.approx(0.4)
 
 
+def test_for_one_that_does_not_look_at_the_belief_none_is_made(fakes) -> None:
+    looks, looks_not = fakes.Scripted(), fakes.Scripted()
+    looks_not.uses_belief = False
+    source = fakes.Recording(fakes.image_frames("cam", stamps(5)))
+
+    for _ in Pipeline(fakes.parts({"cam": source}, {"vo": fakes.Mover(Pose2(0.1)), "no": looks_not, "yes": looks})):
+        pass
+
+    assert [belief.stamp_s for _, belief in looks_not.seen] == stamps(5)
+    assert {belief.pose_map_base for _, belief in looks_not.seen} == {None}
+    assert looks.seen[-1][1].pose_map_base.x == pytest.approx(0.4)
+
+
 def test_a_localizer_is_asked_only_with_its_own_sensors(fakes) -> None:
     eye, thermometer = fakes.Scripted(), fakes.Scripted()
     frames = sorted(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from dataclasses import dataclass
 
 from trailmark.estimates import Motion
 from trailmark.estimation.information import says_something
@@ -19,6 +18,7 @@ from trailmark.estimation.symmetric import (
     subtract,
 )
 from trailmark.geometry import Pose2, Twist2
+from trailmark.values import quick_dataclass
 
 __all__ = ["MotionChain", "OdomState"]
 
@@ -26,7 +26,7 @@ __all__ = ["MotionChain", "OdomState"]
 _SAME_INSTANT_S = 1e-6
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@quick_dataclass(frozen=True, slots=True, eq=False)
 class OdomState:
     """Where motion alone has carried base.
 
@@ -64,8 +64,9 @@ class MotionChain:
 
     Parameters
     ----------
-    drift : Twist2
-        Standard deviation of the velocity while nothing measures it [m/s, m/s, rad/s].
+    drift : Twist2 or None
+        Standard deviation of the velocity while nothing measures it [m/s, m/s, rad/s]. None: nobody asks how uncertain
+        the way is, and its covariance stays zero.
 
     Attributes
     ----------
@@ -75,8 +76,8 @@ class MotionChain:
         Gaps that were bridged, and motions that were cut because they overlap.
     """
 
-    def __init__(self, drift: Twist2) -> None:
-        self._drift = diagonal(drift.forward_mps**2, drift.left_mps**2, drift.yaw_radps**2)
+    def __init__(self, drift: Twist2 | None) -> None:
+        self._drift = ZERO if drift is None else diagonal(drift.forward_mps**2, drift.left_mps**2, drift.yaw_radps**2)
         self._stamps: list[float] = []
         self._states: list[OdomState] = []  # motion_age_s is 0, or at the end of a bridge its length
         self._is_whole = True
@@ -136,6 +137,8 @@ class MotionChain:
 
     def _covariance(self, information: Sym3, dt_s: float) -> Sym3:
         """Return the covariance of a motion; a direction that was not measured drifts as in a gap."""
+        if self._drift is ZERO:
+            return ZERO
         covariance = inverse(information)
         drift = scaled(self._drift, dt_s * dt_s)
         if covariance is not None and says_something(covariance, drift):
@@ -146,7 +149,7 @@ class MotionChain:
     def _coast(self, stamp_s: float) -> OdomState:
         last = self._states[-1]
         dt_s = stamp_s - last.stamp_s
-        drift = scaled(self._drift, dt_s * dt_s)
+        drift = ZERO if self._drift is ZERO else scaled(self._drift, dt_s * dt_s)
         return _carry(last, stamp_s, last.twist.after(dt_s), last.twist, drift, motion_age_s=dt_s)
 
     def _interpolate(self, start: OdomState, end: OdomState, stamp_s: float) -> OdomState:
@@ -167,14 +170,16 @@ def _carry(
     before: OdomState, stamp_s: float, step: Pose2, twist: Twist2, covariance: Sym3, motion_age_s: float = 0.0
 ) -> OdomState:
     """Return the state after a motion whose x, y, theta have this covariance (first order)."""
-    pose = before.pose_odom_base @ step
-    cos, sin = math.cos(before.pose_odom_base.theta), math.sin(before.pose_odom_base.theta)
+    pose, spread = before.pose_odom_base @ step, before.spread
+    if covariance is not ZERO:
+        cos, sin = math.cos(before.pose_odom_base.theta), math.sin(before.pose_odom_base.theta)
+        spread = add(spread, congruence(covariance, cos, sin, pose.y, -pose.x))
     dt_s = stamp_s - before.stamp_s
     return OdomState(
         stamp_s,
         pose,
         before.travelled_m + math.hypot(twist.forward_mps, twist.left_mps) * dt_s,
-        add(before.spread, congruence(covariance, cos, sin, pose.y, -pose.x)),
+        spread,
         twist,
         motion_age_s,
     )

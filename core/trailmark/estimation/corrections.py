@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from trailmark.arrays import Floats
 from trailmark.estimates import Fix, PathOffset
 from trailmark.estimation.information import Measured
-from trailmark.estimation.symmetric import Sym3, add, congruence, sheared, to_matrix
+from trailmark.estimation.symmetric import Sym3, add, congruence, sheared
 from trailmark.geometry import Pose2, wrap_angle
 from trailmark.paths import OnPath, Path
+from trailmark.values import quick_dataclass
 
 __all__ = ["FixCorrection", "PathCorrection", "covariance_on_path"]
 
 Believed = tuple[Pose2, Sym3]
 
+_UNIT = np.eye(3)
 
-@dataclass(frozen=True, slots=True, eq=False)
+
+@quick_dataclass(frozen=True, slots=True, eq=False)
 class FixCorrection:
     """A fix replaces the directions of the pose that it measured; the others keep the belief."""
 
@@ -39,7 +41,7 @@ class FixCorrection:
         return Pose2(pose.x + dx, pose.y + dy, pose.theta + turn), _narrowed(covariance, self.measured, gain)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@quick_dataclass(frozen=True, slots=True, eq=False)
 class PathCorrection:
     """A path offset replaces the path coordinates that it measured."""
 
@@ -101,6 +103,18 @@ def _gained(gain: Floats, *innovation: float) -> tuple[float, float, float]:
 
 
 def _narrowed(covariance: Sym3, measured: Measured, gain: Floats) -> Sym3:
-    kept = np.eye(3) - gain
-    (xx, xy, xt), (_, yy, yt), (_, _, tt) = (kept @ to_matrix(covariance) @ kept.T).tolist()
-    return add((xx, xy, xt, yy, yt, tt), measured.covariance)
+    """Return ``(1 - gain) covariance (1 - gain)^T`` and what was measured; plain floats, see `symmetric`."""
+    xx, xy, xt, yy, yt, tt = covariance
+    (a, b, c), (d, e, f), (g, h, i) = (_UNIT - gain).tolist()
+    x = a * xx + b * xy + c * xt, a * xy + b * yy + c * yt, a * xt + b * yt + c * tt
+    y = d * xx + e * xy + f * xt, d * xy + e * yy + f * yt, d * xt + e * yt + f * tt
+    t = g * xx + h * xy + i * xt, g * xy + h * yy + i * yt, g * xt + h * yt + i * tt
+    kept = (
+        a * x[0] + b * x[1] + c * x[2],
+        d * x[0] + e * x[1] + f * x[2],
+        g * x[0] + h * x[1] + i * x[2],
+        d * y[0] + e * y[1] + f * y[2],
+        g * y[0] + h * y[1] + i * y[2],
+        g * t[0] + h * t[1] + i * t[2],
+    )
+    return add(kept, measured.covariance)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from trailmark.arrays import Floats
 from trailmark.estimates import (
@@ -30,6 +29,7 @@ from trailmark.estimation.symmetric import ZERO, Sym3, add, congruence, diagonal
 from trailmark.geometry import Pose2, Twist2
 from trailmark.interfaces import Estimator, Session
 from trailmark.paths import Path
+from trailmark.values import quick_dataclass
 
 __all__ = ["DeadReckoning"]
 
@@ -38,7 +38,7 @@ Correction = FixCorrection | PathCorrection
 _ACCEPTED = Applied("accepted")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@quick_dataclass(frozen=True, slots=True, eq=False)
 class _PoseAnchor:
     """The pose after the last correction, and what odometry said there: later motion is carried on from here."""
 
@@ -78,13 +78,21 @@ class DeadReckoning(Estimator):
     Gaps are bridged with the last twist, overlaps counted once. Nothing is weighed against anything: for that there
     are filters. An absolute estimate that comes late corrects the pose at its own stamp and everything after it;
     the result does not depend on the order in which such estimates arrive.
+
+    Parameters
+    ----------
+    config : DeadReckoningConfig
+        Its options.
+    poses_alone : bool
+        Whether poses are all that will be asked for: a covariance then says nothing, and costs nothing.
     """
 
     takes_one_motion = True
 
-    def __init__(self, config: DeadReckoningConfig) -> None:
+    def __init__(self, config: DeadReckoningConfig, *, poses_alone: bool = False) -> None:
         super().__init__(config)
         self._config = config
+        self._poses_alone = poses_alone
 
     def start(self, session: Session) -> None:
         """Forget everything; begin at the session's start pose, or nowhere."""
@@ -92,7 +100,7 @@ class DeadReckoning(Estimator):
         drift_mps, drift_radps = config.drift_sigma_mps, math.radians(config.drift_sigma_deg_per_s)
         self._path = session.path
         self._station_m: float | None = None
-        self._chain = MotionChain(Twist2(drift_mps, drift_mps, drift_radps))
+        self._chain = MotionChain(None if self._poses_alone else Twist2(drift_mps, drift_mps, drift_radps))
         self._corrections: History[Correction, _PoseAnchor] = History(
             config.history_s, self._step, self._start_anchor(session.start_pose)
         )

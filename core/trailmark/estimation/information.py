@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from trailmark.arrays import Floats
 from trailmark.errors import ShapeError
-from trailmark.estimation.symmetric import NOTHING, Sym3, inverse, to_matrix
+from trailmark.estimation.symmetric import NOTHING, Sym3, diagonal, inverse, to_matrix
+from trailmark.values import quick_dataclass
 
 __all__ = ["Measured", "checked_covariance", "checked_information", "measured_directions", "says_something"]
 
@@ -22,7 +22,7 @@ _UNMEASURED = 1e-12
 _SAYS_NOTHING = 1e4
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@quick_dataclass(frozen=True, slots=True, eq=False)
 class Measured:
     """How an absolute estimate replaces what it measured.
 
@@ -103,6 +103,9 @@ def measured_directions(information: Sym3) -> Measured:
     covariance = inverse(information)
     if covariance is not None:
         return Measured(3, None, covariance)
+    xx, xy, xt, yy, yt, tt = information
+    if xy == xt == yt == 0.0:
+        return _measured_axes(xx, yy, tt)
     # In units of each axis's own sigma the matrix has a unit diagonal, and rank is a plain question.
     sigmas = np.array([1.0 / math.sqrt(value) if value > NOTHING else 0.0 for value in _diagonal(information)])
     roots = np.divide(1.0, sigmas, out=np.zeros(3), where=sigmas > 0.0)
@@ -113,6 +116,17 @@ def measured_directions(information: Sym3) -> Measured:
     spread = sigmas[:, None] * ((directions / weights) @ directions.T) * sigmas
     xx, xy, xt, _, yy, yt, _, _, tt = spread.ravel().tolist()
     return Measured(int(is_measured.sum()), gain, (xx, xy, xt, yy, yt, tt))
+
+
+def _measured_axes(xx: float, yy: float, tt: float) -> Measured:
+    """Return what independent axes measure, by the steps of the general way."""
+    gains, variances, rank = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], 0
+    for k, value in enumerate((xx, yy, tt)):
+        if value > NOTHING:
+            sigma = 1.0 / math.sqrt(value)
+            gains[k], variances[k] = sigma * (1.0 / sigma), sigma * (1.0 / (sigma * value * sigma)) * sigma
+            rank += 1
+    return Measured(rank, to_matrix(diagonal(*gains)), diagonal(*variances))
 
 
 def says_something(covariance: Sym3, drift: Sym3) -> bool:

@@ -29,6 +29,10 @@ class Localizer(Part):
     #: error, and the motion of others counts.
     motion_is_spare: ClassVar[bool] = False
 
+    #: False of one that does not look at the belief, as odometry: nothing is predicted for it, and `observe` is given a
+    #: belief of the frame's stamp in which nothing is known.
+    uses_belief: ClassVar[bool] = True
+
     @abstractmethod
     def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
         """Look at a frame of a sensor that the config subscribes to.
@@ -38,7 +42,8 @@ class Localizer(Part):
         frame : Frame
             The frame; its arrays are read-only.
         belief : Belief
-            What is believed at the frame's stamp, with the estimates of the localizers before this one.
+            What is believed at the frame's stamp, with the estimates of the localizers before this one (see
+            `uses_belief`).
 
         Returns
         -------

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from trailmark.arrays import Floats
 from trailmark.commands import Stop
 from trailmark.errors import RunError, TrailmarkError
-from trailmark.estimates import Applied, EstimateRecord, Lost
+from trailmark.estimates import Applied, Belief, EstimateRecord, Lost
 from trailmark.frames import Frame, SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interfaces import RunEnd, Sink
@@ -214,7 +214,7 @@ class Run:
         self._sinks.tell(Sink.on_frame, frame)
         records: list[EstimateRecord] = []
         for localizer in self._subscribers.get(frame.sensor, ()):
-            belief = self._estimator.belief(frame.stamp_s)
+            belief = self._estimator.belief(frame.stamp_s) if localizer.uses_belief else Belief(frame.stamp_s)
             try:
                 records += self._apply(localizer, localizer.submit(frame, belief))
             except LocalizerFailedError as error:

@@ -23,6 +23,7 @@ class ConstantSpeed(Localizer):
     """
 
     config: ConstantSpeedConfig
+    uses_belief = False
 
     def __init__(self, config: ConstantSpeedConfig) -> None:
         super().__init__(config)

@@ -26,6 +26,7 @@ class ImuLocalizer(Localizer):
     """
 
     config: ImuConfig
+    uses_belief = False
 
     def start(self, session: Session) -> None:
         """Look up how the unit is mounted, and forget the last reading."""

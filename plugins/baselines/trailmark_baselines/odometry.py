@@ -29,6 +29,7 @@ class OdometryLocalizer(Localizer):
     """
 
     config: OdometryConfig
+    uses_belief = False
 
     def __init__(self, config: OdometryConfig) -> None:
         super().__init__(config)

@@ -37,7 +37,6 @@ from trailmark.estimation.kalman.prediction import Prediction
 from trailmark.estimation.kalman.state import FilterState, Gaussian
 from trailmark.estimation.kalman.time_node import TimeNode
 from trailmark.estimation.kalman.trust import Trust
-from trailmark.estimation.kalman.ukf import Ukf
 from trailmark.estimation.kalman.windows import WINDOW_S
 from trailmark.estimation.kalman_config import KalmanConfig
 from trailmark.estimation.symmetric import ZERO, inverse, to_matrix
@@ -61,8 +60,8 @@ _FARTHEST_M = 2e7
 class Kalman(Estimator):
     """An extended Kalman filter of the planar pose, for any mix of localizers.
 
-    filterpy does the prediction, and with ``filter: ukf`` the update, too. The update of the extended filter, gates,
-    recovery, hypotheses of who lies, and the history are Trailmark's own.
+    The unscented filter (``filter: ukf``) is filterpy's; the extended one, gates, recovery, hypotheses of who lies, and
+    the history are Trailmark's own.
 
     The belief depends on what was said and on what instants it was said about, not on the order in which it came:
     any arrival inside the history gives what the right order would have given.
@@ -77,7 +76,7 @@ class Kalman(Estimator):
         """Forget everything; begin at the session's start pose, or nowhere."""
         config = self.config
         self._layout = layout = Layout.of(config)
-        self._filter: Filter = Ukf(layout.n) if config.filter == "ukf" else Ekf(layout.n)
+        self._filter = _filter_of(config, layout)
         self._path = session.path
         self._station_m: float | None = None
         self._correction = Correction(config, self._filter, layout)
@@ -374,3 +373,11 @@ class Kalman(Estimator):
         xx, xy, xt, _, yy, yt, _, _, tt = covariance.ravel().tolist()
         information = inverse(covariance_on_path((xx, xy, xt, yy, yt, tt), self._path, located.station_m)) or ZERO
         return PathOffset(stamp_s, located.station_m, located.lateral_m, located.heading_rad, to_matrix(information))
+
+
+def _filter_of(config: KalmanConfig, layout: Layout) -> Filter:
+    if config.filter == "ekf":
+        return Ekf(layout.n)
+    from trailmark.estimation.kalman.ukf import Ukf  # it imports filterpy, and that scipy
+
+    return Ukf(layout.n)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,11 +12,12 @@ from trailmark.estimation.kalman.trust import Trust, root_of
 from trailmark.estimation.symmetric import Sym3
 from trailmark.geometry import Pose2, wrap_angle
 from trailmark.paths import OnPath, Path
+from trailmark.values import quick_dataclass
 
 __all__ = ["Measurement", "fix_measurement", "path_measurement", "pose_measurement"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@quick_dataclass(frozen=True, slots=True, eq=False)
 class Measurement:
     """A `Fix`, or with a path a `PathOffset`.
 

@@ -8,16 +8,16 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left, bisect_right
-from dataclasses import dataclass
 
 from trailmark.estimates import Motion
 from trailmark.estimation.symmetric import ZERO, Sym3, congruence, inverse, scaled
 from trailmark.geometry import Pose2, Twist2
+from trailmark.values import quick_dataclass
 
 __all__ = ["Motions", "StatedMotion", "Step"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@quick_dataclass(frozen=True, slots=True, eq=False)
 class Step:
     """A motion over a piece of time, seen from its beginning.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
@@ -14,6 +14,7 @@ from trailmark.arrays import Floats
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.frames.payloads import read_only
 from trailmark.geometry import Pose2, Twist2
+from trailmark.values import quick_dataclass
 
 __all__ = [
     "Alternative",
@@ -40,7 +41,7 @@ def _empty() -> Mapping[str, Any]:
     return _EMPTY
 
 
-@dataclass(frozen=True, slots=True)
+@quick_dataclass(frozen=True, slots=True)
 class Verdict:
     """What became of one absolute estimate.
 
@@ -62,7 +63,7 @@ class Verdict:
     reason: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@quick_dataclass(frozen=True, slots=True)
 class MotionCheck:
     """The test of one localizer's step against those of the others.
 
@@ -81,7 +82,7 @@ class MotionCheck:
     dof: int
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@quick_dataclass(frozen=True, slots=True, eq=False)
 class RejectedMeasurement:
     """A measurement that failed its test, and the odometry at its stamp.
 
@@ -100,7 +101,7 @@ class RejectedMeasurement:
     measurement: Measurement
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@quick_dataclass(frozen=True, slots=True, eq=False)
 class CorroboratingFix:
     """The last absolute estimate of a localizer that was accepted.
 
@@ -116,7 +117,7 @@ class CorroboratingFix:
     directions: Floats
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@quick_dataclass(frozen=True, slots=True, eq=False)
 class Gaussian:
     """Mean and covariance of the state.
 
@@ -132,7 +133,7 @@ class Gaussian:
     covariance: Floats
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@quick_dataclass(frozen=True, slots=True, eq=False)
 class OdometryState:
     """What motion alone says.
 
@@ -160,7 +161,7 @@ class OdometryState:
     has_moved: bool = False
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@quick_dataclass(frozen=True, slots=True, eq=False)
 class Rejections:
     """Which absolute estimates failed their test of late, and which passed.
 
@@ -206,7 +207,7 @@ class MotionSum(NamedTuple):
     covered_s: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@quick_dataclass(frozen=True, slots=True)
 class Fault:
     """Why the motion of a localizer is not believed.
 
@@ -243,7 +244,7 @@ class FixOffset(NamedTuple):
     n: int
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@quick_dataclass(frozen=True, slots=True, eq=False)
 class Rival:
     """One hypothesis of who is right: a filter of its own.
 
@@ -357,7 +358,7 @@ class Consistency(NamedTuple):
     accused: frozenset[str] = frozenset()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@quick_dataclass(frozen=True, slots=True, eq=False)
 class FilterState:
     """All that later estimates depend on. Nothing in it is ever changed in place.
 

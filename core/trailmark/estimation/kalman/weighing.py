@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from trailmark.estimation.kalman.state import MotionCheck
 from trailmark.estimation.kalman.trust import root_of
 from trailmark.estimation.symmetric import ZERO, Sym3, add, diagonal, inverse, scaled, to_matrix
 from trailmark.geometry import Pose2, Twist2, wrap_angle
+from trailmark.values import quick_dataclass
 
 __all__ = ["StepSelection", "fuse_steps", "information_of", "nis_between", "replace_impossible_jump", "select_steps"]
 
@@ -29,7 +30,7 @@ SourceStep = tuple[str, Step]
 _IMPOSSIBLE_MPS = 15.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@quick_dataclass(frozen=True, slots=True, eq=False)
 class StepSelection:
     """What is left of several steps.
 

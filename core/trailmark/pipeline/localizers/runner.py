@@ -74,6 +74,7 @@ class LocalizerRunner(ABC):
     ) -> None:
         self.part = part
         self.name = part.name
+        self.uses_belief = part.localizer.uses_belief
         self._localizer = part.localizer
         self._times = times
         self._is_realtime = is_realtime

@@ -90,7 +90,7 @@ class _OwnTrack:
     """
 
     def __init__(self, session: Session) -> None:
-        self._estimator = DeadReckoning(DeadReckoningConfig())
+        self._estimator = DeadReckoning(DeadReckoningConfig(), poses_alone=True)
         self._estimator.start(session)
         self._in_map, self._in_odom = Track(), Track()
         self._has_motion = False
