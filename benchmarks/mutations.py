@@ -2,9 +2,13 @@
 
 ``mutations.toml`` lists them: a text that stands in a file once, what it becomes, and the tests that ought to fail. ::
 
-    python benchmarks/mutations.py                              # all of them; an hour on one core
-    python benchmarks/mutations.py --room divs --out found.json # one room
-    python benchmarks/mutations.py --check                      # only whether every text is still there
+    python benchmarks/mutations.py                         # all of them; half an hour on one core
+    python benchmarks/mutations.py --room divs --minutes 9 # one room, as far as it comes
+    python benchmarks/mutations.py --check                 # only whether every text is still there
+    python benchmarks/mutations.py --markdown              # the table of what was found, from the notes alone
+
+What is found is noted at once, and a later call goes on from there: a verdict holds as long as its file and its tests
+are what they were. The test that ought to fail stands in the list and runs first; the table names the one that did.
 
 Exit code 1: a mutation was not killed, or its text has gone. Tests that do not end within `--limit` are ``hung``,
 and say nothing: on a busy machine give them longer.
@@ -13,23 +17,25 @@ and say nothing: on a busy machine give them longer.
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
-import tempfile
 import time
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-REPOSITORY = Path(__file__).parents[1]
+REPOSITORY = Path(__file__).resolve().parents[1]
 LIST = Path(__file__).with_suffix(".toml")
 
 #: What pytest answers when a test failed, or could not even be collected.
 _FAILED = (1, 2)
+_KILLER = re.compile(r"^(?:FAILED|ERROR) (?P<test>\S+)", re.MULTILINE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +52,8 @@ class Mutation:
         The text, which stands in the file once, and what it becomes.
     tests : sequence of str
         Files of tests, the fast ones first.
+    test : str
+        The one that ought to fail, which is run alone first; "" where nobody knows.
     """
 
     room: str
@@ -54,6 +62,12 @@ class Mutation:
     old: str
     new: str
     tests: Sequence[str]
+    test: str = ""
+
+    @property
+    def name(self) -> str:
+        """Where it is made, and what is wrong then."""
+        return f"{self.room}/{self.file}: {self.what}"
 
     def path(self, top: Path) -> Path:
         """Return the file in a checkout."""
@@ -62,19 +76,133 @@ class Mutation:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What became of a mutation: ``killed``, ``survived``, ``hung``, or ``gone`` where its text is not there once."""
+    """What became of a mutation.
+
+    Attributes
+    ----------
+    verdict : str
+        ``killed``, ``survived``, ``hung``, or ``gone`` where its text is not there once.
+    by : str
+        The test that killed it.
+    took_s : float
+        Copying apart [s].
+    of : str
+        Fingerprint of the mutation, its file and its tests.
+    """
 
     room: str
     file: str
     what: str
     verdict: str
+    by: str
     took_s: float
+    of: str
+
+    @property
+    def name(self) -> str:
+        """Which mutation it is about."""
+        return f"{self.room}/{self.file}: {self.what}"
+
+
+class Workshop:
+    """A copy of the checkout, in which one mutation after the other is made and taken back.
+
+    Numba keeps what it compiled of the copy as it is; a mutated kernel is compiled into a folder of its own.
+
+    Parameters
+    ----------
+    top, folder : Path
+        The checkout, and where its copy is made; compiled kernels stay there for the next time.
+    limit_s : float
+        Time for the tests of one mutation [s].
+    """
+
+    def __init__(self, top: Path, folder: Path, limit_s: float) -> None:
+        self._folder, self._limit_s = folder, limit_s
+        self._passed: set[tuple[str, ...]] = set()
+        for name in ("core", "plugins", "tests", "examples"):
+            shutil.rmtree(folder / name, ignore_errors=True)
+            shutil.copytree(top / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copy(top / "pyproject.toml", folder)
+
+    def check(self, tests: Sequence[str]) -> None:
+        """Run tests on the code as it is, once.
+
+        Raises
+        ------
+        RuntimeError
+            If one fails: nothing would follow from its failing.
+        """
+        if tuple(tests) in self._passed:
+            return
+        verdict, by = self._run(tests, self._folder / "kernels", 10.0 * self._limit_s)
+        if verdict != "survived":
+            raise RuntimeError(f"the tests fail without any mutation: {by or verdict}")
+        self._passed.add(tuple(tests))
+
+    def judge(self, mutation: Mutation) -> Verdict:
+        """Make a mutation, run the test that ought to fail and, where it does not, all tests of the room."""
+        began_s, of = time.monotonic(), fingerprint(mutation, self._folder)
+        if not is_there(mutation, self._folder):
+            return Verdict(mutation.room, mutation.file, mutation.what, "gone", "", 0.0, of)
+        verdict, by = self._run_mutated(mutation, [mutation.test]) if mutation.test else ("survived", "")
+        if verdict != "killed":
+            self.check(mutation.tests)
+            verdict, by = self._run_mutated(mutation, mutation.tests)
+        took_s = round(time.monotonic() - began_s, 1)
+        return Verdict(mutation.room, mutation.file, mutation.what, verdict, by, took_s, of)
+
+    def _run_mutated(self, mutation: Mutation, tests: Sequence[str]) -> tuple[str, str]:
+        """Mutate the copy, run tests, and put the text back."""
+        path, kernels = mutation.path(self._folder), self._folder / "kernels"
+        text, times = path.read_text(encoding="utf-8"), {path: path.stat()}
+        path.write_text(text.replace(mutation.old, mutation.new), encoding="utf-8")
+        try:
+            if "kernel" in text:
+                kernels = self._folder / "mutated-kernels"
+                shutil.rmtree(kernels, ignore_errors=True)
+                times = touch_kernels(path.parent) | times
+            return self._run(tests, kernels, self._limit_s)
+        finally:
+            path.write_text(text, encoding="utf-8")
+            for each, was in times.items():
+                os.utime(each, ns=(was.st_atime_ns, was.st_mtime_ns))
+
+    def _run(self, tests: Sequence[str], kernels: Path, limit_s: float) -> tuple[str, str]:
+        """Return what tests say of the copy, and the one that failed."""
+        packages = [self._folder / "core", *sorted((self._folder / "plugins").iterdir())]
+        environment = os.environ | {
+            "PYTHONPATH": os.pathsep.join(map(str, packages)),
+            "NUMBA_CACHE_DIR": str(kernels),
+            "PYTHONDONTWRITEBYTECODE": "1",
+        }
+        command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *tests]
+        try:
+            done = subprocess.run(
+                command, cwd=self._folder, env=environment, capture_output=True, text=True, timeout=limit_s
+            )
+        except subprocess.TimeoutExpired:
+            return "hung", ""
+        if done.returncode in _FAILED:
+            killer = _KILLER.search(done.stdout)
+            return "killed", killer["test"] if killer else ""
+        if done.returncode:
+            raise RuntimeError(f"pytest ended with {done.returncode}: {done.stdout[-1000:]}{done.stderr[-1000:]}")
+        return "survived", ""
 
 
 def mutations_of(document: str) -> list[Mutation]:
     """Return the mutations of a list, in its order."""
     return [
-        Mutation(room["name"], each["file"], each["what"], each["old"], each["new"], tuple(room["tests"]))
+        Mutation(
+            room["name"],
+            each["file"],
+            each["what"],
+            each["old"],
+            each["new"],
+            tuple(room["tests"]),
+            f"tests/{room['name']}/{each['test']}" if "test" in each else "",
+        )
         for room in tomllib.loads(document)["room"]
         for each in room["mutations"]
     ]
@@ -86,73 +214,57 @@ def is_there(mutation: Mutation, top: Path) -> bool:
     return path.is_file() and path.read_text(encoding="utf-8").count(mutation.old) == 1
 
 
-def copy_of(top: Path, folder: Path) -> Path:
-    """Copy what the tests need of a checkout."""
-    for name in ("core", "plugins", "tests"):
-        shutil.copytree(top / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copy(top / "pyproject.toml", folder)
-    return folder
+def fingerprint(mutation: Mutation, top: Path) -> str:
+    """Return the digest of a mutation, of the file that it is made in, and of its tests."""
+    digest = hashlib.sha256(f"{mutation.old}\0{mutation.new}".encode())
+    for path in (mutation.path(top), *(top / test for test in mutation.tests)):
+        digest.update(path.read_bytes() if path.is_file() else b"")
+    return digest.hexdigest()[:12]
 
 
-def judge(mutation: Mutation, top: Path, limit_s: float) -> Verdict:
-    """Mutate a copy, run the tests, and put the text back."""
-    began_s = time.monotonic()
-    if not is_there(mutation, top):
-        return Verdict(mutation.room, mutation.file, mutation.what, "gone", 0.0)
-    path = mutation.path(top)
-    text = path.read_text(encoding="utf-8")
-    path.write_text(text.replace(mutation.old, mutation.new), encoding="utf-8")
-    try:
-        _touch_kernels(mutation, top)
-        verdict = {True: "survived", False: "killed", None: "hung"}[pass_tests(mutation.tests, top, limit_s)]
-    finally:
-        path.write_text(text, encoding="utf-8")
-        _touch_kernels(mutation, top)
-    return Verdict(mutation.room, mutation.file, mutation.what, verdict, round(time.monotonic() - began_s, 1))
-
-
-def _touch_kernels(mutation: Mutation, top: Path) -> None:
+def touch_kernels(package: Path) -> dict[Path, os.stat_result]:
     """Let numba compile anew: it keeps kernels whose own file is as it was, also when one that they call is not."""
-    if "kernel" not in mutation.path(top).read_text(encoding="utf-8"):
-        return
-    for path in mutation.path(top).parent.rglob("*.py"):
-        if "kernel" in path.read_text(encoding="utf-8"):
-            path.touch()
+    kernels = [path for path in package.rglob("*.py") if "kernel" in path.read_text(encoding="utf-8")]
+    were = {path: path.stat() for path in kernels}
+    for path in kernels:
+        path.touch()
+    return were
 
 
-def pass_tests(tests: Sequence[str], top: Path, limit_s: float) -> bool | None:
-    """Return whether tests pass in a checkout; None when they have not ended in time.
-
-    Raises
-    ------
-    RuntimeError
-        If pytest could not run them at all.
-    """
-    packages = [top / "core", *sorted((top / "plugins").iterdir())]
-    environment = os.environ | {
-        "PYTHONPATH": os.pathsep.join(map(str, packages)),
-        "NUMBA_CACHE_DIR": str(top / "kernels"),
-        "PYTHONDONTWRITEBYTECODE": "1",
-    }
-    command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *tests]
-    try:
-        done = subprocess.run(command, cwd=top, env=environment, capture_output=True, text=True, timeout=limit_s)
-    except subprocess.TimeoutExpired:
-        return None
-    if done.returncode not in (0, *_FAILED):
-        raise RuntimeError(f"pytest ended with {done.returncode}: {done.stdout[-1000:]}{done.stderr[-1000:]}")
-    return done.returncode == 0
+def judge_all(chosen: Sequence[Mutation], workshop: Workshop, minutes: float) -> Iterator[Verdict]:
+    """Judge mutations as long as there is time, after the tests that ought to fail have passed on the code as it is."""
+    ends_s = time.monotonic() + 60.0 * minutes
+    for mutation in chosen:
+        if time.monotonic() > ends_s:
+            return
+        named = [one.test for one in chosen if one.tests == mutation.tests and one.test]
+        workshop.check(tuple(dict.fromkeys(named)) or mutation.tests)
+        yield workshop.judge(mutation)
 
 
-def verdicts(chosen: Sequence[Mutation], top: Path, limit_s: float) -> Iterator[Verdict]:
-    """Judge mutations in a copy; a room whose tests fail as they are is an error, for nothing would follow."""
-    with tempfile.TemporaryDirectory(prefix="mutations-") as folder:
-        copy = copy_of(top, Path(folder))
-        for tests in dict.fromkeys(mutation.tests for mutation in chosen):
-            if pass_tests(tests, copy, 10.0 * limit_s) is not True:
-                raise RuntimeError(f"the tests fail without any mutation: {' '.join(tests)}")
-        for mutation in chosen:
-            yield judge(mutation, copy, limit_s)
+def read_verdicts(path: Path) -> dict[str, Verdict]:
+    """Return what was found before, by the names of the mutations."""
+    if not path.exists():
+        return {}
+    found = [Verdict(**each) for each in json.loads(path.read_text(encoding="utf-8"))]
+    return {each.name: each for each in found}
+
+
+def table_of(chosen: Sequence[Mutation], known: Mapping[str, Verdict]) -> Iterator[str]:
+    """Yield the lines of a page: how many of each room were killed, then each mutation with the test that killed it."""
+    rows = [known.get(one.name) for one in chosen]
+    yield "| room | mutations | killed |"
+    yield "|---|--:|--:|"
+    for room in dict.fromkeys(one.room for one in chosen):
+        of_room = [row for one, row in zip(chosen, rows, strict=True) if one.room == room]
+        yield f"| {room} | {len(of_room)} | {sum(row is not None and row.verdict == 'killed' for row in of_room)} |"
+    yield f"| all | {len(rows)} | {sum(row is not None and row.verdict == 'killed' for row in rows)} |"
+    yield ""
+    yield "| file | what is wrong | verdict | by |"
+    yield "|---|---|---|---|"
+    for one, row in zip(chosen, rows, strict=True):
+        verdict, by = (row.verdict, row.by) if row else ("not judged", "")
+        yield f"| {one.room}/{one.file} | {one.what} | {verdict} | {by.removeprefix('tests/').replace('|', '/')} |"
 
 
 def main() -> int:
@@ -160,26 +272,41 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--room", action="append", help="of these plugins alone")
     parser.add_argument("--check", action="store_true", help="run no tests: are the texts still there?")
+    parser.add_argument("--markdown", action="store_true", help="run no tests: print the table of what was found")
     parser.add_argument("--limit", type=float, default=300.0, help="of the tests of one mutation [s]")
-    parser.add_argument("--out", type=Path, help="JSON of the verdicts, written after each")
+    parser.add_argument("--minutes", type=float, default=600.0, help="begin no mutation after so long")
+    parser.add_argument("--out", type=Path, default=REPOSITORY / "runs" / "mutations", help="folder of copy and notes")
     arguments = parser.parse_args()
     everything = mutations_of(LIST.read_text(encoding="utf-8"))
     chosen = [one for one in everything if not arguments.room or one.room in arguments.room]
     if arguments.check:
-        gone = [one for one in chosen if not is_there(one, REPOSITORY)]
-        for one in gone:
-            print(f"gone: {one.room}/{one.file}: {one.what}")
-        print(f"{len(chosen) - len(gone)} of {len(chosen)} mutations can be made")
-        return int(bool(gone))
-    found: list[Verdict] = []
-    for verdict in verdicts(chosen, REPOSITORY, arguments.limit):
-        found.append(verdict)
-        print(f"{verdict.verdict:<9}{verdict.took_s:6.1f} s  {verdict.room}/{verdict.file}: {verdict.what}", flush=True)
-        if arguments.out:
-            arguments.out.write_text(json.dumps([asdict(one) for one in found], indent=1) + "\n", encoding="utf-8")
-    n_killed = sum(one.verdict == "killed" for one in found)
-    print(f"{n_killed} of {len(found)} mutations killed")
-    return int(n_killed < len(found))
+        return check_texts(chosen)
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    notes = arguments.out / "verdicts.json"
+    known = read_verdicts(notes)
+    if arguments.markdown:
+        print("\n".join(table_of(chosen, known)))
+        return 0
+    fresh = {each.of for each in known.values() if each.verdict in ("killed", "survived")}
+    left = [one for one in chosen if fingerprint(one, REPOSITORY) not in fresh]
+    if left:
+        workshop = Workshop(REPOSITORY, arguments.out / "copy", arguments.limit)
+        for verdict in judge_all(left, workshop, arguments.minutes):
+            known[verdict.name] = verdict
+            print(f"{verdict.verdict:<9}{verdict.took_s:6.1f} s  {verdict.name}", flush=True)
+            notes.write_text(json.dumps([asdict(each) for each in known.values()], indent=1) + "\n", encoding="utf-8")
+    n_killed = sum(one.name in known and known[one.name].verdict == "killed" for one in chosen)
+    print(f"{n_killed} of {len(chosen)} mutations killed")
+    return int(n_killed < len(chosen))
+
+
+def check_texts(chosen: Sequence[Mutation]) -> int:
+    """Say which texts are no longer there, and return whether any is missing."""
+    gone = [one for one in chosen if not is_there(one, REPOSITORY)]
+    for one in gone:
+        print(f"gone: {one.name}")
+    print(f"{len(chosen) - len(gone)} of {len(chosen)} mutations can be made")
+    return int(bool(gone))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,94 @@
+"""The rules of the papers that are turned round: they are still there, and what a test says of one is noted."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+REPOSITORY = Path(__file__).parents[2]
+#: As many of the listed rules must be found where the list says.
+_FEWEST = 60
+
+RULE = "def larger(a, b):\n    return a if a > b else b\n"
+TESTS = {
+    "test_first.py": "from trailmark_room.rule import larger\n\ndef test_same():\n    assert larger(2, 2) == 2\n",
+    "test_second.py": "from trailmark_room.rule import larger\n\ndef test_larger():\n    assert larger(3, 2) == 3\n",
+}
+
+
+@pytest.fixture(scope="module")
+def mutations() -> ModuleType:
+    """`benchmarks/mutations.py` as a module."""
+    spec = importlib.util.spec_from_file_location("mutations_recipe", REPOSITORY / "benchmarks" / "mutations.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture
+def checkout(tmp_path: Path) -> Path:
+    """A checkout with one room, one rule and two files of tests."""
+    top = tmp_path / "top"
+    package = top / "plugins" / "room" / "trailmark_room"
+    for folder in (package, top / "core", top / "tests", top / "examples"):
+        folder.mkdir(parents=True)
+    (top / "pyproject.toml").write_text("")
+    (package / "__init__.py").write_text("")
+    (package / "rule.py").write_text(RULE)
+    for name, text in TESTS.items():
+        (top / "tests" / name).write_text(text)
+    return top
+
+
+def mutation(mutations: ModuleType, old: str, new: str):
+    return mutations.Mutation("room", "rule.py", "the smaller", old, new, tuple(f"tests/{name}" for name in TESTS))
+
+
+def test_the_rules_of_the_list_are_still_where_it_says(mutations: ModuleType) -> None:
+    listed = mutations.mutations_of(mutations.LIST.read_text(encoding="utf-8"))
+
+    assert len({one.name for one in listed}) == len(listed)
+    assert sum(mutations.is_there(one, REPOSITORY) for one in listed) >= _FEWEST
+    assert all((REPOSITORY / test).is_file() for one in listed for test in one.tests)
+
+
+def test_the_test_that_kills_a_mutation_is_named_and_the_text_put_back(
+    mutations: ModuleType, checkout: Path, tmp_path: Path
+) -> None:
+    workshop = mutations.Workshop(checkout, tmp_path / "copy", 60.0)
+
+    killed = workshop.judge(mutation(mutations, "a > b", "a < b"))
+    survived = workshop.judge(mutation(mutations, "a > b", "a >= b"))
+    gone = workshop.judge(mutation(mutations, "a == b", "a != b"))
+
+    assert (killed.verdict, killed.by) == ("killed", "tests/test_second.py::test_larger")
+    assert (survived.verdict, gone.verdict) == ("survived", "gone")
+    assert (tmp_path / "copy" / "plugins" / "room" / "trailmark_room" / "rule.py").read_text() == RULE
+
+
+def test_a_verdict_holds_until_its_file_or_a_test_of_it_changes(mutations: ModuleType, checkout: Path) -> None:
+    one = mutation(mutations, "a > b", "a < b")
+    before = mutations.fingerprint(one, checkout)
+
+    (checkout / "tests" / "test_other.py").write_text("")
+    assert mutations.fingerprint(one, checkout) == before
+    (checkout / "tests" / "test_first.py").write_text("")
+    assert mutations.fingerprint(one, checkout) != before
+    assert mutations.fingerprint(mutation(mutations, "a > b", "a <= b"), checkout) != before
+
+
+def test_the_table_counts_by_room_what_was_killed_and_what_nobody_judged(mutations: ModuleType) -> None:
+    chosen = [mutation(mutations, "a > b", "a < b"), mutations.Mutation("other", "x.py", "y", "o", "n", ())]
+    known = {chosen[0].name: mutations.Verdict("room", "rule.py", "the smaller", "killed", "tests/t.py::t", 1.0, "f")}
+
+    lines = list(mutations.table_of(chosen, known))
+
+    assert lines[2:5] == ["| room | 1 | 1 |", "| other | 1 | 0 |", "| all | 2 | 1 |"]
+    assert lines[-2:] == ["| room/rule.py | the smaller | killed | t.py::t |", "| other/x.py | y | not judged |  |"]
