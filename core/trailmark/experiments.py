@@ -92,6 +92,8 @@ class ExperimentOptions:
         Keep the answers of `map` below `out` until the experiment is done: an interrupted one goes on where it was.
     place : int or None
         The simulated place of all drives (``world_seed``); None: every seed has a place of its own.
+    places : int or None
+        In how many places everything is repeated; None: as the experiment has it, one place where it is quick.
     """
 
     quick: bool
@@ -101,6 +103,11 @@ class ExperimentOptions:
     jobs: int = 1
     is_kept: bool = False
     place: int | None = None
+    places: int | None = None
+
+    def n_places(self, usual: int) -> int:
+        """Return in how many places an experiment takes place that usually has so many, and one where it is quick."""
+        return self.places or (1 if self.quick else usual)
 
     def place_of(self, seed: int) -> int:
         """Return the ``world_seed`` of drives with a seed: the place that was asked for, or one of the seed's own."""

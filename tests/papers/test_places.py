@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -72,6 +73,15 @@ def test_a_place_where_nothing_could_be_measured_misses_the_bar(tmp_path: Path) 
     assert mean.met is False
     assert "by place: 0.1, nothing, 0.2" in mean.note
     assert worst.ours == 0.1  # without a bar: of the places where there is one
+
+
+def test_quick_versions_take_as_many_places_as_are_asked_for(tmp_path: Path) -> None:
+    rows = rows_of_place({1: 0.1, 1001: 0.2, 2001: 0.6})
+    quick = options(tmp_path, quick=True)
+
+    assert [row.n for row in over_places(quick, rows, 5)] == [10, 10, 1]  # samples of one place
+    assert [row.n for row in over_places(replace(quick, places=3), rows, 5)] == [3, 3, 3]
+    assert [row.n for row in over_places(replace(options(tmp_path), places=2), rows, 5)] == [2, 2, 2]
 
 
 def test_a_row_that_one_place_alone_has_is_kept(tmp_path: Path) -> None:

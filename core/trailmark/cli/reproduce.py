@@ -23,6 +23,7 @@ __all__ = ["reproduce_command"]
 @click.option("--quick", is_flag=True, help="Short versions.")
 @click.option("--seed", default=0, show_default=True, type=click.IntRange(0), help="First seed: noise, people, place.")
 @click.option("--place", type=click.IntRange(0), help="World seed of all drives.  [default: of the seed]")
+@click.option("--places", type=click.IntRange(1), help="How many.  [default: 5; 1 with --quick]")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("runs/reproduce"), show_default=True)
 @click.option("--jobs", default=1, show_default=True, type=click.IntRange(1), help="Runs at a time.")
 @click.option("--json", "as_json", is_flag=True, help="Print the rows as JSON.")
@@ -52,7 +53,7 @@ def reproduce_command(context: click.Context, /, paper: str | None, out: Path, a
         click.echo(json.dumps([row.document() for row in rows], indent=1))
 
 
-def _repeat(spec: Any, folder: Path, *, quick: bool, seed: int, place: int | None, jobs: int) -> Sequence[Row]:
+def _repeat(spec: Any, folder: Path, *, jobs: int, **request: Any) -> Sequence[Row]:
     from trailmark.isolation.calls import forget_calls
     from trailmark.pipeline.outputs.provenance import provenance
     from trailmark.report.experiment import write_experiment
@@ -60,11 +61,11 @@ def _repeat(spec: Any, folder: Path, *, quick: bool, seed: int, place: int | Non
     say(f"{spec.name}: {spec.summary}")
     began_s, origin = time.monotonic(), provenance()
     folder.mkdir(parents=True, exist_ok=True)
-    _keep_only_the_same(folder, {"quick": quick, "seed": seed, "place": place})
-    options = ExperimentOptions(quick, seed, folder, lambda line: say(f"  {line}"), jobs, is_kept=True, place=place)
+    _keep_only_the_same(folder, request)
+    options = ExperimentOptions(out=folder, report=lambda line: say(f"  {line}"), jobs=jobs, is_kept=True, **request)
     rows: Sequence[Row] = spec.load()(options)
     forget_calls(folder / CALLS_FOLDER)
-    where = {} if place is None else {"place": place}
+    where = {} if options.place is None else {"place": options.place}
     write_experiment(folder, spec.summary, spec.reference, rows, origin | where, time.monotonic() - began_s)
     return rows
 

@@ -54,10 +54,10 @@ def over_places(
     rows_of : callable
         The experiment in one place.
     n_places : int
-        How many; the quick version keeps to one, and returns its rows as they are.
+        How many, where the command line does not say; rows of one alone are returned as they are.
     """
     found = []
-    for k in range(1 if options.quick else n_places):
+    for k in range(options.n_places(n_places)):
         seed = options.seed + _SEED_STEP * k
         out = options.out if k == 0 else options.out / "places" / str(seed + 1)
         found.append(list(rows_of(replace(options, seed=seed, out=out))))

@@ -71,7 +71,7 @@ def straight_rows(options: ExperimentOptions) -> list[Row]:
 
     Every seed has another stretch of the floor, and other noise.
     """
-    floors, n_seeds = _Floors.of(options), 1 if options.quick else _SEEDS
+    floors, n_seeds = _Floors.of(options), options.n_places(_SEEDS)
     found = _measured(options, floors, n_seeds)
     length = f"B {'1.5 m' if options.quick else '10 m'} straight"
     rows: list[Row] = []
