@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -104,12 +103,11 @@ def serve_command(config: Path, store: Path, task: str, state: str, settings: tu
     the domain can say so.
     """
     network = _network(asked["domain"], asked["interface"])
+    from trailmark.isolation.tasks import Task, task_command
     from trailmark_ros2.tasks import TaskServer
 
-    def command_of(name: str) -> list[str]:
-        line = [sys.executable, "-P", "-m", "trailmark.cli", name, str(config), "--store", str(store), "--no-report"]
-        line += [part for setting in settings for part in ("--set", setting)]
-        return [*line, "--overwrite-store"] if name == "teach" else line
+    def command_of(name: Task) -> list[str]:
+        return task_command(name, config, store, settings=settings, extra=["--no-report"])
 
     try:
         TaskServer(network, task=task, state=state, command_of=command_of).serve()

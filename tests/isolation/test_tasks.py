@@ -1,0 +1,85 @@
+"""Teach, replay and stop: one run at a time, ended as by Ctrl-C."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from trailmark.isolation.tasks import TaskRunner, task_command
+
+#: Runs until it is told to end, and notes by which signal.
+LONG = """
+import pathlib, signal, sys, time
+def end(number, frame):
+    pathlib.Path(sys.argv[1]).write_text(str(number))
+    sys.exit(130)
+signal.signal(signal.SIGINT, end)
+pathlib.Path(sys.argv[1]).write_text("runs")
+time.sleep(60)
+"""
+
+
+@pytest.fixture
+def said() -> list[str]:
+    return []
+
+
+@pytest.fixture
+def runner(tmp_path: Path, said: list[str]) -> Iterator[TaskRunner]:
+    lines = {
+        "teach": [sys.executable, "-S", "-c", LONG, str(tmp_path / "teach")],
+        "replay": [sys.executable, "-S", "-c", "import sys; sys.exit(3)"],
+    }
+    runner = TaskRunner(lines.__getitem__, said.append)
+    runner.begin()
+    yield runner
+    runner.stop()
+
+
+def wait_for(path: Path) -> None:
+    until_s = time.monotonic() + 60.0
+    while not (path.exists() and path.read_text()):
+        assert time.monotonic() < until_s
+        time.sleep(0.01)
+
+
+def test_a_run_is_stopped_as_ctrl_c_does(runner: TaskRunner, said: list[str], tmp_path: Path) -> None:
+    assert runner.take("teach") == ""
+    wait_for(tmp_path / "teach")
+    assert runner.is_running
+
+    assert runner.take("stop") == ""
+
+    assert said == ["idle", "teach", "stopping teach", "idle: teach was stopped"]
+    assert (tmp_path / "teach").read_text() == str(int(signal.SIGINT))
+    assert not runner.is_running
+
+
+def test_what_cannot_be_done_is_refused(runner: TaskRunner) -> None:
+    runner.take("teach")
+
+    assert runner.take("replay") == "replay is refused: teach is going on"
+    assert "is no task" in runner.take("rm -rf /")
+    assert runner.state == "teach"
+
+
+def test_how_a_run_ended_by_itself_is_said(runner: TaskRunner, said: list[str]) -> None:
+    runner.take("replay")
+    while runner.is_running:
+        runner.look()
+        time.sleep(0.01)
+
+    assert said[-1] == "idle: replay ended with exit code 3"
+
+
+def test_teaching_replaces_the_path_and_replaying_does_not() -> None:
+    teach = task_command("teach", Path("r.yaml"), Path("p.trail"), settings=["seed=1"])
+    replay = task_command("replay", Path("r.yaml"), Path("p.trail"), settings=["seed=1"])
+
+    assert teach[-1] == "--overwrite-store"
+    assert replay[4:] == ["replay", "r.yaml", "--store", "p.trail", "--set", "seed=1"]
