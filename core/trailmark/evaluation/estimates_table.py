@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +13,7 @@ import numpy.typing as npt
 from trailmark.arrays import Bools, Floats, Indices
 from trailmark.errors import DataError
 
-__all__ = ["OUTCOMES", "EstimateTable", "read_estimates"]
+__all__ = ["OUTCOMES", "EstimateTable", "read_estimates", "table_of_rows"]
 
 #: What can become of an estimate, in the order of reports; `Lost` is one whatever its status says.
 OUTCOMES = ("accepted", "gated", "late", "refused", "lost", "unused")
@@ -83,22 +83,33 @@ def read_estimates(path: str | Path) -> EstimateTable:
     DataError
         If the file cannot be read, a column is missing or a number is malformed; the message names the line.
     """
-    words: dict[str, list[str]] = {name: [] for name in _WORDS}
-    numbers: list[list[float]] = []
     if Path(path).exists() and not (Path(path).is_file() or Path(path).is_dir()):  # a pipe would be waited for
         raise DataError(f"cannot read {path}: it is a device or a pipe; write its text into a file")
     try:
         with open(path, encoding="utf-8", newline="") as file:
-            for where, row in _rows(file, path):
-                numbers.append([_number(row[name], name, where) for name in _NUMBERS])
-                for name in _WORDS:
-                    words[name].append(row[name])
+            return table_of_rows(_rows(file, path))
     except OSError as error:
         raise DataError(f"cannot read {path}: {error.strerror or error}") from error
     except UnicodeDecodeError as error:
         raise DataError(f"{path} is not a table of estimates: it is no text (byte {error.start})") from error
     except csv.Error as error:
         raise DataError(f"{path} is not a table of estimates: {error}") from error
+
+
+def table_of_rows(rows: Iterable[tuple[str, Mapping[str, str]]]) -> EstimateTable:
+    """Return rows, each with where it stands, as a table.
+
+    Raises
+    ------
+    DataError
+        If a number is malformed.
+    """
+    words: dict[str, list[str]] = {name: [] for name in _WORDS}
+    numbers: list[list[float]] = []
+    for where, row in rows:
+        numbers.append([_number(row[name], name, where) for name in _NUMBERS])
+        for name in _WORDS:
+            words[name].append(row[name])
     return _table(np.array(numbers, dtype=np.float64).reshape(-1, len(_NUMBERS)), words)
 
 

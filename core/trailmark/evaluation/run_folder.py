@@ -22,7 +22,7 @@ from trailmark.evaluation.path_file import PATH_FILE, read_path
 from trailmark.frames.outlines import Outlines
 from trailmark.geometry import Trajectory, read_tum
 
-__all__ = ["FUSED", "GROUND_TRUTH", "RunFolder", "read_run"]
+__all__ = ["FUSED", "GROUND_TRUTH", "RunFolder", "localizer_names", "read_run"]
 
 FUSED = "fused"
 GROUND_TRUTH = "groundtruth"
@@ -148,13 +148,14 @@ def _json(path: Path) -> dict[str, Any]:
 
 
 def _in_order(names: Mapping[str, object], config_text: str) -> list[str]:
-    order = _localizers(config_text)
+    order = localizer_names(config_text)
     known = [name for name in order if name in names]
     rest = sorted(name for name in names if name not in order and name != FUSED)
     return [*known, *rest, *([FUSED] if FUSED in names else [])]
 
 
-def _localizers(config_text: str) -> list[str]:
+def localizer_names(config_text: str) -> list[str]:
+    """Return the localizers of a ``config.yaml``, in its order; none of what is no config."""
     from ruamel.yaml import YAML  # here: importing the metrics stays cheap
     from ruamel.yaml.error import YAMLError
 

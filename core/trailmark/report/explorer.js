@@ -1,10 +1,9 @@
 "use strict";
-// The map of a run and its time axis. All that is drawn comes from the page itself; names are text, never markup.
-const data = JSON.parse(document.getElementById("explorer-data").textContent);
+// The map of a run and its time axis. Names are text, never markup. All that is drawn comes from the page itself, or, of a
+// run that goes on, from the page's own script: it calls showDocument again and again.
 const $ = (id) => document.getElementById(id);
 const OUTCOMES = ["accepted", "gated", "late", "refused", "lost", "unused"];
 const ERRORS = ["distance", "ahead", "left", "turn"];
-const WORD = data.errors ? "error" : "difference";
 
 const node = (tag, properties = {}, ...children) => {
   const made = Object.assign(document.createElement(tag), properties);
@@ -47,12 +46,20 @@ const read = (item) => {
   if (found.ahead) found.distance = hypot(found.ahead, found.left);
   return found;
 };
-const tracks = data.tracks.map(read), fixes = data.fixes.map(read), beliefs = data.beliefs ? read(data.beliefs) : null;
-const offsets = Object.entries(data.offsets).map(([name, line]) => ({ name, t: unpack(line.t), v: unpack(line.v) }));
-const byName = new Map(tracks.map((track) => [track.name, track]));
-const compared = tracks.filter((track) => track.distance);
-const fused = byName.get("fused") || tracks[tracks.length - 1];
-tracks.forEach((track) => {
+let data, WORD, tracks, fixes, beliefs, offsets, byName, compared, fused, QUANTITIES;
+let pictures = [...document.querySelectorAll(".glimpses img")].map((image) => ({ sensor: image.dataset.sensor, t: Number(image.dataset.time), src: image.src, alt: image.alt }));
+function take(told) {
+  data = told;
+  WORD = data.errors ? "error" : "difference";
+  [tracks, fixes, beliefs] = [data.tracks.map(read), data.fixes.map(read), data.beliefs ? read(data.beliefs) : null];
+  offsets = Object.entries(data.offsets).map(([name, line]) => ({ name, t: unpack(line.t), v: unpack(line.v) }));
+  byName = new Map(tracks.map((track) => [track.name, track]));
+  compared = tracks.filter((track) => track.distance);
+  fused = byName.get("fused") || tracks[tracks.length - 1];
+  tracks.forEach(derive);
+  QUANTITIES = quantities();
+}
+function derive(track) {
   let last = -Infinity;
   track.clock = track.t.map((t) => (Number.isNaN(t) ? last : (last = t)));  // a gap has no time of its own
   track.speed = track.t.map((t, i) => {
@@ -63,11 +70,12 @@ tracks.forEach((track) => {
     track.dx = track.h.map((h, i) => Math.cos(h - track.turn[i]) * track.ahead[i] - Math.sin(h - track.turn[i]) * track.left[i]);
     track.dy = track.h.map((h, i) => Math.sin(h - track.turn[i]) * track.ahead[i] + Math.cos(h - track.turn[i]) * track.left[i]);
   }
-});
+}
 
 const hidden = new Set();
 const shows = (name) => !hidden.has(name);
-const state = { from: 0, to: data.span, at: null, times: 1, byError: false, quantity: compared.length ? "distance" : "x" };
+// The window of time, the cursor, and whether it goes with a run that goes on: until somebody points.
+const state = { from: 0, to: 0, at: null, isFollowing: false, times: 1, byError: false, quantity: null, isChosen: false };
 const isWhole = () => state.from === 0 && state.to === data.span;
 
 // --- the map -----------------------------------------------------------------------------------------------------
@@ -261,6 +269,7 @@ function drawRobots(add) {
   tracks.filter((track) => shows(track.name)).forEach((track) => {
     const place = placeAt(track, state.at);
     if (!place || !Number.isFinite(place.x)) return;
+    if (state.isFollowing && track.clock[track.clock.length - 1] < state.at - 0.5) return;  // it is known only so far
     const isMain = track === fused || track.name === "groundtruth";
     if (isMain) add("path", { d: outline(place) + nose(place), class: "robot", stroke: `var(${track.colour})`, "stroke-width": track === fused ? 2 : 3 });
     add("circle", { cx: right(place.x), cy: down(place.y), r: isMain ? 3 : 4, fill: `var(${track.colour})`, class: "place" });
@@ -269,7 +278,7 @@ function drawRobots(add) {
 
 // --- the time axis -----------------------------------------------------------------------------------------------
 
-const QUANTITIES = {
+const quantities = () => ({
   distance: { title: `Position ${WORD}`, unit: data.unit, per: data.per_m, about: `How far each was from ${data.reference || "the reference"}. Below the edge of the grey area 989 of 1000 errors should lie: it is three standard deviations, as the estimator states them.` },
   ahead: { title: `${WORD} ahead`, unit: data.unit, per: data.per_m, about: "Along the true heading; ahead is positive. Grey: ±3 σ, as the estimator states it." },
   left: { title: `${WORD} to the left`, unit: data.unit, per: data.per_m, about: "Across the true heading; left is positive. Grey: ±3 σ, as the estimator states it." },
@@ -279,7 +288,7 @@ const QUANTITIES = {
   x: { title: "x", unit: "m", per: 1, about: "In the map." },
   y: { title: "y", unit: "m", per: 1, about: "In the map." },
   h: { title: "Heading", unit: "°", per: 180 / Math.PI, about: "Counter-clockwise from x." },
-};
+});
 const MARGIN = { left: 52, right: 10 };
 const axis = $("axis");
 const timeX = (t) => MARGIN.left + ((t - state.from) / (state.to - state.from)) * (axisWidth - MARGIN.left - MARGIN.right);
@@ -411,17 +420,18 @@ function drawAxis() {
 
 // --- what holds at the cursor ------------------------------------------------------------------------------------
 
-const pictures = [...document.querySelectorAll(".glimpses img")].map((image) => ({ image, sensor: image.dataset.sensor, t: Number(image.dataset.time) }));
 function drawReadout() {
   const time = state.at === null ? data.span : state.at, rows = [];
+  // While a run goes on the truth comes a little later than the rest: errors are of where it was known last.
+  const known = state.isFollowing && compared.length ? Math.min(time, Math.max(...compared.map((track) => track.clock[track.distance.findLastIndex(Number.isFinite)]))) : time;
   tracks.filter((track) => shows(track.name)).forEach((track) => {
-    const place = placeAt(track, time);
+    const place = placeAt(track, known);
     const error = place && track.distance ? track.distance[place.i] * data.per_m : NaN, turn = place && track.turn ? (track.turn[place.i] * 180) / Math.PI : NaN;
     const swatch = node("i", { className: "swatch" });
     swatch.style.background = `var(${track.colour})`;
     rows.push(node("tr", {}, node("th", { scope: "row" }, swatch, track.name), node("td", { textContent: number(error) }), node("td", { textContent: number(turn) })));
   });
-  const head = node("tr", {}, node("th", { textContent: `at ${number(time)} s` }), node("th", { textContent: data.unit }), node("th", { textContent: "°" }));
+  const head = node("tr", {}, node("th", { textContent: `at ${number(known)} s` }), node("th", { textContent: data.unit }), node("th", { textContent: "°" }));
   const parts = [node("table", {}, node("caption", { textContent: compared.length ? `Position and heading ${WORD}` : "" }), node("thead", {}, head), node("tbody", {}, ...rows))];
   if (beliefs) {
     const i = before(beliefs.t, time);
@@ -432,7 +442,7 @@ function drawReadout() {
   data.gaps.filter((gap) => gap.from <= time && time <= gap.to && gap.to < data.span).forEach((gap) => parts.push(node("p", { className: "told", textContent: gap.kind === "lost" ? `${gap.name} is lost: ${gap.reason}` : `${gap.name} says nothing for ${number(gap.to - gap.from)} s` })));
   [...new Set(pictures.map((picture) => picture.sensor))].slice(0, 2).forEach((sensor) => {
     const near = pictures.filter((picture) => picture.sensor === sensor).reduce((a, b) => (Math.abs(b.t - time) < Math.abs(a.t - time) ? b : a));
-    parts.push(node("figure", {}, node("img", { src: near.image.src, alt: near.image.alt }), node("figcaption", { textContent: near.image.alt })));
+    parts.push(node("figure", {}, node("img", { src: near.src, alt: near.alt }), node("figcaption", { textContent: near.alt })));
   });
   $("readout").replaceChildren(...parts);
 }
@@ -440,13 +450,19 @@ function drawReadout() {
 // --- hands -------------------------------------------------------------------------------------------------------
 
 let isWaiting = false;
-function draw() { drawMap(); drawAxis(); drawReadout(); }
+function draw() { if (data) { drawMap(); drawAxis(); drawReadout(); } }
 function later() {
   if (isWaiting) return;
   isWaiting = true;
   requestAnimationFrame(() => { isWaiting = false; draw(); });
 }
-const point = (element, time) => { state.at = time === null ? null : Math.max(0, Math.min(data.span, time)); later(); };
+const point = (element, time) => { state.at = time === null ? null : Math.max(0, Math.min(data.span, time)); follow(false); };
+function follow(isFollowing) {
+  state.isFollowing = isFollowing;
+  if (isFollowing) state.at = data.span;
+  $("newest").hidden = isFollowing || !data.isGoingOn;
+  later();
+}
 
 function setWindow(from, to) {
   [state.from, state.to] = to - from < data.span / 2000 ? [0, data.span] : [Math.max(0, from), Math.min(data.span, to)];
@@ -533,37 +549,62 @@ function chip(name, title, draws) {
   show();
   return button;
 }
-function build() {
+function showChips() {
   const chips = tracks.map((track) => chip(track.name, track.name === "groundtruth" ? "where the robot was in truth" : track === fused ? "what the estimator made of all localizers" : "this localizer by itself", { colour: track.colour }));
   if (data.taught.length) chips.push(chip("taught path", "what the robot was taught, as it is remembered", { kind: "taught" }));
   if (fixes.length) chips.push(chip("fixes", "where a localizer said that the robot is; large: not accepted", { kind: "dots" }));
   if (beliefs) chips.push(chip("ellipses", "±3 standard deviations of the belief", { kind: "ring" }));
   if (data.gaps.length) chips.push(chip("blind", "where a localizer was lost or said nothing", { kind: "blind" }));
   if (data.around.length) chips.push(chip("around", "what stands there, as far as the run knows it", { kind: "walls" }));
-  $("chips").replaceChildren(...chips);
-  const choice = $("quantity");
-  Object.entries(QUANTITIES).forEach(([key, { title }]) => {
-    if (ERRORS.includes(key) ? !compared.length : key === "offset" && !offsets.length) return;
-    choice.append(node("option", { value: key, textContent: title[0].toUpperCase() + title.slice(1) }));
-  });
+  const names = (items) => items.map((item) => item.textContent).join("\n");
+  if (names([...$("chips").children]) !== names(chips)) $("chips").replaceChildren(...chips);  // what has the focus keeps it
+}
+function showQuantities() {
+  const choice = $("quantity"), known = Object.keys(QUANTITIES).filter((key) => (ERRORS.includes(key) ? compared.length : key !== "offset" || offsets.length));
+  if (!state.isChosen || !known.includes(state.quantity)) state.quantity = compared.length ? "distance" : "x";
+  if (known.join() !== [...choice.options].map((option) => option.value).join()) choice.replaceChildren(...known.map((key) => node("option", { value: key, textContent: QUANTITIES[key].title[0].toUpperCase() + QUANTITIES[key].title.slice(1) })));
   choice.value = state.quantity;
-  choice.onchange = () => { state.quantity = choice.value; later(); };
-  const times = $("times");
+  [$("times"), $("by-error")].forEach((item) => { item.parentElement.hidden = !compared.length || !data.errors; });
+}
+// Show a run. Of one that goes on (`isGoingOn`) this is called again and again: zoom, cursor and what is chosen stay.
+function showDocument(told) {
+  const isFirst = !data, wasWhole = isFirst || isWhole();
+  take(told);
+  if (wasWhole) [state.from, state.to] = [0, data.span];
+  showChips();
+  showQuantities();
+  if (isFirst) {
+    const [west, east, south, north] = data.isGoingOn ? [0, 1.8, 0, 1] : extent();  // of a run that goes on it is not known
+    map.style.aspectRatio = `${Math.max(1.2, Math.min(2.6, ((east - west) * 1.12) / Math.max(1e-9, (north - south) * 1.12)))}`;
+    state.isFollowing = Boolean(data.isGoingOn);
+    const worst = fused.distance ? fused.distance.reduce((best, value, i) => (value > fused.distance[best] || !(fused.distance[best] >= 0) ? i : best), 0) : -1;
+    state.at = worst >= 0 ? fused.t[worst] : data.span;  // the page opens where there is most to see
+    $("explorer").hidden = false;
+  }
+  if (state.isFollowing) state.at = data.span;
+  draw();
+  document.documentElement.dataset.ready = "yes";
+}
+// Forget a run, and how it was looked at: the next document is of another.
+function forgetDocument() {
+  data = undefined;
+  pictures = [];
+  view.isFitted = true;
+  $("explorer").hidden = true;
+}
+function build() {
+  const choice = $("quantity"), times = $("times");
+  choice.onchange = () => { [state.quantity, state.isChosen] = [choice.value, true]; later(); };
   times.onchange = () => { state.times = Number(times.value); later(); };
   $("by-error").onchange = (event) => { state.byError = event.target.checked; $("heat").hidden = !state.byError; later(); };
-  if (!compared.length || !data.errors) [times.parentElement, $("by-error").parentElement].forEach((item) => { item.hidden = true; });
   $("closer").onclick = () => zoom(1.6);
   $("farther").onclick = () => zoom(1 / 1.6);
   $("fit").onclick = () => { view.isFitted = true; later(); };
   $("whole").onclick = () => setWindow(0, data.span);
-  const [west, east, south, north] = extent();
-  map.style.aspectRatio = `${Math.max(1.2, Math.min(2.6, ((east - west) * 1.12) / Math.max(1e-9, (north - south) * 1.12)))}`;
-  const worst = fused.distance ? fused.distance.reduce((best, value, i) => (value > fused.distance[best] || !(fused.distance[best] >= 0) ? i : best), 0) : -1;
-  state.at = worst >= 0 ? fused.t[worst] : data.span;  // the page opens where there is most to see
+  $("newest").onclick = () => follow(true);
   new ResizeObserver(later).observe($("explorer"));
   addEventListener("beforeprint", draw);
-  $("explorer").hidden = false;
-  draw();
-  document.documentElement.dataset.ready = "yes";
+  const told = $("explorer-data");
+  if (told) showDocument(JSON.parse(told.textContent));
 }
 build();

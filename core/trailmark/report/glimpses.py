@@ -16,7 +16,7 @@ from trailmark.frames import Frame
 from trailmark.report.html import text_html
 from trailmark.writing import write_whole
 
-__all__ = ["FOLDER", "Glimpses", "glimpses_section"]
+__all__ = ["FOLDER", "PICTURE_NAME", "Glimpses", "glimpses_section", "jpeg_of", "small_picture"]
 
 #: In the folder of a run.
 FOLDER = "pictures"
@@ -24,7 +24,8 @@ FOLDER = "pictures"
 _N_KEPT = 6
 _WIDTH_PX = 320
 _QUALITY = 80
-_NAME = re.compile(r"([a-z][a-z0-9_]*)_([0-9]+\.[0-9]{2})s\.jpg")
+#: Of a picture: its camera, and the time since the start.
+PICTURE_NAME = re.compile(r"([a-z][a-z0-9_]*)_([0-9]+\.[0-9]{2})s\.jpg")
 # A page of a stranger's folder stays small.
 _MAX_FILES = 60
 _MAX_BYTES = 200_000
@@ -60,7 +61,7 @@ class Glimpses:
             return
         camera = self._cameras.setdefault(frame.sensor, _PictureStrip())
         if camera.n_seen % camera.stride == 0:
-            camera.kept.append((frame.stamp_s - self._began_s, _small(pixels)))
+            camera.kept.append((frame.stamp_s - self._began_s, small_picture(pixels)))
         camera.n_seen += 1
         if len(camera.kept) > _N_KEPT:
             camera.kept, camera.stride = camera.kept[::2], 2 * camera.stride
@@ -77,7 +78,7 @@ class Glimpses:
             for sensor, camera in self._cameras.items():
                 (folder / FOLDER).mkdir(exist_ok=True)
                 for time_s, picture in camera.kept:
-                    write_whole(folder / FOLDER / f"{sensor}_{time_s:.2f}s.jpg", _jpeg(picture))
+                    write_whole(folder / FOLDER / f"{sensor}_{time_s:.2f}s.jpg", jpeg_of(picture))
         except OSError as error:
             raise DataError(f"cannot write pictures into {folder}: {error.strerror or error}") from error
 
@@ -86,7 +87,7 @@ def glimpses_section(folder: Path) -> str:
     """Return the pictures that a run has left, a row for each camera."""
     rows: dict[str, list[tuple[float, str]]] = {}
     for path in sorted((folder / FOLDER).glob("*.jpg"))[:_MAX_FILES]:
-        named = _NAME.fullmatch(path.name)
+        named = PICTURE_NAME.fullmatch(path.name)
         if named is None or path.is_symlink() or path.stat().st_size > _MAX_BYTES:
             continue
         rows.setdefault(named[1], []).append((float(named[2]), b64encode(path.read_bytes()).decode()))
@@ -107,14 +108,15 @@ def _figure(sensor: str, time_s: float, data: str) -> str:
     return f"<figure>{image}<figcaption>{words}</figcaption></figure>"
 
 
-def _jpeg(picture: Grey8) -> bytes:
+def jpeg_of(picture: Grey8) -> bytes:
+    """Return a picture as a JPEG."""
     import cv2
 
     _, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
     return data.tobytes()
 
 
-def _small(pixels: AnyArray) -> Grey8:
+def small_picture(pixels: AnyArray) -> Grey8:
     """Return a copy with 8 bits, no wider than `_WIDTH_PX`."""
     import cv2
 

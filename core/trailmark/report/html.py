@@ -22,6 +22,7 @@ __all__ = [
     "figure_html",
     "notes_html",
     "page_html",
+    "script_hash",
     "table_html",
     "text_html",
 ]
@@ -30,7 +31,9 @@ __all__ = [
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 
 
-def page_html(title: str, body: Sequence[str], *, style: str = "", script: str = "") -> str:
+def page_html(
+    title: str, body: Sequence[str], *, style: str = "", script: str | Sequence[str] = "", policy: str = ""
+) -> str:
     """Return the whole page; the pieces of its body are HTML already.
 
     Parameters
@@ -41,14 +44,15 @@ def page_html(title: str, body: Sequence[str], *, style: str = "", script: str =
         In their order.
     style : str
         Rules besides those of all reports.
-    script : str
-        The only one that the page lets run.
+    script : str or sequence of str
+        The only ones that the page lets run.
+    policy : str
+        What else the page may do, as directives of a content security policy.
     """
     style = css_variables() + files("trailmark.report").joinpath("report.css").read_text(encoding="utf-8") + style
-    policy = _POLICY
-    if script:
-        digest = b64encode(sha256(script.encode()).digest()).decode()
-        policy += f"; script-src 'sha256-{digest}'"
+    scripts = [item for item in ([script] if isinstance(script, str) else script) if item]
+    allowed = [f"script-src {' '.join(script_hash(item) for item in scripts)}"] if scripts else []
+    policy = "; ".join([_POLICY, *allowed, *([policy] if policy else [])])
     return "\n".join(
         [
             "<!doctype html>",
@@ -63,12 +67,17 @@ def page_html(title: str, body: Sequence[str], *, style: str = "", script: str =
             "</head>",
             "<body>",
             *body,
-            *([f"<script>{script}</script>"] if script else []),
+            *(f"<script>{item}</script>" for item in scripts),
             "</body>",
             "</html>",
             "",
         ]
     )
+
+
+def script_hash(script: str) -> str:
+    """Return how a content security policy names a script that it lets run."""
+    return f"'sha256-{b64encode(sha256(script.encode()).digest()).decode()}'"
 
 
 def text_html(text: str, tag: str = "p", css_class: str = "") -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 from collections import Counter
@@ -11,6 +10,7 @@ from pathlib import Path
 
 from trailmark.errors import DataError
 from trailmark.evaluation import OUTCOMES
+from trailmark.report.growing_rows import GrowingRows
 from trailmark.report.numbers import MISSING, count_text, significant
 from trailmark.report.tables import Column, Table
 
@@ -95,13 +95,16 @@ class RunWatch:
         self.folder = folder
         self.localizers: dict[str, LocalizerStatus] = {}
         self.status = "running"
-        self._at = 0
-        self._columns: list[str] = []
+        self._rows = GrowingRows(folder / "estimates.csv")
 
     def look(self) -> bool:
         """Read what is new; return whether the run still goes on."""
-        self.status = self._status()  # before the rows: when it has ended, they are all there
-        self._read_rows()
+        self.status = self.read_status()  # before the rows: when it has ended, they are all there
+        try:
+            for row in self._rows.rows():
+                self.take(row)
+        except (ValueError, KeyError) as error:
+            raise self._rows.wrong(error) from error
         return self.status == "running"
 
     def table(self) -> Table:
@@ -124,34 +127,13 @@ class RunWatch:
         ]
         return Table(tuple(columns), tuple(rows))
 
-    def _status(self) -> str:
+    def read_status(self) -> str:
+        """Return what ``run.json`` says: ``running``, or how the run ended."""
         try:
             return str(json.loads((self.folder / "run.json").read_text(encoding="utf-8"))["status"])
         except (OSError, ValueError, KeyError, TypeError):  # it is being written at this instant
             return self.status
 
-    def _read_rows(self) -> None:
-        if not (self.folder / "estimates.csv").is_file():  # not there yet; a pipe would be waited for
-            return
-        try:
-            with (self.folder / "estimates.csv").open("rb") as file:
-                file.seek(self._at)
-                content = file.read()
-        except OSError:
-            return
-        whole = content[: content.rfind(b"\n") + 1]  # the last line may be half there
-        self._at += len(whole)
-        try:
-            for fields in csv.reader(whole.decode("utf-8", "replace").splitlines()):
-                self._take(fields)
-        except (ValueError, KeyError, csv.Error) as error:
-            words = f"no column {error}" if isinstance(error, KeyError) else str(error)
-            path = self.folder / "estimates.csv"
-            raise DataError(f"{path} is no table of estimates, or was changed by hand: {words}") from error
-
-    def _take(self, fields: list[str]) -> None:
-        if not self._columns:
-            self._columns = fields
-        elif len(fields) == len(self._columns):
-            row = dict(zip(self._columns, fields, strict=True))
-            self.localizers.setdefault(row["source"], LocalizerStatus()).take(row)
+    def take(self, row: dict[str, str]) -> None:
+        """Take a row of ``estimates.csv``."""
+        self.localizers.setdefault(row["source"], LocalizerStatus()).take(row)

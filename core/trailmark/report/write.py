@@ -15,6 +15,7 @@ from trailmark.evaluation import (
     PluggedMetric,
     Protocol,
     RunEvaluation,
+    RunFolder,
     evaluate_run_folder,
     read_run,
 )
@@ -32,7 +33,7 @@ from trailmark.writing import write_whole
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["drawn_trajectories", "write_report"]
+__all__ = ["drawn_trajectories", "explorer_of_run", "write_report"]
 
 
 def write_report(
@@ -78,6 +79,19 @@ def write_report(
         return _write(Path(folder), plots, page)
     except OSError as error:
         raise DataError(f"cannot write the report into {folder}: {error.strerror or error}") from error
+
+
+def explorer_of_run(run: RunFolder) -> dict[str, Any] | None:
+    """Return what the map and the time axis show of a run, which may be still going on; None: nothing yet.
+
+    Raises
+    ------
+    DataError
+        If it cannot be evaluated.
+    """
+    evaluated = evaluate_run_folder(run)
+    offsets = offset_series(evaluated, run.path_taught)
+    return explorer_document(evaluated, drawn_trajectories(evaluated), run.path_taught, offsets)
 
 
 def _plots(evaluated: RunEvaluation, drawn: Mapping[str, Trajectory], offsets: Offsets) -> dict[str, str]:

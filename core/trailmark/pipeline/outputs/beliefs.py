@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from trailmark.estimates import Belief
 
-__all__ = ["BELIEF_COLUMNS", "BeliefLog"]
+__all__ = ["BELIEF_COLUMNS", "BeliefLog", "beliefs_text"]
 
 #: Columns of ``beliefs.csv``: the pose in the map and its covariance [m, m, rad].
 BELIEF_COLUMNS = ("stamp_s", "x", "y", "theta", "cov_xx", "cov_xy", "cov_xt", "cov_yy", "cov_yt", "cov_tt")
@@ -35,11 +37,14 @@ class BeliefLog:
 
     def text(self) -> str:
         """Return the table as CSV; empty when nothing was believed with a covariance."""
-        if not self._kept:
-            return ""
-        lines = [",".join(BELIEF_COLUMNS)]
-        lines += [",".join(repr(value) for value in _row(belief)) for belief in self._kept]
-        return "\n".join(lines) + "\n"
+        return beliefs_text(self._kept) if self._kept else ""
+
+
+def beliefs_text(beliefs: Sequence[Belief]) -> str:
+    """Return ``beliefs.csv`` of beliefs that have a pose and a covariance."""
+    lines = [",".join(BELIEF_COLUMNS)]
+    lines += [",".join(repr(value) for value in _row(belief)) for belief in beliefs]
+    return "\n".join(lines) + "\n"
 
 
 def _row(belief: Belief) -> list[float]:

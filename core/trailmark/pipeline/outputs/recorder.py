@@ -26,7 +26,7 @@ from trailmark.pipeline.outputs.run_folder import files_in
 from trailmark.pipeline.outputs.whole_files import cut_after_last_line, overwrite_in_place
 from trailmark.writing import WholeLines, write_whole
 
-__all__ = ["ESTIMATE_COLUMNS", "Recorder"]
+__all__ = ["ESTIMATE_COLUMNS", "Recorder", "outlines_document"]
 
 #: Columns of ``estimates.csv``; of a path offset x, y, theta are station, lateral, heading.
 ESTIMATE_COLUMNS = (
@@ -166,7 +166,7 @@ class Recorder(Sink):
         if beliefs := self._beliefs.text():
             yield partial(write_whole, self.folder / "beliefs.csv", beliefs)
         if result.outlines is not None:
-            yield partial(self._write_json, "outlines.json", _outlines_document(result.outlines))
+            yield partial(self._write_json, "outlines.json", outlines_document(result.outlines))
 
     def _write_json(self, name: str, content: Any) -> None:
         write_whole(self.folder / name, _json(content))
@@ -188,7 +188,7 @@ def _write_trajectory(path: Path, trajectory: Trajectory) -> None:
     write_whole(path, tum_text(trajectory))
 
 
-def _outlines_document(outlines: Outlines) -> dict[str, Any]:
+def outlines_document(outlines: Outlines) -> dict[str, Any]:
     """Return the lines as lists, to a tenth of a millimetre."""
     around = [line.round(4).tolist() for line in outlines.around]
     return {"around": around, "robot": None if outlines.robot is None else outlines.robot.round(4).tolist()}
