@@ -37,6 +37,7 @@ SLOW = frozenset(
         "trust/test_kills.py",
         "signals/test_endings.py",
         "signals/test_report.py",
+        "signals/test_watch.py",
         "papers/test_nagai2015.py",
         "sim/test_worlds_forward.py",
         "ground_vo/test_teach_and_replay.py",

@@ -17,7 +17,15 @@ from trailmark import __version__
 if TYPE_CHECKING:
     from trailmark.plugins import Plugins
 
-__all__ = ["ChosenPlugins", "command_of_plugin", "plugins_of", "refuse_named_pipes", "root", "split_plugin_options"]
+__all__ = [
+    "ChosenPlugins",
+    "command_of_plugin",
+    "plugin_options",
+    "plugins_of",
+    "refuse_named_pipes",
+    "root",
+    "split_plugin_options",
+]
 
 _COMMANDS = {
     "demo": ("trailmark.cli.demo:demo_command", "The whole story in a minute: teach, replay, report (simulated)."),
@@ -112,6 +120,13 @@ def plugins_of(context: click.Context) -> Plugins:
             for record in plugins.failed:
                 click.echo(f"trailmark: warning: {record.warning()}", err=True)
     return plugins
+
+
+def plugin_options(context: click.Context) -> list[str]:
+    """Return the options that let another call use the same plugins as this one."""
+    chosen: ChosenPlugins = context.find_root().obj or ChosenPlugins()
+    values = [*(f"no:{name}" for name in chosen.block), *chosen.files]
+    return [word for value in values for word in ("--plugin", value)]
 
 
 class _LazyGroup(click.Group):

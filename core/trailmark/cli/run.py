@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -17,7 +18,10 @@ from trailmark.interruption import TELL_S, asked, shielded
 
 if TYPE_CHECKING:
     from trailmark.interfaces import Access, Mode
-    from trailmark.pipeline import RunRequest, RunResult
+    from trailmark.pipeline import Pipeline, RunRequest, RunResult, Step
+    from trailmark.watching.notes import LiveNotes
+
+    OnStep = Callable[[Pipeline, Step], None]
 
 __all__ = ["replay_command", "run_command", "teach_command"]
 
@@ -35,6 +39,11 @@ def _run_options(function: _Function) -> _Function:
         click.option("--pace", type=click.Choice(["step", "realtime"]), help="As fast as possible, or by the stamps."),
         click.option("--progress", type=click.Choice(["auto", "json", "none"]), default="auto", show_default=True),
         click.option("--no-report", is_flag=True, help="Leave plots and report out."),
+        click.option("--watch", "is_watched", is_flag=True, help="Serve a page on this machine that shows it live."),
+        click.option(
+            "--port", type=click.IntRange(0, 65535), default=0, help="Of the page; default: one that is free."
+        ),
+        click.option("--notes", type=click.Path(path_type=Path), hidden=True),
         click.option("--strict", is_flag=True, help="Fail, with exit code 1, where the end would only be a warning."),
         click.option("--json", "as_json", is_flag=True, help="Print the rows at the end as JSON."),
     )
@@ -175,7 +184,8 @@ def _execute(request: RunRequest, target: str, options: Mapping[str, Any]) -> No
         raise ConfigError(f"{target}: there are no sources, so no frames; add a section 'sources:'")
     folder = request.out or new_folder(Path(target).stem)
     has_report = not options["no_report"]
-    with RunProgress(options["progress"]) as on_step:
+    with _page(options, Path(folder)) as notes, RunProgress(options["progress"]) as progress:
+        on_step = progress if notes is None else _both(progress, notes)
         result = run(replace(request, config=config, out=folder), report=has_report, on_step=on_step)
     with shielded(TELL_S):
         if request.out is None:
@@ -188,6 +198,35 @@ def _execute(request: RunRequest, target: str, options: Mapping[str, Any]) -> No
         raise click.exceptions.Exit(130)
     if warnings and options["strict"]:
         raise click.exceptions.Exit(1)
+
+
+@contextmanager
+def _page(options: Mapping[str, Any], folder: Path) -> Iterator[LiveNotes | None]:
+    """Serve the page of the run, if it is asked for, and give what it is to be told; its address is said."""
+    if options["port"] and not options["is_watched"]:
+        raise ConfigError("--port is of the page that --watch serves")
+    if not options["is_watched"] and options["notes"] is None:
+        yield None
+        return
+    from trailmark.watching.beside import page_beside
+    from trailmark.watching.notes import LiveNotes
+
+    with ExitStack() as stack:
+        where = options["notes"]
+        if options["is_watched"]:
+            url, where = stack.enter_context(page_beside(folder, options["port"]))
+            say(f"watch it at {url}")
+        yield stack.enter_context(LiveNotes(where))
+
+
+def _both(first: OnStep, second: OnStep) -> OnStep:
+    """Return what tells two listeners of a step."""
+
+    def on_step(pipeline: Pipeline, step: Step) -> None:
+        first(pipeline, step)
+        second(pipeline, step)
+
+    return on_step
 
 
 def _tell(result: RunResult, folder: Path, as_json: bool, is_quiet: bool, has_report: bool) -> None:

@@ -1,0 +1,139 @@
+"""What the pages of runs and robots show, and when they are over."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from trailmark.watching.watched import WatchedRobot, WatchedRun
+
+#: Begins a run in the folder that it is told, and goes on until it is told to end.
+RUN = """
+import json, pathlib, sys, time
+folder = pathlib.Path(sys.argv[1])
+folder.mkdir(parents=True)
+(folder / "estimates.csv").write_text(sys.argv[2])
+(folder / "run.json").write_text(json.dumps({"status": "running"}))
+try:
+    time.sleep(60)
+except KeyboardInterrupt:
+    (folder / "run.json").write_text(json.dumps({"status": "interrupted"}))
+    sys.exit(130)
+"""
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    until_s = time.monotonic() + 60.0
+    while not condition():
+        assert time.monotonic() < until_s
+        time.sleep(0.02)
+
+
+def newest(shown: WatchedRun | WatchedRobot) -> dict:
+    shown._look()
+    shown.show()
+    return json.loads(shown.state(-1) or b"{}")
+
+
+def test_a_run_is_told_from_its_beginning_to_its_end(watched, tmp_path: Path) -> None:
+    folder, is_there = tmp_path / "run", [True]
+    shown = WatchedRun(folder, "secret", is_there=lambda: is_there[0], process=1)
+    assert newest(shown)["status"] == "beginning"
+
+    shutil.copytree(watched.folder, folder)
+    ended = (folder / "run.json").read_text()
+    (folder / "run.json").write_text(json.dumps({"status": "running"}))
+    running = newest(shown)
+    assert (running["status"], running["isLive"], running["can"]) == ("running", True, ["stop"])
+    assert running["explorer"]["isGoingOn"]
+    assert running["health"]["rows"][0][0] == "wheels"
+
+    (folder / "run.json").write_text(ended)
+    assert newest(shown)["status"] == "interrupted: metrics and report are being made"
+    assert not shown.has_ended()
+
+    is_there[0] = False
+    (folder / "report.html").write_text("<p>report</p>")
+    last = newest(shown)
+    assert (last["status"], last["isOver"], last["can"]) == ("ended: interrupted", True, [])
+    assert last["note"].endswith("report.html")
+    assert last["hasReport"]
+    assert shown.report() == b"<p>report</p>"
+    assert not last["explorer"]["isGoingOn"]
+    assert shown.has_ended()
+    assert not shown.has_told()  # the page that has just been told asks for the report now
+
+
+def test_nothing_new_is_not_told_again(watched) -> None:
+    shown = WatchedRun(watched.folder, "secret")
+    newest(shown)  # of a run that has ended: that it has, at once, and then what its report shows
+    number = newest(shown)["number"]
+
+    shown._look()
+    shown.show()
+
+    assert shown.state(number) is None
+
+
+def test_a_run_that_was_killed_is_not_waited_for(tmp_path: Path) -> None:
+    (tmp_path / "run.json").write_text(json.dumps({"status": "running"}))
+    shown = WatchedRun(tmp_path, "secret", is_there=lambda: False, process=1)
+
+    assert newest(shown)["status"] == "ended without a word"
+    assert shown.has_ended()
+    assert shown.press("stop") == "the run has ended"
+
+
+def test_a_picture_is_one_of_the_runs(watched, tmp_path: Path) -> None:
+    notes = tmp_path / "notes"
+    (notes / "pictures").mkdir(parents=True)
+    (notes / "pictures" / "eye_1.00s.jpg").write_bytes(b"jpeg")
+    (notes / "pictures" / "eye_2.00s.jpg").symlink_to(tmp_path / "secret")
+    (tmp_path / "secret").write_bytes(b"secret")
+    shown = WatchedRun(watched.folder, "secret", notes=notes)
+
+    assert shown.picture("eye_1.00s.jpg") == b"jpeg"
+    for name in ("eye_2.00s.jpg", "eye_3.00s.jpg", "../run.json", "run.json", ""):
+        assert shown.picture(name) is None
+
+
+def test_the_buttons_of_a_robot_begin_and_stop_runs(watched, tmp_path: Path) -> None:
+    head = (watched.folder / "estimates.csv").read_text().splitlines(keepends=True)[0]
+
+    def command_of(task: str, folder: Path, notes: Path) -> list[str]:
+        (notes / "outlines.json").write_text('{"around": []}')
+        return [sys.executable, "-S", "-c", RUN, str(folder), head]
+
+    shown = WatchedRobot("robot.yaml", "secret", command_of, lambda task: tmp_path / task)
+    try:
+        first = newest(shown)
+        assert (first["status"], first["can"], first["name"]) == ("idle", ["teach", "replay"], "robot.yaml")
+
+        assert shown.press("teach") == ""
+        assert shown.press("replay") == "replay is refused: teach is going on"
+        assert "no button" in shown.press("shutdown")
+        wait_for(lambda: (tmp_path / "teach" / "run.json").exists())
+        going_on = newest(shown)
+        assert (going_on["status"], going_on["can"], going_on["name"]) == ("teach", ["stop"], "teach")
+
+        assert shown.press("stop") == ""
+        stopped = newest(shown)
+        assert (stopped["status"], stopped["isOver"]) == ("idle: teach was stopped", False)
+        assert json.loads((tmp_path / "teach" / "run.json").read_text())["status"] == "interrupted"
+
+        assert shown.press("replay") == ""
+        wait_for(lambda: (tmp_path / "replay" / "run.json").exists())
+    finally:
+        shown.close()
+    assert json.loads((tmp_path / "replay" / "run.json").read_text())["status"] == "interrupted"
+
+
+@pytest.mark.parametrize("button", ["teach", "stop"])
+def test_a_folder_that_is_watched_has_no_buttons(watched, button: str) -> None:
+    assert "there is no button" in WatchedRun(watched.folder, "secret").press(button)
