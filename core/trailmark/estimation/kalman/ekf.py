@@ -1,8 +1,11 @@
-"""An extended Kalman filter: the arithmetic of one prediction and one update."""
+"""An extended Kalman filter: predicted by filterpy, updated here."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from filterpy.kalman import ExtendedKalmanFilter
 
 from trailmark.arrays import Floats
 from trailmark.estimation.kalman.innovation import Innovation, MeasurementModel
@@ -35,23 +38,24 @@ class PredictedMotion:
 class Ekf:
     """Predicts and updates (x, y, theta, ...), from and to values that the caller keeps.
 
-    The arithmetic is filterpy's, and tests compare the two: the prediction is ``F P F^T + Q``, the update the Joseph
-    form, with the S that the gate has computed. filterpy itself would invert S anew, with scipy, copy what nobody
-    reads, and silently broadcast a measurement of shape (m,) to (n, n); and it takes a third of a second to import. It
-    wraps no state and gates nothing: both are done around this.
-
-    Parameters
-    ----------
-    n : int
-        How many numbers the state has.
+    filterpy predicts; it does not update. It makes x of shape (n, 1), and a measurement of shape (m,) then silently
+    broadcasts it to (n, n): x is of shape (n,) here, always, and shapes are checked. It wraps no state and gates
+    nothing: both are done around it. Its ``update`` inverts S anew, with scipy, and copies what nobody reads; `update`
+    is the same update (Joseph form) with the S that the gate has computed, in a third of the time; a test compares
+    the two.
     """
 
     def __init__(self, n: int) -> None:
+        self._kalman: Any = ExtendedKalmanFilter(dim_x=n, dim_z=3)  # filterpy has no types
+        self._kalman.predict_x = self._take  # the moved state is the motion model's, not F x
         self._unit = np.eye(n)
 
     def predict(self, x: Floats, covariance: Floats, motion: PredictedMotion) -> tuple[Floats, Floats]:
         """Return state and covariance after a motion: ``F P F^T + Q``."""
-        return motion.x, motion.jacobian @ covariance @ motion.jacobian.T + motion.noise
+        kalman = self._kalman
+        kalman.P, kalman.F, kalman.Q = covariance, motion.jacobian, motion.noise
+        kalman.predict(motion.x)
+        return kalman.x, kalman.P
 
     def update(self, x: Floats, covariance: Floats, seen: Innovation, model: MeasurementModel) -> tuple[Floats, Floats]:
         """Return state and covariance after a measurement of unit noise, given its innovation."""
@@ -60,3 +64,6 @@ class Ekf:
         kept = self._unit - gain @ seen.jacobian
         updated[2] = wrap_angle(float(updated[2]))
         return updated, kept @ covariance @ kept.T + gain @ gain.T
+
+    def _take(self, moved: Floats) -> None:
+        self._kalman.x = moved

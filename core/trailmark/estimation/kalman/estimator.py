@@ -60,8 +60,8 @@ _FARTHEST_M = 2e7
 class Kalman(Estimator):
     """An extended Kalman filter of the planar pose, for any mix of localizers.
 
-    The unscented filter (``filter: ukf``) is filterpy's; the extended one, gates, recovery, hypotheses of who lies, and
-    the history are Trailmark's own.
+    filterpy does the prediction, and with ``filter: ukf`` the update, too. The update of the extended filter, gates,
+    recovery, hypotheses of who lies, and the history are Trailmark's own.
 
     The belief depends on what was said and on what instants it was said about, not on the order in which it came:
     any arrival inside the history gives what the right order would have given.
