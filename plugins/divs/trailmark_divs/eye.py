@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from trailmark.arrays import Float32s
+from trailmark.arrays import Bools, Float32s
 from trailmark.estimates import Belief
 from trailmark.geometry import wrap_angle
 from trailmark.patches import PATCH_PX, SMALL_PX, small_picture
@@ -19,13 +19,14 @@ from trailmark_divs.layout import ColumnLayout
 from trailmark_divs.stream import ChangeStream
 from trailmark_divs.turning import TurnGate, turned_columns
 
-__all__ = ["TURNING", "DifferenceWindow", "ImagePreprocessor", "Look"]
+__all__ = ["TURNING", "DifferenceWindow", "ImagePreprocessor", "Look", "clear_pixels"]
 
 #: Run number of what was seen while turning.
 TURNING = -1
 
 _MOST_TURN_COLUMNS = 6  # between two pictures
 _RECENT_WINDOWS = 4  # a way that was winding will wind again
+_OVER_EXPOSED, _MOST_BRIGHT, _GLOW_PX = 250, 0.1, 5  # grey level, share of a small pixel, its surroundings [px]
 _ROUNDING_RAD = 1e-6  # an estimator that was never told of a turn may still turn by rounding
 
 
@@ -51,6 +52,8 @@ class Look:
         Turn since the start by motion alone, not wrapped, at the newer picture [rad].
     small : (h, w) float32
         The newer picture, small and normalised by patches; empty where pictures are not compared.
+    clear : (h, w) bool
+        Which of its pixels are not over-exposed; empty where pictures are not compared.
     """
 
     ordinal: int
@@ -61,6 +64,7 @@ class Look:
     travelled_m: tuple[float, float]
     heading_rad: float
     small: Float32s = field(default_factory=lambda: np.empty((0, 0), np.float32))
+    clear: Bools = field(default_factory=lambda: np.empty((0, 0), np.bool_))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -160,7 +164,8 @@ class ImagePreprocessor:
         small = small_picture(grey) if is_compared else np.empty((0, 0), np.float32)
         if is_compared and self._inside is not None:
             small *= self._inside
-        self._look = Look(self._n_looks, run, sums, profile, stamps_s, travelled_m, self._heading_rad, small)
+        clear = clear_pixels(grey) if is_compared else np.empty((0, 0), np.bool_)
+        self._look = Look(self._n_looks, run, sums, profile, stamps_s, travelled_m, self._heading_rad, small, clear)
         self._n_looks += 1
         return self._look
 
@@ -199,6 +204,15 @@ class ImagePreprocessor:
             self._stream.restart()
         elif was_turning:  # a new "time zero"
             self._n_runs += 1
+
+
+def clear_pixels(grey: npt.NDArray[np.uint8]) -> Bools:
+    """Return which pixels of the small picture are neither over-exposed nor next to one that is, (h, w)."""
+    import cv2
+
+    bright = cv2.resize((grey >= _OVER_EXPOSED).astype(np.float32), SMALL_PX, interpolation=cv2.INTER_AREA)
+    side = np.ones((_GLOW_PX, _GLOW_PX), np.uint8)
+    return np.asarray(cv2.dilate((bright > _MOST_BRIGHT).astype(np.uint8), side) == 0, np.bool_)
 
 
 def _reduced(mask: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:

@@ -92,6 +92,11 @@ class PictureShifts:
     def __len__(self) -> int:
         return len(self._pictures)
 
+    @property
+    def reach_px(self) -> int:
+        """Largest shift that is looked for, in pixels of the small pictures."""
+        return self._reach_px
+
     def at_present(self, look: Look, start_s: float, belief: Belief) -> PictureShift | None:
         """Compare where the belief says that the picture belongs; None where it does not, or nothing was taught."""
         place = self._glances.place(look, start_s, belief) if len(self) else None

@@ -18,6 +18,7 @@ from trailmark_divs.landmarks import AtLandmarks, distinct_rows, sameness
 from trailmark_divs.layout import ColumnLayout
 from trailmark_divs.paper_shift import PaperShift
 from trailmark_divs.pictures import PictureShift, PictureShifts
+from trailmark_divs.place_fit import PlaceFit
 from trailmark_divs.places import PicturePlaces
 from trailmark_divs.robust_shift import local_windows, shift_scores
 from trailmark_divs.stream import n_trimmed
@@ -87,6 +88,7 @@ class StreamMatcher:
             max_shift_columns=config.max_shift_columns,
         )
         self._places = PicturePlaces(recording, config.picture_spacing_m)
+        self._place_fit = PlaceFit(recording, self._pictures.reach_px, config.place_fit)
         self._tracker = ShiftTracker(config.max_shift_columns, config.window)
         self._paper = PaperShift(config.correlation_window)
         self._learner = GainLearner(law.columns_per_rad or 1.0 / radians_per_column, config.sigma_columns)
@@ -162,13 +164,15 @@ class StreamMatcher:
         seen_windows = local_windows(window.vector, usable, config.correlation_window)
         return self._tracker.update(shift_scores(taught_windows, seen_windows, config.max_shift_columns))
 
-    def _find_place(self, look: Look, belief: Belief) -> PathOffset | None:
+    def _find_place(self, look: Look, belief: Belief) -> PathOffset | Lost | None:
         """Look for the place on the path by small pictures while nobody knows it; None where that is not to be."""
         if belief.on_path is not None or self._config.when_blind != "pictures" or not len(self._places):
             if belief.on_path is not None:
                 self._places.restart()
+                self._place_fit.restart()
             return None
         self._places.update(look.small, look.travelled_m[1], direction(belief))
+        self._place_fit.add(look)
         match = self._places.match(self._config.confidence)
         if match is None:
             return None
@@ -176,6 +180,9 @@ class StreamMatcher:
         if picture.shift.score < _PLACE_SCORE or picture.shift.margin < _PLACE_SIGMAS:
             return None
         station_m = picture.place.station_m
+        doubt = self._place_fit.doubt(station_m, direction(belief))
+        if doubt is not None:
+            return Lost(look.stamps_s[1], doubt, self._details(picture.shift))
         return self._offset(look.stamps_s[1], station_m, picture.shift, picture.sigma_columns, belief, match)
 
     def _compare_picture(self, look: Look, belief: Belief) -> PictureShift | None:

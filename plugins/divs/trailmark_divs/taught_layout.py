@@ -17,6 +17,8 @@ __all__ = [
     "HEADINGS",
     "LAYOUT",
     "PICTURES",
+    "PICTURE_CLEAR",
+    "PICTURE_FITS",
     "PICTURE_ROWS",
     "PICTURE_UNITS",
     "PROFILES",
@@ -36,6 +38,12 @@ STATION_OFFSETS, STAMPS, HEADINGS = "ways", "stamps", "headings"
 
 #: Some looks have a small picture too: these, and which looks they belong to.
 PICTURES, PICTURE_ROWS = "pictures", "picture_rows"
+
+#: Which pixels of a small picture are not over-exposed, eight to a byte; maps of earlier versions have none.
+PICTURE_CLEAR = "picture_clear"
+
+#: How well the areas of the picture before, a look earlier, fit it: what the noise of the camera leaves of a fit.
+PICTURE_FITS = "picture_fits"
 
 #: A profile is stored in 1/256 grey level, a small picture in a byte a pixel.
 PROFILE_UNITS, PICTURE_UNITS = 256.0, 127.0

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from trailmark.arrays import Float32s, Floats, Int64s
+from trailmark.arrays import AnyArray, Bools, Float32s, Floats, Int64s
 from trailmark.errors import StoreError
 from trailmark.patches import SMALL_PX
 from trailmark.paths import Keyframe
 from trailmark_divs.eye import TURNING
 from trailmark_divs.taught_layout import (
     HEADINGS,
+    PICTURE_CLEAR,
+    PICTURE_FITS,
     PICTURE_ROWS,
     PICTURE_UNITS,
     PICTURES,
@@ -48,6 +50,10 @@ class TaughtStream:
         Small newer pictures of some looks; none where pictures are not compared, and in maps of earlier versions.
     picture_rows : (K,) int64
         Which looks they belong to.
+    clear : (K, h, w) bool
+        Which of their pixels are not over-exposed; all, in maps of earlier versions.
+    fits : (K,) float64
+        How well the picture before fits each, NaN where nobody knows.
     """
 
     sums: Int64s
@@ -58,6 +64,8 @@ class TaughtStream:
     headings_rad: Floats
     pictures: Float32s
     picture_rows: Int64s
+    clear: Bools = field(default_factory=lambda: np.empty((0, *SMALL_PX[::-1]), np.bool_))
+    fits: Floats = field(default_factory=lambda: np.empty(0))
 
     @classmethod
     def from_keyframes(cls, keyframes: Sequence[Keyframe]) -> TaughtStream:
@@ -79,6 +87,7 @@ class TaughtStream:
                 [keyframe.station_m + keyframe.arrays[STATION_OFFSETS] for keyframe in keyframes]
             )
             pictures, picture_rows = _pictures_of(keyframes)
+            clear, fits = _worth_of(keyframes)
         except (KeyError, ValueError) as error:
             raise StoreError(f"the keyframes are not those of a visual stream: {error}") from error
         return cls(
@@ -90,6 +99,8 @@ class TaughtStream:
             arrays[HEADINGS].astype(np.float64),
             pictures,
             picture_rows,
+            clear,
+            fits,
         )
 
     def __len__(self) -> int:
@@ -105,6 +116,24 @@ def _pictures_of(keyframes: Sequence[Keyframe]) -> tuple[Float32s, Int64s]:
     rows = np.concatenate([firsts[k] + arrays[PICTURE_ROWS] for k, arrays in having]).astype(np.int64)
     pictures = np.concatenate([arrays[PICTURES] for _, arrays in having]).astype(np.float32)
     return np.asarray(pictures / np.float32(PICTURE_UNITS), np.float32), rows
+
+
+def _worth_of(keyframes: Sequence[Keyframe]) -> tuple[Bools, Floats]:
+    """Return which pixels of the small pictures are clear, and how well the pictures before fit."""
+    having = [keyframe.arrays for keyframe in keyframes if PICTURES in keyframe.arrays]
+    if not having:
+        return np.empty((0, *SMALL_PX[::-1]), np.bool_), np.empty(0)
+    unknown = [np.full(len(arrays[PICTURES]), np.nan) for arrays in having]
+    fits = [arrays.get(PICTURE_FITS, nothing) for arrays, nothing in zip(having, unknown, strict=True)]
+    return np.concatenate([_clear_of(arrays) for arrays in having]), np.concatenate(fits).astype(np.float64)
+
+
+def _clear_of(arrays: Mapping[str, AnyArray]) -> Bools:
+    shape = arrays[PICTURES].shape
+    if PICTURE_CLEAR not in arrays:
+        return np.ones(shape, np.bool_)
+    bits = np.unpackbits(arrays[PICTURE_CLEAR], axis=1, count=shape[1] * shape[2])
+    return np.asarray(bits.reshape(shape), np.bool_)
 
 
 def summarize(recording: TaughtStream) -> dict[str, float]:

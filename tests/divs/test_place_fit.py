@@ -1,0 +1,204 @@
+"""A place is told to a robot that was not told only where it fits: not where it is merely the most alike."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from trailmark.geometry import Pose2
+from trailmark.patches import small_picture
+from trailmark.testing import MemoryMap
+from trailmark_divs.area_fits import area_fits
+from trailmark_divs.eye import Look, clear_pixels
+from trailmark_divs.keyframe_writer import KeyframeWriter
+from trailmark_divs.place_fit import PlaceFit
+from trailmark_divs.taught_stream import TaughtStream
+
+_STEP_M = 0.1
+
+
+def panorama(rng, n):
+    """Return a long wall of random patches: a robot that moves sideways along it sees n windows of it."""
+    return np.kron(rng.integers(20, 200, (8, 20 + 2 * n)), np.ones((8, 8))).astype(np.uint8)
+
+
+def view(wall, k, rng=None, noise=0.0):
+    seen = wall[:, 16 * k : 16 * k + 160].astype(float)
+    return np.clip(seen + (0 if rng is None else rng.normal(0.0, noise, seen.shape)), 0, 255).astype(np.uint8)
+
+
+def with_posters(wall, rng, share):
+    """Return the same plan with other posters: so much of the wall is another one's."""
+    other = panorama(rng, (wall.shape[1] // 8 - 20) // 2)
+    hung = np.kron(rng.random((2, wall.shape[1] // 32 + 1)) < share, np.ones((32, 32)))[: len(wall), : wall.shape[1]]
+    return np.where(hung > 0, other, wall).astype(np.uint8)
+
+
+def look(grey, k):
+    way_m = _STEP_M * k
+    nothing = np.ones(50)
+    return Look(
+        k, 0, nothing.astype(int), nothing, (0.0, 0.1), (way_m, way_m), 0.0, small_picture(grey), clear_pixels(grey)
+    )
+
+
+def taught(wall, n):
+    greys = [view(wall, k) for k in range(n)]
+    stations_m = np.stack([np.arange(n)] * 2, axis=1) * _STEP_M
+    nothing = np.zeros((n, 50))
+    return TaughtStream(
+        nothing.astype(np.int64),
+        nothing,
+        np.zeros(n, np.int64),
+        stations_m,
+        stations_m,
+        np.zeros(n),
+        np.array([small_picture(grey) for grey in greys]),
+        np.arange(n),
+        np.array([clear_pixels(grey) for grey in greys]),
+    )
+
+
+@pytest.fixture(scope="module")
+def wall():
+    return panorama(np.random.default_rng(4), 40)
+
+
+@pytest.fixture(scope="module")
+def path(wall):
+    return taught(wall, 40)
+
+
+def doubt(path, greys, first=10, **how):
+    fit = PlaceFit(path, 6, how.get("least_fit", 0.84))
+    for k, grey in enumerate(greys):
+        fit.add(look(grey, k))
+    return fit.doubt(_STEP_M * (first + how.get("direction", 1) * (len(greys) - 1)), how.get("direction", 1))
+
+
+def test_the_same_place_again_is_not_doubted(wall, path):
+    rng = np.random.default_rng(1)
+
+    assert doubt(path, [view(wall, 10 + k, rng, noise=3.0) for k in range(9)]) is None
+
+
+def test_driven_backwards_it_is_not_doubted_either(wall, path):
+    greys = [view(wall, 30 - k, np.random.default_rng(1), noise=3.0) for k in range(9)]
+
+    assert doubt(path, greys, first=30, direction=-1) is None
+
+
+def test_other_light_does_not_speak_against_a_place(wall, path):
+    darker = [(40.0 + 0.5 * view(wall, 10 + k)).astype(np.uint8) for k in range(9)]
+
+    assert doubt(path, darker) is None
+
+
+def test_the_same_plan_with_other_posters_is_doubted(wall, path):
+    changed = with_posters(wall, np.random.default_rng(2), share=0.4)
+
+    assert "it may be another" in doubt(path, [view(changed, 10 + k) for k in range(9)])
+
+
+@pytest.mark.parametrize("how", ["mirrored", "elsewhere", "noise", "upside down"])
+def test_pictures_of_something_else_are_doubted(wall, path, how):
+    rng = np.random.default_rng(3)
+    greys = [view(wall, 10 + k) for k in range(9)]
+    if how == "mirrored":
+        greys = [np.ascontiguousarray(grey[:, ::-1]) for grey in greys]
+    elif how == "upside down":
+        greys = [np.ascontiguousarray(grey[::-1]) for grey in greys]
+    elif how == "elsewhere":
+        greys = [view(panorama(rng, 40), k) for k in range(9)]
+    else:
+        greys = [np.clip(rng.normal(120, 3, grey.shape), 0, 255).astype(np.uint8) for grey in greys]
+
+    assert "it may be another" in doubt(path, greys)
+
+
+def test_pictures_that_freeze_are_doubted(wall, path):
+    frozen = [view(wall, 14)] * 9
+
+    assert doubt(path, frozen) == "the pictures do not change while the robot drives"
+
+
+def test_a_blank_wall_tells_no_place(path):
+    rng = np.random.default_rng(5)
+    blank = [np.full((64, 160), 120 + 10 * int(rng.integers(0, 2)), np.uint8) for _ in range(9)]
+
+    assert doubt(path, blank) is not None
+
+
+def test_a_few_pictures_tell_no_place(wall, path):
+    assert doubt(path, [view(wall, 10 + k) for k in range(7)]) == "searching the place on the path"
+
+
+def test_places_that_repeat_along_the_way_are_doubted():
+    tile = panorama(np.random.default_rng(6), 0)[:, :128]  # 0.8 m of way
+    repeating = np.tile(tile, (1, 8))
+    path = taught(repeating, 40)
+
+    assert doubt(path, [view(repeating, 10 + k) for k in range(9)]) == "places before or behind fit as well"
+
+
+def test_another_place_is_judged_anew_although_no_picture_came(wall, path):
+    fit = PlaceFit(path, 6, 0.84)
+    for k in range(9):
+        fit.add(look(view(wall, 10 + k), k))
+
+    assert fit.doubt(1.8, 1) is None
+    assert fit.doubt(3.4, 1) is not None
+
+
+def test_what_is_over_exposed_says_nothing(wall):
+    seen = view(wall, 3)
+    small, clear = small_picture(seen), clear_pixels(seen)
+    lamp = seen.copy()
+    lamp[20:44, 60:100] = 255
+    lit, lit_clear = small_picture(lamp), clear_pixels(lamp)
+
+    fits = area_fits([small], clear, lit, lit_clear, 0)
+    blind = area_fits([small], clear, lit, np.ones_like(clear), 0)
+
+    assert clear.all()
+    assert not lit_clear.all()
+    assert len(fits) < len(blind)
+    assert fits.mean() > blind.mean() + 0.02
+
+
+def test_areas_are_found_where_the_whole_picture_lies(wall):
+    small = small_picture(view(wall, 3))
+    clear = np.ones(small.shape, bool)
+    moved = np.roll(small, 9, axis=1)
+
+    assert area_fits([small], clear, moved, clear, 9).min() > 0.99
+    assert area_fits([small], clear, moved, clear, 0).mean() < 0.8
+
+
+def test_a_noisy_camera_is_asked_for_less_and_never_for_little(path):
+    noisy, blind = (replace(path, fits=np.array([math.nan, fit, fit])) for fit in (0.80, 0.2))
+
+    assert PlaceFit(path, 6, 0.84)._least_fit == 0.84
+    assert PlaceFit(noisy, 6, 0.84)._least_fit == pytest.approx(0.764)
+    assert PlaceFit(blind, 6, 0.84)._least_fit == pytest.approx(0.65)
+
+
+def test_teaching_keeps_what_is_clear_and_what_noise_leaves_of_a_fit(wall):
+    localizer_map = MemoryMap()
+    writer, rng = KeyframeWriter(localizer_map, picture_spacing_m=0.2), np.random.default_rng(7)
+    greys = [view(wall, 0, rng, noise=2.0) for _ in range(40)]
+    greys[2][:, :40] = 255
+
+    for k, grey in enumerate(greys):
+        writer.add(look(grey, k), Pose2())
+    writer.flush()
+
+    found = TaughtStream.from_keyframes(localizer_map.keyframes())
+    assert found.clear.shape == found.pictures.shape
+    np.testing.assert_array_equal(found.clear[1], clear_pixels(greys[2]))
+    assert math.isnan(found.fits[0])
+    assert np.all(found.fits[3:] > 0.8)
+    assert len(found.fits) == len(found.picture_rows) == 20
