@@ -178,19 +178,39 @@ def teach_way(place: WindingPlace, seed: int = 0) -> Taught:
     return Taught(place, drive, eyepiece, points, {"front": camera})
 
 
+def taught_for(place: WindingPlace, seed: int = 0) -> Taught:
+    """Drive a place for the first time, without the depth that tells true shifts."""
+    sensor = _sensors(place, {"time": "morning"}, seed, ("front",))["front"]
+    poses = place.poses()
+    drive = _driven(sensor, poses, np.arange(len(poses)) * _WHEEL_SCALE * STEP_M)
+    camera = sensor.info
+    eyepiece = Eyepiece(camera.calibration, camera.size, camera.pose_base_sensor)
+    return Taught(place, drive, eyepiece, [], {"front": camera})
+
+
 def drive_again(taught: Taught, options: Mapping[str, Any], seed: int) -> Drive:
     """Drive a place again, weaving 7 cm and some degrees about the taught way."""
-    rng = np.random.default_rng((seed, taught.place.number))
-    sensor = _sensors(taught.place, options, 1000 + seed, ("front",))["front"]
-    stations_m = np.arange(len(taught.drive.poses)) * STEP_M
+    poses, stations_m = again_poses(taught.place, seed)
+    return drive_poses(taught.place, poses, stations_m, options, 1000 + seed)
+
+
+def again_poses(place: WindingPlace, seed: int) -> tuple[list[Pose2], Floats]:
+    """Return the poses of a second drive, and their stations as the wheels of teaching told them [m]."""
+    rng = np.random.default_rng((seed, place.number))
+    taught = place.poses()
+    stations_m = np.arange(len(taught)) * STEP_M
     wave = 2.0 * math.pi * stations_m / rng.uniform(3.0, 6.0) + rng.uniform(0.0, 2.0 * math.pi)
     aside_m = 0.1 * np.sin(wave)
     turned = np.arctan(np.gradient(aside_m, stations_m)) + math.radians(rng.uniform(-4.0, 4.0))
-    poses = [
-        pose @ Pose2(0.0, y, t)
-        for pose, y, t in zip(taught.drive.poses, aside_m.tolist(), turned.tolist(), strict=True)
-    ]
-    return _driven(sensor, poses, _WHEEL_SCALE * stations_m)
+    poses = [pose @ Pose2(0.0, y, t) for pose, y, t in zip(taught, aside_m.tolist(), turned.tolist(), strict=True)]
+    return poses, _WHEEL_SCALE * stations_m
+
+
+def drive_poses(
+    place: WindingPlace, poses: list[Pose2], stations_m: Floats, options: Mapping[str, Any], seed: int
+) -> Drive:
+    """Return what is seen at some poses of a world, whatever way that world has of its own."""
+    return _driven(_sensors(place, options, seed, ("front",))["front"], poses, stations_m)
 
 
 def _driven(sensor: Any, poses: list[Pose2], stations_m: Floats) -> Drive:
