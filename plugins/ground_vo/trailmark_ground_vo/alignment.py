@@ -84,7 +84,7 @@ def align_patch(
     """
     texture = _texture_of(patch, middle)
     right, low = texture[X] > middle[0], texture[Y] > middle[1]
-    texture = texture[:, groups[2 * low.astype(int) + right]]
+    texture = np.ascontiguousarray(texture[:, groups[2 * low.astype(int) + right]])
     motion = (start.u, start.v, start.turn_rad)
     curvature = np.zeros((3, 3))
     for _ in range(_ROUNDS):  # gain and offset, and what does not fit, are judged anew from where the last one ended

@@ -14,6 +14,7 @@ import numpy as np
 
 from trailmark.arrays import Float32s, Floats, Grey16, Int64s
 from trailmark.kernels import float_kernel, kernel
+from trailmark_ground_vo.few_numbers import median_of, solve_symmetric
 from trailmark_ground_vo.filters import SMOOTH_SCALE
 from trailmark_ground_vo.motion import ImageMotion
 
@@ -200,7 +201,7 @@ def _samples(
     for k in range(n):
         value = np.float32(before[int(grid[1, int(out[5, k])]), int(grid[0, int(out[5, k])])])
         out[0, k] -= value * (tilt_x * out[3, k] + tilt_y * out[4, k])
-    return out[:, :n]
+    return out if n == grid.shape[1] else out[:, :n].copy()  # one layout: what takes it is compiled once
 
 
 @float_kernel
@@ -239,9 +240,13 @@ def _equations(samples: Float32s, parts: Int64s, spread: float) -> tuple[Floats,
         whole[1, 2] += wv * t
         whole[2, 2] += w * t * t
         whole[2, 3] -= wd * t
-    total = out.sum(axis=0)
-    whole[0, 0], whole[0, 1], whole[1, 1] = total[4], total[5], total[6]
-    whole[0, 3], whole[1, 3] = -total[8], -total[9]
+    for p in range(out.shape[0]):
+        whole[0, 0], whole[0, 1], whole[1, 1] = (
+            whole[0, 0] + out[p, 4],
+            whole[0, 1] + out[p, 5],
+            whole[1, 1] + out[p, 6],
+        )
+        whole[0, 3], whole[1, 3] = whole[0, 3] - out[p, 8], whole[1, 3] - out[p, 9]
     whole[1, 0], whole[2, 0], whole[2, 1] = whole[0, 1], whole[0, 2], whole[1, 2]
     return out, whole, n_out
 
@@ -249,30 +254,30 @@ def _equations(samples: Float32s, parts: Int64s, spread: float) -> tuple[Floats,
 @kernel
 def _decided(parts: Floats, whole: Floats, spread: float) -> tuple[float, float, float, float, float]:
     """Return change of light, shift, turn, sigma of the turn [rad] and shift of a part, as `Audit` has them."""
-    covariance = np.linalg.inv(whole[:, :3] + np.eye(3)) * spread * spread
-    step = np.linalg.solve(whole[:, :3] + np.eye(3), np.ascontiguousarray(whole[:, 3]))
-    own_px = math.sqrt(covariance[0, 0] + covariance[1, 1])
-    turn_sigma = math.sqrt(covariance[2, 2])
-    shift = math.hypot(step[0], step[1]) / (own_px + _MOST_SHIFT_PX / _SIGMAS)
-    turn = abs(step[2]) / (turn_sigma + _MOST_TURN_RAD / _SIGMAS)
+    (u, v, angle), (u_var, v_var, turn_var) = solve_symmetric(
+        (whole[0, 0] + 1.0, whole[0, 1], whole[0, 2], whole[1, 1] + 1.0, whole[1, 2], whole[2, 2] + 1.0),
+        (whole[0, 3], whole[1, 3], whole[2, 3]),
+    )
+    own_px, turn_sigma = spread * math.sqrt(u_var + v_var), spread * math.sqrt(turn_var)
+    shift = math.hypot(u, v) / (own_px + _MOST_SHIFT_PX / _SIGMAS)
+    turn = abs(angle) / (turn_sigma + _MOST_TURN_RAD / _SIGMAS)
     light, n_voting = 0.0, 0
-    votes = np.empty((len(parts), 3), np.float64)
+    us, vs, own = np.empty(len(parts)), np.empty(len(parts)), np.empty(len(parts))
     for p in range(len(parts)):
         sums = parts[p]
         if sums[0] < _LEAST_PIXELS:
             continue
-        normal = np.array([[sums[1], sums[2], sums[3]], [sums[2], sums[4], sums[5]], [sums[3], sums[5], sums[6]]])
-        normal += np.diag(np.array([1e-3, 1.0, 1.0]))
-        solved = np.linalg.solve(normal, np.array([sums[7], sums[8], sums[9]]))
-        inverse = np.linalg.inv(normal)
+        solved, variances = solve_symmetric(
+            (sums[1] + 1e-3, sums[2], sums[3], sums[4] + 1.0, sums[5], sums[6] + 1.0), (sums[7], sums[8], sums[9])
+        )
         light = max(light, abs(solved[0]) / spread)
-        votes[n_voting, 0], votes[n_voting, 1] = -solved[1], -solved[2]
-        votes[n_voting, 2] = spread * math.sqrt(inverse[1, 1] + inverse[2, 2])
+        us[n_voting], vs[n_voting] = -solved[1], -solved[2]
+        own[n_voting] = spread * math.sqrt(variances[1] + variances[2])
         n_voting += 1
     stray = 0.0
     if n_voting:
-        middle_u, middle_v = np.median(votes[:n_voting, 0]), np.median(votes[:n_voting, 1])
+        middle_u, middle_v = median_of(us[:n_voting]), median_of(vs[:n_voting])
         for p in range(n_voting):
-            apart = math.hypot(votes[p, 0] - middle_u, votes[p, 1] - middle_v)
-            stray = max(stray, apart / (votes[p, 2] + _LEAST_OWN_PX))
+            apart = math.hypot(us[p] - middle_u, vs[p] - middle_v)
+            stray = max(stray, apart / (own[p] + _LEAST_OWN_PX))
     return light, shift, turn, turn_sigma, stray

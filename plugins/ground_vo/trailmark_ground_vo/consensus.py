@@ -16,6 +16,7 @@ import numpy as np
 from trailmark.arrays import Bools, Float32s, Floats, Int64s
 from trailmark.kernels import float_kernel, kernel
 from trailmark_ground_vo.extremes import Area
+from trailmark_ground_vo.few_numbers import median_of
 from trailmark_ground_vo.texture import SLOPE_U, SLOPE_V, VALUE, Texture, X, Y
 
 __all__ = ["N_SIDE", "Consensus", "areas_of", "consensus_of", "relit"]
@@ -143,11 +144,12 @@ def _decided(sums: Floats) -> tuple[Bools, int, Floats]:
     """Return which areas agree, how many have a vote, and the scatter of the gradients of those that agree."""
     n_areas = len(sums)
     votes, agrees = np.zeros(n_areas, np.bool_), np.zeros(n_areas, np.bool_)
-    shift_u, shift_v = np.zeros(n_areas, np.float64), np.zeros(n_areas, np.float64)
-    determinant = sums[:, 0] * sums[:, 2] - sums[:, 1] * sums[:, 1]
-    weakest = determinant / np.maximum(sums[:, 0] + sums[:, 2], 1e-9)
-    left = np.zeros(n_areas, np.float64)
-    least = _LEAST_SHARE * np.median(weakest)
+    shift_u, shift_v, left = np.zeros(n_areas), np.zeros(n_areas), np.zeros(n_areas)
+    determinant, weakest, stray = np.empty(n_areas), np.empty(n_areas), np.empty(n_areas)
+    for a in range(n_areas):
+        determinant[a] = sums[a, 0] * sums[a, 2] - sums[a, 1] * sums[a, 1]
+        weakest[a] = determinant[a] / max(sums[a, 0] + sums[a, 2], 1e-9)
+    least = _LEAST_SHARE * median_of(weakest)
     n_voting = 0
     for a in range(n_areas):
         if sums[a, 7] < _LEAST_PIXELS or weakest[a] <= least or determinant[a] <= 0.0:
@@ -163,22 +165,40 @@ def _decided(sums: Floats) -> tuple[Bools, int, Floats]:
     if n_voting == 0:
         return agrees, 0, scatter
     # the common motion may have been dragged: what most areas would correct it by is where they are measured from
-    stray = np.hypot(shift_u - np.median(shift_u[votes]), shift_v - np.median(shift_v[votes]))
-    limit = max(_LEAST_STRAY_PX, _STRAY_FACTOR * np.median(stray[votes]))
-    mean, n_agreeing = np.zeros(3, np.float64), 0
+    middle_u, middle_v = _median_of_voting(shift_u, votes), _median_of_voting(shift_v, votes)
+    for a in range(n_areas):
+        stray[a] = math.hypot(shift_u[a] - middle_u, shift_v[a] - middle_v)
+    limit = max(_LEAST_STRAY_PX, _STRAY_FACTOR * _median_of_voting(stray, votes))
+    mean, n_agreeing = np.zeros(3), 0
     for a in range(n_areas):
         own_px = math.sqrt(left[a] / sums[a, 7] / max(weakest[a], 1e-9)) if votes[a] else 0.0
         agrees[a] = votes[a] and stray[a] <= max(limit, _OWN_SIGMAS * own_px)
         if agrees[a]:
             n_agreeing += 1
-            mean += sums[a, 3:6]
-    mean /= max(n_agreeing, 1)
+            for i in range(3):
+                mean[i] += sums[a, 3 + i]
+    for i in range(3):
+        mean[i] /= max(n_agreeing, 1)
     for a in range(n_areas):
         if agrees[a]:
             for i in range(3):
                 for j in range(3):
                     scatter[i, j] += (sums[a, 3 + i] - mean[i]) * (sums[a, 3 + j] - mean[j])
-    return agrees, n_voting, scatter * (max(n_agreeing, 4) / (max(n_agreeing, 4) - 3.0))
+    of_few = max(n_agreeing, 4) / (max(n_agreeing, 4) - 3.0)
+    for i in range(3):
+        for j in range(3):
+            scatter[i, j] *= of_few
+    return agrees, n_voting, scatter
+
+
+@kernel
+def _median_of_voting(values: Floats, votes: Bools) -> float:
+    chosen, n = np.empty(values.shape[0]), 0
+    for a in range(values.shape[0]):
+        if votes[a]:
+            chosen[n] = values[a]
+            n += 1
+    return median_of(chosen[:n])
 
 
 def relit(texture: Texture, differences: Float32s, areas: Int64s, clip: float) -> Texture:
