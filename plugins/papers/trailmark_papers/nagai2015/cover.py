@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from trailmark.experiments import ExperimentOptions, Row
-from trailmark_papers.kit import Table, Trial
+from trailmark_papers.kit import Table, Trial, beside_faithful
 from trailmark_papers.nagai2015.playback import read_playback
 from trailmark_papers.nagai2015.runs import course, drive, keys_of, tracking_config
 
@@ -34,7 +34,11 @@ def cover_rows(options: ExperimentOptions) -> list[Row]:
     options.map(_teach, [(trial, mode, options.quick) for mode in modes])
     cases = [(mode, has_consensus) for mode in modes for has_consensus in (True, False)]
     options.map(_repeat, [(trial, *case, options.quick) for case in cases])
-    return [row for case in cases for row in _rows(options, *case)]
+    found = {case: _rows(options, *case) for case in cases}
+    rows = []
+    for has_consensus in (True, False):
+        rows += beside_faithful(found["refined", has_consensus], found.get(("paper", has_consensus), []))
+    return rows
 
 
 def _rows(options: ExperimentOptions, mode: str, has_consensus: bool) -> Table:

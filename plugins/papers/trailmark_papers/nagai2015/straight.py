@@ -12,7 +12,7 @@ import numpy as np
 from trailmark.evaluation import read_run
 from trailmark.experiments import ExperimentOptions, Row
 from trailmark.geometry import Pose2, Trajectory, wrap_angle
-from trailmark_papers.kit import Table, Trial, grouped, sweep
+from trailmark_papers.kit import Table, Trial, beside_faithful, grouped, sweep
 from trailmark_papers.nagai2015.runs import course, drive, keys_of, photographs
 
 __all__ = ["straight_rows"]
@@ -74,15 +74,15 @@ def straight_rows(options: ExperimentOptions) -> list[Row]:
     floors, n_seeds = _Floors.of(options), options.n_places(_SEEDS)
     found = _measured(options, floors, n_seeds)
     length = f"B {'1.5 m' if options.quick else '10 m'} straight"
-    rows: list[Row] = []
+    tables: dict[str, Table] = {}
     for mode in _MODES:
         table = Table(f"{length}, {mode}", n_seeds, n_seeds)
         for kind, names in (("floors", floors.simulated), ("photographs", floors.photographs)):
             _add_worst(table, kind, mode, {name: found[name][mode] for name in names}, is_papers=not options.quick)
         for name in floors.hard:
             _add_hard(table, name, mode, found[name][mode])
-        rows += table
-    return rows
+        tables[mode] = table
+    return [*beside_faithful(tables["refined"], tables["paper"]), *tables["paper"]]
 
 
 def _measured(options: ExperimentOptions, floors: _Floors, n_seeds: int) -> dict[str, dict[str, StraightErrors]]:
