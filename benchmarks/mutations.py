@@ -7,8 +7,8 @@
     python benchmarks/mutations.py --check                 # only whether every text is still there
     python benchmarks/mutations.py --markdown              # the table of what was found, from the notes alone
 
-What is found is noted at once, and a later call goes on from there: a verdict holds as long as its file and its tests
-are what they were. The test that ought to fail stands in the list and runs first; the table names the one that did.
+What is found is noted at once, and a later call goes on from there: a verdict holds as long as the mutated file and
+the test that failed, or all tests where none did, are what they were. The test that ought to fail stands in the list and runs first; the table names the one that did.
 
 Exit code 1: a mutation was not killed, or its text has gone. Tests that do not end within `--limit` are ``hung``,
 and say nothing: on a busy machine give them longer.
@@ -87,7 +87,7 @@ class Verdict:
     took_s : float
         Copying apart [s].
     of : str
-        Fingerprint of the mutation, its file and its tests.
+        Fingerprint of what it rests on.
     """
 
     room: str
@@ -142,14 +142,16 @@ class Workshop:
 
     def judge(self, mutation: Mutation) -> Verdict:
         """Make a mutation, run the test that ought to fail and, where it does not, all tests of the room."""
-        began_s, of = time.monotonic(), fingerprint(mutation, self._folder)
+        began_s = time.monotonic()
         if not is_there(mutation, self._folder):
+            of = fingerprint(mutation, self._folder, "")
             return Verdict(mutation.room, mutation.file, mutation.what, "gone", "", 0.0, of)
         verdict, by = self._run_mutated(mutation, [mutation.test]) if mutation.test else ("survived", "")
         if verdict != "killed":
             self.check(mutation.tests)
             verdict, by = self._run_mutated(mutation, mutation.tests)
         took_s = round(time.monotonic() - began_s, 1)
+        of = fingerprint(mutation, self._folder, by)
         return Verdict(mutation.room, mutation.file, mutation.what, verdict, by, took_s, of)
 
     def _run_mutated(self, mutation: Mutation, tests: Sequence[str]) -> tuple[str, str]:
@@ -214,10 +216,17 @@ def is_there(mutation: Mutation, top: Path) -> bool:
     return path.is_file() and path.read_text(encoding="utf-8").count(mutation.old) == 1
 
 
-def fingerprint(mutation: Mutation, top: Path) -> str:
-    """Return the digest of a mutation, of the file that it is made in, and of its tests."""
+def fingerprint(mutation: Mutation, top: Path, by: str) -> str:
+    """Return the digest of a mutation, of the file that it is made in, and of the tests that the verdict rests on.
+
+    Parameters
+    ----------
+    by : str
+        The test that killed it, whose file is enough; "": all tests of the room.
+    """
     digest = hashlib.sha256(f"{mutation.old}\0{mutation.new}".encode())
-    for path in (mutation.path(top), *(top / test for test in mutation.tests)):
+    tests = [by.partition("::")[0]] if by else mutation.tests
+    for path in (mutation.path(top), *(top / test for test in tests)):
         digest.update(path.read_bytes() if path.is_file() else b"")
     return digest.hexdigest()[:12]
 
@@ -287,8 +296,7 @@ def main() -> int:
     if arguments.markdown:
         print("\n".join(table_of(chosen, known)))
         return 0
-    fresh = {each.of for each in known.values() if each.verdict in ("killed", "survived")}
-    left = [one for one in chosen if fingerprint(one, REPOSITORY) not in fresh]
+    left = [one for one in chosen if not still_holds(known.get(one.name), one)]
     if left:
         workshop = Workshop(REPOSITORY, arguments.out / "copy", arguments.limit)
         for verdict in judge_all(left, workshop, arguments.minutes):
@@ -298,6 +306,13 @@ def main() -> int:
     n_killed = sum(one.name in known and known[one.name].verdict == "killed" for one in chosen)
     print(f"{n_killed} of {len(chosen)} mutations killed")
     return int(n_killed < len(chosen))
+
+
+def still_holds(verdict: Verdict | None, mutation: Mutation) -> bool:
+    """Return whether a mutation was judged, and nothing that its verdict rests on has changed since."""
+    if verdict is None or verdict.verdict not in ("killed", "survived"):
+        return False
+    return verdict.of == fingerprint(mutation, REPOSITORY, verdict.by)
 
 
 def check_texts(chosen: Sequence[Mutation]) -> int:

@@ -16,6 +16,7 @@ from trailmark.paths import Keyframe
 from trailmark_omni_surf.config import OmniSurfConfig
 from trailmark_omni_surf.flows import by_tracking
 from trailmark_omni_surf.landmark_map import measured_candidates
+from trailmark_omni_surf.landmarks import measure_landmark
 from trailmark_omni_surf.localizer import OmniSurf
 
 
@@ -118,6 +119,13 @@ def test_a_point_is_measured_from_three_places(n_sightings: int, n_candidates: i
     keyframes = room_keyframes([9])[:n_sightings]
 
     assert len(measured_candidates(keyframes, n_longest=9).ids) == n_candidates
+
+
+def test_rays_that_do_not_cross_measure_nothing() -> None:
+    """A landmark straight ahead of a straight drive may lie anywhere along it."""
+    poses = np.array([[-3.0, 0.0, 0.0], [-2.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
+
+    assert measure_landmark(poses, np.zeros(3)) is None
 
 
 def test_k_of_the_config_is_what_the_localizer_teaches_with(omni: Any, room: Any, taught: Any) -> None:

@@ -74,14 +74,15 @@ def test_the_test_that_kills_a_mutation_is_named_and_the_text_put_back(
 
 
 def test_a_verdict_holds_until_its_file_or_a_test_of_it_changes(mutations: ModuleType, checkout: Path) -> None:
-    one = mutation(mutations, "a > b", "a < b")
-    before = mutations.fingerprint(one, checkout)
+    one, by = mutation(mutations, "a > b", "a < b"), "tests/test_second.py::test_larger"
+    killed, survived = (mutations.fingerprint(one, checkout, test) for test in (by, ""))
 
-    (checkout / "tests" / "test_other.py").write_text("")
-    assert mutations.fingerprint(one, checkout) == before
     (checkout / "tests" / "test_first.py").write_text("")
-    assert mutations.fingerprint(one, checkout) != before
-    assert mutations.fingerprint(mutation(mutations, "a > b", "a <= b"), checkout) != before
+    assert mutations.fingerprint(one, checkout, by) == killed
+    assert mutations.fingerprint(one, checkout, "") != survived
+    (checkout / "tests" / "test_second.py").write_text("")
+    assert mutations.fingerprint(one, checkout, by) != killed
+    assert mutations.fingerprint(mutation(mutations, "a > b", "a <= b"), checkout, by) != killed
 
 
 def test_the_table_counts_by_room_what_was_killed_and_what_nobody_judged(mutations: ModuleType) -> None:
