@@ -8,7 +8,8 @@
     python benchmarks/mutations.py --markdown              # the table of what was found, from the notes alone
 
 What is found is noted at once, and a later call goes on from there: a verdict holds as long as the mutated file and
-the test that failed, or all tests where none did, are what they were. The test that ought to fail stands in the list and runs first; the table names the one that did.
+the test that failed, or all tests where none did, are what they were. The test that ought to fail stands in the list
+and runs first; the table names the one that did.
 
 Exit code 1: a mutation was not killed, or its text has gone. Tests that do not end within `--limit` are ``hung``,
 and say nothing: on a busy machine give them longer.
