@@ -42,7 +42,7 @@ bench: install   ## the speed benchmarks, quick
 	PYTHON=$(BIN)/python bash benchmarks/quick.sh
 
 docs: install    ## the manual, into site/
-	$(BIN)/pip install -q mkdocs-material && $(BIN)/mkdocs build --strict
+	$(BIN)/pip install -q mkdocs-material 'mkdocstrings-python>=1.12' && $(BIN)/mkdocs build --strict
 
 demo: install    ## the whole story in a minute
 	$(BIN)/trailmark demo

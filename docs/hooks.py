@@ -1,10 +1,11 @@
-"""Pages that the manual makes of the program: every key, every command, and the method cards of the plugins."""
+"""Pages that the manual makes of the program: every key, every command, every public name, the cards of the plugins."""
 
 from __future__ import annotations
 
 import posixpath
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,32 @@ CARDS = (
     *("ground_vo", "omni_surf", "kinect_landmarks", "divs", "controllers", "sim", "datasets", "baselines"),
     *("landmarks", "laser_maps", "papers", "bench", "faults", "viewers", "ros2", "lines"),
 )
+#: Pages of the Python reference: the module that each is about, or several that are small.
+ROOMS: Mapping[str, tuple[str, ...]] = {
+    **{
+        room: (f"trailmark.{room}",)
+        for room in (
+            *("interfaces", "estimates", "frames", "paths", "geometry", "commands", "config", "plugins", "testing"),
+            *("evaluation", "pipeline", "sources", "stores", "estimation", "report", "recording", "isolation"),
+            *("metrics", "datasets", "experiments", "errors"),
+        )
+    },
+    "trailmark": ("trailmark",),
+    "tools": tuple(
+        f"trailmark.{name}"
+        for name in (
+            "arrays",
+            "clock",
+            "deprecation",
+            "failures",
+            "interruption",
+            "kernels",
+            "patches",
+            "values",
+            "writing",
+        )
+    ),
+}
 
 _LINK = re.compile(r"(!?)\[([^\]]*)\]\((?!https?:|#|mailto:)([^)\s]+)\)")
 
@@ -30,6 +57,9 @@ def pages() -> Iterator[tuple[str, str]]:
     """Yield path and text of every generated page."""
     yield "reference/config.md", config_reference()
     yield "reference/cli.md", cli_reference()
+    for room, modules in ROOMS.items():
+        yield f"reference/python/{room}.md", python_reference(room, modules)
+    yield "reference/python/methods.md", python_reference("Plugins", [f"trailmark_{name}" for name in CARDS])
     yield "changelog.md", _card(REPOSITORY / "CHANGELOG.md", "changelog.md")
     for name in CARDS:
         page = f"methods/{name}.md"
@@ -93,6 +123,36 @@ def _helps(command: Any, words: tuple[str, ...]) -> Iterator[tuple[tuple[str, ..
             found = command.get_command(context, name)
             if found is not None and not found.hidden:
                 yield from _helps(found, (*words, name))
+
+
+def python_reference(title: str, modules: Sequence[str]) -> str:
+    """Return a page about the public names of modules; `mkdocstrings` puts their docstrings in.
+
+    A name is public when its module lists it. Of a plugin's package these are its parts, which import nothing heavy.
+    """
+    heading = title if len(modules) > 1 else modules[0]
+    lines = [f"# {heading[0].upper()}{heading[1:]}" if len(modules) > 1 else f"# {heading}", ""]
+    for module in modules:
+        names = sorted(getattr(import_module(module), "__all__", ()), key=str.lower)
+        if not names:
+            continue
+        if len(modules) > 1:
+            lines += [f"## {module}", ""]
+        docstring = " ".join((import_module(module).__doc__ or "").strip().partition("\n\n")[0].split())
+        lines += [docstring, ""]
+        for name in names:
+            lines += [
+                f"::: {module}.{name}",
+                "    options:",
+                f"      heading_level: {2 if len(modules) == 1 else 3}",
+                "",
+            ]
+    return "\n".join(lines)
+
+
+def on_page_content(html: str, page: Any, config: Any, files: Any) -> str:
+    """Let a docstring's ``::``, which announces code, be a colon."""
+    return html.replace("::</p>", ":</p>") if page.file.src_uri.startswith("reference/python/") else html
 
 
 def _card(source: Path, page: str) -> str:

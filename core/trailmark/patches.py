@@ -13,7 +13,8 @@ from trailmark.arrays import Float32s, Floats, Grey8
 __all__ = ["PATCH_PX", "SMALL_PX", "patch_normalised", "patch_scores", "peak", "small_picture"]
 
 #: Width and height of a small picture, and the side of a patch [px].
-SMALL_PX, PATCH_PX = (115, 44), 9
+SMALL_PX = (115, 44)
+PATCH_PX = 9
 _PATCH_CLIP = 1.0
 
 

@@ -23,6 +23,11 @@ PACKAGES = ("trailmark", *sorted(path.name for path in REPOSITORY.glob("plugins/
 
 #: Modules that are run or generated, not imported.
 _LEFT_OUT = ("trailmark.cli.__main__", "trailmark_bench.child")
+#: Rooms of core that no program of a user's calls: commands, doors to other rooms, and what others are made of.
+_NOT_FOR_USERS = {
+    *(f"trailmark.{room}" for room in ("api", "bench", "builtin", "cli", "lazy", "scaffold")),
+    "trailmark.watching",
+}
 #: Packages of extras that are too large for everybody's test environment.
 _EXTRAS = ("rerun", "cyclonedds")
 
@@ -53,6 +58,30 @@ def test_the_command_reference_has_every_command(hooks: ModuleType) -> None:
     for command in ("demo", "run", "teach", "replay", "bench run", "plugins new", "store info", "sim render"):
         assert f" trailmark {command}\n" in page
     assert "Traceback" not in page
+
+
+def test_the_python_reference_has_every_public_name(hooks: ModuleType) -> None:
+    pages = {path: text for path, text in hooks.pages() if path.startswith("reference/python/")}
+    contents = (REPOSITORY / "mkdocs.yml").read_text(encoding="utf-8")
+    listed = set("\n".join(pages.values()).split("\n"))
+    folder = REPOSITORY / "core/trailmark"
+    rooms = [f"trailmark.{path.stem}" for path in folder.iterdir() if path.suffix == ".py" or any(path.glob("*.py"))]
+
+    for module in [*rooms, *PACKAGES]:
+        if module in _NOT_FOR_USERS or module.endswith("__"):
+            continue
+        for name in getattr(importlib.import_module(module), "__all__", ()):
+            assert f"::: {module}.{name}" in listed
+    assert [path for path in pages if path not in contents] == []
+
+
+@pytest.mark.long
+def test_the_manual_builds_without_a_warning(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path / "site")]
+    built = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, timeout=600, check=False)
+
+    assert built.returncode == 0, built.stderr[-3000:]
+    assert "Pose2" in (tmp_path / "site/reference/python/geometry/index.html").read_text(encoding="utf-8")
 
 
 def test_links_of_a_card_lead_somewhere_or_are_words(hooks: ModuleType) -> None:
