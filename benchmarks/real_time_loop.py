@@ -43,7 +43,7 @@ LOCALIZERS = {
 #: As `trailmark evaluate ... --noise` measured them in this world.
 KALMAN = {
     "plugin": "kalman",
-    "sources": {"floor": {"sigma_scale": 9.0}, "omni": {"floor_m": 0.02, "floor_deg": 0.3}},
+    "sources": {"omni": {"floor_m": 0.02, "floor_deg": 0.3}},
 }
 
 

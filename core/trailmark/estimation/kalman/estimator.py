@@ -22,7 +22,7 @@ from trailmark.estimation.kalman.clock_offsets import ClockOffset, ClockOffsets
 from trailmark.estimation.kalman.correction import Correction, Filter
 from trailmark.estimation.kalman.dissent import covering_covariance
 from trailmark.estimation.kalman.ekf import Ekf
-from trailmark.estimation.kalman.fault_detection import FaultDetector, outvoted_motions
+from trailmark.estimation.kalman.fault_detection import FaultDetector, accused_sources, outvoted_motions
 from trailmark.estimation.kalman.health import SourceMonitor, health_of
 from trailmark.estimation.kalman.layout import Layout
 from trailmark.estimation.kalman.measurements import (
@@ -32,6 +32,7 @@ from trailmark.estimation.kalman.measurements import (
     pose_measurement,
 )
 from trailmark.estimation.kalman.motions import Motions, StatedMotion
+from trailmark.estimation.kalman.noise_scales import NoiseScales, told_scale
 from trailmark.estimation.kalman.odometry import PublishedOdometry
 from trailmark.estimation.kalman.prediction import Prediction
 from trailmark.estimation.kalman.state import FilterState, Gaussian
@@ -84,13 +85,16 @@ class Kalman(Estimator):
         self._clock = ClockGuard(config.time_jump_s, config.time_jump_after if config.time_jump == "reset" else None)
         self._monitors = {source: SourceMonitor(Trust.of(config, source)) for source in config.sources}
         self._offsets = ClockOffsets()
+        self._noise = NoiseScales() if config.learn_scales else None
         self._counted: Counter[str] = Counter()
         self._belief: Belief | None = None
         self._begin_history(self._start_state(session.start_pose))
 
     def counters(self) -> Mapping[str, int]:
         """Return what was refused, repaired, replayed and doubted."""
-        return {**self._counted, "recoveries": self._history.state_at(math.inf).rejections.n_recoveries}
+        scales = {f"sigma_percent.{source}": round(100.0 * scale) for source, scale in self.noise_scales().items()}
+        recoveries = self._history.state_at(math.inf).rejections.n_recoveries
+        return {**self._counted, **scales, "recoveries": recoveries}
 
     def common_errors(self) -> Mapping[str, tuple[float, float]]:
         """Return the common errors now believed, by localizer: value and standard deviation [rad/s, or a share]."""
@@ -101,6 +105,10 @@ class Kalman(Estimator):
             source: (float(gaussian.x[i]), math.sqrt(float(gaussian.covariance[i, i])))
             for source, i in ((source, common.index) for source, common in self._layout.common.items())
         }
+
+    def noise_scales(self) -> Mapping[str, float]:
+        """Return by which factor stated standard deviations are multiplied, by localizer; those at their word not."""
+        return {} if self._noise is None else self._noise.scales()
 
     def clock_offsets(self) -> Mapping[str, ClockOffset]:
         """Return how late or early stamps are found to be, by localizer; nothing where that is not certain."""
@@ -115,6 +123,8 @@ class Kalman(Estimator):
         if monitor is None:
             monitor = self._monitors[source] = SourceMonitor(Trust.of(self.config, source))
         self._belief = None
+        if self._noise is not None and self._noise.is_due(estimate.stamp_s):
+            self._compare_noise(self._noise, estimate.stamp_s)
         if self.config.clock_offsets != "off":
             estimate = self._on_one_clock(source, estimate)
         applied = self._check_stamp(source, estimate, monitor.trust)
@@ -204,6 +214,12 @@ class Kalman(Estimator):
         self._counted["stamps_corrected"] += 1
         return replace(estimate, stamp_s=estimate.stamp_s - offset.late_s)
 
+    def _compare_noise(self, noise: NoiseScales, stamp_s: float) -> None:
+        state = self._history.state_at(math.inf)
+        consistency = state.consistency
+        corrected = (consistency.corrections, consistency.correction_covariance) if state.gaussian else None
+        noise.compare(stamp_s, accused_sources(state, self.config.recover_after), corrected)
+
     def _check_stamp(self, source: str, estimate: Estimate, trust: Trust) -> Applied:
         stamp_s, newest_s = estimate.stamp_s, self._history.newest_s
         if not math.isfinite(stamp_s):
@@ -229,12 +245,16 @@ class Kalman(Estimator):
         monitor = self._monitors[source]
         if isinstance(estimate, Motion):
             information = monitor.believed_of_motion(estimate, information)
+            if self._noise is not None:
+                information = self._noise.believed_of_motion(source, estimate, information)
             return self._apply_motion(source, estimate, StatedMotion(estimate, information))
         if isinstance(estimate, Fix):
             information = monitor.fix_certainty.believed(information, estimate.stamp_s)
             x_m, y_m = estimate.pose_map_base.x, estimate.pose_map_base.y
             if not (abs(x_m) <= _FARTHEST_M and abs(y_m) <= _FARTHEST_M):
                 return self._refuse("too_far", f"({x_m:.3g}, {y_m:.3g}) m is no place on Earth")
+            if self._noise is not None:
+                information = self._noise.believed_of_fix(source, estimate, information)
             return self._apply_measurement(estimate.stamp_s, fix_measurement(source, estimate, information, trust))
         if self._path is None:
             return self._refuse("no_path", "a path offset needs a path, and this run has none")
@@ -363,6 +383,9 @@ class Kalman(Estimator):
         health = health_of(self._monitors, state, self.config.recover_after)
         for source, offset in self._offsets.certain.items():
             health.setdefault(source, str(offset))
+        if self._noise is not None:
+            for source, scale in self._noise.scales().items():
+                health.setdefault(source, told_scale(scale))
         return health
 
     def _on_path(self, stamp_s: float, pose: Pose2, covariance: Floats) -> PathOffset | None:

@@ -40,7 +40,7 @@ from trailmark.estimation.kalman.state import FilterState
 from trailmark.estimation.kalman.trials import Trials
 from trailmark.estimation.kalman.windows import WINDOW_S, with_new_anchor, without_windows
 
-__all__ = ["FaultDetector", "outvoted_motions"]
+__all__ = ["FaultDetector", "accused_sources", "outvoted_motions"]
 
 # Between two tests, which cost as much as a motion [s].
 _EVERY_S = 0.1 - 1e-6
@@ -165,6 +165,16 @@ class FaultDetector:
                     none = [Hypothesis(frozenset())] if state.consistency.measurements else []
                     return self._bank.ask(state, [*groups, *none])
         return with_repentant(state, self._tolerance) if state.consistency.faults else state
+
+
+def accused_sources(state: FilterState, most_rejected: int) -> set[str]:
+    """Return the localizers that are not believed, that an open question is about, or that contradict the belief."""
+    consistency = state.consistency
+    accused = {*consistency.faults, *consistency.absolute_faults, *consistency.accused}
+    for rival in consistency.rivals:
+        accused |= {*rival.state.consistency.faults, *rival.state.consistency.absolute_faults}
+    accused.update(source for source, n in state.rejections.counts.items() if n >= most_rejected)
+    return accused
 
 
 def outvoted_motions(state: FilterState) -> list[str]:

@@ -1,0 +1,242 @@
+"""What localizers say of the same motion, two by two: differences, and the covariances that both state for them.
+
+Motion is compared with motion over windows of a second; absolute estimates with each other along the motion between
+them, over a short way, where the noise of single estimates shows, and over a long one, where an error shows that is
+constant in place.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from trailmark.arrays import Floats
+from trailmark.geometry import wrap_angle
+
+__all__ = ["FixRow", "FixTrack", "MotionTrack", "Residual", "fix_residual", "motion_residual"]
+
+#: How long what was said is kept [s].
+KEPT_S = 14.0
+_SAME_STAMP_S = 1e-6
+# Below this information nothing was measured.
+_LEAST_INFORMATION = 1e-9
+# An eigenvalue below this share of the largest, units scaled away, is a direction that was not measured.
+_LEAST_SHARE = 1e-9
+# Variance of what was not measured [m^2].
+_UNMEASURED_M2 = 1e12
+
+
+#: Stamp, x, y, theta of an absolute pose, and its covariance (3, 3).
+FixRow = tuple[float, float, float, float, Floats]
+
+
+class Residual(NamedTuple):
+    """A difference of what localizers say, which is zero but for their errors.
+
+    Attributes
+    ----------
+    value : (d,) float64
+        The difference: x, y, heading; or the heading alone [m, m, rad].
+    covariances : (m, d, d) float64
+        The share of each of m localizers in its covariance, as they state it.
+    since_s, stamp_s : float
+        The time that it is about [s].
+    """
+
+    value: Floats
+    covariances: Floats
+    since_s: float
+    stamp_s: float
+
+
+class MotionTrack:
+    """The motions of one localizer of late, and sums of them that tell what it says between any two stamps."""
+
+    def __init__(self) -> None:
+        self._rows: deque[tuple[float, ...]] = deque()
+        self._chain: _Chain | None = None
+
+    def add(self, row: tuple[float, ...]) -> None:
+        """Add a motion: since, stamp, x, y, turn and its information as six numbers, in the order of `Sym3`."""
+        rows = self._rows
+        if rows and row[0] < rows[-1][1] - _SAME_STAMP_S:
+            return
+        self._chain = None
+        rows.append(row)
+        while rows[0][1] < row[1] - KEPT_S:
+            rows.popleft()
+
+    def clear(self) -> None:
+        """Forget all."""
+        self._rows.clear()
+        self._chain = None
+
+    def chain(self) -> _Chain | None:
+        """Return the motions since the last gap as one chain; None where there are too few."""
+        if self._chain is None and len(self._rows) > 1:
+            self._chain = _Chain(np.array(self._rows))
+        return self._chain
+
+    @property
+    def mean_interval_s(self) -> float:
+        """Mean time between its stamps [s]."""
+        rows = self._rows
+        return (rows[-1][1] - rows[0][0]) / len(rows) if rows else math.inf
+
+
+class FixTrack:
+    """The whole absolute poses of one localizer of late."""
+
+    def __init__(self) -> None:
+        self.rows: deque[FixRow] = deque()
+
+    def add(self, row: FixRow) -> None:
+        """Add a pose."""
+        rows = self.rows
+        if rows and row[0] <= rows[-1][0]:
+            return
+        rows.append(row)
+        while rows[0][0] < row[0] - KEPT_S:
+            rows.popleft()
+
+    def clear(self) -> None:
+        """Forget all."""
+        self.rows.clear()
+
+
+class _Chain:
+    """Motions end to end, in axes fixed to where they begin.
+
+    With ``J(v)`` the effect of a turn about base on a point at v, the error of the pose at b relative to that at a is
+    ``J(p_b)`` times a sum over the motions between, so differences of sums tell its covariance.
+    """
+
+    def __init__(self, rows: Floats) -> None:
+        apart_s: Floats = rows[1:, 0] - rows[:-1, 1]
+        gaps = np.flatnonzero(np.abs(apart_s) > _SAME_STAMP_S)
+        rows = rows[gaps[-1] + 1 :] if len(gaps) else rows
+        n = len(rows)
+        self.stamps_s: Floats = np.append(rows[0, 0], rows[:, 1])
+        heading = np.append(0.0, np.cumsum(rows[:, 4]))
+        cos, sin = np.cos(heading[:-1]), np.sin(heading[:-1])
+        poses = np.zeros((n + 1, 3))
+        poses[1:, 0] = np.cumsum(cos * rows[:, 2] - sin * rows[:, 3])
+        poses[1:, 1] = np.cumsum(sin * rows[:, 2] + cos * rows[:, 3])
+        poses[:, 2] = heading
+        information = rows[:, [5, 6, 7, 6, 8, 9, 7, 9, 10]].reshape(n, 3, 3)
+        diagonal = np.diagonal(information, axis1=1, axis2=2)
+        self.knows_place = bool((_smallest_share(information) > _LEAST_SHARE).all())
+        alone = (information[:, 2, :2] == 0.0).all(axis=1)
+        self.knows_heading = bool(((diagonal[:, 2] > _LEAST_INFORMATION) & alone).all()) or self.knows_place
+        if self.knows_place:
+            covariance = _inverse_of_each(information)
+        else:
+            covariance = np.zeros((n, 3, 3))
+            covariance[:, [0, 1], [0, 1]] = _UNMEASURED_M2
+            covariance[:, 2, 2] = 1.0 / np.maximum(diagonal[:, 2], _LEAST_INFORMATION)
+        turned = np.zeros((n, 3, 3))
+        turned[:, 0, 0] = turned[:, 1, 1] = cos
+        turned[:, 0, 1], turned[:, 1, 0], turned[:, 2, 2] = -sin, sin, 1.0
+        moved = _levers(-poses[1:, :2]) @ turned
+        self.poses = poses
+        self._sums = np.zeros((n + 1, 3, 3))
+        np.cumsum(moved @ covariance @ moved.transpose(0, 2, 1), axis=0, out=self._sums[1:])
+
+    def covers(self, since_s: float, stamp_s: float) -> bool:
+        """Return whether it says something of all of an interval."""
+        return bool(self.stamps_s[0] - _SAME_STAMP_S <= since_s and stamp_s <= self.stamps_s[-1] + _SAME_STAMP_S)
+
+    def between(self, since_s: float, stamp_s: float) -> tuple[Floats, Floats]:
+        """Return the pose at one stamp seen from base at another, and its covariance in these axes."""
+        begin, end = self._at(since_s), self._at(stamp_s)
+        lever = _levers(end[0][None, :2])[0]
+        spread = lever @ (end[1] - begin[1]) @ lever.T
+        dx, dy, turn = (end[0] - begin[0]).tolist()
+        cos, sin = math.cos(begin[0][2]), math.sin(begin[0][2])
+        back = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        return np.array([cos * dx + sin * dy, cos * dy - sin * dx, turn]), back @ spread @ back.T
+
+    def _at(self, stamp_s: float) -> tuple[Floats, Floats]:
+        index = min(max(int(np.searchsorted(self.stamps_s, stamp_s)), 1), len(self.stamps_s) - 1)
+        before_s, after_s = self.stamps_s[index - 1], self.stamps_s[index]
+        share = min(max((stamp_s - before_s) / (after_s - before_s), 0.0), 1.0)
+        pose = (1.0 - share) * self.poses[index - 1] + share * self.poses[index]
+        return pose, (1.0 - share) * self._sums[index - 1] + share * self._sums[index]
+
+
+def motion_residual(a: MotionTrack, b: MotionTrack, since_s: float, stamp_s: float) -> Residual | None:
+    """Return what two localizers' motions differ by over an interval; None where one says nothing of it."""
+    first, second = a.chain(), b.chain()
+    if first is None or second is None or not (first.covers(since_s, stamp_s) and second.covers(since_s, stamp_s)):
+        return None
+    own, others = first.between(since_s, stamp_s), second.between(since_s, stamp_s)
+    away = own[0] - others[0]
+    away[2] = wrap_angle(float(away[2]))
+    both = np.stack([own[1], others[1]])
+    if first.knows_place and second.knows_place:
+        return Residual(away, both, since_s, stamp_s)
+    if first.knows_heading and second.knows_heading:
+        return Residual(away[2:], both[:, 2:, 2:], since_s, stamp_s)
+    return None
+
+
+def fix_residual(
+    earlier: FixRow,
+    later: FixRow,
+    motion: MotionTrack,
+) -> Residual | None:
+    """Return by how much two poses differ from the motion between them; None where that is not known.
+
+    The covariances are those of the earlier, of the later, and of the motion.
+    """
+    chain = motion.chain()
+    if chain is None or not chain.knows_place or not chain.covers(earlier[0], later[0]):
+        return None
+    step, spread = chain.between(earlier[0], later[0])
+    cos, sin = math.cos(earlier[3]), math.sin(earlier[3])
+    turned = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    moved = turned @ step
+    away = np.array([later[1] - earlier[1], later[2] - earlier[2], later[3] - earlier[3]]) - moved
+    away[2] = wrap_angle(float(away[2]))
+    lever = _levers(moved[None, :2])[0]
+    shares = np.stack([lever @ earlier[4] @ lever.T, later[4], turned @ spread @ turned.T])
+    return Residual(away, shares, earlier[0], later[0])
+
+
+def stamps_apart(chain: _Chain, since_s: float, least_s: float) -> Iterator[tuple[float, float]]:
+    """Yield intervals of at least a length between stamps of a chain, end to end, from a stamp on."""
+    begin_s = None
+    for stamp_s in chain.stamps_s.tolist():
+        if stamp_s < since_s - _SAME_STAMP_S:
+            continue
+        if begin_s is None:
+            begin_s = stamp_s
+        elif stamp_s - begin_s >= least_s - _SAME_STAMP_S:
+            yield begin_s, stamp_s
+            begin_s = stamp_s
+
+
+def _levers(points: Floats) -> Floats:
+    """Return how turns about base move points (N, 2), as (N, 3, 3)."""
+    found = np.zeros((len(points), 3, 3))
+    found[:, [0, 1, 2], [0, 1, 2]] = 1.0
+    found[:, 0, 2], found[:, 1, 2] = -points[:, 1], points[:, 0]
+    return found
+
+
+def _smallest_share(information: Floats) -> Floats:
+    """Return the smallest eigenvalue of each matrix (N, 3, 3), units scaled away, as a share of the largest."""
+    roots = np.sqrt(np.maximum(np.diagonal(information, axis1=1, axis2=2), 1e-300))
+    values = np.linalg.eigvalsh(information / (roots[:, :, None] * roots[:, None, :]))
+    return np.asarray(values[:, 0] / values[:, 2])
+
+
+def _inverse_of_each(information: Floats) -> Floats:
+    """Return the inverses of matrices (N, 3, 3), whatever the units of their rows."""
+    roots = np.sqrt(np.diagonal(information, axis1=1, axis2=2))
+    scales = 1.0 / (roots[:, :, None] * roots[:, None, :])
+    return np.asarray(np.linalg.inv(information * scales) * scales)

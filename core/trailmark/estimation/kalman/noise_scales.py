@@ -1,0 +1,264 @@
+"""How many times as wrong as it says each localizer is: learned from what localizers say of the same motion.
+
+The difference of what several say has the covariance ``v_1 C_1 + v_2 C_2 + ...``, with C what they state and v the
+squares of their scales. The likeliest v are found as variance components (multiplicative steps towards equality of the
+two sides of the likelihood equations; H. Zhou et al., J. Computational and Graphical Statistics 28, 2019), from the
+differences of the last minute, each clipped where chance would not take it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterator, Mapping
+from collections.abc import Set as AbstractSet
+from itertools import combinations
+
+import numpy as np
+
+from trailmark.estimates import Fix, Motion
+from trailmark.estimation.kalman.leading_motion import Corrected, LeadingMotion
+from trailmark.estimation.kalman.noise_in_dispute import is_white, noise_of_alternating
+from trailmark.estimation.kalman.noise_residuals import (
+    FixRow,
+    FixTrack,
+    MotionTrack,
+    Residual,
+    fix_residual,
+    motion_residual,
+    stamps_apart,
+)
+from trailmark.estimation.kalman.variance_components import (
+    AT_ITS_WORD,
+    AT_ITS_WORD_AGAIN,
+    FALLS,
+    GROWS,
+    LEAST,
+    MOST,
+    Key,
+    Pairing,
+    Shares,
+    both_sides,
+)
+from trailmark.estimation.symmetric import Sym3, inverse, scaled, to_matrix
+
+__all__ = ["NoiseScales", "told_scale"]
+
+#: Motion is compared over windows of this length, absolute estimates over at most this [s].
+_WINDOW_S, _LONGEST_S = 1.0, 10.0
+#: Absolute estimates that are compared are this far apart [s].
+_APART_S = 0.2
+#: An error that is constant in place shows over this way [m].
+_LONG_WAY_M = 1.0
+#: What was said is compared so much later: by then it is known who lies [s].
+_DELAY_S = 2.0
+_EVERY_S, _STEPS = 1.0, 4
+#: Differences that are kept of each kind, and how many numbers of them say something.
+_KEPT, _ENOUGH = 60, 24.0
+#: Standard deviations of a scale that it must be away from one.
+_SURE = 4.0
+
+
+class NoiseScales:
+    """Learns the scale of the stated standard deviations of each localizer, slowly and within bounds.
+
+    Upwards any evidence counts. Downwards only what two others say each by itself, so that two that err together do not
+    make each other small: for motion any two, for absolute estimates a motion over a way long enough for errors that
+    are constant in place, and another's absolute estimates.
+    """
+
+    def __init__(self) -> None:
+        self._motions: dict[str, MotionTrack] = {}
+        self._fixes: dict[str, FixTrack] = {}
+        self._differences: dict[Pairing, deque[Residual]] = {}
+        self._logs: dict[Key, float] = {}
+        self._accused: dict[str, tuple[float, float]] = {}
+        self._compared_s: dict[str, float] = {}
+        #: Differences in a row while somebody was accused.
+        self._doubted: dict[Pairing, deque[Residual]] = {}
+        self._leading = LeadingMotion()
+        self._certainty: dict[str, float] = {}
+        self._far_s: dict[str, float] = {}
+        self._next_s = -math.inf
+        self._used: dict[Key, float] = {}
+        self._evidence: dict[Key, float] = {}
+        self._lasting: set[Key] = set()
+
+    def believed_of_motion(self, source: str, motion: Motion, stated: Sym3) -> Sym3:
+        """Take note of a motion, and return its information as it is believed."""
+        track = self._motions.get(source)
+        if track is None:
+            track = self._motions[source] = MotionTrack()
+        step = motion.pose_since_now
+        track.add((motion.since_s, motion.stamp_s, step.x, step.y, step.theta, *stated))
+        believed = self._scaled((source, True), stated)
+        self._certainty[source] = believed[0] + believed[3]
+        return believed
+
+    def believed_of_fix(self, source: str, fix: Fix, stated: Sym3) -> Sym3:
+        """Take note of an absolute pose, and return its information as it is believed."""
+        covariance = inverse(stated)
+        if covariance is not None:
+            track = self._fixes.get(source)
+            if track is None:
+                track = self._fixes[source] = FixTrack()
+            pose = fix.pose_map_base
+            track.add((fix.stamp_s, pose.x, pose.y, pose.theta, to_matrix(covariance)))
+        return self._scaled((source, False), stated)
+
+    def scales(self) -> Mapping[str, float]:
+        """Return by which factor stated standard deviations are multiplied, by localizer, where that is not one."""
+        return {source: scale for (source, _), scale in sorted(self._used.items())}
+
+    def is_due(self, stamp_s: float) -> bool:
+        """Return whether it is time to compare."""
+        return stamp_s >= self._next_s
+
+    def compare(self, stamp_s: float, accused: AbstractSet[str], corrected: Corrected | None) -> None:
+        """Compare what was said until a while ago, and move the scales; nothing is learned from the accused.
+
+        Parameters
+        ----------
+        stamp_s : float
+            The newest stamp [s].
+        accused : set of str
+            Localizers that may lie.
+        corrected : (ndarray, ndarray) or None
+            Corrections by absolute estimates and their covariance, each added up since the beginning, (3,) and (3, 3).
+        """
+        dt_s = min(stamp_s - self._next_s + _EVERY_S, 2.0 * _EVERY_S) if self._next_s > -math.inf else 0.0
+        self._next_s = stamp_s + _EVERY_S
+        for source in accused:
+            since_s, last_s = self._accused.get(source, (stamp_s, stamp_s))
+            self._accused[source] = (since_s if stamp_s - last_s <= _DELAY_S else stamp_s, stamp_s)
+        if len(self._motions) + len(self._fixes) < 2 or not self._motions:
+            return
+        until_s = stamp_s - _DELAY_S
+        self._compare_motions(until_s)
+        self._compare_fixes(until_s)
+        self._estimate()
+        if corrected is not None and not accused:
+            key = max(self._certainty, key=lambda one: self._certainty[one]), True
+            self._leading.observe(stamp_s, key, *corrected)
+        for key, log in self._leading.logs.items():
+            if log > self._logs.get(key, 0.0):
+                self._logs[key], self._evidence[key] = log, math.inf
+        self._move(dt_s)
+
+    def _scaled(self, key: Key, information: Sym3) -> Sym3:
+        scale = self._used.get(key)
+        return information if scale is None else scaled(information, 1.0 / (scale * scale))
+
+    def _compare_motions(self, until_s: float) -> None:
+        for (a, first), (b, second) in combinations(sorted(self._motions.items()), 2):
+            sparse = first if first.mean_interval_s >= second.mean_interval_s else second
+            chain = sparse.chain()
+            if chain is None:
+                continue
+            pair = f"{a} {b}"
+            done_s = self._compared_s.get(pair, -math.inf)
+            for since_s, end_s in stamps_apart(chain, done_s, _WINDOW_S):
+                if end_s > until_s:
+                    break
+                self._compared_s[pair] = end_s
+                found = motion_residual(first, second, since_s, end_s)
+                if found is not None:
+                    self._keep("motion", ((a, True), (b, True)), found)
+
+    def _compare_fixes(self, until_s: float) -> None:
+        for source, track in self._fixes.items():
+            rows = [row for row in track.rows if row[0] <= until_s]
+            done_s = self._compared_s.get(source, -math.inf)
+            for index, later in enumerate(rows):
+                if later[0] < done_s + _APART_S:
+                    continue
+                self._compared_s[source] = done_s = later[0]
+                for kind, other, earlier in self._earlier(source, rows[:index], later):
+                    for name, motion in self._motions.items():
+                        found = fix_residual(earlier, later, motion)
+                        if found is not None:
+                            self._keep(kind, ((other, False), (source, False), (name, True)), found)
+
+    def _earlier(self, source: str, rows: list[FixRow], later: FixRow) -> Iterator[tuple[str, str, FixRow]]:
+        """Yield poses that one is compared with: how they relate, whose they are, and they."""
+        near = next((row for row in reversed(rows) if row[0] <= later[0] - _APART_S), None)
+        if near is not None and later[0] - near[0] <= _WINDOW_S:
+            yield "near", source, near
+        far = next((row for row in rows if row[0] >= later[0] - _LONGEST_S), later)
+        if (
+            math.dist(far[1:3], later[1:3]) >= _LONG_WAY_M
+            and later[0] - self._far_s.get(source, -math.inf) >= _WINDOW_S
+        ):
+            self._far_s[source] = later[0]
+            yield "long", source, far
+        for other, track in self._fixes.items():
+            if other == source:
+                continue
+            last = next((row for row in reversed(track.rows) if row[0] <= later[0]), None)
+            if last is not None and later[0] - last[0] <= _WINDOW_S:
+                yield "other", other, last
+
+    def _keep(self, kind: str, keys: tuple[Key, ...], found: Residual) -> None:
+        """Keep a difference, unless somebody was accused then whom it is about."""
+        for source, _ in keys:
+            since_s, last_s = self._accused.get(source, (math.inf, -math.inf))
+            if found.since_s <= last_s + _WINDOW_S and found.stamp_s >= since_s - _DELAY_S:
+                if kind in ("near", "motion"):
+                    self._doubted.setdefault((kind, keys), deque(maxlen=_KEPT)).append(found)
+                return
+        self._doubted.pop((kind, keys), None)
+        self._differences.setdefault((kind, keys), deque(maxlen=_KEPT)).append(found)
+
+    def _estimate(self) -> None:
+        """Move the scales towards those that make what was seen likeliest."""
+        white = {which: kept for which, kept in self._doubted.items() if which[0] == "motion" and is_white(kept)}
+        stacked = {
+            which: (np.stack([one.value for one in kept]), np.stack([one.covariances for one in kept]))
+            for which, kept in (self._differences | white).items()
+        }
+        self._evidence = {}
+        shares = Shares()
+        for _ in range(_STEPS):
+            shares = Shares()
+            for (kind, keys), (values, covariances) in stacked.items():
+                variances = np.array([math.exp(2.0 * self._logs.get(key, 0.0)) for key in keys])
+                seen, expected = both_sides(values, covariances * variances[:, None, None])
+                for index, key in enumerate(keys):
+                    shares.add(key, kind, keys, float(seen[index]), float(expected[index]))
+            for key in shares.localizers():
+                log = self._logs.get(key, 0.0)
+                step = 0.25 * math.log(shares.ratio_of(key, is_below=log <= 0.0))
+                lowest = 0.0 if log > 0.0 and not shares.may_fall(key) else math.log(LEAST)
+                self._logs[key] = min(max(log + step, lowest), math.log(MOST))
+                self._evidence[key] = shares.evidence(key)
+        self._lasting = {key for key in shares.localizers() if not key[1] and shares.errors_last(key)}
+        for (kind, keys), kept in self._doubted.items():
+            noise = noise_of_alternating(kept) if kind == "near" else None
+            if noise is not None:
+                self._logs[keys[0]] = min(0.5 * math.log(noise), math.log(MOST))
+                self._evidence[keys[0]] = math.inf
+
+    def _move(self, dt_s: float) -> None:
+        """Let the scales that are used follow those that were found."""
+        for key, log in self._logs.items():
+            if key in self._lasting:
+                log = max(log, 0.0)  # fused, errors that last average out by less than they say
+            evidence, scale = self._evidence.get(key, 0.0), self._used.get(key)
+            sigma = 0.5 * math.sqrt(2.0 / max(evidence, 1.0))
+            if scale is None:
+                if evidence < _ENOUGH or abs(log) < max(math.log(AT_ITS_WORD), _SURE * sigma):
+                    continue
+                scale = 1.0
+            target = 1.0 if abs(log) < math.log(AT_ITS_WORD_AGAIN) else math.exp(log)
+            moved = min(max(target, scale * FALLS**dt_s), scale * GROWS**dt_s)
+            if target == 1.0 and abs(math.log(moved)) < 0.01:
+                self._used.pop(key, None)
+            else:
+                self._used[key] = moved
+
+
+def told_scale(scale: float) -> str:
+    """Return in words that a localizer is not taken at its word."""
+    if scale > 1.0:
+        return f"it is {scale:.2g} times as wrong as it says, and believed accordingly"
+    return f"it is {1.0 / scale:.2g} times as good as it says, and believed accordingly"

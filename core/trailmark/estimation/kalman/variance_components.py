@@ -1,0 +1,122 @@
+"""Variance components: how much of what was seen each localizer has to answer for, by whom it was compared with."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import gammainc
+
+from trailmark.arrays import Floats
+from trailmark.estimation.kalman.gate import threshold
+
+__all__ = [
+    "AT_ITS_WORD",
+    "AT_ITS_WORD_AGAIN",
+    "FALLS",
+    "GROWS",
+    "LEAST",
+    "MOST",
+    "Key",
+    "Pairing",
+    "Shares",
+    "both_sides",
+]
+
+#: Scales lie between these.
+LEAST, MOST = 0.1, 2e4
+#: A localizer is taken at its word between 1 / this and this; once it is not, until it is much nearer.
+AT_ITS_WORD, AT_ITS_WORD_AGAIN = 1.4, 1.15
+#: By which factor a scale that is used grows or falls at most [1/s].
+GROWS, FALLS = 1.25, 0.97
+#: Beyond this quantile a difference counts as if it were at it.
+_CLIPPED = 0.8
+#: Absolute estimates whose errors last scatter less over a short way than over a long one, by this factor.
+_LASTS = 0.5
+#: So many numbers say something of one partner.
+_ENOUGH_OF_ONE = 8.0
+
+#: Localizer, and whether it is about its motion or its absolute estimates.
+Key = tuple[str, bool]
+#: What was compared how.
+Pairing = tuple[str, tuple[Key, ...]]
+
+
+class Shares:
+    """Both sides of the likelihood equations of each localizer, by what it was compared with."""
+
+    def __init__(self) -> None:
+        self._seen: dict[Key, dict[tuple[str, str], tuple[float, float]]] = {}
+
+    def localizers(self) -> list[Key]:
+        """Return the localizers."""
+        return sorted(self._seen)
+
+    def add(self, key: Key, kind: str, keys: tuple[Key, ...], seen: float, expected: float) -> None:
+        """Add what was seen of a localizer's own share of differences, and what is expected."""
+        if kind == "motion" or (kind == "other" and not key[1]):
+            others = next(name for name, of_motion in keys if of_motion == key[1] and name != key[0])
+        else:
+            others = f"{keys[0][0]} fix" if key[1] else keys[-1][0]
+        of_key = self._seen.setdefault(key, {})
+        before = of_key.get((kind, others), (0.0, 0.0))
+        of_key[kind, others] = before[0] + seen, before[1] + expected
+
+    def evidence(self, key: Key) -> float:
+        """Return how many numbers say something of a localizer; what several say of one time is told once."""
+        return max(expected for _, expected in self._seen[key].values())
+
+    def may_fall(self, key: Key) -> bool:
+        """Return whether enough others say each by itself that a localizer is better than it says."""
+        told = [which for which, (_, expected) in self._seen[key].items() if expected >= _ENOUGH_OF_ONE]
+        if key[1]:
+            return len({others for _, others in told}) > 1
+        return {"long", "other"} <= {kind for kind, _ in told}
+
+    def errors_last(self, key: Key) -> bool:
+        """Return whether absolute estimates scatter less over a short way than over a long one."""
+        told = [which for which, (_, expected) in self._seen[key].items() if expected >= _ENOUGH_OF_ONE]
+        largest = {kind: max(self._ratio(key, which) for which in told if which[0] == kind) for kind, _ in told}
+        return largest.get("near", 0.0) < _LASTS * max(largest.values(), default=0.0)
+
+    def _ratio(self, key: Key, which: tuple[str, str]) -> float:
+        seen, expected = self._seen[key][which]
+        return seen / expected
+
+    def ratio_of(self, key: Key, *, is_below: bool) -> float:
+        """Return seen over expected, of all; below its word, the largest that anybody tells."""
+        seen, expected = (sum(side) for side in zip(*self._seen[key].values()))
+        ratio = seen / expected if expected > 0.0 else 1.0
+        if ratio >= 1.0 or not is_below:
+            return max(ratio, 1e-3)
+        if not self.may_fall(key):
+            return 1.0
+        each = [one / other for one, other in self._seen[key].values() if other >= _ENOUGH_OF_ONE]
+        return min(max(*each, 1e-3), 1.0)
+
+
+def both_sides(values: Floats, covariances: Floats) -> tuple[Floats, Floats]:
+    """Return the two sides of the likelihood equation of each share, (m,) each.
+
+    Parameters
+    ----------
+    values : (N, d) float64
+        Differences.
+    covariances : (N, m, d, d) float64
+        The shares in their covariance, as now believed.
+    """
+    size = values.shape[1]
+    total = covariances.sum(axis=1)
+    roots = np.sqrt(np.diagonal(total, axis1=1, axis2=2))
+    scales = 1.0 / (roots[:, :, None] * roots[:, None, :])
+    weight = np.linalg.inv(total * scales) * scales
+    solved = np.einsum("nij,nj->ni", weight, values)
+    squares = np.einsum("ni,ni->n", solved, values)
+    limit = threshold(_CLIPPED, size)
+    clipped = np.minimum(1.0, limit / np.maximum(squares, 1e-300)) / _clipped_mean(limit, size)
+    seen = np.einsum("n,ni,nmij,nj->m", clipped, solved, covariances, solved)
+    return seen, np.einsum("nij,nmji->m", weight, covariances)
+
+
+def _clipped_mean(limit: float, size: int) -> float:
+    """Return the mean of a chi-square variable that is clipped at a limit, over its degrees of freedom."""
+    below = float(gammainc(size / 2.0 + 1.0, limit / 2.0))
+    return below + limit * (1.0 - float(gammainc(size / 2.0, limit / 2.0))) / size

@@ -1,0 +1,197 @@
+"""The scale of covariances that is learned while running: who is taken at his word, and who is not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from trailmark.estimates import Fix, Motion, information_from_sigmas
+from trailmark.estimation.kalman.estimator import Kalman
+from trailmark.estimation.kalman.noise_residuals import MotionTrack
+from trailmark.estimation.kalman.variance_components import LEAST, MOST
+from trailmark.geometry import Pose2, wrap_angle
+
+from .conftest import kalman
+
+DT_S, FIX_EVERY = 0.05, 5
+SIGMAS = {
+    "wheels": (2e-3, 1e-3, 4e-3),
+    "camera": (6e-4, 6e-4, 6e-4),
+    "laser": (0.02, 0.02, 0.01),
+    "tags": (0.05, 0.05, 0.03),
+}
+MOTIONS = ("wheels", "camera")
+
+
+@dataclass
+class Drive:
+    """What became of a drive: NEES per degree of freedom in its second half, the estimator, and its health."""
+
+    nees: float
+    estimator: Kalman
+    health: set[str] = field(default_factory=set)
+
+
+def drive(
+    mix: Sequence[str],
+    factors: Mapping[str, float] | None = None,
+    *,
+    duration_s: float = 80.0,
+    outliers: float = 0.0,
+    lasting: str = "",
+) -> Drive:
+    """Drive on a winding way; `factors` multiply stated sigmas, the errors of `lasting` are the same in one place."""
+    rng, estimator, pose = np.random.default_rng(0), kalman(), Pose2()
+    squares: list[float] = []
+    named: set[str] = set()
+    for i in range(1, round(duration_s / DT_S) + 1):
+        t = i * DT_S
+        speed_mps = 0.5 * (1.0 + 0.3 * math.sin(2.0 * math.pi * t / 7.0))
+        step = Pose2.exp(speed_mps * DT_S, 0.0, 0.4 * math.sin(2.0 * math.pi * t / 11.0) * DT_S)
+        pose = pose @ step
+        for name in mix:
+            error = rng.normal(size=3) * SIGMAS[name]
+            stated = (factors or {}).get(name, 1.0) * np.array(SIGMAS[name])
+            information = information_from_sigmas(*stated.tolist())
+            if name in MOTIONS:
+                told = Pose2(step.x + error[0], step.y + error[1], step.theta + error[2])
+                estimator.apply(name, Motion(t - DT_S, t, told, information))
+            elif i % FIX_EVERY == (0 if name == "laser" else 2):
+                if rng.uniform() < outliers:
+                    error[:2] += rng.uniform(-3.0, 3.0, 2)
+                if name == lasting:
+                    wave = np.sin([pose.x / 1.5 + 1.0, pose.y / 1.2 + pose.x / 2.0, pose.x / 2.0])
+                    error = wave * (0.07, 0.07, 0.03) + 0.1 * error
+                told = Pose2(pose.x + error[0], pose.y + error[1], pose.theta + error[2])
+                estimator.apply(name, Fix(t, told, information))
+        if i % 10 == 0:
+            belief = estimator.belief(t)
+            assert belief.pose_map_base is not None
+            assert belief.covariance is not None
+            named |= set(belief.health)
+            away = belief.pose_map_base.array() - pose.array()
+            away[2] = wrap_angle(float(away[2]))
+            squares.append(float(away @ np.linalg.solve(belief.covariance, away)) / 3.0)
+    return Drive(float(np.mean(squares[len(squares) // 2 :])), estimator, named)
+
+
+@pytest.mark.parametrize(
+    ("mix", "source", "factor"),
+    [
+        (("wheels", "camera", "laser"), "wheels", 0.1),
+        (("wheels", "laser"), "laser", 0.1),
+    ],
+)
+def test_a_source_that_states_a_tenth_of_its_sigmas_leaves_the_belief_consistent(
+    mix: Sequence[str], source: str, factor: float
+) -> None:
+    done = drive(mix, {source: factor})
+
+    assert 0.5 < done.nees < 2.0
+    assert done.estimator.noise_scales()[source] == pytest.approx(1.0 / factor, rel=0.3)
+    assert "as wrong as it says" in done.estimator.belief().health[source]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("mix", "source"),
+    [
+        (mix, source)
+        for mix in (("wheels", "camera", "laser"), ("wheels", "camera", "laser", "tags"), ("wheels", "laser", "tags"))
+        for source in mix
+    ],
+)
+@pytest.mark.parametrize("factor", [0.1, 10.0])
+def test_a_scale_within_the_bounds_leaves_the_belief_consistent(mix: Sequence[str], source: str, factor: float) -> None:
+    done = drive(mix, {source: factor}, duration_s=150.0)
+
+    assert 0.5 < done.nees < 2.0
+
+
+def test_sources_at_their_word_are_left_alone() -> None:
+    done = drive(("wheels", "camera", "laser"), duration_s=60.0)
+
+    assert done.estimator.noise_scales() == {}
+    assert done.health == set()
+
+
+def test_a_humble_source_is_believed_more_when_two_others_say_so() -> None:
+    done = drive(("wheels", "laser", "tags"), {"laser": 10.0}, duration_s=110.0)
+
+    assert done.estimator.noise_scales()["laser"] < 0.25
+    assert done.estimator.counters()["sigma_percent.laser"] < 25
+    assert "as good as it says" in done.estimator.belief().health["laser"]
+
+
+def test_two_sources_never_make_each_other_small() -> None:
+    done = drive(("wheels", "laser"), {"wheels": 10.0, "laser": 10.0}, duration_s=60.0)
+
+    assert done.estimator.noise_scales() == {}
+
+
+def test_errors_that_last_in_one_place_do_not_make_a_source_certain() -> None:
+    done = drive(("wheels", "camera", "laser", "tags"), {"laser": 10.0}, lasting="laser", duration_s=100.0)
+
+    assert done.estimator.noise_scales().get("laser", 1.0) >= 1.0
+    assert done.nees < 2.0
+
+
+def test_a_tenth_of_outliers_does_not_make_a_source_wrong_by_half_its_word() -> None:
+    done = drive(("wheels", "camera", "laser"), outliers=0.1, duration_s=60.0)
+
+    assert done.nees < 2.0
+    assert done.estimator.noise_scales().get("laser", 1.0) < 2.0
+
+
+@pytest.mark.long
+def test_a_source_that_is_sure_by_ten_thousand_is_found_from_its_first_estimate_on() -> None:
+    done = drive(("wheels", "camera", "laser"), {"laser": 1e-4}, duration_s=130.0)
+
+    assert LEAST < 1e3 < done.estimator.noise_scales()["laser"] <= MOST
+    assert done.nees < 2.0
+
+
+def test_scales_are_learned_only_where_the_config_allows_it() -> None:
+    estimator = kalman(learn_scales=False)
+
+    assert estimator.noise_scales() == {}
+
+
+def test_the_covariance_of_a_chain_is_that_of_its_motions_one_by_one() -> None:
+    rng, track = np.random.default_rng(5), MotionTrack()
+    pose, spread = Pose2(), np.zeros((3, 3))
+    for i in range(12):
+        step = Pose2(*(rng.normal(size=3) * (0.2, 0.1, 0.3)).tolist())
+        root = rng.normal(size=(3, 3))
+        covariance = root @ root.T + np.eye(3)
+        a, b, c = np.linalg.inv(covariance)
+        track.add((i * 0.1, (i + 1) * 0.1, step.x, step.y, step.theta, a[0], a[1], a[2], b[1], b[2], c[2]))
+        cos, sin = math.cos(pose.theta), math.sin(pose.theta)
+        longer = pose @ step
+        before = np.array([[1.0, 0.0, pose.y - longer.y], [0.0, 1.0, longer.x - pose.x], [0.0, 0.0, 1.0]])
+        turned = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        spread = before @ spread @ before.T + turned @ covariance @ turned.T
+        pose = longer
+
+    chain = track.chain()
+
+    assert chain is not None
+    found, found_spread = chain.between(0.0, 1.2)
+    np.testing.assert_allclose(found[:2], pose.array()[:2], atol=1e-12)
+    assert wrap_angle(float(found[2]) - pose.theta) == pytest.approx(0.0, abs=1e-12)
+    np.testing.assert_allclose(found_spread, spread, rtol=1e-9)
+
+
+def test_a_chain_along_a_corridor_does_not_know_its_place() -> None:
+    track = MotionTrack()
+    for i in range(3):  # what is measured lies at 45 deg to base
+        track.add((float(i), i + 1.0, 0.1, 0.0, 0.0, 50.0, 50.0, 0.0, 50.0, 0.0, 100.0))
+
+    chain = track.chain()
+
+    assert chain is not None
+    assert (chain.knows_place, chain.knows_heading) == (False, True)
