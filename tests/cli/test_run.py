@@ -165,9 +165,12 @@ def test_replaying_without_a_robot_tells_the_sinks(trailmark: Run, wheels_config
     assert any("command" in str(line).lower() for line in said)
 
 
-def test_killing_teach_at_any_instant_loses_no_committed_waypoint(wheels_config: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("n_kills", [8, pytest.param(20, marks=pytest.mark.long)])
+def test_killing_teach_at_any_instant_loses_no_committed_waypoint(
+    wheels_config: Path, tmp_path: Path, n_kills: int
+) -> None:
     rng = np.random.default_rng(11)
-    for trial in range(20):
+    for trial in range(n_kills):
         store = tmp_path / f"{trial}.trail"
         reported = _teach_and_kill(wheels_config, store, after_waypoints=int(rng.integers(1, 190)))
 

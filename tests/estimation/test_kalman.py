@@ -237,11 +237,11 @@ class TestCorrection:
 def _heard(seed: int) -> list[Told]:
     rng = np.random.default_rng(seed)
     loose = information_from_sigmas(0.02, 0.02, 0.03)
-    quick = [Motion(0.1 * i, 0.1 * (i + 1), Pose2(*rng.normal((0.1, 0, 0.05), 0.01)), GOOD) for i in range(20)]
-    slow = [Motion(0.33 * i, 0.33 * (i + 1), Pose2(*rng.normal((0.3, 0, 0.16), 0.02)), loose) for i in range(6)]
+    quick = [Motion(0.1 * i, 0.1 * (i + 1), Pose2(*rng.normal((0.1, 0, 0.05), 0.01)), GOOD) for i in range(12)]
+    slow = [Motion(0.33 * i, 0.33 * (i + 1), Pose2(*rng.normal((0.3, 0, 0.16), 0.02)), loose) for i in range(3)]
     heard: list[Told] = [*(("wheels", motion) for motion in quick), *(("vo", motion) for motion in slow)]
-    for _ in range(8):
-        stamp_s = round(float(rng.uniform(0.0, 2.0)), 1)
+    for _ in range(5):
+        stamp_s = round(float(rng.uniform(0.0, 1.2)), 1)
         heard.append(("camera", Fix(stamp_s, Pose2(stamp_s, rng.normal(0, 0.3), 0.5 * stamp_s), FAIR)))
         heading = information_from_sigmas(np.inf, np.inf, 0.05)
         heard.append(("compass", Fix(stamp_s, Pose2(9.0, 9.0, rng.normal(0.5 * stamp_s, 0.1)), heading)))

@@ -101,7 +101,10 @@ def test_a_stores_log_is_in_its_file_before_it_is_replaced(tmp_path: Path, place
         assert alone.execute("SELECT count(*) FROM waypoints").fetchone() == (60,)
 
 
-def test_an_old_store_whose_log_a_reader_holds_is_not_replaced(tmp_path: Path, place: SimpleNamespace) -> None:
+def test_an_old_store_whose_log_a_reader_holds_is_not_replaced(
+    tmp_path: Path, place: SimpleNamespace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("trailmark.stores.writer._BUSY_S", 0.5)  # the reader does not go away by waiting
     path, old = tmp_path / "place.trail", tmp_path / "old.trail"
     with place.opened(path, "create") as store:
         place.teach(store, 10)
