@@ -140,6 +140,34 @@ def test_carried_away_it_is_lost_and_then_found(map_file: Path, walls: Floats, l
     assert errors_of(said)[:, 0].max() < 0.1
 
 
+def test_carried_to_where_it_looks_alike_it_is_not_followed_on(tmp_path: Path, look: Look) -> None:
+    niches = [[(x, 0, x, -0.4), (x, -0.4, x + 1, -0.4), (x + 1, -0.4, x + 1, 0)] for x in (2.5, 6.5, 10.5)]
+    fronts = [(0, 0, 2.5, 0), (3.5, 0, 6.5, 0), (7.5, 0, 10.5, 0), (11.5, 0, 16, 0)]
+    others = [
+        (16, 0, 16, 2),
+        (16, 2, 12, 2),
+        (12, 2, 12, 3),
+        (12, 3, 11, 3),
+        (11, 3, 11, 2),
+        (11, 2, 0, 2),
+        (0, 2, 0, 0),
+    ]
+    corridor = np.array([*fronts, *others, *(side for niche in niches for side in niche)], np.float64)
+    scans = [
+        PlacedScan.at(Pose2(x, 1.0), look(corridor, Pose2(x, 1.0), 720), (0.0, 0.0)) for x in np.arange(0.5, 16, 1)
+    ]
+    write_map(tmp_path / "niches.yaml", carve_grid(scans))
+    before = [Pose2(2.0 + 0.08 * k, 1.0) for k in range(10)]
+    after = [Pose2(6.8 + 0.08 * k, 1.0) for k in range(12)]  # one niche on: most of what it sees is the same
+
+    said = said_over(
+        start(tmp_path / "niches.yaml", start_pose=before[0]), [*before, *after], corridor, look, carried_at=10
+    )
+
+    assert len(errors_of(said[:9])) >= 8
+    assert (errors_of(said)[:, 0] < 0.3).all()
+
+
 def test_a_map_of_another_place_is_never_believed(map_file: Path, look: Look) -> None:
     elsewhere = np.array([(-9, -2, 3, -7), (3, -7, 5, 9), (5, 9, -3, 4), (-3, 4, -9, -2)], np.float64)
     said = said_over(start(map_file), drive(15, Pose2(-1.0, 0.0, 0.5)), elsewhere, look)

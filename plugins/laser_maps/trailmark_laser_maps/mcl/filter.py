@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass
+from statistics import median
 
 import numpy as np
 
@@ -33,6 +35,10 @@ _FEWEST_LOOKS = 3
 _N_CANDIDATES = 300
 _FRESH_SHARE = 0.3
 _SECOND_CLUSTER = 0.05
+#: A followed place that explains so much less of a scan than it did lately may be one that looks alike, to which the
+#: robot was carried: it is compared with the rest at once, by what is seen now, and not told while patience lasts.
+_LEAST_FALL, _FALL_SIGMAS, _USUAL_LOOKS = 0.08, 5.0, 20
+_SIGMA_OVER_MEDIAN = 1.4826
 #: Another place that explains so much more of the last metres takes the followed one's seat.
 _UNSEATS = 0.05
 _DRAWN_M, _DRAWN_RAD = 0.1, math.radians(2.0)
@@ -111,12 +117,15 @@ class GridFilter:
         self._n_unexplained = 0
         self._last: ScanLook | None = None
         self._unchecked_m = 0.0
+        self._usual: deque[float] = deque(maxlen=_USUAL_LOOKS)  # what the followed place explained lately
+        self._n_fallen = 0
 
     def believe(self, pose: Floats, covariance: Floats) -> None:
         """Begin at a known pose, in grid axes."""
         self._particles = Particles.around(pose, covariance, _N_TRACKED, self._rng)
         self._is_believed, self._n_unexplained, self._unchecked_m = True, 0, 0.0
         self._favourite = np.empty((0, 3))
+        self._usual.clear()
 
     def update(self, look: ScanLook, hint: Floats | None = None) -> Placed | Unplaced | None:
         """Take a look into account; None where the robot has not moved enough for it to tell anything new.
@@ -162,13 +171,32 @@ class GridFilter:
         if quality < settings.min_quality:
             return self._doubt(quality)
         self._n_unexplained = 0
+        has_fallen = self._has_fallen(quality)
+        if has_fallen:
+            self._search.forget()
         n_places = sum(cluster.share > _SECOND_CLUSTER for cluster in clusters)
         if n_places > 1:
             return Unplaced(f"{n_places} places fit", quality, n_places)
         self._search.remember(look, _LOOK_M, _LOOK_RAD)
-        if self._unchecked_m > settings.recheck_m and (rival := self._better_place(look, pose)) is not None:
+        is_due = has_fallen or self._unchecked_m > settings.recheck_m
+        if is_due and (rival := self._better_place(look, pose)) is not None:
             return rival
+        if has_fallen:
+            return Unplaced(f"the place explains only {quality:.0%} of the scan, much less than lately", quality, 1)
         return Placed(pose, clusters[0].covariance, quality)
+
+    def _has_fallen(self, quality: float) -> bool:
+        """Whether a place explains much less than it used to; what lasts longer than patience is usual from then on."""
+        usual = median(self._usual) if self._usual else 0.0
+        scatter = median(abs(one - usual) for one in self._usual) if self._usual else 0.0
+        if quality >= usual - max(_LEAST_FALL, _FALL_SIGMAS * _SIGMA_OVER_MEDIAN * scatter):
+            self._usual.append(quality)
+            self._n_fallen = 0
+            return False
+        self._n_fallen += 1
+        if self._n_fallen > self._settings.patience:
+            self._usual.clear()
+        return True
 
     def _doubt(self, quality: float) -> Unplaced:
         self._n_unexplained += 1
@@ -189,6 +217,9 @@ class GridFilter:
         is_here = ~is_elsewhere(places.poses, pose)
         if is_here.any() and places.shares[0] - places.shares[is_here].max() < _UNSEATS:
             return None
+        # the looks until now belong to the place that was followed, and hang together with what is seen elsewhere by a
+        # motion that nobody measured: a place that fits to both a little would win
+        self._search.forget()
         self._is_believed, self._particles, self._hypotheses = False, None, places.poses
         return Unplaced("another place fits better", float(places.shares[0]), len(places.poses))
 
