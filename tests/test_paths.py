@@ -122,6 +122,17 @@ class TestLocate:
             assert found.station_m == pytest.approx(station_m, abs=0.05)
         assert abs(crossing[0] - crossing[1]) > 2.0
 
+    @given(st.integers(0, 2**32 - 1))
+    def test_the_window_gives_what_a_search_of_everything_gives(self, seed: int) -> None:
+        rng = np.random.default_rng(seed)
+        headings = np.cumsum(rng.normal(0.0, 0.05, 60))  # winding, but it comes back to no place within 3 m
+        places = 0.05 * np.cumsum([np.cos(headings), np.sin(headings)], axis=1).T
+        path = path_of(*(Pose2(x, y, a) for (x, y), a in zip(places.tolist(), headings.tolist(), strict=True)))
+        station_m = float(rng.uniform(0.0, path.length_m))
+        pose = path.pose_from(OnPath(station_m, float(rng.normal(0.0, 0.1)), 0.2))
+
+        assert path.locate(pose, station_m + float(rng.normal(0.0, 0.1)), window_m=3.5) == path.locate(pose)
+
     def test_a_robot_that_was_carried_away_is_looked_for_everywhere(self) -> None:
         found = CIRCLE.locate(CIRCLE.pose_at(4.0), near_station_m=0.5, window_m=0.5)
 

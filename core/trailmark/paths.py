@@ -15,6 +15,7 @@ import numpy.typing as npt
 from trailmark.errors import ShapeError
 from trailmark.frames.payloads import read_only
 from trailmark.geometry import Pose2, wrap_angle
+from trailmark.geometry.polyline import Polyline
 
 __all__ = ["Keyframe", "OnPath", "Path", "Waypoint"]
 
@@ -100,7 +101,7 @@ class Path:
         If there is no waypoint or the stations do not increase.
     """
 
-    __slots__ = ("_grid", "_headings", "_lines", "_positions", "_stations", "_turns", "waypoints")
+    __slots__ = ("_grid", "_headings", "_polyline", "_positions", "_stations", "_turns", "waypoints")
 
     def __init__(self, waypoints: Iterable[Waypoint]) -> None:
         self.waypoints: tuple[Waypoint, ...] = tuple(waypoints)
@@ -113,7 +114,7 @@ class Path:
         # The same as plain floats: a controller's question costs 1 us with them, and 5 us with arrays.
         self._grid: list[float] = self._stations.tolist()
         self._turns: list[float] = self._headings.tolist()
-        self._lines = np.diff(self._positions, axis=0).T
+        self._polyline = Polyline(self._positions)
         if np.any(np.diff(self._stations) <= 0):
             first = int(np.flatnonzero(np.diff(self._stations) <= 0)[0])
             raise ShapeError(f"stations must increase, but waypoint {first + 1} does not lie after waypoint {first}")
@@ -194,8 +195,16 @@ class Path:
         station_m, lateral_m, miss_m = self._nearest(pose_map_base, near_station_m, window_m)
         if near_station_m is not None and miss_m > window_m:
             station_m, lateral_m, _ = self._nearest(pose_map_base, None, window_m)
-        heading_rad = wrap_angle(pose_map_base.theta - self.pose_at(station_m).theta)
+        heading_rad = wrap_angle(pose_map_base.theta - self._taught_heading(station_m))
         return OnPath(station_m, lateral_m, heading_rad)
+
+    def _taught_heading(self, station_m: float) -> float:
+        """Return the heading of `pose_at`."""
+        if len(self) == 1:
+            return self[0].pose_map_base.theta
+        index, fraction = self._segment_of(station_m)
+        fraction = min(1.0, max(0.0, fraction))
+        return wrap_angle(self._turns[index] + fraction * (self._turns[index + 1] - self._turns[index]))
 
     def _segment_of(self, station_m: float) -> tuple[int, float]:
         index = min(max(bisect_right(self._grid, station_m) - 1, 0), len(self) - 2)
@@ -207,21 +216,16 @@ class Path:
         if len(self) == 1:
             seen = self[0].pose_map_base.between(pose)
             return self._grid[0], seen.y, math.hypot(seen.x, seen.y)
-        first, last = 0, len(self) - 1
-        if near_station_m is not None:
-            first = max(0, bisect_left(self._grid, near_station_m - window_m) - 1)
-            last = min(last, bisect_left(self._grid, near_station_m + window_m) + 1)
-            first, last = min(first, last - 1), max(last, first + 1)
-        line_x, line_y = self._lines[:, first:last]
-        from_x = pose.x - self._positions[first:last, 0]
-        from_y = pose.y - self._positions[first:last, 1]
-        squared = np.maximum(line_x * line_x + line_y * line_y, 1e-18)
-        fractions = np.minimum(np.maximum((from_x * line_x + from_y * line_y) / squared, 0.0), 1.0)
-        miss_x, miss_y = from_x - fractions * line_x, from_y - fractions * line_y
-        squared_misses = miss_x * miss_x + miss_y * miss_y
-        best = int(squared_misses.argmin())
-        index = first + best
-        station_m = self._grid[index] + float(fractions[best]) * (self._grid[index + 1] - self._grid[index])
-        tangent = self.tangent_at(self._grid[index])
-        lateral_m = math.cos(tangent) * float(from_y[best]) - math.sin(tangent) * float(from_x[best])
-        return station_m, lateral_m, math.sqrt(float(squared_misses[best]))
+        grid = self._grid
+        if near_station_m is None:
+            index, fraction = self._polyline.nearest(pose.x, pose.y)
+        else:
+            end = len(grid) - 1
+            first = min(max(bisect_left(grid, near_station_m - window_m) - 1, 0), end - 1)
+            last = min(max(bisect_left(grid, near_station_m + window_m) + 1, first + 1), end)
+            guess = min(max(bisect_right(grid, near_station_m) - 1, first), last - 1)
+            index, fraction = self._polyline.nearest_among(pose.x, pose.y, first, last, guess)
+        miss_m, from_x, from_y = self._polyline.miss(index, fraction, pose.x, pose.y)
+        station_m = grid[index] + fraction * (grid[index + 1] - grid[index])
+        tangent = self.tangent_at(grid[index])
+        return station_m, math.cos(tangent) * from_y - math.sin(tangent) * from_x, miss_m

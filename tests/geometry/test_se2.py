@@ -51,6 +51,11 @@ def test_between_is_the_inverse_times_the_other(a: Pose2, b: Pose2) -> None:
     assert_close(a @ a.between(b), b)
 
 
+@given(poses, poses, poses)
+def test_a_pose_moves_as_another_to_the_last_bit(a: Pose2, b: Pose2, c: Pose2) -> None:
+    assert a.moved_as(b, c) == a @ b.between(c)
+
+
 @given(poses, poses)
 def test_composition_is_the_product_of_matrices(a: Pose2, b: Pose2) -> None:
     np.testing.assert_allclose((a @ b).matrix(), a.matrix() @ b.matrix(), atol=1e-9)

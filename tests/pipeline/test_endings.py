@@ -385,7 +385,7 @@ def test_a_frame_that_takes_too_long_between_two_parts_fails_the_run(fakes, monk
     source = camera(fakes)
     pipeline = Pipeline(fakes.parts({"cam": source}))
     pipeline.start()
-    monkeypatch.setattr("trailmark.pipeline.run.Run._observe", starve)
+    monkeypatch.setattr("trailmark.pipeline.run.frame.FrameProcessor._observe", starve)
 
     with pytest.raises(RunError, match="the run has not come from one frame to the next: it has not come back"):
         list(pipeline)

@@ -170,14 +170,15 @@ def _carry(
     before: OdomState, stamp_s: float, step: Pose2, twist: Twist2, covariance: Sym3, motion_age_s: float = 0.0
 ) -> OdomState:
     """Return the state after a motion whose x, y, theta have this covariance (first order)."""
-    pose, spread = before.pose_odom_base @ step, before.spread
+    start, spread = before.pose_odom_base, before.spread
+    cos, sin = math.cos(start.theta), math.sin(start.theta)
+    x, y = start.x + cos * step.x - sin * step.y, start.y + sin * step.x + cos * step.y
     if covariance is not ZERO:
-        cos, sin = math.cos(before.pose_odom_base.theta), math.sin(before.pose_odom_base.theta)
-        spread = add(spread, congruence(covariance, cos, sin, pose.y, -pose.x))
+        spread = add(spread, congruence(covariance, cos, sin, y, -x))
     dt_s = stamp_s - before.stamp_s
     return OdomState(
         stamp_s,
-        pose,
+        Pose2(x, y, start.theta + step.theta),
         before.travelled_m + math.hypot(twist.forward_mps, twist.left_mps) * dt_s,
         spread,
         twist,

@@ -55,13 +55,13 @@ class _PoseAnchor:
         cos, sin = math.cos(turn), math.sin(turn)
         x, y = odom.pose_odom_base.x, odom.pose_odom_base.y
         covariance = congruence(add(self.excess, odom.spread), cos, sin, -cos * y - sin * x, cos * x - sin * y)
-        return self.pose_map_base @ self.odom.pose_odom_base.between(odom.pose_odom_base), covariance
+        return self.pose_map_base.moved_as(self.odom.pose_odom_base, odom.pose_odom_base), covariance
 
     def pose_alone_at(self, odom: OdomState) -> Pose2 | None:
         """Return the pose of `pose_at` without its covariance."""
         if self.pose_map_base is None:
             return None
-        return self.pose_map_base @ self.odom.pose_odom_base.between(odom.pose_odom_base)
+        return self.pose_map_base.moved_as(self.odom.pose_odom_base, odom.pose_odom_base)
 
 
 def _anchor_at(odom: OdomState, pose: Pose2, covariance: Sym3, is_measured: bool) -> _PoseAnchor:

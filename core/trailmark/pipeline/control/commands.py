@@ -62,6 +62,8 @@ class Control:
         self._times = instruments.times.stage("controller")
         self._is_suspended = False
         self._due_s = -math.inf if controller is not None or guard.is_on else math.inf
+        #: Whether there is anything to ask or to hold: a controller, a guard, a robot.
+        self.is_needed = robot is not None or self._due_s < math.inf
 
     @property
     def due_s(self) -> float:

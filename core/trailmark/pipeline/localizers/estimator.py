@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Iterator
 from dataclasses import replace
 from numbers import Real
 from time import perf_counter_ns
@@ -13,12 +12,11 @@ import numpy as np
 
 from trailmark.arrays import Floats
 from trailmark.errors import ConfigError
-from trailmark.estimates import Applied, Belief, Estimate, EstimateRecord, Fix, Motion, PathOffset
+from trailmark.estimates import Applied, Belief, Estimate, Fix, Motion, PathOffset
 from trailmark.failures import raise_failure
 from trailmark.geometry import Pose2
 from trailmark.geometry.trajectory import FARTHEST_M
 from trailmark.interfaces import Estimator
-from trailmark.pipeline.localizers.runner import ObserveResult
 from trailmark.pipeline.parts import LocalizerPart
 
 __all__ = ["EstimatorRunner"]
@@ -58,20 +56,6 @@ class EstimatorRunner:
         self._times = times
         self._moving: dict[str, LocalizerPart] = {}
         self._spared: dict[str, str] = {}  # whose motion is left out, and for whose
-
-    def apply(self, localizer: LocalizerPart, result: ObserveResult) -> Iterator[EstimateRecord]:
-        """Apply what a localizer has said about a frame, and yield what became of each estimate.
-
-        Raises
-        ------
-        ConfigError
-            If its motion would count twice.
-        RunError
-            If the estimator raises.
-        """
-        for estimate in result.estimates:
-            outcome = self._outcome(localizer, estimate, result.frame_s)
-            yield EstimateRecord(result.arrived_s, localizer.name, estimate, outcome)
 
     def set_pose(self, pose_map_base: Pose2, covariance: Floats | None = None, stamp_s: float | None = None) -> Applied:
         """Tell the estimator where a person says that the robot is; what is no pose is refused.
@@ -115,7 +99,16 @@ class EstimatorRunner:
         self._times.append(perf_counter_ns() - began_ns)
         return replace(belief, health={**belief.health, **self.health}) if self.health else belief
 
-    def _outcome(self, localizer: LocalizerPart, estimate: Estimate, frame_s: float) -> Applied:
+    def apply(self, localizer: LocalizerPart, estimate: Estimate, frame_s: float) -> Applied:
+        """Apply an estimate of a localizer about a frame, and return what became of it.
+
+        Raises
+        ------
+        ConfigError
+            If its motion would count twice.
+        RunError
+            If the estimator raises.
+        """
         name = localizer.name
         if self._use is not None and name not in self._use:
             return _NOT_IN_USE

@@ -151,7 +151,7 @@ class LocalizerRunner(ABC):
                 " letters of each are kept",
                 self.name,
                 max(len(estimate.details) for estimate in estimates),
-                max(len(_reason_of(estimate)) for estimate in estimates),
+                max(len(estimate.reason) if isinstance(estimate, Lost) else 0 for estimate in estimates),
                 _MOST_DETAILS,
                 _LONGEST_REASON,
             )
@@ -194,7 +194,8 @@ def _checked(answer: object) -> tuple[Estimate, ...]:
 
 
 def _says_too_much(estimate: Estimate) -> bool:
-    return len(estimate.details) > _MOST_DETAILS or len(_reason_of(estimate)) > _LONGEST_REASON
+    is_long = isinstance(estimate, Lost) and len(estimate.reason) > _LONGEST_REASON
+    return is_long or len(estimate.details) > _MOST_DETAILS
 
 
 def _shortened(estimate: Estimate) -> Estimate:
@@ -202,10 +203,6 @@ def _shortened(estimate: Estimate) -> Estimate:
     if isinstance(estimate, Lost):
         return replace(estimate, details=details, reason=estimate.reason[:_LONGEST_REASON])
     return replace(estimate, details=details)
-
-
-def _reason_of(estimate: Estimate) -> str:
-    return estimate.reason if isinstance(estimate, Lost) else ""
 
 
 class SyncRunner(LocalizerRunner):
