@@ -1,0 +1,181 @@
+"""How fast it is beside an older checkout: the page of speed, from one command.
+
+    python benchmarks/speed_page.py --before ../old            # ../old has an environment of its own in ../old/.venv
+    python benchmarks/speed_page.py --before ../old --only frame,husky --turns 3
+
+The two checkouts take turns, each in processes of its own interpreter, and medians are compared; processor time counts,
+so that others at work on the machine do not. A further row is a function that returns its figures by name, in `ROWS`;
+it is run by both checkouts, and keeps to what both know. Recordings are found by ``TRAILMARK_DATA``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime as dt
+import json
+import os
+import resource
+import statistics
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from time import process_time
+
+TOP = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+HUSKY = "examples/real/husky_bag.yaml"
+MRCLAM = "examples/real/mrclam_odometry.yaml"
+WHEELS = "sources: {wheels: {plugin: csv_odometry, path: wheels.csv}}\nlocalizers: {wheels: {plugin: odometry}}\n"
+LONG_RUN = 200_000  # frames: 48 minutes at 70 Hz
+
+
+def frame() -> dict[str, float]:
+    """A frame with one motion, and what dead reckoning does for it [us]."""
+    import core_overhead
+
+    rows = {row.item: row.median_us for row in core_overhead.measure(3000, 1)}
+    names = {
+        "a frame without a localizer": "a frame without a localizer",
+        "a frame with one motion, in all": "a frame with one motion, in all",
+        "the same, recorded": "the same, recorded",
+        "estimator: apply": "dead reckoning: a motion",
+        "estimator: fix": "dead reckoning: a fix that is 200 ms late",
+        "estimator: belief": "dead reckoning: a belief",
+        "estimator: belief on a path": "dead reckoning: a belief on a path",
+    }
+    return {f"{name} [us]": rows[item] for item, name in names.items()}
+
+
+def kalman() -> dict[str, float]:
+    """What the Kalman estimator does for one motion a frame and a fix at every fourteenth [us]."""
+    import core_overhead
+
+    from trailmark.estimation.kalman.estimator import Kalman
+    from trailmark.estimation.kalman_config import KalmanConfig
+
+    found = core_overhead.estimator_us(3000, None, lambda: Kalman(KalmanConfig()))
+    names = {"apply": "a motion", "fix": "a fix that is 200 ms late", "belief": "a belief"}
+    return {f"kalman: {name} [us]": found[key] for key, name in names.items()}
+
+
+def husky() -> dict[str, float]:
+    """Wheels, an inertial unit and the Kalman estimator, out of a bag, no report [frames/s of processor time]."""
+    return {"Husky bag: wheels + imu + kalman [frames/s]": frames_per_second(HUSKY)}
+
+
+def mrclam() -> dict[str, float]:
+    """A table of wheel odometry, no report [frames/s of processor time]."""
+    return {"MRCLAM: wheels, 61,785 frames [frames/s]": frames_per_second(MRCLAM)}
+
+
+def start() -> dict[str, float]:
+    """From a new interpreter to the first step of a small run [ms]."""
+    import trailmark
+
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder, "wheels.csv").write_text("t,x,y,theta\n0,0,0,0\n0.1,0.01,0,0\n0.2,0.02,0,0\n")
+        Path(folder, "wheels.yaml").write_text(WHEELS + "estimator: {plugin: kalman}\n")
+        with trailmark.Pipeline(str(Path(folder, "wheels.yaml"))) as pipeline:
+            next(iter(pipeline))
+            return {"start: wheels + kalman, to the first step [ms]": 1e3 * process_time()}
+
+
+def memory() -> dict[str, float]:
+    """The most that a long run of one motion a frame held [MB]."""
+    import core_overhead as core
+
+    from trailmark.estimates import Motion
+
+    class Endless(core.Blank):
+        def frames(self) -> Iterator[core.Frame]:
+            image = self._frames[0].payload
+            return (core.Frame("floor", i / core.RATE_HZ, image) for i in range(LONG_RUN))
+
+    class Moving(core.Ready):
+        def observe(self, frame: core.Frame, belief: core.Belief) -> tuple[Motion, ...]:
+            i, self._next = self._next, self._next + 1
+            step = core.Pose2(core.STEP_M)
+            return (Motion(i / core.RATE_HZ, (i + 1) / core.RATE_HZ, step, core.GOOD),) if i >= 0 else ()
+
+    for _ in core.pipeline_of(Endless(1), {"a": Moving(0)}):
+        pass
+    most_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return {f"memory: {LONG_RUN:,} frames with one motion [MB]": most_kb / 1e3}
+
+
+ROWS: Mapping[str, Callable[[], dict[str, float]]] = {
+    row.__name__: row for row in (frame, kalman, husky, mrclam, start, memory)
+}
+
+
+def frames_per_second(config: str) -> float:
+    """Return how many frames of a config are worked through in a second of processor time, the start apart."""
+    import trailmark
+
+    with trailmark.Pipeline(config) as pipeline:
+        steps = iter(pipeline)
+        next(steps)
+        began_s = process_time()
+        n = sum(1 for _ in steps)
+        return n / (process_time() - began_s)
+
+
+def figures_of(top: Path, row: str) -> dict[str, float]:
+    """Return the figures of a row in a checkout, measured by its own interpreter with this very file."""
+    own = top / ".venv" / "bin" / "python"
+    command = [str(own if own.exists() else sys.executable), __file__, "--measure", row]
+    done = subprocess.run(command, cwd=top, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise SystemExit(f"{row} failed in {top}:\n{done.stderr}")
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def compared(before: Path, row: str, turns: int) -> dict[str, tuple[float, float]]:
+    """Return the medians of a row's figures, before and now."""
+    found: dict[str, tuple[list[float], list[float]]] = {}
+    for _ in range(turns):
+        for side, top in enumerate((before, TOP)):
+            for name, figure in figures_of(top, row).items():
+                found.setdefault(name, ([], []))[side].append(figure)
+    return {name: (statistics.median(old), statistics.median(new)) for name, (old, new) in found.items()}
+
+
+def cost_ratio(name: str, before: float, now: float) -> float:
+    """Return the cost now beside the cost before: of a rate the inverse."""
+    return before / now if name.endswith("/s]") else now / before
+
+
+def commit_of(top: Path) -> str:
+    """Return the commit of a checkout, short."""
+    command = ["git", "-C", str(top), "rev-parse", "--short", "HEAD"]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+
+
+def main() -> None:
+    """Measure, and print the page."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--before", type=Path, help="another checkout, with its environment in .venv")
+    parser.add_argument("--only", default=",".join(ROWS), help="names of rows, separated by commas")
+    parser.add_argument("--turns", type=int, default=5)
+    parser.add_argument("--measure", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    os.environ.setdefault("TRAILMARK_DATA", str(TOP.parent / "shared" / "data"))
+    if options.measure:
+        print(json.dumps(ROWS[options.measure]()))
+        return
+    if options.before is None:
+        parser.error("--before is needed: a figure alone says more of the machine than of the code")
+    before = options.before.resolve()
+    sides = f"Commit {commit_of(before)} beside {commit_of(TOP)}"
+    print(f"{sides}, medians of {options.turns} turns, {dt.date.today()}, processor time.\n")
+    print("| work | before | now | cost: now / before |\n|---|--:|--:|--:|")
+    for row in options.only.split(","):
+        for name, (old, new) in compared(before, row, options.turns).items():
+            print(f"| {name} | {old:,.4g} | {new:,.4g} | {cost_ratio(name, old, new):.2f} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
