@@ -67,6 +67,7 @@ COMPLEX = np.eye(3) * (1 + 1j)
         ((Pose2(), None, "now"), "its stamp is 'now'"),
         ((Pose2(), np.eye(2)), "its covariance is of shape (2, 2)"),
         ((Pose2(), COMPLEX), "not (3, 3) and real"),
+        ((Pose2(), [[1.0, 2.0], [3.0], [4.0]]), "its covariance is no matrix"),
         ((Pose2(), [["a"] * 3] * 3), "not (3, 3) and real"),
     ],
 )

@@ -164,7 +164,10 @@ def _problem_of(pose: object, covariance: object, stamp_s: object) -> str | None
         return f"its stamp is {stamp_s!r}"
     if covariance is None:
         return None
-    matrix = np.asarray(covariance)
+    try:
+        matrix = np.asarray(covariance)
+    except (ValueError, TypeError) as error:  # rows of different lengths
+        return f"its covariance is no matrix: {error}"
     if matrix.shape != (3, 3) or matrix.dtype.kind not in "fiu":
         return f"its covariance is of shape {matrix.shape} and type {matrix.dtype}, not (3, 3) and real"
     return None
