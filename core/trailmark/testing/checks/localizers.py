@@ -22,6 +22,7 @@ from trailmark.geometry import Pose2, wrap_angle
 from trailmark.interfaces import Localizer
 from trailmark.pipeline.teaching.localizer_maps import VersionedMap, check_format
 from trailmark.testing.checks.configs import common_checks
+from trailmark.testing.checks.freshness import freshness_checks
 from trailmark.testing.checks.lives import (
     LocalizerCase,
     answers,
@@ -101,6 +102,7 @@ def localizer_checks(
         "another_size_is_a_typed_error": lambda: _refuses_another_size(case),
         "memory_is_bounded": lambda: _is_bounded(case, memory_frames),
         **timing_and_state_checks(case),
+        **freshness_checks(case),
     }
 
 

@@ -17,6 +17,7 @@ from trailmark.interfaces import Drivable, FrameSource, Session
 from trailmark.testing.checks.configs import common_checks
 from trailmark.testing.checks.lives import arrays_of
 from trailmark.testing.checks.parametrize import Check, parametrize, skip
+from trailmark.testing.checks.source_truth import source_truth_checks
 
 if TYPE_CHECKING:
     import pytest
@@ -71,6 +72,7 @@ def source_checks(
         "close_ends_the_frames": lambda: _ends_when_closed(make),
         "truth_spans_the_frames": lambda: _has_truth(make),
         "a_stopped_robot_stands": lambda: _stands(make),
+        **source_truth_checks(make, n_frames),
     }
 
 
