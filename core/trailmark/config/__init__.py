@@ -9,7 +9,7 @@ from trailmark.config.calibrations import read_calibration
 from trailmark.config.document import Document, read_document
 from trailmark.config.entries import EstimatorEntry, LocalizerEntry, PartEntry, PathStoreEntry, SourceEntry
 from trailmark.config.files import ConfigPath, ExistingFile, ExistingPath, OutputPath
-from trailmark.config.host import LocalizerOptions, PathStoreOptions, RunSettings, StopWhen
+from trailmark.config.host import LocalizerOptions, MotionCorrection, PathStoreOptions, RunSettings, StopWhen
 from trailmark.config.load import load_run_config
 from trailmark.config.presets import PresetConfig, PresetValue
 from trailmark.config.roles import refuse_duplicate_sensors, resolve_all_roles, resolve_roles
@@ -27,6 +27,7 @@ __all__ = [
     "LocalizerEntry",
     "LocalizerName",
     "LocalizerOptions",
+    "MotionCorrection",
     "Mounting",
     "OutputPath",
     "PartEntry",

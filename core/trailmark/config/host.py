@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
-from pydantic import Field, ValidationError, ValidatorFunctionWrapHandler, field_validator
+import numpy as np
+from pydantic import Field, ValidationError, ValidatorFunctionWrapHandler, field_validator, model_validator
 
+from trailmark.arrays import Floats
 from trailmark.config.base import PluginConfig
 from trailmark.config.files import ExistingFile
 from trailmark.config.source import Mounting
@@ -21,6 +23,7 @@ __all__ = [
     "RESERVED_NAMES",
     "EstimatorOptions",
     "LocalizerOptions",
+    "MotionCorrection",
     "NoOptions",
     "PathStoreOptions",
     "PluginsSection",
@@ -40,6 +43,30 @@ class NoOptions(PluginConfig):
     """The host adds nothing but ``plugin``."""
 
 
+class MotionCorrection(PluginConfig):
+    """What the motions of a localizer are wrong by: ``trailmark calibrate odometry`` measures it."""
+
+    way: float = 1.0
+    """Its ways are multiplied by this; negative: they count backwards."""
+    turn: float = 1.0
+    """Its turns are multiplied by this; negative: left and right wheel are swapped."""
+    turn_deg_per_m: float = 0.0
+    """What a straight way turns in truth, as wheels of two sizes do [deg/m]."""
+    way_m_per_rad: float = 0.0
+    """What a turn in place drives in truth, as wheels of two sizes do [m/rad]."""
+
+    @model_validator(mode="after")
+    def _can_be_undone(self) -> Self:
+        if abs(self.way * self.turn - self.way_m_per_rad * math.radians(self.turn_deg_per_m)) < 1e-6:
+            raise ValueError(f"nothing would be left of the motion: way {self.way:g}, turn {self.turn:g}")
+        return self
+
+    def matrix(self) -> Floats:
+        """Return (3, 3): from twists (forward, left, turn) as the localizer tells them to those that are right."""
+        bend = math.radians(self.turn_deg_per_m)
+        return np.array([[self.way, 0.0, self.way_m_per_rad], [0.0, self.way, 0.0], [bend, 0.0, self.turn]])
+
+
 class LocalizerOptions(PluginConfig):
     """What every localizer takes besides its own keys."""
 
@@ -55,6 +82,8 @@ class LocalizerOptions(PluginConfig):
     """Which frames wait while an async localizer is busy: the newest of each sensor, or all, up to 256."""
     on_error: Literal["fail", "disable"] = "fail"
     """When it raises: end the run, or switch it off, say so and go on."""
+    correct: MotionCorrection | None = None
+    """What its motions are wrong by."""
 
     @property
     def latency_s(self) -> float | None:

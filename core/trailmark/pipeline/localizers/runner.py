@@ -18,6 +18,7 @@ from trailmark.estimates import Belief, Estimate, Fix, Lost, Motion, PathOffset
 from trailmark.failures import raise_failure
 from trailmark.frames import Frame, SensorInfo
 from trailmark.interfaces import Localizer, Session
+from trailmark.pipeline.localizers.correcting import with_corrected_motions
 from trailmark.pipeline.localizers.mailbox import is_snapshot
 from trailmark.pipeline.parts import LocalizerPart
 
@@ -134,6 +135,8 @@ class LocalizerRunner(ABC):
             estimates = _checked(self._localizer.observe(frame, belief))
             if any(_says_too_much(estimate) for estimate in estimates):
                 estimates = self._cut(estimates)
+            if self.part.options.correct is not None:
+                estimates = with_corrected_motions(estimates, self.part.options.correct)
         except BaseException as error:
             self._raise_failure("observe", frame, error)
         elapsed_ns = perf_counter_ns() - began_ns
