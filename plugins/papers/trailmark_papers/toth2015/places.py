@@ -17,6 +17,7 @@ from trailmark_papers.toth2015.drives import (
     LANDMARKS,
     ORB,
     TWO_AND_RESERVE,
+    TWO_NAME,
     UNREGISTERED,
     Driven,
     DriveOutcome,
@@ -30,7 +31,7 @@ __all__ = ["draw_places", "place_plans", "place_rows"]
 _OURS, _FLOW = "landmarks", "optical flow"
 _METHODS: Mapping[str, Method] = {
     _OURS: LANDMARKS,
-    "two landmarks, one in reserve": TWO_AND_RESERVE,
+    TWO_NAME: TWO_AND_RESERVE,
     "20 landmarks": {**LANDMARKS, "landmarks": 20},
     "blobs alone": {**LANDMARKS, "finders": ["blobs"]},
     "blobs and rectangles": {**LANDMARKS, "finders": ["blobs", "rectangles"]},
@@ -69,8 +70,8 @@ def place_rows(driven: Sequence[Driven]) -> list[Row]:
         for method in _METHODS:
             outcomes = [one.outcomes[method] for one in straight]
             faithful = [one.outcomes[method] for one in printed if method in one.outcomes]
-            errors = error_rows(name, method, outcomes, method == _OURS)
-            rows += beside_faithful(errors, error_rows(name, method, faithful, is_ours=False) if faithful else [])
+            errors = error_rows(name, method, outcomes, method in (_OURS, TWO_NAME))
+            rows += beside_faithful(errors, error_rows(name, method, faithful, is_judged=False) if faithful else [])
             paper = _PAPER_FPS[world] if method == _OURS else None
             rate = _rate_rows(f"{called}, rate", method, outcomes, paper)
             rates += beside_faithful(rate, _rate_rows("", method, faithful, None) if faithful else [])
