@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from types import MappingProxyType
@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 from trailmark.commands import Command
 from trailmark.estimates import Applied, Belief, Estimate, EstimateRecord
 from trailmark.frames import Frame, SensorInfo
+from trailmark.geometry import Pose2
 from trailmark.interfaces.session import Access, LocalizerMap, Part
-from trailmark.paths import Path, Waypoint
+from trailmark.paths import Keyframe, Path, Waypoint
 
 if TYPE_CHECKING:
     from trailmark.config.base import PluginConfig
@@ -73,6 +74,29 @@ class PathStore(Part):
     @abstractmethod
     def commit(self) -> None:
         """Make everything so far durable: when this returns, a kill at any instant loses none of it."""
+
+    def owners(self) -> tuple[str, ...]:
+        """Return whose localizer maps there are; empty where the store cannot say."""
+        return ()
+
+    def move(self, waypoints: Sequence[Pose2], keyframes: Mapping[str, Sequence[Keyframe]]) -> bool:
+        """Put the path, and what is remembered along it, where they lie after loops were closed; all of it or nothing.
+
+        Part of the open transaction. Whose keyframes move is not finished any more.
+
+        Parameters
+        ----------
+        waypoints : sequence of Pose2
+            A pose for each waypoint.
+        keyframes : mapping of str to sequence of Keyframe
+            All keyframes of some owners, in their order.
+
+        Returns
+        -------
+        bool
+            False: the store cannot, and nothing is changed.
+        """
+        return False
 
     def is_finished(self, owner: str) -> bool:
         """Return whether `Localizer.finish` ran for this owner, or has nothing to work from.

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy.typing as npt
 
+from trailmark.errors import StoreError
 from trailmark.geometry import Pose2
 from trailmark.paths import Keyframe
 from trailmark.stores.faults import Damage
@@ -24,6 +25,7 @@ __all__ = [
     "drawer_of",
     "find_drawer",
     "keyframe_of",
+    "move_keyframes",
     "read_drawers",
     "read_keyframes",
     "read_saved",
@@ -116,6 +118,25 @@ def add_keyframe(connection: Connection, row: DrawerRow, keyframe: Keyframe, lay
         (*values, checksum("keyframes", *values, layout, data), layout, data),
     )
     return _update(connection, replace(row, n_keyframes=row.n_keyframes + 1, is_finished=False))
+
+
+def move_keyframes(
+    connection: Connection, row: DrawerRow, keyframes: Sequence[Keyframe], packed: Sequence[tuple[str, bytes]]
+) -> DrawerRow:
+    """Put keyframes, with their packed arrays, in place of those there are; the drawer is unfinished from here on.
+
+    Raises
+    ------
+    StoreError
+        If there are not as many.
+    """
+    if row.n_keyframes != len(keyframes):
+        raise StoreError(f"{len(keyframes)} keyframes in place of {row.n_keyframes} of {row.owner!r}")
+    connection.execute("DELETE FROM keyframes WHERE drawer = ?", (row.id,))
+    row = replace(row, n_keyframes=0)
+    for keyframe, (layout, data) in zip(keyframes, packed, strict=True):
+        row = add_keyframe(connection, row, keyframe, layout, data)
+    return row
 
 
 def read_keyframes(connection: Connection, row: DrawerRow) -> Iterator[Keyframe]:

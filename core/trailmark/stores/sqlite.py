@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import Any
 
 from trailmark.errors import ConfigError, StoreError
 from trailmark.frames import SensorInfo
 from trailmark.frames.documents import sensor_from_document, sensor_to_document
+from trailmark.geometry import Pose2
 from trailmark.interfaces import LocalizerMap, PathStore, Session
-from trailmark.paths import Path, Waypoint
+from trailmark.paths import Keyframe, Path, Waypoint
 from trailmark.stores import drawer_rows, tables
 from trailmark.stores.database import Database
 from trailmark.stores.localizer_map import SqliteMap
-from trailmark.stores.rows import check_name
+from trailmark.stores.rows import check_name, pack_arrays
 from trailmark.stores.sqlite_config import SqliteStoreConfig
 
 __all__ = ["SqlitePathStore"]
@@ -113,6 +114,22 @@ class SqlitePathStore(PathStore):
         """Return whose localizer maps there are, in the order in which they were first used."""
         with self._opened().reading() as connection:
             return tuple(row.owner for row in drawer_rows.read_drawers(connection))
+
+    def move(self, waypoints: Sequence[Pose2], keyframes: Mapping[str, Sequence[Keyframe]]) -> bool:
+        """Put the path, and what is remembered along it, elsewhere; all of it or nothing, with the next commit.
+
+        Raises
+        ------
+        StoreError
+            If there are not as many waypoints or keyframes as that, or the store cannot be written.
+        """
+        packed = {owner: [pack_arrays(one.arrays) for one in rows] for owner, rows in keyframes.items()}
+        with self._opened().writing() as connection:
+            tables.move_waypoints(connection, waypoints)
+            for owner, rows in keyframes.items():
+                row = drawer_rows.find_drawer(connection, owner) or drawer_rows.add_drawer(connection, owner)
+                drawer_rows.move_keyframes(connection, row, rows, packed[owner])
+        return True
 
     def is_finished(self, owner: str) -> bool:
         """Return whether `Localizer.finish` ran for this owner since its localizer map last changed, or it has none."""

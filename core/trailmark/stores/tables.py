@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
@@ -20,6 +20,7 @@ __all__ = [
     "add_waypoint",
     "count_facts",
     "finite",
+    "move_waypoints",
     "pose_numbers",
     "read_document",
     "read_fact",
@@ -133,6 +134,23 @@ def add_waypoint(connection: Connection, waypoint: Waypoint) -> None:
         "INSERT INTO waypoints VALUES (?, ?, ?, ?, ?, ?)", (index, *numbers, checksum("waypoints", index, *numbers))
     )
     write_totals(connection, replace(totals, waypoints=index + 1))
+
+
+def move_waypoints(connection: Connection, poses: Sequence[Pose2]) -> None:
+    """Give every waypoint another pose.
+
+    Raises
+    ------
+    StoreError
+        If there are not as many.
+    """
+    waypoints = list(read_waypoints(connection))
+    if len(waypoints) != len(poses):
+        raise StoreError(f"{len(poses)} poses for {len(waypoints)} waypoints")
+    for waypoint, pose in zip(waypoints, poses, strict=True):
+        numbers = (waypoint.station_m, *pose_numbers(pose))
+        row = (*numbers[1:], checksum("waypoints", waypoint.index, *numbers), waypoint.index)
+        connection.execute("UPDATE waypoints SET x = ?, y = ?, theta = ?, crc = ? WHERE id = ?", row)
 
 
 def read_waypoints(connection: Connection, count: int | None = None) -> Iterator[Waypoint]:
