@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.commands import Command
-from trailmark.estimates import Applied, Belief, Estimate
+from trailmark.estimates import Applied, Belief, Estimate, Fix, Lost
 from trailmark.frames import Frame
 from trailmark.geometry import Pose2
 from trailmark.interfaces.session import Part
+from trailmark.paths import Keyframe
 
 __all__ = ["Controller", "Estimator", "Localizer"]
 
@@ -50,6 +53,37 @@ class Localizer(Part):
         sequence of Estimate
             Empty: it did not look. `Lost`: it looked and cannot say.
         """
+
+    #: True where `relate` says how remembered places lie to each other.
+    relates_keyframes: ClassVar[bool] = False
+
+    def relate(self, known: Mapping[int, Pose2], keyframe: int, guess: Pose2, covariance: Floats) -> Fix | Lost:
+        """Say where base was at one keyframe, from other keyframes of which that is known; at the end of teaching.
+
+        Works from the localizer map alone. It is asked whether a place was seen twice: rather `Lost` than wrong.
+
+        Parameters
+        ----------
+        known : mapping of int to Pose2
+            Places near the guess, by their number in the localizer map, in axes that they share. These, and not those
+            that the keyframes were laid with, are to be used.
+        keyframe : int
+            The number of the one that is asked about.
+        guess : Pose2
+            Where it is thought to lie, in the same axes.
+        covariance : (3, 3) float64
+            Of the guess; how far to look.
+
+        Returns
+        -------
+        Fix or Lost
+            Its pose in these axes; `Lost` where it does not fit, or fits in several places.
+        """
+        return Lost(0.0, f"{type(self).__name__} relates no keyframes")
+
+    def moved(self, keyframe: Keyframe, pose_map_base: Pose2) -> Keyframe:
+        """Return a keyframe as if it had been laid at another pose; what its arrays hold in map axes moves too."""
+        return replace(keyframe, pose_map_base=pose_map_base)
 
     def latency_s(self) -> float | None:
         """Return how long the last call takes by the localizer's own model [s]; None: it has none."""

@@ -230,6 +230,22 @@ class KinectLandmarks(Localizer):
         pose = Pose3.from_matrix(T_map_base).planar()
         localizer_map.add(Keyframe(belief.travelled_m, stamp_s, pose, arrays))
 
+    def moved(self, keyframe: Keyframe, pose_map_base: Pose2) -> Keyframe:
+        """Return a keyframe with its landmarks where they lie seen from another pose."""
+        shift = Pose3.from_planar(pose_map_base @ keyframe.pose_map_base.inverse()).matrix()
+        arrays = dict(keyframe.arrays)
+        if "points" in arrays:
+            arrays["points"] = arrays["points"] @ shift[:3, :3].T + shift[:3, 3]
+        for name in ("cov", "anchor_cov"):
+            if name in arrays:
+                arrays[name] = shift[:3, :3] @ arrays[name] @ shift[:3, :3].T
+        if "anchor" in arrays:
+            anchor = arrays["anchor"].copy()
+            anchor[:, :2] = anchor[:, :2] @ shift[:2, :2].T + shift[:2, 3]
+            anchor[:, 2] += pose_map_base.theta - keyframe.pose_map_base.theta
+            arrays["anchor"] = anchor
+        return Keyframe(keyframe.station_m, keyframe.stamp_s, pose_map_base, arrays)
+
     def _answer(self, stamp_s: float, solved: Solved, picture: PreparedImage) -> Sequence[Estimate]:
         R, t = solved.T_map_base[:3, :3], solved.T_map_base[:3, 3]
         pose = Pose2(float(t[0]), float(t[1]), float(np.arctan2(R[1, 0], R[0, 0])))

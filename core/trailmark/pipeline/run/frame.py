@@ -18,6 +18,7 @@ from trailmark.pipeline.startup import RunningParts
 
 if TYPE_CHECKING:
     from trailmark.pipeline.sources.realtime import Event
+    from trailmark.pipeline.teaching.taught_map import TaughtMap
 
 __all__ = ["FrameProcessor"]
 
@@ -126,11 +127,23 @@ class FrameProcessor:
         taught = self._running.taught
         if taught is not None and self._teaching is not None:
             self._teaching.end(self._estimator.belief())
+            self._close_loops(taught)
             for localizer in self._localizers:
                 try:
                     taught.finish(localizer.part)
                 except LocalizerFailedError as error:
                     self._on_failure(localizer, error)
+
+    def _close_loops(self, taught: TaughtMap) -> None:
+        """Straighten the path; without a localizer that fails at it, if its ``on_error`` lets the run go on."""
+        try:
+            n_loops = taught.close_loops([localizer.part for localizer in self._localizers])
+        except LocalizerFailedError as error:
+            self._on_failure(next(one for one in self._localizers if f"localizer {one.name!r}" in str(error)), error)
+            self._close_loops(taught)
+            return
+        if n_loops:
+            self._counters["teach.loops"] += n_loops
 
     def _on_failure(self, localizer: LocalizerRunner, error: LocalizerFailedError) -> None:
         """End the run because a localizer has failed, or switch the localizer off, as its ``on_error`` says."""

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from trailmark.errors import StoreError, StoreFailedError
 from trailmark.failures import call_guarded, raise_failure
 from trailmark.frames import SensorInfo
+from trailmark.geometry import Pose2
 from trailmark.interfaces import LocalizerMap, PathStore
 from trailmark.paths import Keyframe, Path, Waypoint
 
@@ -59,6 +60,16 @@ class GuardedStore(PathStore):
     def commit(self) -> None:
         """Make everything so far durable."""
         _write("commit", self._store.commit)
+
+    def owners(self) -> tuple[str, ...]:
+        """Return whose localizer maps there are."""
+        return call_guarded(_PART, "owners", lambda: tuple(self._store.owners()))
+
+    def move(self, waypoints: Sequence[Pose2], keyframes: Mapping[str, Sequence[Keyframe]]) -> bool:
+        """Put the path and what is remembered along it elsewhere."""
+        moved: list[bool] = []
+        _write("move", lambda: moved.append(bool(self._store.move(waypoints, keyframes))))
+        return moved[0]
 
     def mark_finished(self, owner: str) -> None:
         """Write down that a localizer has finished."""

@@ -18,6 +18,7 @@ from trailmark.pipeline.lifecycle import PartStarter, Sessions
 from trailmark.pipeline.localizers.runner import LocalizerFailedError
 from trailmark.pipeline.outputs.provenance import provenance
 from trailmark.pipeline.parts import LocalizerPart, Parts
+from trailmark.pipeline.teaching.closing import close_loops
 from trailmark.pipeline.teaching.guarded_store import GuardedMap, GuardedStore
 from trailmark.pipeline.teaching.localizer_maps import ContinuedMap, VersionedMap, check_format
 from trailmark.pipeline.teaching.waypoints import Teaching
@@ -64,7 +65,7 @@ class TaughtMap:
         self._starter = starter
 
     def localizer_map(self, part: LocalizerPart) -> LocalizerMap:
-        """Return the map of a localizer.
+        """Return the map of a localizer; while teaching, one that relates keyframes lets the way be noted too.
 
         Raises
         ------
@@ -72,6 +73,8 @@ class TaughtMap:
             If what is in it was remembered by a newer version of the localizer.
         """
         localizer_map = self._versioned_map(part)
+        if self.teaching is not None and part.localizer.relates_keyframes:
+            self.teaching.keep_log()
         offset_m = self.teaching.offset_m if self.teaching is not None else 0.0
         return ContinuedMap(localizer_map, offset_m) if offset_m else localizer_map
 
@@ -98,6 +101,8 @@ class TaughtMap:
             logger.info("teaching of %r was not finished: finishing it", part.name)
             session = sessions.session_of("localizer", part.name, mode="teach", map=self._versioned_map(part))
             self._starter.start("localizer", part.localizer, session)
+        self.close_loops(unfinished)
+        for part in unfinished:
             self.finish(part)
             part.localizer.close()
         self._reopen("read")
@@ -117,6 +122,10 @@ class TaughtMap:
         self.teaching = Teaching(self._store, self._parts.path_store.options.spacing_m, start_pose, instruments)
         self._store.set_sensors(sensors)
         self._store.set_meta(provenance(self._parts.base_dir) | {"config": dict(document)})
+
+    def close_loops(self, localizers: Sequence[LocalizerPart]) -> int:
+        """Straighten the path where places were seen twice; see `close_loops`."""
+        return close_loops(self._store, localizers)
 
     def finish(self, part: LocalizerPart) -> None:
         """Let a localizer select, train and index what it was taught, and write down that it did.

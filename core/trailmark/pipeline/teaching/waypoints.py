@@ -11,6 +11,8 @@ from trailmark.geometry import Pose2
 from trailmark.interfaces import PathStore
 from trailmark.paths import Waypoint
 from trailmark.pipeline.instruments import Instruments
+from trailmark.pipeline.teaching.guarded_store import GuardedMap
+from trailmark.pipeline.teaching.way_log import WAY_LOG, WayLog
 
 __all__ = ["Teaching"]
 
@@ -52,11 +54,16 @@ class Teaching:
         self._began_s: float | None = None
         self._has_motion = False
         self._first: Belief | None = None
+        self._log: WayLog | None = None
 
     @property
     def n_waypoints(self) -> int:
         """How many waypoints are committed, with those of before."""
         return self._n_waypoints
+
+    def keep_log(self) -> None:
+        """Note the way from here on, so that it can be straightened at the end."""
+        self._log = WayLog(GuardedMap(self._store.localizer_map(WAY_LOG)))
 
     def on_belief(self, belief: Belief) -> None:
         """Lay a waypoint if the robot has come far enough.
@@ -76,7 +83,9 @@ class Teaching:
             return
         if self._first is not None:
             first, self._first = self._first, None
+            self._note(first)
             self._lay_if_due(first)
+        self._note(belief)
         self._lay_if_due(belief)
 
     def end(self, belief: Belief) -> None:
@@ -94,6 +103,10 @@ class Teaching:
         if belief.travelled_m - self._last_m >= self._spacing_m / 2 and belief.pose_map_base is not None:
             self._lay(belief)
         self._store.commit()
+
+    def _note(self, belief: Belief) -> None:
+        if self._log is not None:
+            self._log.note(belief, self.offset_m + belief.travelled_m)
 
     def _lay_if_due(self, belief: Belief) -> None:
         if belief.travelled_m >= self._next_m - _SLACK_M and belief.pose_map_base is not None:

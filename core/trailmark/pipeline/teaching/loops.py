@@ -1,0 +1,228 @@
+"""Loops of a taught way: places seen twice are looked for where they may be, and believed when several agree.
+
+Which places may be the same follows from how uncertain the way between them is; whether they are, any localizer that
+relates keyframes says (`Localizer.relate`). What it says must lie within that uncertainty, and agree with what it says
+a little further on, before it counts (pairwise consistency; Mangelson et al., ICRA 2018).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from trailmark.arrays import Floats
+from trailmark.errors import StoreFailedError
+from trailmark.estimates import Fix, Lost
+from trailmark.estimation.pose_graph import PoseEdges
+from trailmark.failures import raise_failure
+from trailmark.geometry import Pose2
+from trailmark.paths import Keyframe
+from trailmark.pipeline.localizers.runner import LocalizerFailedError
+from trailmark.pipeline.parts import LocalizerPart
+from trailmark.pipeline.teaching.way_graph import Straightened, WayGraph, edge_of, turned
+
+__all__ = ["LoopSearch", "RelatingLocalizer"]
+
+# Between two looks; a place seen again lies at least so far back on the way [m].
+_EVERY_M, _BACK_M = 0.7, 6.0
+# Places that near count as the same, beside the uncertainty; those that show its surroundings [m].
+_SAME_M, _AROUND_M = 2.0, 5.0
+_MOST_KNOWN = 40
+# Looked for within so many standard deviations, and no farther [m, rad].
+_SIGMAS, _FARTHEST_M, _FARTHEST_RAD = 3.0, 4.0, math.radians(40.0)
+# 99.9 % of right relations of three numbers lie within; 99 % agree with another.
+_PLAUSIBLE, _AGREE = 16.3, 11.3
+# So many must agree, over so much way [m].
+_FEWEST, _WITHIN_M = 3, 6.0
+# A keyframe laid that near to a node stands for it [m].
+_SITE_M = 1.0
+# An error of the poses between two looks that no covariance tells [m, rad].
+_SLACK = np.diag(np.square([0.03, 0.03, math.radians(0.5)]))
+_RATHER_SURE = 1e-9
+
+
+class RelatingLocalizer:
+    """A localizer that relates keyframes, and what it remembers.
+
+    Parameters
+    ----------
+    part : LocalizerPart
+        The localizer.
+    keyframes : sequence of Keyframe
+        All that it remembers.
+    """
+
+    def __init__(self, part: LocalizerPart, keyframes: Sequence[Keyframe]) -> None:
+        self._part, self._keyframes = part, keyframes
+
+    def sites_of(self, nodes: Sequence[Keyframe]) -> dict[int, tuple[int, Pose2]]:
+        """Return for each node the keyframe laid nearest in time, and where it lies as seen from the node."""
+        if not self._keyframes:
+            return {}
+        stamps = np.array([keyframe.stamp_s for keyframe in self._keyframes])
+        found: dict[int, tuple[int, Pose2]] = {}
+        taken = -1
+        for number, node in enumerate(nodes):
+            nearest = int(np.argmin(np.abs(stamps - node.stamp_s)))
+            offset = node.pose_map_base.between(self._keyframes[nearest].pose_map_base)
+            if math.hypot(offset.x, offset.y) < _SITE_M and nearest != taken:
+                found[number] = nearest, offset
+                taken = nearest
+        return found
+
+    def relate(self, known: Mapping[int, Pose2], keyframe: int, guess: Pose2, covariance: Floats) -> Fix | None:
+        """Return where a keyframe lies among others; None where the localizer cannot say.
+
+        Raises
+        ------
+        LocalizerFailedError
+            If it fails.
+        """
+        try:
+            told = self._part.localizer.relate(known, keyframe, guess, covariance)
+            if not isinstance(told, Fix | Lost):
+                raise TypeError(f"it returned {type(told).__name__}, not a Fix or Lost")
+        except BaseException as error:
+            raise_failure(
+                error, f"localizer {self._part.name!r}", "relate", kind=LocalizerFailedError, keeps=StoreFailedError
+            )
+        if isinstance(told, Lost) or not (np.isfinite(told.information).all() and told.information.any()):
+            return None
+        return told
+
+
+#: For nodes: the number of a keyframe, and where it lies as seen from the node.
+_Sites = dict[int, tuple[int, Pose2]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Look:
+    """A relation that may close a loop: between which nodes, and the second as seen from the first."""
+
+    first: int
+    second: int
+    measured: Pose2
+    information: Floats
+
+    def edge(self) -> PoseEdges:
+        return edge_of(self.first, self.second, self.measured, self.information)
+
+
+class LoopSearch:
+    """Looks along a taught way for places seen before, and straightens it.
+
+    Parameters
+    ----------
+    nodes : sequence of Keyframe
+        The way log, at least two.
+    relating : sequence of RelatingLocalizer
+        Say how places lie to each other.
+    """
+
+    def __init__(self, nodes: Sequence[Keyframe], relating: Sequence[RelatingLocalizer]) -> None:
+        self._nodes = nodes
+        self._relating = [(one, one.sites_of(nodes)) for one in relating]
+        self._graph = WayGraph(nodes)
+        self._counted: list[_Look] = []
+        self._pending: list[_Look] = []
+
+    def straighten(self) -> Straightened | None:
+        """Return the way with its loops closed; None if it has none."""
+        looked_m = -math.inf
+        for node, keyframe in enumerate(self._nodes):
+            if keyframe.station_m - looked_m >= _EVERY_M:
+                looked_m = keyframe.station_m
+                for relating, sites in self._relating:
+                    look = self._look(node, relating, sites) if node in sites else None
+                    if look is not None:
+                        self._take(look)
+        n_loops = self._graph.without_wrong()
+        return Straightened(self._nodes, self._graph.poses, n_loops) if n_loops else None
+
+    def _look(self, node: int, relating: RelatingLocalizer, sites: _Sites) -> _Look | None:
+        """Return how a node lies to a place that was seen before, if it is told and plausible."""
+        station_m, here = self._nodes[node].station_m, self._graph.poses[node]
+        before = [one for one in sites if self._nodes[one].station_m <= station_m - _BACK_M]
+        near = [one for one in before if self._graph.poses[one].distance_to(here) < _FARTHEST_M + _AROUND_M]
+        if not near:
+            return None
+        spreads = self._graph.covariances_from(node, near)
+        reach = {one: _SIGMAS * _sigma_m(spread) for one, spread in spreads.items()}
+        same = [
+            one for one in reach if self._graph.poses[one].distance_to(here) < _SAME_M + min(reach[one], _FARTHEST_M)
+        ]
+        if not same:
+            return None
+        surest = min(same, key=lambda one: reach[one] + self._graph.poses[one].distance_to(here))
+        covariance = spreads[surest]
+        window = min(reach[surest], _FARTHEST_M)
+        known = sorted(near, key=lambda one: self._graph.poses[one].distance_to(here))
+        known = [one for one in known if self._graph.poses[one].distance_to(here) < window + _AROUND_M][:_MOST_KNOWN]
+        number, offset = sites[node]
+        places = {sites[one][0]: self._graph.poses[one] @ sites[one][1] for one in known}
+        spread = turned(covariance + _SLACK, here.theta)
+        spread[2, 2] = min(spread[2, 2], (_FARTHEST_RAD / _SIGMAS) ** 2)
+        told = relating.relate(places, number, here @ offset, spread)
+        if told is None:
+            return None
+        found = told.pose_map_base @ offset.inverse()
+        first = min(known, key=lambda one: self._graph.poses[one].distance_to(found))
+        seen_from = self._graph.poses[first]
+        off = here.between(found)
+        information = turned(told.information, -here.theta)
+        if _chi_square(off, information, covariance + _SLACK) > _PLAUSIBLE:
+            return None
+        return _Look(first, node, seen_from.between(found), turned(told.information, -seen_from.theta))
+
+    def _take(self, look: _Look) -> None:
+        """Keep a relation until enough others agree with it, then count them all."""
+        station_m = self._nodes[look.second].station_m
+        recent = [one for one in self._pending if station_m - self._nodes[one.second].station_m <= _WITHIN_M]
+        agreeing = [one for one in recent if self._agree(one, look)]
+        if len(agreeing) + 1 >= _FEWEST:
+            self._graph.add([one.edge() for one in (*agreeing, look)])
+            self._pending = [one for one in recent if one not in agreeing]
+            self._counted = [*agreeing, look]
+        elif any(self._agree(one, look) for one in self._counted[-_FEWEST:]):
+            self._graph.add([look.edge()])
+            self._counted = [*self._counted[-_FEWEST:], look]
+        else:
+            self._pending = [*recent, look]
+
+    def _agree(self, one: _Look, other: _Look) -> bool:
+        """Return whether two relations, with the ways between their ends, lead back to where they begin."""
+        way_m = self._nodes[other.second].station_m - self._nodes[one.second].station_m
+        if way_m > _WITHIN_M:
+            return False
+        poses = self._graph.poses
+        along_new = poses[one.second].between(poses[other.second])
+        along_old = poses[one.first].between(poses[other.first])
+        round_trip = (one.measured @ along_new).between(along_old @ other.measured)
+        drift = np.diag(np.square([0.02 * way_m, 0.02 * way_m, math.radians(0.5) * math.sqrt(max(way_m, 0.0))]))
+        # Errors of both relations; a direction that one of them does not tell is not compared.
+        spread = _SLACK + drift
+        first = turned(one.information, -(one.measured.theta + along_new.theta))
+        second = turned(other.information, -other.measured.theta)
+        both = _parallel(first, second)
+        return _chi_square(round_trip, both, spread) <= _AGREE
+
+
+def _sigma_m(covariance: Floats) -> float:
+    return math.sqrt(max(float(np.linalg.eigvalsh(covariance[:2, :2])[1]), 0.0))
+
+
+def _chi_square(off: Pose2, information: Floats, covariance: Floats) -> float:
+    """Return how far two statements differ, one of which may leave directions open."""
+    error = off.array()
+    error[2] = math.remainder(error[2], 2.0 * math.pi)
+    mixed = np.linalg.solve(np.eye(3) + information @ covariance, information)
+    return float(error @ mixed @ error)
+
+
+def _parallel(first: Floats, second: Floats) -> Floats:
+    """Return the information of a difference: none in directions that one of both does not tell."""
+    regular = np.eye(3) * _RATHER_SURE
+    return np.asarray(np.linalg.inv(np.linalg.inv(first + regular) + np.linalg.inv(second + regular)))
