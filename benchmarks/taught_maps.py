@@ -8,6 +8,8 @@ Everything goes through a whole run: `odometry`, `laser_icp` and the estimator `
 - ``intel``, ``freiburg``: relative error over 1 m and 5 m of way, and root mean square error laid on the log's
   corrected poses. ``aces``: relations laid by hand (Kuemmerle et al. 2009).
 
+``fused`` is the belief while teaching, ``taught`` where it lies after loops were closed.
+
     TRAILMARK_DATA=/path/to/recordings python benchmarks/taught_maps.py [corridor rooms aces ...] [--seconds 200]
 """
 
@@ -22,6 +24,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 from laser_floors import Instant, box, drive, log_instants, office, scan_at
@@ -32,12 +35,15 @@ from trailmark.arrays import Floats
 from trailmark.frames import Frame, Odometry, SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.pipeline import Pipeline
+from trailmark.pipeline.teaching import closing
+from trailmark.pipeline.teaching.loops import LoopSearch
+from trailmark.pipeline.teaching.way_graph import Straightened
 
 SENSORS = (SensorInfo("wheels", "odometry"), SensorInfo("laser", "scan"))
 
 
-def teach(instants: Sequence[Instant], store: Path, laser: bool = True) -> list[Pose2]:
-    """Teach with what a robot saw, and return the beliefs at the scans."""
+def teach(instants: Sequence[Instant], store: Path, laser: bool = True) -> tuple[list[Pose2], list[Pose2], int]:
+    """Teach with what a robot saw; return the beliefs at the scans, where they lie in the end, and how many loops."""
     localizers: dict[str, Any] = {"odometry": {"plugin": "odometry", "wheels": "wheels"}}
     if laser:
         localizers["laser_icp"] = {"plugin": "laser_icp", "laser": "laser"}
@@ -48,16 +54,32 @@ def teach(instants: Sequence[Instant], store: Path, laser: bool = True) -> list[
         "estimator": {"plugin": "kalman"},
         "path_store": {"plugin": "sqlite", "path": str(store), "access": "overwrite"},
     }
-    beliefs = []
-    with Pipeline(config, sensors=SENSORS) as pipeline:
+    beliefs: list[Pose2] = []
+    found: list[Straightened] = []
+    with patch.object(closing, "LoopSearch", _kept(found)), Pipeline(config, sensors=SENSORS) as pipeline:
         first = instants[0].odometry
         for one in instants:
             pipeline.feed(Frame("wheels", one.stamp_s, Odometry(pose_start_base=first.between(one.odometry))))
             step = pipeline.feed(Frame("laser", one.stamp_s, one.scan))
             pose = step.belief.pose_map_base if step is not None else None
             beliefs.append(beliefs[-1] if pose is None else pose)
-    print({k: v for k, v in pipeline.result.counters.items() if "localizer" in k or "loop" in k})
-    return beliefs
+    if not found:
+        return beliefs, beliefs, 0
+    moved = [found[0].at_stamp(one.stamp_s, pose) for one, pose in zip(instants, beliefs)]
+    return beliefs, moved, found[0].n_loops
+
+
+def _kept(found: list[Straightened]) -> type[LoopSearch]:
+    """Return the search for loops, which also tells what it found."""
+
+    class KeptSearch(LoopSearch):
+        def straighten(self) -> Straightened | None:
+            straightened = super().straighten()
+            if straightened is not None:
+                found.append(straightened)
+            return straightened
+
+    return KeptSearch
 
 
 def corridor(seed: int, length_m: float = 60.0) -> list[Instant]:
@@ -102,6 +124,7 @@ def aligned_rms(poses: Sequence[Pose2], truth: Sequence[Pose2]) -> float:
 
 
 def drives(name: str, data: Path, seconds: float) -> Iterator[tuple[str, list[Instant]]]:
+    """Yield the drives of a name."""
     if name in LOGS:
         instants = log_instants(data / LOGS[name], **({"scan_poses": "odometry"} if name == "aces" else {}))
         yield name, [one for one in instants if one.stamp_s <= instants[0].stamp_s + seconds]
@@ -113,17 +136,19 @@ def drives(name: str, data: Path, seconds: float) -> Iterator[tuple[str, list[In
 
 
 def rows_of(name: str, data: Path, seconds: float) -> Iterator[dict[str, Any]]:
+    """Yield a row for the wheels, the belief and the taught map of each drive."""
     for drive_name, instants in drives(name, data, seconds):
         stamps = np.array([one.stamp_s for one in instants])
         truth = [one.truth for one in instants]
         with tempfile.TemporaryDirectory() as folder:
             store = Path(folder) / "taught.trail"
-            wheels = teach(instants, store, laser=False)
+            wheels, _, _ = teach(instants, store, laser=False)
             began = time.process_time()
-            fused = teach(instants, store)
+            fused, taught, n_loops = teach(instants, store)
             cpu_s = time.process_time() - began
-        for method, poses in {"wheels": wheels, "fused": fused}.items():
-            row: dict[str, Any] = {"drive": drive_name, "what": method, "scans": len(instants), "cpu s": f"{cpu_s:.0f}"}
+        for method, poses in {"wheels": wheels, "fused": fused, "taught": taught}.items():
+            row: dict[str, Any] = {"drive": drive_name, "what": method, "scans": len(instants)}
+            row |= {"loops": n_loops, "cpu s": f"{cpu_s:.0f}"}
             if name == "aces":
                 errors = relation_errors(poses, stamps, np.loadtxt(data / "laser" / "aces.relations"))
                 groups = {"relations": errors}

@@ -7,7 +7,7 @@ moved since the last scan. Along a corridor it tells nothing, and the way that t
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,8 +20,10 @@ from trailmark_omni_surf.laser.kernels import normal_equations, score_starts
 from trailmark_omni_surf.laser.matching import FINE_GATES_M, FIT_GATE_M, ScanMatch, SearchWindow, match_scan
 from trailmark_omni_surf.laser.scan_map import ScanMap
 
-__all__ = ["FollowedScan", "ScanFollower", "match_held"]
+__all__ = ["FollowedScan", "ScanFollower", "match_held", "told_fit"]
 
+# Wheels that slip in a turn are off by more than the search against a finished map allows for.
+_WIDE_RAD = math.radians(40.0)
 # A scan that fits like this needs no other starts; another must fit clearly better [m].
 _GOOD_SHARE, _CLEARLY_M = 0.85, 0.01
 _GATES_M = (0.5, *FINE_GATES_M.tolist())
@@ -69,7 +71,8 @@ class ScanFollower:
     """
 
     def __init__(self, window: SearchWindow, min_inlier_share: float) -> None:
-        self._window, self._min_inlier_share = window, min_inlier_share
+        wide_rad = max(window.span_rad, _WIDE_RAD)
+        self._window, self._min_inlier_share = replace(window, span_rad=wide_rad), min_inlier_share
         self._map = GrowingMap()
         self._last: _Last | None = None
 
@@ -133,9 +136,13 @@ def match_held(scan_map: ScanMap, points_base: Floats, guess: Pose2, window: Sea
     match = _refined_held(scan_map, points, guess)
     if match.inlier_share >= _GOOD_SHARE:
         return match
-    found = match_scan(scan_map, points, guess, window)
-    other = _refined_held(scan_map, points, _told_part(scan_map, points, found.pose_map_base, guess))
+    other = told_fit(scan_map, points, match_scan(scan_map, points, guess, window).pose_map_base, guess)
     return other if other.cost_m < match.cost_m - _CLEARLY_M else match
+
+
+def told_fit(scan_map: ScanMap, points: Floats, pose: Pose2, guess: Pose2) -> ScanMatch:
+    """Return the fit at a pose, held at a guess in directions that no wall tells."""
+    return _refined_held(scan_map, points, _told_part(scan_map, points, pose, guess))
 
 
 def _told_part(scan_map: ScanMap, points: Floats, pose: Pose2, guess: Pose2) -> Pose2:

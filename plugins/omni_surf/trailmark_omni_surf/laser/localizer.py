@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from trailmark.paths import Keyframe
 from trailmark_omni_surf.laser.anywhere import AnywhereMatcher, AnywhereSearch
 from trailmark_omni_surf.laser.config import LaserIcpConfig
 from trailmark_omni_surf.laser.following import FollowedScan, ScanFollower
+from trailmark_omni_surf.laser.joining import ScanJoiner
 from trailmark_omni_surf.laser.matching import ScanMatch, SearchWindow, match_scan
 from trailmark_omni_surf.laser.scan_map import ScanMap
 from trailmark_omni_surf.spacing import KeyframeSpacing
@@ -31,6 +32,7 @@ class LaserIcp(Localizer):
     """Matches planar scans to the taught map about the belief, or anywhere in it while nobody knows the pose."""
 
     motion_is_spare = True  # while it teaches
+    relates_keyframes = True
 
     config: LaserIcpConfig
 
@@ -44,6 +46,7 @@ class LaserIcp(Localizer):
         _warm_up()
         self._map = self._load_map() if self._mode != "teach" else None
         self._search: AnywhereSearch | None = None
+        self._scans: list[Floats] | None = None
 
     def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
         """Return a `Fix`, or `Lost` when the scan does not fit or fits in two places; see `match_scan`.
@@ -72,6 +75,16 @@ class LaserIcp(Localizer):
             poses = [keyframe.pose_map_base for keyframe in keyframes]
             scan_map = ScanMap.from_scans(scans, poses, min_hits=self.config.min_hits)
             self._localizer_map.save(_MAP, {"points": scan_map.points, "normals": scan_map.normals})
+
+    def relate(self, known: Mapping[int, Pose2], keyframe: int, guess: Pose2, covariance: Floats) -> Fix | Lost:
+        """Return where a remembered scan lies on others, or `Lost`; see `Localizer.relate`."""
+        if self._scans is None:
+            keyframes = self._localizer_map.keyframes() if self._localizer_map is not None else ()
+            self._scans = [one.arrays["points"].astype(np.float64) for one in keyframes]
+        if len(self._scans[keyframe]) < _MIN_POINTS:
+            return Lost(0.0, f"only {len(self._scans[keyframe])} returns")
+        joiner = ScanJoiner(self.config.min_inlier_share, self.config.ambiguity_margin_m)
+        return joiner.place(self._scans, known, keyframe, guess, covariance)
 
     def _points(self, scan: Scan) -> Floats:
         points = scan.points()

@@ -25,6 +25,7 @@ __all__ = [
     "is_elsewhere",
     "match_scan",
     "refine_all",
+    "refined_starts",
 ]
 
 # The gate shrinks so that the first steps pull in from afar and the last are not bent by what does not belong.
@@ -191,6 +192,13 @@ def _refined(
     fine = _best(coarse, score_starts(points, coarse, *raster), window.n_fine)
     fine = refine_all(scan_map, points, fine, FINE_GATES_M, to_line)
     return fine, score_starts(points, fine, *raster)
+
+
+def refined_starts(
+    scan_map: ScanMap, points: npt.NDArray[np.float64], guess: Pose2, window: SearchWindow
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Return the best poses of a window, refined point to line, (K, 3), and their costs, (K,) [m]."""
+    return _refined(scan_map, points, window.offsets() + guess.array(), window, True)
 
 
 def _best(poses: npt.NDArray[np.float64], costs: npt.NDArray[np.float64], count: int) -> npt.NDArray[np.float64]:
