@@ -50,6 +50,7 @@ def test_the_schema_is_json_and_every_reference_resolves(schema):
 
 def test_a_part_takes_the_keys_of_its_plugin_and_of_the_host(schema):
     ground = {"plugin", "camera", "light", "search_px", "method", "async", "latency_ms", "delay_ms", "keep", "on_error"}
+    ground |= {"correct"}
 
     assert keys_allowed(schema, "localizer", "ground_vo") == ground
     assert keys_allowed(schema, "localizer", "tm-small:ground_vo") == ground
@@ -134,5 +135,7 @@ def test_the_keys_of_a_part_are_described_in_words(plugins):
 def test_the_host_options_of_a_localizer_are_described_last(plugins):
     infos = describe_part(plugins.registry.find("localizer", "ground_vo"))
 
-    assert [info.key for info in infos][-5:] == ["async", "latency_ms", "delay_ms", "keep", "on_error"]
+    keys = [info.key for info in infos]
+    assert keys[keys.index("async") :][:6] == ["async", "latency_ms", "delay_ms", "keep", "on_error", "correct"]
+    assert all(key.startswith("correct.") for key in keys[keys.index("correct") + 1 :])
     assert all(info.is_shared for info in infos[-3:])

@@ -71,7 +71,8 @@ def part_schema(spec: Spec, ref_prefix: str = "#/$defs/") -> Schema:
     model = SourceConfig if spec.kind == "source" and spec.config is None else spec.load_config()
     template = ref_prefix + "{model}"
     schema = model.model_json_schema(by_alias=True, ref_template=template)
-    host = HOST_OPTIONS[spec.kind].model_json_schema(by_alias=True) if spec.kind in HOST_OPTIONS else {}
+    options = HOST_OPTIONS.get(spec.kind)
+    host = {} if options is None else options.model_json_schema(by_alias=True, ref_template=template)
     own = schema.get("properties", {})
     _tell_roles(model, own)
     plugin = {} if spec.kind == "fault" else {"plugin": {"type": "string", "description": "The plugin."}}
@@ -82,7 +83,7 @@ def part_schema(spec: Spec, ref_prefix: str = "#/$defs/") -> Schema:
         "properties": plugin | own | host.get("properties", {}),
         "additionalProperties": False,
         "required": schema.get("required", []),
-        "$defs": schema.get("$defs", {}),
+        "$defs": schema.get("$defs", {}) | host.get("$defs", {}),
     }
 
 
