@@ -12,7 +12,7 @@ from typing import Any
 REPOSITORY = Path(__file__).parents[1]
 CARDS = (
     *("ground_vo", "omni_surf", "kinect_landmarks", "divs", "controllers", "sim", "datasets", "baselines"),
-    *("landmarks", "laser_maps", "papers", "bench", "faults", "viewers", "ros2", "lines"),
+    *("landmarks", "laser_maps", "calibration", "papers", "bench", "faults", "viewers", "ros2", "lines"),
 )
 #: Pages of the Python reference: the module that each is about, or several that are small.
 ROOMS: Mapping[str, tuple[str, ...]] = {

@@ -1,0 +1,139 @@
+"""Whether a calibration holds: fitted to one half of the drive, tried on the other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from trailmark.arrays import Floats
+from trailmark.errors import DataError
+from trailmark_calibration.fitting import Fit, Known, fit
+from trailmark_calibration.model import NAMES, NEUTRAL, YAW, Pairs, X, Y
+
+__all__ = ["STRETCH_S", "Calibration", "HalvesCheck", "calibrate", "told_values"]
+
+#: Errors are of stretches of this length [s].
+STRETCH_S = 5.0
+#: So many sigmas apart, the halves contradict each other.
+_APART = 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class HalvesCheck:
+    """Errors of stretches of `STRETCH_S` in the half of the drive to which the numbers were not fitted.
+
+    Attributes
+    ----------
+    before, after : (float, float)
+        Median error of place and heading with the numbers of the config, and with those of the other half, all that was
+        not asked for being as found in both [m, rad].
+    n : int
+        Stretches.
+    """
+
+    before: tuple[float, float]
+    after: tuple[float, float]
+    n: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Calibration:
+    """What a drive says, and how far that can be believed.
+
+    Attributes
+    ----------
+    fit : Fit
+        Of the whole drive; wider where the halves contradict each other.
+    check : HalvesCheck or None
+        None where a half of the drive does not tell by itself what the whole drive does.
+    contradictions : mapping of int to float
+        Numbers on which the halves disagree, by index: by how many sigmas.
+    """
+
+    fit: Fit
+    check: HalvesCheck | None
+    contradictions: dict[int, float]
+
+
+def calibrate(pairs: Pairs, known: Known, asked: Sequence[int]) -> Calibration:
+    """Fit the numbers to the whole drive and to each of its halves.
+
+    Parameters
+    ----------
+    pairs : Pairs
+        The motions.
+    known : Known
+        What is known before.
+    asked : sequence of int
+        The numbers that are asked for, as indices into `model.NAMES`.
+
+    Raises
+    ------
+    DataError
+        If the two localizers do not move as one body.
+    """
+    whole = fit(pairs, known)
+    middle_s = float(np.median(pairs.from_s))
+    halves = [pairs.where(pairs.from_s < middle_s), pairs.where(pairs.from_s >= middle_s)]
+    try:
+        fits = [fit(half, known) for half in halves]
+    except DataError:
+        return Calibration(whole, None, {})
+    covariance, contradictions = whole.covariance.copy(), {}
+    for index in np.flatnonzero(fits[0].is_told & fits[1].is_told & whole.is_told).tolist():
+        off = _apart(fits[0].values[index], fits[1].values[index], index)
+        sigmas = off / math.hypot(fits[0].sigmas[index], fits[1].sigmas[index])
+        if sigmas > _APART:
+            contradictions[index] = sigmas
+            factor = max(1.0, off / 2.0 / float(whole.sigmas[index]))
+            covariance[index] *= factor
+            covariance[:, index] *= factor
+    whole = replace(whole, covariance=covariance)
+    is_asked = np.isin(np.arange(len(NAMES)), asked)
+    is_checked = all(bool(one.is_told[is_asked & whole.is_told].all()) for one in fits)
+    return Calibration(whole, _checked(halves, fits, known, asked) if is_checked else None, contradictions)
+
+
+def told_values(found: Fit, known: Known) -> Floats:
+    """Return the numbers (8,), those that the drive does not tell as they are known."""
+    return np.where(found.is_told, found.values, _neutral(known))
+
+
+def _checked(halves: Sequence[Pairs], fits: Sequence[Fit], known: Known, asked: Sequence[int]) -> HalvesCheck | None:
+    """Return the errors of each half with the numbers of the other."""
+    before, after = [], []
+    for half, found in zip(halves, reversed(fits)):
+        right = told_values(found, known)
+        wrong = right.copy()
+        wrong[list(asked)] = _neutral(known)[list(asked)]
+        stretches = _stretches(half)
+        errors = [stretches.residuals(numbers) for numbers in (wrong, right)]
+        is_known = np.isfinite(errors[0]).all(axis=1) & np.isfinite(errors[1]).all(axis=1)
+        before.append(errors[0][is_known])
+        after.append(errors[1][is_known])
+    if not sum(len(errors) for errors in before):
+        return None
+    return HalvesCheck(_median(np.concatenate(before)), _median(np.concatenate(after)), sum(map(len, before)))
+
+
+def _neutral(known: Known) -> Floats:
+    neutral = NEUTRAL.copy()
+    neutral[[X, Y, YAW]] = known.mounting
+    return neutral
+
+
+def _stretches(pairs: Pairs) -> Pairs:
+    """Return stretches that begin where every fifth interval begins."""
+    from_s = pairs.from_s[::5]
+    return replace(pairs, from_s=from_s, to_s=from_s + STRETCH_S)
+
+
+def _median(errors: Floats) -> tuple[float, float]:
+    return float(np.median(np.hypot(errors[:, 0], errors[:, 1]))), float(np.median(np.abs(errors[:, 2])))
+
+
+def _apart(a: float, b: float, index: int) -> float:
+    return abs(math.remainder(a - b, 2.0 * math.pi)) if index == YAW else abs(a - b)

@@ -1,0 +1,138 @@
+"""Where the fit starts: the delay by cross-correlation of turn rates, the rest in closed form."""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+
+import numpy as np
+
+from trailmark.arrays import Floats
+from trailmark.errors import DataError
+from trailmark_calibration.hand_eye import solve_hand_eye_and_scale
+from trailmark_calibration.model import DELAY, NEUTRAL, TURN, WAY, YAW, Pairs, X, Y
+from trailmark_calibration.tracks import Track
+
+__all__ = ["correlated_delay", "starting_point"]
+
+_SAMPLE_S = 0.01
+#: A second peak so high beside the first, and a first peak so low, tell nothing.
+_RIVAL, _LEAST_PEAK = 0.9, 0.5
+#: Share of intervals that the closed form keeps: those that fit it best.
+_KEPT = 0.7
+
+
+def correlated_delay(a: Track, b: Track, longest_s: float) -> float | None:
+    """Return by how much the stamps of `a` are later than those of `b`, from turn rates, between two samples too.
+
+    The highest cross-correlation of either sign, and the top of the parabola through it and its neighbours.
+
+    Parameters
+    ----------
+    a, b : Track
+        Of the same body.
+    longest_s : float
+        No longer delay is looked for [s].
+
+    Returns
+    -------
+    float or None
+        None where no peak stands out: the drive does not turn, or always in the same way [s].
+    """
+    start_s, stop_s = max(a.since_s[0], b.since_s[0]), min(a.stamp_s[-1], b.stamp_s[-1])
+    n_lags = round(longest_s / _SAMPLE_S)
+    grid_s = np.arange(start_s - longest_s, stop_s + longest_s, _SAMPLE_S)
+    if stop_s - start_s < 4.0 * longest_s:
+        return None
+    first, second = (_clipped(track.rates(grid_s)[:, 2]) for track in (a, b))
+    n = 1 << (2 * len(grid_s)).bit_length()
+    product = np.fft.irfft(np.fft.rfft(first, n) * np.conj(np.fft.rfft(second, n)), n)
+    lags = np.concatenate([product[-n_lags:], product[: n_lags + 1]])
+    size = math.sqrt(float(first @ first) * float(second @ second))
+    if size == 0.0:
+        return None
+    heights = np.abs(lags) / size
+    top = int(np.argmax(heights))
+    if not 0 < top < len(heights) - 1 or heights[top] < _LEAST_PEAK or _has_rival(heights, top):
+        return None
+    left, here, right = heights[top - 1 : top + 2]
+    curve = left - 2.0 * here + right
+    between = 0.0 if curve >= 0.0 else 0.5 * float(left - right) / float(curve)
+    return (top - n_lags + between) * _SAMPLE_S
+
+
+def _clipped(rates: Floats) -> Floats:
+    """Return rates without leaps: a single wrong motion must not make the peak."""
+    turning = np.abs(rates[rates != 0.0])
+    return rates if not len(turning) else np.clip(rates, *(np.array([-3.0, 3.0]) * np.quantile(turning, 0.9)))
+
+
+def _has_rival(heights: Floats, top: int) -> bool:
+    """Return whether another peak is nearly as high: outside of the valley about the highest."""
+    low = top
+    while low > 0 and heights[low - 1] <= heights[low]:
+        low -= 1
+    high = top
+    while high < len(heights) - 1 and heights[high + 1] <= heights[high]:
+        high += 1
+    rest = np.concatenate([heights[:low], heights[high + 1 :]])
+    return bool(len(rest)) and float(rest.max()) > _RIVAL * float(heights[top])
+
+
+def starting_point(pairs: Pairs, known: Floats, delay_s: float) -> Floats:
+    """Return numbers near which the fit starts: turns first, then place and way together (8,).
+
+    Parameters
+    ----------
+    pairs : Pairs
+        The motions.
+    known : (3,) float64
+        Place of the sensor by the config: for what the drive does not tell [m, m, rad].
+    delay_s : float
+        Of a [s].
+    """
+    p = NEUTRAL.copy()
+    p[[X, Y, YAW]], p[DELAY] = known, delay_s
+    base, sensor = pairs.motions(p, is_corrected=False)
+    rows = np.isfinite(base).all(axis=1) & np.isfinite(sensor).all(axis=1)
+    base, sensor = base[rows], sensor[rows]
+    if not len(base):
+        return p
+    does_turn = _agrees(base[:, 2], sensor[:, 2])
+    p[TURN] = _slope(base[:, 2], sensor[:, 2]) if does_turn else 1.0
+    if not (pairs.a.measures_way and pairs.b.measures_way):
+        return p
+    kept = np.ones(len(base), dtype=bool)
+    for _ in range(4):
+        p[[X, Y, YAW, WAY]] = _placed(base[kept], sensor[kept], known, does_turn)
+        trial = p.copy()
+        trial[DELAY] = delay_s
+        off = np.hypot(*pairs.residuals(trial)[rows][:, :2].T)
+        kept = off <= np.quantile(off, _KEPT)
+    return p
+
+
+def _agrees(a: Floats, b: Floats) -> bool:
+    """Return whether two kinds of turn go together, or against each other, and are no noise."""
+    a, b = (np.clip(turns, *np.quantile(turns, [0.02, 0.98])) for turns in (a, b))
+    size = math.sqrt(float(a @ a) * float(b @ b))
+    return size > 0.0 and abs(float(a @ b)) > _LEAST_PEAK * size
+
+
+def _slope(a: Floats, b: Floats) -> float:
+    """Return the factor from a to b that most of the large turns agree with; 1 without any."""
+    large = np.abs(a) > max(0.5 * float(np.quantile(np.abs(a), 0.9)), 1e-3)
+    return float(np.median(b[large] / a[large])) if large.any() else 1.0
+
+
+def _placed(base: Floats, sensor: Floats, known: Floats, does_turn: bool) -> Floats:
+    """Return x, y, yaw and the scale of the way; without turns, direction and length of the ways are left."""
+    if does_turn:
+        with suppress(DataError):
+            pose, scale = solve_hand_eye_and_scale(base, sensor)
+            if scale > 0.1 and math.hypot(pose.x, pose.y) < 5.0:
+                return np.array([pose.x, pose.y, pose.theta, scale])
+    ways_base, ways_sensor = (motions[:, 0] + 1j * motions[:, 1] for motions in (base, sensor))
+    common = complex(np.vdot(ways_sensor, ways_base))
+    length = float(np.sum(np.abs(ways_base) ** 2))
+    return np.array([*known[:2], np.angle(common), abs(common) / length if length else 1.0])
