@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from trailmark.watching.watched import WatchedRobot, WatchedRun
+from trailmark.watching.robot import WatchedRobot
+from trailmark.watching.watched import WatchedRun
 
 #: Begins a run in the folder that it is told, and goes on until it is told to end.
 RUN = """

@@ -84,7 +84,7 @@ def _watch_robot(
     from trailmark.isolation.tasks import Task, task_command
     from trailmark.pipeline import new_folder
     from trailmark.watching.beside import serve_page
-    from trailmark.watching.watched import WatchedRobot
+    from trailmark.watching.robot import WatchedRobot
 
     if store is None:
         raise ConfigError(f"--store is missing: where the path that {config} teaches and replays is kept")
