@@ -25,6 +25,7 @@ from trailmark_sim.worlds.base import WorldOptions
 _TWIST = Twist2(0.3, 0.0, 0.2)
 SHADED_BAR_MRAYS, DEPTH_BAR_MRAYS = 5.0, 15.0
 CASES: tuple[tuple[str, str, float, dict[str, Any], tuple[float, float, float]], ...] = (
+    ("ground_course", "floor", 70.0, {}, (0.5, 0.0, 20.0)),
     ("supermarket", "omni", 15.0, {"people": 3}, (1.2, 2.0, 0.0)),
     ("supermarket", "laser", 10.0, {"people": 3}, (1.2, 2.0, 0.0)),
     ("corridor", "front", 20.0, {"people": 2}, (2.0, 0.0, 0.0)),

@@ -106,8 +106,34 @@ def memory() -> dict[str, float]:
     return {f"memory: {LONG_RUN:,} frames with one motion [MB]": most_kb / 1e3}
 
 
+def first() -> dict[str, float]:
+    """The demo's first seconds, with no kernel compiled and with all kept [s]."""
+    import first_command
+
+    costs = first_command.measure(Path.cwd(), whole=False)
+    return {f"the demo's first seconds, {kind} [s]": cost for kind, cost in costs.items()}
+
+
+def demo() -> dict[str, float]:
+    """The demo to its end, with its report, with no kernel compiled and with all kept [s]."""
+    import first_command
+
+    return {f"demo, {kind} [s]": cost for kind, cost in first_command.measure(Path.cwd(), whole=True).items()}
+
+
+def simulator() -> dict[str, float]:
+    """A picture or a scan of each simulated sensor on one core [ms]."""
+    import sim_render
+
+    figures = {}
+    for row in sim_render.measure(5):
+        shutter = "".join(f", {key} {row[key]}" for key in ("readout_ms", "exposure_ms") if key in row)
+        figures[f"simulator: {row['world']}, {row['sensor']}{shutter} [ms]"] = row["frame_ms"]
+    return figures
+
+
 ROWS: Mapping[str, Callable[[], dict[str, float]]] = {
-    row.__name__: row for row in (frame, kalman, husky, mrclam, start, memory)
+    row.__name__: row for row in (frame, kalman, husky, mrclam, start, memory, first, demo, simulator)
 }
 
 
