@@ -122,10 +122,10 @@ def test_a_point_is_measured_from_three_places(n_sightings: int, n_candidates: i
 
 
 def test_rays_that_do_not_cross_measure_nothing() -> None:
-    """A landmark straight ahead of a straight drive may lie anywhere along it."""
-    poses = np.array([[-3.0, 0.0, 0.0], [-2.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
+    """A landmark straight ahead of a straight drive may lie anywhere; a weave of a centimetre does not tell."""
+    poses = np.array([[-4.0, 0.0, 0.0], [-3.0, 0.0, 0.0], [-2.0, 0.01, 0.0], [-1.0, -0.01, 0.0]])
 
-    assert measure_landmark(poses, np.zeros(3)) is None
+    assert measure_landmark(poses, np.zeros(4)) is None
 
 
 def test_k_of_the_config_is_what_the_localizer_teaches_with(omni: Any, room: Any, taught: Any) -> None:
