@@ -96,7 +96,7 @@ def _told_station(
 
 def laser_starts(method: str, is_quick: bool) -> Iterator[Start]:
     """Yield starts of a laser on floors: 15 s of driving each, on the floor of the map and on others."""
-    n = 2 if is_quick else 10
+    n = 3 if is_quick else 10
     with tempfile.TemporaryDirectory() as folder:
         for k, floor in enumerate(_floors(21)):
             others = [(_OWN, floor), (_TWIN, _floors(31)[k]), (_OTHER, _floors(41)[(k + 1) % 3])]

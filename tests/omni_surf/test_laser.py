@@ -18,9 +18,11 @@ from trailmark.frames import Frame, Image, Scan, SensorInfo
 from trailmark.geometry import Pose2, wrap_angle
 from trailmark.interfaces import Session
 from trailmark_omni_surf import ScanMap, SearchWindow, match_scan
+from trailmark_omni_surf.laser.anywhere import AnywhereSearch
 from trailmark_omni_surf.laser.config import LaserIcpConfig
 from trailmark_omni_surf.laser.kernels import truncated_cost
 from trailmark_omni_surf.laser.localizer import LaserIcp
+from trailmark_omni_surf.laser.matching import ScanMatch
 
 Points = npt.NDArray[np.float64]
 WALLS = (  # an L-shaped room with a pillar: x1 y1 x2 y2
@@ -237,6 +239,26 @@ def test_without_a_pose_it_is_looked_for_in_the_whole_place() -> None:
     fixes = [(true, answer) for true, answer in told if isinstance(answer, Fix)]
     assert len(fixes) >= 5
     assert all(error_of(fix.pose_map_base, true)[0] < 0.06 for true, fix in fixes)
+
+
+class BestElsewhere:
+    """Finds the same pose for every scan, along its way, that explains so much of it and stands out."""
+
+    def __init__(self, inlier_share: float) -> None:
+        self._inlier_share, self._n = inlier_share, 0
+
+    def match(self, points_base: Points, *, to_line: bool = True) -> ScanMatch:
+        self._n += 1
+        return ScanMatch(Pose2(0.2 * self._n), np.eye(3), self._inlier_share, 0.02, 0.07, 0.2)
+
+
+@pytest.mark.parametrize(("inlier_share", "is_believed"), [(0.87, False), (0.97, True)])
+def test_a_pose_that_stands_out_must_explain_the_scan_to_be_a_start(inlier_share: float, is_believed: bool) -> None:
+    search = AnywhereSearch(BestElsewhere(inlier_share), 0.6)  # type: ignore[arg-type]
+
+    told = [search.update(np.zeros((40, 2)), Pose2(0.2 * k))[1] for k in range(1, 6)]
+
+    assert told == [is_believed] * 5
 
 
 def test_a_room_that_is_the_same_turned_about_tells_no_start() -> None:
