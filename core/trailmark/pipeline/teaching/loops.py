@@ -32,7 +32,7 @@ _EVERY_M, _BACK_M = 0.7, 6.0
 _SAME_M, _AROUND_M = 2.0, 5.0
 _MOST_KNOWN = 40
 # Looked for within so many standard deviations, and no farther [m, rad].
-_SIGMAS, _FARTHEST_M, _FARTHEST_RAD = 3.0, 4.0, math.radians(40.0)
+_SIGMAS, _FARTHEST_M, _FARTHEST_RAD = 3.0, 8.0, math.radians(40.0)
 # 99.9 % of right relations of three numbers lie within; 99 % agree with another.
 _PLAUSIBLE, _AGREE = 16.3, 11.3
 # So many must agree, over so much way [m].

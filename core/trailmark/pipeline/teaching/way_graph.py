@@ -28,7 +28,7 @@ _LEAST_WEIGHT = 0.5
 # The way is straightened anew when relations are off by so much in all; at least this is told in every direction.
 _SOLVE_AT, _OPEN = 3.0, 1e-6
 # Places that uncertain are not looked for [m^2].
-_HOPELESS_M2 = 9.0
+_HOPELESS_M2 = 36.0
 
 
 class WayGraph:
