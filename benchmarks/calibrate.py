@@ -29,10 +29,10 @@ from trailmark.geometry import Pose2
 from trailmark.pipeline.localizers.correcting import with_corrected_motions
 from trailmark.plugins import load_plugins
 from trailmark_calibration.drive import TwoLocalizers, observe_drive, read_localizers, restricted_to
-from trailmark_calibration.fitting import Fit, Known, fit
-from trailmark_calibration.model import DELAY, TURN, TURN_PER_M, WAY, YAW, Pairs, X, Y, pairs_of
+from trailmark_calibration.fitting import Fit, KnownPlacement, fit
+from trailmark_calibration.model import DELAY, TURN, TURN_PER_M, WAY, YAW, MotionPairs, X, Y, pairs_of
 from trailmark_calibration.rigid import between
-from trailmark_calibration.simulating import Course, Noise, SimulatedDrive, draw_truth, simulate
+from trailmark_calibration.simulating import Course, DriveNoise, SimulatedDrive, draw_truth, simulate
 from trailmark_calibration.telling import Question, answer
 from trailmark_calibration.tracks import track_of
 
@@ -49,11 +49,11 @@ SHOWN = {
 FIRST_SEED = 5000
 
 
-def fitted(drive: SimulatedDrive) -> tuple[Pairs, Fit]:
+def fitted(drive: SimulatedDrive) -> tuple[MotionPairs, Fit]:
     """Return what is compared of a simulated drive, and what it says."""
     sensor = track_of("sensor", drive.sensor).seen_from(drive.believed)
     pairs = pairs_of(track_of("wheels", drive.wheels), sensor, 0.5)
-    return pairs, fit(pairs, Known(drive.believed))
+    return pairs, fit(pairs, KnownPlacement(drive.believed))
 
 
 def errors_of(values: Floats, truth: Floats) -> Floats:
@@ -63,7 +63,7 @@ def errors_of(values: Floats, truth: Floats) -> Floats:
     return errors
 
 
-def error_over_5_m(pairs: Pairs, numbers: Floats | None, drive: SimulatedDrive) -> tuple[float, float]:
+def error_over_5_m(pairs: MotionPairs, numbers: Floats | None, drive: SimulatedDrive) -> tuple[float, float]:
     """Return the median error of the wheels over 5 m against the truth, as they are or corrected [m, rad]."""
     wheels = pairs.a if numbers is None else pairs.a.corrected(pairs.matrix(numbers))
     stamps_s = wheels.stamp_s
@@ -119,14 +119,14 @@ def drive_rows(n: int) -> Iterator[dict[str, Any]]:
 
 
 #: Name, course, length [s], noise, and what is drawn otherwise.
-COURSES: dict[str, tuple[Course, float, Noise, dict[int, float]]] = {
-    "straight": ("straight", 120.0, Noise(), {}),
-    "one circle": ("circle", 120.0, Noise(), {}),
-    "mixed, 20 s": ("mixed", 20.0, Noise(), {}),
-    "mixed, 5 times the noise": ("mixed", 240.0, Noise(0.025, 0.05, 0.01, 0.005), {}),
-    "mixed, 3 % wrong motions": ("mixed", 240.0, Noise(outliers=0.03), {}),
-    "mixed, wheels swapped": ("mixed", 120.0, Noise(), {TURN: -1.0}),
-    "mixed, sensor the other way round": ("mixed", 120.0, Noise(), {YAW: math.pi}),
+COURSES: dict[str, tuple[Course, float, DriveNoise, dict[int, float]]] = {
+    "straight": ("straight", 120.0, DriveNoise(), {}),
+    "one circle": ("circle", 120.0, DriveNoise(), {}),
+    "mixed, 20 s": ("mixed", 20.0, DriveNoise(), {}),
+    "mixed, 5 times the noise": ("mixed", 240.0, DriveNoise(0.025, 0.05, 0.01, 0.005), {}),
+    "mixed, 3 % wrong motions": ("mixed", 240.0, DriveNoise(outliers=0.03), {}),
+    "mixed, wheels swapped": ("mixed", 120.0, DriveNoise(), {TURN: -1.0}),
+    "mixed, sensor the other way round": ("mixed", 120.0, DriveNoise(), {YAW: math.pi}),
 }
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from trailmark.arrays import Floats
-from trailmark_calibration.fitting import Fit, Known
-from trailmark_calibration.model import NEUTRAL, YAW, Pairs, X, Y, pairs_of
+from trailmark_calibration.fitting import Fit, KnownPlacement
+from trailmark_calibration.model import NEUTRAL, YAW, MotionPairs, X, Y, pairs_of
 from trailmark_calibration.simulating import SimulatedDrive, simulate
 from trailmark_calibration.tracks import track_of
 
@@ -24,10 +24,10 @@ def numbers(**named: float) -> Floats:
     return values
 
 
-def pairs_from(drive: SimulatedDrive, **options: float) -> tuple[Pairs, Known]:
+def pairs_from(drive: SimulatedDrive, **options: float) -> tuple[MotionPairs, KnownPlacement]:
     """Return what is compared of a drive."""
     sensor = track_of("sensor", drive.sensor).seen_from(drive.believed)
-    return pairs_of(track_of("wheels", drive.wheels), sensor, 0.5, **options), Known(drive.believed)
+    return pairs_of(track_of("wheels", drive.wheels), sensor, 0.5, **options), KnownPlacement(drive.believed)
 
 
 def errors_of(found: Fit, truth: Floats) -> Floats:

@@ -15,11 +15,11 @@ from trailmark.geometry import Pose2
 from trailmark_calibration.checking import calibrate
 from trailmark_calibration.fitting import LIMITS, fit
 from trailmark_calibration.model import BIAS, DELAY, NAMES, TURN, TURN_PER_M, WAY, YAW, X, Y, pairs_of
-from trailmark_calibration.simulating import Noise, draw_truth, simulate
+from trailmark_calibration.simulating import DriveNoise, draw_truth, simulate
 from trailmark_calibration.starting import correlated_delay
 from trailmark_calibration.tracks import track_of
 
-NOISELESS = Noise(way=1e-6, turn=1e-6, sensor_m=1e-6, sensor_rad=1e-6, outliers=0.0)
+NOISELESS = DriveNoise(way=1e-6, turn=1e-6, sensor_m=1e-6, sensor_rad=1e-6, outliers=0.0)
 OURS = [WAY, TURN, TURN_PER_M, X, Y, YAW, DELAY]
 
 
@@ -69,8 +69,8 @@ def test_a_circle_tells_neither_scales_nor_place():
 
 
 def test_outliers_are_left_out_and_counted():
-    clean = simulate(np.random.default_rng(5), RIGHT, BELIEVED, duration_s=120.0, noise=Noise(outliers=0.0))
-    wild = simulate(np.random.default_rng(5), RIGHT, BELIEVED, duration_s=120.0, noise=Noise(outliers=0.02))
+    clean = simulate(np.random.default_rng(5), RIGHT, BELIEVED, duration_s=120.0, noise=DriveNoise(outliers=0.0))
+    wild = simulate(np.random.default_rng(5), RIGHT, BELIEVED, duration_s=120.0, noise=DriveNoise(outliers=0.02))
 
     few, many = fit(*pairs_from(clean)), fit(*pairs_from(wild))
 

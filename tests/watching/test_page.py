@@ -20,7 +20,7 @@ SECRET = "not-guessed"
 PROBE = Path(__file__).with_name("probe.js").read_text(encoding="utf-8")
 
 
-class Shown:
+class ServedPage:
     """A run that is further at the second look, and has ended when Stop was pressed."""
 
     def __init__(self, documents: list[dict]) -> None:
@@ -73,7 +73,7 @@ class Shown:
 def test_the_page_goes_with_the_run_and_keeps_how_it_is_looked_at(watched, tmp_path: Path) -> None:
     first = watched.document
     longer = json.loads(json.dumps(first)) | {"span": first["span"] + 1.0}
-    shown = Shown([first, longer, longer | {"isGoingOn": False}])
+    shown = ServedPage([first, longer, longer | {"isGoingOn": False}])
     server = PageServer(listen(0), SECRET, shown)
     server.start()
     try:

@@ -15,7 +15,7 @@ from trailmark.watching.server import PageServer, listen
 SECRET = "not-guessed"
 
 
-class Shown:
+class ServedPage:
     """What is shown, and what was pressed."""
 
     def __init__(self) -> None:
@@ -40,7 +40,7 @@ class Shown:
 
 @pytest.fixture
 def server() -> Iterator[PageServer]:
-    server = PageServer(listen(0), SECRET, Shown())
+    server = PageServer(listen(0), SECRET, ServedPage())
     server.start()
     yield server
     server.stop()

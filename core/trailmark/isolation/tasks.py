@@ -62,7 +62,7 @@ class TaskRunner:
     def __init__(self, command_of: Callable[[Task], list[str]], say: Callable[[str], None]) -> None:
         self._command_of = command_of
         self._say_elsewhere = say
-        self._running: _Run | None = None
+        self._running: _TaskProcess | None = None
         self._task = ""
         self._lock = threading.RLock()
         self.state = ""
@@ -114,7 +114,7 @@ class TaskRunner:
     def _start(self, task: Task) -> None:
         self._task = task
         logger.warning("%s begins", task)
-        self._running = _Run(self._command_of(task))
+        self._running = _TaskProcess(self._command_of(task))
         self._say(task)
 
     def _say(self, state: str) -> None:
@@ -124,7 +124,7 @@ class TaskRunner:
             self._say_elsewhere(state)
 
 
-class _Run(Lifeline):
+class _TaskProcess(Lifeline):
     """A run that goes on, in a session of its own: what a terminal sends reaches it through us, and once.
 
     A signal that ends our program stops its robot at once, whatever else goes on here; one that suspends our program

@@ -14,7 +14,7 @@ from urllib.parse import parse_qs, urlsplit
 from trailmark import __version__
 from trailmark.errors import ConfigError
 
-__all__ = ["HOST", "PageServer", "Shown", "listen", "new_secret"]
+__all__ = ["HOST", "PageServer", "ServedPage", "listen", "new_secret"]
 
 HOST = "127.0.0.1"
 _NAMES = (HOST, "localhost")
@@ -30,7 +30,7 @@ _HEADERS = {
 }
 
 
-class Shown(Protocol):
+class ServedPage(Protocol):
     """What a page shows, and what its buttons do; asked from several threads."""
 
     def page(self) -> tuple[str, str]:
@@ -91,13 +91,13 @@ class PageServer(ThreadingHTTPServer):
         Listens already.
     secret : str
         In the page's address.
-    shown : Shown
+    shown : ServedPage
         What it shows.
     """
 
     daemon_threads = True
 
-    def __init__(self, listener: socket.socket, secret: str, shown: Shown) -> None:
+    def __init__(self, listener: socket.socket, secret: str, shown: ServedPage) -> None:
         super().__init__((HOST, 0), _Handler, bind_and_activate=False)
         self.socket.close()
         self.socket = listener

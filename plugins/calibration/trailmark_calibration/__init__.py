@@ -11,16 +11,16 @@ from trailmark.lazy import lazy_names
 
 if TYPE_CHECKING:
     from trailmark_calibration.checking import Calibration, calibrate
-    from trailmark_calibration.fitting import Fit, Known, fit
+    from trailmark_calibration.fitting import Fit, KnownPlacement, fit
     from trailmark_calibration.hand_eye import solve_hand_eye, solve_hand_eye_and_scale
     from trailmark_calibration.model import pairs_of
-    from trailmark_calibration.tracks import Track, track_of
+    from trailmark_calibration.tracks import ComparedTrack, track_of
 
 __all__ = [
     "Calibration",
+    "ComparedTrack",
     "Fit",
-    "Known",
-    "Track",
+    "KnownPlacement",
     "calibrate",
     "fit",
     "pairs_of",
@@ -33,9 +33,9 @@ __getattr__, __dir__ = lazy_names(
     __name__,
     {
         "checking": ("Calibration", "calibrate"),
-        "fitting": ("Fit", "Known", "fit"),
+        "fitting": ("Fit", "KnownPlacement", "fit"),
         "hand_eye": ("solve_hand_eye", "solve_hand_eye_and_scale"),
         "model": ("pairs_of",),
-        "tracks": ("Track", "track_of"),
+        "tracks": ("ComparedTrack", "track_of"),
     },
 )

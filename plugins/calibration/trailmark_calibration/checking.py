@@ -10,8 +10,8 @@ import numpy as np
 
 from trailmark.arrays import Floats
 from trailmark.errors import DataError
-from trailmark_calibration.fitting import Fit, Known, fit
-from trailmark_calibration.model import NAMES, NEUTRAL, YAW, Pairs, X, Y
+from trailmark_calibration.fitting import Fit, KnownPlacement, fit
+from trailmark_calibration.model import NAMES, NEUTRAL, YAW, MotionPairs, X, Y
 
 __all__ = ["STRETCH_S", "Calibration", "HalvesCheck", "calibrate", "told_values"]
 
@@ -58,14 +58,14 @@ class Calibration:
     contradictions: dict[int, float]
 
 
-def calibrate(pairs: Pairs, known: Known, asked: Sequence[int]) -> Calibration:
+def calibrate(pairs: MotionPairs, known: KnownPlacement, asked: Sequence[int]) -> Calibration:
     """Fit the numbers to the whole drive and to each of its halves.
 
     Parameters
     ----------
-    pairs : Pairs
+    pairs : MotionPairs
         The motions.
-    known : Known
+    known : KnownPlacement
         What is known before.
     asked : sequence of int
         The numbers that are asked for, as indices into `model.NAMES`.
@@ -97,12 +97,14 @@ def calibrate(pairs: Pairs, known: Known, asked: Sequence[int]) -> Calibration:
     return Calibration(whole, _checked(halves, fits, known, asked) if is_checked else None, contradictions)
 
 
-def told_values(found: Fit, known: Known) -> Floats:
+def told_values(found: Fit, known: KnownPlacement) -> Floats:
     """Return the numbers (8,), those that the drive does not tell as they are known."""
     return np.where(found.is_told, found.values, _neutral(known))
 
 
-def _checked(halves: Sequence[Pairs], fits: Sequence[Fit], known: Known, asked: Sequence[int]) -> HalvesCheck | None:
+def _checked(
+    halves: Sequence[MotionPairs], fits: Sequence[Fit], known: KnownPlacement, asked: Sequence[int]
+) -> HalvesCheck | None:
     """Return the errors of each half with the numbers of the other."""
     before, after = [], []
     for half, found in zip(halves, reversed(fits)):
@@ -119,13 +121,13 @@ def _checked(halves: Sequence[Pairs], fits: Sequence[Fit], known: Known, asked: 
     return HalvesCheck(_median(np.concatenate(before)), _median(np.concatenate(after)), sum(map(len, before)))
 
 
-def _neutral(known: Known) -> Floats:
+def _neutral(known: KnownPlacement) -> Floats:
     neutral = NEUTRAL.copy()
     neutral[[X, Y, YAW]] = known.mounting
     return neutral
 
 
-def _stretches(pairs: Pairs) -> Pairs:
+def _stretches(pairs: MotionPairs) -> MotionPairs:
     """Return stretches that begin where every fifth interval begins."""
     from_s = pairs.from_s[::5]
     return replace(pairs, from_s=from_s, to_s=from_s + STRETCH_S)

@@ -11,7 +11,7 @@ from typing import Any
 from trailmark.arrays import Bools, Floats
 from trailmark.config import MotionCorrection, RunConfig
 from trailmark.frames import SensorInfo
-from trailmark_calibration.model import DELAY, TURN, TURN_PER_M, WAY, YAW, Pairs, X, Y
+from trailmark_calibration.model import DELAY, TURN, TURN_PER_M, WAY, YAW, MotionPairs, X, Y
 
 __all__ = ["delay_lines", "in_flow_style", "mounting_lines", "odometry_lines", "wheels_in_words"]
 
@@ -19,7 +19,7 @@ _PLAIN = re.compile(r"[A-Za-z_/.][\w/.@-]*")
 _WORDS = {"true", "false", "null", "yes", "no", "on", "off", "nan", "inf", ".nan", ".inf"}
 
 
-def odometry_lines(config: RunConfig, name: str, pairs: Pairs, numbers: Floats) -> list[str]:
+def odometry_lines(config: RunConfig, name: str, pairs: MotionPairs, numbers: Floats) -> list[str]:
     """Return the line of a localizer with the correction of its motions, on top of the one that it had.
 
     Parameters
@@ -28,7 +28,7 @@ def odometry_lines(config: RunConfig, name: str, pairs: Pairs, numbers: Floats) 
         The config.
     name : str
         Of the localizer.
-    pairs : Pairs
+    pairs : MotionPairs
         Turns numbers into a correction.
     numbers : (8,) float64
         What was found, and what was known of the rest.
@@ -81,7 +81,7 @@ def delay_lines(config: RunConfig, source: str, numbers: Floats) -> list[str]:
     return ["sources:", f"  {source}: {line}"]
 
 
-def wheels_in_words(pairs: Pairs, numbers: Floats) -> list[str]:
+def wheels_in_words(pairs: MotionPairs, numbers: Floats) -> list[str]:
     """Return two radii and the track of differential wheels, for the robot's own driver; empty without a track."""
     if pairs.track_m is None:
         return []

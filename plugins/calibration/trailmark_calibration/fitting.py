@@ -17,16 +17,16 @@ import numpy as np
 
 from trailmark.arrays import Bools, Floats
 from trailmark.errors import DataError
-from trailmark_calibration.model import BIAS, DELAY, NAMES, Pairs
+from trailmark_calibration.model import BIAS, DELAY, NAMES, MotionPairs
 from trailmark_calibration.rigid import compose, exp_of
 from trailmark_calibration.starting import correlated_delay, starting_point
 from trailmark_calibration.tracks import UNKNOWN_VARIANCE
 
-__all__ = ["LIMITS", "Fit", "Known", "fit"]
+__all__ = ["LIMITS", "Fit", "KnownPlacement", "fit"]
 
 #: What a config may be wrong by, one sigma, before the drive is looked at: in the order of `NAMES`.
 _PRIOR = np.array([0.5, 0.5, 0.2, 1.0, 1.0, 3.0, 0.5, 0.05])
-#: Known worse than this, one sigma, a number is not told.
+#: KnownPlacement worse than this, one sigma, a number is not told.
 LIMITS = np.array([0.02, 0.02, math.radians(1.0), 0.03, 0.03, math.radians(2.0), 0.03, math.radians(0.1)])
 #: A direction of the numbers is told by motion if its information is so many times what chance makes of noise.
 _CERTAIN = 4.0
@@ -42,7 +42,7 @@ _FLOOR = np.diag([1e-5, 1e-5, 1e-6]) ** 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Known:
+class KnownPlacement:
     """What is known before.
 
     Attributes
@@ -87,7 +87,7 @@ class Fit:
         return np.asarray(self.sigmas < LIMITS)
 
 
-def fit(pairs: Pairs, known: Known) -> Fit:
+def fit(pairs: MotionPairs, known: KnownPlacement) -> Fit:
     """Return the numbers that make two localizers move as one body.
 
     Raises
@@ -111,7 +111,7 @@ def fit(pairs: Pairs, known: Known) -> Fit:
     return Fit(p, solver.covariance(p, rows), len(pairs), n_outliers)
 
 
-def _refuse_two_bodies(pairs: Pairs, p: Floats, n_outliers: int) -> None:
+def _refuse_two_bodies(pairs: MotionPairs, p: Floats, n_outliers: int) -> None:
     """Raise where too much is left over: of all intervals, or of the motion in most of them."""
     off = pairs.residuals(p)
     _, moved = pairs.motions(p)
@@ -125,7 +125,7 @@ def _refuse_two_bodies(pairs: Pairs, p: Floats, n_outliers: int) -> None:
         )
 
 
-def _prior(pairs: Pairs, has_delay: bool) -> Floats:
+def _prior(pairs: MotionPairs, has_delay: bool) -> Floats:
     """Return how far each number may be from where it starts."""
     prior = _PRIOR.copy()
     if has_delay:
@@ -138,7 +138,7 @@ def _prior(pairs: Pairs, has_delay: bool) -> Floats:
 class _Solver:
     """Gauss-Newton for one set of pairs; `_spread` is the factor of the stated noise, per axis."""
 
-    def __init__(self, pairs: Pairs, centre: Floats, prior: Floats) -> None:
+    def __init__(self, pairs: MotionPairs, centre: Floats, prior: Floats) -> None:
         self._pairs = pairs
         self._centre = centre
         self._scale = prior
@@ -199,7 +199,7 @@ class _Solver:
         covariance = told * (variances * factors) @ told.T + untold
         return np.asarray(covariance * np.outer(self._scale, self._scale))
 
-    def _told_directions(self, pairs: Pairs, p: Floats, weights: Floats) -> tuple[Floats, Floats]:
+    def _told_directions(self, pairs: MotionPairs, p: Floats, weights: Floats) -> tuple[Floats, Floats]:
         """Return the directions of the numbers that motion tells, (8, K), and the variances along them, (K,).
 
         In units of what the config may be wrong by. Along each, the information between a and b must be so much that
@@ -218,7 +218,7 @@ class _Solver:
         rows = values > np.maximum(_CERTAIN * chance, 1.0)
         return vectors[:, rows], 1.0 / (1.0 + values[rows])
 
-    def _of(self, pairs: Pairs) -> _Solver:
+    def _of(self, pairs: MotionPairs) -> _Solver:
         """Return a solver of other pairs with the same noise."""
         other = _Solver(pairs, self._centre, self._scale)
         other._spread = self._spread

@@ -15,9 +15,9 @@ import numpy as np
 from trailmark.arrays import Bools, Floats
 from trailmark.errors import DataError
 from trailmark_calibration.rigid import adjoint_of, compose, exp_of, invert, log_of
-from trailmark_calibration.tracks import Track
+from trailmark_calibration.tracks import ComparedTrack
 
-__all__ = ["BIAS", "DELAY", "NAMES", "NEUTRAL", "TURN", "TURN_PER_M", "WAY", "YAW", "Pairs", "X", "Y", "pairs_of"]
+__all__ = ["BIAS", "DELAY", "NAMES", "NEUTRAL", "TURN", "TURN_PER_M", "WAY", "YAW", "MotionPairs", "X", "Y", "pairs_of"]
 
 #: The numbers, in the order of every vector of them.
 NAMES = ("way", "turn", "turn_per_m", "x", "y", "yaw", "delay", "bias")
@@ -34,12 +34,12 @@ _STEP = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Pairs:
+class MotionPairs:
     """Two tracks over the same M intervals.
 
     Attributes
     ----------
-    a, b : Track
+    a, b : ComparedTrack
         Of base, and of the sensor in its own axes.
     from_s, to_s : (M,) float64
         The intervals, by the stamps of the slower one [s].
@@ -51,8 +51,8 @@ class Pairs:
         Distance of the wheels; None: not known [m].
     """
 
-    a: Track
-    b: Track
+    a: ComparedTrack
+    b: ComparedTrack
     from_s: Floats
     to_s: Floats
     a_is_slower: bool
@@ -63,7 +63,7 @@ class Pairs:
     def __len__(self) -> int:
         return len(self.from_s)
 
-    def where(self, rows: Bools) -> Pairs:
+    def where(self, rows: Bools) -> MotionPairs:
         """Return some of the intervals."""
         parts = {name: getattr(self, name)[rows] for name in ("from_s", "to_s", "covariances_a", "covariances_b")}
         return replace(self, **parts)
@@ -145,7 +145,7 @@ def _predicted(p: Floats, matrix: Floats, twists: Floats) -> Floats:
     return compose(compose(invert(mounting), exp_of(twists @ matrix.T)), mounting)
 
 
-def pairs_of(a: Track, b: Track, interval_s: float, track_m: float | None = None) -> Pairs:
+def pairs_of(a: ComparedTrack, b: ComparedTrack, interval_s: float, track_m: float | None = None) -> MotionPairs:
     """Return the intervals in which at least one of two tracks moves and both are known.
 
     Raises
@@ -167,10 +167,10 @@ def pairs_of(a: Track, b: Track, interval_s: float, track_m: float | None = None
         )
     from_s, to_s = from_s[rows], to_s[rows]
     of_a, of_b = (track.interval_covariances(from_s, to_s) for track in (a, b))
-    return Pairs(a, b, from_s, to_s, slower is a, of_a, of_b, track_m)
+    return MotionPairs(a, b, from_s, to_s, slower is a, of_a, of_b, track_m)
 
 
-def _knots(track: Track, interval_s: float) -> Floats:
+def _knots(track: ComparedTrack, interval_s: float) -> Floats:
     """Return stamps of a track that are `interval_s` apart, or a step where that is longer."""
     knots = [float(track.since_s[0])]
     for since_s, stamp_s in zip(track.since_s.tolist(), track.stamp_s.tolist()):

@@ -18,7 +18,7 @@ from trailmark.geometry import Pose2
 from trailmark_calibration.model import DELAY, NEUTRAL, TURN, TURN_PER_M, WAY, YAW, X, Y
 from trailmark_calibration.rigid import between, compose, exp_of, invert, log_of
 
-__all__ = ["Course", "Noise", "SimulatedDrive", "draw_truth", "simulate"]
+__all__ = ["Course", "DriveNoise", "SimulatedDrive", "draw_truth", "simulate"]
 
 Course = Literal["mixed", "straight", "circle"]
 
@@ -26,7 +26,7 @@ _DT_S = 0.005
 
 
 @dataclass(frozen=True, slots=True)
-class Noise:
+class DriveNoise:
     """Random walks of wheels and sensor, and wrong motions of the sensor.
 
     Attributes
@@ -87,7 +87,7 @@ def simulate(
     *,
     course: Course = "mixed",
     duration_s: float = 240.0,
-    noise: Noise = Noise(),
+    noise: DriveNoise = DriveNoise(),
 ) -> SimulatedDrive:
     """Return a drive of a robot with differential wheels at 20 Hz and a sensor at 10 Hz.
 

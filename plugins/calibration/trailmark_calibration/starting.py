@@ -10,8 +10,8 @@ import numpy as np
 from trailmark.arrays import Floats
 from trailmark.errors import DataError
 from trailmark_calibration.hand_eye import solve_hand_eye_and_scale
-from trailmark_calibration.model import DELAY, NEUTRAL, TURN, WAY, YAW, Pairs, X, Y
-from trailmark_calibration.tracks import Track
+from trailmark_calibration.model import DELAY, NEUTRAL, TURN, WAY, YAW, MotionPairs, X, Y
+from trailmark_calibration.tracks import ComparedTrack
 
 __all__ = ["correlated_delay", "starting_point"]
 
@@ -22,14 +22,14 @@ _RIVAL, _LEAST_PEAK = 0.9, 0.5
 _KEPT = 0.7
 
 
-def correlated_delay(a: Track, b: Track, longest_s: float) -> float | None:
+def correlated_delay(a: ComparedTrack, b: ComparedTrack, longest_s: float) -> float | None:
     """Return by how much the stamps of `a` are later than those of `b`, from turn rates, between two samples too.
 
     The highest cross-correlation of either sign, and the top of the parabola through it and its neighbours.
 
     Parameters
     ----------
-    a, b : Track
+    a, b : ComparedTrack
         Of the same body.
     longest_s : float
         No longer delay is looked for [s].
@@ -79,12 +79,12 @@ def _has_rival(heights: Floats, top: int) -> bool:
     return bool(len(rest)) and float(rest.max()) > _RIVAL * float(heights[top])
 
 
-def starting_point(pairs: Pairs, known: Floats, delay_s: float) -> Floats:
+def starting_point(pairs: MotionPairs, known: Floats, delay_s: float) -> Floats:
     """Return numbers near which the fit starts: turns first, then place and way together (8,).
 
     Parameters
     ----------
-    pairs : Pairs
+    pairs : MotionPairs
         The motions.
     known : (3,) float64
         Place of the sensor by the config: for what the drive does not tell [m, m, rad].

@@ -15,8 +15,8 @@ from trailmark.frames import SensorInfo
 from trailmark_calibration.checking import STRETCH_S, Calibration, calibrate, told_values
 from trailmark_calibration.config_lines import delay_lines, mounting_lines, odometry_lines, wheels_in_words
 from trailmark_calibration.drive import Drive, TwoLocalizers
-from trailmark_calibration.fitting import Fit, Known
-from trailmark_calibration.model import DELAY, NAMES, TURN, TURN_PER_M, WAY, YAW, Pairs, X, Y, pairs_of
+from trailmark_calibration.fitting import Fit, KnownPlacement
+from trailmark_calibration.model import DELAY, NAMES, TURN, TURN_PER_M, WAY, YAW, MotionPairs, X, Y, pairs_of
 from trailmark_calibration.tracks import track_of
 
 __all__ = ["Answer", "Question", "answer"]
@@ -98,7 +98,7 @@ def answer(question: Question, drive: Drive) -> Answer:
     a = track_of(name_a, drive.said[name_a])
     b = track_of(name_b, drive.said[name_b]).seen_from(mounting)
     pairs = pairs_of(a, b, question.interval_s, question.track_m)
-    known, asked = Known(mounting, question.longest_delay_s), _ASKED[question.what]
+    known, asked = KnownPlacement(mounting, question.longest_delay_s), _ASKED[question.what]
     found = calibrate(pairs, known, asked)
     is_told = bool(found.fit.is_told[list(asked)].any())
     lines = [_headline(question, pairs, found.fit), *(_line(found, index) for index in asked)]
@@ -135,7 +135,7 @@ def _in_plane(sensor: SensorInfo) -> Floats:
     return np.array([pose.x, pose.y, pose.yaw])
 
 
-def _headline(question: Question, pairs: Pairs, found: Fit) -> str:
+def _headline(question: Question, pairs: MotionPairs, found: Fit) -> str:
     two = question.two
     driven_s = float((pairs.to_s - pairs.from_s).sum())
     return (
@@ -156,7 +156,7 @@ def _line(found: Calibration, index: int) -> str:
     return line
 
 
-def _oddities(found: Calibration, known: Known, name_a: str, name_b: str) -> list[str]:
+def _oddities(found: Calibration, known: KnownPlacement, name_a: str, name_b: str) -> list[str]:
     """Return words for what is no small correction."""
     values, is_told = found.fit.values, found.fit.is_told
     lines = []
@@ -189,7 +189,7 @@ def _check_in_words(found: Calibration) -> list[str]:
 
 
 def _for_the_config(
-    question: Question, drive: Drive, sensor: SensorInfo | None, pairs: Pairs, found: tuple[Fit, Floats]
+    question: Question, drive: Drive, sensor: SensorInfo | None, pairs: MotionPairs, found: tuple[Fit, Floats]
 ) -> tuple[list[str], list[str]]:
     """Return what else there is to say, and the lines for the config."""
     fit, numbers = found

@@ -14,7 +14,7 @@ from trailmark.errors import DataError
 from trailmark.estimates import Estimate, Fix, Motion
 from trailmark_calibration.rigid import adjoint_of, between, compose, exp_of, invert, log_of
 
-__all__ = ["UNKNOWN_VARIANCE", "Track", "track_of"]
+__all__ = ["UNKNOWN_VARIANCE", "ComparedTrack", "track_of"]
 
 #: Variance of what a localizer does not measure, and the least of what it does [m^2, rad^2].
 UNKNOWN_VARIANCE, _LEAST_VARIANCE = 1e4, 1e-12
@@ -25,7 +25,7 @@ _SLACK_S = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Track:
+class ComparedTrack:
     """Steps of base in the order of time, N of them; where one does not begin at the end of the last, there is a gap.
 
     Attributes
@@ -118,7 +118,7 @@ class Track:
         return compose(ends[index], exp_of(share[:, None] * self.twists[index])), index, is_inside
 
 
-def track_of(name: str, estimates: Iterable[Estimate]) -> Track:
+def track_of(name: str, estimates: Iterable[Estimate]) -> ComparedTrack:
     """Return the track of what a localizer said: its motions, or, where it gives none, from fix to fix.
 
     Parameters
@@ -171,7 +171,7 @@ def _step_between(a: Fix, b: Fix) -> Motion:
     return Motion(a.stamp_s, b.stamp_s, step, np.linalg.inv(R @ cov @ R.T))
 
 
-def _track(motions: Sequence[Motion]) -> Track:
+def _track(motions: Sequence[Motion]) -> ComparedTrack:
     lengths_s = np.array([motion.stamp_s - motion.since_s for motion in motions])
     longest_s = max(_LONGEST_STEP_S, _LONGEST_STEPS * float(np.median(lengths_s)))
     motions = [motion for motion, length_s in zip(motions, lengths_s) if length_s <= longest_s]
@@ -182,7 +182,7 @@ def _track(motions: Sequence[Motion]) -> Track:
     turned = np.zeros_like(poses)
     turned[:, 2] = -poses[:, 2]
     to_end = adjoint_of(turned)
-    return Track(
+    return ComparedTrack(
         since_s=np.array([motion.since_s for motion in motions]),
         stamp_s=np.array([motion.stamp_s for motion in motions]),
         twists=log_of(poses),

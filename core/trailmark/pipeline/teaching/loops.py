@@ -99,7 +99,7 @@ _Sites = dict[int, tuple[int, Pose2]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Look:
+class _LoopCandidate:
     """A relation that may close a loop: between which nodes, and the second as seen from the first."""
 
     first: int
@@ -126,8 +126,8 @@ class LoopSearch:
         self._nodes = nodes
         self._relating = [(one, one.sites_of(nodes)) for one in relating]
         self._graph = WayGraph(nodes)
-        self._counted: list[_Look] = []
-        self._pending: list[_Look] = []
+        self._counted: list[_LoopCandidate] = []
+        self._pending: list[_LoopCandidate] = []
 
     def straighten(self) -> Straightened | None:
         """Return the way with its loops closed; None if it has none."""
@@ -142,7 +142,7 @@ class LoopSearch:
         n_loops = self._graph.without_wrong()
         return Straightened(self._nodes, self._graph.poses, n_loops) if n_loops else None
 
-    def _look(self, node: int, relating: RelatingLocalizer, sites: _Sites) -> _Look | None:
+    def _look(self, node: int, relating: RelatingLocalizer, sites: _Sites) -> _LoopCandidate | None:
         """Return how a node lies to a place that was seen before, if it is told and plausible."""
         station_m, here = self._nodes[node].station_m, self._graph.poses[node]
         before = [one for one in sites if self._nodes[one].station_m <= station_m - _BACK_M]
@@ -175,9 +175,9 @@ class LoopSearch:
         information = turned(told.information, -here.theta)
         if _chi_square(off, information, covariance + _SLACK) > _PLAUSIBLE:
             return None
-        return _Look(first, node, seen_from.between(found), turned(told.information, -seen_from.theta))
+        return _LoopCandidate(first, node, seen_from.between(found), turned(told.information, -seen_from.theta))
 
-    def _take(self, look: _Look) -> None:
+    def _take(self, look: _LoopCandidate) -> None:
         """Keep a relation until enough others agree with it, then count them all."""
         station_m = self._nodes[look.second].station_m
         recent = [one for one in self._pending if station_m - self._nodes[one.second].station_m <= _WITHIN_M]
@@ -192,7 +192,7 @@ class LoopSearch:
         else:
             self._pending = [*recent, look]
 
-    def _agree(self, one: _Look, other: _Look) -> bool:
+    def _agree(self, one: _LoopCandidate, other: _LoopCandidate) -> bool:
         """Return whether two relations, with the ways between their ends, lead back to where they begin."""
         way_m = self._nodes[other.second].station_m - self._nodes[one.second].station_m
         if way_m > _WITHIN_M:
