@@ -19,6 +19,7 @@ def python(*arguments: str | Path, cwd: Path, path: Path | None = None) -> subpr
     return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.slow
 def test_a_distribution_with_every_part_installs_and_passes_its_tests(trailmark, tmp_path) -> None:
     written = trailmark("plugins", "new", "my_gyro", *PARTS)
     folder, site = tmp_path / "trailmark-my-gyro", tmp_path / "site"

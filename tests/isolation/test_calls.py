@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +44,14 @@ def test_answers_that_are_there_are_taken(tmp_path: Path, jobs: int) -> None:
 
     assert sorted(path.name for path in marks.iterdir()) == ["a", "b"]
     assert lines == ["1 of 2 answers of an interrupted run are taken"]
+
+
+def test_equal_calls_are_one(tmp_path: Path) -> None:
+    """They would write into one folder at the same time."""
+    first, second, other = call_in_cells(tempfile.mktemp, [("a",), ("a",), ("b",)], tmp_path, jobs=2)
+
+    assert first == second  # a name drawn at random
+    assert other.endswith("b")
 
 
 def test_a_call_that_crashes_is_told_with_its_arguments(tmp_path: Path) -> None:

@@ -479,6 +479,7 @@ def test_a_session_needs_no_network(wheels: Path) -> None:
         if called in ("socket.socket", "socket.create_connection", "urllib.request.urlopen", "distributed.Client")
         or called.endswith("start_server")
     }
-    asked_for = ("viewers", "dask", "trailmark_lines")  # sources, sinks and executors that a config names
+    # sources, sinks and executors that a config names; the page of --watch
+    asked_for = ("viewers", "dask", "trailmark_lines", "watching")
     assert all(any(part in name for part in asked_for) for name in opening)
     assert Session().mode == "track"

@@ -69,6 +69,7 @@ class ServedPage:
         return ""
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(BROWSER is None, reason="no chromium to open the page with")
 def test_the_page_goes_with_the_run_and_keeps_how_it_is_looked_at(watched, tmp_path: Path) -> None:
     first = watched.document

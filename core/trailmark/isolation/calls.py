@@ -70,7 +70,9 @@ def call_in_cells(
         report(f"{known} of {len(places)} answers of an interrupted run are taken")
     if jobs == 1:
         return [_here(function, call, place, package) for call, place in zip(arguments, places, strict=True)]
-    return _Round(name, package, jobs).run(arguments, places)
+    once = dict(zip(places, arguments, strict=True))  # equal calls have one folder, and one answer
+    answers = dict(zip(once, _Round(name, package, jobs).run(list(once.values()), list(once)), strict=True))
+    return [answers[place] for place in places]
 
 
 def forget_calls(folder: Path) -> None:
