@@ -33,6 +33,6 @@ cells() {
     printf '\n--- benchmarks/%s\n' "$*"
     "$python" -m trailmark.cli bench "$1" --out "$out/$1" --jobs 2 "${@:2}"
 }
-cells grand --only matrix=ground --only source=wood --only seed=0 \
-    --only localizer=ground_vo,klt,orb,phase_correlation,odometry --set bench.cells.0.sources.wood.duration_s=1
+cells grand --only matrix=ground --only source=wood --quick \
+    --only localizer=ground_vo,klt,orb,phase_correlation,odometry --set bench.cells.0.sources.wood.robot.duration_s=1
 cells benchmarks/speed.yaml --only matrix=ground --only seed=0 --set bench.cells.0.sources.wood.duration_s=1
