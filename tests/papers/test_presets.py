@@ -55,10 +55,12 @@ def test_the_manual_of_a_part_says_what_its_preset_sets(kind: Kind, name: str) -
     assert all(f"{key}: " in told.description for key in model.presets["paper"])
 
 
-def test_the_mode_paper_of_the_ground_camera_is_the_preset() -> None:
+def test_the_old_mode_paper_of_the_ground_camera_does_what_it_did_and_says_its_new_name(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     model = config_of("localizer", "ground_vo")
 
-    with pytest.warns(DeprecationWarning, match="`preset: paper` now"):
-        old = model.model_validate({"mode": "paper", "search_px": 4})
+    old = model.model_validate({"mode": "paper", "search_px": 4})
 
-    assert old == model.model_validate({"preset": "paper", "search_px": 4})
+    assert old == model.model_validate({"mode": "whole_pixels", "search_px": 4})
+    assert "'mode: paper' is called 'whole_pixels' now" in caplog.text

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import logging
 import math
-import warnings
 from typing import Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
@@ -11,6 +11,8 @@ from pydantic import Field, model_validator
 from trailmark.config import PresetConfig, PresetValue, Sensor
 
 __all__ = ["GroundMapConfig", "GroundVOConfig"]
+
+logger = logging.getLogger(__name__)
 
 _STEP_DEG = math.degrees(1 / 128)
 
@@ -39,7 +41,7 @@ class GroundVOConfig(PresetConfig):
     """The downward camera."""
     mode: Literal["refined", "pyramid", "whole_pixels"] = "refined"
     """whole_pixels: as the paper; pyramid: the same search in two levels; refined: to a hundredth of a pixel.
-    (`mode: paper` is called `preset: paper` now.)"""
+    (It was called `paper`; `preset: paper` is all that the paper prints.)"""
     n_pixels: int = Field(768, ge=16, multiple_of=2)
     """Reference pixels of each of the two groups (paper: 768)."""
     search_px: int = Field(8, ge=2, le=32)
@@ -93,8 +95,10 @@ class GroundVOConfig(PresetConfig):
     def _rename_mode(cls, values: Any) -> Any:
         if not isinstance(values, dict) or values.get("mode") != "paper":
             return values
-        warnings.warn("`mode: paper` of ground_vo is called `preset: paper` now", DeprecationWarning, stacklevel=2)
-        return {"preset": "paper"} | {key: value for key, value in values.items() if key != "mode"}
+        logger.warning(
+            "ground_vo: 'mode: paper' is called 'whole_pixels' now; 'preset: paper' is all that the paper prints"
+        )
+        return values | {"mode": "whole_pixels"}
 
 
 class GroundMapConfig(PresetConfig):
