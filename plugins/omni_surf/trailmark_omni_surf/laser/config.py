@@ -27,7 +27,8 @@ class LaserIcpConfig(PluginConfig):
     min_hits: int = Field(2, ge=1)
     """A place enters the map when this many scans saw it: what walked through is left out."""
     min_inlier_share: float = Field(0.6, gt=0, le=1)
-    """Below this share of points within 0.1 m of the map the scan does not fit; from an unknown start 0.9 is asked at least."""
+    """Below this share of points within 0.1 m of the map the scan does not fit; an unknown start asks for 0.9 at
+    least."""
     ambiguity_margin_m: float = Field(0.01, ge=0)
     """A fit elsewhere that costs no more than this beyond the best makes the answer ambiguous [m]."""
     max_range_m: float = Field(30.0, gt=0)
