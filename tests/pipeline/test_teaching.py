@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from trailmark.frames import GroundPlane, SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.paths import Keyframe, Waypoint
 from trailmark.pipeline import Pipeline
+from trailmark.pipeline.teaching import taught_map
 
 
 def drive(fakes, n: int, step_m: float = 0.0037, rate_hz: float = 70.0):
@@ -190,6 +192,25 @@ class TestReplay:
         assert disk["log"] == ["read", "close"]
         if pose is not None:
             assert first.belief.on_path.station_m == pytest.approx(pose.x)
+
+    def test_a_path_that_is_straightened_first_is_the_one_that_is_followed(self, fakes, monkeypatch) -> None:
+        disk = {"waypoints": taught_path(), "unfinished": {"map"}}
+        straight = [replace(one, pose_map_base=Pose2(0.0, 0.5) @ one.pose_map_base) for one in taught_path()]
+
+        def straighten(store, localizers) -> int:
+            disk["waypoints"] = straight
+            return 1
+
+        monkeypatch.setattr(taught_map, "close_loops", straighten)
+        source, mover = drive(fakes, 3)
+        localizers = {"vo": mover, "map": fakes.Scripted()}
+        pipeline = Pipeline(fakes.parts({"floor": source}, localizers, mode="replay", disk=disk, start="last"))
+
+        first, *_ = pipeline
+
+        assert mover.session.path.waypoints == tuple(straight)
+        assert mover.session.start_pose == first.belief.pose_map_base == Pose2(1.0, 0.5)
+        assert first.belief.on_path.lateral_m == pytest.approx(0.0)
 
     def test_what_an_interrupted_teaching_left_is_finished_first(self, fakes) -> None:
         disk = {"waypoints": taught_path(), "unfinished": {"map"}}

@@ -52,7 +52,7 @@ class TaughtMap:
     Attributes
     ----------
     path : Path or None
-        The path as it was before the run.
+        The path as it was before the run; straightened, if a teaching that was interrupted is finished first.
     teaching : Teaching or None
         Lays waypoints, in teach.
     """
@@ -106,6 +106,7 @@ class TaughtMap:
             self.finish(part)
             part.localizer.close()
         self._reopen("read")
+        self.path = self._store.path()
 
     # --- teaching --------------------------------------------------------------------------------------------------
 
