@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from trailmark.errors import DataError
 from trailmark.watching.robot import WatchedRobot
 from trailmark.watching.watched import WatchedRun
 
@@ -34,6 +35,15 @@ def wait_for(condition: Callable[[], bool]) -> None:
     while not condition():
         assert time.monotonic() < until_s
         time.sleep(0.02)
+
+
+def raises(error: Exception) -> Callable[[], bool]:
+    """Return what fails that way."""
+
+    def fail() -> bool:
+        raise error
+
+    return fail
 
 
 def newest(shown: WatchedRun | WatchedRobot) -> dict:
@@ -89,6 +99,53 @@ def test_a_run_that_was_killed_is_not_waited_for(tmp_path: Path) -> None:
     assert newest(shown)["status"] == "ended without a word"
     assert shown.has_ended()
     assert shown.press("stop") == "the run has ended"
+
+
+@pytest.mark.parametrize(
+    ("error", "why"),
+    [
+        (DataError("row 7 is torn"), "row 7 is torn"),
+        (OSError(28, "disk full"), "[Errno 28] disk full"),
+        (ValueError("no JSON of nan"), "ValueError: no JSON of nan"),
+    ],
+)
+def test_a_page_that_cannot_go_on_says_why_and_ends(
+    watched, monkeypatch: pytest.MonkeyPatch, error: Exception, why: str
+) -> None:
+    shown = WatchedRun(watched.folder, "secret", process=1)
+    before = newest(shown)
+    monkeypatch.setattr(shown, "_look", raises(error))
+    assert not shown.has_ended()
+
+    shown._look_again_and_again()
+
+    last = json.loads(shown.state(before["number"]) or b"{}")
+    assert last["note"] == f"the page stands still: {why}"
+    assert (last["isLive"], last["isOver"], last["can"]) == (False, True, [])
+    assert last["explorer"] == before["explorer"]
+    assert shown.has_ended()
+
+
+def test_a_page_that_cannot_begin_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shown = WatchedRun(tmp_path, "secret")
+    monkeypatch.setattr(shown, "_look", raises(ValueError("torn")))
+
+    shown._look_again_and_again()
+
+    assert json.loads(shown.state(-1) or b"{}")["note"] == "the page stands still: ValueError: torn"
+    assert shown.has_ended()
+
+
+def test_the_page_of_a_robot_that_stands_still_can_stop_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shown = WatchedRobot("robot.yaml", "secret", lambda task, folder, notes: [], lambda task: tmp_path / task)
+    try:
+        monkeypatch.setattr(shown, "_look", raises(ValueError("torn")))
+        shown._look_again_and_again()
+        told = json.loads(shown.state(-1) or b"{}")
+    finally:
+        shown.close()
+
+    assert (told["isOver"], "stop" in told["can"], told["name"]) == (False, True, "robot.yaml")
 
 
 def test_a_picture_is_one_of_the_runs(watched, tmp_path: Path) -> None:

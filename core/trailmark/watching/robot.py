@@ -38,7 +38,7 @@ class WatchedRobot(WatchedPage):
         new_folder: Callable[[Task], Path],
     ) -> None:
         super().__init__(title, secret, ("teach", "replay", "stop"))
-        self._title, self._command_of, self._new_folder = title, command_of, new_folder
+        self._command_of, self._new_folder = command_of, new_folder
         self._all_notes = Path(tempfile.mkdtemp(prefix="trailmark-watch-"))
         self._run: RunState | None = None
         self._shown: tuple[str, bool] | None = None

@@ -15,9 +15,10 @@ from pathlib import Path
 from typing import Any
 
 from trailmark.errors import DataError
+from trailmark.failures import words_of
 from trailmark.report.glimpses import PICTURE_NAME
 from trailmark.watching.page import watch_page
-from trailmark.watching.run_state import RunState
+from trailmark.watching.run_state import NOTHING, RunState
 
 __all__ = ["WatchedPage", "WatchedRun"]
 
@@ -50,10 +51,11 @@ class WatchedPage(ABC):
 
     def __init__(self, title: str, secret: str, buttons: Sequence[str] = ()) -> None:
         self._page = watch_page(title, secret, buttons)
+        self._title = title
         self._buttons = tuple(buttons)
         self._state: tuple[int, bytes] = (-1, b"")
         self._asked_at_s = -math.inf
-        self._is_final = self._is_told = False
+        self._is_final = self._is_told = self._has_failed = False
         self._is_closed = threading.Event()
         self._thread = threading.Thread(target=self._look_again_and_again, name="page's run", daemon=True)
 
@@ -122,9 +124,22 @@ class WatchedPage(ABC):
                     self.show()
                     took_s = time.monotonic() - now_s
                     next_s = now_s + took_s + max(_SHOW_EVERY_S - took_s, took_s * (1.0 / _SHARE - 1.0))
-            except (DataError, OSError) as error:
-                logger.warning("the page stands still: %s", error)
+            except Exception as error:  # whatever it is, who has the page open is to know
+                why = str(error) if isinstance(error, (DataError, OSError)) else words_of(error)
+                logger.warning("the page stands still: %s", why)
+                self._stand_still(why)
                 return
+
+    def _stand_still(self, why: str) -> None:
+        """Say on the page why nothing more comes; of a page that does not end with this, the buttons go on working."""
+        self._has_failed = True
+        number, text = self._state
+        last = json.loads(text) if text else {**NOTHING, "name": self._title, "run": str(self._folder() or "")}
+        is_over = self.has_ended()
+        last |= {"number": number + 1, "note": f"the page stands still: {why}", "isLive": False, "isOver": is_over}
+        last |= {"can": [] if is_over else list(self._buttons)}
+        self._state = (number + 1, json.dumps(last, ensure_ascii=False, separators=(",", ":")).encode())
+        self._is_final = is_over
 
     def show(self) -> None:
         """Make the newest state, if anything has changed."""
@@ -191,8 +206,8 @@ class WatchedRun(WatchedPage):
         self._is_there, self._process = is_there, process
 
     def has_ended(self) -> bool:
-        """Return whether the run has ended, and its program with it."""
-        return not self._is_there() or (self._process is None and self._run.is_complete())
+        """Return whether the run has ended, and its program with it; or nothing more can be shown of it."""
+        return self._has_failed or not self._is_there() or (self._process is None and self._run.is_complete())
 
     def _look(self) -> bool:
         return self._run.look()
