@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -18,7 +19,9 @@ from trailmark.interfaces import Localizer, Session
 from trailmark.paths import Keyframe, Waypoint
 from trailmark.pipeline.localizers.runner import LocalizerFailedError
 from trailmark.pipeline.teaching.closing import close_loops
+from trailmark.pipeline.teaching.logged_way import LoggedWay
 from trailmark.pipeline.teaching.loops import LoopSearch, RelatingLocalizer
+from trailmark.pipeline.teaching.way_graph import Straightened
 from trailmark.pipeline.teaching.way_log import WAY_LOG, WayLog
 from trailmark.stores import SqlitePathStore, SqliteStoreConfig
 from trailmark.testing import MemoryMap
@@ -167,6 +170,61 @@ def test_path_and_all_maps_move_together_once(tmp_path: Path) -> None:
     again, rows = closed(tmp_path / "a.trail", Relates(nodes))
     assert again == 0
     assert rows[0] == waypoints
+
+
+def appended(nodes: Sequence[Keyframe], first: int = N // 2) -> list[Keyframe]:
+    """Return the log of the same way taught in two goes, the stamps of the second from zero again."""
+    began_s = nodes[first].stamp_s
+    return [node if k < first else replace(node, stamp_s=node.stamp_s - began_s) for k, node in enumerate(nodes)]
+
+
+class RelatesByNumber(Relates):
+    """Knows its places whatever their stamps."""
+
+    def true(self, number: int) -> Pose2:
+        return TRUTH[number]
+
+
+def test_a_path_that_was_taught_in_two_goes_is_straightened_like_in_one(tmp_path: Path) -> None:
+    nodes = way_log()
+    taught(tmp_path / "one.trail", nodes)
+    taught(tmp_path / "two.trail", appended(nodes))
+    count, (in_one, _, _) = closed(tmp_path / "one.trail", RelatesByNumber(nodes))
+    again, (waypoints, own, others) = closed(tmp_path / "two.trail", RelatesByNumber(nodes))
+    assert count == again > 30
+    assert max(a.distance_to(b) for a, b in zip(in_one, waypoints, strict=True)) < 1e-6
+    assert own == others
+    assert max(a.distance_to(b) for a, b in zip(waypoints, own, strict=True)) < 1e-6
+
+
+def test_a_place_seen_again_is_found_by_the_keyframe_of_its_own_teaching() -> None:
+    nodes = appended(way_log())
+    part: Any = SimpleNamespace(name="laser", localizer=RelatesByNumber(nodes))
+    sites = RelatingLocalizer(part, nodes).sites_of(LoggedWay(nodes))
+    assert {number: site[0] for number, site in sites.items()} == {number: number for number in range(N)}
+
+
+def test_what_was_taught_before_there_was_a_log_moves_with_its_waypoints() -> None:
+    nodes = [replace(node, station_m=node.station_m + 12.5) for node in way_log()]
+    straightened = searched(nodes, RelatesByNumber(nodes))
+    before = [Keyframe(0.5 * k, float(k), Pose2(0.5 * k - 12.5), {}) for k in range(25)]
+    assert [straightened.at_keyframe(one) for one in before] == [one.pose_map_base for one in before]
+    assert straightened.at_station(3.0, Pose2(-9.5)) == Pose2(-9.5)
+
+
+def test_what_was_taught_without_a_log_between_is_not_placed_by_its_stamps() -> None:
+    ends = [Keyframe(*at, Pose2(at[0]), {}) for at in ((0.0, 0.0), (0.5, 1.0), (20.0, 90.0), (20.5, 91.0))]
+    moved = [Pose2(0.0), Pose2(0.5), Pose2(20.0, 1.0), Pose2(20.5, 1.0)]
+    between = Keyframe(10.25, 5.0, Pose2(10.25), {})
+    assert Straightened(ends, moved, 1).at_keyframe(between).y == pytest.approx(0.5)
+
+
+def test_where_a_robot_stood_its_stamps_tell_how_far_it_had_turned() -> None:
+    quarter = math.pi / 8
+    nodes = [Keyframe(1.0, float(k), Pose2(1.0, 0.0, k * quarter), {}) for k in range(4)]
+    moved = [node.pose_map_base @ Pose2(0.0, 0.0, 0.01 * k) for k, node in enumerate(nodes)]
+    seen = Keyframe(1.0, 1.5, Pose2(1.0, 0.0, 1.5 * quarter), {})
+    assert Straightened(nodes, moved, 1).at_keyframe(seen).theta == pytest.approx(1.5 * quarter + 0.015)
 
 
 def test_what_fixes_have_held_is_left(tmp_path: Path) -> None:

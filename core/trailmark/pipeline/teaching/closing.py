@@ -72,7 +72,7 @@ def _move(store: PathStore, straightened: Straightened, parts: dict[str, Localiz
     waypoints = [straightened.at_station(one.station_m, one.pose_map_base) for one in path.waypoints]
     keyframes = {
         owner: [
-            _moved(parts.get(owner), one, straightened.at_stamp(one.stamp_s, one.pose_map_base))
+            _moved(parts.get(owner), one, straightened.at_keyframe(one))
             for one in store.localizer_map(owner).keyframes()
         ]
         for owner in store.owners()

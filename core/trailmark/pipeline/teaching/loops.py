@@ -22,6 +22,7 @@ from trailmark.geometry import Pose2
 from trailmark.paths import Keyframe
 from trailmark.pipeline.localizers.runner import LocalizerFailedError
 from trailmark.pipeline.parts import LocalizerPart
+from trailmark.pipeline.teaching.logged_way import LoggedWay
 from trailmark.pipeline.teaching.way_graph import Straightened, WayGraph, edge_of, turned
 
 __all__ = ["LoopSearch", "RelatingLocalizer"]
@@ -58,16 +59,22 @@ class RelatingLocalizer:
     def __init__(self, part: LocalizerPart, keyframes: Sequence[Keyframe]) -> None:
         self._part, self._keyframes = part, keyframes
 
-    def sites_of(self, nodes: Sequence[Keyframe]) -> dict[int, tuple[int, Pose2]]:
+    def sites_of(self, way: LoggedWay) -> dict[int, tuple[int, Pose2]]:
         """Return for each node the keyframe laid nearest in time, and where it lies as seen from the node."""
-        if not self._keyframes:
-            return {}
-        stamps = np.array([keyframe.stamp_s for keyframe in self._keyframes])
+        drives = [way.drive_of(keyframe) for keyframe in self._keyframes]
+        found: dict[int, tuple[int, Pose2]] = {}
+        for drive in way.drives:
+            laid = [number for number, its_drive in enumerate(drives) if its_drive == drive]
+            found |= self._sites_in(drive, way.nodes, laid) if laid else {}
+        return found
+
+    def _sites_in(self, drive: range, nodes: Sequence[Keyframe], laid: Sequence[int]) -> dict[int, tuple[int, Pose2]]:
+        stamps = np.array([self._keyframes[number].stamp_s for number in laid])
         found: dict[int, tuple[int, Pose2]] = {}
         taken = -1
-        for number, node in enumerate(nodes):
-            nearest = int(np.argmin(np.abs(stamps - node.stamp_s)))
-            offset = node.pose_map_base.between(self._keyframes[nearest].pose_map_base)
+        for number in drive:
+            nearest = laid[int(np.argmin(np.abs(stamps - nodes[number].stamp_s)))]
+            offset = nodes[number].pose_map_base.between(self._keyframes[nearest].pose_map_base)
             if math.hypot(offset.x, offset.y) < _SITE_M and nearest != taken:
                 found[number] = nearest, offset
                 taken = nearest
@@ -124,7 +131,8 @@ class LoopSearch:
 
     def __init__(self, nodes: Sequence[Keyframe], relating: Sequence[RelatingLocalizer]) -> None:
         self._nodes = nodes
-        self._relating = [(one, one.sites_of(nodes)) for one in relating]
+        way = LoggedWay(nodes)
+        self._relating = [(one, one.sites_of(way)) for one in relating]
         self._graph = WayGraph(nodes)
         self._counted: list[_LoopCandidate] = []
         self._pending: list[_LoopCandidate] = []

@@ -5,7 +5,6 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
-from bisect import bisect_left
 from collections.abc import Collection, Sequence
 
 import numpy as np
@@ -14,6 +13,7 @@ from trailmark.arrays import Floats
 from trailmark.estimation.pose_graph import PoseEdges, SolvedGraph, chi_squares, solve_pose_graph
 from trailmark.geometry import Pose2
 from trailmark.paths import Keyframe
+from trailmark.pipeline.teaching.logged_way import LoggedWay
 from trailmark.pipeline.teaching.way_log import COVARIANCE
 
 __all__ = ["Straightened", "WayGraph", "edge_of", "turned"]
@@ -133,21 +133,24 @@ class Straightened:
     def __init__(self, nodes: Sequence[Keyframe], poses: Sequence[Pose2], n_loops: int) -> None:
         self.n_loops = n_loops
         self._before, self._after = [node.pose_map_base for node in nodes], poses
-        self._stations, self._stamps = [node.station_m for node in nodes], [node.stamp_s for node in nodes]
+        self._way = LoggedWay(nodes)
 
     def at_station(self, station_m: float, pose: Pose2) -> Pose2:
         """Return where a pose lies now that was believed at a station of the way."""
-        return self._moved(self._stations, station_m, pose)
+        return self._moved(self._way.at_station(station_m), pose)
 
     def at_stamp(self, stamp_s: float, pose: Pose2) -> Pose2:
-        """Return where a pose lies now that was believed at a stamp."""
-        return self._moved(self._stamps, stamp_s, pose)
+        """Return where a pose lies now that was believed at a stamp of a way that was taught in one go."""
+        return self._moved(self._way.at_stamp(stamp_s), pose)
 
-    def _moved(self, grid: Sequence[float], value: float, pose: Pose2) -> Pose2:
-        after = min(max(bisect_left(grid, value), 1), len(grid) - 1)
-        share = (value - grid[after - 1]) / max(grid[after] - grid[after - 1], 1e-12)
-        ends = [self._after[k] @ self._before[k].between(pose) for k in (after - 1, after)]
-        return ends[0].interpolate(ends[1], min(max(share, 0.0), 1.0))
+    def at_keyframe(self, keyframe: Keyframe) -> Pose2:
+        """Return where a keyframe lies now."""
+        return self._moved(self._way.at_keyframe(keyframe), keyframe.pose_map_base)
+
+    def _moved(self, place: tuple[int, int, float], pose: Pose2) -> Pose2:
+        before, after, share = place
+        ends = [self._after[k] @ self._before[k].between(pose) for k in (before, after)]
+        return ends[0].interpolate(ends[1], share)
 
 
 def edge_of(first: int, second: int, measured: Pose2, information: Floats) -> PoseEdges:
