@@ -37,7 +37,8 @@ logger = logging.getLogger(__name__)
 
 TRUTH_FILE = "groundtruth.tum"
 
-#: Beliefs between two writings; more are let go, so that a run in a hurry does not write more.
+#: Beliefs, and pictures, between two writings; more are let go: a run in a hurry does not write more, and does not keep
+#: more while a disk hangs.
 _MAX_WAITING = 200
 _WRITE_EVERY_S = 0.5
 _PICTURE_EVERY_S = 1.0
@@ -84,7 +85,9 @@ class LiveNotes:
     # --- in the run's loop -----------------------------------------------------------------------------------------
 
     def __call__(self, pipeline: Pipeline, step: Step) -> None:
-        """Take note of a step."""
+        """Take note of a step; of none once the thread that writes has given up."""
+        if self._is_over.is_set():
+            return
         if self._began_s is None:
             self._began_s = step.stamp_s
             self._look_around(pipeline)
@@ -109,6 +112,8 @@ class LiveNotes:
 
     def _take_picture(self, frame: Frame) -> None:
         now_s = time.monotonic()
+        if len(self._pictures) >= _MAX_WAITING:
+            return
         if now_s - self._pictured_s.get(frame.sensor, -_PICTURE_EVERY_S) < _PICTURE_EVERY_S:
             return
         pixels = frame.payload.picture
@@ -138,9 +143,11 @@ class LiveNotes:
         while not self._is_over.wait(_WRITE_EVERY_S):
             try:
                 self.write()
-            except OSError as error:
-                logger.warning("the page of this run stands still: %s", error.strerror or error)
-                return
+            except Exception as error:
+                why = error.strerror or error if isinstance(error, OSError) else words_of(error)
+                logger.warning("the page of this run stands still: %s", why)
+                self._is_over.set()
+                self._beliefs, self._pictures = [], []
 
     def write(self) -> None:
         """Write what is new.
