@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import io
 import json
 import shutil
 import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from trailmark.errors import DataError
+from trailmark.watching import beside
 from trailmark.watching.robot import WatchedRobot
+from trailmark.watching.run_state import writing_of
 from trailmark.watching.watched import WatchedRun
+from trailmark.writing import write_whole
 
 #: Begins a run in the folder that it is told, and goes on until it is told to end.
 RUN = """
@@ -195,3 +200,31 @@ def test_the_buttons_of_a_robot_begin_and_stop_runs(watched, tmp_path: Path) -> 
 @pytest.mark.parametrize("button", ["teach", "stop"])
 def test_a_folder_that_is_watched_has_no_buttons(watched, button: str) -> None:
     assert "there is no button" in WatchedRun(watched.folder, "secret").press(button)
+
+
+def test_the_run_before_it_in_its_folder_is_not_shown(watched, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    shutil.copytree(watched.folder, folder)
+    (folder / "run.json").write_text(json.dumps({"status": "done"}))
+    shown = WatchedRun(folder, "secret", process=1, earlier=writing_of(folder))
+    assert newest(shown)["status"] == "beginning"
+
+    shutil.rmtree(folder)
+    assert newest(shown)["status"] == "beginning"
+    shutil.copytree(watched.folder, folder)
+    write_whole(folder / "run.json", json.dumps({"status": "running"}))
+
+    assert newest(shown)["status"] == "running"
+
+
+def test_a_page_beside_a_run_is_told_which_run_is_not_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    told = io.BytesIO()
+    monkeypatch.setattr(told, "close", lambda: None)
+    child = SimpleNamespace(stdin=told, poll=lambda: None)
+    monkeypatch.setattr(beside.subprocess, "Popen", lambda *args, **options: child)
+    (tmp_path / "run.json").write_text(json.dumps({"status": "done"}))
+
+    with beside.page_beside(tmp_path, 0) as (_, notes):
+        notes.rmdir()
+
+    assert tuple(json.loads(told.getvalue())["earlier"]) == writing_of(tmp_path)

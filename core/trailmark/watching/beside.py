@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, suppress
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from trailmark.errors import ConfigError
 from trailmark.watching.server import PageServer, listen, new_secret, url_of
@@ -45,12 +45,15 @@ def page_beside(folder: Path, port: int) -> Iterator[tuple[str, Path]]:
     ConfigError
         If the port is taken.
     """
+    from trailmark.watching.run_state import writing_of
+
     if os.name == "nt":
         raise ConfigError("--watch needs Linux or macOS; 'trailmark watch RUN --page' in another terminal shows a run")
     listener = listen(port)
     secret, notes = new_secret(), Path(tempfile.mkdtemp(prefix="trailmark-watch-"))
-    told: dict[str, str | int] = {"folder": str(folder.absolute()), "notes": str(notes), "secret": secret}
+    told: dict[str, Any] = {"folder": str(folder.absolute()), "notes": str(notes), "secret": secret}
     told |= {"listener": listener.fileno(), "run": os.getpid()}
+    told |= {"earlier": writing_of(folder)}
     try:
         child = subprocess.Popen(
             [sys.executable, "-P", "-m", __name__],
@@ -118,7 +121,10 @@ def _main() -> None:
         signal.signal(number, signal.SIG_IGN)  # it ends when the run does
     try:
         is_there = partial(_is_parent, run)
-        shown = WatchedRun(Path(told["folder"]), told["secret"], notes=notes, is_there=is_there, process=run)
+        earlier = told["earlier"] and tuple(told["earlier"])
+        shown = WatchedRun(
+            Path(told["folder"]), told["secret"], notes=notes, is_there=is_there, process=run, earlier=earlier
+        )
         with socket.socket(fileno=told["listener"]) as listener:
             _serve(PageServer(listener, told["secret"], shown), shown)
     finally:

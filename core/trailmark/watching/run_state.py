@@ -11,7 +11,7 @@ from trailmark.report.glimpses import FOLDER, PICTURE_NAME
 from trailmark.report.live import RunWatch
 from trailmark.watching.growing import GrowingRun
 
-__all__ = ["NOTHING", "RunState"]
+__all__ = ["NOTHING", "RunState", "writing_of"]
 
 #: A report that is to come comes within this time [s].
 _REPORT_S = 20.0
@@ -29,11 +29,31 @@ NOTHING: dict[str, Any] = {
 }
 
 
-class RunState:
-    """One run, as it was found at the last look."""
+def writing_of(folder: Path) -> tuple[int, int] | None:
+    """Return what tells one writing of a folder's ``run.json`` from another; None: there is none."""
+    try:
+        found = (folder / "run.json").stat()
+    except OSError:
+        return None
+    return found.st_ino, found.st_mtime_ns
 
-    def __init__(self, folder: Path, notes: Path | None) -> None:
+
+class RunState:
+    """One run, as it was found at the last look.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the run; it may not be there yet.
+    notes : Path or None
+        Where the run leaves notes.
+    earlier : tuple of int, optional
+        `writing_of` the folder by a run before this one, which this one will replace; that run is not shown.
+    """
+
+    def __init__(self, folder: Path, notes: Path | None, earlier: tuple[int, int] | None = None) -> None:
         self.folder, self.notes = folder, notes
+        self._earlier = earlier
         self._growing: GrowingRun | None = None
         self._shown: tuple[Any, ...] = ()
         self._last: dict[str, Any] | None = None
@@ -46,7 +66,7 @@ class RunState:
         if self.has_ended:
             return False
         if self._growing is None:
-            if not (self.folder / "run.json").is_file():
+            if writing_of(self.folder) in (None, self._earlier):
                 return False
             self._growing = GrowingRun(self.folder, self.notes)
         before = self._growing.n_left

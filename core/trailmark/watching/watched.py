@@ -190,6 +190,8 @@ class WatchedRun(WatchedPage):
         Whether the program of the run still is.
     process : int or None
         The program that Stop ends; None: there is no such button.
+    earlier : tuple of int, optional
+        `writing_of` the folder by a run before this one, which is not shown.
     """
 
     def __init__(
@@ -200,9 +202,10 @@ class WatchedRun(WatchedPage):
         notes: Path | None = None,
         is_there: Callable[[], bool] = lambda: True,
         process: int | None = None,
+        earlier: tuple[int, int] | None = None,
     ) -> None:
         super().__init__(folder.resolve().name, secret, () if process is None else ("stop",))
-        self._run = RunState(folder, notes)
+        self._run = RunState(folder, notes, earlier)
         self._is_there, self._process = is_there, process
 
     def has_ended(self) -> bool:
