@@ -79,6 +79,45 @@ def drive(
     return Drive(float(np.mean(squares[len(squares) // 2 :])), estimator, named)
 
 
+def tell_too_sure(estimator: Kalman, duration_s: float, *, begin_s: float = 0.0) -> None:
+    """Tell motions of two that state a tenth of their sigmas, and where a robot stands once a second."""
+    rng = np.random.default_rng(1)
+    stated = information_from_sigmas(1e-3, 1e-3, 1e-3)
+    for i in range(1, round(duration_s * 10.0) + 1):
+        t = begin_s + 0.1 * i
+        for name in MOTIONS:
+            told = Pose2(*(rng.normal(size=3) * 0.01).tolist())
+            estimator.apply(name, Motion(t - 0.1, t, told, stated))
+        if i % 10 == 0:
+            estimator.apply("laser", Fix(t, Pose2(), information_from_sigmas(0.01, 0.01, 0.01)))
+
+
+@pytest.mark.parametrize("stamp_s", [1e6, math.inf, 60.0])
+def test_an_estimate_that_is_refused_does_not_stop_the_learning(stamp_s: float) -> None:
+    estimator = kalman()
+    tell_too_sure(estimator, 1.0)
+    refused = estimator.apply("laser", Fix(stamp_s, Pose2(1e9, 0.0, 0.0), information_from_sigmas(1.0, 1.0, 1.0)))
+    tell_too_sure(estimator, 30.0, begin_s=1.0)
+
+    assert refused.status == "refused"
+    assert set(MOTIONS) <= set(estimator.noise_scales())
+
+
+def test_scales_are_kept_and_learned_on_where_the_clock_went_back() -> None:
+    estimator = kalman(time_jump="reset")
+    tell_too_sure(estimator, 28.0, begin_s=600.0)
+    before = dict(estimator.noise_scales())
+    tell_too_sure(estimator, 1.0)
+    at_once = dict(estimator.noise_scales())
+    tell_too_sure(estimator, 20.0, begin_s=1.0)
+
+    assert estimator.counters()["time_resets"] == 1
+    assert set(before) == set(MOTIONS)
+    assert at_once == before
+    assert before["wheels"] < 2.0
+    assert estimator.noise_scales() == pytest.approx({"wheels": 10.0, "camera": 10.0}, rel=0.3)
+
+
 @pytest.mark.parametrize(
     ("mix", "source", "factor"),
     [

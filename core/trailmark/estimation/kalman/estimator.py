@@ -123,8 +123,6 @@ class Kalman(Estimator):
         if monitor is None:
             monitor = self._monitors[source] = SourceMonitor(Trust.of(self.config, source))
         self._belief = None
-        if self._noise is not None and self._noise.is_due(estimate.stamp_s):
-            self._compare_noise(self._noise, estimate.stamp_s)
         if self.config.clock_offsets != "off":
             estimate = self._on_one_clock(source, estimate)
         applied = self._check_stamp(source, estimate, monitor.trust)
@@ -132,6 +130,8 @@ class Kalman(Estimator):
             monitor.record_refusal(applied.reason)
         elif applied.status != "late":
             monitor.record_arrival(estimate.stamp_s)
+            if self._noise is not None and self._noise.is_due(estimate.stamp_s):
+                self._compare_noise(self._noise, estimate.stamp_s)
         return applied
 
     def set_pose(
@@ -244,6 +244,8 @@ class Kalman(Estimator):
             return Applied("refused", information)
         monitor = self._monitors[source]
         if isinstance(estimate, Motion):
+            if not math.isfinite(estimate.since_s):
+                return self._refuse("stamp", f"the motion begins at {estimate.since_s} s")
             information = monitor.believed_of_motion(estimate, information)
             if self._noise is not None:
                 information = self._noise.believed_of_motion(source, estimate, information)
@@ -265,8 +267,6 @@ class Kalman(Estimator):
         )
 
     def _apply_motion(self, source: str, motion: Motion, stated: StatedMotion) -> Applied:
-        if not math.isfinite(motion.since_s):
-            return self._refuse("stamp", f"the motion begins at {motion.since_s} s")
         if motion.stamp_s - motion.since_s > self.config.time_jump_s:
             return self._refuse("time_jump", f"a motion over {motion.stamp_s - motion.since_s:g} s: the clock jumped")
         speed_mps = stated.speed_mps
@@ -341,6 +341,8 @@ class Kalman(Estimator):
     def _restart_clock(self) -> None:
         """Begin anew at any time, where the belief was, as uncertain as after a gap."""
         self._counted["time_resets"] += 1
+        if self._noise is not None:
+            self._noise = self._noise.begin_anew()
         last = self._history.state_at(math.inf)
         self._rejoin()
         pose, travelled_m = self._odometry.publish(last.odometry, last.stamp_s)

@@ -84,6 +84,14 @@ class NoiseScales:
         self._evidence: dict[Key, float] = {}
         self._lasting: set[Key] = set()
 
+    def begin_anew(self) -> NoiseScales:
+        """Return scales that learn from now on, at any time, and begin with those that are used."""
+        anew = NoiseScales()
+        anew._used = dict(self._used)
+        anew._logs = {key: self._logs[key] for key in self._used}
+        anew._leading.logs.update((key, log) for key, log in self._leading.logs.items() if key in self._used)
+        return anew
+
     def believed_of_motion(self, source: str, motion: Motion, stated: Sym3) -> Sym3:
         """Take note of a motion, and return its information as it is believed."""
         track = self._motions.get(source)
