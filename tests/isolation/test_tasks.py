@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -83,3 +84,39 @@ def test_teaching_replaces_the_path_and_replaying_does_not() -> None:
 
     assert teach[-1] == "--overwrite-store"
     assert replay[4:] == ["replay", "r.yaml", "--store", "p.trail", "--set", "seed=1"]
+
+
+#: Begins a run as a page or `ros2 serve` does, and stays.
+BEGINNER = """
+import sys, time
+from trailmark.isolation.tasks import TaskRunner
+runner = TaskRunner(lambda task: sys.argv[1:], lambda state: None)
+runner.begin()
+runner.take("teach")
+time.sleep(60)
+"""
+#: Runs until it is told to end, as a command of ours would hear of it.
+ORPHAN = """
+import os, pathlib, signal, sys, time
+from trailmark.isolation.orphan import ENDS_WITH_STDIN, end_with_stdin
+assert os.environ[ENDS_WITH_STDIN]
+def end(number, frame):
+    pathlib.Path(sys.argv[1] + ".end").write_text(str(number))
+    sys.exit(143)
+signal.signal(signal.SIGTERM, end)
+end_with_stdin()
+pathlib.Path(sys.argv[1]).write_text("runs")
+time.sleep(60)
+"""
+
+
+def test_a_run_ends_when_the_program_that_began_it_is_killed(tmp_path: Path) -> None:
+    run = [sys.executable, "-c", ORPHAN, str(tmp_path / "teach")]
+    beginner = subprocess.Popen([sys.executable, "-c", BEGINNER, *run])
+    wait_for(tmp_path / "teach")
+
+    beginner.kill()
+    beginner.wait()
+
+    wait_for(tmp_path / "teach.end")
+    assert (tmp_path / "teach.end").read_text() == str(int(signal.SIGTERM))

@@ -24,9 +24,12 @@ def _exit_code(arguments: list[str]) -> int | str | None:
     from trailmark.cli.errors import exit_code_of, has_lost_its_reader
     from trailmark.cli.root import refuse_named_pipes, root, split_plugin_options
     from trailmark.interruption import shielded
+    from trailmark.isolation.orphan import ENDS_WITH_STDIN, end_with_stdin
 
     try:
         _log_to_stderr(os.environ.get("TRAILMARK_LOG") or "warning")
+        if os.environ.pop(ENDS_WITH_STDIN, ""):
+            end_with_stdin()
         chosen, rest = split_plugin_options(arguments)
         refuse_named_pipes(rest)
         code = root.main(rest, prog_name="trailmark", obj=chosen, standalone_mode=False)

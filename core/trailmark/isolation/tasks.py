@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import signal
 import subprocess
 import sys
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import Literal
 
 from trailmark.interruption import Lifeline
+from trailmark.isolation.orphan import ENDS_WITH_STDIN
 
 __all__ = ["Task", "TaskRunner", "task_command"]
 
@@ -132,7 +134,8 @@ class _TaskProcess(Lifeline):
     """
 
     def __init__(self, command: list[str]) -> None:
-        self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True)
+        environment = os.environ | {ENDS_WITH_STDIN: "1"}  # a pipe that is ours alone: it ends with us
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, env=environment, start_new_session=True)
         self._is_told = False
         self.__enter__()
 

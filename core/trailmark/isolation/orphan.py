@@ -1,0 +1,28 @@
+"""A program that ends when the one that began it is gone, however that went: nobody could stop its robot any more.
+
+Its standard input is a pipe that only the other holds. The system closes that when the other is killed, too.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from contextlib import suppress
+
+__all__ = ["ENDS_WITH_STDIN", "end_with_stdin"]
+
+#: Set for a program whose standard input is such a pipe.
+ENDS_WITH_STDIN = "TRAILMARK_ENDS_WITH_STDIN"
+
+
+def end_with_stdin() -> None:
+    """Tell this program to end, by SIGTERM, when its standard input ends; return at once."""
+    threading.Thread(target=_wait_for_the_end, name="orphan", daemon=True).start()
+
+
+def _wait_for_the_end() -> None:
+    with suppress(OSError):
+        while os.read(0, 4096):
+            pass
+    os.kill(os.getpid(), signal.SIGTERM)
