@@ -172,6 +172,18 @@ def test_path_and_all_maps_move_together_once(tmp_path: Path) -> None:
     assert rows[0] == waypoints
 
 
+def test_in_a_store_that_cannot_move_loops_stay_open_and_none_is_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    nodes = way_log()
+    taught(tmp_path / "a.trail", nodes)
+    monkeypatch.setattr(SqlitePathStore, "move", lambda store, waypoints, keyframes: False)
+    count, (waypoints, _, _) = closed(tmp_path / "a.trail", Relates(nodes))
+    assert count == 0
+    assert waypoints == [node.pose_map_base for node in nodes]
+    assert "its loops stay open" in caplog.text
+
+
 def appended(nodes: Sequence[Keyframe], first: int = N // 2) -> list[Keyframe]:
     """Return the log of the same way taught in two goes, the stamps of the second from zero again."""
     began_s = nodes[first].stamp_s

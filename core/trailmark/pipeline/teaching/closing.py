@@ -37,7 +37,7 @@ def close_loops(store: PathStore, localizers: Sequence[LocalizerPart]) -> int:
     Returns
     -------
     int
-        How many relations between places have closed loops.
+        How many relations between places have closed loops; none in a store that cannot move a path.
 
     Raises
     ------
@@ -47,11 +47,12 @@ def close_loops(store: PathStore, localizers: Sequence[LocalizerPart]) -> int:
     if store.is_finished(WAY_LOG):
         return 0
     straightened = _straightened(store, localizers)
-    if straightened is not None:
-        _move(store, straightened, {part.name: part for part in localizers})
+    n_loops = 0
+    if straightened is not None and _move(store, straightened, {part.name: part for part in localizers}):
+        n_loops = straightened.n_loops
     store.mark_finished(WAY_LOG)
     store.commit()
-    return 0 if straightened is None else straightened.n_loops
+    return n_loops
 
 
 def _straightened(store: PathStore, localizers: Sequence[LocalizerPart]) -> Straightened | None:
@@ -66,7 +67,7 @@ def _straightened(store: PathStore, localizers: Sequence[LocalizerPart]) -> Stra
     return LoopSearch(nodes, relating).straighten()
 
 
-def _move(store: PathStore, straightened: Straightened, parts: dict[str, LocalizerPart]) -> None:
+def _move(store: PathStore, straightened: Straightened, parts: dict[str, LocalizerPart]) -> bool:
     path = store.path()
     assert path is not None  # the log is committed with waypoints
     waypoints = [straightened.at_station(one.station_m, one.pose_map_base) for one in path.waypoints]
@@ -77,8 +78,10 @@ def _move(store: PathStore, straightened: Straightened, parts: dict[str, Localiz
         ]
         for owner in store.owners()
     }
-    if not store.move(waypoints, keyframes):
+    has_moved = store.move(waypoints, keyframes)
+    if not has_moved:
         logger.warning("the path store cannot move a path: its loops stay open (%d places)", straightened.n_loops)
+    return has_moved
 
 
 def _moved(part: LocalizerPart | None, keyframe: Keyframe, pose: Pose2) -> Keyframe:
