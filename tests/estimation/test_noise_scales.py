@@ -12,6 +12,7 @@ import pytest
 from trailmark.estimates import Fix, Motion, information_from_sigmas
 from trailmark.estimation.kalman.estimator import Kalman
 from trailmark.estimation.kalman.noise_residuals import MotionTrack
+from trailmark.estimation.kalman.noise_scales import NoiseScales
 from trailmark.estimation.kalman.variance_components import LEAST, MOST
 from trailmark.geometry import Pose2, wrap_angle
 
@@ -43,9 +44,10 @@ def drive(
     duration_s: float = 80.0,
     outliers: float = 0.0,
     lasting: str = "",
+    **config: object,
 ) -> Drive:
     """Drive on a winding way; `factors` multiply stated sigmas, the errors of `lasting` are the same in one place."""
-    rng, estimator, pose = np.random.default_rng(0), kalman(), Pose2()
+    rng, estimator, pose = np.random.default_rng(0), kalman(**config), Pose2()
     squares: list[float] = []
     named: set[str] = set()
     for i in range(1, round(duration_s / DT_S) + 1):
@@ -194,9 +196,50 @@ def test_a_source_that_is_sure_by_ten_thousand_is_found_from_its_first_estimate_
 
 
 def test_scales_are_learned_only_where_the_config_allows_it() -> None:
-    estimator = kalman(learn_scales=False)
+    mix, factors = ("wheels", "laser"), {"laser": 0.1}
 
-    assert estimator.noise_scales() == {}
+    allowed = drive(mix, factors, duration_s=30.0)
+    forbidden = drive(mix, factors, duration_s=30.0, learn_scales=False)
+
+    assert set(allowed.estimator.noise_scales()) == {"laser"}
+    assert forbidden.estimator.noise_scales() == {}
+    assert "sigma_percent.laser" not in forbidden.estimator.counters()
+
+
+def tell_what_is_corrected(
+    scales: NoiseScales,
+    variances: Mapping[str, float],
+    intervals_s: Mapping[str, float],
+    *,
+    since_s: float,
+    until_s: float,
+) -> None:
+    """Tell motions of stated variances per second, where a filter corrects all the same way."""
+    steps = [
+        (round(i * dt_s, 6), source, dt_s)
+        for source, dt_s in intervals_s.items()
+        for i in range(round(since_s / dt_s) + 1, round(until_s / dt_s) + 1)
+    ]
+    for t, source, dt_s in sorted(steps):
+        one = 1.0 / (variances[source] * dt_s)
+        scales.believed_of_motion(source, Motion(t - dt_s, t, Pose2(), np.eye(3)), (one, 0.0, 0.0, one, 0.0, one))
+        if scales.is_due(t):
+            scales.compare(t, set(), (np.array([0.3 * t, 0.0, 0.0]), np.eye(3) * 1e-4 * t))
+
+
+def test_a_motion_that_went_silent_does_not_answer_for_another() -> None:
+    scales, variances = NoiseScales(), {"camera": 1e-6, "wheels": 1e-4}
+    tell_what_is_corrected(scales, variances, {"camera": 0.1, "wheels": 0.1}, since_s=0.0, until_s=10.0)
+    tell_what_is_corrected(scales, variances, {"wheels": 0.1}, since_s=10.0, until_s=60.0)
+
+    assert set(scales.scales()) == {"wheels"}
+
+
+def test_the_surest_motion_is_that_of_the_least_variance_per_second() -> None:
+    scales, variances = NoiseScales(), {"laser": 1e-4, "wheels": 4e-4}
+    tell_what_is_corrected(scales, variances, {"laser": 0.1, "wheels": 0.02}, since_s=0.0, until_s=40.0)
+
+    assert set(scales.scales()) == {"laser"}
 
 
 def test_the_covariance_of_a_chain_is_that_of_its_motions_one_by_one() -> None:

@@ -77,7 +77,8 @@ class NoiseScales:
         #: Differences in a row while somebody was accused.
         self._doubted: dict[Pairing, deque[Residual]] = {}
         self._leading = LeadingMotion()
-        self._certainty: dict[str, float] = {}
+        #: When each told motion last, and its information per second.
+        self._certainty: dict[str, tuple[float, float]] = {}
         self._far_s: dict[str, float] = {}
         self._next_s = -math.inf
         self._used: dict[Key, float] = {}
@@ -100,7 +101,7 @@ class NoiseScales:
         step = motion.pose_since_now
         track.add((motion.since_s, motion.stamp_s, step.x, step.y, step.theta, *stated))
         believed = self._scaled((source, True), stated)
-        self._certainty[source] = believed[0] + believed[3]
+        self._certainty[source] = motion.stamp_s, (believed[0] + believed[3]) * (motion.stamp_s - motion.since_s)
         return believed
 
     def believed_of_fix(self, source: str, fix: Fix, stated: Sym3) -> Sym3:
@@ -145,9 +146,9 @@ class NoiseScales:
         self._compare_motions(until_s)
         self._compare_fixes(until_s)
         self._estimate()
-        if corrected is not None and not accused:
-            key = max(self._certainty, key=lambda one: self._certainty[one]), True
-            self._leading.observe(stamp_s, key, *corrected)
+        leader = self._leader(until_s)
+        if corrected is not None and leader is not None and not accused:
+            self._leading.observe(stamp_s, (leader, True), *corrected)
         for key, log in self._leading.logs.items():
             if log > self._logs.get(key, 0.0):
                 self._logs[key], self._evidence[key] = log, math.inf
@@ -156,6 +157,11 @@ class NoiseScales:
     def _scaled(self, key: Key, information: Sym3) -> Sym3:
         scale = self._used.get(key)
         return information if scale is None else scaled(information, 1.0 / (scale * scale))
+
+    def _leader(self, since_s: float) -> str | None:
+        """Return whose motion is surest per second, of those that told any since then."""
+        told = {source: sure for source, (stamp_s, sure) in self._certainty.items() if stamp_s >= since_s}
+        return max(told, key=told.__getitem__, default=None)
 
     def _compare_motions(self, until_s: float) -> None:
         for (a, first), (b, second) in combinations(sorted(self._motions.items()), 2):
