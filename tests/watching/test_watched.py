@@ -26,8 +26,8 @@ import json, pathlib, sys, time
 folder = pathlib.Path(sys.argv[1])
 folder.mkdir(parents=True)
 (folder / "estimates.csv").write_text(sys.argv[2])
-(folder / "run.json").write_text(json.dumps({"status": "running"}))
 try:
+    (folder / "run.json").write_text(json.dumps({"status": "running"}))
     time.sleep(60)
 except KeyboardInterrupt:
     (folder / "run.json").write_text(json.dumps({"status": "interrupted"}))
@@ -40,6 +40,11 @@ def wait_for(condition: Callable[[], bool]) -> None:
     while not condition():
         assert time.monotonic() < until_s
         time.sleep(0.02)
+
+
+def has_begun(folder: Path) -> bool:
+    path = folder / "run.json"
+    return path.exists() and bool(path.read_text())
 
 
 def raises(error: Exception) -> Callable[[], bool]:
@@ -181,7 +186,7 @@ def test_the_buttons_of_a_robot_begin_and_stop_runs(watched, tmp_path: Path) -> 
         assert shown.press("teach") == ""
         assert shown.press("replay") == "replay is refused: teach is going on"
         assert "no button" in shown.press("shutdown")
-        wait_for(lambda: (tmp_path / "teach" / "run.json").exists())
+        wait_for(lambda: has_begun(tmp_path / "teach"))
         going_on = newest(shown)
         assert (going_on["status"], going_on["can"], going_on["name"]) == ("teach", ["stop"], "teach")
 
@@ -191,7 +196,7 @@ def test_the_buttons_of_a_robot_begin_and_stop_runs(watched, tmp_path: Path) -> 
         assert json.loads((tmp_path / "teach" / "run.json").read_text())["status"] == "interrupted"
 
         assert shown.press("replay") == ""
-        wait_for(lambda: (tmp_path / "replay" / "run.json").exists())
+        wait_for(lambda: has_begun(tmp_path / "replay"))
     finally:
         shown.close()
     assert json.loads((tmp_path / "replay" / "run.json").read_text())["status"] == "interrupted"
