@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import threading
 from collections.abc import Callable, Generator, Iterator, Mapping
 from typing import TYPE_CHECKING
@@ -29,10 +28,6 @@ if TYPE_CHECKING:
     from trailmark.pipeline.sources.realtime import Event
 
 __all__ = ["Run"]
-
-logger = logging.getLogger(__name__)
-
-_FOLD_EVERY = 4096  # frames
 
 
 class Run:
