@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -67,6 +69,51 @@ def test_what_cannot_be_done_is_refused(runner: TaskRunner) -> None:
     assert runner.take("replay") == "replay is refused: teach is going on"
     assert "is no task" in runner.take("rm -rf /")
     assert runner.state == "teach"
+
+
+@pytest.mark.parametrize("fails_in", ["the command line", "the program"])
+def test_a_run_that_cannot_begin_is_refused(said: list[str], tmp_path: Path, fails_in: str) -> None:
+    def command_of(task: str) -> list[str]:
+        if fails_in == "the program":
+            return [str(tmp_path / "nowhere")]
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    runner = TaskRunner(command_of, said.append)
+    runner.begin()
+
+    refusal = runner.take("teach")
+
+    assert refusal.startswith("teach cannot begin: ")
+    assert refusal.endswith("No such file or directory" if fails_in == "the program" else "No space left on device")
+    assert not runner.is_running
+    assert said == ["idle"]
+
+
+def test_what_goes_on_is_looked_at_while_a_run_is_being_stopped(
+    runner: TaskRunner, said: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runner.take("teach")
+    wait_for(tmp_path / "teach")
+    assert runner._running is not None
+    end, looked = runner._running.end, []
+
+    def look() -> None:
+        runner.look()
+        looked.extend([runner.state, runner.is_running, runner.take("replay")])
+
+    def end_when_looked_at(name: str) -> None:
+        looker = threading.Thread(target=look, daemon=True)
+        looker.start()
+        looker.join(10.0)  # it comes back at once, or not before the end
+        looked.append("the end")
+        end(name)
+
+    monkeypatch.setattr(runner._running, "end", end_when_looked_at)
+    assert runner.take("stop") == ""
+
+    assert looked == ["stopping teach", True, "replay is refused: teach is being stopped", "the end"]
+    assert said == ["idle", "teach", "stopping teach", "idle: teach was stopped"]
+    assert not runner.is_running
 
 
 def test_how_a_run_ended_by_itself_is_said(runner: TaskRunner, said: list[str]) -> None:

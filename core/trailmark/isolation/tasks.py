@@ -66,12 +66,13 @@ class TaskRunner:
         self._say_elsewhere = say
         self._running: _TaskProcess | None = None
         self._task = ""
-        self._lock = threading.RLock()
+        self._is_stopping = False
+        self._lock, self._stop_lock = threading.RLock(), threading.RLock()
         self.state = ""
 
     @property
     def is_running(self) -> bool:
-        """Whether a run is going on."""
+        """Whether a run is going on, or is being stopped."""
         return self._running is not None
 
     def begin(self) -> None:
@@ -88,36 +89,53 @@ class TaskRunner:
             if task is None:
                 refusal = f"{asked!r} is no task: teach, replay and stop are"
             elif self._running is not None:
-                refusal = f"{asked} is refused: {self._task} is going on"
+                what = "being stopped" if self._is_stopping else "going on"
+                refusal = f"{asked} is refused: {self._task} is {what}"
             else:
-                self._start(task)
-                return ""
+                refusal = self._start(task)
+        if not refusal:
+            return ""
         logger.warning("%s", refusal)
         return refusal
 
     def look(self) -> None:
         """Say so if the run has ended by itself."""
         with self._lock:
-            if self._running is not None and (code := self._running.poll()) is not None:
+            if self._running is not None and not self._is_stopping and (code := self._running.poll()) is not None:
                 self._running = None
                 how = "ended" if code == 0 else f"ended with exit code {code}"
                 self._say(f"idle: {self._task} {how}")
 
     def stop(self) -> None:
-        """End the run that is going on, in order as Ctrl-C does; the robot is stopped at once."""
-        with self._lock:
-            running, self._running = self._running, None
-            if running is None:
-                return
-            self._say(f"stopping {self._task}")
-            running.end(self._task)
-            self._say(f"idle: {self._task} was stopped")
+        """End the run that is going on, in order as Ctrl-C does; the robot is stopped at once.
 
-    def _start(self, task: Task) -> None:
-        self._task = task
+        Whoever looks meanwhile is not held up; who stops it too waits for its end.
+        """
+        with self._stop_lock:
+            with self._lock:
+                running = self._running
+                if running is None:
+                    return
+                self._is_stopping = True
+                self._say(f"stopping {self._task}")
+            try:
+                running.end(self._task)
+                with self._lock:
+                    self._running = None
+                    self._say(f"idle: {self._task} was stopped")
+            finally:
+                self._is_stopping = False
+
+    def _start(self, task: Task) -> str:
+        """Begin a task; return why it cannot begin, empty where it has."""
         logger.warning("%s begins", task)
-        self._running = _TaskProcess(self._command_of(task))
+        try:
+            self._running = _TaskProcess(self._command_of(task))
+        except OSError as error:
+            return f"{task} cannot begin: {error.strerror or error}"
+        self._task = task
         self._say(task)
+        return ""
 
     def _say(self, state: str) -> None:
         if state != self.state:
