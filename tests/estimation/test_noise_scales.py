@@ -227,6 +227,22 @@ def tell_what_is_corrected(
             scales.compare(t, set(), (np.array([0.3 * t, 0.0, 0.0]), np.eye(3) * 1e-4 * t))
 
 
+def test_of_a_localizer_that_tells_motion_and_poses_the_larger_scale_is_told() -> None:
+    rng, estimator = np.random.default_rng(1), kalman()
+    of_motion, of_fixes = information_from_sigmas(0.002, 0.002, 0.002), information_from_sigmas(0.02, 0.02, 0.02)
+    for i in range(1, 401):
+        t = 0.1 * i
+        for name in ("laser", "wheels"):
+            error = rng.normal(size=3) * 0.002 * (3.0 if name == "laser" else 1.0)
+            estimator.apply(name, Motion(t - 0.1, t, Pose2(*error.tolist()), of_motion))
+        if i % 3 == 0:
+            told = Pose2(*(rng.normal(size=3) * 0.2).tolist())
+            estimator.apply("laser", Fix(t, told, of_fixes))
+
+    assert estimator.noise_scales()["laser"] == pytest.approx(10.0, rel=0.3)
+    assert estimator.counters()["sigma_percent.laser"] > 700
+
+
 def test_a_motion_that_went_silent_does_not_answer_for_another() -> None:
     scales, variances = NoiseScales(), {"camera": 1e-6, "wheels": 1e-4}
     tell_what_is_corrected(scales, variances, {"camera": 0.1, "wheels": 0.1}, since_s=0.0, until_s=10.0)

@@ -116,8 +116,14 @@ class NoiseScales:
         return self._scaled((source, False), stated)
 
     def scales(self) -> Mapping[str, float]:
-        """Return by which factor stated standard deviations are multiplied, by localizer, where that is not one."""
-        return {source: scale for (source, _), scale in sorted(self._used.items())}
+        """Return by which factor stated standard deviations are multiplied, by localizer, where that is not one.
+
+        Of the scales of its motion and of its absolute estimates it is the larger.
+        """
+        found: dict[str, float] = {}
+        for (source, _), scale in sorted(self._used.items()):
+            found[source] = max(scale, found.get(source, 0.0))
+        return found
 
     def is_due(self, stamp_s: float) -> bool:
         """Return whether it is time to compare."""
