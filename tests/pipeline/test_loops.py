@@ -17,10 +17,12 @@ from trailmark.estimates import Belief, Fix, Lost, information_from_sigmas
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Localizer, Session
 from trailmark.paths import Keyframe, Waypoint
+from trailmark.pipeline.lifecycle import Sessions
 from trailmark.pipeline.localizers.runner import LocalizerFailedError
 from trailmark.pipeline.teaching.closing import close_loops
 from trailmark.pipeline.teaching.logged_way import LoggedWay
 from trailmark.pipeline.teaching.loops import LoopSearch, RelatingLocalizer
+from trailmark.pipeline.teaching.taught_map import open_taught_map
 from trailmark.pipeline.teaching.way_graph import Straightened
 from trailmark.pipeline.teaching.way_log import WAY_LOG, WayLog
 from trailmark.stores import SqlitePathStore, SqliteStoreConfig
@@ -130,6 +132,25 @@ def test_wrong_places_among_right_ones_bend_nothing() -> None:
     assert ends[0].distance_to(ends[1]) < 0.15
 
 
+def ahead(pose: Pose2) -> dict[str, Floats]:
+    """Return a landmark a metre ahead, in map axes."""
+    point = pose @ Pose2(1.0)
+    return {"point": np.array([point.x, point.y])}
+
+
+class SeesAhead(Localizer):
+    """Keeps a landmark a metre ahead of every place."""
+
+    def __init__(self) -> None:
+        super().__init__(None)
+
+    def observe(self, frame: Any, belief: Belief) -> Sequence[Any]:
+        return ()
+
+    def moved(self, keyframe: Keyframe, pose_map_base: Pose2) -> Keyframe:
+        return replace(keyframe, pose_map_base=pose_map_base, arrays=ahead(pose_map_base))
+
+
 def taught(path: Path, nodes: Sequence[Keyframe]) -> None:
     """Keep what a teaching leaves that has not finished."""
     store = SqlitePathStore(SqliteStoreConfig(path=str(path), access="create"))
@@ -137,19 +158,22 @@ def taught(path: Path, nodes: Sequence[Keyframe]) -> None:
     for k, node in enumerate(nodes):
         store.localizer_map(WAY_LOG).add(node)
         store.localizer_map("laser").add(Keyframe(node.station_m, node.stamp_s, node.pose_map_base, {}))
-        store.localizer_map("stranger").add(Keyframe(node.station_m, node.stamp_s, node.pose_map_base, {}))
+        store.localizer_map("stranger").add(
+            Keyframe(node.station_m, node.stamp_s, node.pose_map_base, ahead(node.pose_map_base))
+        )
         store.append(Waypoint(k, node.station_m, node.pose_map_base))
     store.commit()
     store.close()
 
 
-def closed(path: Path, localizer: Localizer) -> tuple[int, list[list[Pose2]]]:
+def closed(path: Path, localizer: Localizer, with_stranger: bool = True) -> tuple[int, list[list[Pose2]]]:
     """Close the loops of a store; return how many, and where waypoints and keyframes lie."""
     store = SqlitePathStore(SqliteStoreConfig(path=str(path), access="append"))
     store.start(Session())
     try:
         part: Any = SimpleNamespace(name="laser", localizer=localizer)
-        count = close_loops(store, [part])
+        stranger: Any = SimpleNamespace(name="stranger", localizer=SeesAhead())
+        count = close_loops(store, [part], [stranger] if with_stranger else [])
         way = store.path()
         assert way is not None
         rows = [[one.pose_map_base for one in way.waypoints]]
@@ -170,6 +194,68 @@ def test_path_and_all_maps_move_together_once(tmp_path: Path) -> None:
     again, rows = closed(tmp_path / "a.trail", Relates(nodes))
     assert again == 0
     assert rows[0] == waypoints
+
+
+def test_while_who_remembers_the_path_is_not_in_the_run_it_is_left(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    nodes = way_log()
+    taught(tmp_path / "a.trail", nodes)
+    count, rows = closed(tmp_path / "a.trail", Relates(nodes), with_stranger=False)
+    assert count == 0
+    assert rows == [[node.pose_map_base for node in nodes]] * 3
+    assert "stranger remembers it too, is not in this run" in caplog.text
+    assert closed(tmp_path / "a.trail", Relates(nodes))[0] > 30  # later, with it
+
+
+def test_what_is_held_in_map_axes_moves_though_its_localizer_is_switched_off(tmp_path: Path) -> None:
+    nodes = way_log()
+    taught(tmp_path / "a.trail", nodes)
+    assert closed(tmp_path / "a.trail", Relates(nodes))[0] > 30
+    store = SqlitePathStore(SqliteStoreConfig(path=str(tmp_path / "a.trail"), access="read"))
+    store.start(Session())
+    for one in store.localizer_map("stranger").keyframes():
+        np.testing.assert_allclose(one.arrays["point"], ahead(one.pose_map_base)["point"], atol=1e-9)
+    store.close()
+
+
+def replayed(path: Path, localizers: Mapping[str, Localizer]) -> list[Pose2]:
+    """Return the path that a replay follows after it has finished what a teaching left."""
+
+    def opened(access: str, base_dir: object) -> SqlitePathStore:
+        return SqlitePathStore(SqliteStoreConfig(path=str(path), access=access))
+
+    settings = SimpleNamespace(mode="replay", seed=0)
+    run: Any = SimpleNamespace(
+        path_store=SimpleNamespace(open=opened), settings=settings, base_dir=path.parent, access=None
+    )
+    starter: Any = SimpleNamespace(start=lambda kind, part, session: part.start(session))
+    taught_map = open_taught_map(run, starter)
+    assert taught_map is not None
+    parts: Any = [SimpleNamespace(name=name, localizer=localizer) for name, localizer in localizers.items()]
+    taught_map.finish_leftovers(parts, Sessions("replay", 0))
+    assert taught_map.path is not None
+    return [one.pose_map_base for one in taught_map.path.waypoints]
+
+
+@pytest.mark.parametrize("is_finished", [False, True])
+def test_loops_that_were_left_open_are_closed_by_a_replay_with_all_who_remember(
+    tmp_path: Path, is_finished: bool
+) -> None:
+    nodes, path = way_log(), tmp_path / "a.trail"
+    taught(path, nodes)
+    store = SqlitePathStore(SqliteStoreConfig(path=str(path), access="append"))
+    store.start(Session())
+    for owner in ("laser", "stranger") if is_finished else ():
+        store.mark_finished(owner)
+    store.commit()
+    store.close()
+    laser = Relates(nodes)
+    assert replayed(path, {"laser": laser}) == [node.pose_map_base for node in nodes]
+    assert (laser.asked == 0) == is_finished
+    straight = replayed(path, {"odometry": SeesAhead(), "laser": Relates(nodes), "stranger": SeesAhead()})
+    assert worst(straight) < 0.35
+    assert replayed(path, {"laser": Relates(nodes)}) == straight
 
 
 def test_in_a_store_that_cannot_move_loops_stay_open_and_none_is_counted(

@@ -13,6 +13,7 @@ from trailmark.frames import GroundPlane, SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.paths import Keyframe, Waypoint
 from trailmark.pipeline import Pipeline
+from trailmark.pipeline.localizers import LocalizerFailedError
 from trailmark.pipeline.teaching import taught_map
 
 
@@ -122,6 +123,29 @@ def test_a_localizer_that_cannot_finish_fails_the_run(fakes) -> None:
     assert pipeline.result.status == "failed"
 
 
+@pytest.mark.parametrize("fails_again", [False, True])
+def test_one_that_is_switched_off_still_moves_what_it_remembers(fakes, monkeypatch, caplog, fails_again: bool) -> None:
+    calls = []
+
+    def straighten(store, localizers, switched_off) -> int:
+        calls.append([[part.name for part in parts] for parts in (localizers, switched_off)])
+        if len(calls) == 1 or fails_again:
+            raise LocalizerFailedError("localizer 'map' failed in moved: ValueError: broken")
+        return 7
+
+    monkeypatch.setattr(taught_map, "close_loops", straighten)
+    source, mover = drive(fakes, 50)
+    localizers = {"vo": mover, "map": fakes.Scripted()}
+    options = {"map": {"on_error": "disable"}}
+    pipeline = Pipeline(fakes.parts({"floor": source}, localizers, localizer_options=options, mode="teach", disk={}))
+
+    list(pipeline)
+
+    assert calls == [[["vo", "map"], []], [["vo"], ["map"]]]
+    assert pipeline.result.counters.get("teach.loops", 0) == (0 if fails_again else 7)
+    assert ("loops stay open" in caplog.text) == fails_again
+
+
 @pytest.mark.parametrize(("n", "when"), [(10, "in the whole recording"), (500, "after 5 s")])
 def test_teaching_without_motion_is_refused_with_a_hint(fakes, n: int, when: str) -> None:
     source, _ = drive(fakes, n)
@@ -197,7 +221,7 @@ class TestReplay:
         disk = {"waypoints": taught_path(), "unfinished": {"map"}}
         straight = [replace(one, pose_map_base=Pose2(0.0, 0.5) @ one.pose_map_base) for one in taught_path()]
 
-        def straighten(store, localizers) -> int:
+        def straighten(store, localizers, switched_off) -> int:
             disk["waypoints"] = straight
             return 1
 

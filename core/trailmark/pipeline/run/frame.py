@@ -14,6 +14,7 @@ from trailmark.pipeline.instruments import Instruments
 from trailmark.pipeline.localizers import LocalizerFailedError, LocalizerRunner, ObserveResult
 from trailmark.pipeline.outputs.fanout import SinkFanout
 from trailmark.pipeline.outputs.result import Step
+from trailmark.pipeline.parts import LocalizerPart
 from trailmark.pipeline.startup import RunningParts
 
 if TYPE_CHECKING:
@@ -50,6 +51,7 @@ class FrameProcessor:
         self._teaching = None if running.taught is None else running.taught.teaching
         self._is_realtime = running.parts.is_realtime
         self._clock, self._counters, self._times = instruments.clock, instruments.counters, instruments.times
+        self._switched_off: list[LocalizerPart] = []
         self._set_localizers(running.localizers)
 
     def process(self, event: Event) -> Step:
@@ -137,9 +139,13 @@ class FrameProcessor:
     def _close_loops(self, taught: TaughtMap) -> None:
         """Straighten the path; without a localizer that fails at it, if its ``on_error`` lets the run go on."""
         try:
-            n_loops = taught.close_loops([localizer.part for localizer in self._localizers])
+            n_loops = taught.close_loops([localizer.part for localizer in self._localizers], self._switched_off)
         except LocalizerFailedError as error:
-            self._on_failure(next(one for one in self._localizers if f"localizer {one.name!r}" in str(error)), error)
+            failed = next((one for one in self._localizers if f"localizer {one.name!r}" in str(error)), None)
+            if failed is None:
+                logger.warning("%s; what it remembers cannot move: loops stay open", error)
+                return
+            self._on_failure(failed, error)
             self._close_loops(taught)
             return
         if n_loops:
@@ -153,6 +159,7 @@ class FrameProcessor:
         self._counters[f"localizer.{localizer.name}.disabled"] += 1
         self._estimator.health[localizer.name] = f"switched off: {error}"
         self._set_localizers([other for other in self._localizers if other is not localizer])
+        self._switched_off.append(localizer.part)
         localizer.close()
 
     def _set_localizers(self, localizers: Sequence[LocalizerRunner]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from trailmark.errors import StoreFailedError
 from trailmark.failures import raise_failure
@@ -16,16 +16,19 @@ from trailmark.pipeline.teaching.loops import LoopSearch, RelatingLocalizer
 from trailmark.pipeline.teaching.way_graph import Straightened
 from trailmark.pipeline.teaching.way_log import FIXED, WAY_LOG
 
-__all__ = ["close_loops"]
+__all__ = ["close_loops", "owners_beside"]
 
 logger = logging.getLogger(__name__)
 
 
-def close_loops(store: PathStore, localizers: Sequence[LocalizerPart]) -> int:
+def close_loops(
+    store: PathStore, localizers: Sequence[LocalizerPart], switched_off: Sequence[LocalizerPart] = ()
+) -> int:
     """Straighten a taught path, and move what is remembered along it, where places were seen twice.
 
     All of it is one transaction of the store: a kill leaves the path as it was taught, and it is done anew when the
-    teaching is finished. A path that fixes have held in the map is left where they held it.
+    teaching is finished. A path that fixes have held in the map is left where they held it. While somebody has
+    keyframes there who is not in the run, nothing moves: only the localizer knows what its arrays hold in map axes.
 
     Parameters
     ----------
@@ -33,6 +36,8 @@ def close_loops(store: PathStore, localizers: Sequence[LocalizerPart]) -> int:
         Open for writing, with all of the path committed.
     localizers : sequence of LocalizerPart
         Those of the run, started.
+    switched_off : sequence of LocalizerPart
+        Those that failed in the run: they are not asked about places, but move what they remember.
 
     Returns
     -------
@@ -46,25 +51,41 @@ def close_loops(store: PathStore, localizers: Sequence[LocalizerPart]) -> int:
     """
     if store.is_finished(WAY_LOG):
         return 0
-    straightened = _straightened(store, localizers)
     n_loops = 0
-    if straightened is not None and _move(store, straightened, {part.name: part for part in localizers}):
-        n_loops = straightened.n_loops
+    nodes = store.localizer_map(WAY_LOG).keyframes()
+    if len(nodes) >= 2 and not any(bool(node.arrays[FIXED]) for node in nodes):
+        straightened = _straightened(store, nodes, localizers)
+        parts = {part.name: part for part in (*localizers, *switched_off)}
+        if missing := owners_beside(store, parts):
+            if straightened is not None:
+                logger.warning(
+                    "places were seen twice (%d), but the path is left as it was taught: %s remembers it too, is not in"
+                    " this run, and its map would not fit any more; replay once with it to straighten all",
+                    *(straightened.n_loops, ", ".join(missing)),
+                )
+            return 0
+        if straightened is not None and _move(store, straightened, parts):
+            n_loops = straightened.n_loops
     store.mark_finished(WAY_LOG)
     store.commit()
     return n_loops
 
 
-def _straightened(store: PathStore, localizers: Sequence[LocalizerPart]) -> Straightened | None:
-    nodes = store.localizer_map(WAY_LOG).keyframes()
+def owners_beside(store: PathStore, names: Collection[str]) -> list[str]:
+    """Return which localizers have keyframes in a store, beside those of these names."""
+    others = [owner for owner in store.owners() if owner != WAY_LOG and owner not in names]
+    return [owner for owner in others if store.localizer_map(owner).keyframes()]
+
+
+def _straightened(
+    store: PathStore, nodes: Sequence[Keyframe], localizers: Sequence[LocalizerPart]
+) -> Straightened | None:
     relating = [
         RelatingLocalizer(part, store.localizer_map(part.name).keyframes())
         for part in localizers
         if part.localizer.relates_keyframes
     ]
-    if len(nodes) < 2 or not relating or any(bool(node.arrays[FIXED]) for node in nodes):
-        return None
-    return LoopSearch(nodes, relating).straighten()
+    return LoopSearch(nodes, relating).straighten() if relating else None
 
 
 def _move(store: PathStore, straightened: Straightened, parts: dict[str, LocalizerPart]) -> bool:

@@ -18,9 +18,10 @@ from trailmark.pipeline.lifecycle import PartStarter, Sessions
 from trailmark.pipeline.localizers.runner import LocalizerFailedError
 from trailmark.pipeline.outputs.provenance import provenance
 from trailmark.pipeline.parts import LocalizerPart, Parts
-from trailmark.pipeline.teaching.closing import close_loops
+from trailmark.pipeline.teaching.closing import close_loops, owners_beside
 from trailmark.pipeline.teaching.guarded_store import GuardedMap, GuardedStore
 from trailmark.pipeline.teaching.localizer_maps import ContinuedMap, VersionedMap, check_format
+from trailmark.pipeline.teaching.way_log import WAY_LOG
 from trailmark.pipeline.teaching.waypoints import Teaching
 
 __all__ = ["TaughtMap", "open_taught_map"]
@@ -93,7 +94,7 @@ class TaughtMap:
 
     def finish_leftovers(self, localizers: Sequence[LocalizerPart], sessions: Sessions) -> None:
         """Let localizers finish what an interrupted teaching left, before the path is used."""
-        unfinished = [part for part in localizers if not self._store.is_finished(part.name)]
+        unfinished = self._unfinished(localizers)
         if not unfinished:
             return
         self._reopen("append")
@@ -107,6 +108,16 @@ class TaughtMap:
             part.localizer.close()
         self._reopen("read")
         self.path = self._store.path()
+
+    def _unfinished(self, localizers: Sequence[LocalizerPart]) -> list[LocalizerPart]:
+        """Return which are to finish; all that remember the path, if it is to be straightened first."""
+        unfinished = [part for part in localizers if not self._store.is_finished(part.name)]
+        if self._store.is_finished(WAY_LOG):
+            return unfinished
+        if not unfinished and owners_beside(self._store, {part.name for part in localizers}):
+            return []
+        owners = self._store.owners()
+        return [part for part in localizers if part in unfinished or part.name in owners]
 
     # --- teaching --------------------------------------------------------------------------------------------------
 
@@ -124,9 +135,9 @@ class TaughtMap:
         self._store.set_sensors(sensors)
         self._store.set_meta(provenance(self._parts.base_dir) | {"config": dict(document)})
 
-    def close_loops(self, localizers: Sequence[LocalizerPart]) -> int:
+    def close_loops(self, localizers: Sequence[LocalizerPart], switched_off: Sequence[LocalizerPart] = ()) -> int:
         """Straighten the path where places were seen twice; see `close_loops`."""
-        return close_loops(self._store, localizers)
+        return close_loops(self._store, localizers, switched_off)
 
     def finish(self, part: LocalizerPart) -> None:
         """Let a localizer select, train and index what it was taught, and write down that it did.
