@@ -115,6 +115,29 @@ def test_a_motion_that_is_spare_is_unused_beside_another_of_the_same_sensor(fake
     ]
 
 
+def test_a_motion_that_is_spare_counts_when_the_other_is_switched_off(fakes) -> None:
+    class Mapper(fakes.Mover):
+        motion_is_spare = True
+
+    def fail() -> None:
+        floor._say = lambda frame, belief: 1 / 0
+
+    floor = fakes.Mover(Pose2(0.1))
+    frames = fakes.image_frames("cam", stamps(9))
+    source = fakes.Recording([*frames[:4], fail, *frames[4:]])
+    options = {"vo": {"on_error": "disable"}}
+    parts = fakes.parts({"cam": source}, {"vo": floor, "mapper": Mapper(Pose2(0.1))}, localizer_options=options)
+    pipeline = Pipeline(parts)
+
+    *_, last = pipeline
+
+    assert pipeline.result.counters["localizer.mapper.unused"] == 3
+    assert pipeline.result.counters["localizer.mapper.accepted"] == 5
+    assert last.belief.pose_map_base.x == pytest.approx(0.8)
+    assert last.belief.motion_age_s == 0.0
+    assert last.belief.health["vo"].startswith("switched off: localizer 'vo' failed")
+
+
 def test_an_estimate_about_the_future_is_refused(fakes) -> None:
     prophet = fakes.Scripted(lambda frame, belief: (Fix(frame.stamp_s + 1e9, Pose2(9.0), fakes.GOOD),))
     source = fakes.Recording(fakes.image_frames("cam", stamps(2)))

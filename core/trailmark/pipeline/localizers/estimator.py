@@ -130,6 +130,15 @@ class EstimatorRunner:
         self._times.append(perf_counter_ns() - began_ns)
         return outcome
 
+    def switch_off(self, name: str, why: str) -> None:
+        """Expect nothing more of a localizer: what was spare beside its motion counts from now on."""
+        self.health[name] = f"switched off: {why}"
+        self._moving.pop(name, None)
+        self._spared.pop(name, None)
+        for spare in [spare for spare, other in self._spared.items() if other == name]:
+            del self._spared[spare]
+            self._moving.pop(spare, None)  # another may give motion too
+
     def _admit_motion(self, localizer: LocalizerPart) -> None:
         for other in list(self._moving.values()) if self._use is None else ():
             shared = other.sensors & localizer.sensors

@@ -157,7 +157,7 @@ class FrameProcessor:
             raise error
         logger.warning("%s; it is switched off (on_error: disable)", error)
         self._counters[f"localizer.{localizer.name}.disabled"] += 1
-        self._estimator.health[localizer.name] = f"switched off: {error}"
+        self._estimator.switch_off(localizer.name, str(error))
         self._set_localizers([other for other in self._localizers if other is not localizer])
         self._switched_off.append(localizer.part)
         localizer.close()
