@@ -42,7 +42,8 @@ _FEWEST, _WITHIN_M = 3, 6.0
 _SITE_M = 1.0
 # An error of the poses between two looks that no covariance tells [m, rad].
 _SLACK = np.diag(np.square([0.03, 0.03, math.radians(0.5)]))
-_RATHER_SURE = 1e-9
+# A direction that is told less than this, as a share of the best, is not told.
+_TOLD = 1e-12
 
 
 class RelatingLocalizer:
@@ -231,6 +232,13 @@ def _chi_square(off: Pose2, information: Floats, covariance: Floats) -> float:
 
 
 def _parallel(first: Floats, second: Floats) -> Floats:
-    """Return the information of a difference: none in directions that one of both does not tell."""
-    regular = np.eye(3) * _RATHER_SURE
-    return np.asarray(np.linalg.inv(np.linalg.inv(first + regular) + np.linalg.inv(second + regular)))
+    """Return the information of a difference: none in directions that one of both does not tell.
+
+    In axes in which the sum of both is the unit matrix, both are diagonal, and tell shares of it that make one.
+    """
+    values, vectors = np.linalg.eigh(first + second)
+    told = values > _TOLD * values[-1]
+    roots, axes = np.sqrt(values[told]), vectors[:, told]
+    shares, turn = np.linalg.eigh((axes / roots).T @ first @ (axes / roots))
+    back = (axes * roots) @ turn
+    return np.asarray((back * np.clip(shares * (1.0 - shares), 0.0, None)) @ back.T)
