@@ -13,7 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trailmark.cli.root import ChosenPlugins, root
-from trailmark_bench import Cell
+from trailmark.isolation.executor import Executor, Finished, Job
+from trailmark_bench import Cell, Index, Outcome, run_bench
 from trailmark_bench.order import first_samples, in_order_of_worth
 
 TOY = Path(__file__).with_name("toy_plugin.py")
@@ -50,6 +51,54 @@ def test_each_matrix_has_first_samples_of_its_own() -> None:
     other = Cell("f" * 20, "halls", {"source": "hall", "seed": 7}, {})
 
     assert other in first_samples([*CELLS, other])
+
+
+def test_a_combination_that_the_first_place_lacks_has_a_first_sample_elsewhere() -> None:
+    values = [("a", "p1", 0), ("a", "p2", 0), ("b", "p2", 1), ("b", "p3", 0), ("b", "p2", 0)]
+    cells = [
+        Cell(f"{number:020x}", "", dict(zip(("localizer", "place", "seed"), three, strict=True)), {})
+        for number, three in enumerate(values)
+    ]
+
+    assert [at(cell, "localizer", "place", "seed") for cell in first_samples(cells)] == [("a", "p1", 0), ("b", "p2", 0)]
+
+
+class StartedCells(Executor):
+    """Takes every cell, and is interrupted when it is asked for the first that has ended."""
+
+    def __init__(self) -> None:
+        self.ids: list[str] = []
+
+    @property
+    def slots(self) -> int:
+        return len(CELLS)
+
+    def start(self, workspace: Path) -> None:
+        pass
+
+    def submit(self, job: Job) -> None:
+        self.ids.append(job.id)
+
+    def wait(self, timeout_s: float) -> list[Finished]:
+        raise KeyboardInterrupt
+
+    def close(self) -> None:
+        pass
+
+
+def test_a_bench_that_goes_on_keeps_its_order(tmp_path: Path) -> None:
+    ordered = in_order_of_worth(CELLS)
+    is_done = {cell.id for cell in ordered[:5]} | {CELLS[0].id}
+    executor = StartedCells()
+    with Index(tmp_path, write=True) as index:
+        index.enter(CELLS)
+        for cell_id in is_done:
+            index.mark_finished(cell_id, Outcome("ok"))
+
+        with pytest.raises(KeyboardInterrupt):
+            run_bench(CELLS, index, executor)
+
+    assert executor.ids == [cell.id for cell in ordered if cell.id not in is_done]
 
 
 @pytest.fixture(scope="module")

@@ -10,27 +10,45 @@ __all__ = ["first_samples", "in_order_of_worth"]
 
 #: What a perturbation that changes nothing is called.
 _CLEAN = "clean"
+#: Axes whose values are samples of one condition, those that matter more first.
+_SAMPLES = ("seed", "place")
 
 
-def in_order_of_worth(cells: Sequence[Cell]) -> list[Cell]:
+def in_order_of_worth(cells: Sequence[Cell], bench: Sequence[Cell] | None = None) -> list[Cell]:
     """Return cells so that every condition has a figure before any has a second: places before seeds.
 
     Within one round what has no fault comes first; cells of one source, place, seed and fault stand together, so that
     they find its frames rendered.
+
+    Parameters
+    ----------
+    cells : sequence of Cell
+        Those to sort.
+    bench : sequence of Cell, optional
+        All cells of their bench, where they are what is left of it: which place and seed is the first is seen there.
     """
-    ranks = _Ranks(cells)
+    ranks = _Ranks(cells if bench is None else bench)
 
     def worth(cell: Cell) -> tuple[int, int, bool]:
         perturbation = cell.coordinates.get("perturbation", _CLEAN)
-        return ranks.of(cell, "seed"), ranks.of(cell, "place"), perturbation != _CLEAN
+        return *ranks.of(cell), perturbation != _CLEAN
 
     return sorted(cells, key=worth)  # stable: otherwise as the matrices have them
 
 
 def first_samples(cells: Sequence[Cell]) -> list[Cell]:
-    """Return the cells of the first place and the first seed of each matrix."""
+    """Return the cells of the first seed and place that each combination of the other axes has."""
     ranks = _Ranks(cells)
-    return [cell for cell in cells if ranks.of(cell, "seed") == ranks.of(cell, "place") == 0]
+    firsts: dict[object, tuple[int, int]] = {}
+    for cell in cells:
+        combination = _combination(cell)
+        firsts[combination] = min(firsts.get(combination, ranks.of(cell)), ranks.of(cell))
+    return [cell for cell in cells if ranks.of(cell) == firsts[_combination(cell)]]
+
+
+def _combination(cell: Cell) -> tuple[str, frozenset[tuple[str, object]]]:
+    """Return a cell's matrix and its coordinates but for place and seed."""
+    return cell.matrix, frozenset(item for item in cell.coordinates.items() if item[0] not in _SAMPLES)
 
 
 class _Ranks:
@@ -39,9 +57,11 @@ class _Ranks:
     def __init__(self, cells: Sequence[Cell]) -> None:
         self._known: dict[tuple[str, str], dict[object, int]] = {}
         for cell in cells:
-            for axis in ("seed", "place"):
+            for axis in _SAMPLES:
                 values = self._known.setdefault((cell.matrix, axis), {})
                 values.setdefault(cell.coordinates.get(axis), len(values))
 
-    def of(self, cell: Cell, axis: str) -> int:
-        return self._known[cell.matrix, axis][cell.coordinates.get(axis)]
+    def of(self, cell: Cell) -> tuple[int, int]:
+        """Return the rank of its seed, and of its place."""
+        seed, place = (self._known[cell.matrix, axis][cell.coordinates.get(axis)] for axis in _SAMPLES)
+        return seed, place

@@ -25,8 +25,8 @@ __all__ = ["misfits"]
 def misfits(cells: Iterable[Cell], plugins: Plugins) -> list[str]:
     """Return what keeps cells from starting, a line for each combination of sources and localizers.
 
-    The sources are started, once for each way in which they are written but for faults, of the first place and seed
-    alone, and closed again; no frame is read. Devices are let be.
+    The sources are started, once for each way in which they are written but for faults, of the first place and seed of
+    each combination alone, and closed again; no frame is read. Devices are let be.
 
     Parameters
     ----------

@@ -79,7 +79,7 @@ def bench_group() -> None:
 @click.option("--alone", is_flag=True, help="One cell at a time, for times that count.")
 @click.option("--timeout", type=click.FloatRange(0, min_open=True), metavar="SECONDS", help="For each cell.")
 @click.option("--hours", type=click.FloatRange(0, min_open=True), help="Begin no cell later; the next call goes on.")
-@click.option("--quick", is_flag=True, help="Only the first place and the first seed of everything.")
+@click.option("--quick", is_flag=True, help="Only one place and one seed of everything: the first that it has.")
 @click.option("--executor", metavar="NAME", help="Where cells run: local, dask, or a plugin's.")
 @click.option("--scheduler", metavar="ADDRESS", help="Of a Dask cluster.")
 @click.option("--no-report", is_flag=True, help="Leave the report out.")
