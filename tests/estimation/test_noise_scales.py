@@ -13,7 +13,7 @@ from trailmark.estimates import Fix, Motion, information_from_sigmas
 from trailmark.estimation.kalman.estimator import Kalman
 from trailmark.estimation.kalman.noise_residuals import MotionTrack
 from trailmark.estimation.kalman.noise_scales import NoiseScales
-from trailmark.estimation.kalman.variance_components import LEAST, MOST
+from trailmark.estimation.kalman.variance_components import MOST
 from trailmark.geometry import Pose2, wrap_angle
 
 from .conftest import kalman
@@ -145,9 +145,8 @@ def test_a_source_that_states_a_tenth_of_its_sigmas_leaves_the_belief_consistent
         for source in mix
     ],
 )
-@pytest.mark.parametrize("factor", [0.1, 10.0])
-def test_a_scale_within_the_bounds_leaves_the_belief_consistent(mix: Sequence[str], source: str, factor: float) -> None:
-    done = drive(mix, {source: factor}, duration_s=150.0)
+def test_a_source_that_is_too_sure_by_ten_leaves_the_belief_consistent(mix: Sequence[str], source: str) -> None:
+    done = drive(mix, {source: 0.1}, duration_s=150.0)
 
     assert 0.5 < done.nees < 2.0
 
@@ -159,12 +158,12 @@ def test_sources_at_their_word_are_left_alone() -> None:
     assert done.health == set()
 
 
-def test_a_humble_source_is_believed_more_when_two_others_say_so() -> None:
+def test_who_has_erred_by_less_than_it_says_stays_at_its_word() -> None:
+    """What it allows for, slip or soft ground, may come."""
     done = drive(("wheels", "laser", "tags"), {"laser": 10.0}, duration_s=110.0)
 
-    assert done.estimator.noise_scales()["laser"] < 0.25
-    assert done.estimator.counters()["sigma_percent.laser"] < 25
-    assert "as good as it says" in done.estimator.belief().health["laser"]
+    assert done.estimator.noise_scales() == {}
+    assert done.nees < 2.0
 
 
 def test_two_sources_never_make_each_other_small() -> None:
@@ -191,7 +190,7 @@ def test_a_tenth_of_outliers_does_not_make_a_source_wrong_by_half_its_word() -> 
 def test_a_source_that_is_sure_by_ten_thousand_is_found_from_its_first_estimate_on() -> None:
     done = drive(("wheels", "camera", "laser"), {"laser": 1e-4}, duration_s=130.0)
 
-    assert LEAST < 1e3 < done.estimator.noise_scales()["laser"] <= MOST
+    assert 1e3 < done.estimator.noise_scales()["laser"] <= MOST
     assert done.nees < 2.0
 
 

@@ -105,7 +105,7 @@ class KalmanConfig(PluginConfig):
     """Stamps of one localizer that are late against another's motion, as turns and ways show: tell it, and correct
     those of fixes by it; or tell it only; or do not look."""
     learn_scales: bool = True
-    """Learn while running by which factor the standard deviations of each localizer are too small or too large, from
+    """Learn while running by which factor the standard deviations of each localizer are too small, from
     what localizers say of the same motion, and use it beyond a factor of 1.4."""
     sources: dict[LocalizerName, SourceTreatment] = Field(default_factory=dict)
     """What is different for single localizers, by name."""

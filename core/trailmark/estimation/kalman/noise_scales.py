@@ -33,7 +33,6 @@ from trailmark.estimation.kalman.variance_components import (
     AT_ITS_WORD_AGAIN,
     FALLS,
     GROWS,
-    LEAST,
     MOST,
     Key,
     Pairing,
@@ -62,9 +61,7 @@ _SURE = 4.0
 class NoiseScales:
     """Learns the scale of the stated standard deviations of each localizer, slowly and within bounds.
 
-    Upwards any evidence counts. Downwards only what two others say each by itself, so that two that err together do not
-    make each other small: for motion any two, for absolute estimates a motion over a way long enough for errors that
-    are constant in place, and another's absolute estimates.
+    Upwards alone: who has erred by less than it says stays at its word, because what it allows for may come.
     """
 
     def __init__(self) -> None:
@@ -83,7 +80,6 @@ class NoiseScales:
         self._next_s = -math.inf
         self._used: dict[Key, float] = {}
         self._evidence: dict[Key, float] = {}
-        self._lasting: set[Key] = set()
 
     def begin_anew(self) -> NoiseScales:
         """Return scales that learn from now on, at any time, and begin with those that are used."""
@@ -246,32 +242,27 @@ class NoiseScales:
                 for index, key in enumerate(keys):
                     shares.add(key, kind, keys, float(seen[index]), float(expected[index]))
             for key in shares.localizers():
-                log = self._logs.get(key, 0.0)
-                step = 0.25 * math.log(shares.ratio_of(key, is_below=log <= 0.0))
-                lowest = 0.0 if log > 0.0 and not shares.may_fall(key) else math.log(LEAST)
-                self._logs[key] = min(max(log + step, lowest), math.log(MOST))
+                log = self._logs.get(key, 0.0) + 0.25 * math.log(shares.ratio_of(key))
+                self._logs[key] = min(max(log, 0.0), math.log(MOST))
                 self._evidence[key] = shares.evidence(key)
-        self._lasting = {key for key in shares.localizers() if not key[1] and shares.errors_last(key)}
         for (kind, keys), kept in self._doubted.items():
             noise = noise_of_alternating(kept) if kind == "near" else None
             if noise is not None:
-                self._logs[keys[0]] = min(0.5 * math.log(noise), math.log(MOST))
+                self._logs[keys[0]] = min(max(0.5 * math.log(noise), 0.0), math.log(MOST))
                 self._evidence[keys[0]] = math.inf
 
     def _move(self, dt_s: float) -> None:
         """Let the scales that are used follow those that were found."""
         for key, log in self._logs.items():
-            if key in self._lasting:
-                log = max(log, 0.0)  # fused, errors that last average out by less than they say
             evidence, scale = self._evidence.get(key, 0.0), self._used.get(key)
             sigma = 0.5 * math.sqrt(2.0 / max(evidence, 1.0))
             if scale is None:
-                if evidence < _ENOUGH or abs(log) < max(math.log(AT_ITS_WORD), _SURE * sigma):
+                if evidence < _ENOUGH or log < max(math.log(AT_ITS_WORD), _SURE * sigma):
                     continue
                 scale = 1.0
-            target = 1.0 if abs(log) < math.log(AT_ITS_WORD_AGAIN) else math.exp(log)
+            target = 1.0 if log < math.log(AT_ITS_WORD_AGAIN) else math.exp(log)
             moved = min(max(target, scale * FALLS**dt_s), scale * GROWS**dt_s)
-            if target == 1.0 and abs(math.log(moved)) < 0.01:
+            if target == 1.0 and moved < 1.01:
                 self._used.pop(key, None)
             else:
                 self._used[key] = moved
@@ -279,6 +270,4 @@ class NoiseScales:
 
 def told_scale(scale: float) -> str:
     """Return in words that a localizer is not taken at its word."""
-    if scale > 1.0:
-        return f"it is {scale:.2g} times as wrong as it says, and believed accordingly"
-    return f"it is {1.0 / scale:.2g} times as good as it says, and believed accordingly"
+    return f"it is {scale:.2g} times as wrong as it says, and believed accordingly"

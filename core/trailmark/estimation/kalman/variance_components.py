@@ -13,7 +13,6 @@ __all__ = [
     "AT_ITS_WORD_AGAIN",
     "FALLS",
     "GROWS",
-    "LEAST",
     "MOST",
     "Key",
     "Pairing",
@@ -21,18 +20,14 @@ __all__ = [
     "both_sides",
 ]
 
-#: Scales lie between these.
-LEAST, MOST = 0.1, 2e4
-#: A localizer is taken at its word between 1 / this and this; once it is not, until it is much nearer.
+#: The largest scale. None is below one: a source that has erred by less than it says may have its errors before it.
+MOST = 2e4
+#: A localizer is taken at its word up to this; once it is not, until it is much nearer.
 AT_ITS_WORD, AT_ITS_WORD_AGAIN = 1.4, 1.15
 #: By which factor a scale that is used grows or falls at most [1/s].
 GROWS, FALLS = 1.25, 0.97
 #: Beyond this quantile a difference counts as if it were at it.
 _CLIPPED = 0.8
-#: Absolute estimates whose errors last scatter less over a short way than over a long one, by this factor.
-_LASTS = 0.5
-#: So many numbers say something of one partner.
-_ENOUGH_OF_ONE = 8.0
 
 #: Localizer, and whether it is about its motion or its absolute estimates.
 Key = tuple[str, bool]
@@ -64,33 +59,10 @@ class Shares:
         """Return how many numbers say something of a localizer; what several say of one time is told once."""
         return max(expected for _, expected in self._seen[key].values())
 
-    def may_fall(self, key: Key) -> bool:
-        """Return whether enough others say each by itself that a localizer is better than it says."""
-        told = [which for which, (_, expected) in self._seen[key].items() if expected >= _ENOUGH_OF_ONE]
-        if key[1]:
-            return len({others for _, others in told}) > 1
-        return {"long", "other"} <= {kind for kind, _ in told}
-
-    def errors_last(self, key: Key) -> bool:
-        """Return whether absolute estimates scatter less over a short way than over a long one."""
-        told = [which for which, (_, expected) in self._seen[key].items() if expected >= _ENOUGH_OF_ONE]
-        largest = {kind: max(self._ratio(key, which) for which in told if which[0] == kind) for kind, _ in told}
-        return largest.get("near", 0.0) < _LASTS * max(largest.values(), default=0.0)
-
-    def _ratio(self, key: Key, which: tuple[str, str]) -> float:
-        seen, expected = self._seen[key][which]
-        return seen / expected
-
-    def ratio_of(self, key: Key, *, is_below: bool) -> float:
-        """Return seen over expected, of all; below its word, the largest that anybody tells."""
+    def ratio_of(self, key: Key) -> float:
+        """Return seen over expected, of all that was compared."""
         seen, expected = (sum(side) for side in zip(*self._seen[key].values()))
-        ratio = seen / expected if expected > 0.0 else 1.0
-        if ratio >= 1.0 or not is_below:
-            return max(ratio, 1e-3)
-        if not self.may_fall(key):
-            return 1.0
-        each = [one / other for one, other in self._seen[key].values() if other >= _ENOUGH_OF_ONE]
-        return min(max(*each, 1e-3), 1.0)
+        return max(seen / expected, 1e-3) if expected > 0.0 else 1.0
 
 
 def both_sides(values: Floats, covariances: Floats) -> tuple[Floats, Floats]:
