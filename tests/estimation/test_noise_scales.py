@@ -291,3 +291,18 @@ def test_a_chain_along_a_corridor_does_not_know_its_place() -> None:
 
     assert chain is not None
     assert (chain.knows_place, chain.knows_heading) == (False, True)
+
+
+def test_a_motion_that_knows_its_heading_alone_for_a_while_is_compared_as_before() -> None:
+    rng, estimator = np.random.default_rng(1), kalman()
+    whole, turn = information_from_sigmas(1e-3, 1e-3, 1e-3), np.diag([0.0, 0.0, 1e6])
+    for i in range(1, 701):
+        t = 0.1 * i
+        for name in MOTIONS:
+            information = turn if name == "camera" and 100 < i <= 300 else whole
+            told = Pose2(*(rng.normal(size=3) * (0.01 if name == "wheels" else 0.001)).tolist())
+            estimator.apply(name, Motion(t - 0.1, t, told, information))
+        if i % 10 == 0:
+            estimator.apply("laser", Fix(t, Pose2(), information_from_sigmas(0.01, 0.01, 0.01)))
+
+    assert estimator.noise_scales()["wheels"] > 5.0

@@ -220,10 +220,10 @@ class NoiseScales:
             since_s, last_s = self._accused.get(source, (math.inf, -math.inf))
             if found.since_s <= last_s + _WINDOW_S and found.stamp_s >= since_s - _DELAY_S:
                 if kind in ("near", "motion"):
-                    self._doubted.setdefault((kind, keys), deque(maxlen=_KEPT)).append(found)
+                    _append(self._doubted.setdefault((kind, keys), deque(maxlen=_KEPT)), found)
                 return
         self._doubted.pop((kind, keys), None)
-        self._differences.setdefault((kind, keys), deque(maxlen=_KEPT)).append(found)
+        _append(self._differences.setdefault((kind, keys), deque(maxlen=_KEPT)), found)
 
     def _estimate(self) -> None:
         """Move the scales towards those that make what was seen likeliest."""
@@ -266,6 +266,13 @@ class NoiseScales:
                 self._used.pop(key, None)
             else:
                 self._used[key] = moved
+
+
+def _append(kept: deque[Residual], found: Residual) -> None:
+    """Keep a difference; where motion is compared by its heading alone from now on, or no more, begin anew."""
+    if kept and kept[-1].value.shape != found.value.shape:
+        kept.clear()
+    kept.append(found)
 
 
 def told_scale(scale: float) -> str:
