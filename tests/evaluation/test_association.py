@@ -110,3 +110,13 @@ def test_one_pose_alone_is_no_trajectory_to_look_up_in() -> None:
 
     assert np.isnan(poses_at(alone, np.array([0.0]), 1.0)).all()
     assert usual_interval_s(alone.stamps_s) == math.inf
+
+
+def test_several_stamps_a_nanosecond_before_the_truth_begins_are_pairs() -> None:
+    truth = Trajectory(np.arange(100.0, 103.0, 0.1), np.zeros((30, 3)))
+    stamps = np.concatenate([[100.0 - 2e-9, 100.0 - 1e-9], np.arange(100.1, 102.0, 0.1)])
+
+    pairs = associate(Trajectory(stamps, np.zeros((len(stamps), 3))), truth, interpolate="truth")
+
+    assert len(pairs) == len(stamps)
+    assert (np.diff(pairs.truth.stamps_s) > 0.0).all()

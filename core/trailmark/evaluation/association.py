@@ -98,8 +98,9 @@ def associate(
     stamps = sparse.stamps_s[_usable(sparse.stamps_s, dense.stamps_s, tolerance_s)]
     if len(stamps) < 2:
         raise DataError(_no_overlap(estimate, truth, len(stamps), tolerance_s))
-    inside = dense.at(np.clip(stamps, dense.stamps_s[0], dense.stamps_s[-1]))  # a microsecond over is none
-    resampled, kept = Trajectory(stamps, inside.poses), sparse.at(stamps)
+    inside_s = np.clip(stamps, dense.stamps_s[0], dense.stamps_s[-1])  # a microsecond over is none
+    different_s, places = np.unique(inside_s, return_inverse=True)  # several may be that little over
+    resampled, kept = Trajectory(stamps, dense.at(different_s).poses[places]), sparse.at(stamps)
     found = (kept, resampled) if side == "truth" else (resampled, kept)
     return Pairs(*found, side, tolerance_s, len(estimate), len(truth))
 
