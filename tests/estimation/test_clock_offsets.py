@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -168,3 +170,31 @@ def test_the_filter_tells_late_fixes_and_corrects_them(mode: str, caplog: pytest
         assert "time_offset_s" in caplog.text
         assert "laser" in health
     assert (abs(late_s) < 0.03) == (mode == "use")
+
+
+@pytest.mark.parametrize("wrong_s", [1e6, math.inf, math.nan])
+def test_a_stamp_that_is_refused_ends_no_learning(wrong_s: float) -> None:
+    rng, kalman = np.random.default_rng(4), Kalman(KalmanConfig())
+    kalman.start(Session(start_pose=truth(0.0)))
+    for i in range(1, 400):
+        stamp_s = i / 20
+        kalman.apply("wheels", motion(stamp_s - 0.05, stamp_s, 0.0, rng))
+        kalman.apply("late", motion(stamp_s - 0.05, stamp_s, 0.15, rng))
+        if i == 5:
+            refused = kalman.apply("laser", Fix(wrong_s, Pose2(), GOOD))
+            assert refused.status == "refused"
+
+    assert kalman.clock_offsets()["late"].late_s == pytest.approx(0.15, abs=0.02)
+
+
+def test_offsets_are_learned_after_the_clock_went_back() -> None:
+    rng, kalman = np.random.default_rng(5), Kalman(KalmanConfig(time_jump="reset"))
+    kalman.start(Session(start_pose=truth(0.0)))
+    for begin_s in (1000.0, 0.0):
+        for i in range(1, 400):
+            stamp_s = i / 20
+            for name, late_s in (("wheels", 0.0), ("late", 0.15 if begin_s == 0.0 else 0.0)):
+                told = motion(stamp_s - 0.05, stamp_s, late_s, rng)
+                kalman.apply(name, replace(told, since_s=told.since_s + begin_s, stamp_s=told.stamp_s + begin_s))
+
+    assert kalman.clock_offsets()["late"].late_s == pytest.approx(0.15, abs=0.02)

@@ -25,6 +25,10 @@ class ClockGuard:
         self._jumped_s = -math.inf
         self._n = 0
 
+    def is_near(self, stamp_s: float, newest_s: float) -> bool:
+        """Return whether a stamp is of the time that the estimator lives in, and take no note of it."""
+        return math.isfinite(stamp_s) and (abs(stamp_s - newest_s) <= self._jump_s or newest_s == -math.inf)
+
     def classify(self, stamp_s: float, newest_s: float) -> Literal["here", "elsewhere", "reset"]:
         """Return whether a stamp is of the time that the estimator lives in, given the newest that it has heard of."""
         if abs(stamp_s - newest_s) <= self._jump_s or newest_s == -math.inf:

@@ -122,6 +122,13 @@ class ClockOffsets:
         #: Offsets that are certain, by localizer; one stays until another is found for it.
         self.certain: dict[str, ClockOffset] = {}
 
+    def begin_anew(self) -> ClockOffsets:
+        """Return what begins at another time: it keeps the offsets that are certain, and who is compared with whom."""
+        fresh = ClockOffsets()
+        fresh.certain = self.certain
+        fresh._tracks = {source: _RecentPoses(track.of_motion) for source, track in self._tracks.items()}
+        return fresh
+
     def observe(self, source: str, estimate: Estimate) -> Mapping[str, ClockOffset]:
         """Take note of an estimate; returns offsets that became certain by it, by localizer.
 

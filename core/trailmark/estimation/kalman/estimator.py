@@ -123,7 +123,7 @@ class Kalman(Estimator):
         if monitor is None:
             monitor = self._monitors[source] = SourceMonitor(Trust.of(self.config, source))
         self._belief = None
-        if self.config.clock_offsets != "off":
+        if self.config.clock_offsets != "off" and self._clock.is_near(estimate.stamp_s, self._history.newest_s):
             estimate = self._on_one_clock(source, estimate)
         applied = self._check_stamp(source, estimate, monitor.trust)
         if applied.status == "refused":
@@ -341,6 +341,7 @@ class Kalman(Estimator):
     def _restart_clock(self) -> None:
         """Begin anew at any time, where the belief was, as uncertain as after a gap."""
         self._counted["time_resets"] += 1
+        self._offsets = self._offsets.begin_anew()
         if self._noise is not None:
             self._noise = self._noise.begin_anew()
         last = self._history.state_at(math.inf)
