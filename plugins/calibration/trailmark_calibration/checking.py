@@ -10,10 +10,12 @@ import numpy as np
 
 from trailmark.arrays import Floats
 from trailmark.errors import DataError
-from trailmark_calibration.fitting import Fit, KnownPlacement, fit
-from trailmark_calibration.model import NAMES, NEUTRAL, YAW, MotionPairs, X, Y
+from trailmark_calibration.clocks import ClockDrift, find_drift
+from trailmark_calibration.fitting import Fit, KnownPlacement, fit, values_of_all
+from trailmark_calibration.model import DELAY, NAMES, NEUTRAL, YAW, MotionPairs, X, Y
+from trailmark_calibration.rivals import Rival, find_rival, widened_by
 
-__all__ = ["STRETCH_S", "Calibration", "HalvesCheck", "calibrate", "told_values"]
+__all__ = ["STRETCH_S", "Calibration", "HalvesCheck", "calibrate", "neutral_values", "told_values"]
 
 #: Errors are of stretches of this length [s].
 STRETCH_S = 5.0
@@ -51,11 +53,17 @@ class Calibration:
         None where a half of the drive does not tell by itself what the whole drive does.
     contradictions : mapping of int to float
         Numbers on which the halves disagree, by index: by how many sigmas.
+    rival : Rival or None
+        What else explains the drive.
+    drift : ClockDrift or None
+        How the delay changes on the way.
     """
 
     fit: Fit
     check: HalvesCheck | None
     contradictions: dict[int, float]
+    rival: Rival | None = None
+    drift: ClockDrift | None = None
 
 
 def calibrate(pairs: MotionPairs, known: KnownPlacement, asked: Sequence[int]) -> Calibration:
@@ -76,30 +84,49 @@ def calibrate(pairs: MotionPairs, known: KnownPlacement, asked: Sequence[int]) -
         If the two localizers do not move as one body.
     """
     whole = fit(pairs, known)
+    rival = find_rival(pairs, known, whole)
+    drift = find_drift(pairs, whole) if whole.is_told[DELAY] and rival is None else None
+    if rival is not None:
+        whole = widened_by(whole, rival.apart)
+    if drift is not None:
+        uniform = np.zeros(len(NAMES))
+        uniform[DELAY] = drift.whole_s / math.sqrt(12.0)
+        whole = widened_by(whole, uniform)
+    whole, check, contradictions = _tried_on_halves(pairs, known, whole, asked)
+    if check is None:  # only what is left out may have made them agree
+        off = np.abs(values_of_all(pairs, whole) - whole.values)
+        whole = widened_by(whole, np.where(whole.is_told, np.hypot(off, whole.sigmas), 0.0))
+    return Calibration(whole, check, contradictions, rival, drift)
+
+
+def _tried_on_halves(
+    pairs: MotionPairs, known: KnownPlacement, whole: Fit, asked: Sequence[int]
+) -> tuple[Fit, HalvesCheck | None, dict[int, float]]:
+    """Return the fit, wider where the halves contradict each other, how far it holds, and the contradictions."""
     middle_s = float(np.median(pairs.from_s))
     halves = [pairs.where(pairs.from_s < middle_s), pairs.where(pairs.from_s >= middle_s)]
     try:
         fits = [fit(half, known) for half in halves]
     except DataError:
-        return Calibration(whole, None, {})
-    covariance, contradictions = whole.covariance.copy(), {}
+        return whole, None, {}
+    apart, contradictions = np.zeros(len(NAMES)), {}
     for index in np.flatnonzero(fits[0].is_told & fits[1].is_told & whole.is_told).tolist():
         off = _apart(fits[0].values[index], fits[1].values[index], index)
         sigmas = off / math.hypot(fits[0].sigmas[index], fits[1].sigmas[index])
         if sigmas > _APART:
             contradictions[index] = sigmas
-            factor = max(1.0, off / 2.0 / float(whole.sigmas[index]))
-            covariance[index] *= factor
-            covariance[:, index] *= factor
-    whole = replace(whole, covariance=covariance)
-    is_asked = np.isin(np.arange(len(NAMES)), asked)
-    is_checked = all(bool(one.is_told[is_asked & whole.is_told].all()) for one in fits)
-    return Calibration(whole, _checked(halves, fits, known, asked) if is_checked else None, contradictions)
+            apart[index] = off / 2.0
+    is_asked = np.isin(np.arange(len(NAMES)), asked) & whole.is_told
+    is_checked = all(bool(one.is_told[is_asked].all()) for one in fits)
+    # What the whole drive does not tell, its halves do not either: they may have found one answer of several.
+    fits = [widened_by(one, np.where(whole.is_told, 0.0, whole.sigmas)) for one in fits]
+    whole = widened_by(whole, apart)
+    return whole, _checked(halves, fits, known, asked) if is_checked else None, contradictions
 
 
 def told_values(found: Fit, known: KnownPlacement) -> Floats:
     """Return the numbers (8,), those that the drive does not tell as they are known."""
-    return np.where(found.is_told, found.values, _neutral(known))
+    return np.where(found.is_told, found.values, neutral_values(known))
 
 
 def _checked(
@@ -110,7 +137,7 @@ def _checked(
     for half, found in zip(halves, reversed(fits)):
         right = told_values(found, known)
         wrong = right.copy()
-        wrong[list(asked)] = _neutral(known)[list(asked)]
+        wrong[list(asked)] = neutral_values(known)[list(asked)]
         stretches = _stretches(half)
         errors = [stretches.residuals(numbers) for numbers in (wrong, right)]
         is_known = np.isfinite(errors[0]).all(axis=1) & np.isfinite(errors[1]).all(axis=1)
@@ -121,7 +148,8 @@ def _checked(
     return HalvesCheck(_median(np.concatenate(before)), _median(np.concatenate(after)), sum(map(len, before)))
 
 
-def _neutral(known: KnownPlacement) -> Floats:
+def neutral_values(known: KnownPlacement) -> Floats:
+    """Return the numbers (8,) if the config is right."""
     neutral = NEUTRAL.copy()
     neutral[[X, Y, YAW]] = known.mounting
     return neutral

@@ -77,7 +77,7 @@ def mounting_lines(config: RunConfig, sensor: SensorInfo, numbers: Floats, is_to
 def delay_lines(config: RunConfig, source: str, numbers: Floats) -> list[str]:
     """Return the line of a source with the offset of its stamps, on top of the one that it had."""
     offset_s = config.sources[source].config.time_offset_s + float(numbers[DELAY])
-    line = in_flow_style(_written(config, "sources", source) | {"time_offset_s": round(offset_s, 4)})
+    line = in_flow_style(_written(config, "sources", source) | {"time_offset_s": round(offset_s, 4) + 0.0})
     return ["sources:", f"  {source}: {line}"]
 
 

@@ -19,10 +19,10 @@ from trailmark.arrays import Bools, Floats
 from trailmark.errors import DataError
 from trailmark_calibration.model import BIAS, DELAY, NAMES, MotionPairs
 from trailmark_calibration.rigid import compose, exp_of
-from trailmark_calibration.starting import correlated_delay, starting_point
+from trailmark_calibration.starting import correlated_delay, delay_peaks, starting_point
 from trailmark_calibration.tracks import UNKNOWN_VARIANCE
 
-__all__ = ["LIMITS", "Fit", "KnownPlacement", "fit"]
+__all__ = ["LIMITS", "Fit", "KnownPlacement", "cost_of", "fit", "fit_from", "values_of_all", "weights_of"]
 
 #: What a config may be wrong by, one sigma, before the drive is looked at: in the order of `NAMES`.
 _PRIOR = np.array([0.5, 0.5, 0.2, 1.0, 1.0, 3.0, 0.5, 0.05])
@@ -37,6 +37,8 @@ _MOST_OUTLIERS = 0.3
 #: Nor if so much of the motion is left over that one of them does not explain.
 _MOST_LEFT = 0.3
 _N_STEPS, _N_BLOCKS = 40, (24, 48, 10_000)
+#: So many peaks of the correlation are tried where none stands out.
+_N_STARTS = 6
 #: No interval is known better than this [m, rad].
 _FLOOR = np.diag([1e-5, 1e-5, 1e-6]) ** 2
 
@@ -69,12 +71,15 @@ class Fit:
         Of them.
     n_pairs, n_outliers : int
         Intervals, and those of them that were left out.
+    spread : (3,) float64
+        Factors of the stated noise, along, across and in turn.
     """
 
     values: Floats
     covariance: Floats
     n_pairs: int
     n_outliers: int
+    spread: Floats
 
     @property
     def sigmas(self) -> Floats:
@@ -96,6 +101,29 @@ def fit(pairs: MotionPairs, known: KnownPlacement) -> Fit:
         If they do not: no numbers make more than two thirds of the drive agree.
     """
     delay_s = correlated_delay(pairs.a, pairs.b, known.longest_delay_s)
+    if delay_s is not None:
+        return fit_from(pairs, known, delay_s)
+    peaks_s, _ = delay_peaks(pairs.a, pairs.b, known.longest_delay_s)
+    fits, refusal = [], None
+    for start_s in [None, *peaks_s[:_N_STARTS]]:
+        try:
+            fits.append(fit_from(pairs, known, start_s))
+        except DataError as error:
+            refusal = refusal or error
+    if not fits:
+        assert refusal is not None
+        raise refusal
+    return min(fits, key=lambda one: _mean_cost(pairs, one, fits[0].spread))
+
+
+def fit_from(pairs: MotionPairs, known: KnownPlacement, delay_s: float | None) -> Fit:
+    """Return the numbers that are nearest to a delay, or, None, to no delay, which may then be far off.
+
+    Raises
+    ------
+    DataError
+        If the two do not move as one body by them.
+    """
     start = starting_point(pairs, known.mounting, delay_s or 0.0)
     solver = _Solver(pairs, start, _prior(pairs, delay_s is not None))
     p = solver.solve(start, None)
@@ -108,7 +136,30 @@ def fit(pairs: MotionPairs, known: KnownPlacement) -> Fit:
         rows = again
     n_outliers = len(pairs) - int(rows.sum())
     _refuse_two_bodies(pairs, p, n_outliers)
-    return Fit(p, solver.covariance(p, rows), len(pairs), n_outliers)
+    return Fit(p, solver.covariance(p, rows), len(pairs), n_outliers, solver.spread)
+
+
+def values_of_all(pairs: MotionPairs, found: Fit) -> Floats:
+    """Return the numbers (8,) if no interval were left out, from those that were found."""
+    solver = _Solver(pairs, found.values, _prior(pairs, has_delay=True))
+    return solver.solve(found.values, np.ones(len(pairs), dtype=bool))
+
+
+def weights_of(pairs: MotionPairs, p: Floats, spread: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return what is left (M, 3), its inverse covariance (M, 3, 3), and what a should have said (M, 3)."""
+    solver = _Solver(pairs, p, _PRIOR)
+    solver.spread = spread
+    return solver.linearized(p)
+
+
+def cost_of(pairs: MotionPairs, p: Floats, spread: Floats) -> Floats:
+    """Return the chi square of every interval, (M,), an outlier's as that of the smallest one; NaN where not known."""
+    off, weights, _ = weights_of(pairs, p, spread)
+    return np.asarray(np.minimum(np.einsum("ni,nij,nj->n", off, weights, off), _OUTLIER))
+
+
+def _mean_cost(pairs: MotionPairs, found: Fit, spread: Floats) -> float:
+    return float(np.nanmean(cost_of(pairs, found.values, spread)))
 
 
 def _refuse_two_bodies(pairs: MotionPairs, p: Floats, n_outliers: int) -> None:
@@ -117,11 +168,19 @@ def _refuse_two_bodies(pairs: MotionPairs, p: Floats, n_outliers: int) -> None:
     _, moved = pairs.motions(p)
     columns = [0, 1] if pairs.a.measures_way and pairs.b.measures_way else [2]
     left, whole = (np.nanquantile(np.linalg.norm(one[:, columns], axis=1), 0.75) for one in (off, moved))
-    if n_outliers > _MOST_OUTLIERS * len(pairs) or left > _MOST_LEFT * whole:
+    if left > _MOST_LEFT * whole:
         raise DataError(
             f"the two do not move as one body: whatever the calibration, {100.0 * left / max(whole, 1e-9):.0f} % of the"
             f" motion contradict each other, and {n_outliers} of {len(pairs)} intervals stand out; is one of them lost,"
             " or slipping?"
+        )
+    if n_outliers > _MOST_OUTLIERS * len(pairs):
+        turned = off[:, 2] / (pairs.to_s - pairs.from_s)
+        raise DataError(
+            f"the two do not move as one body: whatever the calibration, {n_outliers} of {len(pairs)} intervals stand"
+            f" out, and the rates of turn differ by {math.degrees(float(np.nanmedian(turned))):.2f} deg/s in the middle"
+            f" and up to {math.degrees(float(np.nanquantile(np.abs(turned), 0.9))):.2f} deg/s; does a gyro turn at"
+            " rest, do the clocks run apart, or is one of them slipping?"
         )
 
 
@@ -136,13 +195,13 @@ def _prior(pairs: MotionPairs, has_delay: bool) -> Floats:
 
 
 class _Solver:
-    """Gauss-Newton for one set of pairs; `_spread` is the factor of the stated noise, per axis."""
+    """Gauss-Newton for one set of pairs; `spread` is the factor of the stated noise, per axis."""
 
     def __init__(self, pairs: MotionPairs, centre: Floats, prior: Floats) -> None:
         self._pairs = pairs
         self._centre = centre
         self._scale = prior
-        self._spread = np.ones(3)
+        self.spread = np.ones(3)
 
     def solve(self, p: Floats, rows: Bools | None) -> Floats:
         """Return the numbers of least error over some rows; None: over all, each the less the farther it is off.
@@ -151,13 +210,13 @@ class _Solver:
         """
         told: Floats | None = None
         for _ in range(_N_STEPS):
-            off, weights, true_base = self._linearized(p)
+            off, weights, true_base = self.linearized(p)
             is_known = np.isfinite(off).all(axis=1)
             used = np.asarray(is_known if rows is None else is_known & rows)
             self._rescale(p, off, used)
             if told is None:
                 pairs = self._pairs.where(used)
-                told, _ = self._told_directions(pairs, p, self._of(pairs)._linearized(p)[1])
+                told, _ = self._told_directions(pairs, p, self._of(pairs).linearized(p)[1])
                 if not told.shape[1]:
                     return p
             distance = np.einsum("ni,nij,nj->n", off, weights, off)
@@ -175,7 +234,7 @@ class _Solver:
 
     def inliers(self, p: Floats) -> Bools:
         """Return which pairs agree with the numbers, (M,)."""
-        off, weights, _ = self._linearized(p)
+        off, weights, _ = self.linearized(p)
         return np.asarray(np.nan_to_num(np.einsum("ni,nij,nj->n", off, weights, off), nan=np.inf) < _OUTLIER)
 
     def covariance(self, p: Floats, rows: Bools) -> Floats:
@@ -186,7 +245,7 @@ class _Solver:
         """
         pairs = self._pairs.where(rows)
         solver = self._of(pairs)
-        off, weights, true_base = solver._linearized(p)
+        off, weights, true_base = solver.linearized(p)
         told, variances = self._told_directions(pairs, p, weights)
         J = pairs.sensitivities(p, true_base) * self._scale
         scores = np.einsum("nik,nij,nj->nk", J, weights, off) @ told * variances
@@ -221,14 +280,14 @@ class _Solver:
     def _of(self, pairs: MotionPairs) -> _Solver:
         """Return a solver of other pairs with the same noise."""
         other = _Solver(pairs, self._centre, self._scale)
-        other._spread = self._spread
+        other.spread = self.spread
         return other
 
-    def _linearized(self, p: Floats) -> tuple[Floats, Floats, Floats]:
+    def linearized(self, p: Floats) -> tuple[Floats, Floats, Floats]:
         """Return what is left (M, 3), its inverse covariance (M, 3, 3), and what a should have said (M, 3)."""
         pairs = self._pairs
         off = pairs.residuals(p)
-        D = np.diag(self._spread)
+        D = np.diag(self.spread)
         gain = pairs.gain(p)
         of_a = gain @ pairs.covariances_a @ gain.T
         total = D @ (of_a + pairs.covariances_b) @ D + _FLOOR
@@ -247,4 +306,4 @@ class _Solver:
             rows = variance < 0.01 * UNKNOWN_VARIANCE
             if rows.sum() >= 10:
                 ratio = np.abs(off[used][rows, axis]) / np.sqrt(variance[rows])
-                self._spread[axis] = max(1.4826 * float(np.median(ratio)), 1e-6)
+                self.spread[axis] = max(1.4826 * float(np.median(ratio)), 1e-6)

@@ -13,7 +13,7 @@ from trailmark_calibration.hand_eye import solve_hand_eye_and_scale
 from trailmark_calibration.model import DELAY, NEUTRAL, TURN, WAY, YAW, MotionPairs, X, Y
 from trailmark_calibration.tracks import ComparedTrack
 
-__all__ = ["correlated_delay", "starting_point"]
+__all__ = ["correlated_delay", "delay_peaks", "do_turns_agree", "starting_point"]
 
 _SAMPLE_S = 0.01
 #: A second peak so high beside the first, and a first peak so low, tell nothing.
@@ -39,19 +39,9 @@ def correlated_delay(a: ComparedTrack, b: ComparedTrack, longest_s: float) -> fl
     float or None
         None where no peak stands out: the drive does not turn, or always in the same way [s].
     """
-    start_s, stop_s = max(a.since_s[0], b.since_s[0]), min(a.stamp_s[-1], b.stamp_s[-1])
-    n_lags = round(longest_s / _SAMPLE_S)
-    grid_s = np.arange(start_s - longest_s, stop_s + longest_s, _SAMPLE_S)
-    if stop_s - start_s < 4.0 * longest_s:
+    heights, n_lags = _correlation(a, b, longest_s)
+    if not len(heights):
         return None
-    first, second = (_clipped(track.rates(grid_s)[:, 2]) for track in (a, b))
-    n = 1 << (2 * len(grid_s)).bit_length()
-    product = np.fft.irfft(np.fft.rfft(first, n) * np.conj(np.fft.rfft(second, n)), n)
-    lags = np.concatenate([product[-n_lags:], product[: n_lags + 1]])
-    size = math.sqrt(float(first @ first) * float(second @ second))
-    if size == 0.0:
-        return None
-    heights = np.abs(lags) / size
     top = int(np.argmax(heights))
     if not 0 < top < len(heights) - 1 or heights[top] < _LEAST_PEAK or _has_rival(heights, top):
         return None
@@ -59,6 +49,59 @@ def correlated_delay(a: ComparedTrack, b: ComparedTrack, longest_s: float) -> fl
     curve = left - 2.0 * here + right
     between = 0.0 if curve >= 0.0 else 0.5 * float(left - right) / float(curve)
     return (top - n_lags + between) * _SAMPLE_S
+
+
+def delay_peaks(a: ComparedTrack, b: ComparedTrack, longest_s: float) -> tuple[list[float], float]:
+    """Return all delays at which turn rates correlate, with either sign, the highest peak first; and the width of it.
+
+    Parameters
+    ----------
+    a, b : ComparedTrack
+        Of the same body.
+    longest_s : float
+        No longer delay is looked for [s].
+
+    Returns
+    -------
+    peaks_s : list of float
+        Those at least half as high as the highest; empty without any [s].
+    width_s : float
+        Half the width of the highest at half its height: nearer peaks are the same [s].
+    """
+    heights, n_lags = _correlation(a, b, longest_s)
+    if len(heights) < 3:
+        return [], 0.0
+    is_peak = (heights[1:-1] >= heights[:-2]) & (heights[1:-1] > heights[2:])
+    tops = np.flatnonzero(is_peak & (heights[1:-1] > 0.5 * heights.max())) + 1
+    tops = tops[np.argsort(-heights[tops])]
+    if not len(tops):
+        return [], 0.0
+    low = np.flatnonzero(heights < 0.5 * heights[tops[0]])
+    width = int(np.abs(low - tops[0]).min()) if len(low) else 1
+    return ((tops - n_lags) * _SAMPLE_S).tolist(), width * _SAMPLE_S
+
+
+def do_turns_agree(a: ComparedTrack, b: ComparedTrack, longest_s: float) -> bool:
+    """Return whether turn rates correlate at any delay, so that they are no noise."""
+    heights, _ = _correlation(a, b, longest_s)
+    return bool(len(heights)) and float(heights.max()) >= _LEAST_PEAK
+
+
+def _correlation(a: ComparedTrack, b: ComparedTrack, longest_s: float) -> tuple[Floats, int]:
+    """Return how much turn rates agree, or contradict, at every delay, and the number of delays below 0."""
+    start_s, stop_s = max(a.since_s[0], b.since_s[0]), min(a.stamp_s[-1], b.stamp_s[-1])
+    n_lags = round(longest_s / _SAMPLE_S)
+    grid_s = np.arange(start_s - longest_s, stop_s + longest_s, _SAMPLE_S)
+    if stop_s - start_s < 4.0 * longest_s:
+        return np.empty(0), n_lags
+    first, second = (_clipped(track.rates(grid_s)[:, 2]) for track in (a, b))
+    n = 1 << (2 * len(grid_s)).bit_length()
+    product = np.fft.irfft(np.fft.rfft(first, n) * np.conj(np.fft.rfft(second, n)), n)
+    lags = np.concatenate([product[-n_lags:], product[: n_lags + 1]])
+    size = math.sqrt(float(first @ first) * float(second @ second))
+    if size == 0.0:
+        return np.empty(0), n_lags
+    return np.asarray(np.abs(lags) / size), n_lags
 
 
 def _clipped(rates: Floats) -> Floats:
@@ -102,6 +145,8 @@ def starting_point(pairs: MotionPairs, known: Floats, delay_s: float) -> Floats:
     p[TURN] = _slope(base[:, 2], sensor[:, 2]) if does_turn else 1.0
     if not (pairs.a.measures_way and pairs.b.measures_way):
         return p
+    if p[TURN] < 0.0:  # ways bend to the other side
+        base = pairs.motions(p)[0][rows]
     kept = np.ones(len(base), dtype=bool)
     for _ in range(4):
         p[[X, Y, YAW, WAY]] = _placed(base[kept], sensor[kept], known, does_turn)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -12,12 +12,13 @@ import numpy as np
 from trailmark.arrays import Floats
 from trailmark.errors import ConfigError
 from trailmark.frames import SensorInfo
-from trailmark_calibration.checking import STRETCH_S, Calibration, calibrate, told_values
+from trailmark_calibration.checking import STRETCH_S, Calibration, calibrate, neutral_values, told_values
 from trailmark_calibration.config_lines import delay_lines, mounting_lines, odometry_lines, wheels_in_words
 from trailmark_calibration.drive import Drive, TwoLocalizers
 from trailmark_calibration.fitting import Fit, KnownPlacement
 from trailmark_calibration.model import DELAY, NAMES, TURN, TURN_PER_M, WAY, YAW, MotionPairs, X, Y, pairs_of
 from trailmark_calibration.tracks import track_of
+from trailmark_calibration.units import refuse_one_recording, refuse_other_units
 
 __all__ = ["Answer", "Question", "answer"]
 
@@ -97,12 +98,15 @@ def answer(question: Question, drive: Drive) -> Answer:
     mounting = np.zeros(3) if sensor is None else _in_plane(sensor)
     a = track_of(name_a, drive.said[name_a])
     b = track_of(name_b, drive.said[name_b]).seen_from(mounting)
+    refuse_one_recording(a, track_of(name_b, drive.said[name_b]), name_a, name_b)
     pairs = pairs_of(a, b, question.interval_s, question.track_m)
     known, asked = KnownPlacement(mounting, question.longest_delay_s), _ASKED[question.what]
+    refuse_other_units(pairs, name_a, name_b, question.longest_delay_s)
     found = calibrate(pairs, known, asked)
     is_told = bool(found.fit.is_told[list(asked)].any())
     lines = [_headline(question, pairs, found.fit), *(_line(found, index) for index in asked)]
     lines += _oddities(found, known, name_a, name_b)
+    lines += _changes_in_words(found, asked, known)
     lines += _check_in_words(found) if is_told else []
     config_lines: list[str] = []
     if is_told:
@@ -148,7 +152,16 @@ def _line(found: Calibration, index: int) -> str:
     name, unit, factor, digits, advice = _WORDS[index]
     value, sigma = found.fit.values[index], found.fit.sigmas[index]
     value = math.remainder(value, 2.0 * math.pi) if index == YAW else value
+    value = value if abs(value * factor) >= 0.5 * 10.0**-digits else 0.0  # no "-0.0"
     if not found.fit.is_told[index]:
+        if found.rival is not None and found.rival.apart[index] > 0.0:
+            return (
+                f"  {name:24}this drive cannot tell it: it repeats itself, and a delay that is"
+                f" {found.rival.nearest_s:.2f} s off explains it as well (+- {2 * sigma * factor:.2g}{unit}): turn"
+                " irregularly"
+            )
+        if found.drift is not None and index == DELAY:
+            advice = "it does not stay the same"
         return f"  {name:24}this drive cannot tell it (+- {2 * sigma * factor:.2g}{unit}): {advice}"
     line = f"  {name:24}{value * factor:.{digits}f} +- {2 * sigma * factor:.{digits}f}{unit} (95 %)"
     if index in found.contradictions:
@@ -173,10 +186,29 @@ def _oddities(found: Calibration, known: KnownPlacement, name_a: str, name_b: st
     return lines
 
 
+def _changes_in_words(found: Calibration, asked: Sequence[int], known: KnownPlacement) -> list[str]:
+    """Return words for a delay that grows, and for numbers that change nothing."""
+    lines = []
+    if found.drift is not None:
+        lines.append(
+            f"  the clocks run apart by about {abs(60e3 * found.drift.rate):.0f} ms a minute,"
+            f" {1e3 * found.drift.whole_s:.0f} ms over the drive: no one delay is right for all of it; synchronize them"
+        )
+    off = found.fit.values - neutral_values(known)
+    off[YAW] = math.remainder(float(off[YAW]), 2.0 * math.pi)
+    is_small = np.abs(off) < 2.0 * found.fit.sigmas
+    if bool((found.fit.is_told & is_small)[list(asked)].all()):
+        lines.append("  nothing to correct: what the config says is within the uncertainty of every number")
+    return lines
+
+
 def _check_in_words(found: Calibration) -> list[str]:
     check = found.check
     if check is None:
-        return ["  not checked: each half of the drive by itself tells too little"]
+        return [
+            "  NOT CHECKED, each half of the drive by itself tells too little: drive once more and compare before you"
+            " paste"
+        ]
     (before_m, before_rad), (after_m, after_rad) = check.before, check.after
     lines = [
         f"  checked on the other half of the drive: {STRETCH_S:g} s were wrong by {1e3 * before_m:.0f} mm and"
@@ -231,5 +263,7 @@ def _document(question: Question, found: Calibration, config_lines: list[str]) -
         },
         "check": check and {"before": list(check.before), "after": list(check.after), "stretches": check.n},
         "contradictions": {NAMES[index]: sigmas for index, sigmas in found.contradictions.items()},
+        "ambiguous": found.rival is not None,
+        "clock_drift": found.drift and found.drift.rate,
         "config": config_lines,
     }
