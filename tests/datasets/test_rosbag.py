@@ -503,6 +503,10 @@ def _lacking(key: str) -> Exception:
     ("error", "words"),
     [
         (UnicodeDecodeError("utf-8", b"\x8b", 0, 1, "invalid start byte"), "a text in it is not UTF-8"),
+        (
+            _quoting(UnicodeDecodeError("utf-8", b"\x8b", 0, 1, "invalid start byte")),
+            "recording: a text in it is not UTF-8$",
+        ),
         (MemoryError(), "a length in it is larger than the memory"),
         (_quoting(TypeError("x is not subscriptable")), "Invalid bag metadata: its structure is wrong"),
         (_quoting(IsADirectoryError(21, "Is a directory")), "Invalid bag metadata: Is a directory"),

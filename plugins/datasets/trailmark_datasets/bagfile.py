@@ -192,7 +192,7 @@ def _refuse_pipes(path: Path) -> None:
 
 def _words_of(error: BaseException) -> str:
     """Return what an error says, in a line; of one that speaks of Python alone, or not at all, where it arose."""
-    if isinstance(error, UnicodeDecodeError):
+    if any(isinstance(one, UnicodeDecodeError) for one in (error, *_behind(error))):  # rosbags quotes it
         return "a text in it is not UTF-8"
     if isinstance(error, MemoryError):
         return "a length in it is larger than the memory"
