@@ -166,3 +166,13 @@ def test_a_keyframe_keeps_its_arrays_from_being_changed() -> None:
     with pytest.raises(TypeError):
         keyframe.arrays["more"] = patch  # type: ignore[index]
     assert patch.flags.writeable  # the owner's own array stays its own
+
+
+@pytest.mark.parametrize("far_m", [9e307, -1.7e308])
+def test_a_path_of_places_beyond_all_distances_can_be_built(far_m: float) -> None:
+    """A store that holds such a path must open, and say what is in it."""
+    poses = [Pose2(far_m, 0.0), Pose2(0.0, far_m), Pose2(-far_m, 0.0)]
+
+    path = Path(Waypoint(k, float(k), pose) for k, pose in enumerate(poses))
+
+    assert len(path.waypoints) == 3

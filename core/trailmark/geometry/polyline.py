@@ -29,10 +29,12 @@ class Polyline:
 
     def __init__(self, points: Floats) -> None:
         self._points = points
-        self._lines = np.diff(points, axis=0).T
+        with np.errstate(over="ignore"):  # a store may hold places beyond all distances
+            self._lines = np.diff(points, axis=0).T
+            ways = np.cumsum(np.hypot(*self._lines))
         # The same as plain floats: a few lines cost 1 us with them, and 15 us with arrays.
         self._pairs: list[list[float]] = points.tolist()
-        self._ways: list[float] = [0.0, *np.cumsum(np.hypot(*self._lines)).tolist()]
+        self._ways: list[float] = [0.0, *ways.tolist()]
 
     def nearest(self, x: float, y: float) -> tuple[int, float]:
         """Return the line that is nearest to a point, the first of several, and where on it, 0 to 1."""
