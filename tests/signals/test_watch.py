@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import signal
-import subprocess
 import sys
 import time
 import urllib.request
@@ -31,9 +30,9 @@ def ask(url: str, method: str = "GET", **headers: str) -> bytes:
 
 def page_of(run: int) -> Path:
     """Return the process that serves the page of a run, as a folder of the system."""
-    listed = subprocess.run(["ps", "-eo", "pid,ppid,args"], capture_output=True, text=True, check=True).stdout
-    (line,) = (line for line in listed.splitlines() if line.split()[1] == str(run) and "watching.beside" in line)
-    return Path("/proc") / line.split()[0]
+    children = Path(f"/proc/{run}/task/{run}/children").read_text().split()
+    (page,) = (child for child in children if b"watching.beside" in Path(f"/proc/{child}/cmdline").read_bytes())
+    return Path("/proc") / page
 
 
 def wait_until_gone(process: Path) -> None:
