@@ -2,25 +2,14 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
-from pathlib import Path
-
 import pytest
-
-REPOSITORY = Path(__file__).parents[2]
 
 pytestmark = pytest.mark.data
 
 
 @pytest.fixture(scope="module")
-def bench():
-    spec = importlib.util.spec_from_file_location("divs_benchmark", REPOSITORY / "benchmarks" / "divs.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    yield module
-    del sys.modules[spec.name]
+def bench(load_script):
+    return load_script("benchmarks/divs.py")
 
 
 @pytest.fixture(scope="module")

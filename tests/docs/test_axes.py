@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
+from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 from xml.etree import ElementTree as ET
 
 import pytest
@@ -15,12 +16,10 @@ DOCS = Path(__file__).parents[2] / "docs"
 
 
 @pytest.mark.parametrize(("name", "function"), [("axes-robot", "robot_picture"), ("axes-map", "map_picture")])
-def test_a_picture_is_what_its_command_draws(name: str, function: str) -> None:
-    spec = importlib.util.spec_from_file_location("docs_axes", DOCS / "axes.py")
-    assert spec is not None
-    assert spec.loader is not None
-    axes = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(axes)
+def test_a_picture_is_what_its_command_draws(
+    load_script: Callable[[str], ModuleType], name: str, function: str
+) -> None:
+    axes = load_script("docs/axes.py")
     text = (DOCS / "assets" / f"{name}.svg").read_text(encoding="utf-8")
 
     assert getattr(axes, function)() == text

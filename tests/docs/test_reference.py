@@ -9,6 +9,7 @@ import pkgutil
 import posixpath
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
@@ -33,13 +34,8 @@ _EXTRAS = ("rerun", "cyclonedds")
 
 
 @pytest.fixture(scope="module")
-def hooks() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("docs_hooks", REPOSITORY / "docs" / "hooks.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def hooks(load_script: Callable[[str], ModuleType]) -> ModuleType:
+    return load_script("docs/hooks.py")
 
 
 def test_the_config_reference_has_every_part_and_key(hooks: ModuleType) -> None:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import importlib.util
 import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
@@ -46,15 +45,9 @@ def answer():
 
 
 @pytest.fixture(scope="session")
-def recipe() -> ModuleType:
+def recipe(load_script: Callable[[str], ModuleType]) -> ModuleType:
     """`benchmarks/results.py` as a module."""
-    spec = importlib.util.spec_from_file_location("results_recipe", REPOSITORY / "benchmarks" / "results.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
+    return load_script("benchmarks/results.py")
 
 
 @pytest.fixture

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import importlib.util
 import math
-import sys
+from collections.abc import Callable
 from itertools import pairwise
-from pathlib import Path
 from types import ModuleType
 
 import numpy as np
@@ -19,7 +17,6 @@ from trailmark.geometry import Pose2, Trajectory
 from trailmark.paths import Path as TaughtPath
 from trailmark.paths import Waypoint
 
-BENCHMARK = Path(__file__).parents[2] / "benchmarks" / "fusion_four.py"
 DT_S, N = 0.05, 240
 SIGMAS = {
     "floor": (2e-4, 2e-4, 2e-4),
@@ -35,14 +32,8 @@ EVERY = {"floor": 1, "wheels": 1, "floor_map": 2, "omni": 8, "laser": 5, "kinect
 
 
 @pytest.fixture(scope="module")
-def four() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("fusion_four", BENCHMARK)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["fusion_four"] = module  # dataclasses look there
-    spec.loader.exec_module(module)
-    return module
+def four(load_script: Callable[[str], ModuleType]) -> ModuleType:
+    return load_script("benchmarks/fusion_four.py")
 
 
 def way() -> list[Pose2]:

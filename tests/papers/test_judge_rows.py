@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -18,13 +18,8 @@ SCRIPT = Path(__file__).parents[2] / ".ci" / "judge_rows.py"
 
 
 @pytest.fixture(scope="module")
-def judging() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("judge_rows", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def judging(load_script: Callable[[str], ModuleType]) -> ModuleType:
+    return load_script(".ci/judge_rows.py")
 
 
 def rows(*more: Row, n: int = 40) -> list[dict[str, Any]]:

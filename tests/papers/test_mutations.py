@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
@@ -21,15 +20,9 @@ TESTS = {
 
 
 @pytest.fixture(scope="module")
-def mutations() -> ModuleType:
+def mutations(load_script: Callable[[str], ModuleType]) -> ModuleType:
     """`benchmarks/mutations.py` as a module."""
-    spec = importlib.util.spec_from_file_location("mutations_recipe", REPOSITORY / "benchmarks" / "mutations.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
+    return load_script("benchmarks/mutations.py")
 
 
 @pytest.fixture
