@@ -34,11 +34,18 @@ class LeadingMotion:
 
     def __init__(self) -> None:
         self.logs: dict[Key, float] = {}
+        self._leader: Key | None = None
         self._since: tuple[float, Floats, Floats] | None = None
         self._squares: deque[float] = deque(maxlen=_CORRECTIONS)
 
     def observe(self, stamp_s: float, key: Key, corrections: Floats, covariance: Floats) -> None:
-        """Look at what was corrected since the last look, if that is long ago; `key` is who leads."""
+        """Look at what was corrected since the last look, if that is long ago; `key` is who leads.
+
+        What was corrected while another led says nothing of this one.
+        """
+        if key != self._leader:
+            self._leader, self._since = key, None
+            self._squares.clear()
         since = self._since
         if since is not None and stamp_s < since[0] + _CORRECTED_S:
             return
