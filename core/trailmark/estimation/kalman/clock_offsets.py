@@ -9,32 +9,40 @@ nothing is told.
 
 from __future__ import annotations
 
+import logging
 import math
-from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from trailmark.arrays import Floats
 from trailmark.estimates import Estimate, Fix, Motion
 from trailmark.estimation.kalman.clock_places import cost_beside_drift, cost_of_places
+from trailmark.estimation.kalman.clock_tracks import (
+    FARTHEST_S,
+    HEADING,
+    POSITION_M2,
+    TURN_RAD2,
+    WAY,
+    WINDOW_S,
+    RecentPoses,
+)
 
 __all__ = ["ClockOffset", "ClockOffsets"]
 
-_WINDOW_S, _EVERY_S = 12.0, 2.0
+logger = logging.getLogger(__name__)
+
+_EVERY_S = 2.0
 _INTERVAL_S, _LEAST_INTERVALS = 0.25, 12
-_FARTHEST_S, _STEP_S = 0.6, 0.02
-_SHIFTS_S: Floats = np.arange(-_FARTHEST_S, _FARTHEST_S + _STEP_S / 2.0, _STEP_S)
+_STEP_S = 0.02
+_SHIFTS_S: Floats = np.arange(-FARTHEST_S, FARTHEST_S + _STEP_S / 2.0, _STEP_S)
 #: Beside the lowest cost, this far away, it must stand out by so much from all others [s].
 _ASIDE_S, _STANDS_OUT = 0.1, 40.0
-_INTERVALS = _WINDOW_S / _INTERVAL_S
+_INTERVALS = WINDOW_S / _INTERVAL_S
 _LEAST_SPREAD = 1e-6
-_SAME_STAMP_S = 1e-6
-_HEADING, _WAY, _POSITION_M2, _TURN_RAD2 = 3, 4, 5, 6
 #: Information of a heading from which on it is one [1/rad^2].
 _LEAST_HEADING = 1.0
-_LEAST_INFORMATION = 1e-3
 #: Offsets from here on are told, when they are so many sigmas from nothing.
 TOLD_S, _SURE = 0.02, 5.0
 #: What differs by more than so many times its usual is left out: slip, jumps.
@@ -69,55 +77,11 @@ class ClockOffset:
         )
 
 
-class _RecentPoses:
-    """What one localizer said of the last seconds: rows of stamp, x, y, heading, way and variances.
-
-    The variances are of position and heading. Of motions all are sums since the row before the first, of fixes the
-    poses themselves, without a way.
-    """
-
-    def __init__(self, of_motion: bool) -> None:
-        self.of_motion = of_motion
-        self._rows: deque[tuple[float, ...]] = deque()
-
-    def table(self) -> Floats:
-        """Return the rows, (N, 7)."""
-        return np.array(self._rows).reshape(-1, 7)
-
-    def clear(self) -> None:
-        """Forget all."""
-        self._rows.clear()
-
-    def add(self, estimate: Motion | Fix) -> None:
-        """Add a motion or a fix; what does not begin where the last motion ended begins anew."""
-        if isinstance(estimate, Motion):
-            self._add_motion(estimate)
-        elif not self._rows or estimate.stamp_s > self._rows[-1][0]:
-            pose = estimate.pose_map_base
-            self._rows.append((estimate.stamp_s, pose.x, pose.y, pose.theta, 0.0, *_variances(estimate.information)))
-        while self._rows and self._rows[-1][0] - self._rows[0][0] > _WINDOW_S + 2.0 * _FARTHEST_S:
-            self._rows.popleft()
-
-    def _add_motion(self, motion: Motion) -> None:
-        rows, step = self._rows, motion.pose_since_now
-        if rows and motion.stamp_s <= rows[-1][0]:
-            return
-        if not rows or abs(motion.since_s - rows[-1][0]) > _SAME_STAMP_S:
-            rows.clear()
-            rows.append((motion.since_s, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-        _, x, y, heading, way_m, position_m2, turn_rad2 = rows[-1]
-        added_m2, added_rad2 = _variances(motion.information)
-        cos, sin = math.cos(heading), math.sin(heading)
-        moved_x, moved_y = x + cos * step.x - sin * step.y, y + sin * step.x + cos * step.y
-        sums = moved_x, moved_y, heading + step.theta, way_m + step.x, position_m2 + added_m2, turn_rad2 + added_rad2
-        rows.append((motion.stamp_s, *sums))
-
-
 class ClockOffsets:
     """Compares the localizers two by two while the drive goes on; what it costs is bounded."""
 
     def __init__(self) -> None:
-        self._tracks: dict[str, _RecentPoses] = {}
+        self._tracks: dict[str, RecentPoses] = {}
         self._next_s = -math.inf
         #: Offsets that are certain, by localizer; one stays until another is found for it.
         self.certain: dict[str, ClockOffset] = {}
@@ -126,7 +90,7 @@ class ClockOffsets:
         """Return what begins at another time: it keeps the offsets that are certain, and who is compared with whom."""
         fresh = ClockOffsets()
         fresh.certain = self.certain
-        fresh._tracks = {source: _RecentPoses(track.of_motion) for source, track in self._tracks.items()}
+        fresh._tracks = {source: RecentPoses(track.of_motion) for source, track in self._tracks.items()}
         return fresh
 
     def observe(self, source: str, estimate: Estimate) -> Mapping[str, ClockOffset]:
@@ -145,13 +109,26 @@ class ClockOffsets:
             return {}
         track = self._tracks.get(source)
         if track is None:
-            track = self._tracks[source] = _RecentPoses(isinstance(estimate, Motion))
+            track = self._tracks[source] = RecentPoses(isinstance(estimate, Motion))
         if track.of_motion == isinstance(estimate, Motion):
             track.add(estimate)
         if len(self._tracks) < 2 or estimate.stamp_s < self._next_s:
             return {}
         self._next_s = estimate.stamp_s + _EVERY_S
         return self._compare_all()
+
+    def on_one_clock(self, source: str, estimate: Estimate) -> Estimate:
+        """Take note of an estimate, and warn of what is found by it; returns it, a fix that is late at its right stamp.
+
+        Motion keeps its stamps: it would overlap with, or leave gaps to, what the same localizer told before.
+        """
+        for name, found in self.observe(source, estimate).items():
+            remedy = f"set time_offset_s: {-found.late_s:.3f} for its source"
+            logger.warning("localizer %r: %s; %s", name, found, remedy)
+        offset = self.certain.get(source)
+        if offset is None or offset.late_s < 0.0 or not isinstance(estimate, Fix):
+            return estimate
+        return replace(estimate, stamp_s=estimate.stamp_s - offset.late_s)
 
     def is_due(self, stamp_s: float) -> bool:
         """Return whether an estimate of this stamp may make the localizers be compared."""
@@ -183,12 +160,6 @@ class ClockOffsets:
         return news
 
 
-def _variances(information: Floats) -> tuple[float, float]:
-    """Return about how uncertain position and heading are, by the diagonal of the information [m^2, rad^2]."""
-    xx, yy, tt = information.diagonal().tolist()
-    return 2.0 / max(xx + yy, _LEAST_INFORMATION), 1.0 / max(tt, _LEAST_INFORMATION)
-
-
 def _knows_heading(information: Floats) -> bool:
     """Return whether a fix tells the heading by itself, and not only together with where the robot is."""
     (xx, xy, xt), (_, yy, yt), (_, _, tt) = information.tolist()
@@ -198,27 +169,27 @@ def _knows_heading(information: Floats) -> bool:
     return bool(tt - (xt * (yy * xt - xy * yt) + yt * (xx * yt - xy * xt)) / determinant > _LEAST_HEADING)
 
 
-def _compare(track: _RecentPoses, reference: _RecentPoses, against: str) -> ClockOffset | None:
+def _compare(track: RecentPoses, reference: RecentPoses, against: str) -> ClockOffset | None:
     """Return the shift at which two tracks differ least; None where they do not tell."""
     rows, other = _thinned(track.table()), reference.table()
     if len(rows) <= _LEAST_INTERVALS or len(other) <= _LEAST_INTERVALS:
         return None
-    rows = rows[(rows[:, 0] >= other[0, 0] + _FARTHEST_S) & (rows[:, 0] <= other[-1, 0] - _FARTHEST_S)]
+    rows = rows[(rows[:, 0] >= other[0, 0] + FARTHEST_S) & (rows[:, 0] <= other[-1, 0] - FARTHEST_S)]
     if len(rows) <= _LEAST_INTERVALS:
         return None
     # A stamp that is late by tau names what the other told of t - tau.
     at_s = rows[:, 0] - _SHIFTS_S[:, np.newaxis]
     if track.of_motion:
-        expected = [np.interp(at_s, other[:, 0], other[:, column]) for column in (_HEADING, _WAY)]
-        costs = [_cost_of_steps(rows[:, column], then) for column, then in zip((_HEADING, _WAY), expected)]
+        expected = [np.interp(at_s, other[:, 0], other[:, column]) for column in (HEADING, WAY)]
+        costs = [_cost_of_steps(rows[:, column], then) for column, then in zip((HEADING, WAY), expected)]
         return _lowest(np.asarray(sum(costs)), against)
     x, y = (np.interp(at_s, other[:, 0], other[:, column]) for column in (1, 2))
     found = _lowest(cost_of_places(rows[:, 1] + 1j * rows[:, 2], x + 1j * y), against)
     if found is None or not found.is_certain:
         return found
-    walks = [np.interp(at_s, other[:, 0], other[:, column]) for column in (_POSITION_M2, _TURN_RAD2)]
+    walks = [np.interp(at_s, other[:, 0], other[:, column]) for column in (POSITION_M2, TURN_RAD2)]
     way = np.stack([at_s, x, y, *walks], axis=-1)
-    return _lowest(cost_beside_drift(rows[:, [1, 2, _POSITION_M2]], way), against)
+    return _lowest(cost_beside_drift(rows[:, [1, 2, POSITION_M2]], way), against)
 
 
 def _cost_of_steps(told: Floats, expected: Floats) -> Floats:

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-import logging
 import math
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
 from trailmark.arrays import Floats
-from trailmark.estimates import Applied, Belief, Estimate, Fix, Lost, Motion, PathOffset
-from trailmark.estimation.corrections import covariance_on_path
+from trailmark.estimates import Applied, Belief, Estimate, Fix, Lost, Motion
 from trailmark.estimation.history import History
 from trailmark.estimation.information import checked_covariance
 from trailmark.estimation.kalman.agreement import Tolerance
-from trailmark.estimation.kalman.alternatives import believed_gaussian
+from trailmark.estimation.kalman.belief_places import BeliefPlaces
 from trailmark.estimation.kalman.clock import ClockGuard
 from trailmark.estimation.kalman.clock_offsets import ClockOffset, ClockOffsets
-from trailmark.estimation.kalman.correction import Correction, Filter
-from trailmark.estimation.kalman.dissent import covering_covariance
+from trailmark.estimation.kalman.correction import Correction
 from trailmark.estimation.kalman.ekf import Ekf
 from trailmark.estimation.kalman.fault_detection import FaultDetector, accused_sources, outvoted_motions
 from trailmark.estimation.kalman.health import SourceMonitor, health_of
@@ -38,16 +34,13 @@ from trailmark.estimation.kalman.prediction import Prediction
 from trailmark.estimation.kalman.state import FilterState, Gaussian
 from trailmark.estimation.kalman.time_node import TimeNode
 from trailmark.estimation.kalman.trust import Trust
+from trailmark.estimation.kalman.ukf import Ukf
 from trailmark.estimation.kalman.windows import WINDOW_S
 from trailmark.estimation.kalman_config import KalmanConfig
-from trailmark.estimation.symmetric import ZERO, inverse, to_matrix
-from trailmark.frames.payloads import read_only
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Estimator, Session
 
 __all__ = ["Kalman"]
-
-logger = logging.getLogger(__name__)
 
 _ACCEPTED = Applied("accepted")
 _IMPOSSIBLE = "no robot changes its velocity like this between two readings"
@@ -77,9 +70,9 @@ class Kalman(Estimator):
         """Forget everything; begin at the session's start pose, or nowhere."""
         config = self.config
         self._layout = layout = Layout.of(config)
-        self._filter = _filter_of(config, layout)
+        self._filter = Ukf(layout.n) if config.filter == "ukf" else Ekf(layout.n)
         self._path = session.path
-        self._station_m: float | None = None
+        self._places = BeliefPlaces(session.path)
         self._correction = Correction(config, self._filter, layout)
         self._odometry = PublishedOdometry()
         self._clock = ClockGuard(config.time_jump_s, config.time_jump_after if config.time_jump == "reset" else None)
@@ -201,18 +194,15 @@ class Kalman(Estimator):
         return node.apply_measurements(self._faults)
 
     def _on_one_clock(self, source: str, estimate: Estimate) -> Estimate:
-        """Return a fix that is certainly late with the stamp that it should have."""
+        """Return a fix that is certainly late with the stamp that it should have; liars are compared with nobody."""
         if self._offsets.is_due(estimate.stamp_s):
             for liar in outvoted_motions(self._history.state_at(math.inf)):
                 self._offsets.forget(liar)
-        for name, found in self._offsets.observe(source, estimate).items():
-            remedy = f"set time_offset_s: {-found.late_s:.3f} for its source"
-            logger.warning("localizer %r: %s; %s", name, found, remedy)
-        offset = self._offsets.certain.get(source)
-        if offset is None or offset.late_s < 0.0 or not isinstance(estimate, Fix) or self.config.clock_offsets != "use":
+        corrected = self._offsets.on_one_clock(source, estimate)
+        if self.config.clock_offsets != "use" or corrected is estimate:
             return estimate
         self._counted["stamps_corrected"] += 1
-        return replace(estimate, stamp_s=estimate.stamp_s - offset.late_s)
+        return corrected
 
     def _compare_noise(self, noise: NoiseScales, stamp_s: float) -> None:
         state = self._history.state_at(math.inf)
@@ -361,26 +351,7 @@ class Kalman(Estimator):
     def _make_belief(self, stamp_s: float) -> Belief:
         self._rejoin()
         state = self._state_at(stamp_s)
-        odometry, gaussian = state.odometry, believed_gaussian(state)
-        pose_odom_base, travelled_m = self._odometry.publish(odometry, state.stamp_s)
-        pose = covariance = on_path = None
-        if gaussian is not None:
-            x, y, theta = gaussian.x[:3].tolist()
-            covariance = read_only(covering_covariance(state, gaussian))
-            pose = Pose2(x, y, theta)
-            on_path = self._on_path(state.stamp_s, pose, covariance)
-        return Belief(
-            stamp_s=state.stamp_s,
-            pose_map_base=pose,
-            covariance=covariance,
-            pose_odom_base=pose_odom_base,
-            twist=odometry.twist,
-            travelled_m=travelled_m,
-            on_path=on_path,
-            fix_age_m=odometry.travelled_m - state.fixed_at_m,
-            motion_age_s=odometry.gap_s if odometry.has_moved else math.inf,
-            health=self._health(state),
-        )
+        return self._places.belief_of(state, self._odometry.publish(state.odometry, state.stamp_s), self._health(state))
 
     def _health(self, state: FilterState) -> Mapping[str, str]:
         health = health_of(self._monitors, state, self.config.recover_after)
@@ -390,20 +361,3 @@ class Kalman(Estimator):
             for source, scale in self._noise.scales().items():
                 health.setdefault(source, told_scale(scale))
         return health
-
-    def _on_path(self, stamp_s: float, pose: Pose2, covariance: Floats) -> PathOffset | None:
-        if self._path is None:
-            return None
-        located = self._path.locate(pose, self._station_m)
-        self._station_m = located.station_m
-        xx, xy, xt, _, yy, yt, _, _, tt = covariance.ravel().tolist()
-        information = inverse(covariance_on_path((xx, xy, xt, yy, yt, tt), self._path, located.station_m)) or ZERO
-        return PathOffset(stamp_s, located.station_m, located.lateral_m, located.heading_rad, to_matrix(information))
-
-
-def _filter_of(config: KalmanConfig, layout: Layout) -> Filter:
-    if config.filter == "ekf":
-        return Ekf(layout.n)
-    from trailmark.estimation.kalman.ukf import Ukf  # it imports filterpy, and that scipy
-
-    return Ukf(layout.n)

@@ -1,0 +1,74 @@
+"""The belief that is published, made of a state: pose and covariance, odometry, place on the path."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from trailmark.arrays import Floats
+from trailmark.estimates import Belief, PathOffset
+from trailmark.estimation.corrections import covariance_on_path
+from trailmark.estimation.kalman.alternatives import believed_gaussian
+from trailmark.estimation.kalman.dissent import covering_covariance
+from trailmark.estimation.kalman.state import FilterState
+from trailmark.estimation.symmetric import ZERO, inverse, to_matrix
+from trailmark.frames.payloads import read_only
+from trailmark.geometry import Pose2
+from trailmark.paths import Path
+
+__all__ = ["BeliefPlaces"]
+
+
+class BeliefPlaces:
+    """Makes beliefs of states, and remembers where on the path the last one was.
+
+    Parameters
+    ----------
+    path : Path or None
+        In whose coordinates beliefs are told, too.
+    """
+
+    def __init__(self, path: Path | None) -> None:
+        self._path = path
+        self._station_m: float | None = None
+
+    def belief_of(self, state: FilterState, odometry: tuple[Pose2, float], health: Mapping[str, str]) -> Belief:
+        """Return the belief of a state.
+
+        Parameters
+        ----------
+        state : FilterState
+            The state, at the stamp of the belief.
+        odometry : (Pose2, float)
+            Pose in odom and way travelled, as they are published [m].
+        health : mapping of str to str
+            What is wrong with each localizer.
+        """
+        pose = covariance = on_path = None
+        gaussian = believed_gaussian(state)
+        if gaussian is not None:
+            x, y, theta = gaussian.x[:3].tolist()
+            covariance = read_only(covering_covariance(state, gaussian))
+            pose = Pose2(x, y, theta)
+            on_path = self._on_path(state.stamp_s, pose, covariance)
+        return Belief(
+            stamp_s=state.stamp_s,
+            pose_map_base=pose,
+            covariance=covariance,
+            pose_odom_base=odometry[0],
+            twist=state.odometry.twist,
+            travelled_m=odometry[1],
+            on_path=on_path,
+            fix_age_m=state.odometry.travelled_m - state.fixed_at_m,
+            motion_age_s=state.odometry.gap_s if state.odometry.has_moved else math.inf,
+            health=health,
+        )
+
+    def _on_path(self, stamp_s: float, pose: Pose2, covariance: Floats) -> PathOffset | None:
+        if self._path is None:
+            return None
+        located = self._path.locate(pose, self._station_m)
+        self._station_m = located.station_m
+        xx, xy, xt, _, yy, yt, _, _, tt = covariance.ravel().tolist()
+        information = inverse(covariance_on_path((xx, xy, xt, yy, yt, tt), self._path, located.station_m)) or ZERO
+        return PathOffset(stamp_s, located.station_m, located.lateral_m, located.heading_rad, to_matrix(information))
