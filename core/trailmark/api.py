@@ -82,7 +82,7 @@ def run(
     finally:
         if request.out is None and folder.exists():
             link_latest(folder.absolute())
-    return _evaluated(pipeline, glimpses)
+    return _evaluate_into_result(pipeline, glimpses)
 
 
 @overload
@@ -134,7 +134,7 @@ def create(kind: str, name: str, *, plugins: Plugins | None = None, **config: An
     return spec.construct(settings)
 
 
-def _evaluated(pipeline: Pipeline, glimpses: Glimpses | None) -> RunResult:
+def _evaluate_into_result(pipeline: Pipeline, glimpses: Glimpses | None) -> RunResult:
     """Add metrics to the result, and plots and report to the folder.
 
     A program that was told to end takes the time for pictures, which nobody could take again, and for metrics;

@@ -54,7 +54,7 @@ class Dataset:
 
     def config_in(self, data: Path) -> dict[str, Any]:
         """Return the config that plays it from a folder of recordings."""
-        placed: dict[str, Any] = _placed(self.config, str(data))
+        placed: dict[str, Any] = _fill_in_folder(self.config, str(data))
         return placed
 
 
@@ -71,11 +71,11 @@ def digest_of(path: Path) -> str:
     return digest.hexdigest()
 
 
-def _placed(value: Any, folder: str) -> Any:
+def _fill_in_folder(value: Any, folder: str) -> Any:
     if isinstance(value, str):
         return value.replace(FOLDER_MARK, folder)
     if isinstance(value, Mapping):
-        return {key: _placed(item, folder) for key, item in value.items()}
+        return {key: _fill_in_folder(item, folder) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_placed(item, folder) for item in value]
+        return [_fill_in_folder(item, folder) for item in value]
     return value

@@ -75,8 +75,8 @@ def _trajectory_tables(runs: Runs, titles: Sequence[str]) -> list[Table]:
     with_truth = [(run, document) for run, document in runs if document["errors"]]
     groups = [with_truth] if with_truth else []
     groups += [[(run, document)] for run, document in runs if not document["errors"]]
-    return [trajectories_table(Trajectories.of_runs(_labelled(group, titles)), titles) for group in groups]
+    return [trajectories_table(Trajectories.of_runs(_label_runs(group, titles)), titles) for group in groups]
 
 
-def _labelled(runs: Runs, titles: Sequence[str]) -> list[tuple[tuple[str, ...], dict[str, Any]]]:
+def _label_runs(runs: Runs, titles: Sequence[str]) -> list[tuple[tuple[str, ...], dict[str, Any]]]:
     return [((run,) if len(titles) > 1 else (), document) for run, document in runs]

@@ -160,9 +160,9 @@ def _print_spec(spec: Spec, keys: Sequence[KeyInfo]) -> None:
         return
     table = _table("key", "type", "default", "meaning")
     for key in keys:
-        default = "[bold]required[/]" if key.is_required else _escaped(_shown(key.default))
+        default = "[bold]required[/]" if key.is_required else _escape_markup(_default_as_text(key.default))
         name = f"[dim]{key.key}[/]" if key.is_shared else f"[bold]{key.key}[/]"
-        table.add_row(name, _escaped(key.type), default, _escaped(key.description))
+        table.add_row(name, _escape_markup(key.type), default, _escape_markup(key.description))
     _print_table(table)
 
 
@@ -201,11 +201,11 @@ def _whose(entry_point: str, distribution: str, version: str) -> str:
     return f"[dim]{entry_point} ({f'{distribution} {version}'.strip()})[/]"
 
 
-def _shown(default: Any) -> str:
+def _default_as_text(default: Any) -> str:
     return "" if default is None else default if isinstance(default, str) else json.dumps(default)
 
 
-def _escaped(text: str) -> str:
+def _escape_markup(text: str) -> str:
     from rich.markup import escape
 
     return escape(text)

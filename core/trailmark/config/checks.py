@@ -137,7 +137,8 @@ def refuse_outputs_elsewhere(parts: Iterable[PartEntry[Any]], document: Document
             is_in_file = document.line(keys) is not None
             if is_in_file and not path.resolve().is_relative_to(home):
                 problems.add(
-                    keys, f"{path} lies outside of the config's folder; to write there, say --set {_dotted(keys)}=..."
+                    keys,
+                    f"{path} lies outside of the config's folder; to write there, say --set {_key_path(keys)}=...",
                 )
 
 
@@ -155,5 +156,5 @@ def _is_output(annotation: Any) -> bool:
     return any(_is_output(part) for part in (*get_args(annotation), *getattr(annotation, "__metadata__", ())))
 
 
-def _dotted(keys: Iterable[object]) -> str:
+def _key_path(keys: Iterable[object]) -> str:
     return ".".join(map(str, keys))

@@ -67,7 +67,7 @@ def validated(
                 problems.add(keys + path, _words(details, path, model, also))
         inputs = {path: details["input"] for path, details in found}
         for path, types in wanted.items():
-            problems.add(keys + path, f"must be {' or '.join(dict.fromkeys(types))}, not {_shown(inputs[path])}")
+            problems.add(keys + path, f"must be {' or '.join(dict.fromkeys(types))}, not {_as_text(inputs[path])}")
         return None
 
 
@@ -151,10 +151,10 @@ def _words(details: ErrorDetails, path: Keys, model: type[BaseModel], also: Iter
             return str(details["ctx"]["error"])
         case "literal_error" | "enum":
             hint = did_you_mean(str(details["input"]), _choices(details))
-            return f"must be {details['ctx']['expected']}, not {_shown(details['input'])}{hint}"
+            return f"must be {details['ctx']['expected']}, not {_as_text(details['input'])}{hint}"
     message = details["msg"]
     if message.startswith("Input should "):
-        return f"must {message.removeprefix('Input should ')}, not {_shown(details['input'])}"
+        return f"must {message.removeprefix('Input should ')}, not {_as_text(details['input'])}"
     return message[:1].lower() + message[1:]
 
 
@@ -168,7 +168,7 @@ def _type_words(details: ErrorDetails) -> str:
     return re.split(r", (?:unable|got) ", told)[0]
 
 
-def _shown(value: Any) -> str:
+def _as_text(value: Any) -> str:
     if isinstance(value, Mapping):
         return "a mapping"
     if isinstance(value, list | tuple) and len(repr(value)) > 40:

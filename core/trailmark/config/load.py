@@ -134,7 +134,7 @@ class _RunReader:
             sinks=tuple(sections.sinks),
             base_dir=self._written.base_dir,
             plugins=self._plugins,
-            document=_resolved(sections.settings, sections),
+            document=_resolved_document(sections.settings, sections),
             notices=(*self._notices, *notices_of_strangers(sections.parts, sections.localizers, self._written)),
             written=self._written,
         )
@@ -191,7 +191,7 @@ class _RunReader:
         self._problems.raise_if_any()
 
 
-def _resolved(settings: RunSettings, sections: _Sections) -> dict[str, Any]:
+def _resolved_document(settings: RunSettings, sections: _Sections) -> dict[str, Any]:
     """Return the config with all defaults, in the order of the settings."""
     single = {"estimator": sections.estimator, "path_store": sections.path_store, "controller": sections.controller}
     parts: dict[str, Any] = {

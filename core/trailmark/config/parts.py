@@ -42,12 +42,12 @@ class PartReader:
 
     def sources(self) -> dict[str, SourceEntry]:
         """Read the frame sources, with the calibrations and the faults that they name."""
-        entries = self._named("sources", SourceEntry)
+        entries = self._entries_by_name("sources", SourceEntry)
         return {name: self._with_faults(self._with_calibration(entry)) for name, entry in entries.items()}
 
     def localizers(self) -> dict[str, LocalizerEntry]:
         """Read the localizers."""
-        return self._named("localizers", LocalizerEntry)
+        return self._entries_by_name("localizers", LocalizerEntry)
 
     def sinks(self) -> list[PartEntry[NoOptions]]:
         """Read the list of sinks; each is called like its plugin, a second one of the same plugin ``NAME_2``."""
@@ -70,7 +70,7 @@ class PartReader:
             return None
         return self._one((kind,), kind, {} if raw is None else raw, entry_class)
 
-    def _named(self, section: str, entry_class: type[Entry]) -> dict[str, Entry]:
+    def _entries_by_name(self, section: str, entry_class: type[Entry]) -> dict[str, Entry]:
         raw = self._document.data.get(section)
         if not isinstance(raw, Mapping):
             return {}

@@ -66,11 +66,11 @@ class PresetConfig(PluginConfig):
         schema = super().__get_pydantic_json_schema__(core_schema, handler)
         told = schema.get("properties", {}).get("preset")
         if told is not None:
-            told["description"] = " ".join([told.get("description", ""), *map(cls._told, cls.presets)]).strip()
+            told["description"] = " ".join([told.get("description", ""), *map(cls._as_text, cls.presets)]).strip()
         return schema
 
     @classmethod
-    def _told(cls, preset: str) -> str:
+    def _as_text(cls, preset: str) -> str:
         """Return what a preset sets, in words."""
         return f"{preset} sets " + "; ".join(
             f"{key}: {_as_written(one.value)} ({one.source})" for key, one in cls.presets[preset].items()

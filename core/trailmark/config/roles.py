@@ -39,7 +39,7 @@ def resolve_all_roles(run_config: RunConfig, sensors: Mapping[str, SensorInfo]) 
     for name in run_config.sensors:
         if name not in sensors:
             problems.add(("sensors", name), _unknown(name, sensors))
-    entries = {name: _filled(entry, sensors, problems) for name, entry in run_config.localizers.items()}
+    entries = {name: _fill_roles(entry, sensors, problems) for name, entry in run_config.localizers.items()}
     problems.raise_if_any(SensorMismatchError)
     _refuse_motion_twice(run_config, entries, problems)
     problems.raise_if_any(SensorMismatchError)
@@ -60,7 +60,7 @@ def resolve_roles(entry: LocalizerEntry, sensors: Mapping[str, SensorInfo], run_
         If a sensor is unknown or of a wrong kind, or if no sensor or several fit a role that names none.
     """
     problems = Problems(run_config.written)
-    filled = _filled(entry, sensors, problems)
+    filled = _fill_roles(entry, sensors, problems)
     problems.raise_if_any(SensorMismatchError)
     return filled
 
@@ -94,7 +94,7 @@ def refuse_duplicate_sensors(run_config: RunConfig, sensors_of: Mapping[str, Ite
     problems.raise_if_any(SensorMismatchError)
 
 
-def _filled(entry: LocalizerEntry, sensors: Mapping[str, SensorInfo], problems: Problems) -> LocalizerEntry:
+def _fill_roles(entry: LocalizerEntry, sensors: Mapping[str, SensorInfo], problems: Problems) -> LocalizerEntry:
     roles = sensor_roles(type(entry.config))
     values = {role: getattr(entry.config, role) for role in roles}
     taken = {name for value in values.values() for name in _names(value)}

@@ -39,15 +39,15 @@ def run_config_schema(plugins: Plugins) -> Schema:
         defs[kind] = _kind_schema(kind, registry, defs)
     properties = schema["properties"]
     for section, kind in NAMED_SECTIONS.items():
-        properties[section] = _kept(properties[section]) | {
+        properties[section] = _constraints_of(properties[section]) | {
             "type": "object",
             "propertyNames": {"pattern": _NAME_PATTERN},
             "additionalProperties": {"$ref": f"#/$defs/{kind}"},
         }
     for kind in SINGLE_SECTIONS:
         choices = [{"$ref": f"#/$defs/{kind}"}, {"type": "null"}]
-        properties[kind] = _kept(properties[kind]) | {"anyOf": choices}
-    properties["sinks"] = _kept(properties["sinks"]) | {"type": "array", "items": {"$ref": "#/$defs/sink"}}
+        properties[kind] = _constraints_of(properties[kind]) | {"anyOf": choices}
+    properties["sinks"] = _constraints_of(properties["sinks"]) | {"type": "array", "items": {"$ref": "#/$defs/sink"}}
     properties["sensors"] |= {"additionalProperties": {"$ref": "#/$defs/sensor"}}
     defs["sensor"] = _sensor_schema(defs)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema"} | schema | {"title": "Trailmark run"}
@@ -100,11 +100,11 @@ def _kind_schema(kind: Kind, registry: Registry, defs: Schema) -> Schema:
     specs = registry.specs(kind)
     patterns = {spec: _pattern(spec, specs) for spec in specs}
     names = {_written_name(spec, specs): spec for spec in specs}
-    rules = [_rule(pattern, _defined(spec, specs, defs)) for spec, pattern in patterns.items()]
+    rules = [_rule(pattern, _define_part(spec, specs, defs)) for spec, pattern in patterns.items()]
     default = next((spec for spec in specs if spec.name == DEFAULT_PLUGINS.get(kind)), None)
     if default is not None:
         without = {"not": {"required": ["plugin"]}}
-        rules.append({"if": without, "then": {"$ref": _defined(default, specs, defs)}})
+        rules.append({"if": without, "then": {"$ref": _define_part(default, specs, defs)}})
     plugin = {
         "description": f"One of the installed {kind}s, or distribution:name.",
         "anyOf": [
@@ -129,7 +129,7 @@ def _perturb_schema(registry: Registry, defs: Schema) -> Schema:
     specs = registry.specs("fault")
     properties: Schema = dict(PerturbOptions.model_json_schema(by_alias=True)["properties"])
     for spec in specs:
-        reference = _defined(spec, specs, defs)
+        reference = _define_part(spec, specs, defs)
         if spec.name == DEFAULT_PLUGINS["fault"]:
             properties |= defs[reference.rpartition("/")[2]].get("properties", {})
         else:
@@ -143,7 +143,7 @@ def _rule(pattern: str, reference: str) -> Schema:
     return {"if": named, "then": {"$ref": reference}}
 
 
-def _defined(spec: Spec, specs: tuple[Spec, ...], defs: Schema) -> str:
+def _define_part(spec: Spec, specs: tuple[Spec, ...], defs: Schema) -> str:
     """Put the schema of a part among the definitions, once; return the reference to it."""
     key = f"{spec.kind}.{_written_name(spec, specs)}"
     if key not in defs:
@@ -177,5 +177,5 @@ def _sensor_schema(defs: Schema) -> Schema:
     return schema
 
 
-def _kept(schema: Schema) -> Schema:
+def _constraints_of(schema: Schema) -> Schema:
     return {key: schema[key] for key in ("description", "title") if key in schema}

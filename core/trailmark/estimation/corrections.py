@@ -37,8 +37,8 @@ class FixCorrection:
             return None
         pose, covariance = believed
         measured = self.fix.pose_map_base
-        dx, dy, turn = _gained(gain, measured.x - pose.x, measured.y - pose.y, wrap_angle(measured.theta - pose.theta))
-        return Pose2(pose.x + dx, pose.y + dy, pose.theta + turn), _narrowed(covariance, self.measured, gain)
+        dx, dy, turn = _gain_of(gain, measured.x - pose.x, measured.y - pose.y, wrap_angle(measured.theta - pose.theta))
+        return Pose2(pose.x + dx, pose.y + dy, pose.theta + turn), _narrow(covariance, self.measured, gain)
 
 
 @quick_dataclass(frozen=True, slots=True, eq=False)
@@ -61,17 +61,17 @@ class PathCorrection:
             return None
         pose, covariance = believed
         before = self.path.locate(pose, offset.station_m)  # measured or not, it says which branch of a crossing
-        ds, dl, turn = _gained(
+        ds, dl, turn = _gain_of(
             gain,
             offset.station_m - before.station_m,
             offset.lateral_m - before.lateral_m,
             wrap_angle(offset.heading_rad - before.heading_rad),
         )
         after = OnPath(before.station_m + ds, before.lateral_m + dl, before.heading_rad + turn)
-        narrowed = _narrowed(covariance_on_path(covariance, self.path, before.station_m), self.measured, gain)
-        return self._shifted(pose, before, after), _covariance_in_map(narrowed, self.path, after.station_m)
+        narrowed = _narrow(covariance_on_path(covariance, self.path, before.station_m), self.measured, gain)
+        return self._shift_along_path(pose, before, after), _covariance_in_map(narrowed, self.path, after.station_m)
 
-    def _shifted(self, pose: Pose2, before: OnPath, after: OnPath) -> Pose2:
+    def _shift_along_path(self, pose: Pose2, before: OnPath, after: OnPath) -> Pose2:
         """Return the pose moved as its path coordinates do.
 
         What path coordinates cannot say (how far it lies beyond an end) moves along.
@@ -97,12 +97,12 @@ def _covariance_in_map(covariance: Sym3, path: Path, station_m: float) -> Sym3:
     return congruence(along, math.cos(tangent), math.sin(tangent), 0.0, 0.0)
 
 
-def _gained(gain: Floats, *innovation: float) -> tuple[float, float, float]:
+def _gain_of(gain: Floats, *innovation: float) -> tuple[float, float, float]:
     a, b, c = (gain @ innovation).tolist()
     return a, b, c
 
 
-def _narrowed(covariance: Sym3, measured: Measured, gain: Floats) -> Sym3:
+def _narrow(covariance: Sym3, measured: Measured, gain: Floats) -> Sym3:
     """Return ``(1 - gain) covariance (1 - gain)^T`` and what was measured; plain floats, see `symmetric`."""
     xx, xy, xt, yy, yt, tt = covariance
     (a, b, c), (d, e, f), (g, h, i) = (_UNIT - gain).tolist()

@@ -109,7 +109,7 @@ def measured_directions(information: Sym3) -> Measured:
     # In units of each axis's own sigma the matrix has a unit diagonal, and rank is a plain question.
     sigmas = np.array([1.0 / math.sqrt(value) if value > NOTHING else 0.0 for value in _diagonal(information)])
     roots = np.divide(1.0, sigmas, out=np.zeros(3), where=sigmas > 0.0)
-    values, vectors = np.linalg.eigh(_normalised(information))
+    values, vectors = np.linalg.eigh(_unit_diagonal(information))
     is_measured = values > _UNMEASURED
     directions, weights = vectors[:, is_measured], values[is_measured]
     gain = sigmas[:, None] * (directions @ directions.T) * roots
@@ -145,7 +145,7 @@ def _diagonal(information: Sym3) -> tuple[float, float, float]:
     return information[0], information[3], information[5]
 
 
-def _normalised(information: Sym3) -> Floats:
+def _unit_diagonal(information: Sym3) -> Floats:
     """Return the matrix with a diagonal of ones, and zeros where nothing was measured."""
     roots = np.array([1.0 / math.sqrt(value) if value > NOTHING else 0.0 for value in _diagonal(information)])
     return np.asarray(roots[:, None] * to_matrix(information) * roots)
@@ -157,4 +157,4 @@ def _is_positive(information: Sym3) -> bool:
     # An axis without information has none in common with the others either.
     if any(a == 0.0 and (b or c) for a, b, c in ((xx, xy, xt), (yy, xy, yt), (tt, xt, yt))):
         return False
-    return float(np.linalg.eigvalsh(_normalised(information))[0]) > -_NEGATIVE
+    return float(np.linalg.eigvalsh(_unit_diagonal(information))[0]) > -_NEGATIVE

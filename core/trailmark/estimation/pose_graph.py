@@ -94,13 +94,13 @@ def solve_pose_graph(poses: Floats, edges: PoseEdges) -> SolvedGraph:
     is_loop = edges.is_switchable
     scale = float(found.chi_squares[is_loop].max()) if is_loop.any() else 0.0
     while scale > _SWITCH:
-        found = _descended(found, edges, scale)
+        found = _descend(found, edges, scale)
         scale /= _SHRINK
-    found = _descended(found, edges, _SWITCH)
+    found = _descend(found, edges, _SWITCH)
     return replace(found, poses=np.column_stack([found.poses[:, :2], wrap_angles(found.poses[:, 2])]))
 
 
-def _descended(found: SolvedGraph, edges: PoseEdges, scale: float) -> SolvedGraph:
+def _descend(found: SolvedGraph, edges: PoseEdges, scale: float) -> SolvedGraph:
     """Return the poses from which no step leads down, with relations switched at a scale."""
     found, damping = _state_of(found.poses, edges, scale), 1e-6
     for _ in range(_STEPS):

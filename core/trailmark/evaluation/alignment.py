@@ -89,7 +89,7 @@ def align(pairs: Pairs, kind: AlignKind = "se2") -> Alignment:
     residuals = fit @ pairs.estimate.positions - pairs.truth.positions
     sigma_rad = rotation_sigma_rad(pairs.truth.positions, residuals, is_one_error=True)
     if sigma_rad > UNDETERMINED_RAD:
-        extent_m, degrees = _rms(_centred(pairs.truth.positions)), math.degrees(sigma_rad)
+        extent_m, degrees = _rms(_subtract_mean(pairs.truth.positions)), math.degrees(sigma_rad)
         known = f"known to {degrees:.0f}° only" if degrees < 90.0 else "not known"
         reason = (
             f"the way spreads by {extent_m:.2g} m and the errors by {_rms(residuals):.2g} m, so that its direction is"
@@ -117,7 +117,7 @@ def rotation_sigma_rad(positions: Floats, residuals: Floats, *, is_one_error: bo
     float
         ``inf`` where all positions coincide [rad].
     """
-    extent, spread = _rms(_centred(positions)), _rms(residuals) / math.sqrt(2.0)
+    extent, spread = _rms(_subtract_mean(positions)), _rms(residuals) / math.sqrt(2.0)
     if extent == 0.0:
         return math.inf
     if is_one_error or spread == 0.0:
@@ -131,10 +131,10 @@ def _origin(pairs: Pairs) -> Pose2:
 
 
 def _is_static(trajectory: Trajectory) -> bool:
-    return _rms(_centred(trajectory.positions)) < STATIC_M
+    return _rms(_subtract_mean(trajectory.positions)) < STATIC_M
 
 
-def _centred(positions: Floats) -> Floats:
+def _subtract_mean(positions: Floats) -> Floats:
     return np.asarray(positions - positions.mean(axis=0))
 
 

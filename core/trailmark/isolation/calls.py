@@ -137,7 +137,7 @@ class _Round:
         outcome = process.run()
         self._processes.discard(process)
         if outcome.state != "ok":
-            raise _error_of(place, f"{self._name}{_shown(call)} {outcome.state}: {outcome.reason}")
+            raise _error_of(place, f"{self._name}{_call_as_text(call)} {outcome.state}: {outcome.reason}")
         return read_plain(place / ANSWER_FILE, self._package)
 
 
@@ -154,7 +154,7 @@ def _error_of(place: Path, story: str) -> Exception:
     return RunError(story)
 
 
-def _shown(call: tuple[Any, ...]) -> str:
+def _call_as_text(call: tuple[Any, ...]) -> str:
     text = repr(call)
     return text if len(text) <= 120 else f"{text[:117]}..."
 

@@ -102,14 +102,14 @@ class StageTimes:
         """Move the durations of stages with many calls into histograms; to be called every few thousand frames."""
         for name, ns in self._ns.items():
             if len(ns) > EXACT_CALLS:
-                self._folded[name].add(_taken(ns))
+                self._folded[name].add(_empty_buffer(ns))
 
     def table(self) -> dict[str, dict[str, float]]:
         """Return n, mean, median, tail and maximum of each stage that ran, by name [ms]."""
         rows = {}
         for name, ns in sorted(self._ns.items()):
             if name in self._folded:
-                self._folded[name].add(_taken(ns))
+                self._folded[name].add(_empty_buffer(ns))
                 rows[name] = self._folded[name].row()
             elif ns:
                 rows[name] = _row(np.asarray(ns, dtype=np.float64) / 1e6)
@@ -152,7 +152,7 @@ class Instruments:
     patience_s: float = 120.0
 
 
-def _taken(ns: array[int]) -> npt.NDArray[np.int64]:
+def _empty_buffer(ns: array[int]) -> npt.NDArray[np.int64]:
     """Empty an array to which other threads may append meanwhile, and return what was in it."""
     taken = ns[:]
     del ns[: len(taken)]

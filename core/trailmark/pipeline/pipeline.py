@@ -96,7 +96,7 @@ class Pipeline:
             request = config if isinstance(config, RunRequest) else RunRequest(config=config, out=out, **options)
             self.config = request.read()
             self.parts, out, overwrite = build_parts(self.config, request.access), request.out, request.overwrite
-        self.folder = None if out is None else _prepared(out, overwrite)
+        self.folder = None if out is None else _prepare_out(out, overwrite)
         self._pushed = {info.name: info for info in sensors}
         self._window: ReorderWindow[Frame] | None = ReorderWindow(self._pushed, reorder_s) if reorder_s else None
         self._fed_s = -math.inf
@@ -116,7 +116,7 @@ class Pipeline:
         RunError, DataError
             If a part does not start.
         """
-        self._started()
+        self._start_run()
 
     def close(self) -> None:
         """End the run, if it has not ended."""
@@ -140,9 +140,9 @@ class Pipeline:
         if error is None:
             self.close()
         elif isinstance(error, KeyboardInterrupt):
-            self._started().end("interrupted", reason_of(error))
+            self._start_run().end("interrupted", reason_of(error))
         else:
-            self._started().end("interrupted", f"the caller raised {type(error).__name__}: {error}")
+            self._start_run().end("interrupted", f"the caller raised {type(error).__name__}: {error}")
 
     # --- what goes through -----------------------------------------------------------------------------------------
 
@@ -159,7 +159,7 @@ class Pipeline:
         TrailmarkError
             If the run fails; it is over then, and what is known is written.
         """
-        step = (self._run or self._started()).next_step()
+        step = (self._run or self._start_run()).next_step()
         if step is None:
             raise StopIteration
         return step
@@ -185,7 +185,7 @@ class Pipeline:
         if not self._pushed:
             raise ConfigError("frames cannot be fed before their sensors are known: Pipeline(..., sensors=[...])")
         if self._window is None:
-            return self._started().push(frame)
+            return self._start_run().push(frame)
         with self._lock:
             if frame.stamp_s < self._fed_s:
                 self._instruments.counters.add("source.feed.late")
@@ -196,7 +196,7 @@ class Pipeline:
         last: Step | None = None
         for frame in frames:
             self._fed_s = frame.stamp_s
-            last = self._started().push(frame) or last
+            last = self._start_run().push(frame) or last
         return last
 
     def set_pose(
@@ -214,25 +214,25 @@ class Pipeline:
         RunError
             If the estimator fails at it.
         """
-        return self._started().set_pose(pose_map_base, covariance, stamp_s)
+        return self._start_run().set_pose(pose_map_base, covariance, stamp_s)
 
     # --- what is known of it ---------------------------------------------------------------------------------------
 
     @property
     def sensors(self) -> Mapping[str, SensorInfo]:
         """The sensors of the run, by name; asking starts it."""
-        return self._started().running.sensors
+        return self._start_run().running.sensors
 
     @property
     def sensor_origins(self) -> list[str]:
         """Which mountings and calibrations of a recording are used, a line for a sensor; asking starts the run."""
-        running = self._started().running
+        running = self._start_run().running
         return [line for source in running.parts.sources for line in source.origins_in_words(running.parts.sensors)]
 
     @property
     def path(self) -> TaughtPath | None:
         """The taught path as it was before the run; asking starts it."""
-        return self._started().running.path
+        return self._start_run().running.path
 
     @property
     def counters(self) -> Mapping[str, int]:
@@ -263,7 +263,7 @@ class Pipeline:
             raise RunError("the run has not ended; iterate over the pipeline, or close it")
         return result
 
-    def _started(self) -> Run:
+    def _start_run(self) -> Run:
         with self._lock, shielded():  # a run that has begun is one that can be ended
             if self._run is None:
                 self._run = self._new_run()
@@ -299,7 +299,7 @@ class Pipeline:
         self.parts.call_hook("trailmark_run_finished", run=self, result=result)
 
 
-def _prepared(out: str | Path, overwrite: bool) -> Path:
+def _prepare_out(out: str | Path, overwrite: bool) -> Path:
     from trailmark.pipeline.outputs.run_folder import prepared
 
     return prepared(out, overwrite)

@@ -58,7 +58,7 @@ def examine(plugins: Plugins, *, deep: bool = False) -> list[Finding]:
     if not plugins.records:
         message, _, remedy = NO_PLUGINS.partition(": ")
         return [Finding("error", "none", "plugins", message, remedy)]
-    found = [_broken(record) for record in plugins.failed]
+    found = [_finding_of_failure(record) for record in plugins.failed]
     specs = plugins.registry.specs()
     found += _duplicates(specs)
     lacking = list(_missing_extras(specs))
@@ -81,7 +81,7 @@ def missing_requirements(distribution: str, extra: str) -> list[str]:
     return [name for name in _names_behind(requirements, extra) if not _is_installed(name)]
 
 
-def _broken(record: PluginRecord) -> Finding:
+def _finding_of_failure(record: PluginRecord) -> Finding:
     if record.needs_other_api:
         remedy = f"pip install --upgrade {record.distribution} trailmark"
         return Finding("error", "api", record.origin, record.error, remedy, record.traceback)

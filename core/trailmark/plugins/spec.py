@@ -114,7 +114,7 @@ class Spec:
         PluginLoadError
             If the import fails, naming the plugin, the error and what to install.
         """
-        return self._imported(self.target)
+        return self._import_target(self.target)
 
     def construct(self, config: PluginConfig | None, place: str = "") -> Any:
         """Return an object of the class, made with its config.
@@ -162,12 +162,12 @@ class Spec:
 
         if self.config is None:
             return PluginConfig
-        model = self._imported(self.config)
+        model = self._import_target(self.config)
         if not (isinstance(model, type) and issubclass(model, PluginConfig)):
             raise PluginLoadError(f"{self.kind} {self.name!r} of {self.origin}: {self.config} is no PluginConfig")
         return model
 
-    def _imported(self, target: str) -> Any:
+    def _import_target(self, target: str) -> Any:
         module, _, attribute = target.partition(":")
         try:
             found: Any = import_module(module)

@@ -72,7 +72,7 @@ def explorer_document(
         "lanes": [] if estimates is None else _lanes(evaluated, span[0]),
         "gaps": [] if estimates is None else [gap.document(span[0]) for gap in find_gaps(estimates, span)],
         "offsets": {
-            name: {"t": _packed(line[:, 0], _TIME), "v": _packed(line[:, 1], _ERROR)} for name, line in offsets.items()
+            name: {"t": _pack(line[:, 0], _TIME), "v": _pack(line[:, 1], _ERROR)} for name, line in offsets.items()
         },
     }
 
@@ -99,7 +99,7 @@ def _track(
     cuts = np.searchsorted(kept, breaks(way.stamps_s))
 
     def column(values: Floats, steps: int) -> list[int | None]:
-        return _packed(np.insert(values[kept], cuts, np.nan), steps)
+        return _pack(np.insert(values[kept], cuts, np.nan), steps)
 
     document: Document = {
         "name": name,
@@ -156,14 +156,14 @@ def _beliefs(evaluated: RunEvaluation, pose: Pose2, start_s: float) -> Document 
     }
     places = pose @ np.ascontiguousarray(poses[:, :2])
     return {
-        "t": _packed(table.stamps_s[kept] - start_s, _TIME),
-        "x": _packed(places[:, 0], _PLACE),
-        "y": _packed(places[:, 1], _PLACE),
-        "long": _packed(sigmas[:, 1], _ERROR),
-        "short": _packed(sigmas[:, 0], _ERROR),
-        "axis": _packed(across, _TURN),
-        **{key: _packed(values, _ERROR) for key, values in along.items()},
-        "turn": _packed(np.sqrt(np.clip(table.covariances[kept][:, 2, 2], 0.0, None)), _TURN),
+        "t": _pack(table.stamps_s[kept] - start_s, _TIME),
+        "x": _pack(places[:, 0], _PLACE),
+        "y": _pack(places[:, 1], _PLACE),
+        "long": _pack(sigmas[:, 1], _ERROR),
+        "short": _pack(sigmas[:, 0], _ERROR),
+        "axis": _pack(across, _TURN),
+        **{key: _pack(values, _ERROR) for key, values in along.items()},
+        "turn": _pack(np.sqrt(np.clip(table.covariances[kept][:, 2, 2], 0.0, None)), _TURN),
     }
 
 
@@ -192,15 +192,15 @@ def _fixes(
         document: Document = {
             "name": name,
             "colour": css_variable(styles[name].colour),
-            "t": _packed(fixes.stamp_s - start_s, _TIME),
-            "x": _packed(places[:, 0], _PLACE),
-            "y": _packed(places[:, 1], _PLACE),
+            "t": _pack(fixes.stamp_s - start_s, _TIME),
+            "x": _pack(places[:, 0], _PLACE),
+            "y": _pack(places[:, 1], _PLACE),
             "outcome": [OUTCOMES.index(str(word)) for word in fixes.outcome],
         }
         if reference is not None and evaluated.has_truth:
             errors = _errors(places, fixes.stamp_s, reference)
             for index, (key, steps) in enumerate((("ahead", _ERROR), ("left", _ERROR), ("turn", _TURN))):
-                document[key] = _packed(errors[:, index], steps)
+                document[key] = _pack(errors[:, index], steps)
         documents.append(document)
     return documents
 
@@ -214,7 +214,7 @@ def _lanes(evaluated: RunEvaluation, start_s: float) -> list[Document]:
             "name": lane.name,
             "from": round(float(lane.edges_s[0]) + first_s, 5),
             "step": round(float(lane.edges_s[1] - lane.edges_s[0]), 6),
-            "shares": {word: _packed(shares, 100) for word, shares in lane.shares.items() if shares.any()},
+            "shares": {word: _pack(shares, 100) for word, shares in lane.shares.items() if shares.any()},
             "counts": dict(lane.counts),
         }
         for lane in lanes(evaluated.run.estimates, evaluated.sources)
@@ -243,7 +243,7 @@ def _line_in(pose: Pose2, points: Floats) -> list[list[float]]:
     return rows
 
 
-def _packed(values: Floats, steps: int) -> list[int | None]:
+def _pack(values: Floats, steps: int) -> list[int | None]:
     """Return numbers as differences of whole steps, after how many make one; a gap, or what is absurd, is None."""
     packed: list[int | None] = [steps]
     last = 0

@@ -63,7 +63,7 @@ def write_distribution(name: str, parts: Sequence[str], into: Path) -> Path:
         texts |= {f"{package}/{part}.py": f"{part}.py", f"tests/test_{part}.py": f"test_{part}.py"}
         if part != "metric":
             texts[f"{package}/{part}_config.py"] = f"{part}_config.py"
-    contents = {path: _filled(template, words) for path, template in texts.items()}
+    contents = {path: _fill_in_words(template, words) for path, template in texts.items()}
     contents |= {f"{package}/__init__.py": f'"""Trailmark plugin: {words["title"]}."""\n', f"{package}/py.typed": ""}
     contents[".gitignore"] = "__pycache__/\n.venv/\n*.egg-info/\ndist/\n"
     _write(folder, contents)
@@ -82,7 +82,7 @@ def _words(name: str, parts: Sequence[str]) -> dict[str, str]:
     }
     words["robot_name"] = f"{name}_robot" if "source" in parts else name  # both are sources
     words["registrations"] = "\n".join(_registration(part, words) for part in parts)
-    words["parts"] = "\n".join(f"- {part} `{_called(part, words)}`: {PARTS[part]}" for part in parts)
+    words["parts"] = "\n".join(f"- {part} `{_fill_in_path(part, words)}`: {PARTS[part]}" for part in parts)
     return words
 
 
@@ -91,7 +91,7 @@ def _registration(part: str, words: dict[str, str]) -> str:
     suffix = "" if part == "localizer" else part.capitalize()
     target = words["name"] if part == "metric" else f"{class_name}{suffix}"
     kind = "source" if part == "robot" else part
-    lines = [f"registry.{kind}(", f'    "{_called(part, words)}",', f'    "{module}:{target}",']
+    lines = [f"registry.{kind}(", f'    "{_fill_in_path(part, words)}",', f'    "{module}:{target}",']
     if part != "metric":
         lines.append(f'    config="{module}_config:{class_name}{suffix}Config",')
     lines.append(f'    summary="{PARTS[part].capitalize()}",')
@@ -100,11 +100,11 @@ def _registration(part: str, words: dict[str, str]) -> str:
     return textwrap.indent("\n".join([*lines, ")"]), "    ")
 
 
-def _called(part: str, words: dict[str, str]) -> str:
+def _fill_in_path(part: str, words: dict[str, str]) -> str:
     return words["robot_name" if part == "robot" else "name"]
 
 
-def _filled(template: str, words: dict[str, str]) -> str:
+def _fill_in_words(template: str, words: dict[str, str]) -> str:
     text = files("trailmark.scaffold").joinpath("templates", f"{template}.txt").read_text(encoding="utf-8")
     return Template(text).substitute(words)
 

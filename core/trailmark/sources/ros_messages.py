@@ -91,7 +91,7 @@ def pixels(message: Any, where: str) -> npt.NDArray[Any]:
         If the encoding is not understood or the data do not fit.
     """
     if not hasattr(message, "encoding"):
-        return _decoded(message, where)
+        return _decode_image(message, where)
     bayer = _BAYER.get(message.encoding)
     if message.encoding not in _ENCODINGS and bayer is None:
         known = ", ".join((*_ENCODINGS, *_BAYER))
@@ -116,7 +116,7 @@ def pixels(message: Any, where: str) -> npt.NDArray[Any]:
     return np.ascontiguousarray(picture.reshape(height, width, channels)[:, :, list(order)])
 
 
-def _decoded(message: Any, where: str) -> npt.NDArray[Any]:
+def _decode_image(message: Any, where: str) -> npt.NDArray[Any]:
     data = bytes(message.data)
     if "compressedDepth" in message.format:
         if "32FC1" in message.format:

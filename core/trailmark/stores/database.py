@@ -52,7 +52,7 @@ class Database:
     @classmethod
     def to_append(cls, path: Path) -> Database:
         """Open for going on."""
-        with _taken(path) as mark:
+        with _hold_mark(path) as mark:
             database = cls(path, open_for_writing(path))
             database._mark = mark
         return database
@@ -67,7 +67,7 @@ class Database:
             If something stands there that may not be replaced.
         """
         draft = path.with_name(path.name + ".new")
-        with _taken(path) as mark, store_errors(path), contextlib.ExitStack() as undo:
+        with _hold_mark(path) as mark, store_errors(path), contextlib.ExitStack() as undo:
             if path.exists():
                 check_replaceable(path, replaces)
             _remove(draft, *side_files(draft))  # of a writer that was killed: this one holds the mark
@@ -207,7 +207,7 @@ class Database:
 
 
 @contextlib.contextmanager
-def _taken(path: Path) -> Iterator[WriterMark]:
+def _hold_mark(path: Path) -> Iterator[WriterMark]:
     """Hold the writer's mark; it is given back if the block fails."""
     if not path.parent.is_dir():
         raise StoreError(f"no folder {path.parent} for the path store {path.name}; make it first")

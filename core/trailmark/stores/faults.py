@@ -51,7 +51,7 @@ def store_errors(path: Path) -> Iterator[None]:
     except SQLITE_ERRORS as error:
         raise told(error, path) from error
     except Damage as error:
-        raise _damaged(path, str(error)) from error
+        raise _damage_error(path, str(error)) from error
     except OSError as error:
         raise StoreError(f"{path}: {error.strerror or error}") from error
 
@@ -62,7 +62,7 @@ def told(error: Exception, path: Path) -> StoreError:
     if isinstance(error, sqlite3.ProgrammingError):
         return StoreError(f"{path} was closed while it was in use")
     if code is None or code == sqlite3.SQLITE_CORRUPT:  # without a code: text that is no UTF-8
-        return _damaged(path, str(error))
+        return _damage_error(path, str(error))
     kept = "what was committed before is kept"
     messages = {
         sqlite3.SQLITE_NOTADB: f"{path} is not a path store, or its beginning is destroyed; check the file's name",
@@ -77,5 +77,5 @@ def told(error: Exception, path: Path) -> StoreError:
     return StoreError(messages.get(code, f"{path}: {error}"))
 
 
-def _damaged(path: Path, what: str) -> DamagedStoreError:
+def _damage_error(path: Path, what: str) -> DamagedStoreError:
     return DamagedStoreError(f"{path} is damaged: {what}. 'trailmark store check {path}' says what can still be read")

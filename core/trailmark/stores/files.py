@@ -82,11 +82,11 @@ def open_for_reading(path: Path, is_checked: bool = True) -> tuple[sqlite3.Conne
     _refuse_without_file(path)
     with store_errors(path):
         _warn_of_missing_log(path)
-        connection, schema, clean_up = _identified(path)
+        connection, schema, clean_up = _identify(path)
         if is_unfolded(path) and not clean_up.is_copy:
             connection.close()
             fold(path)
-            connection, schema, clean_up = _identified(path)
+            connection, schema, clean_up = _identify(path)
         with _closing_on_error(connection, clean_up):
             if is_checked:
                 _check_whole_file(connection, path)
@@ -133,7 +133,7 @@ class _CleanUp:
             self._folder.cleanup()
 
 
-def _identified(path: Path) -> tuple[sqlite3.Connection, int, _CleanUp]:
+def _identify(path: Path) -> tuple[sqlite3.Connection, int, _CleanUp]:
     connection, clean_up = _connect_to_read(path)
     with _closing_on_error(connection, clean_up):
         return connection, identify(connection, path), clean_up

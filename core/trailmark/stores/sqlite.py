@@ -81,12 +81,12 @@ class SqlitePathStore(PathStore):
         StoreError
             If its index or station does not follow the last one, or the store cannot be written.
         """
-        with self._opened().writing() as connection:
+        with self._open_database().writing() as connection:
             tables.add_waypoint(connection, waypoint)
 
     def path(self) -> Path | None:
         """Return the committed path, or None while there is none."""
-        database = self._opened()
+        database = self._open_database()
         with database.reading() as connection:
             count = self._n_committed if database.is_writable else tables.read_totals(connection).waypoints
             waypoints = list(tables.read_waypoints(connection, count))
@@ -95,7 +95,7 @@ class SqlitePathStore(PathStore):
     def localizer_map(self, owner: str) -> LocalizerMap:
         """Return the localizer map of one localizer; it lives as long as the store is open."""
         check_name(owner, "a localizer map")
-        return SqliteMap(self._opened(), owner)
+        return SqliteMap(self._open_database(), owner)
 
     def commit(self) -> None:
         """Make everything so far durable: when this returns, a kill at any instant loses none of it.
@@ -103,7 +103,7 @@ class SqlitePathStore(PathStore):
         A loss of power may cost the newest commits, but not the file. While an old store is being replaced,
         what is committed before the first waypoint is kept beside it and comes into force with that.
         """
-        database = self._opened()
+        database = self._open_database()
         with database.exclusively():
             with database.reading() as connection:
                 count = tables.read_totals(connection).waypoints
@@ -112,7 +112,7 @@ class SqlitePathStore(PathStore):
 
     def owners(self) -> tuple[str, ...]:
         """Return whose localizer maps there are, in the order in which they were first used."""
-        with self._opened().reading() as connection:
+        with self._open_database().reading() as connection:
             return tuple(row.owner for row in drawer_rows.read_drawers(connection))
 
     def move(self, waypoints: Sequence[Pose2], keyframes: Mapping[str, Sequence[Keyframe]]) -> bool:
@@ -124,7 +124,7 @@ class SqlitePathStore(PathStore):
             If there are not as many waypoints or keyframes as that, or the store cannot be written.
         """
         packed = {owner: [pack_arrays(one.arrays) for one in rows] for owner, rows in keyframes.items()}
-        with self._opened().writing() as connection:
+        with self._open_database().writing() as connection:
             tables.move_waypoints(connection, waypoints)
             for owner, rows in keyframes.items():
                 row = drawer_rows.find_drawer(connection, owner) or drawer_rows.add_drawer(connection, owner)
@@ -133,14 +133,14 @@ class SqlitePathStore(PathStore):
 
     def is_finished(self, owner: str) -> bool:
         """Return whether `Localizer.finish` ran for this owner since its localizer map last changed, or it has none."""
-        with self._opened().reading() as connection:
+        with self._open_database().reading() as connection:
             row = drawer_rows.find_drawer(connection, owner)
         return row is None or row.is_finished or row.n_keyframes + row.n_saved == 0
 
     def mark_finished(self, owner: str) -> None:
         """Write down that `Localizer.finish` ran for this owner; part of the open transaction."""
         check_name(owner, "a localizer map")
-        with self._opened().writing() as connection:
+        with self._open_database().writing() as connection:
             row = drawer_rows.find_drawer(connection, owner) or drawer_rows.add_drawer(connection, owner)
             drawer_rows.set_finished(connection, row, True)
 
@@ -172,16 +172,16 @@ class SqlitePathStore(PathStore):
 
     def _write(self, key: str, document: Mapping[str, Any]) -> None:
         try:
-            with self._opened().writing() as connection:
+            with self._open_database().writing() as connection:
                 tables.write_fact(connection, key, document)
         except (TypeError, ValueError) as error:
             raise StoreError(f"{key} of a path store must be JSON: {error}") from error
 
     def _read(self, key: str) -> dict[str, Any]:
-        with self._opened().reading() as connection:
+        with self._open_database().reading() as connection:
             return tables.read_document(connection, key)
 
-    def _opened(self) -> Database:
+    def _open_database(self) -> Database:
         if self._database is None:
             raise StoreError("the path store is not open; start it first")
         return self._database

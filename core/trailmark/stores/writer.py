@@ -79,7 +79,7 @@ class WriterMark:
             If another writer has it, or the folder cannot be written.
         """
         for _ in range(_ATTEMPTS):
-            connection = self._locked(wait_s)
+            connection = self._lock(wait_s)
             if self._file.exists():  # else its last owner removed it just before it let go
                 self._connection = connection
                 return
@@ -96,7 +96,7 @@ class WriterMark:
                 self._file.unlink()
         connection.close()
 
-    def _locked(self, wait_s: float) -> sqlite3.Connection:
+    def _lock(self, wait_s: float) -> sqlite3.Connection:
         connection = None
         try:
             connection = sqlite3.connect(self._file, timeout=wait_s, isolation_level=None, check_same_thread=False)

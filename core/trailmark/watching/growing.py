@@ -108,7 +108,7 @@ class GrowingRun:
     def _new_tracks(self) -> Tracks:
         names = localizer_names(self._config_text())
         self._names = set(names)
-        return Tracks(names, Session(path=self._noted(PATH_FILE, read_path)))
+        return Tracks(names, Session(path=self._read_note(PATH_FILE, read_path)))
 
     def _config_text(self) -> str:
         with suppress(OSError):
@@ -126,24 +126,24 @@ class GrowingRun:
 
     def _as_far_as_known(self) -> RunFolder:
         rows = sorted((item for kept in self._kept.values() for item in kept.kept), key=lambda item: item[0])
-        beliefs = self._noted(BELIEFS_FILE, read_beliefs)
+        beliefs = self._read_note(BELIEFS_FILE, read_beliefs)
         own = {} if self._tracks is None else dict(self._tracks.trajectories())
         own[FUSED] = _trajectory_of(beliefs)
         return RunFolder(
             path=self._folder,
             trajectories={name: every_nth(way, _MAX_POSES) for name, way in own.items()},
-            truth=self._noted(TRUTH_FILE, read_tum),
+            truth=self._read_note(TRUTH_FILE, read_tum),
             estimates=table_of_rows((f"row {n}", row) for n, row in rows),
             run={"status": self.watch.status},
             timing={},
             config_text=self._config_text(),
             problems=(),
-            path_taught=self._noted(PATH_FILE, read_path),
+            path_taught=self._read_note(PATH_FILE, read_path),
             beliefs=beliefs,
-            outlines=self._noted(OUTLINES_FILE, read_outlines),
+            outlines=self._read_note(OUTLINES_FILE, read_outlines),
         )
 
-    def _noted(self, name: str, read: Any) -> Any:
+    def _read_note(self, name: str, read: Any) -> Any:
         """Return what a file of the notes holds; None where there is none."""
         path = None if self._notes is None else self._notes / name
         if path is None or not path.is_file():

@@ -54,7 +54,7 @@ def close_loops(
     n_loops = 0
     nodes = store.localizer_map(WAY_LOG).keyframes()
     if len(nodes) >= 2 and not any(bool(node.arrays[FIXED]) for node in nodes):
-        straightened = _straightened(store, nodes, localizers)
+        straightened = _straighten(store, nodes, localizers)
         parts = {part.name: part for part in (*localizers, *switched_off)}
         if missing := owners_beside(store, parts):
             if straightened is not None:
@@ -77,7 +77,7 @@ def owners_beside(store: PathStore, names: Collection[str]) -> list[str]:
     return [owner for owner in others if store.localizer_map(owner).keyframes()]
 
 
-def _straightened(
+def _straighten(
     store: PathStore, nodes: Sequence[Keyframe], localizers: Sequence[LocalizerPart]
 ) -> Straightened | None:
     relating = [
@@ -94,7 +94,7 @@ def _move(store: PathStore, straightened: Straightened, parts: dict[str, Localiz
     waypoints = [straightened.at_station(one.station_m, one.pose_map_base) for one in path.waypoints]
     keyframes = {
         owner: [
-            _moved(parts.get(owner), one, straightened.at_keyframe(one))
+            _move_keyframe(parts.get(owner), one, straightened.at_keyframe(one))
             for one in store.localizer_map(owner).keyframes()
         ]
         for owner in store.owners()
@@ -105,7 +105,7 @@ def _move(store: PathStore, straightened: Straightened, parts: dict[str, Localiz
     return has_moved
 
 
-def _moved(part: LocalizerPart | None, keyframe: Keyframe, pose: Pose2) -> Keyframe:
+def _move_keyframe(part: LocalizerPart | None, keyframe: Keyframe, pose: Pose2) -> Keyframe:
     if part is None:
         return Keyframe(keyframe.station_m, keyframe.stamp_s, pose, keyframe.arrays)
     try:

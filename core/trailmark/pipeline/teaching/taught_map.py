@@ -94,7 +94,7 @@ class TaughtMap:
 
     def finish_leftovers(self, localizers: Sequence[LocalizerPart], sessions: Sessions) -> None:
         """Let localizers finish what an interrupted teaching left, before the path is used."""
-        unfinished = self._unfinished(localizers)
+        unfinished = self._localizers_to_finish(localizers)
         if not unfinished:
             return
         self._reopen("append")
@@ -109,7 +109,7 @@ class TaughtMap:
         self._reopen("read")
         self.path = self._store.path()
 
-    def _unfinished(self, localizers: Sequence[LocalizerPart]) -> list[LocalizerPart]:
+    def _localizers_to_finish(self, localizers: Sequence[LocalizerPart]) -> list[LocalizerPart]:
         """Return which are to finish; all that remember the path, if it is to be straightened first."""
         unfinished = [part for part in localizers if not self._store.is_finished(part.name)]
         if self._store.is_finished(WAY_LOG):

@@ -97,7 +97,7 @@ class WayGraph:
             seen = self.poses[node].between(self.poses[at])
             for to, spread in self._ties[at]:
                 if to not in found:
-                    carried = _carried(covariance, spread, seen, self.poses[at].between(self.poses[to]))
+                    carried = _carry_covariance(covariance, spread, seen, self.poses[at].between(self.poses[to]))
                     n_pushed += 1
                     heapq.heappush(queue, (float(carried[0, 0] + carried[1, 1] + carried[2, 2]), n_pushed, to, carried))
         return {one: found[one] for one in wanted if one in found}
@@ -137,17 +137,17 @@ class Straightened:
 
     def at_station(self, station_m: float, pose: Pose2) -> Pose2:
         """Return where a pose lies now that was believed at a station of the way."""
-        return self._moved(self._way.at_station(station_m), pose)
+        return self._move_place(self._way.at_station(station_m), pose)
 
     def at_stamp(self, stamp_s: float, pose: Pose2) -> Pose2:
         """Return where a pose lies now that was believed at a stamp of a way that was taught in one go."""
-        return self._moved(self._way.at_stamp(stamp_s), pose)
+        return self._move_place(self._way.at_stamp(stamp_s), pose)
 
     def at_keyframe(self, keyframe: Keyframe) -> Pose2:
         """Return where a keyframe lies now."""
-        return self._moved(self._way.at_keyframe(keyframe), keyframe.pose_map_base)
+        return self._move_place(self._way.at_keyframe(keyframe), keyframe.pose_map_base)
 
-    def _moved(self, place: tuple[int, int, float], pose: Pose2) -> Pose2:
+    def _move_place(self, place: tuple[int, int, float], pose: Pose2) -> Pose2:
         before, after, share = place
         ends = [self._after[k] @ self._before[k].between(pose) for k in (before, after)]
         return ends[0].interpolate(ends[1], share)
@@ -167,7 +167,7 @@ def turned(matrix: Floats, angle_rad: float) -> Floats:
     return np.asarray((result + result.T) / 2.0)
 
 
-def _carried(covariance: Floats, spread: Floats, seen: Pose2, step: Pose2) -> Floats:
+def _carry_covariance(covariance: Floats, spread: Floats, seen: Pose2, step: Pose2) -> Floats:
     """Return the covariance of a pose as seen from afar, after one more step with a spread of its own."""
     cos, sin = math.cos(seen.theta), math.sin(seen.theta)
     dx, dy = cos * step.x - sin * step.y, sin * step.x + cos * step.y

@@ -106,7 +106,7 @@ def _info(frames: Sequence[Frame]) -> SensorInfo:
     return SensorInfo(frames[0].sensor, payload_kind(frames[0].payload))
 
 
-def _left(
+def _surviving_frames(
     make: Callable[[], Fault], frames: Sequence[Frame], others: Sequence[Frame] = (), seed: int = 0
 ) -> list[Frame]:
     """Return what a source with the fault gives of some frames, and of others of a sensor that it does not befall."""
@@ -133,7 +133,7 @@ def _digest(payload: Payload) -> Any:
 def _does_something(make: Callable[[], Fault]) -> None:
     for frames in _fitting(make).values():
         info = _info(frames)
-        if _digests(_left(make, frames)) != _digests(frames):
+        if _digests(_surviving_frames(make, frames)) != _digests(frames):
             return
         fault = make()
         fault.start(Session(sensors={info.name: info}))
@@ -144,7 +144,7 @@ def _does_something(make: Callable[[], Fault]) -> None:
 
 def _is_deterministic(make: Callable[[], Fault]) -> None:
     for name, frames in _fitting(make).items():
-        assert _digests(_left(make, frames, seed=1)) == _digests(_left(make, frames, seed=1)), (
+        assert _digests(_surviving_frames(make, frames, seed=1)) == _digests(_surviving_frames(make, frames, seed=1)), (
             f"twice the same seed gives other frames of {name!r}: draw from the generators that it is given"
         )
 
@@ -152,8 +152,8 @@ def _is_deterministic(make: Callable[[], Fault]) -> None:
 def _starts_again(make: Callable[[], Fault]) -> None:
     for name, frames in _fitting(make).items():
         again = partial(_same, make())
-        first = _digests(_left(again, frames))
-        assert _digests(_left(again, frames)) == first, (
+        first = _digests(_surviving_frames(again, frames))
+        assert _digests(_surviving_frames(again, frames)) == first, (
             f"started again it gives other frames of {name!r}: forget in start()"
         )
 
@@ -164,13 +164,13 @@ def _same(fault: Fault) -> Fault:
 
 def _leaves_frames_alone(make: Callable[[], Fault]) -> None:
     for name, shared in _fitting(make).items():
-        frames = [_copied(frame) for frame in shared]  # a fault that writes spoils no other check
+        frames = [_copy_of_frame(frame) for frame in shared]  # a fault that writes spoils no other check
         before = _digests(frames)
-        _left(make, frames)
+        _surviving_frames(make, frames)
         assert _digests(frames) == before, f"it changed a frame of {name!r} that it was given: work on a copy"
 
 
-def _copied(frame: Frame) -> Frame:
+def _copy_of_frame(frame: Frame) -> Frame:
     payload: Any = frame.payload
     arrays = {name: getattr(payload, name) for name in getattr(type(payload), "__slots__", ())}
     copies = {name: np.array(array) for name, array in arrays.items() if isinstance(array, np.ndarray)}
@@ -180,7 +180,7 @@ def _copied(frame: Frame) -> Frame:
 def _keeps_kind_and_size(make: Callable[[], Fault]) -> None:
     for name, frames in _fitting(make).items():
         expected = _layout(frames[0].payload)
-        for frame in _left(make, frames):
+        for frame in _surviving_frames(make, frames):
             assert _layout(frame.payload) == expected, f"{name!r} was {expected} and became {_layout(frame.payload)}"
 
 
@@ -190,14 +190,14 @@ def _layout(payload: Payload) -> list[Any]:
 
 def _keeps_order(make: Callable[[], Fault]) -> None:
     for name, frames in _fitting(make).items():
-        stamps = [frame.stamp_s for frame in _left(make, frames)]
+        stamps = [frame.stamp_s for frame in _surviving_frames(make, frames)]
         assert all(one < other for one, other in pairwise(stamps)), f"the stamps of {name!r} do not increase: {stamps}"
 
 
 def _leaves_others_alone(make: Callable[[], Fault]) -> None:
     for frames in _fitting(make).values():
         others = [Frame(_BESIDE, frame.stamp_s + 1e-3, frame.payload) for frame in frames]
-        left = [frame for frame in _left(make, frames, others) if frame.sensor == _BESIDE]
+        left = [frame for frame in _surviving_frames(make, frames, others) if frame.sensor == _BESIDE]
         assert len(left) == len(others), f"of {len(others)} frames of another sensor {len(left)} are left"
         assert all(one is other for one, other in zip(left, others, strict=True)), "it changed another sensor's frames"
 
@@ -209,6 +209,6 @@ def _takes_bad_days(make: Callable[[], Fault]) -> None:
             spoilt = spoil(frames[0].payload, how, np.random.default_rng(7))
             if spoilt is not None:
                 given = [Frame(name, frame.stamp_s, spoilt) for frame in frames]
-                for frame in _left(make, given):
+                for frame in _surviving_frames(make, given):
                     if isinstance(frame.payload, Scan):
                         assert not np.isinf(frame.payload.ranges_m).any(), f"a {how} scan gets infinite ranges"

@@ -128,7 +128,7 @@ def _information_says_something(case: LocalizerCase) -> None:
 def _share_no_state(case: LocalizerCase) -> None:
     """Two instances asked by turns, the second a few frames behind, say what each says alone."""
     frames = list(case.frames_asked_for())
-    alone = [document_of(one) for one in _said(case, _ready(case), len(frames))]
+    alone = [document_of(one) for one in _estimates_over(case, _ready(case), len(frames))]
     first, second = _ready(case), _ready(case)
     said: tuple[list[Estimate], list[Estimate]] = ([], [])
     for index in range(len(frames) + _LAG):
@@ -145,12 +145,12 @@ def _share_no_state(case: LocalizerCase) -> None:
 def _work_in_two_threads(case: LocalizerCase) -> None:
     """Two instances that work at the same time in two threads say what one says alone."""
     n = len(list(case.frames_asked_for()))
-    alone = [document_of(one) for one in _said(case, _ready(case), n)]
+    alone = [document_of(one) for one in _estimates_over(case, _ready(case), n)]
     found: dict[int, list[object] | BaseException] = {}
 
     def work(index: int, localizer: Localizer) -> None:
         try:
-            found[index] = [document_of(one) for one in _said(case, localizer, n)]
+            found[index] = [document_of(one) for one in _estimates_over(case, localizer, n)]
         except BaseException as error:  # told below, in the test's own thread
             found[index] = error
 
@@ -172,7 +172,7 @@ def _ready(case: LocalizerCase) -> Localizer:
     return localizer
 
 
-def _said(case: LocalizerCase, localizer: Localizer, n: int) -> list[Estimate]:
+def _estimates_over(case: LocalizerCase, localizer: Localizer, n: int) -> list[Estimate]:
     frames = list(case.frames_asked_for())[:n]
     said = [one for frame in frames for one in localizer.observe(frame, true_belief(case.run, frame.stamp_s))]
     localizer.close()
