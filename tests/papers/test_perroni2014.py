@@ -17,7 +17,7 @@ from trailmark.frames import Pinhole
 from trailmark.geometry import Pose2, Pose3, Trajectory
 from trailmark_papers.perroni2014.closed_loop import _share_row
 from trailmark_papers.perroni2014.drives import Deviation, Place, Taught
-from trailmark_papers.perroni2014.likelihood import _climbed, _tracked
+from trailmark_papers.perroni2014.likelihood import _climb, _track_shifts
 from trailmark_papers.perroni2014.offline import DriveAnswers, _signs_percent, compare
 from trailmark_papers.perroni2014.plots import draw_clutter, draw_corners, draw_likelihood, draw_shifts, draw_ways
 from trailmark_papers.perroni2014.true_shift import Eyepiece, Surroundings
@@ -148,7 +148,7 @@ def test_both_selections_follow_a_shift_that_is_there():
     rng = np.random.default_rng(7)
     taught = np.repeat(rng.uniform(0, 9, (1, 50)), 30, axis=0)
 
-    for select in (_climbed, _tracked):
+    for select in (_climb, _track_shifts):
         likelihood, path = select(taught, np.roll(taught, 3, axis=1))
 
         assert likelihood.shape == (30, 41)

@@ -50,7 +50,7 @@ class OdometryLocalizer(Localizer):
         since_s, before = last
         dt_s = frame.stamp_s - since_s
         reads_velocity = self.config.reads == "velocity"
-        step = _driven(before, now, dt_s) if reads_velocity else _step(before, now)
+        step = _step_of_mean_velocity(before, now, dt_s) if reads_velocity else _step(before, now)
         if step is None:
             missing = "gives no velocity" if reads_velocity else "changed between pose and distance"
             return (Lost(frame.stamp_s, f"the odometry {missing}"),)
@@ -58,9 +58,9 @@ class OdometryLocalizer(Localizer):
             return (Lost(frame.stamp_s, f"a jump of {math.hypot(step.x, step.y):.3g} m in {dt_s:.3g} s: restarted?"),)
         if now.pose_start_base is None and not reads_velocity:
             return (self._straight(since_s, frame.stamp_s, step.x),)
-        return (self._measured(since_s, frame.stamp_s, step),)
+        return (self._motion_from_velocity(since_s, frame.stamp_s, step),)
 
-    def _measured(self, since_s: float, stamp_s: float, step: Pose2) -> Motion:
+    def _motion_from_velocity(self, since_s: float, stamp_s: float, step: Pose2) -> Motion:
         config, dt_s = self.config, stamp_s - since_s
         forward_m, left_m, _ = step.log()
         driven_m = math.hypot(forward_m, left_m)  # the arc, not the chord
@@ -106,7 +106,7 @@ def _step(before: Odometry, now: Odometry) -> Pose2 | None:
     return None
 
 
-def _driven(before: Odometry, now: Odometry, dt_s: float) -> Pose2 | None:
+def _step_of_mean_velocity(before: Odometry, now: Odometry, dt_s: float) -> Pose2 | None:
     """Return the step at the mean of two velocities; None where a frame has none."""
     if before.twist is None or now.twist is None:
         return None

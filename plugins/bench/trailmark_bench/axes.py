@@ -84,11 +84,11 @@ class AxisReader:
         keys: Keys = (*self._where, axis)
         found = [self._value(axis, str(name), value, (*keys, name)) for name, value in written.items()]
         if axis == "localizers" and self._matrix.installed is not None:
-            installed = self._installed(written).items()
+            installed = self._installed_localizers(written).items()
             found += [self._value(axis, name, part, (*keys, name), is_installed=True) for name, part in installed]
         return [value for value in found if value is not None]
 
-    def _installed(self, written: Mapping[str, Any]) -> dict[str, Any]:
+    def _installed_localizers(self, written: Mapping[str, Any]) -> dict[str, Any]:
         """Return the localizers that are installed and can be had without a word, by name."""
         wanted = self._matrix.installed
         assert wanted is not None

@@ -131,8 +131,8 @@ class CachedSource(Drivable):
     def frames(self) -> Iterator[Frame]:
         """Yield the frames."""
         if self._archive is not None:
-            return self._played(self._archive)
-        return self._recorded() if self._key and self.drives_itself else self._source.frames()
+            return self._play(self._archive)
+        return self._play_and_record() if self._key and self.drives_itself else self._source.frames()
 
     def ground_truth(self) -> Trajectory | None:
         """Return the truth as far as frames were taken."""
@@ -152,7 +152,7 @@ class CachedSource(Drivable):
         known = [counters for n, counters in self._archive.counters if n <= max(self._n_played, 1)]
         return known[-1] if known else {}
 
-    def _played(self, archive: FrameArchive) -> Iterator[Frame]:
+    def _play(self, archive: FrameArchive) -> Iterator[Frame]:
         for n, frame in enumerate(archive.frames, start=1):
             if self._is_closed:
                 return
@@ -160,7 +160,7 @@ class CachedSource(Drivable):
             yield frame
         self._n_played = len(archive.frames) + 1  # it was asked for more, and counted once more
 
-    def _recorded(self) -> Iterator[Frame]:
+    def _play_and_record(self) -> Iterator[Frame]:
         recording = self._begin()
         try:
             for frame in self._source.frames():

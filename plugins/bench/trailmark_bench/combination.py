@@ -72,11 +72,11 @@ class Combiner:
         clean, perturb = self._laid_together(values)
         teaching = [self._context.section.teach, self._context.matrix.teach, *(value.teach for value in values)]
         taught = [piece for piece in teaching if piece is not None]
-        run = _perturbed(clean, perturb) if perturb else clean
+        run = _with_faults(clean, perturb) if perturb else clean
         if taught and "mode" not in run:
             run["mode"] = "replay"
         origins = [(value.keys, value.where) for value in values if value.keys]
-        loaded = self._loaded(run, origins)
+        loaded = self._load_run(run, origins)
         combination = Combination(loaded.document, code=self._code(loaded))
         combination.limits = self._context.section.limits.model_dump(mode="json")
         for value in values:
@@ -86,7 +86,7 @@ class Combiner:
             lesson = clean
             for piece in taught:
                 lesson = overlaid(lesson, piece)
-            learned = self._loaded(lesson | {"mode": "teach"}, origins)
+            learned = self._load_run(lesson | {"mode": "teach"}, origins)
             combination.teach = learned.document
             combination.code |= self._code(learned)
         for path in files_in_document([combination.document, combination.teach]):
@@ -112,7 +112,7 @@ class Combiner:
                 yield from [value.about] if value.about else value.piece["localizers"]
         yield from loaded.localizers
 
-    def _loaded(self, data: dict[str, Any], origins: Sequence[tuple[Keys, Keys]]) -> RunConfig:
+    def _load_run(self, data: dict[str, Any], origins: Sequence[tuple[Keys, Keys]]) -> RunConfig:
         """Load a run; what is wrong with it is told at the lines of the bench config."""
 
         def line_of(keys: Keys) -> int | None:
@@ -142,7 +142,7 @@ class Combiner:
         return code_of(specs, source=self._context.section.code == "source")
 
 
-def _perturbed(document: Mapping[str, Any], perturb: Mapping[str, Any]) -> dict[str, Any]:
+def _with_faults(document: Mapping[str, Any], perturb: Mapping[str, Any]) -> dict[str, Any]:
     """Return the run with sources as they are not meant to be: all of them, or those that ``of`` names."""
     names = perturb.get("of")
     wanted = [names] if isinstance(names, str) else names

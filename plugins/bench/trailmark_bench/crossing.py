@@ -89,8 +89,8 @@ class Matrix:
         subject = combination.first_localizer if judging["trajectory"] == "localizer" else "fused"
         address = {
             "format": FORMAT,
-            "run": _addressed(document, combination.data),
-            "teach": None if teach is None else _addressed(teach, combination.data),
+            "run": _address_of(document, combination.data),
+            "teach": None if teach is None else _address_of(teach, combination.data),
             "code": combination.code,
             "judging": judging | {"subject": subject},
             "threads": combination.limits["threads"],
@@ -124,7 +124,7 @@ class Matrix:
         )
 
 
-def _addressed(document: Mapping[str, Any], data: Mapping[str, str]) -> Any:
+def _address_of(document: Mapping[str, Any], data: Mapping[str, str]) -> Any:
     """Return what of a config a result depends on."""
     kept = {key: value for key, value in document.items() if key not in ("sinks", "plugins")}
     store = kept.get("path_store")

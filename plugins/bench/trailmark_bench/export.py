@@ -100,14 +100,14 @@ def _markdown(table: Table) -> str:
 def _latex(table: Table) -> str:
     """Return a tabular for booktabs; the words of the notes stand in comments."""
     kinds = "".join("r" if column.is_number else "l" for column in table.columns)
-    titles = " & ".join(_escaped(_title(column)) for column in table.columns)
-    rows = [" & ".join(_escaped(cell) for cell in cells) + r" \\" for cells in table.rows]
+    titles = " & ".join(_escape(_title(column)) for column in table.columns)
+    rows = [" & ".join(_escape(cell) for cell in cells) + r" \\" for cells in table.rows]
     notes = [f"% {note}" for note in table.notes]
     head = [rf"\begin{{tabular}}{{{kinds}}}", r"\toprule", rf"{titles} \\", r"\midrule"]
     return "\n".join([*notes, *head, *rows, r"\bottomrule", r"\end{tabular}", ""])
 
 
-def _escaped(text: str) -> str:
+def _escape(text: str) -> str:
     return "".join(_LATEX.get(letter, letter) for letter in text)
 
 

@@ -189,7 +189,7 @@ def _read(place: Path, package: str) -> FrameArchive:
     OSError, ValueError
         If it is not there, or not as it was written.
     """
-    mapped = _mapped(place / _ARRAYS)
+    mapped = _map_file(place / _ARRAYS)
 
     def array(told: Any) -> AnyArray:
         offset, dtype, shape = told
@@ -208,7 +208,7 @@ def _read(place: Path, package: str) -> FrameArchive:
     return archive
 
 
-def _mapped(path: Path) -> mmap.mmap | bytes:
+def _map_file(path: Path) -> mmap.mmap | bytes:
     with path.open("rb") as file:
         if not path.stat().st_size:
             return b""  # nothing can be mapped of an empty file

@@ -42,7 +42,7 @@ def merge_benches(folders: Sequence[Path], out: Path) -> list[str]:
     others = [folder for folder in folders if folder.resolve() != out.resolve()]
     lines = []
     with TemporaryDirectory() as unpacked:
-        opened = [_opened(other, Path(unpacked, str(number))) for number, other in enumerate(others)]
+        opened = [_folder_of(other, Path(unpacked, str(number))) for number, other in enumerate(others)]
         with Index(out, write=True) as merged:
             for name, folder in zip(others, opened, strict=True):
                 with Index(folder) as other:
@@ -51,7 +51,7 @@ def merge_benches(folders: Sequence[Path], out: Path) -> list[str]:
     return [*lines, f"{out}: {len(merged_states(out))} cells"]
 
 
-def _opened(bench: Path, folder: Path) -> Path:
+def _folder_of(bench: Path, folder: Path) -> Path:
     """Return the folder of a bench; a file of results becomes one."""
     if not bench.is_file():
         return bench

@@ -19,15 +19,15 @@ def overlaid(base: Mapping[str, Any], piece: Mapping[str, Any]) -> dict[str, Any
     below, above = deepcopy(dict(base)), deepcopy(dict(piece))
     expand_shorthand(below)
     expand_shorthand(above)
-    return _laid(below, above)
+    return _overlay(below, above)
 
 
-def _laid(below: dict[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
+def _overlay(below: dict[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
     if "plugin" in above and below.get("plugin", above["plugin"]) != above["plugin"]:
         return dict(above)
     result = dict(below)
     for key, value in above.items():
         under = below.get(key)
         both = isinstance(under, dict) and isinstance(value, Mapping)
-        result[key] = _laid(under, value) if both and isinstance(under, dict) else value
+        result[key] = _overlay(under, value) if both and isinstance(under, dict) else value
     return result

@@ -153,7 +153,12 @@ class _Shown:
         scaled = {key: None if value is None else _short(self.per_unit * value) for key, value in sides.items()}
         median = "failed" if scaled["median"] is None else scaled["median"]
         versus = found.get("versus")
-        return {**scaled, "n": found["n"], "median": median, "versus": None if versus is None else _rounded(versus)}
+        return {
+            **scaled,
+            "n": found["n"],
+            "median": median,
+            "versus": None if versus is None else _shorten(versus),
+        }
 
 
 def _cell(record: CellRecord, axes: list[str], namer: Namer) -> dict[str, Any]:
@@ -170,7 +175,7 @@ def _cell(record: CellRecord, axes: list[str], namer: Namer) -> dict[str, Any]:
     }
 
 
-def _rounded(numbers: Mapping[str, Any]) -> dict[str, Any]:
+def _shorten(numbers: Mapping[str, Any]) -> dict[str, Any]:
     return {key: _short(value) for key, value in numbers.items()}
 
 

@@ -48,7 +48,7 @@ def run_packed(package: Mapping[str, Any]) -> dict[str, Any]:
     with tempfile.TemporaryDirectory(prefix="trailmark-cell-") as name:
         place = Path(name)
         problem = _other_code(package)
-        request, missing = (dict(package["request"]), problem) if problem else _unpacked(package, place)
+        request, missing = (dict(package["request"]), problem) if problem else _unpack(package, place)
         if missing:
             return {"outcome": asdict(Outcome("failed", missing)), "files": {}}
         folder = place / "cell"
@@ -102,7 +102,7 @@ def _other_code(package: Mapping[str, Any]) -> str:
     return ""
 
 
-def _unpacked(package: Mapping[str, Any], place: Path) -> tuple[dict[str, Any], str]:
+def _unpack(package: Mapping[str, Any], place: Path) -> tuple[dict[str, Any], str]:
     """Return the request with the paths of this machine, and what is missing."""
     request, carried = package["request"], package["carried"]
     elsewhere: dict[str, str] = {}
@@ -114,7 +114,7 @@ def _unpacked(package: Mapping[str, Any], place: Path) -> tuple[dict[str, Any], 
         elsewhere[path] = _laid_down(carried[path], place / f"data-{number}" / Path(path).name)
     for number, path in enumerate(request["plugins"]["files"]):
         elsewhere[path] = _laid_down(carried[path], place / f"plugin-{number}" / Path(path).name)
-    return _moved(request, elsewhere), ""
+    return _replace_paths(request, elsewhere), ""
 
 
 def _is_here(path: str, digest: str) -> bool:
@@ -129,9 +129,9 @@ def _laid_down(files: Mapping[str, bytes], path: Path) -> str:
     return str(path)
 
 
-def _moved(value: Any, elsewhere: Mapping[str, str]) -> Any:
+def _replace_paths(value: Any, elsewhere: Mapping[str, str]) -> Any:
     if isinstance(value, Mapping):
-        return {key: _moved(item, elsewhere) for key, item in value.items()}
+        return {key: _replace_paths(item, elsewhere) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_moved(item, elsewhere) for item in value]
+        return [_replace_paths(item, elsewhere) for item in value]
     return elsewhere.get(value, value) if isinstance(value, str) else value

@@ -75,7 +75,7 @@ def read_results(path: Path, folder: Path) -> None:
         If it is no such file, or a cell in it cannot be; the message names the cell.
     """
     document = _read(path)
-    cells = [_checked(cell, f"{path}: cell {number}") for number, cell in enumerate(document["cells"])]
+    cells = [_checked_cell(cell, f"{path}: cell {number}") for number, cell in enumerate(document["cells"])]
     bench, origin = document.get("bench"), document.get("origin")
     with Index(folder, write=True) as index, index.transaction():
         index.enter([Cell(cell["id"], cell["matrix"], cell["coordinates"], {}) for cell in cells])
@@ -108,7 +108,7 @@ def _read(path: Path) -> dict[str, Any]:
     return document
 
 
-def _checked(cell: object, where: str) -> dict[str, Any]:
+def _checked_cell(cell: object, where: str) -> dict[str, Any]:
     """Return a cell with everything that one has, and nothing else."""
     if not isinstance(cell, dict):
         raise DataError(f"{where} is no cell")

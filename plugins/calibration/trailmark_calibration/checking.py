@@ -121,7 +121,7 @@ def _tried_on_halves(
     # What the whole drive does not tell, its halves do not either: they may have found one answer of several.
     fits = [widened_by(one, np.where(whole.is_told, 0.0, whole.sigmas)) for one in fits]
     whole = widened_by(whole, apart)
-    return whole, _checked(halves, fits, known, asked) if is_checked else None, contradictions
+    return whole, _check_halves(halves, fits, known, asked) if is_checked else None, contradictions
 
 
 def told_values(found: Fit, known: KnownPlacement) -> Floats:
@@ -129,7 +129,7 @@ def told_values(found: Fit, known: KnownPlacement) -> Floats:
     return np.where(found.is_told, found.values, neutral_values(known))
 
 
-def _checked(
+def _check_halves(
     halves: Sequence[MotionPairs], fits: Sequence[Fit], known: KnownPlacement, asked: Sequence[int]
 ) -> HalvesCheck | None:
     """Return the errors of each half with the numbers of the other."""

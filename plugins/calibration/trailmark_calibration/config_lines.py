@@ -43,7 +43,10 @@ def odometry_lines(config: RunConfig, name: str, pairs: MotionPairs, numbers: Fl
     }
     neutral = MotionCorrection().model_dump()
     told = {key: value for key, value in correction.items() if value != neutral[key]}
-    return ["localizers:", f"  {name}: {in_flow_style(_written(config, 'localizers', name) | {'correct': told})}"]
+    return [
+        "localizers:",
+        f"  {name}: {in_flow_style(_read_part(config, 'localizers', name) | {'correct': told})}",
+    ]
 
 
 def mounting_lines(config: RunConfig, sensor: SensorInfo, numbers: Floats, is_told: Bools) -> list[str]:
@@ -70,14 +73,14 @@ def mounting_lines(config: RunConfig, sensor: SensorInfo, numbers: Floats, is_to
         "yaw_deg": math.degrees(math.remainder(numbers[YAW], 2.0 * math.pi) if is_told[YAW] else known.yaw),
     }
     mounting = {key: rounded for key, value in place.items() if (rounded := round(float(value), 4)) or key == "yaw_deg"}
-    line = in_flow_style(_written(config, "sensors", sensor.name) | {"mounting": mounting})
+    line = in_flow_style(_read_part(config, "sensors", sensor.name) | {"mounting": mounting})
     return ["sensors:", f"  {sensor.name}: {line}"]
 
 
 def delay_lines(config: RunConfig, source: str, numbers: Floats) -> list[str]:
     """Return the line of a source with the offset of its stamps, on top of the one that it had."""
     offset_s = config.sources[source].config.time_offset_s + float(numbers[DELAY])
-    line = in_flow_style(_written(config, "sources", source) | {"time_offset_s": round(offset_s, 4) + 0.0})
+    line = in_flow_style(_read_part(config, "sources", source) | {"time_offset_s": round(offset_s, 4) + 0.0})
     return ["sources:", f"  {source}: {line}"]
 
 
@@ -91,7 +94,7 @@ def wheels_in_words(pairs: MotionPairs, numbers: Floats) -> list[str]:
     return [f"for its own driver: left wheel x {left:.5f}, right wheel x {right:.5f}, track {abs(track_m):.5f} m"]
 
 
-def _written(config: RunConfig, section: str, name: str) -> dict[str, Any]:
+def _read_part(config: RunConfig, section: str, name: str) -> dict[str, Any]:
     value = (config.written.data.get(section) or {}).get(name) or {}
     return {"plugin": value} if isinstance(value, str) else dict(value)
 

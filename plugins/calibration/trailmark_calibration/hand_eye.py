@@ -37,7 +37,7 @@ def solve_hand_eye(motions_base: Floats, motions_sensor: Floats, weights: Floats
     DataError
         If the motions do not determine it: without turns x and y stay free, without ways the yaw.
     """
-    solution = _solved(motions_base, motions_sensor, weights, is_scale_free=False)
+    solution = _solve(motions_base, motions_sensor, weights, is_scale_free=False)
     return Pose2(float(solution[0]), float(solution[1]), math.atan2(solution[3], solution[2]))
 
 
@@ -61,12 +61,12 @@ def solve_hand_eye_and_scale(
     DataError
         If the motions do not determine them.
     """
-    solution = _solved(motions_base, motions_sensor, weights, is_scale_free=True)
+    solution = _solve(motions_base, motions_sensor, weights, is_scale_free=True)
     solution = solution if solution[4] >= 0.0 else -solution
     return Pose2(float(solution[0]), float(solution[1]), math.atan2(solution[3], solution[2])), float(solution[4])
 
 
-def _solved(base: Floats, sensor: Floats, weights: Floats | None, *, is_scale_free: bool) -> Floats:
+def _solve(base: Floats, sensor: Floats, weights: Floats | None, *, is_scale_free: bool) -> Floats:
     """Return (x, y, cos, sin, scale) of least error, cos and sin of length one."""
     base, sensor = np.asarray(base, dtype=np.float64), np.asarray(sensor, dtype=np.float64)
     if base.shape != sensor.shape or base.ndim != 2 or base.shape[1:] != (3,):

@@ -110,12 +110,12 @@ class MotionPairs:
             Whose rates tell what a delay does; None: both.
         """
         twists = log_of(base)
-        back = invert(_predicted(p, self.matrix(p), twists))
+        back = invert(_predict_motions(p, self.matrix(p), twists))
         columns = []
         for index in range(YAW + 1):
             moved = p.copy()
             moved[index] += _STEP
-            columns.append(log_of(compose(back, _predicted(moved, self.matrix(moved), twists))) / _STEP)
+            columns.append(log_of(compose(back, _predict_motions(moved, self.matrix(moved), twists))) / _STEP)
         whose = (True, False) if rates_of_a is None else (rates_of_a,)
         columns.append(np.mean([self._by_delay(p, back, is_a) for is_a in whose], axis=0))
         columns.append(np.stack([0.0 * self.to_s, 0.0 * self.to_s, self.to_s - self.from_s], axis=1))
@@ -140,7 +140,7 @@ class MotionPairs:
         return np.asarray(rates[1] - begun)
 
 
-def _predicted(p: Floats, matrix: Floats, twists: Floats) -> Floats:
+def _predict_motions(p: Floats, matrix: Floats, twists: Floats) -> Floats:
     mounting = p[[X, Y, YAW]]
     return compose(compose(invert(mounting), exp_of(twists @ matrix.T)), mounting)
 

@@ -93,7 +93,7 @@ def simulate(
 
     ``mixed`` are straight ways, curves and turns in place, as they come; ``circle`` is one circle all the time.
     """
-    grid_s, poses = _driven(rng, course, duration_s)
+    grid_s, poses = _drive_course(rng, course, duration_s)
     wheels_s = np.arange(2.0, duration_s - 2.0, 0.05) + rng.uniform(0.0, 0.05)
     steps = log_of(between(*_ends(_at(wheels_s, grid_s, poses))))
     matrix = np.array(
@@ -117,7 +117,7 @@ def simulate(
     return SimulatedDrive(truth, believed, wheels, _motions(sensor_s, of_base, spread), grid_s, poses)
 
 
-def _driven(rng: np.random.Generator, course: Course, duration_s: float) -> tuple[Floats, Floats]:
+def _drive_course(rng: np.random.Generator, course: Course, duration_s: float) -> tuple[Floats, Floats]:
     """Return stamps and poses of base: pieces of constant speed and yaw rate, smoothed as by a drive."""
     n = round(duration_s / _DT_S)
     speeds: Floats = np.full(n, 0.4)

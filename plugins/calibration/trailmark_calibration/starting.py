@@ -94,7 +94,7 @@ def _correlation(a: ComparedTrack, b: ComparedTrack, longest_s: float) -> tuple[
     grid_s = np.arange(start_s - longest_s, stop_s + longest_s, _SAMPLE_S)
     if stop_s - start_s < 4.0 * longest_s:
         return np.empty(0), n_lags
-    first, second = (_clipped(track.rates(grid_s)[:, 2]) for track in (a, b))
+    first, second = (_clip_rates(track.rates(grid_s)[:, 2]) for track in (a, b))
     n = 1 << (2 * len(grid_s)).bit_length()
     product = np.fft.irfft(np.fft.rfft(first, n) * np.conj(np.fft.rfft(second, n)), n)
     lags = np.concatenate([product[-n_lags:], product[: n_lags + 1]])
@@ -104,7 +104,7 @@ def _correlation(a: ComparedTrack, b: ComparedTrack, longest_s: float) -> tuple[
     return np.asarray(np.abs(lags) / size), n_lags
 
 
-def _clipped(rates: Floats) -> Floats:
+def _clip_rates(rates: Floats) -> Floats:
     """Return rates without leaps: a single wrong motion must not make the peak."""
     turning = np.abs(rates[rates != 0.0])
     return rates if not len(turning) else np.clip(rates, *(np.array([-3.0, 3.0]) * np.quantile(turning, 0.9)))
@@ -149,7 +149,7 @@ def starting_point(pairs: MotionPairs, known: Floats, delay_s: float) -> Floats:
         base = pairs.motions(p)[0][rows]
     kept = np.ones(len(base), dtype=bool)
     for _ in range(4):
-        p[[X, Y, YAW, WAY]] = _placed(base[kept], sensor[kept], known, does_turn)
+        p[[X, Y, YAW, WAY]] = _mounting_of_least_error(base[kept], sensor[kept], known, does_turn)
         trial = p.copy()
         trial[DELAY] = delay_s
         off = np.hypot(*pairs.residuals(trial)[rows][:, :2].T)
@@ -170,7 +170,7 @@ def _slope(a: Floats, b: Floats) -> float:
     return float(np.median(b[large] / a[large])) if large.any() else 1.0
 
 
-def _placed(base: Floats, sensor: Floats, known: Floats, does_turn: bool) -> Floats:
+def _mounting_of_least_error(base: Floats, sensor: Floats, known: Floats, does_turn: bool) -> Floats:
     """Return x, y, yaw and the scale of the way; without turns, direction and length of the ways are left."""
     if does_turn:
         with suppress(DataError):

@@ -75,7 +75,7 @@ class ComparedTrack:
 
     def motions(self, from_s: Floats, to_s: Floats) -> Floats:
         """Return relative poses over intervals, (M, 3); NaN where the track does not cover one without a gap."""
-        ends = np.concatenate([np.zeros((1, 3)), _chained(exp_of(self.twists))])
+        ends = np.concatenate([np.zeros((1, 3)), _chain(exp_of(self.twists))])
         start, first, is_in_first = self._at(from_s, ends, is_beginning=True)
         stop, last, is_in_last = self._at(to_s, ends, is_beginning=False)
         runs = self.runs
@@ -93,7 +93,7 @@ class ComparedTrack:
 
     def interval_covariances(self, from_s: Floats, to_s: Floats) -> Floats:
         """Return the covariance of the motion over each interval at its end, (M, 3, 3)."""
-        ends = _chained(exp_of(self.twists))
+        ends = _chain(exp_of(self.twists))
         found = np.empty((len(from_s), 3, 3))
         for index, (start_s, end_s) in enumerate(zip(from_s.tolist(), to_s.tolist())):
             part = slice(np.searchsorted(self.stamp_s, start_s, "right"), np.searchsorted(self.since_s, end_s, "left"))
@@ -190,7 +190,7 @@ def _track(motions: Sequence[Motion]) -> ComparedTrack:
     )
 
 
-def _chained(steps: Floats) -> Floats:
+def _chain(steps: Floats) -> Floats:
     """Return the pose after every step, (N, 3), the heading not wrapped on the way."""
     heading = np.concatenate([[0.0], np.cumsum(steps[:, 2])])
     cos, sin = np.cos(heading[:-1]), np.sin(heading[:-1])

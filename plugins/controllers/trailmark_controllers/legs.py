@@ -94,7 +94,7 @@ def stretches_of(path: Path, smooth_m: float) -> list[Stretch]:
     smooth_m : float
         Half the stretch that each place is read from [m].
     """
-    return [_smoothed(path, first, last, smooth_m) for first, last in _cuts(path)]
+    return [_smooth_stretch(path, first, last, smooth_m) for first, last in _cuts(path)]
 
 
 def legs_of(stretches: Sequence[Stretch], config: TrackingConfig, *, is_reverse: bool) -> list[Leg]:
@@ -154,7 +154,7 @@ def _turns_back(path: Path, i: int) -> bool:
     return min(lengths) > 0.0 and float(way_in @ way_out) < -0.5 * lengths[0] * lengths[1]
 
 
-def _smoothed(path: Path, first: int, last: int, smooth_m: float) -> Stretch:
+def _smooth_stretch(path: Path, first: int, last: int, smooth_m: float) -> Stretch:
     """Return a stretch as parabolas through the waypoints around each of its points."""
     stations = path.stations[first : last + 1]
     headings = np.unwrap([path[i].pose_map_base.theta for i in range(first, last + 1)])

@@ -144,11 +144,11 @@ class PathTracking(Controller):
             return steer_both_axles(beside, speed_mps, over_m, wheelbase_m=config.wheelbase_m, limit_rad=limit_rad)
         if config.drive == "holonomic":
             wanted = slide(beside, speed_mps, over_m)
-            return Velocity(wanted.forward_mps, wanted.left_mps, self._limited(wanted.yaw_radps))
+            return Velocity(wanted.forward_mps, wanted.left_mps, self._limit_yaw_rate(wanted.yaw_radps))
         rest_rad = wrap_angle(beside.heading_rad - approach_angle(beside.lateral_m, over_m))
         if config.drive == "differential" and self._turns_first(rest_rad):
             self._speed_mps = 0.0
-            return Velocity(0.0, 0.0, self._limited(-_TURN_GAIN * rest_rad))
+            return Velocity(0.0, 0.0, self._limit_yaw_rate(-_TURN_GAIN * rest_rad))
         return self._drive(beside, speed_mps * max(_LEAST_SHARE, math.cos(rest_rad)), over_m)
 
     def _drive(self, beside: BesidePath, speed_mps: float, over_m: float) -> Velocity:
@@ -167,6 +167,6 @@ class PathTracking(Controller):
         self._is_turning = abs(rest_rad) > limit_rad
         return self._is_turning
 
-    def _limited(self, yaw_radps: float) -> float:
+    def _limit_yaw_rate(self, yaw_radps: float) -> float:
         limit_radps = math.radians(self.config.yaw_limit_dps)
         return min(max(yaw_radps, -limit_radps), limit_radps)

@@ -110,9 +110,9 @@ class Camera(FrameSource):
         self.close()
         self._closed, self._counts = threading.Event(), Counter()
         self._name = session.name or "camera"
-        self._capture = capture = self._opened()
+        self._capture = capture = self._open_and_configure()
         try:
-            first = self._taken(capture)[0]
+            first = self._take_picture(capture)[0]
         except SourceError:
             self.close()
             raise
@@ -170,7 +170,7 @@ class Camera(FrameSource):
     def _next(self, capture: Capture, closed: threading.Event) -> Frame | None:
         """Take a picture; None: it failed and is counted."""
         try:
-            picture, monotonic_s = self._taken(capture)
+            picture, monotonic_s = self._take_picture(capture)
             if form_of(picture) != self._form:
                 raise SourceError(
                     f"camera {self.config.device!r}: a picture of {form_of(picture)} after pictures of {self._form}"
@@ -196,7 +196,7 @@ class Camera(FrameSource):
                     return
                 self._release()
                 try:
-                    self._capture = capture = self._opened()
+                    self._capture = capture = self._open_and_configure()
                     if not capture.grab():  # it is there, and gives nothing
                         raise gone
                 except SourceError as error:
@@ -208,7 +208,7 @@ class Camera(FrameSource):
             logger.warning("camera %r is back after %.1f s", self.config.device, away_s)
             return
 
-    def _taken(self, capture: Capture) -> tuple[Image, float]:
+    def _take_picture(self, capture: Capture) -> tuple[Image, float]:
         """Take a picture, with the monotonic time at which it arrived."""
         if not capture.grab():
             raise _GoneError(f"camera {self.config.device!r} gives no picture; is it unplugged, or the stream over?")
@@ -219,7 +219,7 @@ class Camera(FrameSource):
         where = f"camera {self.config.device!r}"
         return Image(as_payload_pixels(pixels, where, bool(self.config.grey))), monotonic_s
 
-    def _opened(self) -> Capture:
+    def _open_and_configure(self) -> Capture:
         capture = self._open_capture(self.config.device)
         if not capture.isOpened():
             capture.release()

@@ -48,7 +48,7 @@ def list_command(context: click.Context, folder: Path | None, as_json: bool) -> 
             "truth": known.truth,
             "licence": known.licence,
         }
-        for name, known in _known(context)
+        for name, known in _known_datasets(context)
     ]
     if as_json:
         click.echo(json.dumps(rows, indent=1, ensure_ascii=False))
@@ -68,7 +68,7 @@ def show_command(context: click.Context, name: str, folder: Path | None, as_conf
     """Say what a recording is, whose, where it can be had; or print a config that plays it."""
     from trailmark.config.yaml_text import dump_yaml
 
-    (known,) = (found for _, found in _chosen(context, (name,)))
+    (known,) = (found for _, found in _datasets_named(context, (name,)))
     if as_config:
         placed = known.config_in(folder or Path("${TRAILMARK_DATA}"))
         click.echo(dump_yaml(placed), nl=False)
@@ -100,7 +100,7 @@ def check_command(context: click.Context, names: tuple[str, ...], folder: Path |
     if folder is None:
         raise ConfigError("no folder of recordings: give --data, or set TRAILMARK_DATA")
     found = []
-    for name, known in _chosen(context, names):
+    for name, known in _datasets_named(context, names):
         missing = known.missing(folder)
         if missing and not names:
             found.append({"name": name, "state": "not here", "why": ""})
@@ -127,12 +127,12 @@ def _trouble(known: Dataset, folder: Path, missing: tuple[str, ...], context: cl
     if damaged := known.damaged(folder):
         return f"not the file that it was tried with: {', '.join(damaged)}"
     try:
-        return _played(known.config_in(folder), _plugins(context), has_truth=bool(known.truth))
+        return _problem_in_first_frames(known.config_in(folder), _plugins(context), has_truth=bool(known.truth))
     except TrailmarkError as error:
         return str(error)
 
 
-def _played(config: dict[str, Any], plugins: Plugins, *, has_truth: bool) -> str:
+def _problem_in_first_frames(config: dict[str, Any], plugins: Plugins, *, has_truth: bool) -> str:
     """Play the first frames; return what is wrong."""
     from trailmark.pipeline import Pipeline
 
@@ -144,12 +144,12 @@ def _played(config: dict[str, Any], plugins: Plugins, *, has_truth: bool) -> str
     return "its ground truth is missing" if has_truth and (truth is None or not len(truth)) else ""
 
 
-def _known(context: click.Context) -> Iterator[tuple[str, Dataset]]:
+def _known_datasets(context: click.Context) -> Iterator[tuple[str, Dataset]]:
     for spec in _plugins(context).registry.specs("dataset"):
         yield spec.name, spec.load()
 
 
-def _chosen(context: click.Context, names: tuple[str, ...]) -> list[tuple[str, Dataset]]:
+def _datasets_named(context: click.Context, names: tuple[str, ...]) -> list[tuple[str, Dataset]]:
     """Return the recordings of some names, or all.
 
     Raises
@@ -158,7 +158,7 @@ def _chosen(context: click.Context, names: tuple[str, ...]) -> list[tuple[str, D
         If there is no such recording.
     """
     if not names:
-        return list(_known(context))
+        return list(_known_datasets(context))
     registry = _plugins(context).registry
     return [(name, registry.find("dataset", name).load()) for name in names]
 

@@ -90,11 +90,11 @@ class CsvRecords(RecordedSource):
 
     def _record(self, rows: list[TableRow]) -> Record:
         """Return what the rows of one instant tell; raises `SourceError` where a field is no number."""
-        told = [self._told(row, sighting) for row in rows for sighting in self._sightings]
+        told = [self._sighting_of(row, sighting) for row in rows for sighting in self._sightings]
         seen = np.array([values for values in told if np.isfinite(values[1:]).any()]).reshape(-1, 3)
         return Record({"ids": seen[:, 0].astype(np.int64), "ranges_m": seen[:, 1], "bearings_rad": seen[:, 2]})
 
-    def _told(self, row: TableRow, sighting: _Sighting) -> tuple[float, float, float]:
+    def _sighting_of(self, row: TableRow, sighting: _Sighting) -> tuple[float, float, float]:
         """Return a landmark's number, its range [m] and its bearing [rad]."""
         code = sighting.landmark
         if code is None:

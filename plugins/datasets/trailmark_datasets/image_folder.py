@@ -52,7 +52,7 @@ def _with_stamps(config: ImageFolderConfig, timestamps: Path) -> Iterator[Entry]
     stamps = read_stamps(timestamps, config.time_unit)
     if all(stamp.name is not None for stamp in stamps):
         for stamp in stamps:
-            path = _listed(config.path, timestamps.parent, str(stamp.name))
+            path = _path_of(config.path, timestamps.parent, str(stamp.name))
             yield Entry(stamp.stamp_s, path, f"{stamp.where} ({path})")
         return
     paths = list_pictures(config.path, config.pattern)
@@ -62,7 +62,7 @@ def _with_stamps(config: ImageFolderConfig, timestamps: Path) -> Iterator[Entry]
         yield Entry(stamp.stamp_s, path, f"{stamp.where} ({path})")
 
 
-def _listed(folder: Path, beside: Path, name: str) -> Path:
+def _path_of(folder: Path, beside: Path, name: str) -> Path:
     """Return the file of a name that is relative to the folder, or to where the list stands."""
     inside = folder / name
     return inside if inside.exists() or not (beside / name).exists() else beside / name

@@ -76,7 +76,7 @@ def choose_topics(config: RosbagConfig, available: Mapping[str, str], where: str
         rest = (topic for topic in sorted(available) if topic not in paired and available[topic] in KINDS)
         choices += [Choice(sensor_name(topic), topic, KINDS[available[topic]], False) for topic in rest]
     if not choices:
-        raise SourceError(f"{where}: no topic is understood; topics: {_listed(available)}")
+        raise SourceError(f"{where}: no topic is understood; topics: {_list_topics(available)}")
     _check_unique(choices, where)
     return choices
 
@@ -84,7 +84,7 @@ def choose_topics(config: RosbagConfig, available: Mapping[str, str], where: str
 def _moving_transforms(available: Mapping[str, str], where: str) -> list[str]:
     found = [topic for topic, kind in available.items() if kind in TRANSFORM_TYPES and not topic.endswith("tf_static")]
     if not found:
-        raise SourceError(f"{where}: no topic holds transforms that move (/tf); topics: {_listed(available)}")
+        raise SourceError(f"{where}: no topic holds transforms that move (/tf); topics: {_list_topics(available)}")
     return found
 
 
@@ -98,7 +98,7 @@ def _check_topic(topic: str, available: Mapping[str, str], where: str, types: tu
     if topic not in available:
         close = get_close_matches(topic, available, n=1)
         hint = f" (did you mean {close[0]!r}?)" if close else ""
-        raise SourceError(f"{where}: no messages on topic {topic!r}{hint}; topics: {_listed(available)}")
+        raise SourceError(f"{where}: no messages on topic {topic!r}{hint}; topics: {_list_topics(available)}")
     if available[topic] not in types:
         raise SourceError(
             f"{where}: topic {topic!r} is of type {available[topic]}; understood here: {', '.join(types)}"
@@ -117,5 +117,5 @@ def _check_unique(choices: list[Choice], where: str) -> None:
             )
 
 
-def _listed(available: Mapping[str, str]) -> str:
+def _list_topics(available: Mapping[str, str]) -> str:
     return ", ".join(f"{topic} ({kind})" for topic, kind in sorted(available.items())) or "none"

@@ -51,7 +51,7 @@ class Rosbag(RecordedSource):
             for sensor in dict.fromkeys(choice.sensor for choice in choices):
                 own = [choice for choice in choices if choice.sensor == sensor]
                 try:
-                    infos[sensor] = self._mounted(self._info(bag, own), own[0], mountings)
+                    infos[sensor] = self._with_mounting(self._info(bag, own), own[0], mountings)
                 except SourceError as error:
                     if own[0].is_named:
                         raise
@@ -70,7 +70,7 @@ class Rosbag(RecordedSource):
         """Return which topics tell mountings and lenses, by sensor."""
         return self._origins
 
-    def _mounted(self, info: SensorInfo, choice: Choice, mountings: Mountings) -> SensorInfo:
+    def _with_mounting(self, info: SensorInfo, choice: Choice, mountings: Mountings) -> SensorInfo:
         """Return a sensor with the mounting that the recording gives it, and note where its facts come from."""
         lens = ros_messages.info_topic(choice.topic) if info.calibration is not None else ""
         found = mountings.mounting_of(choice)
@@ -144,7 +144,7 @@ class Rosbag(RecordedSource):
                 if choice.kind == "pose" and not has_fix(message.content):
                     self.counted[f"no_fix_{choice.sensor}"] += 1
                 elif choice.kind == "rgbd":
-                    yield from self._paired(choice, pairs[choice.sensor], message, stamp_s)
+                    yield from self._pair_pictures(choice, pairs[choice.sensor], message, stamp_s)
                 else:
                     yield Reading(choice.sensor, stamp_s, message.where, partial(self._payload, choice, message))
         for name, pending in pairs.items():
@@ -173,7 +173,7 @@ class Rosbag(RecordedSource):
             return message.receive_s
         return ros_messages.stamp_of(message.content, message.where)
 
-    def _paired(self, choice: Choice, pairs: RgbdPairs, message: Message, stamp_s: float) -> Readings:
+    def _pair_pictures(self, choice: Choice, pairs: RgbdPairs, message: Message, stamp_s: float) -> Readings:
         picture = StampedMessage(stamp_s, message.where, message.content)
         is_depth = choice.topic == self.config.rgbd[choice.sensor].depth
         for colour, depth in pairs.push(picture, is_depth):
@@ -184,11 +184,11 @@ class Rosbag(RecordedSource):
 
     def _payload(self, choice: Choice, message: Message) -> Payload:
         try:
-            return self._converted(choice, message)
+            return self._payload_of(choice, message)
         except (ValueError, AttributeError, TypeError) as error:  # NaN in a pose, a field of another shape
             raise SourceError(f"{message.where} cannot be used: {error}") from error
 
-    def _converted(self, choice: Choice, message: Message) -> Payload:
+    def _payload_of(self, choice: Choice, message: Message) -> Payload:
         content = message.content
         if choice.kind == "image":
             return ros_messages.image(content, message.where)

@@ -51,8 +51,8 @@ class TumRgbd(RecordedSource):
 
     def open_recording(self, name: str) -> Iterable[SensorInfo]:
         self._name = name or "rgbd"
-        colour, depth = self._listed("rgb.txt"), self._listed("depth.txt")
-        self._pairs = self._paired(colour, depth)
+        colour, depth = self._read_list("rgb.txt"), self._read_list("depth.txt")
+        self._pairs = self._pair_by_stamp(colour, depth)
         self.counted["unpaired_colour"] = len(colour) - len(self._pairs)
         self.counted["unpaired_depth"] = len(depth) - len(self._pairs)
         lens, factor = _read_camera(self.config.path / "camera.txt")
@@ -70,14 +70,14 @@ class TumRgbd(RecordedSource):
             ),
         )
 
-    def _listed(self, name: str) -> list[Stamp]:
+    def _read_list(self, name: str) -> list[Stamp]:
         stamps = read_stamps(self.config.path / name)
         for stamp in stamps:
             if stamp.name is None:
                 raise SourceError(f"{self.config.path / name}: {stamp.where} names no file beside the stamp")
         return stamps
 
-    def _paired(self, colour: list[Stamp], depth: list[Stamp]) -> tuple[_Pair, ...]:
+    def _pair_by_stamp(self, colour: list[Stamp], depth: list[Stamp]) -> tuple[_Pair, ...]:
         """Pair by stamp; a stamp that goes back stays where it stands, for `frames` to find."""
         order = np.argsort([stamp.stamp_s for stamp in depth], kind="stable")
         colour_order = np.argsort([stamp.stamp_s for stamp in colour], kind="stable")

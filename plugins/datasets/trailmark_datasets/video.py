@@ -28,7 +28,7 @@ class Video(RecordedSource):
         with self._capture() as capture:
             if not capture.grab():
                 raise SourceError(f"{self.config.path}: no frames: no film, or a codec that OpenCV does not know")
-            first = self._retrieved(capture, f"{self.config.path} frame 0")
+            first = self._retrieve_picture(capture, f"{self.config.path} frame 0")
             rate_hz = self.config.rate_hz or float(capture.get(cv2.CAP_PROP_FPS))
         self.expect_form(self._name, first)
         return (SensorInfo(self._name, "image", size=first.size, rate_hz=rate_hz if rate_hz > 0 else None),)
@@ -44,7 +44,7 @@ class Video(RecordedSource):
                     yield SourceError(f"{where}: the film gives it {stamp_s:.6f} s after {last_s:.6f} s; set rate_hz")
                 else:
                     last_s = stamp_s
-                    yield Reading(self._name, stamp_s, where, partial(self._retrieved, capture, where))
+                    yield Reading(self._name, stamp_s, where, partial(self._retrieve_picture, capture, where))
                 index += 1
             announced = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
         self.counted["announced_but_missing"] = max(0, announced - index)
@@ -57,7 +57,7 @@ class Video(RecordedSource):
         finally:
             capture.release()
 
-    def _retrieved(self, capture: cv2.VideoCapture, where: str) -> Image:
+    def _retrieve_picture(self, capture: cv2.VideoCapture, where: str) -> Image:
         decoded, pixels = capture.retrieve()
         if not decoded or pixels is None:
             raise SourceError(f"{where}: cannot be decoded")

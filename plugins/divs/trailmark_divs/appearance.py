@@ -137,12 +137,12 @@ class AppearanceFilter:
         return self._read()
 
     def _predict(self, advance_m: float | None) -> None:
-        moved = self._advanced(advance_m)
+        moved = self._advance_probability(advance_m)
         wide = np.convolve(moved, self._kernel)
         spread = wide[self._look_back : self._look_back + len(moved)]
         self._probability = (1.0 - self._leak) * spread / max(spread.sum(), 1e-300) + self._leak / len(spread)
 
-    def _advanced(self, advance_m: float | None) -> npt.NDArray[np.float64]:
+    def _advance_probability(self, advance_m: float | None) -> npt.NDArray[np.float64]:
         """Move the probability along the path: by stations, so that it comes out behind a gap."""
         rows = np.arange(len(self._probability))
         if advance_m is None:

@@ -117,7 +117,7 @@ class ImagePreprocessor:
         self._gate = TurnGate(math.radians(config.turn_limit_deg), config.window)
         self._middles = np.empty((config.window, 3))  # stamp, way and heading of each difference in the window
         mask = layout.mask  # patches at its edge would show the edge
-        self._inside = None if mask is None else (_reduced(mask) == 255).astype(np.float32)
+        self._inside = None if mask is None else (_reduce_mask(mask) == 255).astype(np.float32)
         self._swing: deque[float] = deque(maxlen=_RECENT_WINDOWS * config.window)
         self._picture: _TimedPicture | None = None
         self._look: Look | None = None
@@ -215,7 +215,7 @@ def clear_pixels(grey: npt.NDArray[np.uint8]) -> Bools:
     return np.asarray(cv2.dilate((bright > _MOST_BRIGHT).astype(np.uint8), side) == 0, np.bool_)
 
 
-def _reduced(mask: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+def _reduce_mask(mask: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
     import cv2
 
     whole = cv2.resize(mask, SMALL_PX, interpolation=cv2.INTER_AREA)

@@ -54,7 +54,7 @@ class KeyframeWriter:
         self._looks: list[Look] = []
         self._before: Look | None = None  # the last look of the batch before
         self._pose = Pose2()
-        self._first_run, self._start_rad = _continued(localizer_map)
+        self._first_run, self._start_rad = _last_of_map(localizer_map)
 
     def begin(self, document: Mapping[str, AnyArray], name: str) -> None:
         """Write the layout down, or check it against what was taught before."""
@@ -111,7 +111,7 @@ class KeyframeWriter:
         return True
 
 
-def _continued(localizer_map: LocalizerMap) -> tuple[int, float]:
+def _last_of_map(localizer_map: LocalizerMap) -> tuple[int, float]:
     """Return the first run number and heading of a teaching that goes on after what is in the localizer map."""
     keyframes = localizer_map.keyframes()
     if not keyframes:

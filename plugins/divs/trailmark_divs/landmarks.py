@@ -84,7 +84,7 @@ class AtLandmarks(Correspondence):
         if match is None:
             return None
         last, self._last_row = self._last_row, match.row
-        if last is None or not self._passed(last, match.row):
+        if last is None or not self._passes_landmark(last, match.row):
             return match
         found = self._search(window, match.row)
         if found.confidence < self._least_confidence:
@@ -97,7 +97,7 @@ class AtLandmarks(Correspondence):
         """Set the origin of the inner correspondence."""
         self._inner.reset(window, row)
 
-    def _passed(self, last: int, row: int) -> bool:
+    def _passes_landmark(self, last: int, row: int) -> bool:
         low, high = sorted((last, row))
         return bool(((self._landmarks > low) & (self._landmarks <= high)).any())
 

@@ -15,7 +15,7 @@ __all__ = ["PaperShift", "hill_climb", "winc"]
 
 
 @kernel
-def _centred(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def _centre_and_scale(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """Subtract the mean and divide by the largest magnitude; constant values become zeros."""
     centred = values - values.mean()
     largest = np.abs(centred).max()
@@ -42,10 +42,10 @@ def winc(taught: npt.NDArray[np.float64], seen: npt.NDArray[np.float64], window:
         Response to each shift; index d is no shift.
     """
     d = len(taught)
-    replay = _centred(seen)
+    replay = _centre_and_scale(seen)
     response = np.zeros(2 * d, dtype=np.float64)
     for start in range(d - window + 1):
-        piece = _centred(taught[start : start + window])
+        piece = _centre_and_scale(taught[start : start + window])
         for lag in range(d):
             total = 0.0
             for m in range(window):

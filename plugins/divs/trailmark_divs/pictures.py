@@ -100,13 +100,13 @@ class PictureShifts:
     def at_present(self, look: Look, start_s: float, belief: Belief) -> PictureShift | None:
         """Compare where the belief says that the picture belongs; None where it does not, or nothing was taught."""
         place = self._glances.place(look, start_s, belief) if len(self) else None
-        return None if place is None else self._compared(look, place)
+        return None if place is None else self._compare_newer(look, place)
 
     def at_row(self, look: Look, row: int) -> PictureShift:
         """Compare with what was taught about a row of the looks."""
-        return self._compared(look, self._glances.at(row))
+        return self._compare_newer(look, self._glances.at(row))
 
-    def _compared(self, look: Look, place: PathPlace) -> PictureShift:
+    def _compare_newer(self, look: Look, place: PathPlace) -> PictureShift:
         """Return the shift of the newer picture of a look at a place, and how probably it is right."""
         near = self._neighbours(place.row + place.fraction)
         scores = [self._scores(row, look, place) for row in (near.before, near.after)]

@@ -94,7 +94,7 @@ class PlaceFit:
             1 when driving along the path, -1 when driving back.
         """
         if self._judged_m is None or abs(station_m - self._judged_m) > _STEP_M:
-            self._doubt, self._judged_m = self._judged(station_m, direction), station_m
+            self._doubt, self._judged_m = self._reason_against(station_m, direction), station_m
         return self._doubt
 
     def fit(self, station_m: float, direction: int) -> float | None:
@@ -102,7 +102,7 @@ class PlaceFit:
         fits = np.concatenate([self._picture_fits(kept, station_m, direction) for kept in self._stretch])
         return float(fits.mean()) if len(fits) >= _LEAST_AREAS else None
 
-    def _judged(self, station_m: float, direction: int) -> str | None:
+    def _reason_against(self, station_m: float, direction: int) -> str | None:
         if self._is_still:
             return "the pictures do not change while the robot drives"
         if len(self._stretch) < _STRETCH:

@@ -83,13 +83,13 @@ def check_layout(localizer_map: LocalizerMap, document: Mapping[str, AnyArray], 
     for key, value in document.items():
         if not np.array_equal(taught[key], value):
             raise ConfigError(
-                f"{name}: the path was taught with {key} {_said(key, taught[key])},"
-                f" but the config says {_said(key, value)};"
+                f"{name}: the path was taught with {key} {_option_as_text(key, taught[key])},"
+                f" but the config says {_option_as_text(key, value)};"
                 f" set {key} back, or teach the path anew"
             )
 
 
-def _said(key: str, value: AnyArray) -> str:
+def _option_as_text(key: str, value: AnyArray) -> str:
     if key == _THRESHOLD:
         return THRESHOLDS[int(value[0])]
     return ", ".join(f"{item:g}" for item in value.tolist())

@@ -36,10 +36,10 @@ def misjudged(info: SensorInfo, wrong: WrongCalibration) -> SensorInfo:
     mounted = info.pose_base_sensor
     turned = Pose3(0.0, 0.0, 0.0, mounted.roll, mounted.pitch, mounted.yaw) @ replace(offset, x=0.0, y=0.0)
     pose = Pose3(mounted.x + offset.x, mounted.y + offset.y, mounted.z, turned.roll, turned.pitch, turned.yaw)
-    return replace(info, pose_base_sensor=pose, calibration=_scaled(info.calibration, wrong.scale))
+    return replace(info, pose_base_sensor=pose, calibration=_scale_calibration(info.calibration, wrong.scale))
 
 
-def _scaled(calibration: Any, scale: float) -> Any:
+def _scale_calibration(calibration: Any, scale: float) -> Any:
     if scale == 1.0:
         return calibration
     match calibration:
@@ -48,6 +48,6 @@ def _scaled(calibration: Any, scale: float) -> Any:
         case Pinhole():
             return replace(calibration, fx=scale * calibration.fx, fy=scale * calibration.fy)
         case DepthCamera():
-            depth = None if calibration.depth is None else _scaled(calibration.depth, scale)
-            return replace(calibration, colour=_scaled(calibration.colour, scale), depth=depth)
+            depth = None if calibration.depth is None else _scale_calibration(calibration.depth, scale)
+            return replace(calibration, colour=_scale_calibration(calibration.colour, scale), depth=depth)
     return calibration

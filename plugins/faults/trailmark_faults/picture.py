@@ -52,12 +52,12 @@ class PictureFault(Fault):
             return frame
         match payload:
             case Image(pixels):
-                return Frame(frame.sensor, frame.stamp_s, Image(self._worsened(pixels, rng, since_s)))
+                return Frame(frame.sensor, frame.stamp_s, Image(self._worsen_pixels(pixels, rng, since_s)))
             case RGBD(bgr, depth_m):
-                return Frame(frame.sensor, frame.stamp_s, RGBD(self._worsened(bgr, rng, since_s), depth_m))
+                return Frame(frame.sensor, frame.stamp_s, RGBD(self._worsen_pixels(bgr, rng, since_s), depth_m))
         return frame
 
-    def _worsened(self, pixels: AnyArray, rng: np.random.Generator, since_s: float) -> AnyArray:
+    def _worsen_pixels(self, pixels: AnyArray, rng: np.random.Generator, since_s: float) -> AnyArray:
         white = white_of(pixels)
         levels = pixels.astype(np.float32)
         if white != 255.0:

@@ -57,22 +57,22 @@ def max_shift_px(config: GroundVOConfig, size: tuple[int, int], *, is_guarded: b
     """Return the largest predicted shift in a picture (width, height) [px]; a second opinion lets it be longer."""
     if config.max_shift_px is not None:
         return config.max_shift_px
-    return round(_LONGEST_SHIFT * min(size)) if is_guarded else _scaled(_PAPER_SHIFT_PX, config, size)
+    return round(_LONGEST_SHIFT * min(size)) if is_guarded else _length_in_picture(_PAPER_SHIFT_PX, config, size)
 
 
 def margin_px(config: GroundVOConfig, size: tuple[int, int]) -> int:
     """Return the rim without reference pixels in a picture (width, height) [px]."""
-    return _scaled(_PAPER_MARGIN_PX, config, size) if config.margin_px is None else config.margin_px
+    return _length_in_picture(_PAPER_MARGIN_PX, config, size) if config.margin_px is None else config.margin_px
 
 
-def _scaled(paper_px: int, config: GroundVOConfig, size: tuple[int, int]) -> int:
+def _length_in_picture(paper_px: int, config: GroundVOConfig, size: tuple[int, int]) -> int:
     """Return a length of the paper's picture in one of another size; as printed in the other modes."""
     return round(paper_px * min(size) / _PAPER_SIDE_PX) if config.mode == "refined" else paper_px
 
 
 def wide_shifts(config: GroundVOConfig, size: tuple[int, int]) -> list[tuple[float, float]]:
     """Return predictions whose searches together cover the shifts of the paper, the small ones first."""
-    limit = min(_scaled(_PAPER_SHIFT_PX, config, size), max_shift_px(config, size))
+    limit = min(_length_in_picture(_PAPER_SHIFT_PX, config, size), max_shift_px(config, size))
     count = math.ceil(limit / config.search_px) + 1
     along = [float(round(shift)) for shift in np.linspace(-limit, limit, count)]
     return sorted(product(along, along), key=lambda shift: shift[0] ** 2 + shift[1] ** 2)

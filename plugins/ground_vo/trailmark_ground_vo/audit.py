@@ -135,7 +135,7 @@ class MotionAudit:
             return Audit(0.0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0)
         spread = _spread(samples)
         parts, whole, n_out = _equations(samples, self._parts, spread)
-        light, shift, turn, turn_sigma, part = _decided(parts, whole, spread)
+        light, shift, turn, turn_sigma, part = _decide(parts, whole, spread)
         return Audit(spread / SMOOTH_SCALE, n_out, samples.shape[1], light, shift, turn, turn_sigma, part)
 
     def spread(self, before: Grey16, now: Grey16, motion: ImageMotion) -> float:
@@ -252,7 +252,7 @@ def _equations(samples: Float32s, parts: Int64s, spread: float) -> tuple[Floats,
 
 
 @kernel
-def _decided(parts: Floats, whole: Floats, spread: float) -> tuple[float, float, float, float, float]:
+def _decide(parts: Floats, whole: Floats, spread: float) -> tuple[float, float, float, float, float]:
     """Return change of light, shift, turn, sigma of the turn [rad] and shift of a part, as `Audit` has them."""
     (u, v, angle), (u_var, v_var, turn_var) = solve_symmetric(
         (whole[0, 0] + 1.0, whole[0, 1], whole[0, 2], whole[1, 1] + 1.0, whole[1, 2], whole[2, 2] + 1.0),

@@ -153,7 +153,7 @@ def calibrate(steps: Steps, known: Known, assumed: Assumed) -> Calibrated:
     if len(legs) != n_needed:
         raise DataError(
             f"{n_needed} straight {'move was' if n_needed == 1 else 'moves were'} announced, but the drive has"
-            f" {_listed(steps, moves, pixel_m)}; stand still for half a second before and after each move"
+            f" {_list_moves(steps, moves, pixel_m)}; stand still for half a second before and after each move"
         )
     lever, lever_covariance = _lever(steps, turns, pixel_m) if turns else (np.zeros(2), np.zeros((2, 2)))
     factors, spread, has_both = _scales(steps, legs, known, lever)
@@ -180,7 +180,7 @@ def moves_of(steps: Steps, pixel_m: float) -> list[Move]:
     """
     if len(steps) == 0:
         raise DataError("no motion was seen: fewer than two pictures, or none that fit together")
-    x, y, theta = (_smoothed(part) for part in (steps.x, steps.y, steps.theta))
+    x, y, theta = (_running_means(part) for part in (steps.x, steps.y, steps.theta))
     sizes_px = np.hypot(x, y) / pixel_m + _LEVER_PX * np.abs(theta)
     moves_px = max(_REST_PX, _REST_SHARE * float(np.quantile(sizes_px, 0.95)))
     is_moving = sizes_px > moves_px
@@ -196,7 +196,7 @@ def moves_of(steps: Steps, pixel_m: float) -> list[Move]:
     return [move for move in pairs if is_moving[move.first : move.last].any()]
 
 
-def _smoothed(values: Floats) -> Floats:
+def _running_means(values: Floats) -> Floats:
     """Return running means: noise is no motion."""
     return np.convolve(values, np.full(_SMOOTHED, 1.0 / _SMOOTHED), mode="same") if len(values) > _SMOOTHED else values
 
@@ -213,7 +213,7 @@ def _sorted_moves(steps: Steps, moves: Sequence[Move], pixel_m: float) -> tuple[
     legs, turns = [], []
     for move in moves:
         _refuse_gaps(steps, move)
-        way_px, turn_rad = _measured(steps, move, pixel_m)
+        way_px, turn_rad = _way_and_turn(steps, move, pixel_m)
         if way_px + _LEVER_PX * abs(turn_rad) < _SHORTEST_PX / 3:
             continue  # a jolt
         if abs(turn_rad) <= _STRAIGHT_RAD and way_px >= _SHORTEST_PX:
@@ -232,12 +232,12 @@ def _sorted_moves(steps: Steps, moves: Sequence[Move], pixel_m: float) -> tuple[
 def _is_in_place(steps: Steps, move: Move, pixel_m: float) -> bool:
     """Return whether the camera turns as it moves, all the way: about a point that is not far off."""
     part = slice(move.first, move.last)
-    ways_px = np.hypot(_smoothed(steps.x[part]), _smoothed(steps.y[part])) / pixel_m
-    is_straight = ways_px > _FARTHEST_PX * np.abs(_smoothed(steps.theta[part])) + 0.5
+    ways_px = np.hypot(_running_means(steps.x[part]), _running_means(steps.y[part])) / pixel_m
+    is_straight = ways_px > _FARTHEST_PX * np.abs(_running_means(steps.theta[part])) + 0.5
     return float(ways_px[is_straight].sum()) < 0.1 * float(ways_px.sum()) + _SHORTEST_PX / 10.0
 
 
-def _measured(steps: Steps, move: Move, pixel_m: float) -> tuple[float, float]:
+def _way_and_turn(steps: Steps, move: Move, pixel_m: float) -> tuple[float, float]:
     part = slice(move.first, move.last)
     return float(np.hypot(*_end(steps, move)) / pixel_m), float(steps.theta[part].sum())
 
@@ -256,10 +256,10 @@ def _when(steps: Steps, move: Move) -> str:
     return f"from {steps.since_s[move.first]:.2f} s to {steps.stamp_s[move.last - 1]:.2f} s"
 
 
-def _listed(steps: Steps, moves: Sequence[Move], pixel_m: float) -> str:
+def _list_moves(steps: Steps, moves: Sequence[Move], pixel_m: float) -> str:
     if not moves:
         return "none"
-    parts = [(_when(steps, move), *_measured(steps, move, pixel_m)) for move in moves]
+    parts = [(_when(steps, move), *_way_and_turn(steps, move, pixel_m)) for move in moves]
     return "; ".join(f"{when}: {way_px:.0f} px, {math.degrees(turn_rad):.0f} deg" for when, way_px, turn_rad in parts)
 
 
@@ -348,7 +348,7 @@ def _yaw(
     """
     way = np.hypot(steps.x, steps.y)
     pieces = [piece for leg in legs for piece in _pieces(steps, leg, way, _N_PIECES)]
-    forward = np.array([_driven(steps, piece, factors, lever) for piece in pieces])
+    forward = np.array([_base_way(steps, piece, factors, lever) for piece in pieces])
     unit = np.exp(1j * np.arctan2(forward[:, 1], forward[:, 0]))
     mean = unit.mean()
     off = np.angle(unit / mean)
@@ -357,7 +357,7 @@ def _yaw(
     return math.remainder(yaw_rad, 2.0 * math.pi), math.sqrt(variance)
 
 
-def _driven(steps: Steps, move: Move, factors: tuple[float, float], lever: Floats) -> Floats:
+def _base_way(steps: Steps, move: Move, factors: tuple[float, float], lever: Floats) -> Floats:
     """Return the sum of base's own steps, each seen in the camera's axes: forward is the same in all of them."""
     part = slice(move.first, move.last)
     turn = steps.theta[part]

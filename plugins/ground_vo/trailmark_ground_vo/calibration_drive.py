@@ -89,14 +89,14 @@ def observe_drive(
     sources = build_sources(config)
     if not sources:
         raise ConfigError("the config has no source: a recording, a camera or a simulated world")
-    source, sensor = _started(sources, config.sensors, camera)
+    source, sensor = _start_source(sources, config.sensors, camera)
     try:
-        return _watched(source, sensor, drive, say)
+        return _observe_drive(source, sensor, drive, say)
     finally:
         source.close()
 
 
-def _started(
+def _start_source(
     sources: Sequence[SourceStream], overrides: Mapping[str, SensorOverride], camera: str | None
 ) -> tuple[SourceStream, SensorInfo]:
     """Start the source that has the camera; all others are left alone."""
@@ -114,7 +114,7 @@ def _started(
     raise ConfigError(f"no camera {camera or ''!r}; there are: {', '.join(known) or 'none'}")
 
 
-def _watched(
+def _observe_drive(
     source: SourceStream, sensor: SensorInfo, drive: Speeds | None, say: Callable[[str], None]
 ) -> ObservedDrive:
     plane = sensor.calibration

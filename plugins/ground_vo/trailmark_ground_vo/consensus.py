@@ -135,12 +135,12 @@ def consensus_of(
         As in the refinement.
     """
     sums = _equations(texture, differences, slopes, areas, centre, huber)
-    agrees, n_voting, scatter = _decided(sums)
+    agrees, n_voting, scatter = _decide(sums)
     return Consensus(agrees, n_voting, scatter)
 
 
 @kernel
-def _decided(sums: Floats) -> tuple[Bools, int, Floats]:
+def _decide(sums: Floats) -> tuple[Bools, int, Floats]:
     """Return which areas agree, how many have a vote, and the scatter of the gradients of those that agree."""
     n_areas = len(sums)
     votes, agrees = np.zeros(n_areas, np.bool_), np.zeros(n_areas, np.bool_)

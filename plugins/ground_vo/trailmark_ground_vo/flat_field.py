@@ -116,13 +116,13 @@ class FlatFieldLearner:
         self._n_frames, self._a, self._b = 0, _KEPT * self._a, _KEPT * self._b
         change = surface - self._surface
         is_noise = float(change @ system @ change) < _SIGNIFICANT * variance
-        if is_noise or np.ptp(self._evaluated(change, 16)) < _LEAST_CHANGE:
+        if is_noise or np.ptp(self._evaluate_surface(change, 16)) < _LEAST_CHANGE:
             return None
         self._surface = surface
-        field = np.exp(self._evaluated(surface, 1))
+        field = np.exp(self._evaluate_surface(surface, 1))
         return np.asarray(field / field.mean(), np.float32)
 
-    def _evaluated(self, surface: Floats, every: int) -> Floats:
+    def _evaluate_surface(self, surface: Floats, every: int) -> Floats:
         unit = 1.0 / (self._centre[0] + 0.5)
         x = (np.arange(0, self._size[0], every) - self._centre[0])[None, :] * unit
         y = (np.arange(0, self._size[1], every) - self._centre[1])[:, None] * unit

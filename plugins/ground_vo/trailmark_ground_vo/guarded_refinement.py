@@ -81,7 +81,7 @@ class GuardedRefinement(Refinement):
             after = residuals(picture, texture, self._centre, motion, self._aspect)
             consensus, keeps, misfit = self._consensus(picture, texture, motion, after, areas)
             kept = np.ascontiguousarray(texture[:, keeps])
-            motion, curvature, iterations = self._refined(picture, kept, motion)
+            motion, curvature, iterations = self._refine_inside(picture, kept, motion)
             after = residuals(picture, texture, self._centre, motion, self._aspect)
             consensus, keeps, misfit = self._consensus(picture, texture, motion, after, areas)
         residual = mean_clipped(after, CLIP)

@@ -125,7 +125,7 @@ class GroundTracker:
     def refresh(self, image: Grey8) -> None:
         """Choose all pixels anew, in the picture of the last step with another flat field."""
         self._plain.refresh(image)
-        self._understood = (image, self._smoothed(self._plain))
+        self._understood = (image, self._smoothed_reference(self._plain))
 
     def counters(self) -> Mapping[str, int]:
         """Return how often the plain tracker was suspected, and how many pictures the guarded one had."""
@@ -136,11 +136,11 @@ class GroundTracker:
         since_s, interval_s = self._plain.since_s, self._plain.interval_s
         said = self._plain.step(image, stamp_s)
         if said is None or before is None or since_s is None:
-            self._understood = (image, self._smoothed(self._plain))
+            self._understood = (image, self._smoothed_reference(self._plain))
             return said
         reason = said.reason if isinstance(said, TrackingFailure) else ""
         if isinstance(said, TrackedMotion):
-            now = self._smoothed(self._plain)
+            now = self._smoothed_reference(self._plain)
             reason = self._audit.audit(before[1], now, said.motion).reason_suspected(self._noise(image))
             if not reason:
                 self._understood, self._n_calm = (image, now), self._n_calm + 1
@@ -253,7 +253,7 @@ class GroundTracker:
         return float(noise_level(image)) if known is None else known
 
     @staticmethod
-    def _smoothed(tracker: RelativeTracker) -> Grey16:
+    def _smoothed_reference(tracker: RelativeTracker) -> Grey16:
         reference = tracker.reference
         assert reference is not None
         assert reference.smoothed is not None

@@ -66,7 +66,7 @@ class GroundVO(Localizer):
         image = self._reader.read(frame)
         if self._tracker is None:
             self._tracker = self._new_tracker((image.shape[1], image.shape[0]))
-        step = self._tracker.step(image, frame.stamp_s, self._expected(belief))
+        step = self._tracker.step(image, frame.stamp_s, self._expect_motion(belief))
         if step is None:
             return ()
         if isinstance(step, TrackingFailure):
@@ -92,7 +92,7 @@ class GroundVO(Localizer):
             config = config.model_copy(update={"smooth_search": True})
         return GroundTracker(config, size, self._scale[1] / self._scale[0])
 
-    def _expected(self, belief: Belief) -> ImageMotion | None:
+    def _expect_motion(self, belief: Belief) -> ImageMotion | None:
         """Return how the content moves according to others, since the picture that the next is compared with.
 
         None where only this localizer tells, or there is no such picture yet.

@@ -154,7 +154,7 @@ class GroundMap(Localizer):
         distances = np.hypot(offsets[:, 0], offsets[:, 1])
         near = np.flatnonzero(distances <= self.config.reach_m)
         finder = self._the_finder()
-        usable = [n for n in near if finder.is_in_reach(self._expected(int(n), camera))]
+        usable = [n for n in near if finder.is_in_reach(self._motion_since_patch(int(n), camera))]
         return int(min(usable, key=lambda n: float(distances[n]))) if usable else -1
 
     def _look_everywhere(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
@@ -168,7 +168,7 @@ class GroundMap(Localizer):
                 search.add(pose, belief.pose_odom_base, belief.travelled_m)
         if not search.is_through:
             return (Lost(frame.stamp_s, f"start unknown: tried {search.n_tried} of {search.n_places} places"),)
-        answers = [self._judged(frame.stamp_s, view, guess, belief.pose_odom_base) for guess in search.guesses]
+        answers = [self._judge_guess(frame.stamp_s, view, guess, belief.pose_odom_base) for guess in search.guesses]
         n_guesses = len(search.guesses)
         chosen = search.judge([verdict for verdict, _ in answers], belief.travelled_m)
         for verdict, fix in answers:
@@ -180,7 +180,7 @@ class GroundMap(Localizer):
         reason = f"start unknown: {n_guesses} of {search.n_places} places may be this one; drive on, or tell the start"
         return (Lost(frame.stamp_s, reason, {"guesses": float(n_guesses)}),)
 
-    def _judged(
+    def _judge_guess(
         self, stamp_s: float, view: PatchView, guess: Guess, pose_odom_base: Pose2
     ) -> tuple[GuessVerdict, Fix | None]:
         """Look for all patches that the picture shows if a guess is right; with it, the fix by the nearest one."""
@@ -201,7 +201,7 @@ class GroundMap(Localizer):
         assert self._places is not None
         finder, offsets = self._the_finder(), self._places.positions - (pose_map_base.x, pose_map_base.y)
         nearest_first = np.argsort(np.hypot(offsets[:, 0], offsets[:, 1]), kind="stable")[:_MOST_IN_VIEW]
-        return [int(n) for n in nearest_first if finder.is_in_view(self._expected(int(n), camera))]
+        return [int(n) for n in nearest_first if finder.is_in_view(self._motion_since_patch(int(n), camera))]
 
     def _the_start_search(self) -> StartSearch:
         assert self._places is not None
@@ -221,9 +221,9 @@ class GroundMap(Localizer):
         assert self._places is not None
         self._searches += 1
         self._counts["searched"] += 1
-        return self._the_finder().find(view, self._places.patches[place], self._expected(place, camera))
+        return self._the_finder().find(view, self._places.patches[place], self._motion_since_patch(place, camera))
 
-    def _expected(self, place: int, camera: Pose2) -> ImageMotion:
+    def _motion_since_patch(self, place: int, camera: Pose2) -> ImageMotion:
         """Return how the content has moved since a patch was registered, were the camera there."""
         assert self._places is not None
         content = camera.between(self._places.cameras[place])

@@ -101,7 +101,7 @@ class PatchView:
     @cached_property
     def coarse_bits(self) -> tuple[Bits7, Bits7]:
         """The same at half that resolution."""
-        return self._with_transpose(_halved(self.bits[0]))
+        return self._with_transpose(_halve_bits(self.bits[0]))
 
     @cached_property
     def smooth(self) -> Grey16:
@@ -116,7 +116,7 @@ class PatchView:
         return bits, self._kernels.transpose(bits.view(np.uint8)).view(np.int8)
 
 
-def _halved(bits: Bits7) -> Bits7:
+def _halve_bits(bits: Bits7) -> Bits7:
     return half_picture(bits.view(np.uint8)).view(np.int8)
 
 
@@ -233,7 +233,7 @@ class PatchFinder:
         bits, angles = seven_bits(patch, view.is_levelled), (turn_rad + self._angles)[::2].copy()
         half_shift = (shift[0] / 2.0, shift[1] / 2.0)
         coarse_px = -(-self._config.search_px // 2)
-        errors = self._errors(view.coarse_bits, quadrants(_halved(bits)), half_shift, angles, coarse_px)
+        errors = self._errors(view.coarse_bits, quadrants(_halve_bits(bits)), half_shift, angles, coarse_px)
         tolerance_px = max(1.0, self._config.tolerance_px / 2.0)
         coarse, agreeing, ratio = self._consensus(errors, half_shift, angles, tolerance_px)
         near = (float(round(2.0 * coarse.u)), float(round(2.0 * coarse.v)))

@@ -107,7 +107,7 @@ class PictureReader:
         if self._gain is not None:
             grey = flatten(grey, self._gain)
         if self._maps is not None:
-            grey = self._undistorted(grey)
+            grey = self._undistort(grey)
         return grey if self._learned_gain is None else flatten(grey, self._learned_gain)
 
     def warm_up(self) -> None:
@@ -149,7 +149,7 @@ class PictureReader:
             return np.asarray(np.minimum(shifted, 255), np.uint8)
         return np.array(pixels, np.uint8, order="C")  # a copy: kernels are compiled for arrays that can be written
 
-    def _undistorted(self, grey: Grey8) -> Grey8:
+    def _undistort(self, grey: Grey8) -> Grey8:
         import cv2
 
         assert self._maps is not None

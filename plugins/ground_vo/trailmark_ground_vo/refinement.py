@@ -140,14 +140,14 @@ class Refinement:
         few = np.ascontiguousarray(self._texture[:, ::_EVERY])
         start = starts[best_start(picture, few, self._centre, candidates, self._aspect, CLIP)]
         motion = (start.u, start.v, start.turn_rad)
-        refined, curvature, iterations = self._refined(picture, self._texture, motion)
+        refined, curvature, iterations = self._refine_inside(picture, self._texture, motion)
         before = residuals(picture, self._texture, self._centre, motion, self._aspect)
         after = residuals(picture, self._texture, self._centre, refined, self._aspect)
         if mean_clipped(after, CLIP) <= mean_clipped(before, CLIP):
             return Minimum(refined, after, curvature, iterations)
         return Minimum(motion, before, curvature, iterations)
 
-    def _refined(
+    def _refine_inside(
         self, picture: Grey16, texture: Texture, start: tuple[float, float, float]
     ) -> tuple[tuple[float, float, float], Floats, int]:
         inside = self._in_picture(texture, start, (picture.shape[1], picture.shape[0]))

@@ -161,7 +161,7 @@ def residuals(
 
 
 @float_kernel
-def _carried(
+def _move_texture(
     texture: Texture,
     differences: Float32s,
     centre: tuple[float, float],
@@ -236,7 +236,7 @@ def advance_texture(
     """
     left, top, right, bottom = area
     height = (bottom - top) // n_segments
-    out = _carried(texture, differences, centre, motion, aspect, memory, clip)
+    out = _move_texture(texture, differences, centre, motion, aspect, memory, clip)
     n_pixels = texture.shape[1]
     n_lines = n_pixels // (2 * n_segments)
     taken, n_fresh = np.zeros((2, n_segments, n_lines), np.bool_), 0

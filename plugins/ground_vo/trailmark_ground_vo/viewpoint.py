@@ -104,7 +104,7 @@ class Viewpoint:
         """Choose the reference pixels in a picture."""
         self._group = Group(*select(picture.image, self.area, n_pixels))
         if picture.half is not None:
-            rows, columns = _halved(self._group.y, picture.half, 0), _halved(self._group.x, picture.half, 1)
+            rows, columns = _half_indices(self._group.y, picture.half, 0), _half_indices(self._group.x, picture.half, 1)
             self._half_values = picture.half[rows, columns]
 
     def find(self, picture: SearchPicture, shift: tuple[float, float], turn_rad: float = 0.0) -> GroupMatch:
@@ -131,7 +131,7 @@ class Viewpoint:
         x, y, values, fresh = advance(picture.image, *self._group, self.area, self.centre, moved, self._aspect, grid)
         self._group = Group(x, y, values, self._group.brightest)
         if picture.half is not None:
-            rows, columns = _halved(self._group.y, picture.half, 0), _halved(self._group.x, picture.half, 1)
+            rows, columns = _half_indices(self._group.y, picture.half, 0), _half_indices(self._group.x, picture.half, 1)
             self._half_values = np.where(fresh, picture.half[rows, columns], self._half_values)
         return float(np.count_nonzero(fresh)) / len(fresh)
 
@@ -175,6 +175,6 @@ class Viewpoint:
         return GroupMatch(motion, best / n_pixels, (own_mean if mean is None else mean) / n_pixels, covariance)
 
 
-def _halved(coordinates: Floats, half: Grey8, axis: int) -> Indices:
+def _half_indices(coordinates: Floats, half: Grey8, axis: int) -> Indices:
     nearest = np.floor(coordinates / 2.0 + 0.25).astype(np.intp)  # (x - 0.5) / 2, rounded
     return np.clip(nearest, 0, half.shape[axis] - 1)

@@ -72,7 +72,7 @@ class ShiftVote:
         rest, found = self.surface.copy(), []
         for _ in range(n):
             row, column = divmod(int(rest.argmax()), rest.shape[1])
-            v, u = (CELL_PX * float(_signed(at, n_cells)) for at, n_cells in zip((row, column), rest.shape))
+            v, u = (CELL_PX * float(_signed_index(at, n_cells)) for at, n_cells in zip((row, column), rest.shape))
             found.append((u, v))
             _blank(rest, row, column, 1)
         return found
@@ -114,14 +114,14 @@ class ShiftWitness:
         rest = surface.copy()
         _blank(rest, row, column, _PEAK_CELLS)
         second = float(rest.max())
-        v, u = (_signed(at, n) + _vertex(self._shape, surface, row, column, axis)
+        v, u = (_signed_index(at, n) + _vertex(self._shape, surface, row, column, axis)
                 for axis, (at, n) in enumerate(zip((row, column), self._shape)))  # fmt: skip
         clarity = best / second if second > 0.0 else math.inf
         # pictures without anything to see, or without anything in common, have no peak worth the name
         return ShiftVote(CELL_PX * u, CELL_PX * v, clarity if best > _LEAST_PEAK * self._perfect else 0.0, surface)
 
 
-def _signed(index: int, n: int) -> int:
+def _signed_index(index: int, n: int) -> int:
     return index if index < (n + 1) // 2 else index - n
 
 

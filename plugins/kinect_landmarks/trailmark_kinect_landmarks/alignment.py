@@ -171,7 +171,7 @@ def align(
     if led is None:
         able = np.ones(n, dtype=np.bool_)
         R, t = _consensus(points_a, points_b, cov_a, cov_b, expected, rng, n_tries)
-        inliers = _gated(points_a, points_b, cov_a, cov_b, R, t, 4.0)
+        inliers = _within_gate(points_a, points_b, cov_a, cov_b, R, t, 4.0)
     else:
         R, t, able = led
         inliers = able
@@ -183,7 +183,7 @@ def align(
             return refusal
         chosen = points_a[inliers], points_b[inliers], cov_a[inliers], cov_b[inliers]
         R, t, H, chi2 = _step(*chosen, R, t, expected=None if led is None else expected)
-        inliers = able & _gated(points_a, points_b, cov_a, cov_b, R, t)
+        inliers = able & _within_gate(points_a, points_b, cov_a, cov_b, R, t)
     refusal = refusal_of(points_b[inliers], limits)
     if refusal is not None:
         return refusal
@@ -218,11 +218,11 @@ def _from_expected(
     a, b, P, Q = points_a[able], points_b[able], cov_a[able], cov_b[able]
     R, t = expected.R, expected.t
     for _ in range(_N_GAUSS_NEWTON):
-        median = float(np.median(_whitened(a, b, P, Q, R, t)[2]))
+        median = float(np.median(_whiten(a, b, P, Q, R, t)[2]))
         if not math.isfinite(median):
             return None
         R, t, _, _ = _step(a, b, P, Q, R, t, max(_SOFT, 2.0 * median), expected)
-    agreeing = able & _gated(points_a, points_b, cov_a, cov_b, R, t)
+    agreeing = able & _within_gate(points_a, points_b, cov_a, cov_b, R, t)
     return (R, t, agreeing) if agreeing.mean() >= _TRUSTED_SHARE else None
 
 
@@ -251,11 +251,11 @@ def _consensus(
     candidates = [(Rs[i], ts[i]) for i in np.argsort(cost)[:_N_FINALISTS]]
     if expected is not None:
         candidates.append((expected.R, expected.t))
-    exact = [np.minimum(_whitened(points_a, points_b, cov_a, cov_b, R, t)[2], GATES[D]).sum() for R, t in candidates]
+    exact = [np.minimum(_whiten(points_a, points_b, cov_a, cov_b, R, t)[2], GATES[D]).sum() for R, t in candidates]
     return candidates[int(np.argmin(exact))]
 
 
-def _whitened(
+def _whiten(
     points_a: Array, points_b: Array, cov_a: Array, cov_b: Array, R: Array, t: Array
 ) -> tuple[Array, Array, Array]:
     """Return residuals (N, D), their information (N, D, D) and squared lengths in sigmas (N,)."""
@@ -265,10 +265,10 @@ def _whitened(
     return residuals, np.asarray(information, dtype=np.float64), np.asarray(squared)
 
 
-def _gated(
+def _within_gate(
     points_a: Array, points_b: Array, cov_a: Array, cov_b: Array, R: Array, t: Array, slack: float = 1.0
 ) -> npt.NDArray[np.bool_]:
-    squared = _whitened(points_a, points_b, cov_a, cov_b, R, t)[2]
+    squared = _whiten(points_a, points_b, cov_a, cov_b, R, t)[2]
     return np.asarray(squared < GATES[points_a.shape[1]] * slack)
 
 
@@ -283,7 +283,7 @@ def _step(
     expected: Expected | None = None,
 ) -> tuple[Array, Array, Array, float]:
     """Return the motion after one Gauss-Newton step, its information and the weighted sum of squares before it."""
-    residuals, information, squared = _whitened(points_a, points_b, cov_a, cov_b, R, t)
+    residuals, information, squared = _whiten(points_a, points_b, cov_a, cov_b, R, t)
     weights = np.square(soft / (soft + squared))  # Geman & McClure: what hardly fits hardly counts
     J = jacobian(points_b @ R.T)
     informed = information @ J

@@ -123,7 +123,7 @@ class LandmarkCamera:
         sigma_m = depth_sigma(seen.dV)
         filled = np.zeros(len(uv), np.bool_)
         if scan is not None:
-            seen, filled = self._filled(seen, scan)
+            seen, filled = self._fill_from_scan(seen, scan)
             sigma_m = np.where(filled, _SIGMA_SCAN_M, sigma_m)
         points_sensor = seen.points_sensor()
         cov = point_covariances(points_sensor, np.full(len(uv), sigma_px), sigma_m, lens.fx)
@@ -160,7 +160,7 @@ class LandmarkCamera:
         focal_px = size[0] / 2.0 / math.tan(math.radians(self._config.field_of_view_deg) / 2.0)
         return Pinhole(focal_px, focal_px, (size[0] - 1) / 2.0, (size[1] - 1) / 2.0)
 
-    def _filled(self, seen: Sights, scan: Scan) -> tuple[Sights, npt.NDArray[np.bool_]]:
+    def _fill_from_scan(self, seen: Sights, scan: Scan) -> tuple[Sights, npt.NDArray[np.bool_]]:
         """Fill missing depths from a laser: a landmark near to its plane stands where the beam ends."""
         missing = ~np.isfinite(seen.dV)
         ray = np.stack([np.ones_like(seen.alpha), -np.tan(seen.alpha), np.tan(seen.beta)], axis=1)

@@ -125,7 +125,7 @@ class KinectFlow(Localizer):
             self._expectation.begin(frame.stamp_s, self._T_start_base)
             self._told = (frame.stamp_s, self._pose(), np.zeros((3, 3)))
             return ()
-        answer = self._moved(frame.stamp_s, before, grey, depth_m)
+        answer = self._estimate_motion(frame.stamp_s, before, grey, depth_m)
         if self._watch.look(frame.stamp_s, grey, registered_m, self._expectation.rates()):
             self._register(payload, grey)
         return [answer]
@@ -137,11 +137,11 @@ class KinectFlow(Localizer):
         depth_m = self._camera.corrected(self._camera.registered(payload), payload.bgr)
         self._renew(grey, depth_m, _NONE)
 
-    def _moved(self, stamp_s: float, before: Grey8, grey: Grey8, depth_m: Depth) -> Estimate:
+    def _estimate_motion(self, stamp_s: float, before: Grey8, grey: Grey8, depth_m: Depth) -> Estimate:
         uv, good = follow(before, grey, self._followed.uv)
         followed = self._followed.rows(good, uv)
         measured = self._camera.measure(followed.uv, depth_m, _SIGMA_PX, self._scan)
-        answer = self._aligned(stamp_s, followed, measured)
+        answer = self._align(stamp_s, followed, measured)
         if isinstance(answer, Refusal):
             self._n_lost += 1
             self._told = None
@@ -152,7 +152,7 @@ class KinectFlow(Localizer):
         self._T_start_base = np.eye(4)
         self._T_start_base[:D, :D], self._T_start_base[:D, 3] = answer.R, answer.t
         self._expectation.took(stamp_s, self._T_start_base)
-        known, agrees = self._judged(followed, measured)
+        known, agrees = self._judge_points(followed, measured)
         followed = followed.judged(known, agrees)
         self._followed = followed
         if (~followed.is_moving).sum() < _RENEW * self.config.points:
@@ -174,7 +174,7 @@ class KinectFlow(Localizer):
         spread += motion_systematic(self._watch.share, step, stamp_s - since_s, depth_m)
         return Motion(since_s, stamp_s, step, information_from_covariance(spread), details)
 
-    def _aligned(self, stamp_s: float, followed: _Points, measured: DepthPixels) -> CloudAlignment | Refusal:
+    def _align(self, stamp_s: float, followed: _Points, measured: DepthPixels) -> CloudAlignment | Refusal:
         """Solve Eq. (2) for the points that may vote; where they are few, for those on trial too."""
         able = np.isfinite(measured.points_base).all(axis=1) & ~followed.is_moving
         voting = able & (followed.n_agreed >= _TRIAL)
@@ -190,7 +190,7 @@ class KinectFlow(Localizer):
             expected=self._expectation.motion(stamp_s, D),
         )
 
-    def _judged(self, followed: _Points, measured: DepthPixels) -> tuple[Bools, Bools]:
+    def _judge_points(self, followed: _Points, measured: DepthPixels) -> tuple[Bools, Bools]:
         """Return which points are measured, and which of them stand where they should."""
         R, t = self._T_start_base[:3, :3], self._T_start_base[:3, 3]
         D = 2 if self.config.solve == "plane" else 3

@@ -90,14 +90,14 @@ class KinectLandmarks(Localizer):
     def _observe(self, stamp_s: float, payload: RGBD, belief: Belief) -> Sequence[Estimate]:
         plan = self._effort.plan(self._session.last_latency_s())
         picture = self._eye.prepare(payload, self._light, self._scan, plan.scale)
-        expected = self._expected(stamp_s)
+        expected = self._expected_pose(stamp_s)
         again, others = self._tracker.look(picture, plan, self._expectation.pose(stamp_s) if expected else None)
         if len(self._memory) == 0:
             return self._begin(stamp_s, others, belief)
         solved = self._tracker.solve(again, expected)
         if isinstance(solved, Refusal):
             self._effort.looked(picture, plan, len(again), 0)
-            return [self._lost(stamp_s, solved.reason, again, others, belief)]
+            return [self._report_lost(stamp_s, solved.reason, again, others, belief)]
         self._effort.looked(picture, plan, len(again) + len(others), len(solved.agreeing))
         rows = self._tracker.learn(solved, again, others)
         self._remember(stamp_s, belief, solved.T_map_base, rows)
@@ -185,14 +185,14 @@ class KinectLandmarks(Localizer):
         self._told = (stamp_s, pose, np.zeros((3, 3)))
         return ()
 
-    def _expected(self, stamp_s: float) -> Expected | None:
+    def _expected_pose(self, stamp_s: float) -> Expected | None:
         """Return the expected pose; None while lost."""
         last = self._expectation.last
         if last is None or (np.isfinite(last[0]) and stamp_s - last[0] > self.config.restart_s):
             return None
         return self._expectation.motion(stamp_s, 2 if self.config.solve == "plane" else 3)
 
-    def _lost(
+    def _report_lost(
         self, stamp_s: float, reason: str, again: TrackedLandmarks, others: TrackedLandmarks, belief: Belief
     ) -> Lost:
         """Say so; after a while begin anew from where the robot is believed to be."""

@@ -136,9 +136,9 @@ class Tracker:
         again = self._follow(picture, plan, T_map_base)
         wanted = max(self._n_followed - len(again), self._n_followed // 3)
         found = self._eye.find(picture, plan, again.seen.uv, wanted)
-        pairs = self._recognised(found, again.rows, picture, plan, T_map_base)
+        pairs = self._recognise(found, again.rows, picture, plan, T_map_base)
         others = np.setdiff1d(np.arange(len(found)), pairs[:, 0])
-        again = _joined([again, TrackedLandmarks(found.rows(pairs[:, 0]), pairs[:, 1])])
+        again = _join([again, TrackedLandmarks(found.rows(pairs[:, 0]), pairs[:, 1])])
         self._before = picture
         self._followed = again.rows, again.seen.uv
         measured = np.flatnonzero(np.isfinite(again.seen.points_base).all(axis=1))
@@ -150,10 +150,10 @@ class Tracker:
             return self._solve_by_few(again, expected)
         able = np.asarray(~self._memory.is_moved[again.rows])
         voting = self._memory.votes(again.rows)
-        answer = self._aligned(again.pick(voting), expected)
+        answer = self._align(again.pick(voting), expected)
         n_agree = 0 if isinstance(answer, Refusal) else len(answer.agreeing)
         if n_agree < _ENOUGH and able.sum() > voting.sum():
-            of_all = self._aligned(again.pick(able), expected)
+            of_all = self._align(again.pick(able), expected)
             answer = answer if isinstance(of_all, Refusal) else of_all
         return answer
 
@@ -161,25 +161,25 @@ class Tracker:
         """Return the pose of the few landmarks that tell most, if the others that are followed do not contradict it."""
         memory = self._memory
         able = again.pick(np.asarray(~memory.is_moved[again.rows]))
-        as_expected = able if expected is None else able.pick(self._allowed(able, expected))
+        as_expected = able if expected is None else able.pick(self._within_expectation(able, expected))
         if (
             len(as_expected) >= self._config.landmarks
         ):  # a thing that is carried past may show more of them than the room
             able = as_expected
         voting = able.pick(memory.votes(able.rows))
         among = voting if len(voting) >= self._config.landmarks else able
-        answer = self._aligned(among.pick(self._most_telling(among)), expected)
+        answer = self._align(among.pick(self._most_telling(among)), expected)
         if isinstance(answer, Refusal) or len(voting) <= self._config.landmarks:
             return answer
         if self._support(answer, voting) >= _SUPPORT:
             return answer
-        of_all = self._aligned(voting, expected)  # one of the few may have begun to move: who disagrees is left out
+        of_all = self._align(voting, expected)  # one of the few may have begun to move: who disagrees is left out
         if isinstance(of_all, Refusal) or self._support(of_all, voting) < _SUPPORT:
             return Refusal("the landmarks contradict one another")
         agreeing = of_all.agreeing
-        return self._aligned(agreeing.pick(self._most_telling(agreeing)), expected)
+        return self._align(agreeing.pick(self._most_telling(agreeing)), expected)
 
-    def _allowed(self, sighting: TrackedLandmarks, expected: Expected) -> npt.NDArray[np.bool_]:
+    def _within_expectation(self, sighting: TrackedLandmarks, expected: Expected) -> npt.NDArray[np.bool_]:
         D = len(expected.t)
         seen, rows = sighting.seen, sighting.rows
         cov_now = seen.cov_base[:, :D, :D] + _MODEL_SIGMA_M**2 * np.eye(D)
@@ -261,7 +261,7 @@ class Tracker:
         if len(rows) == 0:
             return TrackedLandmarks(self._eye.look_at(picture, uv, np.empty(0, np.int8), np.empty(0)), rows)
         assert self._before is not None
-        guess = None if T_map_base is None else self._expected(rows, picture, T_map_base)
+        guess = None if T_map_base is None else self._expected_pixels(rows, picture, T_map_base)
         if guess is not None:
             guess = np.where(np.isfinite(guess), guess, uv)
         now, good = follow(self._before.grey, picture.grey, uv, guess)
@@ -272,7 +272,7 @@ class Tracker:
         still = alike >= _STILL_ALIKE
         return TrackedLandmarks(seen.rows(still), rows[still])
 
-    def _recognised(
+    def _recognise(
         self, found: SeenLandmarks, taken: Rows, picture: PreparedImage, plan: SearchPlan, T_map_base: Array | None
     ) -> Rows:
         """Return pairs (row of `found`, row of the memory), (K, 2)."""
@@ -282,7 +282,7 @@ class Tracker:
         rows = np.flatnonzero(free)
         expected = None
         if T_map_base is not None and len(rows):
-            expected = self._expected(rows, picture, T_map_base)
+            expected = self._expected_pixels(rows, picture, T_map_base)
             near = np.all(
                 (expected > -self._config.search_px) & (expected < np.array(picture.size) + self._config.search_px),
                 axis=1,
@@ -302,11 +302,11 @@ class Tracker:
             pairs = match_near(alike, found.uv, expected, self._config.search_px, *sizes, self._config.alike)
         return np.stack([pairs[:, 0], rows[pairs[:, 1]]], axis=1)
 
-    def _expected(self, rows: Rows, picture: PreparedImage, T_map_base: Array) -> Array:
+    def _expected_pixels(self, rows: Rows, picture: PreparedImage, T_map_base: Array) -> Array:
         points_base = (self._memory.points[rows] - T_map_base[:3, 3]) @ T_map_base[:3, :3]
         return self._camera.project(points_base, picture.size)
 
-    def _aligned(self, sighting: TrackedLandmarks, expected: Expected | None) -> Solved | Refusal:
+    def _align(self, sighting: TrackedLandmarks, expected: Expected | None) -> Solved | Refusal:
         D = 2 if self._config.solve == "plane" else 3
         memory, seen = self._memory, sighting.seen
         model = _MODEL_SIGMA_M**2 * np.eye(D)
@@ -348,7 +348,7 @@ def _homogeneous(alignment: CloudAlignment) -> Array:
     return T
 
 
-def _joined(parts: Sequence[TrackedLandmarks]) -> TrackedLandmarks:
+def _join(parts: Sequence[TrackedLandmarks]) -> TrackedLandmarks:
     seen = [part.seen for part in parts if len(part)] or [parts[0].seen]
     fields = ("uv", "kind", "size_m", "histogram", "vicinity", "points_base", "cov_base")
     arrays = [np.concatenate([getattr(item, name) for item in seen]) for name in fields]

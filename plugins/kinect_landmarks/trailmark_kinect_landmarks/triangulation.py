@@ -115,11 +115,11 @@ def pixel_angles(uv: Array, lens: Pinhole, size: tuple[int, int], model: AngleMo
         half_v_rad = math.atan(size[1] / 2.0 / lens.fy)
         alpha = (uv[:, 0] - lens.cx) / (size[0] / 2.0) * half_u_rad
         return alpha, -(uv[:, 1] - lens.cy) / (size[1] / 2.0) * half_v_rad
-    normal = _undistorted(uv, lens)
+    normal = _undistort(uv, lens)
     return np.arctan(normal[:, 0]), -np.arctan(normal[:, 1])
 
 
-def _undistorted(uv: Array, lens: Pinhole) -> Array:
+def _undistort(uv: Array, lens: Pinhole) -> Array:
     """Return pixels on the plane one metre before the camera, (N, 2)."""
     if not lens.distortion or len(uv) == 0:
         return np.asarray((uv - (lens.cx, lens.cy)) / (lens.fx, lens.fy))

@@ -47,7 +47,7 @@ class KnownLandmarks(Localizer):
             If neither the config nor the sensor's calibration says.
         """
         info = session.sensors[self.config.sightings]
-        self._positions = self.config.landmarks or _calibrated(info)
+        self._positions = self.config.landmarks or _places_from_calibration(info)
         self._mounting = info.pose_base_sensor.planar()
         self._mounting_variance = math.radians(self.config.mounting_sigma_deg) ** 2
         config = self.config
@@ -61,7 +61,7 @@ class KnownLandmarks(Localizer):
         """Return one fix of all sightings, or one for each; nothing where only strangers are seen."""
         if not isinstance(frame.payload, Record):
             return ()
-        seen = self._known(frame.payload)
+        seen = self._known_landmarks(frame.payload)
         if not len(seen):
             return () if self._has_seen_one else (Lost(frame.stamp_s, self._why_nothing(frame.payload)),)
         self._has_seen_one = True
@@ -89,7 +89,7 @@ class KnownLandmarks(Localizer):
         """Return how many sightings were of no known landmark."""
         return {"unknown_landmarks": self._n_unknown}
 
-    def _known(self, record: Record) -> Seen:
+    def _known_landmarks(self, record: Record) -> Seen:
         """Return what is seen of landmarks whose place is known."""
         ids = np.asarray(record.arrays["ids"], dtype=np.int64)
         is_known = np.array([number in self._positions for number in ids.tolist()], dtype=bool)
@@ -155,7 +155,7 @@ def _is_first(ids: np.ndarray, ranges_m: Floats, bearings_rad: Floats) -> Bools:
     return is_first
 
 
-def _calibrated(info: SensorInfo) -> dict[int, tuple[float, float]]:
+def _places_from_calibration(info: SensorInfo) -> dict[int, tuple[float, float]]:
     """Return the places that a sensor's calibration gives."""
     calibration = info.calibration
     if not isinstance(calibration, Arrays) or not {"ids", "positions_map"} <= set(calibration.arrays):

@@ -110,7 +110,7 @@ class UdpChannel(Channel):
     """Packets, each with whole lines; commands go to who sent the last one."""
 
     def __init__(self, host: str, port: int) -> None:
-        self._socket = _bound(socket.SOCK_DGRAM, host, port)
+        self._socket = _bind(socket.SOCK_DGRAM, host, port)
         self._peer: tuple[str, int] | None = None
 
     @property
@@ -145,7 +145,7 @@ class TcpChannel(Channel):
     """One connection at a time; who goes may come again."""
 
     def __init__(self, host: str, port: int) -> None:
-        self._listener = _bound(socket.SOCK_STREAM, host, port)
+        self._listener = _bind(socket.SOCK_STREAM, host, port)
         self._listener.listen(1)
         self._connection: socket.socket | None = None
 
@@ -201,7 +201,7 @@ class TcpChannel(Channel):
         self._listener.close()
 
 
-def _bound(kind: socket.SocketKind, host: str, port: int) -> socket.socket:
+def _bind(kind: socket.SocketKind, host: str, port: int) -> socket.socket:
     opened = socket.socket(socket.AF_INET, kind)
     opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:

@@ -61,7 +61,7 @@ class LinesSource(Drivable):
         self._closed, self._session, self._counts = threading.Event(), session, Counter()
         self.drives_itself = self.config.command is None or session.mode == "teach"
         self._reader = LineReader(self.config.sensors, self.config.pictures)
-        self._channel = self._opened()
+        self._channel = self._open_channel()
 
     def close(self) -> None:
         """End `frames`, and close the channel."""
@@ -202,7 +202,7 @@ class LinesSource(Drivable):
             logger.warning("%s; others like it are skipped silently", error)
         self._counts["skipped"] += 1
 
-    def _opened(self) -> Channel:
+    def _open_channel(self) -> Channel:
         config = self.config
         match config.over:
             case "tcp":

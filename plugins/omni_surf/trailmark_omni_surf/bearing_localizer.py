@@ -60,7 +60,7 @@ class BearingLocalizer:
 
     def locate(self, stamp_s: float, image: Grey8, camera: PixelBearings, belief: Belief) -> Estimate:
         """Track while enough landmarks are tracked (main flow), detect otherwise (sub flow)."""
-        start = self._expected(belief)
+        start = self._expected_pose(belief)
         tracked = self._track(image, camera, start)
         finding, is_tracked = tracked, True
         if tracked.fix is None or self._n_tracked >= self._config.refresh_every:
@@ -115,7 +115,7 @@ class BearingLocalizer:
         is_same_size = self._image is not None and self._image.shape == image.shape
         return self._config.use_tracking and is_same_size and len(self._finding.uv) > self._config.min_tracked
 
-    def _expected(self, belief: Belief) -> Pose2 | None:
+    def _expected_pose(self, belief: Belief) -> Pose2 | None:
         """Return where the camera should be: the last pose, carried along by the motion since.
 
         Without tracking there is none: every picture is looked at by itself.

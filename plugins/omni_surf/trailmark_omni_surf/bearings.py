@@ -123,13 +123,13 @@ def locate(
     if covariances.shape != (len(landmarks), 2, 2):
         raise ShapeError(f"covariances of {len(landmarks)} landmarks must be (N, 2, 2), not {covariances.shape}")
     if start is not None:
-        return _refined(landmarks, bearings, covariances, start.array(), noise)
+        return _refine_fix(landmarks, bearings, covariances, start.array(), noise)
     every = max(1, math.ceil(math.comb(len(bearings), 3) / _MAX_TRIPLES))
     poses, supports = hypotheses(landmarks, bearings, noise.gate_rad, every)
     best = int(supports.argmax())
     if not np.isfinite(poses[best]).all():
         return None
-    fix = _refined(landmarks, bearings, covariances, poses[best], noise)
+    fix = _refine_fix(landmarks, bearings, covariances, poses[best], noise)
     return None if fix is None else replace(fix, rival_support=_rival_support(fix.pose_map_base, poses, supports))
 
 
@@ -140,7 +140,7 @@ def _rival_support(pose: Pose2, poses: Array, supports: Array) -> float:
     return float(np.max(supports, where=is_far | is_turned, initial=0.0))
 
 
-def _refined(
+def _refine_fix(
     landmarks: Array, bearings: Array, covariances: Array, pose: Array, noise: BearingNoise
 ) -> BearingFix | None:
     """Refine over the landmarks within the gate, gate again, and refuse what is not determined."""

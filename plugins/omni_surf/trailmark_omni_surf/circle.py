@@ -68,7 +68,7 @@ def find_circle(image: npt.NDArray[np.uint8], tolerance_px: float = 1.5) -> Imag
         return None
     height, width = image.shape
     coverages = rim_coverages(circles, points, directions, width, height, 2.0 * tolerance_px, _ALIGNED, _N_SECTORS)
-    return _refined(circles[int(coverages.argmax())], points, directions, image.shape, tolerance_px)
+    return _refine_circle(circles[int(coverages.argmax())], points, directions, image.shape, tolerance_px)
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,7 +188,7 @@ def _judge(
     return found, on_rim
 
 
-def _refined(
+def _refine_circle(
     circle: Array, points: Array, directions: Array, shape: tuple[int, ...], tolerance_px: float
 ) -> ImageCircle:
     """Fit the circle to its own edges by Gauss-Newton, with a gate that closes."""

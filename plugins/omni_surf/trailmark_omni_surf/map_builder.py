@@ -78,7 +78,7 @@ class MapBuilder:
         if self._localizer_map is None or not keyframes:
             return
         candidates = measured_candidates(keyframes, self._config.n_longest)
-        chosen = self._selected(candidates)
+        chosen = self._select_candidates(candidates)
         landmarks = LandmarkMap.of(candidates, chosen, self._config.features)
         self._localizer_map.save(LANDMARKS, landmarks.to_arrays())
         self._localizer_map.save(
@@ -86,7 +86,7 @@ class MapBuilder:
             {"features": candidates.features, "measured": candidates.positions, "is_chosen": chosen.astype(np.uint8)},
         )
 
-    def _selected(self, candidates: Candidates) -> Bools:
+    def _select_candidates(self, candidates: Candidates) -> Bools:
         """Return which candidates become landmarks."""
         config = self._config
         if config.selection == "all" or not len(candidates.ids):

@@ -114,7 +114,7 @@ class SimSource(Drivable):
     def frames(self) -> Iterator[Frame]:
         """Yield the frames of all sensors until the route or the task is done, or time is up."""
         self._forget()
-        self._motion = VehicleIntegrator(self._world.vehicle, self._place.pose, self._seed, self._hired())
+        self._motion = VehicleIntegrator(self._world.vehicle, self._place.pose, self._seed, self._build_driver())
         for stamp_s, k, sensor in _schedule(self._sensors):
             if self._is_closed or self._is_over(stamp_s):
                 return
@@ -148,7 +148,7 @@ class SimSource(Drivable):
         self._touches: str | None = None
         self._n_collisions = self._n_checks = 0
 
-    def _hired(self) -> Driver | None:
+    def _build_driver(self) -> Driver | None:
         """Return who drives; None: whoever gives commands."""
         if self._terminal is not None:
             return KeyboardPilot(self._world.vehicle, self._terminal)

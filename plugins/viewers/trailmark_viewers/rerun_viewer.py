@@ -37,7 +37,7 @@ def find_viewer(host: str, port: int, *, spawn: bool) -> None:
         raise ConfigError(
             f"no Rerun viewer answers at {host}:{port}: {problem}; open one with 'rerun', or say spawn: true"
         )
-    viewer = _opened(port)
+    viewer = _open_viewer(port)
     until_s = time.monotonic() + _OPENING_S
     while _silence(host, port) is not None:
         if viewer.poll() is not None or time.monotonic() > until_s:
@@ -58,7 +58,7 @@ def _silence(host: str, port: int) -> str | None:
     return None
 
 
-def _opened(port: int) -> subprocess.Popen[bytes]:
+def _open_viewer(port: int) -> subprocess.Popen[bytes]:
     beside = os.path.dirname(sys.executable)  # of an environment that is not activated
     program = shutil.which("rerun", path=os.pathsep.join([beside, os.environ.get("PATH", "")]))
     if program is None:

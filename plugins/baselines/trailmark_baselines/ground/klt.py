@@ -51,7 +51,7 @@ class KLT(GroundPeer[_Corners]):
         ground = self.camera.on_ground(key.corners, size)
         guess = self.camera.in_picture(expected.inverse() @ ground, size)
         inside = np.all((guess >= 0.0) & (guess <= np.array(size) - 1.0), axis=1)
-        before, after = self._tracked(key.image, now.image, key.corners[inside], guess[inside])
+        before, after = self._track_corners(key.image, now.image, key.corners[inside], guess[inside])
         unit_m = self.camera.plane.metres_per_pixel[0]
         a, b = (self.camera.on_ground(points, size) for points in (before, after))
         found = ransac_rigid(a / unit_m, b / unit_m, config.tolerance_px)  # in pixels: OpenCV's precision is absolute
@@ -63,7 +63,7 @@ class KLT(GroundPeer[_Corners]):
         covariance = alignment_covariance(a[agree], pose, b[agree], _SIGMA_PX * unit_m)
         return KeyframeMatch(pose, covariance, n_agree < _THIN * len(key.corners), details)
 
-    def _tracked(self, key: Grey, now: Grey, corners: Points, guess: Points) -> tuple[Points, Points]:
+    def _track_corners(self, key: Grey, now: Grey, corners: Points, guess: Points) -> tuple[Points, Points]:
         """Return the corners that were tracked and where they are now, (N, 2) each [px]."""
         if len(corners) == 0:
             return corners, corners

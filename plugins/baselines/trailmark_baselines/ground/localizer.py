@@ -116,10 +116,10 @@ class GroundPeer(Localizer, Generic[View]):
             self._begin(view, Pose2(), frame.stamp_s)
             return ()
         track = self._track
-        found = self._aligned(track, view, frame.stamp_s)
+        found = self._align(track, view, frame.stamp_s)
         if isinstance(found, Unaligned):
-            return (self._lost(track, view, frame.stamp_s, found),)
-        return (self._moved(track, view, image, frame.stamp_s, found),)
+            return (self._begin_anew(track, view, frame.stamp_s, found),)
+        return (self._motion_of(track, view, image, frame.stamp_s, found),)
 
     @abstractmethod
     def view(self, image: Grey) -> View:
@@ -139,7 +139,7 @@ class GroundPeer(Localizer, Generic[View]):
         self._track = _KeyframeTrack(view, view, Pose2(), stamp_s, step)
         self._counts["key_frames"] += 1
 
-    def _aligned(self, track: _KeyframeTrack[View], view: View, stamp_s: float) -> KeyframeMatch | Unaligned:
+    def _align(self, track: _KeyframeTrack[View], view: View, stamp_s: float) -> KeyframeMatch | Unaligned:
         """Align with the key frame; should it fail, with the last picture, which then is the key frame."""
         pace = (stamp_s - track.last_s) / track.step_s if track.step_s > 0.0 else 1.0
         step = Pose2.exp(*(pace * part for part in track.step.log()))
@@ -153,19 +153,19 @@ class GroundPeer(Localizer, Generic[View]):
         self._counts["key_frames"] += 1
         return again
 
-    def _lost(self, track: _KeyframeTrack[View], view: View, stamp_s: float, why: Unaligned) -> Lost:
+    def _begin_anew(self, track: _KeyframeTrack[View], view: View, stamp_s: float, why: Unaligned) -> Lost:
         self._counts["lost"] += 1
         track.n_failed += 1
         if track.n_failed > self.config.patience_frames:
             self._begin(view, Pose2(), stamp_s)
         return Lost(stamp_s, why.reason, why.details)
 
-    def _moved(
+    def _motion_of(
         self, track: _KeyframeTrack[View], view: View, image: Grey, stamp_s: float, found: KeyframeMatch
     ) -> Motion:
         before, step = track.pose_key_last, track.pose_key_last.between(found.pose_key_now)
-        travelled = self._travelled(found.pose_key_now, image.shape)
-        share = min(1.0, max(_LEAST_SHARE, self._travelled(step, image.shape)))
+        travelled = self._share_of_key_frame(found.pose_key_now, image.shape)
+        share = min(1.0, max(_LEAST_SHARE, self._share_of_key_frame(step, image.shape)))
         bias_m = _BIAS_PX * max(self.camera.plane.metres_per_pixel)
         covariance = share * (_GROWTH * found.covariance + np.diag([bias_m**2, bias_m**2, 0.0]))
         motion = self._motion(before, step, covariance, (track.last_s, stamp_s), found.details)
@@ -176,7 +176,7 @@ class GroundPeer(Localizer, Generic[View]):
             self._counts["key_frames"] += 1
         return motion
 
-    def _travelled(self, pose: Pose2, shape: tuple[int, ...]) -> float:
+    def _share_of_key_frame(self, pose: Pose2, shape: tuple[int, ...]) -> float:
         """Return how much of a key frame's life a motion takes; 1 is all of it."""
         limit_m = self.config.key_shift * min(shape[:2]) * max(self.camera.plane.metres_per_pixel)
         turned = abs(pose.theta) / math.radians(self.config.key_turn_deg)

@@ -62,13 +62,13 @@ class PhaseCorrelation(GroundPeer[_Spectrum]):
 
     def align(self, key: _Spectrum, now: _Spectrum, expected: Pose2) -> KeyframeMatch | Unaligned:
         """Correlate, move by what was found, and correlate again; from the spectrum's turn where that fails."""
-        found = self._correlated(key, now, expected)
+        found = self._correlate(key, now, expected)
         if isinstance(found, Unaligned):
-            again = self._correlated(key, now, Pose2(expected.x, expected.y, self._coarse_turn(key, now)))
+            again = self._correlate(key, now, Pose2(expected.x, expected.y, self._coarse_turn(key, now)))
             return found if isinstance(again, Unaligned) else again
         return found
 
-    def _correlated(self, key: _Spectrum, now: _Spectrum, expected: Pose2) -> KeyframeMatch | Unaligned:
+    def _correlate(self, key: _Spectrum, now: _Spectrum, expected: Pose2) -> KeyframeMatch | Unaligned:
         config, size = self.config, (key.image.shape[1], key.image.shape[0])
         unit_m = self.camera.plane.metres_per_pixel[0]
         boxes, pose = _boxes(size, config.windows), expected

@@ -57,7 +57,7 @@ class BenchProgress(AbstractContextManager["BenchProgress"]):
             say(self._line(progress))
 
     def _line(self, progress: BenchStatus) -> str:
-        done, total = _done(progress), sum(progress.states.values())
+        done, total = _count_ended(progress), sum(progress.states.values())
         left = "" if progress.left_s is None or done == total else f", about {duration_text(progress.left_s)} left"
         assert progress.finished is not None
         why = f": {progress.reason}" if progress.reason else ""
@@ -68,7 +68,7 @@ class BenchProgress(AbstractContextManager["BenchProgress"]):
         from rich.table import Table
         from rich.text import Text
 
-        done, total = _done(progress), max(1, sum(progress.states.values()))
+        done, total = _count_ended(progress), max(1, sum(progress.states.values()))
         grid = Table.grid(padding=(0, 1))
         counts = Text("  ").join(
             Text(f"{progress.states[state]} {state}", style=_COLOURS.get(state, ""))
@@ -96,5 +96,5 @@ def duration_text(seconds: float) -> str:
     return f"{seconds / 3600:.1f} h"
 
 
-def _done(progress: BenchStatus) -> int:
+def _count_ended(progress: BenchStatus) -> int:
     return sum(count for state, count in progress.states.items() if state not in ("pending", "running"))

@@ -59,7 +59,7 @@ def show_cell(index: Index, words: str, as_json: bool) -> None:
     ConfigError
         If the words fit none, or several.
     """
-    record = _found(index, words)
+    record = _find_cell(index, words)
     if as_json:
         click.echo(json.dumps(_document(record) | {"stderr": index.stderr(record.id)}, indent=1))
         return
@@ -73,7 +73,7 @@ def show_cell(index: Index, words: str, as_json: bool) -> None:
         click.echo("\n".join(f"| {line}" for line in stderr.splitlines()[-30:]))
 
 
-def _found(index: Index, words: str) -> CellRecord:
+def _find_cell(index: Index, words: str) -> CellRecord:
     """Return the cell that the words fit; one of an earlier config or of earlier code only where no other does."""
     for everything in (False, True):
         records = index.records(everything)

@@ -79,7 +79,7 @@ class DaskExecutor(Executor):
         while not self._done.empty():
             ended.append(self._done.get_nowait())
         with self._talking():
-            return [self._finished(job, future) for job, future in ended]
+            return [self._finish(job, future) for job, future in ended]
 
     def close(self) -> None:
         """Take back what has not run, and leave the cluster."""
@@ -112,7 +112,7 @@ class DaskExecutor(Executor):
         if self._client.status != "running":
             raise ExecutorLostError(f"the Dask scheduler at {self.config.scheduler!r} is lost")
 
-    def _finished(self, job: Job, future: Any) -> Finished:
+    def _finish(self, job: Job, future: Any) -> Finished:
         self._futures.pop(job.id, None)
         try:
             return received(job, future.result(timeout=_PATIENCE_S))

@@ -48,7 +48,7 @@ def find_board(bgr: Grey, depth_m: npt.NDArray[np.float32]) -> BoardView | None:
         scale = np.array(bgr.shape[1::-1]) / np.array(depth_m.shape[::-1])
         overlaps = [_overlap(corners * scale, colour) for colour in candidates]
         if overlaps and max(overlaps) >= _OVERLAP:
-            refined = _refined(grey, candidates[int(np.argmax(overlaps))])
+            refined = _refine_corners(grey, candidates[int(np.argmax(overlaps))])
             return None if refined is None else BoardView(refined, corners, z)
     return None
 
@@ -182,7 +182,7 @@ def _overlap(first: Floats, second: Floats) -> float:
     return float(shared) / max(sum(areas) - float(shared), 1e-9)
 
 
-def _refined(grey: Grey, corners: Floats) -> Floats | None:
+def _refine_corners(grey: Grey, corners: Floats) -> Floats | None:
     """Return the corners where the edges are steepest, to a share of a pixel."""
     smooth = cv2.GaussianBlur(grey, (5, 5), 0).astype(np.float32)
     steps = np.arange(-_SEARCH_PX, _SEARCH_PX + 1)

@@ -81,14 +81,14 @@ def fit_lenses(
     """
     _check(views)
     problem = _Problem(views, board_m, colour_size, depth_size, colour)
-    found = _solved(problem)
+    found = _solve(problem)
     worst_px = np.linalg.norm(problem.colour_misses(found.x), axis=-1).max(axis=1)
     good = worst_px <= max(_GOOD_PX, 3.0 * float(np.median(worst_px)))  # a hand, or the floor, at one edge
     if not good.all():
         views = [view for view, is_good in zip(views, good, strict=True) if is_good]
         _check(views)
         problem = _Problem(views, board_m, colour_size, depth_size, colour)
-        found = _solved(problem)
+        found = _solve(problem)
     n_free = problem.n_measured - len(found.x)
     cov = np.linalg.pinv(found.jac.T @ found.jac) * max(1.0, 2.0 * found.cost / max(n_free, 1))
     sigma = np.sqrt(np.maximum(np.diag(cov), 0.0))
@@ -110,7 +110,7 @@ def fit_lenses(
     return fit
 
 
-def _solved(problem: _Problem) -> Any:
+def _solve(problem: _Problem) -> Any:
     return least_squares(problem.residuals, problem.start(), x_scale="jac", loss="soft_l1", f_scale=2.0)
 
 

@@ -61,7 +61,7 @@ class WorkingImage:
     @cached_property
     def bgr(self) -> Grey:
         """Colour at working resolution."""
-        return self.whole if self.scale == 1.0 else _reduced(self.whole, self.scale)
+        return self.whole if self.scale == 1.0 else _reduce_to_grey(self.whole, self.scale)
 
     @cached_property
     def grey(self) -> Grey:
@@ -102,6 +102,6 @@ class WorkingImage:
         return Region(kind, (u + 0.5) / s - 0.5, (v + 0.5) / s - 0.5, width / s, height / s)
 
 
-def _reduced(bgr: Grey, scale: float) -> Grey:
+def _reduce_to_grey(bgr: Grey, scale: float) -> Grey:
     size = max(1, round(bgr.shape[1] * scale)), max(1, round(bgr.shape[0] * scale))
     return np.asarray(cv2.resize(bgr, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)

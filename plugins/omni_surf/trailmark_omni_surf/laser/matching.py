@@ -140,7 +140,7 @@ def match_scan(
     window = window or SearchWindow()
     points = np.ascontiguousarray(points_base, dtype=np.float64)
     starts = window.offsets() + guess.array()
-    poses, costs = _refined(scan_map, points, starts, window, to_line)
+    poses, costs = _refine_starts(scan_map, points, starts, window, to_line)
     return best_fit(
         scan_map, points, (poses, costs), to_line=to_line, noise=(sigma_m, correlation), map_sigma=map_sigma
     )
@@ -177,7 +177,7 @@ def best_fit(
     )
 
 
-def _refined(
+def _refine_starts(
     scan_map: ScanMap,
     points: npt.NDArray[np.float64],
     starts: npt.NDArray[np.float64],
@@ -198,7 +198,7 @@ def refined_starts(
     scan_map: ScanMap, points: npt.NDArray[np.float64], guess: Pose2, window: SearchWindow
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     """Return the best poses of a window, refined point to line, (K, 3), and their costs, (K,) [m]."""
-    return _refined(scan_map, points, window.offsets() + guess.array(), window, True)
+    return _refine_starts(scan_map, points, window.offsets() + guess.array(), window, True)
 
 
 def _best(poses: npt.NDArray[np.float64], costs: npt.NDArray[np.float64], count: int) -> npt.NDArray[np.float64]:

@@ -92,7 +92,7 @@ class ScanMap:
         placed = [pose @ scan for scan, pose in zip(scans, poses_map_base, strict=True) if len(scan)]
         if not placed:
             raise ShapeError("the scans hold no points, so there is no map to build")
-        points, n_scans = _thinned(placed, thin_m, min_hits if len(placed) >= min_hits else 1)
+        points, n_scans = _thin_cells(placed, thin_m, min_hits if len(placed) >= min_hits else 1)
         if len(points) == 0:
             raise ShapeError(f"no place was seen by {min_hits} scans; teach more slowly or lower min_hits")
         return cls.from_points(*_on_walls(points, n_scans, 3 * thin_m), cell_m=cell_m, reach_m=reach_m)
@@ -114,7 +114,7 @@ class ScanMap:
         return cls(points, normals, nearest_idx, distance_m, origin, cell_m, reach_m)
 
 
-def _thinned(placed: Sequence[Points], thin_m: float, min_hits: int) -> tuple[Points, Points]:
+def _thin_cells(placed: Sequence[Points], thin_m: float, min_hits: int) -> tuple[Points, Points]:
     """Return the mean point of every cell that at least `min_hits` scans saw, and how many saw it."""
     points = np.concatenate(placed)
     scan_idx = np.repeat(np.arange(len(placed)), [len(scan) for scan in placed])

@@ -91,7 +91,7 @@ class Surf:
         if image.ndim != 2 or image.dtype != np.uint8 or min(image.shape) < _MIN_SIDE_PX:
             raise ShapeError(f"SURF takes a grey uint8 image of at least 32 x 32, not {image.shape} {image.dtype}")
         options = self.options
-        prepared = self._prepared(image)
+        prepared = self._prepare_image(image)
         self._fit_to(prepared.shape)
         integral_image(prepared, self._integral)
         points = _strongest(self._detect(), options.n_best)
@@ -106,7 +106,7 @@ class Surf:
             uv, scale = (uv - 0.5) / 2.0, scale / 2.0  # pixel centres: u_doubled = 2 u + 0.5
         return Features(uv, descriptors, signs, points[:, 3].copy(), scale.copy(), angles)
 
-    def _prepared(self, image: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+    def _prepare_image(self, image: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
         options = self.options
         if options.up_sample:
             image = np.asarray(cv2.resize(image, None, fx=2.0, fy=2.0, interpolation=cv2.INTER_LINEAR), dtype=np.uint8)

@@ -61,10 +61,10 @@ def over_places(
         seed = options.seed + _SEED_STEP * k
         out = options.out if k == 0 else options.out / "places" / str(seed + 1)
         found.append(list(rows_of(replace(options, seed=seed, out=out))))
-    return found[0] if len(found) == 1 else [_over(rows) for rows in _aligned(found)]
+    return found[0] if len(found) == 1 else [_over(rows) for rows in _align_rows(found)]
 
 
-def _aligned(found: Sequence[Sequence[Row]]) -> list[list[Row]]:
+def _align_rows(found: Sequence[Sequence[Row]]) -> list[list[Row]]:
     """Return the rows of all places by what they measure, in the order of the first place."""
     by_key = [{(row.experiment, row.item): row for row in rows} for rows in found]
     keys = dict.fromkeys(key for rows in by_key for key in rows)

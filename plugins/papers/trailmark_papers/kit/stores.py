@@ -15,7 +15,7 @@ __all__ = ["arrays_of", "keyframes_of", "path_of"]
 
 
 @contextmanager
-def _opened(store: Path) -> Iterator[PathStore]:
+def _open_store(store: Path) -> Iterator[PathStore]:
     from trailmark.api import create
 
     opened: PathStore = create("path_store", "sqlite", path=str(store), access="read")
@@ -28,13 +28,13 @@ def _opened(store: Path) -> Iterator[PathStore]:
 
 def keyframes_of(store: Path, owner: str) -> list[Keyframe]:
     """Return what a localizer remembered while teaching."""
-    with _opened(store) as opened:
+    with _open_store(store) as opened:
         return list(opened.localizer_map(owner).keyframes())
 
 
 def arrays_of(store: Path, owner: str, name: str) -> Mapping[str, AnyArray]:
     """Return arrays that a localizer saved while teaching."""
-    with _opened(store) as opened:
+    with _open_store(store) as opened:
         saved = opened.localizer_map(owner).load(name)
     assert saved is not None
     return saved
@@ -42,7 +42,7 @@ def arrays_of(store: Path, owner: str, name: str) -> Mapping[str, AnyArray]:
 
 def path_of(store: Path) -> TaughtPath:
     """Return the taught path."""
-    with _opened(store) as opened:
+    with _open_store(store) as opened:
         path = opened.path()
     assert path is not None
     return path

@@ -26,10 +26,10 @@ _LEGEND_COLUMNS = 3
 
 def draw_indoor(out: Path, found: Playback, poles: Floats) -> None:
     """Draw Figs. 10 to 13; poles (N, 3) are x, y and radius [m]."""
-    _draw(out / "figure_10_registered_path.svg", lambda axes: _registered(axes, found, poles), 3.4)
+    _draw(out / "figure_10_registered_path.svg", lambda axes: _draw_registration(axes, found, poles), 3.4)
     _draw(out / "figure_11_with_and_without_correction.svg", lambda axes: _with_and_without(axes, found), 3.4)
     _draw(out / "figure_12_offset_from_the_path.svg", lambda axes: _offsets(axes, found))
-    _draw(out / "figure_13_error_detected.svg", lambda axes: _detected(axes, found))
+    _draw(out / "figure_13_error_detected.svg", lambda axes: _draw_detection(axes, found))
 
 
 def draw_outdoor(out: Path, found: Sequence[Playback]) -> None:
@@ -45,7 +45,7 @@ def _draw(path: Path, draw: Callable[[Axes], None], height_inch: float = 2.8) ->
         legend_above(figure, _LEGEND_COLUMNS)
 
 
-def _registered(axes: Axes, found: Playback, poles: Floats) -> None:
+def _draw_registration(axes: Axes, found: Playback, poles: Floats) -> None:
     points = np.array([keyframe.pose_map_base.array()[:2] for keyframe in found.registrations])
     axes.plot(*points.T, ".", color=BLUE, markersize=2.5, label=f"{len(points)} registrations")
     if len(poles):
@@ -67,7 +67,7 @@ def _offsets(axes: Axes, found: Playback) -> None:
     axes.set_xlabel("way [m]")
 
 
-def _detected(axes: Axes, found: Playback) -> None:
+def _draw_detection(axes: Axes, found: Playback) -> None:
     believed = found.searches.is_found
     axes.plot(found.travelled_m[believed], 1e3 * found.detected_m(), color=BLUE, linewidth=0.8)
     axes.set_ylim(bottom=0.0)

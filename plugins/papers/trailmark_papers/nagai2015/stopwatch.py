@@ -56,7 +56,7 @@ def _drive(store: Path, n_frames: int, seed: int) -> dict[str, Any]:
     course_config = course("outdoor", duration_s=n_frames / 70.0)
     with started_source(course_config, seed, "floor") as source:
         opened = _store(store, "create")
-        times = _taught(source, opened.localizer_map("patches"))
+        times = _teach_way(source, opened.localizer_map("patches"))
         opened.commit()
         opened.close()
     with started_source(course_config, seed + 1, "floor") as source:
@@ -66,7 +66,7 @@ def _drive(store: Path, n_frames: int, seed: int) -> dict[str, Any]:
     return {name: _summary(values) for name, values in times.items()} | {"peak_mb": peak_rss_mb()}
 
 
-def _taught(source: FrameSource, localizer_map: LocalizerMap) -> dict[str, list[float]]:
+def _teach_way(source: FrameSource, localizer_map: LocalizerMap) -> dict[str, list[float]]:
     """Register the way; both modes of the relative search see every picture."""
     sensor = source.sensors["floor"]
     motion, paper = (_localizer("ground_vo", "teach", sensor, keys_of(mode)) for mode in ("refined", "paper"))

@@ -72,7 +72,7 @@ def straight_rows(options: ExperimentOptions) -> list[Row]:
     Every seed has another stretch of the floor, and other noise.
     """
     floors, n_seeds = _Floors.of(options), options.n_places(_SEEDS)
-    found = _measured(options, floors, n_seeds)
+    found = _measure_floors(options, floors, n_seeds)
     length = f"B {'1.5 m' if options.quick else '10 m'} straight"
     tables: dict[str, Table] = {}
     for mode in _MODES:
@@ -85,7 +85,7 @@ def straight_rows(options: ExperimentOptions) -> list[Row]:
     return [*beside_faithful(tables["refined"], tables["paper"]), *tables["paper"]]
 
 
-def _measured(options: ExperimentOptions, floors: _Floors, n_seeds: int) -> dict[str, dict[str, StraightErrors]]:
+def _measure_floors(options: ExperimentOptions, floors: _Floors, n_seeds: int) -> dict[str, dict[str, StraightErrors]]:
     """Return the errors on every floor in both modes, root mean square over the seeds."""
     cells = {
         (name, seed): (Trial(options.out, seed, options.place_of(seed)), name, ground, options.quick)

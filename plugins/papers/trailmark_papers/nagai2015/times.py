@@ -22,7 +22,7 @@ _N_FRAMES, _N_QUICK = 1000, 500
 def time_rows(options: ExperimentOptions) -> list[Row]:
     """Return the rows of Sec. IV-E; the paper's are of a Core i5-2410M."""
     n_frames = _N_QUICK if options.quick else _N_FRAMES
-    times = _measured("drive", n_frames, options.seed)
+    times = _measure_times("drive", n_frames, options.seed)
     options.report(f"times: {times['refined']['p50']:.2f} ms a picture, {times['exhaustive']['p50']:.2f} ms a search")
     return [
         *_step_rows("refined", times["refined"], 1.2, 2.0, 0.5),
@@ -55,13 +55,13 @@ def _start_rows(options: ExperimentOptions) -> list[Row]:
     """Return how long both localizers take to start: from the cache, and compiling everything."""
     with tempfile.TemporaryDirectory() as cache:
         again = None if options.quick else cache
-        cold_s = None if options.quick else _measured("start", 0, options.seed, cache)["start_s"]
-        cached_s = _measured("start", 0, options.seed, again)["start_s"]
+        cold_s = None if options.quick else _measure_times("start", 0, options.seed, cache)["start_s"]
+        cached_s = _measure_times("start", 0, options.seed, again)["start_s"]
     rows = [Row("E start", "compiled before, after import", "s", cached_s, None, 1.0, 0.5)]
     return rows if cold_s is None else [Row("E start", "compiling, after import", "s", cold_s, None, 10.0, 6.0), *rows]
 
 
-def _measured(what: str, n_frames: int, seed: int, cache: str | None = None) -> dict[str, Any]:
+def _measure_times(what: str, n_frames: int, seed: int, cache: str | None = None) -> dict[str, Any]:
     environment = dict(os.environ) | ({} if cache is None else {"NUMBA_CACHE_DIR": cache})
     command = [sys.executable, "-m", "trailmark_papers.nagai2015.stopwatch", what, str(n_frames), str(seed)]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)

@@ -71,13 +71,13 @@ def _both(taught: Pictures, seen: Pictures, n: int) -> tuple[dict[str, Floats], 
 
     (n, 2 reach + 1) and (n,) each.
     """
-    climbed = _climbed(*(change_vectors(pictures, "otsu", "mean")[:n] for pictures in (taught, seen)))
-    tracked = _tracked(*(change_vectors(pictures, "p90", "trimmed")[:n] for pictures in (taught, seen)))
+    climbed = _climb(*(change_vectors(pictures, "otsu", "mean")[:n] for pictures in (taught, seen)))
+    tracked = _track_shifts(*(change_vectors(pictures, "p90", "trimmed")[:n] for pictures in (taught, seen)))
     maps, paths = zip(climbed, tracked, strict=True)
     return dict(zip((_REFERENCE, _OURS), maps, strict=True)), dict(zip((_REFERENCE, _OURS), paths, strict=True))
 
 
-def _climbed(taught: Floats, seen: Floats) -> tuple[Floats, Floats]:
+def _climb(taught: Floats, seen: Floats) -> tuple[Floats, Floats]:
     """Return the responses of the reference's correlation, and the shift that hill climbing selects."""
     paper, responses, columns = PaperShift(_CORRELATION_WINDOW), [], []
     for before, now in zip(taught, seen, strict=True):
@@ -87,7 +87,7 @@ def _climbed(taught: Floats, seen: Floats) -> tuple[Floats, Floats]:
     return np.array(responses), np.array(columns)
 
 
-def _tracked(taught: Floats, seen: Floats) -> tuple[Floats, Floats]:
+def _track_shifts(taught: Floats, seen: Floats) -> tuple[Floats, Floats]:
     """Return our scores, and the tracked shift: NaN where the tracker is not sure enough to speak."""
     tracker, scores, columns = ShiftTracker(_REACH, _WINDOW), [], []
     usable = np.ones(_COLUMNS, dtype=np.bool_)

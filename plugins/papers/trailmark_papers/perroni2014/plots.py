@@ -62,12 +62,12 @@ def draw_shifts(path: Path, drives: Mapping[float, Mapping[str, Floats]]) -> Non
         for turned_deg, drive in drives.items():
             colour = _NONE if turned_deg == 0.0 else _LEFT if turned_deg > 0.0 else _RIGHT
             label = f"{turned_deg:+g}°" if turned_deg else "0°"
-            axes.plot(*_broken(drive["station"], drive["said"]), color=colour, linewidth=1.2, label=label)
+            axes.plot(*_break_at_gaps(drive["station"], drive["said"]), color=colour, linewidth=1.2, label=label)
             axes.plot(drive["station"], drive["true"], color=colour, linewidth=1.0, linestyle="dotted")
         figure.legend(loc="outside lower center", ncols=3)
 
 
-def _broken(stations_m: Floats, values: Floats) -> tuple[Floats, Floats]:
+def _break_at_gaps(stations_m: Floats, values: Floats) -> tuple[Floats, Floats]:
     """Break a line where nothing was said for a while: a line across would look like answers."""
     silent = np.flatnonzero(np.diff(stations_m) > _SILENCE_M) + 1
     return np.insert(stations_m, silent, np.nan), np.insert(values, silent, np.nan)

@@ -151,12 +151,12 @@ def drive_to_goal(store: Path, source: Mapping[str, Any], seed: int, folder: Pat
         "control_hz": 20,
         "seed": seed,
     }
-    found = _judged(run_config(config, folder, "replay", store=store))
+    found = _judge_drive(run_config(config, folder, "replay", store=store))
     shutil.rmtree(folder)
     return found
 
 
-def _judged(result: RunResult) -> GoalDrive:
+def _judge_drive(result: RunResult) -> GoalDrive:
     assert result.folder is not None
     truth = truth_of(result)
     end = truth[len(truth) - 1][1]

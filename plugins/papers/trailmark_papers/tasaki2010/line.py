@@ -33,7 +33,7 @@ def line_rows(options: ExperimentOptions, place: TaughtPlace) -> list[Row]:
     calls = [([place.variants[name] for name in names], source, options.seed + 100 + k) for k in range(n_runs)]
     runs = options.map(drive, calls)
     for name in names:
-        mean_m = mean_of(_pooled(runs, name, "errors_m"))
+        mean_m = mean_of(_pool_pictures(runs, name, "errors_m"))
         options.report(f"line, {name}: " + ("no answers" if mean_m is None else f"{1e3 * mean_m:.0f} mm mean error"))
     draw_line(options.out / "tasaki2010_fig6_positions.svg", runs[0])
     rows = [
@@ -46,7 +46,7 @@ def line_rows(options: ExperimentOptions, place: TaughtPlace) -> list[Row]:
     return rows
 
 
-def _pooled(runs: Runs, name: str, what: str) -> Floats:
+def _pool_pictures(runs: Runs, name: str, what: str) -> Floats:
     """Return the errors or CPU times of all pictures of all runs; errors are NaN where lost."""
     return np.concatenate([getattr(run[name], what) for run in runs])
 
@@ -59,7 +59,7 @@ def _to_route(runs: Runs, name: str) -> Floats:
 
 def _developed_rows(runs: Runs, variant: str) -> Table:
     """Return the rows of Table 1 for the developed method, or for it as printed."""
-    errors, times = _pooled(runs, variant, "errors_m"), _pooled(runs, variant, "cpu_ms")
+    errors, times = _pool_pictures(runs, variant, "errors_m"), _pool_pictures(runs, variant, "cpu_ms")
     route, table = _to_route(runs, variant), Table("Table 1", len(errors), len(runs))
     note = "the paper measures the distance to the route; that is the row below"
     error = "developed, true position error"
@@ -77,7 +77,7 @@ def _developed_rows(runs: Runs, variant: str) -> Table:
 
 def _simple_rows(runs: Runs, variant: str) -> Table:
     """Return the rows of one reading of the simple method: all points, detected in every picture by itself."""
-    errors, times = _pooled(runs, variant, "errors_m"), _pooled(runs, variant, "cpu_ms")
+    errors, times = _pool_pictures(runs, variant, "errors_m"), _pool_pictures(runs, variant, "cpu_ms")
     table, story = Table("Table 1", len(errors), len(runs)), _SIMPLE[variant]
     route = _to_route(runs, variant)
     table.add(f"{story}: true position error, mean", "m", mean_of(errors))
@@ -92,7 +92,7 @@ def _simple_rows(runs: Runs, variant: str) -> Table:
 
 def _wall_rows(runs: Runs, variant: str) -> Table:
     """Return what happens in front of the white wall."""
-    x, errors = _pooled(runs, variant, "truth")[:, 0], _pooled(runs, variant, "errors_m")
+    x, errors = _pool_pictures(runs, variant, "truth")[:, 0], _pool_pictures(runs, variant, "errors_m")
     before = errors[(x >= _WHITE_WALL_M[0]) & (x <= _WHITE_WALL_M[1])]
     table = Table("White wall, x 1.0 to 1.5 m", len(before), len(runs))
     table.add("developed, largest error", "m", largest_of(before), paper=0.6, bar=0.6, stretch=0.2)
@@ -123,11 +123,11 @@ def _run_means(runs: Runs, name: str, item: str) -> Floats:
 
 def _other_rows(runs: Runs) -> Table:
     """Return what tracking buys: the developed method with every picture detected."""
-    errors, story = _pooled(runs, "detected", "errors_m"), "as developed, but every picture detected"
+    errors, story = _pool_pictures(runs, "detected", "errors_m"), "as developed, but every picture detected"
     table = Table("Departures", len(errors), len(runs))
     table.add(f"{story}: error, mean", "m", mean_of(errors), spread=sd_of(errors))
     table.add_share(f"{story}: pictures answered", np.isfinite(errors))
-    table.add(f"{story}: CPU time of a picture", "ms", float(_pooled(runs, "detected", "cpu_ms").mean()))
+    table.add(f"{story}: CPU time of a picture", "ms", float(_pool_pictures(runs, "detected", "cpu_ms").mean()))
     return table
 
 

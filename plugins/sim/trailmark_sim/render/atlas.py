@@ -70,14 +70,14 @@ def _levels(image: Bytes) -> list[Int32s]:
         raise ShapeError(f"a texture is (H, W, 3) uint8 with powers of two as sides, not {image.shape} {image.dtype}")
     # Light adds up, not its root: the means are taken of squares.
     linear = np.square(image.astype(np.float32))
-    levels = [_packed(image)]
+    levels = [_pack_colours(image)]
     while max(linear.shape[:2]) > 1 and len(levels) < _MOST_LEVELS:
-        linear = _halved(linear)
-        levels.append(_packed(np.round(np.sqrt(linear)).astype(np.uint8)))
+        linear = _halve(linear)
+        levels.append(_pack_colours(np.round(np.sqrt(linear)).astype(np.uint8)))
     return levels
 
 
-def _halved(linear: Float32s) -> Float32s:
+def _halve(linear: Float32s) -> Float32s:
     if linear.shape[0] > 1:
         linear = (linear[0::2] + linear[1::2]) * np.float32(0.5)
     if linear.shape[1] > 1:
@@ -85,6 +85,6 @@ def _halved(linear: Float32s) -> Float32s:
     return linear
 
 
-def _packed(image: Bytes) -> Int32s:
+def _pack_colours(image: Bytes) -> Int32s:
     wide = image.astype(np.int32)
     return np.ravel(wide[..., 0] | wide[..., 1] << 8 | wide[..., 2] << 16)

@@ -65,7 +65,7 @@ class PinholeLens(Lens):
         ideal = distorted.copy()
         if any(c.distortion):
             for _ in range(_ENOUGH):  # a fixed point: the distortion of lenses contracts
-                ideal -= self._distorted(ideal) - distorted
+                ideal -= self._distort(ideal) - distorted
         rays = np.concatenate([ideal, np.ones_like(u)[..., None]], axis=-1) @ _SENSOR_OPTICAL.T
         return rays / np.linalg.norm(rays, axis=-1, keepdims=True), np.ones(u.shape, np.bool_)
 
@@ -73,10 +73,10 @@ class PinholeLens(Lens):
         c = self.calibration
         optical = points_sensor @ _SENSOR_OPTICAL
         depth = np.where(optical[:, 2:] > 0.0, optical[:, 2:], np.nan)
-        plane = self._distorted(optical[:, :2] / depth)
+        plane = self._distort(optical[:, :2] / depth)
         return np.asarray(plane * (c.fx, c.fy) + (c.cx, c.cy))
 
-    def _distorted(self, ideal: Floats) -> Floats:
+    def _distort(self, ideal: Floats) -> Floats:
         k1, k2, p1, p2, k3, k4, k5, k6 = (*self.calibration.distortion, *[0.0] * 8)[:8]
         x, y = ideal[..., 0], ideal[..., 1]
         r2 = x * x + y * y

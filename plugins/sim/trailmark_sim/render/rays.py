@@ -90,7 +90,7 @@ def ray_table(directions: Floats, mask: Bools | None = None, by_row: bool = Fals
     if shown.shape != shape or not shown.any():
         raise ShapeError(f"the mask must be {shape} and show something")
     pixels = _tiles(shown, (1, LANES) if by_row or shape[0] == 1 else (_SIDE, _SIDE))
-    rays = directions.reshape(-1, 3)[_filled(pixels)]
+    rays = directions.reshape(-1, 3)[_fill_invalid(pixels)]
     axes, cosines = _cones(rays)
     sines = np.sqrt(1.0 - cosines**2)
     return RayTable(
@@ -115,7 +115,7 @@ def _tiles(shown: Bools, side: tuple[int, int]) -> Int32s:
     return np.ascontiguousarray(tiles[(tiles >= 0).any(axis=1)], dtype=np.int32)
 
 
-def _filled(pixels: Int32s) -> Int64s:
+def _fill_invalid(pixels: Int32s) -> Int64s:
     """Return the pixels with a valid one in place of each -1."""
     first = pixels[np.arange(len(pixels)), (pixels >= 0).argmax(axis=1)]
     return np.where(pixels >= 0, pixels, first[:, None]).astype(np.int64)
@@ -139,7 +139,7 @@ def _pixel_angles(directions: Floats, shown: Bools, pixels: Int32s) -> Floats:
     ]
     angle = np.sqrt(np.mean([step**2 for step in whole], axis=0)).ravel()
     squares = _tiles(shown, (_SIDE, _SIDE))
-    means = np.broadcast_to(angle[_filled(squares)].mean(axis=1)[:, None], squares.shape)
+    means = np.broadcast_to(angle[_fill_invalid(squares)].mean(axis=1)[:, None], squares.shape)
     around = np.zeros(len(angle))
     around[squares[squares >= 0]] = means[squares >= 0]
-    return np.asarray(around[_filled(pixels)])
+    return np.asarray(around[_fill_invalid(pixels)])

@@ -57,9 +57,9 @@ class SceneView:
         self._shadows = np.empty((n_instants, 0, 4), np.float32)
         if moment is not None:
             n = scene.n_fixed
-            frames = _followed(scene.frames[:n], moment.frames, 3)
-            origins = _followed(scene.origins[:n], moment.origins, 2)
-            centres = _followed(scene.centres[:n], moment.centres, 2)
+            frames = _stack_moving(scene.frames[:n], moment.frames, 3)
+            origins = _stack_moving(scene.origins[:n], moment.origins, 2)
+            centres = _stack_moving(scene.centres[:n], moment.centres, 2)
             shadows = moment.shadows if moment.shadows.ndim == 3 else moment.shadows[None]
             self._shadows = np.ascontiguousarray(np.broadcast_to(shadows, (n_instants, *shadows.shape[1:])))
         at = points.eyes[:, None]
@@ -122,7 +122,7 @@ class SceneView:
         return self.ranges_m >= NOTHING_M
 
 
-def _followed(fixed: Floats, moving: Floats, ndim: int) -> AnyArray:
+def _stack_moving(fixed: Floats, moving: Floats, ndim: int) -> AnyArray:
     """Return rows (1, n, ...) or (G, n, ...) of what stands, then of what moves; a row has ``ndim - 1`` axes."""
     moving = moving if moving.ndim > ndim else moving[None]
     still = np.broadcast_to(fixed, (len(moving), *fixed.shape))

@@ -128,7 +128,7 @@ class RgbdSensor:
         eye = pose @ Pose3(y=self._beside_m)
         view = SceneView(self._scene, table, eye, moment, self._threads)
         echoes = Echoes(view.ranges_m, *view.facing())
-        lit_m = self._lit(eye, moment)
+        lit_m = self._projector_depths(eye, moment)
         out = np.full((rig.height, rig.width), np.nan, np.float32)
         seed = np.uint64(stream_key(self._seed, f"{self.info.name}/depth/{k}"))
         holes, noise = (rig.grazing, rig.shiny, rig.dropout), (rig.disparity_noise_px, rig.disparity_step_px)
@@ -140,7 +140,7 @@ class RgbdSensor:
         in_bands(measure, table.n_tiles, self._threads)
         return self._within_the_field(out)
 
-    def _lit(self, eye: Pose3, moment: Moment) -> Float32s:
+    def _projector_depths(self, eye: Pose3, moment: Moment) -> Float32s:
         """Return the depths at which the projector's light ends, on a picture as the camera's; empty without one."""
         if self.rig.projector_m == 0.0:
             return np.empty((0, 0), np.float32)

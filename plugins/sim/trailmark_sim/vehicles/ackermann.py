@@ -52,14 +52,14 @@ class Ackermann(VelocityVehicle):
     def step(
         self, state: VehicleState, command: Command, dt_s: float, slip: tuple[float, float] = (0.0, 0.0)
     ) -> VehicleState:
-        steer, speed = self._wanted(state, command)
+        steer, speed = self._feasible_targets(state, command)
         steer_mean, steer_end = lagged(state.front_rad, steer, dt_s, self.steer_lag_s)
         speed_mean, speed_end = lagged(state.twist.forward_mps, speed, dt_s, self.speed_lag_s)
         mean = self._twist(steer_mean, speed_mean)
         end = self._twist(steer_end, speed_end)
         return moved(state, mean, end, mean, dt_s, self.wheel_errors, slip, steering=(steer_end, 0.0))
 
-    def _wanted(self, state: VehicleState, command: Command) -> tuple[float, float]:
+    def _feasible_targets(self, state: VehicleState, command: Command) -> tuple[float, float]:
         """Return the steering angle and the speed that it can do."""
         wanted = self.velocity_of(command)
         speed = min(self.max_speed_mps, max(-self.max_speed_mps, wanted.forward_mps))

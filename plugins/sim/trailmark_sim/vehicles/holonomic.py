@@ -40,7 +40,7 @@ class Holonomic(VelocityVehicle):
     def step(
         self, state: VehicleState, command: Command, dt_s: float, slip: tuple[float, float] = (0.0, 0.0)
     ) -> VehicleState:
-        forward, left, yaw = self._wanted(command)
+        forward, left, yaw = self._feasible_velocity(command)
         now = state.twist
         forward_mean, forward_end = lagged(now.forward_mps, forward, dt_s, self.speed_lag_s)
         left_mean, left_end = lagged(now.left_mps, left, dt_s, self.speed_lag_s)
@@ -48,7 +48,7 @@ class Holonomic(VelocityVehicle):
         mean = Twist2(forward_mean, left_mean, yaw_mean)
         return moved(state, mean, Twist2(forward_end, left_end, yaw_end), mean, dt_s, self.wheel_errors, slip)
 
-    def _wanted(self, command: Command) -> tuple[float, float, float]:
+    def _feasible_velocity(self, command: Command) -> tuple[float, float, float]:
         """Return the velocity that it can do, in the direction that was asked for."""
         wanted = self.velocity_of(command)
         speed = math.hypot(wanted.forward_mps, wanted.left_mps)

@@ -69,7 +69,7 @@ class FourWheelSteering(Vehicle):
     def step(
         self, state: VehicleState, command: Command, dt_s: float, slip: tuple[float, float] = (0.0, 0.0)
     ) -> VehicleState:
-        front, rear, speed = self._wanted(state, command)
+        front, rear, speed = self._feasible_targets(state, command)
         front_mean, front_end = lagged(state.front_rad, front, dt_s, self.steer_lag_s)
         rear_mean, rear_end = lagged(state.rear_rad, rear, dt_s, self.steer_lag_s)
         speed_mean, speed_end = lagged(state.twist.forward_mps, speed, dt_s, self.speed_lag_s)
@@ -88,7 +88,7 @@ class FourWheelSteering(Vehicle):
             steering=(front_end, rear_end),
         )
 
-    def _wanted(self, state: VehicleState, command: Command) -> tuple[float, float, float]:
+    def _feasible_targets(self, state: VehicleState, command: Command) -> tuple[float, float, float]:
         """Return front and rear angle and speed, limited."""
         if isinstance(command, Stop):
             return state.front_rad, state.rear_rad, 0.0
@@ -97,20 +97,20 @@ class FourWheelSteering(Vehicle):
                 f"a vehicle with four-wheel steering cannot follow {type(command).__name__}; use Steer4WS"
             )
         return (
-            _limited(command.front_rad, self.max_steer_rad),
-            _limited(command.rear_rad, self.max_steer_rad),
-            _limited(command.speed_mps, self.max_speed_mps),
+            _limit(command.front_rad, self.max_steer_rad),
+            _limit(command.rear_rad, self.max_steer_rad),
+            _limit(command.speed_mps, self.max_speed_mps),
         )
 
     def _wheel(self, servo_rad: float, trim_rad: float) -> float:
         """Return the angle of the wheels for an angle of the servo: the linkage's own."""
         share = self.asymmetry if servo_rad > 0.0 else -self.asymmetry
-        return _limited(servo_rad * (1.0 + share) + trim_rad, self.max_steer_rad)
+        return _limit(servo_rad * (1.0 + share) + trim_rad, self.max_steer_rad)
 
     def _twist(self, front_rad: float, rear_rad: float, speed_mps: float) -> Twist2:
         front, rear = math.tan(front_rad), math.tan(rear_rad)
         return Twist2(speed_mps, speed_mps * (front + rear) / 2.0, speed_mps * (front - rear) / self.wheelbase_m)
 
 
-def _limited(value: float, limit: float) -> float:
+def _limit(value: float, limit: float) -> float:
     return min(limit, max(-limit, value))

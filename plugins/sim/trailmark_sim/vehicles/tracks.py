@@ -39,7 +39,7 @@ class Differential(VelocityVehicle):
     def step(
         self, state: VehicleState, command: Command, dt_s: float, slip: tuple[float, float] = (0.0, 0.0)
     ) -> VehicleState:
-        forward, yaw = self._wanted(command)
+        forward, yaw = self._feasible_targets(command)
         now = self._wheels(state.twist)
         forward_mean, forward_end = lagged(now.forward_mps, forward, dt_s, self.speed_lag_s)
         yaw_mean, yaw_end = lagged(now.yaw_radps, yaw, dt_s, self.speed_lag_s)
@@ -47,7 +47,7 @@ class Differential(VelocityVehicle):
         end = self._ground(Twist2(forward_end, 0.0, yaw_end))
         return moved(state, self._ground(wheels), end, wheels, dt_s, self.wheel_errors, slip)
 
-    def _wanted(self, command: Command) -> tuple[float, float]:
+    def _feasible_targets(self, command: Command) -> tuple[float, float]:
         """Return speed and yaw rate that the wheels can do."""
         wanted = self.velocity_of(command)
         fastest = abs(wanted.forward_mps) + abs(wanted.yaw_radps) * self.track_m / 2.0

@@ -167,14 +167,14 @@ def _add_trim(builder: SceneBuilder, wing: Wing, board: Surface, dado: Surface, 
     north = (room, "north", wing.north_end - room.west)
     far = [(room, "east", room.north - room.south)] if not wing.has_far_window else []
     for where, side, length in (south, north, *far):
-        hang(builder, where, side, 0.0, 0.0, (length, 0.12), _stretched(board, length), layer=1)
+        hang(builder, where, side, 0.0, 0.0, (length, 0.12), _stretch_surface(board, length), layer=1)
     for where, side, length in (south, north, *far):
-        hang(builder, where, side, 0.0, 0.12, (length, 0.73), _stretched(dado, length), layer=1)
+        hang(builder, where, side, 0.0, 0.12, (length, 0.73), _stretch_surface(dado, length), layer=1)
     for where, side, length in (south, *far):
-        hang(builder, where, side, 0.0, 0.85, (length, 0.10), _stretched(rail, length), layer=1)
+        hang(builder, where, side, 0.0, 0.85, (length, 0.10), _stretch_surface(rail, length), layer=1)
 
 
-def _stretched(surface: Surface, length_m: float) -> Surface:
+def _stretch_surface(surface: Surface, length_m: float) -> Surface:
     """Return a surface that repeats as often to the metre as on the whole wall of the straight corridor."""
     whole = _STRAIGHT.room.east - _STRAIGHT.room.west
     return replace(surface, repeat=(surface.repeat[0] * length_m / whole, surface.repeat[1]))

@@ -87,7 +87,7 @@ def build(options: WorldOptions) -> World:
     return forward_world(setting, options, given, vibration_rad=2e-3)
 
 
-def _parked(plan: StreetPlan, n: int) -> list[Pose2]:
+def _poses_of_parked_cars(plan: StreetPlan, n: int) -> list[Pose2]:
     """Return where the first `n` cars stand: one in each leg, then the next in each."""
     rounds = zip_longest(*([leg.pose @ Pose2(x, y) for x, y in leg.cars] for leg in plan.legs))
     return [car for one in rounds for car in one if car is not None][:n]
@@ -98,7 +98,7 @@ def _solids(plan: StreetPlan, n_cars: int) -> Solids:
     for block in plan.blocks:
         middle = ((block.west + block.east) / 2.0, (block.south + block.north) / 2.0)
         solids.box("a house", *middle, block.east - block.west, block.north - block.south)
-    for car in _parked(plan, n_cars):
+    for car in _poses_of_parked_cars(plan, n_cars):
         solids.box("a car", car.x, car.y, 4.2, 1.7, car.theta)
     for leg in plan.legs:
         for x, y in leg.trees:
@@ -131,7 +131,7 @@ def _stage(name: str, given: StreetOptions, world_seed: int, threads: int) -> Sc
         for x, y in leg.trees:
             _add_tree(builder.placed(leg.pose), rng, (x, y), (bark, leaf), growth.n_crowns)
     paints = [_PAINTS[n] for n in rng.permutation(len(_PAINTS))]
-    for car, paint in zip(_parked(plan, given.cars), paints):
+    for car, paint in zip(_poses_of_parked_cars(plan, given.cars), paints):
         _add_car(builder.placed(car), rng, paint)
     words = iter(_WORDS)
     for leg in plan.legs:

@@ -106,14 +106,14 @@ def _routes() -> dict[str, Route]:
     corners = [(1.0, 2.0), (5.0, 2.2), (5.1, 5.6), (8.9, 5.6), (8.9, 7.6), (5.1, 7.6), (1.0, 7.6), (1.0, 2.6)]
     return {
         "wall": Route.from_poses(wall, _SPEED_MPS, "4 m along a line beside a wall"),
-        "round": Route.through(_rounded(corners, 0.35), _SPEED_MPS, "through all aisles"),
+        "round": Route.through(_cut_corners(corners, 0.35), _SPEED_MPS, "through all aisles"),
         "goal": Route.through(
-            _rounded([(1.2, 7.6), (5.1, 7.6), (5.2, 3.11), (5.55, 3.11)], 0.15), _SPEED_MPS, "to the goal"
+            _cut_corners([(1.2, 7.6), (5.1, 7.6), (5.2, 3.11), (5.55, 3.11)], 0.15), _SPEED_MPS, "to the goal"
         ),
     }
 
 
-def _rounded(corners: list[tuple[float, float]], radius_m: float) -> list[tuple[float, float]]:
+def _cut_corners(corners: list[tuple[float, float]], radius_m: float) -> list[tuple[float, float]]:
     """Return corners cut off, so that a smooth way goes through."""
     points = [corners[0]]
     for before, corner, after in zip(corners[:-2], corners[1:-1], corners[2:]):
