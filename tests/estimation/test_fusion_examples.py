@@ -17,6 +17,7 @@ def test_there_is_an_example_for_each_combination() -> None:
     assert sorted(path.stem for path in EXAMPLES.glob("*.yaml")) == [
         "all_four",
         "all_four_driven",
+        "all_four_street",
         "ground_divs",
         "ground_omni",
         "wheels_kinect",

@@ -8,7 +8,7 @@ import numpy.typing as npt
 import pytest
 
 from trailmark.errors import ConfigError
-from trailmark.frames import RGBD, DepthCamera, Image
+from trailmark.frames import RGBD, DepthCamera, Image, Scan, payload_kind
 from trailmark.geometry import Pose2, Pose3
 from trailmark_sim.render.lenses import PinholeLens
 from trailmark_sim.sensors.camera import CameraSensor
@@ -213,3 +213,38 @@ def test_depth_needs_a_perspective_camera() -> None:
 
     with pytest.raises(ConfigError, match="perspective camera, which 'omni' is not"):
         TrueDepthSensor(omni)
+
+
+def test_the_robot_of_the_street_carries_every_kind_of_sensor() -> None:
+    names = ("wheels", "imu", "light", "floor", "laser", "front", "rgbd", "omni")
+    whole = build_world("street", WorldOptions(seed=3, sensors=names, extra={"width_px": 160}))
+    state = VehicleState(Pose2(16.0, 0.0, 0.0))
+
+    readings = {sensor.info.name: sensor.render(0, 0.0, state) for sensor in whole.sensors}
+
+    assert tuple(readings) == names
+    assert {sensor.info.name: sensor.info.kind for sensor in whole.sensors} == {
+        name: payload_kind(reading) for name, reading in readings.items()
+    }
+    scan, seen, floor = readings["laser"], readings["rgbd"], readings["floor"]
+    assert isinstance(scan, Scan)
+    assert isinstance(seen, RGBD)
+    assert isinstance(floor, Image)
+    assert np.isfinite(scan.ranges_m).sum() > 50  # houses, trees, cars, signs
+    assert np.isfinite(seen.depth_m).mean() > 0.2
+    assert floor.pixels.std() > 10.0
+
+
+def test_the_ground_of_another_street_is_another() -> None:
+    state = VehicleState(Pose2(1.0, 0.0, 0.0))
+
+    here, there = (
+        build_world("street", WorldOptions(seed=3, world_seed=seed, sensors=("floor",)))
+        .sensors[0]
+        .render(0, 0.0, state)
+        for seed in (1, 2)
+    )
+
+    assert isinstance(here, Image)
+    assert isinstance(there, Image)
+    assert abs(np.corrcoef(here.pixels.ravel(), there.pixels.ravel())[0, 1]) < 0.5

@@ -12,13 +12,13 @@ from trailmark_sim.render.lenses import PinholeLens
 from trailmark_sim.rng import frame_rng
 from trailmark_sim.routes import Route, trace
 from trailmark_sim.sensors.camera import CameraRig
-from trailmark_sim.sensors.shutter import Shaking
+from trailmark_sim.sensors.shutter import Imaging, Shaking
 from trailmark_sim.vehicles import Differential
 from trailmark_sim.worlds.base import World, WorldOptions
 from trailmark_sim.worlds.scene_options import CorridorOptions, StreetOptions
 from trailmark_sim.worlds.setting import Setting, imaging_of
 
-__all__ = ["SENSORS", "forward_world", "route_along", "to_and_fro"]
+__all__ = ["SENSORS", "forward_camera", "forward_imaging", "forward_world", "route_along", "to_and_fro"]
 
 SENSORS = ("front_depth", "front")
 
@@ -48,15 +48,24 @@ def to_and_fro(n: int, seed: int, length_m: float, ways: Sequence[Sequence[tuple
 def forward_world(
     setting: Setting, options: WorldOptions, given: CorridorOptions | StreetOptions, *, vibration_rad: float
 ) -> World:
-    """Return the world of a setting with its sensors; the floor shakes by `vibration_rad` if no option says more."""
-    shakes = vibration_rad if given.vibration_mrad is None else given.vibration_mrad / 1e3
-    imaging = imaging_of(given, 0.5, shaking=Shaking(shakes, shakes * 0.3, options.seed))
-    site = setting.site(options, imaging, {"front": CameraRig(_lens(given.width_px), _MOUNTING)})
+    """Return the world of a setting with its front camera, shaken by `vibration_rad` if no option says more."""
+    imaging = forward_imaging(options, given, vibration_rad)
+    site = setting.site(options, imaging, {"front": forward_camera(given.width_px)})
     return setting.world(site, options.vehicle or Differential(), SENSORS, ("wheels", "front"), start=Pose2())
 
 
+def forward_imaging(options: WorldOptions, given: CorridorOptions | StreetOptions, vibration_rad: float) -> Imaging:
+    """Return how the cameras make pictures on a floor that shakes them by `vibration_rad` if no option says more."""
+    shakes = vibration_rad if given.vibration_mrad is None else given.vibration_mrad / 1e3
+    return imaging_of(given, 0.5, shaking=Shaking(shakes, shakes * 0.3, options.seed))
+
+
+def forward_camera(width_px: int) -> CameraRig:
+    """Return the front camera for pictures of a width: always the same view, 4:3."""
+    return CameraRig(_lens(width_px), _MOUNTING)
+
+
 def _lens(width_px: int) -> PinholeLens:
-    """Return the lens for pictures of a width: always the same view, 4:3."""
     height_px = width_px * 3 // 4
     focal_px = _FOCAL_PX * width_px / 640.0
     middle = (width_px - 1) / 2.0, (height_px - 1) / 2.0

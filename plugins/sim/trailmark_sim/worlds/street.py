@@ -1,7 +1,8 @@
 """A paved street of 60 m between houses, with trees and parked cars, in the morning or the afternoon; or two bends.
 
 After the "outdoors" of Perroni Filho & Ohya 2014, Sec. V: tiles that shake the robot, sun and shadow, people. The
-route chooses the plan of the street.
+route chooses the plan of the street. The robot may also carry a ground camera, a laser, colour and depth, and an
+omnidirectional camera, as in the supermarket; a real structured-light camera sees no depth in the sun.
 """
 
 from __future__ import annotations
@@ -14,15 +15,21 @@ from itertools import zip_longest
 import numpy as np
 
 from trailmark.arrays import Bgr8, Float32s, Floats
-from trailmark.geometry import Pose2
+from trailmark.geometry import Pose2, Pose3
 from trailmark_sim.actors import Crowd, add_cloth
 from trailmark_sim.render import lettering, textures
 from trailmark_sim.render.bake import Lighting
+from trailmark_sim.render.lenses import Catadioptric
 from trailmark_sim.render.scene import Scene, SceneBuilder, Surface
 from trailmark_sim.rng import frame_rng
 from trailmark_sim.routes import arc, line
+from trailmark_sim.sensors.camera import CameraRig
+from trailmark_sim.sensors.floor import camera_over
+from trailmark_sim.sensors.laser import LaserRig
+from trailmark_sim.sensors.rgbd import RgbdRig
+from trailmark_sim.vehicles import Differential
 from trailmark_sim.worlds.base import World, WorldOptions, choose_route, parse_options
-from trailmark_sim.worlds.forward_rig import SENSORS, forward_world, route_along, to_and_fro
+from trailmark_sim.worlds.forward_rig import forward_camera, forward_imaging, route_along, to_and_fro
 from trailmark_sim.worlds.scene_options import Season, StreetOptions
 from trailmark_sim.worlds.setting import Setting
 from trailmark_sim.worlds.solids import Solids
@@ -30,7 +37,12 @@ from trailmark_sim.worlds.street_legs import PLANS, HouseRow, Leg, StreetPlan
 
 __all__ = ["ROUTES", "SENSORS", "build"]
 
+SENSORS = ("floor", "laser", "front_depth", "front", "rgbd", "omni")
 ROUTES = ("straight", "bends")
+
+_VIBRATION_RAD = 2e-3
+#: The ground camera looks down between the wheels; the others stand above the front camera's place.
+_LASER_M, _EYES_M, _OMNI_M = 0.30, 0.65, 1.2
 
 Rgb = tuple[int, int, int]
 
@@ -84,7 +96,15 @@ def build(options: WorldOptions) -> World:
         routes={name: _ROUTES[name]} | _ROUTES,
         level_lux=partial(_light_lux, given.time),
     )
-    return forward_world(setting, options, given, vibration_rad=2e-3)
+    rigs = {
+        "front": forward_camera(given.width_px),
+        "omni": CameraRig(Catadioptric(), Pose3(z=_OMNI_M), 15.0),
+        "rgbd": RgbdRig(mounting=Pose3(x=0.15, z=_EYES_M)),
+        "laser": LaserRig(mounting=Pose3(x=0.15, z=_LASER_M)),
+    }
+    imaging = forward_imaging(options, given, _VIBRATION_RAD)
+    site = setting.site(options, imaging, rigs, floor_camera=partial(camera_over, "pavers", "street", options))
+    return setting.world(site, options.vehicle or Differential(), SENSORS, ("wheels", "front"), start=Pose2())
 
 
 def _poses_of_parked_cars(plan: StreetPlan, n: int) -> list[Pose2]:

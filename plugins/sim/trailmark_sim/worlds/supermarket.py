@@ -15,16 +15,14 @@ import numpy as np
 from trailmark.frames import Pinhole
 from trailmark.geometry import Pose2, Pose3
 from trailmark_sim.actors import Crowd, Walk, add_cloth
-from trailmark_sim.ground.camera import GroundCameraSensor, GroundRig
-from trailmark_sim.ground.ground import Floor, GroundTexture, Zone
-from trailmark_sim.ground.optics import Optics
 from trailmark_sim.render import lettering, textures
 from trailmark_sim.render.bake import Lighting
 from trailmark_sim.render.lenses import Catadioptric, PinholeLens
 from trailmark_sim.render.scene import Scene, SceneBuilder, Surface
-from trailmark_sim.rng import frame_rng, stream_key
+from trailmark_sim.rng import frame_rng
 from trailmark_sim.routes import Route
 from trailmark_sim.sensors.camera import CameraRig
+from trailmark_sim.sensors.floor import camera_over
 from trailmark_sim.sensors.rgbd import RgbdRig
 from trailmark_sim.vehicles import Holonomic
 from trailmark_sim.worlds.base import World, WorldOptions, parse_options
@@ -89,7 +87,7 @@ def build(options: WorldOptions) -> World:
         "rgbd": RgbdRig(mounting=_FRONT_MOUNTING),
     }
     imaging = imaging_of(given, 0.62, vignette=0.3)
-    site = setting.site(options, imaging, rigs, floor_camera=partial(_floor_camera, options))
+    site = setting.site(options, imaging, rigs, floor_camera=partial(camera_over, "terrazzo", "supermarket", options))
     return setting.world(
         site,
         options.vehicle or Holonomic(),
@@ -144,14 +142,6 @@ def _solids() -> Solids:
 def _light_lux(lighting: str, pose: Pose2, stamp_s: float) -> float:
     level = 520.0 if lighting == "all" else 290.0
     return level * (1.0 + 0.15 * math.cos(2.0 * math.pi * pose.x / 2.5) * math.cos(2.0 * math.pi * pose.y / 3.3))
-
-
-def _floor_camera(options: WorldOptions, name: str) -> GroundCameraSensor:
-    rig = GroundRig(rate_hz=options.rate_of(name, 70.0))
-    texel_m = min(rig.metres_per_pixel) / 1.5
-    ground = GroundTexture([Zone(Floor("terrazzo"))], stream_key(options.world_seed, "supermarket"), texel_m=texel_m)
-    ground.load()
-    return GroundCameraSensor(name, ground, rig, Optics(), options.seed, threads=options.threads)
 
 
 @lru_cache(maxsize=2)
