@@ -9,12 +9,12 @@ from __future__ import annotations
 import math
 
 from trailmark.commands import Command, Stop, Velocity
-from trailmark.errors import ConfigError
 from trailmark.estimates import Belief, PathOffset
 from trailmark.geometry import wrap_angle
 from trailmark.interfaces import Controller, Session
 from trailmark.paths import Path
 from trailmark_controllers.drift_steering_config import DriftSteeringConfig
+from trailmark_controllers.following import starts_in_reverse, taught_path
 
 __all__ = ["DriftSteering", "StepLaw", "drift_angle", "smooth_bend", "taught_bend"]
 
@@ -112,13 +112,9 @@ class DriftSteering(Controller):
         ConfigError
             If there is no taught path to follow.
         """
-        if session.path is None:
-            raise ConfigError(
-                "drift_steering follows a taught path, but there is none: run 'trailmark replay' with --store"
-            )
         config = self.config
-        self._path: Path = session.path
-        self._direction = -1 if self._starts_in_reverse(session) else 1
+        self._path = taught_path(session, "drift_steering")
+        self._direction = -1 if starts_in_reverse(self._path, session.start_pose, self.config.reverse) else 1
         self._legs_left = round(2 * config.repeat)
         self._limit_per_m = math.radians(config.correction_limit_deg_per_m)
         self._steps = StepLaw(math.radians(config.dead_band_deg), self._limit_per_m)
@@ -170,11 +166,3 @@ class DriftSteering(Controller):
         """Way left to the end of this leg [m]."""
         end_m = self._path.stations[-1 if self._direction > 0 else 0]
         return float(end_m - station_m) * self._direction
-
-    def _starts_in_reverse(self, session: Session) -> bool:
-        if self.config.reverse is not None:
-            return self.config.reverse
-        if session.start_pose is None:
-            return False
-        first, last = self._path[0].pose_map_base, self._path[len(self._path) - 1].pose_map_base
-        return session.start_pose.distance_to(last) < session.start_pose.distance_to(first)

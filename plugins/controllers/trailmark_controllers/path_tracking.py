@@ -12,11 +12,11 @@ import math
 import numpy as np
 
 from trailmark.commands import Command, Steer4WS, Stop
-from trailmark.errors import ConfigError
 from trailmark.estimates import Belief
 from trailmark.geometry import Pose2, wrap_angle
 from trailmark.interfaces import Controller, Session
 from trailmark.paths import Path
+from trailmark_controllers.following import starts_in_reverse, taught_path
 from trailmark_controllers.path_tracking_config import PathTrackingConfig
 
 __all__ = ["PathTracking4WS", "path_errors", "steering"]
@@ -84,12 +84,8 @@ class PathTracking4WS(Controller):
         ConfigError
             If there is no taught path to follow.
         """
-        if session.path is None:
-            raise ConfigError(
-                "path_tracking_4ws follows a taught path, but there is none: run 'trailmark replay' with --store"
-            )
-        self._path: Path = session.path
-        self._direction = -1 if self._starts_in_reverse(session.start_pose) else 1
+        self._path = taught_path(session, "path_tracking_4ws")
+        self._direction = -1 if starts_in_reverse(self._path, session.start_pose, self.config.reverse) else 1
         self._legs_left = round(2 * self.config.repeat)
         self._station_m: float | None = None
 
@@ -108,14 +104,6 @@ class PathTracking4WS(Controller):
         errors = path_errors(self._path, belief.pose_map_base, idx, self._direction)
         front_rad, rear_rad = steering(*errors, self._direction, self.config)
         return Steer4WS(front_rad, rear_rad, self._direction * self._speed_mps())
-
-    def _starts_in_reverse(self, start_pose: Pose2 | None) -> bool:
-        if self.config.reverse is not None:
-            return self.config.reverse
-        if start_pose is None:
-            return False
-        first, last = self._path[0].pose_map_base, self._path[len(self._path) - 1].pose_map_base
-        return start_pose.distance_to(last) < start_pose.distance_to(first)
 
     def _rest_m(self) -> float:
         """Way left to the end of this leg [m]."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 from trailmark.commands import Command, Steer4WS, Stop, Velocity
-from trailmark.errors import ConfigError
 from trailmark.estimates import Belief
 from trailmark.geometry import Pose2, wrap_angle
 from trailmark.interfaces import Controller, Session
 from trailmark_controllers.caution import caution_of
+from trailmark_controllers.following import taught_path
 from trailmark_controllers.legs import Leg, legs_of, place_on_legs, stretches_of
 from trailmark_controllers.tracking_config import TrackingConfig
 from trailmark_controllers.tracking_laws import BesidePath, approach_angle, slide, steer_both_axles, turn_per_way
@@ -45,11 +45,7 @@ class PathTracking(Controller):
         ConfigError
             If there is no taught path to follow.
         """
-        if session.path is None:
-            raise ConfigError(
-                "path_tracking follows a taught path, but there is none: run 'trailmark replay' with --store"
-            )
-        self._stretches = stretches_of(session.path, self.config.smooth_m)
+        self._stretches = stretches_of(taught_path(session, "path_tracking"), self.config.smooth_m)
         self._legs: list[Leg] = []
         self._station_m = 0.0
         self._start_m: float | None = None
