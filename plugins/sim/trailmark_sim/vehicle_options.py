@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from collections.abc import Callable
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -38,8 +39,28 @@ class WheelOptions(PluginConfig):
         return WheelErrors(self.scale, self.turn_scale, self.slip_m, math.radians(self.slip_deg))
 
 
-class FourWheelSteeringOptions(PluginConfig):
+class _OptionsOfVehicle(PluginConfig):
+    """Options that bear the names of the vehicle's arguments; angles are in degrees here and in radians there."""
+
+    vehicle: ClassVar[Callable[..., Vehicle]]
+
+    def build(self) -> Vehicle:
+        """Return the vehicle."""
+        arguments: dict[str, Any] = {}
+        for name, value in self:
+            if isinstance(value, WheelOptions):
+                arguments["wheel_errors"] = value.build()
+            elif "_deg" in name:
+                arguments[name.replace("_deg", "_rad")] = math.radians(value)
+            elif name != "kind":
+                arguments[name] = value
+        return self.vehicle(**arguments)
+
+
+class FourWheelSteeringOptions(_OptionsOfVehicle):
     """Front and rear wheels steer separately, as the vehicle of Nagai & Watanabe does."""
+
+    vehicle: ClassVar[Callable[..., Vehicle]] = FourWheelSteering
 
     kind: Literal["four_wheel_steering"]
     """Which vehicle."""
@@ -66,25 +87,11 @@ class FourWheelSteeringOptions(PluginConfig):
     wheels: WheelOptions = WheelOptions()
     """Why its odometry is wrong."""
 
-    def build(self) -> Vehicle:
-        """Return the vehicle."""
-        return FourWheelSteering(
-            length_m=self.length_m,
-            width_m=self.width_m,
-            max_speed_mps=self.max_speed_mps,
-            max_steer_rad=math.radians(self.max_steer_deg),
-            min_turning_radius_m=self.min_turning_radius_m,
-            steer_lag_s=self.steer_lag_s,
-            speed_lag_s=self.speed_lag_s,
-            asymmetry=self.asymmetry,
-            front_trim_rad=math.radians(self.front_trim_deg),
-            rear_trim_rad=math.radians(self.rear_trim_deg),
-            wheel_errors=self.wheels.build(),
-        )
 
-
-class AckermannOptions(PluginConfig):
+class AckermannOptions(_OptionsOfVehicle):
     """Front wheels steer, as those of cars; base is the middle of the rear axle."""
+
+    vehicle: ClassVar[Callable[..., Vehicle]] = Ackermann
 
     kind: Literal["ackermann"]
     """Which vehicle."""
@@ -105,22 +112,11 @@ class AckermannOptions(PluginConfig):
     wheels: WheelOptions = WheelOptions()
     """Why its odometry is wrong."""
 
-    def build(self) -> Vehicle:
-        """Return the vehicle."""
-        return Ackermann(
-            length_m=self.length_m,
-            width_m=self.width_m,
-            max_speed_mps=self.max_speed_mps,
-            wheelbase_m=self.wheelbase_m,
-            max_steer_rad=math.radians(self.max_steer_deg),
-            steer_lag_s=self.steer_lag_s,
-            speed_lag_s=self.speed_lag_s,
-            wheel_errors=self.wheels.build(),
-        )
 
-
-class DifferentialOptions(PluginConfig):
+class DifferentialOptions(_OptionsOfVehicle):
     """Two driven wheels and a castor."""
+
+    vehicle: ClassVar[Callable[..., Vehicle]] = Differential
 
     kind: Literal["differential"]
     """Which vehicle."""
@@ -137,14 +133,11 @@ class DifferentialOptions(PluginConfig):
     wheels: WheelOptions = WheelOptions()
     """Why its odometry is wrong."""
 
-    def build(self) -> Vehicle:
-        """Return the vehicle."""
-        sizes = (self.length_m, self.width_m, self.max_speed_mps, self.track_m, self.speed_lag_s)
-        return Differential(*sizes, wheel_errors=self.wheels.build())
 
-
-class SkidSteerOptions(PluginConfig):
+class SkidSteerOptions(_OptionsOfVehicle):
     """Four wheels or crawlers that skid sideways in a turn."""
+
+    vehicle: ClassVar[Callable[..., Vehicle]] = SkidSteer
 
     kind: Literal["skid_steer"]
     """Which vehicle."""
@@ -165,19 +158,11 @@ class SkidSteerOptions(PluginConfig):
     wheels: WheelOptions = WheelOptions()
     """Why its odometry is wrong."""
 
-    def build(self) -> Vehicle:
-        """Return the vehicle."""
-        sizes = (self.length_m, self.width_m, self.max_speed_mps, self.track_m, self.speed_lag_s)
-        return SkidSteer(
-            *sizes,
-            wheel_errors=self.wheels.build(),
-            turn_share=self.turn_share,
-            icr_forward_m=self.icr_forward_m,
-        )
 
-
-class HolonomicOptions(PluginConfig):
+class HolonomicOptions(_OptionsOfVehicle):
     """Drives in every direction, as the robot of Tasaki et al. does."""
+
+    vehicle: ClassVar[Callable[..., Vehicle]] = Holonomic
 
     kind: Literal["holonomic"]
     """Which vehicle."""
@@ -193,11 +178,6 @@ class HolonomicOptions(PluginConfig):
     """Time constant of the drives [s]."""
     wheels: WheelOptions = WheelOptions()
     """Why its odometry is wrong."""
-
-    def build(self) -> Vehicle:
-        """Return the vehicle."""
-        limits = (self.max_speed_mps, math.radians(self.max_yaw_degps))
-        return Holonomic(self.length_m, self.width_m, *limits, self.speed_lag_s, self.wheels.build())
 
 
 VehicleOptions = Annotated[
