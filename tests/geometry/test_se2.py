@@ -10,7 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from trailmark.errors import ShapeError
-from trailmark.geometry import Pose2, Twist2, wrap_angle
+from trailmark.geometry import Pose2, Twist2, rotate_axes, wrap_angle
 
 coordinates = st.floats(-100.0, 100.0)
 poses = st.builds(Pose2, coordinates, coordinates, st.floats(-math.pi, math.pi, exclude_max=True))
@@ -151,3 +151,12 @@ def test_a_twist_held_for_a_while_is_its_arc(forward: float, left: float, yaw: f
 
     assume(abs(yaw * dt_s) < 3.0)
     np.testing.assert_allclose(motion.log(), (forward * dt_s, left * dt_s, yaw * dt_s), rtol=1e-6, atol=1e-7)
+
+
+def test_a_covariance_in_axes_a_quarter_turn_away_swaps_forward_and_left() -> None:
+    covariance = np.array([[4.0, 0.5, 0.2], [0.5, 1.0, -0.3], [0.2, -0.3, 0.1]])
+
+    turned = rotate_axes(covariance, math.pi / 2)
+
+    np.testing.assert_allclose(turned, [[1.0, -0.5, 0.3], [-0.5, 4.0, 0.2], [0.3, 0.2, 0.1]], atol=1e-15)
+    np.testing.assert_array_equal(turned, turned.T)

@@ -14,7 +14,7 @@ import pytest
 
 from trailmark.arrays import Floats
 from trailmark.estimates import Belief, Fix, Lost, information_from_sigmas
-from trailmark.geometry import Pose2
+from trailmark.geometry import Pose2, rotate_axes
 from trailmark.interfaces import Localizer, Session
 from trailmark.paths import Keyframe, Waypoint
 from trailmark.pipeline.lifecycle import Sessions
@@ -23,7 +23,7 @@ from trailmark.pipeline.teaching.closing import close_loops
 from trailmark.pipeline.teaching.logged_way import LoggedWay
 from trailmark.pipeline.teaching.loops import LoopSearch, RelatingLocalizer, _parallel
 from trailmark.pipeline.teaching.taught_map import open_taught_map
-from trailmark.pipeline.teaching.way_graph import Straightened, turned
+from trailmark.pipeline.teaching.way_graph import Straightened
 from trailmark.pipeline.teaching.way_log import WAY_LOG, WayLog
 from trailmark.stores import SqlitePathStore, SqliteStoreConfig
 from trailmark.testing import MemoryMap
@@ -124,8 +124,8 @@ def test_single_wrong_places_are_not_believed() -> None:
 @pytest.mark.parametrize("told", [1e2, 1e5, 1e6, 1e7])
 @pytest.mark.parametrize("angle_deg", [30.0, 45.0, 80.0])
 def test_two_that_tell_the_same_direction_tell_half_as_much_of_their_difference(told: float, angle_deg: float) -> None:
-    one_way = turned(np.diag([told, 0.0, 1e6]), math.radians(angle_deg))
-    other_way = turned(np.diag([0.0, told, 1e6]), math.radians(angle_deg))
+    one_way = rotate_axes(np.diag([told, 0.0, 1e6]), math.radians(angle_deg))
+    other_way = rotate_axes(np.diag([0.0, told, 1e6]), math.radians(angle_deg))
     np.testing.assert_allclose(_parallel(one_way, one_way), one_way / 2.0, rtol=1e-9, atol=1e-9 * told)
     np.testing.assert_allclose(_parallel(one_way, other_way), np.diag([0.0, 0.0, 5e5]), rtol=1e-9, atol=1e-6)
     assert not _parallel(np.zeros((3, 3)), one_way).any()

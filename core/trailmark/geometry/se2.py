@@ -13,7 +13,7 @@ import numpy.typing as npt
 from trailmark.arrays import Floats
 from trailmark.errors import ShapeError
 
-__all__ = ["Pose2", "Twist2", "wrap_angle", "wrap_angles"]
+__all__ = ["Pose2", "Twist2", "rotate_axes", "wrap_angle", "wrap_angles"]
 
 _TWO_PI = 2.0 * math.pi
 
@@ -188,3 +188,24 @@ def wrap_angles(angles_rad: npt.ArrayLike) -> Floats:
     """Return every angle of an array wrapped to [-pi, pi); shape unchanged."""
     wrapped = np.mod(np.asarray(angles_rad, dtype=np.float64) + np.pi, _TWO_PI) - np.pi
     return np.where(wrapped >= np.pi, -np.pi, wrapped)
+
+
+def rotate_axes(matrix: Floats, angle_rad: float) -> Floats:
+    """Return a covariance or information of (x, y, theta) in other axes.
+
+    Parameters
+    ----------
+    matrix : (3, 3) float64
+        Covariance or information in the old axes.
+    angle_rad : float
+        Heading of the old axes in the new ones [rad].
+
+    Returns
+    -------
+    (3, 3) float64
+        The matrix in the new axes, symmetric to the last bit.
+    """
+    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
+    turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    rotated = turn @ matrix @ turn.T
+    return np.asarray((rotated + rotated.T) / 2.0)

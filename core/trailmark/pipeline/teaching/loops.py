@@ -18,12 +18,12 @@ from trailmark.errors import StoreFailedError
 from trailmark.estimates import Fix, Lost
 from trailmark.estimation.pose_graph import PoseEdges
 from trailmark.failures import raise_failure
-from trailmark.geometry import Pose2
+from trailmark.geometry import Pose2, rotate_axes
 from trailmark.paths import Keyframe
 from trailmark.pipeline.localizers.runner import LocalizerFailedError
 from trailmark.pipeline.parts import LocalizerPart
 from trailmark.pipeline.teaching.logged_way import LoggedWay
-from trailmark.pipeline.teaching.way_graph import Straightened, WayGraph, edge_of, turned
+from trailmark.pipeline.teaching.way_graph import Straightened, WayGraph, edge_of
 
 __all__ = ["LoopSearch", "RelatingLocalizer"]
 
@@ -172,7 +172,7 @@ class LoopSearch:
         known = [one for one in known if self._graph.poses[one].distance_to(here) < window + _AROUND_M][:_MOST_KNOWN]
         number, offset = sites[node]
         places = {sites[one][0]: self._graph.poses[one] @ sites[one][1] for one in known}
-        spread = turned(covariance + _SLACK, here.theta)
+        spread = rotate_axes(covariance + _SLACK, here.theta)
         spread[2, 2] = min(spread[2, 2], (_FARTHEST_RAD / _SIGMAS) ** 2)
         told = relating.relate(places, number, here @ offset, spread)
         if told is None:
@@ -181,10 +181,10 @@ class LoopSearch:
         first = min(known, key=lambda one: self._graph.poses[one].distance_to(found))
         seen_from = self._graph.poses[first]
         off = here.between(found)
-        information = turned(told.information, -here.theta)
+        information = rotate_axes(told.information, -here.theta)
         if _chi_square(off, information, covariance + _SLACK) > _PLAUSIBLE:
             return None
-        return _LoopCandidate(first, node, seen_from.between(found), turned(told.information, -seen_from.theta))
+        return _LoopCandidate(first, node, seen_from.between(found), rotate_axes(told.information, -seen_from.theta))
 
     def _take(self, look: _LoopCandidate) -> None:
         """Keep a relation until enough others agree with it, then count them all."""
@@ -213,8 +213,8 @@ class LoopSearch:
         drift = np.diag(np.square([0.02 * way_m, 0.02 * way_m, math.radians(0.5) * math.sqrt(max(way_m, 0.0))]))
         # Errors of both relations; a direction that one of them does not tell is not compared.
         spread = _SLACK + drift
-        first = turned(one.information, -(one.measured.theta + along_new.theta))
-        second = turned(other.information, -other.measured.theta)
+        first = rotate_axes(one.information, -(one.measured.theta + along_new.theta))
+        second = rotate_axes(other.information, -other.measured.theta)
         both = _parallel(first, second)
         return _chi_square(round_trip, both, spread) <= _AGREE
 

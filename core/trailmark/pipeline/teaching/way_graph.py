@@ -11,12 +11,12 @@ import numpy as np
 
 from trailmark.arrays import Floats
 from trailmark.estimation.pose_graph import PoseEdges, SolvedGraph, chi_squares, solve_pose_graph
-from trailmark.geometry import Pose2
+from trailmark.geometry import Pose2, rotate_axes
 from trailmark.paths import Keyframe
 from trailmark.pipeline.teaching.logged_way import LoggedWay
 from trailmark.pipeline.teaching.way_log import COVARIANCE
 
-__all__ = ["Straightened", "WayGraph", "edge_of", "turned"]
+__all__ = ["Straightened", "WayGraph", "edge_of"]
 
 # No odometry is better than this over a piece of way: constant, share of the way, turn [m, 1, rad, rad/sqrt(m)].
 _LEAST_M, _LEAST_SHARE = 0.002, 0.01
@@ -159,20 +159,12 @@ def edge_of(first: int, second: int, measured: Pose2, information: Floats) -> Po
     return PoseEdges(begin, end, measured.array()[np.newaxis], information[np.newaxis], np.ones(1, np.bool_))
 
 
-def turned(matrix: Floats, angle_rad: float) -> Floats:
-    """Return a covariance or information of (x, y, theta) in axes from which the old ones are turned by an angle."""
-    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
-    turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    result = turn @ matrix @ turn.T
-    return np.asarray((result + result.T) / 2.0)
-
-
 def _carry_covariance(covariance: Floats, spread: Floats, seen: Pose2, step: Pose2) -> Floats:
     """Return the covariance of a pose as seen from afar, after one more step with a spread of its own."""
     cos, sin = math.cos(seen.theta), math.sin(seen.theta)
     dx, dy = cos * step.x - sin * step.y, sin * step.x + cos * step.y
     carry = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])
-    return np.asarray(carry @ covariance @ carry.T + turned(spread, seen.theta))
+    return np.asarray(carry @ covariance @ carry.T + rotate_axes(spread, seen.theta))
 
 
 def _odometry_of(nodes: Sequence[Keyframe]) -> PoseEdges:
@@ -202,6 +194,6 @@ def _spread_between(before: Keyframe, now: Keyframe, way_m: float) -> Floats:
     dx = now.pose_map_base.x - before.pose_map_base.x
     dy = now.pose_map_base.y - before.pose_map_base.y
     carry = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])
-    grown = turned(covariances[1] - carry @ covariances[0] @ carry.T, -before.pose_map_base.theta)
+    grown = rotate_axes(covariances[1] - carry @ covariances[0] @ carry.T, -before.pose_map_base.theta)
     values, vectors = np.linalg.eigh(grown)
     return np.asarray(least + (vectors * np.maximum(values, 0.0)) @ vectors.T)

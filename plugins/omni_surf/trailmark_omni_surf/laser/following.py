@@ -13,7 +13,7 @@ import numpy as np
 
 from trailmark.arrays import Floats
 from trailmark.estimates import Lost, Motion
-from trailmark.geometry import Pose2
+from trailmark.geometry import Pose2, rotate_axes
 from trailmark.geometry.walls import limited_information, measured_directions, measured_information, measured_step
 from trailmark_omni_surf.laser.growing_map import GrowingMap
 from trailmark_omni_surf.laser.kernels import normal_equations, score_starts
@@ -107,7 +107,7 @@ class ScanFollower:
         if not last.is_matched or stamp_s <= last.stamp_s or not match.information.any():
             return FollowedScan(None, correction)
         step = last.pose.between(match.pose_map_base)
-        information = _turned(match.information, -last.pose.theta)
+        information = rotate_axes(match.information, -last.pose.theta)
         return FollowedScan(Motion(last.stamp_s, stamp_s, step, information, details), correction)
 
     def remember(self, points_base: Floats) -> None:
@@ -182,11 +182,3 @@ def _equations(scan_map: ScanMap, points: Floats, pose: Floats, gate_m: float) -
         gate_m, True, hessian, gradient,
     )  # fmt: skip
     return hessian, gradient, squared, n_fit
-
-
-def _turned(information: Floats, angle_rad: float) -> Floats:
-    """Return information of (x, y, theta) in axes that are turned."""
-    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
-    turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    turned = turn @ information @ turn.T
-    return np.asarray((turned + turned.T) / 2.0)
