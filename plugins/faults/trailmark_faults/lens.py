@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, Self
+from typing import Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from trailmark.arrays import Float32s, Grey8, GreyF
 from trailmark.config import PluginConfig
 from trailmark.interfaces import Session
 from trailmark_faults.picture import PictureFault, per_channel, radius_over
+from trailmark_faults.span import TimeSpanConfig
 
 __all__ = [
     "Cover",
@@ -234,13 +235,9 @@ class Vignette(PictureFault):
         return levels
 
 
-class CoverConfig(PluginConfig):
+class CoverConfig(TimeSpanConfig):
     """Something that lies on the lens from some time on: a leaf, a sheet of paper, a hand."""
 
-    from_s: float = Field(default=0.0, ge=0)
-    """From when on, since the first frame [s]."""
-    to_s: float | None = None
-    """Until when; left out: it stays [s]."""
     level: float = Field(default=20.0, ge=0, le=255)
     """How bright it is [grey levels]."""
     contrast: float = Field(default=0.0, ge=0, le=127)
@@ -251,12 +248,6 @@ class CoverConfig(PluginConfig):
     """Share of the light that still comes through."""
     noise: float = Field(default=1.0, ge=0)
     """Noise of the camera, which a covered lens does not take away, standard deviation [grey levels]."""
-
-    @model_validator(mode="after")
-    def _ends_after_it_begins(self) -> Self:
-        if self.to_s is not None and self.to_s <= self.from_s:
-            raise ValueError(f"to_s must be after from_s: {self.to_s:g} is not after {self.from_s:g}")
-        return self
 
 
 class Cover(PictureFault):
@@ -271,7 +262,7 @@ class Cover(PictureFault):
 
     def is_on(self, since_s: float) -> bool:
         """Return whether the lens is covered now."""
-        return since_s >= self.config.from_s and (self.config.to_s is None or since_s < self.config.to_s)
+        return self.config.includes(since_s)
 
     def worsen(self, levels: Float32s, rng: np.random.Generator, since_s: float) -> Float32s:
         """Return the cover, with what still comes through it."""

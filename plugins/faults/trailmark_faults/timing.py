@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from trailmark.config import PluginConfig
 from trailmark.frames import Frame, Payload
 from trailmark.interfaces import Fault, Session
+from trailmark_faults.span import TimeSpanConfig
 
 __all__ = ["FrameLoss", "Frozen", "FrozenConfig", "Jitter", "JitterConfig", "Repeated", "RepeatedConfig"]
 
@@ -42,19 +42,8 @@ class FrameLoss:
         return self._was_lost
 
 
-class FrozenConfig(PluginConfig):
+class FrozenConfig(TimeSpanConfig):
     """A driver that hangs: the last reading again and again, with new stamps."""
-
-    from_s: float = Field(default=0.0, ge=0)
-    """From when on, since the first frame [s]."""
-    to_s: float | None = None
-    """Until when; left out: for ever [s]."""
-
-    @model_validator(mode="after")
-    def _ends_after_it_begins(self) -> Self:
-        if self.to_s is not None and self.to_s <= self.from_s:
-            raise ValueError(f"to_s must be after from_s: {self.to_s:g} is not after {self.from_s:g}")
-        return self
 
 
 class Frozen(Fault):
@@ -73,7 +62,7 @@ class Frozen(Fault):
 
     def apply(self, frame: Frame, rng: np.random.Generator, since_s: float) -> Frame:
         """Return the frame, or its stamp with the last reading."""
-        hangs = since_s >= self.config.from_s and (self.config.to_s is None or since_s < self.config.to_s)
+        hangs = self.config.includes(since_s)
         if not hangs or self._last is None:
             self._last = frame.payload
             return frame
