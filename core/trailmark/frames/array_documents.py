@@ -22,6 +22,7 @@ __all__ = [
     "array_from_document",
     "array_to_bytes",
     "array_to_document",
+    "in_words",
     "read_array",
 ]
 
@@ -64,11 +65,11 @@ def array_from_bytes(raw: bytes, dtype_name: str, shape: Sequence[int]) -> npt.N
     """
     dtype = ARRAY_DTYPES.get(dtype_name)
     if dtype is None:
-        raise ShapeError(f"unknown dtype {_as_text(dtype_name)}; use one of {', '.join(ARRAY_DTYPES)}")
+        raise ShapeError(f"unknown dtype {in_words(dtype_name)}; use one of {', '.join(ARRAY_DTYPES)}")
     if len(shape) > _MAX_DIMENSIONS or any(length < 0 for length in shape):
-        raise ShapeError(f"shape {_as_text(list(shape))} is not that of an array")
+        raise ShapeError(f"shape {in_words(list(shape))} is not that of an array")
     if math.prod(shape) * dtype.itemsize != len(raw):
-        raise ShapeError(f"shape {_as_text(list(shape))} of {dtype_name} does not fit {len(raw)} bytes")
+        raise ShapeError(f"shape {in_words(list(shape))} of {dtype_name} does not fit {len(raw)} bytes")
     if not raw:  # zero times anything: lengths that numpy cannot count are refused here
         return _empty(shape, dtype)
     if dtype.kind == "b" and max(raw) > 1:
@@ -99,10 +100,10 @@ def array_from_document(document: Mapping[str, Any], where: str = "array") -> np
         If a key is missing, or shape, dtype and bytes do not fit together; the message begins with `where`.
     """
     if set(document) != {"shape", "dtype", "base64"}:
-        raise ConfigError(f"{where}: an array has the keys shape, dtype and base64, not {_as_text(list(document))}")
+        raise ConfigError(f"{where}: an array has the keys shape, dtype and base64, not {in_words(list(document))}")
     shape, dtype_name, text = document["shape"], document["dtype"], document["base64"]
     if not isinstance(shape, Sequence) or any(type(length) is not int for length in shape):
-        raise ConfigError(f"{where}.shape must be a list of whole numbers, not {_as_text(shape)}")
+        raise ConfigError(f"{where}.shape must be a list of whole numbers, not {in_words(shape)}")
     if not isinstance(dtype_name, str) or not isinstance(text, str):
         raise ConfigError(f"{where}: dtype and base64 must be text")
     try:
@@ -137,17 +138,17 @@ def read_array(value: Any, where: str, base_dir: Path | None) -> npt.NDArray[Any
     except (ValueError, OverflowError) as error:
         raise ConfigError(f"{where}: its rows are not numbers of equal count") from error
     if array.dtype.name not in ARRAY_DTYPES:
-        raise ConfigError(f"{where} must be numbers, a file name, or shape, dtype and base64, not {_as_text(value)}")
+        raise ConfigError(f"{where} must be numbers, a file name, or shape, dtype and base64, not {in_words(value)}")
     return array
 
 
 def _read_file(name: str, where: str, base_dir: Path | None) -> npt.NDArray[Any]:
     if base_dir is None:
-        raise ConfigError(f"{where} names the file {_as_text(name)}, but this document may not read files")
+        raise ConfigError(f"{where} names the file {in_words(name)}, but this document may not read files")
     path = base_dir / name
     reader = {".npy": _read_npy, ".png": _read_png}.get(path.suffix.lower())
     if reader is None:
-        raise ConfigError(f"{where}: {_as_text(name)} is neither .npy nor .png")
+        raise ConfigError(f"{where}: {in_words(name)} is neither .npy nor .png")
     try:
         return reader(path)
     except FileNotFoundError as error:
@@ -187,11 +188,12 @@ def _empty(shape: Sequence[int], dtype: np.dtype[Any]) -> npt.NDArray[Any]:
     try:
         array = np.empty(tuple(shape), dtype.newbyteorder("="))
     except (ValueError, OverflowError, MemoryError) as error:
-        raise ShapeError(f"shape {_as_text(list(shape))} is not that of an array") from error
+        raise ShapeError(f"shape {in_words(list(shape))} is not that of an array") from error
     array.flags.writeable = False
     return array
 
 
-def _as_text(value: Any) -> str:
+def in_words(value: Any) -> str:
+    """Return a value as a message quotes it, at most 60 characters."""
     text = repr(value)
     return text if len(text) <= 60 else f"{text[:57]}..."

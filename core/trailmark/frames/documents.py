@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trailmark.errors import ConfigError, ShapeError
-from trailmark.frames.array_documents import array_to_document, read_array
+from trailmark.frames.array_documents import array_to_document, in_words, read_array
 from trailmark.frames.calibration import Arrays, Calibration, DepthCamera, GroundPlane, Omni, Pinhole
 from trailmark.frames.sensors import SensorInfo
 from trailmark.geometry import Pose3
@@ -133,7 +133,7 @@ def _unknown(key: Any, known: Sequence[str] | Mapping[str, Any], where: str) -> 
 
 def _mapping(value: Any, where: str) -> Document:
     if not isinstance(value, Mapping):
-        raise ConfigError(f"{where} must be a mapping of keys to values, not {_as_text(value)}")
+        raise ConfigError(f"{where} must be a mapping of keys to values, not {in_words(value)}")
     return value
 
 
@@ -145,12 +145,12 @@ def _number(value: Any, where: str, _: Path | None = None) -> float:
             number = math.inf
         if math.isfinite(number):
             return number
-    raise ConfigError(f"{where} must be a finite number, not {_as_text(value)}")
+    raise ConfigError(f"{where} must be a finite number, not {in_words(value)}")
 
 
 def _numbers(value: Any, where: str, _: Path | None = None) -> tuple[float, ...]:
     if not isinstance(value, Sequence) or isinstance(value, str | bytes):
-        raise ConfigError(f"{where} must be a list of numbers, not {_as_text(value)}")
+        raise ConfigError(f"{where} must be a list of numbers, not {in_words(value)}")
     return tuple(_number(item, f"{where}[{index}]") for index, item in enumerate(value))
 
 
@@ -162,20 +162,20 @@ def _scales(value: Any, where: str, _: Path | None = None) -> tuple[float, ...]:
 def _size(value: Any, where: str, _: Path | None = None) -> tuple[int, int]:
     numbers = _numbers(value, where)
     if len(numbers) != 2 or any(number != int(number) or number < 1 for number in numbers):
-        raise ConfigError(f"{where} must be [width, height] in whole pixels, not {_as_text(value)}")
+        raise ConfigError(f"{where} must be [width, height] in whole pixels, not {in_words(value)}")
     return int(numbers[0]), int(numbers[1])
 
 
 def _text(value: Any, where: str, _: Path | None = None) -> str:
     if not isinstance(value, str):
-        raise ConfigError(f"{where} must be a word, not {_as_text(value)}")
+        raise ConfigError(f"{where} must be a word, not {in_words(value)}")
     return str(value)
 
 
 def _word(*words: str) -> Callable[[Any, str, Path | None], str]:
     def read(value: Any, where: str, _: Path | None) -> str:
         if value not in words:
-            raise ConfigError(f"{where} must be {' or '.join(words)}, not {_as_text(value)}")
+            raise ConfigError(f"{where} must be {' or '.join(words)}, not {in_words(value)}")
         return str(value)
 
     return read
@@ -212,11 +212,6 @@ def _flat_field(value: Any, where: str, base_dir: Path | None) -> npt.NDArray[An
     if np.issubdtype(array.dtype, np.integer) and array.any():
         return np.asarray(array / array.mean(), dtype=np.float32)
     return array
-
-
-def _as_text(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 _READERS: dict[str, Callable[[Any, str, Path | None], Any]] = {

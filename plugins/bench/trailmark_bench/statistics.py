@@ -239,17 +239,10 @@ def holm(p_values: Sequence[float | None]) -> list[float | None]:
 
 
 def _ranks(values: Sequence[float]) -> list[float]:
-    order = sorted(range(len(values)), key=lambda index: values[index])
-    ranks = [0.0] * len(values)
-    start = 0
-    while start < len(order):
-        stop = start
-        while stop < len(order) and values[order[stop]] == values[order[start]]:
-            stop += 1
-        for index in order[start:stop]:
-            ranks[index] = (start + stop + 1) / 2.0
-        start = stop
-    return ranks
+    """Return the rank of each value from 1; equal values share the mean of theirs."""
+    _, place, counts = np.unique(values, return_inverse=True, return_counts=True)
+    ranks = counts.cumsum() - (counts - 1) / 2.0
+    return [float(rank) for rank in ranks[place]]
 
 
 def clipped(values: Sequence[float] | Floats) -> Floats:

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from trailmark.errors import SourceError
 from trailmark.frames import Scan
 from trailmark.geometry import Pose2
-from trailmark_datasets.textfiles import number
+from trailmark_datasets.textfiles import is_number, number
 
 __all__ = ["CarmenLine", "OdomLine", "ScanLine", "TruePoseLine", "parse_line"]
 
@@ -54,7 +54,7 @@ class ScanLine:
         try:
             ranges_m: npt.NDArray[np.float64] = np.array(self.ranges, dtype=np.float64)
         except ValueError:
-            bad = next(text for text in self.ranges if not _is_number(text))
+            bad = next(text for text in self.ranges if not is_number(text))
             raise SourceError(f"{self.where}: a range is {bad[:40]!r}, not a number") from None
         ranges_m[~((ranges_m > 0) & (ranges_m < self.range_max_m))] = np.nan
         return Scan(ranges_m, self.angle_min_rad, self.angle_step_rad, range_max_m=self.range_max_m)
@@ -160,11 +160,3 @@ def _stamp(fields: list[str], where: str) -> float:
 def _pose(fields: list[str], where: str) -> Pose2:
     x, y, theta = (number(field, "a pose", where) for field in fields)
     return Pose2(x, y, theta)
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

@@ -18,11 +18,10 @@ import numpy as np
 import numpy.typing as npt
 
 from trailmark.errors import ShapeError, SourceError
-from trailmark.frames import Image, Imu, Payload, Pinhole, SensorInfo
+from trailmark.frames import Imu, Pinhole, SensorInfo
 from trailmark.geometry import Pose3, Trajectory
 from trailmark.sources import Reading, Readings
 from trailmark.sources.frame_tree import R_SENSOR_OPTICAL
-from trailmark.sources.pictures import read_picture
 from trailmark_datasets.config import EurocConfig
 from trailmark_datasets.picture_source import Entry, PictureSource
 from trailmark_datasets.planar import covered_stamps, interpolated_poses, mounting_pose, planar_trajectory
@@ -87,13 +86,10 @@ class Euroc(PictureSource):
             yield Entry(row.stamp_s, path, f"{row.where} ({path})")
 
     def readings(self) -> Readings:
-        pictures = (Reading(self._name, e.stamp_s, e.where, partial(self._picture, e)) for e in self._entries)
+        pictures = (Reading(self._name, e.stamp_s, e.where, partial(self._load, e)) for e in self._entries)
         rows = () if self._imu_table is None else _rows(self._imu_table, _N_IMU)
         inertial = (Reading(self._imu_name, row.stamp_s, row.where, partial(_imu, row)) for row in rows)
         yield from _by_stamp(pictures, inertial)
-
-    def _picture(self, entry: Entry) -> Payload:
-        return Image(read_picture(entry.path, entry.where, self.grey))
 
     def _T_body_base(self) -> npt.NDArray[np.float64]:
         """Return the pose of base in the body: base stands where the camera's mounting says, or is the camera."""

@@ -8,7 +8,7 @@ from difflib import get_close_matches
 from pathlib import Path
 
 from trailmark.errors import SourceError
-from trailmark_datasets.textfiles import lines_of, number
+from trailmark_datasets.textfiles import is_number, lines_of, number
 
 __all__ = ["DataTable", "TableRow", "column_names", "open_table"]
 
@@ -117,7 +117,7 @@ def _read_header(path: Path, header: Sequence[str] | None) -> tuple[int, str | N
     line, text = first
     delimiter = next((mark for mark in ";,\t" if mark in text and (mark != "\t" or header is None)), None)
     fields = _split(text, delimiter)
-    if header is None and all(_is_number(field) for field in fields):
+    if header is None and all(is_number(field) for field in fields):
         raise SourceError(
             f"{path}:{line} has no header row; name its {len(fields)} columns in the config: header: [t, ...]"
         )
@@ -146,11 +146,3 @@ def _normal(name: str) -> str:
     """Return a column's name without quotes, its unit in brackets, and case."""
     bare = name.strip().strip("\"'").split("[")[0].split("(")[0]
     return bare.strip().lower()
-
-
-def _is_number(field: str) -> bool:
-    try:
-        float(field)
-    except ValueError:
-        return False
-    return True

@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 from trailmark.errors import SourceError
 
-__all__ = ["TIME_UNITS", "TimeUnit", "lines_of", "natural_key", "number", "stamp"]
+__all__ = ["TIME_UNITS", "TimeUnit", "is_number", "lines_of", "natural_key", "number", "stamp"]
 
 TimeUnit = Literal["s", "ms", "us", "ns"]
 
@@ -100,3 +100,12 @@ def natural_key(name: str) -> list[tuple[int, int, str]]:
     """Return the sort key that puts ``frame2`` before ``frame10``."""
     parts = re.split(r"(\d+)", name)
     return [(0, int(part), part) if part.isdecimal() else (1, 0, part) for part in parts]
+
+
+def is_number(field: str) -> bool:
+    """Return whether a field of a table is a number."""
+    try:
+        float(field)
+    except ValueError:
+        return False
+    return True

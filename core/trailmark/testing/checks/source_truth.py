@@ -12,7 +12,7 @@ from trailmark.interfaces import FrameSource, Session
 from trailmark.testing.checks.lives import arrays_of
 from trailmark.testing.checks.parametrize import Check, skip
 
-__all__ = ["source_truth_checks"]
+__all__ = ["bytes_of", "source_truth_checks"]
 
 # A claimed rate is off by no more than this factor.
 _RATE_OFF = 1.5
@@ -81,12 +81,12 @@ def _shares_no_frames(make: Callable[[], FrameSource], n_frames: int) -> None:
     alone, first, second = make(), make(), make()
     try:
         alone.start(Session("source"))
-        expected = [_bytes(frame) for frame in islice(alone.frames(), n_frames)]
+        expected = [bytes_of(frame) for frame in islice(alone.frames(), n_frames)]
         alone.close()
         for one in (first, second):
             one.start(Session("source"))
         pairs = zip_longest(islice(first.frames(), n_frames), islice(second.frames(), n_frames))
-        said = [(None if a is None else _bytes(a), None if b is None else _bytes(b)) for a, b in pairs]
+        said = [(None if a is None else bytes_of(a), None if b is None else bytes_of(b)) for a, b in pairs]
     finally:
         for one in (alone, first, second):
             one.close()
@@ -97,6 +97,7 @@ def _shares_no_frames(make: Callable[[], FrameSource], n_frames: int) -> None:
         )
 
 
-def _bytes(frame: Frame) -> tuple[object, ...]:
+def bytes_of(frame: Frame) -> tuple[object, ...]:
+    """Return what two frames must have in common to be equal to the last bit."""
     arrays = tuple(array.tobytes() for array in arrays_of(frame.payload))
     return frame.sensor, frame.stamp_s, arrays, "" if arrays else repr(frame.payload)

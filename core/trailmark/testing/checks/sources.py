@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from itertools import islice
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from trailmark.commands import Stop
 from trailmark.config import PluginConfig
-from trailmark.frames import Frame, payload_kind
+from trailmark.frames import payload_kind
 from trailmark.frames.sensors import PAYLOAD_KINDS
 from trailmark.interfaces import Drivable, FrameSource, Session
 from trailmark.testing.checks.configs import common_checks
 from trailmark.testing.checks.lives import arrays_of
 from trailmark.testing.checks.parametrize import Check, parametrize, skip
-from trailmark.testing.checks.source_truth import source_truth_checks
+from trailmark.testing.checks.source_truth import bytes_of, source_truth_checks
 
 if TYPE_CHECKING:
     import pytest
@@ -135,19 +135,14 @@ def _are_the_same(make: Callable[[], FrameSource], n_frames: int) -> None:
     if make().is_live:
         skip("a device gives other frames each time")
     with _start_source(make) as source:
-        first = [_bytes(frame) for frame in islice(source.frames(), n_frames)]
+        first = [bytes_of(frame) for frame in islice(source.frames(), n_frames)]
         source.close()
         source.start(Session("source"))
-        again = [_bytes(frame) for frame in islice(source.frames(), n_frames)]
+        again = [bytes_of(frame) for frame in islice(source.frames(), n_frames)]
     with _start_source(make) as source:
-        fresh = [_bytes(frame) for frame in islice(source.frames(), n_frames)]
+        fresh = [bytes_of(frame) for frame in islice(source.frames(), n_frames)]
     assert first == again, "started again it gives other frames"
     assert first == fresh, "a second one gives other frames"
-
-
-def _bytes(frame: Frame) -> tuple[Any, ...]:
-    arrays = tuple(array.tobytes() for array in arrays_of(frame.payload))
-    return frame.sensor, frame.stamp_s, arrays, "" if arrays else repr(frame.payload)
 
 
 def _ends_when_closed(make: Callable[[], FrameSource]) -> None:
