@@ -82,7 +82,20 @@ class Localizer(Part):
         return Lost(0.0, f"{type(self).__name__} relates no keyframes")
 
     def moved(self, keyframe: Keyframe, pose_map_base: Pose2) -> Keyframe:
-        """Return a keyframe as if it had been laid at another pose; what its arrays hold in map axes moves too."""
+        """Return a keyframe at another pose, after loops were closed; what its arrays hold in map axes moves too.
+
+        Parameters
+        ----------
+        keyframe : Keyframe
+            As it was added to the localizer map.
+        pose_map_base : Pose2
+            Where base was when it was laid, as known now.
+
+        Returns
+        -------
+        Keyframe
+            The keyframe at that pose.
+        """
         return replace(keyframe, pose_map_base=pose_map_base)
 
     def latency_s(self) -> float | None:
@@ -104,6 +117,18 @@ class Estimator(Part):
         """Take an estimate of a localizer and say what became of it.
 
         The estimate may be about a past stamp: the estimator keeps a history and replays it.
+
+        Parameters
+        ----------
+        source : str
+            Name of the localizer.
+        estimate : Estimate
+            What it said; its information may be malformed.
+
+        Returns
+        -------
+        Applied
+            ``accepted``, ``gated``, ``late``, ``refused`` or ``unused``, and why.
         """
 
     @abstractmethod
@@ -111,6 +136,16 @@ class Estimator(Part):
         """Return the belief at a stamp: interpolated in the history, or predicted beyond it.
 
         None asks for the newest stamp it has heard of.
+
+        Parameters
+        ----------
+        stamp_s : float or None
+            The instant [s]; None: the newest stamp that the estimator has been given.
+
+        Returns
+        -------
+        Belief
+            Pose, covariance, twist and ages at that stamp.
         """
 
     def set_pose(
@@ -154,4 +189,15 @@ class Controller(Part):
 
     @abstractmethod
     def step(self, belief: Belief) -> Command:
-        """Return the command for a belief that is predicted to now."""
+        """Return the command for a belief that is predicted to now.
+
+        Parameters
+        ----------
+        belief : Belief
+            The belief, predicted to the instant of the call.
+
+        Returns
+        -------
+        Command
+            One of the kinds in `gives`; ``Stop(done=True)`` ends the run.
+        """

@@ -56,7 +56,13 @@ class PathStore(Part):
 
     @abstractmethod
     def append(self, waypoint: Waypoint) -> None:
-        """Add a waypoint to the open transaction."""
+        """Add a waypoint to the open transaction.
+
+        Parameters
+        ----------
+        waypoint : Waypoint
+            The next waypoint of the path.
+        """
 
     @abstractmethod
     def path(self) -> Path | None:
@@ -64,7 +70,18 @@ class PathStore(Part):
 
     @abstractmethod
     def localizer_map(self, owner: str) -> LocalizerMap:
-        """Return the map of one localizer."""
+        """Return the map of one localizer.
+
+        Parameters
+        ----------
+        owner : str
+            Name of the localizer in the config.
+
+        Returns
+        -------
+        LocalizerMap
+            Its map; empty where nothing was kept for it.
+        """
 
     def drawer(self, owner: str) -> LocalizerMap:
         """Call `localizer_map` by its old name; it goes with version 0.3."""
@@ -102,21 +119,49 @@ class PathStore(Part):
         """Return whether `Localizer.finish` ran for this owner, or has nothing to work from.
 
         A store that keeps no book of it answers True: it cannot ask for what it cannot record.
+
+        Parameters
+        ----------
+        owner : str
+            Name of the localizer in the config.
+
+        Returns
+        -------
+        bool
+            True if nothing is left to do for it.
         """
         return True
 
     def mark_finished(self, owner: str) -> None:
-        """Write down that `Localizer.finish` ran for this owner; part of the open transaction."""
+        """Write down that `Localizer.finish` ran for this owner; part of the open transaction.
+
+        Parameters
+        ----------
+        owner : str
+            Name of the localizer in the config.
+        """
 
     def set_sensors(self, sensors: Mapping[str, SensorInfo]) -> None:
-        """Keep what is known of the sensors the path is taught with; part of the open transaction."""
+        """Keep the sensors that the path is taught with; part of the open transaction.
+
+        Parameters
+        ----------
+        sensors : mapping of str to SensorInfo
+            Kind, size, calibration and mounting of each, by name.
+        """
 
     def sensors(self) -> Mapping[str, SensorInfo]:
         """Return the sensors that the path was taught with, by name; empty where none were kept."""
         return {}
 
     def set_meta(self, meta: Mapping[str, Any]) -> None:
-        """Keep provenance (JSON-able: versions, git, config); part of the open transaction."""
+        """Keep the provenance of the path; part of the open transaction.
+
+        Parameters
+        ----------
+        meta : mapping of str to Any
+            Plain data for JSON: versions, git revision, config.
+        """
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,20 +190,64 @@ class Sink(Part):
     """
 
     def on_frame(self, frame: Frame) -> None:
-        """A frame was taken from a source."""
+        """Receive a frame that was taken from a source.
+
+        Parameters
+        ----------
+        frame : Frame
+            The frame, after checks and faults; its arrays are read-only.
+        """
 
     def on_estimate_record(self, record: EstimateRecord) -> None:
-        """An estimate was applied: when it arrived, whose it is, what it says, and what became of it."""
+        """Receive an estimate that was applied.
+
+        Parameters
+        ----------
+        record : EstimateRecord
+            When it arrived, the localizer's name, the estimate, and what became of it.
+        """
         self.on_estimate(record.source, record.estimate, record.outcome)
 
     def on_estimate(self, source: str, estimate: Estimate, applied: Applied) -> None:
-        """An estimate was applied; `on_estimate_record` also says when, and calls this unless it is overridden."""
+        """Receive an estimate that was applied, without its arrival.
+
+        `on_estimate_record` calls this unless it is overridden.
+
+        Parameters
+        ----------
+        source : str
+            Name of the localizer.
+        estimate : Estimate
+            What it said.
+        applied : Applied
+            What became of it.
+        """
 
     def on_belief(self, belief: Belief) -> None:
-        """The belief after all localizers saw a frame."""
+        """Receive the belief after all localizers saw a frame.
+
+        Parameters
+        ----------
+        belief : Belief
+            Pose, covariance, twist and ages at the frame's stamp.
+        """
 
     def on_command(self, stamp_s: float, command: Command) -> None:
-        """A command was given."""
+        """Receive a command that was given.
+
+        Parameters
+        ----------
+        stamp_s : float
+            Stamp of the belief that it was computed from [s].
+        command : Command
+            The controller's command, or the guard's `Stop`.
+        """
 
     def on_end(self, end: RunEnd) -> None:
-        """The run is over."""
+        """Receive the end of the run.
+
+        Parameters
+        ----------
+        end : RunEnd
+            Status, reason and counters.
+        """

@@ -35,6 +35,11 @@ class LocalizerMap(ABC):
     def add(self, keyframe: Keyframe) -> None:
         """Remember a keyframe; it is committed with the waypoint that follows it.
 
+        Parameters
+        ----------
+        keyframe : Keyframe
+            Pose, stamp, station and the localizer's own arrays.
+
         Raises
         ------
         StoreError
@@ -47,11 +52,30 @@ class LocalizerMap(ABC):
 
     @abstractmethod
     def save(self, name: str, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
-        """Store named arrays under a name, replacing what stood there."""
+        """Store named arrays under a name, replacing what stood there.
+
+        Parameters
+        ----------
+        name : str
+            Of the arrays' place; the localizer chooses it.
+        arrays : mapping of str to array
+            Arrays of numbers or booleans, by name.
+        """
 
     @abstractmethod
     def load(self, name: str) -> Mapping[str, npt.NDArray[Any]] | None:
-        """Return the arrays saved under a name, or None."""
+        """Return the arrays saved under a name.
+
+        Parameters
+        ----------
+        name : str
+            As it was given to `save`.
+
+        Returns
+        -------
+        mapping of str to array or None
+            The arrays, read-only; None where nothing was saved.
+        """
 
 
 def _default_rng() -> np.random.Generator:
@@ -111,14 +135,28 @@ class Session:
 
 
 class Part(ABC):  # noqa: B024  (each kind of part has abstract methods of its own)
-    """Anything that a config can name."""
+    """Anything that a config can name.
+
+    Parameters
+    ----------
+    config : Any
+        The part's validated options.
+    """
 
     def __init__(self, config: Any) -> None:
         """Keep the config. Cheap: opens no file or device and compiles nothing."""
         self.config = config
 
     def start(self, session: Session) -> None:  # noqa: B027  (a default on purpose)
-        """Open, load and warm up. Called before the clock starts; called again, the part is as new."""
+        """Open, load and warm up.
+
+        The pipeline calls it before the clock starts. Called again, the part is as new.
+
+        Parameters
+        ----------
+        session : Session
+            Sensors, path, start pose, random numbers and the part's own map.
+        """
 
     def close(self) -> None:  # noqa: B027
         """Release what `start` took. Any thread, any state, twice."""

@@ -58,6 +58,16 @@ class FrameSource(Part):
     def survey(cls, where: str) -> Sequence[Mapping[str, str]]:
         """Return what is on a network, for ``trailmark inspect NAME://WHERE``: rows of a table, by column.
 
+        Parameters
+        ----------
+        where : str
+            The place, as the source writes it: an address, a domain number.
+
+        Returns
+        -------
+        sequence of mapping of str to str
+            A mapping for each sensor or topic found, from column to text.
+
         Raises
         ------
         ConfigError
@@ -82,6 +92,11 @@ class Drivable(FrameSource):
         """Take a command. It holds from the last frame yielded until the next command.
 
         `Stop` may come from another thread, also while another call hangs: at a signal, and from the watchdog.
+
+        Parameters
+        ----------
+        command : Command
+            One of the kinds in `accepts`.
         """
 
     #: True when it drives itself, so that a run needs no controller.
@@ -119,5 +134,16 @@ class Fault(Part):
         """
 
     def believed(self, info: SensorInfo) -> SensorInfo:
-        """Return what the run is told of the sensor: the truth, unless the fault is a wrong calibration."""
+        """Return the sensor as the run shall know it: the truth, unless the fault is a wrong calibration.
+
+        Parameters
+        ----------
+        info : SensorInfo
+            The sensor as it is.
+
+        Returns
+        -------
+        SensorInfo
+            The sensor with the calibration and mounting that localizers are given.
+        """
         return info
