@@ -45,7 +45,13 @@ class SystemClock(Clock):
 
 
 class RunClock:
-    """The time of a run in real time: the clock's, moved so that the first recorded frame is on time."""
+    """The time of a run in real time: the clock's, moved so that the first recorded frame is on time.
+
+    Parameters
+    ----------
+    clock : Clock
+        The clock of the machine, or a test's.
+    """
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock

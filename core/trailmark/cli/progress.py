@@ -23,10 +23,15 @@ _LINE_S = 5.0
 
 
 class RunProgress(AbstractContextManager["RunProgress"]):
-    """Tells how a run goes on; pass it as ``on_step`` to `trailmark.run`.
+    """Shows how a run goes on; pass it as ``on_step`` to `trailmark.run`.
 
     With ``json``, a line of JSON on standard output for every waypoint, written when it is committed: what
     was read there survives whatever happens next.
+
+    Parameters
+    ----------
+    kind : ProgressKind
+        A bar, lines of JSON, or nothing.
     """
 
     def __init__(self, kind: ProgressKind) -> None:

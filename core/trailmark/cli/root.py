@@ -49,7 +49,15 @@ _COMMANDS = {
 
 @dataclass(frozen=True, slots=True)
 class ChosenPlugins:
-    """What ``--plugin`` said: names to block, files to load."""
+    """What ``--plugin`` said: names to block, files to load.
+
+    Attributes
+    ----------
+    block : tuple of str
+        Names that no plugin may load under.
+    files : tuple of str
+        Python files to load as plugins.
+    """
 
     block: tuple[str, ...] = ()
     files: tuple[str, ...] = ()

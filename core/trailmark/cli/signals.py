@@ -70,10 +70,17 @@ def call_until_signal(call: Callable[[], _T], *, is_whole_program: bool) -> _T |
 
 
 class HeardSignals:
-    """What was heard. The handlers raise `Interrupted` in the main thread, when it is time; a thread sees to the rest.
+    """Receives the signals that end a program.
 
-    The thread hears of a signal even while the main thread is in native code: the system writes the signal's number
-    into a pipe (`signal.set_wakeup_fd`).
+    The handlers raise `Interrupted` in the main thread when the run allows it; a thread does the rest.
+
+        The thread learns of a signal even while the main thread is in native code: the system writes the signal's
+    number into a pipe (`signal.set_wakeup_fd`).
+
+    Parameters
+    ----------
+    is_whole_program : bool
+        Whether the process may end by itself; False in a notebook or another program.
     """
 
     def __init__(self, is_whole_program: bool) -> None:

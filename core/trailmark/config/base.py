@@ -84,7 +84,18 @@ A name that no localizer has is no error: a bench leaves localizers out, cell by
 
 
 def sensor_roles(model: type[BaseModel]) -> dict[str, SensorRole]:
-    """Return the roles of a config model: field name to the kinds that fit, in order of definition."""
+    """Return the roles of a config model: field name to the kinds that fit, in order of definition.
+
+    Parameters
+    ----------
+    model : type
+        A config model; fields annotated with ``Sensor[...]`` are its roles.
+
+    Returns
+    -------
+    dict of str to SensorRole
+        Field names and the kinds of payload that fit, in order of definition.
+    """
     roles: dict[str, SensorRole] = {}
     for name, info in model.model_fields.items():
         role = next((item for item in info.metadata if isinstance(item, SensorRole)), None)

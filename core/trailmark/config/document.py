@@ -62,7 +62,13 @@ class Document:
 
 
 class Problems:
-    """Everything that is wrong with a document; raised together, in the order of its lines."""
+    """Everything that is wrong with a document; raised together, in the order of its lines.
+
+    Parameters
+    ----------
+    document : Document
+        The config; gives lines and keys their places.
+    """
 
     def __init__(self, document: Document) -> None:
         self._document = document

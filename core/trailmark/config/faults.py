@@ -47,7 +47,17 @@ class SourceFaults:
 
 
 class FaultReader:
-    """Reads the faults of sources and notes what is wrong with them."""
+    """Reads the faults of sources and notes what is wrong with them.
+
+    Parameters
+    ----------
+    document : Document
+        The config.
+    registry : Registry
+        The faults that there are.
+    problems : Problems
+        Collects what is wrong.
+    """
 
     def __init__(self, document: Document, registry: Registry, problems: Problems) -> None:
         self._document = document

@@ -9,7 +9,15 @@ Keys = tuple[Key, ...]
 
 
 class TextError(Exception):
-    """A text that cannot be read: what is wrong, on which line and in which column (from 1)."""
+    """A text that cannot be read: what is wrong, on which line and in which column (from 1).
+
+    Parameters
+    ----------
+    message : str
+        What is wrong.
+    line, column : int or None
+        Where, from 1; None: nowhere in particular.
+    """
 
     def __init__(self, message: str, line: int | None = None, column: int | None = None) -> None:
         super().__init__(message)

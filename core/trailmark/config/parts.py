@@ -32,6 +32,15 @@ class PartReader:
     """Reads parts and notes what is wrong with them.
 
     Validation starts from the plugin's name, so that an error speaks of that plugin's keys alone.
+
+    Parameters
+    ----------
+    document : Document
+        The config.
+    registry : Registry
+        The parts that there are.
+    problems : Problems
+        Collects what is wrong.
     """
 
     def __init__(self, document: Document, registry: Registry, problems: Problems) -> None:

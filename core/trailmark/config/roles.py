@@ -54,6 +54,20 @@ def resolve_all_roles(run_config: RunConfig, sensors: Mapping[str, SensorInfo]) 
 def resolve_roles(entry: LocalizerEntry, sensors: Mapping[str, SensorInfo], run_config: RunConfig) -> LocalizerEntry:
     """Return one localizer with every role filled: as named, or by the only sensor that fits.
 
+    Parameters
+    ----------
+    entry : LocalizerEntry
+        The localizer, as the config has it.
+    sensors : mapping of str to SensorInfo
+        The sensors of all started sources, by name.
+    run_config : RunConfig
+        The run, for the place of what is wrong in its file.
+
+    Returns
+    -------
+    LocalizerEntry
+        The entry with the name of a sensor in every role.
+
     Raises
     ------
     SensorMismatchError

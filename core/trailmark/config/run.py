@@ -21,7 +21,15 @@ __all__ = ["RunConfig", "SensorOverride"]
 
 @dataclass(frozen=True, slots=True)
 class SensorOverride:
-    """What the config says about a sensor; None: what the source says."""
+    """What the config says about a sensor; None: what the source says.
+
+    Attributes
+    ----------
+    mounting : Mounting or None
+        Where the sensor is on the robot.
+    calibration : Calibration or None
+        Its intrinsic parameters.
+    """
 
     mounting: Mounting | None = None
     calibration: Calibration | None = None

@@ -23,7 +23,15 @@ _UNIT = np.eye(3)
 
 @quick_dataclass(frozen=True, slots=True, eq=False)
 class FixCorrection:
-    """A fix replaces the directions of the pose that it measured; the others keep the belief."""
+    """A fix replaces the directions of the pose that it measured; the others keep the belief.
+
+    Attributes
+    ----------
+    fix : Fix
+        The absolute pose.
+    measured : Measured
+        Which directions its information covers.
+    """
 
     fix: Fix
     measured: Measured
@@ -43,7 +51,17 @@ class FixCorrection:
 
 @quick_dataclass(frozen=True, slots=True, eq=False)
 class PathCorrection:
-    """A path offset replaces the path coordinates that it measured."""
+    """A path offset replaces the path coordinates that it measured.
+
+    Attributes
+    ----------
+    offset : PathOffset
+        The fix in coordinates of the path.
+    measured : Measured
+        Which of its coordinates its information covers.
+    path : Path
+        The taught path.
+    """
 
     offset: PathOffset
     measured: Measured

@@ -19,7 +19,13 @@ __all__ = ["AbsoluteError", "EndError", "Summary", "absolute_error", "absolute_e
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """Root mean square, mean, median and maximum of non-negative numbers, in their own unit."""
+    """Root mean square, mean, median and maximum of non-negative numbers, in their own unit.
+
+    Attributes
+    ----------
+    rmse, mean, median, max : float
+        Of the absolute values.
+    """
 
     rmse: float
     mean: float
@@ -34,6 +40,16 @@ class Summary:
 
 def summarize(values: Floats) -> Summary:
     """Return the summary of (N,) numbers.
+
+    Parameters
+    ----------
+    values : (N,) float64
+        The numbers, in any unit.
+
+    Returns
+    -------
+    Summary
+        Root mean square, mean, median and maximum of the absolute values, in that unit.
 
     Raises
     ------
@@ -78,14 +94,40 @@ class AbsoluteError:
 
 
 def absolute_errors(pairs: Pairs, alignment: Alignment) -> tuple[Floats, Floats]:
-    """Return the distance and the signed heading error of every pair, (N,) [m] and (N,) [rad]."""
+    """Return the distance and the signed heading error of every pair, (N,) [m] and (N,) [rad].
+
+    Parameters
+    ----------
+    pairs : Pairs
+        Estimated and true poses at equal stamps.
+    alignment : Alignment
+        Takes the estimate to the frame of the truth.
+
+    Returns
+    -------
+    ((N,) float64, (N,) float64)
+        Distances [m], and headings of the estimate minus the true ones, wrapped to [-pi, pi) [rad].
+    """
     aligned = alignment.apply(pairs.estimate)
     distances = np.linalg.norm(aligned.positions - pairs.truth.positions, axis=1)
     return distances, wrap_angles(aligned.headings - pairs.truth.headings)
 
 
 def absolute_error(pairs: Pairs, alignment: Alignment) -> AbsoluteError:
-    """Return the absolute trajectory error after an alignment."""
+    """Return the absolute trajectory error after an alignment.
+
+    Parameters
+    ----------
+    pairs : Pairs
+        Estimated and true poses at equal stamps.
+    alignment : Alignment
+        Takes the estimate to the frame of the truth.
+
+    Returns
+    -------
+    AbsoluteError
+        Summaries of distances [m] and headings [rad].
+    """
     distances, turns = absolute_errors(pairs, alignment)
     return AbsoluteError(alignment, len(pairs), summarize(distances), summarize(turns))
 
@@ -124,6 +166,19 @@ class EndError:
 
 
 def end_error(pairs: Pairs, alignment: Alignment) -> EndError:
-    """Return the error of the last pair after an alignment."""
+    """Return the error of the last pair after an alignment.
+
+    Parameters
+    ----------
+    pairs : Pairs
+        Estimated and true poses at equal stamps.
+    alignment : Alignment
+        Takes the estimate to the frame of the truth.
+
+    Returns
+    -------
+    EndError
+        Distance and heading error at the last stamp, and the way that the truth covers.
+    """
     distances, turns = absolute_errors(pairs, alignment)
     return EndError(alignment, float(distances[-1]), float(turns[-1]), pairs.truth.length_m())

@@ -70,6 +70,18 @@ def align(pairs: Pairs, kind: AlignKind = "se2") -> Alignment:
     stands still, or the way is so short against the errors that its direction is a guess, ``se2`` falls back to
     ``origin`` and says so.
 
+    Parameters
+    ----------
+    pairs : Pairs
+        Estimated and true poses at equal stamps.
+    kind : AlignKind
+        Which alignment.
+
+    Returns
+    -------
+    Alignment
+        The transform ``pose_truth_estimate`` and the kind that was used.
+
     Raises
     ------
     ConfigError

@@ -75,7 +75,20 @@ class Consistency:
 
 
 def chi2_quantile(probability: float, dof: npt.ArrayLike) -> Floats:
-    """Return the quantile of the chi-square distribution, of the shape of `dof`."""
+    """Return the quantile of the chi-square distribution, of the shape of `dof`.
+
+    Parameters
+    ----------
+    probability : float
+        Share of the distribution below the quantile, from 0 to 1.
+    dof : array_like
+        Degrees of freedom.
+
+    Returns
+    -------
+    float64 array
+        Quantiles.
+    """
     from scipy.special import gammaincinv  # here: importing the metrics stays cheap
 
     return np.asarray(2.0 * gammaincinv(np.asarray(dof, dtype=np.float64) / 2.0, probability))

@@ -78,6 +78,16 @@ class EstimateTable:
 def read_estimates(path: str | Path) -> EstimateTable:
     """Read ``estimates.csv``. A last line that was cut off, as a killed run leaves it, is left out.
 
+    Parameters
+    ----------
+    path : str or Path
+        The file, as the recorder of a run writes it.
+
+    Returns
+    -------
+    EstimateTable
+        A row for each estimate, in the order of arrival.
+
     Raises
     ------
     DataError

@@ -14,7 +14,15 @@ __all__ = ["Percentiles", "percentiles"]
 
 @dataclass(frozen=True, slots=True)
 class Percentiles:
-    """Mean, percentiles and maximum of durations [s]."""
+    """Mean, percentiles and maximum of durations [s].
+
+    Attributes
+    ----------
+    n : int
+        How many durations.
+    mean_s, p50_s, p95_s, p99_s, max_s : float
+        Mean, 50th, 95th and 99th percentile, and maximum [s].
+    """
 
     n: int
     mean_s: float
@@ -31,6 +39,16 @@ class Percentiles:
 
 def percentiles(durations_s: Floats) -> Percentiles:
     """Return the percentiles of (N,) durations [s].
+
+    Parameters
+    ----------
+    durations_s : (N,) float64
+        Durations [s].
+
+    Returns
+    -------
+    Percentiles
+        Count, mean, 50th, 95th and 99th percentile and maximum [s].
 
     Raises
     ------

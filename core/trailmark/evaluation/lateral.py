@@ -46,6 +46,18 @@ def offsets_from_path(trajectory: Trajectory, path: Path) -> Floats:
     """Return (station, lateral, heading) of each pose, (N, 3) [m, m, rad].
 
     Each pose is looked for near the one before it, so that a path that crosses itself is followed in order.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Poses in the frame of the path.
+    path : Path
+        The taught path.
+
+    Returns
+    -------
+    (N, 3) float64
+        Station along the path, offset to its left, and heading against its tangent [m, m, rad].
     """
     offsets = np.empty((len(trajectory), 3))
     station_m: float | None = None
@@ -58,6 +70,18 @@ def offsets_from_path(trajectory: Trajectory, path: Path) -> Floats:
 
 def lateral_error(trajectory: Trajectory, path: Path) -> LateralError:
     """Return how far a trajectory, in the frame of the path, stays off it.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Poses in the frame of the path.
+    path : Path
+        The taught path.
+
+    Returns
+    -------
+    LateralError
+        Number of poses, and summaries of their absolute offsets [m] and headings [rad].
 
     Raises
     ------

@@ -93,7 +93,18 @@ class PluggedMetric:
 
 
 def metrics_of(registry: Registry) -> dict[str, PluggedMetric]:
-    """Return the registered metrics by name; each is imported."""
+    """Return the registered metrics by name; each is imported.
+
+    Parameters
+    ----------
+    registry : Registry
+        Where plugins have registered their metrics.
+
+    Returns
+    -------
+    dict of str to PluggedMetric
+        Functions with their declared quantities.
+    """
     return {
         spec.name: PluggedMetric(spec.name, spec.load(), spec.judges, spec.quantities)
         for spec in registry.specs("metric")
@@ -113,6 +124,18 @@ def extra_metrics(
 
     Each is given the pairs after the alignment that was used: equal stamps, one frame. A metric that raises loses
     its own numbers only; one that judges estimates has none here.
+
+    Parameters
+    ----------
+    extra : mapping of str to PluggedMetric or MetricFunction
+        Metrics by name.
+    evaluation : Evaluation
+        Aligned pairs of one trajectory, and what else a metric may look at.
+
+    Returns
+    -------
+    (dict of str to float, list of str)
+        Numbers by full name, and a line for each metric that failed.
     """
     aligned = evaluation.absolute.alignment.apply(evaluation.pairs.estimate)
     numbers: dict[str, float] = {}

@@ -77,7 +77,18 @@ _BY_NAME = {spec.name: spec for spec in QUANTITIES}
 
 
 def quantities_of(documents: Iterable[Mapping[str, Any]]) -> tuple[MetricSpec, ...]:
-    """Return the quantities of some ``metrics.json``: everybody's, and those that metric plugins declared there."""
+    """Return the quantities of some ``metrics.json``: the built-in ones, and those that metric plugins declared there.
+
+    Parameters
+    ----------
+    documents : iterable of mapping of str to Any
+        Contents of ``metrics.json``.
+
+    Returns
+    -------
+    tuple of MetricSpec
+        The built-in declarations, then those of the documents; where two documents declare a name, the last.
+    """
     declared = {name: item for document in documents for name, item in (document.get("quantities") or {}).items()}
     return (*QUANTITIES, *(MetricSpec.from_document(item) for name, item in declared.items() if name not in _BY_NAME))
 
@@ -86,6 +97,18 @@ def spec_of(name: str, quantities: Iterable[MetricSpec] = QUANTITIES) -> MetricS
     """Return the declaration of a quantity, or of the difference that stands for one.
 
     What nobody declared is better the lower it is.
+
+    Parameters
+    ----------
+    name : str
+        The quantity's name, without a protocol.
+    quantities : iterable of MetricSpec
+        Declarations to search.
+
+    Returns
+    -------
+    MetricSpec
+        The declaration; for a name that is declared nowhere a new one, of a quantity that is better the lower it is.
     """
     for spec in quantities:
         difference = spec.as_difference()

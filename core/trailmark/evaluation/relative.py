@@ -102,6 +102,20 @@ def relative_error(pairs: Pairs, delta: float, unit: Literal["m", "s"]) -> Relat
     ``E_ij = (g_i^-1 g_j)^-1 (e_i^-1 e_j)`` for all i, with j the pose nearest to `delta` after i along the true way
     (Sturm et al. 2012, Eq. 4-6). It needs no alignment.
 
+    Parameters
+    ----------
+    pairs : Pairs
+        Estimated and true poses at equal stamps.
+    delta : float
+        Way between the two poses of a pair [m], or time [s].
+    unit : {"m", "s"}
+        Whether `delta` is a way or a time.
+
+    Returns
+    -------
+    RelativeError or None
+        Summaries of the differences in position and heading.
+
     Raises
     ------
     ConfigError

@@ -86,6 +86,16 @@ class RunFolder:
 def read_run(folder: str | Path) -> RunFolder:
     """Read the folder of a run.
 
+    Parameters
+    ----------
+    folder : str or Path
+        The folder that ``trailmark run --out`` has written.
+
+    Returns
+    -------
+    RunFolder
+        What is in it; files that are missing are empty values.
+
     Raises
     ------
     DataError

@@ -131,6 +131,20 @@ def evaluate_run_folder(
     """Compare the trajectories of a run with its ground truth, or without it with one of them.
 
     The taught path is the one that the run left in its folder, unless another is given.
+
+    Parameters
+    ----------
+    run : RunFolder
+        The run, as `read_run` returns it.
+    protocol : Protocol or None
+        Alignment, distances and gaps; None: the defaults of `Protocol`.
+    path : Path or None
+        The taught path, for offsets from it; None: the one in the run's folder, if any.
+
+    Returns
+    -------
+    RunEvaluation
+        Errors of the fused trajectory and of each localizer's own.
     """
     protocol, path = protocol or Protocol(), path or run.path_taught
     reference = _reference(run)
@@ -158,7 +172,22 @@ def metrics_document(
     metrics: Metrics | None = None,
     path: paths.Path | None = None,
 ) -> dict[str, Any]:
-    """Return the content of ``metrics.json``; see `evaluate_run`."""
+    """Return the content of ``metrics.json``; see `evaluate_run`.
+
+    Parameters
+    ----------
+    evaluated : RunEvaluation
+        As `evaluate_run_folder` returns it.
+    metrics : Metrics or None
+        Further metrics by name, besides the registered ones.
+    path : Path or None
+        The taught path, for offsets from it.
+
+    Returns
+    -------
+    dict of str to Any
+        Plain data: numbers, texts, lists and mappings.
+    """
     problems = list(evaluated.run.problems)
     trajectories = {name: _trajectory(evaluated, name) for name in evaluated.run.trajectories}
     sources = {name: source.document() for name, source in evaluated.sources.items()}

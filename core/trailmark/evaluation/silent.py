@@ -30,7 +30,15 @@ _WIDE_M2 = 1e4
 
 @dataclass(frozen=True, slots=True)
 class ErrorFloor:
-    """Errors that nobody minds, whatever was claimed [m, rad]."""
+    """Errors below which an estimate is right, whatever covariance it claimed.
+
+    Attributes
+    ----------
+    position_m : float
+        Distance [m].
+    heading_rad : float
+        Turn [rad].
+    """
 
     position_m: float
     heading_rad: float

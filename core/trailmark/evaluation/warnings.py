@@ -60,7 +60,18 @@ class RunWarning:
 
 
 def run_warnings(run: RunFolder) -> list[RunWarning]:
-    """Return what is wrong with a run that may have ended well, in the order of localizers, motion, sensors."""
+    """Return what is wrong with a run that may have ended well, in the order of localizers, motion, sensors.
+
+    Parameters
+    ----------
+    run : RunFolder
+        The run, as `read_run` returns it.
+
+    Returns
+    -------
+    list of RunWarning
+        A subject, what is wrong with it and what to do.
+    """
     return [
         *_of_localizers(run),
         *_of_use(run),
@@ -191,6 +202,17 @@ def _of_collisions(counters: Any) -> Iterator[RunWarning]:
 
 
 def collisions_of(counters: Mapping[str, Any]) -> int:
-    """Return how often robots have touched something in a run: sources count it as ``collisions``."""
+    """Return how often robots have touched an obstacle in a run: sources count it as ``collisions``.
+
+    Parameters
+    ----------
+    counters : mapping of str to Any
+        Counts of ``run.json``, by name.
+
+    Returns
+    -------
+    int
+        The sum over all sources.
+    """
     numbers = (n for name, n in counters.items() if name.rpartition(".")[2] == "collisions")
     return sum(int(n) for n in numbers if isinstance(n, int | float))

@@ -16,7 +16,18 @@ _NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
 def payload_kind(payload: Payload) -> str:
-    """Return the kind of a payload; ``"record"`` for named arrays."""
+    """Return the kind of a payload; ``"record"`` for named arrays.
+
+    Parameters
+    ----------
+    payload : Payload
+        What a frame carries.
+
+    Returns
+    -------
+    str
+        The word that `SensorInfo.kind` has for it: ``image``, ``scan``, ...
+    """
     return payload.kind
 
 

@@ -177,7 +177,18 @@ class Twist2:
 
 
 def wrap_angle(angle_rad: float) -> float:
-    """Return the angle wrapped to [-pi, pi); angles already there come back unchanged, bit for bit."""
+    """Return the angle wrapped to [-pi, pi); angles already there come back unchanged, bit for bit.
+
+    Parameters
+    ----------
+    angle_rad : float
+        Any angle [rad].
+
+    Returns
+    -------
+    float
+        The same direction in [-pi, pi) [rad].
+    """
     if -math.pi <= angle_rad < math.pi:
         return angle_rad
     wrapped = (angle_rad + math.pi) % _TWO_PI - math.pi
@@ -185,7 +196,18 @@ def wrap_angle(angle_rad: float) -> float:
 
 
 def wrap_angles(angles_rad: npt.ArrayLike) -> Floats:
-    """Return every angle of an array wrapped to [-pi, pi); shape unchanged."""
+    """Return every angle of an array wrapped to [-pi, pi); shape unchanged.
+
+    Parameters
+    ----------
+    angles_rad : array_like
+        Angles of any shape [rad].
+
+    Returns
+    -------
+    float64 array
+        The same directions in [-pi, pi) [rad].
+    """
     wrapped = np.mod(np.asarray(angles_rad, dtype=np.float64) + np.pi, _TWO_PI) - np.pi
     return np.where(wrapped >= np.pi, -np.pi, wrapped)
 

@@ -26,6 +26,16 @@ def read_tum(path: str | Path) -> Trajectory:
     Of several poses at one stamp, as other programs write them, the first is kept, and a warning says how many there
     were.
 
+    Parameters
+    ----------
+    path : str or Path
+        Text file; a line holds stamp, position and quaternion: ``t x y z qx qy qz qw`` [s, m].
+
+    Returns
+    -------
+    Trajectory
+        Poses in the order of their stamps.
+
     Raises
     ------
     DataError
@@ -58,7 +68,15 @@ def read_tum(path: str | Path) -> Trajectory:
 
 
 def write_tum(path: str | Path, trajectory: Trajectory) -> None:
-    """Write a trajectory with z = 0; stamps with 9 decimals, quaternions as x y z w."""
+    """Write a trajectory with z = 0; stamps with 9 decimals, quaternions as x y z w.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; one that is there is replaced as a whole.
+    trajectory : Trajectory
+        Poses to write.
+    """
     Path(path).write_text(tum_text(trajectory), encoding="utf-8")
 
 

@@ -39,7 +39,23 @@ def part_rng(seed: int, kind: str, name: str) -> np.random.Generator:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sessions:
-    """What every part of a run is told alike; `session_of` makes the session of one part."""
+    """What every part of a run is told alike; `session_of` makes the session of one part.
+
+    Attributes
+    ----------
+    mode : Mode
+        What the run is for.
+    seed : int
+        Every part's random numbers branch off it.
+    path : Path or None
+        The taught path, in replay.
+    start_pose : Pose2 or None
+        Base in the map at the start; None: unknown.
+    sensors : mapping of str to SensorInfo
+        All sensors of the run, by name.
+    tell_pose : callable or None
+        Passes a pose that a person gives on to the estimator.
+    """
 
     mode: Mode
     seed: int

@@ -146,6 +146,18 @@ def load_plugins(*, block: Iterable[str] = (), files: Iterable[str | Path] = ())
 def discover_plugins(selection: Selection, entry_points: Iterable[metadata.EntryPoint] | None = None) -> Plugins:
     """Load the plugins afresh: those of `entry_points`, or of all installed distributions, and the files.
 
+    Parameters
+    ----------
+    selection : Selection
+        Which plugins may load, and which files hold one.
+    entry_points : iterable of EntryPoint or None
+        Where to look instead of the installed distributions.
+
+    Returns
+    -------
+    Plugins
+        The plugins that loaded, with their registry, and a record of each that did not.
+
     Raises
     ------
     PluginLoadError

@@ -25,7 +25,17 @@ _ESTIMATES = frozenset({"motion", "fix", "path_offset"})
 
 @dataclass(frozen=True, slots=True)
 class Owner:
-    """The plugin that registers."""
+    """The plugin that registers.
+
+    Attributes
+    ----------
+    name : str
+        Name of the entry point.
+    distribution, version : str
+        The installed distribution that it belongs to; empty for a file.
+    module : str
+        Its module.
+    """
 
     name: str = ""
     distribution: str = ""

@@ -19,7 +19,17 @@ _UNITS = {"deg": "°", "deg/m": "°/m", "share": "%"}
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column: what it shows and in which unit; numbers stand to the right."""
+    """A column: what it shows and in which unit; numbers stand to the right.
+
+    Attributes
+    ----------
+    title : str
+        Heads the column.
+    unit : str
+        Of its numbers; empty for none.
+    is_number : bool
+        Whether it is aligned to the right.
+    """
 
     title: str
     unit: str = ""

@@ -82,6 +82,16 @@ def _summary_row(document: dict[str, Any], name: str) -> dict[str, Any]:
 def run_table(folder: str | Path) -> RichTable:
     """Return the metrics of a run as a table for a terminal: a row for each localizer and the fused trajectory.
 
+    Parameters
+    ----------
+    folder : str or Path
+        Folder of a run that was evaluated.
+
+    Returns
+    -------
+    RichTable
+        For the ``print`` of a rich console.
+
     Raises
     ------
     DataError

@@ -123,7 +123,19 @@ _SETTINGS = {
 
 @dataclass(frozen=True, slots=True)
 class LineStyle:
-    """How one trajectory is drawn everywhere."""
+    """How one trajectory is drawn everywhere.
+
+    Attributes
+    ----------
+    colour : str
+        As matplotlib and SVG read it.
+    width : float
+        Of the line [pt].
+    dashes : str or (float, tuple of float)
+        ``"solid"``, or offset and lengths as matplotlib takes them.
+    order : int
+        What has a larger one is drawn above.
+    """
 
     colour: str
     width: float

@@ -206,7 +206,18 @@ def _late(reading: Reading, last_s: float) -> SourceError:
 
 
 def form_of(payload: Payload) -> str:
-    """Return what must not change from picture to picture, in words; empty for other payloads."""
+    """Return what must not change from picture to picture, in words; empty for other payloads.
+
+    Parameters
+    ----------
+    payload : Payload
+        What a frame carries.
+
+    Returns
+    -------
+    str
+        Size, channels and depth of the pixels: ``640x480 colour, 8 bit``.
+    """
     if isinstance(payload, RGBD):
         (height, width), (rows, columns) = payload.bgr.shape[:2], payload.depth_m.shape
         return f"{width}x{height} with depth {columns}x{rows}"

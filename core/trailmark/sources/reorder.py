@@ -76,7 +76,22 @@ class ReorderWindow(Generic[StampedT]):
 
 
 def in_stamp_order(readings: Iterable[StampedT], sensors: Collection[str], window_s: float) -> Iterator[StampedT]:
-    """Yield the readings of a recording by stamp, as `ReorderWindow` gives them."""
+    """Yield the readings of a recording by stamp, as `ReorderWindow` gives them.
+
+    Parameters
+    ----------
+    readings : iterable of StampedT
+        Readings as the recording has them.
+    sensors : collection of str
+        Names of all sensors of the recording.
+    window_s : float
+        How far one sensor may lag behind the others [s].
+
+    Returns
+    -------
+    iterator of readings
+        The readings, stamps not decreasing.
+    """
     if len(sensors) <= 1:
         yield from readings
         return

@@ -28,6 +28,11 @@ class LocalPlane:
     """The plane that touches the ellipsoid of WGS 84 at the first place it is asked about: x east, y north.
 
     Its scale is that of the first place: 10 km away distances are short by about one in a thousand.
+
+    Attributes
+    ----------
+    origin_deg : (float, float) or None
+        Latitude and longitude of the first place [deg]; None before it.
     """
 
     origin_deg: tuple[float, float] | None = None

@@ -18,10 +18,19 @@ __all__ = ["SqliteMap"]
 
 
 class SqliteMap(LocalizerMap):
-    """A localizer map in an SQLite store. What it is given is packed by the calling thread, before the store is locked.
+    """A localizer map in an SQLite store.
 
-    What the writer has added is seen by its own `keyframes` and `load` at once, and by other programs once committed.
-    Arrays come back read-only.
+    Arrays that it is given are packed by the calling thread, before the store is locked.
+
+        What the writer has added is seen by its own `keyframes` and `load` at once, and by other programs once
+    committed. Arrays come back read-only.
+
+    Parameters
+    ----------
+    database : Database
+        The open file.
+    owner : str
+        Name of the localizer.
     """
 
     def __init__(self, database: Database, owner: str) -> None:

@@ -40,7 +40,13 @@ TOTALS = "totals"
 
 @dataclass(frozen=True, slots=True)
 class Totals:
-    """How many rows there must be: a page that got lost takes its rows along without a trace."""
+    """How many rows the tables must have: a page of the file that is lost takes its rows along without an error.
+
+    Attributes
+    ----------
+    waypoints, drawers, facts : int
+        Rows of the tables of these names.
+    """
 
     waypoints: int = 0
     drawers: int = 0

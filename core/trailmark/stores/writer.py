@@ -59,10 +59,16 @@ def is_unfolded(path: Path) -> bool:
 
 
 class WriterMark:
-    """Marks a path as being written, across processes, from start to close; the system drops the mark of the dead.
+    """Marks a path as being written, across processes, from start to close.
 
-    It is an empty SQLite file, locked as a whole: the same call on every system, and also between two
-    stores of one process. (Locking the store itself would lock its readers out.)
+    The system releases the mark of a process that died. It is an empty SQLite file, locked as a whole: the same call
+    on every system, and also between two stores of one process. (Locking the store itself would lock its readers
+    out.)
+
+    Parameters
+    ----------
+    path : Path
+        The path store's file; the mark lies beside it.
     """
 
     def __init__(self, path: Path) -> None:

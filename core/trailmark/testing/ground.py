@@ -225,7 +225,21 @@ class GroundCamera:
 
 @dataclass(frozen=True, eq=False)
 class GroundFrames(Sequence[Frame]):
-    """The frames of a run, rendered when asked for and never kept."""
+    """The frames of a run, rendered when asked for and never kept.
+
+    Attributes
+    ----------
+    ground : MirroredFloor
+        The floor that the camera looks at.
+    camera : GroundCamera
+        Size, height and calibration.
+    truth : Trajectory
+        ``pose_map_base`` at each picture.
+    sensor : str
+        Name of the camera.
+    seed : int
+        Of the noise.
+    """
 
     ground: MirroredFloor
     camera: GroundCamera

@@ -37,7 +37,20 @@ def straight(
 
 
 def circle(speed_mps: float, radius_m: float) -> MotionLaw:
-    """Return a drive on a circle from the origin, to the left for a positive radius."""
+    """Return a drive on a circle from the origin, to the left for a positive radius.
+
+    Parameters
+    ----------
+    speed_mps : float
+        Constant speed [m/s].
+    radius_m : float
+        Radius, positive to the left [m].
+
+    Returns
+    -------
+    MotionLaw
+        Returns the pose at a time [s].
+    """
 
     def pose(time_s: float) -> Pose2:
         return Pose2.exp(speed_mps * time_s, 0.0, speed_mps * time_s / radius_m)
@@ -68,6 +81,21 @@ def uneven(motion: MotionLaw, share: float = 0.6, period_s: float = 2.0) -> Moti
 
 
 def true_poses(motion: MotionLaw, n_frames: int, rate_hz: float) -> Trajectory:
-    """Return the poses at `n_frames` stamps, from 0 s on, at a rate [Hz]."""
+    """Return the poses at `n_frames` stamps, from 0 s on, at a rate [Hz].
+
+    Parameters
+    ----------
+    motion : MotionLaw
+        Returns the pose at a time [s].
+    n_frames : int
+        How many poses.
+    rate_hz : float
+        Poses per second [Hz].
+
+    Returns
+    -------
+    Trajectory
+        The poses at 0, 1 / `rate_hz`, 2 / `rate_hz` ...
+    """
     stamps_s = np.arange(n_frames) / rate_hz
     return Trajectory.from_poses((float(stamp_s), motion(float(stamp_s))) for stamp_s in stamps_s)

@@ -82,7 +82,24 @@ class SyntheticRun:
 def odometry_run(
     motion: MotionLaw | None = None, n_frames: int = 100, *, rate_hz: float = 20.0, sensor: str = "wheels"
 ) -> SyntheticRun:
-    """Return exact wheel odometry of a drive: pose, distance and velocity since the start."""
+    """Return exact wheel odometry of a drive: pose, distance and velocity since the start.
+
+    Parameters
+    ----------
+    motion : MotionLaw or None
+        Returns the pose at a time [s]; None: an uneven circle to the left, of 1 m radius at 0.3 m/s.
+    n_frames : int
+        How many readings.
+    rate_hz : float
+        Readings per second [Hz].
+    sensor : str
+        Name of the sensor.
+
+    Returns
+    -------
+    SyntheticRun
+        Frames, sensors and true poses.
+    """
     motion = motion or uneven(circle(0.3, 1.0))
     truth = true_poses(motion, n_frames, rate_hz)
     start, travelled_m = motion(0.0), truth.travelled_m()
@@ -96,7 +113,24 @@ def odometry_run(
 def imu_run(
     motion: MotionLaw | None = None, n_frames: int = 200, *, rate_hz: float = 100.0, sensor: str = "imu"
 ) -> SyntheticRun:
-    """Return the exact yaw rate of a drive, with gravity and an orientation."""
+    """Return the exact yaw rate of a drive, with gravity and an orientation.
+
+    Parameters
+    ----------
+    motion : MotionLaw or None
+        Returns the pose at a time [s]; None: an uneven circle to the left, of 1 m radius at 0.3 m/s.
+    n_frames : int
+        How many readings.
+    rate_hz : float
+        Readings per second [Hz].
+    sensor : str
+        Name of the sensor.
+
+    Returns
+    -------
+    SyntheticRun
+        Frames, sensors and true poses.
+    """
     motion = motion or uneven(circle(0.3, 1.0))
     truth = true_poses(motion, n_frames, rate_hz)
     frames = tuple(
@@ -117,7 +151,24 @@ def imu_run(
 def light_run(
     motion: MotionLaw | None = None, n_frames: int = 50, *, rate_hz: float = 10.0, sensor: str = "light"
 ) -> SyntheticRun:
-    """Return an ambient light that rises and falls along the drive [lux]."""
+    """Return an ambient light that rises and falls along the drive [lux].
+
+    Parameters
+    ----------
+    motion : MotionLaw or None
+        Returns the pose at a time [s]; None: an uneven circle to the left, of 1 m radius at 0.3 m/s.
+    n_frames : int
+        How many readings.
+    rate_hz : float
+        Readings per second [Hz].
+    sensor : str
+        Name of the sensor.
+
+    Returns
+    -------
+    SyntheticRun
+        Frames, sensors and true poses.
+    """
     truth = true_poses(motion or uneven(circle(0.3, 1.0)), n_frames, rate_hz)
     frames = tuple(
         Frame(sensor, stamp_s, Scalar(300.0 + 200.0 * math.sin(pose.x + 2.0 * pose.y))) for stamp_s, pose in truth
@@ -137,6 +188,26 @@ def pose_run(
     """Return absolute poses of a drive from elsewhere, with noise of `sigma` [m, rad] that each reading tells.
 
     A frame's `Record` has ``pose`` (3,) and ``covariance`` (3, 3); the sensor's kind is ``pose``.
+
+    Parameters
+    ----------
+    motion : MotionLaw or None
+        Returns the pose at a time [s]; None: an uneven circle to the left, of 1 m radius at 0.3 m/s.
+    n_frames : int
+        How many readings.
+    rate_hz : float
+        Readings per second [Hz].
+    sigma : (float, float)
+        Standard deviations of position and heading [m, rad].
+    seed : int
+        Of the noise.
+    sensor : str
+        Name of the sensor.
+
+    Returns
+    -------
+    SyntheticRun
+        Frames, sensors and true poses.
     """
     rng = np.random.default_rng(seed)
     truth = true_poses(motion or uneven(circle(0.3, 1.0)), n_frames, rate_hz)
@@ -166,6 +237,28 @@ def landmark_run(
 
     A frame's `Record` has ``ids``, ``ranges_m`` and ``bearings_rad``; the calibration (`Arrays`) says where the
     landmarks stand: ``ids`` and ``positions_map``.
+
+    Parameters
+    ----------
+    motion : MotionLaw or None
+        Returns the pose at a time [s]; None: an uneven circle to the left, of 1 m radius at 0.3 m/s.
+    n_frames : int
+        How many readings.
+    kind : str
+        Kind of the sensor.
+    rate_hz : float
+        Readings per second [Hz].
+    n_landmarks : int
+        How many landmarks stand about the origin.
+    seed : int
+        Of the places of the landmarks.
+    sensor : str
+        Name of the sensor.
+
+    Returns
+    -------
+    SyntheticRun
+        Frames, sensors and true poses.
     """
     rng = np.random.default_rng(seed)
     positions, ids = rng.uniform(-5.0, 5.0, (n_landmarks, 2)), np.arange(1, n_landmarks + 1)

@@ -97,7 +97,13 @@ class GuardedStore(PathStore):
 
 
 class GuardedMap(LocalizerMap):
-    """A localizer map that is being written: what fails in it is the store's failure, not the localizer's."""
+    """A localizer map that is being written: what fails in it is the store's failure, not the localizer's.
+
+    Parameters
+    ----------
+    localizer_map : LocalizerMap
+        The map of the store.
+    """
 
     def __init__(self, localizer_map: LocalizerMap) -> None:
         self._localizer_map = localizer_map

@@ -62,7 +62,15 @@ class VersionedMap(LocalizerMap):
 
 
 class ContinuedMap(LocalizerMap):
-    """A localizer map of a path that is being continued: stations go on where the path ended."""
+    """A localizer map of a path that is being continued: stations go on where the path ended.
+
+    Parameters
+    ----------
+    localizer_map : LocalizerMap
+        The map of the store.
+    offset_m : float
+        Length of the path before this teaching [m].
+    """
 
     def __init__(self, localizer_map: LocalizerMap, offset_m: float) -> None:
         self._localizer_map = localizer_map

@@ -33,7 +33,15 @@ _SIGMAS = (0.01, 0.01, 0.005)  # of the beliefs that the localizers are asked wi
 
 @dataclass(frozen=True)
 class LocalizerLife:
-    """What a localizer said: while it was taught, and afterwards over the same frames in replay."""
+    """What a localizer said: while it was taught, and afterwards over the same frames in replay.
+
+    Attributes
+    ----------
+    taught : tuple of Estimate
+        Estimates while it was taught, in order.
+    replayed : tuple of Estimate
+        Estimates over the same frames in replay, in order.
+    """
 
     taught: tuple[Estimate, ...]
     replayed: tuple[Estimate, ...]
@@ -44,7 +52,17 @@ class LocalizerLife:
 
 @dataclass(frozen=True)
 class LocalizerCase:
-    """A localizer with its config and the run that it is checked on."""
+    """A localizer with its config and the run that it is checked on.
+
+    Attributes
+    ----------
+    localizer : type
+        The class.
+    config : PluginConfig
+        Its config.
+    frames : run or callable
+        The run, or a function that makes it.
+    """
 
     localizer: type[Localizer]
     config: PluginConfig
