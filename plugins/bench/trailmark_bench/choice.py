@@ -18,7 +18,13 @@ _AXES = ("matrix", *AXES.values(), "seed")
 
 
 class Only:
-    """``--only axis=pattern``: which cells are meant."""
+    """Chooses cells by ``--only axis=pattern``.
+
+    Parameters
+    ----------
+    patterns : mapping of str to list of str
+        Patterns by axis, with ``*`` and ``?``.
+    """
 
     def __init__(self, patterns: Mapping[str, list[str]]) -> None:
         self._patterns = patterns

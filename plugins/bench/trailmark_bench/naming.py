@@ -15,7 +15,13 @@ _CONDITION_AXES = ("source", "perturbation")
 
 
 class Namer:
-    """Names methods and conditions by the axes that differ; where none does, by the first."""
+    """Names methods and conditions by the axes that differ; where none does, by the first.
+
+    Parameters
+    ----------
+    records : sequence of CellRecord
+        The cells that are to be told apart.
+    """
 
     def __init__(self, records: Sequence[CellRecord]) -> None:
         values: dict[str, set[Any]] = {}

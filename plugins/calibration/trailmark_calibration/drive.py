@@ -38,7 +38,15 @@ _TAKES_NOTHING = {"plugin": "dead_reckoning", "use": []}
 
 @dataclass(frozen=True, slots=True)
 class TwoLocalizers:
-    """Who is calibrated, and against whom; names in the config."""
+    """The localizer that is calibrated, and the one that it is compared with.
+
+    Attributes
+    ----------
+    of : str
+        Name in the config of the one that is calibrated.
+    against : str
+        Name in the config of the reference.
+    """
 
     of: str
     against: str

@@ -24,7 +24,17 @@ STEPS_DEG = {180: 1.0, 181: 1.0, 360: 0.5, 361: 0.5, 401: 0.25, 541: 0.5, 1081: 
 
 @dataclass(frozen=True, slots=True)
 class OdomLine:
-    """``ODOM x y theta tv rv accel ipc_timestamp host logger_timestamp``."""
+    """``ODOM x y theta tv rv accel ipc_timestamp host logger_timestamp``.
+
+    Attributes
+    ----------
+    where : str
+        File and line, for messages.
+    stamp_s : float
+        Time of the computer that took the reading [s].
+    pose : Pose2
+        Of base, by the wheels.
+    """
 
     where: str
     stamp_s: float
@@ -38,6 +48,21 @@ class ScanLine:
     ``FLASER n r1 .. rn x y theta odom_x odom_y odom_theta ipc_timestamp host logger_timestamp``;
     ``ROBOTLASER1 type start fov step max accuracy remission_mode n r1 .. rn m e1 .. em laser_pose robot_pose
     tv rv forward_safety side_safety turn_axis ipc_timestamp host logger_timestamp``.
+
+    Attributes
+    ----------
+    where : str
+        File and line, for messages.
+    stamp_s : float
+        Time of the computer that took the reading [s].
+    laser_pose, robot_pose : Pose2
+        Of the laser and of base, as the line has them.
+    ranges : tuple of str
+        Ranges as they are written [m].
+    angle_min_rad, angle_step_rad : float
+        Direction of the first beam and angle between two [rad].
+    range_max_m : float
+        Ranges from here on mean that nothing came back [m].
     """
 
     where: str
@@ -62,7 +87,17 @@ class ScanLine:
 
 @dataclass(frozen=True, slots=True)
 class TruePoseLine:
-    """``TRUEPOS true_x true_y true_theta odom_x odom_y odom_theta ipc_timestamp host logger_timestamp``."""
+    """``TRUEPOS true_x true_y true_theta odom_x odom_y odom_theta ipc_timestamp host logger_timestamp``.
+
+    Attributes
+    ----------
+    where : str
+        File and line, for messages.
+    stamp_s : float
+        Time of the computer that took the reading [s].
+    pose : Pose2
+        True pose of base.
+    """
 
     where: str
     stamp_s: float

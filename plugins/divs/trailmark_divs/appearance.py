@@ -183,7 +183,15 @@ class AppearanceFilter:
 
 
 class ByAppearance(Correspondence):
-    """Correspondence by an `AppearanceFilter`."""
+    """Correspondence by an `AppearanceFilter`.
+
+    Parameters
+    ----------
+    places : AppearanceFilter
+        Gives the probability of every place of the path.
+    least_confidence : float
+        Below this probability there is no correspondence.
+    """
 
     def __init__(self, places: AppearanceFilter, least_confidence: float) -> None:
         self._places = places

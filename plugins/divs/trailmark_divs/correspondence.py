@@ -95,7 +95,15 @@ class _ByLabel(Correspondence):
 
 
 class ByDistance(_ByLabel):
-    """By the way along the path, Eq. (13). The belief knows it; a fix of the station resets its origin."""
+    """By the way along the path, Eq. (13). The belief knows it; a fix of the station resets its origin.
+
+    Parameters
+    ----------
+    windows : Windows
+        Differences of the taught path.
+    window : int
+        How many of them are compared at a time.
+    """
 
     def __init__(self, windows: Windows, window: int) -> None:
         super().__init__(windows.stations_m, window)
@@ -105,7 +113,17 @@ class ByDistance(_ByLabel):
 
 
 class ByTime(_ByLabel):
-    """By the time since the start, Eq. (12): both steps at the same speed."""
+    """By the time since the start, Eq. (12): both steps at the same speed.
+
+    Parameters
+    ----------
+    windows : Windows
+        Differences of the taught path.
+    window : int
+        How many of them are compared at a time.
+    start_s : float
+        Stamp at which the replay starts [s].
+    """
 
     def __init__(self, windows: Windows, window: int, start_s: float) -> None:
         super().__init__(windows.elapsed_s, window)
@@ -119,7 +137,15 @@ class ByTime(_ByLabel):
 
 
 class ByIndex(_ByLabel):
-    """By the number of pictures since the start, Eq. (11): the same speed and the same sampling."""
+    """By the number of pictures since the start, Eq. (11): the same speed and the same sampling.
+
+    Parameters
+    ----------
+    windows : Windows
+        Differences of the taught path.
+    window : int
+        How many of them are compared at a time.
+    """
 
     def __init__(self, windows: Windows, window: int) -> None:
         super().__init__(windows.ordinals.astype(np.float64), window)

@@ -78,7 +78,13 @@ def hill_climb(response: npt.NDArray[np.float64], index: int) -> int:
 
 
 class PaperShift:
-    """Shift from pair to pair of change vectors: the global maximum first, hill climbing from then on."""
+    """Shift from pair to pair of change vectors: the global maximum first, hill climbing from then on.
+
+    Parameters
+    ----------
+    window : int
+        As `winc` takes it.
+    """
 
     def __init__(self, window: int) -> None:
         self._window = window

@@ -69,7 +69,13 @@ class Steps:
 
 @dataclass(frozen=True, slots=True)
 class Move:
-    """From standing still to standing still: steps `first` to `last`, the latter not included."""
+    """A drive from one standstill to the next.
+
+    Attributes
+    ----------
+    first, last : int
+        Its steps are `first` to `last`, the latter not included.
+    """
 
     first: int
     last: int

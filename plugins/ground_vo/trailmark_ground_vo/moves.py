@@ -112,7 +112,15 @@ class Disagreement:
 
 
 class PredictedMove(NamedTuple):
-    """Where a group is searched for: the shift of its centre [px] and its turn [rad]."""
+    """The centre of a group's search.
+
+    Attributes
+    ----------
+    shift : (float, float)
+        Of the group's centre along u and v [px].
+    turn_rad : float
+        Of the group [rad].
+    """
 
     shift: tuple[float, float]
     turn_rad: float = 0.0

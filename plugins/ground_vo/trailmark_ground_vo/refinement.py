@@ -84,7 +84,17 @@ class Minimum(NamedTuple):
 
 
 class Refinement:
-    """Aligns each picture with remembered pixels (see `texture` and `refine`)."""
+    """Aligns each picture with remembered pixels (see `texture` and `refine`).
+
+    Parameters
+    ----------
+    config : GroundVOConfig
+        Parameters of the refinement.
+    size : (int, int)
+        Width and height of the pictures [px].
+    aspect : float
+        Metres per pixel along v over those along u.
+    """
 
     def __init__(self, config: GroundVOConfig, size: tuple[int, int], aspect: float) -> None:
         margin = margin_px(config, size)

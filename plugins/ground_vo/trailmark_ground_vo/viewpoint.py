@@ -49,7 +49,17 @@ class SearchPicture:
 
 @dataclass(frozen=True, slots=True)
 class SearchRange:
-    """The candidates of a search: shifts of +-`shift_px`, turns of +-`steps` times `step_rad`."""
+    """The candidates of a search.
+
+    Attributes
+    ----------
+    shift_px : int
+        Shifts along u and v go from ``-shift_px`` to ``shift_px`` [px].
+    steps : int
+        Turns go from ``-steps`` to ``steps`` times `step_rad`.
+    step_rad : float
+        Angle between two candidates [rad].
+    """
 
     shift_px: int
     steps: int
@@ -82,7 +92,19 @@ class GroupMatch:
 
 
 class Viewpoint:
-    """A tracking area and its group."""
+    """A tracking area and its group.
+
+    Parameters
+    ----------
+    area : Area
+        Where in the picture its pixels are chosen.
+    search : SearchRange
+        Candidates of the search.
+    aspect : float
+        Metres per pixel along v over those along u.
+    kernels : Kernels
+        Compiled kernels, with vectors or without.
+    """
 
     def __init__(self, area: Area, search: SearchRange, aspect: float, kernels: Kernels) -> None:
         self.area = area

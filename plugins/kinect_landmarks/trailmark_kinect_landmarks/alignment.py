@@ -63,7 +63,13 @@ class AlignmentLimits:
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """Why there is no pose, in a few words."""
+    """Why there is no pose, in a few words.
+
+    Attributes
+    ----------
+    reason : str
+        For `Lost`.
+    """
 
     reason: str
 

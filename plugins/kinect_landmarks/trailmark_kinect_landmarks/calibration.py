@@ -25,7 +25,13 @@ _OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # op
 
 @dataclass(frozen=True, slots=True)
 class Crop:
-    """Lines of the colour picture that the depth camera does not see, at each side [px]."""
+    """Lines of the colour picture that the depth camera does not see, at each side [px].
+
+    Attributes
+    ----------
+    left, right, top, bottom : int
+        Columns and rows at that side [px].
+    """
 
     left: int = 0
     right: int = 0

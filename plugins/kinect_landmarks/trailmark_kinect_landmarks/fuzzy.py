@@ -14,7 +14,13 @@ __all__ = ["RULES", "Fuzzy", "Membership", "Rule", "SearchPlan", "chosen"]
 
 @dataclass(frozen=True, slots=True)
 class Membership:
-    """A trapezium: 0 up to `a`, 1 from `b` to `c`, 0 from `d`."""
+    """A trapezium: 0 up to `a`, 1 from `b` to `c`, 0 from `d`.
+
+    Attributes
+    ----------
+    a, b, c, d : float
+        Corners, in increasing order and in the unit of the input.
+    """
 
     a: float
     b: float

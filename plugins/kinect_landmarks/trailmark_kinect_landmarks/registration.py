@@ -38,7 +38,15 @@ _WIDTH_PX = 640.0  # the constants above are for pictures of this width
 
 @dataclass(frozen=True, slots=True)
 class Registration:
-    """Where depth pixels lie in the colour picture: ``centre + scale (pixel - centre) + (right_px, down_px)``."""
+    """Where depth pixels lie in the colour picture: ``centre + scale (pixel - centre) + (right_px, down_px)``.
+
+    Attributes
+    ----------
+    scale : float
+        Factor about the centre of the picture.
+    right_px, down_px : float
+        Shift of the depth picture [px].
+    """
 
     scale: float = 1.0
     right_px: float = 0.0

@@ -52,7 +52,15 @@ class StandardChannel(Channel):
 
 
 class DeviceChannel(Channel):
-    """A serial port, or what looks like one."""
+    """A serial port, or what looks like one.
+
+    Parameters
+    ----------
+    path : Path
+        The device: ``/dev/ttyUSB0``.
+    baud : int
+        Bits per second.
+    """
 
     def __init__(self, path: Path, baud: int) -> None:
         import termios
@@ -107,7 +115,13 @@ class DeviceChannel(Channel):
 
 
 class UdpChannel(Channel):
-    """Packets, each with whole lines; commands go to who sent the last one."""
+    """Packets, each with whole lines; commands go to who sent the last one.
+
+    Parameters
+    ----------
+    host, port : str
+        Where to listen.
+    """
 
     def __init__(self, host: str, port: int) -> None:
         self._socket = _bind(socket.SOCK_DGRAM, host, port)
@@ -142,7 +156,13 @@ class UdpChannel(Channel):
 
 
 class TcpChannel(Channel):
-    """One connection at a time; who goes may come again."""
+    """One TCP connection at a time; a program that disconnects may connect again.
+
+    Parameters
+    ----------
+    host, port : str
+        Where to listen.
+    """
 
     def __init__(self, host: str, port: int) -> None:
         self._listener = _bind(socket.SOCK_STREAM, host, port)

@@ -58,7 +58,15 @@ class KeyframeMatch:
 
 @dataclass(frozen=True, slots=True)
 class Unaligned:
-    """Why a picture does not fit to a key frame."""
+    """Why a picture does not fit to a key frame.
+
+    Attributes
+    ----------
+    reason : str
+        In a few words, for `Lost`.
+    details : mapping of str to float
+        The numbers that decided, by name.
+    """
 
     reason: str
     details: Mapping[str, float] = field(default_factory=dict)

@@ -32,7 +32,17 @@ _HARD: Mapping[str, float] = {"wood_dark": 0.3, "artificial_turf": 0.5}
 
 @dataclass(frozen=True, slots=True)
 class StraightErrors:
-    """Errors of visual odometry over a straight way."""
+    """Errors of visual odometry over a straight way.
+
+    Attributes
+    ----------
+    position_percent : float
+        Distance of the last pose from the true one, over the way [%].
+    odometer_percent : float
+        Error of the way's length [%].
+    heading_deg_per_m : float
+        Error of the heading over the way [deg/m].
+    """
 
     position_percent: float
     odometer_percent: float

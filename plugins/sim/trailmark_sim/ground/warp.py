@@ -34,7 +34,17 @@ _kernel = kernel(error_model="numpy")
 
 
 class GreyResponse(NamedTuple):
-    """Of a ground camera: gain and offset; variance of the noise of black, and what every grey level adds to it."""
+    """How a ground camera turns light into grey levels, with which noise.
+
+    Attributes
+    ----------
+    gain, offset : float
+        Factor, and grey levels added to it.
+    dark_var : float
+        Variance of the noise of black [levels^2].
+    grey_var : float
+        Variance that every grey level adds [levels].
+    """
 
     gain: float
     offset: float

@@ -55,7 +55,13 @@ class Taps(NamedTuple):
 
 
 class Colours(NamedTuple):
-    """Red, green and blue of each ray of a tile, (64,) float32 each."""
+    """Red, green and blue of each ray of a tile, (64,) float32 each.
+
+    Attributes
+    ----------
+    red, green, blue : array
+        Linear light, (64,) float32.
+    """
 
     red: AnyArray
     green: AnyArray

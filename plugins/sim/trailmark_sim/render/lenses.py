@@ -52,7 +52,15 @@ class Lens(ABC):
 
 @dataclass(frozen=True, slots=True)
 class PinholeLens(Lens):
-    """A perspective camera with OpenCV's distortion."""
+    """A perspective camera with OpenCV's distortion.
+
+    Attributes
+    ----------
+    width, height : int
+        Size of the picture [px].
+    calibration : Pinhole
+        Focal lengths, centre and distortion.
+    """
 
     width: int
     height: int

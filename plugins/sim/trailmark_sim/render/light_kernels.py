@@ -45,7 +45,17 @@ class Blockers(NamedTuple):
 
 
 class LightPlaces(NamedTuple):
-    """N places that are to be lit: position [m] and normal, (N, 3) each, and the number of the shape, (N,)."""
+    """N places on surfaces that are to be lit.
+
+    Attributes
+    ----------
+    positions : float64 array
+        (N, 3) in the map [m].
+    normals : float64 array
+        (N, 3), of length one.
+    owners : array
+        (N,), number of the shape that each lies on.
+    """
 
     positions: Floats
     normals: Floats

@@ -86,7 +86,21 @@ class SensorSurroundings(NamedTuple):
 
 
 class TileRays(NamedTuple):
-    """The 64 rays of a tile: unit rays (3, 64), and of each its pixel, the angle to the next, its range and shape."""
+    """The 64 rays of a tile.
+
+    Attributes
+    ----------
+    rays : array
+        (3, 64) float32, of length one.
+    pixels : array
+        (64,), index of each in the picture.
+    pixel_rad : array
+        (64,), angle to the next ray [rad].
+    ranges_m : array
+        (64,), way to what it meets [m].
+    shapes : array
+        (64,), number of the shape that it meets.
+    """
 
     rays: AnyArray
     pixels: AnyArray
@@ -96,7 +110,17 @@ class TileRays(NamedTuple):
 
 
 class SeenShape(NamedTuple):
-    """One shape of `SeenShapes` at one instant: its number and kind, its frame (3, 3) and the eye in it (3,)."""
+    """One shape of `SeenShapes` at one instant: its number and kind, its frame (3, 3) and the eye in it (3,).
+
+    Attributes
+    ----------
+    number, kind : Any
+        Number of the shape in the scene, and which kind it is.
+    frame : array
+        (3, 3), axes of the shape in the map.
+    eye : array
+        (3,), the camera in coordinates of the shape [m].
+    """
 
     number: Any
     kind: Any

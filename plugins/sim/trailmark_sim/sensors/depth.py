@@ -45,7 +45,17 @@ class DepthErrors(NamedTuple):
 
 
 class Echoes(NamedTuple):
-    """True range [m], steepness and shine of what each ray meets, (T, 64) float32 each."""
+    """What each ray of a depth camera meets, T tiles of 64 rays.
+
+    Attributes
+    ----------
+    ranges_m : float32 array
+        (T, 64), true range [m].
+    cosines : float32 array
+        (T, 64), of the angle between the ray and the surface's normal.
+    shine : float32 array
+        (T, 64), share that is mirrored.
+    """
 
     ranges_m: Float32s
     cosines: Float32s

@@ -120,7 +120,19 @@ def show_lamps(builder: SceneBuilder, lamps: Sequence[Lamp], emission: float) ->
 
 
 class Thing(NamedTuple):
-    """A coloured thing on the floor: ``box``, ``cylinder`` or ``ball``; side or radius [m]."""
+    """A coloured thing on the floor: ``box``, ``cylinder`` or ``ball``; side or radius [m].
+
+    Attributes
+    ----------
+    shape : str
+        ``box``, ``cylinder`` or ``ball``.
+    x, y : float
+        Middle in the map [m].
+    size_m : float
+        Side or radius [m].
+    colour : Colour
+        Red, green, blue, 0 to 1.
+    """
 
     shape: str
     x: float

@@ -19,7 +19,17 @@ _KERB_M = 2.2
 
 @dataclass(frozen=True, slots=True)
 class Strip:
-    """A rectangle of ground: ``"slabs"``, ``"tar"`` or ``"green"`` from corner to corner, at a height [m]."""
+    """A rectangle of ground: ``"slabs"``, ``"tar"`` or ``"green"`` from corner to corner, at a height [m].
+
+    Attributes
+    ----------
+    ground : str
+        ``slabs``, ``tar`` or ``green``.
+    west, east, south, north : float
+        Sides [m].
+    z : float
+        Height [m].
+    """
 
     ground: str
     west: float
@@ -31,7 +41,17 @@ class Strip:
 
 @dataclass(frozen=True, slots=True)
 class HouseRow:
-    """Houses along x of a leg from `west` to `east`, to its north or south; `is_cut`: the last ends at `east` [m]."""
+    """A row of houses along x of a leg.
+
+    Attributes
+    ----------
+    side : str
+        ``north`` or ``south`` of the leg.
+    west, east : float
+        From where to where [m].
+    is_cut : bool
+        Whether the last house ends at `east`.
+    """
 
     side: str
     west: float
@@ -67,7 +87,13 @@ class Leg:
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A rectangle of houses that a vehicle can run into [m]."""
+    """A rectangle of houses that a vehicle can run into [m].
+
+    Attributes
+    ----------
+    west, east, south, north : float
+        Sides [m].
+    """
 
     west: float
     east: float
