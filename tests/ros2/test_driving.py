@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import time
 
 import numpy as np
@@ -14,7 +15,7 @@ pytest.importorskip("cyclonedds", reason="the extra [ros2] is not installed")
 
 from trailmark.api import create
 from trailmark.commands import Steer4WS, Stop, Velocity
-from trailmark.errors import ConfigError
+from trailmark.errors import ConfigError, SourceError
 from trailmark.frames import Frame
 from trailmark.interfaces import Controller, Session
 from trailmark.pipeline import LocalizerPart, Parts, Pipeline, SourceStream
@@ -245,3 +246,56 @@ def test_a_part_that_fails_stops_the_robot(domain, robot, messages, wait_for) ->
 
     received += wait_for(lambda: speeds(heard))
     assert received[-5:] == [0.0] * 5
+
+
+@pytest.mark.parametrize(
+    ("read_as", "why"),
+    [
+        ("geometry_msgs/msg/TwistStamped", "it is read as geometry_msgs/msg/TwistStamped, and sent as geometry_msgs/"),
+        (None, r"nobody reads it \(did you mean /cmd_vels\?\); there are /cmd_vels"),
+    ],
+)
+def test_a_command_that_nobody_hears_is_said_with_the_reason(
+    domain, robot, messages, wait_for, caplog, read_as, why
+) -> None:
+    robot.repeat("/odom", 20.0, lambda k: messages.odometry())
+    other = robot.hear("/cmd_vel" if read_as else "/cmd_vels", read_as or TWIST)
+    source = create("source", "ros2", domain=domain, topics={"wheels": "/odom"}, command="/cmd_vel", silence_s=0.4)
+    source.start(Session("robot", "replay"))
+
+    def is_said() -> bool:
+        next(frames)
+        return "hears no command" in caplog.text
+
+    try:
+        frames = source.frames()
+        assert wait_for(is_said)
+        heard = robot.hear("/cmd_vel", TWIST)
+        assert wait_for(lambda: next(frames) and "/cmd_vel is read now" in caplog.text)
+        source.drive(Velocity(0.2))
+        assert wait_for(lambda: speeds(heard))
+    finally:
+        source.close()
+
+    assert re.search(f"the robot hears no command on /cmd_vel: {why}", caplog.text)
+    assert caplog.text.count("hears no command") == 1
+    assert not other.messages()
+
+
+def test_a_robot_whose_time_went_back_is_stopped_and_the_run_ends(driven, robot, messages, wait_for) -> None:
+    source, heard = driven(watchdog_s=0.3)
+    met(heard, wait_for)
+    frames = source.frames()
+    for _ in range(3):
+        next(frames)
+        source.drive(Velocity(0.4))
+    robot.fall_silent()
+    robot.repeat("/odom", 50.0, lambda k: messages.odometry(stamp_s=1.0 + k / 50.0))  # a simulation that was reset
+
+    with pytest.raises(SourceError, match=r"the stamps of /odom went back by \d+\.\d s: was the simulation reset"):
+        list(frames)
+    source.close()
+
+    received = speeds(heard)
+    assert received[-1] == 0.0
+    assert source.counters()["went_back.wheels"] > 0

@@ -219,6 +219,41 @@ def test_odometry_counts_from_our_start_and_through_a_restart(robot, messages, s
     assert source.counters()["restarts.wheels"] == 1
 
 
+def test_of_two_programs_that_send_one_topic_the_first_counts(domain, new_robot, messages, started, caplog) -> None:
+    first, second = new_robot(domain), new_robot(domain)
+    first.repeat("/odom", 50.0, lambda k: messages.odometry(0.01 * k))
+    source = started(topics={"wheels": "/odom"}, silence_s=1.0)
+    frames = source.frames()
+    next(frames)
+    second.repeat("/odom", 50.0, lambda k: messages.odometry(30.0 + 0.01 * k))
+    places = []
+    while source.counters().get("other_writer.wheels", 0) < 20:
+        places.append(next(frames).payload.pose_start_base.x)
+
+    assert caplog.text.count("/odom is sent by two programs at once") == 1
+    assert max(abs(b - a) for a, b in itertools.pairwise(places)) < 0.1
+    first.die()
+    later = [next(frames).payload.pose_start_base.x for _ in range(5)]  # it goes on from where the robot was
+    assert abs(later[0] - places[-1]) < 1.0
+
+
+@pytest.mark.parametrize("code", ["<u2", ">u2"])
+def test_rows_that_are_padded_and_bytes_in_either_order_are_read(robot, messages, started, code) -> None:
+    sent = (251 * GREY.astype(np.uint16))[:, :50]
+    message = messages.image(sent.astype(code), "mono16")
+    rows = np.pad(message.data.reshape(48, 100), ((0, 0), (0, 28)), constant_values=255)
+    message.step, message.is_bigendian, message.data = 128, int(code[0] == ">"), rows.ravel()
+
+    def stamped(k):
+        message.header = messages.header()
+        return message
+
+    robot.repeat("/image", 30.0, stamped)
+    frame = first_of(started(topics={"front": "/image"}), "front")
+
+    np.testing.assert_array_equal(frame.payload.pixels, sent)
+
+
 def test_a_robot_that_dies_and_comes_back_goes_on(domain, new_robot, messages, started, caplog) -> None:
     robot = new_robot(domain)
     robot.repeat("/odom", 50.0, lambda k: messages.odometry(0.01 * k))

@@ -18,6 +18,7 @@ from trailmark_ros2.message_types import deserialize
 from trailmark_ros2.readings import Reader
 from trailmark_ros2.silence import reason_of_silence
 from trailmark_ros2.stamping import Stamper
+from trailmark_ros2.writers import WriterChoice
 
 __all__ = ["DepthPairing", "TopicFeed"]
 
@@ -62,6 +63,8 @@ class TopicFeed:
         What was left out, and why.
     last_heard_s : float
         When the last message came, in monotonic time [s].
+    back_by_s : float
+        How far the stamp of the last message is behind the newest; 0: it is the newest [s].
     """
 
     def __init__(
@@ -78,6 +81,8 @@ class TopicFeed:
         self.frame_id = ""
         self.counts: Counter[str] = Counter()
         self.last_heard_s = time.monotonic()
+        self.back_by_s = 0.0
+        self._writers = WriterChoice()
         self._skips = skips
         self._last_stamp_s = float("-inf")
         self._is_silent = False
@@ -98,6 +103,9 @@ class TopicFeed:
         for sample in self.subscription.take():
             came_s = live_stamp_s()
             self._note_message()
+            if not self._writers.counts(sample.writer, self.last_heard_s):
+                self._leave_out_other_writer()
+                continue
             try:
                 yield from self._frames(sample, came_s)
             except Exception as error:  # a message from the network may hold anything
@@ -120,7 +128,7 @@ class TopicFeed:
             if reading_s <= self._last_stamp_s:
                 self._leave_out(reading_s)
                 continue
-            self._last_stamp_s = reading_s
+            self._last_stamp_s, self.back_by_s = reading_s, 0.0
             self.counts["received"] += 1
             yield Frame(self.sensor, reading_s, payload)
 
@@ -129,6 +137,7 @@ class TopicFeed:
         if reading_s == self._last_stamp_s:
             self.counts["repeated"] += 1
             return
+        self.back_by_s = self._last_stamp_s - reading_s
         if not self.counts["went_back"]:
             logger.warning(
                 "%s: stamps went back from %.3f s to %.3f s; such messages are left out until the stamps are beyond the"
@@ -138,6 +147,15 @@ class TopicFeed:
                 reading_s,
             )
         self.counts["went_back"] += 1
+
+    def _leave_out_other_writer(self) -> None:
+        if not self.counts["other_writer"]:
+            logger.warning(
+                "%s is sent by two programs at once; messages of the one that came later are left out, others silently:"
+                " does an old one still run?",
+                self.topic,
+            )
+        self.counts["other_writer"] += 1
 
     def _readings(self, message: Any, stamp_s: float, writer: int) -> Iterator[tuple[float, Payload]]:
         if isinstance(self.reader, DepthPairing):

@@ -7,7 +7,7 @@ from difflib import get_close_matches
 
 from trailmark_ros2.dds import Endpoint, Quality
 
-__all__ = ["reason_of_silence"]
+__all__ = ["reason_of_silence", "reason_unheard"]
 
 
 def reason_of_silence(
@@ -35,10 +35,7 @@ def reason_of_silence(
             " and does `interface` lead to it?"
         )
     if not own:
-        names = sorted({writer.topic for writer in writers})
-        close = get_close_matches(topic, names, n=1)
-        hint = f" (did you mean {close[0]}?)" if close else ""
-        return f"nobody sends it{hint}; there are {', '.join(names)}"
+        return f"nobody sends it{_others(topic, writers)}"
     others = sorted({writer.type_name for writer in own} - {type_name})
     if type_name is not None and all(writer.type_name != type_name for writer in own):
         return f"it is sent as {', '.join(others)}, and was asked for as {type_name}"
@@ -51,3 +48,31 @@ def reason_of_silence(
         "its writer is there and fits, but sends nothing; if other programs get its messages, look whether the"
         " definitions of the type are the same"
     )
+
+
+def reason_unheard(topic: str, type_name: str, readers: Sequence[Endpoint]) -> str:
+    """Return the likely reason why nobody hears what we send on a topic, reliably and volatile.
+
+    Parameters
+    ----------
+    topic, type_name : str
+        The topic, and as what it is sent.
+    readers : sequence of Endpoint
+        All readers of others that are on the network.
+    """
+    own = [reader for reader in readers if reader.topic == topic]
+    if not own:
+        return f"nobody reads it{_others(topic, readers)}"
+    types = sorted({reader.type_name for reader in own})
+    if type_name not in types:
+        return f"it is read as {', '.join(types)}, and sent as {type_name}"
+    if all(reader.quality.is_latched for reader in own if reader.type_name == type_name):
+        return "its reader asks for what was sent before it came (transient local): they never match"
+    return "its reader is there and fits, but is not matched; are the definitions of the type the same?"
+
+
+def _others(topic: str, endpoints: Sequence[Endpoint]) -> str:
+    names = sorted({endpoint.topic for endpoint in endpoints})
+    close = get_close_matches(topic, names, n=1)
+    hint = f" (did you mean {close[0]}?)" if close else ""
+    return f"{hint}; there are {', '.join(names)}" if names else ""

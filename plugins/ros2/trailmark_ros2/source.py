@@ -23,9 +23,11 @@ from trailmark_ros2 import dds
 from trailmark_ros2.config import Ros2SourceConfig
 from trailmark_ros2.driving import COMMAND_TYPES, RobotDriver, accepted_commands, command_message
 from trailmark_ros2.feeds import DEPTH, DepthPairing, TopicFeed
+from trailmark_ros2.listening import ListenerWatch
 from trailmark_ros2.meeting import MetTopic, Patience, first_message, meet_writers
 from trailmark_ros2.mountings import mounting_of, static_tree
 from trailmark_ros2.readings import new_reader
+from trailmark_ros2.resets import refuse_a_reset
 from trailmark_ros2.stamping import Stamper
 
 __all__ = ["Ros2Source"]
@@ -62,6 +64,7 @@ class Ros2Source(Drivable):
         self._feeds: list[TopicFeed] = []
         self._network: dds.Network | None = None
         self._driver: RobotDriver | None = None
+        self._listener: ListenerWatch | None = None
         self._told: dds.Subscription | None = None
         self._closed = threading.Event()
         self._busy = threading.Lock()  # the network must not go while messages are being taken
@@ -93,13 +96,15 @@ class Ros2Source(Drivable):
         if config.initial_pose is not None:
             self._told = network.subscription(config.initial_pose, _POSE, dds.Quality())
         if config.command is not None:
-            publisher = network.publisher(config.command, COMMAND_TYPES[config.command_type], dds.Quality())
+            type_name = COMMAND_TYPES[config.command_type]
+            publisher = network.publisher(config.command, type_name, dds.Quality())
+            self._listener = ListenerWatch(publisher, config.command, type_name, config.silence_s)
             message_of = partial(command_message, kind=config.command_type, wheelbase_m=config.wheelbase_m)
             self._driver = RobotDriver(publisher, message_of, config.watchdog_s)
 
     def close(self) -> None:
         """Stop the robot, end `frames`, leave the network."""
-        driver, self._driver = self._driver, None
+        driver, self._driver, self._listener = self._driver, None, None
         if driver is not None:
             driver.close()
         self._closed.set()
@@ -220,7 +225,7 @@ class Ros2Source(Drivable):
         Raises
         ------
         SourceError
-            If a message cannot be used, with ``on_bad_frame: error``.
+            If a message cannot be used, with ``on_bad_frame: error``, or the robot's time went back.
         """
         closed = self._closed
         waiter: dds.Waiter | None = None
@@ -238,6 +243,7 @@ class Ros2Source(Drivable):
             yield from frames
             if time.monotonic() - looked_s > _LOOK_EVERY_S:
                 looked_s = time.monotonic()
+                refuse_a_reset(self._feeds, 2.0 * _LOOK_EVERY_S)
                 if self._check_silence():
                     waiter = None  # it waits for a subscription that was made anew
                 if self._is_over():
@@ -248,6 +254,8 @@ class Ros2Source(Drivable):
             network = self._network
             if network is None:
                 return False
+            if self._listener is not None:
+                self._listener.check(network)
             anew = [feed.check_silence(network, self.config.silence_s) for feed in self._feeds]
         return any(anew)
 
