@@ -18,6 +18,7 @@ from trailmark_laser_maps.odometry.config import ScanOdometryConfig
 from trailmark_laser_maps.odometry.lines import scan_normals
 from trailmark_laser_maps.odometry.localizer import ScanOdometry
 from trailmark_laser_maps.odometry.matching import LocalMap
+from trailmark_laser_maps.odometry.uncertainty import errors_in_common, step_information
 
 Look = Callable[..., Floats]
 LASER = Pose2(0.15, 0.05, 0.3)
@@ -41,11 +42,11 @@ def scan_of(points: Floats) -> Scan:
 
 
 def said_over(
-    poses: Sequence[Pose2], walls: Floats, look: Look, odometry: Sequence[Pose2] | None = None
+    poses: Sequence[Pose2], walls: Floats, look: Look, odometry: Sequence[Pose2] | None = None, noise_m: float = 0.01
 ) -> list[Estimate]:
     localizer, said = start(), list[Estimate]()
     for index, pose in enumerate(poses):
-        scan = scan_of(look(walls, pose @ LASER, 360, 0.01, index))
+        scan = scan_of(look(walls, pose @ LASER, 360, noise_m, index))
         moved = Pose2() if odometry is None else odometry[index]
         said += localizer.observe(Frame("laser", 0.2 * index, scan), Belief(0.2 * index, pose_odom_base=moved))
     return said
@@ -85,11 +86,53 @@ def test_a_laser_that_sits_aside_sees_base_turn_on_the_spot(walls: Floats, look:
 def test_errors_of_steps_are_such_as_their_information_says(walls: Floats, look: Look) -> None:
     poses = drive(40, Pose2(0.09, 0.0, 0.035), Pose2(1.5, 1.0, 0.0))
     nees = []
-    for before, now, one in zip(poses, poses[1:], said_over(poses, walls, look), strict=False):
+    said = said_over(poses, walls, look, noise_m=ScanOdometryConfig(laser="laser").sigma_m)
+    for before, now, one in zip(poses, poses[1:], said, strict=False):
         assert isinstance(one, Motion)
-        error = before.between(now).between(one.pose_since_now).array()
+        error = one.pose_since_now.array() - before.between(now).array()
         nees.append(error @ one.information @ error / 3.0)
-    assert 0.05 < np.mean(nees) < 2.0
+    assert 0.4 < np.mean(nees) < 2.0  # n = 39 steps of 3 numbers
+
+
+def test_rays_share_an_error_as_their_residuals_do() -> None:
+    rng = np.random.default_rng(7)
+    white = rng.standard_normal(2000)
+    runs_of_six = np.repeat(rng.standard_normal(400), 6)  # their sum of autocorrelations is 6
+
+    assert errors_in_common(white) == pytest.approx(1.0, abs=0.4)
+    assert 4.0 < errors_in_common(runs_of_six) < 6.5
+    assert errors_in_common(np.where(rng.random(2400) < 0.2, np.nan, runs_of_six)) > 3.0
+    assert errors_in_common(np.tile([1.0, -1.0], 20)) == 1.0
+    assert errors_in_common(np.full(5, np.nan)) == 1.0
+
+
+def test_a_step_is_as_uncertain_as_draws_of_both_its_ends() -> None:
+    rng = np.random.default_rng(7)
+    before, now = Pose2(1.0, 2.0, 0.7), Pose2(2.0, 1.5, 1.1)
+    sigmas = np.diag([0.01, 0.03, 0.02])
+    covariances = sigmas @ sigmas, np.diag([4e-4, 1e-4, 1e-4])
+    errors = [rng.multivariate_normal(np.zeros(3), covariance, 20_000) for covariance in covariances]
+    drawn = [
+        Pose2.from_array(before.array() + a).between(Pose2.from_array(now.array() + b)).array() for a, b in zip(*errors)
+    ]
+
+    told = step_information(before, np.linalg.inv(covariances[0]), now, np.linalg.inv(covariances[1]))
+
+    np.testing.assert_allclose(np.linalg.inv(told), np.cov(np.transpose(drawn)), rtol=0.05, atol=2e-5)
+
+
+def test_a_step_tells_little_of_what_one_of_its_ends_does_not() -> None:
+    corridor, room = np.diag([0.0, 1e4, 1e5]), np.diag([1e4, 1e4, 1e5])
+    turned = Pose2(0.0, 0.0, 0.01)  # the directions of a wall differ by half a degree from scan to scan
+    turn = np.array([[math.cos(0.01), -math.sin(0.01), 0.0], [math.sin(0.01), math.cos(0.01), 0.0], [0.0, 0.0, 1.0]])
+
+    into_it = step_information(Pose2(), room, Pose2(), corridor)
+    along_it = step_information(Pose2(), turn @ corridor @ turn.T, Pose2(), corridor)
+    out_of_it = step_information(turned, corridor, turned @ Pose2(0.2), room)
+
+    np.testing.assert_allclose(np.diag(into_it), [0.0, 5e3, 5e4], rtol=2e-3, atol=1e-6)
+    np.testing.assert_allclose(np.diag(along_it), [0.0, 5e3, 5e4], rtol=0.1, atol=1e-6)
+    assert out_of_it[0, 0] ** -0.5 == pytest.approx(0.3, rel=0.05)
 
 
 def test_a_corridor_tells_nothing_along_itself(look: Look) -> None:
@@ -100,7 +143,8 @@ def test_a_corridor_tells_nothing_along_itself(look: Look) -> None:
     for one in said:
         assert isinstance(one, Motion)
         assert across @ one.information[:2, :2] @ across > 0.01**-2
-        assert along @ one.information[:2, :2] @ along < 1.0  # not to a metre: nothing
+        # nothing, in a direction that is the corridor's to half a degree
+        assert along @ one.information[:2, :2] @ along < 1e-4 * (across @ one.information[:2, :2] @ across)
 
 
 def test_along_a_corridor_it_goes_as_far_as_the_wheels_say(look: Look) -> None:
@@ -126,6 +170,25 @@ def test_carried_away_it_is_lost_and_goes_on(walls: Floats, look: Look) -> None:
     assert "of the scan lies on those before it" in lost.reason
     assert isinstance(after, Motion)
     assert after.since_s == lost.stamp_s  # the gap is left to others
+
+
+def test_somebody_before_the_laser_is_not_the_room(walls: Floats, look: Look) -> None:
+    poses = drive(8, Pose2(0.1), Pose2(1.5, 1.0, 0.0))
+    localizer, said = start(), list[Estimate]()
+    for index, pose in enumerate(poses):
+        scan = scan_of(look(walls, pose @ LASER, 360, 0.01, index))
+        if index in (3, 4):  # he stands so near that half of the rays end at him
+            ranges = np.array(scan.ranges_m)
+            ranges[:220] = 0.25
+            scan = Scan(ranges, scan.angle_min_rad, scan.angle_step_rad, 0.0, 12.0)
+        said += localizer.observe(Frame("laser", 0.2 * index, scan), Belief(0.2 * index))
+
+    assert [type(one) for one in said] == [Motion, Motion, Lost, Lost, Motion, Motion, Motion]
+    over = said[4]
+    assert isinstance(over, Motion)
+    assert over.since_s == pytest.approx(0.4)  # what was seen before is still known
+    off = poses[2].between(poses[5]).between(over.pose_since_now)
+    assert math.hypot(off.x, off.y) < 0.02
 
 
 def test_what_says_nothing_is_lost() -> None:

@@ -16,22 +16,28 @@ from trailmark.geometry import Pose2
 from trailmark.interfaces import Localizer, Session
 from trailmark_laser_maps.odometry.config import ScanOdometryConfig
 from trailmark_laser_maps.odometry.matching import LocalMap, LocalMatch
+from trailmark_laser_maps.odometry.uncertainty import step_information
 
 __all__ = ["ScanOdometry"]
 
 _MIN_POINTS = 20
 #: A match this good needs no other guesses; else turns of base from which it is tried again [deg].
 _GOOD_SHARE, _TURNS_DEG = 0.85, (-24.0, -16.0, -8.0, 8.0, 16.0, 24.0)
+#: Half of a scan nearer than this is left out: the next one that sees more is matched to the same scans [m].
+_COVERED_M = 0.4
+#: The first scan lies on its local map by definition.
+_EXACT = 1e12 * np.eye(3)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class _Matched:
-    """The last scan: when, where in the local map, where the belief's odometry was, and the step that led there."""
+    """The last scan: when, where in the local map and how surely, where the belief's odometry was, the step to it."""
 
     stamp_s: float
     pose: Pose2
     pose_odom_base: Pose2
     step: Pose2
+    information: Floats
 
 
 class ScanOdometry(Localizer):
@@ -56,6 +62,10 @@ class ScanOdometry(Localizer):
         points = self._points(frame.payload)
         if len(points) < _MIN_POINTS:
             return [Lost(frame.stamp_s, f"only {len(points)} returns")]
+        if self._is_covered(points):
+            return [
+                Lost(frame.stamp_s, f"half of the returns are nearer than {_COVERED_M} m: something covers the laser")
+            ]
         last = self._last
         if last is None or frame.stamp_s <= last.stamp_s:
             self._begin(frame.stamp_s, points, belief)
@@ -65,16 +75,23 @@ class ScanOdometry(Localizer):
             self._begin(frame.stamp_s, points, belief)
             return [Lost(frame.stamp_s, f"only {match.share:.0%} of the scan lies on those before it", _details(match))]
         motion = _motion(last, frame.stamp_s, match)
-        self._last = _Matched(frame.stamp_s, match.pose, belief.pose_odom_base, motion.pose_since_now)
+        self._last = _Matched(
+            frame.stamp_s, match.pose, belief.pose_odom_base, motion.pose_since_now, match.information
+        )
         self._add_when_new(match, points)
         return [motion]
+
+    def _is_covered(self, points: Floats) -> bool:
+        """Whether hardly more is seen than something that stands close by, and may walk along."""
+        offsets = points - (self._pose_base_laser.x, self._pose_base_laser.y)
+        return float(np.median(np.hypot(offsets[:, 0], offsets[:, 1]))) < _COVERED_M
 
     def _begin(self, stamp_s: float, points: Floats, belief: Belief) -> None:
         """Begin a local map with this scan."""
         self._map = LocalMap(self.config.keep_scans)
         self._map.add(Pose2(), points)
         self._keyscan = Pose2()
-        self._last = _Matched(stamp_s, Pose2(), belief.pose_odom_base, Pose2())
+        self._last = _Matched(stamp_s, Pose2(), belief.pose_odom_base, Pose2(), _EXACT)
 
     def _match(self, last: _Matched, points: Floats, belief: Belief) -> LocalMatch:
         rays = points[np.linspace(0, len(points) - 1, min(self.config.n_rays, len(points))).astype(int)]
@@ -100,12 +117,9 @@ class ScanOdometry(Localizer):
 
 
 def _motion(last: _Matched, stamp_s: float, match: LocalMatch) -> Motion:
-    """Return the step from the last scan, its information turned into the axes of base at that scan."""
-    cos, sin = math.cos(last.pose.theta), math.sin(last.pose.theta)
-    turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    information = turn @ match.information @ turn.T
-    step = last.pose.between(match.pose)
-    return Motion(last.stamp_s, stamp_s, step, (information + information.T) / 2.0, _details(match))
+    """Return the step from the last scan, with what both matches leave open."""
+    information = step_information(last.pose, last.information, match.pose, match.information)
+    return Motion(last.stamp_s, stamp_s, last.pose.between(match.pose), information, _details(match))
 
 
 def _details(match: LocalMatch) -> dict[str, float]:

@@ -14,17 +14,16 @@ from trailmark.arrays import Floats
 from trailmark.geometry import Pose2
 from trailmark.geometry.walls import limited_information, line_equations, measured_information, measured_step
 from trailmark_laser_maps.odometry.lines import scan_normals
+from trailmark_laser_maps.odometry.uncertainty import errors_in_common
 
 __all__ = ["LocalMap", "LocalMatch"]
 
 # The gate shrinks: the first steps pull in from afar, the last are not bent by what does not belong.
 _GATES_M = (0.8, 0.8, 0.6, 0.5, 0.4, 0.3, 0.25, 0.2, 0.15, 0.15, 0.15)
 _FIT_M = 0.15
-#: Neighbouring points share an error: so many of them count as one.
-_CORRELATION = 10.0
 _CLEARLY = 0.02
 #: What no match is better than [m, rad].
-_FLOOR = (0.003, math.radians(0.08))
+_FLOOR = (0.001, math.radians(0.03))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,22 +86,25 @@ class LocalMap:
         """Iterate closest lines (Chen & Medioni 1992) with Huber weights."""
         pose = guess
         for gate_m in _GATES_M:
-            hessian, gradient, _, n_lines = self._equations(pose, points_base, gate_m)
+            hessian, gradient, residuals = self._equations(pose, points_base, gate_m)
+            n_lines = int(np.isfinite(residuals).sum())
             if n_lines < 6:
                 return LocalMatch(pose, np.zeros((3, 3)), 0.0, math.inf)
             step = measured_step(hessian, gradient, n_lines)
             pose = Pose2(pose.x - step[0], pose.y - step[1], pose.theta - step[2])
             if np.abs(step).max() < 2e-5 and gate_m <= _FIT_M:
                 break
-        hessian, _, squared, n_lines = self._equations(pose, points_base, _FIT_M)
+        hessian, _, residuals = self._equations(pose, points_base, _FIT_M)
         distances, _ = self._tree.query(pose @ points_base)
-        residual_m = math.sqrt(squared / max(n_lines, 1))
-        information = measured_information(hessian, n_lines) / (_CORRELATION * max(sigma_m, residual_m) ** 2)
+        n_lines = int(np.isfinite(residuals).sum())
+        residual_m = math.sqrt(float(np.nansum(np.square(residuals))) / max(n_lines, 1))
+        variance = max(sigma_m, residual_m) ** 2 * errors_in_common(residuals)
+        information = measured_information(hessian, n_lines) / variance
         limited = limited_information(information, _FLOOR)
         return LocalMatch(pose, limited, float(np.mean(distances < _FIT_M)), residual_m)
 
-    def _equations(self, pose: Pose2, points_base: Floats, gate_m: float) -> tuple[Floats, Floats, float, int]:
-        """Return Gauss-Newton's matrix and gradient, the sum of squared residuals, and how many lines say something."""
+    def _equations(self, pose: Pose2, points_base: Floats, gate_m: float) -> tuple[Floats, Floats, Floats]:
+        """Return Gauss-Newton's matrix and gradient, and how far points are beyond their walls, NaN: none, (N,)."""
         points = pose @ points_base
         distances, nearest = self._tree.query(points, distance_upper_bound=gate_m)
         nearest = np.where(np.isfinite(distances), nearest, 0)
@@ -111,5 +113,8 @@ class LocalMap:
         normals, arms = normals[is_used], points[is_used] - (pose.x, pose.y)
         offsets = points[is_used] - self._points[nearest[is_used]]
         hessian, gradient = np.empty((3, 3)), np.empty(3)
-        squared, n_lines = line_equations(arms, offsets, normals, gate_m / 3.0, hessian, gradient)
-        return hessian, gradient, squared, n_lines
+        line_equations(arms, offsets, normals, gate_m / 3.0, hessian, gradient)
+        residuals = np.full(len(points), math.nan)
+        away = np.sign((arms * normals).sum(axis=1))  # normals are sign free
+        residuals[is_used] = away * (offsets * normals).sum(axis=1)
+        return hessian, gradient, residuals
