@@ -36,7 +36,7 @@ from trailmark.evaluation.silent import FLOORS, are_silently_wrong
 from trailmark.frames import RGBD, DepthCamera, Frame, Image, Scalar, SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Localizer, Session
-from trailmark_papers.kit import Watcher, show, simulated, started_source
+from trailmark_papers.kit import Watcher, show, sim_source, started_source
 
 #: Places that constants were chosen on; the others are what is reported.
 CHOSEN_ON, REPORTED = (1, 2), (3, 4, 5, 6, 7)
@@ -127,7 +127,7 @@ class _Keeper(Watcher):
 
 def render(condition: Condition, world: str, place: int, seed: int) -> Scene:
     """Drive straight ahead through a place."""
-    config = simulated(
+    config = sim_source(
         world,
         route="straight",
         world_seed=place,

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
 
-from trailmark.interruption import TELL_S, Interrupted, asked, reason_of, shielded
+from trailmark.interruption import TELL_S, Interrupted, ending_signal, reason_of, shielded
 from trailmark.pipeline import Pipeline, RunRequest, RunResult, Step, link_latest, new_folder
 
 if TYPE_CHECKING:
@@ -123,13 +123,13 @@ def create(kind: str, name: str, *, plugins: Plugins | None = None, **config: An
         If the part cannot be imported or constructed.
     """
     from trailmark.config.document import Document, Problems
-    from trailmark.config.explain import validated
+    from trailmark.config.explain import validate_at
     from trailmark.plugins import load_plugins
 
     spec = (plugins or load_plugins()).registry.find(kind, name)
     document = Document(config, name=f"{kind} {name!r}")
     problems = Problems(document)
-    settings = validated(spec.load_config(), config, (), problems, document.base_dir)
+    settings = validate_at(spec.load_config(), config, (), problems, document.base_dir)
     problems.raise_if_any()
     return spec.construct(settings)
 
@@ -141,13 +141,13 @@ def _evaluate_into_result(pipeline: Pipeline, glimpses: Glimpses | None) -> RunR
     `write_report` makes the rest later.
     """
     result, metrics = pipeline.result, None
-    if (signal := asked()) is not None:
+    if (signal := ending_signal()) is not None:
         with shielded():
             logger.warning("%s", _words_at_the_end(signal, result))
     try:
         with shielded(TELL_S):
             metrics = _write_metrics(pipeline, glimpses)
-        if (late := asked()) is not None and result.status != "interrupted":
+        if (late := ending_signal()) is not None and result.status != "interrupted":
             raise late  # it came at the end of the metrics
         if glimpses is not None and late is None:
             _write_report(pipeline)

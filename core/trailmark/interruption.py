@@ -28,8 +28,8 @@ __all__ = [
     "Interrupted",
     "Lifeline",
     "ask_to_end",
-    "asked",
     "asked_since_s",
+    "ending_signal",
     "forget",
     "is_due",
     "is_kept",
@@ -145,7 +145,7 @@ def forget() -> None:
     _request.clear()
 
 
-def asked() -> Interrupted | None:
+def ending_signal() -> Interrupted | None:
     """Return the signal that told the program to end; None: nobody has."""
     return _request.by
 

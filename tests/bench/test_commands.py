@@ -16,9 +16,9 @@ from trailmark.cli.root import ChosenPlugins, root
 from trailmark.errors import ConfigError, DataError
 from trailmark_bench import Cell, Index, Outcome
 from trailmark_bench.cli.commands import bench_group
-from trailmark_bench.export import exported
+from trailmark_bench.export import export_text
 from trailmark_bench.merge import merge_benches
-from trailmark_bench.summary import summarized
+from trailmark_bench.summary import summarize_bench
 
 TOY = Path(__file__).with_name("toy_plugin.py")
 CONFIG = """
@@ -178,9 +178,9 @@ def test_help_knows_the_commands() -> None:
 
 def test_csv_has_full_digits_and_tells_every_cell(synthetic, tmp_path: Path) -> None:
     with synthetic(tmp_path, sources=2, localizers=2, seeds=3) as index:
-        statistics = list(csv.DictReader(io.StringIO(exported(index, "csv"))))
-        cells = list(csv.DictReader(io.StringIO(exported(index, "csv", cells=True))))
-        summary = summarized(index)
+        statistics = list(csv.DictReader(io.StringIO(export_text(index, "csv"))))
+        cells = list(csv.DictReader(io.StringIO(export_text(index, "csv", cells=True))))
+        summary = summarize_bench(index)
 
     assert len(cells) == 12
     assert {cell["state"] for cell in cells} == {"ok", "crashed"}
@@ -191,7 +191,7 @@ def test_csv_has_full_digits_and_tells_every_cell(synthetic, tmp_path: Path) -> 
 
 def test_latex_is_escaped_and_markdown_has_as_many_cells_in_each_row(synthetic, tmp_path: Path) -> None:
     with synthetic(tmp_path, sources=2, localizers=2, seeds=3) as index:
-        latex, markdown = exported(index, "latex"), exported(index, "markdown")
+        latex, markdown = export_text(index, "latex"), export_text(index, "markdown")
 
     assert r"method\_0" in latex
     assert not re.search(r"(?<!\\)_", "\n".join(line for line in latex.splitlines() if not line.startswith("%")))
@@ -251,7 +251,7 @@ def test_failures_are_the_worst_and_never_averaged_away(tmp_path: Path) -> None:
             else:
                 metrics = {"ate_rmse_m[se2,n=9]": 0.1 if name == "a" else 0.2, "tracked_fraction[gap<=1s]": 0.9}
                 index.mark_finished(cell.id, Outcome("ok"), {"metrics": metrics, "errors": True, "alignment": "se2"})
-        summary = summarized(index)
+        summary = summarize_bench(index)
 
     a = summary.entries["a", "all"]
     error, tracked = summary.metrics
@@ -274,7 +274,7 @@ def test_a_baseline_that_was_skipped_somewhere_is_compared_where_it_ran(tmp_path
                 index.mark_finished(cell.id, Outcome("skipped", "no camera"))
             else:
                 index.mark_finished(cell.id, Outcome("ok"), {"metrics": {"ate_rmse_m[se2,n=9]": 0.1}, "errors": True})
-        summary = summarized(index, baseline="b")
+        summary = summarize_bench(index, baseline="b")
 
     assert {key for key, entry in summary.entries.items() if entry.comparisons} == {("a", "floor")}
     assert [row.n_conditions for row in summary.overall] == [1, 0]

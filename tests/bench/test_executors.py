@@ -21,7 +21,7 @@ from trailmark_bench import Index, run_bench
 from trailmark_bench.executors.config import DaskConfig, LocalConfig
 from trailmark_bench.executors.dask import DaskExecutor
 from trailmark_bench.executors.local import LocalExecutor
-from trailmark_bench.remote import packed, run_packed
+from trailmark_bench.remote import pack_request, run_packed
 
 TOY = Path(__file__).with_name("toy_plugin.py")
 CONFIG = """
@@ -42,7 +42,7 @@ def recording_bench(bench_of, folder: Path):
 
 def test_a_cell_carries_its_recordings_and_plugins(bench_of, tmp_path: Path) -> None:
     (cell,) = recording_bench(bench_of, tmp_path).cells
-    package = packed(cell.request, carry_mb=1.0)
+    package = pack_request(cell.request, carry_mb=1.0)
     os.unlink(tmp_path / "speed.txt")  # as on a machine that never had it
 
     answer = run_packed(package)
@@ -54,8 +54,8 @@ def test_a_cell_carries_its_recordings_and_plugins(bench_of, tmp_path: Path) -> 
 
 def test_what_is_too_large_to_be_sent_must_be_there(bench_of, tmp_path: Path) -> None:
     (cell,) = recording_bench(bench_of, tmp_path).cells
-    package = packed(cell.request, carry_mb=0.0)
-    package["carried"] |= packed({**cell.request, "data": {}}, carry_mb=1.0)["carried"]
+    package = pack_request(cell.request, carry_mb=0.0)
+    package["carried"] |= pack_request({**cell.request, "data": {}}, carry_mb=1.0)["carried"]
     (tmp_path / "speed.txt").write_text("2.0")  # another recording of the same name
 
     outcome = run_packed(package)["outcome"]
@@ -66,7 +66,7 @@ def test_what_is_too_large_to_be_sent_must_be_there(bench_of, tmp_path: Path) ->
 
 def test_a_worker_with_other_code_refuses(bench_of, tmp_path: Path) -> None:
     (cell,) = recording_bench(bench_of, tmp_path).cells
-    package = packed(cell.request, carry_mb=1.0)
+    package = pack_request(cell.request, carry_mb=1.0)
 
     other = run_packed({**package, "trailmark": "9.9.9"})["outcome"]
     changed = {**package["request"], "code": {"trailmark_sim": "0.1.0 0123456789abcdef"}}

@@ -10,13 +10,13 @@ import pytest
 
 from trailmark_bench import Index
 from trailmark_bench.floor import FLOOR
-from trailmark_bench.summary import summarized
+from trailmark_bench.summary import summarize_bench
 from trailmark_bench.tables import bench_tables
 
 
 def test_it_stands_below_the_methods_of_each_condition(tmp_path: Path, synthetic: Callable[..., Index]) -> None:
     with synthetic(tmp_path, sources=2, localizers=3, fails=0.0, floor_m=0.4) as index:
-        summary = summarized(index)
+        summary = summarize_bench(index)
 
     medians, *others = bench_tables(summary)
     rows = [row for row in medians.rows if row[1] == FLOOR]
@@ -29,7 +29,7 @@ def test_it_stands_below_the_methods_of_each_condition(tmp_path: Path, synthetic
 
 def test_it_changes_no_rank_and_no_comparison(tmp_path: Path, synthetic: Callable[..., Index]) -> None:
     with synthetic(tmp_path / "a", floor_m=4.0) as with_floor, synthetic(tmp_path / "b") as without:
-        told, expected = (summarized(index).document() for index in (with_floor, without))
+        told, expected = (summarize_bench(index).document() for index in (with_floor, without))
 
     assert told["overall"] == expected["overall"]
     assert [entry for entry in told["entries"] if entry["method"] != FLOOR] == expected["entries"]
@@ -40,12 +40,12 @@ def test_where_nobody_knows_the_truth_there_is_none(
     tmp_path: Path, synthetic: Callable[..., Index], reason: str
 ) -> None:
     with synthetic(tmp_path, fails=1.0 if reason == "failed" else 0.0, floor_m=None) as index:
-        assert FLOOR not in summarized(index).methods
+        assert FLOOR not in summarize_bench(index).methods
 
 
 def test_a_cell_says_it(tmp_path: Path, bench_of: Callable[..., Any], run_cells: Callable[..., Any]) -> None:
     run_cells(bench_of({"localizers": ["odometry"]}), tmp_path)
 
     with Index(tmp_path) as index:
-        (still,) = [entry for entry in summarized(index).entries.values() if entry.method == FLOOR]
+        (still,) = [entry for entry in summarize_bench(index).entries.values() if entry.method == FLOOR]
     assert all(way_m > 0.0 for way_m in still.values["ate_rmse_m"].values())

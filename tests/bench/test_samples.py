@@ -13,7 +13,7 @@ from trailmark.isolation import Outcome
 from trailmark_bench import Cell, Index
 from trailmark_bench.nested import compare_samples, spreads_of_samples
 from trailmark_bench.statistics import compare_pairs, spreads
-from trailmark_bench.summary import BenchSummary, summarized
+from trailmark_bench.summary import BenchSummary, summarize_bench
 from trailmark_bench.tables import bench_tables
 
 #: Errors by method and trial; None is a crash.
@@ -35,7 +35,7 @@ def summary_of(tmp_path: Path):
             index.set_meta(metrics=list(metrics), baseline=next(iter(errors)), name="made up")
             for number, (cell, error) in enumerate(cells):
                 index.mark_finished(cell.id, *_finished(error, number))
-            return summarized(index)
+            return summarize_bench(index)
 
     return summarize
 
@@ -159,7 +159,7 @@ def test_the_probability_of_improvement_by_hand(summary_of) -> None:
 
 def test_two_failures_are_a_tie_and_conditions_give_the_interval(tmp_path: Path, synthetic) -> None:
     with synthetic(tmp_path, sources=6, localizers=2, seeds=5, fails=0.3) as index:
-        improvements = summarized(index).improvements
+        improvements = summarize_bench(index).improvements
 
     first, second = improvements
     assert (first.method, first.other, first.n_conditions) == ("method_0", "method_1", 6)

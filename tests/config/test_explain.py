@@ -8,7 +8,7 @@ import pytest
 
 from trailmark.config import PluginConfig
 from trailmark.config.document import Document, Problems
-from trailmark.config.explain import validated
+from trailmark.config.explain import validate_at
 from trailmark.errors import ConfigError
 
 
@@ -33,7 +33,7 @@ class Gate(PluginConfig):
 def test_what_is_wrong_is_said_with_all_that_would_be_right(data: dict[str, Any], story: str) -> None:
     problems = Problems(Document(data))
 
-    assert validated(Gate, data, (), problems, None) is None
+    assert validate_at(Gate, data, (), problems, None) is None
 
     with pytest.raises(ConfigError) as raised:
         problems.raise_if_any()

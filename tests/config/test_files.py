@@ -7,7 +7,7 @@ from pydantic import ValidationError
 
 from trailmark.config import ConfigPath, ExistingFile, ExistingPath, PluginConfig, read_calibration
 from trailmark.config.document import read_document
-from trailmark.config.files import resolved
+from trailmark.config.files import resolve_path
 from trailmark.errors import ConfigError
 from trailmark.frames import GroundPlane, Pinhole
 
@@ -75,14 +75,14 @@ def test_a_calibration_file_that_is_no_calibration_is_named(tmp_path):
 def test_a_variable_in_a_path_is_expanded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("RECORDINGS", str(tmp_path))
 
-    assert resolved("${RECORDINGS}/a.bag") == tmp_path / "a.bag"
+    assert resolve_path("${RECORDINGS}/a.bag") == tmp_path / "a.bag"
 
 
 def test_a_variable_that_is_not_set_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("RECORDINGS", raising=False)
 
     with pytest.raises(ValueError, match="environment variable RECORDINGS is not set"):
-        resolved("${RECORDINGS}/a.bag")
+        resolve_path("${RECORDINGS}/a.bag")
 
 
 def test_a_device_is_no_recording():

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from trailmark.frames import RGBD, Frame, GroundPlane, Image, Pinhole, Scalar, Scan, SensorInfo
 from trailmark.geometry import Pose3
 from trailmark_faults.basic import BasicConfig
-from trailmark_faults.calibration import WrongCalibration, misjudged
+from trailmark_faults.calibration import WrongCalibration, with_wrong_calibration
 
 Run = Callable[..., list[Frame]]
 
@@ -150,7 +150,7 @@ def test_a_wrong_mounting_and_scale_of_a_ground_camera() -> None:
         "floor", "image", pose_base_sensor=Pose3(0.1, yaw=math.pi / 2), calibration=GroundPlane((1e-3, 2e-3))
     )
 
-    believed = misjudged(info, WrongCalibration(scale=1.02, x_m=0.01, yaw_deg=2.0))
+    believed = with_wrong_calibration(info, WrongCalibration(scale=1.02, x_m=0.01, yaw_deg=2.0))
 
     assert believed.calibration.metres_per_pixel == pytest.approx((1.02e-3, 2.04e-3))
     assert believed.pose_base_sensor.x == pytest.approx(0.11)
@@ -160,8 +160,8 @@ def test_a_wrong_mounting_and_scale_of_a_ground_camera() -> None:
 def test_the_scale_of_other_cameras_is_their_focal_length() -> None:
     info = SensorInfo("front", "image", calibration=Pinhole(500.0, 500.0, 320.0, 240.0))
 
-    assert misjudged(info, WrongCalibration(scale=0.9)).calibration.fx == pytest.approx(450.0)
-    assert misjudged(info, WrongCalibration()) == info
+    assert with_wrong_calibration(info, WrongCalibration(scale=0.9)).calibration.fx == pytest.approx(450.0)
+    assert with_wrong_calibration(info, WrongCalibration()) == info
 
 
 # --- the same bytes as ever --------------------------------------------------------------------------------------

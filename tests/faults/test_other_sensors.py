@@ -9,7 +9,7 @@ import pytest
 from pydantic import ValidationError
 
 from trailmark.frames import RGBD, Frame, Scalar, Scan, SensorInfo
-from trailmark_faults.depth import shifted
+from trailmark_faults.depth import shift_depth
 from trailmark_faults.timing import FrozenConfig
 
 DEPTH = np.arange(48, dtype=np.float32).reshape(6, 8) + 1.0
@@ -40,7 +40,7 @@ def test_depth_has_holes_of_its_share_and_colour_stays(faulty) -> None:
 
 @pytest.mark.parametrize(("u", "v"), [(2, 0), (-3, 1), (0, -2), (0, 0)])
 def test_depth_moves_to_the_right_and_down(u, v) -> None:
-    moved = shifted(DEPTH, u, v)
+    moved = shift_depth(DEPTH, u, v)
 
     for row in range(6):
         for column in range(8):
@@ -52,8 +52,8 @@ def test_depth_moves_to_the_right_and_down(u, v) -> None:
 
 
 def test_depth_that_moves_out_of_the_picture_is_gone() -> None:
-    assert np.isnan(shifted(DEPTH, 8, 0)).all()
-    assert np.isnan(shifted(DEPTH, 0, -6)).all()
+    assert np.isnan(shift_depth(DEPTH, 8, 0)).all()
+    assert np.isnan(shift_depth(DEPTH, 0, -6)).all()
 
 
 @pytest.mark.parametrize("centre_deg", [0.0, 175.0, -90.0])

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trailmark_kinect_landmarks.fuzzy import RULES, Fuzzy, Membership, SearchPlan, chosen
+from trailmark_kinect_landmarks.fuzzy import RULES, Fuzzy, Membership, SearchPlan, infer
 
 FINDERS = ("blobs", "rectangles", "edges", "lines")
 at_least_zero = st.floats(0.0, 1e6)
@@ -24,7 +24,7 @@ def test_a_rule_reads_as_a_sentence() -> None:
 
 @given(at_least_zero, at_least_zero, at_least_zero)
 def test_there_is_a_conclusion_for_every_input(light: float, landmarks: float, time: float) -> None:
-    outputs = chosen(RULES, {"light": light, "landmarks": landmarks, "time": time})
+    outputs = infer(RULES, {"light": light, "landmarks": landmarks, "time": time})
 
     assert outputs.keys() == {"effort", "resolution", "colour"}
     assert all(0.0 <= value <= 1.0 for value in outputs.values())

@@ -11,7 +11,7 @@ from sklearn.svm import SVC
 
 from trailmark.errors import ConfigError, ShapeError
 from trailmark_omni_surf.commands import omni as omni_group
-from trailmark_omni_surf.selection import SelectionModel, shipped_model, transformed
+from trailmark_omni_surf.selection import SelectionModel, log_features, shipped_model
 from trailmark_omni_surf.synthetic import synthetic_candidates
 from trailmark_omni_surf.training import read_candidates, train, write_candidates
 
@@ -29,10 +29,10 @@ def unseen() -> tuple[np.ndarray, np.ndarray]:
 def test_the_plain_prediction_equals_scikit_learn(hundred: tuple, unseen: tuple) -> None:
     model, _ = train(*hundred)
     machine = SVC(kernel="rbf", C=10.0, gamma=1 / 6).fit(
-        (transformed(hundred[0]) - model.mean) / model.scale, hundred[1]
+        (log_features(hundred[0]) - model.mean) / model.scale, hundred[1]
     )
 
-    expected = machine.decision_function((transformed(unseen[0]) - model.mean) / model.scale)
+    expected = machine.decision_function((log_features(unseen[0]) - model.mean) / model.scale)
 
     np.testing.assert_allclose(model.decision(unseen[0]), expected, atol=1e-9)
 
@@ -75,7 +75,7 @@ def test_a_foreign_file_is_no_model(tmp_path: Path) -> None:
 
 def test_features_of_another_width_are_refused() -> None:
     with pytest.raises(ShapeError, match=r"\(N, 6\)"):
-        transformed(np.ones((3, 5)))
+        log_features(np.ones((3, 5)))
 
 
 def test_one_label_alone_is_refused() -> None:

@@ -19,21 +19,21 @@ from trailmark_papers.kit import (
     Table,
     Watcher,
     collisions_of,
-    grouped,
+    group_by,
     keyframes_of,
     largest_of,
     mean_of,
+    observe_timed,
     panels,
     path_of,
     rms,
     run_config,
     sd_of,
     show,
-    simulated,
+    sim_source,
     spread_of,
     started_source,
     sweep,
-    timed,
     truth_of,
 )
 
@@ -77,7 +77,7 @@ def test_a_sweep_answers_by_cell_and_groups_keep_the_order(tmp_path: Path) -> No
     found = sweep(options, difference, {("x", 1): (5.0, 1.0), ("y", 1): (1.0, 1.0), ("x", 2): (9.0, 2.0)})
 
     assert found == {("x", 1): 4.0, ("y", 1): 0.0, ("x", 2): 7.0}
-    assert grouped(found, lambda cell: cell[0]) == {"x": [4.0, 7.0], "y": [0.0]}
+    assert group_by(found, lambda cell: cell[0]) == {"x": [4.0, 7.0], "y": [0.0]}
 
 
 def test_collisions_are_counted_over_all_vehicles() -> None:
@@ -101,7 +101,7 @@ def test_a_taught_path_is_run_kept_and_read_again(tmp_path: Path) -> None:
 
 def test_a_collision_ends_a_drive(tmp_path: Path) -> None:
     ahead = {"route": "wall", "start": [6.0, 2.0, 0.0], "driver": "commands", "duration_s": 20.0, "threads": 1}
-    source = simulated("supermarket", sensors=["wheels"], **ahead)
+    source = sim_source("supermarket", sensors=["wheels"], **ahead)
     controller = {"plugin": "goal_seeking", "goal": [15.0, 2.0], "way": "straight", "max_fix_age_m": None}
     config = {"sources": {"robot": source}, "localizers": {"wheels": {"plugin": "odometry"}}, "start": [6.0, 2.0, 0.0]}
 
@@ -152,7 +152,7 @@ def test_an_answer_is_timed_by_the_clock_that_is_given() -> None:
     clock = iter([1_000_000, 4_500_000])
     frame = Frame("wheels", 0.5, Odometry(Pose2()))
 
-    (fix,), took_ms = timed(_Fixed(None), frame, Belief(0.5), lambda: next(clock))
+    (fix,), took_ms = observe_timed(_Fixed(None), frame, Belief(0.5), lambda: next(clock))
 
     assert fix.stamp_s == 0.5
     assert took_ms == 3.5

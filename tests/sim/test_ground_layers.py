@@ -10,7 +10,7 @@ import pytest
 
 from trailmark_sim.ground.canvas import Canvas, grid
 from trailmark_sim.ground.layers import GrainLayer, add_clouds, add_grains
-from trailmark_sim.hashing import hash2, mixed, normal_of, unit_of
+from trailmark_sim.hashing import hash2, mix_bits, normal_of, unit_of
 
 SEED = np.uint64(11)
 
@@ -62,9 +62,9 @@ def nearest_tone(u: float, v: float) -> float:
         for j in range(math.floor(v) - 2, math.floor(v) + 3):
             h = np.uint64(hash2(i, j, SEED))
             px = i + 0.5 + (unit_of(h) - 0.5) * 0.9
-            h = np.uint64(mixed(h))
+            h = np.uint64(mix_bits(h))
             py = j + 0.5 + (unit_of(h) - 0.5) * 0.9
-            points.append((math.hypot(u - px, v - py), 5.0 * normal_of(np.uint64(mixed(h)))))
+            points.append((math.hypot(u - px, v - py), 5.0 * normal_of(np.uint64(mix_bits(h)))))
     return min(points)[1]
 
 

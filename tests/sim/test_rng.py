@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 
-from trailmark_sim.hashing import hash2, mixed, normal_of, unit_of
+from trailmark_sim.hashing import hash2, mix_bits, normal_of, unit_of
 from trailmark_sim.rng import frame_rng, stream_key
 
 
@@ -49,7 +49,7 @@ def test_keys_stay_what_they_are_so_that_old_runs_can_be_repeated() -> None:
 
 def test_the_hash_is_the_finaliser_of_splitmix() -> None:
     # the published first output of SplitMix64 with seed 0
-    assert int(mixed(np.uint64(0x9E3779B97F4A7C15))) == 0xE220A8397B1DCDAF
+    assert int(mix_bits(np.uint64(0x9E3779B97F4A7C15))) == 0xE220A8397B1DCDAF
 
 
 def test_hashes_of_a_lattice_are_uniform_and_normal() -> None:

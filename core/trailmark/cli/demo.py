@@ -13,7 +13,7 @@ import click
 
 from trailmark.cli.root import plugins_of
 from trailmark.errors import ConfigError
-from trailmark.interruption import asked
+from trailmark.interruption import ending_signal
 
 if TYPE_CHECKING:
     from trailmark.pipeline import RunResult
@@ -78,7 +78,7 @@ def _run(
         overrides = [f"seed={seed}", *overrides]
         result = run(config, out, mode=mode, store=store, overrides=overrides, plugins=plugins, on_step=on_step)
     if result.status == "interrupted":
-        raise asked() or KeyboardInterrupt
+        raise ending_signal() or KeyboardInterrupt
     return result
 
 

@@ -11,7 +11,7 @@ from typing import TextIO
 import click
 
 from trailmark.errors import RunError, TrailmarkError
-from trailmark.interruption import asked, reason_of
+from trailmark.interruption import ending_signal, reason_of
 
 __all__ = ["exit_code_of", "fail", "has_lost_its_reader", "say"]
 
@@ -60,7 +60,7 @@ def exit_code_of(error: BaseException) -> int:
     if isinstance(error, click.exceptions.Exit):
         return error.exit_code
     if isinstance(error, KeyboardInterrupt | click.Abort):
-        signal = asked()
+        signal = ending_signal()
         say("trailmark: interrupted" if signal is None else f"trailmark: {reason_of(signal)}")
         return 130
     if isinstance(error, click.ClickException):

@@ -14,7 +14,7 @@ import click
 from trailmark.cli.errors import say
 from trailmark.cli.root import plugins_of
 from trailmark.errors import ConfigError
-from trailmark.interruption import TELL_S, asked, shielded
+from trailmark.interruption import TELL_S, ending_signal, shielded
 
 if TYPE_CHECKING:
     from trailmark.interfaces import Access, Mode
@@ -241,5 +241,5 @@ def _tell(result: RunResult, folder: Path, as_json: bool, is_quiet: bool, has_re
     elif not is_quiet:
         print_run(folder)
         click.echo(f"{folder}")
-        if has_report and asked() is None:
+        if has_report and ending_signal() is None:
             click.echo(f"{folder / 'report.html'}")

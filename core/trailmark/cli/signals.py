@@ -97,7 +97,7 @@ class HeardSignals:
     @property
     def exit_code(self) -> int | None:
         """128 and the number of the first signal; None: there was none."""
-        by = interruption.asked() or self._first
+        by = interruption.ending_signal() or self._first
         return None if by is None else 128 + by.number
 
     def listen(self) -> None:
@@ -134,7 +134,7 @@ class HeardSignals:
 
     def _stop_listening(self) -> None:
         is_to_end = self.exit_code is not None
-        if (by := interruption.asked()) is not None:
+        if (by := interruption.ending_signal()) is not None:
             _each(_write, interruption.reason_of(by))  # of a run that was cut off between its beginning and its end
         self._stop_nudging()
         if is_to_end and self._is_whole_program:
@@ -143,7 +143,7 @@ class HeardSignals:
             with suppress(OSError, ValueError):  # nobody reads it any more
                 sys.stdout.flush()
             return
-        self._first = interruption.asked()
+        self._first = interruption.ending_signal()
         interruption.forget()
         self.let_go()
         os.close(self._writer)  # ends the thread
@@ -174,7 +174,7 @@ class HeardSignals:
             raise by
 
     def _nudge(self, number: int, frame: FrameType | None) -> None:
-        by = interruption.asked()
+        by = interruption.ending_signal()
         if by is not None and interruption.is_due():
             raise by
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from trailmark.config.document import read_document
-from trailmark.config.files import resolved
+from trailmark.config.files import resolve_path
 from trailmark.errors import ConfigError
 from trailmark.frames import Calibration
 
@@ -36,7 +36,7 @@ def read_calibration(value: str | Path | Mapping[str, Any], base_dir: Path | Non
 
     if isinstance(value, Mapping):
         return calibration_from_document(value, base_dir or Path.cwd())
-    document = read_document(resolved(value, base_dir))
+    document = read_document(resolve_path(value, base_dir))
     try:
         return calibration_from_document(document.data, document.base_dir)
     except ConfigError as error:
@@ -48,5 +48,5 @@ def with_absolute_files(value: Any, base_dir: Path) -> Any:
     if isinstance(value, Mapping):
         return {key: with_absolute_files(item, base_dir) for key, item in value.items()}
     if isinstance(value, str) and value.endswith(_ARRAY_FILES):
-        return str(resolved(value, base_dir))
+        return str(resolve_path(value, base_dir))
     return value

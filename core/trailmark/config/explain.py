@@ -13,7 +13,7 @@ from trailmark.config.document import Key, Keys, Problems
 from trailmark.config.files import BASE_DIR
 from trailmark.plugins.hints import did_you_mean, nearest_or_all
 
-__all__ = ["key_names", "validated"]
+__all__ = ["key_names", "validate_at"]
 
 M = TypeVar("M", bound=BaseModel)
 
@@ -29,7 +29,7 @@ _TYPE_WORDS = {
 }
 
 
-def validated(
+def validate_at(
     model: type[M], data: Mapping[str, Any], keys: Keys, problems: Problems, base_dir: Any, also: Iterable[str] = ()
 ) -> M | None:
     """Validate data that stands at some keys; note what is wrong with it.

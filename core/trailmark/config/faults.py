@@ -9,7 +9,7 @@ from typing import Any
 from trailmark.config.base import PluginConfig
 from trailmark.config.document import Document, Keys, Problems
 from trailmark.config.entries import FaultEntry
-from trailmark.config.explain import key_names, validated
+from trailmark.config.explain import key_names, validate_at
 from trailmark.config.host import DEFAULT_PLUGINS, NoOptions
 from trailmark.errors import PluginError, PluginLoadError
 from trailmark.plugins import Registry, Spec
@@ -81,7 +81,7 @@ class FaultReader:
             return None
         own, plain = key_names(PerturbOptions), self._plain_keys()
         given = {key: value for key, value in written.items() if key in own}
-        options = validated(PerturbOptions, given, keys, self._problems, self._document.base_dir)
+        options = validate_at(PerturbOptions, given, keys, self._problems, self._document.base_dir)
         entries: dict[str, FaultEntry | None] = {}
         for name, value in written.items():
             if name in plain and _DEFAULT not in entries:
@@ -114,7 +114,7 @@ class FaultReader:
         except PluginError as error:
             self._problems.add(keys, str(error))
             return None
-        config = validated(model, value, keys, self._problems, self._document.base_dir)
+        config = validate_at(model, value, keys, self._problems, self._document.base_dir)
         if config is None:
             return None
         document = config.model_dump(mode="json", by_alias=True)

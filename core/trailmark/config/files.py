@@ -15,7 +15,7 @@ from pydantic import AfterValidator, ValidationInfo
 
 from trailmark.plugins.hints import did_you_mean
 
-__all__ = ["BASE_DIR", "ConfigPath", "ExistingFile", "ExistingPath", "IsWritten", "OutputPath", "resolved"]
+__all__ = ["BASE_DIR", "ConfigPath", "ExistingFile", "ExistingPath", "IsWritten", "OutputPath", "resolve_path"]
 
 #: Key of the validation context under which the host gives the config's folder.
 BASE_DIR = "base_dir"
@@ -23,7 +23,7 @@ BASE_DIR = "base_dir"
 _VARIABLE = re.compile(r"\$\{([A-Za-z_][A-Za-z0-9_]*)\}")
 
 
-def resolved(value: str | Path, base_dir: Path | None = None) -> Path:
+def resolve_path(value: str | Path, base_dir: Path | None = None) -> Path:
     """Return a path with ``~`` and ``${VARIABLE}`` expanded; a relative one starts at `base_dir`, or where we work.
 
     Raises
@@ -48,7 +48,7 @@ def _base_dir(info: ValidationInfo) -> Path | None:
 
 
 def _resolve(value: Path, info: ValidationInfo) -> Path:
-    return resolved(value, _base_dir(info))
+    return resolve_path(value, _base_dir(info))
 
 
 def _resolve_existing(value: Path, info: ValidationInfo) -> Path:

@@ -17,7 +17,7 @@ from trailmark.config.checks import (
 )
 from trailmark.config.document import Document, Problems, read_document
 from trailmark.config.entries import EstimatorEntry, LocalizerEntry, PartEntry, PathStoreEntry, SourceEntry
-from trailmark.config.explain import validated
+from trailmark.config.explain import validate_at
 from trailmark.config.host import NoOptions, PluginsSection, RunSettings, SensorSection
 from trailmark.config.overrides import Override, with_overrides
 from trailmark.config.parts import PartReader
@@ -72,7 +72,7 @@ def _usable_plugins(document: Document, plugins: Plugins, problems: Problems) ->
     raw = document.data.get("plugins")
     if not isinstance(raw, Mapping):
         return plugins
-    section = validated(PluginsSection, raw, ("plugins",), problems, document.base_dir)
+    section = validate_at(PluginsSection, raw, ("plugins",), problems, document.base_dir)
     if section is None:
         return plugins
     for index, requirement in enumerate(section.require):
@@ -157,7 +157,7 @@ class _RunReader:
 
     def _settings(self) -> RunSettings | None:
         given = {key: value for key, value in self._written.data.items() if value is not None}
-        return validated(RunSettings, given, (), self._problems, self._written.base_dir)
+        return validate_at(RunSettings, given, (), self._problems, self._written.base_dir)
 
     def _sensors(self) -> tuple[dict[str, SensorOverride], dict[str, Any]]:
         raw = self._written.data.get("sensors")
@@ -169,7 +169,7 @@ class _RunReader:
             if not isinstance(entry, Mapping):
                 self._problems.add(keys, "must be a mapping with the keys 'mounting' and 'calibration'")
                 continue
-            section = validated(SensorSection, entry, keys, self._problems, self._written.base_dir)
+            section = validate_at(SensorSection, entry, keys, self._problems, self._written.base_dir)
             if section is not None:
                 calibration = self._parts.calibration((*keys, "calibration"), section.calibration)
                 overrides[str(name)] = SensorOverride(section.mounting, calibration)

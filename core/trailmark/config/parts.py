@@ -12,7 +12,7 @@ from trailmark.config.base import UNNAMED, PluginConfig, sensor_roles
 from trailmark.config.calibrations import read_calibration, with_absolute_files
 from trailmark.config.document import Document, Keys, Problems
 from trailmark.config.entries import LocalizerEntry, PartEntry, SourceEntry
-from trailmark.config.explain import key_names, validated
+from trailmark.config.explain import key_names, validate_at
 from trailmark.config.faults import FaultReader
 from trailmark.config.host import DEFAULT_PLUGINS, HOST_OPTIONS, RESERVED_NAMES, NoOptions
 from trailmark.config.sections import kind_at
@@ -103,8 +103,8 @@ class PartReader:
         theirs = ["plugin", *key_names(host)]
         given = {key: value for key, value in raw.items() if key in theirs and key != "plugin"}
         own = {key: value for key, value in raw.items() if key not in theirs}
-        options = validated(host, given, keys, self._problems, self._document.base_dir)
-        config = validated(model, own, keys, self._problems, self._document.base_dir, also=theirs)
+        options = validate_at(host, given, keys, self._problems, self._document.base_dir)
+        config = validate_at(model, own, keys, self._problems, self._document.base_dir, also=theirs)
         if options is None or config is None:
             return None
         return entry_class(

@@ -42,14 +42,14 @@ class PathStore(Part):
         base_dir : Path or None
             Where a relative path starts; None: where we work.
         """
-        from trailmark.config.files import resolved  # the config stands above the interfaces, and pydantic is slow
+        from trailmark.config.files import resolve_path  # the config stands above the interfaces, and pydantic is slow
 
         keys = dict(config)
         if keys.get("path") == "":
             return None
         changes: dict[str, Any] = {}
         if keys.get("path"):
-            changes["path"] = str(resolved(keys["path"], base_dir))
+            changes["path"] = str(resolve_path(keys["path"], base_dir))
         if "access" in keys:
             changes["access"] = access or ("create" if keys["access"] == "read" else keys["access"])
         return cls(config.model_copy(update=changes))

@@ -300,6 +300,6 @@ class Pipeline:
 
 
 def _prepare_out(out: str | Path, overwrite: bool) -> Path:
-    from trailmark.pipeline.outputs.run_folder import prepared
+    from trailmark.pipeline.outputs.run_folder import prepare_folder
 
-    return prepared(out, overwrite)
+    return prepare_folder(out, overwrite)

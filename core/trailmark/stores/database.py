@@ -11,7 +11,7 @@ from pathlib import Path
 
 from trailmark.errors import StoreError
 from trailmark.stores import tables
-from trailmark.stores.faults import SQLITE_ERRORS, store_errors, told
+from trailmark.stores.faults import SQLITE_ERRORS, store_error, store_errors
 from trailmark.stores.files import is_path_store, open_for_reading, open_for_writing, use_log
 from trailmark.stores.schema import PAGE_BYTES, VERSION, create_schema
 from trailmark.stores.writer import WriterMark, connect, fold, fold_connection, is_unfolded, side_files
@@ -111,7 +111,7 @@ class Database:
                     yield connection
                 connection.execute("RELEASE step")
             except SQLITE_ERRORS as error:
-                raise self._broke(told(error, self.path)) from error
+                raise self._broke(store_error(error, self.path)) from error
             except BaseException as error:
                 self._undo_step(connection, error)
                 raise

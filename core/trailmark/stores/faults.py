@@ -15,8 +15,8 @@ __all__ = [
     "DamagedStoreError",
     "is_in_use",
     "primary_code",
+    "store_error",
     "store_errors",
-    "told",
 ]
 
 
@@ -49,14 +49,14 @@ def store_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except SQLITE_ERRORS as error:
-        raise told(error, path) from error
+        raise store_error(error, path) from error
     except Damage as error:
         raise _damage_error(path, str(error)) from error
     except OSError as error:
         raise StoreError(f"{path}: {error.strerror or error}") from error
 
 
-def told(error: Exception, path: Path) -> StoreError:
+def store_error(error: Exception, path: Path) -> StoreError:
     """Return the `StoreError` for an error of SQLite: what happened, and what to do."""
     code = primary_code(error)
     if isinstance(error, sqlite3.ProgrammingError):

@@ -11,8 +11,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from trailmark.config.document import Keys, Problems
-from trailmark.config.explain import validated
-from trailmark.config.files import resolved
+from trailmark.config.explain import validate_at
+from trailmark.config.files import resolve_path
 from trailmark.plugins.hints import nearest_or_all
 from trailmark_bench.config import Limits
 from trailmark_bench.context import MatrixContext
@@ -149,14 +149,14 @@ class AxisReader:
         if not isinstance(written, Mapping):
             self._problems.add(keys, f"must be a mapping, not {written!r}")
             return {}
-        limits = validated(Limits, written, keys, self._problems, self._document.base_dir)
+        limits = validate_at(Limits, written, keys, self._problems, self._document.base_dir)
         return {} if limits is None else limits.model_dump(mode="json", exclude_unset=True)
 
     def _missing(self, needs: Any, keys: Keys) -> str:
         paths = [needs] if isinstance(needs, str) else list(needs)
         for path in paths:
             try:
-                found = resolved(str(path), self._document.base_dir)
+                found = resolve_path(str(path), self._document.base_dir)
             except ValueError as error:
                 return str(error)
             if not os.path.exists(found):

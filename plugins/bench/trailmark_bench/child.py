@@ -62,7 +62,7 @@ def _run(request: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     from trailmark.plugins import load_plugins
     from trailmark_bench.cached_source import with_cached_frames
     from trailmark_bench.frame_cache import FrameCache
-    from trailmark_bench.measure import measured
+    from trailmark_bench.measure import measure_cell
 
     chosen = request["plugins"]
     plugins = load_plugins(block=chosen["block"], files=chosen["files"])
@@ -88,7 +88,7 @@ def _run(request: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     document = evaluate_run(folder / "run", protocol=protocol, metrics=extra, path=pipeline.path)
     if store is not None and not request["keep_stores"]:
         store.unlink(missing_ok=True)
-    result, detail = measured(request, pipeline.result, document, folder / "run")
+    result, detail = measure_cell(request, pipeline.result, document, folder / "run")
     write_json(folder / DETAIL_FILE, detail)
     return result
 

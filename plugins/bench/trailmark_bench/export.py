@@ -9,10 +9,10 @@ from collections.abc import Sequence
 from trailmark.report.numbers import MISSING
 from trailmark.report.tables import Column, Table
 from trailmark_bench.index import Index
-from trailmark_bench.summary import BenchSummary, summarized
+from trailmark_bench.summary import BenchSummary, summarize_bench
 from trailmark_bench.tables import bench_tables
 
-__all__ = ["exported"]
+__all__ = ["export_text"]
 
 _LATEX = {
     "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
@@ -23,7 +23,7 @@ _STATISTICS = ("n", "median", "q1", "q3", "low", "high")
 _VERSUS = ("n", "difference", "ratio", "wins", "losses", "p", "p_holm")
 
 
-def exported(
+def export_text(
     index: Index, form: str, metrics: Sequence[str] = (), baseline: str | None = None, cells: bool = False
 ) -> str:
     """Return the figures of a bench as text.
@@ -35,13 +35,13 @@ def exported(
     form : {"csv", "latex", "markdown"}
         How: csv with full digits, the others as shown.
     metrics, baseline
-        As in `trailmark_bench.summary.summarized`.
+        As in `trailmark_bench.summary.summarize_bench`.
     cells : bool
         A row for each cell, in csv.
     """
     if cells:
         return _cells_csv(index)
-    summary = summarized(index, metrics, baseline)
+    summary = summarize_bench(index, metrics, baseline)
     if form == "csv":
         return _statistics_csv(summary)
     write = _latex if form == "latex" else _markdown

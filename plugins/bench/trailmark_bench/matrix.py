@@ -9,7 +9,7 @@ from typing import Any
 
 from trailmark.config import Document, read_document
 from trailmark.config.document import Keys, Problems
-from trailmark.config.explain import validated
+from trailmark.config.explain import validate_at
 from trailmark.config.overrides import with_overrides
 from trailmark.errors import ConfigError
 from trailmark.isolation.fingerprint import FileCache
@@ -104,7 +104,7 @@ def _section(document: Document) -> BenchSection:
             f"{document.name}: this is no bench: add a section 'bench:', for example"
             " bench: {cells: {localizers: [ground_vo, klt], seeds: 5}, baseline: klt}"
         )
-    section = validated(BenchSection, raw, ("bench",), problems, document.base_dir)
+    section = validate_at(BenchSection, raw, ("bench",), problems, document.base_dir)
     problems.raise_if_any()
     assert section is not None
     names = [matrix.name for matrix in section.matrices]

@@ -23,7 +23,7 @@ from trailmark.evaluation import (
 from trailmark.geometry import Trajectory
 from trailmark.pipeline import RunResult
 
-__all__ = ["DETAIL_POINTS", "measured", "verdict_of"]
+__all__ = ["DETAIL_POINTS", "measure_cell", "verdict_of"]
 
 #: Points of a line on the page of a cell.
 DETAIL_POINTS = 100
@@ -32,7 +32,7 @@ _STEPS = 4000
 _MOST_WAYS = 5
 
 
-def measured(
+def measure_cell(
     request: Mapping[str, Any], result: RunResult, document: Mapping[str, Any], folder: Path
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return ``result.json`` and ``detail.json`` of a cell that has run.

@@ -12,13 +12,13 @@ from trailmark_bench.statistics import (
     RESAMPLES,
     Comparison,
     SampleSpread,
-    clipped,
+    clip,
     compare_all,
     difference_of,
     ratio_of,
     signed_rank_p,
     spreads,
-    unclipped,
+    unclip,
 )
 
 __all__ = ["Samples", "compare_samples", "spreads_of_samples"]
@@ -39,8 +39,8 @@ def spreads_of_samples(rows: Sequence[Samples]) -> list[SampleSpread]:
 
 
 def _nested_spread(places: Samples) -> SampleSpread:
-    medians = np.array([np.median(clipped(place)) for place in places])
-    q1, middle, q3 = (unclipped(value) for value in np.quantile(medians, [0.25, 0.5, 0.75]).tolist())
+    medians = np.array([np.median(clip(place)) for place in places])
+    q1, middle, q3 = (unclip(value) for value in np.quantile(medians, [0.25, 0.5, 0.75]).tolist())
     low, high = (None, None) if len(places) < 3 else _interval(places)
     return SampleSpread(sum(map(len, places)), middle, q1, q3, low, high, len(places))
 
@@ -52,9 +52,9 @@ def _interval(places: Samples) -> tuple[float, float]:
     medians = np.empty((RESAMPLES, n))
     for index, place in enumerate(places):
         is_drawn = drawn == index
-        medians[is_drawn] = _resampled_medians(clipped(place), int(is_drawn.sum()), rng)
+        medians[is_drawn] = _resampled_medians(clip(place), int(is_drawn.sum()), rng)
     low, high = np.quantile(np.median(medians, axis=1), [0.025, 0.975]).tolist()
-    return unclipped(low), unclipped(high)
+    return unclip(low), unclip(high)
 
 
 def _resampled_medians(values: Floats, n: int, rng: np.random.Generator) -> Floats:

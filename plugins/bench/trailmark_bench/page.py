@@ -19,7 +19,7 @@ from trailmark.report.tables import Table
 from trailmark_bench.index import CellRecord, Index
 from trailmark_bench.naming import Namer
 from trailmark_bench.quantities import Metric
-from trailmark_bench.summary import BenchSummary, summarized
+from trailmark_bench.summary import BenchSummary, summarize_bench
 from trailmark_bench.tables import bench_tables, metric_title, scaled_column
 
 __all__ = ["PAGE_FILE", "write_page"]
@@ -43,7 +43,7 @@ def write_page(index: Index, *, baseline: str | None = None) -> Path:
     DataError
         If it cannot be written.
     """
-    summary, records, meta = summarized(index, baseline=baseline), index.records(), index.meta()
+    summary, records, meta = summarize_bench(index, baseline=baseline), index.records(), index.meta()
     chunks = list(_chunks(index))
     places = {cell_id: number for number, (ids, _) in enumerate(chunks) for cell_id in ids}
     document, tables = _document(summary, records, places), bench_tables(summary)

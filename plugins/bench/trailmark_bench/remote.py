@@ -1,6 +1,6 @@
 """Cells on another machine: they carry what they need, and what they leave comes back as bytes.
 
-For executors. `packed` makes of a request what can be sent; `run_packed` runs it where it arrives.
+For executors. `pack_request` makes of a request what can be sent; `run_packed` runs it where it arrives.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from trailmark.isolation.fingerprint import FileCache, fingerprint, source_diges
 from trailmark.isolation.outcome import Outcome
 from trailmark_bench.process import run_cell
 
-__all__ = ["packed", "received", "run_packed", "unpacked_answer"]
+__all__ = ["pack_request", "run_packed", "unpack_result", "unpacked_answer"]
 
 # Digests of recordings on this machine: a worker runs many cells of one recording.
 _KNOWN: FileCache = {}
 
 
-def packed(request: Mapping[str, Any], carry_mb: float) -> dict[str, Any]:
+def pack_request(request: Mapping[str, Any], carry_mb: float) -> dict[str, Any]:
     """Return a request with the files that it needs, as far as they are small.
 
     Parameters
@@ -58,7 +58,7 @@ def run_packed(package: Mapping[str, Any]) -> dict[str, Any]:
         return {"outcome": asdict(outcome), "files": files}
 
 
-def received(job: Job, answer: Mapping[str, Any]) -> Finished:
+def unpack_result(job: Job, answer: Mapping[str, Any]) -> Finished:
     """Return what came back of a job."""
     return Finished(job.id, Outcome(**answer["outcome"]), files=answer["files"])
 

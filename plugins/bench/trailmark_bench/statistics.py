@@ -20,7 +20,7 @@ __all__ = [
     "RESAMPLES",
     "Comparison",
     "SampleSpread",
-    "clipped",
+    "clip",
     "compare_all",
     "compare_pairs",
     "difference_of",
@@ -29,7 +29,7 @@ __all__ = [
     "ratio_of",
     "signed_rank_p",
     "spreads",
-    "unclipped",
+    "unclip",
 ]
 
 #: Resamples of a bootstrap interval.
@@ -111,12 +111,12 @@ def spreads(rows: Sequence[Sequence[float]]) -> list[SampleSpread]:
     for index, row in enumerate(rows):
         by_length.setdefault(len(row), []).append(index)
     for n, indices in by_length.items():
-        table = np.sort(clipped(np.array([rows[index] for index in indices])), axis=1)
+        table = np.sort(clip(np.array([rows[index] for index in indices])), axis=1)
         quartiles = np.quantile(table, [0.25, 0.5, 0.75], axis=1)
         bounds = _interval(table) if n >= 3 else None
         for place, index in enumerate(indices):
-            q1, median, q3 = (unclipped(value) for value in quartiles[:, place].tolist())
-            low, high = (None, None) if bounds is None else (unclipped(value) for value in bounds[:, place].tolist())
+            q1, median, q3 = (unclip(value) for value in quartiles[:, place].tolist())
+            low, high = (None, None) if bounds is None else (unclip(value) for value in bounds[:, place].tolist())
             found[index] = SampleSpread(n, median, q1, q3, low, high)
     return [spread for spread in found if spread is not None]
 
@@ -245,11 +245,11 @@ def _ranks(values: Sequence[float]) -> list[float]:
     return [float(rank) for rank in ranks[place]]
 
 
-def clipped(values: Sequence[float] | Floats) -> Floats:
+def clip(values: Sequence[float] | Floats) -> Floats:
     """Return values that can be interpolated: failures are very large numbers."""
     return np.clip(np.asarray(values, dtype=np.float64), -_WORST, _WORST)
 
 
-def unclipped(value: float) -> float:
+def unclip(value: float) -> float:
     """Return what was interpolated, with infinity for failures."""
     return math.copysign(math.inf, value) if abs(value) > _INFINITE else value

@@ -18,7 +18,7 @@ from trailmark_bench.overall import Overall, overall_of
 from trailmark_bench.quantities import Metric, metrics_of, refuse_unknown
 from trailmark_bench.statistics import Comparison
 
-__all__ = ["BenchSummary", "summarized"]
+__all__ = ["BenchSummary", "summarize_bench"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,7 +89,7 @@ class BenchSummary:
         }
 
 
-def summarized(index: Index, metrics: Sequence[str] = (), baseline: str | None = None) -> BenchSummary:
+def summarize_bench(index: Index, metrics: Sequence[str] = (), baseline: str | None = None) -> BenchSummary:
     """Return the statistics of a bench.
 
     Parameters

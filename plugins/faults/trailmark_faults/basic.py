@@ -18,7 +18,7 @@ from trailmark.arrays import AnyArray
 from trailmark.config import PluginConfig
 from trailmark.frames import RGBD, Frame, Image, Payload, Scan, SensorInfo
 from trailmark.interfaces import Fault, Session
-from trailmark_faults.calibration import WrongCalibration, misjudged
+from trailmark_faults.calibration import WrongCalibration, with_wrong_calibration
 from trailmark_faults.depth import add_depth_noise
 from trailmark_faults.image import Occluder, add_speckle, blur, expose, white_of
 from trailmark_faults.scan import worsen_ranges
@@ -99,7 +99,7 @@ class BasicFault(Fault):
 
     def believed(self, info: SensorInfo) -> SensorInfo:
         """Return the sensor with the calibration that is wrong."""
-        return info if self.config.wrong is None else misjudged(info, self.config.wrong)
+        return info if self.config.wrong is None else with_wrong_calibration(info, self.config.wrong)
 
     def apply(self, frame: Frame, rng: np.random.Generator, since_s: float) -> Frame | None:
         """Return the frame with its faults; None where it is lost."""

@@ -12,7 +12,7 @@ from trailmark.config import PluginConfig
 from trailmark.frames import DepthCamera, GroundPlane, Pinhole, SensorInfo
 from trailmark.geometry import Pose3
 
-__all__ = ["WrongCalibration", "misjudged"]
+__all__ = ["WrongCalibration", "with_wrong_calibration"]
 
 
 class WrongCalibration(PluginConfig):
@@ -30,7 +30,7 @@ class WrongCalibration(PluginConfig):
     """Nodding by so much more [deg]."""
 
 
-def misjudged(info: SensorInfo, wrong: WrongCalibration) -> SensorInfo:
+def with_wrong_calibration(info: SensorInfo, wrong: WrongCalibration) -> SensorInfo:
     """Return a sensor as it is wrongly believed to be."""
     offset = Pose3(wrong.x_m, wrong.y_m, 0.0, 0.0, math.radians(wrong.pitch_deg), math.radians(wrong.yaw_deg))
     mounted = info.pose_base_sensor

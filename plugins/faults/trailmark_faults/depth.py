@@ -12,7 +12,7 @@ from trailmark.config import PluginConfig
 from trailmark.frames import RGBD, Frame
 from trailmark.interfaces import Fault
 
-__all__ = ["DepthHoles", "DepthHolesConfig", "DepthShift", "DepthShiftConfig", "add_depth_noise", "shifted"]
+__all__ = ["DepthHoles", "DepthHolesConfig", "DepthShift", "DepthShiftConfig", "add_depth_noise", "shift_depth"]
 
 
 def add_depth_noise(depth_m: Depth, noise_m: float, rng: np.random.Generator) -> Depth:
@@ -74,11 +74,11 @@ class DepthShift(Fault):
         """Return the frame with its depth moved."""
         if not isinstance(frame.payload, RGBD):
             return frame
-        moved = shifted(frame.payload.depth_m, self.config.u_px, self.config.v_px)
+        moved = shift_depth(frame.payload.depth_m, self.config.u_px, self.config.v_px)
         return Frame(frame.sensor, frame.stamp_s, RGBD(frame.payload.bgr, moved))
 
 
-def shifted(depth_m: Depth, u_px: int, v_px: int) -> Depth:
+def shift_depth(depth_m: Depth, u_px: int, v_px: int) -> Depth:
     """Return depth moved to the right and down; what comes in is unknown."""
     height, width = depth_m.shape
     moved = np.full_like(depth_m, np.nan)

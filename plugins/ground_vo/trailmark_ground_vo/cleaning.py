@@ -8,7 +8,7 @@ import numpy as np
 from trailmark.arrays import Grey8
 from trailmark_ground_vo.brightness import EVEN_LEVEL, even_brightness
 
-__all__ = ["clean", "contrast_of", "neutralise", "weighted"]
+__all__ = ["clean", "contrast_of", "fade_pixels", "neutralise"]
 
 #: Pixels this many standard deviations from their surroundings are drops, dirt or glints. Of ten floors at most 1.2 %
 #: of the pixels are (grooves of planks), of eight less than 0.4 %.
@@ -55,7 +55,7 @@ def contrast_of(even: Grey8) -> float:
     return _SIGMA_OVER_MEDIAN * float(np.partition(sparse, len(sparse) // 2)[len(sparse) // 2])
 
 
-def weighted(even: Grey8, weights: Grey8) -> Grey8:
+def fade_pixels(even: Grey8, weights: Grey8) -> Grey8:
     """Return a picture in even light with some pixels faded to `EVEN_LEVEL`.
 
     Parameters

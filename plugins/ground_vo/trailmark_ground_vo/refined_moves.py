@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from trailmark.arrays import Float32s, Grey8
-from trailmark_ground_vo.cleaning import clean, contrast_of, weighted
+from trailmark_ground_vo.cleaning import clean, contrast_of, fade_pixels
 from trailmark_ground_vo.config import GroundVOConfig
 from trailmark_ground_vo.filters import levels_of, noise_level
 from trailmark_ground_vo.guarded_refinement import GuardedRefinement
@@ -136,7 +136,7 @@ class GuardedMove(RefinedMove):
         noise, unmasked = float(noise_level(cleaned)), None
         if self._weights is not None:
             unmasked = levels_of(self._kernels.smooth(cleaned))
-            cleaned = weighted(cleaned, self._weights)
+            cleaned = fade_pixels(cleaned, self._weights)
         smoothed, searched = self._kernels.smooth(cleaned), cleaned
         if self._is_dim is None:
             self._is_dim = _LEAST_CONTRAST * noise > contrast_of(levels_of(smoothed))

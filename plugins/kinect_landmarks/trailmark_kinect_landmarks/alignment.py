@@ -23,10 +23,10 @@ __all__ = [
     "CloudAlignment",
     "Refusal",
     "align",
-    "allowed",
     "jacobian",
     "planar_covariance",
     "pose_from_two",
+    "reachable",
     "refusal_of",
 ]
 
@@ -199,7 +199,9 @@ def align(
     return CloudAlignment(R, t, covariance, inliers, math.sqrt(float((misses**2).sum(axis=1).mean())))
 
 
-def allowed(points_a: Array, points_b: Array, cov_a: Array, cov_b: Array, expected: Expected) -> npt.NDArray[np.bool_]:
+def reachable(
+    points_a: Array, points_b: Array, cov_a: Array, cov_b: Array, expected: Expected
+) -> npt.NDArray[np.bool_]:
     """Return which landmarks are where they may be, given how sure the expectation is."""
     R, t = expected.R, expected.t
     J = jacobian(points_b @ R.T)
@@ -218,7 +220,7 @@ def _from_expected(
     as the median residual of the others asks for, and narrows as that falls: an expectation that is off is off for all
     of them alike.
     """
-    able = allowed(points_a, points_b, cov_a, cov_b, expected)
+    able = reachable(points_a, points_b, cov_a, cov_b, expected)
     if able.mean() < _TRUSTED_SHARE:
         return None
     a, b, P, Q = points_a[able], points_b[able], cov_a[able], cov_b[able]

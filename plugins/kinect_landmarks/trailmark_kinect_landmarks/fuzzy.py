@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-__all__ = ["RULES", "Fuzzy", "Membership", "Rule", "SearchPlan", "chosen"]
+__all__ = ["RULES", "Fuzzy", "Membership", "Rule", "SearchPlan", "infer"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +134,7 @@ class Fuzzy:
 
     def plan(self, light: float, landmarks: float, time: float) -> SearchPlan:
         """Return the plan; inputs as in `TERMS`. Resolution changes with a hysteresis, so that it does not flutter."""
-        outputs = chosen(self._rules, {"light": light, "landmarks": landmarks, "time": time})
+        outputs = infer(self._rules, {"light": light, "landmarks": landmarks, "time": time})
         n = max(1, round(outputs["effort"] * len(self._finders)))
         by_colour = outputs["colour"] >= 0.5
         ordered = self._finders if by_colour else tuple(sorted(self._finders, key=lambda name: name == "blobs"))
@@ -146,7 +146,7 @@ class Fuzzy:
         return SearchPlan(tuple(name for name in self._finders if name in kept), self._scale, by_colour)
 
 
-def chosen(rules: tuple[Rule, ...], inputs: Mapping[str, float]) -> dict[str, float]:
+def infer(rules: tuple[Rule, ...], inputs: Mapping[str, float]) -> dict[str, float]:
     """Return the outputs of the rules: conclusions weighted by how far their conditions hold."""
     sums: dict[str, list[float]] = {}
     for rule in rules:

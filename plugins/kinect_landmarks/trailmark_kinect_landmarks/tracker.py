@@ -13,9 +13,9 @@ from trailmark_kinect_landmarks.alignment import (
     CloudAlignment,
     Refusal,
     align,
-    allowed,
     jacobian,
     planar_covariance,
+    reachable,
 )
 from trailmark_kinect_landmarks.camera import LandmarkCamera
 from trailmark_kinect_landmarks.config import KinectLandmarksConfig
@@ -184,7 +184,7 @@ class Tracker:
         seen, rows = sighting.seen, sighting.rows
         cov_now = seen.cov_base[:, :D, :D] + _MODEL_SIGMA_M**2 * np.eye(D)
         points, cov = self._memory.points[rows][:, :D], self._memory.cov[rows][:, :D, :D]
-        return allowed(points, seen.points_base[:, :D], cov, cov_now, expected)
+        return reachable(points, seen.points_base[:, :D], cov, cov_now, expected)
 
     def _support(self, solved: Solved, among: TrackedLandmarks) -> float:
         """Return the share of landmarks that stand where a pose says."""

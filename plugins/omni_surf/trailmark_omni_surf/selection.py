@@ -14,7 +14,7 @@ import numpy.typing as npt
 from trailmark.errors import ConfigError, ShapeError
 from trailmark_omni_surf.landmarks import FEATURE_NAMES
 
-__all__ = ["SelectionModel", "shipped_model", "transformed"]
+__all__ = ["SelectionModel", "log_features", "shipped_model"]
 
 Array = npt.NDArray[np.float64]
 
@@ -23,7 +23,7 @@ _MAX_BYTES = 64 << 20  # a thousand times what training gives
 _FLOOR = np.array([1.0, 1e-7, 1.0, 1e-4, 1e-4, 1e-5])  # below this a feature says "none"
 
 
-def transformed(features: Array) -> Array:
+def log_features(features: Array) -> Array:
     """Return the logarithm of the features, (N, 6): they spread over decades, and an RBF kernel sees differences."""
     if features.ndim != 2 or features.shape[1] != _N_FEATURES:
         raise ShapeError(f"features must be (N, {_N_FEATURES}), not {features.shape}")
@@ -58,7 +58,7 @@ class SelectionModel:
 
     def decision(self, features: Array) -> Array:
         """Return the signed distance from the boundary, (N,); positive: a landmark."""
-        x = (transformed(features) - self.mean) / self.scale
+        x = (log_features(features) - self.mean) / self.scale
         squared = ((x[:, None, :] - self.support[None, :, :]) ** 2).sum(axis=2)
         return np.asarray(np.exp(-self.gamma * squared) @ self.weights + self.intercept)
 

@@ -14,7 +14,7 @@ from sklearn.svm import SVC
 
 from trailmark.errors import ConfigError
 from trailmark_omni_surf.landmarks import FEATURE_NAMES
-from trailmark_omni_surf.selection import SelectionModel, transformed
+from trailmark_omni_surf.selection import SelectionModel, log_features
 
 __all__ = ["TrainingReport", "read_candidates", "train", "write_candidates"]
 
@@ -69,7 +69,7 @@ def train(features: Array, is_good: Labels, c: float = 10.0) -> tuple[SelectionM
             f"training needs at least {_N_FOLDS} good and {_N_FOLDS} bad candidates, "
             f"not {n_good} good and {len(is_good) - n_good} bad; the paper used 100 in all"
         )
-    x = transformed(features)
+    x = log_features(features)
     mean, scale = x.mean(axis=0), np.maximum(x.std(axis=0), 1e-9)
     x = (x - mean) / scale
     gamma = 1.0 / x.shape[1]

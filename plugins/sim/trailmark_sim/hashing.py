@@ -6,7 +6,7 @@ import numpy as np
 
 from trailmark.kernels import kernel
 
-__all__ = ["hash2", "mixed", "normal_of", "unit_of"]
+__all__ = ["hash2", "mix_bits", "normal_of", "unit_of"]
 
 _K1 = np.uint64(0x9E3779B97F4A7C15)
 _K2 = np.uint64(0xC2B2AE3D27D4EB4F)
@@ -20,7 +20,7 @@ _ROOT3 = 3.0**0.5
 
 
 @kernel
-def mixed(value: np.uint64) -> np.uint64:
+def mix_bits(value: np.uint64) -> np.uint64:
     """Return the 64-bit hash of a 64-bit number (the finaliser of SplitMix64)."""
     value = (value ^ (value >> _S30)) * _K3
     value = (value ^ (value >> _S27)) * _K4
@@ -30,7 +30,7 @@ def mixed(value: np.uint64) -> np.uint64:
 @kernel
 def hash2(ix: int, iy: int, seed: np.uint64) -> np.uint64:
     """Return the 64-bit hash of a lattice point; `seed` is uint64."""
-    return mixed((np.uint64(ix) * _K1) ^ (np.uint64(iy) * _K2) ^ seed)
+    return mix_bits((np.uint64(ix) * _K1) ^ (np.uint64(iy) * _K2) ^ seed)
 
 
 @kernel

@@ -11,10 +11,10 @@ import numpy.typing as npt
 from trailmark.estimates import Belief, Estimate, Fix, Lost, Motion, PathOffset
 from trailmark.geometry import Pose2, Pose3
 
-__all__ = ["belief_numbers", "estimate_numbers", "jpeg", "lifted", "plain", "quaternion_xyzw"]
+__all__ = ["belief_numbers", "estimate_numbers", "jpeg", "plain", "quaternion_xyzw", "to_space"]
 
 
-def lifted(pose: Pose2) -> Pose3:
+def to_space(pose: Pose2) -> Pose3:
     """Return a pose on the floor as one in space."""
     return Pose3(pose.x, pose.y, 0.0, 0.0, 0.0, pose.theta)
 

@@ -17,7 +17,7 @@ from trailmark.estimates import Applied, Belief, Estimate, Fix
 from trailmark.frames import RGBD, Frame, Image, Imu, Odometry, Record, Scan
 from trailmark.geometry import Pose2, Pose3
 from trailmark.interfaces import RunEnd, Session, Sink
-from trailmark_viewers.common import belief_numbers, estimate_numbers, jpeg, lifted, plain, quaternion_xyzw
+from trailmark_viewers.common import belief_numbers, estimate_numbers, jpeg, plain, quaternion_xyzw, to_space
 from trailmark_viewers.config import FoxgloveConfig
 
 __all__ = ["FoxgloveSink"]
@@ -120,8 +120,8 @@ class FoxgloveSink(Sink):
         stamp_s, pose = belief.stamp_s, belief.pose_map_base
         if pose is not None:
             self._pose("/belief", stamp_s, "map", pose)
-            self._transform(stamp_s, "map", "odom", lifted(pose @ belief.pose_odom_base.inverse()))
-        self._transform(stamp_s, "odom", "base", lifted(belief.pose_odom_base))
+            self._transform(stamp_s, "map", "odom", to_space(pose @ belief.pose_odom_base.inverse()))
+        self._transform(stamp_s, "odom", "base", to_space(belief.pose_odom_base))
         self._json("/belief/numbers", stamp_s, belief_numbers(belief))
 
     def on_command(self, stamp_s: float, command: Command) -> None:
@@ -146,7 +146,7 @@ class FoxgloveSink(Sink):
         for name, mounting in self._mountings.items():
             self._transform(stamp_s, "base", name, mounting)
         if self._path:
-            poses = [_message(lifted(pose)) for pose in self._path]
+            poses = [_message(to_space(pose)) for pose in self._path]
             path = messages.PosesInFrame(timestamp=_timestamp(stamp_s), frame_id="map", poses=poses)
             self._log("/path", channels.PosesInFrameChannel, stamp_s, path)
 
@@ -174,7 +174,7 @@ class FoxgloveSink(Sink):
         self._log(topic, channels.RawImageChannel, stamp_s, raw)
 
     def _pose(self, topic: str, stamp_s: float, frame_id: str, pose: Pose2) -> None:
-        message = messages.PoseInFrame(timestamp=_timestamp(stamp_s), frame_id=frame_id, pose=_message(lifted(pose)))
+        message = messages.PoseInFrame(timestamp=_timestamp(stamp_s), frame_id=frame_id, pose=_message(to_space(pose)))
         self._log(topic, channels.PoseInFrameChannel, stamp_s, message)
 
     def _transform(self, stamp_s: float, parent: str, child: str, pose: Pose3) -> None:

@@ -12,7 +12,7 @@ import rerun as rr
 
 from trailmark.frames import Arrays, Calibration, DepthCamera, Pinhole, Record, Scan
 from trailmark.geometry import Pose2, Pose3
-from trailmark_viewers.common import jpeg, lifted, quaternion_xyzw
+from trailmark_viewers.common import jpeg, quaternion_xyzw, to_space
 
 __all__ = [
     "depth_lens",
@@ -36,7 +36,7 @@ _SPOT_M = 0.03
 
 def transform(pose: Pose2 | Pose3) -> Any:
     """Return ``pose_parent_child``, for the entity that is the child's frame."""
-    pose = lifted(pose) if isinstance(pose, Pose2) else pose
+    pose = to_space(pose) if isinstance(pose, Pose2) else pose
     return rr.Transform3D(
         translation=[pose.x, pose.y, pose.z], quaternion=rr.Quaternion(xyzw=list(quaternion_xyzw(pose)))
     )

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from trailmark.errors import RunError
-from trailmark.interruption import CLOSE_S, asked, reason_of, shielded
+from trailmark.interruption import CLOSE_S, ending_signal, reason_of, shielded
 from trailmark.pipeline.outputs.result import Status
 
 __all__ = ["Ending"]
@@ -65,7 +65,7 @@ class Ending:
 
     def fail(self, error: BaseException) -> None:
         """Take note of what a step has raised."""
-        is_cut_off = self.status == "interrupted" and asked() is not None  # what fails then may fail for that
+        is_cut_off = self.status == "interrupted" and ending_signal() is not None  # what fails then may fail for that
         if self.status == "failed" or is_cut_off or (isinstance(error, RunError) and error.part in self._spared):
             logger.warning("%s", error)
         else:

@@ -11,7 +11,7 @@ from pathlib import Path
 from trailmark.errors import ConfigError
 from trailmark.writing import DRAFTS
 
-__all__ = ["files_in", "link_latest", "new_folder", "prepared"]
+__all__ = ["files_in", "link_latest", "new_folder", "prepare_folder"]
 
 # What a run writes, and may therefore replace.
 _OWN = (
@@ -37,7 +37,7 @@ def new_folder(name: str, root: Path | str = "runs") -> Path:
     return path if not path.exists() else next(candidate for candidate in candidates if not candidate.exists())
 
 
-def prepared(folder: Path | str, overwrite: bool = False) -> Path:
+def prepare_folder(folder: Path | str, overwrite: bool = False) -> Path:
     """Return the folder, made and free of an earlier run.
 
     Raises

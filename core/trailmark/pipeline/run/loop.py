@@ -12,7 +12,7 @@ from trailmark.errors import RunError
 from trailmark.estimates import Applied
 from trailmark.frames import Frame, SensorInfo
 from trailmark.geometry import Pose2
-from trailmark.interruption import STEP_S, asked, reason_of, shielded
+from trailmark.interruption import STEP_S, ending_signal, reason_of, shielded
 from trailmark.pipeline.ending import HangError, HangWatch, RunLifeline
 from trailmark.pipeline.instruments import Instruments
 from trailmark.pipeline.outputs.result import RunResult, Status, Step
@@ -20,7 +20,7 @@ from trailmark.pipeline.parts import Parts
 from trailmark.pipeline.run.conclusion import Conclusion
 from trailmark.pipeline.run.frame import FrameProcessor
 from trailmark.pipeline.sources.checks import FrameChecks
-from trailmark.pipeline.sources.merging import merged
+from trailmark.pipeline.sources.merging import merge_sources
 from trailmark.pipeline.startup import start_parts
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ class Run:
                     step = self._process(event)
             if event is None:
                 self.end("done")
-            if (interrupted := asked()) is not None:
+            if (interrupted := ending_signal()) is not None:
                 raise interrupted
         except BaseException as error:
             self._end_by(error)
@@ -148,7 +148,7 @@ class Run:
     def _new_events(self) -> Iterator[Event]:
         """Return what the run goes on with: frames, and in real time the controller's ticks."""
         if not self._is_realtime:
-            return merged(self.running.parts.sources)
+            return merge_sources(self.running.parts.sources)
         from trailmark.pipeline.run.pacing import realtime_events  # threads and waiting: most runs need neither
 
         return realtime_events(self.running, self._instruments, self._hangs)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from trailmark.frames import Frame
 from trailmark.pipeline.ending import HangWatch
 from trailmark.pipeline.instruments import Instruments
-from trailmark.pipeline.sources.merging import merged
+from trailmark.pipeline.sources.merging import merge_sources
 from trailmark.pipeline.sources.realtime import Event, held_to_stamps, live
 from trailmark.pipeline.startup import RunningParts
 
@@ -30,7 +30,7 @@ def realtime_events(running: RunningParts, instruments: Instruments, hangs: Hang
     parts, control = running.parts, running.control
     if parts.is_live:
         return live(parts.sources, instruments.clock, lambda: control.due_s, instruments.counters)
-    frames = _watched(merged(parts.sources), hangs)
+    frames = _watched(merge_sources(parts.sources), hangs)
     if parts.robot is not None:  # simulated: when its frame is there, it has moved on already
         return held_to_stamps(frames, instruments.clock, lambda: math.inf)
     return held_to_stamps(frames, instruments.clock, lambda: control.due_s)

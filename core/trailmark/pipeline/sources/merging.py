@@ -10,7 +10,7 @@ from trailmark.errors import ConfigError
 from trailmark.frames import Frame
 from trailmark.pipeline.sources.stream import SourceStream
 
-__all__ = ["merged"]
+__all__ = ["merge_sources"]
 
 logger = logging.getLogger(__name__)
 
@@ -18,7 +18,7 @@ logger = logging.getLogger(__name__)
 _SUSPICIOUS_S = 60.0
 
 
-def merged(sources: Sequence[SourceStream]) -> Iterator[Frame]:
+def merge_sources(sources: Sequence[SourceStream]) -> Iterator[Frame]:
     """Yield the frames of all sources in the order of their stamps; those of one stamp in the order of the sources.
 
     A source is asked for its next frame only when its last one has been worked on, so a robot is never ahead of its

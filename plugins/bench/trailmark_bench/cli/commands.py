@@ -179,7 +179,7 @@ def export_command(
     form: str, folder: Path, metrics: tuple[str, ...], baseline: str | None, is_cells: bool, to: Path | None
 ) -> None:
     """Write the tables of a bench for a paper, a page or another program; as json, all cells, for `merge` elsewhere."""
-    from trailmark_bench.export import exported
+    from trailmark_bench.export import export_text
     from trailmark_bench.index import Index
     from trailmark_bench.shared import shared_results
 
@@ -188,7 +188,7 @@ def export_command(
     if form == "json" and (metrics or baseline):
         raise ConfigError("json holds every cell with all its figures: --metric and --baseline are for tables")
     with Index(folder) as index:
-        text = shared_results(index) if form == "json" else exported(index, form, metrics, baseline, is_cells)
+        text = shared_results(index) if form == "json" else export_text(index, form, metrics, baseline, is_cells)
     if to is None:
         click.echo(text, nl=False)
     else:

@@ -14,7 +14,7 @@ import click
 from trailmark.cli.errors import say
 from trailmark.cli.root import ChosenPlugins
 from trailmark.config.document import Document, Problems
-from trailmark.config.explain import validated
+from trailmark.config.explain import validate_at
 from trailmark.errors import ConfigError
 from trailmark.isolation.executor import Executor
 from trailmark.isolation.fingerprint import FileCache
@@ -140,7 +140,7 @@ def executor_of(bench: Bench, plugins: Plugins, request: RunOptions) -> Executor
     spec = plugins.registry.find("executor", plugin)
     document = Document({"executor": written}, name=f"executor {plugin!r}")
     problems = Problems(document)
-    config = validated(spec.load_config(), written, (), problems, document.base_dir)
+    config = validate_at(spec.load_config(), written, (), problems, document.base_dir)
     problems.raise_if_any()
     executor: Executor = spec.load()(config)
     return executor

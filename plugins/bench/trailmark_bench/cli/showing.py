@@ -12,7 +12,7 @@ from trailmark.errors import ConfigError
 from trailmark.report.console import print_table
 from trailmark_bench.cell import STATES
 from trailmark_bench.index import CellRecord, Index
-from trailmark_bench.summary import summarized
+from trailmark_bench.summary import summarize_bench
 from trailmark_bench.tables import bench_tables
 
 __all__ = ["show_cell", "show_states", "show_tables"]
@@ -20,7 +20,7 @@ __all__ = ["show_cell", "show_states", "show_tables"]
 
 def show_tables(index: Index, metrics: Sequence[str], baseline: str | None, as_json: bool) -> None:
     """Print the tables of a bench."""
-    summary = summarized(index, metrics, baseline)
+    summary = summarize_bench(index, metrics, baseline)
     if as_json:
         click.echo(json.dumps(summary.document(), indent=1))
         return

@@ -12,7 +12,7 @@ from typing import Any
 from trailmark.errors import ConfigError
 from trailmark.isolation.executor import Executor, ExecutorLostError, Finished, Job
 from trailmark.isolation.outcome import Outcome
-from trailmark_bench.remote import packed, received, run_packed
+from trailmark_bench.remote import pack_request, run_packed, unpack_result
 
 __all__ = ["DaskExecutor"]
 
@@ -64,7 +64,7 @@ class DaskExecutor(Executor):
 
     def submit(self, job: Job) -> None:
         """Give a cell to the cluster."""
-        package = packed(job.request, self.config.carry_mb)
+        package = pack_request(job.request, self.config.carry_mb)
         with self._talking() as client:
             future = client.submit(run_packed, package, key=f"trailmark-{job.id}-{time.monotonic_ns()}", pure=False)
         self._futures[job.id] = future
@@ -115,7 +115,7 @@ class DaskExecutor(Executor):
     def _finish(self, job: Job, future: Any) -> Finished:
         self._futures.pop(job.id, None)
         try:
-            return received(job, future.result(timeout=_PATIENCE_S))
+            return unpack_result(job, future.result(timeout=_PATIENCE_S))
         except Exception as error:  # its workers died, or the answer did not arrive
             said = str(error).splitlines()[0] if str(error) else type(error).__name__
             reason = f"lost on the cluster: {type(error).__name__}: {said}"

@@ -116,14 +116,14 @@ def _views(recording: str, plugins: Plugins, request: _RgbdRequest) -> tuple[lis
     from trailmark.cli.guess import guess_config, is_config
     from trailmark.pipeline import build_sources, read_config
     from trailmark_kinect_landmarks.calibrating.board import find_board
-    from trailmark_kinect_landmarks.calibrating.recordings import choose_sensors, pairs, started
+    from trailmark_kinect_landmarks.calibrating.recordings import choose_sensors, pairs, start_sources
 
     config = recording if is_config(recording) else guess_config(recording, plugins.registry)
     sources = build_sources(read_config(config, plugins=plugins))
     views: list[BoardView] = []
     n, sizes = 0, None
     try:
-        chosen = choose_sensors(started(sources), request.sensor, request.depth)
+        chosen = choose_sensors(start_sources(sources), request.sensor, request.depth)
         for bgr, depth_m in islice(pairs(sources, chosen, request.depth_factor, request.every), request.n_frames):
             n, sizes = n + 1, ((bgr.shape[1], bgr.shape[0]), (depth_m.shape[1], depth_m.shape[0]))
             view = find_board(bgr, depth_m)

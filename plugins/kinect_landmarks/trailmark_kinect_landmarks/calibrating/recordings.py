@@ -14,7 +14,7 @@ from trailmark.frames import RGBD, Frame, Image, SensorInfo
 from trailmark.interfaces import Session
 from trailmark.pipeline import SourceStream
 
-__all__ = ["PictureSensors", "choose_sensors", "pairs", "started"]
+__all__ = ["PictureSensors", "choose_sensors", "pairs", "start_sources"]
 
 Pair = tuple[npt.NDArray[np.uint8], npt.NDArray[np.float32]]
 
@@ -110,7 +110,7 @@ def _depth_of(frame: Frame, depth_factor: float) -> npt.NDArray[np.float32]:
     return np.where(pixels > 0, pixels / np.float32(depth_factor), np.float32(np.nan)).astype(np.float32)
 
 
-def started(sources: Sequence[SourceStream]) -> Mapping[str, SensorInfo]:
+def start_sources(sources: Sequence[SourceStream]) -> Mapping[str, SensorInfo]:
     """Start sources and return their sensors."""
     sensors: dict[str, SensorInfo] = {}
     for source in sources:

@@ -6,14 +6,37 @@ from trailmark_papers.kit.figures import panels
 from trailmark_papers.kit.keepers import AnswerKeeper, FrameKeeper
 from trailmark_papers.kit.numbers import largest_of, mean_of, rms, sd_of, spread_of
 from trailmark_papers.kit.places import Trial, over_places
-from trailmark_papers.kit.runs import OnStep, collisions_of, run_config, simulated, started_source, truth_of
+from trailmark_papers.kit.runs import OnStep, collisions_of, run_config, sim_source, started_source, truth_of
 from trailmark_papers.kit.stores import arrays_of, keyframes_of, path_of
-from trailmark_papers.kit.sweeps import grouped, sweep
+from trailmark_papers.kit.sweeps import group_by, sweep
 from trailmark_papers.kit.tables import Table, beside_faithful
-from trailmark_papers.kit.watching import Watcher, show, timed
+from trailmark_papers.kit.watching import Watcher, observe_timed, show
 
 __all__ = [
-    "AnswerKeeper", "FrameKeeper", "OnStep", "Table", "Trial", "Watcher", "arrays_of", "beside_faithful",
-    "collisions_of", "grouped", "keyframes_of", "largest_of", "mean_of", "over_places", "panels", "path_of", "rms",
-    "run_config", "sd_of", "show", "simulated", "spread_of", "started_source", "sweep", "timed", "truth_of",
+    "AnswerKeeper",
+    "FrameKeeper",
+    "OnStep",
+    "Table",
+    "Trial",
+    "Watcher",
+    "arrays_of",
+    "beside_faithful",
+    "collisions_of",
+    "group_by",
+    "keyframes_of",
+    "largest_of",
+    "mean_of",
+    "observe_timed",
+    "over_places",
+    "panels",
+    "path_of",
+    "rms",
+    "run_config",
+    "sd_of",
+    "show",
+    "sim_source",
+    "spread_of",
+    "started_source",
+    "sweep",
+    "truth_of",
 ]  # fmt: skip

@@ -16,12 +16,12 @@ from trailmark.interfaces import FrameSource, Mode, Session
 if TYPE_CHECKING:
     from trailmark.pipeline import Pipeline, RunResult, Step
 
-__all__ = ["OnStep", "collisions_of", "run_config", "simulated", "started_source", "truth_of"]
+__all__ = ["OnStep", "collisions_of", "run_config", "sim_source", "started_source", "truth_of"]
 
 OnStep = Callable[["Pipeline", "Step"], None]
 
 
-def simulated(world: str, **keys: Any) -> dict[str, Any]:
+def sim_source(world: str, **keys: Any) -> dict[str, Any]:
     """Return the config of a simulated source: a collision ends the drive, and so keeps it from its goal."""
     return {"plugin": "sim", "world": world, "on_collision": "end", **keys}
 

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 from trailmark.experiments import ExperimentOptions
 
-__all__ = ["grouped", "sweep"]
+__all__ = ["group_by", "sweep"]
 
 K = TypeVar("K", bound=Hashable)
 G = TypeVar("G", bound=Hashable)
@@ -32,7 +32,7 @@ def sweep(options: ExperimentOptions, function: Callable[..., T], cells: Mapping
     return dict(zip(cells, options.map(function, cells.values()), strict=True))
 
 
-def grouped(found: Mapping[K, T], group_of: Callable[[K], G]) -> dict[G, list[T]]:
+def group_by(found: Mapping[K, T], group_of: Callable[[K], G]) -> dict[G, list[T]]:
     """Return answers by a group of their keys, in their order: the seeds of a condition, for example."""
     groups: dict[G, list[T]] = {}
     for key, answer in found.items():

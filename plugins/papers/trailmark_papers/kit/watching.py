@@ -13,7 +13,7 @@ from trailmark.frames import Frame
 from trailmark.geometry import Trajectory
 from trailmark.interfaces import FrameSource, Localizer
 
-__all__ = ["Watcher", "show", "timed"]
+__all__ = ["Watcher", "observe_timed", "show"]
 
 
 class Watcher(ABC):
@@ -43,7 +43,7 @@ def show(source: FrameSource, watchers: Collection[Watcher], kind: type) -> Traj
     return truth.at(np.array(stamps_s))
 
 
-def timed(
+def observe_timed(
     localizer: Localizer, frame: Frame, belief: Belief, clock_ns: Callable[[], int] = time.thread_time_ns
 ) -> tuple[Sequence[Estimate], float]:
     """Return what a localizer says of a frame, and what that cost by a clock of CPU time [ms]."""

@@ -12,7 +12,7 @@ import numpy as np
 from trailmark.arrays import Floats
 from trailmark.experiments import ExperimentOptions
 from trailmark.interfaces import Mode
-from trailmark_papers.kit import run_config, simulated, started_source
+from trailmark_papers.kit import run_config, sim_source, started_source
 
 __all__ = ["PIXEL_M", "SWAY_M", "course", "drive", "keys_of", "photographs", "poles_of", "tracking_config"]
 
@@ -25,7 +25,7 @@ SWAY_M = 0.003
 def course(route: str, world_seed: int = 1, **keys: Any) -> dict[str, Any]:
     """Return the source: the vehicle of the paper on one of its courses."""
     common = {"route": route, "sensors": ["floor"], "world_seed": world_seed, "sway_m": SWAY_M}
-    return simulated("ground_course", **(common | keys))
+    return sim_source("ground_course", **(common | keys))
 
 
 def tracking_config(

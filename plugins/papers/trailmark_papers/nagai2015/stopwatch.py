@@ -22,7 +22,7 @@ from trailmark.frames import GroundPlane, SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Estimator, FrameSource, Localizer, LocalizerMap, Mode, Session
 from trailmark.pipeline.instruments import peak_rss_mb
-from trailmark_papers.kit import started_source, timed
+from trailmark_papers.kit import observe_timed, started_source
 from trailmark_papers.nagai2015.runs import course, keys_of
 
 __all__ = ["main"]
@@ -74,8 +74,8 @@ def _teach_way(source: FrameSource, localizer_map: LocalizerMap) -> dict[str, li
     times: dict[str, list[float]] = {"refined": [], "paper": []}
     for frame in source.frames():
         belief = estimator.belief(frame.stamp_s)
-        times["paper"].append(timed(paper, frame, belief)[1])
-        said, took_ms = timed(motion, frame, belief)
+        times["paper"].append(observe_timed(paper, frame, belief)[1])
+        said, took_ms = observe_timed(motion, frame, belief)
         times["refined"].append(took_ms)
         _apply(estimator, said)
         patches.observe(frame, estimator.belief(frame.stamp_s))
@@ -93,7 +93,7 @@ def _driven_again(source: FrameSource, localizer_map: LocalizerMap) -> dict[str,
         _apply(estimator, motion.observe(frame, estimator.belief(frame.stamp_s)))
         belief = estimator.belief(frame.stamp_s)
         for way, patches in ways.items():
-            said, took_ms = timed(patches, frame, belief)
+            said, took_ms = observe_timed(patches, frame, belief)
             if said:
                 times[way].append(took_ms)
     return times

@@ -12,7 +12,7 @@ import numpy as np
 from trailmark.evaluation import read_run
 from trailmark.experiments import ExperimentOptions, Row
 from trailmark.geometry import Pose2, Trajectory, wrap_angle
-from trailmark_papers.kit import Table, Trial, beside_faithful, grouped, sweep
+from trailmark_papers.kit import Table, Trial, beside_faithful, group_by, sweep
 from trailmark_papers.nagai2015.runs import course, drive, keys_of, photographs
 
 __all__ = ["straight_rows"]
@@ -102,7 +102,7 @@ def _measure_floors(options: ExperimentOptions, floors: _Floors, n_seeds: int) -
         for seed in range(options.seed, options.seed + n_seeds)
         for name, ground in floors.grounds.items()
     }
-    drifts = grouped(sweep(options, _drifts, cells), lambda cell: cell[0])
+    drifts = group_by(sweep(options, _drifts, cells), lambda cell: cell[0])
     found = {
         name: {mode: _rms([one[mode] for one in of_seeds]) for mode in _MODES} for name, of_seeds in drifts.items()
     }

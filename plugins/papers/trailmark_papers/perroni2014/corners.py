@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from trailmark.experiments import ExperimentOptions, Row
-from trailmark_papers.kit import Table, grouped, sweep
+from trailmark_papers.kit import Table, group_by, sweep
 from trailmark_papers.perroni2014.drives import AFTERNOON, PEERS, STREAMS, Deviation, Place, Replay, Taught
 from trailmark_papers.perroni2014.plots import draw_corners
 
@@ -37,7 +37,7 @@ def _rows_of(options: ExperimentOptions, world: str) -> list[Row]:
     taught = place.teach(options.out / "runs" / f"corners-{world}", {"streams": STREAMS, **PEERS}, options.seed)
     n_seeds = {name: _N_SEEDS[world] if name == "streams" else _N_OTHERS[world] for name in (*_WAYS, *PEERS)}
     cells = {(driver, k): (taught, options.seed + k, driver) for driver, n in n_seeds.items() for k in range(n)}
-    ways = grouped(sweep(options, corner_drive, cells), lambda cell: cell[0])
+    ways = group_by(sweep(options, corner_drive, cells), lambda cell: cell[0])
     draw_corners(options.out / f"corners_{world}.svg", taught.truth, ways["streams"])
     options.report(f"two corners, {world}: {max(way.largest_m for way in ways['streams']):.3f} m at most")
     return [row for driver, several in ways.items() for row in _rows_of_driver(world, driver, several)]

@@ -10,7 +10,7 @@ import numpy as np
 
 from trailmark.experiments import ExperimentOptions, Row
 from trailmark.pipeline import Pipeline, Step
-from trailmark_papers.kit import AnswerKeeper, Table, grouped, sweep, truth_of
+from trailmark_papers.kit import AnswerKeeper, Table, group_by, sweep, truth_of
 from trailmark_papers.perroni2014.drives import AFTERNOON, STREAMS, Deviation, Localizers, Place, Replay, Taught
 from trailmark_papers.perroni2014.offline import DepthKeeper, DriveAnswers, compare, with_depth
 from trailmark_papers.perroni2014.true_shift import Surroundings
@@ -48,7 +48,7 @@ def _rows_of(options: ExperimentOptions, world: str) -> list[Row]:
     cells = {
         (name, k): (taught, around, localizers, name, options.seed + k) for name in localizers for k in range(_N_SEEDS)
     }
-    found = grouped(sweep(options, corresponding_drive, cells), lambda cell: cell[0])
+    found = group_by(sweep(options, corresponding_drive, cells), lambda cell: cell[0])
     rows: list[Row] = []
     for name, driven in found.items():
         watched = [answers[name] for answers, _ in found["distance"]]  # all others look on when distance drives

@@ -16,7 +16,7 @@ from trailmark.geometry import Trajectory
 from trailmark.paths import Path as TaughtPath
 from trailmark.paths import Waypoint
 from trailmark.pipeline import RunResult
-from trailmark_papers.kit import OnStep, run_config, simulated, truth_of
+from trailmark_papers.kit import OnStep, run_config, sim_source, truth_of
 
 __all__ = [
     "AFTERNOON",
@@ -84,7 +84,7 @@ class Place:
     def source(self, options: Mapping[str, Any], **more: Any) -> dict[str, Any]:
         """Return the config of the source, in the morning where `options` do not say otherwise."""
         given = {"time": "morning", **options, "width_px": self.width_px}
-        return simulated(self.world, route=self.route, world_seed=self.world_seed, threads=1, options=given, **more)
+        return sim_source(self.world, route=self.route, world_seed=self.world_seed, threads=1, options=given, **more)
 
     def teach(
         self,

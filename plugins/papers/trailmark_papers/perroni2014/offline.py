@@ -19,7 +19,7 @@ from trailmark.experiments import ExperimentOptions, Row
 from trailmark.frames import RGBD, Pinhole
 from trailmark.geometry import Trajectory
 from trailmark.pipeline import Pipeline, Step
-from trailmark_papers.kit import AnswerKeeper, FrameKeeper, Table, beside_faithful, grouped, sweep, truth_of
+from trailmark_papers.kit import AnswerKeeper, FrameKeeper, Table, beside_faithful, group_by, sweep, truth_of
 from trailmark_papers.perroni2014.drives import AFTERNOON, FAITHFUL, PEERS, STREAMS, Localizers, Place, Replay, Taught
 from trailmark_papers.perroni2014.plots import draw_shifts
 from trailmark_papers.perroni2014.true_shift import Eyepiece, Surroundings
@@ -153,7 +153,7 @@ def _rows_of(
         for condition, given in conditions.items()
         for angle in (5.0, -5.0)
     }
-    found = grouped(sweep(options, offline_drive, cells), lambda cell: cell[:2])
+    found = group_by(sweep(options, offline_drive, cells), lambda cell: cell[:2])
     figure = _FIGURES[place.world]
     options.report(f"{figure} {place.world}: {len(cells)} drives")
     first = {angle: _series(found["", angle][0]["streams"]) for angle in angles_deg}

@@ -18,7 +18,7 @@ from trailmark_omni_surf.landmark_map import Candidates, LandmarkMap, measured_c
 from trailmark_omni_surf.laser.scan_map import ScanMap
 from trailmark_omni_surf.selection import SelectionModel, shipped_model
 from trailmark_omni_surf.training import train
-from trailmark_papers.kit import keyframes_of, run_config, simulated, truth_of
+from trailmark_papers.kit import keyframes_of, run_config, sim_source, truth_of
 from trailmark_papers.tasaki2010.labels import labelled_candidates
 from trailmark_papers.tasaki2010.variants import Variant
 
@@ -90,7 +90,7 @@ def localized_by(*cameras: str) -> dict[str, Any]:
 def supermarket(**more: Any) -> dict[str, Any]:
     """Return the config of the source, one thread, with its three sensors."""
     common: dict[str, Any] = {"threads": 1, "sensors": ["wheels", "laser", "omni"]}
-    return simulated("supermarket", **(common | more))
+    return sim_source("supermarket", **(common | more))
 
 
 def taught_place(options: ExperimentOptions) -> TaughtPlace:

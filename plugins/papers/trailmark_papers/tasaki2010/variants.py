@@ -20,7 +20,7 @@ from trailmark.interfaces import Localizer, LocalizerMap, Session
 from trailmark.paths import Keyframe
 from trailmark_omni_surf.config import OmniSurfConfig
 from trailmark_omni_surf.localizer import OmniSurf
-from trailmark_papers.kit import Watcher, show, started_source, timed
+from trailmark_papers.kit import Watcher, observe_timed, show, started_source
 from trailmark_papers.tasaki2010.plain_surf import PlainSurf
 
 __all__ = ["Answers", "Variant", "drive"]
@@ -127,7 +127,7 @@ class _CameraDrive(Watcher):
             self._pose_odom_base = frame.payload.pose_start_base
         if isinstance(frame.payload, Image):
             belief = Belief(frame.stamp_s, pose_odom_base=self._pose_odom_base)
-            (answer,), took_ms = timed(self._localizer, frame, belief, time.process_time_ns)
+            (answer,), took_ms = observe_timed(self._localizer, frame, belief, time.process_time_ns)
             self.rows.append((took_ms, *_numbers(answer)))
 
 

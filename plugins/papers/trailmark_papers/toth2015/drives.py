@@ -14,7 +14,7 @@ from trailmark.estimates import Belief, Estimate, Fix, Motion
 from trailmark.frames import RGBD, Frame
 from trailmark.geometry import Pose2
 from trailmark.interfaces import FrameSource, Localizer, Session
-from trailmark_papers.kit import Table, Watcher, rms, show, simulated, spread_of, started_source, timed
+from trailmark_papers.kit import Table, Watcher, observe_timed, rms, show, sim_source, spread_of, started_source
 
 __all__ = [
     "CROP",
@@ -159,7 +159,7 @@ def drive(plan: Plan) -> Driven:
 
 
 def _source(plan: Plan) -> dict[str, Any]:
-    return simulated(
+    return sim_source(
         plan.world,
         route=plan.route,
         world_seed=plan.world_seed,
@@ -202,7 +202,7 @@ class _LocalizerDrive(Watcher):
         """Answer a frame of one of its sensors."""
         if frame.sensor not in self._sensors:
             return
-        answers, took_ms = timed(self._localizer, frame, Belief(frame.stamp_s, self._pose))
+        answers, took_ms = observe_timed(self._localizer, frame, Belief(frame.stamp_s, self._pose))
         if isinstance(frame.payload, RGBD):
             self._times_ms.append(took_ms)
         for answer in answers:

@@ -14,7 +14,7 @@ import numpy as np
 
 from trailmark.arrays import AnyArray
 from trailmark.kernels import kernel
-from trailmark_sim.hashing import hash2, mixed, normal_of, unit_of
+from trailmark_sim.hashing import hash2, mix_bits, normal_of, unit_of
 from trailmark_sim.interpolation import between
 
 __all__ = [
@@ -122,11 +122,11 @@ def add_grains(out: AnyArray, x: AnyArray, y: AnyArray, grains: GrainLayer, seed
                     ni, nj = i - 1 + n % 3, j - 1 + n // 3
                     h = hash2(ni, nj, seed)
                     px[n] = ni + 0.5 + (unit_of(h) - 0.5) * jitter
-                    h = mixed(h)
+                    h = mix_bits(h)
                     py[n] = nj + 0.5 + (unit_of(h) - 0.5) * jitter
-                    h = mixed(h)
+                    h = mix_bits(h)
                     tone[n] = gain * normal_of(h)
-                    if unit_of(mixed(h)) >= share:
+                    if unit_of(mix_bits(h)) >= share:
                         tone[n] = np.nan
                 last_i, last_j = i, j
             first, second, best = 1e9, 1e9, 0
@@ -182,13 +182,13 @@ def add_specks(out: AnyArray, x: AnyArray, y: AnyArray, specks: SpeckLayer, seed
                 h = hash2(i, j, seed)
                 r = 0.0
                 if unit_of(h) < share:
-                    h = mixed(h)
+                    h = mix_bits(h)
                     r = radius * (0.25 + 0.75 * unit_of(h))
-                    h = mixed(h)
+                    h = mix_bits(h)
                     cu = r + (1.0 - 2.0 * r) * unit_of(h)
-                    h = mixed(h)
+                    h = mix_bits(h)
                     cv = r + (1.0 - 2.0 * r) * unit_of(h)
-                    tone = gain + spread * normal_of(mixed(h))
+                    tone = gain + spread * normal_of(mix_bits(h))
                 last_i, last_j = i, j
             if r > 0.0:
                 du, dv = (u - i - cu) / r, (v - j - cv) / r
@@ -248,6 +248,6 @@ def split_planks(
             along, across = (u - i) * length_m, (v - j) * width_m
             edge[row, col] = min(min(along, length_m - along), min(across, width_m - across))
             out[row, col] += gain * normal_of(h)
-            h = mixed(h)
+            h = mix_bits(h)
             x[row, col] += 1000.0 * math.floor(1000.0 * unit_of(h))
-            y[row, col] += 1000.0 * math.floor(1000.0 * unit_of(mixed(h)))
+            y[row, col] += 1000.0 * math.floor(1000.0 * unit_of(mix_bits(h)))

@@ -18,7 +18,7 @@ from scipy.special import ndtri
 from trailmark.arrays import AnyArray, Float32s, Floats, Grey8
 from trailmark.errors import ConfigError
 from trailmark.kernels import kernel
-from trailmark_sim.hashing import hash2, mixed, unit_of
+from trailmark_sim.hashing import hash2, mix_bits, unit_of
 from trailmark_sim.interpolation import between
 from trailmark_sim.pictures import read_grey
 from trailmark_sim.rng import stream_key
@@ -157,7 +157,7 @@ def _paint_pieces(
                 corner_u, corner_v = side_m * (ci + 0.5 * cj) / pitch_m, side_m * cj * root3 / 2.0 / pitch_m
                 h = hash2(ci, cj, seed)
                 u = px / pitch_m + _piece_offset(grey.shape[1], reach, corner_u, h)
-                v = py / pitch_m + _piece_offset(grey.shape[0], reach, corner_v, mixed(h))
+                v = py / pitch_m + _piece_offset(grey.shape[0], reach, corner_v, mix_bits(h))
                 total += weight * _bilinear(grey, normals, u, v)
                 squares += weight * weight
             value = (total / math.sqrt(squares) + _SPAN) * scale

@@ -10,7 +10,7 @@ import numpy as np
 from trailmark.arrays import AnyArray, Float32s, Floats
 from trailmark.kernels import kernel
 from trailmark_sim.ground import layers
-from trailmark_sim.hashing import hash2, mixed, normal_of, unit_of
+from trailmark_sim.hashing import hash2, mix_bits, normal_of, unit_of
 from trailmark_sim.rng import stream_key
 
 __all__ = ["Weather"]
@@ -101,13 +101,13 @@ def _fill_leaf(leaf: AnyArray, i: int, j: int, share: float, seed: np.uint64) ->
     leaf[4] = 0.0
     if unit_of(h) >= share:
         return
-    h = mixed(h)
+    h = mix_bits(h)
     leaf[0] = (i + unit_of(h)) * _LEAF_CELL_M
-    h = mixed(h)
+    h = mix_bits(h)
     leaf[1] = (j + unit_of(h)) * _LEAF_CELL_M
-    h = mixed(h)
+    h = mix_bits(h)
     turn = 2.0 * math.pi * unit_of(h)
     leaf[2], leaf[3] = math.cos(turn), math.sin(turn)
-    h = mixed(h)
+    h = mix_bits(h)
     leaf[4] = 0.015 + 0.02 * unit_of(h)
-    leaf[5] = 95.0 + 25.0 * normal_of(mixed(h))
+    leaf[5] = 95.0 + 25.0 * normal_of(mix_bits(h))

@@ -15,7 +15,7 @@ from trailmark_sim.render.rays import LANES
 from trailmark_sim.render.records import SeenShape, TileRays
 from trailmark_sim.render.shapes import CYLINDER, RECTANGLE
 
-__all__ = ["baked", "darken", "mirrored", "show_sky"]
+__all__ = ["darken", "mirrored_light", "read_baked_light", "show_sky"]
 
 _F: Any = np.float32
 _I: Any = np.int32
@@ -25,7 +25,7 @@ _HIGHLIGHT = _F(6.0)
 
 
 @inlined_kernel
-def baked(light: AnyArray, surface: Any, is_flat: bool, place: Footprints, taps: Taps, lit: Colours) -> None:
+def read_baked_light(light: AnyArray, surface: Any, is_flat: bool, place: Footprints, taps: Taps, lit: Colours) -> None:
     """Write the baked light at each place, bilinear; around a round shape the columns close."""
     u, v = place.u, place.v
     _, _, wx, wy, a, b, c, d = taps
@@ -77,7 +77,7 @@ def darken(tile: TileRays, p: int, to_map: AnyArray, shadows: AnyArray, taps: Ta
 
 
 @kernel(error_model="numpy")
-def mirrored(tile: TileRays, lane: int, shape: SeenShape, to_map: AnyArray, key: AnyArray) -> Any:
+def mirrored_light(tile: TileRays, lane: int, shape: SeenShape, to_map: AnyArray, key: AnyArray) -> Any:
     """Return what a shiny surface mirrors: a bright spot where the key light is, a paler ceiling or sky."""
     ray, kind, m, q = tile.rays, shape.kind, shape.frame, shape.eye
     dx, dy, dz, t = ray[0, lane], ray[1, lane], ray[2, lane], tile.ranges_m[lane]

@@ -12,7 +12,7 @@ from trailmark.kernels import inlined_kernel, kernel
 from trailmark_sim.render.lanes import Colours, Footprints, Taps
 from trailmark_sim.render.rays import LANES
 
-__all__ = ["plain", "textured"]
+__all__ = ["plain", "read_texture"]
 
 _F: Any = np.float32
 _I: Any = np.int32
@@ -38,7 +38,7 @@ def plain(texel: Any, colours: Colours) -> None:
 
 
 @inlined_kernel
-def textured(
+def read_texture(
     texels: AnyArray,
     starts: AnyArray,
     size: Any,

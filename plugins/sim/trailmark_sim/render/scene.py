@@ -15,7 +15,7 @@ from trailmark.geometry import Pose2
 from trailmark_sim.render.atlas import Atlas, build_atlas, join_atlases
 from trailmark_sim.render.bake import Lighting, bake_light
 from trailmark_sim.render.records import SURFACE_ROW
-from trailmark_sim.render.shapes import Shape, box_sides, cylinder, ellipsoid, moved, rectangle
+from trailmark_sim.render.shapes import Shape, box_sides, cylinder, ellipsoid, move, rectangle
 from trailmark_sim.render.surfaces import Colour, Surface, surface_row
 
 __all__ = ["Colour", "Scene", "SceneBuilder", "Surface"]
@@ -140,7 +140,7 @@ class SceneBuilder:
 
     def add(self, shape: Shape, surface: Surface) -> None:
         """Add a shape."""
-        self._shapes.append(shape if self._pose == Pose2() else moved(shape, self._pose))
+        self._shapes.append(shape if self._pose == Pose2() else move(shape, self._pose))
         self._surfaces.append(surface)
 
     def add_mover(self, shape: Shape, surface: Surface) -> None:

@@ -15,11 +15,11 @@ from trailmark.arrays import AnyArray
 from trailmark.kernels import inlined_kernel, kernel
 from trailmark_sim.render.atlas import Atlas
 from trailmark_sim.render.footprints import place_flat, place_round
-from trailmark_sim.render.illumination import baked, darken, mirrored, show_sky
+from trailmark_sim.render.illumination import darken, mirrored_light, read_baked_light, show_sky
 from trailmark_sim.render.lanes import Colours, Footprints, Taps, floats, ints
 from trailmark_sim.render.rays import LANES, RayTable
 from trailmark_sim.render.records import RayHits, SeenShape, SeenShapes, SensorSurroundings, TileRays
-from trailmark_sim.render.reflectance import plain, textured
+from trailmark_sim.render.reflectance import plain, read_texture
 from trailmark_sim.render.shapes import RECTANGLE
 
 __all__ = ["shade_tiles"]
@@ -82,8 +82,8 @@ def shade_tiles(
             if size.n_levels == 1:
                 plain(atlas.texels[atlas.starts[n, 0]], colours)
             else:
-                textured(atlas.texels, atlas.starts[n], size, surface, place, taps, part, level, colours)
-            baked(light, surface, is_flat, place, taps, lit)
+                read_texture(atlas.texels, atlas.starts[n], size, surface, place, taps, part, level, colours)
+            read_baked_light(light, surface, is_flat, place, taps, lit)
             for lane in range(LANES):
                 shade[lane] = _ONE
             if surface.is_floor and around.shadows.shape[1] > 0:
@@ -114,7 +114,7 @@ def _blend_lanes(
             continue
         gloss = _ZERO
         if shine > _ZERO:
-            gloss = shine * mirrored(tile, lane, shape, to_map, key)
+            gloss = shine * mirrored_light(tile, lane, shape, to_map, key)
         out[pixel, 0] = surface.red * red[lane] * (lr[lane] * shade[lane] + own) + gloss * lr[lane]
         out[pixel, 1] = surface.green * green[lane] * (lg[lane] * shade[lane] + own) + gloss * lg[lane]
         out[pixel, 2] = surface.blue * blue[lane] * (lb[lane] * shade[lane] + own) + gloss * lb[lane]

@@ -18,7 +18,17 @@ import numpy as np
 from trailmark.arrays import Floats
 from trailmark.geometry import Pose2
 
-__all__ = ["CYLINDER", "ELLIPSOID", "RECTANGLE", "Shape", "box_sides", "cylinder", "ellipsoid", "moved", "rectangle"]
+__all__ = [
+    "CYLINDER",
+    "ELLIPSOID",
+    "RECTANGLE",
+    "Shape",
+    "box_sides",
+    "cylinder",
+    "ellipsoid",
+    "move",
+    "rectangle",
+]
 
 RECTANGLE, CYLINDER, ELLIPSOID = 0, 1, 2
 Triple = Sequence[float] | Floats
@@ -102,7 +112,7 @@ def ellipsoid(centre: Sequence[float], semi_axes_m: Sequence[float], yaw_rad: fl
     return Shape(ELLIPSOID, frame, middle, middle, max(a, b, c), (math.pi * (a + b), math.pi * c / 2.0))
 
 
-def moved(shape: Shape, pose_map_part: Pose2) -> Shape:
+def move(shape: Shape, pose_map_part: Pose2) -> Shape:
     """Return a shape of a part that stands at a pose, in the map."""
     cos, sin = math.cos(pose_map_part.theta), math.sin(pose_map_part.theta)
     turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])

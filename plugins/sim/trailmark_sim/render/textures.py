@@ -23,7 +23,7 @@ __all__ = [
     "plaster",
     "products",
     "speckle",
-    "tinted",
+    "tint",
     "window",
 ]
 
@@ -42,7 +42,7 @@ def noise(rng: np.random.Generator, size: int, slope: float = 1.0, finest_px: fl
     return np.asarray(values / values.std(), np.float32)
 
 
-def tinted(grey: Float32s, colour: Rgb) -> Bgr8:
+def tint(grey: Float32s, colour: Rgb) -> Bgr8:
     """Return a picture of a relative brightness (about 1) in a colour [0, 255]."""
     return np.clip(grey[..., None] * np.asarray(colour, np.float32), 0, 255).astype(np.uint8)
 
@@ -57,7 +57,7 @@ def plaster(rng: np.random.Generator, colour: Rgb, size: int = 512, roughness: f
         mark = np.zeros((size, size), np.float32)
         cv2.line(mark, start.tolist(), end.tolist(), depth, 1, cv2.LINE_AA)
         grey += mark
-    return tinted(np.asarray(grey, np.float32), colour)
+    return tint(np.asarray(grey, np.float32), colour)
 
 
 def speckle(rng: np.random.Generator, colour: Rgb, size: int = 512, contrast: float = 0.12, joints: int = 0) -> Bgr8:
@@ -73,7 +73,7 @@ def speckle(rng: np.random.Generator, colour: Rgb, size: int = 512, contrast: fl
         for j in range(joints):
             a, b = (slice(n * size // joints, (n + 1) * size // joints) for n in (i, j))
             grey[a, b] *= rng.uniform(0.95, 1.05)
-    return tinted(np.asarray(grey, np.float32), colour)
+    return tint(np.asarray(grey, np.float32), colour)
 
 
 def boards(rng: np.random.Generator, colour: Rgb, size: int = 512, n_boards: int = 4) -> Bgr8:
@@ -84,7 +84,7 @@ def boards(rng: np.random.Generator, colour: Rgb, size: int = 512, n_boards: int
     for top, bottom in itertools.pairwise(edges):
         grey[top:bottom] *= rng.uniform(0.85, 1.12)
         grey[top : top + 1] *= 0.6
-    return tinted(np.asarray(grey, np.float32), colour)
+    return tint(np.asarray(grey, np.float32), colour)
 
 
 def bricks(
@@ -107,7 +107,7 @@ def bricks(
         for column in range(columns):
             left = column * wide + (wide // 2) * (row % 2)
             joint[row * high : (row + 1) * high, left : left + 2] = True
-    picture = tinted(grey, colour)
+    picture = tint(grey, colour)
     picture[joint] = np.clip(150 + 12 * rng.standard_normal((int(joint.sum()), 1)), 0, 255).astype(np.uint8)
     return picture
 
@@ -124,7 +124,7 @@ def paving(rng: np.random.Generator, colour: Rgb, size: int = 512, rows: int = 8
         grey[:, n * side : n * side + 2] *= 0.6
     spots = noise(rng, size, 0.0, 4.0)
     grey *= np.where(spots > 2.3, 0.6, 1.0)
-    return tinted(np.asarray(grey, np.float32), colour)
+    return tint(np.asarray(grey, np.float32), colour)
 
 
 def panels(rng: np.random.Generator, colour: Rgb, size: int = 512, n: int = 4) -> Bgr8:
@@ -137,7 +137,7 @@ def panels(rng: np.random.Generator, colour: Rgb, size: int = 512, n: int = 4) -
         grey[k * side + 3 : k * side + 4] = 0.8
         grey[:, k * side : k * side + 3] = 1.02
         grey[:, k * side + 3 : k * side + 4] = 0.8
-    return tinted(np.asarray(grey, np.float32), colour)
+    return tint(np.asarray(grey, np.float32), colour)
 
 
 def clouds(rng: np.random.Generator, dark: Rgb, bright: Rgb, size: int = 256, slope: float = 1.3) -> Bgr8:
@@ -150,7 +150,7 @@ def foliage(rng: np.random.Generator, colour: Rgb = (70, 95, 45), size: int = 25
     """Return leaves: bright ones over dark gaps."""
     leaf, gap = noise(rng, size, 0.1, 2.5), noise(rng, size, 0.8, 2.0)
     grey = 0.75 + 0.38 * leaf + 0.26 * gap
-    picture = tinted(np.clip(grey, 0.12, 1.9), colour)
+    picture = tint(np.clip(grey, 0.12, 1.9), colour)
     hue = noise(rng, size, 0.3, 2.0)[..., None] * np.array([14.0, 6.0, 2.0])
     return np.asarray(np.clip(picture + hue, 0, 255), np.uint8)
 

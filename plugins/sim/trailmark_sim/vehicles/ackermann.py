@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from trailmark.commands import Command
 from trailmark.geometry import Twist2
-from trailmark_sim.vehicles.base import VehicleState, VelocityVehicle, WheelErrors, lagged, moved
+from trailmark_sim.vehicles.base import VehicleState, VelocityVehicle, WheelErrors, advance_state, follow_with_lag
 
 __all__ = ["Ackermann"]
 
@@ -53,11 +53,11 @@ class Ackermann(VelocityVehicle):
         self, state: VehicleState, command: Command, dt_s: float, slip: tuple[float, float] = (0.0, 0.0)
     ) -> VehicleState:
         steer, speed = self._feasible_targets(state, command)
-        steer_mean, steer_end = lagged(state.front_rad, steer, dt_s, self.steer_lag_s)
-        speed_mean, speed_end = lagged(state.twist.forward_mps, speed, dt_s, self.speed_lag_s)
+        steer_mean, steer_end = follow_with_lag(state.front_rad, steer, dt_s, self.steer_lag_s)
+        speed_mean, speed_end = follow_with_lag(state.twist.forward_mps, speed, dt_s, self.speed_lag_s)
         mean = self._twist(steer_mean, speed_mean)
         end = self._twist(steer_end, speed_end)
-        return moved(state, mean, end, mean, dt_s, self.wheel_errors, slip, steering=(steer_end, 0.0))
+        return advance_state(state, mean, end, mean, dt_s, self.wheel_errors, slip, steering=(steer_end, 0.0))
 
     def _feasible_targets(self, state: VehicleState, command: Command) -> tuple[float, float]:
         """Return the steering angle and the speed that it can do."""

@@ -10,7 +10,7 @@ from trailmark.commands import Command, Stop, Velocity
 from trailmark.errors import ConfigError
 from trailmark.geometry import Pose2, Twist2
 
-__all__ = ["Vehicle", "VehicleState", "VelocityVehicle", "WheelErrors", "lagged", "moved"]
+__all__ = ["Vehicle", "VehicleState", "VelocityVehicle", "WheelErrors", "advance_state", "follow_with_lag"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +124,7 @@ class VelocityVehicle(Vehicle):
         return command
 
 
-def lagged(now: float, wanted: float, dt_s: float, lag_s: float) -> tuple[float, float]:
+def follow_with_lag(now: float, wanted: float, dt_s: float, lag_s: float) -> tuple[float, float]:
     """Return the mean over a step and the value at its end of an actuator with a first-order lag.
 
     ``y(t) = wanted + (now - wanted) exp(-t / lag)``, in closed form: steps of any length agree.
@@ -136,7 +136,7 @@ def lagged(now: float, wanted: float, dt_s: float, lag_s: float) -> tuple[float,
     return mean, wanted + (now - wanted) * decay
 
 
-def moved(
+def advance_state(
     state: VehicleState,
     mean: Twist2,
     end: Twist2,

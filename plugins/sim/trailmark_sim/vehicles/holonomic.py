@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from trailmark.commands import Command
 from trailmark.geometry import Twist2
-from trailmark_sim.vehicles.base import VehicleState, VelocityVehicle, WheelErrors, lagged, moved
+from trailmark_sim.vehicles.base import VehicleState, VelocityVehicle, WheelErrors, advance_state, follow_with_lag
 
 __all__ = ["Holonomic"]
 
@@ -42,11 +42,11 @@ class Holonomic(VelocityVehicle):
     ) -> VehicleState:
         forward, left, yaw = self._feasible_velocity(command)
         now = state.twist
-        forward_mean, forward_end = lagged(now.forward_mps, forward, dt_s, self.speed_lag_s)
-        left_mean, left_end = lagged(now.left_mps, left, dt_s, self.speed_lag_s)
-        yaw_mean, yaw_end = lagged(now.yaw_radps, yaw, dt_s, self.speed_lag_s)
+        forward_mean, forward_end = follow_with_lag(now.forward_mps, forward, dt_s, self.speed_lag_s)
+        left_mean, left_end = follow_with_lag(now.left_mps, left, dt_s, self.speed_lag_s)
+        yaw_mean, yaw_end = follow_with_lag(now.yaw_radps, yaw, dt_s, self.speed_lag_s)
         mean = Twist2(forward_mean, left_mean, yaw_mean)
-        return moved(state, mean, Twist2(forward_end, left_end, yaw_end), mean, dt_s, self.wheel_errors, slip)
+        return advance_state(state, mean, Twist2(forward_end, left_end, yaw_end), mean, dt_s, self.wheel_errors, slip)
 
     def _feasible_velocity(self, command: Command) -> tuple[float, float, float]:
         """Return the velocity that it can do, in the direction that was asked for."""

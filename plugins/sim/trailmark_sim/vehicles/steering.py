@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from trailmark.commands import Command, Steer4WS, Stop
 from trailmark.errors import ConfigError
 from trailmark.geometry import Twist2
-from trailmark_sim.vehicles.base import Vehicle, VehicleState, WheelErrors, lagged, moved
+from trailmark_sim.vehicles.base import Vehicle, VehicleState, WheelErrors, advance_state, follow_with_lag
 
 __all__ = ["FourWheelSteering"]
 
@@ -70,10 +70,10 @@ class FourWheelSteering(Vehicle):
         self, state: VehicleState, command: Command, dt_s: float, slip: tuple[float, float] = (0.0, 0.0)
     ) -> VehicleState:
         front, rear, speed = self._feasible_targets(state, command)
-        front_mean, front_end = lagged(state.front_rad, front, dt_s, self.steer_lag_s)
-        rear_mean, rear_end = lagged(state.rear_rad, rear, dt_s, self.steer_lag_s)
-        speed_mean, speed_end = lagged(state.twist.forward_mps, speed, dt_s, self.speed_lag_s)
-        return moved(
+        front_mean, front_end = follow_with_lag(state.front_rad, front, dt_s, self.steer_lag_s)
+        rear_mean, rear_end = follow_with_lag(state.rear_rad, rear, dt_s, self.steer_lag_s)
+        speed_mean, speed_end = follow_with_lag(state.twist.forward_mps, speed, dt_s, self.speed_lag_s)
+        return advance_state(
             state,
             mean=self._twist(
                 self._wheel(front_mean, self.front_trim_rad), self._wheel(rear_mean, self.rear_trim_rad), speed_mean

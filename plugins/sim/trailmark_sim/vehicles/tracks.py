@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from trailmark.commands import Command
 from trailmark.geometry import Twist2
-from trailmark_sim.vehicles.base import VehicleState, VelocityVehicle, WheelErrors, lagged, moved
+from trailmark_sim.vehicles.base import VehicleState, VelocityVehicle, WheelErrors, advance_state, follow_with_lag
 
 __all__ = ["Differential", "SkidSteer"]
 
@@ -41,11 +41,11 @@ class Differential(VelocityVehicle):
     ) -> VehicleState:
         forward, yaw = self._feasible_targets(command)
         now = self._wheels(state.twist)
-        forward_mean, forward_end = lagged(now.forward_mps, forward, dt_s, self.speed_lag_s)
-        yaw_mean, yaw_end = lagged(now.yaw_radps, yaw, dt_s, self.speed_lag_s)
+        forward_mean, forward_end = follow_with_lag(now.forward_mps, forward, dt_s, self.speed_lag_s)
+        yaw_mean, yaw_end = follow_with_lag(now.yaw_radps, yaw, dt_s, self.speed_lag_s)
         wheels = Twist2(forward_mean, 0.0, yaw_mean)
         end = self._ground(Twist2(forward_end, 0.0, yaw_end))
-        return moved(state, self._ground(wheels), end, wheels, dt_s, self.wheel_errors, slip)
+        return advance_state(state, self._ground(wheels), end, wheels, dt_s, self.wheel_errors, slip)
 
     def _feasible_targets(self, command: Command) -> tuple[float, float]:
         """Return speed and yaw rate that the wheels can do."""
