@@ -1,9 +1,11 @@
 """The downward camera where the light is not ours: ours beside klt, orb and phase_correlation, on the same pictures.
 
     python benchmarks/ground_conditions.py [--floors wood_floor ...] [--conditions nominal ...] [--methods refined ...]
-                                           [--seeds 0 1 2] [--frames 160] [--label NAME] [--out FOLDER] [--json]
+                                           [--seeds 0 1 2] [--frames 160] [--label NAME] [--minutes 25] [--out FOLDER]
+                                           [--json]
 
-Run by the interpreter of an older checkout, with `--label before`, it adds that code's rows to the same folder.
+Run by the interpreter of an older checkout, with `--label before`, it adds that code's rows to the same folder. Begun
+again with the same `--out` it goes on where it was ended; delete the folder after a change of the code.
 
 A winding drive (up to 20 px and 1.5 deg a picture, from rest) over each floor, every condition laid over the same clean
 pictures. Parameters of ground_vo were chosen on `CHOSEN_ON`; a page is made of the other floors.
@@ -23,7 +25,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
@@ -44,16 +46,18 @@ from trailmark_ground_vo.config import GroundVOConfig
 from trailmark_ground_vo.localizer import GroundVO
 
 try:
-    from trailmark.arrays import Floats, GreyF
+    from trailmark.arrays import Floats, Grey8, GreyF
     from trailmark.testing.ground import MirroredFloor
 except ImportError:  # an older checkout, whose interpreter runs this script
     from trailmark.testing.ground import Ground as MirroredFloor
 
-    Floats = GreyF = np.ndarray
+    Floats = Grey8 = GreyF = np.ndarray
 
-#: Floors that parameters were chosen on; the others are what is reported.
-CHOSEN_ON = ("wood_floor", "asphalt_cracked_1k", "tiles_1k")
-REPORTED = tuple(name for name in PHOTOGRAPHS if name not in CHOSEN_ON)
+#: Floors that parameters were chosen on; the others, and those that are made here, are what is reported.
+CHOSEN_ON = ("wood_floor", "asphalt_cracked_1k", "tiles_1k", "wood_dark", "pavers")
+#: Floors that are made: streaks like those of wood, finer and fainter ones of brushed metal, and a weave.
+MADE = ("made:grain", "made:brushed", "made:weave")
+REPORTED = (*(name for name in PHOTOGRAPHS if name not in CHOSEN_ON), *MADE)
 METHODS = ("refined", "klt", "orb", "phase_correlation")
 SIZE, SCALE_M, RATE_HZ = (512, 480), 3.9e-4, 70.0
 STEP_PX = 20.0
@@ -91,8 +95,7 @@ def render(floor: str, seed: int, n_frames: int, *, step_px: float = STEP_PX, tu
            rest: range = range(0)) -> Scene:  # fmt: skip
     """Drive over a photograph, mirrored at its edges, with the paper's camera; stand still in `rest`."""
     ends = (rest.start, rest.stop) if rest else (10**9, 10**9)
-    picture = cv2.imread(str(data_folder() / f"{floor}.jpg"), cv2.IMREAD_GRAYSCALE)
-    ground, camera = MirroredFloor(np.asarray(picture, np.uint8), SCALE_M), GroundCamera(SIZE, (SCALE_M, SCALE_M))
+    ground, camera = MirroredFloor(texture_of(floor), SCALE_M), GroundCamera(SIZE, (SCALE_M, SCALE_M))
     rng = np.random.default_rng([3, seed])
     pose = Pose2(*rng.uniform(0.0, 1.0, 2).tolist(), float(rng.uniform(-math.pi, math.pi)))
     poses, pictures = [], []
@@ -105,6 +108,25 @@ def render(floor: str, seed: int, n_frames: int, *, step_px: float = STEP_PX, tu
         turn = math.radians(turn_deg) * math.sin(2 * math.pi * index / 160)
         pose = pose @ Pose2.exp(ease * step_px * SCALE_M, 0.0, ease * turn)
     return Scene(floor, pictures, poses)
+
+
+def texture_of(floor: str) -> Grey8:
+    """Return the photograph of a floor, or one that is made, (H, W) uint8."""
+    if floor not in MADE:
+        return np.asarray(cv2.imread(str(data_folder() / f"{floor}.jpg"), cv2.IMREAD_GRAYSCALE), np.uint8)
+    rng = np.random.default_rng([9, MADE.index(floor)])
+    # lengths and widths of the streaks [px], and their standard deviations [grey levels]
+    streaks = {
+        "made:grain": ((40.0, 1.5, 6.0), (12.0, 3.0, 3.0), (1.0, 1.0, 1.5)),
+        "made:brushed": ((150.0, 0.8, 4.0), (2.0, 2.0, 1.0)),
+        "made:weave": ((12.0, 1.2, 7.0), (1.2, 12.0, 7.0)),
+    }[floor]
+    out = np.full((1024, 1024), 115.0, np.float32)
+    for along, across, sigma in streaks:
+        noise = rng.standard_normal(out.shape, dtype=np.float32)
+        noise = cv2.GaussianBlur(noise, (0, 0), sigmaX=along, sigmaY=across)
+        out += sigma * noise / noise.std()
+    return np.asarray(np.clip(np.rint(out), 0, 255), np.uint8)
 
 
 # --- conditions --------------------------------------------------------------------------------------------------
@@ -389,11 +411,10 @@ def _is_chain_wrong(truth: Sequence[Pose2], by_end: Mapping[int, tuple[int, Moti
     return any(verdicts) if verdicts else None
 
 
-def measured(floor: str, seed: int, n_frames: int, conditions: Sequence[str], methods: Sequence[str],
-             ) -> Iterator[dict[str, Any]]:  # fmt: skip
-    """Yield a row for every condition and method on one floor."""
+def measured(floor: str, seed: int, n_frames: int, wanted: Mapping[str, Sequence[str]]) -> Iterator[dict[str, Any]]:
+    """Yield a row for every condition and method on one floor; `wanted` has the methods of each condition."""
     scenes: dict[str, Scene] = {}
-    for condition in conditions:
+    for condition, methods in wanted.items():
         case = CASES[condition]
         key = repr(sorted(case.drive.items()))
         if key not in scenes:
@@ -429,22 +450,33 @@ def _line(row: Mapping[str, Any]) -> str:
 
 
 def page(rows: Sequence[Mapping[str, Any]], command: str) -> str:
-    """Return the results as Markdown: median error over the drives, worst drive, answered, silent, and the verdict."""
-    floors = sorted({row["floor"] for row in rows})
+    """Return the results as Markdown: a table for floors not chosen on, for made ones, and for those chosen on."""
     head = (__doc__ or "").split("\n\n")
-    methods = sorted({row["method"] for row in rows}, key=lambda name: (name != "refined", name))
     lines = ["# The downward camera under other conditions", "", f"`{command}`", "", head[-2], "", head[-1], "",
-             f"Floors: {', '.join(floors)}. n: drives of the first method, pieces of 1 m. Cells: error over 1 m, median"
-             " / worst drive [%]; answered [%]; silent motions / silent pieces [%]. Bar: error not above the best of"
-             " the others, or 0.1 %; answered 95 %; silent 0.1 %, motions and pieces.", ""]  # fmt: skip
-    lines += ["| condition | n | " + " | ".join(methods) + " | bar |", "|---" * (len(methods) + 3) + "|"]
+             "n: drives of the first method, pieces of 1 m. Cells: error over 1 m, median / worst drive [%]; answered"
+             " [%]; silent motions / silent pieces [%]. Bar: error not above the best of the others, or 0.1 %; answered"
+             " 95 %; silent 0.1 %, motions and pieces.", ""]  # fmt: skip
+    for title, is_in in (
+        ("Photographs that nothing was chosen on", lambda floor: floor not in (*CHOSEN_ON, *MADE)),
+        ("Floors that are made", lambda floor: floor in MADE),
+        ("Photographs that parameters were chosen on", lambda floor: floor in CHOSEN_ON),
+    ):
+        of = [row for row in rows if is_in(row["floor"])]
+        if of:
+            lines += [f"## {title}", "", ", ".join(sorted({row["floor"] for row in of})), "", *_table(of), ""]
+    return "\n".join(lines)
+
+
+def _table(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    methods = sorted({row["method"] for row in rows}, key=lambda name: (name != "refined", name))
+    lines = ["| condition | n | " + " | ".join(methods) + " | bar |", "|---" * (len(methods) + 3) + "|"]
     for condition in CASES:
         of = {name: [r for r in rows if r["condition"] == condition and r["method"] == name] for name in methods}
         if of[methods[0]]:
             n = f"{len(of[methods[0]])}, {sum(row['n_pieces'] for row in of[methods[0]])}"
             cells = [_cell(of[name]) for name in methods]
             lines.append(f"| {condition} | {n} | " + " | ".join(cells) + f" | {_verdict(condition, of)} |")
-    return "\n".join(lines) + "\n"
+    return lines
 
 
 def _figures(rows: Sequence[Mapping[str, Any]]) -> tuple[float, float, float, float, float]:
@@ -479,6 +511,51 @@ def _verdict(condition: str, of: Mapping[str, Sequence[Mapping[str, Any]]]) -> s
     return said
 
 
+@dataclass
+class Rows:
+    """The rows so far, kept in a folder where there is one.
+
+    Attributes
+    ----------
+    folder : Path or None
+        Of ground_conditions.jsonl and .md.
+    """
+
+    folder: Path | None
+    by_key: dict[tuple[Any, ...], dict[str, Any]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.folder is not None:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            self._file.touch()
+            for line in self._file.read_text(encoding="utf-8").splitlines():
+                self._take(json.loads(line))
+
+    @property
+    def _file(self) -> Path:
+        assert self.folder is not None
+        return self.folder / "ground_conditions.jsonl"
+
+    def _take(self, row: dict[str, Any]) -> None:
+        self.by_key[tuple(row[name] for name in ("floor", "condition", "seed", "method", "frames"))] = row
+
+    def add(self, row: dict[str, Any]) -> None:
+        """Keep a row."""
+        self._take(row)
+        if self.folder is not None:
+            with self._file.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(row) + "\n")
+
+    def write_page(self, command: str) -> None:
+        """Write the page of all rows."""
+        if self.folder is not None:
+            (self.folder / "ground_conditions.md").write_text(page(list(self.by_key.values()), command))
+
+
+def _named(method: str, label: str) -> str:
+    return f"{method} {label}".strip()
+
+
 def main() -> None:
     """Measure, print and write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -488,29 +565,35 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, nargs="+", default=[0])
     parser.add_argument("--frames", type=int, default=160)
     parser.add_argument("--label", default="", help="added to the methods' names: which code this is")
-    parser.add_argument("--out", type=Path, help="folder of ground_conditions.jsonl and .md")
+    parser.add_argument("--minutes", type=float, default=math.inf, help="begin no further drive after so long")
+    parser.add_argument("--out", type=Path, help="folder of ground_conditions.jsonl and .md; goes on where it ended")
     parser.add_argument("--json", action="store_true", help="a list of rows")
     options = parser.parse_args()
     cv2.setNumThreads(1)
-    rows = []
-    for floor in [floor for floor in options.floors if floor in photographs()]:
-        for seed in options.seeds:
-            for row in measured(floor, seed, options.frames, options.conditions, options.methods):
-                row["method"] = " ".join(part for part in (row["method"], options.label) if part)
-                rows.append(row)
-                if not options.json:
-                    print(_line(row), flush=True)
+    rows, until_s = Rows(options.out), time.monotonic() + 60.0 * options.minutes
+    floors = [floor for floor in options.floors if floor in (*photographs(), *MADE)]
+    for seed, floor in product(options.seeds, floors):  # all floors once, then again
+        if time.monotonic() > until_s:
+            break
+        missing = {
+            condition: [
+                method
+                for method in options.methods
+                if (floor, condition, seed, _named(method, options.label), options.frames) not in rows.by_key
+            ]
+            for condition in options.conditions
+        }
+        wanted = {condition: methods for condition, methods in missing.items() if methods}
+        for row in measured(floor, seed, options.frames, wanted):
+            row["method"] = _named(row["method"], options.label)
+            rows.add(row)
+            if not options.json:
+                print(_line(row), flush=True)
+            if time.monotonic() > until_s:
+                break
     if options.json:
-        print(json.dumps(rows, indent=2))
-    if options.out is not None:
-        options.out.mkdir(parents=True, exist_ok=True)
-        file = options.out / "ground_conditions.jsonl"
-        kept = [json.loads(line) for line in file.read_text().splitlines()] if file.is_file() else []
-        key = ("floor", "condition", "seed", "method", "frames")
-        by_key = {tuple(row[name] for name in key): row for row in [*kept, *rows]}
-        file.write_text("".join(json.dumps(row) + "\n" for row in by_key.values()), encoding="utf-8")
-        command = " ".join(["python", "benchmarks/ground_conditions.py", *sys.argv[1:]])
-        (options.out / "ground_conditions.md").write_text(page(list(by_key.values()), command), encoding="utf-8")
+        print(json.dumps(list(rows.by_key.values()), indent=2))
+    rows.write_page(" ".join(["python", "benchmarks/ground_conditions.py", *sys.argv[1:]]))
 
 
 if __name__ == "__main__":

@@ -34,6 +34,16 @@ def test_light_that_falls_off_to_one_side_is_even_afterwards(picture):
     np.testing.assert_allclose(even[:, :80].mean(), even_brightness(picture)[:, :80].mean(), atol=4.0)  # was half
 
 
+def test_light_that_bends_is_even_afterwards():
+    # mains light under a rolling shutter: one wave over the height of the picture
+    rows = 1.0 + 0.3 * np.sin(2.0 * np.pi * np.arange(480) / 480.0)
+
+    even = even_brightness(np.tile(np.rint(110.0 * rows)[:, None], (1, 512)).astype(np.uint8)).astype(float)
+
+    bands = even[64:-64].reshape(22, -1).mean(axis=1)  # a filter is one-sided at the edges
+    assert np.ptp(bands) < 0.025 * EVEN_LEVEL
+
+
 def test_drops_are_neutral_and_the_ground_is_as_it_was(picture):
     wet = picture.copy()
     wet[100:108, 200:208] = 255

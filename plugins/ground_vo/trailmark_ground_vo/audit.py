@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trailmark.arrays import Float32s, Floats, Grey16, Int64s
+from trailmark.arrays import Bools, Float32s, Floats, Grey16, Int64s
 from trailmark.kernels import float_kernel, kernel
+from trailmark_ground_vo.closed_places import is_at
 from trailmark_ground_vo.few_numbers import median_of, solve_symmetric
 from trailmark_ground_vo.filters import SMOOTH_SCALE
 from trailmark_ground_vo.motion import ImageMotion
@@ -126,6 +127,11 @@ class MotionAudit:
         self._parts = np.asarray(rows * _N_SIDE + columns, np.int64)
         self._centre = ((size[0] - 1) / 2.0, (size[1] - 1) / 2.0)
         self._aspect = aspect
+        self._closed: Bools | None = None
+
+    def ignore(self, closed: Bools) -> None:
+        """Ask no pixel for `spread` where something is fixed to the lens, (H, W) bool."""
+        self._closed = closed
 
     def audit(self, before: Grey16, now: Grey16, motion: ImageMotion) -> Audit:
         """Compare two smoothed pictures (see `filters.smooth`) after a motion of the content."""
@@ -142,7 +148,17 @@ class MotionAudit:
         """Return `Audit.spread` alone, which takes a part of the time [grey levels]."""
         moved = (motion.u, motion.v, motion.turn_rad)
         samples = _samples(before, now, self._grid, self._centre, moved, self._aspect)
+        if self._closed is not None:
+            samples = samples[:, self._is_open(self._closed, samples, moved)]
         return _spread(samples) / SMOOTH_SCALE if samples.shape[1] else 0.0
+
+    def _is_open(self, closed: Bools, samples: Float32s, motion: tuple[float, float, float]) -> Bools:
+        """Return which samples look at open places in both pictures, (n,) bool."""
+        places = self._grid[:, samples[5].astype(np.int64)]
+        return ~(
+            is_at(closed, places, self._centre, (0.0, 0.0, 0.0), self._aspect)
+            | is_at(closed, places, self._centre, motion, self._aspect)
+        )
 
 
 def _spread(samples: Float32s) -> float:

@@ -36,6 +36,8 @@ def even_brightness(image: Grey8) -> Grey8:
     side = min(_CELL_PX, *image.shape)
     cells = cv2.medianBlur(cell_means(image, side), _MEDIAN_CELLS).astype(np.float32)  # no drop, but a shadow's edge
     around = np.asarray(cv2.GaussianBlur(cells, (0, 0), _AROUND_CELLS), np.float32)
+    # a filter flattens the bends of the light; what it leaves of them is filtered and added (Tukey's twicing)
+    around += cv2.GaussianBlur(cells - around, (0, 0), _AROUND_CELLS)
     excess = cells - around
     around += excess - np.clip(excess, -_MOST_DIFFERENT * around, _MOST_DIFFERENT * around)
     gain = GAIN_ONE * np.minimum(np.float32(_MOST_GAIN), EVEN_LEVEL / np.maximum(around, np.float32(1.0)))

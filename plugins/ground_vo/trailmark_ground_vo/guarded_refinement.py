@@ -9,12 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from trailmark.arrays import Bools, Float32s, Floats, Grey16, Int64s
+from trailmark_ground_vo.closed_places import is_at
 from trailmark_ground_vo.consensus import Consensus, areas_of, consensus_of, relit
 from trailmark_ground_vo.filters import SMOOTH_SCALE
 from trailmark_ground_vo.motion import ImageMotion
 from trailmark_ground_vo.refine import mean_clipped, mean_slopes
 from trailmark_ground_vo.refinement import CLIP, Aligned, Refinement
-from trailmark_ground_vo.texture import SLOPE_U, SLOPE_V, Texture, residuals
+from trailmark_ground_vo.texture import AGE, SLOPE_U, SLOPE_V, Texture, learn_anew, residuals
 
 __all__ = ["AgreedAlignment", "GuardedRefinement"]
 
@@ -45,6 +46,8 @@ _OWN_AND_BEFORE = 2.0
 #: One pixel in so many is enough for a median.
 _EVERY = 4
 
+_NO_MOTION = (0.0, 0.0, 0.0)
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class AgreedAlignment(Aligned):
@@ -68,16 +71,65 @@ class AgreedAlignment(Aligned):
 class GuardedRefinement(Refinement):
     """Aligns as `Refinement` does, and lets sub-areas vote on what came out."""
 
+    _closed: Bools | None = None
+    _is_unseen: Bools
+
+    def begin(self, picture: Grey16) -> None:
+        """Choose the pixels in a picture, smoothed (see `filters.smooth`)."""
+        super().begin(picture)
+        self._is_unseen = self._is_closed(_NO_MOTION)
+
+    def ignore(self, closed: Bools) -> None:
+        """Give no pixel a say where something is fixed to the lens, (H, W) bool.
+
+        What is faded there ends at the rim of the mark, and the rim stands still: along a grain, where the ground
+        itself holds nothing, such ends would hold the motion.
+        """
+        self._closed = closed
+        self._is_unseen = self._is_closed(_NO_MOTION)
+
+    def follow(self, picture: Grey16, aligned: Aligned) -> float:
+        """Move along with an alignment of this picture; returns the share of the pixels that were replaced."""
+        replaced = super().follow(picture, aligned)
+        if self._closed is not None:
+            is_closed = self._is_closed(_NO_MOTION)
+            learn_anew(picture, self._texture, self._is_unseen & ~is_closed)
+            is_fresh = self._texture[AGE] == 1.0
+            self._is_unseen = is_closed & (self._is_unseen | is_fresh)
+        return replaced
+
+    def _is_closed(self, motion: tuple[float, float, float]) -> Bools:
+        """Return which remembered pixels a motion brings to where no pixel has a say."""
+        if self._closed is None:
+            return np.zeros(self._texture.shape[1], np.bool_)
+        return is_at(self._closed, self._texture, self._centre, motion, self._aspect)
+
+    def _best_open(self, picture: Grey16, starts: Sequence[ImageMotion]) -> tuple[ImageMotion, Bools]:
+        """Return the start that fits best where pixels have a say, and which of them have after it."""
+        best, least, is_open = starts[0], math.inf, ~self._is_unseen
+        for start in starts:
+            motion = (start.u, start.v, start.turn_rad)
+            seen = ~(self._is_unseen | self._is_closed(motion))
+            texture = np.ascontiguousarray(self._texture[:, seen][:, ::_EVERY])
+            cost = mean_clipped(residuals(picture, texture, self._centre, motion, self._aspect), CLIP)
+            if texture.shape[1] and cost < least:
+                best, least, is_open = start, cost, seen
+        return best, is_open
+
     def align(self, picture: Grey16, starts: Sequence[ImageMotion]) -> AgreedAlignment:
         """Return the motion that most sub-areas have."""
-        motion, after, curvature, iterations = self._minimum(picture, starts)
-        texture, areas = self._texture, areas_of(self._texture, self._area)
+        remembered, is_open = self._texture, np.ones(self._texture.shape[1], np.bool_)
+        if self._closed is not None:
+            start, is_open = self._best_open(picture, starts)
+            remembered, starts = np.ascontiguousarray(self._texture[:, is_open]), [start]
+        motion, after, curvature, iterations = self._minimum(picture, remembered, starts)
+        texture, areas = remembered, areas_of(remembered, self._area)
         consensus, keeps, misfit = self._consensus(picture, texture, motion, after, areas)
         for _ in range(_ROUNDS):
             if consensus.share == 1.0 and float(np.count_nonzero(keeps)) >= _CALM_SHARE * len(keeps):
                 break  # all say the same
             # the others do not look at the ground, or in another light: these are judged anew, those have no say
-            texture = relit(self._texture, after, areas, CLIP)
+            texture = relit(remembered, after, areas, CLIP)
             after = residuals(picture, texture, self._centre, motion, self._aspect)
             consensus, keeps, misfit = self._consensus(picture, texture, motion, after, areas)
             kept = np.ascontiguousarray(texture[:, keeps])
@@ -86,15 +138,17 @@ class GuardedRefinement(Refinement):
             consensus, keeps, misfit = self._consensus(picture, texture, motion, after, areas)
         residual = mean_clipped(after, CLIP)
         sigma = _SIGMA_OVER_MEAN * max(1.0, residual)
+        # where another motion is seen, what was remembered is not the ground: it has no say until the pixel jumps
+        differences = np.zeros(len(is_open), np.float32)
+        differences[is_open] = np.where(keeps, after, np.float32(_NOT_GROUND))
         return AgreedAlignment(
             ImageMotion(*motion),
             curvature / (sigma * sigma),
             residual / SMOOTH_SCALE,
             iterations,
-            # where another motion is seen, what was remembered is not the ground: it will be remembered anew
-            np.where(keeps, after, np.float32(_NOT_GROUND)),
+            differences,
             misfit,
-            scatter=_sandwich(curvature, consensus.scatter, self._reliability(picture, motion)),
+            scatter=_sandwich(curvature, consensus.scatter, self._reliability(picture, remembered, motion)),
             fitting=float(np.count_nonzero(keeps)) / len(keeps),
             agreeing=consensus.share,
         )
@@ -113,11 +167,13 @@ class GuardedRefinement(Refinement):
         consensus = consensus_of(texture, after, slopes, areas=areas, centre=self._centre, huber=self._huber)
         return consensus, consensus.agrees[areas] & (np.abs(after) <= misfit), misfit
 
-    def _reliability(self, picture: Grey16, motion: tuple[float, float, float]) -> tuple[float, float]:
+    def _reliability(
+        self, picture: Grey16, texture: Texture, motion: tuple[float, float, float]
+    ) -> tuple[float, float]:
         """Return which share of the squared slopes along u and v is seen in both pictures: the rest is noise."""
-        means = mean_slopes(picture, self._texture, self._centre, motion, self._aspect)
+        means = mean_slopes(picture, texture, self._centre, motion, self._aspect)
         shares = []
-        for mean, remembered in zip(means, (self._texture[SLOPE_U], self._texture[SLOPE_V])):
+        for mean, remembered in zip(means, (texture[SLOPE_U], texture[SLOPE_V])):
             total = float(mean @ mean)
             shared = float(remembered @ (2.0 * mean - remembered))
             shares.append(min(1.0, max(_LEAST_RELIABILITY, shared / total if total > 0.0 else 1.0)))

@@ -13,8 +13,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from trailmark.arrays import Float32s, Grey8, Grey16
+from trailmark.arrays import Float32s, Floats, Grey8, Grey16
 from trailmark_ground_vo.audit import MotionAudit
+from trailmark_ground_vo.closed_places import closed_by
 from trailmark_ground_vo.config import GroundVOConfig
 from trailmark_ground_vo.filters import noise_level
 from trailmark_ground_vo.kernels import load_kernels
@@ -24,6 +25,7 @@ from trailmark_ground_vo.rest import RestWatch
 from trailmark_ground_vo.rivals import RivalSearch, stands_still
 from trailmark_ground_vo.tracker import RelativeTracker, TrackedMotion, TrackingFailure
 from trailmark_ground_vo.viewpoint import SearchPicture
+from trailmark_ground_vo.weak_axis import WeakAxis
 
 __all__ = ["GroundTracker"]
 
@@ -73,6 +75,7 @@ class GroundTracker:
         self._rest = RestWatch()
         self._marks = LensMarkEvidence(size, aspect)
         self._rivals = RivalSearch(self._audit)
+        self._weak_axis = WeakAxis(size, aspect)
         self._n_doubted = 0
         self._understood: tuple[Grey8, Grey16] | None = None
         self._last: ImageMotion | None = None
@@ -201,7 +204,7 @@ class GroundTracker:
                 self._n_doubted = 0
                 # what noise does not explain, light that is not modelled, moves the motion as well
                 unexplained = max(1.0, spread / (_USUAL_SPREAD * noise))
-                return replace(said, information=said.information / unexplained)
+                return replace(said, information=self._widened(reference, now, said) / unexplained)
             otherwise = "" if rival is None else f", but by {rival.u:.0f}, {rival.v:.0f} px"
             said = TrackingFailure(
                 f"most of the picture does not move as its marks do{otherwise}: differences of {spread:.1f} grey levels"
@@ -221,6 +224,12 @@ class GroundTracker:
         elsewhere = replace(motion, u=motion.u + _ELSEWHERE_PX, v=motion.v + _ELSEWHERE_PX)
         return spread <= by_noise or spread <= _MOST_OF_ELSEWHERE * self._spread(before, now, elsewhere)
 
+    def _widened(self, before: SearchPicture, now: SearchPicture, said: TrackedMotion) -> Floats:
+        """Return the information of a motion, less where others along its weak axis fit as well."""
+        assert before.smoothed is not None
+        assert now.smoothed is not None
+        return self._weak_axis.widened(before.smoothed, now.smoothed, said.motion, said.information)
+
     def _better(self, before: SearchPicture, now: SearchPicture, found: TrackedMotion) -> ImageMotion | None:
         """Return a motion that contradicts what was found; None where there is none."""
         assert self._guarded is not None
@@ -237,7 +246,10 @@ class GroundTracker:
         assert self._guarded is not None
         weights = self._marks.new_weights()
         if weights is not None:
+            closed = closed_by(weights)
             self._guarded.ignore(weights)
+            self._audit.ignore(closed)
+            self._weak_axis.ignore(closed)
         if self._n_doubted and (weights is not None or self._n_doubted > _PATIENCE_FRAMES):
             self._n_doubted = 0
             self._guarded.resume(image, stamp_s, 0.0, None)

@@ -42,7 +42,7 @@ _LEAST_SHIFT_PX = 2.0
 _MOST_MASKED = 0.35
 
 #: Marks are widened by this many cells; beyond, pixels fade in over so many more.
-_WIDENED, _FADING = 1, 2
+_WIDENED, _FADING = 1, 1
 
 
 class LensMarkEvidence:

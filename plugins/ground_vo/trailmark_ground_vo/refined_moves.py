@@ -10,6 +10,7 @@ import numpy as np
 
 from trailmark.arrays import Float32s, Grey8
 from trailmark_ground_vo.cleaning import clean, contrast_of, fade_pixels
+from trailmark_ground_vo.closed_places import closed_by
 from trailmark_ground_vo.config import GroundVOConfig
 from trailmark_ground_vo.filters import levels_of, noise_level
 from trailmark_ground_vo.guarded_refinement import GuardedRefinement
@@ -160,8 +161,9 @@ class GuardedMove(RefinedMove):
         return self.prepare(image)
 
     def ignore(self, weights: Grey8) -> None:
-        """Fade out what is fixed to the lens."""
+        """Fade out what is fixed to the lens, and give it no say."""
         self._weights = weights
+        self._agreement.ignore(closed_by(weights))
 
     def begin(self, picture: SearchPicture) -> None:
         """Choose the pixels of the groups and of the refinement."""

@@ -113,7 +113,7 @@ class Refinement:
 
     def align(self, picture: Grey16, starts: Sequence[ImageMotion]) -> Aligned:
         """Return the refined motion, at least as good as the best start."""
-        found = self._minimum(picture, starts)
+        found = self._minimum(picture, self._texture, starts)
         residual = mean_clipped(found.differences, CLIP)
         sigma = _SIGMA_OVER_MEAN * max(1.0, residual)
         information = found.curvature / (sigma * sigma)
@@ -144,15 +144,15 @@ class Refinement:
         """Return the flat field that was learned, (H, W) relative to its mean, when there is a new one."""
         return None if self._learner is None else self._learner.news()
 
-    def _minimum(self, picture: Grey16, starts: Sequence[ImageMotion]) -> Minimum:
+    def _minimum(self, picture: Grey16, texture: Texture, starts: Sequence[ImageMotion]) -> Minimum:
         """Return the minimum that the best start leads to, or that start where it is better."""
         candidates = np.array([start.array() for start in starts])
-        few = np.ascontiguousarray(self._texture[:, ::_EVERY])
+        few = np.ascontiguousarray(texture[:, ::_EVERY])
         start = starts[best_start(picture, few, self._centre, candidates, self._aspect, CLIP)]
         motion = (start.u, start.v, start.turn_rad)
-        refined, curvature, iterations = self._refine_inside(picture, self._texture, motion)
-        before = residuals(picture, self._texture, self._centre, motion, self._aspect)
-        after = residuals(picture, self._texture, self._centre, refined, self._aspect)
+        refined, curvature, iterations = self._refine_inside(picture, texture, motion)
+        before = residuals(picture, texture, self._centre, motion, self._aspect)
+        after = residuals(picture, texture, self._centre, refined, self._aspect)
         if mean_clipped(after, CLIP) <= mean_clipped(before, CLIP):
             return Minimum(refined, after, curvature, iterations)
         return Minimum(motion, before, curvature, iterations)

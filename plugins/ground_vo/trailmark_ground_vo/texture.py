@@ -29,6 +29,7 @@ __all__ = [
     "X",
     "Y",
     "advance_texture",
+    "learn_anew",
     "residuals",
     "select_texture",
 ]
@@ -78,6 +79,32 @@ def _learn_anew(texture: Texture, n: int, picture: Grey16, value: float, u: int,
     texture[SLOPE_U, n] = 0.5 * _slope(picture, u, v, True)
     texture[SLOPE_V, n] = 0.5 * _slope(picture, u, v, False)
     texture[SEEN_X, n], texture[SEEN_Y, n] = texture[X, n], texture[Y, n]
+
+
+@kernel
+def learn_anew(picture: Grey16, texture: Texture, where: Bools) -> None:
+    """Remember some pixels as they look in a picture now, where they are; `texture` is changed.
+
+    Parameters
+    ----------
+    picture : (H, W) uint16
+        Smoothed.
+    texture : (8, N) float32
+        In the coordinates of the picture.
+    where : (N,) bool
+        Which ones.
+    """
+    height, width = picture.shape
+    for n in range(texture.shape[1]):
+        if not where[n]:
+            continue
+        x, y = texture[X, n], texture[Y, n]
+        u, v = min(max(int(x), 1), width - 3), min(max(int(y), 1), height - 3)
+        a, b = x - u, y - v
+        above = (1.0 - a) * picture[v, u] + a * picture[v, u + 1]
+        below = (1.0 - a) * picture[v + 1, u] + a * picture[v + 1, u + 1]
+        nearest_u, nearest_v = min(max(int(x + 0.5), 1), width - 2), min(max(int(y + 0.5), 1), height - 2)
+        _learn_anew(texture, n, picture, (1.0 - b) * above + b * below, nearest_u, nearest_v)
 
 
 @kernel
