@@ -155,3 +155,28 @@ def test_a_place_that_wins_one_look_only_is_not_believed(field: GridField) -> No
     none = RankedPlaces(here.poses, np.array([0.3]), 5)
     said = [type(filter_._decide(places)) for places in (here, none, here, here)]
     assert said == [Placed, Unplaced, Unplaced, Placed]
+
+
+@pytest.mark.parametrize("good_every", [1000, 5, 3])
+def test_a_fall_of_the_fit_that_lasts_becomes_usual_whatever_single_looks_say(
+    field: GridField, good_every: int
+) -> None:
+    filter_ = GridFilter(field, FilterSettings(patience=5), np.random.default_rng(7))
+    for _ in range(20):
+        assert not filter_._has_fallen(0.95)
+
+    falls = [filter_._has_fallen(0.95 if look % good_every == good_every - 1 else 0.75) for look in range(40)]
+
+    assert falls[0]
+    assert not any(falls[25:])
+
+
+def test_a_fall_of_the_fit_now_and_then_stays_a_fall(field: GridField) -> None:
+    filter_ = GridFilter(field, FilterSettings(patience=5), np.random.default_rng(7))
+    for _ in range(20):
+        filter_._has_fallen(0.95)
+
+    falls = [filter_._has_fallen(0.75 if look % 3 == 2 else 0.95) for look in range(60)]
+
+    assert falls[2::3] == [True] * 20
+    assert sum(falls) == 20

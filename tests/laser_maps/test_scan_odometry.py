@@ -18,7 +18,7 @@ from trailmark_laser_maps.odometry.config import ScanOdometryConfig
 from trailmark_laser_maps.odometry.lines import scan_normals
 from trailmark_laser_maps.odometry.localizer import ScanOdometry
 from trailmark_laser_maps.odometry.matching import LocalMap
-from trailmark_laser_maps.odometry.uncertainty import errors_in_common, step_information
+from trailmark_laser_maps.uncertainty import errors_in_common, step_information
 
 Look = Callable[..., Floats]
 LASER = Pose2(0.15, 0.05, 0.3)

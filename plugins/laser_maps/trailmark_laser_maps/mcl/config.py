@@ -41,9 +41,9 @@ class GridMclConfig(PluginConfig):
     """Standard deviation of a start pose that is given [m]."""
     start_sigma_deg: float = Field(10.0, gt=0)
     """Standard deviation of its heading [deg]."""
-    map_sigma_m: float = Field(0.02, gt=0)
-    """What no fix is better than, because the map is not [m]."""
-    map_sigma_deg: float = Field(0.3, gt=0)
+    map_sigma_m: float = Field(0.008, gt=0)
+    """What no fix is better than, because the map is not: 0.02 for one that is drawn by hand or crooked [m]."""
+    map_sigma_deg: float = Field(0.1, gt=0)
     """The same of the heading [deg]."""
     keyframe_m: float = Field(0.2, gt=0)
     """In teach, a scan is remembered every so far [m]."""

@@ -20,7 +20,7 @@ from trailmark_laser_maps.mcl.hypotheses import (
     moved_by,
 )
 from trailmark_laser_maps.mcl.kernels import count_agreeing, score_poses
-from trailmark_laser_maps.mcl.particles import MotionNoise, Particles
+from trailmark_laser_maps.mcl.particles import Cluster, MotionNoise, Particles
 
 __all__ = ["FilterSettings", "GridFilter", "Placed", "Unplaced"]
 
@@ -41,6 +41,8 @@ _LEAST_FALL, _FALL_SIGMAS, _USUAL_LOOKS = 0.08, 5.0, 20
 _SIGMA_OVER_MEDIAN = 1.4826
 #: Another place that explains so much more of the last metres takes the followed one's seat.
 _UNSEATS = 0.05
+#: Added to the spread of particles, which may be none in a direction.
+_LEAST_SPREAD = 1e-6 * np.eye(3)
 _DRAWN_M, _DRAWN_RAD = 0.1, math.radians(2.0)
 
 
@@ -118,7 +120,7 @@ class GridFilter:
         self._last: ScanLook | None = None
         self._unchecked_m = 0.0
         self._usual: deque[float] = deque(maxlen=_USUAL_LOOKS)  # what the followed place explained lately
-        self._n_fallen = 0
+        self._fallen: list[float] = []  # and what it explained where that was much less
 
     def believe(self, pose: Floats, covariance: Floats) -> None:
         """Begin at a known pose, in grid axes."""
@@ -126,6 +128,7 @@ class GridFilter:
         self._is_believed, self._n_unexplained, self._unchecked_m = True, 0, 0.0
         self._favourite = np.empty((0, 3))
         self._usual.clear()
+        self._fallen.clear()
 
     def update(self, look: ScanLook, hint: Floats | None = None) -> Placed | Unplaced | None:
         """Take a look into account; None where the robot has not moved enough for it to tell anything new.
@@ -183,19 +186,21 @@ class GridFilter:
             return rival
         if has_fallen:
             return Unplaced(f"the place explains only {quality:.0%} of the scan, much less than lately", quality, 1)
-        return Placed(pose, clusters[0].covariance, quality)
+        return Placed(pose, self._covariance_of(look, pose, clusters[0]), quality)
 
     def _has_fallen(self, quality: float) -> bool:
-        """Whether a place explains much less than it used to; what lasts longer than patience is usual from then on."""
+        """Whether a place explains much less than it used to; what outnumbers patience is usual from then on."""
         usual = median(self._usual) if self._usual else 0.0
         scatter = median(abs(one - usual) for one in self._usual) if self._usual else 0.0
         if quality >= usual - max(_LEAST_FALL, _FALL_SIGMAS * _SIGMA_OVER_MEDIAN * scatter):
             self._usual.append(quality)
-            self._n_fallen = 0
+            del self._fallen[:1]  # one look as before does not undo all others
             return False
-        self._n_fallen += 1
-        if self._n_fallen > self._settings.patience:
+        self._fallen.append(quality)
+        if len(self._fallen) > self._settings.patience:
             self._usual.clear()
+            self._usual.extend(self._fallen)
+            self._fallen.clear()
         return True
 
     def _doubt(self, quality: float) -> Unplaced:
@@ -276,3 +281,13 @@ class GridFilter:
         """Return the mean of particles, drawn onto the walls where that is a small step."""
         refined = self._search.followed(look, mean[np.newaxis])[0]
         return np.asarray(refined)
+
+    def _covariance_of(self, look: ScanLook, pose: Floats, cluster: Cluster) -> Floats:
+        """Return the covariance of a mean that was drawn onto the walls.
+
+        Particles spread as far as odometry may err between two scans; the drawn pose is better where walls tell.
+        """
+        if np.array_equal(pose, cluster.mean):
+            return cluster.covariance
+        information = np.linalg.inv(cluster.covariance + _LEAST_SPREAD) + self._search.told_by_walls(look, pose)
+        return np.asarray(np.linalg.inv(information))

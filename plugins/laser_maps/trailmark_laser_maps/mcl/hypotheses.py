@@ -11,7 +11,14 @@ import numpy as np
 from trailmark.arrays import Bools, Floats
 from trailmark.geometry import Pose2, wrap_angles
 from trailmark_laser_maps.mcl.field import GridField
-from trailmark_laser_maps.mcl.kernels import explained_shares, refine_poses, score_poses
+from trailmark_laser_maps.mcl.kernels import (
+    beyond_walls,
+    explained_shares,
+    normal_equations,
+    refine_poses,
+    score_poses,
+)
+from trailmark_laser_maps.uncertainty import match_information
 
 __all__ = ["RankedPlaces", "ScanLook", "Search", "best_of_each_neighbourhood", "is_elsewhere", "moved_by"]
 
@@ -21,6 +28,8 @@ NEAR_M = 0.15
 APART_M, APART_RAD = 0.5, math.radians(20.0)
 _PULL_IN_M = np.array([0.6, 0.6, 0.5, 0.4, 0.3, 0.25, 0.2, 0.2])
 _FOLLOW_M = np.array([0.4, 0.3, 0.2])
+#: Within this a ray end belongs to its wall; the least standard deviation of its distance from it [m].
+_FIT_M, _SIGMA_M = 0.15, 0.015
 _N_COARSE = 30
 _FARTHEST_M, _FARTHEST_RAD = 0.3, math.radians(8.0)
 
@@ -130,6 +139,14 @@ class Search:
     def _refined(self, look: ScanLook, poses: Floats, gates_m: Floats) -> Floats:
         field = self._field
         return refine_poses(poses, look.rays, field.walls, field.normals, field.nearest_idx, field.cell_m, gates_m)
+
+    def told_by_walls(self, look: ScanLook, pose: Floats) -> Floats:
+        """Return the information (3, 3) on a pose (3,) that is drawn onto walls: nothing along a plain corridor."""
+        field = self._field
+        equations = np.empty((3, 3)), np.empty(3)
+        grid = field.walls, field.normals, field.nearest_idx, field.cell_m
+        normal_equations(pose, look.rays, *grid, _FIT_M, *equations)
+        return match_information(equations[0], beyond_walls(pose, look.rays, *grid, _FIT_M), _SIGMA_M)
 
     def followed(self, look: ScanLook, expected: Floats) -> Floats:
         """Return poses refined, but no farther from where they are expected than odometry may err."""

@@ -12,7 +12,7 @@ import numpy as np
 from trailmark.arrays import Bools, Float32s, Floats, Int32s
 from trailmark.kernels import kernel
 
-__all__ = ["count_agreeing", "explained_shares", "normal_equations", "refine_poses", "score_poses"]
+__all__ = ["beyond_walls", "count_agreeing", "explained_shares", "normal_equations", "refine_poses", "score_poses"]
 
 
 @kernel
@@ -155,6 +155,30 @@ def normal_equations(
             for j in range(3):
                 hessian[i, j] += weight * row[i] * row[j]
     return squared, n_used
+
+
+@kernel
+def beyond_walls(
+    pose: Floats, rays: Floats, walls: Floats, normals: Floats, nearest_idx: Int32s, cell_m: float, gate_m: float
+) -> Floats:
+    """Return how far the ends of rays lie beyond the lines of their walls, NaN where there is none near, (R,) [m]."""
+    beyond_m = np.full(rays.shape[0], math.nan)
+    height, width = nearest_idx.shape
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    for ray in range(rays.shape[0]):
+        rx = cos * rays[ray, 0] - sin * rays[ray, 1]
+        ry = sin * rays[ray, 0] + cos * rays[ray, 1]
+        u, v = (pose[0] + rx) / cell_m, (pose[1] + ry) / cell_m
+        if not (0.0 <= u < width and 0.0 <= v < height):
+            continue
+        wall = nearest_idx[int(v), int(u)]
+        ex, ey = pose[0] + rx - walls[wall, 0], pose[1] + ry - walls[wall, 1]
+        nx, ny = normals[wall, 0], normals[wall, 1]
+        if ex * ex + ey * ey > gate_m * gate_m or (nx == 0.0 and ny == 0.0):
+            continue
+        away = 1.0 if nx * rx + ny * ry >= 0.0 else -1.0  # normals are sign free
+        beyond_m[ray] = away * (nx * ex + ny * ey)
+    return beyond_m
 
 
 @kernel

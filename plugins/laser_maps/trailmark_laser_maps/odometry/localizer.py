@@ -16,7 +16,7 @@ from trailmark.geometry import Pose2
 from trailmark.interfaces import Localizer, Session
 from trailmark_laser_maps.odometry.config import ScanOdometryConfig
 from trailmark_laser_maps.odometry.matching import LocalMap, LocalMatch
-from trailmark_laser_maps.odometry.uncertainty import step_information
+from trailmark_laser_maps.uncertainty import step_information
 
 __all__ = ["ScanOdometry"]
 

@@ -12,9 +12,9 @@ from scipy.spatial import cKDTree
 
 from trailmark.arrays import Floats
 from trailmark.geometry import Pose2
-from trailmark.geometry.walls import limited_information, line_equations, measured_information, measured_step
+from trailmark.geometry.walls import limited_information, line_equations, measured_step
 from trailmark_laser_maps.odometry.lines import scan_normals
-from trailmark_laser_maps.odometry.uncertainty import errors_in_common
+from trailmark_laser_maps.uncertainty import match_information
 
 __all__ = ["LocalMap", "LocalMatch"]
 
@@ -98,9 +98,7 @@ class LocalMap:
         distances, _ = self._tree.query(pose @ points_base)
         n_lines = int(np.isfinite(residuals).sum())
         residual_m = math.sqrt(float(np.nansum(np.square(residuals))) / max(n_lines, 1))
-        variance = max(sigma_m, residual_m) ** 2 * errors_in_common(residuals)
-        information = measured_information(hessian, n_lines) / variance
-        limited = limited_information(information, _FLOOR)
+        limited = limited_information(match_information(hessian, residuals, sigma_m), _FLOOR)
         return LocalMatch(pose, limited, float(np.mean(distances < _FIT_M)), residual_m)
 
     def _equations(self, pose: Pose2, points_base: Floats, gate_m: float) -> tuple[Floats, Floats, Floats]:

@@ -8,8 +8,9 @@ import numpy as np
 
 from trailmark.arrays import Floats
 from trailmark.geometry import Pose2
+from trailmark.geometry.walls import measured_information
 
-__all__ = ["errors_in_common", "step_information"]
+__all__ = ["errors_in_common", "match_information", "step_information"]
 
 #: Rays that are farther apart than this are taken to err independently of each other.
 _LAGS = 12
@@ -41,6 +42,24 @@ def errors_in_common(residuals: Floats) -> float:
     lags = range(1, min(_LAGS, len(known) - 1) + 1)
     shared = sum((1.0 - lag / (_LAGS + 1.0)) * float(known[:-lag] @ known[lag:]) for lag in lags)
     return max(1.0, 1.0 + 2.0 * shared / power)
+
+
+def match_information(hessian: Floats, residuals: Floats, sigma_m: float) -> Floats:
+    """Return what a match of ray ends to walls tells of (x, y, theta); nothing along a plain corridor.
+
+    Parameters
+    ----------
+    hessian : (3, 3) float64
+        Gauss-Newton's matrix of the match.
+    residuals : (N,) float64
+        See `errors_in_common`.
+    sigma_m : float
+        Standard deviation of the distance of an end to its wall; that of the residuals where it is larger [m].
+    """
+    n_lines = int(np.isfinite(residuals).sum())
+    residual_m = math.sqrt(float(np.nansum(np.square(residuals))) / max(n_lines, 1))
+    variance = max(sigma_m, residual_m) ** 2 * errors_in_common(residuals)
+    return measured_information(hessian, n_lines) / variance
 
 
 def step_information(before: Pose2, information_before: Floats, now: Pose2, information_now: Floats) -> Floats:
