@@ -13,10 +13,10 @@ from trailmark.pipeline.control import Guard
 
 
 def test_no_limit_no_guard() -> None:
-    guard = Guard(StopWhen())
-
-    assert not guard.is_on
-    assert guard.check(Belief(0.0)) is None
+    assert not StopWhen().limits_belief
+    assert StopWhen(fix_age_m=1.0).limits_belief
+    assert StopWhen(motion_age_s=1.0).limits_belief
+    assert Guard(StopWhen()).check(Belief(0.0)) is None
 
 
 def test_a_fix_that_is_too_far_back_stops() -> None:

@@ -146,6 +146,11 @@ class StopWhen(PluginConfig):
     stall_s: float | None = Field(default=0.5, gt=0)
     """In real time: for how long the run may stand still before another thread stops the robot; null: for ever [s]."""
 
+    @property
+    def limits_belief(self) -> bool:
+        """Whether a belief can be too old."""
+        return self.fix_age_m is not None or self.motion_age_s is not None
+
 
 class PluginsSection(PluginConfig):
     """Which plugins the run may load; names of entry points or distributions."""

@@ -14,7 +14,7 @@ from trailmark.geometry import Pose2, wrap_angle
 from trailmark.paths import OnPath, Path
 from trailmark.values import quick_dataclass
 
-__all__ = ["FixCorrection", "PathCorrection", "covariance_on_path"]
+__all__ = ["Correction", "FixCorrection", "PathCorrection", "correction_by", "covariance_on_path"]
 
 Believed = tuple[Pose2, Sym3]
 
@@ -100,6 +100,20 @@ class PathCorrection:
         dx, dy = pose.x - placed.x, pose.y - placed.y
         turn = wrap_angle(pose.theta - placed.theta)
         return Pose2(moved.x + cos * dx - sin * dy, moved.y + sin * dx + cos * dy, moved.theta + turn)
+
+
+Correction = FixCorrection | PathCorrection
+
+
+def correction_by(estimate: Fix | PathOffset, measured: Measured, path: Path | None) -> Correction | str:
+    """Return what an absolute estimate does to the pose, or why it can do nothing."""
+    if isinstance(estimate, Fix):
+        return FixCorrection(estimate, measured)
+    if path is None:
+        return "a path offset needs a path, and this run has none"
+    if not math.isfinite(estimate.station_m + estimate.lateral_m + estimate.heading_rad):
+        return "the path offset is not finite"
+    return PathCorrection(estimate, measured, path)
 
 
 def covariance_on_path(covariance: Sym3, path: Path, station_m: float) -> Sym3:

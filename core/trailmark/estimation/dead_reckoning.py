@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 from trailmark.arrays import Floats
 from trailmark.estimates import (
@@ -21,19 +22,19 @@ from trailmark.estimates import (
     information_from_sigmas,
 )
 from trailmark.estimation.chain import MotionChain, OdomState
-from trailmark.estimation.corrections import FixCorrection, PathCorrection, covariance_on_path
 from trailmark.estimation.dead_reckoning_config import DeadReckoningConfig
 from trailmark.estimation.history import History
 from trailmark.estimation.information import checked_covariance, checked_information, measured_directions
 from trailmark.estimation.symmetric import ZERO, Sym3, add, congruence, diagonal, inverse, subtract, to_matrix
 from trailmark.geometry import Pose2, Twist2
 from trailmark.interfaces import Estimator, Session
-from trailmark.paths import Path
 from trailmark.values import quick_dataclass
 
-__all__ = ["DeadReckoning"]
+if TYPE_CHECKING:
+    from trailmark.estimation.corrections import Correction
+    from trailmark.paths import Path
 
-Correction = FixCorrection | PathCorrection
+__all__ = ["DeadReckoning"]
 
 _ACCEPTED = Applied("accepted")
 
@@ -197,18 +198,11 @@ class DeadReckoning(Estimator):
         information = checked_information(estimate.information)
         if isinstance(information, str):
             return Applied("refused", information)
-        measured = measured_directions(information)
-        if isinstance(estimate, Fix):
-            correction: Correction = FixCorrection(estimate, measured)
-        elif self._path is None:
-            return Applied("refused", "a path offset needs a path, and this run has none")
-        elif not math.isfinite(estimate.station_m + estimate.lateral_m + estimate.heading_rad):
-            return Applied("refused", "the path offset is not finite")
-        else:
-            correction = PathCorrection(estimate, measured, self._path)
-        return self._correct(estimate, correction)
+        from trailmark.estimation.corrections import correction_by  # motion alone needs none
 
-    def _correct(self, estimate: Fix | PathOffset, correction: Correction) -> Applied:
+        correction = correction_by(estimate, measured_directions(information), self._path)
+        if isinstance(correction, str):
+            return Applied("refused", correction)
         if not correction.measured.rank:
             return Applied("refused", "it has no information")
         anchor = self._corrections.insert(estimate.stamp_s, correction)
@@ -251,6 +245,8 @@ class DeadReckoning(Estimator):
         )
 
     def _on_path(self, stamp_s: float, path: Path, pose: Pose2, covariance: Sym3) -> PathOffset:
+        from trailmark.estimation.corrections import covariance_on_path
+
         located = path.locate(pose, self._station_m)
         self._station_m = located.station_m
         information = inverse(covariance_on_path(covariance, path, located.station_m)) or ZERO

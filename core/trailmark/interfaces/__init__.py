@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from trailmark.deprecation import deprecated_name
 from trailmark.interfaces.methods import Controller, Estimator, Localizer
 from trailmark.interfaces.outputs import PathStore, RunEnd, Sink
 from trailmark.interfaces.session import Access, LocalizerMap, Mode, Pace, Part, Session
@@ -37,4 +36,6 @@ _OLD_NAMES = {"Drawer": LocalizerMap}
 
 
 def __getattr__(name: str) -> Any:
+    from trailmark.deprecation import deprecated_name  # hardly ever asked for
+
     return deprecated_name(__name__, name, _OLD_NAMES)

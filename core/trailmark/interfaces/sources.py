@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from trailmark.commands import Command
 from trailmark.errors import ConfigError
 from trailmark.frames import Frame, SensorInfo, SensorOrigin
-from trailmark.frames.outlines import Outlines
 from trailmark.geometry import Trajectory
 from trailmark.interfaces.session import Part
+
+if TYPE_CHECKING:
+    from trailmark.commands import Command
+    from trailmark.frames.outlines import Outlines
 
 __all__ = ["Drivable", "Fault", "FrameSource"]
 

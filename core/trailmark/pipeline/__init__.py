@@ -6,7 +6,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from trailmark.clock import Clock, SystemClock, live_stamp_s
-from trailmark.deprecation import deprecated_name
 from trailmark.estimates import EstimateRecord
 from trailmark.pipeline.outputs.result import RunResult, Step
 from trailmark.pipeline.parts import LocalizerPart, Parts, build_parts, build_sources
@@ -41,4 +40,6 @@ _OLD_NAMES = {"Feed": SourceStream, "Told": EstimateRecord}
 def __getattr__(name: str) -> Any:
     if name in ("link_latest", "new_folder"):  # not every run has a folder
         return getattr(import_module("trailmark.pipeline.outputs.run_folder"), name)
+    from trailmark.deprecation import deprecated_name  # hardly ever asked for
+
     return deprecated_name(__name__, name, _OLD_NAMES)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from time import perf_counter_ns
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,8 +19,10 @@ from trailmark.frames import SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Mode, Part, Session
 from trailmark.interruption import CLOSE_S, Interrupted, shielded
-from trailmark.paths import Path
 from trailmark.pipeline.instruments import StageTimes
+
+if TYPE_CHECKING:
+    from trailmark.paths import Path
 
 __all__ = ["PartStarter", "Sessions", "part_rng"]
 

@@ -20,16 +20,16 @@ from trailmark.estimates import Applied
 from trailmark.frames import Frame, SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interruption import reason_of, shielded
-from trailmark.paths import Path as TaughtPath
 from trailmark.pipeline.instruments import Instruments
 from trailmark.pipeline.outputs.result import RunResult, Step
 from trailmark.pipeline.parts import Parts, build_parts
 from trailmark.pipeline.request import RunKeywords, RunRequest
 from trailmark.pipeline.run import Run
-from trailmark.sources.reorder import ReorderWindow
 
 if TYPE_CHECKING:
+    from trailmark.paths import Path as TaughtPath
     from trailmark.pipeline.outputs.recorder import Recorder
+    from trailmark.sources.reorder import ReorderWindow
 
 __all__ = ["Pipeline"]
 
@@ -98,7 +98,7 @@ class Pipeline:
             self.parts, out, overwrite = build_parts(self.config, request.access), request.out, request.overwrite
         self.folder = None if out is None else _prepare_out(out, overwrite)
         self._pushed = {info.name: info for info in sensors}
-        self._window: ReorderWindow[Frame] | None = ReorderWindow(self._pushed, reorder_s) if reorder_s else None
+        self._window = self._new_window(reorder_s) if reorder_s else None
         self._fed_s = -math.inf
         self._instruments = Instruments(RunClock(clock or SystemClock()), patience_s=self.parts.settings.patience_s)
         self._lock = threading.RLock()
@@ -279,6 +279,11 @@ class Pipeline:
                 with suppress(OSError):
                     self.folder.rmdir()  # it is empty: nothing has run
             raise
+
+    def _new_window(self, reorder_s: float) -> ReorderWindow[Frame]:
+        from trailmark.sources.reorder import ReorderWindow  # most frames that are pushed come in order
+
+        return ReorderWindow(self._pushed, reorder_s)
 
     def _new_recorder(self) -> Recorder | None:
         if self.folder is None:

@@ -11,14 +11,12 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from trailmark.arrays import Floats
-from trailmark.config import RunSettings, StopWhen
+from trailmark.config import RunSettings
 from trailmark.errors import ConfigError, TrailmarkError
 from trailmark.failures import call_guarded
 from trailmark.frames import SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Estimator, Session
-from trailmark.paths import Path
-from trailmark.pipeline.control import Control, Guard, Robot, check_commands
 from trailmark.pipeline.instruments import LOCALIZER_COUNTS, Instruments, counts_of
 from trailmark.pipeline.lifecycle import PartStarter, Sessions
 from trailmark.pipeline.localizers import LocalizerRunner, new_runner
@@ -27,6 +25,8 @@ from trailmark.pipeline.parts import LocalizerPart, Parts
 from trailmark.pipeline.sources.stream import corrected_sensors
 
 if TYPE_CHECKING:
+    from trailmark.paths import Path
+    from trailmark.pipeline.control import Control
     from trailmark.pipeline.teaching.taught_map import TaughtMap
 
 __all__ = ["RunningParts", "start_parts"]
@@ -50,8 +50,8 @@ class RunningParts:
         In the order of the config.
     estimator : EstimatorRunner
         Makes the belief.
-    control : Control
-        Commands.
+    control : Control or None
+        Commands; None: there is no robot, no controller and no limit of `stop_when`.
     session : Session
         What all parts are told alike.
     told_poses : deque
@@ -67,7 +67,7 @@ class RunningParts:
     taught: TaughtMap | None
     localizers: Sequence[LocalizerRunner]
     estimator: EstimatorRunner
-    control: Control
+    control: Control | None
     session: Session
     told_poses: deque[tuple[Pose2, Floats | None]]
     closing: ExitStack
@@ -216,7 +216,7 @@ def _start_localizer(
     starter.on_close(f"the runner of localizer {part.name!r}", runner.close)
 
 
-def _start_control(parts: Parts, sessions: Sessions, starter: PartStarter, instruments: Instruments) -> Control:
+def _start_control(parts: Parts, sessions: Sessions, starter: PartStarter, instruments: Instruments) -> Control | None:
     settings, robot = parts.settings, parts.robot
     drives_itself = robot is not None and robot.drives_itself
     is_played = robot is None and settings.mode == "teach"  # a recording is taught: nobody is to be driven
@@ -228,11 +228,16 @@ def _start_control(parts: Parts, sessions: Sessions, starter: PartStarter, instr
         )
     if robot is not None:
         _check_robot(parts, is_driven=controller is not None or drives_itself)
+    is_guarded = settings.stop_when.limits_belief and settings.mode != "teach"
+    if controller is None and robot is None and not is_guarded:
+        return None
+    from trailmark.pipeline.control import Control, Guard, Robot, check_commands  # most runs drive nothing
+
     if controller is not None:
         if robot is not None:
             check_commands(controller, robot)
         starter.start("controller", controller, sessions.session_of("controller", "controller"))
-    guard = Guard(StopWhen() if settings.mode == "teach" else settings.stop_when)
+    guard = Guard(settings.stop_when) if is_guarded else None
     return Control(controller, None if robot is None else Robot(robot), guard, settings.control_hz, instruments)
 
 

@@ -16,7 +16,6 @@ from trailmark.config import SourceConfig
 from trailmark.errors import SourceError
 from trailmark.frames import RGBD, Frame, Image, Payload, SensorInfo
 from trailmark.interfaces import FrameSource, Session
-from trailmark.sources.reorder import in_stamp_order
 
 __all__ = ["Reading", "Readings", "RecordedSource", "form_of"]
 
@@ -138,8 +137,11 @@ class RecordedSource(FrameSource):
             return
         with closing(self.readings()) as readings:
             increasing = self._check_increasing(readings, closed)
-            names = tuple(self._sensors)
-            ordered = in_stamp_order(increasing, names, self.reorder_s) if len(names) > 1 else increasing
+            names, ordered = tuple(self._sensors), increasing
+            if len(names) > 1:
+                from trailmark.sources.reorder import in_stamp_order  # one sensor is in order
+
+                ordered = in_stamp_order(increasing, names, self.reorder_s)
             last_s = -math.inf
             for reading in ordered:
                 if closed.is_set():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from time import perf_counter_ns
+from typing import Literal
 
 from trailmark.clock import RunClock
 from trailmark.commands import Command, Stop
@@ -40,7 +41,7 @@ class Control:
         What drives.
     robot : Robot or None
         What is driven; without one, commands go to sinks alone.
-    guard : Guard
+    guard : Guard or None
         Stops the robot whatever the controller says.
     control_hz : float
         How often at most [Hz].
@@ -50,7 +51,7 @@ class Control:
         self,
         controller: Controller | None,
         robot: Robot | None,
-        guard: Guard,
+        guard: Guard | None,
         control_hz: float,
         instruments: Instruments,
     ) -> None:
@@ -61,9 +62,7 @@ class Control:
         self._counters = instruments.counters
         self._times = instruments.times.stage("controller")
         self._is_suspended = False
-        self._due_s = -math.inf if controller is not None or guard.is_on else math.inf
-        #: Whether there is anything to ask or to hold: a controller, a guard, a robot.
-        self.is_needed = robot is not None or self._due_s < math.inf
+        self._due_s = math.inf if controller is None and guard is None else -math.inf
 
     @property
     def due_s(self) -> float:
@@ -79,7 +78,7 @@ class Control:
         if now_s + _SLACK * self._period_s < self._due_s:
             return None
         self._due_s = self._next_due_s(now_s)
-        command: Command | None = self._guard.check(belief) if self._guard.is_on else None
+        command: Command | None = None if self._guard is None else self._guard.check(belief)
         if command is not None:
             self._counters["control.guard_stops"] += 1
         elif self._controller is not None:
@@ -123,9 +122,14 @@ class Control:
         if self._robot is not None:
             self._robot.hold(Stop(reason), for_good=True)
 
-    def has_given_up(self, now_s: float) -> bool:
-        """Return whether the guard has held a robot for so long that the run is over."""
-        return self._robot is not None and self._guard.has_given_up(now_s)
+    def end_by(self, command: Command, now_s: float) -> tuple[Literal["done", "stopped"], str] | None:
+        """Return how a command ends the run, and why: the goal is reached, or the robot was stopped for too long."""
+        if not isinstance(command, Stop):
+            return None
+        if command.done:
+            return "done", command.reason
+        has_given_up = self._robot is not None and self._guard is not None and self._guard.has_given_up(now_s)
+        return ("stopped", command.reason) if has_given_up else None
 
     def _next_due_s(self, now_s: float) -> float:
         """Keep to the beat, so that the mean rate is right; after a pause begin a new one."""
@@ -187,11 +191,6 @@ class Guard:
         self._give_up_s = give_up_s
         self._start: Belief | None = None
         self._stopped_s: float | None = None
-
-    @property
-    def is_on(self) -> bool:
-        """Whether there is a limit."""
-        return self._stop_when.fix_age_m is not None or self._stop_when.motion_age_s is not None
 
     def check(self, belief: Belief) -> Stop | None:
         """Return why the robot has to stop; None while all is well."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from trailmark.pipeline.ending.hangs import HangError, HangWatch
-from trailmark.pipeline.ending.lifeline import RunLifeline
 from trailmark.pipeline.ending.steps import Ending
 
-__all__ = ["Ending", "HangError", "HangWatch", "RunLifeline"]
+__all__ = ["Ending", "HangError", "HangWatch"]

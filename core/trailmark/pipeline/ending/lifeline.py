@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 from trailmark.errors import TrailmarkError
 from trailmark.interruption import Lifeline
-from trailmark.pipeline.control import Control
 from trailmark.pipeline.outputs.result import RunResult
 
 if TYPE_CHECKING:
+    from trailmark.pipeline.control import Control
     from trailmark.pipeline.outputs.recorder import Recorder
 
 __all__ = ["RunLifeline"]
@@ -25,7 +25,7 @@ class RunLifeline(Lifeline):
 
     Parameters
     ----------
-    control : Control
+    control : Control or None
         Has the robot.
     recorder : Recorder or None
         Has the folder.
@@ -37,7 +37,7 @@ class RunLifeline(Lifeline):
 
     def __init__(
         self,
-        control: Control,
+        control: Control | None,
         recorder: Recorder | None,
         conclude: Callable[[str], RunResult],
         *,
@@ -49,7 +49,9 @@ class RunLifeline(Lifeline):
         self._conclude = conclude
 
     def stop(self, reason: str) -> None:
-        """Stop the robot."""
+        """Stop the robot, if there is one."""
+        if self._control is None:
+            return
         try:
             self._control.stop_for_good(reason)
         except TrailmarkError as error:
@@ -57,7 +59,7 @@ class RunLifeline(Lifeline):
 
     def hold(self, reason: str) -> None:
         """Stop the robot for as long as the process is suspended."""
-        if not self._is_realtime:
+        if self._control is None or not self._is_realtime:
             return
         try:
             self._control.hold(reason)
@@ -66,7 +68,8 @@ class RunLifeline(Lifeline):
 
     def release(self) -> None:
         """Let the run command the robot again, from its next step but one on."""
-        self._control.release()
+        if self._control is not None:
+            self._control.release()
 
     def mark(self, reason: str) -> None:
         """Let ``run.json`` say that the run was interrupted, unless the run has written its end itself."""

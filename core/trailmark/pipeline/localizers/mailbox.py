@@ -6,17 +6,12 @@ from trailmark.estimates import Belief
 from trailmark.frames import Frame
 from trailmark.pipeline.instruments import Counters
 
-__all__ = ["MOST_WAITING", "Mailbox", "is_snapshot"]
+__all__ = ["MOST_WAITING", "Mailbox"]
 
 #: So many frames wait for a localizer that asks for all.
 MOST_WAITING = 256
 #: A frame, and what was believed at its stamp.
 Letter = tuple[Frame, Belief]
-
-
-def is_snapshot(frame: Frame) -> bool:
-    """Return whether a newer frame of the sensor makes this one worthless (a picture or a scan)."""
-    return frame.payload.is_snapshot
 
 
 class Mailbox:

@@ -18,11 +18,11 @@ from trailmark.estimates import Belief, Estimate, Fix, Lost, Motion, PathOffset
 from trailmark.failures import raise_failure
 from trailmark.frames import Frame, SensorInfo
 from trailmark.interfaces import Localizer, Session
+from trailmark.pipeline.instruments import Instruments
 from trailmark.pipeline.localizers.correcting import with_corrected_motions
-from trailmark.pipeline.localizers.mailbox import is_snapshot
 from trailmark.pipeline.parts import LocalizerPart
 
-__all__ = ["LocalizerFailedError", "LocalizerRunner", "ObserveResult", "SyncRunner"]
+__all__ = ["LocalizerFailedError", "LocalizerRunner", "ObserveResult", "SyncRunner", "new_runner"]
 
 logger = logging.getLogger(__name__)
 
@@ -170,7 +170,7 @@ class LocalizerRunner(ABC):
             except BaseException as error:
                 self._raise_failure("latency_s", frame, error)
             return latency_s
-        return self._fixed_latency_s if is_snapshot(frame) or not self._has_snapshots else 0.0
+        return self._fixed_latency_s if frame.payload.is_snapshot or not self._has_snapshots else 0.0
 
     def _raise_failure(self, method: str, frame: Frame, error: BaseException) -> NoReturn:
         where = f"{method} at the frame of {frame.sensor!r} at {frame.stamp_s:.6f} s"
@@ -215,3 +215,31 @@ class SyncRunner(LocalizerRunner):
         """Ask the localizer; its result is there at once."""
         estimates, _ = self._observe(frame, belief)
         return (ObserveResult(frame.stamp_s, frame.stamp_s, estimates),) if estimates else ()
+
+
+def new_runner(
+    part: LocalizerPart, sensors: Mapping[str, SensorInfo], is_realtime: bool, instruments: Instruments
+) -> LocalizerRunner:
+    """Return what runs a localizer: waited for, or beside the run if its options say ``async`` or ``delay_ms``.
+
+    Parameters
+    ----------
+    part : LocalizerPart
+        The localizer.
+    sensors : mapping of str to SensorInfo
+        The sensors of the run.
+    is_realtime : bool
+        Whether what runs beside the run has a thread, or a modelled latency.
+    instruments : Instruments
+        Of the run.
+    """
+    times = instruments.times.stage(f"localizer.{part.name}")
+    if not part.options.answers_later or (is_realtime and not part.options.is_async):
+        return SyncRunner(part, sensors, times, is_realtime)
+    if is_realtime:
+        from trailmark.pipeline.localizers.threaded import ThreadedRunner
+
+        return ThreadedRunner(part, sensors, times, instruments)
+    from trailmark.pipeline.localizers.modelled import ModelledRunner
+
+    return ModelledRunner(part, sensors, times, instruments.counters)

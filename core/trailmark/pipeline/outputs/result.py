@@ -7,14 +7,16 @@ from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from trailmark.commands import Command
 from trailmark.estimates import Belief, EstimateRecord
 from trailmark.frames import Frame
-from trailmark.frames.outlines import Outlines
 from trailmark.geometry import Trajectory
 from trailmark.geometry.notebook import pandas_module, plane_axes
+
+if TYPE_CHECKING:
+    from trailmark.commands import Command
+    from trailmark.frames.outlines import Outlines
 
 __all__ = ["RunResult", "Status", "Step"]
 

@@ -106,7 +106,8 @@ class Conclusion:
         """
         running = self._running
         ending = Ending(status, reason, self._spared_parts())
-        ending.attempt(lambda: running.control.stop_for_good(reason or status), STOP_S)
+        if (control := running.control) is not None:
+            ending.attempt(lambda: control.stop_for_good(reason or status), STOP_S)
         if status != "failed":
             ending.attempt(finish, FINISH_S)
         own = {prefix: ending.attempt(ask) or {} for prefix, ask in running.own_counters()}

@@ -73,7 +73,7 @@ class FrameProcessor:
             self._sinks.tell(Sink.on_belief, belief)
             if self._teaching is not None:
                 self._teaching.on_belief(belief)
-        command = self._control.step(belief) if self._control.is_needed else None
+        command = None if self._control is None else self._control.step(belief)
         if self._is_realtime:
             self._clock.beat()
         if command is not None:

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Generator, Iterator, Mapping
+from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 from trailmark.arrays import Floats
-from trailmark.commands import Stop
 from trailmark.errors import RunError
 from trailmark.estimates import Applied
 from trailmark.frames import Frame, SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interruption import STEP_S, ending_signal, reason_of, shielded
-from trailmark.pipeline.ending import HangError, HangWatch, RunLifeline
+from trailmark.pipeline.ending import HangError, HangWatch
 from trailmark.pipeline.instruments import Instruments
 from trailmark.pipeline.outputs.result import RunResult, Status, Step
 from trailmark.pipeline.parts import Parts
@@ -78,15 +78,14 @@ class Run:
         self._step_shield, self._hangs = shielded(STEP_S), HangWatch(parts.settings.patience_s)
         self._events = self._new_events()
         self._conclusion, self._on_end = Conclusion(running, instruments, recorder), on_end
-        self._lifeline = RunLifeline(
-            running.control, recorder, self._conclusion.result_as_it_stands, is_realtime=self._is_realtime
-        )
+        self._lifeline = ExitStack()
         try:
-            self._lifeline.__enter__()
+            if running.control is not None or recorder is not None:
+                self._enter_lifeline(recorder)
             self._frames = FrameProcessor(running, self._conclusion.open_sinks(), instruments)
             self._watch()
         except BaseException:
-            self._lifeline.__exit__(None, None, None)
+            self._lifeline.close()
             running.closing.close()
             raise
 
@@ -138,11 +137,10 @@ class Run:
     def _process(self, event: Event) -> Step:
         """Take a frame through all parts; end the run if its goal is reached, or the guard has stopped it for good."""
         step = self._frames.process(event)
-        if isinstance(step.command, Stop):
-            if step.command.done:
-                self.end("done", step.command.reason)
-            elif self.running.control.has_given_up(step.stamp_s):
-                self.end("stopped", step.command.reason)
+        if step.command is not None and self.running.control is not None:
+            ending = self.running.control.end_by(step.command, step.stamp_s)
+            if ending is not None:
+                self.end(*ending)
         return step
 
     def _new_events(self) -> Iterator[Event]:
@@ -153,11 +151,19 @@ class Run:
 
         return realtime_events(self.running, self._instruments, self._hangs)
 
+    def _enter_lifeline(self, recorder: Recorder | None) -> None:
+        """Let the program stop the robot and write the folder from another thread, if the run cannot."""
+        from trailmark.pipeline.ending.lifeline import RunLifeline  # of no use where there is neither
+
+        conclude = self._conclusion.result_as_it_stands
+        lifeline = RunLifeline(self.running.control, recorder, conclude, is_realtime=self._is_realtime)
+        self._lifeline.enter_context(lifeline)
+
     def _watch(self) -> None:
         """Let the watchdog look after the loop, where it drives a robot in real time."""
-        stall_s = self.running.parts.settings.stop_when.stall_s
-        if self._is_realtime and stall_s is not None:
-            watchdog = self.running.control.new_watchdog(self._instruments.clock, stall_s)
+        stall_s, control = self.running.parts.settings.stop_when.stall_s, self.running.control
+        if self._is_realtime and stall_s is not None and control is not None:
+            watchdog = control.new_watchdog(self._instruments.clock, stall_s)
             if watchdog is not None:
                 self.running.closing.callback(watchdog.close)
                 watchdog.start()
@@ -206,7 +212,7 @@ class Run:
                     status, reason, finish=self._frames.finish, close_events=self._close_events, on_end=self._on_end
                 )
             finally:
-                self._lifeline.__exit__(None, None, None)
+                self._lifeline.close()
 
     def _close_events(self) -> None:
         if isinstance(self._events, Generator):

@@ -12,7 +12,6 @@ from typing import Any
 from trailmark.errors import SourceError
 from trailmark.frames import PAYLOAD_KINDS, Frame, Payload, Record, SensorInfo, payload_kind
 from trailmark.pipeline.instruments import Counters
-from trailmark.sources.clock_offset import ClockOffset
 
 __all__ = ["FrameChecks", "without_future"]
 
@@ -83,6 +82,8 @@ class FrameChecks:
         SourceError
             If such a frame is not to be skipped, or was the first: the run would wait for its time to come.
         """
+        from trailmark.sources.clock_offset import ClockOffset  # recordings need none
+
         clocks: defaultdict[str, ClockOffset] = defaultdict(ClockOffset)
         for frame in frames:
             clock = clocks[frame.sensor]

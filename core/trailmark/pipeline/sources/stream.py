@@ -17,7 +17,6 @@ from trailmark.config import LiveSourceConfig, Mounting, SensorOverride, SourceC
 from trailmark.errors import ConfigError, SourceError, SourceFailedError
 from trailmark.failures import call_guarded, is_from_user, raise_failure, words_of
 from trailmark.frames import Calibration, Frame, SensorInfo
-from trailmark.frames.outlines import Outlines
 from trailmark.geometry import Pose3, Trajectory, read_tum
 from trailmark.geometry.trajectory import FARTHEST_M
 from trailmark.interfaces import Drivable, FrameSource, Session
@@ -25,6 +24,7 @@ from trailmark.pipeline.instruments import SOURCE_COUNTS, Counters, counts_of
 from trailmark.pipeline.sources.checks import FrameChecks
 
 if TYPE_CHECKING:
+    from trailmark.frames.outlines import Outlines
     from trailmark.pipeline.sources.perturbing import Perturber
 
 __all__ = ["SourceStream", "corrected", "corrected_sensors", "ground_truth_of", "outlines_of"]
@@ -319,9 +319,7 @@ def outlines_of(sources: Sequence[SourceStream]) -> Outlines | None:
     """Return the outlines of the first source that knows some; one that fails to say is a warning."""
     for stream in sources:
         try:
-            outlines = stream.source.outlines()
-            if outlines is not None and not isinstance(outlines, Outlines):
-                raise TypeError(f"it gave {type(outlines).__name__}, not Outlines")
+            outlines = _checked_outlines(stream.source)
         except BaseException as error:
             if is_from_user(error):
                 raise
@@ -330,3 +328,14 @@ def outlines_of(sources: Sequence[SourceStream]) -> Outlines | None:
         if outlines is not None:
             return outlines
     return None
+
+
+def _checked_outlines(source: FrameSource) -> Outlines | None:
+    outlines = source.outlines()
+    if outlines is None:
+        return None
+    from trailmark.frames.outlines import Outlines  # only simulated worlds know theirs
+
+    if not isinstance(outlines, Outlines):
+        raise TypeError(f"it gave {type(outlines).__name__}, not Outlines")
+    return outlines
