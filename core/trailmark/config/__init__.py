@@ -2,19 +2,37 @@
 
 import warnings
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from trailmark.config.base import UNNAMED, LocalizerName, PluginConfig, Sensor, SensorRole, sensor_roles
+from trailmark.config.base import (
+    UNNAMED,
+    LiveSourceConfig,
+    LocalizerName,
+    Mounting,
+    PluginConfig,
+    Sensor,
+    SensorRole,
+    SourceConfig,
+    sensor_roles,
+)
 from trailmark.config.calibrations import read_calibration
 from trailmark.config.document import Document, read_document
-from trailmark.config.entries import EstimatorEntry, LocalizerEntry, PartEntry, PathStoreEntry, SourceEntry
 from trailmark.config.files import ConfigPath, ExistingFile, ExistingPath, OutputPath
 from trailmark.config.host import LocalizerOptions, MotionCorrection, PathStoreOptions, RunSettings, StopWhen
 from trailmark.config.load import load_run_config
-from trailmark.config.presets import PresetConfig, PresetValue
 from trailmark.config.roles import refuse_duplicate_sensors, resolve_all_roles, resolve_roles
-from trailmark.config.run import RunConfig, SensorOverride
-from trailmark.config.source import LiveSourceConfig, Mounting, SourceConfig
+from trailmark.config.run import (
+    EstimatorEntry,
+    LocalizerEntry,
+    PartEntry,
+    PathStoreEntry,
+    RunConfig,
+    SensorOverride,
+    SourceEntry,
+)
+
+if TYPE_CHECKING:
+    from trailmark.config.presets import PresetConfig, PresetValue
 
 __all__ = [
     "UNNAMED",
@@ -58,6 +76,8 @@ _MOVED = {"Occluders": "Occluders", "Perturbation": "BasicConfig", "WrongCalibra
 
 
 def __getattr__(name: str) -> Any:
+    if name in ("PresetConfig", "PresetValue"):  # of the papers' methods
+        return getattr(import_module("trailmark.config.presets"), name)
     if name not in _MOVED:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from trailmark.plugins import load_plugins

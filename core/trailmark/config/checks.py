@@ -12,8 +12,8 @@ from typing import Any, get_args
 
 from trailmark.config.base import UNNAMED, IsLocalizer, PluginConfig, sensor_roles
 from trailmark.config.document import Document, Problems
-from trailmark.config.entries import EstimatorEntry, LocalizerEntry, PartEntry
 from trailmark.config.files import IsWritten
+from trailmark.config.run import EstimatorEntry, LocalizerEntry, PartEntry
 from trailmark.errors import PluginError
 from trailmark.plugins import Kind
 from trailmark.plugins.hints import nearest_or_all

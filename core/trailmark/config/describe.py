@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from trailmark.config.base import SourceConfig
 from trailmark.config.explain import key_names
 from trailmark.config.host import HOST_OPTIONS
 from trailmark.config.schema import Schema, part_schema
-from trailmark.config.source import SourceConfig
 from trailmark.plugins import Spec
 
 __all__ = ["KeyInfo", "describe_part"]

@@ -1,21 +1,64 @@
-"""A config as it was written: its data, and where in the file every key stands."""
+"""A config as it was written: its data, where in the file every key stands, and which keys hold parts."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Self
 
-from trailmark.config.keys import Key, Keys, TextError
 from trailmark.errors import ConfigError
 from trailmark.plugins.hints import did_you_mean
 
-__all__ = ["Document", "Key", "Keys", "Problems", "TextError", "read_document"]
+if TYPE_CHECKING:
+    from trailmark.plugins.spec import Kind
+
+__all__ = [
+    "NAMED_SECTIONS",
+    "SINGLE_SECTIONS",
+    "Document",
+    "Key",
+    "Keys",
+    "Problems",
+    "TextError",
+    "expand_shorthand",
+    "kind_at",
+    "read_document",
+]
+
+Key = str | int
+Keys = tuple[Key, ...]
+
+#: Sections that hold parts by name.
+NAMED_SECTIONS: dict[str, Kind] = {"sources": "source", "localizers": "localizer"}
+
+#: Sections that are one part.
+SINGLE_SECTIONS: tuple[Kind, ...] = ("estimator", "path_store", "controller")
 
 # A YAML reader in Python takes seconds for a megabyte; the largest config that was seen has 20 kB.
 _MAX_BYTES = 1_000_000
+
+
+class TextError(Exception):
+    """A text that cannot be read: what is wrong, on which line and in which column (from 1).
+
+    Parameters
+    ----------
+    message : str
+        What is wrong.
+    line, column : int or None
+        Where, from 1; None: nowhere in particular.
+    """
+
+    def __init__(self, message: str, line: int | None = None, column: int | None = None) -> None:
+        super().__init__(message)
+        self.line, self.column = line, column
+
+    def place(self, name: str) -> str:
+        """Return ``name line 3, column 5``, as far as it is known."""
+        line = "" if self.line is None else f" line {self.line}"
+        return name + line + ("" if self.column is None else f", column {self.column}")
 
 
 def _nowhere(_: Keys) -> None:
@@ -59,6 +102,12 @@ class Document:
         line = self.line(keys)
         source = "--set" if self.is_overridden(keys) else self.name if line is None else f"{self.name} line {line}"
         return f"{source}: {'.'.join(str(key) for key in keys)}" if keys else source
+
+    def expanded(self) -> Self:
+        """Return a copy that gives ``{plugin: NAME}`` wherever a part is given by its plugin's name alone."""
+        data = deepcopy(self.data)
+        expand_shorthand(data)
+        return replace(self, data=data)
 
 
 class Problems:
@@ -157,3 +206,35 @@ def _text(path: Path, what: str) -> str:
         raise ConfigError(f"{path}: not UTF-8 text (byte {error.start})") from error
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror}") from error
+
+
+def kind_at(keys: Keys) -> Kind | None:
+    """Return the kind of the part that stands at some keys, None where none does."""
+    match keys:
+        case (str(section), _) if section in NAMED_SECTIONS:
+            return NAMED_SECTIONS[section]
+        case ("sinks", int()):
+            return "sink"
+        case (section,):
+            return next((kind for kind in SINGLE_SECTIONS if kind == section), None)
+    return None
+
+
+def expand_shorthand(data: dict[str, Any]) -> None:
+    """Write ``{plugin: NAME}`` wherever a part is given by its plugin's name alone; in place."""
+    for holder, key in list(_places(data)):
+        if isinstance(holder[key], str):
+            holder[key] = {"plugin": holder[key]}
+
+
+def _places(data: dict[str, Any]) -> Iterator[tuple[Any, Any]]:
+    for kind in SINGLE_SECTIONS:
+        if kind in data:
+            yield data, kind
+    for section in NAMED_SECTIONS:
+        parts = data.get(section)
+        if isinstance(parts, Mapping):
+            yield from ((parts, name) for name in parts)
+    sinks = data.get("sinks")
+    if isinstance(sinks, list):
+        yield from ((sinks, index) for index in range(len(sinks)))

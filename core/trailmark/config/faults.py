@@ -8,9 +8,9 @@ from typing import Any
 
 from trailmark.config.base import PluginConfig
 from trailmark.config.document import Document, Keys, Problems
-from trailmark.config.entries import FaultEntry
 from trailmark.config.explain import key_names, validate_at
 from trailmark.config.host import DEFAULT_PLUGINS, NoOptions
+from trailmark.config.run import FaultEntry
 from trailmark.errors import PluginError, PluginLoadError
 from trailmark.plugins import Registry, Spec
 from trailmark.plugins.hints import nearest_or_all
@@ -64,8 +64,8 @@ class FaultReader:
         self._registry = registry
         self._problems = problems
 
-    def read(self, keys: Keys, written: Mapping[str, Any] | None) -> SourceFaults | None:
-        """Return the faults of a source; None where there are none, or where something is wrong with them.
+    def read(self, keys: Keys, written: Mapping[str, Any]) -> SourceFaults | None:
+        """Return the faults of a source; None where something is wrong with them.
 
         The keys of the default fault stand directly under ``perturb``; it has its place where the first of them
         stands. Any other key is the name of a fault and holds that one's keys; null leaves it out.
@@ -74,7 +74,7 @@ class FaultReader:
         ----------
         keys : tuple
             Where ``perturb`` stands.
-        written : mapping or None
+        written : mapping
             What stands there.
         """
         if written is None:

@@ -9,9 +9,8 @@ import numpy as np
 from pydantic import Field, ValidationError, ValidatorFunctionWrapHandler, field_validator, model_validator
 
 from trailmark.arrays import Floats
-from trailmark.config.base import PluginConfig
+from trailmark.config.base import Mounting, PluginConfig
 from trailmark.config.files import ExistingFile
-from trailmark.config.source import Mounting
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Mode, Pace
 from trailmark.plugins.hints import did_you_mean

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from trailmark.config.calibrations import with_absolute_files
 from trailmark.config.checks import (
@@ -16,16 +16,25 @@ from trailmark.config.checks import (
     refuse_outputs_elsewhere,
 )
 from trailmark.config.document import Document, Problems, read_document
-from trailmark.config.entries import EstimatorEntry, LocalizerEntry, PartEntry, PathStoreEntry, SourceEntry
 from trailmark.config.explain import validate_at
 from trailmark.config.host import NoOptions, PluginsSection, RunSettings, SensorSection
-from trailmark.config.overrides import Override, with_overrides
 from trailmark.config.parts import PartReader
 from trailmark.config.requirements import unmet
-from trailmark.config.run import RunConfig, SensorOverride
+from trailmark.config.run import (
+    EstimatorEntry,
+    LocalizerEntry,
+    PartEntry,
+    PathStoreEntry,
+    RunConfig,
+    SensorOverride,
+    SourceEntry,
+)
 from trailmark.errors import ConfigError
 from trailmark.interfaces import Mode
 from trailmark.plugins import Plugins
+
+if TYPE_CHECKING:
+    from trailmark.config.overrides import Override
 
 __all__ = ["load_run_config"]
 
@@ -62,7 +71,13 @@ def load_run_config(
     changes = [*overrides, *([("mode", mode)] if mode else [])]
     problems = Problems(document)
     usable = _usable_plugins(document, plugins, problems)
-    document, notices = with_overrides(document, changes, usable.registry)
+    notices: tuple[str, ...] = ()
+    if changes:
+        from trailmark.config.overrides import with_overrides  # of a command line, or of a bench
+
+        document, notices = with_overrides(document, changes, usable.registry)
+    else:
+        document = document.expanded()
     problems = Problems(document)
     usable = _usable_plugins(document, plugins, problems)
     return _RunReader(document, usable, notices, problems).read()

@@ -7,10 +7,9 @@ from copy import deepcopy
 from dataclasses import replace
 from typing import Any
 
-from trailmark.config.document import Document, Key, Keys, TextError
+from trailmark.config.document import Document, Key, Keys, TextError, expand_shorthand, kind_at
 from trailmark.config.explain import key_names
 from trailmark.config.host import DEFAULT_PLUGINS, HOST_OPTIONS
-from trailmark.config.sections import expand_shorthand, kind_at
 from trailmark.errors import ConfigError, PluginError
 from trailmark.plugins import Kind, Registry
 
@@ -32,8 +31,7 @@ def with_overrides(
     ConfigError
         If an override has no value, or its keys lead through something that has no keys.
     """
-    data = deepcopy(document.data)
-    expand_shorthand(data)
+    data = document.expanded().data
     notices: list[str] = []
     paths: list[Keys] = []
     for override in overrides:

@@ -8,15 +8,12 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, TypeVar
 
-from trailmark.config.base import UNNAMED, PluginConfig, sensor_roles
+from trailmark.config.base import UNNAMED, PluginConfig, SourceConfig, sensor_roles
 from trailmark.config.calibrations import read_calibration, with_absolute_files
-from trailmark.config.document import Document, Keys, Problems
-from trailmark.config.entries import LocalizerEntry, PartEntry, SourceEntry
+from trailmark.config.document import Document, Keys, Problems, kind_at
 from trailmark.config.explain import key_names, validate_at
-from trailmark.config.faults import FaultReader
 from trailmark.config.host import DEFAULT_PLUGINS, HOST_OPTIONS, RESERVED_NAMES, NoOptions
-from trailmark.config.sections import kind_at
-from trailmark.config.source import SourceConfig
+from trailmark.config.run import LocalizerEntry, PartEntry, SourceEntry
 from trailmark.errors import ConfigError, PluginError
 from trailmark.frames import Calibration
 from trailmark.plugins import Kind, Registry, Spec
@@ -47,7 +44,6 @@ class PartReader:
         self._document = document
         self._registry = registry
         self._problems = problems
-        self._faults = FaultReader(document, registry, problems)
 
     def sources(self) -> dict[str, SourceEntry]:
         """Read the frame sources, with the calibrations and the faults that they name."""
@@ -121,7 +117,12 @@ class PartReader:
         return replace(entry, calibration=self.calibration((*entry.keys, "calibration"), entry.config.calibration))
 
     def _with_faults(self, entry: SourceEntry) -> SourceEntry:
-        found = self._faults.read((*entry.keys, "perturb"), entry.config.perturb)
+        if entry.config.perturb is None:
+            return entry
+        from trailmark.config.faults import FaultReader  # most sources are as good as they come
+
+        reader = FaultReader(self._document, self._registry, self._problems)
+        found = reader.read((*entry.keys, "perturb"), entry.config.perturb)
         if found is None:
             return entry
         document = entry.document | {"perturb": found.document}

@@ -10,8 +10,7 @@ from typing import Any
 from trailmark.config.base import UNNAMED, SensorRole, sensor_roles
 from trailmark.config.checks import refuse_one_sensor_twice
 from trailmark.config.document import Keys, Problems
-from trailmark.config.entries import LocalizerEntry
-from trailmark.config.run import RunConfig
+from trailmark.config.run import LocalizerEntry, RunConfig
 from trailmark.errors import SensorMismatchError
 from trailmark.frames import SensorInfo
 from trailmark.plugins.hints import nearest_or_all

@@ -11,11 +11,10 @@ from typing import Any
 
 from pydantic.errors import PydanticInvalidForJsonSchema, PydanticSchemaGenerationError
 
-from trailmark.config.base import PluginConfig, sensor_roles
+from trailmark.config.base import PluginConfig, SourceConfig, sensor_roles
+from trailmark.config.document import NAMED_SECTIONS, SINGLE_SECTIONS
 from trailmark.config.faults import PerturbOptions
 from trailmark.config.host import DEFAULT_PLUGINS, HOST_OPTIONS, RunSettings, SensorSection
-from trailmark.config.sections import NAMED_SECTIONS, SINGLE_SECTIONS
-from trailmark.config.source import SourceConfig
 from trailmark.errors import PluginError
 from trailmark.plugins import Kind, Plugins, Registry, Spec
 

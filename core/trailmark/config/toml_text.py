@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
-from trailmark.config.keys import Key, TextError
+from trailmark.config.document import Key, TextError
 
 __all__ = ["read_toml"]
 

@@ -13,7 +13,7 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 from ruamel.yaml.representer import SafeRepresenter
 
-from trailmark.config.keys import Key, TextError
+from trailmark.config.document import Key, TextError
 
 __all__ = ["dump_yaml", "parse_value", "read_yaml"]
 

@@ -1,9 +1,8 @@
 """Plugins: how parts are found, registered and, when something is wrong with one, explained."""
 
-from trailmark.plugins.candidates import Selection
+from trailmark.plugins.candidates import PluginRecord, Selection
 from trailmark.plugins.hookspecs import HookSpecs
 from trailmark.plugins.loader import ENTRY_POINT_GROUP, Plugins, discover_plugins, load_plugins
-from trailmark.plugins.records import PluginRecord
 from trailmark.plugins.registry import Registry
 from trailmark.plugins.spec import KINDS, Kind, Spec
 

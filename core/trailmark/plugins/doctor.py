@@ -10,8 +10,8 @@ from itertools import groupby
 from typing import Literal
 
 from trailmark.errors import PluginError
+from trailmark.plugins.candidates import PluginRecord
 from trailmark.plugins.loader import Plugins
-from trailmark.plugins.records import PluginRecord
 from trailmark.plugins.registry import NO_PLUGINS
 from trailmark.plugins.spec import Spec
 

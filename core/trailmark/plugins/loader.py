@@ -27,12 +27,13 @@ from trailmark.plugins.candidates import (
     CORE,
     ENTRY_POINT_GROUP,
     Candidate,
+    PluginRecord,
     Selection,
+    Status,
     file_candidates,
     installed_candidates,
 )
 from trailmark.plugins.hookspecs import HookSpecs
-from trailmark.plugins.records import PluginRecord, Status
 from trailmark.plugins.registry import Owner, Registry
 from trailmark.plugins.spec import Spec
 

@@ -10,8 +10,7 @@ from typing import TypedDict, Unpack
 
 from trailmark.errors import PluginError, PluginLoadError, UnknownPluginError
 from trailmark.metrics import Judged, MetricSpec
-from trailmark.plugins.candidates import ALLOW_VARIABLE
-from trailmark.plugins.records import PluginRecord
+from trailmark.plugins.candidates import ALLOW_VARIABLE, PluginRecord
 from trailmark.plugins.spec import KINDS, Kind, Spec, import_string
 
 __all__ = ["NO_PLUGINS", "About", "Owner", "Registry"]

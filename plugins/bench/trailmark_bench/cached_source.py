@@ -13,7 +13,7 @@ from typing import Any
 from trailmark import commands
 from trailmark.commands import Command
 from trailmark.config import RunConfig, SourceEntry
-from trailmark.config.entries import PartEntry
+from trailmark.config.run import PartEntry
 from trailmark.frames import Frame, SensorInfo
 from trailmark.geometry import Trajectory
 from trailmark.interfaces import Drivable, FrameSource, Session

@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from trailmark.config import Document, RunConfig, load_run_config
-from trailmark.config.document import Keys
-from trailmark.config.sections import expand_shorthand
+from trailmark.config.document import Keys, expand_shorthand
 from trailmark.errors import ConfigError
 from trailmark.isolation.fingerprint import code_of, files_in_document, fingerprint
 from trailmark_bench.axes import AxisValue

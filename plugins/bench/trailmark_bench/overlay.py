@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from copy import deepcopy
 from typing import Any
 
-from trailmark.config.sections import expand_shorthand
+from trailmark.config.document import expand_shorthand
 
 __all__ = ["overlaid"]
 

@@ -173,7 +173,7 @@ def _read_truth(path: Path) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.flo
 
 def _read_about(path: Path) -> Mapping[str, Any]:
     """Read a ``sensor.yaml``; nothing where there is none."""
-    from trailmark.config.keys import TextError
+    from trailmark.config.document import TextError
     from trailmark.config.yaml_text import read_yaml
 
     if not path.is_file():
