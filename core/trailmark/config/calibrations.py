@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from trailmark.config.document import read_document
 from trailmark.config.files import resolve_path
 from trailmark.errors import ConfigError
-from trailmark.frames import Calibration
+
+if TYPE_CHECKING:
+    from trailmark.frames import Calibration
 
 __all__ = ["read_calibration", "with_absolute_files"]
 

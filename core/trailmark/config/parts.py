@@ -6,7 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from trailmark.config.base import UNNAMED, PluginConfig, SourceConfig, sensor_roles
 from trailmark.config.calibrations import read_calibration, with_absolute_files
@@ -15,8 +15,10 @@ from trailmark.config.explain import key_names, validate_at
 from trailmark.config.host import DEFAULT_PLUGINS, HOST_OPTIONS, RESERVED_NAMES, NoOptions
 from trailmark.config.run import LocalizerEntry, PartEntry, SourceEntry
 from trailmark.errors import ConfigError, PluginError
-from trailmark.frames import Calibration
 from trailmark.plugins import Kind, Registry, Spec
+
+if TYPE_CHECKING:
+    from trailmark.frames import Calibration
 
 __all__ = ["PartReader", "part_document"]
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Generic, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 
 from trailmark.config.base import Mounting, PluginConfig, SourceConfig
 from trailmark.config.document import Document, Key, Keys
@@ -18,10 +18,12 @@ from trailmark.config.host import (
     PathStoreOptions,
     RunSettings,
 )
-from trailmark.frames import Calibration
 from trailmark.interfaces import Access, Mode, PathStore
 from trailmark.plugins import Plugins
 from trailmark.plugins.spec import Spec
+
+if TYPE_CHECKING:
+    from trailmark.frames import Calibration
 
 __all__ = [
     "EstimatorEntry",

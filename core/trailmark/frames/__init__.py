@@ -1,13 +1,7 @@
 """What a sensor gives: frames with one payload each, and what is known about the sensor."""
 
-from trailmark.frames.calibration import (
-    Arrays,
-    Calibration,
-    DepthCamera,
-    GroundPlane,
-    Omni,
-    Pinhole,
-)
+from typing import TYPE_CHECKING
+
 from trailmark.frames.payloads import (
     RGBD,
     Frame,
@@ -20,6 +14,10 @@ from trailmark.frames.payloads import (
     Scan,
 )
 from trailmark.frames.sensors import PAYLOAD_KINDS, SensorInfo, SensorOrigin, payload_kind
+from trailmark.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from trailmark.frames.calibration import Arrays, Calibration, DepthCamera, GroundPlane, Omni, Pinhole
 
 __all__ = [
     "PAYLOAD_KINDS",
@@ -42,3 +40,7 @@ __all__ = [
     "SensorOrigin",
     "payload_kind",
 ]
+
+__getattr__, __dir__ = lazy_names(
+    __name__, {"calibration": ["Arrays", "Calibration", "DepthCamera", "GroundPlane", "Omni", "Pinhole"]}
+)

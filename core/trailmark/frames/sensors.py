@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from trailmark.errors import ShapeError
-from trailmark.frames.calibration import Calibration
 from trailmark.frames.payloads import PAYLOAD_KINDS, Payload
 from trailmark.geometry import Pose3
+
+if TYPE_CHECKING:
+    from trailmark.frames.calibration import Calibration
 
 __all__ = ["PAYLOAD_KINDS", "SensorInfo", "SensorOrigin", "payload_kind"]
 

@@ -16,7 +16,7 @@ from trailmark.clock import live_stamp_s
 from trailmark.config import LiveSourceConfig, Mounting, SensorOverride, SourceConfig
 from trailmark.errors import ConfigError, SourceError, SourceFailedError
 from trailmark.failures import call_guarded, is_from_user, raise_failure, words_of
-from trailmark.frames import Calibration, Frame, SensorInfo
+from trailmark.frames import Frame, SensorInfo
 from trailmark.geometry import Pose3, Trajectory, read_tum
 from trailmark.geometry.trajectory import FARTHEST_M
 from trailmark.interfaces import Drivable, FrameSource, Session
@@ -24,6 +24,7 @@ from trailmark.pipeline.instruments import SOURCE_COUNTS, Counters, counts_of
 from trailmark.pipeline.sources.checks import FrameChecks
 
 if TYPE_CHECKING:
+    from trailmark.frames import Calibration
     from trailmark.frames.outlines import Outlines
     from trailmark.pipeline.sources.perturbing import Perturber
 
