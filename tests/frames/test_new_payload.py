@@ -27,7 +27,6 @@ from trailmark.frames import (
 )
 from trailmark.geometry import Pose2
 from trailmark.pipeline.instruments import Counters
-from trailmark.pipeline.localizers.mailbox import is_snapshot
 from trailmark.pipeline.sources.checks import FrameChecks
 from trailmark.recording.dataset import DatasetWriter
 
@@ -87,7 +86,7 @@ def test_it_is_no_picture_and_none_of_it_is_worthless(beacon) -> None:
     payload = beacon(3, 1.5)
 
     assert (payload.picture, payload.size, payload.layout) == (None, None, ())
-    assert not is_snapshot(Frame("tag", 0.0, payload))
+    assert not payload.is_snapshot
 
 
 @pytest.mark.parametrize(

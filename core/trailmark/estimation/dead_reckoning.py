@@ -58,12 +58,6 @@ class _PoseAnchor:
         covariance = congruence(add(self.excess, odom.spread), cos, sin, -cos * y - sin * x, cos * x - sin * y)
         return self.pose_map_base.moved_as(self.odom.pose_odom_base, odom.pose_odom_base), covariance
 
-    def pose_alone_at(self, odom: OdomState) -> Pose2 | None:
-        """Return the pose of `pose_at` without its covariance."""
-        if self.pose_map_base is None:
-            return None
-        return self.pose_map_base.moved_as(self.odom.pose_odom_base, odom.pose_odom_base)
-
 
 def _anchor_at(odom: OdomState, pose: Pose2, covariance: Sym3, is_measured: bool) -> _PoseAnchor:
     turn = pose.theta - odom.pose_odom_base.theta
@@ -147,7 +141,10 @@ class DeadReckoning(Estimator):
             Base in odom.
         """
         odom = self._chain.at(stamp_s)
-        return odom.stamp_s, self._corrections.state_at(odom.stamp_s).pose_alone_at(odom), odom.pose_odom_base
+        anchor, pose = self._corrections.state_at(odom.stamp_s), None
+        if anchor.pose_map_base is not None:  # as `_PoseAnchor.pose_at`
+            pose = anchor.pose_map_base.moved_as(anchor.odom.pose_odom_base, odom.pose_odom_base)
+        return odom.stamp_s, pose, odom.pose_odom_base
 
     def set_pose(
         self,

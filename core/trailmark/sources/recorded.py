@@ -181,10 +181,11 @@ class RecordedSource(FrameSource):
     def _load_payload(self, reading: Reading) -> Payload | None:
         try:
             payload = reading.load()
-            form = form_of(payload)
-            expected = self._forms.setdefault(reading.sensor, form)
-            if form != expected:
-                raise SourceError(f"{reading.where}: a picture of {form} after pictures of {expected}")
+            if payload.is_snapshot:
+                form = form_of(payload)
+                expected = self._forms.setdefault(reading.sensor, form)
+                if form != expected:
+                    raise SourceError(f"{reading.where}: a picture of {form} after pictures of {expected}")
         except SourceError as error:
             self._refuse_or_count(error)
             return None

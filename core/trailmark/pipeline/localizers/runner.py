@@ -132,9 +132,7 @@ class LocalizerRunner(ABC):
         """
         began_ns = perf_counter_ns()
         try:
-            estimates = _checked(self._localizer.observe(frame, belief))
-            if any(_says_too_much(estimate) for estimate in estimates):
-                estimates = self._cut(estimates)
+            estimates = self._checked_estimates(self._localizer.observe(frame, belief))
             if self.part.options.correct is not None:
                 estimates = with_corrected_motions(estimates, self.part.options.correct)
         except BaseException as error:
@@ -145,7 +143,30 @@ class LocalizerRunner(ABC):
         self._last_latency_s = elapsed_ns * 1e-9 if self._is_realtime else modelled_s
         return estimates, modelled_s
 
-    def _cut(self, estimates: Sequence[Estimate]) -> tuple[Estimate, ...]:
+    def _checked_estimates(self, answer: object) -> Sequence[Estimate]:
+        """Return what `Localizer.observe` has returned, if it is a sequence of estimates; what nobody reads is cut."""
+        if not isinstance(answer, list | tuple | Sequence) or isinstance(answer, str | bytes):
+            raise TypeError(f"it returned {type(answer).__name__}, not a sequence of estimates")
+        estimates = tuple(islice(answer, _MOST_ESTIMATES + 1))
+        if len(estimates) > _MOST_ESTIMATES:
+            raise ValueError(f"it returned {len(answer)} estimates about one frame, more than {_MOST_ESTIMATES}")
+        says_too_much = False
+        for estimate in estimates:
+            if not isinstance(estimate, Motion | Fix | PathOffset | Lost):
+                raise TypeError(f"it returned {type(estimate).__name__} in its sequence of estimates")
+            if not isinstance(estimate.stamp_s, Real):
+                raise TypeError(f"it returned an estimate with the stamp {estimate.stamp_s!r}, not a number")
+            if not isinstance(estimate.details, Mapping):
+                found = type(estimate.details).__name__
+                raise TypeError(f"it returned an estimate whose details are {found}, no mapping")
+            if isinstance(estimate, Lost):
+                if not isinstance(estimate.reason, str):
+                    raise TypeError(f"it returned a Lost whose reason is {type(estimate.reason).__name__}, not words")
+                says_too_much |= len(estimate.reason) > _LONGEST_REASON
+            says_too_much |= len(estimate.details) > _MOST_DETAILS
+        return self._cut(estimates) if says_too_much else estimates
+
+    def _cut(self, estimates: Sequence[Estimate]) -> Sequence[Estimate]:
         """Return estimates without what nobody reads, and say so once."""
         if not self._has_been_cut:
             self._has_been_cut = True
@@ -158,7 +179,7 @@ class LocalizerRunner(ABC):
                 _MOST_DETAILS,
                 _LONGEST_REASON,
             )
-        return tuple(_shortened(estimate) if _says_too_much(estimate) else estimate for estimate in estimates)
+        return tuple(_shortened(estimate) for estimate in estimates)
 
     def _modelled_latency_s(self, frame: Frame) -> float:
         """Return the latency in step pace; of a localizer that looks at pictures, only pictures cost time."""
@@ -177,35 +198,10 @@ class LocalizerRunner(ABC):
         raise_failure(error, f"localizer {self.name!r}", where, kind=LocalizerFailedError, keeps=StoreFailedError)
 
 
-def _checked(answer: object) -> tuple[Estimate, ...]:
-    """Return what `Localizer.observe` has returned, if it is a sequence of estimates."""
-    if not isinstance(answer, list | tuple | Sequence) or isinstance(answer, str | bytes):
-        raise TypeError(f"it returned {type(answer).__name__}, not a sequence of estimates")
-    estimates = tuple(islice(answer, _MOST_ESTIMATES + 1))
-    if len(estimates) > _MOST_ESTIMATES:
-        raise ValueError(f"it returned {len(answer)} estimates about one frame, more than {_MOST_ESTIMATES}")
-    for estimate in estimates:
-        if not isinstance(estimate, Motion | Fix | PathOffset | Lost):
-            raise TypeError(f"it returned {type(estimate).__name__} in its sequence of estimates")
-        if not isinstance(estimate.stamp_s, Real):
-            raise TypeError(f"it returned an estimate with the stamp {estimate.stamp_s!r}, not a number")
-        if not isinstance(estimate.details, Mapping):
-            raise TypeError(f"it returned an estimate whose details are {type(estimate.details).__name__}, no mapping")
-        if isinstance(estimate, Lost) and not isinstance(estimate.reason, str):
-            raise TypeError(f"it returned a Lost whose reason is {type(estimate.reason).__name__}, not words")
-    return estimates
-
-
-def _says_too_much(estimate: Estimate) -> bool:
-    is_long = isinstance(estimate, Lost) and len(estimate.reason) > _LONGEST_REASON
-    return is_long or len(estimate.details) > _MOST_DETAILS
-
-
 def _shortened(estimate: Estimate) -> Estimate:
-    details = dict(islice(estimate.details.items(), _MOST_DETAILS))
     if isinstance(estimate, Lost):
-        return replace(estimate, details=details, reason=estimate.reason[:_LONGEST_REASON])
-    return replace(estimate, details=details)
+        estimate = replace(estimate, reason=estimate.reason[:_LONGEST_REASON])
+    return replace(estimate, details=dict(islice(estimate.details.items(), _MOST_DETAILS)))
 
 
 class SyncRunner(LocalizerRunner):

@@ -93,17 +93,19 @@ class Run:
 
     def next_step(self) -> Step | None:
         """Take the next frame through all parts; None when the run is over."""
-        if self.result is not None:
+        if self._conclusion.result is not None:
             return None
         step: Step | None = None
         try:
-            with self._step_shield, self._hangs:
+            with self._step_shield:
                 if self._is_realtime:
-                    self._hangs.pause()  # frames are awaited
-                event = next(self._events, None)
+                    event = next(self._events, None)  # frames are awaited
+                else:
+                    with self._hangs:
+                        event = next(self._events, None)
                 if event is not None:
-                    self._hangs.restart()
-                    step = self._process(event)
+                    with self._hangs:
+                        step = self._process(event)
             if event is None:
                 self.end("done")
             if (interrupted := ending_signal()) is not None:

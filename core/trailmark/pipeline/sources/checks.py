@@ -98,12 +98,6 @@ class FrameChecks:
             else:
                 yield frame
 
-    def good(self, frames: Iterator[Frame]) -> Iterator[Frame]:
-        """Yield the frames that are good; see `accept`."""
-        for frame in frames:
-            if self.accept(frame):
-                yield frame
-
     def accept(self, frame: Frame) -> bool:
         """Return whether a frame is good; one that repeats the stamp of its sensor is left out and counted.
 

@@ -154,10 +154,7 @@ class SourceStream:
         window = _Window(options.start_s or 0.0, options.stop_s or math.inf)
         if window.is_bounded:
             frames = window.until_its_end(frames)
-        frames = checks.good(frames)
-        if window.is_bounded:
-            frames = window.from_its_start(frames)
-        frames = self._counted(frames)
+        frames = self._accepted(frames, checks, window)
         return frames if self._perturber is None else self._perturber.frames(frames)
 
     def ground_truth(self) -> Trajectory | None:
@@ -187,17 +184,20 @@ class SourceStream:
             self._times.append(perf_counter_ns() - began_ns)
             yield frame
 
-    def _counted(self, frames: Iterator[Frame]) -> Iterator[Frame]:
+    def _accepted(self, frames: Iterator[Frame], checks: FrameChecks, window: _Window) -> Iterator[Frame]:
+        """Yield the frames that are good and not too early, and count them."""
         counter = f"source.{self.name}.frames"
         for frame in frames:
+            if not checks.accept(frame) or frame.stamp_s < window.begins_s:
+                continue
             if not self.n_frames:
                 self.first_s = frame.stamp_s
             self.n_frames += 1
             self._counters[counter] += 1
             yield frame
         if not self.n_frames and not self._is_closed:
-            window = " in its window (start_s, stop_s)" if self._times else ""
-            raise SourceError(f"source {self.name!r} gave no frame{window}")
+            where = " in its window (start_s, stop_s)" if self._times else ""
+            raise SourceError(f"source {self.name!r} gave no frame{where}")
 
     # --- sensors ---------------------------------------------------------------------------------------------------
 
@@ -257,7 +257,8 @@ class _Window:
 
     def __init__(self, start_s: float, stop_s: float) -> None:
         self._start_s, self._stop_s = start_s, stop_s
-        self._opened_s = 0.0
+        #: Frames before this are too early; known once the first one is there [s].
+        self.begins_s = -math.inf
 
     @property
     def is_bounded(self) -> bool:
@@ -266,15 +267,13 @@ class _Window:
 
     def until_its_end(self, frames: Iterator[Frame]) -> Iterator[Frame]:
         """Yield frames until the window closes; the first opens it."""
+        ends_s = math.inf
         for index, frame in enumerate(frames):
-            self._opened_s = self._opened_s if index else frame.stamp_s
-            if frame.stamp_s > self._opened_s + self._stop_s:
+            if index == 0:
+                self.begins_s, ends_s = frame.stamp_s + self._start_s, frame.stamp_s + self._stop_s
+            if frame.stamp_s > ends_s:
                 return
             yield frame
-
-    def from_its_start(self, frames: Iterator[Frame]) -> Iterator[Frame]:
-        """Yield the frames that are not too early."""
-        return (frame for frame in frames if frame.stamp_s >= self._opened_s + self._start_s)
 
 
 def _shifted(frames: Iterator[Frame], offset_s: float, rename: Mapping[str, str]) -> Iterator[Frame]:
