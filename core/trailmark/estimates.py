@@ -160,17 +160,23 @@ class Fix:
     pose_map_base : Pose2
         Base in the map.
     information : (3, 3) float64
-        Of (x, y, theta) of `pose_map_base`, in map axes.
+        Of (x, y, theta) of `pose_map_base`, in map axes: of the whole error, whatever it has in common with others.
     details : mapping of str to float
         Further numbers of the method, recorded beside the estimate.
+    correlation_s : float or None
+        Time in which the correlation with the error of the fixes before falls to 1/e, as that of a first-order
+        Gauss-Markov process; 0 says that each fix errs anew, None that nobody knows [s].
     """
 
     stamp_s: float
     pose_map_base: Pose2
     information: Floats
     details: Mapping[str, float] = field(default_factory=_no_details, repr=False)
+    correlation_s: float | None = None
 
     def __post_init__(self) -> None:
+        if self.correlation_s is not None and not 0.0 <= self.correlation_s < math.inf:  # also refuses NaN
+            raise ShapeError(f"a correlation time is a finite number of seconds, not {self.correlation_s}")
         object.__setattr__(self, "information", _frozen_information(self.information))
 
 

@@ -30,6 +30,8 @@ class SourceTreatment(PluginConfig):
     """Standard deviations in place of what the localizer states; null says "not measured" [m, m, deg]."""
     timeout_s: float | None = Field(default=None, gt=0)
     """Silence that is reported in the health of the belief [s]."""
+    correlation_s: float | None = Field(default=None, ge=0)
+    """Time in which the errors of its absolute poses last, in place of what it says or is learned; 0: no time [s]."""
     errors: Literal["independent", "gyro_bias", "scale"] = "independent"
     """What the errors of its motion have in common, to be estimated: nothing, a constant yaw rate, or a factor of the
     way (wheels that are larger or smaller than believed)."""
@@ -107,6 +109,8 @@ class KalmanConfig(PluginConfig):
     learn_scales: bool = True
     """Learn while running by which factor the standard deviations of each localizer are too small, from
     what localizers say of the same motion, and use it beyond a factor of 1.4."""
+    learn_correlations: bool = True
+    """Learn while running how long the errors of absolute poses last, where the localizer does not say it."""
     sources: dict[LocalizerName, SourceTreatment] = Field(default_factory=dict)
     """What is different for single localizers, by name."""
 

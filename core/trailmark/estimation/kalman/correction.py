@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from trailmark.arrays import Floats
+from trailmark.estimation.kalman.correlated_fixes import share_of_news
 from trailmark.estimation.kalman.ekf import PredictedMotion
 from trailmark.estimation.kalman.gate import threshold, weight
 from trailmark.estimation.kalman.innovation import Innovation, MeasurementModel, nis_of
@@ -74,13 +75,13 @@ class Correction:
         if measurement.replaces:
             return self._replace_pose(state, before, measurement)
         seen = Innovation(*measurement.innovation(before.x), before.covariance)
-        trust = measurement.trust
-        if trust.gate is not None and seen.nis > threshold(trust.gate, dof):
+        gate = measurement.trust.gate
+        if gate is not None and seen.nis > threshold(gate, dof):
             return self._reject(state, before, measurement, seen)
-        share = weight(trust.loss, seen.nis, dof, self._loss_scale)
-        used = seen if share == 1.0 else seen.weighted(share, before.covariance)
+        used = self._weighted(state, measurement, seen)
         after = Gaussian(*self._filter.update(before.x, before.covariance, used, measurement))
-        return _accept(state, measurement, after, seen.jacobian[:, :3], Verdict("accepted", seen.nis, dof))
+        verdict = Verdict("accepted", seen.nis, dof, seen=seen, used=used)
+        return _accept(state, measurement, after, seen.jacobian[:, :3], verdict)
 
     def doubt(self, state: FilterState, measurement: Measurement) -> FilterState:
         """Return the state after a measurement of a localizer whose absolute estimates are not believed.
@@ -99,6 +100,15 @@ class Correction:
         n = min(state.rejections.counts.get(source, 0) + 1, self._policy.most_rejections)
         state = replace(state, consistency=state.consistency._replace(absolute_faults=faults))
         return _keep_out(state, source, n, _with_rejected(state, measurement), Verdict("gated", nis, dof, fault.reason))
+
+    def _weighted(self, state: FilterState, measurement: Measurement, seen: Innovation) -> Innovation:
+        """Return an innovation with the weight that a robust loss leaves it, and what of it is new."""
+        share: float | Floats = weight(measurement.trust.loss, seen.nis, len(measurement.root), self._loss_scale)
+        last = state.rejections.corroborations.get(measurement.source) if measurement.correlation_s > 0.0 else None
+        if last is not None:
+            share = share * share_of_news(state.stamp_s - last.stamp_s, measurement.correlation_s, seen.spread())
+        assert state.gaussian is not None
+        return seen if isinstance(share, float) and share == 1.0 else seen.weighted(share, state.gaussian.covariance)
 
     def _start(self, state: FilterState, measurement: Measurement) -> FilterState:
         pose = measurement.as_start()

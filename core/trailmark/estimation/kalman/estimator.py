@@ -17,6 +17,7 @@ from trailmark.estimation.kalman.belief_places import BeliefPlaces
 from trailmark.estimation.kalman.clock import ClockGuard
 from trailmark.estimation.kalman.clock_offsets import ClockOffset, ClockOffsets
 from trailmark.estimation.kalman.correction import Correction
+from trailmark.estimation.kalman.correlation_times import CorrelationTimes
 from trailmark.estimation.kalman.ekf import Ekf
 from trailmark.estimation.kalman.fault_detection import FaultDetector, accused_sources, outvoted_motions
 from trailmark.estimation.kalman.health import SourceMonitor, health_of
@@ -37,6 +38,7 @@ from trailmark.estimation.kalman.trust import Trust
 from trailmark.estimation.kalman.ukf import Ukf
 from trailmark.estimation.kalman.windows import WINDOW_S
 from trailmark.estimation.kalman_config import KalmanConfig
+from trailmark.estimation.symmetric import Sym3
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Estimator, Session
 
@@ -79,6 +81,7 @@ class Kalman(Estimator):
         self._monitors = {source: SourceMonitor(Trust.of(config, source)) for source in config.sources}
         self._offsets = ClockOffsets()
         self._noise = NoiseScales() if config.learn_scales else None
+        self._correlations = CorrelationTimes()
         self._counted: Counter[str] = Counter()
         self._belief: Belief | None = None
         self._begin_history(self._start_state(session.start_pose))
@@ -86,8 +89,9 @@ class Kalman(Estimator):
     def counters(self) -> Mapping[str, int]:
         """Return what was refused, repaired, replayed and doubted."""
         scales = {f"sigma_percent.{source}": round(100.0 * scale) for source, scale in self.noise_scales().items()}
+        lasting = {f"correlation_ms.{source}": round(1e3 * s) for source, s in self.correlation_times().items()}
         recoveries = self._history.state_at(math.inf).rejections.n_recoveries
-        return {**self._counted, **scales, "recoveries": recoveries}
+        return {**self._counted, **scales, **lasting, "recoveries": recoveries}
 
     def common_errors(self) -> Mapping[str, tuple[float, float]]:
         """Return the common errors now believed, by localizer: value and standard deviation [rad/s, or a share]."""
@@ -102,6 +106,10 @@ class Kalman(Estimator):
     def noise_scales(self) -> Mapping[str, float]:
         """Return by which factor stated standard deviations are multiplied, by localizer; those at their word not."""
         return {} if self._noise is None else self._noise.scales()
+
+    def correlation_times(self) -> Mapping[str, float]:
+        """Return how long errors of absolute poses are found to last, by localizer; those that err anew not [s]."""
+        return self._correlations.times()
 
     def clock_offsets(self) -> Mapping[str, ClockOffset]:
         """Return how late or early stamps are found to be, by localizer; nothing where that is not certain."""
@@ -207,7 +215,9 @@ class Kalman(Estimator):
     def _compare_noise(self, noise: NoiseScales, stamp_s: float) -> None:
         state = self._history.state_at(math.inf)
         consistency = state.consistency
-        corrected = (consistency.corrections, consistency.correction_covariance) if state.gaussian else None
+        corrected = None
+        if state.gaussian is not None and not self._correlations.explains_corrections:
+            corrected = consistency.corrections, consistency.correction_covariance
         noise.compare(stamp_s, accused_sources(state, self.config.recover_after), corrected)
 
     def _check_stamp(self, source: str, estimate: Estimate, trust: Trust) -> Applied:
@@ -247,7 +257,7 @@ class Kalman(Estimator):
                 return self._refuse("too_far", f"({x_m:.3g}, {y_m:.3g}) m is no place on Earth")
             if self._noise is not None:
                 information = self._noise.believed_of_fix(source, estimate, information)
-            return self._apply_measurement(estimate.stamp_s, fix_measurement(source, estimate, information, trust))
+            return self._apply_fix(source, estimate, information, trust)
         if self._path is None:
             return self._refuse("no_path", "a path offset needs a path, and this run has none")
         if not math.isfinite(estimate.station_m + estimate.lateral_m + estimate.heading_rad):
@@ -255,6 +265,15 @@ class Kalman(Estimator):
         return self._apply_measurement(
             estimate.stamp_s, path_measurement(source, estimate, information, trust, self._path)
         )
+
+    def _apply_fix(self, source: str, fix: Fix, information: Sym3, trust: Trust) -> Applied:
+        """Correct with an absolute pose, and learn how long the errors last of one that does not say it."""
+        correlation_s = fix.correlation_s if trust.correlation_s is None else trust.correlation_s
+        learns = correlation_s is None and self.config.learn_correlations
+        if correlation_s is None:
+            correlation_s = self._correlations.correlation_s(source)
+        measurement = fix_measurement(source, fix, information, trust, correlation_s)
+        return self._apply_measurement(fix.stamp_s, measurement, learns=learns)
 
     def _apply_motion(self, source: str, motion: Motion, stated: StatedMotion) -> Applied:
         if motion.stamp_s - motion.since_s > self.config.time_jump_s:
@@ -292,7 +311,7 @@ class Kalman(Estimator):
                 return Applied("gated", reason, check.nis, check.dof)
         return _ACCEPTED
 
-    def _apply_measurement(self, stamp_s: float, measurement: Measurement) -> Applied:
+    def _apply_measurement(self, stamp_s: float, measurement: Measurement, *, learns: bool = False) -> Applied:
         node = self._nodes.get(stamp_s) or TimeNode()
         index = node.index_of(measurement.key)
         if index < len(node.measurements) and node.measurements[index].key == measurement.key:
@@ -311,7 +330,10 @@ class Kalman(Estimator):
         else:
             self._nodes[stamp_s] = node
             self._history.insert(stamp_s, node)
-        verdict = self._history.state_at(stamp_s).verdicts[index]
+        state = self._history.state_at(stamp_s)
+        verdict = state.verdicts[index]
+        if learns and verdict.seen is not None and verdict.used is not None and not state.consistency.rivals:
+            self._correlations.observe(measurement.source, stamp_s, verdict.seen, verdict.used)
         return Applied(verdict.status, verdict.reason, verdict.nis, verdict.dof)
 
     def _refuse(self, what: str, reason: str) -> Applied:
@@ -332,6 +354,7 @@ class Kalman(Estimator):
         """Begin anew at any time, where the belief was, as uncertain as after a gap."""
         self._counted["time_resets"] += 1
         self._offsets = self._offsets.begin_anew()
+        self._correlations = self._correlations.begin_anew()
         if self._noise is not None:
             self._noise = self._noise.begin_anew()
         last = self._history.state_at(math.inf)

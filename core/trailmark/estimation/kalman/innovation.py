@@ -63,8 +63,8 @@ class Innovation:
         ``S^-1`` with ``S = H P H^T + 1``.
     nis : float
         ``y^T S^-1 y``, before any update (filterpy knows it only after).
-    scale : float
-        Root of the weight that a robust loss has left it.
+    scale : float or (k,) float64
+        Root of the weight that it was left, of all rows or of each.
 
     Raises
     ------
@@ -74,7 +74,7 @@ class Innovation:
 
     __slots__ = ("cross", "innovation", "inverse", "jacobian", "nis", "scale")
 
-    def __init__(self, innovation: Floats, jacobian: Floats, covariance: Floats, scale: float = 1.0) -> None:
+    def __init__(self, innovation: Floats, jacobian: Floats, covariance: Floats, scale: float | Floats = 1.0) -> None:
         if jacobian.shape != (len(innovation), len(covariance)) or innovation.ndim != 1:
             raise ShapeError(
                 f"innovation {innovation.shape}, jacobian {jacobian.shape} and covariance {covariance.shape} do not fit"
@@ -84,10 +84,15 @@ class Innovation:
         self.inverse = _inverse(jacobian @ self.cross)
         self.nis = float(innovation @ self.inverse @ innovation)
 
-    def weighted(self, weight: float, covariance: Floats) -> Innovation:
-        """Return the same with its information scaled, as a robust loss asks."""
+    def weighted(self, weight: float | Floats, covariance: Floats) -> Innovation:
+        """Return the same with its information scaled, by one weight or one of each row."""
         root = weight**0.5
-        return Innovation(root * self.innovation, root * self.jacobian, covariance, root)
+        rows = root if isinstance(root, float) else root[:, np.newaxis]
+        return Innovation(root * self.innovation, rows * self.jacobian, covariance, root)
+
+    def spread(self) -> Floats:
+        """Return the variance of what is predicted, row by row, (k,): the diagonal of ``H P H^T``."""
+        return np.asarray(np.einsum("ij,ji->i", self.jacobian, self.cross))
 
 
 def nis_of(innovation: Floats, jacobian: Floats, covariance: Floats) -> float:

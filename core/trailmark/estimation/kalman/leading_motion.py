@@ -13,9 +13,9 @@ from trailmark.geometry import wrap_angle
 
 __all__ = ["Corrected", "LeadingMotion"]
 
-#: Corrections are looked at over so long, so many times; their mean square, per number, that is too much; and the most
-#: that one counts.
-_CORRECTED_S, _CORRECTIONS, _TOO_MUCH, _MOST_CORRECTED = 4.0, 12, 1.7, 16.0
+#: Corrections are looked at over so long, so many times; by how many standard deviations of chance their mean square is
+#: too much; and the most that one counts.
+_CORRECTED_S, _CORRECTIONS, _TOO_MUCH, _MOST_CORRECTED = 4.0, 12, 3.5, 16.0
 #: Corrections by absolute estimates, added up, and their covariance.
 Corrected = tuple[Floats, Floats]
 
@@ -63,7 +63,7 @@ class LeadingMotion:
         if len(self._squares) < _CORRECTIONS // 2:
             return
         ratio = sum(self._squares) / (3 * len(self._squares))
-        if ratio > _TOO_MUCH:
+        if ratio > 1.0 + _TOO_MUCH * math.sqrt(2.0 / (3 * len(self._squares))):
             self.logs[key] = min(self.logs.get(key, 0.0) + _CORRECTED_S * math.log(GROWS) / 4.0, math.log(MOST))
         elif ratio < 1.0 and key in self.logs:
             self.logs[key] = max(self.logs[key] + _CORRECTED_S * math.log(FALLS), 0.0)

@@ -37,6 +37,8 @@ class Measurement:
         In whose coordinates the values are.
     replaces : bool
         Whether the belief is replaced instead of corrected.
+    correlation_s : float
+        Time in which the errors of the localizer's measurements last; 0 if each errs anew [s].
     """
 
     key: tuple[str, tuple[float, ...]]
@@ -46,6 +48,7 @@ class Measurement:
     root: Floats
     path: Path | None = None
     replaces: bool = False
+    correlation_s: float = 0.0
 
     def innovation(self, x: Floats) -> tuple[Floats, Floats]:
         """Return measured less predicted, (k,), and the Jacobian of the prediction, (k, n), at a state of n numbers."""
@@ -73,10 +76,11 @@ class Measurement:
         return np.array([x, y, wrap_angle(theta)]), inverse @ inverse.T
 
 
-def fix_measurement(source: str, fix: Fix, information: Sym3, trust: Trust) -> Measurement:
-    """Return a fix as a measurement."""
+def fix_measurement(source: str, fix: Fix, information: Sym3, trust: Trust, correlation_s: float = 0.0) -> Measurement:
+    """Return a fix as a measurement; `correlation_s` is how long its errors last."""
     values = fix.pose_map_base.x, fix.pose_map_base.y, fix.pose_map_base.theta
-    return Measurement((source, values + information), source, trust, values, root_of(information))
+    key = source, values + information
+    return Measurement(key, source, trust, values, root_of(information), correlation_s=correlation_s)
 
 
 def pose_measurement(pose: Pose2, covariance: Floats) -> Measurement:

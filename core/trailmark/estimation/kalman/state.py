@@ -11,6 +11,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from trailmark.arrays import Floats
+from trailmark.estimation.kalman.innovation import Innovation
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.frames.payloads import read_only
 from trailmark.geometry import Pose2, Twist2
@@ -55,12 +56,16 @@ class Verdict:
         Rank of the measurement.
     reason : str
         Why it was not accepted, or what had to be done to accept it.
+    seen, used : Innovation or None
+        The innovation of one that corrected the belief, as it is and as it was weighted.
     """
 
     status: Literal["accepted", "gated", "unused"]
     nis: float | None
     dof: int
     reason: str = ""
+    seen: Innovation | None = None
+    used: Innovation | None = None
 
 
 @quick_dataclass(frozen=True, slots=True)

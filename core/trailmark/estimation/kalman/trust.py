@@ -50,6 +50,8 @@ class Trust:
         Smallest standard deviations believed, of position and heading [m, rad].
     override : Sym3 or None
         Information in place of what is stated.
+    correlation_s : float or None
+        Time in which the errors of its absolute poses last, in place of what it says [s].
     """
 
     gate: float | None
@@ -58,6 +60,7 @@ class Trust:
     sigma_scale: float
     floors: tuple[float, float]
     override: Sym3 | None
+    correlation_s: float | None = None
 
     @classmethod
     def of(cls, config: KalmanConfig, source: str) -> Trust:
@@ -73,6 +76,7 @@ class Trust:
             own.sigma_scale if own else 1.0,
             (floor_m, math.radians(floor_deg)),
             _information_of_sigmas(own.sigmas) if own and own.sigmas else None,
+            own.correlation_s if own else None,
         )
 
     def floored_information(self, information: Floats, counted: Counter[str]) -> Sym3 | str:
