@@ -1,4 +1,4 @@
-"""Trailmark: tells a mobile robot where it is, with whatever sensor it has.
+"""Trailmark: localization of mobile robots with whatever sensors they have.
 
 Importing this package is cheap: what stands behind the names below is loaded on first use.
 """

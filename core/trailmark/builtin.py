@@ -1,4 +1,4 @@
-"""Core's own parts; they come through the same door as everybody's."""
+"""Registers core's own parts, by the same hook as plugins."""
 
 from __future__ import annotations
 

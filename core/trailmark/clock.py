@@ -18,7 +18,7 @@ def live_stamp_s() -> float:
 
 
 class Clock(ABC):
-    """Tells the time and waits; another one can take its place in a test."""
+    """Gives stamps and waits; a test passes a clock of its own."""
 
     @abstractmethod
     def now_s(self) -> float:

@@ -1,4 +1,4 @@
-"""What a controller tells a robot to do."""
+"""Commands of a controller to a robot."""
 
 from __future__ import annotations
 

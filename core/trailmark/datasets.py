@@ -18,7 +18,7 @@ _BLOCK_BYTES = 1 << 20
 
 @dataclass(frozen=True, slots=True)
 class Dataset:
-    """A recording. Nothing is ever fetched: it says where it can be had, and whoever has it names the folder.
+    """A recording. Nothing is ever fetched: it names the place where it can be had, and the user names the folder.
 
     Attributes
     ----------

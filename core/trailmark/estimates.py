@@ -287,7 +287,7 @@ class EstimateRecord:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Belief:
-    """Where the robot is believed to be.
+    """The estimator's pose of the robot, with covariance, twist and ages.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What counts as the failure of a part, and how it is told: one policy for every call that leaves our code.
+"""What counts as the failure of a part, and how it is reported: one policy for every call that leaves our code.
 
 Whatever comes out of a part is its failure and names it: an `Exception`, ``sys.exit()``, a `KeyboardInterrupt` that it
 raises itself. Two things pass as they are: an error of Trailmark that has its own words, and Ctrl-C.

@@ -63,7 +63,7 @@ _SLICE_S = 0.05
 
 
 class Interrupted(KeyboardInterrupt):
-    """A signal told the program to end.
+    """A signal asked the program to end.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ _main_ident = threading.main_thread().ident
 
 
 def ask_to_end(number: int) -> Interrupted:
-    """Take note that a signal told the program to end; the first one counts. Any thread."""
+    """Note that a signal asked the program to end; the first one counts. Any thread."""
     if _request.by is None:
         _request.at_s = time.monotonic()
         _request.by = Interrupted(number)
@@ -146,12 +146,12 @@ def forget() -> None:
 
 
 def ending_signal() -> Interrupted | None:
-    """Return the signal that told the program to end; None: nobody has."""
+    """Return the signal that asked the program to end; None: there was none."""
     return _request.by
 
 
 def asked_since_s() -> float:
-    """Return how long ago the program was told to end; ``-inf``: it was not [s]."""
+    """Return the time since a signal asked the program to end [s]; ``-inf``: none has."""
     return -math.inf if _request.by is None else time.monotonic() - _request.at_s
 
 
@@ -180,7 +180,7 @@ def lifelines() -> list[Lifeline]:
 
 
 def patience_s(limit_s: float, until_s: float = CLOSE_S) -> float:
-    """Return how long to wait for somebody else: `limit_s`, or what is left until `until_s` after the request [s]."""
+    """Return how long to wait for another thread: `limit_s`, or the time left until `until_s` after the request [s]."""
     since_s = asked_since_s()
     return limit_s if since_s < 0 else max(0.0, min(limit_s, until_s - since_s))
 

@@ -43,7 +43,7 @@ def _show(error: click.ClickException) -> None:
 
 
 def has_lost_its_reader() -> bool:
-    """Return whether click has left because nobody reads standard output any more; it does so with exit code 1."""
+    """Return whether click has left because standard output is closed; it does so with exit code 1."""
     return type(sys.stdout).__name__.endswith("PacifyFlushWrapper")
 
 

@@ -82,7 +82,7 @@ def split_plugin_options(arguments: Sequence[str]) -> tuple[ChosenPlugins, list[
 
 
 def refuse_named_pipes(arguments: Sequence[str]) -> None:
-    """Refuse a named pipe where a file is meant: who opens one waits, until somebody writes into it.
+    """Refuse a named pipe where a file is meant: opening one blocks until another program writes into it.
 
     What the shell has opened already (``/dev/stdin``, ``<(...)``) is not waited for: the command decides.
 

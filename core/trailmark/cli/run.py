@@ -202,7 +202,7 @@ def _execute(request: RunRequest, target: str, options: Mapping[str, Any]) -> No
 
 @contextmanager
 def _page(options: Mapping[str, Any], folder: Path) -> Iterator[LiveNotes | None]:
-    """Serve the page of the run, if it is asked for, and give what it is to be told; its address is said."""
+    """Serve the page of the run if the options ask for it, and return what sends steps to it; print its address."""
     if options["port"] and not options["is_watched"]:
         raise ConfigError("--port is of the page that --watch serves")
     if not options["is_watched"] and options["notes"] is None:
@@ -220,7 +220,7 @@ def _page(options: Mapping[str, Any], folder: Path) -> Iterator[LiveNotes | None
 
 
 def _both(first: OnStep, second: OnStep) -> OnStep:
-    """Return what tells two listeners of a step."""
+    """Return a callback that passes a step to two others."""
 
     def on_step(pipeline: Pipeline, step: Step) -> None:
         first(pipeline, step)

@@ -101,7 +101,7 @@ class HeardSignals:
         return None if by is None else 128 + by.number
 
     def listen(self) -> None:
-        """Set the handlers of the signals that nobody ignores or handles elsewhere."""
+        """Set the handlers of the signals that are neither ignored nor handled elsewhere."""
         with _held_back():  # a signal that comes meanwhile is heard when all handlers are set
             interruption.forget()
             self._set_handlers()
@@ -201,7 +201,7 @@ class HeardSignals:
                 self._leave(reason, "left at the second signal", _mark, _MARK_S)
 
     def _next_signal(self) -> Interrupted | None:
-        """Wait for a signal that ends us, and suspend us at others; None: nobody listens any more."""
+        """Wait for a signal that ends the program, and suspend it at others; None: handlers are no longer set."""
         while True:
             heard = os.read(self._reader, 1)
             if not heard:
@@ -258,7 +258,7 @@ def _ignore(number: int, frame: FrameType | None) -> None:
 
 
 def _suspend(number: int) -> None:
-    """Let this process stand still until it is told to go on; its robots stand before it does."""
+    """Suspend this process until it gets SIGCONT; its robots are stopped before."""
     reason = f"suspended by {signal.Signals(number).name}"
     for lifeline in interruption.lifelines():
         lifeline.hold(reason)

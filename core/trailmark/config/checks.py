@@ -39,7 +39,7 @@ def check_use(localizers: Iterable[str], estimator: EstimatorEntry, problems: Pr
 
 
 def check_motion(localizers: Mapping[str, LocalizerEntry], estimator: EstimatorEntry, problems: Problems) -> None:
-    """Note two localizers that would tell the same motion twice: 10 m would become 20.
+    """Note two localizers whose motion would be counted twice: 10 m would become 20.
 
     Under dead reckoning only one of those used may give motion. Under other estimators two may, if they look at
     different sensors or ``use`` says that both are meant.

@@ -109,7 +109,7 @@ def _telling(found: list[tuple[Keys, ErrorDetails]]) -> list[tuple[Keys, ErrorDe
 
 
 def _is_misspelt(path: Keys, details: ErrorDetails, found: list[tuple[Keys, ErrorDetails]]) -> bool:
-    """Whether a missing key stands there under a name much like it: the unknown key then tells the story."""
+    """Whether a missing key stands there under a similar name: the message about the unknown key is then enough."""
     if details["type"] != "missing":
         return False
     unknown = [str(at[-1]) for at, other in found if other["type"] == "extra_forbidden" and at[:-1] == path]

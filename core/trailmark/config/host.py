@@ -61,7 +61,7 @@ class MotionCorrection(PluginConfig):
         return self
 
     def matrix(self) -> Floats:
-        """Return (3, 3): from twists (forward, left, turn) as the localizer tells them to those that are right."""
+        """Return the (3, 3) matrix from twists (forward, left, turn) of the localizer to corrected ones."""
         bend = math.radians(self.turn_deg_per_m)
         return np.array([[self.way, 0.0, self.way_m_per_rad], [0.0, self.way, 0.0], [bend, 0.0, self.turn]])
 

@@ -193,7 +193,7 @@ class _RunReader:
         return overrides, documents
 
     def _check(self, sections: _Sections) -> None:
-        """Raise what is wrong: first what was written, then what only imported classes can tell."""
+        """Raise the problems: first those of the text, then those that only imported classes show."""
         raw = self._written.data.get("localizers")
         names = [str(name) for name in raw] if isinstance(raw, Mapping) else []
         if sections.estimator is not None:

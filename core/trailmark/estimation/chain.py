@@ -129,7 +129,7 @@ class MotionChain:
         return self._interpolate(self._states[index - 1], end, stamp_s)
 
     def forget(self, horizon_s: float) -> None:
-        """Drop what lies before `horizon_s`, but for the state that is needed to interpolate there."""
+        """Drop the states before `horizon_s`, but for the one that is needed to interpolate there."""
         n_old = bisect_left(self._stamps, horizon_s) - 1
         if n_old > 0:
             self._is_whole = False

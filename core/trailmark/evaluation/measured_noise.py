@@ -1,4 +1,4 @@
-"""How wrong a localizer really is, against ground truth: the figures that a Kalman estimator should be told.
+"""Errors of a localizer against ground truth: the noise figures for the config of a Kalman estimator.
 
 A fix repeats the errors of its map, so its errors do not average out over a second: their root mean square is what no
 fix should be believed to be better than (``floor_m``, ``floor_deg``). Errors of motion add up, so they are compared
@@ -54,7 +54,7 @@ class MeasuredNoise:
 
 
 def measured_noise(estimates: EstimateTable, truth: Trajectory, path: Path | None = None) -> dict[str, MeasuredNoise]:
-    """Return the errors of each localizer, by name; without those that said too little to tell.
+    """Return the errors of each localizer by name, without those that gave too few estimates.
 
     Parameters
     ----------

@@ -77,7 +77,7 @@ class PluggedMetric:
     quantities: tuple[MetricSpec, ...] = ()
 
     def numbers(self, *given: Any) -> tuple[dict[str, float], list[str]]:
-        """Return its numbers by full name and what went wrong, a line each; a stranger's code must cost nobody else."""
+        """Return its numbers by full name, and a line for each failure; a failing metric does not affect others."""
         try:
             found = {self._full(key): float(value) for key, value in self.function(*given).items()}
         except TrailmarkError as error:

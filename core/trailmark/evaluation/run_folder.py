@@ -1,4 +1,4 @@
-"""Reading the folder of a run. What is missing or broken is told, and the rest is read."""
+"""Reading the folder of a run. Missing and broken files are reported, and the rest is read."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ def read_run(folder: str | Path) -> RunFolder:
 
 
 def _attempt(path: Path, read: Callable[[Path], T], problems: list[str]) -> T | None:
-    """Return what a file holds; None where there is none, or it cannot be read, which is told."""
+    """Return the content of a file; None where there is none or it cannot be read, with the problem noted."""
     if not path.is_file():
         return None
     try:

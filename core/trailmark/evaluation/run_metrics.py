@@ -225,7 +225,7 @@ def _truth_note(run: RunFolder) -> str:
 
 
 def _stands_still(evaluated: RunEvaluation) -> dict[str, Any] | None:
-    """Return the figures of a robot that never moved: whoever is not better than this has found nothing."""
+    """Return the figures of a robot that never moved: the baseline that a localizer must beat."""
     truth = evaluated.run.truth
     if not evaluated.has_truth or truth is None:
         return None

@@ -1,4 +1,4 @@
-"""Estimates that are wrong and do not say so: the share that matters most to whoever relies on a localizer.
+"""The share of estimates that are wrong by more than their covariance allows, without being `Lost`.
 
 An answered estimate is *silently wrong* when its error is more than five of its own standard deviations and more than a
 floor, in position or in heading. A motion of one frame may hide below the floor what it adds up to, so motions are

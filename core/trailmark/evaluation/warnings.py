@@ -34,7 +34,7 @@ MOST_GATED = 0.5
 
 @dataclass(frozen=True, slots=True)
 class RunWarning:
-    """Something that makes the figures of a run worthless, or of less worth than they look.
+    """A reason why the figures of a run are invalid, or less reliable than they look.
 
     Attributes
     ----------

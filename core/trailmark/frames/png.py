@@ -1,4 +1,4 @@
-"""Whether a PNG is whole, before a decoder trusts the lengths that it tells."""
+"""Checks that a PNG is whole, before a decoder trusts the lengths in it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a source tells about each of its sensors."""
+"""What a source knows of each of its sensors: kind, size, rate, calibration and mounting."""
 
 from __future__ import annotations
 

@@ -107,13 +107,13 @@ def main_axes(xx: Floats, yy: Floats, xy: Floats) -> tuple[Floats, Floats, Float
 
 
 def measured_directions(hessian: Floats, n_lines: int) -> tuple[Floats, Floats, Bools]:
-    """Return eigenvalues (3,), eigenvectors (3, 3) and which of them walls tell: a corridor leaves one free."""
+    """Return eigenvalues (3,), eigenvectors (3, 3) and which of them walls measure: a corridor leaves one free."""
     values, vectors = np.linalg.eigh(hessian)
     return values, vectors, values > NORMAL_NOISE * n_lines
 
 
 def measured_step(hessian: Floats, gradient: Floats, n_lines: int) -> Floats:
-    """Return Gauss-Newton's step (3,) in the directions that walls tell; a direction that none tells is held."""
+    """Return Gauss-Newton's step (3,) in the directions that walls measure; the others are held."""
     values, vectors, is_told = measured_directions(hessian, n_lines)
     shares = np.where(is_told, (vectors.T @ gradient) / np.where(is_told, values, 1.0), 0.0)
     return np.asarray(vectors @ shares)

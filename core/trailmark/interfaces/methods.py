@@ -156,7 +156,7 @@ class Estimator(Part):
         covariance: npt.NDArray[np.float64] | None = None,
         stamp_s: float | None = None,
     ) -> Applied:
-        """Be told where base is, by a person or a program that knows, whatever was believed.
+        """Take a pose of base from a person or a program that knows it, in place of the belief.
 
         Parameters
         ----------

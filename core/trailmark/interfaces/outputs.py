@@ -1,4 +1,4 @@
-"""What a run leaves: the taught path, and what sinks are told."""
+"""What a run writes and reports: the taught path, and the events that sinks receive."""
 
 from __future__ import annotations
 
@@ -166,7 +166,7 @@ class PathStore(Part):
 
 @dataclass(frozen=True, slots=True)
 class RunEnd:
-    """How a run ended, told to the sinks.
+    """How a run ended, as sinks receive it.
 
     Attributes
     ----------
@@ -184,7 +184,7 @@ class RunEnd:
 
 
 class Sink(Part):
-    """Is told what happens: a recorder, a viewer, a bridge. Each method does nothing unless overridden.
+    """Receives the events of a run: a recorder, a viewer, a bridge. Each method does nothing unless overridden.
 
     Only methods that a sink overrides are called.
     """

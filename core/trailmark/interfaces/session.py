@@ -1,4 +1,4 @@
-"""What every part has: its life, what it is told when it starts, and its own place in the path store."""
+"""The base of every part: its life, its session, and its own place in the path store."""
 
 from __future__ import annotations
 
@@ -89,12 +89,12 @@ def _no_latency() -> float:
 
 
 def _ignore_pose(pose_map_base: Pose2, covariance: npt.NDArray[np.float64] | None = None) -> None:
-    """Take a pose that nobody asks for."""
+    """Take a pose and do nothing: the default of `Session.tell_pose`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Session:
-    """What one part is told when it starts. Every field has a default.
+    """What one part is given when it starts. Every field has a default.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Where frames come from, and what may befall them."""
+"""Sources of frames, and faults that disturb them."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ EXIT_SKIPPED = 5
 
 
 def die_with(parent: int) -> None:
-    """End when the process that started this one does: nobody would take the result."""
+    """End this process when the process that started it does: its result would be lost."""
     if sys.platform != "linux":
         return
     import ctypes

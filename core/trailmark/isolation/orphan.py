@@ -1,4 +1,4 @@
-"""A program that ends when the one that began it is gone, however that went: nobody could stop its robot any more.
+"""Ends a program whose parent is gone, however that ended: its robot could not be stopped any more.
 
 Its standard input is a pipe that only the other holds. The system closes that when the other is killed, too.
 """
@@ -17,7 +17,7 @@ ENDS_WITH_STDIN = "TRAILMARK_ENDS_WITH_STDIN"
 
 
 def end_with_stdin() -> None:
-    """Tell this program to end, by SIGTERM, when its standard input ends; return at once."""
+    """Send this program SIGTERM when its standard input ends; return at once."""
     threading.Thread(target=_wait_for_the_end, name="orphan", daemon=True).start()
 
 

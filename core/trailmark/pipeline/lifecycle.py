@@ -1,4 +1,4 @@
-"""The life of a part: what it is told at the start, timed and guarded; and closing, the last first."""
+"""The life of a part: its session, its start, timed and guarded; and closing, the last first."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def part_rng(seed: int, kind: str, name: str) -> np.random.Generator:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sessions:
-    """What every part of a run is told alike; `session_of` makes the session of one part.
+    """What the sessions of all parts of a run have in common; `session_of` makes the session of one part.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Sessions:
     tell_pose: Callable[[Pose2, Floats | None], None] | None = None
 
     def session_of(self, kind: str, name: str, **more: Any) -> Session:
-        """Return the session of a part, with `more` that only this one is told."""
+        """Return the session of a part; `more` holds the fields of this part alone."""
         common: dict[str, Any] = {
             "name": name,
             "mode": self.mode,
@@ -136,6 +136,6 @@ class PartStarter:
             self.not_closed.append(error)
 
     def _warn_of_failures(self, kind: type[BaseException] | None, *_: object) -> None:
-        """Say what did not close, where the start has failed: that is what the user is told first."""
+        """Report parts that did not close after a start that failed: the error of the start comes first."""
         for error in self.not_closed if kind is not None else ():
             logger.warning("%s", error)

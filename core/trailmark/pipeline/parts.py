@@ -132,7 +132,7 @@ class _ConfiguredParts(Parts):
     config: RunConfig
 
     def fitted_to(self, sensors: Mapping[str, SensorInfo]) -> Self:
-        """Return the parts with the localizers, each told by its config which sensors are its own."""
+        """Return the parts with the localizers constructed, each with the sensors of its roles in its config."""
         refuse_duplicate_sensors(self.config, {source.name: tuple(source.sensors) for source in self.sources})
         config = resolve_all_roles(self.config, sensors)
         localizers = [_localizer(entry) for entry in config.localizers.values()]

@@ -20,7 +20,7 @@ __all__ = ["Finding", "examine", "missing_requirements"]
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing that is wrong, or worth knowing.
+    """One problem with the plugins, or a remark.
 
     Attributes
     ----------

@@ -43,7 +43,7 @@ class Owner:
 
 
 class About(TypedDict, total=False):
-    """What a plugin may tell of a part besides, by name: ``summary="Reads a ring of sonars"``.
+    """What a plugin may add to a registration, by name: ``summary="Reads a ring of sonars"``.
 
     Attributes
     ----------

@@ -51,5 +51,5 @@ def meaning_of(title: str) -> str:
 
 
 def meanings_of(titles: Iterable[str]) -> list[tuple[str, str]]:
-    """Return the headings that have a meaning to be told, each once, and what they mean."""
+    """Return the headings that need an explanation, each once, with it."""
     return [(title, meaning_of(title)) for title in dict.fromkeys(titles) if meaning_of(title)]

@@ -1,4 +1,4 @@
-"""How far from its path a robot was in truth, and how far it believed to be."""
+"""A robot's true distance from its path, and the distance that it believed."""
 
 from __future__ import annotations
 

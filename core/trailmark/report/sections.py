@@ -115,7 +115,7 @@ def _grid(figures: Sequence[str]) -> str:
 
 
 def localizers_section(document: Document) -> str:
-    """Return what became of the estimates of each localizer, and what their covariances are worth."""
+    """Return what became of the estimates of each localizer, and how well their covariances fit."""
     sources = [((name,), item) for name, item in document["sources"].items()]
     if not sources:
         return ""

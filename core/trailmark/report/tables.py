@@ -102,7 +102,7 @@ class Trajectories:
 
 
 def trajectories_table(trajectories: Trajectories, label_titles: Sequence[str] = ("trajectory",)) -> Table:
-    """Return a row of metrics for each trajectory; columns in which nobody has a number are left out."""
+    """Return a row of metrics for each trajectory; columns without any number are left out."""
     documents = trajectories.documents
     columns: list[tuple[Column, list[str]]] = [
         (Column("poses"), [count_text(item["poses"]) for item in documents]),
@@ -115,7 +115,7 @@ def trajectories_table(trajectories: Trajectories, label_titles: Sequence[str] =
 
 
 def offsets_table(sources: Sources, label_titles: Sequence[str] = ("localizer",)) -> Table | None:
-    """Return what path offsets are worth: along the path, beside it, turned from it; None where nobody says any."""
+    """Return the errors of path offsets: station, offset, heading; None without path offsets."""
     known = [(label, item) for label, item in sources if any(_offset(item, *what) is not None for what in _OFFSETS)]
     if not known:
         return None
@@ -288,7 +288,7 @@ def _consistency_notes(sources: Sources) -> list[str]:
 
 
 def _is_timed(stage: object) -> bool:
-    """Return whether a stage of ``timing.json`` is what was written, and not what somebody made of it."""
+    """Return whether a stage of ``timing.json`` has the form in which it was written."""
     return isinstance(stage, Mapping) and all(
         isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
         for value in stage.values()

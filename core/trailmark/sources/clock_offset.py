@@ -30,7 +30,7 @@ class ClockOffset:
 
     @property
     def is_known(self) -> bool:
-        """Whether enough messages have come to tell the offset."""
+        """Whether enough messages have come to estimate the offset."""
         return len(self._offsets_s) >= _N_NEEDED
 
     @property

@@ -84,7 +84,7 @@ class FrameTree:
 
 
 def transforms_by_child(message: Any) -> dict[str, tuple[str, Floats | None]]:
-    """Return the transforms of a TFMessage as a `FrameTree` has them; of one that is told twice, the last."""
+    """Return the transforms of a TFMessage by child frame; of one that comes twice, the last."""
     return {
         transform.child_frame_id.lstrip("/"): (transform.header.frame_id.lstrip("/"), _matrix(transform.transform))
         for transform in message.transforms

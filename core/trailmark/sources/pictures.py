@@ -108,7 +108,7 @@ def as_payload_pixels(pixels: Pixels, where: str, grey: bool | None) -> Pixels:
 
 
 def header_size(data: bytes) -> tuple[int, int] | None:
-    """Return width and height as the header of a PNG, JPEG, BMP or PNM picture tells them; else None."""
+    """Return width and height from the header of a PNG, JPEG, BMP or PNM picture; None for other files."""
     if data.startswith(b"\x89PNG\r\n\x1a\n") and len(data) >= 24:
         width, height = struct.unpack(">II", data[16:24])
         return width, height

@@ -89,7 +89,7 @@ class RecordedSource(FrameSource):
 
     @abstractmethod
     def readings(self) -> Readings:
-        """Yield the readings in file order; what could not even be stamped, as the error that says so."""
+        """Yield the readings in file order; a line without a readable stamp as its error."""
 
     @property
     def sensors(self) -> Mapping[str, SensorInfo]:

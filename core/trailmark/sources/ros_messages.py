@@ -126,7 +126,7 @@ def _decode_image(message: Any, where: str) -> npt.NDArray[Any]:
 
 
 def is_depth(message: Any) -> bool:
-    """Tell whether a picture can only be depth."""
+    """Return whether the encoding of a picture is one of depth."""
     return getattr(message, "encoding", "") == "32FC1" or "compressedDepth" in getattr(message, "format", "")
 
 

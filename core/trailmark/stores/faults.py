@@ -1,4 +1,4 @@
-"""What SQLite complains about, told in the words of path stores."""
+"""Errors of SQLite, translated to errors of path stores."""
 
 from __future__ import annotations
 

@@ -77,7 +77,7 @@ class WriterMark:
         self._connection: sqlite3.Connection | None = None
 
     def take(self, wait_s: float = 0.5) -> None:
-        """Take the mark; a short wait lets those pass who only fold.
+        """Take the mark; a short wait lets programs finish that only fold the journal into the file.
 
         Raises
         ------

@@ -185,7 +185,7 @@ def pose_run(
     seed: int = 0,
     sensor: str = "poses",
 ) -> SyntheticRun:
-    """Return absolute poses of a drive from elsewhere, with noise of `sigma` [m, rad] that each reading tells.
+    """Return absolute poses of a drive from elsewhere, with noise of `sigma` [m, rad]; each reading has its covariance.
 
     A frame's `Record` has ``pose`` (3,) and ``covariance`` (3, 3); the sensor's kind is ``pose``.
 

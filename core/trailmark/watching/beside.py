@@ -136,7 +136,7 @@ def _is_parent(process: int) -> bool:
 
 
 def _ending(has_ended: Callable[[], bool], has_told: Callable[[], bool]) -> Callable[[], bool]:
-    """Return what says whether a page is over: the run has ended, and whoever has it open knows it, or does not ask."""
+    """Return a function that says whether a page is over: the run has ended, and no open page still waits for that."""
     since_s: list[float] = []
 
     def is_over() -> bool:

@@ -19,7 +19,7 @@ BUTTONS: Mapping[str, str] = {
 
 
 def watch_page(title: str, secret: str, buttons: Sequence[str]) -> tuple[str, str]:
-    """Return the page and its policy: it asks its own server, and nobody else for anything.
+    """Return the page and its content policy: it may connect to its own server only.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ NOTHING: dict[str, Any] = {
 
 
 def writing_of(folder: Path) -> tuple[int, int] | None:
-    """Return what tells one writing of a folder's ``run.json`` from another; None: there is none."""
+    """Return a key of the version of a folder's ``run.json``, which changes when it is written; None: there is none."""
     try:
         found = (folder / "run.json").stat()
     except OSError:

@@ -50,7 +50,7 @@ class ServedPage(Protocol):
 
 
 def new_secret() -> str:
-    """Return what only who was told the page's address knows."""
+    """Return a random word for the page's address: requests without it are refused."""
     return secrets.token_urlsafe(18)
 
 

@@ -37,7 +37,7 @@ _CATCH_UP_S = 0.5
 
 
 class WatchedPage(ABC):
-    """What is common: the newest state, made by a thread of its own as long as somebody has the page open.
+    """Base of the live pages: a thread makes the newest state as long as the page is open.
 
     Parameters
     ----------
@@ -104,11 +104,11 @@ class WatchedPage(ABC):
 
     @property
     def is_open(self) -> bool:
-        """Whether somebody has the page open."""
+        """Whether a browser has the page open."""
         return time.monotonic() - self._asked_at_s < _IS_OPEN_S
 
     def has_told(self) -> bool:
-        """Return whether who has the page open knows the end, and asks no more; nobody has: there is nobody to tell."""
+        """Return whether the open page has received the end and asks no more; True when no page is open."""
         quiet_s = time.monotonic() - self._asked_at_s
         return quiet_s > (_QUIET_S if self._is_told else _IS_OPEN_S)
 

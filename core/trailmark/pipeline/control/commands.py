@@ -1,4 +1,4 @@
-"""Commands: the controller's, or the guard's, and to whom they go."""
+"""Commands of the controller and of the guard, on their way to the robot."""
 
 from __future__ import annotations
 

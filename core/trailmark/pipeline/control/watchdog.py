@@ -20,7 +20,7 @@ _JUST_AFTER_S = 1e-3
 
 
 class Watchdog:
-    """Looks whether the loop lives, and stops a robot that it has told to move when it does not.
+    """Watches the loop, and stops a moving robot when the loop stands still.
 
     A robot that stands is let be: before the first command there is nothing to stop, however long devices take to open
     and kernels to compile.
@@ -74,7 +74,7 @@ class Watchdog:
             logger.warning("%s", error)
 
     def _whereabouts(self) -> str:
-        """Return what the loop is at, for whoever looks for the culprit."""
+        """Return the place in the code where the loop is, for the message."""
         frame = sys._current_frames().get(self._loop_ident)
         if frame is None:
             return ""

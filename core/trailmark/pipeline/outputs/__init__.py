@@ -1,1 +1,1 @@
-"""What is told and written: sinks, trajectories, the folder of a run and where its result comes from."""
+"""What a run writes and reports: sinks, trajectories, the folder of a run and its provenance."""

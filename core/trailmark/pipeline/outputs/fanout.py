@@ -59,7 +59,7 @@ class SinkFanout:
             _call(listener, method.__name__, arguments)
 
     def on_end(self, end: RunEnd) -> Iterator[Callable[[], None]]:
-        """Yield a call for each sink that tells it how the run has ended; one that raises keeps it from no other."""
+        """Yield a call of `Sink.on_end` for each sink; one that raises does not keep it from the others."""
         for listener in self._listeners[Sink.on_end]:
             yield partial(_call, listener, Sink.on_end.__name__, (end,))
 

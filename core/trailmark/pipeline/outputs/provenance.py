@@ -61,7 +61,7 @@ def package_versions() -> dict[str, str]:
 
 
 def cpu_model() -> str:
-    """Return the name of the processor, as well as the system tells it."""
+    """Return the name of the processor, as the system gives it."""
     try:
         text = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
     except OSError:

@@ -1,4 +1,4 @@
-"""What a localizer remembers in the store: its format, told beside it, and its stations when a path goes on."""
+"""What a localizer keeps in the store: its format beside it, and its stations when a path is continued."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _KEY = "version"
 
 
 class VersionedMap(LocalizerMap):
-    """A localizer map that tells the format with the first thing that goes into it; what stays empty tells nothing.
+    """A localizer map that stores its format with its first content; an empty map has no format.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ class ContinuedMap(LocalizerMap):
 
 
 def check_format(localizer_map: LocalizerMap, name: str, localizer: Localizer, is_continued: bool = False) -> None:
-    """Refuse what a newer localizer remembered; what tells no format is of a time before there was one.
+    """Refuse the map of a newer localizer; a map without a format was written before formats were stored.
 
     Parameters
     ----------

@@ -45,7 +45,7 @@ class LoggedWay:
         self.drives = [range(*ends) for ends in itertools.pairwise((0, *cuts, len(nodes)))]
 
     def at_station(self, station_m: float) -> tuple[int, int, float]:
-        """Return the nodes before and after a station, and how far between them it lies, 0 to 1."""
+        """Return the nodes before and after a station, and its share of the way between them, 0 to 1."""
         after = min(max(bisect_left(self._farthest, station_m), 1), len(self.nodes) - 1)
         return after - 1, after, _share(self._stations, after, station_m)
 

@@ -61,7 +61,7 @@ class RelatingLocalizer:
         self._part, self._keyframes = part, keyframes
 
     def sites_of(self, way: LoggedWay) -> dict[int, tuple[int, Pose2]]:
-        """Return for each node the keyframe laid nearest in time, and where it lies as seen from the node."""
+        """Return for each node the keyframe laid nearest in time, and its pose relative to the node."""
         drives = [way.drive_of(keyframe) for keyframe in self._keyframes]
         found: dict[int, tuple[int, Pose2]] = {}
         for drive in way.drives:
@@ -82,7 +82,7 @@ class RelatingLocalizer:
         return found
 
     def relate(self, known: Mapping[int, Pose2], keyframe: int, guess: Pose2, covariance: Floats) -> Fix | None:
-        """Return where a keyframe lies among others; None where the localizer cannot say.
+        """Return the pose of a keyframe relative to others; None where the localizer cannot say.
 
         Raises
         ------
@@ -152,7 +152,7 @@ class LoopSearch:
         return Straightened(self._nodes, self._graph.poses, n_loops) if n_loops else None
 
     def _look(self, node: int, relating: RelatingLocalizer, sites: _Sites) -> _LoopCandidate | None:
-        """Return how a node lies to a place that was seen before, if it is told and plausible."""
+        """Return the relation of a node to a place seen before, if the localizer gives a plausible one."""
         station_m, here = self._nodes[node].station_m, self._graph.poses[node]
         before = [one for one in sites if self._nodes[one].station_m <= station_m - _BACK_M]
         near = [one for one in before if self._graph.poses[one].distance_to(here) < _FARTHEST_M + _AROUND_M]
@@ -232,7 +232,7 @@ def _chi_square(off: Pose2, information: Floats, covariance: Floats) -> float:
 
 
 def _parallel(first: Floats, second: Floats) -> Floats:
-    """Return the information of a difference: none in directions that one of both does not tell.
+    """Return the information of a difference: none in directions that one of the two did not measure.
 
     In axes in which the sum of both is the unit matrix, both are diagonal, and tell shares of it that make one.
     """

@@ -59,7 +59,7 @@ class WayGraph:
         self._unsolved = 0.0
 
     def add(self, loops: Sequence[PoseEdges]) -> None:
-        """Take relations in, and straighten the way by them where they do not lie as it lies already."""
+        """Add relations, and solve the graph where they contradict the poses that it has."""
         rows = np.array([pose.array() for pose in self.poses])
         for edge in loops:
             self.loops += edge
@@ -118,7 +118,7 @@ class WayGraph:
 
 
 class Straightened:
-    """Where a taught way lies after its loops were closed.
+    """The poses of a taught way after its loops were closed.
 
     Parameters
     ----------
@@ -136,15 +136,15 @@ class Straightened:
         self._way = LoggedWay(nodes)
 
     def at_station(self, station_m: float, pose: Pose2) -> Pose2:
-        """Return where a pose lies now that was believed at a station of the way."""
+        """Return the corrected pose of one that was believed at a station of the way."""
         return self._move_place(self._way.at_station(station_m), pose)
 
     def at_stamp(self, stamp_s: float, pose: Pose2) -> Pose2:
-        """Return where a pose lies now that was believed at a stamp of a way that was taught in one go."""
+        """Return the corrected pose of one that was believed at a stamp, of a way that was taught in one run."""
         return self._move_place(self._way.at_stamp(stamp_s), pose)
 
     def at_keyframe(self, keyframe: Keyframe) -> Pose2:
-        """Return where a keyframe lies now."""
+        """Return the corrected pose of a keyframe."""
         return self._move_place(self._way.at_keyframe(keyframe), keyframe.pose_map_base)
 
     def _move_place(self, place: tuple[int, int, float], pose: Pose2) -> Pose2:

@@ -91,7 +91,7 @@ def _colour(payload: Any) -> Image:
 
 
 def _fitting(make: Callable[[], Fault]) -> Mapping[str, Sequence[Frame]]:
-    """Return the frames that the fault says it can befall."""
+    """Return the frames of the kinds of sensor that the fault applies to."""
     kinds = make().kinds
     frames = {
         name: frames
@@ -109,7 +109,7 @@ def _info(frames: Sequence[Frame]) -> SensorInfo:
 def _surviving_frames(
     make: Callable[[], Fault], frames: Sequence[Frame], others: Sequence[Frame] = (), seed: int = 0
 ) -> list[Frame]:
-    """Return what a source with the fault gives of some frames, and of others of a sensor that it does not befall."""
+    """Return what a source with the fault gives of some frames, and of others of a sensor without the fault."""
     perturber = Perturber("checked", {"fault": make}, [frames[0].sensor])
     sensors = {found[0].sensor: _info(found) for found in (frames, others) if found}
     perturber.start(Session("checked", rng=np.random.default_rng(seed)), sensors)
@@ -121,7 +121,7 @@ def _surviving_frames(
 
 
 def _digests(frames: Sequence[Frame]) -> list[tuple[Any, ...]]:
-    """Return what tells frames apart; short, as a failed comparison is shown in full."""
+    """Return short digests of frames: a comparison that fails is shown in full."""
     return [(frame.sensor, frame.stamp_s, _digest(frame.payload)) for frame in frames]
 
 

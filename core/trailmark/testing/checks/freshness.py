@@ -14,12 +14,12 @@ _SLACK_S = 1e-6
 
 
 def freshness_checks(case: LocalizerCase) -> dict[str, Check]:
-    """Return the check by name; one life tells all of it, because a life costs seconds."""
+    """Return the check by name; it is one check, because a localizer's life costs seconds."""
     return {"answers_are_new": lambda: _are_new(case)}
 
 
 def _are_new(case: LocalizerCase) -> None:
-    """An estimate is about an instant that has been, is told once, and not of an instant at which it is lost."""
+    """Check that an estimate is of a past instant, comes once, and is not of an instant at which it was `Lost`."""
     localizer = case.make()
     localizer.start(case.session("teach", MemoryMap()))
     told: set[str] = set()

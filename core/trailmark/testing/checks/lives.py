@@ -100,7 +100,7 @@ class LocalizerCase:
         return Path(_waypoints(self.run))
 
     def session(self, mode: Mode, localizer_map: LocalizerMap | None, seed: int = 0) -> Session:
-        """Return what the pipeline would tell it."""
+        """Return the session that the pipeline would give it."""
         start_pose = self.run.truth[0][1]
         path = self.path if mode == "replay" else None
         rng = np.random.default_rng(seed)

@@ -298,7 +298,7 @@ def _survives_the_store(case: LocalizerCase) -> None:
 
 
 def _refuses_a_newer_map(case: LocalizerCase) -> None:
-    """What it remembers tells the format, and the pipeline starts it on no newer one."""
+    """Check that its map stores its format, and that the pipeline starts it on no newer one."""
     localizer_map = MemoryMap()
     case.teach(localizer_map)
     if localizer_map.is_empty:

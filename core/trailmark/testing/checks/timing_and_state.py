@@ -108,7 +108,7 @@ def _is_uneven(run: AnyRun) -> bool:
 
 
 def _information_says_something(case: LocalizerCase) -> None:
-    """What was measured is told better than by saying "somewhere on this drive"."""
+    """Check that the claimed covariance is smaller than that of the whole drive."""
     told = [one for one in case.run_life() if isinstance(one, Motion | Fix | PathOffset)]
     if not told:
         skip("it said nothing that has information: see says_something")
