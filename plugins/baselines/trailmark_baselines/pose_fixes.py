@@ -18,7 +18,7 @@ __all__ = ["PoseFixes"]
 
 
 class PoseFixes(Localizer):
-    """Says what a sensor of kind ``pose`` tells: where it is, as exact as it says or as the config does."""
+    """Gives the readings of a sensor of kind ``pose`` as fixes, with the sensor's covariance or the config's."""
 
     config: PoseFixesConfig
 
@@ -44,7 +44,7 @@ class PoseFixes(Localizer):
         return (Fix(frame.stamp_s, pose_map_base, _information(covariance, knows_heading)),)
 
     def _covariance(self, told: Floats) -> Floats:
-        """Return the covariance of a reading: as told, or by the config where it is not, or where that is larger."""
+        """Return the covariance of a reading: its own, or the config's where there is none or where that is larger."""
         covariance: Floats = np.array(told, float)
         sigmas = (self.config.sigma, self.config.sigma, self.config.sigma_deg)
         for index, sigma in enumerate(sigmas):

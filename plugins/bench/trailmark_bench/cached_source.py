@@ -32,7 +32,7 @@ _APPLIED_LATER = ("perturb",)
 
 
 def with_cached_frames(config: RunConfig, cache: FrameCache, data: Mapping[str, str]) -> RunConfig:
-    """Return a run whose simulated sources take their frames from a cache, as far as nobody drives them.
+    """Return a run whose simulated sources take their frames from a cache, where no controller drives them.
 
     Parameters
     ----------

@@ -112,7 +112,7 @@ class Combiner:
         yield from loaded.localizers
 
     def _load_run(self, data: dict[str, Any], origins: Sequence[tuple[Keys, Keys]]) -> RunConfig:
-        """Load a run; what is wrong with it is told at the lines of the bench config."""
+        """Load a run; problems are reported at the lines of the bench config."""
 
         def line_of(keys: Keys) -> int | None:
             for at, where in origins:

@@ -71,7 +71,7 @@ class MethodResult:
         return None if spread is None else self.shown(metric, spread.median)
 
     def shown(self, metric: Metric, oriented: float | None) -> float | None:
-        """Return an oriented number as the quantity is told."""
+        """Return an oriented number in the quantity's own orientation."""
         return oriented if oriented is None or metric.better != "higher" else -oriented
 
 
@@ -119,7 +119,7 @@ def _add_spreads(entries: MethodResults, metric: Metric) -> None:
 
 
 def _is_measured(entry: MethodResult, metric: Metric) -> bool:
-    """Whether there is a number, or only failures: without any result, failures alone tell."""
+    """Whether there is a number, or only failures, which count where there is no result at all."""
     values = entry.values[metric.name]
     return bool(values) and (entry.n_ok == 0 or any(math.isfinite(value) for value in values.values()))
 

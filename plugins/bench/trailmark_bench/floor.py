@@ -1,4 +1,4 @@
-"""The floor of every table: the figures of a robot that never moves, beside whoever claims to know where it is."""
+"""The baseline of every table: the figures of a robot that never moves."""
 
 from __future__ import annotations
 

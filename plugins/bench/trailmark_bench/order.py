@@ -1,4 +1,4 @@
-"""In which order cells run, so that a bench that is ended early has told most; which of them are a quick pass."""
+"""The order in which cells run, so that a bench that is ended early shows most; which cells are a quick pass."""
 
 from __future__ import annotations
 

@@ -81,7 +81,7 @@ def metrics_of(names: Sequence[str], records: Sequence[CellRecord]) -> tuple[Met
 
 
 def refuse_unknown(asked: Sequence[str], metrics: Sequence[Metric], records: Sequence[CellRecord]) -> None:
-    """Refuse a quantity that somebody asked for and no cell has.
+    """Refuse a quantity on the command line that no cell has.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Whether the localizers of cells find their sensors: told when cells are listed, not by cells that fail at night."""
+"""Checks that the localizers of cells find their sensors, when cells are listed and before any runs."""
 
 from __future__ import annotations
 

@@ -75,7 +75,7 @@ def run_bench(
     patience_s: float = 60.0,
     budget_s: float = math.inf,
 ) -> tuple[Cell, ...]:
-    """Run the cells that are missing, in the order of what they tell.
+    """Run the missing cells, the most informative first.
 
     A finished cell is never run again, however often this is called.
     Whatever ends it (Ctrl-C, a kill, a full disk), what is finished is kept and the rest is run next time.
@@ -190,7 +190,7 @@ class _BenchRound:
                 time.sleep(min(1.0, max(0.0, until_s - time.monotonic())))
 
     def _take(self, finished: Finished) -> None:
-        """Keep what a cell left, and tell what became of it."""
+        """Keep the result of a cell, and report what became of it."""
         cell = self._board.running.get(finished.id)
         if cell is None:  # an executor that lost a machine may give a result twice: the first one counts
             logger.debug("a second result of %s is not taken", finished.id)
@@ -204,7 +204,7 @@ class _BenchRound:
         self.tell(cell, finished.outcome.state, finished.outcome.reason)
 
     def tell(self, finished: Cell | None = None, state: str = "", reason: str = "") -> None:
-        """Tell how far the bench is, and what has just ended."""
+        """Report the progress of the bench, and the cell that has just ended."""
         running, waiting = self._board.running, self._board.waiting
         left_s = self._durations.sum_s([*running.values(), *waiting.values()])
         if left_s is not None and running:

@@ -1,4 +1,4 @@
-"""Results in one file, to be sent to somebody: what a bench found, on what machine, with which versions.
+"""Results in one file to be shared: figures of a bench, the machine, and the versions.
 
 The file holds no path of the machine and no name of it. A file that somebody sent is read as what it is: each cell is
 checked before it becomes one of ours, and nothing in it is run.

@@ -125,7 +125,7 @@ def _tried_on_halves(
 
 
 def told_values(found: Fit, known: KnownPlacement) -> Floats:
-    """Return the numbers (8,), those that the drive does not tell as they are known."""
+    """Return the numbers (8,); those that the drive does not determine as they are known."""
     return np.where(found.is_told, found.values, neutral_values(known))
 
 

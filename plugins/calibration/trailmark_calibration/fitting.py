@@ -88,7 +88,7 @@ class Fit:
 
     @property
     def is_told(self) -> Bools:
-        """Whether the drive tells each number well enough to write it down, (8,)."""
+        """Whether the drive determines each number well enough to write it down, (8,)."""
         return np.asarray(self.sigmas < LIMITS)
 
 
@@ -238,7 +238,7 @@ class _Solver:
         return np.asarray(np.nan_to_num(np.einsum("ni,nij,nj->n", off, weights, off), nan=np.inf) < _OUTLIER)
 
     def covariance(self, p: Floats, rows: Bools) -> Floats:
-        """Return the covariance of the numbers, of what motion tells and noise does not.
+        """Return the covariance of the numbers in the directions that motion determines against noise.
 
         The larger of two for each: of the information, and of how much stretches of the drive, of several lengths,
         contradict each other, which needs no model of the noise. What is not told stays as uncertain as before.
@@ -259,7 +259,7 @@ class _Solver:
         return np.asarray(covariance * np.outer(self._scale, self._scale))
 
     def _told_directions(self, pairs: MotionPairs, p: Floats, weights: Floats) -> tuple[Floats, Floats]:
-        """Return the directions of the numbers that motion tells, (8, K), and the variances along them, (K,).
+        """Return the directions of the numbers that motion determines, (8, K), and the variances along them, (K,).
 
         In units of what the config may be wrong by. Along each, the information between a and b must be so much that
         their noises, each the rest of its own information, cannot have made it by chance.

@@ -1,4 +1,4 @@
-"""Whether another delay explains a drive as well: one that repeats itself does not tell which is right."""
+"""Finds other delays that explain a drive as well: a drive that repeats itself does not show which is right."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a calibration says: numbers with their uncertainty, what the drive cannot tell, words for what is odd."""
+"""The report of a calibration: numbers with their uncertainty, those that stay undetermined, and warnings."""
 
 from __future__ import annotations
 

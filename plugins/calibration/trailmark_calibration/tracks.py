@@ -59,7 +59,7 @@ class ComparedTrack:
 
     @property
     def measures_way(self) -> bool:
-        """Whether most of the steps tell a way, and not the turn alone."""
+        """Whether most of the steps measure a way, and not the turn alone."""
         return bool(np.median(self.covariances[:, 0, 0] + self.covariances[:, 1, 1]) < 0.01 * UNKNOWN_VARIANCE)
 
     def corrected(self, matrix: Floats) -> Self:

@@ -1,4 +1,4 @@
-"""Whether two localizers tell motion in one unit, and two recordings rather than one."""
+"""Checks that two localizers measure motion in one unit, and are two recordings rather than one."""
 
 from __future__ import annotations
 

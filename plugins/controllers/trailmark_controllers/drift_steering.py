@@ -105,7 +105,7 @@ class DriftSteering(Controller):
         return frozenset({Velocity, Stop})
 
     def start(self, session: Session) -> None:
-        """Take the path; choose the direction by the end at which the robot stands, unless told.
+        """Take the path; choose the direction by the config, or by the end at which the robot stands.
 
         Raises
         ------

@@ -77,7 +77,7 @@ class PathTracking4WS(Controller):
         return frozenset({Steer4WS, Stop})
 
     def start(self, session: Session) -> None:
-        """Take the path; choose the direction by the end at which the robot stands, unless told.
+        """Take the path; choose the direction by the config, or by the end at which the robot stands.
 
         Raises
         ------

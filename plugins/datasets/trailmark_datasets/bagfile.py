@@ -184,14 +184,14 @@ def open_bag(path: Path, distribution: str) -> Iterator[BagFile]:
 
 
 def _refuse_pipes(path: Path) -> None:
-    """Refuse what would be waited for, or read for ever."""
+    """Refuse pipes and devices: opening one blocks, or reading it does not end."""
     for entry in (path, *(path.iterdir() if path.is_dir() else ())):
         if entry.exists() and not (entry.is_file() or entry.is_dir()):
             raise SourceError(f"{path}: cannot open the recording: {entry} is a device or a pipe")
 
 
 def _words_of(error: BaseException) -> str:
-    """Return what an error says, in a line; of one that speaks of Python alone, or not at all, where it arose."""
+    """Return the message of an error in a line; where it has none of use, the place where it was raised."""
     if any(isinstance(one, UnicodeDecodeError) for one in (error, *_behind(error))):  # rosbags quotes it
         return "a text in it is not UTF-8"
     if isinstance(error, MemoryError):

@@ -50,7 +50,7 @@ class Capture(Protocol):
         """Ask for a property."""
 
     def isOpened(self) -> bool:
-        """Tell whether the device is there."""
+        """Return whether the device is there."""
 
     def release(self) -> None:
         """Let go of the device."""

@@ -141,7 +141,7 @@ class CarmenLog(RecordedSource):
 
 
 def _is_corrected(lines: list[CarmenLine]) -> bool:
-    """Tell whether the log shows that its laser poses are not the odometry's."""
+    """Return whether the log's laser poses differ from its odometry."""
     chain = OdometryChain()
     mounted: Pose2 | None = None
     for line in lines:

@@ -28,7 +28,7 @@ _OF_ONE_LANDMARK = re.compile(r"(range|bearing):(\d+)")
 
 @dataclass(frozen=True, slots=True)
 class _Sighting:
-    """One landmark, as a row tells of it: the columns of its range and bearing, where there are any."""
+    """The columns of one landmark in a row: of its range and bearing, where there are any."""
 
     landmark: int | None
     range_column: str | None
@@ -89,7 +89,7 @@ class CsvRecords(RecordedSource):
                     yield None, error
 
     def _record(self, rows: list[TableRow]) -> Record:
-        """Return what the rows of one instant tell; raises `SourceError` where a field is no number."""
+        """Return the record of the rows of one instant; raises `SourceError` where a field is no number."""
         told = [self._sighting_of(row, sighting) for row in rows for sighting in self._sightings]
         seen = np.array([values for values in told if np.isfinite(values[1:]).any()]).reshape(-1, 3)
         return Record({"ids": seen[:, 0].astype(np.int64), "ranges_m": seen[:, 1], "bearings_rad": seen[:, 2]})
@@ -114,7 +114,7 @@ class CsvRecords(RecordedSource):
 
 
 def _sightings_of(table: DataTable) -> list[_Sighting]:
-    """Return which columns tell of which landmark: those of its own, or one landmark a row."""
+    """Return the columns of each landmark: those of its own, or one landmark a row."""
     matches = [match for column in table.columns if (match := _OF_ONE_LANDMARK.fullmatch(column))]
     if not matches:
         told = [column if column in table.columns else None for column in ("range", "bearing")]
@@ -131,7 +131,7 @@ def _sightings_of(table: DataTable) -> list[_Sighting]:
 
 
 def _kind_of(sightings: list[_Sighting]) -> str:
-    """Return the kind of sensor that tells these."""
+    """Return the kind of sensor that measures these quantities."""
     has_range = any(sighting.range_column for sighting in sightings)
     has_bearing = any(sighting.bearing_column for sighting in sightings)
     return "range_bearing" if has_range and has_bearing else "range" if has_range else "bearing"

@@ -202,7 +202,7 @@ def _numbers(about: Mapping[str, Any], key: str, path: Path) -> list[float] | No
 
 
 def _body_pose(about: Mapping[str, Any], path: Path) -> npt.NDArray[np.float64]:
-    """Return ``T_BS`` (4, 4); the identity where it is not told."""
+    """Return ``T_BS`` (4, 4); the identity where the file has none."""
     values = _numbers(about, "T_BS", path)
     if values is None:
         return np.eye(4)

@@ -65,7 +65,7 @@ def planar_trajectory(
 
 
 def covered_stamps(wanted_s: Matrix, truth_s: Matrix, max_gap_s: float) -> npt.NDArray[np.bool_]:
-    """Tell which stamps have a true pose of their own, or lie between two that are close enough together."""
+    """Return which stamps have a true pose of their own, or lie between two that are close enough together."""
     if len(truth_s) < 2:
         return np.zeros(len(wanted_s), dtype=np.bool_)
     after = np.clip(np.searchsorted(truth_s, wanted_s), 1, len(truth_s) - 1)

@@ -96,7 +96,7 @@ class Mountings:
 
 
 def lens_beside(bag: BagFile, topic: str) -> Pinhole | None:
-    """Return the lens that the CameraInfo beside an image topic tells."""
+    """Return the lens by the CameraInfo beside an image topic."""
     beside = ros_messages.info_topic(topic)
     if bag.topics.get(beside) != CAMERA_INFO:
         return None

@@ -56,7 +56,7 @@ def base_frame_of(tree: FrameTree, wanted: str | None, where: str) -> str | None
 
 
 def read_static_tree(bag: BagFile) -> FrameTree:
-    """Return the transforms of ``/tf_static``, under whatever namespace; of one that is told twice, the last."""
+    """Return the transforms of ``/tf_static``, under whatever namespace; of one that comes twice, the last."""
     topics = [name for name, kind in bag.topics.items() if kind in TRANSFORM_TYPES and name.endswith(_STATIC_TOPIC)]
     parents: dict[str, tuple[str, Floats | None]] = {}
     for message in bag.messages(topics):
@@ -67,7 +67,7 @@ def read_static_tree(bag: BagFile) -> FrameTree:
 
 
 def planar_transforms(message: Any, pair: tuple[str, str], where: str) -> Iterator[tuple[float, Pose2]]:
-    """Yield stamp [s] and pose of the child in the parent's plane, as often as a message tells the pair.
+    """Yield stamp [s] and pose of the child in the parent's plane, for each message that has the pair.
 
     Raises
     ------

@@ -67,7 +67,7 @@ class Rosbag(RecordedSource):
         return self._unread
 
     def origins(self) -> Mapping[str, SensorOrigin]:
-        """Return which topics tell mountings and lenses, by sensor."""
+        """Return the topics from which mountings and lenses come, by sensor."""
         return self._origins
 
     def _with_mounting(self, info: SensorInfo, choice: Choice, mountings: Mountings) -> SensorInfo:
@@ -82,7 +82,7 @@ class Rosbag(RecordedSource):
         return replace(info, pose_base_sensor=pose)
 
     def _info(self, bag: BagFile, choices: list[Choice]) -> SensorInfo:
-        """Tell what a sensor is; for pictures by looking at the first."""
+        """Return kind, size and rate of a sensor; of pictures by reading the first."""
         sensor, kind, topic = choices[0].sensor, choices[0].kind, choices[0].topic
         rate_hz = bag.rates_hz.get(topic)
         if choices[0].pair is not None:

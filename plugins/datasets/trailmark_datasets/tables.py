@@ -66,7 +66,7 @@ class DataTable:
     header_line: int
 
     def rows(self) -> Iterator[TableRow | SourceError]:
-        """Yield the rows; a line of another number of fields, as the error that says so."""
+        """Yield the rows; a line with another number of fields as its error."""
         for line, text in lines_of(self.path):
             if line <= self.header_line:
                 continue

@@ -1,4 +1,4 @@
-"""From a shift to a drift: Eqs. (15) and (16), and how much a column is worth."""
+"""From a shift to a drift: Eqs. (15) and (16), and the gain of a column."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ class DriftLaw:
 
 
 class GainLearner:
-    """Learns what a column is worth from under- and overshoot (the paper's future work, Sec. VI).
+    """Learns the gain of a column from under- and overshoot (the paper's future work, Sec. VI).
 
     When the robot has turned relative to the path, the shift should have changed by that turn. What it changed
     by more or less corrects the gain, as a scalar Kalman filter: turns that are large against the noise of the

@@ -69,7 +69,7 @@ class Look:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DifferenceWindow:
-    """A full window of differences. It speaks of its middle.
+    """A full window of differences; its stamp and station are those of its middle.
 
     Attributes
     ----------
@@ -129,7 +129,7 @@ class ImagePreprocessor:
 
     @property
     def are_turns_measured(self) -> bool:
-        """True when the belief tells of turns; see `turn_source`."""
+        """True when the belief has turns; see `turn_source`."""
         return self._belief_turns
 
     def look(self, grey: npt.NDArray[np.uint8], stamp_s: float, belief: Belief) -> Look | None:

@@ -143,7 +143,7 @@ class Divs(Localizer):
         return self._eye.change_image()
 
     def _ask_for_motion(self, stamp_s: float, belief: Belief) -> None:
-        """Refuse to wait for a way that nobody measures.
+        """Refuse to wait for a way that no localizer measures.
 
         Raises
         ------

@@ -47,7 +47,7 @@ class PictureShift:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Neighbours:
-    """The two taught pictures between which a place lies, and how far it lies towards the second."""
+    """The two taught pictures between which a place lies, and its share of the way to the second."""
 
     before: int
     after: int

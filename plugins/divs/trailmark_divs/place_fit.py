@@ -84,7 +84,7 @@ class PlaceFit:
         self._judged_m = None
 
     def doubt(self, station_m: float, direction: int) -> str | None:
-        """Return why the robot is not to be believed at a station, None where nothing speaks against it.
+        """Return a reason why the robot is not at a station; None where nothing contradicts it.
 
         Parameters
         ----------

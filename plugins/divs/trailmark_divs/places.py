@@ -1,4 +1,4 @@
-"""Where on the path a robot is that was not told: small pictures against all taught ones, while it drives.
+"""Finds a robot on the path without a belief: small pictures against all taught ones, while it drives.
 
 Streams need a straight window to compare; a picture needs none, so this works on winding ways, from the start.
 """

@@ -165,7 +165,7 @@ class StreamMatcher:
         return self._tracker.update(shift_scores(taught_windows, seen_windows, config.max_shift_columns))
 
     def _find_place(self, look: Look, belief: Belief) -> PathOffset | Lost | None:
-        """Look for the place on the path by small pictures while nobody knows it; None where that is not to be."""
+        """Search the place on the path by small pictures while it is unknown; None where that is switched off."""
         if belief.on_path is not None or self._config.when_blind != "pictures" or not len(self._places):
             if belief.on_path is not None:
                 self._places.restart()

@@ -137,7 +137,7 @@ def _clear_of(arrays: Mapping[str, AnyArray]) -> Bools:
 
 
 def summarize(recording: TaughtStream) -> dict[str, float]:
-    """Return what tells whether a taught path can be replayed: pictures, length, spacing, share of turns."""
+    """Return the figures that decide whether a path can be replayed: pictures, length, spacing, share of turns."""
     steps_m = np.diff(recording.stations_m[:, 1])
     return {
         "n_looks": float(len(recording)),

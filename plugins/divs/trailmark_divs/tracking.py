@@ -27,7 +27,7 @@ _WANDER_WITH_TURNS_COLUMNS, _JUMPS_WITH_TURNS_PER_WINDOW = 1.5, 1e-6
 
 
 def evidence_per_score(window: int) -> float:
-    """Return the log-odds that one picture's score difference of 1 is worth.
+    """Return the log-odds of a difference of 1 in one picture's score.
 
     Pictures whose windows overlap tell nearly the same, so a window's worth is shared out among its w pictures.
     """

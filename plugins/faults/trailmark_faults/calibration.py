@@ -31,7 +31,7 @@ class WrongCalibration(PluginConfig):
 
 
 def with_wrong_calibration(info: SensorInfo, wrong: WrongCalibration) -> SensorInfo:
-    """Return a sensor as it is wrongly believed to be."""
+    """Return a sensor with the calibration that the fault gives it."""
     offset = Pose3(wrong.x_m, wrong.y_m, 0.0, 0.0, math.radians(wrong.pitch_deg), math.radians(wrong.yaw_deg))
     mounted = info.pose_base_sensor
     turned = Pose3(0.0, 0.0, 0.0, mounted.roll, mounted.pitch, mounted.yaw) @ replace(offset, x=0.0, y=0.0)

@@ -54,7 +54,7 @@ def tracking_areas(config: GroundVOConfig, size: tuple[int, int]) -> tuple[tuple
 
 
 def max_shift_px(config: GroundVOConfig, size: tuple[int, int], *, is_guarded: bool = False) -> int:
-    """Return the largest predicted shift in a picture (width, height) [px]; a second opinion lets it be longer."""
+    """Return the largest predicted shift in a picture (width, height) [px]; longer where the refinement is guarded."""
     if config.max_shift_px is not None:
         return config.max_shift_px
     return round(_LONGEST_SHIFT * min(size)) if is_guarded else _length_in_picture(_PAPER_SHIFT_PX, config, size)

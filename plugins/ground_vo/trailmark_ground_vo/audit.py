@@ -87,7 +87,7 @@ class Audit:
     part_sigmas: float
 
     def reason_suspected(self, noise: float) -> str:
-        """Return why the motion needs another opinion; empty when it does not.
+        """Return why the motion must be confirmed by another search; empty when it need not.
 
         Parameters
         ----------

@@ -161,7 +161,7 @@ class GuardedRefinement(Refinement):
         after: Float32s,
         areas: Int64s,
     ) -> tuple[Consensus, Bools, float]:
-        """Return what the sub-areas say, which pixels look at the ground, and the residual that tells."""
+        """Return the consensus of the sub-areas, which pixels look at the ground, and the residual that decides."""
         misfit = _misfit(after)
         slopes = mean_slopes(picture, texture, self._centre, motion, self._aspect)
         consensus = consensus_of(texture, after, slopes, areas=areas, centre=self._centre, huber=self._huber)

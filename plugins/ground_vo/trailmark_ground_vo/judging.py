@@ -28,7 +28,7 @@ _QUIET_LEVELS = 3.0
 
 
 class MatchJudge:
-    """Tells matches from places that look a little alike.
+    """Separates matches from places that look a little alike.
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ __all__ = ["GroundVO"]
 
 
 class GroundVO(Localizer):
-    """Tells the motion of the robot from picture to picture of the ground (Nagai & Watanabe 2015, Sec. II-A).
+    """Estimates the robot's motion from picture to picture of the ground (Nagai & Watanabe 2015, Sec. II-A).
 
     Answers a `Motion` for every picture but the first, or `Lost` when a picture does not fit to the ones before. A
     short loss is bridged: the next motion begins where the last one ended. After a long one it leaves a gap.

@@ -190,7 +190,7 @@ class MoveStrategy(ABC):
     def move(
         self, picture: SearchPicture, matches: MatchPair, guesses: Sequence[ImageMotion] = ()
     ) -> GroupMove | Disagreement:
-        """Return the motion that the matches tell, and move what is remembered with it.
+        """Return the motion of the matches, and move the remembered pixels with it.
 
         Parameters
         ----------
@@ -218,7 +218,7 @@ class MoveStrategy(ABC):
         return viewpoint.find(picture, predicted.shift, predicted.turn_rad)
 
     def vote(self, before: SearchPicture, now: SearchPicture) -> ShiftVote | None:
-        """Return a second opinion on the shift between two pictures, where the strategy has one."""
+        """Return the shift between two pictures by phase correlation, where the strategy computes one."""
         return None
 
     def new_flat_field(self) -> Float32s | None:

@@ -265,7 +265,7 @@ class PatchFinder:
         angles: Floats,
         tolerance_px: float,
     ) -> tuple[ImageMotion, Bools, float]:
-        """Return where the whole patch lies, which groups agree, and least error over mean error."""
+        """Return the place of the whole patch, which groups agree, and least error over mean error."""
         _, n_angles, size, _ = errors.shape
         ranks = centre_out(n_angles, size)
         k, j, i, least, mean = summarise(errors.sum(axis=0, dtype=np.int32), ranks)

@@ -233,7 +233,7 @@ def advance_texture(
     clip: float,
     misfit: float,
 ) -> tuple[Texture, int]:
-    """Move the pixels with the picture, average what they look like, and let those that leave the area jump.
+    """Move the pixels with the picture, average their grey levels, and choose new ones for those that leave the area.
 
     Parameters
     ----------

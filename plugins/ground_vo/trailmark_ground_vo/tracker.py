@@ -237,7 +237,7 @@ class RelativeTracker:
         return max(abs(u - vote.u), abs(v - vote.v)) <= self._config.search_px / 2
 
     def _find_around(self, picture: SearchPicture, vote: ShiftVote, pace: float) -> MatchPair:
-        """Search for both groups where the second opinion says, turned as predicted."""
+        """Search for both groups around the shift of phase correlation, turned as predicted."""
         guess = ImageMotion(vote.u, vote.v, self._turn_rad(pace))
         lower, upper = (
             self._strategy.find(viewpoint, picture, self._strategy.predict(motion, 1.0))
@@ -255,7 +255,7 @@ class RelativeTracker:
         return 0.0 if self._last is None else pace * self._last[0].turn_rad
 
     def _reason_contradicted(self, found: ImageMotion, vote: ShiftVote | None) -> str:
-        """Return why a second opinion does not let a motion pass; empty when it does."""
+        """Return why phase correlation contradicts a motion; empty when it does not."""
         if vote is None or vote.support(found.u, found.v) >= _LEAST_SUPPORT:
             return ""
         return (

@@ -1,4 +1,4 @@
-"""A second opinion on the shift between two pictures: phase correlation of what is left when they are cleaned.
+"""Phase correlation of two cleaned pictures: a second estimate of the shift between them.
 
 It looks at the whole picture at a quarter of the resolution, shares no pixel, no prediction and no memory with the
 search, and costs a tenth of it. So it tells where to search when the prediction fails, and whether what the search

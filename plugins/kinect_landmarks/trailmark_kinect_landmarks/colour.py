@@ -1,4 +1,4 @@
-"""Colour: compensation of the light, and the histograms by which landmarks are told apart."""
+"""Colour: compensation of the light, and the histograms by which landmarks are matched."""
 
 from __future__ import annotations
 

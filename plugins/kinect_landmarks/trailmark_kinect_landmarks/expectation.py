@@ -1,4 +1,4 @@
-"""The movement that is expected, by which the paper tells moving things from the robot's own movement."""
+"""The expected movement, by which the paper separates moving things from the robot's own movement."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _UNKNOWN_M, _UNKNOWN_RAD = 0.1, math.radians(5.0)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Expected:
-    """The motion that is expected, and what the expectation is worth.
+    """The motion that is expected, with its covariance.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class Expectation:
 
     @property
     def last(self) -> tuple[float, Array] | None:
-        """Stamp and pose of the last answer; the stamp is -inf for a start that was told; None: lost."""
+        """Stamp and pose of the last answer; the stamp is -inf for a known start; None: lost."""
         return self._poses[-1] if self._poses else None
 
     def begin(self, stamp_s: float, T_map_base: Array) -> None:
@@ -123,7 +123,7 @@ class Expectation:
         return Rates((last[:2, 3] - before[:2, 3]) / dt_s, turn_rad / dt_s, spin_rad / dt_s)
 
     def motion(self, stamp_s: float, n_dimensions: int) -> Expected | None:
-        """Return what is expected at a stamp, in the plane (2) or in space (3), and what it is worth."""
+        """Return the expected motion at a stamp, in the plane (2) or in space (3), with its covariance."""
         T = self.pose(stamp_s)
         if T is None:
             return None

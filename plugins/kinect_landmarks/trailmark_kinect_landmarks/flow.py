@@ -201,7 +201,7 @@ class KinectFlow(Localizer):
         return known, np.asarray(squared < GATES[D])  # NaN compares false
 
     def _renew(self, grey: Grey8, depth_m: Depth, kept: _Points) -> None:
-        """Take new points beside those that are kept, as they are seen from where it is believed to be."""
+        """Choose new points beside those that are kept, as seen from the pose of the belief."""
         uv = _corners(grey, kept.uv, self.config.points, self.config.apart_px)
         measured = self._camera.measure(uv, depth_m, _SIGMA_PX, self._scan)
         known = np.isfinite(measured.points_base).all(axis=1)

@@ -195,7 +195,7 @@ class KinectLandmarks(Localizer):
     def _report_lost(
         self, stamp_s: float, reason: str, again: TrackedLandmarks, others: TrackedLandmarks, belief: Belief
     ) -> Lost:
-        """Say so; after a while begin anew from where the robot is believed to be."""
+        """Return `Lost`; after a while begin anew from the pose of the belief."""
         details = {"n_landmarks": float(len(again) + len(others)), "n_refound": float(len(again))}
         last = self._expectation.last
         has_motion = belief.motion_age_s < self.config.restart_s and belief.pose_map_base is not None
@@ -269,7 +269,7 @@ class KinectLandmarks(Localizer):
 
 
 class KinectMotion(KinectLandmarks):
-    """The same, told as motion since the last answer: for estimators that fuse it with fixes of others."""
+    """Gives the same as motion since the last answer, for estimators that fuse it with fixes of others."""
 
     def _estimates(
         self, stamp_s: float, pose: Pose2, solved: Solved, details: Mapping[str, float]

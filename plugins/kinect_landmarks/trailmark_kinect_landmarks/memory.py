@@ -186,7 +186,7 @@ class LandmarkMemory:
         self.is_moved[rows] |= self.n_against[rows] >= self.limits.moved_after
 
     def forget(self, in_sight: Rows) -> Rows | None:
-        """Begin a new picture, and forget what is not worth its place.
+        """Begin a new picture, and remove landmarks of too little use.
 
         A trial ends where it was not passed within `_TRIAL_PICTURES`. Beyond `MemoryLimits.most` go first the landmarks
         that moved, then those on trial, then those seen least often (more than `_MEMORY` times counts no more), of
@@ -225,7 +225,7 @@ class LandmarkMemory:
         return numbers
 
     def arrays(self, rows: Rows | None = None) -> dict[str, npt.NDArray[Any]]:
-        """Return what is worth keeping of some landmarks, or of all, for a store."""
+        """Return the arrays of some landmarks, or of all, that a store keeps."""
         which = slice(None) if rows is None else rows
         return {name: np.asarray(getattr(self, name)[which]) for name in _STORED}
 

@@ -1,4 +1,4 @@
-"""Watches the depth of a camera for what no residual shows, and tells the user once what to change."""
+"""Watches the depth of a camera for errors that no residual shows, and warns the user once, with the remedy."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ _HANGING_M = 0.1
 
 
 class KnownLandmarks(Localizer):
-    """Tells the pose that the sightings of an instant agree on, or each sighting for itself where they are too few.
+    """Gives the pose on which the sightings of an instant agree, or each sighting by itself where they are too few.
 
     With four numbers or more (a bearing is one, a range is one) the pose needs no belief, and an outlier is found by
     the others. With fewer, every sighting is a `Fix` that knows as much as the sighting says: along the line to the
@@ -148,7 +148,7 @@ class KnownLandmarks(Localizer):
 
 
 def _is_first(ids: np.ndarray, ranges_m: Floats, bearings_rad: Floats) -> Bools:
-    """Return which sightings repeat no earlier one to the last bit: the same error told twice does not average out."""
+    """Return which sightings repeat no earlier one to the last bit: a repeated error does not average out."""
     told = np.nan_to_num(np.stack([ids, ranges_m, bearings_rad], axis=1), nan=np.inf)
     is_first = np.zeros(len(ids), dtype=bool)
     is_first[np.unique(told, axis=0, return_index=True)[1]] = True

@@ -29,7 +29,7 @@ class Channel(ABC):
 
     @abstractmethod
     def write(self, data: bytes) -> None:
-        """Send bytes, if anybody listens."""
+        """Send bytes, if a program is connected."""
 
     def close(self) -> None:  # noqa: B027  (a default on purpose)
         """Let go of it."""

@@ -88,7 +88,7 @@ def locate(
     start: Pose2 | None = None,
     covariances: Array | None = None,
 ) -> BearingFix | None:
-    """Return the pose that sees the landmarks under the bearings, or None when they do not tell.
+    """Return the pose that sees the landmarks under the bearings; None when they do not determine it.
 
     Without a start pose every triple of landmarks (an even choice when there are many) gives a pose in closed form,
     and the one with the best support is refined over the landmarks that agree with it. With a start pose, that is

@@ -8,7 +8,7 @@ __all__ = ["KeyframeSpacing"]
 
 
 class KeyframeSpacing:
-    """Tells when the robot has moved or turned far enough for another keyframe.
+    """Decides when the robot has moved or turned far enough for another keyframe.
 
     Parameters
     ----------

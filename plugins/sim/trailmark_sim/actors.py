@@ -87,7 +87,7 @@ class Crowd:
         self._colours = [_clothes(rng) for _ in self._walks]
 
     def add_to(self, builder: SceneBuilder) -> None:
-        """Add everybody to a scene as moving shapes."""
+        """Add all people to a scene as moving shapes."""
         cloth = add_cloth(builder)
         for walk, size, colours in zip(self._walks, self._sizes, self._colours):
             pose = walk.at(0.0)
@@ -96,7 +96,7 @@ class Crowd:
                 builder.add_mover(_part(part, pose, float(size)), Surface(texture, (2.0, 1.0), colours[part[7]]))
 
     def at(self, stamp_s: float, vehicle: Pose2 | None = None) -> Moment:
-        """Return where everybody is; nobody comes nearer than `_KEEP_M` to the vehicle."""
+        """Return the poses of all people; they keep `_KEEP_M` from the vehicle."""
         poses = [_aside(walk.at(stamp_s), vehicle) for walk in self._walks]
         shapes = [_part(part, pose, float(size)) for pose, size in zip(poses, self._sizes) for part in _PARTS]
         return Moment(
@@ -108,7 +108,7 @@ class Crowd:
 
 
 def add_cloth(builder: SceneBuilder) -> int:
-    """Add what people wear to the textures of a scene, the same for everybody, and return its number."""
+    """Add the texture of people's clothes to a scene, one for all of them, and return its number."""
     return builder.texture(clouds(frame_rng(0, "cloth"), (150, 150, 150), (255, 255, 255), 64, 0.6))
 
 

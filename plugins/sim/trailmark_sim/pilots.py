@@ -24,7 +24,7 @@ _NEAR_END_M = 0.1
 
 
 class Driver(Protocol):
-    """Whoever drives without commands: a pilot on a route, a person at the keys."""
+    """Drives without commands: a pilot on a route, a person at the keys."""
 
     def step(self, state: VehicleState) -> Command:
         """Return what to do now; `Stop` with `done` ends the run."""

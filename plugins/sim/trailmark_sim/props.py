@@ -1,4 +1,4 @@
-"""Boxes that somebody carries: where they stand is a matter of the clock alone."""
+"""Boxes that people carry: their poses depend on the clock alone."""
 
 from __future__ import annotations
 

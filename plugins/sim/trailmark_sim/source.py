@@ -149,7 +149,7 @@ class SimSource(Drivable):
         self._n_collisions = self._n_checks = 0
 
     def _build_driver(self) -> Driver | None:
-        """Return who drives; None: whoever gives commands."""
+        """Return the driver; None: commands drive the vehicle."""
         if self._terminal is not None:
             return KeyboardPilot(self._world.vehicle, self._terminal)
         return Pilot(self._route, self._world.vehicle, self._place.station_m) if self._driver == "route" else None
@@ -212,7 +212,7 @@ class SimSource(Drivable):
 
 
 def _schedule(sensors: tuple[SensorModel, ...]) -> Iterator[tuple[float, int, SensorModel]]:
-    """Yield stamp, number and sensor of all readings for ever, in the order of stamps, then of sensors."""
+    """Yield stamp, number and sensor of all readings without end, in the order of stamps, then of sensors."""
     queue = [(0.0, order, 0) for order in range(len(sensors))]
     while queue:
         stamp_s, order, k = queue[0]

@@ -50,7 +50,7 @@ class Stage:
         threads: int,
         light_at: Callable[[float], float] = steady_light,
     ) -> Stage:
-        """Return the stage of what stands and of whoever moves there; its scene is built when first asked for."""
+        """Return the stage of a scene with people and boxes that move; the scene is built when first asked for."""
 
         @cache
         def scene() -> Scene:

@@ -1,4 +1,4 @@
-"""What Trailmark tells, in the archetypes of Rerun."""
+"""Frames, beliefs and estimates in the archetypes of Rerun."""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ def find_viewer(host: str, port: int, *, spawn: bool) -> None:
 
 
 def _silence(host: str, port: int) -> str | None:
-    """Return why nobody answers; None if somebody does."""
+    """Return why the viewer does not answer; None if it does."""
     try:
         socket.create_connection((host, port), timeout=_ANSWER_S).close()
     except OSError as error:

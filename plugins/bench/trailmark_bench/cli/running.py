@@ -52,7 +52,7 @@ def list_bench(request: RunOptions, plugins: Plugins, chosen: ChosenPlugins) -> 
 
 
 def run_bench_command(request: RunOptions, plugins: Plugins, chosen: ChosenPlugins) -> None:
-    """Run the cells of a bench that are missing, and tell what all of them say."""
+    """Run the missing cells of a bench, and print what all cells show."""
     with _saying_what_is_kept(), Index(request.folder, write=True) as index:
         cache = index.file_digests()
         bench = load(request, plugins, chosen, cache)
@@ -87,7 +87,7 @@ def _without_samples(cell: Cell) -> tuple[object, ...]:
 
 @contextmanager
 def _saying_what_is_kept() -> Iterator[None]:
-    """Say what is left when the bench is told to end; its cells are killed then."""
+    """Print what is kept when a signal ends the bench; its cells are killed then."""
     try:
         yield
     except KeyboardInterrupt:

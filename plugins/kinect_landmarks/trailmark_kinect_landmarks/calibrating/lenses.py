@@ -192,7 +192,7 @@ class _Problem:
         return np.concatenate([rays, np.ones((*rays.shape[:2], 1))], axis=2) * self._z[..., None]
 
     def _expected_sides(self, board_m: tuple[float, float]) -> Floats:
-        """Return the lengths that sides and diagonals have, (K, 6): which side is which, each view tells."""
+        """Return the lengths of sides and diagonals, (K, 6); each view decides which side is which."""
         width, height = board_m
         diagonal = math.hypot(width, height)
         lying = np.array([width, height, width, height, diagonal, diagonal])

@@ -86,7 +86,7 @@ class WorkingImage:
 
     @cached_property
     def contours(self) -> Sequence[npt.NDArray[Any]]:
-        """Edges as chains of pixels, those too short to tell anything left out."""
+        """Edges as chains of pixels, without those that are too short for a landmark."""
         found, _ = cv2.findContours(self.edges, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
         return [chain for chain in found if len(chain) >= 30]
 

@@ -76,7 +76,7 @@ class AnywhereMatcher:
 
 
 class AnywhereSearch:
-    """Says where a robot is that was not told, from one scan or several along its way.
+    """Finds a robot in the taught place without a belief, from one scan or several along its way.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ class AnywhereSearch:
         return self._last_odom is None or _has_moved(pose_odom_base, self._last_odom)
 
     def update(self, points_base: Floats, pose_odom_base: Pose2, *, to_line: bool = True) -> tuple[ScanMatch, bool]:
-        """Return the best fit of a scan in the whole place, and whether the robot is believed to be there."""
+        """Return the best fit of a scan in the whole place, and whether it is accepted as the robot's pose."""
         self._last_odom = pose_odom_base
         match = self._matcher.match(points_base, to_line=to_line)
         margin_m = match.runner_up_cost_m - match.cost_m

@@ -35,7 +35,7 @@ _NOISE_M, _CORRELATION = 0.015, 10.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FollowedScan:
-    """What a scan tells while a place is taught.
+    """What a scan gives while a place is taught: motion, and the correction of the pose.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class ScanFollower:
         self._last: _Last | None = None
 
     def follow(self, stamp_s: float, points_base: Floats, pose_odom_base: Pose2) -> FollowedScan:
-        """Return what a scan tells of the motion since the one before.
+        """Return the motion since the scan before.
 
         Parameters
         ----------
@@ -117,7 +117,7 @@ class ScanFollower:
 
 
 def match_held(scan_map: ScanMap, points_base: Floats, guess: Pose2, window: SearchWindow) -> ScanMatch:
-    """Return the fit of a scan nearest to a guess, held at the guess in directions that no wall tells.
+    """Return the fit of a scan nearest to a guess, held at the guess in directions that no wall measures.
 
     Other starts of the window are tried where the scan does not fit well; a fit from there must be clearly better.
 
@@ -141,12 +141,12 @@ def match_held(scan_map: ScanMap, points_base: Floats, guess: Pose2, window: Sea
 
 
 def told_fit(scan_map: ScanMap, points: Floats, pose: Pose2, guess: Pose2) -> ScanMatch:
-    """Return the fit at a pose, held at a guess in directions that no wall tells."""
+    """Return the fit at a pose, held at a guess in directions that no wall measures."""
     return _refined_held(scan_map, points, _told_part(scan_map, points, pose, guess))
 
 
 def _told_part(scan_map: ScanMap, points: Floats, pose: Pose2, guess: Pose2) -> Pose2:
-    """Return the pose that differs from a guess as another does, in directions that walls tell."""
+    """Return the pose that differs from a guess as another does, in directions that walls measure."""
     hessian, _, _, n_fit = _equations(scan_map, points, pose.array(), FIT_GATE_M)
     _, vectors, is_told = measured_directions(hessian, n_fit)
     away = pose.array() - guess.array()

@@ -58,7 +58,7 @@ class ScanJoiner:
         return Fix(0.0, match.pose_map_base, match.information, details)
 
     def _fits_elsewhere(self, pose: Pose2, information: Floats, others: tuple[Floats, Floats], cost_m: float) -> bool:
-        """Return whether another pose fits as well that differs in more than what no wall tells."""
+        """Return whether a pose fits as well that differs also in directions that walls measure."""
         poses, costs = others
         away = poses - pose.array()
         away[:, 2] = np.angle(np.exp(1j * away[:, 2]))

@@ -29,7 +29,7 @@ _MAP = "map"
 
 
 class LaserIcp(Localizer):
-    """Matches planar scans to the taught map about the belief, or anywhere in it while nobody knows the pose."""
+    """Matches planar scans to the taught map about the belief, or anywhere in it while the pose is unknown."""
 
     motion_is_spare = True  # while it teaches
     relates_keyframes = True
@@ -102,7 +102,7 @@ class LaserIcp(Localizer):
             raise StoreError(f"the laser map in the store has no array {error}: teach the place again") from error
 
     def _teach(self, frame: Frame, points_base: Floats, belief: Belief) -> Sequence[Estimate]:
-        """Tell the motion since the last scan, and remember the scan where that has led."""
+        """Return the motion since the last scan, and add the scan to the map at the pose that it leads to."""
         pose = belief.pose_map_base
         if pose is None or len(points_base) < _MIN_POINTS:
             return ()
@@ -123,7 +123,7 @@ class LaserIcp(Localizer):
             self._localizer_map.add(Keyframe(station_m, stamp_s, pose, arrays))
 
     def _find(self, scan_map: ScanMap, stamp_s: float, points_base: Floats, pose_odom_base: Pose2) -> Estimate:
-        """Look in the whole taught place: nobody knows where the robot is."""
+        """Search the whole taught place while the pose is unknown."""
         if len(points_base) < _MIN_POINTS:
             return Lost(stamp_s, f"only {len(points_base)} returns")
         keyframes = self._localizer_map.keyframes() if self._localizer_map is not None else ()

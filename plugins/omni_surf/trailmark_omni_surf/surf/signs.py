@@ -1,4 +1,4 @@
-"""Sign of the Laplacian: tells bright blobs on dark ground from dark ones on bright (Bay et al. 2006, Sec. 4.3)."""
+"""Sign of the Laplacian: bright blobs on dark ground against dark ones on bright (Bay et al. 2006, Sec. 4.3)."""
 
 from __future__ import annotations
 

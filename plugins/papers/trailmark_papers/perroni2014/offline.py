@@ -118,7 +118,7 @@ Found: TypeAlias = Mapping[tuple[str, float], list[Drive]]
 
 
 def with_depth() -> dict[str, Any]:
-    """Return what the source must be told to give depth too."""
+    """Return the option by which the source gives depth too."""
     return {"sensors": ["wheels", "front", "front_depth"], "rates_hz": {"front_depth": _DEPTH_HZ}}
 
 

@@ -114,7 +114,7 @@ def taught_place(options: ExperimentOptions) -> TaughtPlace:
 
 
 def _teach(options: ExperimentOptions, store: Path, world_seed: int) -> RunResult:
-    """Drive through all aisles with nobody about; the laser and the wheels know the poses."""
+    """Drive through all aisles without people; the laser and the wheels measure the poses."""
     limits = {"duration_s": _QUICK_S} if options.quick else {}
     config = {
         "sources": {"robot": supermarket(route="round", world_seed=world_seed, **limits)},

@@ -44,7 +44,7 @@ def draw_line(path: Path, answers: Mapping[str, Answers]) -> None:
 
 
 def draw_routes(path: Path, drives: Sequence[_PlottedRoute], goal: tuple[float, float]) -> None:
-    """Draw the ways to the goal, and where the robot believed to be (Fig. 7)."""
+    """Draw the ways to the goal, true and believed (Fig. 7)."""
     from matplotlib.patches import Circle, Rectangle
 
     title = "Routes to the goal (line: true, dots: believed), y [m]"

@@ -109,7 +109,7 @@ class Answers:
 
     @property
     def n_bad(self) -> int:
-        """Answers that are more than 0.5 m off although they claim to know better: NEES > 16."""
+        """Answers that are more than 0.5 m off and whose covariance does not allow that: NEES > 16."""
         return int(((self.errors_m > 0.5) & (self.nees > 16.0)).sum())
 
 

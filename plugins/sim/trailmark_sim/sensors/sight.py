@@ -118,7 +118,7 @@ class Sight:
         return 1 if smear_px < _SMEAR_PX else min(_MOST_INSTANTS, 2 * math.ceil((smear_px - 1.0) / 2.0) + 1)
 
     def _smear_of_movers(self, stamp_s: float, state: VehicleState, ends_s: Floats) -> float:
-        """Return the greatest angle that anybody moves by while the camera exposes, as seen by it [rad]."""
+        """Return the greatest angle by which a person or box moves during the exposure, seen from the camera [rad]."""
         first, last = (self._moment_at(stamp_s + at_s, state.pose_map_base) for at_s in ends_s.tolist())
         if first.is_empty:
             return 0.0

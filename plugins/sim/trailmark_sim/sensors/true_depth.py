@@ -1,4 +1,4 @@
-"""The exact depth of a camera's picture: a truth to measure against, no sensor that anybody could buy."""
+"""The exact depth of a camera's picture: a reference for measurements, not the model of a real sensor."""
 
 from __future__ import annotations
 

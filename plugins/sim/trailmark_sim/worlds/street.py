@@ -68,7 +68,7 @@ _SUN = {
 
 @dataclass(frozen=True, slots=True)
 class _Growth:
-    """What grows at a time of the year: colours of leaves and grass, how full the trees are, what lies about."""
+    """The vegetation of a season: colours of leaves and grass, how full the trees are, litter."""
 
     leaf: Rgb
     green: Rgb
@@ -184,7 +184,7 @@ def _add_ground(
     growth: _Growth,
     weather_rng: np.random.Generator,
 ) -> None:
-    """Lay what is paved and what is green; what lies about draws from a generator of its own."""
+    """Add pavement and grass; litter draws from a random generator of its own."""
     paving, tarmac = (
         textures.paving(rng, (158, 152, 140), 1024, 16, 0.13),
         textures.speckle(rng, (92, 92, 94), 512, 0.22),
@@ -207,7 +207,7 @@ def _add_ground(
 
 
 def _strewn(rng: np.random.Generator, ground: Bgr8, growth: _Growth) -> Bgr8:
-    """Return ground with what lies about on it in patches."""
+    """Return ground with litter on it in patches."""
     if growth.lies_about is None:
         return ground
     cover, where = textures.foliage(rng, growth.lies_about, len(ground)), textures.noise(rng, len(ground), 0.6, 2.0)
