@@ -61,3 +61,10 @@ def test_other_estimates_are_left_alone():
 def test_a_correction_that_leaves_nothing_is_refused():
     with pytest.raises(ValueError, match="nothing would be left of the motion"):
         MotionCorrection(way=0.0)
+
+
+@pytest.mark.parametrize("key", ["way", "turn", "turn_deg_per_m", "way_m_per_rad"])
+@pytest.mark.parametrize("value", [1e300, -1e300])
+def test_a_correction_beyond_all_robots_is_refused(key: str, value: float):
+    with pytest.raises(ValueError, match=rf"{key}\n  Input should be (less|greater) than or equal to"):
+        MotionCorrection(**{key: value})

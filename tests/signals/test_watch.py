@@ -99,7 +99,8 @@ def test_a_taken_port_is_a_line_before_anything_begins(tmp_path: Path, monkeypat
     [
         (["c.yaml"], "--store is missing"),
         (["c.yaml", "--store", "p.trail"], "has no robot"),
-        (["ended", "--page"], "has ended: open ended/report.html"),
+        (["ended", "--page"], "has ended: 'trailmark report ended' makes its report"),
+        (["told", "--page"], "has ended: open told/report.html"),
         (["ended", "--store", "p.trail"], "for the config of a robot"),
         (["nowhere", "--page"], "no folder nowhere"),
     ],
@@ -109,8 +110,10 @@ def test_what_cannot_be_watched_is_said(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("c.yaml").write_text("sources: {film: {plugin: camera}}")
-    Path("ended").mkdir()
-    Path("ended/run.json").write_text('{"status": "done"}')
+    for folder in ("ended", "told"):
+        Path(folder).mkdir()
+        Path(folder, "run.json").write_text('{"status": "done"}')
+    Path("told/report.html").touch()
 
     result = CliRunner().invoke(watch_command, words, standalone_mode=False)
 

@@ -71,7 +71,9 @@ def _watch_page(folder: Path, port: int) -> None:
 
     watch = _run_of(folder)
     if watch.read_status() != "running":
-        raise DataError(f"the run in {folder} has ended: open {folder / 'report.html'}")
+        report = folder / "report.html"
+        next_step = f"open {report}" if report.is_file() else f"'trailmark report {folder}' makes its report"
+        raise DataError(f"the run in {folder} has ended: {next_step}")
     serve_page(lambda secret: WatchedRun(folder, secret), port, tell=_tell_address)
 
 
