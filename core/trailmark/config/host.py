@@ -45,13 +45,13 @@ class NoOptions(PluginConfig):
 class MotionCorrection(PluginConfig):
     """What the motions of a localizer are wrong by: ``trailmark calibrate odometry`` measures it."""
 
-    way: float = Field(1.0, ge=-1e3, le=1e3)
+    way: float = Field(default=1.0, ge=-1e3, le=1e3)
     """Its ways are multiplied by this; negative: they count backwards."""
-    turn: float = Field(1.0, ge=-1e3, le=1e3)
+    turn: float = Field(default=1.0, ge=-1e3, le=1e3)
     """Its turns are multiplied by this; negative: left and right wheel are swapped."""
-    turn_deg_per_m: float = Field(0.0, ge=-3600, le=3600)
+    turn_deg_per_m: float = Field(default=0.0, ge=-3600, le=3600)
     """What a straight way turns in truth, as wheels of two sizes do [deg/m]."""
-    way_m_per_rad: float = Field(0.0, ge=-1e3, le=1e3)
+    way_m_per_rad: float = Field(default=0.0, ge=-1e3, le=1e3)
     """What a turn in place drives in truth, as wheels of two sizes do [m/rad]."""
 
     @model_validator(mode="after")
