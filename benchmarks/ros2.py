@@ -2,7 +2,7 @@
 
 A node of rclpy, in an environment of its own, sends sensors and hears beliefs (`tests/ros2/rclpy_peer.py`); a run of
 Trailmark localizes by the wheels, and gets the pictures and scans.
-``python benchmarks/ros2.py --peer PYTHON [--seconds 60] [--page]``
+``python benchmarks/ros2.py --peer PYTHON [--seconds 60]``
 """
 
 from __future__ import annotations
@@ -22,7 +22,6 @@ import numpy as np
 from trailmark.pipeline import Pipeline
 
 ROOT = Path(__file__).parents[1]
-PAGE = ROOT / "docs" / "results" / "ros2.md"
 TYPES = {
     "wheels": "Odometry",
     "front": "Image 640x480 mono8",
@@ -37,15 +36,9 @@ SCENES = {
     "wheels": ({"wheels": "/odom"}, {"wheels": 50}),
 }
 
-PAGE_TEXT = """# Live ROS 2
-
-A node of rclpy (Kilted, Fast DDS 3.2.3) sends from a process of its own over loopback; the source `ros2` reads,
-`odometry` and `kalman` localize, the sink `ros2` sends the belief back after every frame, and the node takes its age:
-its own clock minus the stamp of the frame that the belief is about. {seconds:.0f} s each, one run, 2 cores,
-`python benchmarks/ros2.py --seconds {seconds:.0f} --page`.
-
-**Load.** That of the machine was {load[0]:.1f} when the measurement began and {load[1]:.1f} when it ended,
-for 2 cores. Ages and shares are those of such a machine.
+TEXT = """`python benchmarks/ros2.py --seconds {seconds:.0f}`, commit {commit}: one run each. The load of
+the machine was {load[0]:.1f} when the measurement began and {load[1]:.1f} when it ended, for {cores} cores. Ages and
+shares are those of such a machine.
 
 | scene | message | Hz | received since the match | share | late or dropped in the run |
 |---|---|---|---|---|---|
@@ -60,7 +53,7 @@ for 2 cores. Ages and shares are those of such a machine.
 {cpu}
 
 A picture or scan in costs {picture_ms:.2f} ms of CPU: the difference of the scenes `sensors` and `wheels`, per picture
-and scan, with the belief that goes back for it.
+and scan, with the belief that goes back for it (bar: 1 ms).
 """
 
 
@@ -116,12 +109,11 @@ def rows_of(scene: str, played: dict[str, Any]) -> list[str]:
 
 
 def main() -> None:
-    """Play all scenes, and print or write the page."""
+    """Play all scenes, and print what docs/results/ros2.md shows."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--peer", default=os.environ.get("TRAILMARK_ROS2_PEER"), help="Python with rclpy")
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--domain", type=int, default=77)
-    parser.add_argument("--page", action="store_true", help="write docs/results/ros2.md")
     arguments = parser.parse_args()
     if not arguments.peer:
         parser.error("name a Python with rclpy: --peer, or TRAILMARK_ROS2_PEER")
@@ -139,16 +131,18 @@ def main() -> None:
     rates_hz = SCENES["sensors"][1]
     picture_ms = (cpu_ms["sensors"] - cpu_ms["wheels"]) / (rates_hz["front"] + rates_hz["laser"])
     cpu = [f"| {scene} | {value:.0f} |" for scene, value in cpu_ms.items()]
-    text = PAGE_TEXT.format(
+    git = ["git", "-C", str(ROOT), "rev-parse", "--short", "HEAD"]
+    commit = subprocess.run(git, capture_output=True, text=True, check=False).stdout.strip()
+    text = TEXT.format(
         seconds=arguments.seconds,
+        commit=commit or "unknown",
+        cores=os.cpu_count(),
         load=(load_before, os.getloadavg()[0]),
         arrived="\n".join(arrived),
         ages="\n".join(ages),
         cpu="\n".join(cpu),
         picture_ms=picture_ms,
     )
-    if arguments.page:
-        PAGE.write_text(text, encoding="utf-8")
     print(text)
 
 
