@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 from trailmark.errors import ConfigError
 from trailmark.frames.documents import sensor_from_document
-from trailmark.stores import drawer_rows, tables
+from trailmark.stores import map_rows, tables
 from trailmark.stores.faults import SQLITE_ERRORS, Damage, DamagedStoreError
 from trailmark.stores.files import lacks_log, open_for_reading
 
@@ -96,7 +96,7 @@ def check_store(path: Path) -> Findings:
             n_facts = findings.tried(tables.count_facts, connection)
             findings.count("entries", n_facts or 0, None if totals is None else totals.facts)
             _check_waypoints(connection, totals, findings)
-            _check_drawers(connection, totals, findings)
+            _check_maps(connection, totals, findings)
     finally:
         clean_up()
     return findings
@@ -121,20 +121,20 @@ def _check_waypoints(connection: sqlite3.Connection, totals: tables.Totals | Non
     findings.count("waypoints", n_good, None if totals is None else totals.waypoints)
 
 
-def _check_drawers(connection: sqlite3.Connection, totals: tables.Totals | None, findings: Findings) -> None:
+def _check_maps(connection: sqlite3.Connection, totals: tables.Totals | None, findings: Findings) -> None:
     columns = "id, owner, finished, n_keyframes, n_saved, crc"
-    rows = [findings.tried(drawer_rows.drawer_of, row[1:]) for row in _rows(connection, "drawers", columns, findings)]
-    drawers = {row.id: row for row in rows if row is not None}
-    findings.count("drawers", len(drawers), None if totals is None else totals.drawers)
+    rows = [findings.tried(map_rows.map_of, row[1:]) for row in _rows(connection, "drawers", columns, findings)]
+    maps = {row.id: row for row in rows if row is not None}
+    findings.count("drawers", len(maps), None if totals is None else totals.drawers)
     for table, columns, reader in (
-        ("keyframes", drawer_rows.KEYFRAME, drawer_rows.keyframe_of),
-        ("saved", drawer_rows.SAVED, drawer_rows.saved_of),
+        ("keyframes", map_rows.KEYFRAME, map_rows.keyframe_of),
+        ("saved", map_rows.SAVED, map_rows.saved_of),
     ):
         good: Counter[int] = Counter()
-        for _, drawer, *rest in _rows(connection, table, columns, findings):
-            owner = drawers[drawer].owner if drawer in drawers else f"drawer {drawer!r}"
-            good[drawer] += findings.tried(reader, (drawer, *rest), owner) is not None
-        for row in drawers.values():
+        for _, number, *rest in _rows(connection, table, columns, findings):
+            owner = maps[number].owner if number in maps else f"drawer {number!r}"
+            good[number] += findings.tried(reader, (number, *rest), owner) is not None
+        for row in maps.values():
             expected = row.n_keyframes if table == "keyframes" else row.n_saved
             findings.count(f"{table} of {row.owner}", good[row.id], expected)
 

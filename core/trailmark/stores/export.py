@@ -18,7 +18,7 @@ import numpy.typing as npt
 from trailmark.errors import StoreError
 from trailmark.geometry import Trajectory, write_tum
 from trailmark.paths import Keyframe, Waypoint
-from trailmark.stores import drawer_rows, tables
+from trailmark.stores import map_rows, tables
 from trailmark.stores.database import Database
 
 __all__ = ["export_store", "file_names"]
@@ -33,7 +33,7 @@ def export_store(path: Path, folder: Path) -> list[Path]:
     """Write all that a store holds into a new or empty folder, and return the files.
 
     ``path.tum`` (its "time" is the station: a path has no clock), ``waypoints.csv``, ``sensors.json``,
-    ``provenance.json``, and for each drawer ``drawers/OWNER/keyframes.npz`` and ``drawers/OWNER/saved/NAME.npz``.
+    ``provenance.json``, and for each map ``drawers/OWNER/keyframes.npz`` and ``drawers/OWNER/saved/NAME.npz``.
     In ``keyframes.npz``, ``station_m``, ``stamp_s`` and ``pose_map_base`` have a row per keyframe, and the arrays
     of keyframe 12 are called ``000012.NAME``.
 
@@ -51,7 +51,7 @@ def export_store(path: Path, folder: Path) -> list[Path]:
                 *_write_path(list(tables.read_waypoints(connection)), folder),
                 _write_json(folder / "sensors.json", tables.read_document(connection, "sensors")),
                 _write_json(folder / "provenance.json", tables.read_document(connection, "meta")),
-                *_write_drawers(connection, folder / "drawers"),
+                *_write_maps(connection, folder / "drawers"),
             ]
         except OSError as error:
             raise StoreError(f"cannot export to {folder}: {error.strerror or error}") from error
@@ -75,14 +75,14 @@ def file_names(names: list[str]) -> list[str]:
     return found
 
 
-def _write_drawers(connection: sqlite3.Connection, folder: Path) -> Iterator[Path]:
-    drawers = drawer_rows.read_drawers(connection)
-    for row, owner in zip(drawers, file_names([row.owner for row in drawers]), strict=True):
-        keyframes = list(drawer_rows.read_keyframes(connection, row))
+def _write_maps(connection: sqlite3.Connection, folder: Path) -> Iterator[Path]:
+    maps = map_rows.read_maps(connection)
+    for row, owner in zip(maps, file_names([row.owner for row in maps]), strict=True):
+        keyframes = list(map_rows.read_keyframes(connection, row))
         yield _write_npz(folder / owner / "keyframes.npz", _table_of(keyframes))
-        names = drawer_rows.saved_names(connection, row)
+        names = map_rows.saved_names(connection, row)
         for name, file_name in zip(names, file_names(names), strict=True):
-            arrays = drawer_rows.read_saved(connection, row, name) or {}
+            arrays = map_rows.read_saved(connection, row, name) or {}
             yield _write_npz(folder / owner / "saved" / f"{file_name}.npz", _safely_named(arrays))
 
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from trailmark.interfaces import LocalizerMap
 from trailmark.paths import Keyframe
-from trailmark.stores import drawer_rows
+from trailmark.stores import map_rows
 from trailmark.stores.database import Database
 from trailmark.stores.rows import check_name, pack_arrays
 
@@ -49,8 +49,8 @@ class SqliteMap(LocalizerMap):
         """
         layout, data = pack_arrays(keyframe.arrays)
         with self._database.writing() as connection:
-            row = drawer_rows.find_drawer(connection, self._owner) or drawer_rows.add_drawer(connection, self._owner)
-            drawer_rows.add_keyframe(connection, row, keyframe, layout, data)
+            row = map_rows.find_map(connection, self._owner) or map_rows.add_map(connection, self._owner)
+            map_rows.add_keyframe(connection, row, keyframe, layout, data)
 
     def keyframes(self) -> Sequence[Keyframe]:
         """Return all keyframes in the order in which they were added.
@@ -61,8 +61,8 @@ class SqliteMap(LocalizerMap):
             If one of them is not as it was written.
         """
         with self._database.reading() as connection:
-            row = drawer_rows.find_drawer(connection, self._owner)
-            return () if row is None else tuple(drawer_rows.read_keyframes(connection, row))
+            row = map_rows.find_map(connection, self._owner)
+            return () if row is None else tuple(map_rows.read_keyframes(connection, row))
 
     def save(self, name: str, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
         """Store named arrays under a name, replacing what stood there.
@@ -77,8 +77,8 @@ class SqliteMap(LocalizerMap):
         check_name(name, "saved arrays")
         layout, data = pack_arrays({key: np.asarray(array) for key, array in arrays.items()})
         with self._database.writing() as connection:
-            row = drawer_rows.find_drawer(connection, self._owner) or drawer_rows.add_drawer(connection, self._owner)
-            drawer_rows.save_arrays(connection, row, name, layout, data)
+            row = map_rows.find_map(connection, self._owner) or map_rows.add_map(connection, self._owner)
+            map_rows.save_arrays(connection, row, name, layout, data)
 
     def load(self, name: str) -> Mapping[str, npt.NDArray[Any]] | None:
         """Return the arrays saved under a name, or None.
@@ -89,5 +89,5 @@ class SqliteMap(LocalizerMap):
             If they are not as they were written.
         """
         with self._database.reading() as connection:
-            row = drawer_rows.find_drawer(connection, self._owner)
-            return None if row is None else drawer_rows.read_saved(connection, row, name)
+            row = map_rows.find_map(connection, self._owner)
+            return None if row is None else map_rows.read_saved(connection, row, name)

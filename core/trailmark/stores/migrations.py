@@ -12,7 +12,7 @@ import numpy.typing as npt
 from trailmark.frames.array_documents import array_from_bytes
 from trailmark.geometry import Pose2
 from trailmark.paths import Keyframe, Waypoint
-from trailmark.stores import drawer_rows, tables
+from trailmark.stores import map_rows, tables
 from trailmark.stores.faults import Damage
 from trailmark.stores.rows import check_name, pack_arrays
 from trailmark.stores.schema import TABLES, VERSION, create_schema
@@ -63,18 +63,18 @@ def _from_1_to_2(connection: sqlite3.Connection) -> None:
 
 def _drawer_from_1_to_2(connection: sqlite3.Connection, drawer: int, owner: str, finished: bool) -> None:
     check_name(owner, "a drawer")
-    row = drawer_rows.add_drawer(connection, owner)
+    row = map_rows.add_map(connection, owner)
     old = connection.execute("SELECT * FROM old_keyframes WHERE drawer = ? ORDER BY id", (drawer,)).fetchall()
     for number, _, station_m, stamp_s, x, y, theta in old:
         arrays = dict(_arrays_of_1(connection, "keyframe = ?", drawer, number))
         keyframe = Keyframe(station_m, stamp_s, Pose2(x, y, theta), arrays)
-        row = drawer_rows.add_keyframe(connection, row, keyframe, *pack_arrays(arrays))
+        row = map_rows.add_keyframe(connection, row, keyframe, *pack_arrays(arrays))
     names = connection.execute("SELECT DISTINCT saved_as FROM old_arrays WHERE drawer = ?", (drawer,)).fetchall()
     for name in [name for (name,) in names if name is not None]:
         check_name(name, "saved arrays")
         arrays = dict(_arrays_of_1(connection, "saved_as = ?", drawer, name))
-        row = drawer_rows.save_arrays(connection, row, name, *pack_arrays(arrays))
-    drawer_rows.set_finished(connection, row, finished)
+        row = map_rows.save_arrays(connection, row, name, *pack_arrays(arrays))
+    map_rows.set_finished(connection, row, finished)
 
 
 def _arrays_of_1(

@@ -12,7 +12,7 @@ from trailmark.frames.documents import sensor_from_document, sensor_to_document
 from trailmark.geometry import Pose2
 from trailmark.interfaces import LocalizerMap, PathStore, Session
 from trailmark.paths import Keyframe, Path, Waypoint
-from trailmark.stores import drawer_rows, tables
+from trailmark.stores import map_rows, tables
 from trailmark.stores.database import Database
 from trailmark.stores.localizer_map import SqliteMap
 from trailmark.stores.rows import check_name, pack_arrays
@@ -113,7 +113,7 @@ class SqlitePathStore(PathStore):
     def owners(self) -> tuple[str, ...]:
         """Return whose localizer maps there are, in the order in which they were first used."""
         with self._open_database().reading() as connection:
-            return tuple(row.owner for row in drawer_rows.read_drawers(connection))
+            return tuple(row.owner for row in map_rows.read_maps(connection))
 
     def move(self, waypoints: Sequence[Pose2], keyframes: Mapping[str, Sequence[Keyframe]]) -> bool:
         """Put the path, and what is remembered along it, elsewhere; all of it or nothing, with the next commit.
@@ -127,22 +127,22 @@ class SqlitePathStore(PathStore):
         with self._open_database().writing() as connection:
             tables.move_waypoints(connection, waypoints)
             for owner, rows in keyframes.items():
-                row = drawer_rows.find_drawer(connection, owner) or drawer_rows.add_drawer(connection, owner)
-                drawer_rows.move_keyframes(connection, row, rows, packed[owner])
+                row = map_rows.find_map(connection, owner) or map_rows.add_map(connection, owner)
+                map_rows.move_keyframes(connection, row, rows, packed[owner])
         return True
 
     def is_finished(self, owner: str) -> bool:
         """Return whether `Localizer.finish` ran for this owner since its localizer map last changed, or it has none."""
         with self._open_database().reading() as connection:
-            row = drawer_rows.find_drawer(connection, owner)
+            row = map_rows.find_map(connection, owner)
         return row is None or row.is_finished or row.n_keyframes + row.n_saved == 0
 
     def mark_finished(self, owner: str) -> None:
         """Write down that `Localizer.finish` ran for this owner; part of the open transaction."""
         check_name(owner, "a localizer map")
         with self._open_database().writing() as connection:
-            row = drawer_rows.find_drawer(connection, owner) or drawer_rows.add_drawer(connection, owner)
-            drawer_rows.set_finished(connection, row, True)
+            row = map_rows.find_map(connection, owner) or map_rows.add_map(connection, owner)
+            map_rows.set_finished(connection, row, True)
 
     def set_sensors(self, sensors: Mapping[str, SensorInfo]) -> None:
         """Keep what is known of the sensors the path is taught with; part of the open transaction."""

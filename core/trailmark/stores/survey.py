@@ -7,7 +7,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from trailmark.stores import drawer_rows, tables
+from trailmark.stores import map_rows, tables
 from trailmark.stores.database import Database
 
 __all__ = ["describe_store"]
@@ -29,13 +29,13 @@ def describe_store(path: Path) -> dict[str, Any]:
             "schema": database.schema,
             "waypoints": len(waypoints),
             "length_m": waypoints[-1].station_m - waypoints[0].station_m if waypoints else 0.0,
-            "drawers": [_describe_drawer(connection, row) for row in drawer_rows.read_drawers(connection)],
+            "drawers": [_describe_map(connection, row) for row in map_rows.read_maps(connection)],
             "sensors": tables.read_document(connection, "sensors"),
             "provenance": tables.read_document(connection, "meta"),
         }
 
 
-def _describe_drawer(connection: sqlite3.Connection, row: drawer_rows.DrawerRow) -> dict[str, Any]:
+def _describe_map(connection: sqlite3.Connection, row: map_rows.MapRow) -> dict[str, Any]:
     query = "SELECT coalesce(sum(length(data)), 0) FROM {} WHERE drawer = ?"
     (n_bytes,) = connection.execute(query.format("keyframes"), (row.id,)).fetchone()
     (n_saved_bytes,) = connection.execute(query.format("saved"), (row.id,)).fetchone()
@@ -43,7 +43,7 @@ def _describe_drawer(connection: sqlite3.Connection, row: drawer_rows.DrawerRow)
         "owner": row.owner,
         "keyframes": row.n_keyframes,
         "keyframe_bytes": n_bytes,
-        "saved": drawer_rows.saved_names(connection, row),
+        "saved": map_rows.saved_names(connection, row),
         "saved_bytes": n_saved_bytes,
         "finished": row.is_finished,
     }

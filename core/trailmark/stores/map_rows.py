@@ -1,4 +1,7 @@
-"""The rows of drawers: keyframes, and arrays that were saved under a name; all verified when they are read."""
+"""The rows of localizer maps: keyframes, and arrays that were saved under a name; all verified when they are read.
+
+The file keeps a map as a row of the table ``drawers``, its old name.
+"""
 
 from __future__ import annotations
 
@@ -19,15 +22,15 @@ from trailmark.stores.tables import finite, pose_numbers, read_totals, write_tot
 __all__ = [
     "KEYFRAME",
     "SAVED",
-    "DrawerRow",
-    "add_drawer",
+    "MapRow",
     "add_keyframe",
-    "drawer_of",
-    "find_drawer",
+    "add_map",
+    "find_map",
     "keyframe_of",
+    "map_of",
     "move_keyframes",
-    "read_drawers",
     "read_keyframes",
+    "read_maps",
     "read_saved",
     "save_arrays",
     "saved_names",
@@ -47,8 +50,20 @@ SAVED = "drawer, name, crc, layout, data"
 
 
 @dataclass(frozen=True, slots=True)
-class DrawerRow:
-    """A drawer as the store knows it."""
+class MapRow:
+    """A localizer map, as a row of the table ``drawers``.
+
+    Attributes
+    ----------
+    id : int
+        Number of the map; the other tables refer to it.
+    owner : str
+        Name of the localizer.
+    is_finished : bool
+        Whether the localizer's `finish` ran.
+    n_keyframes, n_saved : int
+        How many keyframes and saved names belong to it.
+    """
 
     id: int
     owner: str
@@ -61,46 +76,46 @@ class DrawerRow:
         return checksum("drawers", self.id, self.owner, int(self.is_finished), self.n_keyframes, self.n_saved)
 
 
-def add_drawer(connection: Connection, owner: str) -> DrawerRow:
-    """Make the drawer of an owner."""
+def add_map(connection: Connection, owner: str) -> MapRow:
+    """Add the map of an owner, and return its row."""
     totals = read_totals(connection)
-    row = DrawerRow(totals.drawers, owner)
+    row = MapRow(totals.drawers, owner)
     connection.execute("INSERT INTO drawers VALUES (?, ?, ?, ?, ?, ?)", (row.id, owner, 0, 0, 0, row.checksum()))
     write_totals(connection, replace(totals, drawers=totals.drawers + 1))
     return row
 
 
-def read_drawers(connection: Connection) -> list[DrawerRow]:
-    """Return all drawers in the order in which they were made."""
+def read_maps(connection: Connection) -> list[MapRow]:
+    """Return the rows of all maps in the order in which they were made."""
     count = read_totals(connection).drawers
     rows = connection.execute("SELECT * FROM drawers ORDER BY id").fetchmany(count + 1)
-    drawers = [drawer_of(row) for row in rows]
-    if [row.id for row in drawers] != list(range(count)) or len({row.owner for row in drawers}) != count:
+    maps = [map_of(row) for row in rows]
+    if [row.id for row in maps] != list(range(count)) or len({row.owner for row in maps}) != count:
         raise Damage(f"{count} drawers should be there, but their list is not complete")
-    return drawers
+    return maps
 
 
-def drawer_of(row: Row) -> DrawerRow:
-    """Return the drawer of a row."""
+def map_of(row: Row) -> MapRow:
+    """Return the map that a row of the table describes, verified."""
     number, owner, finished, n_keyframes, n_saved, crc = row
     is_typed = isinstance(owner, str) and all(type(n) is int and n >= 0 for n in (finished, n_keyframes, n_saved))
-    drawer = DrawerRow(number, owner, finished == 1, n_keyframes, n_saved)
-    if not is_typed or crc != drawer.checksum():
+    found = MapRow(number, owner, finished == 1, n_keyframes, n_saved)
+    if not is_typed or crc != found.checksum():
         raise Damage(f"drawer {_short(owner)} is not as it was written")
-    return drawer
+    return found
 
 
-def find_drawer(connection: Connection, owner: str) -> DrawerRow | None:
-    """Return the drawer of an owner, or None."""
-    return next((row for row in read_drawers(connection) if row.owner == owner), None)
+def find_map(connection: Connection, owner: str) -> MapRow | None:
+    """Return the map of an owner, or None."""
+    return next((row for row in read_maps(connection) if row.owner == owner), None)
 
 
-def set_finished(connection: Connection, row: DrawerRow, is_finished: bool) -> DrawerRow:
+def set_finished(connection: Connection, row: MapRow, is_finished: bool) -> MapRow:
     """Write down whether the owner's `finish` ran."""
     return _update(connection, replace(row, is_finished=is_finished))
 
 
-def _update(connection: Connection, row: DrawerRow) -> DrawerRow:
+def _update(connection: Connection, row: MapRow) -> MapRow:
     connection.execute(
         "UPDATE drawers SET finished = ?, n_keyframes = ?, n_saved = ?, crc = ? WHERE id = ?",
         (int(row.is_finished), row.n_keyframes, row.n_saved, row.checksum(), row.id),
@@ -108,8 +123,8 @@ def _update(connection: Connection, row: DrawerRow) -> DrawerRow:
     return row
 
 
-def add_keyframe(connection: Connection, row: DrawerRow, keyframe: Keyframe, layout: str, data: bytes) -> DrawerRow:
-    """Add a keyframe with its packed arrays; the drawer is unfinished from here on."""
+def add_keyframe(connection: Connection, row: MapRow, keyframe: Keyframe, layout: str, data: bytes) -> MapRow:
+    """Add a keyframe with its packed arrays; the map is unfinished from here on."""
     station_m = finite(keyframe.station_m, "a keyframe's station")
     stamp_s = finite(keyframe.stamp_s, "a keyframe's stamp")
     values = (row.id, row.n_keyframes, station_m, stamp_s, *pose_numbers(keyframe.pose_map_base))
@@ -121,9 +136,9 @@ def add_keyframe(connection: Connection, row: DrawerRow, keyframe: Keyframe, lay
 
 
 def move_keyframes(
-    connection: Connection, row: DrawerRow, keyframes: Sequence[Keyframe], packed: Sequence[tuple[str, bytes]]
-) -> DrawerRow:
-    """Put keyframes, with their packed arrays, in place of those there are; the drawer is unfinished from here on.
+    connection: Connection, row: MapRow, keyframes: Sequence[Keyframe], packed: Sequence[tuple[str, bytes]]
+) -> MapRow:
+    """Put keyframes, with their packed arrays, in place of those there are; the map is unfinished from here on.
 
     Raises
     ------
@@ -139,8 +154,8 @@ def move_keyframes(
     return row
 
 
-def read_keyframes(connection: Connection, row: DrawerRow) -> Iterator[Keyframe]:
-    """Yield the keyframes of a drawer in the order in which they were added."""
+def read_keyframes(connection: Connection, row: MapRow) -> Iterator[Keyframe]:
+    """Yield the keyframes of a map in the order in which they were added."""
     found = 0
     for values in connection.execute(f"SELECT {KEYFRAME} FROM keyframes WHERE drawer = ? ORDER BY id", (row.id,)):
         keyframe = keyframe_of(values, row.owner)
@@ -165,8 +180,8 @@ def keyframe_of(values: Row, owner: str) -> Keyframe:
         raise Damage(f"{what} cannot be read: {error}") from error
 
 
-def save_arrays(connection: Connection, row: DrawerRow, name: str, layout: str, data: bytes) -> DrawerRow:
-    """Save packed arrays under a name, replacing what stood there; the drawer is unfinished from here on."""
+def save_arrays(connection: Connection, row: MapRow, name: str, layout: str, data: bytes) -> MapRow:
+    """Save packed arrays under a name, replacing what stood there; the map is unfinished from here on."""
     gone = connection.execute("DELETE FROM saved WHERE drawer = ? AND name = ?", (row.id, name)).rowcount
     connection.execute(
         "INSERT INTO saved VALUES (NULL, ?, ?, ?, ?, ?)",
@@ -175,8 +190,8 @@ def save_arrays(connection: Connection, row: DrawerRow, name: str, layout: str, 
     return _update(connection, replace(row, n_saved=row.n_saved - gone + 1, is_finished=False))
 
 
-def saved_names(connection: Connection, row: DrawerRow) -> list[str]:
-    """Return the names under which a drawer has saved arrays."""
+def saved_names(connection: Connection, row: MapRow) -> list[str]:
+    """Return the names under which a map has saved arrays."""
     found = connection.execute("SELECT name FROM saved WHERE drawer = ? ORDER BY id", (row.id,)).fetchall()
     names = [name for (name,) in found]
     if len(set(names)) != row.n_saved or len(names) != row.n_saved:
@@ -184,7 +199,7 @@ def saved_names(connection: Connection, row: DrawerRow) -> list[str]:
     return names
 
 
-def read_saved(connection: Connection, row: DrawerRow, name: str) -> ArrayMap | None:
+def read_saved(connection: Connection, row: MapRow, name: str) -> ArrayMap | None:
     """Return the arrays that were saved under a name, or None."""
     if name in saved_names(connection, row):
         values = connection.execute(f"SELECT {SAVED} FROM saved WHERE drawer = ? AND name = ?", (row.id, name))
