@@ -63,7 +63,22 @@ def scaled(a: Sym3, factor: float) -> Sym3:
 
 
 def congruence(a: Sym3, cos: float, sin: float, u: float, v: float) -> Sym3:
-    """Return ``A a A^T`` for ``A = [[cos, -sin, u], [sin, cos, v], [0, 0, 1]]``: turned, then moved to a lever."""
+    """Return ``A a A^T`` for ``A = [[cos, -sin, u], [sin, cos, v], [0, 0, 1]]``: turned, then moved to a lever.
+
+    Parameters
+    ----------
+    a : Sym3
+        Upper triangle of a symmetric matrix.
+    cos, sin : float
+        Of the angle of the turn.
+    u, v : float
+        Last column of ``A``.
+
+    Returns
+    -------
+    Sym3
+        Upper triangle of the product.
+    """
     xx, xy, xt, yy, yt, tt = a
     cross_x, cross_y = cos * xt - sin * yt, sin * xt + cos * yt
     turned_xx = cos * cos * xx - 2.0 * cos * sin * xy + sin * sin * yy

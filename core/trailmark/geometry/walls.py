@@ -33,7 +33,21 @@ NORMAL_NOISE = 0.01
 
 @inlined_kernel
 def add_line(hessian: Array, gradient: Array, jacobian: Array, residual: float, corner: float) -> None:
-    """Add a residual with its Jacobian (3,) to Gauss-Newton's equations, Huber-weighted from `corner` on."""
+    """Add a residual with its Jacobian (3,) to Gauss-Newton's equations, Huber-weighted from `corner` on.
+
+    Parameters
+    ----------
+    hessian : (3, 3) float64
+        Sum of weighted outer products; changed in place.
+    gradient : (3,) float64
+        Sum of weighted residuals times Jacobians; changed in place.
+    jacobian : (3,) float64
+        Derivative of the residual by (x, y, theta).
+    residual : float
+        Of one point, along the wall's normal [m].
+    corner : float
+        Residuals beyond it are weighted by its size over theirs (Huber) [m].
+    """
     weight = 1.0 if abs(residual) <= corner else corner / abs(residual)
     for a in range(3):
         gradient[a] += weight * jacobian[a] * residual

@@ -148,6 +148,20 @@ def _predict_motions(p: Floats, matrix: Floats, twists: Floats) -> Floats:
 def pairs_of(a: ComparedTrack, b: ComparedTrack, interval_s: float, track_m: float | None = None) -> MotionPairs:
     """Return the intervals in which at least one of two tracks moves and both are known.
 
+    Parameters
+    ----------
+    a, b : ComparedTrack
+        The two localizers' tracks.
+    interval_s : float
+        Length of an interval [s].
+    track_m : float or None
+        Distance of the wheels; None: not known [m].
+
+    Returns
+    -------
+    MotionPairs
+        Motions of both over the intervals.
+
     Raises
     ------
     DataError

@@ -92,6 +92,24 @@ def simulate(
     """Return a drive of a robot with differential wheels at 20 Hz and a sensor at 10 Hz.
 
     ``mixed`` are straight ways, curves and turns in place, as they come; ``circle`` is one circle all the time.
+
+    Parameters
+    ----------
+    rng : Generator
+        Of the course and of the noise.
+    truth, believed : (8,) float64
+        The numbers that are right, and those that the config has.
+    course : Course
+        Kind of drive.
+    duration_s : float
+        Of the drive [s].
+    noise : DriveNoise
+        Of wheels and sensor.
+
+    Returns
+    -------
+    SimulatedDrive
+        Both tracks, as the localizers would give them.
     """
     grid_s, poses = _drive_course(rng, course, duration_s)
     wheels_s = np.arange(2.0, duration_s - 2.0, 0.05) + rng.uniform(0.0, 0.05)

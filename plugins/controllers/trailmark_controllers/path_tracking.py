@@ -54,7 +54,24 @@ def path_errors(path: Path, pose: Pose2, waypoint_idx: int, direction: int) -> t
 
 
 def steering(lateral_m: float, heading_rad: float, direction: int, config: PathTrackingConfig) -> tuple[float, float]:
-    """Return front and rear steering angles [rad], Eq. (8) with its limits."""
+    """Return front and rear steering angles [rad], Eq. (8) with its limits.
+
+    Parameters
+    ----------
+    lateral_m : float
+        Offset to the left of the path [m].
+    heading_rad : float
+        Heading against the path's tangent [rad].
+    direction : int
+        1 along the path, -1 back.
+    config : PathTrackingConfig
+        Gains and limits.
+
+    Returns
+    -------
+    (float, float)
+        Front and rear steering angle [rad].
+    """
     same_phase = config.gain_position * lateral_m / config.pixel_m
     opposite_phase = config.gain_heading * math.degrees(heading_rad)
     unit_rad = math.radians(config.limit_deg) / config.limit_units

@@ -93,6 +93,24 @@ def steer_both_axles(
     errors that do not know of each other. Offsets that ask for more than a third of full lock sideways are driven out
     with the heading too. In the single-track model, with base midway between the axles,
     ``tan front, tan rear = tan crab +- bend wheelbase / 2``.
+
+    Parameters
+    ----------
+    beside : BesidePath
+        Offset, heading error and curvature of the path.
+    speed_mps : float
+        Speed to drive [m/s].
+    over_m : float
+        Length l0 by which errors vanish, as ``exp(-1.5 s / l0)`` [m].
+    wheelbase_m : float
+        Distance of the axles [m].
+    limit_rad : float
+        Full lock [rad].
+
+    Returns
+    -------
+    Steer4WS
+        Front and rear angle [rad] and speed [m/s].
     """
     is_backwards = beside.is_backwards
     over_m *= _DECOUPLED

@@ -158,7 +158,24 @@ class ByIndex(_ByLabel):
 
 
 def make_correspondence(by: Correspond, windows: Windows, window: int, start_s: float) -> Correspondence:
-    """Return one of the paper's three correspondences; `start_s` is the stamp of the first picture."""
+    """Return one of the paper's three correspondences; `start_s` is the stamp of the first picture.
+
+    Parameters
+    ----------
+    by : Correspond
+        ``distance``, ``time`` or ``index``: Eqs. (13), (12), (11).
+    windows : Windows
+        Differences of the taught path.
+    window : int
+        How many of them are compared at a time.
+    start_s : float
+        Stamp of the first picture [s].
+
+    Returns
+    -------
+    Correspondence
+        The correspondence.
+    """
     if by == "time":
         return ByTime(windows, window, start_s)
     return ByIndex(windows, window) if by == "index" else ByDistance(windows, window)

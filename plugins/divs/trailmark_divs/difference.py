@@ -103,6 +103,17 @@ def column_counts(
 ) -> npt.NDArray[np.int64]:
     """Count the pixels above the threshold in each column, Eqs. (5) and (7).
 
+    Parameters
+    ----------
+    difference : (H, W) uint8
+        Absolute difference of two pictures [grey levels].
+    threshold : int
+        Differences above it count as a change [grey levels].
+    n_columns : int
+        How many columns, d.
+    column_px : int
+        Width of a column [px].
+
     Returns
     -------
     (d,) int64

@@ -35,6 +35,24 @@ def radians_per_column(
 
     A field of view that is told wins over the calibration. Without either, a column is a degree: the paper's
     Eqs. (15) and (16), whose shift is in columns although the text says pixels.
+
+    Parameters
+    ----------
+    calibration : Calibration or None
+        Of the camera.
+    field_of_view_deg : float or None
+        Horizontal field of view, where the config gives it [deg].
+    column_px : int
+        Width of a column [px].
+    n_columns : int
+        How many columns the picture is divided into.
+    width_px : int
+        Width of the picture [px].
+
+    Returns
+    -------
+    float
+        Angle of one column [rad].
     """
     if field_of_view_deg is not None:
         focal_px = width_px / 2.0 / math.tan(math.radians(field_of_view_deg) / 2.0)

@@ -20,7 +20,26 @@ __all__ = ["AtLandmarks", "distinct_rows", "sameness"]
 def sameness(
     windows: Windows, usable: npt.NDArray[np.bool_], correlation_window: int, apart: int, max_shift: int
 ) -> npt.NDArray[np.float64]:
-    """Return how much each window resembles those `apart` rows before and after it, (M,); 1 near the ends."""
+    """Return how much each window resembles those `apart` rows before and after it, (M,); 1 near the ends.
+
+    Parameters
+    ----------
+    windows : Windows
+        Differences of the taught path, M of them.
+    usable : (d,) bool
+        Columns that may be compared.
+    correlation_window : int
+        Length of a local window [columns].
+    apart : int
+        Rows between the windows that are compared.
+    max_shift : int
+        Largest shift that is tried [columns].
+
+    Returns
+    -------
+    (M,) float64
+        Likeness, at most 1.
+    """
     same = np.ones(len(windows))
     for row in range(apart, len(windows) - apart):
         seen = local_windows(windows.vectors[row], usable, correlation_window)

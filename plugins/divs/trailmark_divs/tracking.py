@@ -130,6 +130,24 @@ def updated_probability(
     """Spread a probability with a kernel, leak it to all places, and weigh it by scores; all (n,), kernel odd.
 
     What would spread over an end stays there.
+
+    Parameters
+    ----------
+    probability : (n,) float64
+        Over n shifts or places.
+    kernel : (k,) float64
+        What the probability is convolved with; k is odd.
+    leak : float
+        Share that goes to all places alike.
+    evidence : float
+        Log-odds of a difference of 1 in the scores.
+    scores : (n,) float64
+        Likeness at each place.
+
+    Returns
+    -------
+    (n,) float64
+        The new probability; its sum is 1.
     """
     n_places, reach = len(probability), len(kernel) // 2
     spread = np.zeros(n_places, dtype=np.float64)

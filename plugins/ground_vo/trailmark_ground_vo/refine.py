@@ -38,7 +38,26 @@ def mean_clipped(differences: Float32s, clip: float) -> float:
 def mean_slopes(
     picture: Grey16, texture: Texture, centre: tuple[float, float], motion: tuple[float, float, float], aspect: float
 ) -> tuple[Float32s, Float32s]:
-    """Return the mean of the remembered slopes, turned along, and those of the picture at every pixel."""
+    """Return the mean of the remembered slopes, turned along, and those of the picture at every pixel.
+
+    Parameters
+    ----------
+    picture : (H, W) uint16
+        The new picture, smoothed.
+    texture : (8, N) float32
+        The remembered pixels.
+    centre : (float, float)
+        Centre of the turn [px].
+    motion : (float, float, float)
+        Shift and turn [px, px, rad].
+    aspect : float
+        Metres per pixel along v over those along u.
+
+    Returns
+    -------
+    ((N,) float32, (N,) float32)
+        Slopes along u and v [grey levels/px].
+    """
     height, width = picture.shape
     pixels = picture.reshape(-1)
     cos = np.float32(math.cos(motion[2]))
@@ -182,7 +201,28 @@ def refine(
 def best_start(
     picture: Grey16, texture: Texture, centre: tuple[float, float], starts: Floats, aspect: float, clip: float
 ) -> int:
-    """Return which of the motions in `starts`, (M, 3), leaves the least clipped residual."""
+    """Return which of the motions in `starts`, (M, 3), leaves the least clipped residual.
+
+    Parameters
+    ----------
+    picture : (H, W) uint16
+        The new picture, smoothed.
+    texture : (8, N) float32
+        The remembered pixels.
+    centre : (float, float)
+        Centre of the turn [px].
+    starts : (M, 3) float64
+        Shifts and turns [px, px, rad].
+    aspect : float
+        Metres per pixel along v over those along u.
+    clip : float
+        Residuals count at most so much [grey levels].
+
+    Returns
+    -------
+    int
+        Row of `starts`.
+    """
     best, least = 0, math.inf
     for m in range(len(starts)):
         motion = (starts[m, 0], starts[m, 1], starts[m, 2])

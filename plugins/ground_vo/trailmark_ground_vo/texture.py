@@ -109,7 +109,24 @@ def learn_anew(picture: Grey16, texture: Texture, where: Bools) -> None:
 
 @kernel
 def select_texture(picture: Grey16, area: Area, n_segments: int, step_px: int) -> Texture:
-    """Return the initial pixels: of every `step_px`-th line and each of its segments the steepest along u and v."""
+    """Return the initial pixels: of every `step_px`-th line and each of its segments the steepest along u and v.
+
+    Parameters
+    ----------
+    picture : (H, W) uint16
+        The picture, smoothed.
+    area : Area
+        Where pixels are chosen.
+    n_segments : int
+        Segments of a line; of each, two pixels.
+    step_px : int
+        Distance of the lines [px].
+
+    Returns
+    -------
+    (8, N) float32
+        The pixels.
+    """
     left, top, right, bottom = area
     height = (bottom - top) // n_segments
     texture = np.empty((8, 2 * n_segments * ((right - left) // step_px)), np.float32)
@@ -160,6 +177,24 @@ def residuals(
     """Return picture minus remembered value at every pixel after a motion (bilinear), (N,) float32.
 
     Coordinates beyond the edge of the picture are moved inside.
+
+    Parameters
+    ----------
+    picture : (H, W) uint16
+        The new picture, smoothed.
+    texture : (8, N) float32
+        The remembered pixels.
+    centre : (float, float)
+        Centre of the turn [px].
+    motion : (float, float, float)
+        Shift and turn [px, px, rad].
+    aspect : float
+        Metres per pixel along v over those along u.
+
+    Returns
+    -------
+    (N,) float32
+        Residuals [grey levels].
     """
     height, width = picture.shape
     pixels = picture.reshape(-1)

@@ -66,7 +66,22 @@ def response_covariance(errors: Int32s, best: int, n_pixels: int) -> Floats:
 
 
 def whole_pixel_information(first: Floats, second: Floats, distance_px: float, aspect: float) -> Floats:
-    """Return the information of (u, v, turn) of Eq. (3) from the covariances of two shifts, (3, 3)."""
+    """Return the information of (u, v, turn) of Eq. (3) from the covariances of two shifts, (3, 3).
+
+    Parameters
+    ----------
+    first, second : (2, 2) float64
+        Covariances of the shifts of the two groups [px^2].
+    distance_px : float
+        Distance of the groups' centres [px].
+    aspect : float
+        Metres per pixel along v over those along u.
+
+    Returns
+    -------
+    (3, 3) float64
+        Information of (u, v, turn) [1/px^2, 1/rad^2].
+    """
     lever = 1.0 / (distance_px * aspect)  # turn = lever (u_1 - u_2), shift = (shift_1 + shift_2) / 2
     both, apart = (first + second) / 4.0, (first - second) * (lever / 2.0)
     turn = lever * lever * (first[0, 0] + second[0, 0])

@@ -102,6 +102,18 @@ def pose_from_two(A_start: Array, B_start: Array, A_now: Array, B_now: Array) ->
     """Return ``pose_start_now`` from two landmarks in the plane, in closed form.
 
     The turn is that of the line AB; the middle of AB stays where it is. Points (2,), x forward and y left [m].
+
+    Parameters
+    ----------
+    A_start, B_start : (2,) float64
+        The landmarks as seen from the start [m].
+    A_now, B_now : (2,) float64
+        The same landmarks as seen now [m].
+
+    Returns
+    -------
+    Pose2
+        ``pose_start_now``.
     """
     line_start, line_now = B_start - A_start, B_now - A_now
     theta = math.atan2(line_start[1], line_start[0]) - math.atan2(line_now[1], line_now[0])
@@ -202,7 +214,22 @@ def align(
 def reachable(
     points_a: Array, points_b: Array, cov_a: Array, cov_b: Array, expected: Expected
 ) -> npt.NDArray[np.bool_]:
-    """Return which landmarks are where they may be, given how sure the expectation is."""
+    """Return which landmarks are where they may be, given how sure the expectation is.
+
+    Parameters
+    ----------
+    points_a, points_b : (N, D) float64
+        Remembered and seen positions, D 2 or 3 [m].
+    cov_a, cov_b : (N, D, D) float64
+        Their covariances [m^2].
+    expected : Expected
+        The expected motion with its covariance.
+
+    Returns
+    -------
+    (N,) bool
+        Landmarks within the gate.
+    """
     R, t = expected.R, expected.t
     J = jacobian(points_b @ R.T)
     cov = cov_a + R @ cov_b @ R.T + J @ np.linalg.inv(expected.information) @ J.transpose(0, 2, 1)

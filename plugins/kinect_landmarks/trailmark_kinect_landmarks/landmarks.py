@@ -108,7 +108,26 @@ def _subpixel(grey: Grey, uv: Array) -> Array:
 
 
 def spread_out(uv: Array, strength: Array, taken_uv: Array, apart_px: float, n: int) -> npt.NDArray[np.intp]:
-    """Return the best marked pixels, best first, none nearer than `apart_px` to another or to one that is taken."""
+    """Return the best marked pixels, best first, none nearer than `apart_px` to another or to one that is taken.
+
+    Parameters
+    ----------
+    uv : (N, 2) float64
+        Pixels (u, v) [px].
+    strength : (N,) float64
+        How well marked each is.
+    taken_uv : (K, 2) float64
+        Pixels that are taken already [px].
+    apart_px : float
+        Least distance [px].
+    n : int
+        How many at the most.
+
+    Returns
+    -------
+    (<= n,) int
+        Rows of `uv`.
+    """
     kept: list[int] = []
     free = np.ones(len(uv), dtype=np.bool_)
     if len(taken_uv):

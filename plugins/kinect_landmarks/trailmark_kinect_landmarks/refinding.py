@@ -67,7 +67,22 @@ def follow(
 def resemblance(
     histogram: Floats, vicinity: Floats, other_histogram: Floats, other_vicinity: Floats, by_colour: bool = True
 ) -> Floats:
-    """Return how alike landmarks are, (N, M): the mean of the likeness of colours and of vicinities, at most 1."""
+    """Return how alike landmarks are, (N, M): the mean of the likeness of colours and of vicinities, at most 1.
+
+    Parameters
+    ----------
+    histogram, vicinity : (N, B) float64
+        Colours of N landmarks, and of what is around them.
+    other_histogram, other_vicinity : (M, B) float64
+        The same of M others.
+    by_colour : bool
+        False: colours do not count.
+
+    Returns
+    -------
+    (N, M) float64
+        Likeness, at most 1.
+    """
     pattern = vicinity @ other_vicinity.T
     if not by_colour:
         return np.asarray(pattern, dtype=np.float32)
@@ -82,7 +97,24 @@ def resemblance_where(
     other_vicinity: Floats,
     by_colour: bool = True,
 ) -> Floats:
-    """Return the same of the possible pairs alone, (N, M), and -1 for all others: most stand elsewhere."""
+    """Return the same of the possible pairs alone, (N, M), and -1 for all others: most stand elsewhere.
+
+    Parameters
+    ----------
+    possible : (N, M) bool
+        Pairs to compare.
+    histogram, vicinity : (N, B) float64
+        Colours of N landmarks, and of what is around them.
+    other_histogram, other_vicinity : (M, B) float64
+        The same of M others.
+    by_colour : bool
+        False: colours do not count.
+
+    Returns
+    -------
+    (N, M) float64
+        Likeness, at most 1; -1 where a pair is not possible.
+    """
     row, column = np.nonzero(possible)
     alike = np.einsum("kc,kc->k", vicinity[row], other_vicinity[column])
     if by_colour:
@@ -105,6 +137,26 @@ def match_near(
     """Return pairs (seen, remembered) that look alike, are of like size and near where they should be.
 
     Each is the other's best; (K, 2).
+
+    Parameters
+    ----------
+    alike : (N, M) float64
+        As `resemblance` returns it.
+    uv : (N, 2) float64
+        Pixels of those that are seen [px].
+    expected_uv : (M, 2) float64
+        Pixels where the remembered ones are expected [px].
+    radius_px : float
+        Greatest distance of the two [px].
+    size, other_size : (N,), (M,) float64
+        Sizes of the seen and the remembered ones [m].
+    least : float
+        Least likeness of a pair.
+
+    Returns
+    -------
+    (K, 2) int
+        Rows of the seen and of the remembered ones.
     """
     if alike.size == 0:
         return np.empty((0, 2), np.intp)
@@ -113,7 +165,24 @@ def match_near(
 
 
 def match_anywhere(alike: Floats, size: Array, other_size: Array, least: float, n_each: int = 3) -> Pairs:
-    """Return candidate pairs (seen, remembered), up to `n_each` for each that is seen; (K, 2)."""
+    """Return candidate pairs (seen, remembered), up to `n_each` for each that is seen; (K, 2).
+
+    Parameters
+    ----------
+    alike : (N, M) float64
+        As `resemblance` returns it.
+    size, other_size : (N,), (M,) float64
+        Sizes of the seen and the remembered ones [m].
+    least : float
+        Least likeness of a pair.
+    n_each : int
+        Pairs for each that is seen, at the most.
+
+    Returns
+    -------
+    (K, 2) int
+        Rows of the seen and of the remembered ones.
+    """
     if alike.size == 0:
         return np.empty((0, 2), np.intp)
     scores = np.where(_like_size(size, other_size), alike, -1.0)

@@ -95,9 +95,25 @@ def systematic_covariance(share: float, drift: Drift, rates: Rates | None) -> Fl
 def motion_systematic(share: float, step: Pose2, dt_s: float, depth_m: float) -> Floats:
     """Return the covariance (3, 3) that a single motion needs so that a second and a metre of them are honest.
 
-    Whoever adds up n motions takes their errors for independent and gets sqrt(n) times one of them; a systematic error
-    is n times as large. So the sigma of one is sqrt(n) times its own, n being the motions in a second or in a metre,
+    An estimator that adds up n motions takes their errors for independent and gets sqrt(n) times one of them; a
+    systematic error is n times as large. So the sigma of one is sqrt(n) times its own, n being the motions in a second or in a metre,
     whichever is more.
+
+    Parameters
+    ----------
+    share : float
+        Systematic error of depth, as a share of it.
+    step : Pose2
+        The motion.
+    dt_s : float
+        Its duration [s].
+    depth_m : float
+        Typical depth of the landmarks [m].
+
+    Returns
+    -------
+    (3, 3) float64
+        Covariance of (x, y, theta) to be added.
     """
     way_m = math.hypot(step.x, step.y)
     n = max(1.0, 1.0 / max(dt_s, 1e-3), min(1.0 / max(way_m, 1e-3), _MOST_MOTIONS))

@@ -31,6 +31,22 @@ def bearing_scales(landmarks: Array, covariances: Array, pose: Array, sigma_rad:
     """Return what makes the error of every landmark comparable: noise of a bearing over that of this one, (N,).
 
     What a landmark was mismeasured by across the line of sight is seen as an error of its bearing.
+
+    Parameters
+    ----------
+    landmarks : (N, 2) float64
+        Positions in the map [m].
+    covariances : (N, 2, 2) float64
+        Of the positions [m^2].
+    pose : (3,) float64
+        Camera in the map [m, m, rad].
+    sigma_rad : float
+        Noise of a bearing, one standard deviation [rad].
+
+    Returns
+    -------
+    (N,) float64
+        Factors, at most 1.
     """
     scales = np.empty(landmarks.shape[0])
     for n in range(landmarks.shape[0]):
@@ -91,6 +107,22 @@ def hypotheses(landmarks: Array, bearings: Array, gate_rad: float, every: int) -
     """Return closed-form poses (T, 3), NaN where none is defined, and their `support`, (T,).
 
     The first is the pose of all bearings; the others are those of every `every`-th triple of them.
+
+    Parameters
+    ----------
+    landmarks : (N, 2) float64
+        Positions in the map [m].
+    bearings : (N,) float64
+        Directions in camera axes [rad].
+    gate_rad : float
+        Errors beyond it do not count [rad].
+    every : int
+        Which share of the triples is tried: one of so many.
+
+    Returns
+    -------
+    ((T, 3), (T,) float64)
+        Poses in the map [m, m, rad] and their support.
     """
     n = bearings.shape[0]
     n_poses = 1 + (n * (n - 1) * (n - 2) // 6 + every - 1) // every
@@ -117,6 +149,22 @@ def support(landmarks: Array, bearings: Array, pose: Array, gate_rad: float) -> 
     """Return how many landmarks agree with a pose, each the less the larger its error; -1 for no pose.
 
     Wrong matches that agree by chance fill the gate evenly and count two thirds, right ones nearly one.
+
+    Parameters
+    ----------
+    landmarks : (N, 2) float64
+        Positions in the map [m].
+    bearings : (N,) float64
+        Directions in camera axes [rad].
+    pose : (3,) float64
+        Camera in the map [m, m, rad].
+    gate_rad : float
+        Errors beyond it do not count [rad].
+
+    Returns
+    -------
+    float
+        Weighted number of landmarks.
     """
     if not np.isfinite(pose).all():
         return -1.0
@@ -136,6 +184,26 @@ def cost_and_step(
     """Accumulate the Gauss-Newton equations of the bearings with Huber weights; return the robust cost [rad^2].
 
     Errors and their derivatives are multiplied by `scales`, see `bearing_scales`.
+
+    Parameters
+    ----------
+    landmarks : (N, 2) float64
+        Positions in the map [m].
+    bearings : (N,) float64
+        Directions in camera axes [rad].
+    scales : (N,) float64
+        See `bearing_scales`.
+    pose : (3,) float64
+        Camera in the map [m, m, rad].
+    corner_rad : float
+        Errors beyond it count linearly (Huber) [rad].
+    hessian, gradient : (3, 3), (3,) float64
+        Written in place.
+
+    Returns
+    -------
+    float
+        Sum of the Huber losses [rad^2].
     """
     hessian[:] = 0.0
     gradient[:] = 0.0
@@ -162,6 +230,26 @@ def refine(landmarks: Array, bearings: Array, scales: Array, start: Array, corne
     """Return the pose of least robust bearing error near the start (Levenberg-Marquardt).
 
     Undamped steps run away on a few badly placed triples; damped ones never end worse than they began.
+
+    Parameters
+    ----------
+    landmarks : (N, 2) float64
+        Positions in the map [m].
+    bearings : (N,) float64
+        Directions in camera axes [rad].
+    scales : (N,) float64
+        See `bearing_scales`.
+    start : (3,) float64
+        Pose to start from [m, m, rad].
+    corner_rad : float
+        Errors beyond it count linearly (Huber) [rad].
+    iterations : int
+        Steps at the most.
+
+    Returns
+    -------
+    (3,) float64
+        Camera in the map [m, m, rad].
     """
     pose = start.copy()
     hessian, gradient = np.empty((3, 3)), np.empty(3)

@@ -160,7 +160,20 @@ def squared_distances(
     train: npt.NDArray[np.float32],
     train_sign: npt.NDArray[np.int8],
 ) -> npt.NDArray[np.float64]:
-    """Return squared distances between unit vectors, (N, M) float64; infinite between bright and dark blobs."""
+    """Return squared distances between unit vectors, (N, M) float64; infinite between bright and dark blobs.
+
+    Parameters
+    ----------
+    query, train : (N, d), (M, d) float32
+        Descriptors of length one.
+    query_sign, train_sign : (N,), (M,) int8
+        Signs of the Laplacian (Bay et al. 2006, Sec. 4.3).
+
+    Returns
+    -------
+    (N, M) float64
+        Squared distances.
+    """
     out = np.empty((len(query), len(train)))
     if out.size:
         squared_unit_distances(query, query_sign, np.ascontiguousarray(train.T), train_sign, out)

@@ -154,7 +154,22 @@ class Straightened:
 
 
 def edge_of(first: int, second: int, measured: Pose2, information: Floats) -> PoseEdges:
-    """Return one relation that may be wrong."""
+    """Return one relation that may be wrong.
+
+    Parameters
+    ----------
+    first, second : int
+        Numbers of the two nodes.
+    measured : Pose2
+        Pose of the second as seen from the first.
+    information : (3, 3) float64
+        Of the measured (x, y, theta).
+
+    Returns
+    -------
+    PoseEdges
+        One edge, switchable.
+    """
     begin, end = np.array([first], np.intp), np.array([second], np.intp)
     return PoseEdges(begin, end, measured.array()[np.newaxis], information[np.newaxis], np.ones(1, np.bool_))
 

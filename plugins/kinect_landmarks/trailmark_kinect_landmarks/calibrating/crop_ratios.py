@@ -99,7 +99,22 @@ def lens_of_angle(size: Size, horizontal_deg: float) -> Pinhole:
 
 
 def as_depth_camera(crop: Crop, colour: Pinhole, colour_size: Size, depth_size: Size) -> DepthCamera:
-    """Return the crop as a calibration: a depth lens at the same place that sees what the crop leaves."""
+    """Return the crop as a calibration: a depth lens at the same place that sees what the crop leaves.
+
+    Parameters
+    ----------
+    crop : Crop
+        What the depth camera does not see at each side.
+    colour : Pinhole
+        Lens of the colour camera.
+    colour_size, depth_size : Size
+        Width and height of the two pictures [px].
+
+    Returns
+    -------
+    DepthCamera
+        The depth lens, at the place of the colour lens.
+    """
     R_x, R_y = ratios(depth_size, crop.size(colour_size))
     depth = Pinhole(
         R_x * colour.fx,

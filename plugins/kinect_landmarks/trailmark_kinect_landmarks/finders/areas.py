@@ -70,6 +70,20 @@ def patches_of(
     """Return the frames of the connected areas of one label, in one pass over all labels.
 
     A pixel whose right or lower neighbour bears another label is a border; what the borders leave is connected.
+
+    Parameters
+    ----------
+    labels : (H, W) int
+        Label of every pixel.
+    min_share, max_share : float
+        Least and greatest share of the picture that an area may have.
+    skip_zero : bool
+        Whether pixels of label 0 belong to no area.
+
+    Returns
+    -------
+    list of (int, int, int, int)
+        Bounding boxes [px].
     """
     inside = np.ones(labels.shape, dtype=np.uint8)
     inside[:, :-1] &= labels[:, :-1] == labels[:, 1:]

@@ -20,7 +20,23 @@ Array = npt.NDArray[Any]
 def stamp_nearest(
     points: Array, origin: Array, cell_m: float, reach_m: float, nearest_idx: Array, distance_m: Array
 ) -> None:
-    """Write every point into the cells within its reach, where it is nearer than what stands there."""
+    """Write every point into the cells within its reach, where it is nearer than what stands there.
+
+    Parameters
+    ----------
+    points : (N, 2) float64
+        Points of the map [m].
+    origin : (2,) float64
+        Corner of the grid [m].
+    cell_m : float
+        Side of a cell [m].
+    reach_m : float
+        How far from a point cells are written [m].
+    nearest_idx : (rows, columns) int
+        Nearest point of each cell, -1 for none; changed in place.
+    distance_m : (rows, columns) float64
+        Its distance [m]; changed in place.
+    """
     height, width = nearest_idx.shape
     reach_cells = math.ceil(reach_m / cell_m)
     for n in range(points.shape[0]):
@@ -41,7 +57,28 @@ def stamp_nearest(
 def truncated_cost(
     points: Array, x: float, y: float, theta: float, origin: Array, cell_m: float, distance_m: Array, reach_m: float
 ) -> float:
-    """Return the mean distance of the points to the map at a pose, each at most `reach_m` [m]."""
+    """Return the mean distance of the points to the map at a pose, each at most `reach_m` [m].
+
+    Parameters
+    ----------
+    points : (N, 2) float64
+        Points of the scan in base axes [m].
+    x, y, theta : float
+        Pose of base in the map [m, m, rad].
+    origin : (2,) float64
+        Corner of the grid [m].
+    cell_m : float
+        Side of a cell [m].
+    distance_m : (rows, columns) float64
+        Distance of each cell to the nearest point of the map [m].
+    reach_m : float
+        Larger distances count as this one [m].
+
+    Returns
+    -------
+    float
+        Mean distance [m].
+    """
     height, width = distance_m.shape
     cos, sin = math.cos(theta), math.sin(theta)
     total = 0.0
@@ -59,7 +96,28 @@ def truncated_cost(
 def score_starts(
     points: Array, starts: Array, origin: Array, cell_m: float, distance_m: Array, reach_m: float
 ) -> Array:
-    """Return the cost of every start pose (S, 3), (S,) [m]."""
+    """Return the cost of every start pose (S, 3), (S,) [m].
+
+    Parameters
+    ----------
+    points : (N, 2) float64
+        Points of the scan in base axes [m].
+    starts : (S, 3) float64
+        Poses of base in the map [m, m, rad].
+    origin : (2,) float64
+        Corner of the grid [m].
+    cell_m : float
+        Side of a cell [m].
+    distance_m : (rows, columns) float64
+        Distance of each cell to the nearest point of the map [m].
+    reach_m : float
+        Larger distances count as this one [m].
+
+    Returns
+    -------
+    (S,) float64
+        See `truncated_cost` [m].
+    """
     costs = np.empty(starts.shape[0])
     for s in range(starts.shape[0]):
         costs[s] = truncated_cost(points, starts[s, 0], starts[s, 1], starts[s, 2], origin, cell_m, distance_m, reach_m)
@@ -84,6 +142,27 @@ def normal_equations(
 
     The unknown is a small motion (dx, dy, dtheta) in map axes about the pose's position. Point to line, map points
     whose neighbourhood is no line say nothing; point to point, as Besl and McKay match, all count.
+
+    Parameters
+    ----------
+    points : (N, 2) float64
+        Points of the scan in base axes [m].
+    pose : (3,) float64
+        Base in the map [m, m, rad].
+    map_points, map_normals : (K, 2) float64
+        Points of the map [m] and their normals, (0, 0) where the neighbourhood is no line.
+    origin : (2,) float64
+        Corner of the grid [m].
+    cell_m : float
+        Side of a cell [m].
+    nearest_idx : (rows, columns) int
+        Nearest map point of each cell, -1 for none.
+    gate_m : float
+        Points farther from the map do not count [m].
+    to_line : bool
+        Point to line; False: point to point.
+    hessian, gradient : (3, 3), (3,) float64
+        Written in place.
 
     Returns
     -------
@@ -141,7 +220,34 @@ def refine(
     iterations: int,
     to_line: bool,
 ) -> Array:
-    """Return the pose (3,) after Gauss-Newton steps with each gate in turn; the start when nothing matches."""
+    """Return the pose (3,) after Gauss-Newton steps with each gate in turn; the start when nothing matches.
+
+    Parameters
+    ----------
+    points : (N, 2) float64
+        Points of the scan in base axes [m].
+    start : (3,) float64
+        Base in the map [m, m, rad].
+    map_points, map_normals : (K, 2) float64
+        As for `normal_equations`.
+    origin : (2,) float64
+        Corner of the grid [m].
+    cell_m : float
+        Side of a cell [m].
+    nearest_idx : (rows, columns) int
+        Nearest map point of each cell, -1 for none.
+    gates_m : (G,) float64
+        One gate after the other [m].
+    iterations : int
+        Steps with each gate, at the most.
+    to_line : bool
+        Point to line; False: point to point.
+
+    Returns
+    -------
+    (3,) float64
+        Base in the map [m, m, rad].
+    """
     pose = start.copy()
     hessian, gradient = np.empty((3, 3)), np.empty(3)
     for gate in range(gates_m.shape[0]):

@@ -45,6 +45,20 @@ def haar(integral: Array, u: int, v: int, half: int) -> tuple[int, int]:
     """Return the Haar responses along u and v of the square of side ``2 * half`` about the pixel corner (u, v).
 
     The corner (u, v) lies between the pixels u - 1 and u. Near the border the square is moved into the image.
+
+    Parameters
+    ----------
+    integral : (H + 1, W + 1) int
+        Integral image.
+    u, v : int
+        Pixel corner of the square's middle [px].
+    half : int
+        Half the side of the square [px].
+
+    Returns
+    -------
+    (int, int)
+        Right minus left half, lower minus upper half [grey levels].
     """
     u = min(max(u, half), integral.shape[1] - 1 - half)
     v = min(max(v, half), integral.shape[0] - 1 - half)

@@ -129,7 +129,22 @@ def _box(integral: Array, v: int, u: int, height: int, width: int) -> int:
 
 @kernel
 def box_derivatives(integral: Array, v: int, u: int, size_px: int) -> tuple[float, float, float]:
-    """Return Dxx, Dyy and Dxy of the filter at one pixel, over its area [grey levels]."""
+    """Return Dxx, Dyy and Dxy of the filter at one pixel, over its area [grey levels].
+
+    Parameters
+    ----------
+    integral : (H + 1, W + 1) int
+        Integral image.
+    v, u : int
+        Row and column of the filter's middle [px].
+    size_px : int
+        Side of the filter [px].
+
+    Returns
+    -------
+    (float, float, float)
+        Dxx, Dyy, Dxy [grey levels].
+    """
     lobe, border = size_px // 3, size_px // 2
     half = lobe // 2
     area = size_px * size_px
