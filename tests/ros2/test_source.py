@@ -189,6 +189,31 @@ def test_a_slice_of_a_cloud_is_a_scan(robot, messages, started) -> None:
     assert seen == {0: 2.0, 90: 3.0}  # the nearer point is above the slice
 
 
+def test_a_robot_that_tells_its_odometry_by_transforms_alone(domain, new_robot, messages, started) -> None:
+    def link(parent: str, child: str, x: float):
+        pose = messages.pose(x, 0.0, 0.1)
+        fields = {"translation": new_message(VECTOR, {"x": x}), "rotation": pose.orientation}
+        transform = new_message("geometry_msgs/msg/Transform", fields)
+        keys = {"header": messages.header(frame_id=parent), "child_frame_id": child, "transform": transform}
+        return new_message("geometry_msgs/msg/TransformStamped", keys)
+
+    def tree(*links):
+        return new_message("tf2_msgs/msg/TFMessage", {"transforms": list(links)})
+
+    # Who localizes sends on the same topic, and is another program.
+    new_robot(domain).repeat("/tf", 50, lambda k: tree(link("map", "odom", 70.0 + k)))
+    new_robot(domain).repeat("/tf", 50, lambda k: tree(link("odom", "base_link", 5.0 + 0.01 * k), link("a", "b", 9.0)))
+    source = started(topics={"wheels": "/tf"})
+
+    readings = [frame.payload for frame in itertools.islice(source.frames(), 20)]
+
+    ways_m = [math.hypot(reading.pose_start_base.x, reading.pose_start_base.y) for reading in readings]
+    np.testing.assert_allclose(np.diff(ways_m[1:]), 0.01, atol=0.021)  # one may be lost at the start
+    assert {reading.twist for reading in readings} == {None}
+    assert not source.counters().get("other_writer.wheels")
+    assert source.sensors["wheels"].kind == "odometry"
+
+
 def test_velocities_are_integrated(robot, messages, started) -> None:
     twist = new_message("geometry_msgs/msg/Twist", {"linear": new_message(VECTOR, {"x": 0.5})})
     began_s = time.time()

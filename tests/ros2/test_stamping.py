@@ -58,7 +58,7 @@ def feed(monkeypatch):
         came_s = iter(0.1 * k for k in range(100))
         monkeypatch.setattr("trailmark_ros2.feeds.live_stamp_s", lambda: next(came_s))
         monkeypatch.setattr("trailmark_ros2.feeds.deserialize", lambda cdr, _: message_with_frame(cdr[0]))
-        reader = SimpleNamespace(restarts=0, payload=lambda *_: Scalar(0.0))
+        reader = SimpleNamespace(restarts=0, own_part=lambda message: message, payload=lambda *_: Scalar(0.0))
         return feeds.TopicFeed("wheels", Talker(stamps), reader, Stamper("/odom", "header", 1e10), skips=True)
 
     return make

@@ -39,6 +39,10 @@ class TopicOptions(PluginConfig):
     """Of a PointCloud2: points between these heights, in the sensor's own axes, become the scan [m]."""
     angle_step_deg: float = Field(default=0.5, gt=0, le=10)
     """Of a PointCloud2: angle between the beams of the scan [deg]."""
+    odom_frame: str = "odom"
+    """Of /tf: the transform from this frame ..."""
+    base_frame: str = "base_link"
+    """... to this one becomes the odometry."""
 
 
 class ColourDepthTopics(PluginConfig):

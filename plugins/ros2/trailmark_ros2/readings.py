@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from types import SimpleNamespace
 from typing import Any, ClassVar
 
 from trailmark.frames import Odometry, Payload
@@ -15,6 +16,7 @@ from trailmark_ros2.config import TopicOptions
 
 __all__ = ["UNDERSTOOD", "Reader", "new_reader"]
 
+_TRANSFORMS = "tf2_msgs/msg/TFMessage"
 _TWIST_STAMPED = "geometry_msgs/msg/TwistStamped"
 _CLOUD = "sensor_msgs/msg/PointCloud2"
 
@@ -40,6 +42,10 @@ class Reader(ABC):
     def __init__(self, options: TopicOptions) -> None:
         self.options = options
         self.restarts = 0
+
+    def own_part(self, message: Any) -> Any:
+        """Return what of a message is for this reader, with a header; None: nothing."""
+        return message
 
     @abstractmethod
     def payload(self, message: Any, stamp_s: float, writer: int) -> Payload | None:
@@ -111,7 +117,10 @@ class _OdometryReader(Reader):
             self._pose_odom_start = pose_odom_base @ pose_start_last.inverse()
             self.restarts += 1
         self._last = pose_odom_base, writer
-        return ros_messages.odometry(message, self._pose_odom_start)
+        return self._odometry(message, self._pose_odom_start)
+
+    def _odometry(self, message: Any, pose_odom_start: Pose2) -> Odometry:
+        return ros_messages.odometry(message, pose_odom_start)
 
     @staticmethod
     def _began_anew(pose: Pose2, writer: int, last: Pose2, last_writer: int) -> bool:
@@ -119,6 +128,22 @@ class _OdometryReader(Reader):
         if writer != last_writer:
             return jump_m > _SAME_M
         return jump_m > _RESTART_M and math.hypot(pose.x, pose.y) < _NEAR_ZERO_M
+
+
+class _TransformReader(_OdometryReader):
+    """The odometry of a robot that tells it by /tf alone; it knows no velocity."""
+
+    def own_part(self, message: Any) -> Any:
+        ends = (self.options.odom_frame, self.options.base_frame)
+        own = None
+        for link in message.transforms:
+            if (link.header.frame_id.lstrip("/"), link.child_frame_id.lstrip("/")) == ends:
+                pose = SimpleNamespace(position=link.transform.translation, orientation=link.transform.rotation)
+                own = SimpleNamespace(header=link.header, pose=SimpleNamespace(pose=pose))
+        return own
+
+    def _odometry(self, message: Any, pose_odom_start: Pose2) -> Odometry:
+        return Odometry(pose_odom_start.inverse() @ ros_messages.planar_pose(message.pose.pose))
 
 
 class _TwistReader(Reader):
@@ -152,6 +177,7 @@ _READERS: dict[str, type[Reader]] = {
     _CLOUD: _Cloud,
     "sensor_msgs/msg/Imu": _Inertial,
     "nav_msgs/msg/Odometry": _OdometryReader,
+    _TRANSFORMS: _TransformReader,
     _TWIST_STAMPED: _TwistReader,
     **dict.fromkeys(POSE_TYPES, _Pose),
 }

@@ -62,7 +62,7 @@ def _row(
         "readers": str(readers[topic]),
         "quality": " / ".join(sorted({str(writer.quality) for writer in writers})),
         "rate": "unknown" if rate_hz is None else f"{rate_hz:.3g} Hz",
-        "sensor": UNDERSTOOD.get(type_name, ""),
+        "sensor": "" if topic == "/tf_static" else UNDERSTOOD.get(type_name, ""),
     }
 
 
