@@ -96,8 +96,8 @@ def motion_systematic(share: float, step: Pose2, dt_s: float, depth_m: float) ->
     """Return the covariance (3, 3) that a single motion needs so that a second and a metre of them are honest.
 
     An estimator that adds up n motions takes their errors for independent and gets sqrt(n) times one of them; a
-    systematic error is n times as large. So the sigma of one is sqrt(n) times its own, n being the motions in a second or in a metre,
-    whichever is more.
+    systematic error is n times as large. So the sigma of one is sqrt(n) times its own, n being the motions in a second
+    or in a metre, whichever is more.
 
     Parameters
     ----------
