@@ -80,3 +80,17 @@ def data_folder() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no recordings at {folder}; set TRAILMARK_DATA to their folder")
     return folder
+
+
+@pytest.fixture(scope="session")
+def endless_program() -> str:
+    """Return a program that runs until it is told to end, and notes into the file that it is given by which signal."""
+    return """
+import pathlib, signal, sys, time
+def end(number, frame):
+    pathlib.Path(sys.argv[1]).write_text(str(number))
+    sys.exit(130)
+signal.signal(signal.SIGINT, end)
+pathlib.Path(sys.argv[1]).write_text("runs")
+time.sleep(60)
+"""

@@ -15,6 +15,7 @@ from trailmark.interfaces import LocalizerMap, Session
 from trailmark.paths import Path, Waypoint
 from trailmark_divs.config import DivsConfig
 from trailmark_divs.localizer import Divs
+from trailmark_divs.taught_stream import TaughtStream
 from trailmark_divs.warm_up import compile_kernels
 
 
@@ -168,3 +169,26 @@ def taught(corridor):
 def replaying(corridor, taught):
     localizer_map, path = taught
     return Session(name="divs", mode="replay", sensors={"front": corridor.sensor()}, map=localizer_map, path=path)
+
+
+@pytest.fixture(scope="session")
+def picture_stream():
+    """Return what makes a taught stream of pictures alone: of each, from and until which station it was taken."""
+
+    def stream_of(pictures, stations_m, pixels=None):
+        pictures = np.array(list(pictures), np.float32)
+        n = len(pictures)
+        nothing = np.zeros((n, 50))
+        return TaughtStream(
+            nothing.astype(np.int64),
+            nothing,
+            np.zeros(n, np.int64),
+            stations_m,
+            stations_m,
+            np.zeros(n),
+            pictures,
+            np.arange(n),
+            *([] if pixels is None else [np.array(list(pixels))]),
+        )
+
+    return stream_of

@@ -34,20 +34,15 @@ def way(n: int, seed: int = 0) -> list[np.ndarray]:
     ]
 
 
-def recording(pictures: list[np.ndarray], step_m: float = 0.1) -> TaughtStream:
-    n = len(pictures)
-    stations_m = np.stack([np.arange(n) - 1.0, np.arange(n)], axis=1) * step_m
-    nothing = np.zeros((n, 50))
-    return TaughtStream(
-        nothing.astype(np.int64),
-        nothing,
-        np.zeros(n, np.int64),
-        stations_m,
-        stations_m,
-        np.zeros(n),
-        np.array(pictures, np.float32),
-        np.arange(n),
-    )
+@pytest.fixture(scope="module")
+def recording(picture_stream):
+    """Return what makes a taught stream of small pictures, one after the other."""
+
+    def stream_of(pictures: list[np.ndarray], step_m: float = 0.1) -> TaughtStream:
+        n = len(pictures)
+        return picture_stream(pictures, np.stack([np.arange(n) - 1.0, np.arange(n)], axis=1) * step_m)
+
+    return stream_of
 
 
 def test_without_pictures_nothing_more_is_taught(taught):
@@ -81,7 +76,7 @@ def test_a_peak_that_stands_out_is_believed_and_noise_is_not():
     assert peak_confidence(peak_sigmas(clear)) > 0.95
 
 
-def test_the_place_is_found_while_driving():
+def test_the_place_is_found_while_driving(recording):
     pictures = way(60)
     places = PicturePlaces(recording(pictures), 0.1)
     rng = np.random.default_rng(1)
@@ -94,7 +89,7 @@ def test_the_place_is_found_while_driving():
     assert match.row == 39
 
 
-def test_the_place_is_not_told_of_pictures_of_elsewhere():
+def test_the_place_is_not_told_of_pictures_of_elsewhere(recording):
     places = PicturePlaces(recording(way(60)), 0.1)
 
     for k, picture in enumerate(way(10, seed=9)):
@@ -103,7 +98,7 @@ def test_the_place_is_not_told_of_pictures_of_elsewhere():
     assert places.match(0.8) is None
 
 
-def test_a_robot_that_stands_learns_nothing_new():
+def test_a_robot_that_stands_learns_nothing_new(recording):
     pictures = way(20)
     places = PicturePlaces(recording(pictures), 0.1)
 
@@ -152,7 +147,7 @@ def at_station(station_m: float) -> Belief:
     return Belief(0.1, Pose2(), on_path=PathOffset(0.1, station_m, 0.0, 0.0, np.zeros((3, 3))))
 
 
-def test_a_picture_is_compared_with_what_was_taught_at_its_place():
+def test_a_picture_is_compared_with_what_was_taught_at_its_place(recording):
     pictures = way(12)
 
     found = shifts_of(recording(pictures)).at_present(look(turned(pictures[4], 23)), 0.0, at_station(0.4))
@@ -162,7 +157,7 @@ def test_a_picture_is_compared_with_what_was_taught_at_its_place():
     assert found.shift.confidence > 0.95
 
 
-def test_between_two_headings_the_shift_is_to_the_heading_between():
+def test_between_two_headings_the_shift_is_to_the_heading_between(recording):
     first = way(1)[0]
     taught = recording([first, turned(first, 23)], step_m=1.0)
     taught = replace(taught, headings_rad=np.radians([0.0, 10.0]))
@@ -173,7 +168,7 @@ def test_between_two_headings_the_shift_is_to_the_heading_between():
     assert found.shift.columns == pytest.approx(14 / 2.3 - 5.0, abs=0.3)
 
 
-def test_a_turn_between_two_pictures_that_nothing_measured_is_seen():
+def test_a_turn_between_two_pictures_that_nothing_measured_is_seen(recording):
     first = way(1)[0]
 
     found = shifts_of(recording([first, turned(first, 6)], step_m=1.0)).at_present(look(first), 0.0, at_station(0.5))

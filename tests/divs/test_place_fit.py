@@ -45,21 +45,16 @@ def look(grey, k):
     )
 
 
-def taught(wall, n):
-    greys = [view(wall, k) for k in range(n)]
-    stations_m = np.stack([np.arange(n)] * 2, axis=1) * _STEP_M
-    nothing = np.zeros((n, 50))
-    return TaughtStream(
-        nothing.astype(np.int64),
-        nothing,
-        np.zeros(n, np.int64),
-        stations_m,
-        stations_m,
-        np.zeros(n),
-        np.array([small_picture(grey) for grey in greys]),
-        np.arange(n),
-        np.array([clear_pixels(grey) for grey in greys]),
-    )
+@pytest.fixture(scope="module")
+def taught_along(picture_stream):
+    """Return what teaches the first places along a wall."""
+
+    def stream_of(wall, n):
+        greys = [view(wall, k) for k in range(n)]
+        stations_m = np.stack([np.arange(n)] * 2, axis=1) * _STEP_M
+        return picture_stream(map(small_picture, greys), stations_m, map(clear_pixels, greys))
+
+    return stream_of
 
 
 @pytest.fixture(scope="module")
@@ -68,8 +63,8 @@ def wall():
 
 
 @pytest.fixture(scope="module")
-def path(wall):
-    return taught(wall, 40)
+def path(wall, taught_along):
+    return taught_along(wall, 40)
 
 
 def doubt(path, greys, first=10, **how):
@@ -136,10 +131,10 @@ def test_a_few_pictures_tell_no_place(wall, path):
     assert doubt(path, [view(wall, 10 + k) for k in range(7)]) == "searching the place on the path"
 
 
-def test_places_that_repeat_along_the_way_are_doubted():
+def test_places_that_repeat_along_the_way_are_doubted(taught_along):
     tile = panorama(np.random.default_rng(6), 0)[:, :128]  # 0.8 m of way
     repeating = np.tile(tile, (1, 8))
-    path = taught(repeating, 40)
+    path = taught_along(repeating, 40)
 
     assert doubt(path, [view(repeating, 10 + k) for k in range(9)]) == "places before or behind fit as well"
 

@@ -15,17 +15,6 @@ import pytest
 
 from trailmark.isolation.tasks import TaskRunner, task_command
 
-#: Runs until it is told to end, and notes by which signal.
-LONG = """
-import pathlib, signal, sys, time
-def end(number, frame):
-    pathlib.Path(sys.argv[1]).write_text(str(number))
-    sys.exit(130)
-signal.signal(signal.SIGINT, end)
-pathlib.Path(sys.argv[1]).write_text("runs")
-time.sleep(60)
-"""
-
 
 @pytest.fixture
 def said() -> list[str]:
@@ -33,9 +22,9 @@ def said() -> list[str]:
 
 
 @pytest.fixture
-def runner(tmp_path: Path, said: list[str]) -> Iterator[TaskRunner]:
+def runner(tmp_path: Path, said: list[str], endless_program: str) -> Iterator[TaskRunner]:
     lines = {
-        "teach": [sys.executable, "-S", "-c", LONG, str(tmp_path / "teach")],
+        "teach": [sys.executable, "-S", "-c", endless_program, str(tmp_path / "teach")],
         "replay": [sys.executable, "-S", "-c", "import sys; sys.exit(3)"],
     }
     runner = TaskRunner(lines.__getitem__, said.append)

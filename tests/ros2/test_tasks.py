@@ -17,23 +17,13 @@ from trailmark_ros2.message_types import new_message
 from trailmark_ros2.tasks import STRING, TaskServer
 
 LATCHED = dds.Quality(is_latched=True, depth=1)
-#: Runs until it is told to end, and notes by which signal.
-LONG = """
-import pathlib, signal, sys, time
-def end(number, frame):
-    pathlib.Path(sys.argv[1]).write_text(str(number))
-    sys.exit(130)
-signal.signal(signal.SIGINT, end)
-pathlib.Path(sys.argv[1]).write_text("runs")
-time.sleep(60)
-"""
 
 
 @pytest.fixture
-def server(domain, tmp_path):
+def server(domain, tmp_path, endless_program):
     network = dds.Network(domain)
     lines = {
-        "teach": [sys.executable, "-c", LONG, str(tmp_path / "teach")],
+        "teach": [sys.executable, "-c", endless_program, str(tmp_path / "teach")],
         "replay": [sys.executable, "-c", "import sys; sys.exit(3)"],
     }
     server = TaskServer(network, task="/trailmark/task", state="/trailmark/state", command_of=lines.__getitem__)
