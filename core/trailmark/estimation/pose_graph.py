@@ -56,7 +56,7 @@ class PoseEdges:
             *(np.concatenate([getattr(self, name), getattr(other, name)]) for name in self.__dataclass_fields__)
         )
 
-    def chosen(self, which: Bools) -> PoseEdges:
+    def select(self, which: Bools) -> PoseEdges:
         """Return some of the edges."""
         return PoseEdges(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
 

@@ -61,7 +61,7 @@ class Findings:
         if n_expected is not None and n_good != n_expected:
             self.add(f"{what}: {n_good} can be read, and there should be {n_expected}")
 
-    def tried(self, read: Callable[..., T], *arguments: Any) -> T | None:
+    def attempt(self, read: Callable[..., T], *arguments: Any) -> T | None:
         """Return what a reader gives, or None with the problem noted."""
         try:
             return read(*arguments)
@@ -89,11 +89,11 @@ def check_store(path: Path) -> Findings:
     try:
         with closing(connection):
             connection.execute("BEGIN")
-            for finding in findings.tried(_page_findings, connection) or ():
+            for finding in findings.attempt(_page_findings, connection) or ():
                 findings.add(f"pages: {finding}")
             _check_facts(connection, findings)
-            totals = findings.tried(tables.read_totals, connection)
-            n_facts = findings.tried(tables.count_facts, connection)
+            totals = findings.attempt(tables.read_totals, connection)
+            n_facts = findings.attempt(tables.count_facts, connection)
             findings.count("entries", n_facts or 0, None if totals is None else totals.facts)
             _check_waypoints(connection, totals, findings)
             _check_maps(connection, totals, findings)
@@ -108,22 +108,22 @@ def _page_findings(connection: sqlite3.Connection) -> list[str]:
 
 
 def _check_facts(connection: sqlite3.Connection, findings: Findings) -> None:
-    findings.tried(tables.read_document, connection, "meta")
-    sensors = findings.tried(tables.read_document, connection, "sensors") or {}
+    findings.attempt(tables.read_document, connection, "meta")
+    sensors = findings.attempt(tables.read_document, connection, "sensors") or {}
     for document in sensors.values():
-        findings.tried(sensor_from_document, document)
+        findings.attempt(sensor_from_document, document)
 
 
 def _check_waypoints(connection: sqlite3.Connection, totals: tables.Totals | None, findings: Findings) -> None:
     rows = _rows(connection, "waypoints", "id, station_m, x, y, theta, crc", findings)
-    good = [findings.tried(tables.waypoint_of, row[1:]) for row in rows]
+    good = [findings.attempt(tables.waypoint_of, row[1:]) for row in rows]
     n_good = sum(waypoint is not None for waypoint in good)
     findings.count("waypoints", n_good, None if totals is None else totals.waypoints)
 
 
 def _check_maps(connection: sqlite3.Connection, totals: tables.Totals | None, findings: Findings) -> None:
     columns = "id, owner, finished, n_keyframes, n_saved, crc"
-    rows = [findings.tried(map_rows.map_of, row[1:]) for row in _rows(connection, "drawers", columns, findings)]
+    rows = [findings.attempt(map_rows.map_of, row[1:]) for row in _rows(connection, "drawers", columns, findings)]
     maps = {row.id: row for row in rows if row is not None}
     findings.count("drawers", len(maps), None if totals is None else totals.drawers)
     for table, columns, reader in (
@@ -133,7 +133,7 @@ def _check_maps(connection: sqlite3.Connection, totals: tables.Totals | None, fi
         good: Counter[int] = Counter()
         for _, number, *rest in _rows(connection, table, columns, findings):
             owner = maps[number].owner if number in maps else f"drawer {number!r}"
-            good[number] += findings.tried(reader, (number, *rest), owner) is not None
+            good[number] += findings.attempt(reader, (number, *rest), owner) is not None
         for row in maps.values():
             expected = row.n_keyframes if table == "keyframes" else row.n_saved
             findings.count(f"{table} of {row.owner}", good[row.id], expected)

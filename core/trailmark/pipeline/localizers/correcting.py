@@ -28,15 +28,15 @@ def corrected_motion(motion: Motion, matrix: Floats) -> Motion:
     told = motion.pose_since_now
     jacobian = np.empty((3, 3))
     for index, step in enumerate(_STEP * np.eye(3)):
-        ahead, behind = (_corrected(Pose2.from_array(told.array() + sign * step), matrix) for sign in (1.0, -1.0))
+        ahead, behind = (_correct(Pose2.from_array(told.array() + sign * step), matrix) for sign in (1.0, -1.0))
         jacobian[:, index] = np.array([ahead.x - behind.x, ahead.y - behind.y, _turn(behind, ahead)]) / (2.0 * _STEP)
     back = np.linalg.inv(jacobian)
     information = back.T @ motion.information @ back
     symmetric = (information + information.T) / 2.0
-    return replace(motion, pose_since_now=_corrected(told, matrix), information=symmetric)
+    return replace(motion, pose_since_now=_correct(told, matrix), information=symmetric)
 
 
-def _corrected(pose: Pose2, matrix: Floats) -> Pose2:
+def _correct(pose: Pose2, matrix: Floats) -> Pose2:
     return Pose2.exp(*(matrix @ np.array(pose.log())).tolist())
 
 

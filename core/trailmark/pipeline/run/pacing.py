@@ -31,13 +31,13 @@ def realtime_events(running: RunningParts, instruments: Instruments, hangs: Hang
     due_s = (lambda: math.inf) if control is None else (lambda: control.due_s)
     if parts.is_live:
         return live(parts.sources, instruments.clock, due_s, instruments.counters)
-    frames = _watched(merge_sources(parts.sources), hangs)
+    frames = _watch_frames(merge_sources(parts.sources), hangs)
     if parts.robot is not None:  # simulated: when its frame is there, it has moved on already
         return held_to_stamps(frames, instruments.clock, lambda: math.inf)
     return held_to_stamps(frames, instruments.clock, due_s)
 
 
-def _watched(frames: Iterator[Frame], hangs: HangWatch) -> Iterator[Frame]:
+def _watch_frames(frames: Iterator[Frame], hangs: HangWatch) -> Iterator[Frame]:
     while True:
         with hangs:
             frame = next(frames, None)

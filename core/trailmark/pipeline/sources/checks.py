@@ -122,15 +122,15 @@ class FrameChecks:
 
     def _refuse(self, frame: Frame, problem: str) -> bool:
         if not self._skips:
-            raise SourceError(f"{self._told(frame, problem)}{self._remedy}")
+            raise SourceError(f"{self._problem_text(frame, problem)}{self._remedy}")
         self._skip(frame, problem)
         return False
 
     def _skip(self, frame: Frame, problem: str) -> None:
         self._counters[f"source.{self._source}.skipped"] += 1
-        logger.debug("skipped: %s", self._told(frame, problem))
+        logger.debug("skipped: %s", self._problem_text(frame, problem))
 
-    def _told(self, frame: Frame, problem: str) -> str:
+    def _problem_text(self, frame: Frame, problem: str) -> str:
         return f"source {self._source!r}: the frame of {frame.sensor!r} at {frame.stamp_s:.6f} s {problem}"
 
 
@@ -191,7 +191,7 @@ class _Check:
         layout = payload.layout if self._has_layout else None
         if layout != self._layout:
             if self._layout is not None:
-                return f"changes from {_shown(self._layout)} to {_shown(layout)}"
+                return f"changes from {_layout_text(self._layout)} to {_layout_text(layout)}"
             size = payload.size
             if self._size is not None and size is not None and size != self._size:
                 return f"is {size[0]}x{size[1]} px, but the sensor is {self._size[0]}x{self._size[1]} px"
@@ -201,5 +201,5 @@ class _Check:
         return None
 
 
-def _shown(layout: Any) -> str:
+def _layout_text(layout: Any) -> str:
     return " ".join(str(item) for item in layout)

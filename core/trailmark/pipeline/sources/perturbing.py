@@ -76,27 +76,27 @@ class Perturber:
             for sensor, fault in fitting.items():
                 seeded = _seeded(fault_name, fault, befallen[sensor], session)
                 self._chains[sensor].append(seeded)
-                call_guarded(self._named(fault_name), "start", partial(_start, seeded, befallen[sensor], session))
+                call_guarded(self._fault_name(fault_name), "start", partial(_start, seeded, befallen[sensor], session))
 
     def close(self) -> None:
         """Close the faults. Any thread, twice."""
         with ExitStack() as closing:  # one that raises keeps no other from being closed
             for seeded in self._seeded():
-                closing.callback(call_guarded, self._named(seeded.name), "close", seeded.fault.close)
+                closing.callback(call_guarded, self._fault_name(seeded.name), "close", seeded.fault.close)
 
     def counters(self) -> dict[str, int]:
         """Return what the faults counted: ``perturb.dropped``, ``perturb.NAME.counter`` of others than the default."""
         found: Counter[str] = Counter()
         for seeded in self._seeded():
             prefix = "perturb" if seeded.name == DEFAULT_PLUGINS["fault"] else f"perturb.{seeded.name}"
-            own = call_guarded(self._named(seeded.name), "counters", partial(_counts_of, seeded.fault))
+            own = call_guarded(self._fault_name(seeded.name), "counters", partial(_counts_of, seeded.fault))
             found.update({f"{prefix}.{name}": n for name, n in own.items()})
         return dict(found)
 
     def believed(self, info: SensorInfo) -> SensorInfo:
         """Return a sensor as the run shall believe it to be."""
         for seeded in self._chains.get(info.name, ()):
-            info = call_guarded(self._named(seeded.name), "believed", partial(_believed, seeded.fault, info))
+            info = call_guarded(self._fault_name(seeded.name), "believed", partial(_believed, seeded.fault, info))
         return info
 
     def frames(self, frames: Iterator[Frame]) -> Iterator[Frame]:
@@ -112,7 +112,7 @@ class Perturber:
         for frame in frames:
             while waiting and waiting[0][0] <= frame.stamp_s:
                 yield heapq.heappop(waiting)[2]
-            left = self._perturbed(frame)
+            left = self._perturb(frame)
             if left is not None and left.stamp_s > frame.stamp_s:
                 heapq.heappush(waiting, (left.stamp_s, next(order), left))
             elif left is not None:
@@ -120,7 +120,7 @@ class Perturber:
         while waiting:
             yield heapq.heappop(waiting)[2]
 
-    def _perturbed(self, frame: Frame) -> Frame | None:
+    def _perturb(self, frame: Frame) -> Frame | None:
         """Return a frame as its sensor's faults leave it; None where it is lost."""
         chain = self._chains.get(frame.sensor)
         if chain is None:
@@ -134,16 +134,16 @@ class Perturber:
                 if left is not None and not isinstance(left, Frame):
                     raise TypeError(f"it returned {type(left).__name__}, not a Frame")
             except BaseException as error:
-                raise_failure(error, self._named(seeded.name), "apply", kind=SourceFailedError)
+                raise_failure(error, self._fault_name(seeded.name), "apply", kind=SourceFailedError)
             if left is None:
                 return None
             if left.sensor != frame.sensor or left.stamp_s < frame.stamp_s:
                 told = f"made {left.sensor!r} at {left.stamp_s:.6f} s of {frame.sensor!r} at {frame.stamp_s:.6f} s"
-                raise SourceError(f"{self._named(seeded.name)} {told}")
+                raise SourceError(f"{self._fault_name(seeded.name)} {told}")
             frame = left
         return frame
 
-    def _named(self, fault: str) -> str:
+    def _fault_name(self, fault: str) -> str:
         return f"fault {fault!r} of source {self._source!r}"
 
     def _befallen(self, sensors: Mapping[str, SensorInfo]) -> dict[str, SensorInfo]:

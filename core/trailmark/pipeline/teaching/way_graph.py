@@ -53,7 +53,7 @@ class WayGraph:
         self.taught = [node.pose_map_base for node in nodes]
         self.poses = list(self.taught)
         self._odometry = _odometry_of(nodes)
-        self.loops = self._odometry.chosen(np.zeros(len(self._odometry), np.bool_))
+        self.loops = self._odometry.select(np.zeros(len(self._odometry), np.bool_))
         self._ties: list[list[tuple[int, Floats]]] = [[] for _ in nodes]
         self._tie(self._odometry)
         self._unsolved = 0.0
@@ -72,7 +72,7 @@ class WayGraph:
         """Leave out the relations that contradict the others, straighten anew, and return how many are left."""
         if len(self.loops):
             solved = self._solve()
-            self.loops = self.loops.chosen(solved.weights[len(self._odometry) :] > _LEAST_WEIGHT)
+            self.loops = self.loops.select(solved.weights[len(self._odometry) :] > _LEAST_WEIGHT)
             self.poses = list(self.taught)
             if len(self.loops):
                 self._solve()
