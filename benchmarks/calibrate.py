@@ -65,7 +65,7 @@ def errors_of(values: Floats, truth: Floats) -> Floats:
 
 def error_over_5_m(pairs: MotionPairs, numbers: Floats | None, drive: SimulatedDrive) -> tuple[float, float]:
     """Return the median error of the wheels over 5 m against the truth, as they are or corrected [m, rad]."""
-    wheels = pairs.a if numbers is None else pairs.a.corrected(pairs.matrix(numbers))
+    wheels = pairs.a if numbers is None else pairs.a.transform_twists(pairs.matrix(numbers))
     stamps_s = wheels.stamp_s
     true_s = stamps_s - drive.truth[DELAY]
     truth = np.stack([np.interp(true_s, drive.stamps_s, column) for column in drive.poses.T], axis=1)

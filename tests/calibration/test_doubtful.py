@@ -41,7 +41,7 @@ def track(stamps_s: np.ndarray, speeds: np.ndarray, rates: np.ndarray, seed: int
 
 
 def compared(rates: np.ndarray, stamps_of_a_s: np.ndarray = T_S, way: float = 1.0, turn: float = 1.0) -> MotionPairs:
-    a = track(stamps_of_a_s, AHEAD, rates, 1).corrected(np.diag([1.0 / way, 1.0 / way, 1.0 / turn]))
+    a = track(stamps_of_a_s, AHEAD, rates, 1).transform_twists(np.diag([1.0 / way, 1.0 / way, 1.0 / turn]))
     return pairs_of(a, track(T_S, AHEAD, rates, 2), 0.5)
 
 

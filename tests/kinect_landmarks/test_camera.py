@@ -74,7 +74,7 @@ def test_the_paper_s_crop_brings_depth_to_colour() -> None:
     depth_m[:, :160] = 1.0
     camera = _camera(None, crop=CropConfig(left=40, right=40, top=30, bottom=30))
 
-    registered = camera.registered(RGBD(np.zeros((480, 640, 3), np.uint8), depth_m))
+    registered = camera.register_depth(RGBD(np.zeros((480, 640, 3), np.uint8), depth_m))
 
     assert registered.shape == (480, 640)
     assert registered[240, 319] == 1.0

@@ -132,7 +132,7 @@ def test_a_part_stands_where_its_pose_says() -> None:
     table = ray_table(*LENSES["pinhole"].directions())
     eye, part = Pose3(0.3, -0.2, 1.1, 0.02, -0.03, 0.4), Pose2(4.0, -2.0, 2.1)
     builder = SceneBuilder(Lighting())
-    for here in (builder.placed(part), builder.placed(Pose2(4.0, 0.0)).placed(Pose2(0.0, -2.0, 2.1))):
+    for here in (builder.at_pose(part), builder.at_pose(Pose2(4.0, 0.0)).at_pose(Pose2(0.0, -2.0, 2.1))):
         here.rectangle((2.0, 2.0, 0.0), (0.0, -4.0, 0.0), (0.0, 0.0, 2.5), Surface())
         here.cylinder(1.5, 0.4, 0.0, 0.2, 1.2, Surface())
         here.ellipsoid((1.2, -0.5, 1.0), (0.3, 0.1, 0.2), Surface(), 0.4)

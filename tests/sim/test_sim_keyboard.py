@@ -35,8 +35,8 @@ def test_keys_come_without_enter_and_once(keys: tuple[int, Terminal]) -> None:
     far, terminal = keys
     os.write(far, b"wwa")
 
-    assert terminal.pressed() == "wwa"
-    assert terminal.pressed() == ""
+    assert terminal.read_keys() == "wwa"
+    assert terminal.read_keys() == ""
 
 
 def test_a_closed_terminal_is_as_it_was_and_gives_no_keys() -> None:
@@ -52,7 +52,7 @@ def test_a_closed_terminal_is_as_it_was_and_gives_no_keys() -> None:
     terminal.close()
 
     assert termios.tcgetattr(near) == before
-    assert terminal.pressed() == ""
+    assert terminal.read_keys() == ""
 
 
 def test_keys_change_speed_and_steering_step_by_step(keys: tuple[int, Terminal]) -> None:

@@ -60,7 +60,7 @@ class Combiner:
         self._document = context.document
         self._base = base
 
-    def combined(self, values: Sequence[AxisValue]) -> Combination:
+    def combine(self, values: Sequence[AxisValue]) -> Combination:
         """Return the run that values make together.
 
         Raises

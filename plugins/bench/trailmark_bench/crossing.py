@@ -77,7 +77,7 @@ class Matrix:
         missing = next((value.missing for value in values if value.missing), "")
         if missing:
             return [self._missing_cell(coordinates, seed, missing) for seed in seeds]
-        combination = self._combiner.combined(values)
+        combination = self._combiner.combine(values)
         is_installed = any(value.is_installed for value in values)
         return [self._cell(combination, {**coordinates, "seed": seed}, is_installed) for seed in seeds]
 

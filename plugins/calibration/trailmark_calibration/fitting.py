@@ -133,7 +133,7 @@ def weights_of(pairs: MotionPairs, p: Floats, spread: Floats) -> tuple[Floats, F
     """Return what is left (M, 3), its inverse covariance (M, 3, 3), and what a should have said (M, 3)."""
     solver = GaussNewton(pairs, p, _PRIOR)
     solver.spread = spread
-    return solver.linearized(p)
+    return solver.linearize(p)
 
 
 def cost_of(pairs: MotionPairs, p: Floats, spread: Floats) -> Floats:

@@ -77,7 +77,7 @@ class MotionPairs:
 
     def motions(self, p: Floats, *, is_corrected: bool = True) -> tuple[Floats, Floats]:
         """Return the motions of base by a, and of the sensor by b, over every interval; NaN where not known."""
-        a = self.a.corrected(self.matrix(p)) if is_corrected else self.a
+        a = self.a.transform_twists(self.matrix(p)) if is_corrected else self.a
         shift_a, shift_b = (0.0, -p[DELAY]) if self.a_is_slower else (p[DELAY], 0.0)
         return (
             a.motions(self.from_s + shift_a, self.to_s + shift_a),
@@ -121,7 +121,7 @@ class MotionPairs:
         columns.append(np.stack([0.0 * self.to_s, 0.0 * self.to_s, self.to_s - self.from_s], axis=1))
         return np.stack(columns, axis=2)
 
-    def uncorrected(self, p: Floats, sensor: Floats) -> Floats:
+    def motions_of_a(self, p: Floats, sensor: Floats) -> Floats:
         """Return what a should have said if the sensor moved as given, (M, 3)."""
         mounting = p[[X, Y, YAW]]
         twists = log_of(compose(compose(mounting, sensor), invert(mounting)))

@@ -57,13 +57,13 @@ class GaussNewton:
         """
         told: Floats | None = None
         for _ in range(_N_STEPS):
-            off, weights, true_base = self.linearized(p)
+            off, weights, true_base = self.linearize(p)
             is_known = np.isfinite(off).all(axis=1)
             used = np.asarray(is_known if rows is None else is_known & rows)
             self._rescale(p, off, used)
             if told is None:
                 pairs = self._pairs.where(used)
-                told, _ = self._told_directions(pairs, p, self._of(pairs).linearized(p)[1])
+                told, _ = self._told_directions(pairs, p, self._of(pairs).linearize(p)[1])
                 if not told.shape[1]:
                     return p
             distance = np.einsum("ni,nij,nj->n", off, weights, off)
@@ -81,7 +81,7 @@ class GaussNewton:
 
     def inliers(self, p: Floats) -> Bools:
         """Return which pairs agree with the numbers, (M,)."""
-        off, weights, _ = self.linearized(p)
+        off, weights, _ = self.linearize(p)
         return np.asarray(np.nan_to_num(np.einsum("ni,nij,nj->n", off, weights, off), nan=np.inf) < OUTLIER)
 
     def covariance(self, p: Floats, rows: Bools) -> Floats:
@@ -92,7 +92,7 @@ class GaussNewton:
         """
         pairs = self._pairs.where(rows)
         solver = self._of(pairs)
-        off, weights, true_base = solver.linearized(p)
+        off, weights, true_base = solver.linearize(p)
         told, variances = self._told_directions(pairs, p, weights)
         J = pairs.sensitivities(p, true_base) * self._scale
         scores = np.einsum("nik,nij,nj->nk", J, weights, off) @ told * variances
@@ -113,7 +113,7 @@ class GaussNewton:
         """
         base, sensor = pairs.motions(p, is_corrected=False)
         by_a = pairs.sensitivities(p, base, rates_of_a=True) * self._scale
-        by_b = pairs.sensitivities(p, pairs.uncorrected(p, sensor), rates_of_a=False) * self._scale
+        by_b = pairs.sensitivities(p, pairs.motions_of_a(p, sensor), rates_of_a=False) * self._scale
         both, of_a, of_b = (
             np.einsum("nik,nij,njl->kl", one, weights, other)
             for one, other in ((by_a, by_b), (by_a, by_a), (by_b, by_b))
@@ -130,7 +130,7 @@ class GaussNewton:
         other.spread = self.spread
         return other
 
-    def linearized(self, p: Floats) -> tuple[Floats, Floats, Floats]:
+    def linearize(self, p: Floats) -> tuple[Floats, Floats, Floats]:
         """Return what is left (M, 3), its inverse covariance (M, 3, 3), and what a should have said (M, 3)."""
         pairs = self._pairs
         off = pairs.residuals(p)

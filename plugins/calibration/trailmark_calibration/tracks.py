@@ -62,7 +62,7 @@ class ComparedTrack:
         """Whether most of the steps measure a way, and not the turn alone."""
         return bool(np.median(self.covariances[:, 0, 0] + self.covariances[:, 1, 1]) < 0.01 * UNKNOWN_VARIANCE)
 
-    def corrected(self, matrix: Floats) -> Self:
+    def transform_twists(self, matrix: Floats) -> Self:
         """Return the track with every twist multiplied by a (3, 3) matrix."""
         return type(self)(self.since_s, self.stamp_s, self.twists @ matrix.T, self.covariances)
 

@@ -106,9 +106,9 @@ class PatchView:
     @cached_property
     def smooth(self) -> Grey16:
         """The smoothed picture, for the refinement."""
-        return self.smoothed(self.levels)
+        return self.smooth_levels(self.levels)
 
-    def smoothed(self, levels: Grey8) -> Grey16:
+    def smooth_levels(self, levels: Grey8) -> Grey16:
         """Return a picture of this kind, or a part of one, as the refinement compares it."""
         return self._kernels.smooth(tamed(levels) if self.is_levelled else levels)
 
@@ -197,7 +197,7 @@ class PatchFinder:
         search = self._search_pyramid if self._config.search == "pyramid" else self._search_all
         motion, agreeing, ratio = search(view, patch, (shift[0], shift[1]), expected.turn_rad)
         groups = agreeing if agreeing.any() else ~agreeing
-        aligned = align_patch(view.smooth, view.smoothed(patch), self._middle, motion, self._aspect, groups)
+        aligned = align_patch(view.smooth, view.smooth_levels(patch), self._middle, motion, self._aspect, groups)
         if self._config.refined:
             motion, information = aligned.motion, aligned.information
         else:

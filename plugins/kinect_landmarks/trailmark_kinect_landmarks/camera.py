@@ -78,7 +78,7 @@ class LandmarkCamera:
         self.registration: Registration | None = None
         self._pose_laser_camera = scan_info.pose_base_sensor.inverse() @ info.pose_base_sensor if scan_info else Pose3()
 
-    def registered(self, payload: RGBD) -> npt.NDArray[np.float32]:
+    def register_depth(self, payload: RGBD) -> npt.NDArray[np.float32]:
         """Return depth pixel by pixel as the colour picture, NaN where unknown; by what was measured, if anything was.
 
         Raises
@@ -102,8 +102,8 @@ class LandmarkCamera:
             )
         return payload.depth_m
 
-    def corrected(self, registered_m: npt.NDArray[np.float32], bgr: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
-        """Return depth without what is not to be believed."""
+    def clean_depth(self, registered_m: npt.NDArray[np.float32], bgr: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
+        """Return depth without the readings that are not reliable, NaN in their place."""
         return correct_depth(registered_m, np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY), np.uint8), self._limits)
 
     def measure(

@@ -60,7 +60,7 @@ class Effort:
         self._plan = plan
         return plan
 
-    def looked(self, picture: PreparedImage, plan: SearchPlan, n_seen: int, n_agree: int) -> None:
+    def note_picture(self, picture: PreparedImage, plan: SearchPlan, n_seen: int, n_agree: int) -> None:
         """Take what the last picture gave."""
         self._light, self._n_agree = picture.light, n_agree
         megapixels = picture.grey.size * 1e-6

@@ -84,8 +84,8 @@ class LandmarkDetector:
         if self.reference_light is None:
             self.reference_light = light
         bgr = compensate(payload.bgr, light.gain_to(self.reference_light))
-        registered_m = self._camera.registered(payload)
-        depth_m = self._camera.corrected(registered_m, payload.bgr)
+        registered_m = self._camera.register_depth(payload)
+        depth_m = self._camera.clean_depth(registered_m, payload.bgr)
         view = WorkingImage(bgr, depth_m, scale)
         grey = view.grey if scale == 1.0 else np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY), np.uint8)
         return PreparedImage(payload.bgr, view, grey, registered_m, depth_m, light.share_of(self.reference_light), scan)

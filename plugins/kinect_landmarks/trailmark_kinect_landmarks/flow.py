@@ -65,7 +65,7 @@ class _Points:
         kept = self.points_start[which], self.cov_start[which], self.n_agreed[which], self.n_against[which]
         return _Points(uv[which], *kept)
 
-    def judged(self, known: Bools, agrees: Bools) -> _Points:
+    def after_votes(self, known: Bools, agrees: Bools) -> _Points:
         """Return them after a picture in which `known` were measured, and `agrees` of those agreed."""
         agreed = self.n_agreed + (known & agrees)
         against = np.where(known, np.where(agrees, 0, self.n_against + 1), self.n_against)
@@ -117,8 +117,8 @@ class KinectFlow(Localizer):
         if not isinstance(payload, RGBD):
             raise ShapeError(f"kinect_flow takes rgbd, but sensor {frame.sensor!r} gave {type(payload).__name__}")
         grey = np.asarray(cv2.cvtColor(payload.bgr, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
-        registered_m = self._camera.registered(payload)
-        depth_m = self._camera.corrected(registered_m, payload.bgr)
+        registered_m = self._camera.register_depth(payload)
+        depth_m = self._camera.clean_depth(registered_m, payload.bgr)
         before, self._before = self._before, grey
         if before is None or before.shape != grey.shape:
             self._renew(grey, depth_m, _NONE)
@@ -134,7 +134,7 @@ class KinectFlow(Localizer):
         """Take all points anew, with depth where it was found to lie."""
         self._n_registered += 1
         self._camera.registration = self._watch.registration.found
-        depth_m = self._camera.corrected(self._camera.registered(payload), payload.bgr)
+        depth_m = self._camera.clean_depth(self._camera.register_depth(payload), payload.bgr)
         self._renew(grey, depth_m, _NONE)
 
     def _estimate_motion(self, stamp_s: float, before: Grey8, grey: Grey8, depth_m: Depth) -> Estimate:
@@ -153,7 +153,7 @@ class KinectFlow(Localizer):
         self._T_start_base[:D, :D], self._T_start_base[:D, 3] = answer.R, answer.t
         self._expectation.took(stamp_s, self._T_start_base)
         known, agrees = self._judge_points(followed, measured)
-        followed = followed.judged(known, agrees)
+        followed = followed.after_votes(known, agrees)
         self._followed = followed
         if (~followed.is_moving).sum() < _RENEW * self.config.points:
             self._renew(grey, depth_m, followed)

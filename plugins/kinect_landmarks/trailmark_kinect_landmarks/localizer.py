@@ -96,9 +96,9 @@ class KinectLandmarks(Localizer):
             return self._begin(stamp_s, others, belief)
         solved = self._tracker.solve(again, expected)
         if isinstance(solved, Refusal):
-            self._effort.looked(picture, plan, len(again), 0)
+            self._effort.note_picture(picture, plan, len(again), 0)
             return [self._report_lost(stamp_s, solved.reason, again, others, belief)]
-        self._effort.looked(picture, plan, len(again) + len(others), len(solved.agreeing))
+        self._effort.note_picture(picture, plan, len(again) + len(others), len(solved.agreeing))
         rows = self._tracker.learn(solved, again, others)
         self._remember(stamp_s, belief, solved.T_map_base, rows)
         self._counts["relocalized"] += expected is None

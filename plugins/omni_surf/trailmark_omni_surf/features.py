@@ -57,7 +57,7 @@ class Features:
     def __len__(self) -> int:
         return len(self.uv)
 
-    def chosen(self, which: npt.NDArray[np.bool_]) -> Features:
+    def select(self, which: npt.NDArray[np.bool_]) -> Features:
         """Return some of them, in the same order."""
         arrays = (self.uv, self.descriptors, self.sign, self.response, self.scale_px, self.angle_rad)
         return Features(*(array[which] for array in arrays))  # type: ignore[arg-type]

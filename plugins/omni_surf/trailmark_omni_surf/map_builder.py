@@ -64,7 +64,7 @@ class MapBuilder:
     def add(self, stamp_s: float, image: Grey8, camera: PixelBearings, belief: Belief) -> None:
         """Carry all tracks into the picture; at a new place, remember what was found again."""
         features = self._extract(image)
-        seen = self._book.update(image, features.chosen(camera.is_inside(features.uv)))
+        seen = self._book.update(image, features.select(camera.is_inside(features.uv)))
         pose, travelled_m = belief.pose_map_base, belief.travelled_m
         if pose is None or self._localizer_map is None or not self._spacing.is_new_place(travelled_m, pose):
             return

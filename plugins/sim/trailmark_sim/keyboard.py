@@ -38,7 +38,7 @@ class KeyboardPilot:
 
     def step(self, state: VehicleState) -> Command:
         """Return what the keys pressed so far ask for."""
-        for key in self._terminal.pressed():
+        for key in self._terminal.read_keys():
             self._press(key)
         if self._is_done:
             return Stop("q was pressed", done=True)
@@ -91,7 +91,7 @@ class Terminal:
         self._before: list[Any] | None = termios.tcgetattr(self._descriptor)
         tty.setcbreak(self._descriptor)
 
-    def pressed(self) -> str:
+    def read_keys(self) -> str:
         """Return the keys pressed since the last call, oldest first; does not wait."""
         keys = ""
         while self._before is not None and select.select([self._descriptor], [], [], 0.0)[0]:

@@ -43,7 +43,7 @@ class Stage:
     threads: int = 1
 
     @classmethod
-    def peopled(
+    def with_movers(
         cls,
         build_scene: Callable[[], Scene],
         movers: Movers,

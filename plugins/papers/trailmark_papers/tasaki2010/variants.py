@@ -47,7 +47,7 @@ class Variant:
     config: Mapping[str, Any]
     is_plain: bool = False
 
-    def started(self, sensors: Mapping[str, Any]) -> Localizer:
+    def start_localizer(self, sensors: Mapping[str, Any]) -> Localizer:
         """Return the localizer, started on its map."""
         settings = OmniSurfConfig.model_validate({"camera": "omni", **self.config})
         localizer: Localizer = PlainSurf(settings) if self.is_plain else OmniSurf(settings)
@@ -144,7 +144,7 @@ def drive(variants: Sequence[Variant], source: Mapping[str, Any], seed: int) -> 
         Of noise, slip and people.
     """
     with started_source(source, seed) as robot:
-        cameras = {variant.name: _CameraDrive(variant.started(robot.sensors)) for variant in variants}
+        cameras = {variant.name: _CameraDrive(variant.start_localizer(robot.sensors)) for variant in variants}
         truth = show(robot, cameras.values(), Image).poses
     return {name: _answers(truth, np.array(camera.rows)) for name, camera in cameras.items()}
 

@@ -126,7 +126,7 @@ class SceneBuilder:
     _prints: dict[bytes, int] = field(default_factory=lambda: {_print_of(_WHITE): 0})
     _pose: Pose2 = Pose2()
 
-    def placed(self, pose_map_part: Pose2) -> SceneBuilder:
+    def at_pose(self, pose_map_part: Pose2) -> SceneBuilder:
         """Return a builder of the same scene that takes the coordinates of a part: a wing, a street around a corner."""
         return replace(self, _pose=self._pose @ pose_map_part)
 

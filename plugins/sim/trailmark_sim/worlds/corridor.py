@@ -123,7 +123,7 @@ def _along(wings: Sequence[Wing], what: str) -> list[tuple[Wing, float]]:
 def _add_doors(builder: SceneBuilder, rng: np.random.Generator, wings: Sequence[Wing]) -> None:
     colours = ((150, 112, 78), (96, 110, 122), (150, 112, 78), (128, 60, 48))
     for number, (wing, x) in enumerate(_along(wings, "doors")):
-        here, east = builder.placed(wing.pose), wing.room.east
+        here, east = builder.at_pose(wing.pose), wing.room.east
         look = Surface(builder.texture(textures.door(rng, colours[number % len(colours)])))
         hang(here, wing.room, "south", east - x - 0.95, 0.0, (0.95, 2.1), look)
         plate = lettering.sign(f"3D4{number:02d}", (235, 235, 228), (30, 30, 34), 128, 64)
@@ -146,16 +146,16 @@ def _add_pictures(builder: SceneBuilder, rng: np.random.Generator, wing: Wing) -
 
 def _add_things(builder: SceneBuilder, rng: np.random.Generator, wings: Sequence[Wing]) -> None:
     for wing in wings:
-        _add_pictures(builder.placed(wing.pose), rng, wing)
+        _add_pictures(builder.at_pose(wing.pose), rng, wing)
     for wing, x in _along(wings, "benches"):
         wood = Surface(builder.texture(textures.boards(rng, (168, 120, 72), 128, 3)), (2.0, 1.0))
-        builder.placed(wing.pose).box((x, -1.0, 0.0), (1.2, 0.36, 0.45), wood)
+        builder.at_pose(wing.pose).box((x, -1.0, 0.0), (1.2, 0.36, 0.45), wood)
     pot, leaves = Surface(tint=(0.35, 0.2, 0.13)), Surface(builder.texture(textures.foliage(rng)), (2.0, 2.0))
     pipe = Surface(builder.texture(textures.plaster(rng, (176, 172, 160), 64, 0.05)), (10.0, 1.0))
     words = lettering.sign("EXIT", (20, 120, 60), (245, 245, 245), 256, 128)
     sign = Surface(builder.texture(words), emission=0.6)
     for wing in wings:
-        _add_fittings(builder.placed(wing.pose), wing, (pot, leaves), pipe, sign)
+        _add_fittings(builder.at_pose(wing.pose), wing, (pot, leaves), pipe, sign)
 
 
 def _add_fittings(

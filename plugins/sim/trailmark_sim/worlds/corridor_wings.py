@@ -135,14 +135,14 @@ def add_wings(builder: SceneBuilder, rng: np.random.Generator, wings: Sequence[W
     floor = builder.texture(textures.speckle(rng, (122, 116, 104), 512, 0.18, joints=4))
     ceiling = builder.texture(textures.panels(rng, (205, 205, 200)))
     for wing in wings:
-        _add_shell(builder.placed(wing.pose), wing, paint, floor, ceiling)
+        _add_shell(builder.at_pose(wing.pose), wing, paint, floor, ceiling)
     board = Surface(builder.texture(textures.boards(rng, (92, 74, 58), 64, 1)), (20.0, 1.0))
     dado = Surface(builder.texture(textures.plaster(rng, (96, 108, 100), 512, 0.05)), (20.0, 0.5))
     rail = Surface(builder.texture(textures.boards(rng, (150, 110, 70), 64, 1)), (20.0, 1.0))
     for wing in wings:
-        _add_trim(builder.placed(wing.pose), wing, board, dado, rail)
+        _add_trim(builder.at_pose(wing.pose), wing, board, dado, rail)
     for wing in wings:
-        _add_windows(builder.placed(wing.pose), rng, wing)
+        _add_windows(builder.at_pose(wing.pose), rng, wing)
 
 
 def _add_shell(builder: SceneBuilder, wing: Wing, paint: int, floor: int, ceiling: int) -> None:

@@ -60,7 +60,7 @@ class Setting:
         def lux_at(pose: Pose2, stamp_s: float) -> float:
             return self.level_lux(pose, stamp_s) * self.light_at(stamp_s)
 
-        stage = Stage.peopled(self.build_scene, self.movers, options.threads, self.light_at)
+        stage = Stage.with_movers(self.build_scene, self.movers, options.threads, self.light_at)
         return SensorSite(
             world=self.name, options=options, level_lux=lux_at, stage=stage, imaging=imaging, rigs=rigs, **more
         )

@@ -149,15 +149,15 @@ def _stage(name: str, given: StreetOptions, world_seed: int, threads: int) -> Sc
     leaf = builder.texture(textures.foliage(rng, growth.leaf, 256))
     for leg in plan.legs:
         for x, y in leg.trees:
-            _add_tree(builder.placed(leg.pose), rng, (x, y), (bark, leaf), growth.n_crowns)
+            _add_tree(builder.at_pose(leg.pose), rng, (x, y), (bark, leaf), growth.n_crowns)
     paints = [_PAINTS[n] for n in rng.permutation(len(_PAINTS))]
     for car, paint in zip(_poses_of_parked_cars(plan, given.cars), paints):
-        _add_car(builder.placed(car), rng, paint)
+        _add_car(builder.at_pose(car), rng, paint)
     words = iter(_WORDS)
     for leg in plan.legs:
-        _add_signs(builder.placed(leg.pose), leg, words)
+        _add_signs(builder.at_pose(leg.pose), leg, words)
     for leg in plan.legs:
-        _add_boards(builder.placed(leg.pose), rng, leg)
+        _add_boards(builder.at_pose(leg.pose), rng, leg)
     add_cloth(builder)
     return builder.build(threads)
 
@@ -199,11 +199,11 @@ def _add_ground(
         builder.rectangle((strip.west, strip.south, strip.z), (long, 0, 0), (0, wide, 0), surface)
     stone = Surface(builder.texture(textures.plaster(rng, (150, 148, 140), 128, 0.08)), (60.0, 1.0))
     for leg, (first, last) in zip(plan.legs, plan.kerbs, strict=True):
-        builder.placed(leg.pose).rectangle((first, -2.5, -0.1), (last - first, 0, 0), (0, 0, 0.1), stone)
+        builder.at_pose(leg.pose).rectangle((first, -2.5, -0.1), (last - first, 0, 0), (0, 0, 0.1), stone)
     drain = Surface(tint=(0.05, 0.05, 0.05), is_floor=True)
     for leg in plan.legs:
         for x in leg.drains:
-            builder.placed(leg.pose).rectangle((x, 0.9, 0.003), (0.5, 0, 0), (0, 0.4, 0), drain)
+            builder.at_pose(leg.pose).rectangle((x, 0.9, 0.003), (0.5, 0, 0), (0, 0.4, 0), drain)
 
 
 def _strewn(rng: np.random.Generator, ground: Bgr8, growth: _Growth) -> Bgr8:
@@ -221,7 +221,7 @@ def _add_houses(builder: SceneBuilder, rng: np.random.Generator, plan: StreetPla
     gables = [builder.texture(textures.plaster(rng, colour, 256, 0.05)) for colour in colours_of]
     for leg in plan.legs:
         for row in leg.houses:
-            _add_row(builder.placed(leg.pose), rng, row, fronts, gables)
+            _add_row(builder.at_pose(leg.pose), rng, row, fronts, gables)
     end = Surface(fronts[2], (2.0, 4.0 / 3.0))
     x, y, wide = plan.end
     builder.box((x, y, -0.1), (6.0, wide, 12.0), end, np.pi, front=end)
