@@ -3,8 +3,9 @@
     python benchmarks/speed_page.py --before ../old            # ../old has an environment of its own in ../old/.venv
     python benchmarks/speed_page.py --before ../old --only frame,husky --turns 3
 
-The two checkouts take turns, each in processes of its own interpreter, and medians are compared; processor time counts,
-so that others at work on the machine do not. A further row is a function that returns its figures by name, in `ROWS`;
+The two checkouts take turns, each in processes of its own interpreter, and medians are compared. Processor time counts,
+so that others at work on the machine do not; only of the calls of estimators, which take microseconds, wall time is
+taken, the median of single calls. A further row is a function that returns its figures by name, in `ROWS`;
 it is run by both checkouts, and keeps to what both know. Recordings are found by ``TRAILMARK_DATA``.
 """
 
@@ -30,6 +31,7 @@ HUSKY = "examples/real/husky_bag.yaml"
 MRCLAM = "examples/real/mrclam_odometry.yaml"
 WHEELS = "sources: {wheels: {plugin: csv_odometry, path: wheels.csv}}\nlocalizers: {wheels: {plugin: odometry}}\n"
 LONG_RUN = 200_000  # frames: 48 minutes at 70 Hz
+_CLOCKS = "processor time; calls of estimators: wall time, the median of single calls"
 
 
 def frame() -> dict[str, float]:
@@ -196,7 +198,7 @@ def main() -> None:
         parser.error("--before is needed: a figure alone says more of the machine than of the code")
     before = options.before.resolve()
     sides = f"Commit {commit_of(before)} beside {commit_of(TOP)}"
-    print(f"{sides}, medians of {options.turns} turns, {dt.date.today()}, processor time.\n")
+    print(f"{sides}, medians of {options.turns} turns, {dt.date.today()}; {_CLOCKS}.\n")
     print("| work | before | now | cost: now / before |\n|---|--:|--:|--:|")
     for row in options.only.split(","):
         for name, (old, new) in compared(before, row, options.turns).items():
