@@ -14,6 +14,7 @@ from trailmark.geometry.walls import (
     main_axes,
     measured_information,
     measured_step,
+    move_to_lines,
 )
 
 ANGLES = np.linspace(0.0, 2.0 * math.pi, 40, endpoint=False)
@@ -82,3 +83,16 @@ def test_information_is_limited_and_its_free_direction_stays_free() -> None:
     limited = limited_information(np.diag([1e9, 0.0, 1e9]), (0.01, 0.002))
     np.testing.assert_allclose(np.sqrt(1.0 / np.diag(limited)[[0, 2]]), [0.01, 0.002], rtol=1e-2)
     assert limited[1, 1] == 0.0
+
+
+def test_points_of_a_smeared_wall_are_moved_onto_its_middle() -> None:
+    along_m = np.linspace(0.0, 1.0, 60)
+    smear_m = np.where(np.arange(60) % 2 == 0, 0.01, -0.01)
+    points = np.concatenate([np.stack([along_m, smear_m], axis=1), [[5.0, 5.0]]])
+
+    moved, normals = move_to_lines(points, np.ones(61), radius_m=0.2, n_neighbours=24, thin_ratio=0.15)
+
+    np.testing.assert_allclose(moved[12:48, 1], 0.0, atol=2e-3)  # from 10 mm
+    np.testing.assert_allclose(np.abs(normals[12:48, 1]), 1.0, atol=1e-2)
+    np.testing.assert_array_equal(moved[60], points[60])  # alone, it lies on no line
+    np.testing.assert_array_equal(normals[60], 0.0)

@@ -23,6 +23,7 @@ __all__ = [
     "measured_directions",
     "measured_information",
     "measured_step",
+    "move_to_lines",
 ]
 
 Array = npt.NDArray[Any]
@@ -118,6 +119,49 @@ def main_axes(xx: Floats, yy: Floats, xy: Floats) -> tuple[Floats, Floats, Float
     normals = np.stack([-np.sin(along), np.cos(along)], axis=1)
     spread = np.hypot(xx - yy, 2.0 * xy)
     return normals, (xx + yy - spread) / 2.0, (xx + yy + spread) / 2.0
+
+
+def move_to_lines(
+    points: Floats, weights: Floats, *, radius_m: float, n_neighbours: int, thin_ratio: float
+) -> tuple[Floats, Floats]:
+    """Return points moved onto the lines through their neighbours, and those lines' normals.
+
+    Parameters
+    ----------
+    points : (N, 2) float64
+        Points on walls [m].
+    weights : (N,) float64
+        How much each counts in the lines of its neighbours.
+    radius_m : float
+        Neighbours are nearer than this [m].
+    n_neighbours : int
+        How many are taken at the most, the point itself among them.
+    thin_ratio : float
+        A neighbourhood is a line where its variance across is less than this share of the one along it.
+
+    Returns
+    -------
+    points : (N, 2) float64
+        Moved along the normals; as they were where there is no line [m].
+    normals : (N, 2) float64
+        Of length one, sign free; zero where there is no line.
+    """
+    from scipy.spatial import cKDTree
+
+    k = min(n_neighbours, len(points))
+    distances, idx = cKDTree(points).query(points, k=k, distance_upper_bound=radius_m)
+    is_near = np.isfinite(np.reshape(distances, (len(points), k)))
+    idx = np.where(is_near, np.reshape(idx, (len(points), k)), 0)
+    share = is_near * weights[idx]
+    share = share / np.maximum(share.sum(axis=1, keepdims=True), 1e-12)
+    centre = (points[idx] * share[:, :, None]).sum(axis=1)
+    offsets = points[idx] - centre[:, None, :]
+    xx, yy = ((share * offsets[:, :, axis] ** 2).sum(axis=1) for axis in (0, 1))
+    xy = (share * offsets[:, :, 0] * offsets[:, :, 1]).sum(axis=1)
+    normals, thin, long = main_axes(xx, yy, xy)
+    is_line = (is_near.sum(axis=1) >= 3) & (thin < thin_ratio * np.maximum(long, 1e-12))
+    normals = np.where(is_line[:, None], normals, 0.0)
+    return points + normals * ((centre - points) * normals).sum(axis=1, keepdims=True), normals
 
 
 def measured_directions(hessian: Floats, n_lines: int) -> tuple[Floats, Floats, Bools]:

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import distance_transform_edt
-from scipy.spatial import cKDTree
 
 from trailmark.arrays import Bools, Float32s, Floats, Int32s
 from trailmark.errors import ShapeError
 from trailmark.geometry import Pose2
-from trailmark.geometry.walls import main_axes
+from trailmark.geometry.walls import move_to_lines
 from trailmark_laser_maps.grid import OccupancyGrid
 
 __all__ = ["GridField"]
@@ -111,16 +110,7 @@ def _on_lines(centres: Floats, cell_m: float) -> tuple[Floats, Floats]:
     A wall that lies aslant over the grid is a staircase of cells; on the line through them it is where it was to a
     fraction of a cell.
     """
-    count = min(_NEIGHBOURS, len(centres))
-    distances, indices = cKDTree(centres).query(centres, k=count, distance_upper_bound=_NEIGHBOUR_CELLS * cell_m)
-    is_near = np.isfinite(np.reshape(distances, (len(centres), count)))
-    chosen = np.where(is_near, np.reshape(indices, (len(centres), count)), 0)
-    share = is_near / is_near.sum(axis=1, keepdims=True)
-    middle = (centres[chosen] * share[:, :, np.newaxis]).sum(axis=1)
-    offsets = centres[chosen] - middle[:, np.newaxis]
-    xx, yy = ((share * offsets[:, :, axis] ** 2).sum(axis=1) for axis in (0, 1))
-    xy = (share * offsets[:, :, 0] * offsets[:, :, 1]).sum(axis=1)
-    normals, thin, long = main_axes(xx, yy, xy)
-    is_line = (is_near.sum(axis=1) >= 3) & (thin < _LINE_RATIO * long)
-    normals = np.where(is_line[:, np.newaxis], normals, 0.0)
-    return centres + normals * ((middle - centres) * normals).sum(axis=1, keepdims=True), normals
+    radius_m = _NEIGHBOUR_CELLS * cell_m
+    return move_to_lines(
+        centres, np.ones(len(centres)), radius_m=radius_m, n_neighbours=_NEIGHBOURS, thin_ratio=_LINE_RATIO
+    )

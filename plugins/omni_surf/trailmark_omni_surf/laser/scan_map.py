@@ -8,11 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from trailmark.errors import ShapeError
 from trailmark.geometry import Pose2
-from trailmark.geometry.walls import main_axes
+from trailmark.geometry.walls import move_to_lines
 from trailmark_omni_surf.laser.kernels import stamp_nearest
 
 __all__ = ["ScanMap"]
@@ -95,7 +94,10 @@ class ScanMap:
         points, n_scans = _thin_cells(placed, thin_m, min_hits if len(placed) >= min_hits else 1)
         if len(points) == 0:
             raise ShapeError(f"no place was seen by {min_hits} scans; teach more slowly or lower min_hits")
-        return cls.from_points(*_on_walls(points, n_scans, 3 * thin_m), cell_m=cell_m, reach_m=reach_m)
+        # Scans taken at poses a few centimetres wrong smear a wall over several cells. A scan would settle on its near
+        # face; on the line through the middle it does not.
+        on_walls = move_to_lines(points, n_scans, radius_m=3 * thin_m, n_neighbours=24, thin_ratio=_LINE_RATIO)
+        return cls.from_points(*on_walls, cell_m=cell_m, reach_m=reach_m)
 
     @classmethod
     def from_points(cls, points: Points, normals: Points, *, cell_m: float = 0.05, reach_m: float = 0.5) -> ScanMap:
@@ -126,29 +128,6 @@ def _thin_cells(placed: Sequence[Points], thin_m: float, min_hits: int) -> tuple
     n_scans = np.bincount(np.unique(inverse * len(placed) + scan_idx) // len(placed), minlength=len(unique))
     is_seen = n_scans >= min_hits
     return np.ascontiguousarray(mean[is_seen]), n_scans[is_seen].astype(np.float64)
-
-
-def _on_walls(points: Points, weights: Points, radius_m: float, n_neighbours: int = 24) -> tuple[Points, Points]:
-    """Return the points moved onto the line through their neighbours, and its normal (zero where there is none).
-
-    Scans taken at poses a few centimetres wrong smear a wall over several cells. A scan would settle on its near
-    face; on the line through the middle it does not.
-    """
-    k = min(n_neighbours, len(points))
-    distances, idx = cKDTree(points).query(points, k=k, distance_upper_bound=radius_m)
-    is_near = np.isfinite(np.reshape(distances, (len(points), k)))
-    idx = np.where(is_near, np.reshape(idx, (len(points), k)), 0)
-    share = is_near * weights[idx]
-    share = share / np.maximum(share.sum(axis=1, keepdims=True), 1e-12)
-    centre = (points[idx] * share[:, :, None]).sum(axis=1)
-    offsets = points[idx] - centre[:, None, :]
-    xx = (share * offsets[:, :, 0] ** 2).sum(axis=1)
-    yy = (share * offsets[:, :, 1] ** 2).sum(axis=1)
-    xy = (share * offsets[:, :, 0] * offsets[:, :, 1]).sum(axis=1)
-    normals, thin, long = main_axes(xx, yy, xy)
-    is_line = (is_near.sum(axis=1) >= 3) & (thin < _LINE_RATIO * np.maximum(long, 1e-12))
-    normals = np.where(is_line[:, None], normals, 0.0)
-    return points + normals * ((centre - points) * normals).sum(axis=1, keepdims=True), normals
 
 
 def steps(span: float, step: float) -> npt.NDArray[np.float64]:
