@@ -96,6 +96,13 @@ class TestScan:
     def test_a_scan_without_returns_has_no_points(self) -> None:
         assert Scan(np.full(4, math.nan), 0.0, 0.1).points().shape == (0, 2)
 
+    def test_returns_too_near_or_too_far_are_left_out(self) -> None:
+        scan = Scan(np.array([0.1, 1.0, 4.0, 9.0]), 0.0, math.pi / 2, range_min_m=0.2, range_max_m=8.0)
+
+        np.testing.assert_allclose(scan.points_within(5.0), [[0.0, 1.0], [-4.0, 0.0]], atol=1e-12)
+        np.testing.assert_allclose(scan.points_within(100.0), [[0.0, 1.0], [-4.0, 0.0]], atol=1e-12)
+        np.testing.assert_allclose(scan.points_within(2.0), [[0.0, 1.0]], atol=1e-12)
+
     @pytest.mark.parametrize("ranges", [np.zeros((2, 2)), np.zeros(3, np.int64)])
     def test_ranges_are_a_row_of_floats(self, ranges: npt.NDArray[Any]) -> None:
         with pytest.raises(ShapeError, match="ranges_m must be"):

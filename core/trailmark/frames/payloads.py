@@ -215,6 +215,23 @@ class Scan(Payload):
         angles, ranges = self.angles()[seen], np.asarray(self.ranges_m[seen], dtype=np.float64)
         return np.stack([ranges * np.cos(angles), ranges * np.sin(angles)], axis=1)
 
+    def points_within(self, max_range_m: float) -> npt.NDArray[np.float64]:
+        """Return the returns that are neither too near for the sensor nor too far, as points in sensor axes.
+
+        Parameters
+        ----------
+        max_range_m : float
+            Farther returns are left out, also where the sensor measures farther [m].
+
+        Returns
+        -------
+        (M, 2) float64
+            In the order of the rays [m].
+        """
+        points = self.points()
+        ranges = np.hypot(points[:, 0], points[:, 1])
+        return points[(ranges > self.range_min_m) & (ranges < min(max_range_m, self.range_max_m))]
+
 
 @dataclass(frozen=True, slots=True)
 class Odometry(Payload):

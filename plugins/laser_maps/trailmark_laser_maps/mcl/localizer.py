@@ -105,10 +105,7 @@ class GridMcl(Localizer):
         return _load_grid(self._localizer_map) if self._localizer_map is not None else None
 
     def _points(self, scan: Scan) -> Floats:
-        points = scan.points()
-        ranges = np.hypot(points[:, 0], points[:, 1])
-        limit_m = min(self.config.max_range_m, scan.range_max_m)
-        return self._pose_base_laser @ points[(ranges > scan.range_min_m) & (ranges < limit_m)]
+        return self._pose_base_laser @ scan.points_within(self.config.max_range_m)
 
     def _teach(self, stamp_s: float, points_base: Floats, belief: Belief) -> None:
         """Remember the scan where the robot is believed to be, every so far."""

@@ -110,10 +110,7 @@ class ScanOdometry(Localizer):
             self._keyscan = match.pose
 
     def _points(self, scan: Scan) -> Floats:
-        points = scan.points()
-        ranges = np.hypot(points[:, 0], points[:, 1])
-        limit_m = min(self.config.max_range_m, scan.range_max_m)
-        return self._pose_base_laser @ points[(ranges > scan.range_min_m) & (ranges < limit_m)]
+        return self._pose_base_laser @ scan.points_within(self.config.max_range_m)
 
 
 def _motion(last: _Matched, stamp_s: float, match: LocalMatch) -> Motion:

@@ -87,10 +87,7 @@ class LaserIcp(Localizer):
         return joiner.place(self._scans, known, keyframe, guess, covariance)
 
     def _points(self, scan: Scan) -> Floats:
-        points = scan.points()
-        ranges = np.hypot(points[:, 0], points[:, 1])
-        limit_m = min(self.config.max_range_m, scan.range_max_m)
-        return self._pose_base_laser @ points[(ranges > scan.range_min_m) & (ranges < limit_m)]
+        return self._pose_base_laser @ scan.points_within(self.config.max_range_m)
 
     def _load_map(self) -> ScanMap | None:
         saved = self._localizer_map.load(_MAP) if self._localizer_map is not None else None
