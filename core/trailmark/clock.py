@@ -62,7 +62,7 @@ class RunClock:
         self.wake = threading.Event()
 
     def anchor(self, stamp_s: float) -> None:
-        """Let it be `stamp_s` now."""
+        """Set the time to `stamp_s` now."""
         self._offset_s = stamp_s - self._clock.now_s()
 
     def now_s(self) -> float:

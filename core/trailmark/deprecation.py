@@ -60,7 +60,7 @@ class MovedModules(MetaPathFinder, Loader):
         self._specs: dict[str, ModuleSpec | None] = {}
 
     def install(self) -> None:
-        """Let imports of the old names find the modules."""
+        """Add this finder to Python's, so that imports of the old names find the modules."""
         sys.meta_path.insert(0, self)  # before the finder that would load a second copy from a package's folder
 
     def find_spec(

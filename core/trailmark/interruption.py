@@ -120,7 +120,7 @@ class _Request:
         self.clear()
 
     def clear(self) -> None:
-        """Be none; others hold this object, so that a new one in its place would not reach them."""
+        """Reset it to no request, in place: other modules hold this object."""
         self.by: Interrupted | None = None
         self.at_s = math.inf
         self.raised_s = -math.inf

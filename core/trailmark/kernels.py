@@ -105,7 +105,7 @@ def _compiler(**options: Any) -> Callable[[_Function], _Function]:
 
 
 def _survive_renamed_records(compiled: Any) -> None:
-    """Let a kernel compile anew when what is kept of it names a class that is gone.
+    """Make a kernel compile anew when its cache names a class that is gone.
 
     Numba reads the records (named tuples) of a signature before it asks whether the kernel's file has changed since, so
     that a cache of an older version would end the program.

@@ -106,7 +106,7 @@ def _figures(taught: RunResult, replayed: RunResult) -> dict[str, Any]:
 
 
 def _silent(_: str) -> None:
-    """Say nothing: the figures are asked for as JSON."""
+    """Print nothing: the figures are asked for as JSON."""
 
 
 def _print(figures: dict[str, Any], out: Path) -> None:

@@ -25,13 +25,13 @@ def say(message: str) -> None:
 
 
 def fail(message: str, code: int = 1) -> None:
-    """Say what is wrong and leave."""
+    """Print an error and exit."""
     say(f"trailmark: {message}")
     sys.exit(code)
 
 
 def _show(error: click.ClickException) -> None:
-    """Say what click found wrong with the arguments, in one line; a group without a command shows its help."""
+    """Print click's error in one line; a group without a command shows its help."""
     if isinstance(error, click.exceptions.NoArgsIsHelpError):
         error.show()
         return
@@ -48,7 +48,7 @@ def has_lost_its_reader() -> bool:
 
 
 def _silence(stream: TextIO) -> None:
-    """Let what still waits to be written go nowhere: Python would complain of it when it ends."""
+    """Discard buffered output: Python would report its failure at exit."""
     with suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())

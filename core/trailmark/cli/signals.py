@@ -159,7 +159,7 @@ class HeardSignals:
             signal.signal(number, signal.SIG_DFL if is_traceback else handler)
 
     def _stop_nudging(self) -> None:
-        """Let the timer ring no more, before its handler is set to what ends the process."""
+        """Stop the timer before its handler is set to the one that ends the process."""
         if _HAS_TIMERS and signal.SIGALRM in self._before:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
 
@@ -188,7 +188,7 @@ class HeardSignals:
     # --- in the thread ---------------------------------------------------------------------------------------------
 
     def _listen(self) -> None:
-        """Hear the first signal, and then the second."""
+        """Wait for the first signal, and then the second."""
         first = self._next_signal()
         if first is None:
             return
@@ -237,7 +237,7 @@ class HeardSignals:
 
 @contextmanager
 def _held_back() -> Iterator[None]:
-    """Let signals come, and raise `Interrupted`, not before this is over."""
+    """Block the signals, and with them `Interrupted`, until the block ends."""
     with interruption.shielded():
         if not hasattr(signal, "pthread_sigmask"):  # not on Windows
             yield
@@ -268,7 +268,7 @@ def _suspend(number: int) -> None:
 
 
 def _let_go_in_child() -> None:
-    """Let a process that was forked from this one be ended as any other."""
+    """Give the handlers up in a forked process, so that signals end it as any other."""
     for heard in reversed(_listening.copy()):  # each leaves the list
         heard.let_go()
 
@@ -307,7 +307,7 @@ def _terminal_settings() -> Any:
 
 
 def _give_terminal_back(settings: Any) -> None:
-    """Let the terminal be as it was: a progress bar hides the cursor, and driving with keys takes the echo away."""
+    """Restore the terminal: a progress bar hides the cursor, and driving with keys switches the echo off."""
     if settings is None:
         return
     import termios

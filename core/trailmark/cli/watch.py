@@ -110,7 +110,7 @@ def _tell_address(url: str) -> None:
 
 
 def watch(look: Look, every: float, once: bool) -> None:
-    """Look again and again until what is watched has ended: live on a terminal, in lines elsewhere.
+    """Show what is watched until it has ended: live on a terminal, in lines elsewhere.
 
     Parameters
     ----------

@@ -65,7 +65,7 @@ class History(Generic[M, S]):
         return len(self._stamps)
 
     def advance(self, stamp_s: float) -> None:
-        """Let the window end at `stamp_s`, unless it ends later; what falls out is forgotten."""
+        """Move the end of the window to `stamp_s`, unless it ends later; what falls out is forgotten."""
         if stamp_s <= self.newest_s:
             return
         self.newest_s, self.horizon_s = stamp_s, stamp_s - self._span_s

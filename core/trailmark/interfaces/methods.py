@@ -40,7 +40,7 @@ class Localizer(Part):
 
     @abstractmethod
     def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
-        """Look at a frame of a sensor that the config subscribes to.
+        """Process a frame of a sensor that the config subscribes to.
 
         Parameters
         ----------
@@ -60,7 +60,7 @@ class Localizer(Part):
     relates_keyframes: ClassVar[bool] = False
 
     def relate(self, known: Mapping[int, Pose2], keyframe: int, guess: Pose2, covariance: Floats) -> Fix | Lost:
-        """Say where base was at one keyframe, from other keyframes of which that is known; at the end of teaching.
+        """Return the pose of base at one keyframe, relative to other keyframes; called at the end of teaching.
 
         Works from the localizer map alone. It is asked whether a place was seen twice: rather `Lost` than wrong.
 

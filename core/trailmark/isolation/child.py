@@ -38,7 +38,7 @@ def write_json(path: Path, document: Any) -> None:
 
 
 def say(code: int, error: object) -> int:
-    """Say in one line what went wrong, and return the exit code that goes with it."""
+    """Print in one line what went wrong, and return the exit code that goes with it."""
     line = "; ".join(part.strip() for part in str(error).splitlines() if part.strip())
     print(line or type(error).__name__, file=sys.stderr, flush=True)
     return code

@@ -46,7 +46,7 @@ class LimitWatch:
         self.next_look_s = time.monotonic() + _LOOK_S if is_limited else float("inf")
 
     def verdict(self) -> tuple[str, str] | None:
-        """Look, if it is time to; return state and reason if a limit is exceeded."""
+        """Check the limits, if it is time to; return state and reason if one is exceeded."""
         began_s = time.monotonic()
         if began_s < self.next_look_s:
             return None

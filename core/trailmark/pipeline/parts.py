@@ -197,7 +197,7 @@ def _localizer(entry: LocalizerEntry) -> LocalizerPart:
 
 
 def _warn_of_no_effect(entry: LocalizerEntry) -> None:
-    """Say which options have no effect on a localizer that is waited for."""
+    """Warn of options that have no effect on a localizer that is waited for."""
     options = entry.options
     for key, is_given in (("latency_ms", options.latency_ms is not None), ("keep", options.keep != "newest")):
         if is_given and not options.is_async:

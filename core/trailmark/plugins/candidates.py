@@ -223,7 +223,7 @@ class Selection:
         )
 
     def verdict(self, name: str, distribution: str) -> Literal["ok", "blocked", "disabled"]:
-        """Say whether a plugin may load: ``ok``, ``blocked`` by name, or ``disabled`` by the allow list."""
+        """Return whether a plugin may load: ``ok``, ``blocked`` by name, or ``disabled`` by the allow list."""
         if (distribution, name) == CORE:
             return "ok"
         names = {name, distribution, f"{distribution}:{name}"}

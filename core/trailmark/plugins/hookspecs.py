@@ -29,11 +29,11 @@ class HookSpecs:
 
     @_hookspec
     def trailmark_run_started(self, run: Any) -> None:
-        """A pipeline has started all its parts; its first frame comes next."""
+        """Called when a pipeline has started all its parts; its first frame comes next."""
 
     @_hookspec
     def trailmark_run_finished(self, run: Any, result: Any) -> None:
-        """A pipeline has ended, however it ended; everything is written."""
+        """Called when a pipeline has ended, however it ended; everything is written."""
 
     @_hookspec
     def trailmark_commands(self, group: click.Group) -> None:

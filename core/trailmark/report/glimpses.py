@@ -51,7 +51,7 @@ class Glimpses:
         self._began_s: float | None = None
 
     def see(self, frame: Frame | None) -> None:
-        """Look at a frame; what is no picture passes."""
+        """Keep a glimpse of a frame with a picture."""
         if frame is None:
             return
         if self._began_s is None:

@@ -79,7 +79,7 @@ class RecordedSource(FrameSource):
 
     @abstractmethod
     def open_recording(self, name: str) -> Iterable[SensorInfo]:
-        """Look at the recording and return its sensors; a source of one sensor calls it `name`.
+        """Inspect the recording and return its sensors; a source of one sensor calls it `name`.
 
         Raises
         ------
@@ -97,7 +97,7 @@ class RecordedSource(FrameSource):
         return self._sensors
 
     def start(self, session: Session) -> None:
-        """Look at the recording: sensors, sizes, the first picture.
+        """Inspect the recording: sensors, sizes, the first picture.
 
         Raises
         ------

@@ -93,7 +93,7 @@ class WriterMark:
         raise StoreError(f"{self._path} is opened and closed for writing by others all the time; try again")
 
     def give_back(self) -> None:
-        """Let go of the mark and remove it; does nothing without one."""
+        """Release the mark and remove it; does nothing without one."""
         if self._connection is None:
             return
         connection, self._connection = self._connection, None

@@ -112,7 +112,7 @@ def _serve(server: PageServer, shown: WatchedPage, tell: Callable[[str], None] =
 
 
 def _main() -> None:
-    """Be the page's program: all that it needs is said on standard input."""
+    """Run the page's program; standard input says all that it needs."""
     from trailmark.watching.watched import WatchedRun
 
     told = json.load(sys.stdin)

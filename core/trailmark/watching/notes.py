@@ -99,7 +99,7 @@ class LiveNotes:
             self._ask_for_truth(pipeline)
 
     def _look_around(self, pipeline: Pipeline) -> None:
-        """Ask once for what stays as it is."""
+        """Take the path and the outlines once: they stay as they are."""
         path, outlines = pipeline.path, outlines_of(pipeline.parts.sources)
 
         def write() -> None:
@@ -123,7 +123,7 @@ class LiveNotes:
         self._pictures.append((frame.sensor, frame.stamp_s - self._began_s, small_picture(pixels)))
 
     def _ask_for_truth(self, pipeline: Pipeline) -> None:
-        """Ask the sources where the robot was so far; the longer it takes them, the more seldom."""
+        """Ask the sources for the truth so far; the longer they take, the more seldom."""
         began_s = time.monotonic()
         try:
             known = (source.ground_truth() for source in pipeline.parts.sources)

@@ -124,7 +124,7 @@ class PageServer(ThreadingHTTPServer):
         self.server_close()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Say nothing of a browser that went away."""
+        """Ignore errors of connections that a browser has closed."""
 
 
 def url_of(port: int, secret: str) -> str:

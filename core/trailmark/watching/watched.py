@@ -99,7 +99,7 @@ class WatchedPage(ABC):
         self._thread.start()
 
     def close(self) -> None:
-        """Look no more."""
+        """Stop the thread."""
         self._is_closed.set()
 
     @property

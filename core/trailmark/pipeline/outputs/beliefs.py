@@ -26,7 +26,7 @@ class BeliefLog:
         self._n_seen = 0
 
     def add(self, belief: Belief) -> None:
-        """Look at a belief; one without pose or covariance passes."""
+        """Add a belief; one without pose or covariance is left out."""
         if belief.pose_map_base is None or belief.covariance is None:
             return
         if self._n_seen % self._stride == 0:

@@ -126,7 +126,7 @@ class Recorder(Sink):
         self.is_written = True
 
     def mark(self, status: Status, reason: str) -> None:
-        """Say in ``run.json`` how the run ended, for when there is no time for anything else."""
+        """Write into ``run.json`` how the run ended, for when there is no time for anything else."""
         if self._estimates is not None:
             with suppress(OSError, ValueError):  # the disk is full, or the run's thread has closed it just now
                 self._estimates.flush()

@@ -58,7 +58,7 @@ def prepare_folder(folder: Path | str, overwrite: bool = False) -> Path:
 
 
 def link_latest(folder: Path) -> None:
-    """Let ``latest`` beside the folder point to it, where the file system can."""
+    """Point the link ``latest`` beside the folder to it, where the file system can."""
     link = folder.parent / "latest"
     with suppress(OSError):
         if link.is_symlink():

@@ -134,7 +134,7 @@ class Tracks(Sink):
         self._own = {name: _OwnTrack(session) for name in names}
 
     def on_estimate_record(self, record: EstimateRecord) -> None:
-        """Let the localizer's own dead reckoning take the estimate."""
+        """Add the estimate to the localizer's own dead reckoning."""
         if not isinstance(record.estimate, Lost):
             self._own[record.source].add(record)
 

@@ -82,7 +82,7 @@ class TaughtMap:
     # --- replay ----------------------------------------------------------------------------------------------------
 
     def warn_of_changes(self, sensors: Mapping[str, SensorInfo]) -> None:
-        """Say which sensors are not as they were when the path was taught."""
+        """Warn of sensors that are not as they were when the path was taught."""
         for name, taught in self._store.sensors().items():
             now = sensors.get(name)
             if now is None:
@@ -93,7 +93,7 @@ class TaughtMap:
                 logger.warning("sensor %r is not as it was when the path was taught: %s", name, ", ".join(changed))
 
     def finish_leftovers(self, localizers: Sequence[LocalizerPart], sessions: Sessions) -> None:
-        """Let localizers finish what an interrupted teaching left, before the path is used."""
+        """Finish the maps that an interrupted teaching left, before the path is used."""
         unfinished = self._localizers_to_finish(localizers)
         if not unfinished:
             return
@@ -140,7 +140,7 @@ class TaughtMap:
         return close_loops(self._store, localizers, switched_off)
 
     def finish(self, part: LocalizerPart) -> None:
-        """Let a localizer select, train and index what it was taught, and write down that it did.
+        """Call a localizer's `finish` (select, train, index), and record that it ran.
 
         Raises
         ------

@@ -268,7 +268,7 @@ class _Replayed:
 
 
 def _finishes_from_the_map(case: LocalizerCase) -> None:
-    """A teaching that was cut short is finished by another process; and finishing twice changes nothing."""
+    """Check that another process can finish a teaching that was cut short, and that finishing twice changes nothing."""
     localizer_map, other = MemoryMap(), MemoryMap()
     case.teach(localizer_map)
     if localizer_map.is_empty:

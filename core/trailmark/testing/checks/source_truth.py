@@ -32,7 +32,7 @@ def source_truth_checks(make: Callable[[], FrameSource], n_frames: int) -> dict[
 
 
 def _keeps_its_rates(make: Callable[[], FrameSource], n_frames: int) -> None:
-    """A sensor that says its rate keeps it, in the median."""
+    """Check that a sensor with a rate keeps it, in the median."""
     if make().is_live:
         skip("a device may be slow here")
     source = make()
@@ -53,7 +53,7 @@ def _keeps_its_rates(make: Callable[[], FrameSource], n_frames: int) -> None:
 
 
 def _turns_like_its_truth(make: Callable[[], FrameSource], n_frames: int) -> None:
-    """A gyroscope turns as the true heading does; fifty times as fast is degrees."""
+    """Check that a gyroscope turns as the true heading does; fifty times as fast is degrees."""
     source = make()
     source.start(Session("source"))
     frames = list(islice(source.frames(), n_frames))
