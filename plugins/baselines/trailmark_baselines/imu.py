@@ -29,7 +29,7 @@ class ImuLocalizer(Localizer):
     uses_belief = False
 
     def start(self, session: Session) -> None:
-        """Look up how the unit is mounted, and forget the last reading."""
+        """Read the unit's mounting, and forget the last reading."""
         self._rotation_base_imu = session.sensors[self.config.imu].pose_base_sensor.rotation()
         self._last: tuple[float, float] | None = None
 

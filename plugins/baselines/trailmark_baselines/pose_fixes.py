@@ -23,7 +23,7 @@ class PoseFixes(Localizer):
     config: PoseFixesConfig
 
     def start(self, session: Session) -> None:
-        """Look up where the sensor sits on base."""
+        """Read the sensor's mounting."""
         self._pose_sensor_base = session.sensors[self.config.poses].pose_base_sensor.planar().inverse()
 
     def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:

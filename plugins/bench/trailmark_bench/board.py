@@ -58,13 +58,13 @@ class CellBoard:
             yield cell
 
     def start(self, cell: Cell) -> None:
-        """A waiting cell is in work now."""
+        """Mark a waiting cell as running."""
         self._move(cell, "running")
         self._index.mark_running(cell.id)
         self.running[cell.id] = self.waiting.pop(cell.id)
 
     def finish(self, cell: Cell, outcome: Outcome, result: Any, detail: bytes | None) -> None:
-        """A cell in work has ended; one that found no sensor ends those that differ in seed or faults alone."""
+        """Mark a running cell as ended; one that found no sensor ends those that differ in seed or faults alone."""
         self._move(cell, outcome.state)
         self._index.mark_finished(cell.id, outcome, result, detail)
         del self.running[cell.id]
@@ -72,7 +72,7 @@ class CellBoard:
             self._skip_like(cell, outcome.reason)
 
     def lose(self, cell: Cell) -> None:
-        """What ran a cell was lost: the cell waits again, the third time for another call of the bench."""
+        """Put a cell whose worker was lost back; the third time it waits for another call of the bench."""
         self._move(cell, "pending")
         self._index.mark_pending([cell.id])
         self._losses[cell.id] += 1

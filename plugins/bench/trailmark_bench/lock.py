@@ -37,7 +37,7 @@ class FolderLock:
             raise
 
     def release(self) -> None:
-        """Let others have it; again does nothing."""
+        """Release the lock; again does nothing."""
         self._file.close()
 
 

@@ -122,7 +122,7 @@ def _irregular(folder: str, names: list[str]) -> list[str]:
 
 
 def _show_all(merged: Index) -> None:
-    """Let all cells be shown, in the order of their names; what ran elsewhere and did not end is to be run."""
+    """Enter all cells, in the order of their names; those that ran elsewhere and did not end are pending."""
     records = sorted(merged.records(everything=True), key=lambda record: _order(record))
     merged.enter([Cell(record.id, record.matrix, record.coordinates, {}) for record in records])
     merged.mark_pending([record.id for record in records if record.state == "running"])

@@ -47,13 +47,13 @@ class Capture(Protocol):
         """Return a property."""
 
     def set(self, property_: int, value: float, /) -> bool:
-        """Ask for a property."""
+        """Request a property of the device."""
 
     def isOpened(self) -> bool:
         """Return whether the device is there."""
 
     def release(self) -> None:
-        """Let go of the device."""
+        """Release the device."""
 
 
 class Camera(FrameSource):

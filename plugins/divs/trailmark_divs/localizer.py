@@ -80,7 +80,7 @@ class Divs(Localizer):
                 )
 
     def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
-        """Look at a picture if it belongs to the stream; in replay, say where the robot is beside the path."""
+        """Process a picture if it belongs to the stream; in replay, return the drift from the path."""
         payload = frame.payload
         if self._memory is None:  # teaching asks for itself
             self._ask_for_motion(frame.stamp_s, belief)

@@ -255,7 +255,7 @@ class StreamMatcher:
         return wrap_angle(after - before) / (2.0 * half_m)
 
     def _move_tracker(self, relative_rad: float) -> None:
-        """Let the tracked shift follow what the robot turned relative to the path since the last comparison."""
+        """Move the tracked shift by the robot's turn relative to the path since the last comparison."""
         last, self._relative_rad = self._relative_rad, relative_rad
         if last is not None:
             self._tracker.move((relative_rad - last) / self._radians_per_column)

@@ -130,7 +130,7 @@ class MotionAudit:
         self._closed: Bools | None = None
 
     def ignore(self, closed: Bools) -> None:
-        """Ask no pixel for `spread` where something is fixed to the lens, (H, W) bool."""
+        """Leave out the pixels of `spread` where something is fixed to the lens, (H, W) bool."""
         self._closed = closed
 
     def audit(self, before: Grey16, now: Grey16, motion: ImageMotion) -> Audit:

@@ -153,7 +153,7 @@ class GroundTracker:
         return self._step_guarded(image, stamp_s)
 
     def _guard(self, image: Grey8, since_s: float, interval_s: float) -> None:
-        """Let the guarded tracker go on from the last picture beyond suspicion."""
+        """Restart the guarded tracker at the last picture beyond suspicion."""
         assert self._guarded is not None
         self._counts["suspected"] += 1
         was_soon = self._n_calm < self._calm_frames
@@ -242,7 +242,7 @@ class GroundTracker:
             self._marks.add(before.unmasked, now.unmasked, motion, sigma)
 
     def _ignore_marks(self, image: Grey8, stamp_s: float, said: TrackedMotion | TrackingFailure | None) -> None:
-        """Let the guarded tracker ignore what turned out to be fixed to the lens; begin anew after a lie."""
+        """Make the guarded tracker ignore marks that are fixed to the lens; begin anew after a wrong motion."""
         assert self._guarded is not None
         weights = self._marks.new_weights()
         if weights is not None:

@@ -183,7 +183,7 @@ class GroundMap(Localizer):
     def _judge_guess(
         self, stamp_s: float, view: PatchView, guess: Guess, pose_odom_base: Pose2
     ) -> tuple[GuessVerdict, Fix | None]:
-        """Look for all patches that the picture shows if a guess is right; with it, the fix by the nearest one."""
+        """Search all patches that the picture shows if a guess is right; with it, the fix by the nearest one."""
         pose = guess.pose_map_odom @ pose_odom_base
         camera = pose @ self._mounting
         seen, misfits, fix = self._in_view(pose, camera), [], None

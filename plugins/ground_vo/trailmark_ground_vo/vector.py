@@ -36,7 +36,7 @@ make_array: Any = numba.np.arrayobj.make_array
 
 
 def intrinsic(function: Callable[..., Any]) -> Any:
-    """Let kernels call a function that emits its own code; sizes that are constants arrive as such."""
+    """Make a function callable from kernels that emits its own code; sizes that are constants arrive as such."""
     return numba.extending.intrinsic(prefer_literal=True)(function)
 
 

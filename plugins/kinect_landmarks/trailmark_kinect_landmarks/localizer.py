@@ -75,7 +75,7 @@ class KinectLandmarks(Localizer):
             self._load()
 
     def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
-        """Look at a picture; readings of the light sensor and the laser are kept for the next one."""
+        """Process a picture; readings of the light sensor and the laser are kept for the next one."""
         payload = frame.payload
         if frame.sensor == self.config.scan and isinstance(payload, Scan | Scalar):
             self._scan = as_scan(payload)

@@ -39,7 +39,7 @@ class KnownLandmarks(Localizer):
     config: KnownLandmarksConfig
 
     def start(self, session: Session) -> None:
-        """Look up where the landmarks stand.
+        """Read the places of the landmarks.
 
         Raises
         ------

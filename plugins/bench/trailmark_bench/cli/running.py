@@ -162,7 +162,7 @@ def conclude(index: Index, no_report: bool, as_json: bool) -> None:
 
 
 def say_changed(bench: Bench, index: Index | None) -> None:
-    """Say how many cells have run at another address: with other code, or another config of what they name."""
+    """Print how many cells have run at another address: with other code, or another config of what they name."""
     done = [record for record in ([] if index is None else index.records(everything=True)) if record.attempts]
     ids, labels = {record.id for record in done}, {record.label for record in done}
     n_changed = sum(cell.id not in ids and cell.label in labels for cell in bench.cells)

@@ -62,7 +62,7 @@ def _rows_of(options: ExperimentOptions, world: str) -> list[Row]:
 def corresponding_drive(
     taught: Taught, around: Surroundings, localizers: Localizers, driver: str, seed: int
 ) -> tuple[dict[str, DriveAnswers], Deviation]:
-    """Let one correspondence lead the robot, and all others look on when distance does."""
+    """Drive with one correspondence in control; with the one by distance, all others watch."""
     keeper = AnswerKeeper(localizers)
     shown = localizers if driver == "distance" else {driver: localizers[driver]}
     result = taught.replay(Replay(shown, seed, AFTERNOON, _TURNED_DEG, use=[driver]), keeper)
