@@ -24,6 +24,9 @@ _CELL_PX = 16
 #: Width of the surroundings: of a median, and standard deviation of a Gauss filter [cells].
 _MEDIAN_CELLS, _AROUND_CELLS = 3, 2.0
 
+#: Width of a median of what that leaves of the light: what bends only here is a mark or a drop [cells].
+_BEND_CELLS = 5
+
 #: Cells that differ more than this from their surroundings are lit differently: only so much of it is ground [1].
 _MOST_DIFFERENT = 0.1
 
@@ -37,7 +40,7 @@ def even_brightness(image: Grey8) -> Grey8:
     cells = cv2.medianBlur(cell_means(image, side), _MEDIAN_CELLS).astype(np.float32)  # no drop, but a shadow's edge
     around = np.asarray(cv2.GaussianBlur(cells, (0, 0), _AROUND_CELLS), np.float32)
     # a filter flattens the bends of the light; what it leaves of them is filtered and added (Tukey's twicing)
-    around += cv2.GaussianBlur(cells - around, (0, 0), _AROUND_CELLS)
+    around += cv2.GaussianBlur(cv2.medianBlur(cells - around, _BEND_CELLS), (0, 0), _AROUND_CELLS)
     excess = cells - around
     around += excess - np.clip(excess, -_MOST_DIFFERENT * around, _MOST_DIFFERENT * around)
     gain = GAIN_ONE * np.minimum(np.float32(_MOST_GAIN), EVEN_LEVEL / np.maximum(around, np.float32(1.0)))
