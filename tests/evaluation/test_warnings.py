@@ -126,6 +126,68 @@ def test_a_picture_that_shows_200_m_of_ground_is_told(
     assert [text.partition(":")[0] for text in told(folder)] == (["floor"] if is_odd else [])
 
 
+def told_of_ways(write_run: Write, ways: dict[str, Trajectory]) -> list[str]:
+    """Return what is said of localizers that tell the same stretch."""
+    return [text for text in told(write_run(ways)) if "look at its sensor" in text]
+
+
+def seen_as(way: Trajectory, scale: float = 1.0, yaw: float = 0.0) -> Trajectory:
+    """Return what a sensor tells whose scale, or whose yaw, is not what the localizer believes."""
+    turned = way.poses[:, 0] + 1j * way.poses[:, 1]
+    turned = scale * turned * np.exp(1j * (yaw + 0.3))  # its frame is its own
+    return Trajectory(way.stamps_s, np.column_stack([turned.real, turned.imag, way.headings + 0.3]))
+
+
+@pytest.mark.parametrize("scale", [5.0, 0.2, 1000.0, 0.001])
+def test_a_scale_that_no_other_motion_shares_is_told(write_run: Write, figure_eight: Trajectory, scale: float) -> None:
+    way = Trajectory(figure_eight.stamps_s, figure_eight.poses * [100.0, 100.0, 1.0])  # 1000th of it is 1 m and more
+
+    (warning,) = told_of_ways(write_run, {"floor": seen_as(way, scale), "wheels": way})
+
+    assert warning.startswith(f"floor: it comes {scale:.3g} times as far as 'wheels'")
+    assert "metres_per_pixel" in warning
+
+
+@pytest.mark.parametrize(("yaw_deg", "shown"), [(180.0, "180"), (90.0, "90"), (-90.0, "-90")])
+def test_a_camera_that_is_mounted_another_way_round_is_told(
+    write_run: Write, figure_eight: Trajectory, yaw_deg: float, shown: str
+) -> None:
+    turned = seen_as(figure_eight, yaw=np.radians(yaw_deg))
+
+    (warning,) = told_of_ways(write_run, {"floor": turned, "wheels": figure_eight})
+
+    assert f"its forward is turned by {shown} deg against that of 'wheels'" in warning.replace("-180", "180")
+    assert "yaw_deg" in warning
+
+
+def test_of_three_the_one_that_contradicts_both_is_named(write_run: Write, figure_eight: Trajectory) -> None:
+    ways = {"wheels": figure_eight, "floor": seen_as(figure_eight, 5.0), "laser": seen_as(figure_eight, 1.02)}
+
+    (warning,) = told_of_ways(write_run, ways)
+
+    assert warning.startswith("floor: it comes 4.9 times as far as 'laser' and 'wheels'")
+
+
+@pytest.mark.parametrize("scale", [1.0, 1.5, 0.7])
+def test_ways_of_about_the_same_length_are_none_of_it(write_run: Write, figure_eight: Trajectory, scale: float) -> None:
+    assert told_of_ways(write_run, {"floor": seen_as(figure_eight, scale), "wheels": figure_eight}) == []
+
+
+def test_one_that_stands_still_is_not_taken_for_a_scale(
+    write_run: Write, figure_eight: Trajectory, static: Trajectory
+) -> None:
+    still = Trajectory(figure_eight.stamps_s, 0.0 * figure_eight.poses)
+
+    assert told_of_ways(write_run, {"floor": still, "wheels": figure_eight}) == []
+
+
+def test_fixes_that_jump_by_centimetres_do_not_contradict_wheels(write_run: Write, straight: Trajectory) -> None:
+    noise = np.random.default_rng(7).normal(0.0, 0.02, (len(straight), 2))
+    fixes = Trajectory(straight.stamps_s, straight.poses + np.column_stack([noise, np.zeros(len(straight))]))
+
+    assert told_of_ways(write_run, {"marks": fixes, "wheels": straight}) == []
+
+
 def test_warnings_stand_in_the_document_of_the_run(write_run: Write, straight: Trajectory) -> None:
     rows = [row(t, "cam", "lost", "unused", "dark") for t in (0.1, 0.2)]
 

@@ -38,10 +38,11 @@ def test_registering_imports_nothing_heavy():
     assert shown.stdout.strip() == "[]"
 
 
-def test_the_starter_asks_which_way_is_forward(tmp_path):
+def test_the_starter_asks_which_way_is_forward_and_how_wide_a_picture_is(tmp_path):
     asked = [sys.executable, "-m", "trailmark.cli", "init", "ground", "--out", str(tmp_path / "ground.yaml")]
 
     said = subprocess.run(asked, capture_output=True, text=True, check=True).stdout
 
     assert "Which way is forward in the picture?" in said
     assert "yaw_deg 180" in said
+    assert "How wide is the ground that one picture shows?" in said

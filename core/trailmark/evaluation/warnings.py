@@ -6,14 +6,17 @@ Each warning says the fact, with its number, and what to do about it. ``trailmar
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 
 from trailmark.evaluation.lost_reasons import reasons_of
 from trailmark.evaluation.run_folder import FUSED, RunFolder
+from trailmark.evaluation.way_comparison import WayComparison, compare_ways
 from trailmark.geometry import Trajectory
 
 __all__ = ["RunWarning", "collisions_of", "run_warnings"]
@@ -28,6 +31,9 @@ NARROWEST_GROUND_M = 5e-3
 LONGEST_INTERVAL_S = 20.0
 #: A larger share of dropped, late or refused estimates is told.
 MOST_UNUSABLE = 0.05
+#: Two that move one robot: the way of one over that of the other, and the angle between their directions [deg].
+MOST_RATIO = 2.0
+MOST_TURNED_DEG = 45.0
 #: A larger share that contradicts the belief is no matter of outliers.
 MOST_GATED = 0.5
 
@@ -76,6 +82,7 @@ def run_warnings(run: RunFolder) -> list[RunWarning]:
         *_of_localizers(run),
         *_of_use(run),
         *_of_motion(run),
+        *_of_ways(run),
         *_of_sensors(run.run.get("sensors")),
         *_of_control(run.run.get("counters")),
         *_of_collisions(run.run.get("counters")),
@@ -148,6 +155,41 @@ def _of_motion(run: RunFolder) -> Iterator[RunWarning]:
             )
         if turn_radps > MOST_RADPS:
             yield RunWarning(name, f"it turns by {turn_radps:.3g} rad/s", "angles inside are radians: look for degrees")
+
+
+def _of_ways(run: RunFolder) -> Iterator[RunWarning]:
+    """Yield which localizers tell another way than others do; a pair that contradicts says only that one is wrong."""
+    own = {name: way for name, way in run.trajectories.items() if name != FUSED}
+    facts: dict[str, dict[str, str]] = {name: {} for name in own}
+    for one, other in combinations(own, 2):
+        for name, another in ((one, other), (other, one)):
+            compared = compare_ways(own[name], own[another])
+            if compared is not None and (fact := _contradiction(compared)):
+                facts[name][another] = fact
+    most = max((len(contradicted) for contradicted in facts.values()), default=0)
+    told: set[str] = set()
+    for name, contradicted in facts.items():
+        if len(contradicted) < most or not most or told & contradicted.keys():
+            continue
+        told.add(name)
+        others = " and ".join(repr(other) for other in contradicted)
+        yield RunWarning(
+            name,
+            f"{next(iter(contradicted.values()))} {others}",
+            "look at its sensor: scale (metres_per_pixel, depth_factor) and mounting (yaw_deg) - or at the other's",
+            is_worthless=False,
+        )
+
+
+def _contradiction(compared: WayComparison) -> str:
+    """Return in which way one contradicts another, up to the other's name; empty where it does not."""
+    facts = []
+    if not 1.0 / MOST_RATIO <= compared.ratio <= MOST_RATIO:
+        facts.append(f"it comes {compared.ratio:.3g} times as far as")
+    turned_deg = math.degrees(compared.turned_rad)
+    if abs(turned_deg) > MOST_TURNED_DEG:
+        facts.append(f"its forward is turned by {turned_deg:.0f} deg against that of")
+    return ", and ".join(facts)
 
 
 def _usual_speeds(trajectory: Trajectory) -> tuple[float, float]:
