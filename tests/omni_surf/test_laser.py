@@ -17,8 +17,9 @@ from trailmark.estimates import Belief, Fix, Lost, Motion
 from trailmark.frames import Frame, Image, Scan, SensorInfo
 from trailmark.geometry import Pose2, wrap_angle
 from trailmark.interfaces import Session
+from trailmark.paths import Keyframe
 from trailmark_omni_surf import ScanMap, SearchWindow, match_scan
-from trailmark_omni_surf.laser.anywhere import AnywhereSearch
+from trailmark_omni_surf.laser.anywhere import AnywhereSearch, least_share
 from trailmark_omni_surf.laser.config import LaserIcpConfig
 from trailmark_omni_surf.laser.kernels import truncated_cost
 from trailmark_omni_surf.laser.localizer import LaserIcp
@@ -244,21 +245,47 @@ def test_without_a_pose_it_is_looked_for_in_the_whole_place() -> None:
 class BestElsewhere:
     """Finds the same pose for every scan, along its way, that explains so much of it and stands out."""
 
-    def __init__(self, inlier_share: float) -> None:
-        self._inlier_share, self._n = inlier_share, 0
+    def __init__(self, *inlier_shares: float) -> None:
+        self._inlier_shares, self._n = inlier_shares, 0
 
     def match(self, points_base: Points, *, to_line: bool = True) -> ScanMatch:
+        share = self._inlier_shares[self._n % len(self._inlier_shares)]
         self._n += 1
-        return ScanMatch(Pose2(0.2 * self._n), np.eye(3), self._inlier_share, 0.02, 0.07, 0.2)
+        return ScanMatch(Pose2(0.2 * self._n), np.eye(3), share, 0.02, 0.07, 0.2)
 
 
-@pytest.mark.parametrize(("inlier_share", "is_believed"), [(0.87, False), (0.97, True)])
-def test_a_pose_that_stands_out_must_explain_the_scan_to_be_a_start(inlier_share: float, is_believed: bool) -> None:
-    search = AnywhereSearch(BestElsewhere(inlier_share), 0.6)  # type: ignore[arg-type]
+@pytest.mark.parametrize(
+    ("shares", "believed_from"),
+    [
+        ((0.97,), 5),  # so many scans must lead there
+        ((0.87,), None),  # a pose that stands out must explain the scan
+        ((0.97, 0.97, 0.6), None),  # and the scans between them too: a foreign building fits now and then
+        ((0.97, 0.97, 0.97, 0.97, 0.6), 6),
+    ],
+)
+def test_a_pose_must_explain_scan_after_scan_to_be_a_start(
+    shares: tuple[float, ...], believed_from: int | None
+) -> None:
+    search = AnywhereSearch(BestElsewhere(*shares), 0.9)  # type: ignore[arg-type]
 
-    told = [search.update(np.zeros((40, 2)), Pose2(0.2 * k))[1] for k in range(1, 6)]
+    told = [search.update(np.zeros((40, 2)), Pose2(0.2 * k))[1] for k in range(1, 20)]
 
-    assert told == [is_believed] * 5
+    assert (told.index(True) + 1 if True in told else None) == believed_from
+
+
+def test_a_place_asks_for_what_its_own_scans_explain() -> None:
+    wall = np.stack([np.linspace(0.0, 4.0, 400), np.full(400, 2.0)], axis=1)
+    scan_map = ScanMap.from_scans([wall], [Pose2()], min_hits=1)
+
+    def keyframe_of(n_elsewhere: int) -> Keyframe:
+        """A scan that was taken with so many of 100 returns from what is not in the map."""
+        points = wall[::4] - (1.0, 0.0)
+        points[:n_elsewhere, 1] = 0.0
+        return Keyframe(0.0, 0.0, Pose2(1.0), {"points": points.astype(np.float32)})
+
+    assert least_share(scan_map, [keyframe_of(0)] * 5) == pytest.approx(0.98)
+    assert least_share(scan_map, [keyframe_of(4)] * 200) == pytest.approx(0.94)  # an untidy place asks for less
+    assert least_share(scan_map, [keyframe_of(50)] * 5) == 0.9  # and none for less than this
 
 
 def test_a_room_that_is_the_same_turned_about_tells_no_start() -> None:

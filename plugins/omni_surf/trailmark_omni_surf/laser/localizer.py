@@ -14,7 +14,7 @@ from trailmark.frames import Frame, Scan
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Localizer, Session
 from trailmark.paths import Keyframe
-from trailmark_omni_surf.laser.anywhere import AnywhereMatcher, AnywhereSearch
+from trailmark_omni_surf.laser.anywhere import AnywhereMatcher, AnywhereSearch, least_share
 from trailmark_omni_surf.laser.config import LaserIcpConfig
 from trailmark_omni_surf.laser.following import FollowedScan, ScanFollower
 from trailmark_omni_surf.laser.joining import ScanJoiner
@@ -128,7 +128,8 @@ class LaserIcp(Localizer):
             return Lost(stamp_s, "no start pose, and no taught poses to look for it at")
         if self._search is None:
             matcher = AnywhereMatcher(scan_map, [keyframe.pose_map_base for keyframe in keyframes])
-            self._search = AnywhereSearch(matcher, self.config.min_inlier_share)
+            least = max(least_share(scan_map, keyframes), self.config.min_inlier_share)
+            self._search = AnywhereSearch(matcher, least)
         if not self._search.is_new(pose_odom_base):
             return Lost(stamp_s, "no pose stands out yet in the taught place, and the robot stands")
         match, is_believed = self._search.update(points_base, pose_odom_base, to_line=self.config.error == "line")
