@@ -1,18 +1,21 @@
-"""What is left of a run: its sinks and its folder, its result as it stands, and the steps of its end."""
+"""What is left of a run: its sinks and folder, its result as it stands, and the steps of its end.
+
+No step that fails keeps the others from being made.
+"""
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
-from trailmark.errors import TrailmarkError
+from trailmark.errors import RunError, TrailmarkError
 from trailmark.interfaces import RunEnd, Sink
-from trailmark.interruption import FINISH_S, KEEP_S, STOP_S, shielded
-from trailmark.pipeline.ending import Ending
+from trailmark.interruption import CLOSE_S, FINISH_S, KEEP_S, STOP_S, ending_signal, reason_of, shielded
 from trailmark.pipeline.instruments import Instruments, peak_rss_mb
 from trailmark.pipeline.outputs.fanout import SinkFanout
 from trailmark.pipeline.outputs.result import RunResult, Status
@@ -24,6 +27,10 @@ if TYPE_CHECKING:
     from trailmark.pipeline.outputs.recorder import Recorder
 
 __all__ = ["Conclusion"]
+
+logger = logging.getLogger(__name__)
+
+_T = TypeVar("_T")
 
 
 class Conclusion:
@@ -158,3 +165,58 @@ class Conclusion:
             },
             folder=None if self._recorder is None else self._recorder.folder,
         )
+
+
+class Ending:
+    """How a run ends. The first step that fails makes it ``failed``; of a run that has failed already it is a warning.
+
+    Parameters
+    ----------
+    status : {"done", "stopped", "interrupted", "failed"}
+        How its loop ended.
+    reason : str
+        Why; its first line counts.
+    spared : frozenset of str
+        Parts whose failure is a warning.
+
+    Attributes
+    ----------
+    failure : BaseException or None
+        What the first step that failed has raised.
+    """
+
+    def __init__(self, status: Status, reason: str, spared: frozenset[str] = frozenset()) -> None:
+        self.status: Status = status
+        self.reason = reason.partition("\n")[0]
+        self.failure: BaseException | None = None
+        self._spared = spared
+
+    def attempt(self, step: Callable[[], _T], patience_s: float = CLOSE_S) -> _T | None:
+        """Make a step and return its answer; None if it fails, or takes longer than one waits for it.
+
+        Parameters
+        ----------
+        step : callable
+            Makes it.
+        patience_s : float
+            How long after the program was told to end it may go on [s].
+        """
+        try:
+            with shielded(patience_s):
+                return step()
+        except KeyboardInterrupt as error:
+            if self.status in ("done", "stopped"):
+                self.status, self.reason = "interrupted", f"{reason_of(error)} while finishing"
+            else:
+                logger.warning("not everything came to its end: %s", reason_of(error))
+        except BaseException as error:
+            self.fail(error)
+        return None
+
+    def fail(self, error: BaseException) -> None:
+        """Take note of what a step has raised."""
+        is_cut_off = self.status == "interrupted" and ending_signal() is not None  # what fails then may fail for that
+        if self.status == "failed" or is_cut_off or (isinstance(error, RunError) and error.part in self._spared):
+            logger.warning("%s", error)
+        else:
+            self.status, self.reason, self.failure = "failed", str(error).partition("\n")[0], error
