@@ -59,6 +59,14 @@ class HangWatch:
             self._begin()
         self._thread_id, self._since_s = threading.get_ident(), monotonic()
 
+    def restart(self) -> None:
+        """Begin anew inside of the block: what comes next has all the time again."""
+        self._since_s = monotonic()
+
+    def pause(self) -> None:
+        """Do not watch inside of the block, until `restart`."""
+        self._since_s = None
+
     def __exit__(self, *_: object) -> None:
         with self._lock:  # what interrupts does so before this, or not at all
             self._since_s = None

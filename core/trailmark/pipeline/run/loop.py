@@ -97,15 +97,13 @@ class Run:
             return None
         step: Step | None = None
         try:
-            with self._step_shield:
+            with self._step_shield, self._hangs:
                 if self._is_realtime:
-                    event = next(self._events, None)  # frames are awaited
-                else:
-                    with self._hangs:
-                        event = next(self._events, None)
+                    self._hangs.pause()  # frames are awaited
+                event = next(self._events, None)
                 if event is not None:
-                    with self._hangs:
-                        step = self._process(event)
+                    self._hangs.restart()
+                    step = self._process(event)
             if event is None:
                 self.end("done")
             if (interrupted := ending_signal()) is not None:
