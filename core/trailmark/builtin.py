@@ -28,6 +28,13 @@ def trailmark_register(registry: Registry) -> None:
         summary="Weighs any mix of localizers by their covariances; late, wrong and silent ones included",
         reference="Extended Kalman filter (filterpy predicts, the update is ours) or unscented (filterpy)",
     )
+    registry.estimator(
+        "smoother",
+        "trailmark.estimation.smoother.estimator:Smoother",
+        config="trailmark.estimation.smoother_config:SmootherConfig",
+        summary="Estimates the poses of the last seconds together: what is said later corrects what was believed",
+        reference="Fixed-lag smoothing: Gauss-Newton on a window of poses, the oldest eliminated",
+    )
     registry.path_store(
         "sqlite",
         "trailmark.stores.sqlite:SqlitePathStore",

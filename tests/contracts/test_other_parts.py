@@ -24,7 +24,7 @@ CONTROLLERS: dict[str, dict[str, Any]] = {
     "path_tracking": {},
     "path_tracking_4ws": {},
 }
-ESTIMATORS: dict[str, dict[str, Any]] = {"dead_reckoning": {}, "kalman": {}}
+ESTIMATORS: dict[str, dict[str, Any]] = {"dead_reckoning": {}, "kalman": {}, "smoother": {}}
 SINKS: dict[str, dict[str, Any]] = {"jsonl": {"to": str(OUT / "contract.jsonl"), "estimates": True}}
 if find_spec("foxglove") is not None:  # an extra
     SINKS["foxglove"] = {"path": str(OUT / "contract.mcap")}

@@ -20,7 +20,7 @@ from trailmark.estimation.symmetric import (
 from trailmark.geometry import Pose2, Twist2
 from trailmark.values import quick_dataclass
 
-__all__ = ["MotionChain", "OdomState"]
+__all__ = ["MotionChain", "OdomState", "carry", "interpolate"]
 
 # Stamps this close are one instant: they went through decimals on their way.
 _SAME_INSTANT_S = 1e-6
@@ -107,7 +107,7 @@ class MotionChain:
             remaining_s = stamp_s - end_s
             step = twist.after(remaining_s)
             covariance = scaled(covariance, remaining_s / dt_s)
-        after = _carry(self._states[-1], stamp_s, step, twist, covariance)
+        after = carry(self._states[-1], stamp_s, step, twist, covariance)
         self._stamps.append(stamp_s)
         self._states.append(after)
         self.end_s = stamp_s
@@ -126,7 +126,7 @@ class MotionChain:
             return end
         if index == 0:
             return OdomState(stamp_s) if self._is_whole else end
-        return self._interpolate(self._states[index - 1], end, stamp_s)
+        return interpolate(self._states[index - 1], end, stamp_s)
 
     def forget(self, horizon_s: float) -> None:
         """Drop the states before `horizon_s`, but for the one that is needed to interpolate there."""
@@ -150,23 +150,10 @@ class MotionChain:
         last = self._states[-1]
         dt_s = stamp_s - last.stamp_s
         drift = ZERO if self._drift is ZERO else scaled(self._drift, dt_s * dt_s)
-        return _carry(last, stamp_s, last.twist.after(dt_s), last.twist, drift, motion_age_s=dt_s)
-
-    def _interpolate(self, start: OdomState, end: OdomState, stamp_s: float) -> OdomState:
-        dt_s = stamp_s - start.stamp_s
-        fraction = dt_s / (end.stamp_s - start.stamp_s)
-        spread = add(start.spread, scaled(subtract(end.spread, start.spread), fraction))
-        return OdomState(
-            stamp_s,
-            start.pose_odom_base @ end.twist.after(dt_s),
-            start.travelled_m + fraction * (end.travelled_m - start.travelled_m),
-            spread,
-            end.twist,
-            dt_s if end.motion_age_s else 0.0,
-        )
+        return carry(last, stamp_s, last.twist.after(dt_s), last.twist, drift, motion_age_s=dt_s)
 
 
-def _carry(
+def carry(
     before: OdomState, stamp_s: float, step: Pose2, twist: Twist2, covariance: Sym3, motion_age_s: float = 0.0
 ) -> OdomState:
     """Return the state after a motion whose x, y, theta have this covariance (first order)."""
@@ -183,4 +170,19 @@ def _carry(
         spread,
         twist,
         motion_age_s,
+    )
+
+
+def interpolate(start: OdomState, end: OdomState, stamp_s: float) -> OdomState:
+    """Return the state at a stamp between two, by the twist with which the second was reached."""
+    dt_s = stamp_s - start.stamp_s
+    fraction = dt_s / (end.stamp_s - start.stamp_s)
+    spread = add(start.spread, scaled(subtract(end.spread, start.spread), fraction))
+    return OdomState(
+        stamp_s,
+        start.pose_odom_base @ end.twist.after(dt_s),
+        start.travelled_m + fraction * (end.travelled_m - start.travelled_m),
+        spread,
+        end.twist,
+        dt_s if end.motion_age_s else 0.0,
     )
