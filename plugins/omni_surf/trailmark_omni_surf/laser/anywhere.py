@@ -110,11 +110,7 @@ class _Look:
 
 
 class AnywhereSearch:
-<<<<<<< HEAD
-    """Finds a robot in the taught place without a belief, from one scan or several along its way.
-=======
-    """Says where a robot is that was not told, from several scans along its way.
->>>>>>> 0f03cca (laser_icp: believe a start after five scans of its own kind)
+    """Finds a robot in the taught place without a belief, from several scans along its way.
 
     Parameters
     ----------
