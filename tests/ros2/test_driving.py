@@ -282,6 +282,20 @@ def test_a_command_that_nobody_hears_is_said_with_the_reason(
     assert not other.messages()
 
 
+def test_while_a_person_teaches_nobody_need_hear_commands(domain, robot, messages, caplog) -> None:
+    robot.repeat("/odom", 20.0, lambda k: messages.odometry())
+    source = create("source", "ros2", domain=domain, topics={"wheels": "/odom"}, command="/cmd_vel", silence_s=0.2)
+    source.start(Session("robot", "teach"))
+    until_s = time.monotonic() + 1.2
+
+    for _ in source.frames():
+        if time.monotonic() > until_s:
+            break
+    source.close()
+
+    assert "hears no command" not in caplog.text
+
+
 def test_a_robot_whose_time_went_back_is_stopped_and_the_run_ends(driven, robot, messages, wait_for) -> None:
     source, heard = driven(watchdog_s=0.3)
     met(heard, wait_for)

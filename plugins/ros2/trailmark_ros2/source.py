@@ -98,7 +98,8 @@ class Ros2Source(Drivable):
         if config.command is not None:
             type_name = COMMAND_TYPES[config.command_type]
             publisher = network.publisher(config.command, type_name, dds.Quality())
-            self._listener = ListenerWatch(publisher, config.command, type_name, config.silence_s)
+            if not self.drives_itself:
+                self._listener = ListenerWatch(publisher, config.command, type_name, config.silence_s)
             message_of = partial(command_message, kind=config.command_type, wheelbase_m=config.wheelbase_m)
             self._driver = RobotDriver(publisher, message_of, config.watchdog_s)
 
