@@ -15,10 +15,12 @@ from dataclasses import dataclass
 
 import cv2
 from foreign_drives import Start, divs_starts, laser_starts
+from foreign_floors import FloorStart, ground_map_starts
 
-METHODS: Mapping[str, Callable[[bool], Iterator[Start]]] = {
+METHODS: Mapping[str, Callable[[bool], Iterator[Start | FloorStart]]] = {
     "divs": divs_starts,
     "grid_mcl": lambda is_quick: laser_starts("grid_mcl", is_quick),
+    "ground_map": ground_map_starts,
     "laser_icp": lambda is_quick: laser_starts("laser_icp", is_quick),
 }
 
@@ -31,7 +33,7 @@ class Tally:
     n_right: int = 0
     n_wrong: int = 0
 
-    def add(self, start: Start) -> None:
+    def add(self, start: Start | FloorStart) -> None:
         """Count a start."""
         self.n += 1
         self.n_right += start.is_right is True

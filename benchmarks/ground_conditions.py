@@ -110,18 +110,18 @@ def render(floor: str, seed: int, n_frames: int, *, step_px: float = STEP_PX, tu
     return Scene(floor, pictures, poses)
 
 
-def texture_of(floor: str) -> Grey8:
-    """Return the photograph of a floor, or one that is made, (H, W) uint8."""
+def texture_of(floor: str, side_px: int = 1024, seed: int = 0) -> Grey8:
+    """Return the photograph of a floor, or one that is made, of this size and with this seed, (H, W) uint8."""
     if floor not in MADE:
         return np.asarray(cv2.imread(str(data_folder() / f"{floor}.jpg"), cv2.IMREAD_GRAYSCALE), np.uint8)
-    rng = np.random.default_rng([9, MADE.index(floor)])
+    rng = np.random.default_rng([9, MADE.index(floor), *([seed] if seed else [])])
     # lengths and widths of the streaks [px], and their standard deviations [grey levels]
     streaks = {
         "made:grain": ((40.0, 1.5, 6.0), (12.0, 3.0, 3.0), (1.0, 1.0, 1.5)),
         "made:brushed": ((150.0, 0.8, 4.0), (2.0, 2.0, 1.0)),
         "made:weave": ((12.0, 1.2, 7.0), (1.2, 12.0, 7.0)),
     }[floor]
-    out = np.full((1024, 1024), 115.0, np.float32)
+    out = np.full((side_px, side_px), 115.0, np.float32)
     for along, across, sigma in streaks:
         noise = rng.standard_normal(out.shape, dtype=np.float32)
         noise = cv2.GaussianBlur(noise, (0, 0), sigmaX=along, sigmaY=across)
