@@ -222,6 +222,16 @@ def test_certainty_without_precedent_is_believed_as_that_before() -> None:
     np.testing.assert_allclose(believed, diagonal(100.0, 100.0, 100.0))
 
 
+def test_certainty_without_precedent_is_no_precedent_soon() -> None:
+    record = CertaintyRecord()
+    for i in range(20):
+        record.believed(diagonal(100.0, 100.0, 100.0), 0.1 * i)
+    for i in range(120):
+        believed = record.believed(diagonal(1e10, 1e10, 1e10), 2.0 + 0.1 * i)
+
+    assert math.sqrt(believed[0] / 100.0) < 1.3  # as standard deviations, after 12 s
+
+
 def test_a_jump_of_the_only_motion_is_left_out_and_said() -> None:
     drive = Drive("camera")
     drive.go(5.0)

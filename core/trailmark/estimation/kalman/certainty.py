@@ -10,7 +10,7 @@ __all__ = ["CertaintyRecord"]
 
 # A standard deviation that is smaller than the smallest before by this factor is believed as small as that one, which
 # follows at this rate [1/s]: a camera that comes near to what it sees is soon believed.
-_AT_ONCE, _RATE = 3.0, 0.05
+_AT_ONCE, _RATE = 3.0, 0.02
 # The first estimates set the record [s].
 _LEARNS_S = 1.0
 
