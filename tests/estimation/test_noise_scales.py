@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -103,6 +103,22 @@ def test_an_estimate_that_is_refused_does_not_stop_the_learning(stamp_s: float) 
 
     assert refused.status == "refused"
     assert set(MOTIONS) <= set(estimator.noise_scales())
+
+
+def test_of_a_motion_that_is_refused_no_scale_is_learned() -> None:
+    rng, estimator = np.random.default_rng(1), kalman()
+    stated = information_from_sigmas(*SIGMAS["camera"])
+    for i in range(1, 1201):
+        t = 0.05 * i
+        told = Pose2(*(rng.normal(size=3) * SIGMAS["camera"]).tolist())
+        honest = Motion(t - 0.05, t, told, stated)
+        estimator.apply("camera", replace(honest, pose_since_now=Pose2(1e12, 0.0, 0.0)) if 10.0 < t < 30.0 else honest)
+        if i % 5 == 0:
+            dx, dy, turn = rng.normal(size=3) * SIGMAS["laser"]
+            estimator.apply("laser", Fix(t, Pose2(dx, dy, turn), information_from_sigmas(*SIGMAS["laser"])))
+
+    assert estimator.counters()["refused_too_fast"] > 300
+    assert not estimator.noise_scales()
 
 
 def test_scales_are_kept_and_learned_on_where_the_clock_went_back() -> None:

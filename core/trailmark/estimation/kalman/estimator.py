@@ -244,17 +244,18 @@ class Kalman(Estimator):
             return Applied("refused", information)
         monitor = self._monitors[source]
         if isinstance(estimate, Motion):
-            if not math.isfinite(estimate.since_s):
-                return self._refuse("stamp", f"the motion begins at {estimate.since_s} s")
+            refused = self._check_motion(estimate)
+            if refused is not None:
+                return refused
             information = monitor.believed_of_motion(estimate, information)
             if self._noise is not None:
                 information = self._noise.believed_of_motion(source, estimate, information)
             return self._apply_motion(source, estimate, StatedMotion(estimate, information))
         if isinstance(estimate, Fix):
-            information = monitor.fix_certainty.believed(information, estimate.stamp_s)
             x_m, y_m = estimate.pose_map_base.x, estimate.pose_map_base.y
             if not (abs(x_m) <= _FARTHEST_M and abs(y_m) <= _FARTHEST_M):
                 return self._refuse("too_far", f"({x_m:.3g}, {y_m:.3g}) m is no place on Earth")
+            information = monitor.fix_certainty.believed(information, estimate.stamp_s)
             if self._noise is not None:
                 information = self._noise.believed_of_fix(source, estimate, information)
             return self._apply_fix(source, estimate, information, trust)
@@ -275,12 +276,19 @@ class Kalman(Estimator):
         measurement = fix_measurement(source, fix, information, trust, correlation_s)
         return self._apply_measurement(fix.stamp_s, measurement, learns=learns)
 
-    def _apply_motion(self, source: str, motion: Motion, stated: StatedMotion) -> Applied:
-        if motion.stamp_s - motion.since_s > self.config.time_jump_s:
-            return self._refuse("time_jump", f"a motion over {motion.stamp_s - motion.since_s:g} s: the clock jumped")
-        speed_mps = stated.speed_mps
+    def _check_motion(self, motion: Motion) -> Applied | None:
+        """Return why a motion cannot be, before anything is learned from it; None if it can."""
+        dt_s = motion.stamp_s - motion.since_s
+        if not math.isfinite(motion.since_s):
+            return self._refuse("stamp", f"the motion begins at {motion.since_s} s")
+        if dt_s > self.config.time_jump_s:
+            return self._refuse("time_jump", f"a motion over {dt_s:g} s: the clock jumped")
+        speed_mps = math.hypot(motion.pose_since_now.x, motion.pose_since_now.y) / dt_s
         if speed_mps > self.config.max_speed_mps:
             return self._refuse("too_fast", f"a motion of {speed_mps:.3g} m/s: see max_speed_mps")
+        return None
+
+    def _apply_motion(self, source: str, motion: Motion, stated: StatedMotion) -> Applied:
         if not self._motions.add(source, stated):
             return self._refuse("duplicate", "it has told of the same interval already")
         self._odometry.note_change(motion.since_s)
