@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
@@ -297,8 +298,8 @@ def page(rows: Sequence[Row], n_seeds: int) -> str:
         [
             "# Localizers that lie",
             "",
-            "Made by `python benchmarks/liars.py --page docs/results/liars.md`. How a liar is found:",
-            "[decision 14](../decisions/0014-liars.md).",
+            f"Made by `python benchmarks/liars.py --seeds {n_seeds} --page docs/results/liars.md`, commit {_commit()}.",
+            "How a liar is found: [decision 14](../decisions/0014-liars.md).",
             "",
             "A drive on a winding way with noise as it is stated; a localizer, or two, lies from 8 s to 20 s of 25 s.",
             "Errors count from the beginning of the lie, beside those of an oracle: the same without the liar.",
@@ -320,6 +321,11 @@ def page(rows: Sequence[Row], n_seeds: int) -> str:
             "",
         ]
     )
+
+
+def _commit() -> str:
+    git = ["git", "-C", str(Path(__file__).parent), "rev-parse", "--short", "HEAD"]
+    return subprocess.run(git, capture_output=True, text=True, check=False).stdout.strip() or "unknown"
 
 
 def _line(row: Row, is_markdown: bool) -> str:
