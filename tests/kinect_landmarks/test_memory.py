@@ -9,7 +9,7 @@ from trailmark.errors import StoreError
 from trailmark.geometry import Pose3
 from trailmark_kinect_landmarks.landmarks import SeenLandmarks
 from trailmark_kinect_landmarks.memory import Anchor, LandmarkMemory, MemoryLimits
-from trailmark_kinect_landmarks.systematic import Drift
+from trailmark_kinect_landmarks.systematic import TravelledWay
 
 ROW = np.array([0])
 
@@ -99,17 +99,17 @@ def test_a_map_of_an_earlier_version_is_read_without_its_anchors() -> None:
 
     memory.load(arrays)
 
-    assert memory.drift(ROW, np.eye(4), 2.0) == Drift(depth_m=2.0)
+    assert memory.drift(ROW, np.eye(4), 2.0) == TravelledWay(depth_m=2.0)
 
 
 def test_drift_grows_from_where_landmarks_were_remembered_and_falls_on_the_way_back() -> None:
     memory = LandmarkMemory()
-    there = Anchor(Pose3(x=1.0).matrix(), np.zeros((3, 3)), Drift(way_m=1.0))
+    there = Anchor(Pose3(x=1.0).matrix(), np.zeros((3, 3)), TravelledWay(way_m=1.0))
     first = memory.add(_seen(1), Anchor(np.eye(4), np.zeros((3, 3))), is_trusted=True)
     later = memory.add(_seen(1), there, is_trusted=True)
 
     assert memory.drift(later, Pose3(x=3.0).matrix(), 2.0).way_m == pytest.approx(3.0)
-    assert memory.drift(first, Pose3(x=0.1, yaw=0.2).matrix(), 2.0) == Drift(
+    assert memory.drift(first, Pose3(x=0.1, yaw=0.2).matrix(), 2.0) == TravelledWay(
         pytest.approx(0.1), pytest.approx(0.2), 2.0
     )
 

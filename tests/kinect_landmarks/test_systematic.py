@@ -10,8 +10,8 @@ import pytest
 from trailmark.geometry import Pose2, Pose3
 from trailmark_kinect_landmarks.expectation import Expectation
 from trailmark_kinect_landmarks.systematic import (
-    Drift,
     Rates,
+    TravelledWay,
     depth_share,
     motion_systematic,
     systematic_covariance,
@@ -19,15 +19,15 @@ from trailmark_kinect_landmarks.systematic import (
 
 
 def test_a_share_of_the_way_is_unsure() -> None:
-    covariance = systematic_covariance(0.01, Drift(way_m=3.0), None)
+    covariance = systematic_covariance(0.01, TravelledWay(way_m=3.0), None)
 
     assert math.sqrt(covariance[0, 0]) == pytest.approx(0.03)
     assert covariance[2, 2] == 0.0
 
 
 def test_it_grows_with_the_way_and_not_with_its_root() -> None:
-    near, far = (systematic_covariance(0.01, Drift(way_m, 0.4, 2.0), None) for way_m in (1.0, 4.0))
-    of_turn = systematic_covariance(0.01, Drift(0.0, 0.4, 2.0), None)
+    near, far = (systematic_covariance(0.01, TravelledWay(way_m, 0.4, 2.0), None) for way_m in (1.0, 4.0))
+    of_turn = systematic_covariance(0.01, TravelledWay(0.0, 0.4, 2.0), None)
 
     ways = [math.sqrt(c[0, 0]) - math.sqrt(of_turn[0, 0]) for c in (near, far)]
     assert ways[1] == pytest.approx(4.0 * ways[0])
@@ -40,7 +40,7 @@ def test_depth_that_was_confirmed_is_surer_than_depth_that_was_not() -> None:
 def test_stamps_that_are_off_matter_in_the_direction_of_motion() -> None:
     rates = Rates(np.array([1.0, 0.0]), 0.0, 0.0)
 
-    covariance = systematic_covariance(0.0, Drift(), rates)
+    covariance = systematic_covariance(0.0, TravelledWay(), rates)
 
     assert covariance[0, 0] > 0.0
     assert covariance[1, 1] == covariance[2, 2] == 0.0

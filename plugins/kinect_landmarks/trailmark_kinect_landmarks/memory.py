@@ -15,7 +15,7 @@ from trailmark.arrays import Indices as Rows
 from trailmark.errors import StoreError
 from trailmark.geometry import wrap_angles
 from trailmark_kinect_landmarks.landmarks import SeenLandmarks
-from trailmark_kinect_landmarks.systematic import Drift
+from trailmark_kinect_landmarks.systematic import TravelledWay
 
 __all__ = ["Anchor", "LandmarkMemory", "MemoryLimits"]
 
@@ -55,13 +55,13 @@ class Anchor:
         The pose.
     covariance : (3, 3) float64
         Of its x, y and heading [m, m, rad].
-    drift : Drift
+    drift : TravelledWay
         What systematic errors had grown on until there.
     """
 
     T_map_base: Array
     covariance: Array
-    drift: Drift = Drift()
+    drift: TravelledWay = TravelledWay()
 
     def numbers(self) -> Array:
         """Return x, y, heading, way and turn, (5,)."""
@@ -146,7 +146,7 @@ class LandmarkMemory:
         )
         return np.arange(first, first + n)
 
-    def drift(self, rows: Rows, T_map_base: Array, depth_m: float) -> Drift:
+    def drift(self, rows: Rows, T_map_base: Array, depth_m: float) -> TravelledWay:
         """Return what systematic errors have grown on, for a pose that is taken from some landmarks.
 
         To the way at which each was remembered comes the way from there: who returns to where it began has drifted no
@@ -155,11 +155,11 @@ class LandmarkMemory:
         anchors = self.anchor[rows]
         anchors = anchors[np.isfinite(anchors).all(axis=1)]
         if not len(anchors):
-            return Drift(depth_m=depth_m)
+            return TravelledWay(depth_m=depth_m)
         way_m = anchors[:, 3] + np.hypot(T_map_base[0, 3] - anchors[:, 0], T_map_base[1, 3] - anchors[:, 1])
         heading_rad = math.atan2(T_map_base[1, 0], T_map_base[0, 0])
         turn_rad = anchors[:, 4] + np.abs(wrap_angles(heading_rad - anchors[:, 2]))
-        return Drift(float(way_m.mean()), float(turn_rad.mean()), depth_m)
+        return TravelledWay(float(way_m.mean()), float(turn_rad.mean()), depth_m)
 
     def clear(self) -> None:
         """Forget all."""

@@ -16,7 +16,7 @@ from trailmark.arrays import Floats
 from trailmark.geometry import Pose2
 from trailmark_kinect_landmarks.registration import State
 
-__all__ = ["Drift", "Rates", "depth_share", "motion_systematic", "systematic_covariance"]
+__all__ = ["Rates", "TravelledWay", "depth_share", "motion_systematic", "systematic_covariance"]
 
 #: Share of the way by which depth may be wrong, by what is known of its registration. Unknown: a calibration of another
 #: lens is 10 % off. As given: what edges that lie within 3 px leave open.
@@ -31,8 +31,8 @@ _MOST_MOTIONS = 100.0  # in a metre: who creeps is not made ever less sure
 
 
 @dataclass(frozen=True, slots=True)
-class Drift:
-    """What systematic errors have had to grow on.
+class TravelledWay:
+    """Way and turn since landmarks were remembered, over which systematic errors grow.
 
     Attributes
     ----------
@@ -69,14 +69,14 @@ def depth_share(state: State) -> float:
     return _DEPTH_SHARE[state]
 
 
-def systematic_covariance(share: float, drift: Drift, rates: Rates | None) -> Floats:
+def systematic_covariance(share: float, drift: TravelledWay, rates: Rates | None) -> Floats:
     """Return the covariance (3, 3) of x, y and heading that all landmarks share.
 
     Parameters
     ----------
     share : float
         Share of the way by which depth may be wrong.
-    drift : Drift
+    drift : TravelledWay
         Way and turn on which errors of depth and lens grow.
     rates : Rates, optional
         How fast the camera moves, by which errors of the stamps become errors of the pose.
@@ -117,4 +117,4 @@ def motion_systematic(share: float, step: Pose2, dt_s: float, depth_m: float) ->
     """
     way_m = math.hypot(step.x, step.y)
     n = max(1.0, 1.0 / max(dt_s, 1e-3), min(1.0 / max(way_m, 1e-3), _MOST_MOTIONS))
-    return n * systematic_covariance(share, Drift(way_m, abs(step.theta), depth_m), None)
+    return n * systematic_covariance(share, TravelledWay(way_m, abs(step.theta), depth_m), None)

@@ -33,7 +33,7 @@ from trailmark_kinect_landmarks.refinding import (
     resemblance,
     resemblance_where,
 )
-from trailmark_kinect_landmarks.systematic import Drift
+from trailmark_kinect_landmarks.systematic import TravelledWay
 
 __all__ = ["Solved", "TrackedLandmarks", "Tracker"]
 
@@ -86,7 +86,7 @@ class Solved:
         Landmarks that agree with the pose.
     residual_m : float
         Root mean square distance [m].
-    drift : Drift
+    drift : TravelledWay
         What systematic errors have grown on; they are not in the covariance.
     """
 
@@ -94,7 +94,7 @@ class Solved:
     covariance: Array
     agreeing: TrackedLandmarks
     residual_m: float
-    drift: Drift
+    drift: TravelledWay
 
 
 class Tracker:
