@@ -87,10 +87,16 @@ class KalmanConfig(PluginConfig):
     """Smallest standard deviation of a heading that is believed [deg]."""
     gyro_bias_sigma_deg_per_s: float = Field(default=1.0, gt=0)
     """Where `errors: gyro_bias` is said: what is known of the bias at first [deg/s]."""
+    gyro_bias_walk_deg_per_s: float = Field(default=0.01, gt=0)
+    """How far such a bias walks in 1 s, and with the root of the time; a cheap gyro's 0.1 deg/s in some minutes, half a
+    degree while it warms up [deg/s per root s]."""
+    standstill: Literal["use", "off"] = "use"
+    """Where `errors: gyro_bias` is said: base stands while wheels do not turn and the gyro agrees, unless anybody says
+    otherwise. Then the heading stands too, and what the gyro shows is its bias."""
     scale_sigma: float = Field(default=0.05, gt=0)
     """Where `errors: scale` is said: what is known of the factor at first, as a share."""
     wander_s: float = Field(default=600.0, gt=0)
-    """Time in which a common error may change by its sigma [s]."""
+    """Time in which a common scale may change by its sigma [s]."""
     timeout_s: float = Field(default=2.0, gt=0)
     """Silence of a localizer that is reported in the health of the belief [s]."""
     max_speed_mps: float = Field(default=100.0, gt=0)

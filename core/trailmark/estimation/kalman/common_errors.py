@@ -74,7 +74,7 @@ class CommonErrors:
     def wander(self, noise: Floats, dt_s: float) -> None:
         """Add what common errors may have changed by, in place."""
         for common in self._layout.common.values():
-            noise[common.index, common.index] += common.sigma**2 * dt_s / self._layout.wander_s
+            noise[common.index, common.index] += common.walk * dt_s
 
     def _compare_last(
         self,

@@ -26,11 +26,14 @@ class CommonError:
         Its place in the state.
     sigma : float
         What is known of it before anything is heard.
+    walk : float
+        Variance by which it changes in a second.
     """
 
     kind: str
     index: int
     sigma: float
+    walk: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,15 +50,12 @@ class Layout:
         Of the velocity of a robot of which nothing is known [m/s, m/s, rad/s].
     common : mapping of str to CommonError
         CommonError errors, by localizer.
-    wander_s : float
-        Time in which a common error may change by its sigma [s].
     """
 
     n: int = 3
     has_velocity: bool = False
     velocity_sigmas: tuple[float, float, float] = (0.0, 0.0, 0.0)
     common: dict[str, CommonError] = field(default_factory=dict)
-    wander_s: float = math.inf
 
     @classmethod
     def of(cls, config: KalmanConfig) -> Layout:
@@ -66,10 +66,13 @@ class Layout:
         common = {}
         for source, own in sorted(config.sources.items()):
             if own.errors != "independent":
-                common[source] = CommonError(own.errors, n, sigmas[own.errors])
+                sigma = sigmas[own.errors]
+                is_bias = own.errors == "gyro_bias"
+                walk = math.radians(config.gyro_bias_walk_deg_per_s) ** 2 if is_bias else sigma**2 / config.wander_s
+                common[source] = CommonError(own.errors, n, sigma, walk)
                 n += 1
         drift = (config.drift_sigma_mps, config.drift_sigma_mps, math.radians(config.drift_sigma_deg_per_s))
-        return cls(n, has_velocity, drift, common, config.wander_s)
+        return cls(n, has_velocity, drift, common)
 
     def initial_state(self, pose: Floats, covariance: Floats) -> tuple[Floats, Floats]:
         """Return a state that begins at a pose, (3,) and (3, 3); of the rest nothing is known yet."""

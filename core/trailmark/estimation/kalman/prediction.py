@@ -15,6 +15,7 @@ from trailmark.estimation.kalman.correction import Filter
 from trailmark.estimation.kalman.ekf import PredictedMotion
 from trailmark.estimation.kalman.layout import Layout
 from trailmark.estimation.kalman.motions import Motions, Step
+from trailmark.estimation.kalman.standstill import stands, with_standstill
 from trailmark.estimation.kalman.state import Consistency, FilterState, Gaussian, MotionSum, OdometryState
 from trailmark.estimation.kalman.velocity import VelocityModel
 from trailmark.estimation.kalman.weighing import StepSelection, fuse_steps, replace_impossible_jump, select_steps
@@ -95,6 +96,7 @@ class Prediction:
         self._gate_of = gate_of
         self._coast_s = config.coast_s
         self._is_independent = config.motions == "independent"
+        self._uses_standstill = config.standstill == "use"
         drift_mps, drift_radps = config.drift_sigma_mps, math.radians(config.drift_sigma_deg_per_s)
         self._drift = diagonal(drift_mps**2, drift_mps**2, drift_radps**2)
         self._common = CommonErrors(layout, kalman, self._is_independent)
@@ -158,10 +160,13 @@ class Prediction:
     ) -> FilterState:
         dt_s = stamp_s - state.stamp_s
         drift, held = self._unmeasured(dt_s), state.odometry.twist
-        x, covariance = self._common.learn(before.x, before.covariance, selection.steps, dt_s, held, drift)
+        stated = selection.steps
+        if self._uses_standstill and stands(state, self._layout):
+            stated = with_standstill(stated, dt_s)
+        x, covariance = self._common.learn(before.x, before.covariance, stated, dt_s, held, drift)
         state = replace(state, gaussian=Gaussian(x, covariance))
-        steps = self._common.remove_from(x, selection.steps, dt_s)
-        columns = self._common.jacobian(x, selection.steps, dt_s, drift)
+        steps = self._common.remove_from(x, stated, dt_s)
+        columns = self._common.jacobian(x, stated, dt_s, drift)
         return self._apply_steps(state, stamp_s, selection, steps, columns)
 
     def _unmeasured(self, dt_s: float) -> Sym3:
