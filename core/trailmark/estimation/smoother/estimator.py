@@ -176,8 +176,10 @@ class Smoother(Estimator):
     def _apply_motion(self, source: str, motion: Motion, stated: StatedMotion) -> Applied:
         if not math.isfinite(motion.since_s) or motion.stamp_s - motion.since_s > self.config.time_jump_s:
             return self._refuse("time_jump", f"a motion over {motion.stamp_s - motion.since_s:g} s: the clock jumped")
-        if not stated.speed_mps <= self.config.max_speed_mps:
-            return self._refuse("too_fast", f"a motion of {stated.speed_mps:.3g} m/s: see max_speed_mps")
+        pose = motion.pose_since_now
+        speed_mps = math.hypot(pose.x, pose.y) / (motion.stamp_s - motion.since_s)
+        if not speed_mps <= self.config.max_speed_mps:
+            return self._refuse("too_fast", f"a motion of {speed_mps:.3g} m/s: see max_speed_mps")
         if not self._line.add(source, stated):
             return self._refuse("duplicate", "it has told of the same interval already")
         self._odometry.note_change(motion.since_s)
