@@ -65,11 +65,6 @@ class StatedMotion:
         self._whole = Step(pose.x, pose.y, pose.theta, covariance, rest, twist)
         self._spread: Sym3 | None = None
 
-    @property
-    def speed_mps(self) -> float:
-        """Speed of the motion [m/s]."""
-        return math.hypot(self._whole.twist.forward_mps, self._whole.twist.left_mps)
-
     def between(self, since_s: float, stamp_s: float) -> Step:
         """Return the step over a part of the interval.
 
