@@ -9,11 +9,26 @@ import sys
 import pytest
 
 from trailmark.clock import live_stamp_s
+from trailmark.estimation.kalman.clock_offsets import TimeOffset
+from trailmark.estimation.kalman.motions import MotionStep
+from trailmark.estimation.kalman.state import DetectedFault, FaultDiagnosis, RivalFilter
 from trailmark.interfaces import LocalizerMap, Session
 from trailmark.testing import MemoryMap
 
+KALMAN = "trailmark.estimation.kalman"
 
-@pytest.mark.parametrize(("module", "old", "new"), [("trailmark.interfaces", "Drawer", LocalizerMap)])
+
+@pytest.mark.parametrize(
+    ("module", "old", "new"),
+    [
+        ("trailmark.interfaces", "Drawer", LocalizerMap),
+        (f"{KALMAN}.clock_offsets", "ClockOffset", TimeOffset),
+        (f"{KALMAN}.motions", "Step", MotionStep),
+        (f"{KALMAN}.state", "Consistency", FaultDiagnosis),
+        (f"{KALMAN}.state", "Fault", DetectedFault),
+        (f"{KALMAN}.state", "Rival", RivalFilter),
+    ],
+)
 def test_an_old_name_is_the_new_class_and_warns(module: str, old: str, new: type) -> None:
     with pytest.warns(DeprecationWarning, match=f"{old} is called {new.__name__} now"):
         assert getattr(importlib.import_module(module), old) is new

@@ -11,7 +11,7 @@ import pytest
 
 from trailmark.arrays import Floats
 from trailmark.estimates import Fix, Motion, information_from_sigmas
-from trailmark.estimation.kalman.clock_offsets import ClockOffset, ClockOffsets
+from trailmark.estimation.kalman.clock_offsets import ClockOffsets, TimeOffset
 from trailmark.estimation.kalman.estimator import Kalman
 from trailmark.estimation.kalman_config import KalmanConfig
 from trailmark.geometry import Pose2
@@ -43,7 +43,7 @@ def motion(since_s: float, stamp_s: float, late_s: float, rng: np.random.Generat
 
 def found(
     late_s: float, *, fixes: bool = False, winding: float = 1.0, seed: int = 0, gyro_bias: float = 0.0
-) -> ClockOffset | None:
+) -> TimeOffset | None:
     """Return what is certain after 20 s of wheels at 20 Hz and a second localizer."""
     rng, offsets = np.random.default_rng(seed), ClockOffsets()
     for i in range(1, 400):
@@ -141,8 +141,8 @@ def test_localizers_alone_and_one_that_knows_no_heading_tell_nothing() -> None:
 
 
 def test_it_says_how_late_against_whom() -> None:
-    assert str(ClockOffset("wheels", 0.182, 0.006)) == "its stamps are 182 +- 6 ms late against wheels"
-    assert str(ClockOffset("wheels", -0.05, 0.004)) == "its stamps are 50 +- 4 ms early against wheels"
+    assert str(TimeOffset("wheels", 0.182, 0.006)) == "its stamps are 182 +- 6 ms late against wheels"
+    assert str(TimeOffset("wheels", -0.05, 0.004)) == "its stamps are 50 +- 4 ms early against wheels"
 
 
 @pytest.mark.parametrize("mode", ["use", "tell", "off"])

@@ -10,7 +10,7 @@ import pytest
 from trailmark.estimates import Belief, Fix, Motion, information_from_sigmas
 from trailmark.estimation.kalman.alternatives import believed_gaussian, closed_question, reopened_question
 from trailmark.estimation.kalman.estimator import Kalman
-from trailmark.estimation.kalman.state import Consistency, Fault, FilterState, Gaussian, Rival
+from trailmark.estimation.kalman.state import DetectedFault, FaultDiagnosis, FilterState, Gaussian, RivalFilter
 from trailmark.geometry import Pose2
 
 from .conftest import kalman, pose_of
@@ -99,13 +99,13 @@ def test_a_pose_that_is_set_ends_the_question() -> None:
     assert not belief.health
 
 
-def rival(pose: Pose2, sigma: float, log_weight: float, fault: str) -> Rival:
-    consistency = Consistency(faults={fault: Fault(1.0, "")})
-    return Rival(FilterState(5.0, Gaussian(pose.array(), sigma**2 * np.eye(3)), consistency=consistency), log_weight)
+def rival(pose: Pose2, sigma: float, log_weight: float, fault: str) -> RivalFilter:
+    diagnosis = FaultDiagnosis(faults={fault: DetectedFault(1.0, "")})
+    return RivalFilter(FilterState(5.0, Gaussian(pose.array(), sigma**2 * np.eye(3)), diagnosis=diagnosis), log_weight)
 
 
-def question(*rivals: Rival) -> FilterState:
-    return FilterState(5.0, rivals[0].state.gaussian, consistency=Consistency(rivals=rivals))
+def question(*rivals: RivalFilter) -> FilterState:
+    return FilterState(5.0, rivals[0].state.gaussian, diagnosis=FaultDiagnosis(rivals=rivals))
 
 
 def test_a_closed_question_is_the_mixture_of_its_answers() -> None:
@@ -118,15 +118,15 @@ def test_a_closed_question_is_the_mixture_of_its_answers() -> None:
     assert believed is not None
     np.testing.assert_allclose(believed.x, [1.25, 2.0, 0.1], atol=1e-12)
     np.testing.assert_allclose(believed.covariance, np.diag([0.01 + 3.0 / 16.0, 0.01, 0.01]), atol=1e-12)
-    assert closed.consistency.accused == {"camera", "wheels"}
-    assert not closed.consistency.rivals
+    assert closed.diagnosis.accused == {"camera", "wheels"}
+    assert not closed.diagnosis.rivals
 
 
 def test_answers_next_to_each_other_are_one() -> None:
     closed = closed_question(question(rival(Pose2(), 0.1, 0.0, "camera"), rival(Pose2(0.05), 0.1, 0.0, "wheels")))
 
-    assert not closed.consistency.alternatives
-    assert not closed.consistency.accused
+    assert not closed.diagnosis.alternatives
+    assert not closed.diagnosis.accused
     assert closed.gaussian is not None
     assert closed.gaussian.covariance[0, 0] == pytest.approx(0.01 + 0.5 * 0.05**2)
 
@@ -135,14 +135,14 @@ def test_a_reopened_question_has_the_answers_of_the_closed_one() -> None:
     poses = [Pose2(1.0, 2.0, 0.1), Pose2(2.0, 1.0, 1.1), Pose2(-1.0, 0.0, -2.0)]
     asked = question(*(rival(pose, 0.1, -float(k), "camera") for k, pose in enumerate(poses)))
 
-    reopened = reopened_question(closed_question(asked)).consistency.rivals
+    reopened = reopened_question(closed_question(asked)).diagnosis.rivals
 
-    for one, before in zip(reopened, asked.consistency.rivals):
+    for one, before in zip(reopened, asked.diagnosis.rivals):
         assert one.state.gaussian is not None
         assert before.state.gaussian is not None
         np.testing.assert_allclose(one.state.gaussian.x, before.state.gaussian.x, atol=1e-12)
         np.testing.assert_allclose(one.state.gaussian.covariance, before.state.gaussian.covariance, atol=1e-12)
-        assert not one.state.consistency.faults
+        assert not one.state.diagnosis.faults
     logs = [one.log_weight for one in reopened]
     np.testing.assert_allclose(np.diff(logs), [-1.0, -1.0])
 

@@ -14,7 +14,7 @@ from trailmark.estimation.kalman.correction import Filter
 from trailmark.estimation.kalman.ekf import Ekf, PredictedMotion
 from trailmark.estimation.kalman.innovation import Innovation, nis_of
 from trailmark.estimation.kalman.measurements import fix_measurement
-from trailmark.estimation.kalman.motions import Step
+from trailmark.estimation.kalman.motions import MotionStep
 from trailmark.estimation.kalman.trust import Trust
 from trailmark.estimation.kalman.ukf import Ukf
 from trailmark.estimation.kalman.weighing import nis_between
@@ -67,13 +67,13 @@ def test_a_step_of_one_axis_is_tested_as_one_of_many_is(axis: int) -> None:
     alone, nearly = np.zeros(3), np.full(3, 1e-60)  # the latter says nothing of two axes, and is no lone axis
     alone[axis] = nearly[axis] = 400.0
     (xx, xy, xt), (_, yy, yt), (_, _, tt) = covariance(rng, 3).tolist()
-    other = Step(0.1, 0.2, 0.3, (xx, xy, xt, yy, yt, tt), None, Twist2())
+    other = MotionStep(0.1, 0.2, 0.3, (xx, xy, xt, yy, yt, tt), None, Twist2())
 
     def nis_of_step(information: np.ndarray) -> float:
-        step = Step(0.4, -0.1, 0.1, None, diagonal(*information.tolist()), Twist2())
+        step = MotionStep(0.4, -0.1, 0.1, None, diagonal(*information.tolist()), Twist2())
         return nis_between(step, other)[0]
 
-    assert nis_between(Step(0.4, -0.1, 0.1, None, diagonal(*alone.tolist()), Twist2()), other)[1] == 1
+    assert nis_between(MotionStep(0.4, -0.1, 0.1, None, diagonal(*alone.tolist()), Twist2()), other)[1] == 1
     assert nis_of_step(alone) == pytest.approx(nis_of_step(nearly), rel=1e-12)
 
 

@@ -50,7 +50,7 @@ class Tolerance:
 
 def motion_since(state: FilterState, anchor: FilterState, source: str) -> MotionSum | None:
     """Return what a localizer says of the motion since an anchor; None if it said nothing then or since."""
-    now, then = state.consistency.sums.get(source), anchor.consistency.sums.get(source)
+    now, then = state.diagnosis.sums.get(source), anchor.diagnosis.sums.get(source)
     if now is None or then is None or now is then:
         return None
     x, y, turn, position_m2, turn_rad2, covered_s = (a - b for a, b in zip(now, then))
@@ -103,7 +103,7 @@ def corrections_are_consistent(state: FilterState, anchor: FilterState) -> bool:
 
     The corrections of a consistent filter are white: one that is always corrected the same way moves by a wrong motion.
     """
-    now, then = state.consistency, anchor.consistency
+    now, then = state.diagnosis, anchor.diagnosis
     x, y, turn = (now.corrections - then.corrections).tolist()
     variances = (now.correction_covariance.diagonal() - then.correction_covariance.diagonal()).tolist()
     limit = threshold(_PROBABILITY, 1)

@@ -15,7 +15,7 @@ import numpy as np
 
 from trailmark.arrays import Floats
 from trailmark.estimation.kalman.bank import mixture_of, posterior
-from trailmark.estimation.kalman.state import Alternative, Consistency, FilterState, Gaussian, Rival
+from trailmark.estimation.kalman.state import Alternative, FaultDiagnosis, FilterState, Gaussian, RivalFilter
 from trailmark.estimation.kalman.windows import without_windows
 from trailmark.geometry import Pose2, wrap_angle
 
@@ -33,15 +33,15 @@ def closed_question(state: FilterState) -> FilterState:
 
     The most probable hypothesis is the belief, with the mean of the covariances of all.
     """
-    consistency = state.consistency
-    weights = posterior(consistency.rivals)
+    diagnosis = state.diagnosis
+    weights = posterior(diagnosis.rivals)
     order = np.argsort(-weights, kind="stable")
-    rivals, weights = [consistency.rivals[k] for k in order], weights[order]
+    rivals, weights = [diagnosis.rivals[k] for k in order], weights[order]
     best = rivals[0].state.gaussian
     if best is None:
-        return replace(state, consistency=without_windows(consistency))
+        return replace(state, diagnosis=without_windows(diagnosis))
     found, covariance = [], np.zeros_like(best.covariance)
-    accused = consistency.accused | {source for rival in rivals for source in rival.state.consistency.faults}
+    accused = diagnosis.accused | {source for rival in rivals for source in rival.state.diagnosis.faults}
     for rival, weight in zip(rivals, weights.tolist()):
         gaussian = rival.state.gaussian
         if gaussian is None or weight < _FORGOTTEN:
@@ -50,7 +50,7 @@ def closed_question(state: FilterState) -> FilterState:
         turned = _turning(shift, len(best.x))
         covariance += weight * turned.T @ gaussian.covariance @ turned
         found.append(Alternative(shift, math.log(weight / weights[0]), rival.n_measurements))
-    before = consistency.alternatives or (Alternative(Pose2(), 0.0, 0),)
+    before = diagnosis.alternatives or (Alternative(Pose2(), 0.0, 0),)
     both = [
         Alternative(old.shift @ new.shift, old.log_weight + new.log_weight, max(old.n_measurements, new.n_measurements))
         for old in before
@@ -60,7 +60,7 @@ def closed_question(state: FilterState) -> FilterState:
     return replace(
         state,
         gaussian=gaussian,
-        consistency=without_windows(consistency)._replace(
+        diagnosis=without_windows(diagnosis)._replace(
             alternatives=alternatives, accused=frozenset(accused) if alternatives else frozenset()
         ),
     )
@@ -68,9 +68,9 @@ def closed_question(state: FilterState) -> FilterState:
 
 def reopened_question(state: FilterState) -> FilterState:
     """Return a state with a filter for each place where base may be, for an absolute estimate to decide."""
-    consistency = state.consistency
-    bare = Consistency(consistency.sums, faults=consistency.faults, absolute_faults=consistency.absolute_faults)
-    rivals = consistency.rivals or (Rival(replace(state, consistency=bare, verdicts=()), 0.0),)
+    diagnosis = state.diagnosis
+    bare = FaultDiagnosis(diagnosis.sums, faults=diagnosis.faults, absolute_faults=diagnosis.absolute_faults)
+    rivals = diagnosis.rivals or (RivalFilter(replace(state, diagnosis=bare, verdicts=()), 0.0),)
     expanded = tuple(
         replace(
             rival,
@@ -79,18 +79,19 @@ def reopened_question(state: FilterState) -> FilterState:
             n_measurements=max(rival.n_measurements, one.n_measurements),
         )
         for rival in rivals
-        for one in consistency.alternatives
+        for one in diagnosis.alternatives
     )
-    return replace(state, consistency=consistency._replace(rivals=expanded, alternatives=()))
+    return replace(state, diagnosis=diagnosis._replace(rivals=expanded, alternatives=()))
 
 
 def believed_gaussian(state: FilterState) -> Gaussian | None:
     """Return mean and covariance of all places where base may be."""
-    if not state.consistency.alternatives or state.gaussian is None:
+    if not state.diagnosis.alternatives or state.gaussian is None:
         return state.gaussian
-    alternatives = state.consistency.alternatives
+    alternatives = state.diagnosis.alternatives
     rivals = [
-        Rival(replace(state, gaussian=_shifted(state.gaussian, one.shift)), one.log_weight) for one in alternatives
+        RivalFilter(replace(state, gaussian=_shifted(state.gaussian, one.shift)), one.log_weight)
+        for one in alternatives
     ]
     return mixture_of(rivals, posterior(rivals))
 

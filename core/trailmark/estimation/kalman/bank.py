@@ -17,7 +17,7 @@ import numpy as np
 from trailmark.arrays import Floats
 from trailmark.estimation.kalman.innovation import Innovation
 from trailmark.estimation.kalman.measurements import Measurement
-from trailmark.estimation.kalman.state import FilterState, FixOffset, Gaussian, Rival
+from trailmark.estimation.kalman.state import FilterState, FixOffset, Gaussian, RivalFilter
 from trailmark.geometry import Twist2, wrap_angle
 
 __all__ = [
@@ -46,14 +46,14 @@ _JUMP = 4.0
 _OFFSET_OF, _OTHER_LIE = 40, 5.0
 
 
-def posterior(rivals: Sequence[Rival]) -> Floats:
+def posterior(rivals: Sequence[RivalFilter]) -> Floats:
     """Return the probabilities of hypotheses, (n,)."""
     logs = np.array([rival.log_weight - _SUSPICION * rival.is_implausible for rival in rivals])
     weights = np.exp(logs - logs.max())
     return np.asarray(weights / weights.sum())
 
 
-def mixture_of(rivals: Sequence[Rival], weights: Floats) -> Gaussian | None:
+def mixture_of(rivals: Sequence[RivalFilter], weights: Floats) -> Gaussian | None:
     """Return mean and covariance of the mixture; None while the pose is unknown."""
     known = [(rival.state.gaussian, float(w)) for rival, w in zip(rivals, weights) if rival.state.gaussian is not None]
     if not known:
@@ -112,7 +112,7 @@ def log_odds_of_one(difference: float) -> float:
     return min(max(difference, -_MOST_OF_ONE), _MOST_OF_ONE)
 
 
-def with_likelihoods(rivals: Sequence[Rival], logs: Sequence[float]) -> list[Rival]:
+def with_likelihoods(rivals: Sequence[RivalFilter], logs: Sequence[float]) -> list[RivalFilter]:
     """Return hypotheses after a measurement: how much it says is bounded, as it may be an outlier."""
     best = max(logs)
     return [

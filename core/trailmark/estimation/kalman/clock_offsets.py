@@ -13,10 +13,12 @@ import logging
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from trailmark.arrays import Floats
+from trailmark.deprecation import deprecated_name
 from trailmark.estimates import Estimate, Fix, Motion
 from trailmark.estimation.kalman.clock_places import cost_beside_drift, cost_of_places
 from trailmark.estimation.kalman.clock_tracks import (
@@ -29,7 +31,7 @@ from trailmark.estimation.kalman.clock_tracks import (
     RecentPoses,
 )
 
-__all__ = ["ClockOffset", "ClockOffsets"]
+__all__ = ["ClockOffsets", "TimeOffset"]
 
 logger = logging.getLogger(__name__)
 
@@ -50,7 +52,7 @@ _OUTLIER = 4.0
 
 
 @dataclass(frozen=True, slots=True)
-class ClockOffset:
+class TimeOffset:
     """How late the stamps of a localizer are, against those of another.
 
     Attributes
@@ -84,7 +86,7 @@ class ClockOffsets:
         self._tracks: dict[str, RecentPoses] = {}
         self._next_s = -math.inf
         #: Offsets that are certain, by localizer; one stays until another is found for it.
-        self.certain: dict[str, ClockOffset] = {}
+        self.certain: dict[str, TimeOffset] = {}
 
     def begin_anew(self) -> ClockOffsets:
         """Return what begins at another time: it keeps the offsets that are certain, and who is compared with whom."""
@@ -93,7 +95,7 @@ class ClockOffsets:
         fresh._tracks = {source: RecentPoses(track.of_motion) for source, track in self._tracks.items()}
         return fresh
 
-    def observe(self, source: str, estimate: Estimate) -> Mapping[str, ClockOffset]:
+    def observe(self, source: str, estimate: Estimate) -> Mapping[str, TimeOffset]:
         """Take note of an estimate; returns offsets that became certain by it, by localizer.
 
         Parameters
@@ -140,7 +142,7 @@ class ClockOffsets:
         if track is not None:
             track.clear()
 
-    def _compare_all(self) -> Mapping[str, ClockOffset]:
+    def _compare_all(self) -> Mapping[str, TimeOffset]:
         """Compare every localizer with the first that tells motion."""
         reference = next((name for name, track in self._tracks.items() if track.of_motion), None)
         if reference is None:
@@ -169,7 +171,7 @@ def _knows_heading(information: Floats) -> bool:
     return bool(tt - (xt * (yy * xt - xy * yt) + yt * (xx * yt - xy * xt)) / determinant > _LEAST_HEADING)
 
 
-def _compare(track: RecentPoses, reference: RecentPoses, against: str) -> ClockOffset | None:
+def _compare(track: RecentPoses, reference: RecentPoses, against: str) -> TimeOffset | None:
     """Return the shift at which two tracks differ least; None where they do not tell."""
     rows, other = _thinned(track.table()), reference.table()
     if len(rows) <= _LEAST_INTERVALS or len(other) <= _LEAST_INTERVALS:
@@ -210,7 +212,7 @@ def _thinned(rows: Floats) -> Floats:
     return rows[kept]
 
 
-def _lowest(costs: Floats, against: str) -> ClockOffset | None:
+def _lowest(costs: Floats, against: str) -> TimeOffset | None:
     """Return where the costs are lowest; None where that does not stand out, or lies beyond what was looked at."""
     best = int(costs.argmin())
     aside = round(_ASIDE_S / _STEP_S)
@@ -226,4 +228,8 @@ def _lowest(costs: Floats, against: str) -> ClockOffset | None:
     if bend <= 0.0 or wide <= 0.0:
         return None
     moved_s = min(max(-slope / (2.0 * bend), -2.0 * _STEP_S), 2.0 * _STEP_S)
-    return ClockOffset(against, float(_SHIFTS_S[best] + moved_s), math.sqrt(1.0 / min(bend, wide)))
+    return TimeOffset(against, float(_SHIFTS_S[best] + moved_s), math.sqrt(1.0 / min(bend, wide)))
+
+
+def __getattr__(name: str) -> Any:
+    return deprecated_name(__name__, name, {"ClockOffset": TimeOffset})

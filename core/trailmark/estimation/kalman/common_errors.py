@@ -11,7 +11,7 @@ import numpy as np
 from trailmark.arrays import Floats
 from trailmark.estimation.kalman.innovation import Innovation, LinearModel
 from trailmark.estimation.kalman.layout import CommonError, Layout
-from trailmark.estimation.kalman.motions import Step
+from trailmark.estimation.kalman.motions import MotionStep
 from trailmark.estimation.kalman.trust import root_of
 from trailmark.estimation.kalman.weighing import fuse_steps, information_of
 from trailmark.estimation.symmetric import Sym3, add, inverse, scaled, to_matrix
@@ -49,17 +49,23 @@ class CommonErrors:
         self._filter = kalman
         self._is_independent = is_independent
 
-    def remove_from(self, x: Floats, steps: Sequence[tuple[str, Step]], dt_s: float) -> list[Step]:
+    def remove_from(self, x: Floats, steps: Sequence[tuple[str, MotionStep]], dt_s: float) -> list[MotionStep]:
         """Return the steps without their common errors, as far as these are known."""
         return [self._without_error(x, source, step, dt_s) for source, step in steps]
 
-    def jacobian(self, x: Floats, steps: Sequence[tuple[str, Step]], dt_s: float, drift: Sym3) -> Floats:
+    def jacobian(self, x: Floats, steps: Sequence[tuple[str, MotionStep]], dt_s: float, drift: Sym3) -> Floats:
         """Return how the weighted mean of the steps, without their common errors, changes with the state, (3, n)."""
         unbiased = [(source, self._without_error(x, source, step, dt_s)) for source, step in steps]
         return self._jacobian_of(x, unbiased, dt_s, drift)
 
     def learn(
-        self, x: Floats, covariance: Floats, steps: Sequence[tuple[str, Step]], dt_s: float, held: Twist2, drift: Sym3
+        self,
+        x: Floats,
+        covariance: Floats,
+        steps: Sequence[tuple[str, MotionStep]],
+        dt_s: float,
+        held: Twist2,
+        drift: Sym3,
     ) -> tuple[Floats, Floats]:
         """Return the state after what the steps say of each other: each against the mean of those before it."""
         if not self._is_independent:
@@ -80,7 +86,7 @@ class CommonErrors:
         self,
         x: Floats,
         covariance: Floats,
-        unbiased: Sequence[tuple[str, Step]],
+        unbiased: Sequence[tuple[str, MotionStep]],
         dt_s: float,
         held: Twist2,
         drift: Sym3,
@@ -99,7 +105,7 @@ class CommonErrors:
         seen = Innovation(innovation, jacobian, covariance)
         return self._filter.update(x, covariance, seen, LinearModel(innovation, jacobian, x))
 
-    def _jacobian_of(self, x: Floats, unbiased: Sequence[tuple[str, Step]], dt_s: float, drift: Sym3) -> Floats:
+    def _jacobian_of(self, x: Floats, unbiased: Sequence[tuple[str, MotionStep]], dt_s: float, drift: Sym3) -> Floats:
         share = 1.0 if self._is_independent else 1.0 / len(unbiased)
         shares = [scaled(information_of(step), share) for _, step in unbiased]
         total = shares[0]
@@ -117,7 +123,7 @@ class CommonErrors:
                 columns += mean @ to_matrix(information) @ self._gradient(x, source, step, dt_s)
         return columns
 
-    def _without_error(self, x: Floats, source: str, step: Step, dt_s: float) -> Step:
+    def _without_error(self, x: Floats, source: str, step: MotionStep, dt_s: float) -> MotionStep:
         common = self._layout.common.get(source)
         if common is None:
             return step
@@ -127,7 +133,7 @@ class CommonErrors:
         shrunk = 1.0 / (1.0 + _scale(x, common))
         return _with_pose(step, Pose2(shrunk * step.x, shrunk * step.y, step.turn), dt_s)
 
-    def _gradient(self, x: Floats, source: str, step: Step, dt_s: float) -> Floats:
+    def _gradient(self, x: Floats, source: str, step: MotionStep, dt_s: float) -> Floats:
         """Return how a step without its common error changes with the state, (3, n)."""
         gradient = np.zeros((3, self._layout.n))
         common = self._layout.common.get(source)
@@ -145,7 +151,7 @@ def _scale(x: Floats, common: CommonError) -> float:
     return min(max(float(x[common.index]), _LEAST_SCALE), _MOST_SCALE)
 
 
-def _with_pose(step: Step, pose: Pose2, dt_s: float) -> Step:
+def _with_pose(step: MotionStep, pose: Pose2, dt_s: float) -> MotionStep:
     forward_m, left_m, turn_rad = pose.log()
     twist = Twist2(forward_m / dt_s, left_m / dt_s, turn_rad / dt_s)
     return replace(step, x=pose.x, y=pose.y, turn=pose.theta, twist=twist)

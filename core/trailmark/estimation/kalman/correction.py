@@ -89,16 +89,16 @@ class Correction:
         It is kept out, and counted is whether it agrees with the belief.
         """
         source, dof, nis = measurement.source, len(measurement.root), math.inf
-        fault = state.consistency.absolute_faults[source]
+        fault = state.diagnosis.absolute_faults[source]
         if state.gaussian is not None:
             nis = Innovation(*measurement.innovation(state.gaussian.x), state.gaussian.covariance).nis
         agrees = nis <= threshold(measurement.trust.gate or _GATE, dof)
         faults = {
-            **state.consistency.absolute_faults,
+            **state.diagnosis.absolute_faults,
             source: replace(fault, n_agreed=fault.n_agreed + 1 if agrees else 0),
         }
         n = min(state.rejections.counts.get(source, 0) + 1, self._policy.most_rejections)
-        state = replace(state, consistency=state.consistency._replace(absolute_faults=faults))
+        state = replace(state, diagnosis=state.diagnosis._replace(absolute_faults=faults))
         return _keep_out(state, source, n, _with_rejected(state, measurement), Verdict("gated", nis, dof, fault.reason))
 
     def _weighted(self, state: FilterState, measurement: Measurement, seen: Innovation) -> Innovation:
@@ -221,7 +221,7 @@ def _accept(
             n_recoveries=before.n_recoveries,
             shares=_with_share(before.shares, source, is_rejected=False) if before.shares else before.shares,
         ),
-        consistency=state.consistency,
+        diagnosis=state.diagnosis,
         left_out=state.left_out,
         checks=state.checks,
         verdicts=(*state.verdicts, verdict),

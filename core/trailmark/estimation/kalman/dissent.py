@@ -50,7 +50,7 @@ def covering_covariance(state: FilterState, gaussian: Gaussian) -> Floats:
         The belief, of all hypotheses.
     """
     covariance = gaussian.covariance[:3, :3]
-    rivals = state.consistency.rivals
+    rivals = state.diagnosis.rivals
     believed = rivals[0].state if rivals else state
     for source, rejected in believed.rejections.measurements.items():
         if rejected and believed.gaussian is not None and _may_be_right(believed, source, rejected[-1]):
@@ -83,7 +83,7 @@ def _supports(state: FilterState, source: str) -> bool:
 
 
 def _is_outvoted(state: FilterState, source: str) -> bool:
-    fault = state.consistency.absolute_faults.get(source)
+    fault = state.diagnosis.absolute_faults.get(source)
     return fault is not None and fault.is_outvoted
 
 

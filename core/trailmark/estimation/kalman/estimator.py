@@ -15,7 +15,7 @@ from trailmark.estimation.information import checked_covariance
 from trailmark.estimation.kalman.agreement import Tolerance
 from trailmark.estimation.kalman.belief_places import BeliefPlaces
 from trailmark.estimation.kalman.clock import ClockGuard
-from trailmark.estimation.kalman.clock_offsets import ClockOffset, ClockOffsets
+from trailmark.estimation.kalman.clock_offsets import ClockOffsets, TimeOffset
 from trailmark.estimation.kalman.correction import Correction
 from trailmark.estimation.kalman.correlation_times import CorrelationTimes
 from trailmark.estimation.kalman.ekf import Ekf
@@ -111,7 +111,7 @@ class Kalman(Estimator):
         """Return how long errors of absolute poses are found to last, by localizer; those that err anew not [s]."""
         return self._correlations.times()
 
-    def clock_offsets(self) -> Mapping[str, ClockOffset]:
+    def clock_offsets(self) -> Mapping[str, TimeOffset]:
         """Return how late or early stamps are found to be, by localizer; nothing where that is not certain."""
         return self._offsets.certain
 
@@ -214,10 +214,10 @@ class Kalman(Estimator):
 
     def _compare_noise(self, noise: NoiseScales, stamp_s: float) -> None:
         state = self._history.state_at(math.inf)
-        consistency = state.consistency
+        diagnosis = state.diagnosis
         corrected = None
         if state.gaussian is not None and not self._correlations.explains_corrections:
-            corrected = consistency.corrections, consistency.correction_covariance
+            corrected = diagnosis.corrections, diagnosis.correction_covariance
         noise.compare(stamp_s, accused_sources(state, self.config.recover_after), corrected)
 
     def _check_stamp(self, source: str, estimate: Estimate, trust: Trust) -> Applied:
@@ -306,7 +306,7 @@ class Kalman(Estimator):
     def _motion_outcome(self, source: str, stamp_s: float) -> Applied:
         """Return what became of a motion: left out, if it contradicts the others and the velocity before."""
         state = self._history.state_at(stamp_s)
-        fault = state.consistency.faults.get(source)
+        fault = state.diagnosis.faults.get(source)
         if fault is not None:
             return Applied("gated", fault.reason)
         if not state.checks:
@@ -340,7 +340,7 @@ class Kalman(Estimator):
             self._history.insert(stamp_s, node)
         state = self._history.state_at(stamp_s)
         verdict = state.verdicts[index]
-        if learns and verdict.seen is not None and verdict.used is not None and not state.consistency.rivals:
+        if learns and verdict.seen is not None and verdict.used is not None and not state.diagnosis.rivals:
             self._correlations.observe(measurement.source, stamp_s, verdict.seen, verdict.used)
         return Applied(verdict.status, verdict.reason, verdict.nis, verdict.dof)
 

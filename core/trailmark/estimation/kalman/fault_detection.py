@@ -72,7 +72,7 @@ class FaultDetector:
         """Return the state at a stamp that is not earlier."""
         if stamp_s <= state.stamp_s or state.stamp_s == -float("inf"):
             return self._prediction.predict(state, stamp_s)
-        before = state.consistency
+        before = state.diagnosis
         if before.rivals:
             return self._predict_question(state, stamp_s)
         previous, state = state, self._prediction.predict(state, stamp_s)
@@ -80,42 +80,42 @@ class FaultDetector:
             state = self._trials.predict(state, stamp_s)
         if previous.left_out and state.left_out and before.anchors:
             state = self._test_motions(state, [previous])  # no outlier: it goes on
-        is_due = stamp_s - before.tested_s >= _EVERY_S and not state.consistency.rivals
-        if is_due and (len(state.consistency.sums) > 1 or before.faults):
-            state = replace(state, consistency=state.consistency._replace(tested_s=stamp_s))
-            state = self._test_motions(state, state.consistency.anchors)
+        is_due = stamp_s - before.tested_s >= _EVERY_S and not state.diagnosis.rivals
+        if is_due and (len(state.diagnosis.sums) > 1 or before.faults):
+            state = replace(state, diagnosis=state.diagnosis._replace(tested_s=stamp_s))
+            state = self._test_motions(state, state.diagnosis.anchors)
         return _with_anchor_in_time(state)
 
     def correct(self, state: FilterState, measurement: Measurement) -> FilterState:
         """Return the state after a measurement, with the verdict on it as its last."""
-        before = state.consistency
+        before = state.diagnosis
         if before.absolute_faults and not measurement.replaces and measurement.source in before.absolute_faults:
             return self._hear_liar(state, measurement)
         if before.alternatives:
             state = _placed(state) if measurement.replaces else reopened_question(state)
-            before = state.consistency
+            before = state.diagnosis
         if before.rivals:
             return self._bank.correct(state, measurement)
         after = self._correction.correct(state, measurement)
         if measurement.replaces or state.gaussian is None or after.gaussian is None:
-            return replace(after, consistency=without_windows(before))
+            return replace(after, diagnosis=without_windows(before))
         if after.rejections.n_recoveries > state.rejections.n_recoveries:
-            return replace(after, consistency=without_windows(before))
+            return replace(after, diagnosis=without_windows(before))
         moved = after.gaussian.x[:3] - state.gaussian.x[:3]
         spread = state.gaussian.covariance[:3, :3] - after.gaussian.covariance[:3, :3]
-        consistency = before._replace(
+        diagnosis = before._replace(
             corrections=before.corrections + moved,
             correction_covariance=before.correction_covariance + spread,
             measurements=(*before.measurements, (state.stamp_s, measurement)),
         )
-        after = replace(after, consistency=consistency)
+        after = replace(after, diagnosis=diagnosis)
         if before.faults:
             after = self._trials.measure(state, after, measurement)
         trusted = trusted_motions(after)
         # A part of a pose is off by the error of what was seen, and the next one by that of another: it does not
         # accuse the only motion. Gate and recovery see to that.
         has_rivals = len(trusted) > 1 or (len(trusted) == 1 and len(measurement.root) == 3)
-        if has_rivals and consistency.anchors and self._is_doubtful(after, measurement.source):
+        if has_rivals and diagnosis.anchors and self._is_doubtful(after, measurement.source):
             is_jump = after.verdicts[-1].status == "gated"
             return self._bank.ask(
                 after, _answers(trusted, _contradicting(after, measurement.source) if is_jump else [])
@@ -124,25 +124,25 @@ class FaultDetector:
 
     def _predict_question(self, state: FilterState, stamp_s: float) -> FilterState:
         state = self._bank.predict(state, stamp_s)
-        consistency = state.consistency
-        if not consistency.rivals:
+        diagnosis = state.diagnosis
+        if not diagnosis.rivals:
             return state
-        sources, anchors = trusted_motions(state), consistency.anchors
-        is_question_old = bool(anchors) and anchors[0].stamp_s >= consistency.undecided_since_s
-        is_of_motion = consistency.rivals[0].state.consistency.absolute_faults == consistency.absolute_faults
+        sources, anchors = trusted_motions(state), diagnosis.anchors
+        is_question_old = bool(anchors) and anchors[0].stamp_s >= diagnosis.undecided_since_s
+        is_of_motion = diagnosis.rivals[0].state.diagnosis.absolute_faults == diagnosis.absolute_faults
         is_of_motion_alone = is_question_old and is_of_motion and len(sources) > 1
         if is_of_motion_alone and agree_again(state, anchors[0], sources, self._tolerance):
-            faults = [set(rival.state.consistency.faults) for rival in consistency.rivals]
-            known = set(consistency.faults)
+            faults = [set(rival.state.diagnosis.faults) for rival in diagnosis.rivals]
+            known = set(diagnosis.faults)
             if all(one > known for one in faults) or all(one == known for one in faults):  # these differ by place
                 return closed_question(state)
-            return replace(state, consistency=without_windows(consistency))
+            return replace(state, diagnosis=without_windows(diagnosis))
         return _with_anchor_in_time(state)
 
     def _hear_liar(self, state: FilterState, measurement: Measurement) -> FilterState:
         """Return the state after an absolute estimate of one that is not believed: whether it agrees again."""
         doubted = self._correction.doubt(state, measurement)
-        fault = doubted.consistency.absolute_faults[measurement.source]
+        fault = doubted.diagnosis.absolute_faults[measurement.source]
         if fault.n_agreed < AGREED and state.stamp_s - fault.since_s <= GIVES_IN_S:
             return doubted
         return self.correct(without_fault(state, measurement.source), measurement)
@@ -151,9 +151,9 @@ class FaultDetector:
         if state.verdicts[-1].status == "gated":
             # One that never agreed contradicts the belief, not the motion since it last agreed.
             agreed = state.rejections.corroborations.get(source)
-            is_recent = agreed is not None and agreed.stamp_s >= state.consistency.anchors[0].stamp_s
+            is_recent = agreed is not None and agreed.stamp_s >= state.diagnosis.anchors[0].stamp_s
             return is_recent and state.rejections.counts.get(source, 0) >= _FEWEST
-        return not corrections_are_consistent(state, state.consistency.anchors[0])
+        return not corrections_are_consistent(state, state.diagnosis.anchors[0])
 
     def _test_motions(self, state: FilterState, anchors: Sequence[FilterState]) -> FilterState:
         """Return a state with hypotheses, if motions have disagreed since one of some instants."""
@@ -162,30 +162,30 @@ class FaultDetector:
             if len(trusted) > 1:
                 groups = [Hypothesis(group) for group in agreeing_groups(state, anchor, trusted, self._tolerance)]
                 if len(groups) > 1:
-                    none = [Hypothesis(frozenset())] if state.consistency.measurements else []
+                    none = [Hypothesis(frozenset())] if state.diagnosis.measurements else []
                     return self._bank.ask(state, [*groups, *none])
-        return with_repentant(state, self._tolerance) if state.consistency.faults else state
+        return with_repentant(state, self._tolerance) if state.diagnosis.faults else state
 
 
 def accused_sources(state: FilterState, most_rejected: int) -> set[str]:
     """Return the localizers that are not believed, that an open question is about, or that contradict the belief."""
-    consistency = state.consistency
-    accused = {*consistency.faults, *consistency.absolute_faults, *consistency.accused}
-    for rival in consistency.rivals:
-        accused |= {*rival.state.consistency.faults, *rival.state.consistency.absolute_faults}
+    diagnosis = state.diagnosis
+    accused = {*diagnosis.faults, *diagnosis.absolute_faults, *diagnosis.accused}
+    for rival in diagnosis.rivals:
+        accused |= {*rival.state.diagnosis.faults, *rival.state.diagnosis.absolute_faults}
     accused.update(source for source, n in state.rejections.counts.items() if n >= most_rejected)
     return accused
 
 
 def outvoted_motions(state: FilterState) -> list[str]:
     """Return the localizers whose motion is not believed beside another that is."""
-    faults = state.consistency.faults
-    return sorted(faults) if len(faults) < len(state.consistency.sums) else []
+    faults = state.diagnosis.faults
+    return sorted(faults) if len(faults) < len(state.diagnosis.sums) else []
 
 
 def _contradicting(state: FilterState, source: str) -> list[str]:
     """Return a localizer, and others whose absolute estimates have been rejected beside its own."""
-    since_s = state.consistency.anchors[0].stamp_s
+    since_s = state.diagnosis.anchors[0].stamp_s
     others = [
         other
         for other, rejected in sorted(state.rejections.measurements.items())
@@ -206,9 +206,9 @@ def _answers(trusted: Sequence[str], sources: Sequence[str]) -> list[Hypothesis]
 
 
 def _placed(state: FilterState) -> FilterState:
-    return replace(state, consistency=state.consistency._replace(alternatives=(), accused=frozenset()))
+    return replace(state, diagnosis=state.diagnosis._replace(alternatives=(), accused=frozenset()))
 
 
 def _with_anchor_in_time(state: FilterState) -> FilterState:
-    anchors = state.consistency.anchors
+    anchors = state.diagnosis.anchors
     return with_new_anchor(state) if not anchors or state.stamp_s - anchors[-1].stamp_s >= WINDOW_S else state

@@ -18,11 +18,11 @@ AGREED, GIVES_IN_S = 3, 30.0
 
 def without_fault(state: FilterState, source: str) -> FilterState:
     """Return a state that believes the absolute estimates of a localizer again."""
-    faults = {other: fault for other, fault in state.consistency.absolute_faults.items() if other != source}
+    faults = {other: fault for other, fault in state.diagnosis.absolute_faults.items() if other != source}
     counts = {**state.rejections.counts, source: 0}
     return replace(
         state,
-        consistency=without_windows(state.consistency)._replace(absolute_faults=faults),
+        diagnosis=without_windows(state.diagnosis)._replace(absolute_faults=faults),
         rejections=replace(state.rejections, counts=counts),
     )
 
@@ -32,21 +32,21 @@ def with_repentant(state: FilterState, tolerance: Tolerance) -> FilterState:
 
     Where no motion is believed, the absolute estimates say it: see `trials`.
     """
-    trusted = [s for s in state.consistency.sums if s not in state.consistency.faults]
+    trusted = [s for s in state.diagnosis.sums if s not in state.diagnosis.faults]
     repentant = (
-        [source for source in state.consistency.faults if _has_agreed_again(state, source, trusted, tolerance)]
+        [source for source in state.diagnosis.faults if _has_agreed_again(state, source, trusted, tolerance)]
         if trusted
         else acquitted(state)
     )
     if not repentant:
         return state
-    faults = {source: fault for source, fault in state.consistency.faults.items() if source not in repentant}
-    return replace(state, consistency=state.consistency._replace(faults=faults, anchors=(), measurements=(), trials={}))
+    faults = {source: fault for source, fault in state.diagnosis.faults.items() if source not in repentant}
+    return replace(state, diagnosis=state.diagnosis._replace(faults=faults, anchors=(), measurements=(), trials={}))
 
 
 def _has_agreed_again(state: FilterState, source: str, trusted: Sequence[str], tolerance: Tolerance) -> bool:
-    since_s = state.consistency.faults[source].since_s
-    anchors = [anchor for anchor in state.consistency.anchors if anchor.stamp_s >= since_s]
+    since_s = state.diagnosis.faults[source].since_s
+    anchors = [anchor for anchor in state.diagnosis.anchors if anchor.stamp_s >= since_s]
     if not anchors or state.stamp_s - anchors[0].stamp_s < WINDOW_S:
         return False
     return agree_again(state, anchors[0], [source, *trusted], tolerance)

@@ -107,7 +107,7 @@ def health_of(monitors: Mapping[str, SourceMonitor], state: FilterState, recover
     undecided = _undecided_of(state)
     for source, monitor in monitors.items():
         n_rejected = state.rejections.counts.get(source, 0)
-        fault = state.consistency.faults.get(source) or state.consistency.absolute_faults.get(source)
+        fault = state.diagnosis.faults.get(source) or state.diagnosis.absolute_faults.get(source)
         if fault is not None:
             health[source] = fault.reason
         elif source in undecided:
@@ -128,16 +128,16 @@ def health_of(monitors: Mapping[str, SourceMonitor], state: FilterState, recover
 
 def _undecided_of(state: FilterState) -> dict[str, str]:
     """Return who may be wrong, and why that is not decided; nobody while a question is young."""
-    accused = state.consistency.accused
+    accused = state.diagnosis.accused
     undecided = dict.fromkeys(sorted(accused), _NEVER_DECIDED)
-    if state.stamp_s - state.consistency.undecided_since_s <= _UNDECIDED_S:
+    if state.stamp_s - state.diagnosis.undecided_since_s <= _UNDECIDED_S:
         return undecided
-    rivals = state.consistency.rivals
+    rivals = state.diagnosis.rivals
     for rival, probability in zip(rivals, posterior(rivals)):
         if probability < _PROBABLE:
             continue
-        for source in rival.state.consistency.faults:
+        for source in rival.state.diagnosis.faults:
             undecided.setdefault(source, "its motion and that of others disagree, and nothing decides who is right")
-        for source, fault in rival.state.consistency.absolute_faults.items():
+        for source, fault in rival.state.diagnosis.absolute_faults.items():
             undecided.setdefault(source, fault.reason)
     return undecided

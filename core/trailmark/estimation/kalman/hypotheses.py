@@ -27,7 +27,7 @@ from trailmark.estimation.kalman.fault_reasons import reason_against_fixes, reas
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.kalman.prediction import Prediction
 from trailmark.estimation.kalman.settling import continued, settle
-from trailmark.estimation.kalman.state import Consistency, Fault, FilterState, Rival
+from trailmark.estimation.kalman.state import DetectedFault, FaultDiagnosis, FilterState, RivalFilter
 from trailmark.estimation.kalman.windows import without_windows
 
 __all__ = ["Hypothesis", "HypothesisBank", "trusted_motions"]
@@ -53,7 +53,7 @@ class Hypothesis:
 
 def trusted_motions(state: FilterState) -> list[str]:
     """Return the localizers whose motion is believed."""
-    return [source for source in state.consistency.sums if source not in state.consistency.faults]
+    return [source for source in state.diagnosis.sums if source not in state.diagnosis.faults]
 
 
 class HypothesisBank:
@@ -73,7 +73,7 @@ class HypothesisBank:
 
     def ask(self, state: FilterState, hypotheses: Iterable[Hypothesis]) -> FilterState:
         """Return a state with one filter for each hypothesis, each beginning at the oldest anchor."""
-        anchor = state.consistency.anchors[0]
+        anchor = state.diagnosis.anchors[0]
         rivals = [self._begin_rival(state, anchor, hypothesis) for hypothesis in hypotheses]
         if len(rivals) < 2:
             return state
@@ -82,7 +82,7 @@ class HypothesisBank:
 
     def predict(self, state: FilterState, stamp_s: float) -> FilterState:
         """Return a state with rivals at a later stamp."""
-        before = state.consistency.rivals
+        before = state.diagnosis.rivals
         after = [self._predict_rival(rival, stamp_s) for rival in before]
         leader = int(np.argmax(posterior(after)))
         odometry = continued(state.odometry, before[leader].state.odometry, after[leader].state.odometry)
@@ -90,49 +90,47 @@ class HypothesisBank:
 
     def correct(self, state: FilterState, measurement: Measurement) -> FilterState:
         """Return a state with rivals after a measurement, with the verdict of the most probable one as its last."""
-        rivals = self._measure(state.consistency.rivals, measurement)
+        rivals = self._measure(state.diagnosis.rivals, measurement)
         leader = rivals[int(np.argmax(posterior(rivals)))].state
         verdict = leader.verdicts[-1]
-        consistency = state.consistency._replace(
-            measurements=(*state.consistency.measurements, (state.stamp_s, measurement))
-        )
+        diagnosis = state.diagnosis._replace(measurements=(*state.diagnosis.measurements, (state.stamp_s, measurement)))
         fixed_at_m = state.odometry.travelled_m if verdict.status == "accepted" else state.fixed_at_m
-        state = replace(state, consistency=consistency, verdicts=(*state.verdicts, verdict), fixed_at_m=fixed_at_m)
+        state = replace(state, diagnosis=diagnosis, verdicts=(*state.verdicts, verdict), fixed_at_m=fixed_at_m)
         if measurement.replaces:
             return replace(
                 state,
                 gaussian=leader.gaussian,
                 rejections=leader.rejections,
-                consistency=without_windows(state.consistency),
+                diagnosis=without_windows(state.diagnosis),
             )
         return settle(state, rivals)
 
-    def _begin_rival(self, state: FilterState, anchor: FilterState, hypothesis: Hypothesis) -> Rival:
+    def _begin_rival(self, state: FilterState, anchor: FilterState, hypothesis: Hypothesis) -> RivalFilter:
         trusted = frozenset(trusted_motions(state))
-        faults, absolute_faults = dict(state.consistency.faults), dict(state.consistency.absolute_faults)
+        faults, absolute_faults = dict(state.diagnosis.faults), dict(state.diagnosis.absolute_faults)
         for source in sorted(trusted - hypothesis.motions):
             reason = reason_against_motion(state, anchor, source, hypothesis.motions)
-            faults[source] = Fault(state.stamp_s, reason)
+            faults[source] = DetectedFault(state.stamp_s, reason)
         liars = hypothesis.lying_fixes
         is_outvoted = len(hypothesis.motions) > len(liars)
         for liar in sorted(liars):
             reason = reason_against_fixes(hypothesis.motions, is_outvoted=is_outvoted)
-            absolute_faults[liar] = Fault(state.stamp_s, reason, is_outvoted=is_outvoted)
-        consistency = Consistency(sums=anchor.consistency.sums, faults=faults, absolute_faults=absolute_faults)
+            absolute_faults[liar] = DetectedFault(state.stamp_s, reason, is_outvoted=is_outvoted)
+        diagnosis = FaultDiagnosis(sums=anchor.diagnosis.sums, faults=faults, absolute_faults=absolute_faults)
         n_liars = len(trusted - hypothesis.motions) + len(liars)
-        return Rival(replace(anchor, consistency=consistency), -_LIAR * n_liars)
+        return RivalFilter(replace(anchor, diagnosis=diagnosis), -_LIAR * n_liars)
 
-    def _replay(self, rivals: Sequence[Rival], anchor: FilterState, state: FilterState) -> list[Rival]:
+    def _replay(self, rivals: Sequence[RivalFilter], anchor: FilterState, state: FilterState) -> list[RivalFilter]:
         """Return hypotheses at the instant of a state, from an anchor on.
 
         Nobody knows when a lie begins. As in Page's cumulative sum, it begins anew where until then all localizers
         together explain the measurements better than a hypothesis does.
         """
-        before = state.consistency
-        consistency = Consistency(
-            sums=anchor.consistency.sums, faults=before.faults, absolute_faults=before.absolute_faults
+        before = state.diagnosis
+        diagnosis = FaultDiagnosis(
+            sums=anchor.diagnosis.sums, faults=before.faults, absolute_faults=before.absolute_faults
         )
-        replayed = [Rival(replace(anchor, consistency=consistency), 0.0), *rivals]
+        replayed = [RivalFilter(replace(anchor, diagnosis=diagnosis), 0.0), *rivals]
         for stamp_s, measurement in before.measurements:
             replayed = [self._predict_rival(rival, stamp_s) for rival in replayed]
             replayed = self._measure(replayed, measurement)
@@ -140,7 +138,7 @@ class HypothesisBank:
             replayed = [reference, *(_begun_later(*pair, reference) for pair in zip(replayed[1:], rivals))]
         return [self._predict_rival(rival, state.stamp_s) for rival in replayed[1:]]
 
-    def _predict_rival(self, rival: Rival, stamp_s: float) -> Rival:
+    def _predict_rival(self, rival: RivalFilter, stamp_s: float) -> RivalFilter:
         state, is_implausible = rival.state, rival.is_implausible
         if stamp_s <= state.stamp_s:
             return rival
@@ -149,10 +147,10 @@ class HypothesisBank:
             is_implausible = is_implausible or bool(_jumps(before, state))
         return replace(rival, state=state, is_implausible=is_implausible)
 
-    def _measure(self, rivals: Sequence[Rival], measurement: Measurement) -> list[Rival]:
+    def _measure(self, rivals: Sequence[RivalFilter], measurement: Measurement) -> list[RivalFilter]:
         corrected, logs = [], []
         for rival in rivals:
-            if measurement.source not in rival.state.consistency.absolute_faults:
+            if measurement.source not in rival.state.diagnosis.absolute_faults:
                 logs.append(log_likelihood(rival.state, measurement))
                 corrected.append(replace(rival, state=self._correction.correct(rival.state, measurement)))
                 continue
@@ -164,7 +162,7 @@ class HypothesisBank:
         return with_likelihoods(corrected, logs)
 
 
-def _with_suspicion(state: FilterState, anchor: FilterState, rivals: Sequence[Rival]) -> list[Rival]:
+def _with_suspicion(state: FilterState, anchor: FilterState, rivals: Sequence[RivalFilter]) -> list[RivalFilter]:
     """Return hypotheses, suspect where those that they believe stand still while others move."""
     motions = {s: motion_since(state, anchor, s) for s in trusted_motions(state)}
     moving = {s for s, motion in motions.items() if motion is not None and not is_still(motion)}
@@ -172,20 +170,20 @@ def _with_suspicion(state: FilterState, anchor: FilterState, rivals: Sequence[Ri
         replace(
             rival,
             is_implausible=rival.is_implausible
-            or (bool(moving) and moving <= set(rival.state.consistency.faults) < set(motions)),
+            or (bool(moving) and moving <= set(rival.state.diagnosis.faults) < set(motions)),
         )
         for rival in rivals
     ]
 
 
-def _begun_later(rival: Rival, at_first: Rival, reference: Rival) -> Rival:
+def _begun_later(rival: RivalFilter, at_first: RivalFilter, reference: RivalFilter) -> RivalFilter:
     """Return a hypothesis, begun anew from the filter of all if that explains better what was measured until here."""
     log_weight = reference.log_weight + at_first.log_weight
     if rival.log_weight > log_weight:
         return rival
-    said = rival.state.consistency
-    consistency = reference.state.consistency._replace(faults=said.faults, absolute_faults=said.absolute_faults)
-    return Rival(replace(reference.state, consistency=consistency), log_weight)
+    said = rival.state.diagnosis
+    diagnosis = reference.state.diagnosis._replace(faults=said.faults, absolute_faults=said.absolute_faults)
+    return RivalFilter(replace(reference.state, diagnosis=diagnosis), log_weight)
 
 
 def _jumps(before: FilterState, after: FilterState) -> bool:
@@ -194,8 +192,8 @@ def _jumps(before: FilterState, after: FilterState) -> bool:
         return False
     steps = [
         step
-        for source in after.consistency.sums
-        if source not in after.consistency.faults and (step := motion_since(after, before, source)) is not None
+        for source in after.diagnosis.sums
+        if source not in after.diagnosis.faults and (step := motion_since(after, before, source)) is not None
     ]
     if not steps:
         return False

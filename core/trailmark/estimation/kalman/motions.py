@@ -8,17 +8,19 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left, bisect_right
+from typing import Any
 
+from trailmark.deprecation import deprecated_name
 from trailmark.estimates import Motion
 from trailmark.estimation.symmetric import ZERO, Sym3, congruence, inverse, scaled
 from trailmark.geometry import Pose2, Twist2
 from trailmark.values import quick_dataclass
 
-__all__ = ["Motions", "StatedMotion", "Step"]
+__all__ = ["MotionStep", "Motions", "StatedMotion"]
 
 
 @quick_dataclass(frozen=True, slots=True, eq=False)
-class Step:
+class MotionStep:
     """A motion over a piece of time, seen from its beginning.
 
     Attributes
@@ -62,10 +64,10 @@ class StatedMotion:
         twist = Twist2(forward_m / dt_s, left_m / dt_s, turn_rad / dt_s)
         covariance = inverse(information)
         rest = information if covariance is None else None
-        self._whole = Step(pose.x, pose.y, pose.theta, covariance, rest, twist)
+        self._whole = MotionStep(pose.x, pose.y, pose.theta, covariance, rest, twist)
         self._spread: Sym3 | None = None
 
-    def between(self, since_s: float, stamp_s: float) -> Step:
+    def between(self, since_s: float, stamp_s: float) -> MotionStep:
         """Return the step over a part of the interval.
 
         The error is spread evenly over the time as a small motion of all space about base at the beginning. In these
@@ -79,13 +81,13 @@ class StatedMotion:
         step, whole = begin.between(end), self._whole
         if whole.covariance is None:
             information = scaled(whole.information or ZERO, 1.0 / fraction)  # to the first order of the turn
-            return Step(step.x, step.y, step.theta, None, information, whole.twist)
+            return MotionStep(step.x, step.y, step.theta, None, information, whole.twist)
         if self._spread is None:
             self._spread = congruence(whole.covariance, 1.0, 0.0, whole.y, -whole.x)
         cos, sin = math.cos(begin.theta), math.sin(begin.theta)
         lever_x, lever_y = cos * -end.y + sin * end.x, sin * end.y + cos * end.x
         covariance = congruence(scaled(self._spread, fraction), cos, -sin, lever_x, lever_y)
-        return Step(step.x, step.y, step.theta, covariance, None, whole.twist)
+        return MotionStep(step.x, step.y, step.theta, covariance, None, whole.twist)
 
     def _pose(self, fraction: float) -> Pose2:
         forward_m, left_m, turn_rad = self._arc
@@ -176,7 +178,7 @@ class Motions:
         found = [at for track in self._tracks.values() for at in track.ends_between(since_s, stamp_s)]
         return sorted(set(found)) if found else found
 
-    def steps(self, since_s: float, stamp_s: float) -> list[tuple[str, Step]]:
+    def steps(self, since_s: float, stamp_s: float) -> list[tuple[str, MotionStep]]:
         """Return what each localizer says of an interval without cuts; empty: nobody measured it."""
         steps = []
         for source, track in self._tracks.items():
@@ -189,3 +191,7 @@ class Motions:
         """Drop what lies before a stamp."""
         for track in self._tracks.values():
             track.forget(horizon_s)
+
+
+def __getattr__(name: str) -> Any:
+    return deprecated_name(__name__, name, {"Step": MotionStep})

@@ -14,9 +14,9 @@ from trailmark.estimation.kalman.common_errors import CommonErrors
 from trailmark.estimation.kalman.correction import Filter
 from trailmark.estimation.kalman.ekf import PredictedMotion
 from trailmark.estimation.kalman.layout import Layout
-from trailmark.estimation.kalman.motions import Motions, Step
+from trailmark.estimation.kalman.motions import Motions, MotionStep
 from trailmark.estimation.kalman.standstill import stands, with_standstill
-from trailmark.estimation.kalman.state import Consistency, FilterState, Gaussian, MotionSum, OdometryState
+from trailmark.estimation.kalman.state import FaultDiagnosis, FilterState, Gaussian, MotionSum, OdometryState
 from trailmark.estimation.kalman.velocity import VelocityModel
 from trailmark.estimation.kalman.weighing import StepSelection, fuse_steps, replace_impossible_jump, select_steps
 from trailmark.estimation.kalman_config import KalmanConfig
@@ -38,7 +38,7 @@ class _Piece(NamedTuple):
 
     Attributes
     ----------
-    step : Step
+    step : MotionStep
         The motion.
     driven_s : float
         For how long the velocity is counted as way travelled [s].
@@ -52,7 +52,7 @@ class _Piece(NamedTuple):
         For how long the estimated velocity moves the pose; 0 where motion is measured [s].
     """
 
-    step: Step
+    step: MotionStep
     driven_s: float
     gap_s: float = 0.0
     is_measured: bool = False
@@ -131,13 +131,13 @@ class Prediction:
         stated = self._motions.steps(state.stamp_s, stamp_s)
         if not stated:
             return self._coast(state, stamp_s)
-        consistency = state.consistency
+        diagnosis = state.diagnosis
         dt_s, theta = stamp_s - state.stamp_s, state.odometry.pose_odom_base.theta
         believed = stated
-        if consistency.faults:
-            believed = [one for one in stated if one[0] not in consistency.faults]
+        if diagnosis.faults:
+            believed = [one for one in stated if one[0] not in diagnosis.faults]
             if not believed:
-                return self._coast(replace(state, consistency=_added(consistency, stated, theta, dt_s)), stamp_s)
+                return self._coast(replace(state, diagnosis=_added(diagnosis, stated, theta, dt_s)), stamp_s)
         selection = StepSelection(believed)
         if len(believed) == 1:
             if state.odometry.is_measured and self._gate_of(believed[0][0]) is not None:
@@ -147,13 +147,13 @@ class Prediction:
             selection = select_steps(believed, dt_s, state.odometry.twist, drift, self._gate_of)
             if selection.left_out and not state.left_out:
                 stated = _without_outliers(stated, selection)
-        consistency = _added(consistency, stated, theta, dt_s)
+        diagnosis = _added(diagnosis, stated, theta, dt_s)
         if self._layout.common and state.gaussian is not None:
             before = state.gaussian
-            state = replace(state, consistency=consistency)
+            state = replace(state, diagnosis=diagnosis)
             return self._with_common_errors(state, before, stamp_s, selection)
         steps = [step for _, step in selection.steps]
-        return self._apply_steps(state, stamp_s, selection, steps, None, consistency)
+        return self._apply_steps(state, stamp_s, selection, steps, None, diagnosis)
 
     def _with_common_errors(
         self, state: FilterState, before: Gaussian, stamp_s: float, selection: StepSelection
@@ -177,13 +177,13 @@ class Prediction:
         state: FilterState,
         stamp_s: float,
         selection: StepSelection,
-        steps: Sequence[Step],
+        steps: Sequence[MotionStep],
         columns: Floats | None,
-        consistency: Consistency | None = None,
+        diagnosis: FaultDiagnosis | None = None,
     ) -> FilterState:
         dt_s = stamp_s - state.stamp_s
         step, is_measured = fuse_steps(steps, dt_s, state.odometry.twist, self._unmeasured(dt_s), self._is_independent)
-        moved = self._move(state, stamp_s, _Piece(step, dt_s, is_measured=is_measured, columns=columns), consistency)
+        moved = self._move(state, stamp_s, _Piece(step, dt_s, is_measured=is_measured, columns=columns), diagnosis)
         if self._velocity is not None and moved.gaussian is not None:
             moved = self._velocity.update(moved, steps, dt_s, columns)
         if not (selection.checks or selection.left_out or state.left_out or state.checks):
@@ -203,7 +203,7 @@ class Prediction:
         ahead = odometry.twist.after(held_s)
         noise = scaled(self._drift, self._spread(end_s) - self._spread(begin_s))
         twist = odometry.twist if held_s > 0.0 else _AT_REST
-        step = Step(ahead.x, ahead.y, ahead.theta, noise, None, twist)
+        step = MotionStep(ahead.x, ahead.y, ahead.theta, noise, None, twist)
         return self._move(state, stamp_s, _Piece(step, held_s, gap_s=end_s))
 
     def _spread(self, gap_s: float) -> float:
@@ -212,7 +212,7 @@ class Prediction:
         return gap_s * gap_s if gap_s < coast_s else coast_s * (2.0 * gap_s - coast_s)
 
     def _move(
-        self, state: FilterState, stamp_s: float, piece: _Piece, consistency: Consistency | None = None
+        self, state: FilterState, stamp_s: float, piece: _Piece, diagnosis: FaultDiagnosis | None = None
     ) -> FilterState:
         before, step, odometry = state.gaussian, piece.step, state.odometry
         gaussian = None
@@ -233,10 +233,12 @@ class Prediction:
             ),
             fixed_at_m=state.fixed_at_m,
             rejections=state.rejections,
-            consistency=consistency or state.consistency,
+            diagnosis=diagnosis or state.diagnosis,
         )
 
-    def _motion_of(self, x: Floats, step: Step, dt_s: float, columns: Floats | None, held_s: float) -> PredictedMotion:
+    def _motion_of(
+        self, x: Floats, step: MotionStep, dt_s: float, columns: Floats | None, held_s: float
+    ) -> PredictedMotion:
         numbers = x.tolist()
         px, py, theta = numbers[:3]
         cos, sin = math.cos(theta), math.sin(theta)
@@ -259,10 +261,12 @@ class Prediction:
         return PredictedMotion(moved, whole, spread, (step.x, step.y, step.turn))
 
 
-def _added(consistency: Consistency, stated: Sequence[tuple[str, Step]], theta: float, dt_s: float) -> Consistency:
+def _added(
+    diagnosis: FaultDiagnosis, stated: Sequence[tuple[str, MotionStep]], theta: float, dt_s: float
+) -> FaultDiagnosis:
     """Return sums to which the steps of all localizers are added, believed or not."""
     cos, sin = math.cos(theta), math.sin(theta)
-    sums = dict(consistency.sums)
+    sums = dict(diagnosis.sums)
     for source, step in stated:
         position_m2, turn_rad2 = _variances_of(step)
         x, y, turn, position_sum_m2, turn_sum_rad2, covered_s = sums.get(source) or _NO_SUM
@@ -274,16 +278,18 @@ def _added(consistency: Consistency, stated: Sequence[tuple[str, Step]], theta: 
             turn_sum_rad2 + turn_rad2,
             covered_s + dt_s,
         )
-    return Consistency(sums, *consistency[1:])  # a fifth of the time of _replace
+    return FaultDiagnosis(sums, *diagnosis[1:])  # a fifth of the time of _replace
 
 
-def _without_outliers(stated: Sequence[tuple[str, Step]], selection: StepSelection) -> list[tuple[str, Step]]:
+def _without_outliers(
+    stated: Sequence[tuple[str, MotionStep]], selection: StepSelection
+) -> list[tuple[str, MotionStep]]:
     """Return the steps, with that of others in place of one that was left out: a single outlier has had its effect."""
     instead = selection.steps[0][1]
     return [(source, instead if source in selection.left_out else step) for source, step in stated]
 
 
-def _variances_of(step: Step) -> tuple[float, float]:
+def _variances_of(step: MotionStep) -> tuple[float, float]:
     """Return the variance of the worse axis of the position, and of the turn."""
     if step.covariance is not None:
         xx, _, _, yy, _, tt = step.covariance

@@ -12,7 +12,7 @@ import numpy as np
 from trailmark.arrays import Floats
 from trailmark.estimation.kalman.bank import mixture_of, posterior
 from trailmark.estimation.kalman.forgiveness import AGREED, GIVES_IN_S, without_fault
-from trailmark.estimation.kalman.state import Consistency, FilterState, Gaussian, OdometryState, Rival
+from trailmark.estimation.kalman.state import FaultDiagnosis, FilterState, Gaussian, OdometryState, RivalFilter
 from trailmark.estimation.kalman.windows import without_windows
 
 __all__ = ["continued", "settle"]
@@ -24,7 +24,7 @@ _FEWEST, _FEWEST_OF_ONE_AGAINST_ALL = 2, 5
 _FORGOTTEN = 1e-6
 
 
-def settle(state: FilterState, rivals: Sequence[Rival]) -> FilterState:
+def settle(state: FilterState, rivals: Sequence[RivalFilter]) -> FilterState:
     """Return the state of a bank: its mixture, or the one hypothesis that is left.
 
     Between one motion and absolute estimates that have jumped nothing decides, however probable one is, nor between two
@@ -39,15 +39,15 @@ def settle(state: FilterState, rivals: Sequence[Rival]) -> FilterState:
         not_outvoted = _not_outvoted(state, best)
         if not not_outvoted:
             return _decided(state, best)
-        is_old = state.stamp_s - state.consistency.undecided_since_s > GIVES_IN_S
-        faults = best.state.consistency.absolute_faults
+        is_old = state.stamp_s - state.diagnosis.undecided_since_s > GIVES_IN_S
+        faults = best.state.diagnosis.absolute_faults
         forgiven = [source for source in not_outvoted if is_old or faults[source].n_agreed >= AGREED]
         if forgiven:
             return _decided(state, replace(best, state=reduce(without_fault, forgiven, best.state)))
     return _undecided(state, [rivals[k] for k in order], weights[order])
 
 
-def _without_recovered(state: FilterState, rivals: Sequence[Rival]) -> Sequence[Rival]:
+def _without_recovered(state: FilterState, rivals: Sequence[RivalFilter]) -> Sequence[RivalFilter]:
     """Return hypotheses without one that has given up its belief for the absolute estimates that another doubts.
 
     The two differ by a constant, and nothing tells them apart.
@@ -60,54 +60,54 @@ def _without_recovered(state: FilterState, rivals: Sequence[Rival]) -> Sequence[
     ]
 
 
-def _believes_motion(rival: Rival) -> bool:
-    consistency = rival.state.consistency
-    return bool(set(consistency.sums) - set(consistency.faults))
+def _believes_motion(rival: RivalFilter) -> bool:
+    diagnosis = rival.state.diagnosis
+    return bool(set(diagnosis.sums) - set(diagnosis.faults))
 
 
-def _has_been_heard(state: FilterState, best: Rival) -> bool:
+def _has_been_heard(state: FilterState, best: RivalFilter) -> bool:
     """Return whether as many absolute estimates have had a say as it takes, or none is part of the question."""
     is_against_all = not _believes_motion(best) or bool(_doubted_fixes(state, best))
     fewest = _FEWEST_OF_ONE_AGAINST_ALL if is_against_all else _FEWEST
     return best.n_measurements >= fewest or not best.n_measurements
 
 
-def _doubted_fixes(state: FilterState, rival: Rival) -> list[str]:
+def _doubted_fixes(state: FilterState, rival: RivalFilter) -> list[str]:
     """Return the localizers whose absolute estimates are believed no more by this hypothesis."""
-    return sorted(set(rival.state.consistency.absolute_faults) - set(state.consistency.absolute_faults))
+    return sorted(set(rival.state.diagnosis.absolute_faults) - set(state.diagnosis.absolute_faults))
 
 
-def _not_outvoted(state: FilterState, rival: Rival) -> list[str]:
+def _not_outvoted(state: FilterState, rival: RivalFilter) -> list[str]:
     """Return the localizers whose absolute estimates a hypothesis does not believe for the sake of no more motions."""
-    faults = rival.state.consistency.absolute_faults
+    faults = rival.state.diagnosis.absolute_faults
     return [source for source in _doubted_fixes(state, rival) if not faults[source].is_outvoted]
 
 
-def _decided(state: FilterState, best: Rival) -> FilterState:
+def _decided(state: FilterState, best: RivalFilter) -> FilterState:
     leader = best.state
-    consistency = without_windows(state.consistency)._replace(
-        sums=leader.consistency.sums,
-        faults=leader.consistency.faults,
-        absolute_faults=leader.consistency.absolute_faults,
-        accused=state.consistency.accused if state.consistency.alternatives else frozenset(),
+    diagnosis = without_windows(state.diagnosis)._replace(
+        sums=leader.diagnosis.sums,
+        faults=leader.diagnosis.faults,
+        absolute_faults=leader.diagnosis.absolute_faults,
+        accused=state.diagnosis.accused if state.diagnosis.alternatives else frozenset(),
     )
-    return _as_leader(state, leader, leader.gaussian, consistency)
+    return _as_leader(state, leader, leader.gaussian, diagnosis)
 
 
-def _undecided(state: FilterState, rivals: Sequence[Rival], weights: Floats) -> FilterState:
+def _undecided(state: FilterState, rivals: Sequence[RivalFilter], weights: Floats) -> FilterState:
     n_kept = max(2, int((weights > _FORGOTTEN).sum()))
     rivals, weights = rivals[:n_kept], weights[:n_kept] / weights[:n_kept].sum()
-    leader, since_s = rivals[0].state, state.consistency.undecided_since_s
-    consistency = state.consistency._replace(
-        sums=leader.consistency.sums,
+    leader, since_s = rivals[0].state, state.diagnosis.undecided_since_s
+    diagnosis = state.diagnosis._replace(
+        sums=leader.diagnosis.sums,
         rivals=tuple(rivals),
         undecided_since_s=leader.stamp_s if since_s == math.inf else since_s,
     )
-    return _as_leader(state, leader, mixture_of(rivals, weights), consistency)
+    return _as_leader(state, leader, mixture_of(rivals, weights), diagnosis)
 
 
 def _as_leader(
-    state: FilterState, leader: FilterState, gaussian: Gaussian | None, consistency: Consistency
+    state: FilterState, leader: FilterState, gaussian: Gaussian | None, diagnosis: FaultDiagnosis
 ) -> FilterState:
     """Return a state that goes on as a hypothesis says; odometry, which is published, does not jump."""
     odometry = replace(
@@ -122,7 +122,7 @@ def _as_leader(
         odometry=odometry,
         fixed_at_m=state.fixed_at_m,
         rejections=replace(leader.rejections, measurements={}),
-        consistency=consistency,
+        diagnosis=diagnosis,
         left_out=leader.left_out,
         checks=leader.checks,
         verdicts=state.verdicts,

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 
 from trailmark.estimation.kalman.agreement import corrections_are_consistent, is_still, motion_since
 from trailmark.estimation.kalman.layout import CommonError, Layout
-from trailmark.estimation.kalman.motions import Step
+from trailmark.estimation.kalman.motions import MotionStep
 from trailmark.estimation.kalman.state import FilterState, MotionSum
 from trailmark.estimation.symmetric import diagonal
 from trailmark.geometry import Twist2
@@ -39,14 +39,14 @@ def stands(state: FilterState, layout: Layout) -> bool:
     Wheels (a localizer that measures way and turn) must say that nothing moved; a gyro whose bias is estimated must
     agree within what is known of the bias; nobody else may say that base moved, or be contradicting the belief.
     """
-    consistency = state.consistency
-    if state.gaussian is None or not consistency.anchors or consistency.rivals or consistency.alternatives:
+    diagnosis = state.diagnosis
+    if state.gaussian is None or not diagnosis.anchors or diagnosis.rivals or diagnosis.alternatives:
         return False
-    anchor = consistency.anchors[0]
+    anchor = diagnosis.anchors[0]
     dt_s = state.stamp_s - anchor.stamp_s
-    if dt_s < _WINDOW_S or any(state.rejections.counts.values()) or consistency.faults:
+    if dt_s < _WINDOW_S or any(state.rejections.counts.values()) or diagnosis.faults:
         return False
-    told = {source: motion_since(state, anchor, source) for source in consistency.sums}
+    told = {source: motion_since(state, anchor, source) for source in diagnosis.sums}
     motions = {source: motion for source, motion in told.items() if motion is not None}
     wheels = [source for source, motion in motions.items() if _does_not_turn(motion, dt_s)]
     if not wheels or not _gyros_agree(state, motions, layout.common):
@@ -55,14 +55,14 @@ def stands(state: FilterState, layout: Layout) -> bool:
     return all(is_still(motion) for motion in others) and corrections_are_consistent(state, anchor)
 
 
-def with_standstill(steps: Sequence[tuple[str, Step]], dt_s: float) -> list[tuple[str, Step]]:
+def with_standstill(steps: Sequence[tuple[str, MotionStep]], dt_s: float) -> list[tuple[str, MotionStep]]:
     """Return what is said of a piece of time, and beside it that base did not turn.
 
     Nothing is said of the way: a robot that is pushed on stuck wheels does not turn either, and a position that stands
     for certain would refuse the fixes that see it move.
     """
     no_turn = diagonal(0.0, 0.0, 1.0 / (_VIBRATION_RAD * _VIBRATION_RAD * dt_s))
-    return [*steps, (STANDSTILL, Step(0.0, 0.0, 0.0, None, no_turn, Twist2()))]
+    return [*steps, (STANDSTILL, MotionStep(0.0, 0.0, 0.0, None, no_turn, Twist2()))]
 
 
 def _does_not_turn(motion: MotionSum, dt_s: float) -> bool:

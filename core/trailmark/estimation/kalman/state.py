@@ -11,6 +11,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from trailmark.arrays import Floats
+from trailmark.deprecation import deprecated_name
 from trailmark.estimation.kalman.innovation import Innovation
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.frames.payloads import read_only
@@ -19,9 +20,9 @@ from trailmark.values import quick_dataclass
 
 __all__ = [
     "Alternative",
-    "Consistency",
     "CorroboratingFix",
-    "Fault",
+    "DetectedFault",
+    "FaultDiagnosis",
     "FilterState",
     "FixOffset",
     "Gaussian",
@@ -31,7 +32,7 @@ __all__ = [
     "RejectedMeasurement",
     "Rejections",
     "Retrial",
-    "Rival",
+    "RivalFilter",
     "Verdict",
 ]
 
@@ -213,7 +214,7 @@ class MotionSum(NamedTuple):
 
 
 @quick_dataclass(frozen=True, slots=True)
-class Fault:
+class DetectedFault:
     """Why the motion of a localizer is not believed.
 
     Attributes
@@ -250,7 +251,7 @@ class FixOffset(NamedTuple):
 
 
 @quick_dataclass(frozen=True, slots=True, eq=False)
-class Rival:
+class RivalFilter:
     """One hypothesis of who is right: a filter of its own.
 
     Attributes
@@ -315,7 +316,7 @@ class Alternative(NamedTuple):
     n_measurements: int
 
 
-class Consistency(NamedTuple):
+class FaultDiagnosis(NamedTuple):
     """What the localizers say of each other.
 
     Attributes
@@ -330,11 +331,11 @@ class Consistency(NamedTuple):
         The filter at the beginnings of the test windows, oldest first, at most two.
     measurements : tuple of (float, Measurement)
         Absolute estimates since the oldest anchor, with their stamps.
-    faults : mapping of str to Fault
+    faults : mapping of str to DetectedFault
         Localizers whose motion is not believed.
-    absolute_faults : mapping of str to Fault
+    absolute_faults : mapping of str to DetectedFault
         Localizers whose absolute estimates are not believed.
-    rivals : tuple of Rival
+    rivals : tuple of RivalFilter
         Hypotheses that are not decided; empty while the localizers agree.
     undecided_since_s : float
         When the rivals came up [s].
@@ -353,9 +354,9 @@ class Consistency(NamedTuple):
     correction_covariance: Floats = read_only(np.zeros((3, 3)))
     anchors: tuple[FilterState, ...] = ()
     measurements: tuple[tuple[float, Measurement], ...] = ()
-    faults: Mapping[str, Fault] = _EMPTY
-    absolute_faults: Mapping[str, Fault] = _EMPTY
-    rivals: tuple[Rival, ...] = ()
+    faults: Mapping[str, DetectedFault] = _EMPTY
+    absolute_faults: Mapping[str, DetectedFault] = _EMPTY
+    rivals: tuple[RivalFilter, ...] = ()
     undecided_since_s: float = math.inf
     tested_s: float = -math.inf
     trials: Mapping[str, Retrial] = _EMPTY
@@ -379,7 +380,7 @@ class FilterState:
         Way travelled at the last accepted absolute estimate; ``-inf`` before the first [m].
     rejections : Rejections
         On absolute estimates of late.
-    consistency : Consistency
+    diagnosis : FaultDiagnosis
         What the localizers say of each other. While it has rivals, `gaussian` is their mixture.
     left_out : mapping of str to int
         Localizers whose motion was left out just before, and in how many pieces in a row.
@@ -394,7 +395,13 @@ class FilterState:
     odometry: OdometryState = OdometryState()
     fixed_at_m: float = -math.inf
     rejections: Rejections = Rejections()
-    consistency: Consistency = Consistency()
+    diagnosis: FaultDiagnosis = FaultDiagnosis()
     left_out: Mapping[str, int] = field(default_factory=_empty)
     checks: tuple[MotionCheck, ...] = ()
     verdicts: tuple[Verdict, ...] = ()
+
+
+def __getattr__(name: str) -> Any:
+    return deprecated_name(
+        __name__, name, {"Consistency": FaultDiagnosis, "Fault": DetectedFault, "Rival": RivalFilter}
+    )

@@ -18,7 +18,7 @@ from trailmark.estimation.kalman.gate import threshold
 from trailmark.estimation.kalman.innovation import Innovation
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.kalman.prediction import Prediction
-from trailmark.estimation.kalman.state import Consistency, FilterState, Retrial
+from trailmark.estimation.kalman.state import FaultDiagnosis, FilterState, Retrial
 
 __all__ = ["Trials", "acquitted"]
 
@@ -52,7 +52,7 @@ class Trials:
         """Return a state with its trials at a stamp that is not earlier."""
         trials = {
             source: trial._replace(state=self._prediction.predict(trial.state, stamp_s))
-            for source, trial in state.consistency.trials.items()
+            for source, trial in state.diagnosis.trials.items()
         }
         return _with_trials(state, trials)
 
@@ -66,12 +66,12 @@ class Trials:
         measurement : Measurement
             An absolute estimate.
         """
-        accused = before.consistency.faults
-        if len(accused) < len(before.consistency.sums):
+        accused = before.diagnosis.faults
+        if len(accused) < len(before.diagnosis.sums):
             return _with_trials(after, {})  # others are believed: `forgiveness` compares with them
         trials: dict[str, Retrial] = {}
         for source in accused:
-            trial = before.consistency.trials.get(source)
+            trial = before.diagnosis.trials.get(source)
             held = None if trial is None else self._hear(trial, before, measurement)
             if held is not None:
                 trials[source] = held
@@ -96,7 +96,7 @@ class Trials:
 
 def acquitted(state: FilterState) -> list[str]:
     """Return the localizers whose trials have shown that they are right again."""
-    return [source for source, trial in state.consistency.trials.items() if _has_convinced(state, source, trial)]
+    return [source for source, trial in state.diagnosis.trials.items() if _has_convinced(state, source, trial)]
 
 
 def _has_convinced(state: FilterState, source: str, trial: Retrial) -> bool:
@@ -112,13 +112,13 @@ def _has_convinced(state: FilterState, source: str, trial: Retrial) -> bool:
 
 def _begin(state: FilterState, source: str) -> Retrial:
     """Return a trial that begins where the belief without the motion is."""
-    faults = {other: fault for other, fault in state.consistency.faults.items() if other != source}
-    sums = state.consistency.sums
-    begun = replace(state, consistency=Consistency(sums=sums, faults=faults), verdicts=())
+    faults = {other: fault for other, fault in state.diagnosis.faults.items() if other != source}
+    sums = state.diagnosis.sums
+    begun = replace(state, diagnosis=FaultDiagnosis(sums=sums, faults=faults), verdicts=())
     return Retrial(begun, begun)
 
 
 def _with_trials(state: FilterState, trials: Mapping[str, Retrial]) -> FilterState:
-    if not trials and not state.consistency.trials:
+    if not trials and not state.diagnosis.trials:
         return state
-    return replace(state, consistency=state.consistency._replace(trials=trials))
+    return replace(state, diagnosis=state.diagnosis._replace(trials=trials))

@@ -12,7 +12,7 @@ import numpy as np
 from trailmark.arrays import Floats
 from trailmark.estimation.kalman.innovation import Innovation, LinearModel
 from trailmark.estimation.kalman.layout import Layout
-from trailmark.estimation.kalman.motions import Step
+from trailmark.estimation.kalman.motions import MotionStep
 from trailmark.estimation.kalman.state import FilterState, Gaussian
 from trailmark.estimation.kalman.trust import root_of
 from trailmark.estimation.kalman.weighing import information_of
@@ -47,13 +47,13 @@ class VelocityModel:
         self._tau_s = coast_s
         self._variances = np.square(layout.velocity_sigmas)
 
-    def coast(self, x: Floats, dt_s: float) -> tuple[Step, float]:
+    def coast(self, x: Floats, dt_s: float) -> tuple[MotionStep, float]:
         """Return the step of a gap, without noise, and for how long the velocity would make it [s]."""
         held_s = self._tau_s * -math.expm1(-dt_s / self._tau_s)
         forward, left, yaw = x[3:6].tolist()
         twist = Twist2(forward, left, yaw)
         pose = twist.after(held_s)
-        return Step(pose.x, pose.y, pose.theta, ZERO, None, twist), held_s
+        return MotionStep(pose.x, pose.y, pose.theta, ZERO, None, twist), held_s
 
     def carry(self, moved: Floats, jacobian: Floats, noise: Floats, turned: Floats, dt_s: float, held_s: float) -> None:
         """Carry the velocity on over a piece of time, in place; `held_s` is 0 where the pose moves as measured."""
@@ -71,7 +71,9 @@ class VelocityModel:
         noise[:3, 3:6] += both
         noise[3:6, :3] += both.T
 
-    def update(self, state: FilterState, steps: Sequence[Step], dt_s: float, columns: Floats | None) -> FilterState:
+    def update(
+        self, state: FilterState, steps: Sequence[MotionStep], dt_s: float, columns: Floats | None
+    ) -> FilterState:
         """Return a state whose velocity is corrected by the steps just made."""
         assert state.gaussian is not None
         x, covariance = state.gaussian.x, state.gaussian.covariance

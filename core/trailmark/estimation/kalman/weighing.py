@@ -15,7 +15,7 @@ import numpy as np
 
 from trailmark.estimation.information import says_something
 from trailmark.estimation.kalman.gate import threshold
-from trailmark.estimation.kalman.motions import Step
+from trailmark.estimation.kalman.motions import MotionStep
 from trailmark.estimation.kalman.state import MotionCheck
 from trailmark.estimation.kalman.trust import root_of
 from trailmark.estimation.symmetric import NOTHING, ZERO, Sym3, add, diagonal, inverse, scaled, to_matrix
@@ -24,7 +24,7 @@ from trailmark.values import quick_dataclass
 
 __all__ = ["StepSelection", "fuse_steps", "information_of", "nis_between", "replace_impossible_jump", "select_steps"]
 
-SourceStep = tuple[str, Step]
+SourceStep = tuple[str, MotionStep]
 
 # Between two readings; a robot that is hit by another changes its velocity by less [m/s].
 _IMPOSSIBLE_MPS = 15.0
@@ -36,7 +36,7 @@ class StepSelection:
 
     Attributes
     ----------
-    steps : sequence of (str, Step)
+    steps : sequence of (str, MotionStep)
         Those that count.
     left_out : tuple of str
         Localizers whose steps do not.
@@ -56,7 +56,7 @@ def select_steps(
 
     Parameters
     ----------
-    steps : sequence of (str, Step)
+    steps : sequence of (str, MotionStep)
         By localizer, at least two.
     dt_s : float
         Length of the piece [s].
@@ -100,7 +100,7 @@ def replace_impossible_jump(steps: Sequence[SourceStep], dt_s: float, held: Twis
     if change_mps <= _IMPOSSIBLE_MPS or step.covariance is None:
         return StepSelection(steps)
     doubt = diagonal((step.x - ahead.x) ** 2, (step.y - ahead.y) ** 2, wrap_angle(step.turn - ahead.theta) ** 2)
-    instead = Step(ahead.x, ahead.y, ahead.theta, add(step.covariance, doubt), None, held)
+    instead = MotionStep(ahead.x, ahead.y, ahead.theta, add(step.covariance, doubt), None, held)
     return StepSelection([(source, instead)], (source,))
 
 
@@ -115,7 +115,7 @@ def _checks(steps: Sequence[SourceStep], dt_s: float, held: Twist2, drift: Sym3)
     return checks
 
 
-def nis_between(step: Step, other: Step) -> tuple[float, int]:
+def nis_between(step: MotionStep, other: MotionStep) -> tuple[float, int]:
     """Return NIS and degrees of freedom of a step against another whose covariance is known."""
     assert other.covariance is not None
     dx, dy, turn = step.x - other.x, step.y - other.y, wrap_angle(step.turn - other.turn)
@@ -144,34 +144,34 @@ def _only_axis(information: Sym3) -> int | None:
     return measured[0] if len(measured) == 1 and xy == xt == yt == 0.0 else None
 
 
-def information_of(step: Step) -> Sym3:
+def information_of(step: MotionStep) -> Sym3:
     """Return the information of a step."""
     return (step.information if step.covariance is None else inverse(step.covariance)) or ZERO
 
 
-def _held_step(held: Twist2, dt_s: float, drift: Sym3) -> Step:
+def _held_step(held: Twist2, dt_s: float, drift: Sym3) -> MotionStep:
     ahead = held.after(dt_s)
-    return Step(ahead.x, ahead.y, ahead.theta, drift, None, held)
+    return MotionStep(ahead.x, ahead.y, ahead.theta, drift, None, held)
 
 
 def _fails(nis: float, dof: int, gate: float | None) -> bool:
     return gate is not None and dof > 0 and nis > threshold(gate, dof)
 
 
-def _less_certain(step: Step, factor: float) -> Step:
+def _less_certain(step: MotionStep, factor: float) -> MotionStep:
     if step.covariance is not None:
         return replace(step, covariance=scaled(step.covariance, factor))
     return replace(step, information=scaled(step.information or ZERO, 1.0 / factor))
 
 
 def fuse_steps(
-    steps: Sequence[Step], dt_s: float, held: Twist2, drift: Sym3, is_independent: bool
-) -> tuple[Step, bool]:
+    steps: Sequence[MotionStep], dt_s: float, held: Twist2, drift: Sym3, is_independent: bool
+) -> tuple[MotionStep, bool]:
     """Return the step that several localizers measured together, and whether they measured all of it.
 
     Parameters
     ----------
-    steps : sequence of Step
+    steps : sequence of MotionStep
         At least one, over the same interval.
     dt_s : float
         Its length [s].
@@ -200,7 +200,9 @@ def fuse_steps(
     assert covariance is not None
     x, y, turn = _product(covariance, *moment)
     forward_m, left_m, turn_rad = Pose2(x, y, turn).log()
-    return Step(x, y, turn, covariance, None, Twist2(forward_m / dt_s, left_m / dt_s, turn_rad / dt_s)), is_measured
+    return MotionStep(
+        x, y, turn, covariance, None, Twist2(forward_m / dt_s, left_m / dt_s, turn_rad / dt_s)
+    ), is_measured
 
 
 def _product(a: Sym3, x: float, y: float, turn: float) -> tuple[float, float, float]:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
-from trailmark.estimation.kalman.state import Consistency, FilterState, Retrial
+from trailmark.estimation.kalman.state import FaultDiagnosis, FilterState, Retrial
 
 __all__ = ["WINDOW_S", "with_new_anchor", "without_windows"]
 
@@ -20,20 +20,20 @@ _NO_TRIALS: Mapping[str, Retrial] = MappingProxyType({})
 
 def with_new_anchor(state: FilterState) -> FilterState:
     """Return a state whose test windows begin later: the older anchor goes, and this instant is the newer one."""
-    consistency = state.consistency
+    diagnosis = state.diagnosis
     bare = replace(
         state,
-        consistency=consistency._replace(
+        diagnosis=diagnosis._replace(
             anchors=(), measurements=(), rivals=(), undecided_since_s=math.inf, trials=_NO_TRIALS
         ),
         verdicts=(),
     )
-    anchors = (*consistency.anchors[-1:], bare)
+    anchors = (*diagnosis.anchors[-1:], bare)
     since_s = anchors[0].stamp_s
-    measurements = tuple(one for one in consistency.measurements if one[0] > since_s)
-    return replace(state, consistency=consistency._replace(anchors=anchors, measurements=measurements))
+    measurements = tuple(one for one in diagnosis.measurements if one[0] > since_s)
+    return replace(state, diagnosis=diagnosis._replace(anchors=anchors, measurements=measurements))
 
 
-def without_windows(consistency: Consistency) -> Consistency:
+def without_windows(diagnosis: FaultDiagnosis) -> FaultDiagnosis:
     """Return a state of the tests that begins anew."""
-    return consistency._replace(anchors=(), measurements=(), rivals=(), undecided_since_s=math.inf)
+    return diagnosis._replace(anchors=(), measurements=(), rivals=(), undecided_since_s=math.inf)
