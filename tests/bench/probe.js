@@ -29,6 +29,21 @@ const tell = async () => {
   metric.dispatchEvent(new Event("change"));
   found.heat = document.querySelectorAll("#heat td").length;
   found.note = document.getElementById("heat-note").textContent;
+  await wait(300);
+  const beside = () => [...document.querySelectorAll("#beside a")];
+  found.beside = beside().map((link) => link.querySelector("figcaption").firstChild.textContent);
+  const condition = document.getElementById("beside-condition");
+  condition.value = "world_2";
+  condition.dispatchEvent(new Event("change"));
+  await wait(300);
+  const axes = (link) => [...link.querySelectorAll("svg > text")].map((text) => text.textContent).join();
+  found.scales = new Set(beside().filter((link) => link.querySelector("svg")).map(axes)).size;
+  found.pairs = beside().every((link) => !link.querySelector("svg") || link.querySelectorAll("path.line").length === 2);
+  found.told = beside().every((link) => link.querySelector("svg") || link.textContent.includes("ended by SIGSEGV"));
+  found.compared = document.querySelectorAll("#beside-errors path.line").length;
+  found.drawn = document.querySelectorAll("#beside svg").length;
+  found.narrow = getComputedStyle(document.querySelector("#cells .why")).display !== "none";
+  found.named = rows()[0].querySelector(".why").textContent;
   const chip = document.querySelector(".chip.crashed");
   if (chip) {
     chip.click();

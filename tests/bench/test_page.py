@@ -68,6 +68,13 @@ def test_a_browser_opens_sorts_filters_and_shows_a_cell(synthetic, tmp_path: Pat
     assert found["count"] == "5 of 60"
     assert found["heat"] == 12
     assert "tracked fraction" in found["note"]
+    assert found["beside"] == [f"method_{n}" for n in range(4)]
+    assert found["scales"] == 1
+    assert found["pairs"]
+    assert found["told"]
+    assert found["compared"] == found["drawn"] >= 2
+    assert found["narrow"] == (width < 768)
+    assert found["named"].startswith("world_")
     assert found["crashed"]
     assert found["log"]
     assert found["plots"] == 4

@@ -31,12 +31,14 @@ const filters = { text: "", states: new Set(), method: null, condition: null };
 const compare = (a, b) => (typeof a === "number" && typeof b === "number" ? a - b : String(a).localeCompare(String(b), undefined, { numeric: true }));
 const rank = (value) => (value === null || value === undefined ? 2 : value === "failed" ? 1 : 0);
 
+const kindOf = (column) => (column.number ? "number" : column.kind || "");
+
 class SortedTable {
   constructor(table, columns, rows, render, limit = Infinity, more = null) {
     Object.assign(this, { table, columns, rows, render, limit, more, sort: null, shown: limit });
     const head = node("tr");
     columns.forEach((column, index) => {
-      const cell = node("th", { scope: "col", className: column.number ? "number" : "", tabIndex: 0 }, node("b", { textContent: column.title }));
+      const cell = node("th", { scope: "col", className: kindOf(column), tabIndex: 0 }, node("b", { textContent: column.title }));
       cell.dataset.sort = index;
       if (column.unit !== undefined) cell.append(node("span", { textContent: column.unit || "\u00a0" }));
       const toggle = () => this.sortBy(index);
@@ -76,7 +78,7 @@ const renderer = (columns) => (row) => {
   const line = node("tr");
   columns.forEach((column) => {
     const text = column.text ? column.text(row) : number(column.value(row));
-    const cell = node(column.number ? "td" : "th", { className: column.number ? "number" : "" });
+    const cell = node(column.number ? "td" : "th", { className: kindOf(column) });
     if (!column.number) cell.scope = "row";
     cell.append(text);
     line.append(cell);
@@ -157,13 +159,15 @@ function drawStatistics() {
 // --- cells -------------------------------------------------------------------------------------------------------
 
 const label = (cell) => [cell.matrix, ...data.axes.map((axis, index) => (cell.at[index] === null ? null : axis === "seed" ? `seed ${cell.at[index]}` : cell.at[index]))].filter((word) => word !== null && word !== "").join(", ");
-const stateOf = (cell) => node("span", {}, node("span", { className: `state ${cell.state}` }, node("i"), cell.state), node("small", { className: "why", textContent: cell.reason || "" }));
+const stateOf = (cell) => node("span", {}, node("span", { className: `state ${cell.state}` }, node("i"), cell.state));
+// What a narrow screen shows in place of the columns of axes and of the reason.
+const stateAndWhy = (cell) => node("span", {}, stateOf(cell), node("small", { className: "why", textContent: [label(cell), cell.reason].filter(Boolean).join(": ") }));
 let cellTable = null;
 function cellColumns() {
   const shown = data.metrics[metric];
   return [
-    { title: "state", value: (c) => STATES.indexOf(c.state), text: stateOf },
-    ...data.axes.map((axis, index) => ({ title: axis, value: (c) => c.at[index], text: (c) => String(c.at[index] ?? "\u2013") })),
+    { title: "state", value: (c) => STATES.indexOf(c.state), text: stateAndWhy },
+    ...data.axes.map((axis, index) => ({ title: axis, kind: "axis", value: (c) => c.at[index], text: (c) => String(c.at[index] ?? "\u2013") })),
     column(`${shown.title}${shown.unit ? ` [${shown.unit}]` : ""}`, (c) => c.values[metric]),
     column("time [s]", (c) => c.cpu_s),
     column("memory [MB]", (c) => c.peak_rss_mb),
@@ -243,10 +247,11 @@ const ticks = (low, high) => {
   return found;
 };
 
-function plot(title, caption, lines, { equal = false, zero = false, x = "", y = "" } = {}) {
-  let height = 230;
-  const width = 460, left = 52, right = 10, top = 16, bottom = 34;
-  const all = lines.flatMap((line) => line.points);
+// `span`: points that the axes hold in place of those of the lines, so that several plots have one scale.
+function plot(title, caption, lines, { equal = false, zero = false, x = "", y = "", width = 460, span = null } = {}) {
+  let height = width / 2;
+  const left = 52, right = 10, top = 16, bottom = 34;
+  const all = span || lines.flatMap((line) => line.points);
   let [x0, x1] = [Math.min(...all.map((p) => p[0])), Math.max(...all.map((p) => p[0]))];
   let [y0, y1] = [Math.min(...all.map((p) => p[1]), zero ? 0 : Infinity), Math.max(...all.map((p) => p[1]), zero ? 0 : -Infinity)];
   if (x1 - x0 < 1e-12) { x0 -= 0.5; x1 += 0.5; }
@@ -268,13 +273,14 @@ function plot(title, caption, lines, { equal = false, zero = false, x = "", y = 
   return node("figure", {}, node("figcaption", { textContent: title }, node("span", { textContent: caption })), legend, svg);
 }
 
+const placed = (ways, points) => points.map((p) => [ways.low[0] + ways.step * p[0], ways.low[1] + ways.step * p[1]]);
 function plotsOf(detail) {
   const found = [], ways = detail.ways || {}, errors = detail.errors;
   if (ways.lines) {
     let series = 0;
     const lines = Object.entries(ways.lines).map(([name, points]) => ({
       name, colour: name === "groundtruth" ? "var(--truth)" : name === "fused" ? "var(--ink)" : `var(--series-${series++ % 6})`, width: name === "groundtruth" ? 4 : 1.5,
-      points: points.map((p) => [ways.low[0] + ways.step * p[0], ways.low[1] + ways.step * p[1]]),
+      points: placed(ways, points),
     }));
     found.push(plot("Trajectories", ways.lines.groundtruth ? "over ground truth, aligned" : "in the map", lines, { equal: true, x: "x [m]", y: "y [m]" }));
   }
@@ -285,6 +291,57 @@ function plotsOf(detail) {
     found.push(plot("Heading error", "turn from the true heading", over("turn_deg"), { zero: true, x: "way [m]", y: "\u00b0" }));
   }
   return node("div", { className: "plots" }, ...found);
+}
+
+// --- methods side by side ------------------------------------------------------------------------------------------
+
+const MOST_BESIDE = 12;
+// The cells of a condition at one seed, a method each: the seed at which the most methods have a result.
+function cellsBeside(condition) {
+  const seed = data.axes.indexOf("seed"), groups = new Map();
+  data.cells.filter((cell) => cell.condition === condition).forEach((cell) => {
+    const key = seed < 0 ? null : cell.at[seed];
+    if (!groups.has(key)) groups.set(key, new Map());
+    if (!groups.get(key).has(cell.method)) groups.get(key).set(cell.method, cell);
+  });
+  const nOk = (group) => [...group.values()].filter((cell) => cell.state === "ok").length;
+  const [key, group] = [...groups].reduce((best, one) => (nOk(one[1]) > nOk(best[1]) ? one : best));
+  return { seed: key, cells: data.methods.map((method) => group.get(method)).filter(Boolean) };
+}
+function wayLines(ways) {
+  const names = Object.keys(ways.lines), own = names.find((name) => name !== "groundtruth");
+  const line = (name, colour, width) => ({ name, colour, width, points: placed(ways, ways.lines[name]) });
+  return [...(ways.lines.groundtruth ? [line("groundtruth", "var(--truth)", 5)] : []), ...(own ? [line(own, "var(--series-0)", 1.6)] : [])];
+}
+async function drawBeside() {
+  const condition = $("beside-condition").value, { seed, cells } = cellsBeside(condition), shown = data.metrics[metric];
+  const details = await Promise.all(cells.slice(0, MOST_BESIDE).map((cell) => detailOf(cell)));
+  if ($("beside-condition").value !== condition || shown !== data.metrics[metric]) return;  // another was chosen meanwhile
+  const lines = details.map((detail) => (detail && detail.ways && detail.ways.lines ? wayLines(detail.ways) : []));
+  const span = lines.flat().flatMap((line) => line.points);
+  const figures = lines.map((drawn, index) => {
+    const cell = cells[index], value = cell.values[metric];
+    const caption = cell.state === "ok" ? `${shown.title} ${number(value)} ${shown.unit}` : `${cell.state}: ${cell.reason}`;
+    const figure = drawn.length ? plot(cell.method, caption, drawn, { equal: true, x: "x [m]", y: "y [m]", width: 320, span })
+      : node("figure", {}, node("figcaption", { textContent: cell.method }, node("span", { textContent: caption })));
+    figure.querySelector(".legend")?.remove();
+    const link = node("a", { href: `#cell=${cell.id}` }, figure);
+    link.setAttribute("aria-label", `${cell.method}: ${caption}`);
+    return link;
+  });
+  const errors = details.flatMap((detail, index) => (detail && detail.errors
+    ? [{ name: cells[index].method, colour: `var(--series-${index % 6})`, points: detail.errors.way_m.map((way, i) => [way, detail.errors.distance_mm[i]]) }] : []));
+  const truth = lines.some((drawn) => drawn.length > 1), beyond = cells.length - MOST_BESIDE;
+  $("beside").replaceChildren(...figures);
+  $("beside-errors").replaceChildren(...(errors.length ? [plot("Position error", "distance from the true position", errors, { zero: true, x: "way [m]", y: "mm" })] : []));
+  $("beside-note").textContent = `${condition ? `${condition}. ` : ""}${truth ? "Blue over grey: the answers over the ground truth, aligned as their errors are; one" : "One"} scale for all${seed === null ? "" : `, seed ${seed}`}.`
+    + (beyond > 0 ? ` ${beyond} more methods stand among the cells.` : "");
+}
+function makeBeside() {
+  const withResult = data.conditions.filter((condition) => data.cells.some((cell) => cell.condition === condition && cell.state === "ok" && typeof cell.chunk === "number"));
+  $("beside-section").hidden = !withResult.length;
+  withResult.forEach((condition) => $("beside-condition").append(node("option", { value: condition, textContent: condition || "all" })));
+  $("beside-condition").onchange = drawBeside;
 }
 
 const section = (title, ...content) => [node("h2", { textContent: title }), ...content];
@@ -330,10 +387,11 @@ function route() {
   $("bench").hidden = false;
 }
 
-function drawMetric() { drawHeat(); drawStatistics(); makeCells(); }
+function drawMetric() { drawHeat(); drawStatistics(); makeCells(); if (!$("beside-section").hidden) drawBeside(); }
 data.metrics.forEach((shown, index) => $("metric").append(node("option", { value: index, textContent: shown.title })));
 $("metric").onchange = (event) => { metric = Number(event.target.value); drawMetric(); };
 makeFilters();
+makeBeside();
 drawMetric();
 addEventListener("hashchange", route);
 route();

@@ -50,6 +50,7 @@ def write_page(index: Index, *, baseline: str | None = None) -> Path:
     body = [
         _header(summary, meta),
         _overview(tables),
+        _beside_section(),
         _cells_section(),
         _tables(summary, tables),
         _provenance(meta),
@@ -213,6 +214,14 @@ def _overview(tables: list[Table]) -> str:
     notes = [f"<p class='note'>{escape(note)}</p>" for table in tables[1:2] for note in table.notes]
     parts = [text_html("Overview", "h2"), controls, heat, text_html("Statistics", "h2"), statistics, *notes]
     return "\n".join(parts)
+
+
+def _beside_section() -> str:
+    """Return where the page draws the trajectories of the methods under one condition, on one scale."""
+    choice = '<p class="controls"><label>Condition <select id="beside-condition"></select></label></p>'
+    figures = '<div id="beside"></div><p class="note" id="beside-note"></p><div id="beside-errors"></div>'
+    title = text_html("Trajectories side by side", "h2")
+    return f'<section id="beside-section" hidden>{title}{choice}{figures}</section>'
 
 
 def _cells_section() -> str:
