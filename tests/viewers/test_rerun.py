@@ -45,6 +45,7 @@ from trailmark.paths import Waypoint
 
 pytest.importorskip("rerun", reason="the extra [rerun] is not installed")
 reading = pytest.importorskip("rerun.chunk", reason="this rerun-sdk cannot read recordings")
+from trailmark_viewers.rerun_sink import _blueprint  # noqa: E402
 
 GOOD = information_from_sigmas(0.01, 0.01, 0.01)
 GREY = np.tile(np.arange(64, dtype=np.uint8) * 4, (48, 1))
@@ -150,6 +151,19 @@ def test_a_picture_comes_with_its_lens_once(tmp_path: Path) -> None:
     assert [seconds(row["time"]) for row in pictures] == [1.0, 2.0]
     content = np.frombuffer(bytes(pictures[0]["EncodedImage:blob"][0]), np.uint8)
     assert np.abs(cv2.imdecode(content, cv2.IMREAD_GRAYSCALE).astype(int) - GREY).mean() < 3.0
+
+
+def test_the_scene_leaves_out_pictures_whose_lens_is_not_known() -> None:
+    sensors = {
+        "floor": SensorInfo("floor", "image"),
+        "front": SensorInfo("front", "image", calibration=LENS),
+        "rgbd": SensorInfo("rgbd", "rgbd", calibration=DepthCamera(LENS)),
+    }
+
+    scene, *_ = _blueprint(sensors).root_container.contents
+
+    assert "- map/odom/base/floor/picture" in scene.contents, "the viewer shows it as an error"
+    assert not [one for one in scene.contents if "front/picture" in one or "rgbd" in one]
 
 
 def test_depth_and_deep_pictures_are_exact_and_unknown_depth_is_zero(tmp_path: Path) -> None:

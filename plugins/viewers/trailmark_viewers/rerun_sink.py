@@ -213,7 +213,7 @@ class RerunSink(Sink):
     def _depth(self, sensor: str, depth_m: npt.NDArray[np.float32]) -> None:
         if self._config.pictures == "none":
             return
-        entity = f"{_BASE}/{sensor}/depth"
+        entity = _depth_of(sensor)
         info = self._sensors.get(sensor)
         found = None if info is None else shown.depth_lens(info.calibration)
         if found is not None and entity not in self._has_lens:
@@ -232,6 +232,10 @@ def _picture_of(sensor: str) -> str:
     return f"{_BASE}/{sensor}/picture"
 
 
+def _depth_of(sensor: str) -> str:
+    return f"{_BASE}/{sensor}/depth"
+
+
 def _blueprint(sensors: Mapping[str, SensorInfo]) -> Any:
     """Return what the viewer shows first: the scene with the whole way, pictures, numbers, lines of text."""
     so_far = rrb.VisibleTimeRange(
@@ -239,7 +243,10 @@ def _blueprint(sensors: Mapping[str, SensorInfo]) -> Any:
     )
     ways = ["map/way", "map/odom/way", "map/fixes/**"]
     scene = rrb.Spatial3DView(
-        origin="map", name="scene", overrides={entity: [rrb.VisibleTimeRanges([so_far])] for entity in ways}
+        origin="map",
+        contents=["$origin/**", *_flat_pictures(sensors)],
+        name="scene",
+        overrides={entity: [rrb.VisibleTimeRanges([so_far])] for entity in ways},
     )
     pictures = [
         rrb.Spatial2DView(origin=_picture_of(name), name=name)
@@ -250,3 +257,10 @@ def _blueprint(sensors: Mapping[str, SensorInfo]) -> Any:
     text = rrb.TextLogView(contents=["estimates/**", "commands", "log"], name="what was said")
     right = rrb.Vertical(*([rrb.Tabs(*pictures)] if pictures else []), rrb.Tabs(*plots), text)
     return rrb.Blueprint(rrb.Horizontal(scene, right, column_shares=[3, 2]), collapse_panels=True)
+
+
+def _flat_pictures(sensors: Mapping[str, SensorInfo]) -> list[str]:
+    """Return what leaves pictures without a lens out of the scene, where the viewer calls them errors."""
+    colour = [_picture_of(name) for name, info in sensors.items() if shown.lens(info.calibration) is None]
+    depth = [_depth_of(name) for name, info in sensors.items() if shown.depth_lens(info.calibration) is None]
+    return [f"- {entity}" for entity in (*colour, *depth)]
