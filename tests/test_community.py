@@ -34,6 +34,15 @@ def test_the_citation_is_of_this_version_and_licence() -> None:
     assert citation["license"] == PROJECT["project"]["license"]
 
 
+def test_the_changelog_has_what_is_new_above_a_dated_section_of_this_version() -> None:
+    citation = YAML(typ="safe").load((REPOSITORY / "CITATION.cff").read_text(encoding="utf-8"))
+    titles = re.findall(r"^## (.+)$", (REPOSITORY / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
+
+    assert titles[0] == "Unreleased"
+    assert titles[1] == f"{trailmark.__version__} - {citation['date-released']}"
+    assert len(set(titles)) == len(titles)
+
+
 def test_hosted_ci_calls_the_script_that_everybody_runs() -> None:
     workflow = YAML(typ="safe").load((REPOSITORY / ".github/workflows/ci.yml").read_text(encoding="utf-8"))
 

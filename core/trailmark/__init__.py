@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from trailmark.interfaces import Session
     from trailmark.pipeline import Pipeline
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 #: Version of the interfaces that plugins are written against; another major version is refused.
 PLUGIN_API = "1.0"
