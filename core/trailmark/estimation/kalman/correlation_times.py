@@ -122,16 +122,19 @@ class CorrelationTimes:
 
     def __init__(self) -> None:
         self._looks: dict[str, _Looks] = {}
+        self._has_parts = False
 
     def begin_anew(self) -> CorrelationTimes:
         """Return times that are learned from now on, at any time, and begin with what is known."""
         anew = CorrelationTimes()
+        anew._has_parts = self._has_parts
         anew._looks = {source: _Looks(looks.correlation, looks.interval_s) for source, looks in self._looks.items()}
         return anew
 
     def observe(self, source: str, stamp_s: float, seen: Innovation, used: Innovation) -> None:
         """Take note of an innovation, as it was and as it was used; of a part of a pose it says nothing."""
         if len(seen.innovation) < 3:
+            self._has_parts = True
             return
         looks = self._looks.get(source)
         if looks is None:
@@ -144,9 +147,10 @@ class CorrelationTimes:
     def explains_corrections(self) -> bool:
         """Whether a belief that is corrected to one side for seconds may be no fault of the motion.
 
-        So it is where errors last, and while too little was seen to know.
+        So it is where errors last, while too little was seen to know, and where parts of poses correct, of which it
+        is never known: a compass that is 1 deg off all day says nothing of the wheels.
         """
-        return any(
+        return self._has_parts or any(
             looks.found is None or looks.found > 0.0 or looks.correlation > 0.0 for looks in self._looks.values()
         )
 
