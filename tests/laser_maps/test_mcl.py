@@ -106,6 +106,25 @@ def test_errors_are_such_as_the_covariance_says(map_file: Path, walls: Floats, l
     assert np.max(nees) < 6.0
 
 
+def test_on_a_crooked_map_fixes_are_told_as_uncertain_as_it_is(
+    tmp_path: Path, walls: Floats, look: Look, room_scans: list[PlacedScan]
+) -> None:
+    rng = np.random.default_rng(2)
+    shakes = [Pose2(*rng.normal(0.0, (0.05, 0.05, math.radians(1.0)))) for _ in room_scans]
+    shaken = [PlacedScan(shake @ one.laser, shake @ one.ends) for shake, one in zip(shakes, room_scans)]
+    write_map(tmp_path / "crooked.yaml", carve_grid(shaken))
+    way = drive(40)
+    said = said_over(start(tmp_path / "crooked.yaml", start_pose=way[0]), way, walls, look)
+    nees = []
+    for truth, one in said:
+        if isinstance(one, Fix):
+            error = one.pose_map_base.array() - truth.array()
+            error[2] = wrap_angle(float(error[2]))
+            nees.append(error @ one.information @ error / 3.0)
+    assert len(nees) >= 20
+    assert np.mean(nees) < 3.0
+
+
 def test_the_same_seed_gives_the_same_answers(map_file: Path, walls: Floats, look: Look) -> None:
     runs = [said_over(start(map_file, seed=4), drive(8), walls, look) for _ in range(2)]
     first, second = ([one.pose_map_base if isinstance(one, Fix) else one for _, one in run] for run in runs)

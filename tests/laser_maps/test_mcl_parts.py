@@ -180,3 +180,18 @@ def test_a_fall_of_the_fit_now_and_then_stays_a_fall(field: GridField) -> None:
 
     assert falls[2::3] == [True] * 20
     assert sum(falls) == 20
+
+
+def test_only_a_fall_from_one_look_to_the_next_may_be_of_who_was_carried_away(field: GridField) -> None:
+    filter_ = GridFilter(field, FilterSettings(), np.random.default_rng(7))
+    for quality in [0.97] * 20 + [0.95, 0.93, 0.91]:
+        assert not filter_._has_fallen(quality)
+    assert filter_._has_fallen(0.88)
+    assert not filter_._fell_at_once  # people come into sight bit by bit
+    assert filter_._has_fallen(0.80)
+    assert filter_._fell_at_once
+    assert filter_._has_fallen(0.80)
+    assert filter_._fell_at_once  # until it explains as much as before
+    for _ in range(4):
+        filter_._has_fallen(0.97)
+    assert not filter_._fell_at_once

@@ -42,7 +42,7 @@ class GridMclConfig(PluginConfig):
     start_sigma_deg: float = Field(10.0, gt=0)
     """Standard deviation of its heading [deg]."""
     map_sigma_m: float = Field(0.008, gt=0)
-    """What no fix is better than, because the map is not: 0.02 for one that is drawn by hand or crooked [m]."""
+    """What no fix is better than on a straight map; how crooked the map is, scans tell [m]."""
     map_sigma_deg: float = Field(0.1, gt=0)
     """The same of the heading [deg]."""
     keyframe_m: float = Field(0.2, gt=0)

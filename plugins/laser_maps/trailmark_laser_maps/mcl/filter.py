@@ -20,6 +20,7 @@ from trailmark_laser_maps.mcl.hypotheses import (
     moved_by,
 )
 from trailmark_laser_maps.mcl.kernels import count_agreeing, score_poses
+from trailmark_laser_maps.mcl.map_error import MapError
 from trailmark_laser_maps.mcl.particles import Cluster, MotionNoise, Particles
 
 __all__ = ["FilterSettings", "GridFilter", "Placed", "Unplaced"]
@@ -38,6 +39,9 @@ _SECOND_CLUSTER = 0.05
 #: A followed place that explains so much less of a scan than it did lately may be one that looks alike, to which the
 #: robot was carried: it is compared with the rest at once, by what is seen now, and not told while patience lasts.
 _LEAST_FALL, _FALL_SIGMAS, _USUAL_LOOKS = 0.08, 5.0, 20
+#: Who is carried away sees something else from one look to the next: a fall without a step of this share of it is told,
+#: it is people or furniture that come into sight.
+_AT_ONCE = 0.5
 _SIGMA_OVER_MEDIAN = 1.4826
 #: Another place that explains so much more of the last metres takes the followed one's seat.
 _UNSEATS = 0.05
@@ -121,6 +125,9 @@ class GridFilter:
         self._unchecked_m = 0.0
         self._usual: deque[float] = deque(maxlen=_USUAL_LOOKS)  # what the followed place explained lately
         self._fallen: list[float] = []  # and what it explained where that was much less
+        self._before: float | None = None  # what it explained of the last look
+        self._fell_at_once = False
+        self._map_error = MapError(field.cell_m)
 
     def believe(self, pose: Floats, covariance: Floats) -> None:
         """Begin at a known pose, in grid axes."""
@@ -129,6 +136,7 @@ class GridFilter:
         self._favourite = np.empty((0, 3))
         self._usual.clear()
         self._fallen.clear()
+        self._before, self._fell_at_once = None, False
 
     def update(self, look: ScanLook, hint: Floats | None = None) -> Placed | Unplaced | None:
         """Take a look into account; None where the robot has not moved enough for it to tell anything new.
@@ -184,7 +192,7 @@ class GridFilter:
         is_due = has_fallen or self._unchecked_m > settings.recheck_m
         if is_due and (rival := self._better_place(look, pose)) is not None:
             return rival
-        if has_fallen:
+        if has_fallen and self._fell_at_once:
             return Unplaced(f"the place explains only {quality:.0%} of the scan, much less than lately", quality, 1)
         return Placed(pose, self._covariance_of(look, pose, clusters[0]), quality)
 
@@ -192,10 +200,14 @@ class GridFilter:
         """Whether a place explains much less than it used to; what outnumbers patience is usual from then on."""
         usual = median(self._usual) if self._usual else 0.0
         scatter = median(abs(one - usual) for one in self._usual) if self._usual else 0.0
-        if quality >= usual - max(_LEAST_FALL, _FALL_SIGMAS * _SIGMA_OVER_MEDIAN * scatter):
+        fall = max(_LEAST_FALL, _FALL_SIGMAS * _SIGMA_OVER_MEDIAN * scatter)
+        before, self._before = self._before, quality
+        if quality >= usual - fall:
             self._usual.append(quality)
             del self._fallen[:1]  # one look as before does not undo all others
+            self._fell_at_once = self._fell_at_once and bool(self._fallen)
             return False
+        self._fell_at_once = self._fell_at_once or (before is not None and quality < before - _AT_ONCE * fall)
         self._fallen.append(quality)
         if len(self._fallen) > self._settings.patience:
             self._usual.clear()
@@ -287,7 +299,9 @@ class GridFilter:
 
         Particles spread as far as odometry may err between two scans; the drawn pose is better where walls tell.
         """
+        self._map_error.add(self._search.distances_to_walls(look, pose), look.rays)
         if np.array_equal(pose, cluster.mean):
             return cluster.covariance
         information = np.linalg.inv(cluster.covariance + _LEAST_SPREAD) + self._search.told_by_walls(look, pose)
-        return np.asarray(np.linalg.inv(information))
+        sigmas = self._map_error.sigmas()
+        return np.asarray(np.linalg.inv(information) + np.diag(np.square(sigmas)))

@@ -13,6 +13,7 @@ from trailmark.geometry import Pose2, wrap_angles
 from trailmark_laser_maps.mcl.field import GridField
 from trailmark_laser_maps.mcl.kernels import (
     beyond_walls,
+    distances_to_walls,
     explained_shares,
     normal_equations,
     refine_poses,
@@ -30,6 +31,8 @@ _PULL_IN_M = np.array([0.6, 0.6, 0.5, 0.4, 0.3, 0.25, 0.2, 0.2])
 _FOLLOW_M = np.array([0.4, 0.3, 0.2])
 #: Within this a ray end belongs to its wall; the least standard deviation of its distance from it [m].
 _FIT_M, _SIGMA_M = 0.15, 0.015
+#: Beyond this a ray end is of nothing in the map, however crooked that is [m].
+_NEAR_WALL_M = 0.2
 _N_COARSE = 30
 _FARTHEST_M, _FARTHEST_RAD = 0.3, math.radians(8.0)
 
@@ -147,6 +150,17 @@ class Search:
         grid = field.walls, field.normals, field.nearest_idx, field.cell_m
         normal_equations(pose, look.rays, *grid, _FIT_M, *equations)
         return match_information(equations[0], beyond_walls(pose, look.rays, *grid, _FIT_M), _SIGMA_M)
+
+    def distances_to_walls(self, look: ScanLook, pose: Floats) -> Floats:
+        """Return how far the ends of rays are from the nearest wall at a pose (3,), those that are near one, (R,) [m].
+
+        NaN where none is near. Along a wall's normal where it is a line; to its nearest cell where it is too thick or
+        too short for one.
+        """
+        field = self._field
+        return distances_to_walls(
+            pose, look.rays, field.walls, field.normals, field.nearest_idx, field.cell_m, _NEAR_WALL_M
+        )
 
     def followed(self, look: ScanLook, expected: Floats) -> Floats:
         """Return poses refined, but no farther from where they are expected than odometry may err."""

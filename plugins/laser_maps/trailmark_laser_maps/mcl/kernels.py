@@ -12,7 +12,15 @@ import numpy as np
 from trailmark.arrays import Bools, Float32s, Floats, Int32s
 from trailmark.kernels import kernel
 
-__all__ = ["beyond_walls", "count_agreeing", "explained_shares", "normal_equations", "refine_poses", "score_poses"]
+__all__ = [
+    "beyond_walls",
+    "count_agreeing",
+    "distances_to_walls",
+    "explained_shares",
+    "normal_equations",
+    "refine_poses",
+    "score_poses",
+]
 
 
 @kernel
@@ -179,6 +187,34 @@ def beyond_walls(
         away = 1.0 if nx * rx + ny * ry >= 0.0 else -1.0  # normals are sign free
         beyond_m[ray] = away * (nx * ex + ny * ey)
     return beyond_m
+
+
+@kernel
+def distances_to_walls(
+    pose: Floats, rays: Floats, walls: Floats, normals: Floats, nearest_idx: Int32s, cell_m: float, gate_m: float
+) -> Floats:
+    """Return how far the ends of rays are from their walls, NaN where none is within the gate, (R,) [m].
+
+    From the line where a wall is one, else from its nearest cell.
+    """
+    distances_m = np.full(rays.shape[0], math.nan)
+    height, width = nearest_idx.shape
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    for ray in range(rays.shape[0]):
+        x = pose[0] + cos * rays[ray, 0] - sin * rays[ray, 1]
+        y = pose[1] + sin * rays[ray, 0] + cos * rays[ray, 1]
+        u, v = x / cell_m, y / cell_m
+        if not (0.0 <= u < width and 0.0 <= v < height):
+            continue
+        wall = nearest_idx[int(v), int(u)]
+        ex, ey = x - walls[wall, 0], y - walls[wall, 1]
+        distance_m = math.sqrt(ex * ex + ey * ey)
+        if distance_m > gate_m:
+            continue
+        nx, ny = normals[wall, 0], normals[wall, 1]
+        is_line = nx != 0.0 or ny != 0.0
+        distances_m[ray] = abs(nx * ex + ny * ey) if is_line else distance_m
+    return distances_m
 
 
 @kernel
