@@ -271,7 +271,7 @@ function drawRobots(add) {
     if (!place || !Number.isFinite(place.x)) return;
     if (state.isFollowing && track.clock[track.clock.length - 1] < state.at - 0.5) return;  // it is known only so far
     const isMain = track === fused || track.name === "groundtruth";
-    if (isMain) add("path", { d: outline(place) + nose(place), class: "robot", stroke: `var(${track.colour})`, "stroke-width": track === fused ? 2 : 3 });
+    if (isMain) add("path", { d: outline(place) + nose(place), class: long < view.width / 4 ? "robot" : "robot large", stroke: `var(${track.colour})`, "stroke-width": track === fused ? 2 : 3 });
     add("circle", { cx: right(place.x), cy: down(place.y), r: isMain ? 3 : 4, fill: `var(${track.colour})`, class: "place" });
   });
 }

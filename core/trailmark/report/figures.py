@@ -17,6 +17,7 @@ from trailmark.report.style import INK, OUTCOME_COLOURS, WIDTH_INCH, LineStyle
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 __all__ = ["distribution_figure", "errors_figure", "outcomes_figure", "trajectories_figure"]
@@ -96,7 +97,7 @@ def distribution_figure(errors: Mapping[str, Floats], styles: Mapping[str, LineS
             _draw_distribution(axes, per_m * values, edges, -row, styles[name])
     axes.set_xscale("log")
     axes.set_xlim(edges[0], edges[-1])
-    axes.xaxis.set_major_formatter(lambda value, _position: f"{value:g}")
+    _label_logarithmic(axes.xaxis)
     axes.set_yticks([0.2 - row for row in range(len(errors))], list(errors))
     axes.tick_params(axis="y", length=0, labelcolor=INK)
     axes.grid(visible=False, axis="y")
@@ -153,8 +154,20 @@ def _rms(values: Floats) -> float:
 def _logarithmic(axes: Axes, lowest: float) -> None:
     axes.set_yscale("log")
     axes.set_ylim(bottom=lowest)
-    axes.yaxis.set_major_formatter(lambda value, _position: f"{value:g}")
+    _label_logarithmic(axes.yaxis)
     axes.set_title(axes.get_title(loc="left") + ", logarithmic")
+
+
+def _label_logarithmic(axis: Axis) -> None:
+    """Write plain numbers at an axis: the fewer decades it has, the more of them; matplotlib's own are formulas."""
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    low, high = axis.get_view_interval()
+    decades = math.log10(high / low)
+    steps = (1.0, 2.0, 3.0, 5.0, 7.0) if decades < 1.0 else (1.0, 2.0, 5.0) if decades < 2.5 else (1.0,)
+    axis.set_major_locator(LogLocator(subs=steps))
+    axis.set_major_formatter(lambda value, _position: f"{value:g}")
+    axis.set_minor_formatter(NullFormatter())
 
 
 def _legend(figure: Figure, axes: Axes) -> None:
