@@ -13,7 +13,8 @@ from trailmark.estimates import Fix, Motion, information_from_sigmas
 from trailmark.estimation.kalman.estimator import Kalman
 from trailmark.estimation.kalman.noise_residuals import MotionTrack
 from trailmark.estimation.kalman.noise_scales import NoiseScales
-from trailmark.estimation.kalman.variance_components import MOST
+from trailmark.estimation.kalman.variance_components import MOST, both_sides
+from trailmark.estimation.symmetric import to_matrix
 from trailmark.geometry import Pose2, wrap_angle
 
 from .conftest import kalman
@@ -295,7 +296,37 @@ def test_the_covariance_of_a_chain_is_that_of_its_motions_one_by_one() -> None:
     found, found_spread = chain.between(0.0, 1.2)
     np.testing.assert_allclose(found[:2], pose.array()[:2], atol=1e-12)
     assert wrap_angle(float(found[2]) - pose.theta) == pytest.approx(0.0, abs=1e-12)
-    np.testing.assert_allclose(found_spread, spread, rtol=1e-9)
+    np.testing.assert_allclose(to_matrix(found_spread), spread, rtol=1e-9)
+
+
+def test_a_chain_that_is_asked_for_now_and_then_is_that_of_all_its_motions_at_once() -> None:
+    rng, often, once = np.random.default_rng(6), MotionTrack(), MotionTrack()
+    for i in range(400):  # more than is kept
+        step, information = rng.normal(size=3) * (0.1, 0.01, 0.1), rng.uniform(50.0, 90.0, size=3)
+        row = (i * 0.1, (i + 1) * 0.1, *step.tolist(), information[0], 1.0, 2.0, information[1], 3.0, information[2])
+        often.add(row)
+        once.add(row)
+        if i % 7 == 0 or i < 5:
+            often.chain()
+
+    chain, expected = often.chain(), once.chain()
+
+    assert chain is not None
+    assert expected is not None
+    assert chain.between(30.0, 39.95) == expected.between(30.0, 39.95)
+
+
+def test_both_sides_of_the_likelihood_equations_are_those_of_their_definition() -> None:
+    rng = np.random.default_rng(7)
+    for size in (1, 3):
+        roots = rng.normal(size=(9, 2, size, size)) * np.array([1e-3, 2e-3, 1e-4])[:size, None]
+        covariances = roots @ roots.transpose(0, 1, 3, 2)
+        values = rng.normal(size=(9, size)) * 1e-9  # so small that none is clipped
+        seen, expected = both_sides(values, covariances)
+        weights = np.linalg.inv(covariances.sum(axis=1))
+        whole = np.einsum("ni,nij,nmjk,nkl,nl->m", values, weights, covariances, weights, values)
+        np.testing.assert_allclose(seen / seen.sum(), whole / whole.sum(), rtol=1e-6)
+        np.testing.assert_allclose(expected, np.einsum("nij,nmji->m", weights, covariances), rtol=1e-6)
 
 
 def test_a_chain_along_a_corridor_does_not_know_its_place() -> None:

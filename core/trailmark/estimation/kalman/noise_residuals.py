@@ -10,11 +10,13 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterator
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
 
 from trailmark.arrays import Floats
+from trailmark.estimation.symmetric import Sym3, congruence, subtract
 from trailmark.geometry import wrap_angle
 
 __all__ = ["FixRow", "FixTrack", "MotionTrack", "Residual", "fix_residual", "motion_residual"]
@@ -26,12 +28,14 @@ _SAME_STAMP_S = 1e-6
 _LEAST_INFORMATION = 1e-9
 # An eigenvalue below this share of the largest, units scaled away, is a direction that was not measured.
 _LEAST_SHARE = 1e-9
+#: Column of a motion's table after what was told of it; the inverse of its information follows.
+_SHARE = 11
 # Variance of what was not measured [m^2].
 _UNMEASURED_M2 = 1e12
 
 
-#: Stamp, x, y, theta of an absolute pose, and its covariance (3, 3).
-FixRow = tuple[float, float, float, float, Floats]
+#: Stamp, x, y, theta of an absolute pose, and its covariance.
+FixRow = tuple[float, float, float, float, Sym3]
 
 
 class Residual(NamedTuple):
@@ -59,6 +63,9 @@ class MotionTrack:
     def __init__(self) -> None:
         self._rows: deque[tuple[float, ...]] = deque()
         self._chain: _Chain | None = None
+        #: The rows of the last chain with what takes long to compute of each, and how many rows have come since.
+        self._table = np.empty((0, 0))
+        self._n_new = 0
 
     def add(self, row: tuple[float, ...]) -> None:
         """Add a motion: since, stamp, x, y, turn and its information as six numbers, in the order of `Sym3`."""
@@ -66,6 +73,7 @@ class MotionTrack:
         if rows and row[0] < rows[-1][1] - _SAME_STAMP_S:
             return
         self._chain = None
+        self._n_new += 1
         rows.append(row)
         while rows[0][1] < row[1] - KEPT_S:
             rows.popleft()
@@ -73,12 +81,17 @@ class MotionTrack:
     def clear(self) -> None:
         """Forget all."""
         self._rows.clear()
-        self._chain = None
+        self._chain, self._n_new = None, 0
 
     def chain(self) -> _Chain | None:
         """Return the motions since the last gap as one chain; None where there are too few."""
         if self._chain is None and len(self._rows) > 1:
-            self._chain = _Chain(np.array(self._rows))
+            n_known = max(0, len(self._rows) - self._n_new)
+            if self._n_new or n_known != len(self._table):
+                fresh = _with_covariances(np.array([*islice(self._rows, n_known, None)]))
+                known = self._table[len(self._table) - n_known :] if n_known else fresh[:0]
+                self._table, self._n_new = np.concatenate([known, fresh]), 0
+            self._chain = _Chain(self._table)
         return self._chain
 
     @property
@@ -127,21 +140,20 @@ class _Chain:
         poses[1:, 0] = np.cumsum(cos * rows[:, 2] - sin * rows[:, 3])
         poses[1:, 1] = np.cumsum(sin * rows[:, 2] + cos * rows[:, 3])
         poses[:, 2] = heading
-        information = rows[:, [5, 6, 7, 6, 8, 9, 7, 9, 10]].reshape(n, 3, 3)
-        diagonal = np.diagonal(information, axis1=1, axis2=2)
-        self.knows_place = bool((_smallest_share(information) > _LEAST_SHARE).all())
-        alone = (information[:, 2, :2] == 0.0).all(axis=1)
-        self.knows_heading = bool(((diagonal[:, 2] > _LEAST_INFORMATION) & alone).all()) or self.knows_place
+        heading_information = rows[:, 10]
+        self.knows_place = bool((rows[:, _SHARE] > _LEAST_SHARE).all())
+        alone = (rows[:, [7, 9]] == 0.0).all(axis=1)
+        self.knows_heading = bool(((heading_information > _LEAST_INFORMATION) & alone).all()) or self.knows_place
         if self.knows_place:
-            covariance = _inverse_of_each(information)
+            covariance = rows[:, _SHARE + 1 :].reshape(n, 3, 3)
         else:
             covariance = np.zeros((n, 3, 3))
             covariance[:, [0, 1], [0, 1]] = _UNMEASURED_M2
-            covariance[:, 2, 2] = 1.0 / np.maximum(diagonal[:, 2], _LEAST_INFORMATION)
-        turned = np.zeros((n, 3, 3))
-        turned[:, 0, 0] = turned[:, 1, 1] = cos
-        turned[:, 0, 1], turned[:, 1, 0], turned[:, 2, 2] = -sin, sin, 1.0
-        moved = _levers(-poses[1:, :2]) @ turned
+            covariance[:, 2, 2] = 1.0 / np.maximum(heading_information, _LEAST_INFORMATION)
+        moved = np.zeros((n, 3, 3))  # turned, and moved to where the chain begins
+        moved[:, 0, 0] = moved[:, 1, 1] = cos
+        moved[:, 0, 1], moved[:, 1, 0], moved[:, 2, 2] = -sin, sin, 1.0
+        moved[:, 0, 2], moved[:, 1, 2] = poses[1:, 1], -poses[1:, 0]
         self.poses = poses
         self._sums = np.zeros((n + 1, 3, 3))
         np.cumsum(moved @ covariance @ moved.transpose(0, 2, 1), axis=0, out=self._sums[1:])
@@ -150,22 +162,25 @@ class _Chain:
         """Return whether it says something of all of an interval."""
         return bool(self.stamps_s[0] - _SAME_STAMP_S <= since_s and stamp_s <= self.stamps_s[-1] + _SAME_STAMP_S)
 
-    def between(self, since_s: float, stamp_s: float) -> tuple[Floats, Floats]:
+    def between(self, since_s: float, stamp_s: float) -> tuple[tuple[float, float, float], Sym3]:
         """Return the pose at one stamp seen from base at another, and its covariance in these axes."""
-        begin, end = self._at(since_s), self._at(stamp_s)
-        lever = _levers(end[0][None, :2])[0]
-        spread = lever @ (end[1] - begin[1]) @ lever.T
-        dx, dy, turn = (end[0] - begin[0]).tolist()
-        cos, sin = math.cos(begin[0][2]), math.sin(begin[0][2])
-        back = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
-        return np.array([cos * dx + sin * dy, cos * dy - sin * dx, turn]), back @ spread @ back.T
+        (x, y, heading), begin = self._at(since_s)
+        (end_x, end_y, end_heading), end = self._at(stamp_s)
+        cos, sin = math.cos(heading), math.sin(heading)
+        dx, dy = end_x - x, end_y - y
+        lever_x, lever_y = sin * end_x - cos * end_y, cos * end_x + sin * end_y
+        spread = congruence(subtract(end, begin), cos, -sin, lever_x, lever_y)
+        return (cos * dx + sin * dy, cos * dy - sin * dx, end_heading - heading), spread
 
-    def _at(self, stamp_s: float) -> tuple[Floats, Floats]:
-        index = min(max(int(np.searchsorted(self.stamps_s, stamp_s)), 1), len(self.stamps_s) - 1)
-        before_s, after_s = self.stamps_s[index - 1], self.stamps_s[index]
+    def _at(self, stamp_s: float) -> tuple[list[float], Sym3]:
+        """Return the pose at a stamp and the sum until it."""
+        index = min(max(int(self.stamps_s.searchsorted(stamp_s)), 1), len(self.stamps_s) - 1)
+        before_s, after_s = self.stamps_s[index - 1 : index + 1].tolist()
         share = min(max((stamp_s - before_s) / (after_s - before_s), 0.0), 1.0)
         pose = (1.0 - share) * self.poses[index - 1] + share * self.poses[index]
-        return pose, (1.0 - share) * self._sums[index - 1] + share * self._sums[index]
+        total = (1.0 - share) * self._sums[index - 1] + share * self._sums[index]
+        xx, xy, xt, _, yy, yt, _, _, tt = total.ravel().tolist()
+        return pose.tolist(), (xx, xy, xt, yy, yt, tt)
 
 
 def motion_residual(a: MotionTrack, b: MotionTrack, since_s: float, stamp_s: float) -> Residual | None:
@@ -173,10 +188,10 @@ def motion_residual(a: MotionTrack, b: MotionTrack, since_s: float, stamp_s: flo
     first, second = a.chain(), b.chain()
     if first is None or second is None or not (first.covers(since_s, stamp_s) and second.covers(since_s, stamp_s)):
         return None
-    own, others = first.between(since_s, stamp_s), second.between(since_s, stamp_s)
-    away = own[0] - others[0]
-    away[2] = wrap_angle(float(away[2]))
-    both = np.stack([own[1], others[1]])
+    (x, y, turn), own = first.between(since_s, stamp_s)
+    (other_x, other_y, other_turn), others = second.between(since_s, stamp_s)
+    away = np.array([x - other_x, y - other_y, wrap_angle(turn - other_turn)])
+    both = _matrices([own, others])
     if first.knows_place and second.knows_place:
         return Residual(away, both, since_s, stamp_s)
     if first.knows_heading and second.knows_heading:
@@ -196,14 +211,13 @@ def fix_residual(
     chain = motion.chain()
     if chain is None or not chain.knows_place or not chain.covers(earlier[0], later[0]):
         return None
-    step, spread = chain.between(earlier[0], later[0])
+    (forward_m, left_m, turn), spread = chain.between(earlier[0], later[0])
     cos, sin = math.cos(earlier[3]), math.sin(earlier[3])
-    turned = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    moved = turned @ step
-    away = np.array([later[1] - earlier[1], later[2] - earlier[2], later[3] - earlier[3]]) - moved
-    away[2] = wrap_angle(float(away[2]))
-    lever = _levers(moved[None, :2])[0]
-    shares = np.stack([lever @ earlier[4] @ lever.T, later[4], turned @ spread @ turned.T])
+    moved_x, moved_y = cos * forward_m - sin * left_m, sin * forward_m + cos * left_m
+    away_x, away_y = later[1] - earlier[1] - moved_x, later[2] - earlier[2] - moved_y
+    away = np.array([away_x, away_y, wrap_angle(later[3] - earlier[3] - turn)])
+    begun = congruence(earlier[4], 1.0, 0.0, -moved_y, moved_x)
+    shares = _matrices([begun, later[4], congruence(spread, cos, sin, 0.0, 0.0)])
     return Residual(away, shares, earlier[0], later[0])
 
 
@@ -220,12 +234,20 @@ def stamps_apart(chain: _Chain, since_s: float, least_s: float) -> Iterator[tupl
             begin_s = stamp_s
 
 
-def _levers(points: Floats) -> Floats:
-    """Return how turns about base move points (N, 2), as (N, 3, 3)."""
-    found = np.zeros((len(points), 3, 3))
-    found[:, [0, 1, 2], [0, 1, 2]] = 1.0
-    found[:, 0, 2], found[:, 1, 2] = -points[:, 1], points[:, 0]
-    return found
+def _matrices(found: list[Sym3]) -> Floats:
+    """Return symmetric matrices as (N, 3, 3)."""
+    return np.array([[[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]] for xx, xy, xt, yy, yt, tt in found])
+
+
+def _with_covariances(rows: Floats) -> Floats:
+    """Return rows of motions with `_smallest_share` of their information, and its inverse where there is one."""
+    n = len(rows)
+    information = rows[:, [5, 6, 7, 6, 8, 9, 7, 9, 10]].reshape(n, 3, 3)
+    share = _smallest_share(information)
+    covariance = np.zeros((n, 3, 3))
+    knows_place = share > _LEAST_SHARE
+    covariance[knows_place] = _inverse_of_each(information[knows_place])
+    return np.column_stack([rows, share, covariance.reshape(n, 9)])
 
 
 def _smallest_share(information: Floats) -> Floats:

@@ -39,7 +39,7 @@ from trailmark.estimation.kalman.variance_components import (
     Shares,
     both_sides,
 )
-from trailmark.estimation.symmetric import Sym3, inverse, scaled, to_matrix
+from trailmark.estimation.symmetric import Sym3, inverse, scaled
 
 __all__ = ["NoiseScales", "told_scale"]
 
@@ -108,7 +108,7 @@ class NoiseScales:
             if track is None:
                 track = self._fixes[source] = FixTrack()
             pose = fix.pose_map_base
-            track.add((fix.stamp_s, pose.x, pose.y, pose.theta, to_matrix(covariance)))
+            track.add((fix.stamp_s, pose.x, pose.y, pose.theta, covariance))
         return self._scaled((source, False), stated)
 
     def scales(self) -> Mapping[str, float]:
@@ -229,13 +229,13 @@ class NoiseScales:
         """Move the scales towards those that make what was seen likeliest."""
         white = {which: kept for which, kept in self._doubted.items() if which[0] == "motion" and is_white(kept)}
         stacked = {
-            which: (np.stack([one.value for one in kept]), np.stack([one.covariances for one in kept]))
+            which: (np.array([one.value for one in kept]), np.array([one.covariances for one in kept]))
             for which, kept in (self._differences | white).items()
         }
         self._evidence = {}
         shares = Shares()
         for _ in range(_STEPS):
-            shares = Shares()
+            before, shares = dict(self._logs), Shares()
             for (kind, keys), (values, covariances) in stacked.items():
                 variances = np.array([math.exp(2.0 * self._logs.get(key, 0.0)) for key in keys])
                 seen, expected = both_sides(values, covariances * variances[:, None, None])
@@ -245,6 +245,8 @@ class NoiseScales:
                 log = self._logs.get(key, 0.0) + 0.25 * math.log(shares.ratio_of(key))
                 self._logs[key] = min(max(log, 0.0), math.log(MOST))
                 self._evidence[key] = shares.evidence(key)
+            if self._logs == before:  # all at their bounds: further steps are the same
+                break
         for (kind, keys), kept in self._doubted.items():
             noise = noise_of_alternating(kept) if kind == "near" else None
             if noise is not None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from scipy.special import gammainc
 
@@ -28,6 +30,8 @@ AT_ITS_WORD, AT_ITS_WORD_AGAIN = 1.4, 1.15
 GROWS, FALLS = 1.25, 0.97
 #: Beyond this quantile a difference counts as if it were at it.
 _CLIPPED = 0.8
+#: A determinant below this, of a matrix with a unit diagonal, is left to elimination with pivots.
+_SINGULAR = 1e-6
 
 #: Localizer, and whether it is about its motion or its absolute estimates.
 Key = tuple[str, bool]
@@ -79,15 +83,33 @@ def both_sides(values: Floats, covariances: Floats) -> tuple[Floats, Floats]:
     total = covariances.sum(axis=1)
     roots = np.sqrt(np.diagonal(total, axis1=1, axis2=2))
     scales = 1.0 / (roots[:, :, None] * roots[:, None, :])
-    weight = np.linalg.inv(total * scales) * scales
-    solved = np.einsum("nij,nj->ni", weight, values)
-    squares = np.einsum("ni,ni->n", solved, values)
+    weight = _inverse_of_each(total * scales) * scales
+    solved = (weight @ values[:, :, None])[:, :, 0]
+    squares = (solved * values).sum(axis=1)
     limit = threshold(_CLIPPED, size)
     clipped = np.minimum(1.0, limit / np.maximum(squares, 1e-300)) / _clipped_mean(limit, size)
-    seen = np.einsum("n,ni,nmij,nj->m", clipped, solved, covariances, solved)
-    return seen, np.einsum("nij,nmji->m", weight, covariances)
+    outer = (clipped[:, None] * solved)[:, :, None] * solved[:, None, :]
+    flat = covariances.transpose(1, 0, 2, 3).reshape(covariances.shape[1], -1)
+    return flat @ outer.ravel(), flat @ weight.ravel()
 
 
+def _inverse_of_each(matrices: Floats) -> Floats:
+    """Return the inverses of symmetric matrices (N, d, d) with a unit diagonal; of three rows by their cofactors.
+
+    That takes a quarter of the time of numpy's inverse of so many small ones.
+    """
+    if matrices.shape[1] != 3:
+        return np.asarray(np.linalg.inv(matrices))
+    a, b, c = matrices[:, 0, 1], matrices[:, 0, 2], matrices[:, 1, 2]
+    xx, yy, tt = 1.0 - c * c, 1.0 - b * b, 1.0 - a * a
+    xy, xt, yt = b * c - a, a * c - b, a * b - c
+    det = xx + a * xy + b * xt
+    if not (det > _SINGULAR).all():
+        return np.asarray(np.linalg.inv(matrices))
+    return np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]]).transpose(2, 0, 1) / det[:, None, None]
+
+
+@cache
 def _clipped_mean(limit: float, size: int) -> float:
     """Return the mean of a chi-square variable that is clipped at a limit, over its degrees of freedom."""
     below = float(gammainc(size / 2.0 + 1.0, limit / 2.0))
