@@ -38,9 +38,10 @@ class CertaintyRecord:
         dt_s = max(0.0, stamp_s - self._stamp_s) if self._stamp_s > -math.inf else 0.0
         self._stamp_s = max(self._stamp_s, stamp_s)
         much = _AT_ONCE * _AT_ONCE
-        share = min(
-            (most / now for most, now in zip(self._most, stated) if now > max(much * most, NOTHING)), default=1.0
-        )
+        share = 1.0
+        for most, now in zip(self._most, stated):
+            if now > much * most and now > NOTHING:
+                share = min(share, most / now)
         if is_learning or share == 1.0:
             self._most = max(self._most[0], stated[0]), max(self._most[1], stated[1])
             self.n_in_a_row = 0

@@ -106,7 +106,7 @@ class Correction:
         share: float | Floats = weight(measurement.trust.loss, seen.nis, len(measurement.root), self._loss_scale)
         last = state.rejections.corroborations.get(measurement.source) if measurement.correlation_s > 0.0 else None
         if last is not None:
-            share = share * share_of_news(state.stamp_s - last.stamp_s, measurement.correlation_s, seen.spread())
+            share = share * share_of_news(state.stamp_s - last.stamp_s, measurement.correlation_s, seen.spread)
         assert state.gaussian is not None
         return seen if isinstance(share, float) and share == 1.0 else seen.weighted(share, state.gaussian.covariance)
 

@@ -83,11 +83,9 @@ class _Looks:
         if dt_s <= 0.0:
             return
         numbers, variances = innovation.tolist(), spread.tolist()
-        clipped = [
-            min(max(number, -_CLIPPED * math.sqrt(1.0 + variance)), _CLIPPED * math.sqrt(1.0 + variance))
-            for number, variance in zip(numbers[:2], variances[:2])
-        ]
-        last, self._last, self._last_s = self._last, (clipped[0], clipped[1]), stamp_s
+        limit_x, limit_y = _CLIPPED * math.sqrt(1.0 + variances[0]), _CLIPPED * math.sqrt(1.0 + variances[1])
+        clipped = min(max(numbers[0], -limit_x), limit_x), min(max(numbers[1], -limit_y), limit_y)
+        last, self._last, self._last_s = self._last, clipped, stamp_s
         if last is None or (self._n > _EVERY and dt_s > _GAP * self.interval_s):
             return
         prior = 0.5 * (variances[0] + variances[1])
@@ -141,7 +139,7 @@ class CorrelationTimes:
             looks = self._looks[source] = _Looks()
         scale = used.scale
         share = scale * scale if isinstance(scale, float) else float(np.mean(scale[:2] ** 2))
-        looks.add(stamp_s, seen.innovation, seen.spread(), share)
+        looks.add(stamp_s, seen.innovation, seen.spread, share)
 
     @property
     def explains_corrections(self) -> bool:

