@@ -63,6 +63,10 @@ WRONG = {
         SOURCES + "  floor: {plugin: image_folder, path: frames, rate_hz: 30}\n",
         "config.yaml line 3: duplicate key 'floor': it stands on line 2 already",
     ),
+    "a duplicate sensor of a mapping in braces": (
+        "sources: {floor: {plugin: sim}, floor: {plugin: sim}}\n",
+        'config.yaml line 1, column 33: YAML syntax: while constructing a mapping, found duplicate key "floor"',
+    ),
     "YAML syntax": (
         SOURCES + "localizers: {floor: {plugin: klt}\nseed: 1\n",
         "config.yaml line 4, column 1: YAML syntax: while parsing a flow mapping, "

@@ -69,6 +69,14 @@ def test_a_file_without_frames_is_refused(tmp_path, content):
         video(path).start(Session())
 
 
+def test_a_film_that_was_cut_off_is_refused_with_a_remedy(tmp_path):
+    path = tmp_path / "a.mp4"
+    path.write_bytes(b"\0\0\0\x18ftypisom" + bytes(12) + b"\0\1\0\0mdat" + bytes(2000))
+
+    with pytest.raises(SourceError, match=r"a\.mp4: no frames: an MP4 without its index: .*`untrunc` may mend it"):
+        video(path).start(Session())
+
+
 class StoppedClock:
     """A capture whose container tells no times."""
 

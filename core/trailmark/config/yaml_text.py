@@ -76,6 +76,7 @@ def read_yaml(text: str) -> tuple[Any, Callable[[tuple[Key, ...]], int | None]]:
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         story = ", ".join(part for part in (error.context, error.problem) if part)
+        story = re.sub(r' with value ".*?" \(original value: ".*"\)$', "", story, flags=re.DOTALL)  # "{}", of mappings
         raise TextError(f"YAML syntax: {story}", mark.line + 1, mark.column + 1) from error
     except ReaderError as error:
         line = text.count("\n", 0, error.position) + 1

@@ -176,11 +176,24 @@ def open_bag(path: Path, distribution: str) -> Iterator[BagFile]:
         reader.open()
         bag = BagFile(path, reader)
     except Exception as error:  # rosbags lets errors of zip, SQLite, YAML and struct through
-        raise SourceError(f"{path}: cannot open the recording: {_words_of(error)}") from error
+        raise SourceError(f"{path}: cannot open the recording: {_words_of(error)}{_remedy(path)}") from error
     try:
         yield bag
     finally:
         reader.close()
+
+
+def _remedy(path: Path) -> str:
+    """Return what helps with a bag of ROS 1 whose index is not there, as a recorder leaves it that was cut off."""
+    if not path.is_file():
+        return ""
+    with path.open("rb") as file:
+        head = file.read(4096)
+    _, found, index_pos = head.partition(b"index_pos=")
+    is_whole = 0 < int.from_bytes(index_pos[:8], "little") < path.stat().st_size
+    if not head.startswith(b"#ROSBAG V2.0") or not found or is_whole:
+        return ""
+    return "; was the recorder cut off? `rosbag reindex` makes its index anew"
 
 
 def _refuse_pipes(path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
+from pathlib import Path
 
 import cv2
 
@@ -27,7 +28,7 @@ class Video(RecordedSource):
         self._name = name or "camera"
         with self._capture() as capture:
             if not capture.grab():
-                raise SourceError(f"{self.config.path}: no frames: no film, or a codec that OpenCV does not know")
+                raise SourceError(f"{self.config.path}: no frames: {_why_no_frames(self.config.path)}")
             first = self._retrieve_picture(capture, f"{self.config.path} frame 0")
             rate_hz = self.config.rate_hz or float(capture.get(cv2.CAP_PROP_FPS))
         self.expect_form(self._name, first)
@@ -62,3 +63,23 @@ class Video(RecordedSource):
         if not decoded or pixels is None:
             raise SourceError(f"{where}: cannot be decoded")
         return Image(as_payload_pixels(pixels, where, bool(self.config.grey)))
+
+
+def _why_no_frames(path: Path) -> str:
+    """Return a guess: an MP4 may have its index at the end, which a recorder that is cut off never writes."""
+    kinds = list(_mp4_boxes(path)) if path.is_file() else []
+    if kinds[:1] == [b"ftyp"] and b"moov" not in kinds:
+        return "an MP4 without its index: was the recorder cut off? `untrunc` may mend it, and a .mkv needs no index"
+    return "no film, or a codec that OpenCV does not know"
+
+
+def _mp4_boxes(path: Path) -> Iterator[bytes]:
+    """Yield the kinds of the boxes that a file consists of, if it is an MP4."""
+    with path.open("rb") as file:
+        while len(head := file.read(8)) == 8:
+            yield head[4:]
+            size = int.from_bytes(head[:4], "big")
+            skip = int.from_bytes(file.read(8), "big") - 16 if size == 1 else size - 8
+            if skip < 0:  # the last box, or no box
+                return
+            file.seek(skip, 1)
