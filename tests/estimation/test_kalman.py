@@ -295,8 +295,8 @@ class TestOrder:
         drive(estimator, 500)
         estimator.apply("camera", Fix(49.5, Pose2(49.5), FAIR))
 
-        assert len(estimator._history) < 40
-        assert len(estimator._nodes) < 40
+        assert len(estimator._timeline._history) < 40
+        assert len(estimator._timeline._nodes) < 40
         assert pose_of(estimator.belief()).x == pytest.approx(50.0, abs=0.05)
 
 
