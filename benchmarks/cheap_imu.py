@@ -34,7 +34,7 @@ VARIANTS: dict[str, tuple[bool, dict[str, Any]]] = {
     "gyro at its word": (True, {}),
     "bias as before": (True, BIASED | {"standstill": "off", "gyro_bias_walk_deg_per_s": 1.0 / math.sqrt(600.0)}),
     "bias, no standstill": (True, BIASED | {"standstill": "off"}),
-    "bias and standstill": (True, BIASED),
+    "bias and standstill": (True, BIASED | {"standstill": "use"}),
 }
 
 

@@ -22,7 +22,7 @@ _BIASED = {"gyro": {"errors": "gyro_bias"}}
 
 
 def started(**keys: object) -> Kalman:
-    kalman = Kalman(KalmanConfig.model_validate({"sources": _BIASED} | keys))
+    kalman = Kalman(KalmanConfig.model_validate({"sources": _BIASED, "standstill": "use"} | keys))
     kalman.start(Session("estimator", start_pose=Pose2()))
     return kalman
 
@@ -86,6 +86,17 @@ def test_wheels_that_are_stuck_while_something_moves_hold_nothing(mover: str) ->
     else:
         assert moved.x == pytest.approx(expected.x, abs=0.1)
         assert moved.x > 0.7
+
+
+def test_a_robot_on_a_turntable_is_not_held_unless_the_config_asks_for_it() -> None:
+    kalman = Kalman(KalmanConfig.model_validate({"sources": _BIASED}))
+    kalman.start(Session("estimator", start_pose=Pose2()))
+    turn_radps = math.radians(0.3)
+    for step in range(1, 601):
+        tell(kalman, step, gyro_radps=_BIAS_RADPS + (turn_radps if step > 300 else 0.0))
+
+    belief = kalman.belief()
+    assert abs(pose_of(belief).theta - 30.0 * turn_radps) < 4.0 * sigma_of_heading(belief)
 
 
 def test_a_run_without_a_gyro_is_the_same_to_the_last_bit() -> None:

@@ -90,9 +90,9 @@ class KalmanConfig(PluginConfig):
     gyro_bias_walk_deg_per_s: float = Field(default=0.01, gt=0)
     """How far such a bias walks in 1 s, and with the root of the time; a cheap gyro's 0.1 deg/s in some minutes, half a
     degree while it warms up [deg/s per root s]."""
-    standstill: Literal["use", "off"] = "use"
+    standstill: Literal["use", "off"] = "off"
     """Where `errors: gyro_bias` is said: base stands while wheels do not turn and the gyro agrees, unless anybody says
-    otherwise. Then the heading stands too, and what the gyro shows is its bias."""
+    otherwise. Then the heading stands too, and what the gyro shows is its bias: wrong on anything that itself turns."""
     scale_sigma: float = Field(default=0.05, gt=0)
     """Where `errors: scale` is said: what is known of the factor at first, as a share."""
     wander_s: float = Field(default=600.0, gt=0)
