@@ -79,8 +79,8 @@ def changes_in_words(found: Calibration, asked: Sequence[int], known: KnownPlace
     lines = []
     if found.drift is not None:
         lines.append(
-            f"  the clocks run apart by about {abs(60e3 * found.drift.rate):.0f} ms a minute,"
-            f" {1e3 * found.drift.whole_s:.0f} ms over the drive: no one delay is right for all of it; synchronize them"
+            "  the clocks run apart (by how much this does not tell): no one delay is right for all of the drive;"
+            " synchronize them"
         )
     off = found.fit.values - neutral_values(known)
     off[YAW] = math.remainder(float(off[YAW]), 2.0 * math.pi)
