@@ -126,9 +126,12 @@ def test_a_picture_that_shows_200_m_of_ground_is_told(
     assert [text.partition(":")[0] for text in told(folder)] == (["floor"] if is_odd else [])
 
 
-def told_of_ways(write_run: Write, ways: dict[str, Trajectory]) -> list[str]:
-    """Return what is said of localizers that tell the same stretch."""
-    return [text for text in told(write_run(ways)) if "look at its sensor" in text]
+def told_of_ways(write_run: Write, ways: dict[str, Trajectory], fixes: tuple[str, ...] = ()) -> list[str]:
+    """Return what is said of localizers that tell the same stretch, by motions but for those named."""
+    kinds = {name: "fix" if name in fixes else "motion" for name in ways}
+    rows = [row(t, name, kinds[name], "accepted") for name in ways for t in (0.1, 0.2, 0.3)]
+    rows += [row(0.4, name, "lost", "unused", "dark") for name in ways]
+    return [text for text in told(write_run(ways, estimates=rows)) if "(metres_per_pixel, depth_factor)" in text]
 
 
 def seen_as(way: Trajectory, scale: float = 1.0, yaw: float = 0.0) -> Trajectory:
@@ -144,7 +147,7 @@ def test_a_scale_that_no_other_motion_shares_is_told(write_run: Write, figure_ei
 
     (warning,) = told_of_ways(write_run, {"floor": seen_as(way, scale), "wheels": way})
 
-    assert warning.startswith(f"floor: it comes {scale:.3g} times as far as 'wheels'")
+    assert warning.startswith(f"floor: it comes {scale:.3g} times as far as 'wheels'; one of the two is wrong: look at")
     assert "metres_per_pixel" in warning
 
 
@@ -166,6 +169,7 @@ def test_of_three_the_one_that_contradicts_both_is_named(write_run: Write, figur
     (warning,) = told_of_ways(write_run, ways)
 
     assert warning.startswith("floor: it comes 4.9 times as far as 'laser' and 'wheels'")
+    assert "one of the two" not in warning
 
 
 @pytest.mark.parametrize("scale", [1.0, 1.5, 0.7])
@@ -181,11 +185,29 @@ def test_one_that_stands_still_is_not_taken_for_a_scale(
     assert told_of_ways(write_run, {"floor": still, "wheels": figure_eight}) == []
 
 
-def test_fixes_that_jump_by_centimetres_do_not_contradict_wheels(write_run: Write, straight: Trajectory) -> None:
-    noise = np.random.default_rng(7).normal(0.0, 0.02, (len(straight), 2))
-    fixes = Trajectory(straight.stamps_s, straight.poses + np.column_stack([noise, np.zeros(len(straight))]))
+@pytest.mark.parametrize("with_heading", [True, False])
+@pytest.mark.parametrize("sigma_m", [0.02, 0.1, 0.2, 0.5, 1.0])
+@pytest.mark.parametrize("every", [1, 4, 20])  # of a pose each 0.05 s
+def test_fixes_do_not_contradict_wheels_however_they_scatter(
+    write_run: Write,
+    figure_eight: Trajectory,
+    noisy: Callable[..., Trajectory],
+    sigma_m: float,
+    every: int,
+    with_heading: bool,
+) -> None:
+    thinned = Trajectory(figure_eight.stamps_s[::every], figure_eight.poses[::every] * [1.0, 1.0, with_heading])
+    ways = {"wheels": figure_eight, "satellites": noisy(thinned, sigma_m, 0.05 * with_heading)}
 
-    assert told_of_ways(write_run, {"marks": fixes, "wheels": straight}) == []
+    assert told_of_ways(write_run, ways, fixes=("satellites",)) == []
+
+
+def test_motions_between_fixes_are_not_compared(write_run: Write, figure_eight: Trajectory) -> None:
+    ways = {"wheels": figure_eight, "marks": seen_as(figure_eight, 5.0)}
+    rows = [row(t, name, "motion", "accepted") for name in ways for t in (0.1, 0.2)]
+    rows.append(row(0.3, "marks", "fix", "accepted"))
+
+    assert told(write_run(ways, estimates=rows)) == []
 
 
 def test_warnings_stand_in_the_document_of_the_run(write_run: Write, straight: Trajectory) -> None:

@@ -158,8 +158,12 @@ def _of_motion(run: RunFolder) -> Iterator[RunWarning]:
 
 
 def _of_ways(run: RunFolder) -> Iterator[RunWarning]:
-    """Yield which localizers tell another way than others do; a pair that contradicts says only that one is wrong."""
-    own = {name: way for name, way in run.trajectories.items() if name != FUSED}
+    """Yield which localizers tell another way than others do; a pair that contradicts says only that one is wrong.
+
+    Only those are compared that told nothing but motions. Fixes scatter, so that the way through them is longer than
+    what was driven, and may tell no heading: then nothing says where forward is.
+    """
+    own = {name: way for name, way in run.trajectories.items() if name != FUSED and _tells_motions_alone(run, name)}
     facts: dict[str, dict[str, str]] = {name: {} for name in own}
     for one, other in combinations(own, 2):
         for name, another in ((one, other), (other, one)):
@@ -173,12 +177,21 @@ def _of_ways(run: RunFolder) -> Iterator[RunWarning]:
             continue
         told.add(name)
         others = " and ".join(repr(other) for other in contradicted)
+        remedy = "look at the scale (metres_per_pixel, depth_factor) and mounting (yaw_deg) of"
         yield RunWarning(
             name,
             f"{next(iter(contradicted.values()))} {others}",
-            "look at its sensor: scale (metres_per_pixel, depth_factor) and mounting (yaw_deg) - or at the other's",
+            f"{remedy} its sensor" if len(contradicted) > 1 else f"one of the two is wrong: {remedy} both sensors",
             is_worthless=False,
         )
+
+
+def _tells_motions_alone(run: RunFolder, name: str) -> bool:
+    if run.estimates is None:
+        return False
+    own = run.estimates.of(name)
+    kinds = set(own.kind[own.outcome != "refused"].tolist()) - {"lost"}
+    return kinds == {"motion"}
 
 
 def _contradiction(compared: WayComparison) -> str:
