@@ -244,14 +244,15 @@ class Prediction:
         cos, sin = math.cos(theta), math.sin(theta)
         dx, dy = cos * step.x - sin * step.y, sin * step.x + cos * step.y
         assert step.covariance is not None
-        turned_noise = congruence(step.covariance, cos, sin, 0.0, 0.0)
+        xx, xy, xt, yy, yt, tt = congruence(step.covariance, cos, sin, 0.0, 0.0)
         moved = np.array([px + dx, py + dy, wrap_angle(theta + step.turn), *numbers[3:]])
-        of_pose = PredictedMotion.of_pose(moved, (dx, dy, turned_noise), (step.x, step.y, step.turn))
+        jacobian = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])
+        noise = np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]])
         if len(numbers) == 3:
-            return of_pose
+            return PredictedMotion(moved, jacobian, noise, (step.x, step.y, step.turn))
         turned = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
         whole, spread = np.eye(len(x)), np.zeros((len(x), len(x)))
-        whole[:3, :3], spread[:3, :3] = of_pose.jacobian, of_pose.noise
+        whole[:3, :3], spread[:3, :3] = jacobian, noise
         if columns is not None:
             whole[:3] += turned @ columns
         if self._velocity is not None:
