@@ -180,11 +180,12 @@ class Smoother(Estimator):
         speed_mps = math.hypot(pose.x, pose.y) / (motion.stamp_s - motion.since_s)
         if not speed_mps <= self.config.max_speed_mps:
             return self._refuse("too_fast", f"a motion of {speed_mps:.3g} m/s: see max_speed_mps")
-        if not self._line.add(source, stated):
+        changed_s = self._line.add(source, stated)
+        if changed_s is None:
             return self._refuse("duplicate", "it has told of the same interval already")
-        self._odometry.note_change(motion.since_s)
+        self._odometry.note_change(changed_s)
         if self._window is not None:
-            self._window.note_motion(motion.since_s)
+            self._window.note_motion(changed_s)
         self._advance(motion.stamp_s)
         if self._line.leaves_out(source, motion.stamp_s):
             return Applied("gated", "its motion contradicts that of others, or the velocity before")

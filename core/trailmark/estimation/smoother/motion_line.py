@@ -52,10 +52,14 @@ class MotionLine:
         """Stamp until which motion is known; ``-inf`` before the first [s]."""
         return self._stamps[-1] if self._stamps else -math.inf
 
-    def add(self, source: str, motion: StatedMotion) -> bool:
-        """Take a motion; False if this localizer has told of the same interval already."""
+    def add(self, source: str, motion: StatedMotion) -> float | None:
+        """Take a motion and return the stamp since which odometry has changed [s].
+
+        That is before the motion begins, where the line had no state at its beginning. None if this localizer has told
+        of the same interval already.
+        """
         if not self._motions.add(source, motion):
-            return False
+            return None
         end_s = max(self.end_s, motion.stamp_s)
         if not self._stamps or (self._is_whole and motion.since_s < self._stamps[0]):
             self._stamps, self._states = [motion.since_s], [OdomState(motion.since_s)]
@@ -64,7 +68,7 @@ class MotionLine:
         begin_s = self._stamps[-1]
         for cut_s in [*self._motions.cuts(begin_s, end_s), end_s]:
             self._extend(cut_s)
-        return True
+        return begin_s
 
     def leaves_out(self, source: str, stamp_s: float) -> bool:
         """Return whether a localizer's motion that ends at a stamp contradicted the others."""

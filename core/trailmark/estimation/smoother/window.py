@@ -120,11 +120,17 @@ class Window:
         return WindowVerdict(nis <= limit and absolute.weight > 0.5, nis, dof)
 
     def note_motion(self, since_s: float) -> None:
-        """Take note that motion has changed from a stamp on."""
+        """Take note that motion has changed from a stamp on.
+
+        Where it has changed before the first pose, what is known of that pose stays: it is about the map, and what
+        carried it there has been eliminated. Only where odometry puts it moves, and the way since the last fix with it.
+        """
         first = bisect_right(self._stamps, since_s)
-        for index in range(first, len(self._keys)):
-            key = self._keys[index]
+        travelled_m = self._keys[0].odometry.travelled_m
+        for key in self._keys[first:]:
             key.odometry = self._line.at(key.stamp_s)
+        self._fixed_at_m += self._keys[0].odometry.travelled_m - travelled_m
+        for index in range(max(first, 1), len(self._keys)):
             self._tie(index)
         if first < len(self._keys):
             self._factor = None

@@ -1,0 +1,104 @@
+"""The fixed-lag smoother, told in disorder: motions that overlap, come late or leave gaps, and a clock that is set."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from trailmark.arrays import Floats
+from trailmark.estimates import Fix, Motion, information_from_sigmas
+from trailmark.estimation.smoother.estimator import Smoother
+from trailmark.estimation.smoother_config import SmootherConfig
+from trailmark.geometry import Pose2
+from trailmark.interfaces import Session
+
+_ORIGIN = Pose2()
+_GOOD = information_from_sigmas(0.01, 0.01, 0.01)
+_SPEED_MPS = 0.5
+
+
+def started(start: Pose2 | None = _ORIGIN, **keys: object) -> Smoother:
+    smoother = Smoother(SmootherConfig.model_validate(keys))
+    smoother.start(Session("estimator", start_pose=start))
+    return smoother
+
+
+def straight(since_s: float, stamp_s: float) -> Motion:
+    return Motion(since_s, stamp_s, Pose2(_SPEED_MPS * (stamp_s - since_s)), _GOOD)
+
+
+def on_the_line(stamp_s: float) -> Fix:
+    return Fix(stamp_s, Pose2(_SPEED_MPS * stamp_s), _GOOD)
+
+
+def believed(smoother: Smoother, stamp_s: float | None = None) -> tuple[Pose2, Floats]:
+    belief = smoother.belief(stamp_s)
+    assert belief.pose_map_base is not None
+    assert belief.covariance is not None
+    return belief.pose_map_base, belief.covariance
+
+
+@pytest.mark.parametrize("with_wheels", [False, True])
+def test_a_motion_may_begin_before_the_pose_was_known(with_wheels: bool) -> None:
+    smoother = started(None)
+    for step in range(1, 60):
+        stamp_s = step / 10
+        if with_wheels:
+            smoother.apply("wheels", straight(stamp_s - 0.1, stamp_s))
+        if step >= 24 and step % 3 == 0:
+            assert smoother.apply("fixes", on_the_line(stamp_s)).status == "accepted"
+        if step % 10 == 0:
+            assert smoother.apply("camera", straight(stamp_s - 1.0, stamp_s)).status == "accepted"
+
+    belief = smoother.belief()
+    assert believed(smoother)[0].distance_to(Pose2(_SPEED_MPS * belief.stamp_s)) < 1e-6
+    assert belief.fix_age_m == pytest.approx(_SPEED_MPS * (belief.stamp_s - 5.7), abs=1e-9)
+
+
+def test_a_motion_may_begin_before_a_pose_was_set() -> None:
+    smoother = started()
+    for step in range(1, 30):
+        smoother.apply("wheels", straight((step - 1) / 10, step / 10))
+    smoother.set_pose(Pose2(5.0, 5.0))
+    part = information_from_sigmas(math.inf, 0.01, 0.01)
+    smoother.apply("fixes", Fix(2.95, Pose2(5.0, 5.0), part))
+
+    assert smoother.apply("camera", straight(2.0, 3.0)).status == "accepted"
+
+    belief = smoother.belief()
+    assert believed(smoother)[0].distance_to(Pose2(5.0 + _SPEED_MPS * 0.1, 5.0)) < 1e-9
+    assert belief.fix_age_m == pytest.approx(_SPEED_MPS * 0.05)
+
+
+def test_a_motion_before_the_window_leaves_what_is_known_of_its_first_pose() -> None:
+    smoother = started(None)
+    smoother.apply("fixes", on_the_line(2.0))
+    smoother.apply("wheels", straight(2.0, 3.0))
+    smoother.apply("fixes", on_the_line(3.0))
+    pose, covariance = believed(smoother, 2.0)
+
+    smoother.apply("late", Motion(0.0, 2.0, Pose2(3.0, 0.0, 1.0), _GOOD))
+
+    pose_after, covariance_after = believed(smoother, 2.0)
+    assert pose_after.distance_to(pose) < 1e-12
+    np.testing.assert_allclose(covariance_after, covariance, atol=1e-12)
+    assert believed(smoother)[0].distance_to(Pose2(_SPEED_MPS * 3.0)) < 1e-9
+
+
+def test_a_fix_in_a_gap_is_tied_as_if_motion_had_been_told_before() -> None:
+    motions = [straight(0.0, 1.0), Motion(1.9, 3.0, Pose2(0.25, 0.1, 0.2), _GOOD)]
+    told = on_the_line(1.5)
+    in_time, late = started(), started()
+
+    for motion in motions:
+        in_time.apply("wheels", motion)
+    in_time.apply("fixes", told)
+    late.apply("wheels", motions[0])
+    late.apply("fixes", told)
+    late.apply("wheels", motions[1])
+
+    pose, covariance = believed(in_time)
+    assert believed(late)[0].distance_to(pose) < 1e-6
+    np.testing.assert_allclose(believed(late)[1], covariance, rtol=1e-6)
