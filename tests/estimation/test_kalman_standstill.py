@@ -99,6 +99,21 @@ def test_a_robot_on_a_turntable_is_not_held_unless_the_config_asks_for_it() -> N
     assert abs(pose_of(belief).theta - 30.0 * turn_radps) < 4.0 * sigma_of_heading(belief)
 
 
+def test_a_speed_sensor_that_counts_nothing_is_no_word_on_the_turn() -> None:
+    """It stands for 5 s, then turns on the spot: a sensor that does not measure turn goes on counting nothing."""
+    kalman, without = started(), started(standstill="off")
+    speed = information_from_sigmas(0.001, 0.001, math.inf)
+    for step in range(1, 201):
+        since_s, stamp_s = (step - 1) * _DT_S, step * _DT_S
+        turn = math.radians(0.5) * _DT_S if step > 50 else 0.0
+        for each in (kalman, without):
+            each.apply("speed", Motion(since_s, stamp_s, Pose2(), speed))
+            each.apply("gyro", Motion(since_s, stamp_s, Pose2(0.0, 0.0, turn), _GYRO))
+
+    assert math.degrees(pose_of(kalman.belief()).theta) > 7.0  # of 7.5
+    assert kalman.common_errors() == without.common_errors()
+
+
 def test_a_run_without_a_gyro_is_the_same_to_the_last_bit() -> None:
     rng = np.random.default_rng(7)
     kalman, without = started(sources={}), started(sources={}, standstill="off")
