@@ -41,11 +41,11 @@ class Talker:
     topic = "/odom"
     type_name = "odometry"
 
-    def __init__(self, stamps: list[float]) -> None:
-        self._stamps = stamps
+    def __init__(self, stamps: list[float], writers: list[int]) -> None:
+        self._stamps, self._writers = stamps, writers
 
     def take(self) -> list[SimpleNamespace]:
-        return [SimpleNamespace(cdr=[stamp_s], writer=1) for stamp_s in self._stamps]
+        return [SimpleNamespace(cdr=[stamp_s], writer=writer) for stamp_s, writer in zip(self._stamps, self._writers)]
 
 
 @pytest.fixture
@@ -54,12 +54,13 @@ def feed(monkeypatch):
 
     feeds = pytest.importorskip("trailmark_ros2.feeds", exc_type=ImportError)
 
-    def make(stamps: list[float]) -> Any:
+    def make(stamps: list[float], writers: list[int] | None = None) -> Any:
         came_s = iter(0.1 * k for k in range(100))
         monkeypatch.setattr("trailmark_ros2.feeds.live_stamp_s", lambda: next(came_s))
         monkeypatch.setattr("trailmark_ros2.feeds.deserialize", lambda cdr, _: message_with_frame(cdr[0]))
         reader = SimpleNamespace(restarts=0, own_part=lambda message: message, payload=lambda *_: Scalar(0.0))
-        return feeds.TopicFeed("wheels", Talker(stamps), reader, Stamper("/odom", "header", 1e10), skips=True)
+        talker = Talker(stamps, writers or [1] * len(stamps))
+        return feeds.TopicFeed("wheels", talker, reader, Stamper("/odom", "header", 1e10), skips=True)
 
     return make
 
@@ -67,6 +68,14 @@ def feed(monkeypatch):
 def message_with_frame(stamp_s: float) -> SimpleNamespace:
     stamp = SimpleNamespace(sec=int(stamp_s), nanosec=round(stamp_s % 1 * 1e9))
     return SimpleNamespace(header=SimpleNamespace(stamp=stamp, frame_id="odom"))
+
+
+def test_a_late_message_of_a_program_that_was_started_again_is_left_out_silently(feed, caplog) -> None:
+    talker = feed([5.0, 5.2, 5.3, 5.4, 5.5], writers=[1, 2, 1, 2, 2])
+
+    assert [frame.stamp_s for frame in talker.take()] == pytest.approx([5.0, 5.2, 5.4, 5.5])
+    assert talker.counts["late_writer"] == 1
+    assert caplog.text == ""
 
 
 def test_stamps_that_go_back_are_said_once(feed, caplog) -> None:

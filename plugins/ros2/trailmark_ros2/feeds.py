@@ -156,6 +156,9 @@ class TopicFeed:
         self.counts["went_back"] += 1
 
     def _leave_out_other_writer(self) -> None:
+        if not self._writers.is_contested:  # of a program that was started again, its last
+            self.counts["late_writer"] += 1
+            return
         if not self.counts["other_writer"]:
             logger.warning(
                 "%s is sent by two programs at once; messages of the one that came later are left out, others silently:"

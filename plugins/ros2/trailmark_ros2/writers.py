@@ -11,8 +11,9 @@ _GONE_S = 3.0
 class WriterChoice:
     """Tells the messages of one writer from those of others on its topic.
 
-    A program that is started again is another writer, and counts at its first message. Where the one before speaks on,
-    there are two programs: the one that was heard first counts, until it has been silent for a while.
+    A program that is started again is another writer, and counts at its first message. One message of the one before
+    may come late; where it speaks twice, there are two programs: the one that was heard first counts, until it has been
+    silent for a while.
 
     Attributes
     ----------
@@ -24,6 +25,7 @@ class WriterChoice:
         self.is_contested = False
         self._current: int | None = None
         self._heard_s: dict[int, float] = {}  # in the order in which they were first heard
+        self._spoke_once: set[int] = set()  # others, since the current one took over
 
     def counts(self, writer: int, came_s: float) -> bool:
         """Return whether a message counts.
@@ -35,15 +37,17 @@ class WriterChoice:
         came_s : float
             When it came, in monotonic time [s].
         """
-        is_known = writer in self._heard_s
+        is_new = writer not in self._heard_s
         self._heard_s[writer] = came_s
         self._heard_s = {other: heard_s for other, heard_s in self._heard_s.items() if came_s - heard_s <= _GONE_S}
-        if is_known and writer != self._current:
-            self.is_contested = True
         if len(self._heard_s) == 1:
             self.is_contested = False
-        if not self.is_contested:
-            self._current = writer
-        else:
+        if writer != self._current and not self.is_contested:
+            if is_new or len(self._heard_s) == 1:
+                self._current, self._spoke_once = writer, set()
+            else:
+                self.is_contested = writer in self._spoke_once
+                self._spoke_once.add(writer)
+        if self.is_contested:
             self._current = next(iter(self._heard_s))
         return writer == self._current
