@@ -15,7 +15,6 @@ import numpy.typing as npt
 from trailmark.errors import ShapeError
 from trailmark.frames.payloads import read_only
 from trailmark.geometry import Pose2, wrap_angle
-from trailmark.geometry.polyline import Polyline
 
 __all__ = ["Keyframe", "OnPath", "Path", "Waypoint"]
 
@@ -104,6 +103,8 @@ class Path:
     __slots__ = ("_grid", "_headings", "_polyline", "_positions", "_stations", "_turns", "waypoints")
 
     def __init__(self, waypoints: Iterable[Waypoint]) -> None:
+        from trailmark.geometry.polyline import Polyline  # most runs have no path
+
         self.waypoints: tuple[Waypoint, ...] = tuple(waypoints)
         if not self.waypoints:
             raise ShapeError("a path needs at least one waypoint")

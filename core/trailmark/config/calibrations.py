@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import trailmark.frames
 from trailmark.config.document import read_document
 from trailmark.config.files import resolve_path
 from trailmark.errors import ConfigError
-
-if TYPE_CHECKING:
-    from trailmark.frames import Calibration
 
 __all__ = ["read_calibration", "with_absolute_files"]
 
@@ -19,7 +17,9 @@ __all__ = ["read_calibration", "with_absolute_files"]
 _ARRAY_FILES = (".npy", ".png")
 
 
-def read_calibration(value: str | Path | Mapping[str, Any], base_dir: Path | None = None) -> Calibration:
+def read_calibration(
+    value: str | Path | Mapping[str, Any], base_dir: Path | None = None
+) -> trailmark.frames.Calibration:
     """Return the calibration of a YAML, TOML or JSON file, or of a mapping.
 
     Parameters

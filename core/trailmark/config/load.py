@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from trailmark.config.calibrations import with_absolute_files
 from trailmark.config.checks import (
@@ -33,9 +33,6 @@ from trailmark.errors import ConfigError
 from trailmark.interfaces import Mode
 from trailmark.plugins import Plugins
 
-if TYPE_CHECKING:
-    from trailmark.config.overrides import Override
-
 __all__ = ["load_run_config"]
 
 
@@ -43,7 +40,7 @@ def load_run_config(
     config: str | Path | Mapping[str, Any] | Document,
     *,
     plugins: Plugins,
-    overrides: Sequence[Override] = (),
+    overrides: Sequence[str | tuple[str, Any]] = (),
     mode: Mode | None = None,
     base_dir: Path | None = None,
 ) -> RunConfig:

@@ -6,8 +6,9 @@ import re
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
+import trailmark.frames
 from trailmark.config.base import UNNAMED, PluginConfig, SourceConfig, sensor_roles
 from trailmark.config.calibrations import read_calibration, with_absolute_files
 from trailmark.config.document import Document, Keys, Problems, kind_at
@@ -16,9 +17,6 @@ from trailmark.config.host import DEFAULT_PLUGINS, HOST_OPTIONS, RESERVED_NAMES,
 from trailmark.config.run import LocalizerEntry, PartEntry, SourceEntry
 from trailmark.errors import ConfigError, PluginError
 from trailmark.plugins import Kind, Registry, Spec
-
-if TYPE_CHECKING:
-    from trailmark.frames import Calibration
 
 __all__ = ["PartReader", "part_document"]
 
@@ -130,7 +128,7 @@ class PartReader:
         document = entry.document | {"perturb": found.document}
         return replace(entry, faults=found.entries, perturbed=found.sensors, document=document)
 
-    def calibration(self, keys: Keys, value: Any) -> Calibration | None:
+    def calibration(self, keys: Keys, value: Any) -> trailmark.frames.Calibration | None:
         """Read a calibration; None where none is given or it cannot be read."""
         if value is None:
             return None

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
+from typing import Any, Generic, Self, TypeVar
 
+import trailmark.frames
 from trailmark.config.base import Mounting, PluginConfig, SourceConfig
 from trailmark.config.document import Document, Key, Keys
 from trailmark.config.host import (
@@ -21,9 +22,6 @@ from trailmark.config.host import (
 from trailmark.interfaces import Access, Mode, PathStore
 from trailmark.plugins import Plugins
 from trailmark.plugins.spec import Spec
-
-if TYPE_CHECKING:
-    from trailmark.frames import Calibration
 
 __all__ = [
     "EstimatorEntry",
@@ -101,7 +99,7 @@ class SourceEntry(PartEntry[NoOptions]):
     """
 
     config: SourceConfig
-    calibration: Calibration | None = None
+    calibration: trailmark.frames.Calibration | None = None
     faults: tuple[FaultEntry, ...] = ()
     perturbed: tuple[str, ...] | None = None
 
@@ -148,7 +146,7 @@ class SensorOverride:
     """
 
     mounting: Mounting | None = None
-    calibration: Calibration | None = None
+    calibration: trailmark.frames.Calibration | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -18,6 +18,7 @@ from trailmark.lazy import lazy_names
 
 if TYPE_CHECKING:
     from trailmark.frames.calibration import Arrays, Calibration, DepthCamera, GroundPlane, Omni, Pinhole
+    from trailmark.frames.outlines import Outlines
 
 __all__ = [
     "PAYLOAD_KINDS",
@@ -31,6 +32,7 @@ __all__ = [
     "Imu",
     "Odometry",
     "Omni",
+    "Outlines",
     "Payload",
     "Pinhole",
     "Record",
@@ -42,5 +44,9 @@ __all__ = [
 ]
 
 __getattr__, __dir__ = lazy_names(
-    __name__, {"calibration": ["Arrays", "Calibration", "DepthCamera", "GroundPlane", "Omni", "Pinhole"]}
+    __name__,
+    {
+        "calibration": ["Arrays", "Calibration", "DepthCamera", "GroundPlane", "Omni", "Pinhole"],
+        "outlines": ["Outlines"],
+    },
 )

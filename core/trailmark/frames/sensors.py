@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+import trailmark.frames
 from trailmark.errors import ShapeError
 from trailmark.frames.payloads import PAYLOAD_KINDS, Payload
 from trailmark.geometry import Pose3
-
-if TYPE_CHECKING:
-    from trailmark.frames.calibration import Calibration
 
 __all__ = ["PAYLOAD_KINDS", "SensorInfo", "SensorOrigin", "payload_kind"]
 
@@ -60,7 +57,7 @@ class SensorInfo:
     size: tuple[int, int] | None = None
     rate_hz: float | None = None
     pose_base_sensor: Pose3 = Pose3()
-    calibration: Calibration | None = None
+    calibration: trailmark.frames.Calibration | None = None
 
     def __post_init__(self) -> None:
         if not _NAME.fullmatch(self.name):

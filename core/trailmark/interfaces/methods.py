@@ -5,20 +5,18 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from trailmark.arrays import Floats
+from trailmark.commands import Command
 from trailmark.estimates import Applied, Belief, Estimate, Fix, Lost
 from trailmark.frames import Frame
 from trailmark.geometry import Pose2
 from trailmark.interfaces.session import Part
-
-if TYPE_CHECKING:
-    from trailmark.commands import Command
-    from trailmark.paths import Keyframe
+from trailmark.paths import Keyframe
 
 __all__ = ["Controller", "Estimator", "Localizer"]
 

@@ -10,15 +10,15 @@ from pathlib import Path as FilePath
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, Self
 
+from trailmark.commands import Command
 from trailmark.estimates import Applied, Belief, Estimate, EstimateRecord
 from trailmark.frames import Frame, SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interfaces.session import Access, LocalizerMap, Part
+from trailmark.paths import Keyframe, Path, Waypoint
 
 if TYPE_CHECKING:
-    from trailmark.commands import Command
     from trailmark.config.base import PluginConfig
-    from trailmark.paths import Keyframe, Path, Waypoint
 
 __all__ = ["PathStore", "RunEnd", "Sink"]
 

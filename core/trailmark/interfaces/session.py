@@ -7,16 +7,14 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from trailmark.frames import SensorInfo
 from trailmark.geometry import Pose2
-
-if TYPE_CHECKING:
-    from trailmark.paths import Keyframe, Path
+from trailmark.paths import Keyframe, Path
 
 __all__ = ["Access", "LocalizerMap", "Mode", "Pace", "Part", "Session"]
 

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
+import trailmark.frames
+from trailmark.commands import Command
 from trailmark.errors import ConfigError
 from trailmark.frames import Frame, SensorInfo, SensorOrigin
 from trailmark.geometry import Trajectory
 from trailmark.interfaces.session import Part
-
-if TYPE_CHECKING:
-    from trailmark.commands import Command
-    from trailmark.frames.outlines import Outlines
 
 __all__ = ["Drivable", "Fault", "FrameSource"]
 
@@ -44,7 +42,7 @@ class FrameSource(Part):
         """Return the true trajectory of base where it is known; asked after the last frame."""
         return None
 
-    def outlines(self) -> Outlines | None:
+    def outlines(self) -> trailmark.frames.Outlines | None:
         """Return what stands around and how large the robot is, where it is known, for drawing; asked at the end."""
         return None
 

@@ -20,6 +20,7 @@ from trailmark.estimates import Applied
 from trailmark.frames import Frame, SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interruption import reason_of, shielded
+from trailmark.paths import Path as TaughtPath
 from trailmark.pipeline.instruments import Instruments
 from trailmark.pipeline.outputs.result import RunResult, Step
 from trailmark.pipeline.parts import Parts, build_parts
@@ -27,7 +28,6 @@ from trailmark.pipeline.request import RunKeywords, RunRequest
 from trailmark.pipeline.run import Run
 
 if TYPE_CHECKING:
-    from trailmark.paths import Path as TaughtPath
     from trailmark.pipeline.outputs.recorder import Recorder
     from trailmark.sources.reorder import ReorderWindow
 

@@ -7,16 +7,14 @@ from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
+import trailmark.frames
+from trailmark.commands import Command
 from trailmark.estimates import Belief, EstimateRecord
 from trailmark.frames import Frame
 from trailmark.geometry import Trajectory
 from trailmark.geometry.notebook import pandas_module, plane_axes
-
-if TYPE_CHECKING:
-    from trailmark.commands import Command
-    from trailmark.frames.outlines import Outlines
 
 __all__ = ["RunResult", "Status", "Step"]
 
@@ -81,7 +79,7 @@ class RunResult:
     ground_truth: Trajectory | None = field(default=None, repr=False)
     timing: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}), repr=False)
     folder: Path | None = None
-    outlines: Outlines | None = field(default=None, repr=False)
+    outlines: trailmark.frames.Outlines | None = field(default=None, repr=False)
     metrics: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}), repr=False)
 
     def __repr__(self) -> str:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+import trailmark.frames
 from trailmark.clock import live_stamp_s
 from trailmark.config import LiveSourceConfig, Mounting, SensorOverride, SourceConfig
 from trailmark.errors import ConfigError, SourceError, SourceFailedError
@@ -24,8 +25,6 @@ from trailmark.pipeline.instruments import SOURCE_COUNTS, Counters, counts_of
 from trailmark.pipeline.sources.checks import FrameChecks
 
 if TYPE_CHECKING:
-    from trailmark.frames import Calibration
-    from trailmark.frames.outlines import Outlines
     from trailmark.pipeline.sources.perturbing import Perturber
 
 __all__ = ["SourceStream", "corrected", "corrected_sensors", "ground_truth_of", "outlines_of"]
@@ -58,7 +57,7 @@ class SourceStream:
         name: str,
         source: FrameSource,
         options: SourceConfig,
-        calibration: Calibration | None = None,
+        calibration: trailmark.frames.Calibration | None = None,
         perturber: Perturber | None = None,
     ) -> None:
         self.name = name
@@ -281,7 +280,9 @@ def _shifted(frames: Iterator[Frame], offset_s: float, rename: Mapping[str, str]
         yield Frame(rename.get(frame.sensor, frame.sensor), frame.stamp_s + offset_s, frame.payload)
 
 
-def corrected(info: SensorInfo, mounting: Mounting | None, calibration: Calibration | None) -> SensorInfo:
+def corrected(
+    info: SensorInfo, mounting: Mounting | None, calibration: trailmark.frames.Calibration | None
+) -> SensorInfo:
     """Return a sensor with what the config says about it; None: as the source says."""
     if mounting is not None:
         roll, pitch, yaw = (math.radians(a) for a in (mounting.roll_deg, mounting.pitch_deg, mounting.yaw_deg))
@@ -315,7 +316,7 @@ def ground_truth_of(sources: Sequence[SourceStream]) -> Trajectory | None:
     return None
 
 
-def outlines_of(sources: Sequence[SourceStream]) -> Outlines | None:
+def outlines_of(sources: Sequence[SourceStream]) -> trailmark.frames.Outlines | None:
     """Return the outlines of the first source that knows some; one that fails to say is a warning."""
     for stream in sources:
         try:
@@ -330,12 +331,10 @@ def outlines_of(sources: Sequence[SourceStream]) -> Outlines | None:
     return None
 
 
-def _checked_outlines(source: FrameSource) -> Outlines | None:
+def _checked_outlines(source: FrameSource) -> trailmark.frames.Outlines | None:
     outlines = source.outlines()
     if outlines is None:
         return None
-    from trailmark.frames.outlines import Outlines  # only simulated worlds know theirs
-
-    if not isinstance(outlines, Outlines):
+    if not isinstance(outlines, trailmark.frames.Outlines):
         raise TypeError(f"it gave {type(outlines).__name__}, not Outlines")
     return outlines
