@@ -194,6 +194,16 @@ class TestClock:
         assert belief.covariance[0, 0] > 1.0
         assert estimator.counters()["time_resets"] == 1
 
+    @EKF_ONLY
+    def test_who_falls_silent_when_clocks_are_set_back_is_said_to_be(self) -> None:
+        estimator = driven(kalman(), 5)
+        estimator.apply("camera", fix(0.5))
+
+        for i in range(40):
+            estimator.apply("wheels", Motion(0.1 * i - DAY_S, 0.1 * (i + 1) - DAY_S, Pose2(0.1), GOOD))
+
+        assert estimator.belief().health["camera"].startswith("silent for 3.")
+
     def test_a_config_may_refuse_another_time_for_ever(self) -> None:
         guard = ClockGuard(60.0, None)
 

@@ -222,6 +222,16 @@ def test_certainty_without_precedent_is_believed_as_that_before() -> None:
     np.testing.assert_allclose(believed, diagonal(100.0, 100.0, 100.0))
 
 
+def test_a_clock_that_is_set_back_makes_nothing_precedented() -> None:
+    record = CertaintyRecord()
+    for i in range(20):
+        record.believed(diagonal(100.0, 100.0, 100.0), 1000.0 + 0.1 * i)
+
+    record.restart_clock(5.0)
+
+    np.testing.assert_allclose(record.believed(diagonal(1e10, 1e10, 1e10), 5.0), diagonal(100.0, 100.0, 100.0))
+
+
 def test_certainty_without_precedent_is_no_precedent_soon() -> None:
     record = CertaintyRecord()
     for i in range(20):

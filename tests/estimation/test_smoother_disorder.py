@@ -102,3 +102,35 @@ def test_a_fix_in_a_gap_is_tied_as_if_motion_had_been_told_before() -> None:
     pose, covariance = believed(in_time)
     assert believed(late)[0].distance_to(pose) < 1e-6
     np.testing.assert_allclose(believed(late)[1], covariance, rtol=1e-6)
+
+
+def set_back() -> Smoother:
+    """Return one whose clock was set from 1005 s to 10 s, with two that told fixes before and wheels since."""
+    smoother = started()
+    for begin_s in (1000.0, 10.0):
+        for step in range(1, 50):
+            stamp_s = begin_s + step / 10
+            smoother.apply("wheels", Motion(stamp_s - 0.1, stamp_s, Pose2(), _GOOD))
+            if begin_s == 1000.0:
+                smoother.apply("good", Fix(stamp_s, Pose2(), _GOOD))
+                smoother.apply("bad", Fix(stamp_s, Pose2(), _GOOD))
+    assert smoother.counters()["time_resets"] == 1
+    return smoother
+
+
+def test_who_falls_silent_when_the_clock_is_set_back_is_said_to_be() -> None:
+    health = set_back().belief().health
+
+    assert health.keys() == {"good", "bad"}
+    assert health["good"].startswith("silent for 4.")
+
+
+def test_what_was_accepted_before_the_clock_was_set_back_supports_nobody() -> None:
+    smoother = set_back()
+    for step in range(50, 54):
+        smoother.apply("bad", Fix(10.0 + step / 10, Pose2(30.0), _GOOD))
+
+    belief = smoother.belief()
+
+    assert belief.health["bad"].startswith("contradicts the belief")
+    assert math.sqrt(believed(smoother)[1][0, 0]) > 3.0

@@ -28,6 +28,12 @@ class CertaintyRecord:
         self._since_s = self._stamp_s = -math.inf
         self.n_in_a_row = 0
 
+    def restart_clock(self, stamp_s: float) -> None:
+        """Go on as if the newest estimate had this stamp, the first of a clock that was set."""
+        if self._stamp_s > -math.inf:
+            self._since_s += stamp_s - self._stamp_s
+            self._stamp_s = stamp_s
+
     def believed(self, information: Sym3, stamp_s: float, *, is_at_rest: bool = False) -> Sym3:
         """Return the information, reduced if it is without precedent; one at rest may be, and sets the record."""
         xx, _, _, yy, _, tt = information

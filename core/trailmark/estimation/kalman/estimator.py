@@ -187,7 +187,7 @@ class Kalman(Estimator):
         if place == "elsewhere":
             return self._refuse("time_jump", f"the clock jumped by {stamp_s - newest_s:+.3f} s")
         if place == "reset":
-            self._restart_clock()
+            self._restart_clock(stamp_s)
         elif stamp_s < self._timeline.horizon_s:
             self._counted["late"] += 1
             message = f"{newest_s - stamp_s:.3f} s old, the history reaches back {self.config.history_s:g} s"
@@ -270,7 +270,7 @@ class Kalman(Estimator):
         self._counted[f"refused_{what}"] += 1
         return Applied("refused", reason)
 
-    def _restart_clock(self) -> None:
+    def _restart_clock(self, stamp_s: float) -> None:
         """Begin anew at any time, where the belief was, as uncertain as after a gap."""
         self._counted["time_resets"] += 1
         self._learning.begin_anew()
@@ -280,6 +280,8 @@ class Kalman(Estimator):
         inflated = self._timeline.last_after_gap(_GAP_OF_A_JUMP_S)
         self._odometry = PublishedOdometry.continue_from(pose, travelled_m, inflated.odometry)
         self._begin_history(inflated)
+        for monitor in self._monitors.values():
+            monitor.restart_clock(stamp_s)
 
     def _rejoin(self) -> None:
         if self._odometry.is_doubtful:

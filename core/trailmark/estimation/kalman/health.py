@@ -100,6 +100,13 @@ class SourceMonitor:
         if stamp_s > self.last_s:
             self.last_s = stamp_s
 
+    def restart_clock(self, stamp_s: float) -> None:
+        """Count silence from the first stamp of a clock that was set."""
+        if self.last_s > -math.inf:
+            self.last_s = stamp_s
+        self.fix_certainty.restart_clock(stamp_s)
+        self.motion_certainty.restart_clock(stamp_s)
+
 
 def health_of(monitors: Mapping[str, SourceMonitor], state: FilterState, recover_after: int) -> dict[str, str]:
     """Return what is wrong, by localizer; nothing for one that is well."""

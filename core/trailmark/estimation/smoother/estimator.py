@@ -145,7 +145,7 @@ class Smoother(Estimator):
         if place == "elsewhere":
             return self._refuse("time_jump", f"the clock jumped by {stamp_s - newest_s:+.3f} s")
         if place == "reset":
-            self._restart_clock()
+            self._restart_clock(stamp_s)
         elif stamp_s < newest_s - self.config.lag_s:
             self._counted["late"] += 1
             message = f"{newest_s - stamp_s:.3f} s old, the window reaches back {self.config.lag_s:g} s"
@@ -238,7 +238,7 @@ class Smoother(Estimator):
         else:
             self._line.forget(horizon_s)
 
-    def _restart_clock(self) -> None:
+    def _restart_clock(self, stamp_s: float) -> None:
         """Begin anew at any time, where the belief was, as uncertain as after a gap."""
         self._counted["time_resets"] += 1
         self._rejoin()
@@ -251,6 +251,8 @@ class Smoother(Estimator):
         self._odometry = PublishedOdometry.continue_from(pose, travelled_m, _published(OdomState(0.0)))
         if last is not None and before is not None:
             self._open_window(-math.inf, before.pose.array(), to_matrix(last.covariance))
+        for record in self._records.values():
+            record.restart_clock(stamp_s)
 
     def _rejoin(self) -> None:
         if self._odometry.is_doubtful:

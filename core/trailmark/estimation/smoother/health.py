@@ -66,6 +66,12 @@ class SourceRecord:
             self.n_rejected += 1
             self._ratios.append(ratio)
 
+    def restart_clock(self, stamp_s: float) -> None:
+        """Count silence from the first stamp of a clock that was set; what was accepted before it supports nothing."""
+        if self.last_s > -math.inf:
+            self.last_s = stamp_s
+        self.accepted_s = -math.inf
+
     def forgive(self) -> None:
         """Forget what was rejected: the belief was wrong, not the localizer."""
         self.n_rejected = 0
