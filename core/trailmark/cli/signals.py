@@ -74,7 +74,7 @@ class HeardSignals:
 
     The handlers raise `Interrupted` in the main thread when the run allows it; a thread does the rest.
 
-        The thread learns of a signal even while the main thread is in native code: the system writes the signal's
+    The thread learns of a signal even while the main thread is in native code: the system writes the signal's
     number into a pipe (`signal.set_wakeup_fd`).
 
     Parameters
