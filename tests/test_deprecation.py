@@ -34,6 +34,30 @@ def test_an_old_name_is_the_new_class_and_warns(module: str, old: str, new: type
         assert getattr(importlib.import_module(module), old) is new
 
 
+KIT = "trailmark_papers.kit"
+
+
+@pytest.mark.parametrize(
+    ("module", "old", "new"),
+    [
+        ("trailmark.interruption", "asked", "ending_signal"),
+        (KIT, "simulated", "sim_source"),
+        (KIT, "grouped", "group_by"),
+        (KIT, "timed", "observe_timed"),
+        (f"{KIT}.runs", "simulated", "sim_source"),
+        (f"{KIT}.sweeps", "grouped", "group_by"),
+        (f"{KIT}.watching", "timed", "observe_timed"),
+        ("trailmark_faults.calibration", "misjudged", "with_wrong_calibration"),
+        ("trailmark_faults.depth", "shifted", "shift_depth"),
+    ],
+)
+def test_an_old_function_is_the_new_one_and_warns(module: str, old: str, new: str) -> None:
+    home = importlib.import_module(module)
+
+    with pytest.warns(DeprecationWarning, match=f"{old} is called {new} now"):
+        assert getattr(home, old) is getattr(home, new)
+
+
 def test_what_has_moved_says_where_it_is() -> None:
     with pytest.warns(DeprecationWarning, match="live_stamp_s is called trailmark.clock.live_stamp_s now"):
         assert importlib.import_module("trailmark.pipeline.clock").live_stamp_s is live_stamp_s

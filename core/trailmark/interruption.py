@@ -16,7 +16,7 @@ import threading
 import time
 from abc import ABC, abstractmethod
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 __all__ = [
     "CLOSE_S",
@@ -227,3 +227,9 @@ class shielded:
     ) -> None:
         if threading.get_ident() == _main_ident:
             _request.patience_s = self._outer_s
+
+
+def __getattr__(name: str) -> Any:
+    from trailmark.deprecation import deprecated_name  # hardly ever asked for
+
+    return deprecated_name(__name__, name, {"asked": ending_signal})

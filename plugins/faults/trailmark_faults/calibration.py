@@ -9,6 +9,7 @@ from typing import Any
 from pydantic import Field
 
 from trailmark.config import PluginConfig
+from trailmark.deprecation import deprecated_name
 from trailmark.frames import DepthCamera, GroundPlane, Pinhole, SensorInfo
 from trailmark.geometry import Pose3
 
@@ -51,3 +52,7 @@ def _scale_calibration(calibration: Any, scale: float) -> Any:
             depth = None if calibration.depth is None else _scale_calibration(calibration.depth, scale)
             return replace(calibration, colour=_scale_calibration(calibration.colour, scale), depth=depth)
     return calibration
+
+
+def __getattr__(name: str) -> Any:
+    return deprecated_name(__name__, name, {"misjudged": with_wrong_calibration})

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from pydantic import Field
 
 from trailmark.arrays import Depth
 from trailmark.config import PluginConfig
+from trailmark.deprecation import deprecated_name
 from trailmark.frames import RGBD, Frame
 from trailmark.interfaces import Fault
 
@@ -87,3 +89,7 @@ def shift_depth(depth_m: Depth, u_px: int, v_px: int) -> Depth:
         columns, from_columns = slice(max(u_px, 0), width + min(u_px, 0)), slice(max(-u_px, 0), width + min(-u_px, 0))
         moved[rows, columns] = depth_m[from_rows, from_columns]
     return moved
+
+
+def __getattr__(name: str) -> Any:
+    return deprecated_name(__name__, name, {"shifted": shift_depth})

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+from trailmark.deprecation import deprecated_name
 from trailmark_papers.kit.figures import panels
 from trailmark_papers.kit.keepers import AnswerKeeper, FrameKeeper
 from trailmark_papers.kit.numbers import largest_of, mean_of, rms, sd_of, spread_of
@@ -40,3 +43,7 @@ __all__ = [
     "sweep",
     "truth_of",
 ]  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    return deprecated_name(__name__, name, {"grouped": group_by, "simulated": sim_source, "timed": observe_timed})

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from trailmark.deprecation import deprecated_name
 from trailmark.evaluation import collisions_of
 from trailmark.geometry import Trajectory
 from trailmark.interfaces import FrameSource, Mode, Session
@@ -75,3 +76,7 @@ def started_source(config: Mapping[str, Any], seed: int = 0, name: str = "robot"
         yield source
     finally:
         source.close()
+
+
+def __getattr__(name: str) -> Any:
+    return deprecated_name(__name__, name, {"simulated": sim_source})

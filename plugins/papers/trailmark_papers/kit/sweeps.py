@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Mapping
 from typing import Any, TypeVar
 
+from trailmark.deprecation import deprecated_name
 from trailmark.experiments import ExperimentOptions
 
 __all__ = ["group_by", "sweep"]
@@ -38,3 +39,7 @@ def group_by(found: Mapping[K, T], group_of: Callable[[K], G]) -> dict[G, list[T
     for key, answer in found.items():
         groups.setdefault(group_of(key), []).append(answer)
     return groups
+
+
+def __getattr__(name: str) -> Any:
+    return deprecated_name(__name__, name, {"grouped": group_by})

@@ -5,9 +5,11 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Sequence
+from typing import Any
 
 import numpy as np
 
+from trailmark.deprecation import deprecated_name
 from trailmark.estimates import Belief, Estimate
 from trailmark.frames import Frame
 from trailmark.geometry import Trajectory
@@ -50,3 +52,7 @@ def observe_timed(
     began_ns = clock_ns()
     answers = localizer.observe(frame, belief)
     return answers, (clock_ns() - began_ns) / 1e6
+
+
+def __getattr__(name: str) -> Any:
+    return deprecated_name(__name__, name, {"timed": observe_timed})
