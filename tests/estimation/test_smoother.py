@@ -283,3 +283,17 @@ def test_a_config_with_a_window_longer_than_a_jump_is_refused() -> None:
         SmootherConfig(lag_s=90.0)
     with pytest.raises(ValueError, match="gate must be a probability"):
         SmootherConfig(gate=1.5)
+
+
+@pytest.mark.parametrize("start", [None, _ORIGIN])
+def test_fixes_alone_are_followed_while_nobody_tells_motion(start: Pose2 | None) -> None:
+    smoother, rng = started(start), np.random.default_rng(5)
+    for step in range(5, 301, 5):
+        dx, dy, turn = rng.normal(0.0, _FIX_SIGMAS)
+        assert smoother.apply("fixes", fix(step, (dx, dy, turn))).status == "accepted"
+
+    belief = smoother.belief()
+    assert belief.pose_map_base is not None
+    assert belief.covariance is not None
+    away = true_pose(300).between(belief.pose_map_base)
+    assert math.hypot(away.x, away.y) < 4.0 * math.sqrt(float(np.trace(belief.covariance[:2, :2])))

@@ -229,6 +229,7 @@ class Smoother(Estimator):
     def _advance(self, stamp_s: float) -> None:
         """Let time go on; what has left the window is eliminated once in a while."""
         self._newest_s = max(self._newest_s, stamp_s)
+        self._line.begin(stamp_s)
         horizon_s = self._newest_s - self.config.lag_s
         if horizon_s < self._kept_since_s + 0.1 * self.config.lag_s:
             return

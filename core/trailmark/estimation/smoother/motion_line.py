@@ -52,6 +52,11 @@ class MotionLine:
         """Stamp until which motion is known; ``-inf`` before the first [s]."""
         return self._stamps[-1] if self._stamps else -math.inf
 
+    def begin(self, stamp_s: float) -> None:
+        """Let base drift from a stamp on if nothing is known of it yet: whoever is heard of first may be on the way."""
+        if not self._stamps:
+            self._append(OdomState(stamp_s))
+
     def add(self, source: str, motion: StatedMotion) -> float | None:
         """Take a motion and return the stamp since which odometry has changed [s].
 
@@ -77,7 +82,8 @@ class MotionLine:
     def at(self, stamp_s: float) -> OdomState:
         """Return odometry at a stamp: interpolated, or carried on with the last twist.
 
-        Before the first motion base stands at the origin. Stamps older than what is kept get the oldest state that is.
+        Before `begin` and the first motion base stands at the origin. Stamps older than what is kept get the oldest
+        state that is.
         """
         index = bisect_left(self._stamps, stamp_s)
         if index == len(self._stamps):
