@@ -125,6 +125,21 @@ def test_marks_on_the_lens_are_learned_and_the_track_is_right(camera, pictures):
     np.testing.assert_allclose(steps, SPEED_MPS / 70, atol=0.2e-3)
 
 
+def test_a_lattice_of_marks_leaves_the_track_as_it_is(camera, pictures):
+    for v in range(4, camera.size[1] - 8, 24):
+        for u in range(4, camera.size[0] - 8, 24):
+            for picture in pictures:
+                picture[v : v + 8, u : u + 8] = 100
+    tracker = GroundTracker(config(), camera.size)
+
+    said = follow(tracker, pictures[:40])
+
+    told = [answer for answer in said if isinstance(answer, TrackedMotion)]
+    assert len(told) >= 37
+    steps = np.array([abs(pose_prev_now(answer.motion, camera.metres_per_pixel).x) for answer in told])
+    np.testing.assert_allclose(steps[20:], SPEED_MPS / 70, atol=0.2e-3)
+
+
 def test_a_picture_of_another_size_has_a_rim_and_a_reach_of_its_own():
     sizes = [(512, 480), (1024, 960), (320, 240)]
 

@@ -106,6 +106,17 @@ def test_the_ends_of_streaks_at_a_faded_mark_hold_no_motion(grained, marks):
     assert moved.v == pytest.approx(0.0, abs=0.05)
 
 
+def test_where_nothing_is_open_all_pixels_have_a_say(isotropic):
+    refinement = GuardedRefinement(GroundVOConfig(camera="floor", max_iterations=40), SIZE, 1.0)
+    refinement.begin(view(isotropic, 0))
+    refinement.ignore(np.ones((SIZE[1], SIZE[0]), np.bool_))
+
+    aligned = refinement.align(view(isotropic, 3), [STILL, ImageMotion(3.0, 0.0, 0.0)])
+
+    assert aligned.motion.u == pytest.approx(3.0, abs=0.05)
+    assert aligned.fitting > 0.95
+
+
 def test_a_pixel_that_passes_a_mark_keeps_its_look(isotropic, marks):
     config = GroundVOConfig(camera="floor", max_iterations=40)
     refinement = GuardedRefinement(config, SIZE, 1.0)

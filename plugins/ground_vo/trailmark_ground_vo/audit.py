@@ -129,8 +129,8 @@ class MotionAudit:
         self._aspect = aspect
         self._closed: Bools | None = None
 
-    def ignore(self, closed: Bools) -> None:
-        """Leave out the pixels of `spread` where something is fixed to the lens, (H, W) bool."""
+    def ignore(self, closed: Bools | None) -> None:
+        """Leave out the pixels of `spread` where something is fixed to the lens, (H, W) bool; None: leave out none."""
         self._closed = closed
 
     def audit(self, before: Grey16, now: Grey16, motion: ImageMotion) -> Audit:

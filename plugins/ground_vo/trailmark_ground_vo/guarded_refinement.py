@@ -46,6 +46,9 @@ _OWN_AND_BEFORE = 2.0
 #: One pixel in so many is enough for a median.
 _EVERY = 4
 
+#: Fewer remembered pixels than this do not hold a motion, of one or two thousand.
+_LEAST_OPEN = 300
+
 _NO_MOTION = (0.0, 0.0, 0.0)
 
 
@@ -79,8 +82,8 @@ class GuardedRefinement(Refinement):
         super().begin(picture)
         self._is_unseen = self._is_closed(_NO_MOTION)
 
-    def ignore(self, closed: Bools) -> None:
-        """Give no pixel a say where something is fixed to the lens, (H, W) bool.
+    def ignore(self, closed: Bools | None) -> None:
+        """Give no pixel a say where something is fixed to the lens, (H, W) bool; None: give all a say.
 
         What is faded there ends at the rim of the mark, and the rim stands still: along a grain, where the ground
         itself holds nothing, such ends would hold the motion.
@@ -104,24 +107,29 @@ class GuardedRefinement(Refinement):
             return np.zeros(self._texture.shape[1], np.bool_)
         return is_at(self._closed, self._texture, self._centre, motion, self._aspect)
 
-    def _best_open(self, picture: Grey16, starts: Sequence[ImageMotion]) -> tuple[ImageMotion, Bools]:
-        """Return the start that fits best where pixels have a say, and which of them have after it."""
-        best, least, is_open = starts[0], math.inf, ~self._is_unseen
+    def _best_open(self, picture: Grey16, starts: Sequence[ImageMotion]) -> tuple[Sequence[ImageMotion], Bools]:
+        """Return the start that fits best where pixels have a say, and which of them have after it.
+
+        Where too few have, all starts, and all pixels.
+        """
+        best, least, is_open = starts, math.inf, np.ones(self._texture.shape[1], np.bool_)
         for start in starts:
             motion = (start.u, start.v, start.turn_rad)
             seen = ~(self._is_unseen | self._is_closed(motion))
+            if np.count_nonzero(seen) < _LEAST_OPEN:
+                continue
             texture = np.ascontiguousarray(self._texture[:, seen][:, ::_EVERY])
             cost = mean_clipped(residuals(picture, texture, self._centre, motion, self._aspect), CLIP)
-            if texture.shape[1] and cost < least:
-                best, least, is_open = start, cost, seen
+            if cost < least:
+                best, least, is_open = [start], cost, seen
         return best, is_open
 
     def align(self, picture: Grey16, starts: Sequence[ImageMotion]) -> AgreedAlignment:
         """Return the motion that most sub-areas have."""
         remembered, is_open = self._texture, np.ones(self._texture.shape[1], np.bool_)
         if self._closed is not None:
-            start, is_open = self._best_open(picture, starts)
-            remembered, starts = np.ascontiguousarray(self._texture[:, is_open]), [start]
+            starts, is_open = self._best_open(picture, starts)
+            remembered = np.ascontiguousarray(self._texture[:, is_open])
         motion, after, curvature, iterations = self._minimum(picture, remembered, starts)
         texture, areas = remembered, areas_of(remembered, self._area)
         consensus, keeps, misfit = self._consensus(picture, texture, motion, after, areas)

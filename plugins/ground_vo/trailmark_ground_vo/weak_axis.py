@@ -61,9 +61,9 @@ class WeakAxis:
         self._units = np.array([1.0, 1.0, 4.0 / min(size)])
         self._closed = np.zeros((size[1], size[0]), np.bool_)
 
-    def ignore(self, closed: Bools) -> None:
-        """Compare no pixel where something is fixed to the lens, (H, W) bool."""
-        self._closed = closed
+    def ignore(self, closed: Bools | None) -> None:
+        """Compare no pixel where something is fixed to the lens, (H, W) bool; None: compare all."""
+        self._closed = np.zeros_like(self._closed) if closed is None else closed
 
     def widened(self, before: Grey16, now: Grey16, motion: ImageMotion, information: Floats) -> Floats:
         """Return the information of a motion, less along its weak axis where other motions fit as well.
