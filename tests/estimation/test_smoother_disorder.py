@@ -6,6 +6,8 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from trailmark.arrays import Floats
 from trailmark.estimates import Fix, Motion, information_from_sigmas
@@ -102,6 +104,70 @@ def test_a_fix_in_a_gap_is_tied_as_if_motion_had_been_told_before() -> None:
     pose, covariance = believed(in_time)
     assert believed(late)[0].distance_to(pose) < 1e-6
     np.testing.assert_allclose(believed(late)[1], covariance, rtol=1e-6)
+
+
+@pytest.mark.parametrize("sigma_m", [1.0, 100.0, 600.0, 1e5])
+def test_a_vague_start_is_as_vague_after_the_most_exact_motion(sigma_m: float) -> None:
+    smoother = started(None)
+    exact = information_from_sigmas(1e-6, 1e-6, 1e-6)
+    smoother.apply("fixes", Fix(0.0, Pose2(), information_from_sigmas(sigma_m, sigma_m, 0.1)))
+    vague = information_from_sigmas(1e3 * sigma_m, 1e3 * sigma_m, 1e3)
+    for step in range(1, 50):
+        smoother.apply("wheels", Motion((step - 1) / 10, step / 10, Pose2.exp(0.05, 0.0, 0.02), exact))
+        smoother.apply("vague", Fix(step / 10, Pose2(), vague))
+
+    pose, covariance = believed(smoother)
+
+    assert pose.distance_to(Pose2.exp(0.05 * 49, 0.0, 0.02 * 49)) < 0.01 * sigma_m
+    np.testing.assert_allclose(np.sqrt(covariance.diagonal()[:2]), sigma_m, rtol=0.05)
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+@settings(max_examples=10, deadline=None)
+def test_nothing_that_is_told_in_disorder_breaks_it(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    smoother = started(
+        _ORIGIN if rng.random() < 0.5 else None,
+        lag_s=float(rng.choice([2.0, 10.0])),
+        gate="off" if rng.random() < 0.2 else 0.999,
+        loss=str(rng.choice(["dcs", "huber", "none"])),
+        motions=str(rng.choice(["independent", "intersection"])),
+    )
+    for source, told in disorder(rng):
+        if isinstance(told, Pose2):
+            smoother.set_pose(told)
+        else:
+            smoother.apply(source, told)
+        covariance = smoother.belief().covariance
+        if covariance is not None:
+            np.testing.assert_array_equal(covariance, covariance.T)
+            sigmas = np.sqrt(covariance.diagonal())
+            assert np.linalg.eigvalsh(covariance / np.outer(sigmas, sigmas))[0] > -1e-9
+
+
+def disorder(rng: np.random.Generator) -> list[tuple[str, Motion | Fix | Pose2]]:
+    """Return what two odometries and a localizer of 4 s tell, in the order in which it comes."""
+    begin_s, exact = rng.uniform(0.0, 1e3), 10.0 ** rng.uniform(-7.0, 0.0)
+    known = information_from_sigmas(exact, exact, exact)
+    told: list[tuple[float, str, Motion | Fix | Pose2]] = []
+    for step in range(40):
+        since_s = begin_s + 0.1 * step
+        if rng.random() < 0.8:
+            delay_s = rng.uniform(0.0, 3.0) if rng.random() < 0.2 else 0.0
+            wheels = Motion(since_s, since_s + 0.1, Pose2(0.05, 0.0, 0.02), known)
+            told.append((since_s + 0.1 + delay_s, "wheels", wheels))
+        if rng.random() < 0.1:
+            long_s = rng.uniform(0.2, 2.0)
+            camera = Motion(since_s - long_s, since_s, Pose2(rng.uniform(0.0, 1.0)), known)
+            told.append((since_s + rng.uniform(0.0, 1.0), "camera", camera))
+        if rng.random() < 0.3:
+            parts = np.where(rng.random(3) < 0.7, 10.0 ** rng.uniform(-5.0, 3.0, 3), math.inf)
+            pose = Pose2(*rng.normal(0.0, 3.0, 3).tolist()) if rng.random() < 0.3 else Pose2(0.05 * step)
+            fix = Fix(since_s + 0.05, pose, information_from_sigmas(*parts.tolist()))
+            told.append((since_s + rng.exponential(0.3), "fixes", fix))
+        if rng.random() < 0.02:
+            told.append((since_s, "user", Pose2(*rng.normal(0.0, 2.0, 3).tolist())))
+    return [(source, one) for _, source, one in sorted(told, key=lambda each: each[0])]
 
 
 def set_back() -> Smoother:

@@ -16,6 +16,8 @@ from trailmark.values import quick_dataclass
 __all__ = ["BandedFactor", "ChainBlocks", "ChainMotions", "chain_blocks", "motion_chi_squares"]
 
 _BAND = 5
+# A pivot that is this small a part of its diagonal element is known to a per cent or two: the rest is rounding.
+_SINGULAR = 1e-12
 
 
 @quick_dataclass(frozen=True, slots=True, eq=False)
@@ -66,7 +68,7 @@ class BandedFactor:
     Raises
     ------
     numpy.linalg.LinAlgError
-        If a direction is not determined.
+        If a direction is not determined, or so little beside another that rounding hides it.
     """
 
     def __init__(self, blocks: ChainBlocks, damping: float = 0.0) -> None:
@@ -79,7 +81,10 @@ class BandedFactor:
                 band[_BAND - 3 + row - column, 3 + column :: 3] = blocks.upper[:, row, column]
         band[_BAND] *= 1.0 + damping
         self._n = n
+        least = _SINGULAR * band[_BAND]
         self._factor = cholesky_banded(band, overwrite_ab=True, check_finite=False)
+        if not (self._factor[_BAND] ** 2 >= least).all():
+            raise np.linalg.LinAlgError("a direction is known next to nothing of, beside another")
 
     def step(self, gradient: Floats) -> Floats:
         """Return the change of the poses that leads down, (N, 3)."""

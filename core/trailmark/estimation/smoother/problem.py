@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -26,6 +27,10 @@ _STEPS = 10
 # Gauss-Newton converges quadratically: after a step this small the next one is rounding [m, rad].
 _ENOUGH = 1e-5
 _NO_WORSE = 1e-9
+# Where floats cannot hold what is known best beside what is vague, all is believed no better than this [m, rad], and in
+# the last resort the diagonal is raised by this share.
+_COARSER = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0)
+_LAST_DAMPING = 1e-6
 
 
 @quick_dataclass(frozen=True, slots=True, eq=False)
@@ -104,6 +109,8 @@ def descend(
 ) -> Solution:
     """Return the poses from which no step leads down.
 
+    Where rounding hides what is vague beside what is known very well, the latter is believed less.
+
     Parameters
     ----------
     problem : WindowProblem
@@ -115,7 +122,37 @@ def descend(
     scale : float
         Factor on the limits: 1, or more while what contradicts is let go by and by.
     """
-    found, damping, n_done = _evaluate(problem, poses, scale), 0.0, 0
+    try:
+        return _descend(problem, poses, first_weights, scale)
+    except np.linalg.LinAlgError:
+        pass
+    for sigma in _COARSER:
+        try:
+            return _descend(_coarser(problem, sigma), poses, first_weights, scale)
+        except np.linalg.LinAlgError:
+            continue
+    return _descend(_coarser(problem, _COARSER[-1]), poses, first_weights, scale, _LAST_DAMPING)
+
+
+def _coarser(problem: WindowProblem, sigma: float) -> WindowProblem:
+    """Return the problem with this standard deviation added to all errors; those of path offsets stay."""
+
+    def widened(information: Floats) -> Floats:
+        found = np.linalg.solve(np.eye(3) + sigma**2 * information, information)
+        return np.asarray((found + np.swapaxes(found, -1, -2)) / 2.0)
+
+    return replace(
+        problem,
+        prior_information=widened(problem.prior_information),
+        motions=replace(problem.motions, information=widened(problem.motions.information)),
+        absolutes=replace(problem.absolutes, information=widened(problem.absolutes.information)),
+    )
+
+
+def _descend(
+    problem: WindowProblem, poses: Floats, first_weights: Floats | None, scale: float, least_damping: float = 0.0
+) -> Solution:
+    found, damping, n_done = _evaluate(problem, poses, scale), least_damping, 0
     weights = found.weights if first_weights is None else first_weights
     while True:
         blocks = _blocks(problem, found.poses, weights)
@@ -125,7 +162,7 @@ def descend(
         n_done += 1
         is_better = after.cost <= found.cost * (1.0 + _NO_WORSE) + _NO_WORSE
         if is_better or (n_done == 1 and first_weights is not None):
-            found, weights, damping = after, after.weights, 0.1 * damping
+            found, weights, damping = after, after.weights, max(0.1 * damping, least_damping)
         else:
             damping = max(10.0 * damping, 1e-3)
         if n_done == _STEPS or float(np.abs(step).max()) < _ENOUGH:

@@ -28,7 +28,7 @@ from trailmark.estimation.smoother.normal_equations import BandedFactor, ChainMo
 from trailmark.estimation.smoother.problem import Absolutes, WindowProblem, descend
 from trailmark.estimation.smoother.recovery import seek_elsewhere, with_open_start
 from trailmark.estimation.smoother_config import SmootherConfig
-from trailmark.estimation.symmetric import Sym3, add, congruence, diagonal, inverse, to_matrix
+from trailmark.estimation.symmetric import ZERO, Sym3, add, congruence, diagonal, inverse, to_matrix
 from trailmark.geometry import Pose2
 
 __all__ = ["Window"]
@@ -205,8 +205,11 @@ class Window:
         motion, covariance = relative_motion(self._keys[index - 1].odometry, key.odometry)
         key.motion, key.motion_covariance = motion, add(covariance, self._floor)
         information = inverse(key.motion_covariance)
-        assert information is not None
-        key.motion_information = to_matrix(information)
+        if information is None:  # a difference of far larger numbers: no more than its diagonal is left
+            xx, _, _, yy, _, tt = covariance
+            key.motion_covariance = add(diagonal(max(xx, 0.0), max(yy, 0.0), max(tt, 0.0)), self._floor)
+            information = inverse(key.motion_covariance)
+        key.motion_information = to_matrix(information or ZERO)
 
     def _problem(self) -> WindowProblem:
         keys = self._keys
