@@ -63,6 +63,7 @@ def found_by(capsys, *arguments: str | Path) -> dict[str, dict[str, float]]:
     code, out, error = trailmark(capsys, "calibrate", *arguments, "--json")
     assert code == 0, error
     document = json.loads(out)
+    assert document["clocks_run_apart"] is False
     return document["numbers"] | {"lines": document["config"]}
 
 

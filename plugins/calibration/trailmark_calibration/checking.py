@@ -11,7 +11,7 @@ import numpy as np
 from trailmark.arrays import Floats
 from trailmark.errors import DataError
 from trailmark_calibration.clocks import ClockDrift, find_drift
-from trailmark_calibration.fitting import Fit, KnownPlacement, fit, values_of_all
+from trailmark_calibration.fitting import PRIOR, Fit, KnownPlacement, fit, values_of_all
 from trailmark_calibration.model import DELAY, NAMES, NEUTRAL, YAW, MotionPairs, X, Y
 from trailmark_calibration.rivals import Rival, find_rival, widened_by
 
@@ -56,7 +56,7 @@ class Calibration:
     rival : Rival or None
         What else explains the drive.
     drift : ClockDrift or None
-        How the delay changes on the way.
+        That the delay changes on the way: then it is as unknown as before the drive.
     """
 
     fit: Fit
@@ -89,9 +89,9 @@ def calibrate(pairs: MotionPairs, known: KnownPlacement, asked: Sequence[int]) -
     if rival is not None:
         whole = widened_by(whole, rival.apart)
     if drift is not None:
-        uniform = np.zeros(len(NAMES))
-        uniform[DELAY] = drift.whole_s / math.sqrt(12.0)
-        whole = widened_by(whole, uniform)
+        unknown = np.zeros(len(NAMES))
+        unknown[DELAY] = max(PRIOR[DELAY], drift.least_s)  # a delay that moves, nobody knows how far
+        whole = widened_by(whole, unknown)
     whole, check, contradictions = _tried_on_halves(pairs, known, whole, asked)
     if check is None:  # only what is left out may have made them agree
         off = np.abs(values_of_all(pairs, whole) - whole.values)

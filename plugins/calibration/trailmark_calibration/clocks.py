@@ -20,18 +20,18 @@ _SURE = 4.0
 
 @dataclass(frozen=True, slots=True)
 class ClockDrift:
-    """How the delay changes.
+    """That the delay changes, and how much at least: on real drives it changed more than the parts of the drive told.
 
     Attributes
     ----------
     rate : float
         Seconds per second.
-    whole_s : float
+    least_s : float
         Over the drive [s].
     """
 
     rate: float
-    whole_s: float
+    least_s: float
 
 
 def find_drift(pairs: MotionPairs, found: Fit) -> ClockDrift | None:

@@ -13,10 +13,10 @@ from trailmark_calibration.model import BIAS, DELAY, MotionPairs
 from trailmark_calibration.solver import OUTLIER, GaussNewton
 from trailmark_calibration.starting import correlated_delay, delay_peaks, starting_point
 
-__all__ = ["LIMITS", "Fit", "KnownPlacement", "cost_of", "fit", "fit_from", "values_of_all", "weights_of"]
+__all__ = ["LIMITS", "PRIOR", "Fit", "KnownPlacement", "cost_of", "fit", "fit_from", "values_of_all", "weights_of"]
 
 #: What a config may be wrong by, one sigma, before the drive is looked at: in the order of `NAMES`.
-_PRIOR = np.array([0.5, 0.5, 0.2, 1.0, 1.0, 3.0, 0.5, 0.05])
+PRIOR = np.array([0.5, 0.5, 0.2, 1.0, 1.0, 3.0, 0.5, 0.05])
 #: KnownPlacement worse than this, one sigma, a number is not told.
 LIMITS = np.array([0.02, 0.02, math.radians(1.0), 0.03, 0.03, math.radians(2.0), 0.03, math.radians(0.1)])
 #: More of them than this, and the two do not move as one body.
@@ -131,7 +131,7 @@ def values_of_all(pairs: MotionPairs, found: Fit) -> Floats:
 
 def weights_of(pairs: MotionPairs, p: Floats, spread: Floats) -> tuple[Floats, Floats, Floats]:
     """Return what is left (M, 3), its inverse covariance (M, 3, 3), and what a should have said (M, 3)."""
-    solver = GaussNewton(pairs, p, _PRIOR)
+    solver = GaussNewton(pairs, p, PRIOR)
     solver.spread = spread
     return solver.linearize(p)
 
@@ -170,7 +170,7 @@ def _refuse_two_bodies(pairs: MotionPairs, p: Floats, n_outliers: int) -> None:
 
 def _prior(pairs: MotionPairs, has_delay: bool) -> Floats:
     """Return how far each number may be from where it starts."""
-    prior = _PRIOR.copy()
+    prior = PRIOR.copy()
     if has_delay:
         prior[DELAY] = 0.1  # the peak is not a second off
     if pairs.a.measures_way and pairs.b.measures_way:
