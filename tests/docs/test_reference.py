@@ -126,6 +126,7 @@ def test_every_hook_is_described() -> None:
 @pytest.mark.slow
 def test_the_manual_builds_without_warnings(tmp_path: Path) -> None:
     pytest.importorskip("material", reason="needs mkdocs-material")
+    pytest.importorskip("mkdocstrings_handlers.python", reason="needs mkdocstrings-python")
     done = subprocess.run(
         [sys.executable, "-m", "mkdocs", "build", "-q", "--strict", "-d", str(tmp_path / "site")],
         cwd=REPOSITORY,
