@@ -110,15 +110,16 @@ def started(pi: ModuleType) -> Iterator[Callable[..., Any]]:
 
 
 def test_pictures_bear_the_time_at_which_their_exposure_began(started: Callable[..., Any]) -> None:
+    before_s = live_stamp_s()
     frame = next(started().frames())
 
     np.testing.assert_array_equal(frame.payload.pixels, PADDED[:240, :320])
-    assert AGE_S <= live_stamp_s() - frame.stamp_s < AGE_S + 1.0
+    assert before_s <= frame.stamp_s + AGE_S <= live_stamp_s()  # between, however long the machine took
     assert Camera.instances[-1].asked["main"] == {"size": (320, 240), "format": "YUV420"}
 
 
 def test_velocities_are_powers_of_two_motors(started: Callable[..., Any]) -> None:
-    robot = started(track_m=0.2, full_speed_mps=0.5)
+    robot = started(track_m=0.2, full_speed_mps=0.5, watchdog_s=60.0)
 
     robot.drive(Velocity(0.25, 0.0, 1.0))
 
@@ -128,7 +129,7 @@ def test_velocities_are_powers_of_two_motors(started: Callable[..., Any]) -> Non
 
 
 def test_too_fast_a_command_is_slowed_down_and_keeps_its_curve(started: Callable[..., Any]) -> None:
-    robot = started(track_m=0.2, full_speed_mps=0.5)
+    robot = started(track_m=0.2, full_speed_mps=0.5, watchdog_s=60.0)
 
     robot.drive(Velocity(1.0, 0.0, 5.0))
 
@@ -138,7 +139,7 @@ def test_too_fast_a_command_is_slowed_down_and_keeps_its_curve(started: Callable
 def test_motors_stop_when_commands_cease(started: Callable[..., Any]) -> None:
     robot = started(watchdog_s=0.05)
     robot.drive(Velocity(0.25))
-    motors, until_s = Motors.instances[-1], time.monotonic() + 5.0
+    motors, until_s = Motors.instances[-1], time.monotonic() + 60.0  # a busy machine may let the watchdog wait
 
     while motors.value != (0.0, 0.0) and time.monotonic() < until_s:
         time.sleep(0.01)
