@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
+from dataclasses import replace
 
 from trailmark.estimates import Motion
 from trailmark.estimation.information import says_something
@@ -17,6 +18,7 @@ from trailmark.estimation.symmetric import (
     scaled,
     subtract,
 )
+from trailmark.estimation.unmeasured import NOWHERE, Sym2, plus, projected, turned, unmeasured_in
 from trailmark.geometry import Pose2, Twist2
 from trailmark.values import quick_dataclass
 
@@ -24,6 +26,8 @@ __all__ = ["MotionChain", "OdomState", "carry", "interpolate"]
 
 # Stamps this close are one instant: they went through decimals on their way.
 _SAME_INSTANT_S = 1e-6
+# A motion measures what it knows better than a velocity that keeps its direction for so long [s].
+_LASTS_S = 1.0
 
 
 @quick_dataclass(frozen=True, slots=True, eq=False)
@@ -46,6 +50,11 @@ class OdomState:
         Velocity in base axes.
     motion_age_s : float
         Time since the last measured motion; ``inf`` before the first [s].
+    unmeasured_m : Sym2
+        How far drift may have carried base where motions did not measure, by direction in odom, added up from the
+        start: an unknown speed lasts, so these are standard deviations that add up [m].
+    open_s : float
+        How long, in a row, motions have left a direction of the way open [s].
     """
 
     stamp_s: float
@@ -54,6 +63,8 @@ class OdomState:
     spread: Sym3 = ZERO
     twist: Twist2 = Twist2()
     motion_age_s: float = math.inf
+    unmeasured_m: Sym2 = NOWHERE
+    open_s: float = 0.0
 
 
 class MotionChain:
@@ -93,7 +104,7 @@ class MotionChain:
         dt_s, step = stamp_s - since_s, motion.pose_since_now
         forward_m, left_m, turn_rad = step.log()
         twist = Twist2(forward_m / dt_s, left_m / dt_s, turn_rad / dt_s)
-        covariance = self._covariance(information, dt_s)
+        covariance, open_ways = self._covariance(information, dt_s)
         if not self._stamps:
             self._stamps.append(since_s)
             self._states.append(OdomState(since_s, twist=twist, motion_age_s=0.0))
@@ -107,7 +118,10 @@ class MotionChain:
             remaining_s = stamp_s - end_s
             step = twist.after(remaining_s)
             covariance = scaled(covariance, remaining_s / dt_s)
-        after = carry(self._states[-1], stamp_s, step, twist, covariance)
+        before = self._states[-1]
+        after = carry(before, stamp_s, step, twist, covariance)
+        if open_ways is not NOWHERE:
+            after = self._with_open_ways(after, before, open_ways)
         self._stamps.append(stamp_s)
         self._states.append(after)
         self.end_s = stamp_s
@@ -135,22 +149,47 @@ class MotionChain:
             self._is_whole = False
             del self._stamps[:n_old], self._states[:n_old]
 
-    def _covariance(self, information: Sym3, dt_s: float) -> Sym3:
-        """Return the covariance of a motion; a direction that was not measured drifts as in a gap."""
+    def _covariance(self, information: Sym3, dt_s: float) -> tuple[Sym3, Sym2]:
+        """Return the covariance of a motion, and the directions of base in which it measured no way.
+
+        A direction that was not measured drifts as in a gap.
+        """
         if self._drift is ZERO:
-            return ZERO
+            return ZERO, NOWHERE
         covariance = inverse(information)
         drift = scaled(self._drift, dt_s * dt_s)
         if covariance is not None and says_something(covariance, drift):
-            return covariance
-        floor = inverse(drift)
-        return (floor and inverse(add(information, floor))) or drift
+            return covariance, NOWHERE
+        slow = scaled(self._drift, dt_s * _LASTS_S)
+        open_ways = unmeasured_in(_with_floor(information, slow), slow)
+        return _without_ways(_with_floor(information, drift), open_ways), open_ways
+
+    def _with_open_ways(self, after: OdomState, before: OdomState, open_ways: Sym2) -> OdomState:
+        dt_s = after.stamp_s - before.stamp_s
+        way_m = math.sqrt(self._drift[0]) * dt_s
+        unmeasured_m = plus(before.unmeasured_m, turned(open_ways, before.pose_odom_base.theta), way_m)
+        return replace(after, unmeasured_m=unmeasured_m, open_s=before.open_s + dt_s)
 
     def _coast(self, stamp_s: float) -> OdomState:
         last = self._states[-1]
         dt_s = stamp_s - last.stamp_s
         drift = ZERO if self._drift is ZERO else scaled(self._drift, dt_s * dt_s)
         return carry(last, stamp_s, last.twist.after(dt_s), last.twist, drift, motion_age_s=dt_s)
+
+
+def _with_floor(information: Sym3, drift: Sym3) -> Sym3:
+    floor = inverse(drift)
+    return (floor and inverse(add(information, floor))) or drift
+
+
+def _without_ways(covariance: Sym3, ways: Sym2) -> Sym3:
+    """Return a covariance without some directions: their error is counted as one that lasts."""
+    if ways is NOWHERE:
+        return covariance
+    xx, xy, xt, yy, yt, tt = covariance
+    a, b, c = 1.0 - ways[0], -ways[1], 1.0 - ways[2]
+    kept_xx, kept_xy, kept_yy = projected((xx, xy, yy), (a, b, c))
+    return kept_xx, kept_xy, a * xt + b * yt, kept_yy, b * xt + c * yt, tt
 
 
 def carry(
@@ -170,6 +209,8 @@ def carry(
         spread,
         twist,
         motion_age_s,
+        before.unmeasured_m,
+        before.open_s if motion_age_s else 0.0,
     )
 
 
@@ -178,6 +219,9 @@ def interpolate(start: OdomState, end: OdomState, stamp_s: float) -> OdomState:
     dt_s = stamp_s - start.stamp_s
     fraction = dt_s / (end.stamp_s - start.stamp_s)
     spread = add(start.spread, scaled(subtract(end.spread, start.spread), fraction))
+    unmeasured_m = end.unmeasured_m
+    if unmeasured_m is not start.unmeasured_m:
+        unmeasured_m = plus(start.unmeasured_m, plus(unmeasured_m, start.unmeasured_m, -1.0), fraction)
     return OdomState(
         stamp_s,
         start.pose_odom_base @ end.twist.after(dt_s),
@@ -185,4 +229,6 @@ def interpolate(start: OdomState, end: OdomState, stamp_s: float) -> OdomState:
         spread,
         end.twist,
         dt_s if end.motion_age_s else 0.0,
+        unmeasured_m,
+        end.open_s,
     )

@@ -25,10 +25,11 @@ from trailmark.estimation.chain import MotionChain, OdomState
 from trailmark.estimation.dead_reckoning_config import DeadReckoningConfig
 from trailmark.estimation.history import History
 from trailmark.estimation.information import checked_covariance, checked_information, measured_directions
-from trailmark.estimation.symmetric import ZERO, Sym3, add, congruence, diagonal, inverse, subtract, to_matrix
+from trailmark.estimation.pose_anchor import PoseAnchor, anchor_after, anchor_at
+from trailmark.estimation.symmetric import ZERO, Sym3, diagonal, inverse, to_matrix
+from trailmark.estimation.unmeasured import describe, longest
 from trailmark.geometry import Pose2, Twist2
 from trailmark.interfaces import Estimator, Session
-from trailmark.values import quick_dataclass
 
 if TYPE_CHECKING:
     from trailmark.estimation.corrections import Correction
@@ -37,34 +38,8 @@ if TYPE_CHECKING:
 __all__ = ["DeadReckoning"]
 
 _ACCEPTED = Applied("accepted")
-
-
-@quick_dataclass(frozen=True, slots=True, eq=False)
-class _PoseAnchor:
-    """The pose after the last correction, and what odometry said there: later motion is carried on from here."""
-
-    odom: OdomState
-    pose_map_base: Pose2 | None
-    excess: Sym3 = ZERO  # covariance in odom's coordinates, less the spread of odometry until here
-    is_measured: bool = False
-
-    def pose_at(self, odom: OdomState) -> tuple[Pose2, Sym3] | None:
-        """Return pose and covariance where odometry says something else; None while the pose is unknown."""
-        if self.pose_map_base is None:
-            return None
-        turn = self.pose_map_base.theta - self.odom.pose_odom_base.theta
-        cos, sin = math.cos(turn), math.sin(turn)
-        x, y = odom.pose_odom_base.x, odom.pose_odom_base.y
-        covariance = congruence(add(self.excess, odom.spread), cos, sin, -cos * y - sin * x, cos * x - sin * y)
-        return self.pose_map_base.moved_as(self.odom.pose_odom_base, odom.pose_odom_base), covariance
-
-
-def _anchor_at(odom: OdomState, pose: Pose2, covariance: Sym3, is_measured: bool) -> _PoseAnchor:
-    turn = pose.theta - odom.pose_odom_base.theta
-    cos, sin = math.cos(turn), math.sin(turn)
-    x, y = odom.pose_odom_base.x, odom.pose_odom_base.y
-    spread = congruence(covariance, cos, -sin, y, -x)  # the inverse of what `_PoseAnchor.pose_at` does
-    return _PoseAnchor(odom, pose, excess=subtract(spread, odom.spread), is_measured=is_measured)
+# A way that motion has not measured for longer is told in the health [s].
+_TOLD_AFTER_S = 2.0
 
 
 class DeadReckoning(Estimator):
@@ -96,10 +71,11 @@ class DeadReckoning(Estimator):
         self._path = session.path
         self._station_m: float | None = None
         self._chain = MotionChain(None if self._poses_alone else Twist2(drift_mps, drift_mps, drift_radps))
-        self._corrections: History[Correction, _PoseAnchor] = History(
+        self._corrections: History[Correction, PoseAnchor] = History(
             config.history_s, self._step, self._start_anchor(session.start_pose)
         )
         self._belief: Belief | None = None
+        self._source = ""
 
     def counters(self) -> Mapping[str, int]:
         """Return how many gaps were bridged and overlaps cut."""
@@ -111,6 +87,7 @@ class DeadReckoning(Estimator):
             return Applied("refused", f"the stamp is not finite: {estimate.stamp_s}")
         self._belief = None
         if isinstance(estimate, Motion):
+            self._source = source
             return self._apply_motion(estimate)
         if isinstance(estimate, Fix | PathOffset):
             return self._apply_absolute(estimate)
@@ -142,7 +119,7 @@ class DeadReckoning(Estimator):
         """
         odom = self._chain.at(stamp_s)
         anchor, pose = self._corrections.state_at(odom.stamp_s), None
-        if anchor.pose_map_base is not None:  # as `_PoseAnchor.pose_at`
+        if anchor.pose_map_base is not None:  # as `PoseAnchor.pose_at`
             pose = anchor.pose_map_base.moved_as(anchor.odom.pose_odom_base, odom.pose_odom_base)
         return odom.stamp_s, pose, odom.pose_odom_base
 
@@ -165,13 +142,13 @@ class DeadReckoning(Estimator):
             stamp_s = self.belief().stamp_s
         return self.apply("set_pose", Fix(stamp_s, pose_map_base, information))
 
-    def _start_anchor(self, start_pose: Pose2 | None) -> _PoseAnchor:
+    def _start_anchor(self, start_pose: Pose2 | None) -> PoseAnchor:
         odom = OdomState(-math.inf)
         if start_pose is None:
-            return _PoseAnchor(odom, None)
+            return PoseAnchor(odom, None)
         variance_m2 = self._config.start_sigma_m**2
         variance_rad2 = math.radians(self._config.start_sigma_deg) ** 2
-        return _anchor_at(odom, start_pose, diagonal(variance_m2, variance_m2, variance_rad2), is_measured=False)
+        return anchor_at(odom, start_pose, diagonal(variance_m2, variance_m2, variance_rad2), is_measured=False)
 
     def _apply_motion(self, motion: Motion) -> Applied:
         information = checked_information(motion.information)
@@ -214,13 +191,13 @@ class DeadReckoning(Estimator):
         age_s = self._corrections.newest_s - estimate.stamp_s
         return Applied("late", f"{age_s:.3f} s old, the history reaches back {self._config.history_s:g} s")
 
-    def _step(self, anchor: _PoseAnchor, stamp_s: float, correction: Correction) -> _PoseAnchor:
+    def _step(self, anchor: PoseAnchor, stamp_s: float, correction: Correction) -> PoseAnchor:
         """Return the anchor after a correction: the step of the history."""
         odom = self._chain.at(stamp_s)
         corrected = correction.apply(anchor.pose_at(odom))
         if corrected is None:
             return anchor
-        return _anchor_at(odom, *corrected, is_measured=True)
+        return anchor_after(anchor, odom, *corrected)
 
     def _make_belief(self, odom: OdomState) -> Belief:
         anchor = self._corrections.state_at(odom.stamp_s)
@@ -239,7 +216,18 @@ class DeadReckoning(Estimator):
             on_path=on_path,
             fix_age_m=odom.travelled_m - anchor.odom.travelled_m if anchor.is_measured else math.inf,
             motion_age_s=odom.motion_age_s,
+            health=self._health(anchor, odom),
         )
+
+    def _health(self, anchor: PoseAnchor, odom: OdomState) -> dict[str, str]:
+        """Return that nothing measures the way in some direction, where that is so."""
+        if odom.open_s <= _TOLD_AFTER_S:
+            return {}
+        unmeasured_m = anchor.unmeasured_at(odom)
+        open_s = min(odom.open_s, longest(unmeasured_m) / self._config.drift_sigma_mps)
+        if open_s <= _TOLD_AFTER_S:
+            return {}
+        return {self._source: describe(unmeasured_m, odom.pose_odom_base.theta, open_s)}
 
     def _on_path(self, stamp_s: float, path: Path, pose: Pose2, covariance: Sym3) -> PathOffset:
         from trailmark.estimation.corrections import covariance_on_path

@@ -26,6 +26,7 @@ from trailmark.estimation.kalman.state import (
     Verdict,
 )
 from trailmark.estimation.kalman_config import KalmanConfig
+from trailmark.estimation.unmeasured import NOWHERE, Sym2, directions_above, projected, turned
 from trailmark.geometry import wrap_angle
 
 __all__ = ["Correction", "Filter"]
@@ -42,6 +43,8 @@ _MOST_REJECTED, _REJECTED_S = 30, 15.0
 _LAID_ELSEWHERE = 0.25
 # Of the share of measurements that is rejected: what one changes, and what is as good as none.
 _SHARE_GAIN, _LEAST_SHARE = 0.1, 0.01
+# Standard deviation of an absolute estimate that says too little of a direction for its speed to show [m].
+_VAGUE_M = 5.0
 
 
 class Filter(Protocol):
@@ -209,11 +212,15 @@ def _accept(
 ) -> FilterState:
     source, before = measurement.source, state.rejections
     n = before.counts.get(source)
+    odometry = state.odometry
+    if odometry.unmeasured_s is not NOWHERE:
+        turn = odometry.pose_odom_base.theta - float(after.x[2])
+        odometry = replace(odometry, unmeasured_s=_still_unmeasured(odometry.unmeasured_s, directions, turn))
     return FilterState(
         stamp_s=state.stamp_s,
         gaussian=after,
-        odometry=state.odometry,
-        fixed_at_m=state.odometry.travelled_m,
+        odometry=odometry,
+        fixed_at_m=odometry.travelled_m,
         rejections=Rejections(
             counts={**before.counts, source: n - 1} if n else before.counts,
             measurements=before.measurements,
@@ -226,6 +233,23 @@ def _accept(
         checks=state.checks,
         verdicts=(*state.verdicts, verdict),
     )
+
+
+def _still_unmeasured(unmeasured_s: Sym2, directions: Floats, turn_rad: float) -> Sym2:
+    """Return for how long nobody has measured the way, after an absolute estimate has measured some directions.
+
+    Parameters
+    ----------
+    unmeasured_s : Sym2
+        Before it, by direction in odom [s].
+    directions : (k, 3) float64
+        Rows of its Jacobian, for unit noise.
+    turn_rad : float
+        Of the map as seen in odom [rad].
+    """
+    (xx, xy), (_, yy) = (directions[:, :2].T @ directions[:, :2]).tolist()
+    measured = turned(directions_above((xx, xy, yy), _VAGUE_M**-2), turn_rad)
+    return projected(unmeasured_s, (1.0 - measured[0], -measured[1], 1.0 - measured[2]))
 
 
 def _inflated(covariance: Floats, innovation: Floats, jacobian: Floats) -> Floats:

@@ -11,6 +11,7 @@ from trailmark.estimation.kalman.certainty import CertaintyRecord
 from trailmark.estimation.kalman.state import FilterState
 from trailmark.estimation.kalman.trust import Trust
 from trailmark.estimation.symmetric import Sym3
+from trailmark.estimation.unmeasured import describe, longest
 
 __all__ = ["SourceMonitor", "health_of"]
 
@@ -112,6 +113,7 @@ def health_of(monitors: Mapping[str, SourceMonitor], state: FilterState, recover
     """Return what is wrong, by localizer; nothing for one that is well."""
     health: dict[str, str] = {}
     undecided = _undecided_of(state)
+    unmeasured_s = longest(state.odometry.unmeasured_s)
     for source, monitor in monitors.items():
         n_rejected = state.rejections.counts.get(source, 0)
         fault = state.diagnosis.faults.get(source) or state.diagnosis.absolute_faults.get(source)
@@ -130,6 +132,8 @@ def health_of(monitors: Mapping[str, SourceMonitor], state: FilterState, recover
         elif state.stamp_s - monitor.last_s > monitor.trust.timeout_s:
             silence_s = state.stamp_s - monitor.last_s
             health[source] = f"silent for {silence_s:.1f} s" if silence_s < math.inf else "not heard of yet"
+        elif source in state.diagnosis.sums and unmeasured_s > monitor.trust.timeout_s:
+            health[source] = describe(state.odometry.unmeasured_s, state.odometry.pose_odom_base.theta, unmeasured_s)
     return health
 
 

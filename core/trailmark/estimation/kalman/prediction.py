@@ -20,7 +20,8 @@ from trailmark.estimation.kalman.state import FaultDiagnosis, FilterState, Gauss
 from trailmark.estimation.kalman.velocity import VelocityModel
 from trailmark.estimation.kalman.weighing import StepSelection, fuse_steps, replace_impossible_jump, select_steps
 from trailmark.estimation.kalman_config import KalmanConfig
-from trailmark.estimation.symmetric import NOTHING, ZERO, Sym3, congruence, diagonal, scaled
+from trailmark.estimation.symmetric import NOTHING, ZERO, Sym3, add, congruence, diagonal, scaled
+from trailmark.estimation.unmeasured import NOWHERE, Sym2, longest, plus, projected, turned, unmeasured_in
 from trailmark.geometry import Pose2, Twist2, wrap_angle
 
 __all__ = ["Prediction"]
@@ -50,6 +51,8 @@ class _Piece(NamedTuple):
         How the step changes with the state, where it depends on common errors.
     velocity_held_s : float
         For how long the estimated velocity moves the pose; 0 where motion is measured [s].
+    unmeasured_s : Sym2
+        At its end, for how long nobody has measured the way, by direction in odom [s].
     """
 
     step: MotionStep
@@ -58,6 +61,7 @@ class _Piece(NamedTuple):
     is_measured: bool = False
     columns: Floats | None = None
     velocity_held_s: float = 0.0
+    unmeasured_s: Sym2 = NOWHERE
 
 
 class Prediction:
@@ -66,7 +70,8 @@ class Prediction:
     Motion adds its own covariance and nothing else: at standstill the belief grows as little as the localizer says.
     In a gap of length ``b`` the last twist is held for ``coast_s`` and the variance is ``drift^2 b^2``, from there on
     base is taken to stand and it grows in proportion to time; cut into pieces, a gap is as uncertain as in one piece.
-    With the model `velocity` a gap goes on with the estimated velocity.
+    With the model `velocity` a gap goes on with the estimated velocity. A direction that all motions leave open is as
+    uncertain as a gap for `coast_s`; after that its variance is ``drift^2 t^2``, because an unknown speed lasts.
 
     Parameters
     ----------
@@ -118,7 +123,7 @@ class Prediction:
 
     def restart_after_gap(self, state: FilterState, gap_s: float) -> FilterState:
         """Return a state that starts anew at any time, as uncertain as after a gap."""
-        at_rest = replace(state.odometry, gap_s=0.0, twist=_AT_REST)
+        at_rest = replace(state.odometry, gap_s=0.0, twist=_AT_REST, unmeasured_s=NOWHERE)
         ahead = self._coast(replace(state, stamp_s=0.0, odometry=at_rest), gap_s)
         rejections = replace(ahead.rejections, corroborations={}, measurements={})
         odometry = replace(ahead.odometry, gap_s=0.0)
@@ -183,7 +188,10 @@ class Prediction:
     ) -> FilterState:
         dt_s = stamp_s - state.stamp_s
         step, is_measured = fuse_steps(steps, dt_s, state.odometry.twist, self._unmeasured(dt_s), self._is_independent)
-        moved = self._move(state, stamp_s, _Piece(step, dt_s, is_measured=is_measured, columns=columns), diagnosis)
+        piece = _Piece(step, dt_s, is_measured=is_measured, columns=columns)
+        if not is_measured:
+            piece = self._with_lasting_error(piece, state.odometry, dt_s)
+        moved = self._move(state, stamp_s, piece, diagnosis)
         if self._velocity is not None and moved.gaussian is not None:
             moved = self._velocity.update(moved, steps, dt_s, columns)
         if not (selection.checks or selection.left_out or state.left_out or state.checks):
@@ -191,20 +199,35 @@ class Prediction:
         left_out = {source: state.left_out.get(source, 0) + 1 for source in selection.left_out}
         return replace(moved, left_out=left_out, checks=selection.checks)
 
+    def _with_lasting_error(self, piece: _Piece, odometry: OdometryState, dt_s: float) -> _Piece:
+        """Return a piece with what an unknown speed, the same as in the pieces before, adds where nobody measured."""
+        step, theta = piece.step, odometry.pose_odom_base.theta
+        assert step.covariance is not None
+        open_ways = unmeasured_in(step.covariance, self._unmeasured(dt_s))
+        before_s = projected(turned(odometry.unmeasured_s, -theta), open_ways)
+        after_s = plus(before_s, open_ways, dt_s)
+        piece = piece._replace(unmeasured_s=turned(after_s, theta))
+        if longest(after_s) <= self._coast_s:
+            return piece
+        rate_m2ps2 = self._drift[0] * dt_s * (2.0 - self._coast_s / longest(after_s))
+        xx, xy, yy = after_s
+        lasting = (rate_m2ps2 * xx, rate_m2ps2 * xy, 0.0, rate_m2ps2 * yy, 0.0, 0.0)
+        return piece._replace(step=replace(step, covariance=add(step.covariance, lasting)))
+
     def _coast(self, state: FilterState, stamp_s: float) -> FilterState:
         """Predict over a piece of time in which nothing measured motion."""
         odometry = state.odometry
         begin_s, end_s = odometry.gap_s, odometry.gap_s + stamp_s - state.stamp_s
         if self._velocity is not None and state.gaussian is not None:
             step, held_s = self._velocity.coast(state.gaussian.x, stamp_s - state.stamp_s)
-            piece = _Piece(step, held_s, gap_s=end_s, velocity_held_s=held_s)
+            piece = _Piece(step, held_s, gap_s=end_s, velocity_held_s=held_s, unmeasured_s=odometry.unmeasured_s)
             return self._velocity.with_twist(self._move(state, stamp_s, piece))
         held_s = min(end_s, self._coast_s) - min(begin_s, self._coast_s)
         ahead = odometry.twist.after(held_s)
         noise = scaled(self._drift, self._spread(end_s) - self._spread(begin_s))
         twist = odometry.twist if held_s > 0.0 else _AT_REST
         step = MotionStep(ahead.x, ahead.y, ahead.theta, noise, None, twist)
-        return self._move(state, stamp_s, _Piece(step, held_s, gap_s=end_s))
+        return self._move(state, stamp_s, _Piece(step, held_s, gap_s=end_s, unmeasured_s=odometry.unmeasured_s))
 
     def _spread(self, gap_s: float) -> float:
         """Return the variance of the way in a gap, for a unit drift [s^2]."""
@@ -230,6 +253,7 @@ class Prediction:
                 gap_s=piece.gap_s,
                 is_measured=piece.is_measured,
                 has_moved=odometry.has_moved or piece.gap_s == 0.0,
+                unmeasured_s=piece.unmeasured_s,
             ),
             fixed_at_m=state.fixed_at_m,
             rejections=state.rejections,

@@ -14,6 +14,7 @@ from trailmark.arrays import Floats
 from trailmark.deprecation import deprecated_name
 from trailmark.estimation.kalman.innovation import Innovation
 from trailmark.estimation.kalman.measurements import Measurement
+from trailmark.estimation.unmeasured import NOWHERE, Sym2
 from trailmark.frames.payloads import read_only
 from trailmark.geometry import Pose2, Twist2
 from trailmark.values import quick_dataclass
@@ -157,6 +158,8 @@ class OdometryState:
         Whether something measured all of the motion just before.
     has_moved : bool
         Whether any motion was measured.
+    unmeasured_s : Sym2
+        For how long nobody has measured the way, by direction in odom: neither motion nor an absolute estimate [s].
     """
 
     pose_odom_base: Pose2 = Pose2()
@@ -165,6 +168,7 @@ class OdometryState:
     gap_s: float = 0.0
     is_measured: bool = False
     has_moved: bool = False
+    unmeasured_s: Sym2 = NOWHERE
 
 
 @quick_dataclass(frozen=True, slots=True, eq=False)
