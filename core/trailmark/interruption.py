@@ -230,6 +230,8 @@ class shielded:
 
 
 def __getattr__(name: str) -> Any:
+    if name != "asked":  # every import asks for __path__
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from trailmark.deprecation import deprecated_name  # hardly ever asked for
 
     return deprecated_name(__name__, name, {"asked": ending_signal})

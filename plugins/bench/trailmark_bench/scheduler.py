@@ -157,10 +157,10 @@ class _BenchRound:
                     self._start_again(error, time.monotonic() + patience_s)
         finally:
             with shielded(TELL_S):
+                with suppress(DataError):
+                    self._board.release()  # first: on a busy machine workers may take all of the time to end
                 self._executor.close()
                 self._folders.clear_workspace()
-                with suppress(DataError):
-                    self._board.release()
 
     def _step(self, until_s: float) -> None:
         """Start cells while there are places and time, and keep what those that have ended left."""
