@@ -18,6 +18,7 @@ from trailmark_laser_maps.odometry.config import ScanOdometryConfig
 from trailmark_laser_maps.odometry.lines import scan_normals
 from trailmark_laser_maps.odometry.localizer import ScanOdometry
 from trailmark_laser_maps.odometry.matching import LocalMap
+from trailmark_laser_maps.odometry.things import few_small_things
 from trailmark_laser_maps.uncertainty import errors_in_common, step_information
 
 Look = Callable[..., Floats]
@@ -216,3 +217,69 @@ def test_a_match_with_nothing_near_says_so() -> None:
     match = local.match(np.full((30, 2), 50.0), [Pose2()], 0.02)
     assert match.share == 0.0
     assert not match.information.any()
+
+
+def boxes(centres: Sequence[tuple[float, float]]) -> Floats:
+    """The sides of people of 0.4 m, as walls."""
+    corners = ((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2))
+    pairs = list(zip(corners, corners[1:] + corners[:1]))
+    return np.array([(x + a, y + b, x + c, y + d) for x, y in centres for (a, b), (c, d) in pairs])
+
+
+def errors_in_sigmas(scans: Sequence[Scan], poses: Sequence[Pose2]) -> Floats:
+    """How far each step is off, in its own sigmas."""
+    localizer, found = start(), []
+    for index, (scan, pose) in enumerate(zip(scans, poses)):
+        for one in localizer.observe(Frame("laser", 0.1 * index, scan), Belief(0.1 * index)):
+            assert isinstance(one, Motion)
+            error = one.pose_since_now.array() - poses[index - 1].between(pose).array()
+            found.append(math.sqrt(max(error @ one.information @ error, 0.0)))
+    return np.array(found)
+
+
+def test_two_people_who_pass_in_a_corridor_are_not_its_walls(look: Look) -> None:
+    poses = [Pose2(0.0, 0.1)] * 25
+    scans = []
+    for index, pose in enumerate(poses):
+        x = -3.0 + 0.08 * index
+        walls = np.concatenate([CORRIDOR, boxes([(x, -0.6), (x + 1.2, 0.6)])])
+        scans.append(scan_of(look(walls, pose @ LASER, 360, 0.01, index)))
+    assert errors_in_sigmas(scans, poses).max() < 4.0
+
+
+def test_who_walks_ahead_in_a_corridor_does_not_stop_the_robot(look: Look) -> None:
+    poses = drive(25, Pose2(0.07), Pose2())
+    scans = []
+    for index, pose in enumerate(poses):
+        walls = np.concatenate([CORRIDOR, boxes([(pose.x + 1.4, 0.1)])])
+        scans.append(scan_of(look(walls, pose @ LASER, 360, 0.01, index)))
+    assert errors_in_sigmas(scans, poses).max() < 4.0
+
+
+def test_what_covers_a_part_of_the_laser_does_not_stop_the_robot(look: Look) -> None:
+    poses = drive(25, Pose2(0.05), Pose2())
+    rng, scans = np.random.default_rng(7), []
+    for index, pose in enumerate(poses):
+        scan = scan_of(look(CORRIDOR, pose @ LASER, 360, 0.01, index))
+        ranges = np.array(scan.ranges_m)
+        ranges[160:205] = 0.25 + 0.003 * rng.standard_normal(45)
+        scans.append(Scan(ranges, scan.angle_min_rad, scan.angle_step_rad, 0.0, 12.0))
+    assert errors_in_sigmas(scans, poses).max() < 4.0
+
+
+def test_a_few_small_things_tell_nothing_and_many_do() -> None:
+    wall = np.stack([np.linspace(-3.0, 3.0, 121), np.full(121, 2.0)], axis=1)
+    normals_of_wall = np.tile([0.0, 1.0], (121, 1))
+
+    def counted(n_things: int) -> list[bool]:
+        across = np.linspace(-0.15, 0.15, 7)
+        faces = np.concatenate([np.stack([np.full(7, 1.0 + n), n + across], axis=1) for n in range(n_things)])
+        points, normals = np.concatenate([wall, faces]), np.tile([1.0, 0.0], (len(faces), 1))
+        is_few = few_small_things(points, np.concatenate([normals_of_wall, normals]), np.zeros(2))
+        assert not is_few[:121].any()
+        return (~is_few[121:].reshape(n_things, 7).any(axis=1)).tolist()
+
+    assert not any(counted(1))
+    assert not any(counted(6))
+    assert sum(counted(7)) == 3
+    assert sum(counted(9)) == 5

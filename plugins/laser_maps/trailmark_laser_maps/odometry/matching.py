@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -14,6 +14,7 @@ from trailmark.arrays import Floats
 from trailmark.geometry import Pose2
 from trailmark.geometry.walls import limited_information, line_equations, measured_step
 from trailmark_laser_maps.odometry.lines import scan_normals
+from trailmark_laser_maps.odometry.things import few_small_things
 from trailmark_laser_maps.uncertainty import match_information
 
 __all__ = ["LocalMap", "LocalMatch"]
@@ -21,6 +22,9 @@ __all__ = ["LocalMap", "LocalMatch"]
 # The gate shrinks: the first steps pull in from afar, the last are not bent by what does not belong.
 _GATES_M = (0.8, 0.8, 0.6, 0.5, 0.4, 0.3, 0.25, 0.2, 0.15, 0.15, 0.15)
 _FIT_M = 0.15
+#: Gauss-Newton's steps without the few small things, and the square of how many sigmas they lead away where these have
+#: drawn the match; by less, walls that are seen askew differ from them too.
+_STEPS_WITHOUT, _DRAWN = 3, 25.0
 _CLEARLY = 0.02
 #: What no match is better than [m, rad].
 _FLOOR = (0.001, math.radians(0.03))
@@ -80,13 +84,14 @@ class LocalMap:
         """Return the best match of points (N, 2) from several guesses; the first, unless another is clearly better."""
         first, *others = [self._match(points_base, guess, sigma_m) for guess in guesses]
         best = min(others, key=lambda one: one.cost, default=first)
-        return best if best.cost < first.cost - _CLEARLY else first
+        match = best if best.cost < first.cost - _CLEARLY else first
+        return self._without_few(match, points_base, sigma_m)
 
     def _match(self, points_base: Floats, guess: Pose2, sigma_m: float) -> LocalMatch:
         """Iterate closest lines (Chen & Medioni 1992) with Huber weights."""
         pose = guess
         for gate_m in _GATES_M:
-            hessian, gradient, residuals = self._equations(pose, points_base, gate_m)
+            hessian, gradient, residuals, _ = self._equations(pose, points_base, gate_m)
             n_lines = int(np.isfinite(residuals).sum())
             if n_lines < 6:
                 return LocalMatch(pose, np.zeros((3, 3)), 0.0, math.inf)
@@ -94,15 +99,36 @@ class LocalMap:
             pose = Pose2(pose.x - step[0], pose.y - step[1], pose.theta - step[2])
             if np.abs(step).max() < 2e-5 and gate_m <= _FIT_M:
                 break
-        hessian, _, residuals = self._equations(pose, points_base, _FIT_M)
+        hessian, _, residuals, _ = self._equations(pose, points_base, _FIT_M)
         distances, _ = self._tree.query(pose @ points_base)
         n_lines = int(np.isfinite(residuals).sum())
         residual_m = math.sqrt(float(np.nansum(np.square(residuals))) / max(n_lines, 1))
         limited = limited_information(match_information(hessian, residuals, sigma_m), _FLOOR)
         return LocalMatch(pose, limited, float(np.mean(distances < _FIT_M)), residual_m)
 
-    def _equations(self, pose: Pose2, points_base: Floats, gate_m: float) -> tuple[Floats, Floats, Floats]:
-        """Return Gauss-Newton's matrix and gradient, and how far points are beyond their walls, NaN: none, (N,)."""
+    def _without_few(self, match: LocalMatch, points_base: Floats, sigma_m: float) -> LocalMatch:
+        """Return a match that tells only what is not told by a few small things alone, and not where they drew it."""
+        _, _, all_residuals, normals = self._equations(match.pose, points_base, _FIT_M)
+        is_few = few_small_things(match.pose @ points_base, normals, np.array((match.pose.x, match.pose.y)))
+        if not is_few.any():
+            return match
+        rest, pose = points_base[~is_few], match.pose
+        for _ in range(_STEPS_WITHOUT):
+            hessian, gradient, residuals, _ = self._equations(pose, rest, _FIT_M)
+            step = measured_step(hessian, gradient, int(np.isfinite(residuals).sum()))
+            pose = Pose2(pose.x - step[0], pose.y - step[1], pose.theta - step[2])
+        hessian, _, residuals, _ = self._equations(pose, rest, _FIT_M)
+        information = limited_information(match_information(hessian, residuals, sigma_m), _FLOOR)
+        drawn = pose.array() - match.pose.array()
+        drawn[2] = math.remainder(drawn[2], 2.0 * math.pi)
+        if float(drawn @ information @ drawn) > _DRAWN:
+            return replace(match, pose=pose, information=information)
+        # what is left out had its part in the pose, and makes it as uncertain as it fits badly
+        limited = limited_information(match_information(hessian, all_residuals, sigma_m), _FLOOR)
+        return replace(match, information=limited)
+
+    def _equations(self, pose: Pose2, points_base: Floats, gate_m: float) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return Gauss-Newton's matrix and gradient, how far points are beyond their walls, NaN: none, and normals."""
         points = pose @ points_base
         distances, nearest = self._tree.query(points, distance_upper_bound=gate_m)
         nearest = np.where(np.isfinite(distances), nearest, 0)
@@ -115,4 +141,6 @@ class LocalMap:
         residuals = np.full(len(points), math.nan)
         away = np.sign((arms * normals).sum(axis=1))  # normals are sign free
         residuals[is_used] = away * (offsets * normals).sum(axis=1)
-        return hessian, gradient, residuals
+        lines = np.zeros_like(points)
+        lines[is_used] = normals
+        return hessian, gradient, residuals, lines
