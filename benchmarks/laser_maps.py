@@ -258,7 +258,7 @@ def main() -> None:
 
 
 def print_rows(rows: Iterable[dict[str, Any]], is_markdown: bool) -> None:
-    """Print rows as they come, with the first one's keys above."""
+    """Print rows as they come, with the first one's keys above; a row that has less (what was not run) ends early."""
     mark, keys = ("| " if is_markdown else ""), None
     for row in rows:
         if keys is None:
@@ -266,7 +266,7 @@ def print_rows(rows: Iterable[dict[str, Any]], is_markdown: bool) -> None:
             print(f"{mark}{' | '.join(keys)}{mark and ' |'}")
             if mark:
                 print("|" + "---|" * len(keys))
-        print(f"{mark}{' | '.join(str(row[key]) for key in keys)}{mark and ' |'}", flush=True)
+        print(f"{mark}{' | '.join(str(row.get(key, '')) for key in keys)}{mark and ' |'}", flush=True)
     print()
 
 
