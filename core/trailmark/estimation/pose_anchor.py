@@ -66,6 +66,7 @@ def anchor_after(before: PoseAnchor, odom: OdomState, pose: Pose2, covariance: S
 
 
 def anchor_at(odom: OdomState, pose: Pose2, covariance: Sym3, is_measured: bool) -> PoseAnchor:
+    """Return the anchor of a pose in the map, with its covariance there, at the place that odometry gives."""
     turn = pose.theta - odom.pose_odom_base.theta
     cos, sin = math.cos(turn), math.sin(turn)
     x, y = odom.pose_odom_base.x, odom.pose_odom_base.y
