@@ -16,12 +16,15 @@ from dataclasses import dataclass
 import cv2
 from foreign_drives import Start, divs_starts, laser_starts
 from foreign_floors import FloorStart, ground_map_starts
+from foreign_sights import SightStart, sight_starts
 
-METHODS: Mapping[str, Callable[[bool], Iterator[Start | FloorStart]]] = {
+METHODS: Mapping[str, Callable[[bool], Iterator[Start | FloorStart | SightStart]]] = {
     "divs": divs_starts,
     "grid_mcl": lambda is_quick: laser_starts("grid_mcl", is_quick),
     "ground_map": ground_map_starts,
+    "kinect_landmarks": lambda is_quick: sight_starts("kinect_landmarks", is_quick),
     "laser_icp": lambda is_quick: laser_starts("laser_icp", is_quick),
+    "omni_surf": lambda is_quick: sight_starts("omni_surf", is_quick),
 }
 
 
@@ -33,7 +36,7 @@ class Tally:
     n_right: int = 0
     n_wrong: int = 0
 
-    def add(self, start: Start | FloorStart) -> None:
+    def add(self, start: Start | FloorStart | SightStart) -> None:
         """Count a start."""
         self.n += 1
         self.n_right += start.is_right is True

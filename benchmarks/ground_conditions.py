@@ -593,7 +593,8 @@ def main() -> None:
                 break
     if options.json:
         print(json.dumps(list(rows.by_key.values()), indent=2))
-    rows.write_page(" ".join(["python", "benchmarks/ground_conditions.py", *sys.argv[1:]]))
+    words = [word for at, word in enumerate(sys.argv) if "--out" not in (word, sys.argv[at - 1])]
+    rows.write_page(" ".join(["python", "benchmarks/ground_conditions.py", *words[1:]]))
 
 
 if __name__ == "__main__":

@@ -25,6 +25,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import mrclam
 import numpy as np
 from scipy.io import loadmat
 
@@ -149,32 +150,14 @@ def _is_silent(errors: Floats, information: Floats) -> Floats:
 
 def mrclam_rows(folder: Path, robot: int) -> Iterator[Row]:
     """Yield two rows: ours, and that of the example's localizer."""
-    wheels = {
-        "plugin": "csv_odometry",
-        "path": str(folder / f"Robot{robot}_Odometry.dat"),
-        "header": ["t", "v", "omega"],
-        "poses": str(folder / f"Robot{robot}_Groundtruth.dat"),
-        "poses_header": ["t", "x", "y", "theta"],
-    }
-    ours = {
-        "plugin": "csv_records",
-        "path": str(folder / f"Robot{robot}_Measurement.dat"),
-        "header": ["t", "id", "range", "bearing"],
-        "codes": str(folder / "Barcodes.dat"),
-        "codes_header": ["id", "code"],
-        "landmarks": str(folder / "Landmark_Groundtruth.dat"),
-        "landmarks_header": ["id", "x", "y"],
-    }
+    ours = mrclam.barcodes(folder, robot)
     example = {"plugin": "mrclam_landmarks", "path": str(folder / f"Robot{robot}_Measurement.dat")}
-    truth = np.loadtxt(folder / f"Robot{robot}_Groundtruth.dat")
-    first_s = np.loadtxt(folder / f"Robot{robot}_Odometry.dat")[0, 0]
-    x, y, theta = truth[np.searchsorted(truth[:, 0], first_s), 1:4]
     for method, sightings in (("known_landmarks", ours), ("range_bearing", example)):
         config = {
-            "sources": {"wheels": wheels, "landmarks": sightings},
+            "sources": {"wheels": mrclam.wheels(folder, robot), "landmarks": sightings},
             "localizers": {"wheels": ODOMETRY, "landmarks": {"plugin": method}},
             "estimator": {"plugin": "kalman"},
-            "start": [float(x), float(y), math.degrees(theta)],
+            "start": mrclam.start(folder, robot),
         }
         yield _run_row("mrclam", f"robot {robot}", method, config)
 

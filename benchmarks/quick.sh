@@ -5,23 +5,31 @@ cd "$(dirname "$0")/.."
 python=${PYTHON:-python}
 export TRAILMARK_DATA=${TRAILMARK_DATA:-$(realpath -m ../shared/data)}
 
-bench() {
-    printf '\n--- benchmarks/%s\n' "$*"
-    "$python" benchmarks/"$@"
+# Two at a time, each with its output in one piece; one that fails fails this script.
+in_pairs() {
+    xargs -P 2 -I '{}' bash -c '
+        said=$("$0" benchmarks/{} 2>&1)
+        code=$?
+        printf "\n--- benchmarks/%s\n%s\n" "{}" "$said"
+        exit "$code"' "$python"
 }
 
-bench core_overhead.py --quick
-bench bench_scale.py --quick
-bench ground_vo.py --quick
-bench ground_accuracy.py --quick --what curve --methods refined klt
-bench ground_map.py --quick --what spoilt
-bench omni_surf.py --quick
-bench sim_ground.py --frames 70 --floor wood
-bench sim_render.py --repeat 1
+in_pairs <<'END'
+ground_vo.py --quick
+ground_map.py --quick --what spoilt
+omni_surf.py --quick
+ground_accuracy.py --quick --what curve --methods refined klt
+core_overhead.py --quick
+bench_scale.py --quick
+sim_ground.py --frames 70 --floor wood
+sim_render.py --repeat 1
+END
 if [ -d "$TRAILMARK_DATA" ]; then
-    bench divs.py --quick
-    bench kinect_landmarks.py --quick
-    bench fusion.py --robots 1 --cases clean
+    in_pairs <<'END'
+divs.py --quick
+kinect_landmarks.py --quick
+fusion.py --robots 1 --cases clean
+END
 else
     echo "no recordings at $TRAILMARK_DATA: the benchmarks on real data are left out"
 fi

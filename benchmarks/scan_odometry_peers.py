@@ -38,7 +38,7 @@ def why_missing(module: str) -> str:
 
 def gicp(instants: Sequence[Instant]) -> tuple[list[Pose2], dict[str, float]]:
     """Return the poses by small_gicp's GICP, from the wheels' step, to the keyscans that `scan_odometry` would keep."""
-    import small_gicp  # type: ignore[import-not-found,unused-ignore]
+    import small_gicp
 
     pose = keyscan = Pose2()
     scans = deque([_walls(instants[0])], maxlen=_KEEP_SCANS)
@@ -63,8 +63,8 @@ def gicp(instants: Sequence[Instant]) -> tuple[list[Pose2], dict[str, float]]:
 
 def kiss(instants: Sequence[Instant]) -> tuple[list[Pose2], dict[str, float]]:
     """Return the poses by kiss-icp's odometry, which takes no wheels."""
-    from kiss_icp.config import KISSConfig  # type: ignore[import-not-found,unused-ignore]
-    from kiss_icp.kiss_icp import KissICP  # type: ignore[import-not-found,unused-ignore]
+    from kiss_icp.config import KISSConfig
+    from kiss_icp.kiss_icp import KissICP
 
     config = KISSConfig()
     config.data.max_range, config.data.deskew = _MAX_RANGE_M, False

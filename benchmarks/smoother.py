@@ -22,10 +22,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from time import thread_time_ns
 from typing import Any
+from unittest import mock
 
 import numpy as np
 from fusion import HUSKY_END
-from smoother_drives import mrclam, plaza, simulated
+from smoother_drives import mrclam_config, plaza_config, simulated
 
 import trailmark
 from trailmark.arrays import Floats
@@ -150,13 +151,13 @@ def _cell(value: Any) -> str:
 def _rows(sets: list[str], data: Path, robots: list[int], seconds: float) -> Iterator[Row]:
     for robot in robots if "mrclam" in sets else ():
         for name in ESTIMATORS:
-            yield recorded(f"MRCLAM {robot}", name, mrclam(data / "fusion" / "mrclam_D6", robot), seconds)
+            yield recorded(f"MRCLAM {robot}", name, mrclam_config(data / "fusion" / "mrclam_D6", robot), seconds)
     for name in ESTIMATORS if "husky" in sets else ():
         yield husky(name, data / "fusion" / "rl_test1.bag")
     for number in (1, 2) if "plaza" in sets else ():
         for name in ESTIMATORS:
             with tempfile.TemporaryDirectory() as scratch:
-                yield recorded(f"Plaza {number}", name, plaza(data / "uwb", number, Path(scratch)))
+                yield recorded(f"Plaza {number}", name, plaza_config(data / "uwb", number, Path(scratch)))
     for kind in ("late fixes", "bursts") if "simulated" in sets else ():
         for seed in range(3):
             for name in ESTIMATORS:
@@ -204,20 +205,16 @@ def _run(
     name: str, config: Any, watch: Watch, *, overrides: Sequence[str] = (), seconds: float = math.inf
 ) -> tuple[Trajectory | None, Pose2 | None]:
     estimator_class, pose = ESTIMATORS[name], None
-    apply = estimator_class.apply
-    estimator_class.apply = watch.applying(apply)  # type: ignore[method-assign]
-    try:
-        with trailmark.Pipeline(config, overrides=list(overrides)) as pipeline:
-            first_s = None
-            for step in pipeline:
-                pose = step.belief.pose_map_base
-                first_s = step.stamp_s if first_s is None else first_s
-                if step.stamp_s > first_s + seconds:
-                    break
-            pipeline.close()
-            return pipeline.result.ground_truth, pose
-    finally:
-        estimator_class.apply = apply  # type: ignore[method-assign]
+    timed = mock.patch.object(estimator_class, "apply", watch.applying(estimator_class.apply))
+    with timed, trailmark.Pipeline(config, overrides=list(overrides)) as pipeline:
+        first_s = None
+        for step in pipeline:
+            pose = step.belief.pose_map_base
+            first_s = step.stamp_s if first_s is None else first_s
+            if step.stamp_s > first_s + seconds:
+                break
+        pipeline.close()
+        return pipeline.result.ground_truth, pose
 
 
 def _plugin(name: str) -> str:

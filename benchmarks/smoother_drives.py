@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import mrclam
 import numpy as np
 from landmarks import ODOMETRY, RANGE_SCALE, _driven
 from scipy.io import loadmat
@@ -15,7 +16,7 @@ from trailmark.arrays import Floats
 from trailmark.estimates import Estimate, Fix, Motion, information_along, information_from_sigmas
 from trailmark.geometry import Pose2, Trajectory
 
-__all__ = ["Arrival", "mrclam", "plaza", "simulated"]
+__all__ = ["Arrival", "mrclam_config", "plaza_config", "simulated"]
 
 _DT_S, _DURATION_S, _FIX_EVERY, _LATE_S = 0.02, 300.0, 10, 1.0
 
@@ -28,35 +29,16 @@ class Arrival(NamedTuple):
     estimate: Estimate
 
 
-def mrclam(folder: Path, robot: int) -> dict[str, Any]:
+def mrclam_config(folder: Path, robot: int) -> dict[str, Any]:
     """Return the config of a robot of MRCLAM: wheels, and barcodes at range and bearing."""
-    truth = np.loadtxt(folder / f"Robot{robot}_Groundtruth.dat")
-    first_s = np.loadtxt(folder / f"Robot{robot}_Odometry.dat")[0, 0]
-    x, y, theta = truth[np.searchsorted(truth[:, 0], first_s), 1:4]
-    wheels = {
-        "plugin": "csv_odometry",
-        "path": str(folder / f"Robot{robot}_Odometry.dat"),
-        "header": ["t", "v", "omega"],
-        "poses": str(folder / f"Robot{robot}_Groundtruth.dat"),
-        "poses_header": ["t", "x", "y", "theta"],
-    }
-    landmarks = {
-        "plugin": "csv_records",
-        "path": str(folder / f"Robot{robot}_Measurement.dat"),
-        "header": ["t", "id", "range", "bearing"],
-        "codes": str(folder / "Barcodes.dat"),
-        "codes_header": ["id", "code"],
-        "landmarks": str(folder / "Landmark_Groundtruth.dat"),
-        "landmarks_header": ["id", "x", "y"],
-    }
     return {
-        "sources": {"wheels": wheels, "landmarks": landmarks},
+        "sources": {"wheels": mrclam.wheels(folder, robot), "landmarks": mrclam.barcodes(folder, robot)},
         "localizers": {"wheels": ODOMETRY, "landmarks": {"plugin": "known_landmarks"}},
-        "start": [float(x), float(y), math.degrees(theta)],
+        "start": mrclam.start(folder, robot),
     }
 
 
-def plaza(folder: Path, number: int, scratch: Path) -> dict[str, Any]:
+def plaza_config(folder: Path, number: int, scratch: Path) -> dict[str, Any]:
     """Return the config of a mowing drive: wheels, and ranges to radios; the tables are written to a folder."""
     tables = loadmat(folder / f"Plaza{number}_.mat")
     truth = tables["GT"].copy()

@@ -22,13 +22,18 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from time import process_time
+from time import process_time, thread_time
 
 TOP = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 HUSKY = "examples/real/husky_bag.yaml"
 MRCLAM = "examples/real/mrclam_odometry.yaml"
+TUM = "examples/real/tum_rgbd.yaml"
+PICTURES = """\
+sources: {{cam: {{plugin: image_folder, path: {folder}, rate_hz: 10}}}}
+localizers: {{v: {{plugin: constant_speed, speed_mps: 1.0}}}}
+"""
 WHEELS = "sources: {wheels: {plugin: csv_odometry, path: wheels.csv}}\nlocalizers: {wheels: {plugin: odometry}}\n"
 LONG_RUN = 200_000  # frames: 48 minutes at 70 Hz
 _CLOCKS = "processor time; calls of estimators: wall time, the median of single calls"
@@ -71,6 +76,85 @@ def husky() -> dict[str, float]:
 def mrclam() -> dict[str, float]:
     """A table of wheel odometry, no report [frames/s of processor time]."""
     return {"MRCLAM: wheels, 61,785 frames [frames/s]": frames_per_second(MRCLAM)}
+
+
+def overlap() -> dict[str, float]:
+    """What of a picture's processor time the loop's own thread takes [ms]: a second core does the rest beside it."""
+    import cv2
+    import numpy as np
+
+    figures = _picture_ms("TUM fr1_rpy, landmarks and orb", TUM)
+    with tempfile.TemporaryDirectory() as folder:
+        rng, pictures = np.random.default_rng(0), Path(folder, "image_0")
+        pictures.mkdir()
+        ground = cv2.GaussianBlur(rng.integers(0, 256, (376, 1400), np.uint8), (0, 0), 2.0)
+        for i in range(80):  # the size and the files of KITTI's odometry, seen by a camera that moves sideways
+            cv2.imwrite(str(pictures / f"{i:06d}.png"), np.ascontiguousarray(ground[:, i : i + 1241]))
+        Path(folder, "pictures.yaml").write_text(PICTURES.format(folder=pictures))
+        return figures | _picture_ms("a folder as KITTI's, constant speed", str(Path(folder, "pictures.yaml")))
+
+
+def _picture_ms(name: str, config: str) -> dict[str, float]:
+    """Return the processor time of a picture of a config, in all and of the loop's thread [ms]."""
+    import trailmark
+
+    with trailmark.Pipeline(config) as pipeline:
+        steps = iter(pipeline)
+        for _ in range(5):
+            next(steps)
+        began_s, loop_began_s = process_time(), thread_time()
+        n = sum(1 for _ in steps)
+        whole_ms, loop_ms = 1e3 * (process_time() - began_s) / n, 1e3 * (thread_time() - loop_began_s) / n
+    return {f"{name}: a picture [ms]": whole_ms, f"{name}: of it in the loop's thread [ms]": loop_ms}
+
+
+def kinect() -> dict[str, float]:
+    """Landmarks of a Kinect and ORB features on the same pictures, one thread, without reading them [ms]."""
+    import cv2
+
+    import trailmark
+    from trailmark.estimates import Belief
+    from trailmark.geometry import Pose2
+    from trailmark.interfaces import Session
+
+    cv2.setNumThreads(1)
+    source = trailmark.create("source", "tum_rgbd", path=Path(os.environ["TRAILMARK_DATA"], "rgbd", "fr1_rpy_0_5s"))
+    source.start(Session(name="rgbd"))
+    frames, figures = list(source.frames()), {}
+    for name in ("kinect_landmarks", "orb_rgbd"):
+        localizer = trailmark.create("localizer", name, camera="rgbd")
+        localizer.start(Session(name=name, sensors=source.sensors, start_pose=Pose2()))
+        times_ms = []
+        for frame in frames:
+            began_s = process_time()
+            localizer.observe(frame, Belief(frame.stamp_s, Pose2()))
+            times_ms.append(1e3 * (process_time() - began_s))
+        figures[f"{name} on fr1_rpy: a picture [ms]"] = statistics.mean(times_ms[5:])
+    return figures
+
+
+def store() -> dict[str, float]:
+    """The path of a store of 100,000 waypoints, read and made [s]."""
+    from trailmark.geometry import Pose2
+    from trailmark.interfaces import Session
+    from trailmark.paths import Waypoint
+    from trailmark.stores.sqlite import SqlitePathStore
+    from trailmark.stores.sqlite_config import SqliteStoreConfig
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = str(Path(folder, "long.trail"))
+        written = SqlitePathStore(SqliteStoreConfig(path=path, access="create"))
+        written.start(Session())
+        for i in range(100_000):
+            written.append(Waypoint(i, 0.05 * i, Pose2(0.05 * i, 0.001 * (i % 7), 0.0)))
+        written.commit()
+        written.close()
+        began_s = process_time()
+        read = SqlitePathStore(SqliteStoreConfig(path=path, access="read"))
+        read.start(Session())
+        assert read.path() is not None
+        read.close()
+        return {"a store of 100,000 waypoints, opened [s]": process_time() - began_s}
 
 
 def start() -> dict[str, float]:
@@ -135,7 +219,8 @@ def simulator() -> dict[str, float]:
 
 
 ROWS: Mapping[str, Callable[[], dict[str, float]]] = {
-    row.__name__: row for row in (frame, kalman, husky, mrclam, start, memory, first, demo, simulator)
+    row.__name__: row
+    for row in (frame, kalman, husky, mrclam, overlap, kinect, store, start, memory, first, demo, simulator)
 }
 
 

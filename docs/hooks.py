@@ -35,7 +35,9 @@ ROOMS: Mapping[str, tuple[str, ...]] = {
             "interruption",
             "kernels",
             "patches",
+            "systematic",
             "values",
+            "worker",
             "writing",
         )
     ),

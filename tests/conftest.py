@@ -67,7 +67,11 @@ def load_script() -> Callable[[str], ModuleType]:
         assert spec.loader is not None
         module = importlib.util.module_from_spec(spec)
         sys.modules[spec.name] = module  # its dataclasses look their annotations up there
-        spec.loader.exec_module(module)
+        sys.path.insert(0, str((REPOSITORY / path).parent))  # where a program finds those beside it
+        try:
+            spec.loader.exec_module(module)
+        finally:
+            sys.path.pop(0)
         return module
 
     return load

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import importlib
+import re
 import subprocess
 import sys
+from collections.abc import Sequence
 
 import pytest
 
 from trailmark.clock import live_stamp_s
 from trailmark.estimation.kalman.clock_offsets import TimeOffset
+from trailmark.estimation.kalman.diagnosis import DetectedFault, FaultDiagnosis, RivalFilter
 from trailmark.estimation.kalman.motions import MotionStep
-from trailmark.estimation.kalman.state import DetectedFault, FaultDiagnosis, RivalFilter
 from trailmark.interfaces import LocalizerMap, Session
 from trailmark.testing import MemoryMap
 
@@ -61,6 +63,27 @@ def test_an_old_function_is_the_new_one_and_warns(module: str, old: str, new: st
 def test_what_has_moved_says_where_it_is() -> None:
     with pytest.warns(DeprecationWarning, match="live_stamp_s is called trailmark.clock.live_stamp_s now"):
         assert importlib.import_module("trailmark.pipeline.clock").live_stamp_s is live_stamp_s
+
+
+LASER, SCANS = "trailmark_laser_maps", "trailmark.geometry.scans"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "names"),
+    [
+        (f"{LASER}.odometry.lines", f"{SCANS}.lines", ("scan_normals",)),
+        (f"{LASER}.odometry.things", f"{SCANS}.things", ("few_small_things",)),
+        (f"{LASER}.odometry.matching", f"{SCANS}.local_map", ("LocalMap", "LocalMatch")),
+        (f"{LASER}.uncertainty", f"{SCANS}.uncertainty", ("errors_in_common", "match_information", "step_information")),
+        ("trailmark_omni_surf.laser.following", "trailmark_omni_surf.laser.told_fit", ("told_fit",)),
+    ],
+)
+def test_what_matches_scans_is_found_in_the_plugin_that_had_it(old: str, new: str, names: Sequence[str]) -> None:
+    home, before = importlib.import_module(new), importlib.import_module(old)
+
+    for name in names:
+        with pytest.warns(DeprecationWarning, match=re.escape(f"{old}.{name} is called {new}.{name} now")):
+            assert getattr(before, name) is getattr(home, name)
 
 
 def test_a_name_that_never_was_is_an_attribute_error() -> None:

@@ -210,3 +210,27 @@ class TestRangeFix:
                 range_fix(belief, (0.0, 0.0), range_m, 0.1)
         with pytest.raises(ValueError, match="must be positive, not 0"):
             range_fix(belief, (0.0, 0.0), 1.0, 0.0)
+
+
+def test_the_information_of_a_covariance_is_what_numpy_gives_bit_by_bit() -> None:
+    rng = np.random.default_rng(3)
+    n_checked = 0
+    for _ in range(500):
+        root = rng.normal(size=(3, 3)) * 10.0 ** rng.uniform(-6.0, 3.0, size=(3, 1))
+        covariance = root @ root.T
+        covariance = (covariance + covariance.T) / 2.0
+        try:
+            factor = np.linalg.inv(np.linalg.cholesky(covariance))
+        except np.linalg.LinAlgError:
+            continue
+        n_checked += 1
+        assert information_from_covariance(covariance).tobytes() == (factor.T @ factor).tobytes()
+    assert n_checked > 450
+
+
+@pytest.mark.parametrize("bad", [-1.0, 0.0, float("nan")])
+def test_a_covariance_without_an_inverse_is_refused_without_a_warning(bad: float, recwarn) -> None:
+    with pytest.raises(ValueError, match=r"not symmetric|not positive definite"):
+        information_from_covariance(np.diag([1.0, 1.0, bad]))
+
+    assert not recwarn.list

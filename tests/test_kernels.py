@@ -160,3 +160,58 @@ def test_a_record_may_be_renamed_after_its_kernel_was_kept(tmp_path: Path) -> No
         printed.append(done.stdout.strip() or done.stderr)
 
     assert printed == ["6.0", "6.0"]
+
+
+VARIANTS = """
+import sys
+import numpy as np
+from trailmark.kernels import kernel
+
+
+def repeated(n):
+    @kernel
+    def repeat(value):
+        out = np.empty(n, np.int64)
+        for i in range(n):
+            out[i] = value * n
+        return out
+
+    return repeat
+
+
+print(*(repeated(int(n))(10) for n in sys.argv[1:]))
+"""
+
+
+def test_variants_that_several_processes_compiled_are_told_apart(tmp_path: Path) -> None:
+    program = tmp_path / "variants.py"
+    program.write_text(VARIANTS)
+    surroundings = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kept")}
+
+    for order in (["2"], ["2", "3"], ["4", "3"]):  # in the last one a new kernel has the count of a kept one
+        line = [sys.executable, str(program), *order]
+        said = subprocess.run(line, env=surroundings, capture_output=True, text=True, check=True).stdout
+
+    assert said == "[40 40 40 40] [30 30 30]\n"
+
+
+@pytest.mark.parametrize("held", [np.int64(3), None, True, 0.5, "a/b"])
+def test_a_kernel_may_hold_a_number_or_a_word(held: object) -> None:
+    @kernel
+    def is_held() -> bool:
+        return held is not None
+
+    assert is_held() == (held is not None)
+
+
+def test_a_kernel_that_holds_a_table_or_a_kernel_is_compiled_in_every_run(caplog: pytest.LogCaptureFixture) -> None:
+    table, twice = np.arange(3.0), doubled
+
+    with caplog.at_level("INFO"):
+
+        @kernel
+        def last() -> float:
+            return twice(table[2])
+
+    assert last() == 4.0
+    assert "not kept on disk" in caplog.text

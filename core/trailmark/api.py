@@ -169,6 +169,7 @@ def _write_metrics(pipeline: Pipeline, glimpses: Glimpses | None) -> Mapping[str
     """Write what a report is made of, and return the metrics."""
     from trailmark.evaluation import evaluate_run, metrics_of
     from trailmark.evaluation.path_file import PATH_FILE, write_path
+    from trailmark.evaluation.taught_places import TRUTH_FILE, write_taught_places
 
     folder, path = pipeline.result.folder, pipeline.path
     assert folder is not None
@@ -177,6 +178,8 @@ def _write_metrics(pipeline: Pipeline, glimpses: Glimpses | None) -> Mapping[str
         glimpses.write(folder)
     if path is not None:
         write_path(path, folder / PATH_FILE)
+    if pipeline.true_places is not None:
+        write_taught_places(pipeline.true_places, folder / TRUTH_FILE)
     return evaluate_run(folder, metrics=metrics_of(pipeline.config.plugins.registry), path=path)
 
 

@@ -17,7 +17,7 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -41,6 +41,14 @@ __all__ = [
     "information_from_sigmas",
     "range_fix",
 ]
+
+# What `numpy.linalg` calls, behind checks of microseconds; not numpy's promise, so that both may be missing.
+_lapack: Any = getattr(np.linalg, "_umath_linalg", None)
+_HAS_LAPACK = hasattr(_lapack, "cholesky_lo") and hasattr(_lapack, "inv")
+
+# Pivots of a covariance that is plainly positive: this part of their diagonal elements, which are no rounding of zero.
+_PLAIN = 1e-9
+_TINY = 1e-100
 
 _NO_DETAILS: Mapping[str, float] = MappingProxyType({})
 
@@ -75,12 +83,18 @@ def information_from_covariance(covariance: npt.ArrayLike) -> Floats:
     ValueError
         If it is not symmetric and positive definite.
     """
-    if np.iscomplexobj(covariance):
-        raise ShapeError("a covariance is of real numbers, not of complex ones")
-    matrix = np.asarray(covariance, dtype=np.float64)
+    if type(covariance) is not np.ndarray or covariance.dtype != np.float64:
+        if np.iscomplexobj(covariance):
+            raise ShapeError("a covariance is of real numbers, not of complex ones")
+        covariance = np.asarray(covariance, dtype=np.float64)
+    matrix = covariance
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
         raise ShapeError(f"a covariance is square, not {matrix.shape}")
-    if matrix.tolist() != matrix.T.tolist():  # to the last bit: the mean of both would be the matrix itself
+    rows = matrix.tolist()
+    if len(rows) == 3 and _HAS_LAPACK and _is_plainly_positive(*rows):  # then there are no errors to ask for
+        factor = _lapack.inv(_lapack.cholesky_lo(matrix, signature="d->d"), signature="d->d")
+        return np.asarray(factor.T @ factor)
+    if rows != matrix.T.tolist():  # to the last bit: the mean of both would be the matrix itself
         if not np.allclose(matrix, matrix.T, rtol=1e-6, atol=1e-12 * max(1e-300, float(np.abs(matrix).max()))):
             raise ValueError("the covariance is not symmetric")
         matrix = (matrix + matrix.T) / 2.0
@@ -89,6 +103,18 @@ def information_from_covariance(covariance: npt.ArrayLike) -> Floats:
     except np.linalg.LinAlgError:
         raise ValueError("the covariance is not positive definite") from None
     return np.asarray(factor.T @ factor)
+
+
+def _is_plainly_positive(x: list[float], y: list[float], t: list[float]) -> bool:
+    """Return whether the rows are of a symmetric matrix whose Cholesky factor is far from not being there."""
+    (xx, xy, xt), (yx, yy, yt), (tx, ty, tt) = x, y, t
+    if not (xy == yx and xt == tx and yt == ty and math.inf > xx > _TINY and yy > _TINY and tt > _TINY):
+        return False
+    d2 = yy - xy / xx * xy
+    if not math.inf > d2 > _PLAIN * yy:
+        return False
+    rest = yt - xt / xx * xy
+    return _PLAIN * tt < tt - xt / xx * xt - rest / d2 * rest < math.inf
 
 
 def information_along(direction: npt.ArrayLike, sigma: float) -> Floats:
@@ -135,6 +161,10 @@ class Motion:
         [1/m^2, 1/m^2, 1/rad^2 on the diagonal].
     details : mapping of str to float
         Further numbers of the method, recorded beside the estimate.
+    is_matched : bool
+        Whether both ends are poses on one map, as of scans matched to the same walls, and the beginning is the end of
+        the motion before: the error of that match is in both, with opposite signs, and cancels. Leave it False where
+        the ends are matched to different things, as to the keyframes of an ICP. It is not recorded.
     """
 
     since_s: float
@@ -142,6 +172,7 @@ class Motion:
     pose_since_now: Pose2
     information: Floats
     details: Mapping[str, float] = field(default_factory=_no_details, repr=False)
+    is_matched: bool = field(default=False, repr=False)
 
     def __post_init__(self) -> None:
         if not self.stamp_s > self.since_s:

@@ -38,6 +38,7 @@ __all__ = [
     "patience_s",
     "raise_soon",
     "reason_of",
+    "settle",
     "shielded",
 ]
 
@@ -124,7 +125,13 @@ class _Request:
         self.by: Interrupted | None = None
         self.at_s = math.inf
         self.raised_s = -math.inf
-        self.patience_s = 0.0
+        self.settled_s = 0.0
+        self.shield_s: float | None = None
+
+    @property
+    def patience_s(self) -> float:
+        """How long after the request the main thread may go on: as the innermost shield says, if there is one [s]."""
+        return self.settled_s if self.shield_s is None else self.shield_s
 
 
 _request = _Request()
@@ -167,6 +174,15 @@ def is_due() -> bool:
 def raise_soon() -> None:
     """Take note that what was raised came to nothing, in a destructor for instance: the next look raises it again."""
     _request.raised_s = -math.inf
+
+
+def settle() -> None:
+    """Take note that the request was answered: what it ended is over, and outside of shields it is not raised again.
+
+    What then hangs all the same is left behind two seconds after the signal, and a run that begins ends at once.
+    """
+    if _request.by is not None:
+        _request.settled_s = math.inf
 
 
 def is_kept() -> bool:
@@ -220,13 +236,13 @@ class shielded:
 
     def __enter__(self) -> None:
         if threading.get_ident() == _main_ident:
-            self._outer_s, _request.patience_s = _request.patience_s, self._patience_s
+            self._outer_s, _request.shield_s = _request.shield_s, self._patience_s
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         if threading.get_ident() == _main_ident:
-            _request.patience_s = self._outer_s
+            _request.shield_s = self._outer_s
 
 
 def __getattr__(name: str) -> Any:

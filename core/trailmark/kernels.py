@@ -6,7 +6,9 @@ Import this only from modules that hold kernels. It imports numba, which takes l
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Callable
+from numbers import Number
 from typing import Any, Literal, TypeVar, overload
 
 import numba
@@ -94,7 +96,7 @@ def _compiler(**options: Any) -> Callable[[_Function], _Function]:
         # no_cfunc_wrapper: the entry for callers in C would be compiled too, and there are none
         compiled: _Function
         try:
-            compiled = _njit(cache=True, no_cfunc_wrapper=True, **options)(function)
+            compiled = _njit(cache=_name_variant(function), no_cfunc_wrapper=True, **options)(function)
             _survive_renamed_records(compiled)
         except RuntimeError as error:  # numba found no folder that it can write
             logger.info("kernel %s cannot be cached: %s", function.__name__, error)
@@ -104,16 +106,33 @@ def _compiler(**options: Any) -> Callable[[_Function], _Function]:
     return compile_function
 
 
+def _name_variant(function: Any) -> bool:
+    """Name a kernel that is made anew for other numbers after these numbers; return whether it may be kept on disk.
+
+    Numba tells such variants apart by a count, which begins at one in each process: a variant that is compiled now and
+    another one that was kept by an earlier process would be one to the loader. One that holds what has no short name (a
+    table, another kernel) is compiled in every run.
+    """
+    held = [cell.cell_contents for cell in function.__closure__ or ()]
+    if not all(value is None or isinstance(value, (str, Number)) for value in held):
+        logger.info("kernel %s holds more than numbers and words: it is not kept on disk", function.__qualname__)
+        return False
+    if held:
+        numbers = "_".join(f"{name}_{value}" for name, value in zip(function.__code__.co_freevars, held))
+        function.__qualname__ = f"{function.__qualname__}_{re.sub(r'[^0-9A-Za-z.+-]', '_', numbers)}"
+    return True
+
+
 def _survive_renamed_records(compiled: Any) -> None:
     """Make a kernel compile anew when its cache names a class that is gone.
 
     Numba reads the records (named tuples) of a signature before it asks whether the kernel's file has changed since, so
     that a cache of an older version would end the program.
     """
-    cache = getattr(compiled, "_cache", None)  # without it numba is switched off
-    if cache is None:
+    cache_file = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
+    if cache_file is None:  # numba is switched off, or nothing is kept
         return
-    load_index = cache._cache_file._load_index
+    load_index = cache_file._load_index
 
     def load_index_or_nothing() -> Any:
         try:
@@ -122,4 +141,4 @@ def _survive_renamed_records(compiled: Any) -> None:
             logger.info("kernel %s is compiled anew: %s", compiled.__name__, error)
             return {}
 
-    cache._cache_file._load_index = load_index_or_nothing
+    cache_file._load_index = load_index_or_nothing

@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.errors import ShapeError
 from trailmark.frames.payloads import read_only
 from trailmark.geometry import Pose2, wrap_angle
 
-__all__ = ["Keyframe", "OnPath", "Path", "Waypoint"]
+__all__ = ["Keyframe", "OnPath", "Path", "TaughtPlaces", "Waypoint"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +109,8 @@ class Path:
         self.waypoints: tuple[Waypoint, ...] = tuple(waypoints)
         if not self.waypoints:
             raise ShapeError("a path needs at least one waypoint")
-        poses = np.array([waypoint.pose_map_base.array() for waypoint in self.waypoints])
+        taught = [waypoint.pose_map_base for waypoint in self.waypoints]
+        poses = np.array([(pose.x, pose.y, pose.theta) for pose in taught], dtype=np.float64)
         self._stations = np.array([waypoint.station_m for waypoint in self.waypoints])
         self._positions = poses[:, :2]
         self._headings = np.unwrap(poses[:, 2])
@@ -230,3 +232,21 @@ class Path:
         station_m = grid[index] + fraction * (grid[index + 1] - grid[index])
         tangent = self.tangent_at(grid[index])
         return station_m, math.cos(tangent) * from_y - math.sin(tangent) * from_x, miss_m
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TaughtPlaces:
+    """Places of a taught path whose truth is known.
+
+    Attributes
+    ----------
+    in_map, in_truth : (N, 3) float64
+        As they were taught, and where base really was then, in the frame of the truth [m, m, rad].
+    """
+
+    in_map: Floats
+    in_truth: Floats
+
+    def off_m(self) -> Floats:
+        """Return how far the map is off the truth at each place, (N,) [m]."""
+        return np.asarray(np.linalg.norm(self.in_map[:, :2] - self.in_truth[:, :2], axis=1))

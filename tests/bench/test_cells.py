@@ -275,3 +275,18 @@ def command_lines() -> list[str]:
         with suppress(OSError):
             found.append((process / "cmdline").read_bytes().replace(b"\0", b" ").decode("utf-8", "replace"))
     return found
+
+
+@pytest.mark.parametrize("localizer", ["ground_vo", "klt"])
+def test_a_camera_that_does_not_look_down_is_no_failure_of_a_localizer_that_needs_it(
+    bench_of, run_cells, tmp_path: Path, localizer: str
+) -> None:
+    world = {"plugin": "sim", "world": "corridor", "sensors": ["front"], "duration_s": 0.5}
+    bench = bench_of({"localizers": [localizer]}, {"sources": {"robot": world}})
+
+    run_cells(bench, tmp_path)
+
+    with Index(tmp_path) as index:
+        (record,) = index.records()
+    assert record.state == "skipped"
+    assert "the scale of a ground camera" in record.reason or "a ground camera needs its scale" in record.reason

@@ -134,6 +134,15 @@ def test_only_takes_patterns_and_refuses_what_fits_no_cell(bench_of) -> None:
         bench_of(cells, only=["localiser=toy"])
 
 
+def test_only_some_places_leaves_matrices_that_have_none_alone(bench_of) -> None:
+    places = {"here": {}, "there": {"sources": {"robot": {"n": 50}}}}
+    cells = [{"name": "many", "places": places, "localizers": ["toy"]}, {"name": "one", "localizers": ["toy"]}]
+
+    bench = bench_of(cells, only=["place=there"])
+
+    assert [(cell.matrix, cell.coordinates.get("place")) for cell in bench.cells] == [("many", "there"), ("one", None)]
+
+
 def test_an_error_in_a_value_is_told_at_its_line_of_the_bench_config(tmp_path: Path, plugins) -> None:
     (tmp_path / "b.yaml").write_text(
         "sources: {robot: {plugin: toy_wheels}}\n"

@@ -12,7 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from trailmark_bench.page import write_page
+from trailmark_bench.page import write_page, write_site
+from trailmark_bench.quantities import metric_of
+from trailmark_bench.summary import summarize_bench
+from trailmark_bench.winners import winners_of
 
 BROWSER = next(
     (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
@@ -92,6 +95,53 @@ def test_the_page_stands_alone_and_nothing_in_it_escapes(synthetic, tmp_path: Pa
     assert "default-src 'none'" in text
     assert text.count("</script>") == text.count("<script")
     assert "Fatal <b>error" not in text
+
+
+def test_a_site_is_as_large_as_it_may_be_and_keeps_its_tables(synthetic, tmp_path: Path) -> None:
+    with synthetic(tmp_path / "bench") as index:
+        whole = write_site(index, tmp_path / "whole")
+        packed = {text: whole.read_text(encoding="utf-8").count(text) for text in ("Who wins where", "crashed")}
+        few = write_site(index, tmp_path / "few", most_mb=0.7 * whole.stat().st_size / 1e6)
+
+    assert whole == tmp_path / "whole" / "index.html"
+    assert few.stat().st_size < 0.7 * whole.stat().st_size
+    assert packed == {text: few.read_text(encoding="utf-8").count(text) for text in packed}
+
+
+def test_a_site_leaves_logs_out_before_it_is_too_large(
+    synthetic, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    summarized = []
+    monkeypatch.setattr(
+        "trailmark_bench.page.summarize_bench",
+        lambda index, **options: summarized.append(index) or summarize_bench(index, **options),
+    )
+    with synthetic(tmp_path / "bench", fails=1.0) as index:  # nothing but logs to leave out
+        whole = write_site(index, tmp_path / "whole").stat().st_size
+        assert not caplog.records
+        without = write_site(index, tmp_path / "without", most_mb=(whole - 1) / 1e6).stat().st_size
+        assert not caplog.records
+        summarized.clear()
+        least = write_site(index, tmp_path / "least", most_mb=(without - 1) / 1e6).stat().st_size
+
+    assert without < whole
+    assert least == without
+    assert [record.levelname for record in caplog.records] == ["WARNING"]
+    assert f"{without / 1e6:.3g} MB" in caplog.text
+    assert len(summarized) == 1
+
+
+def test_the_best_of_a_condition_wins_where_intervals_are_apart(synthetic, tmp_path: Path) -> None:
+    """Method 0 is made with the smallest errors, method 3 with nearly twice as large ones, with 20 % of noise."""
+    with synthetic(tmp_path, fails=0.0, seeds=9) as index:
+        winners = winners_of(summarize_bench(index))
+
+    assert [winner.condition for winner in winners] == ["world_0", "world_1", "world_2"]
+    for winner in winners:
+        medians = [other.median(metric_of("ate_rmse_m")) for other in (winner.best, *winner.others)]
+        assert medians == sorted(medians)
+        assert winner.best.method == "method_0"
+        assert "method_3" not in winner.equals
 
 
 def test_without_results_there_is_still_a_page(synthetic, tmp_path: Path) -> None:

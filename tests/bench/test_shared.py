@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -69,6 +70,67 @@ def test_a_file_is_merged_like_a_folder(bench: Path, tmp_path: Path) -> None:
     with Index(tmp_path / "both") as index:
         assert index.states() == {f"{0:020x}": "ok", f"{1:020x}": "failed", f"{2:020x}": "ok"}
     assert "1 cells taken over" in lines[1]
+
+
+def test_cells_of_other_code_are_told_and_not_shown(bench: Path, tmp_path: Path) -> None:
+    """One machine is of a later commit, which gives cells other addresses, and has a plugin of its own besides."""
+    with Index(tmp_path / "later", write=True) as index:
+        names = {"b": ("klt", 0), "c": ("klt", 2), "d": ("mine", 0)}
+        cells = {digit * 20: {"localizer": name, "seed": seed} for digit, (name, seed) in names.items()}
+        index.enter([Cell(address, "hall", coordinates, {}) for address, coordinates in cells.items()])
+        for address in cells:
+            index.mark_finished(address, Outcome("ok"), {"metrics": {"ate_rmse_m[se2,n=9]": 9.0}})
+
+    lines = merge_benches([bench, tmp_path / "later"], tmp_path / "both")
+
+    with Index(tmp_path / "both") as index:
+        shown = {(record.coordinates["localizer"], record.coordinates["seed"]): record.id for record in index.records()}
+        assert len(index.records()) == 4
+        assert set(index.states()) >= {"b" * 20}  # it stays
+    assert shown == {("klt", 0): "0" * 20, ("klt", 1): f"{1:020x}", ("klt", 2): "c" * 20, ("mine", 0): "d" * 20}
+    assert "1 are not shown: they are of other code" in lines[1]
+    assert "klt" in lines[1]
+
+
+def bench_of_code(folder: Path, digit: str, states: Sequence[str]) -> None:
+    """Make a bench whose cells, one a seed, have the addresses of other code."""
+    with Index(folder, write=True) as index:
+        addresses = [digit * 19 + str(seed) for seed in range(len(states))]
+        coordinates = [{"localizer": "klt", "seed": seed} for seed in range(len(states))]
+        index.enter([Cell(each, "hall", at, {}) for each, at in zip(addresses, coordinates, strict=True)])
+        for address, state in zip(addresses, states, strict=True):
+            if state != "pending":
+                index.mark_finished(address, Outcome(state), {"metrics": {}} if state == "ok" else None)
+
+
+def test_an_old_failure_hides_no_result_of_mended_code(tmp_path: Path) -> None:
+    bench_of_code(tmp_path / "old", "a", ["failed", "ok", "failed", "pending", "pending"])
+    bench_of_code(tmp_path / "new", "b", ["ok", "failed", "failed", "failed", "pending"])
+
+    lines = merge_benches([tmp_path / "old", tmp_path / "new"], tmp_path / "old")
+
+    with Index(tmp_path / "old") as index:
+        shown = {record.coordinates["seed"]: record.id[0] + " " + record.state for record in index.records()}
+    assert shown == {0: "b ok", 1: "a ok", 2: "a failed", 3: "b failed", 4: "a pending"}
+    assert "3 are not shown" in lines[0]
+    assert all(f"seed {seed} (failed)" in lines[0] for seed in (0, 1, 2))
+
+
+def test_several_of_one_name_that_were_merged_before_are_told(tmp_path: Path) -> None:
+    """Earlier versions showed all of them."""
+    with Index(tmp_path / "merged", write=True) as index:
+        cells = [Cell(digit * 20, "hall", {"localizer": "klt", "seed": 0}, {}) for digit in "abc"]
+        index.enter(cells)
+        for cell, state in zip(cells, ("failed", "ok", "ok"), strict=True):
+            index.mark_finished(cell.id, Outcome(state), {"metrics": {}} if state == "ok" else None)
+    bench_of_code(tmp_path / "other", "d", ["failed"])
+
+    lines = merge_benches([tmp_path / "merged", tmp_path / "other"], tmp_path / "merged")
+
+    with Index(tmp_path / "merged") as index:
+        assert [record.id for record in index.records()] == ["b" * 20]
+        assert len(index.states()) == 4
+    assert lines[0].startswith(f"{tmp_path / 'merged'}: 2 are not shown")
 
 
 def test_the_commands_send_and_merge(bench: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

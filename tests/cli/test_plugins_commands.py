@@ -117,6 +117,13 @@ def test_showing_what_does_not_exist_names_the_nearest(site):
     assert "no part or plugin is called 'thng' (did you mean 'thing'?)" in done.stderr
 
 
+def test_showing_what_is_not_installed_names_what_is_about_it(site):
+    done = trailmark(site, "plugins", "show", "my_thing_mark", code=2)
+
+    assert "no part or plugin is called 'my_thing_mark'; about that: thing" in done.stderr
+    assert "'trailmark plugins' lists all" in done.stderr
+
+
 def test_the_doctor_shows_tracebacks_extras_and_remedies(site):
     done = trailmark(site, "plugins", "doctor")
 

@@ -25,12 +25,12 @@ def merge_bomb(levels: int) -> str:
 
 @pytest.mark.parametrize("levels", [5, 9, 20])
 def test_a_bomb_of_merge_keys_is_refused_at_once(levels: int) -> None:
-    began_s = time.perf_counter()
+    began_s = time.thread_time()
 
     with pytest.raises(TextError, match=r"the merge keys \(<<\) make more than 10000 keys"):
         read_yaml(merge_bomb(levels))
 
-    assert time.perf_counter() - began_s < 1.0
+    assert time.thread_time() - began_s < 1.0
 
 
 def test_merge_keys_of_ordinary_size_are_merged() -> None:
@@ -50,12 +50,12 @@ def test_an_integer_of_5000_digits_is_refused_in_toml_and_yaml() -> None:
 def test_ten_megabytes_are_refused_unread(tmp_path: Path, suffix: str) -> None:
     config = tmp_path / f"large.{suffix}"
     config.write_text("# filler\n" * 1_200_000)
-    began_s = time.perf_counter()
+    began_s = time.thread_time()
 
     with pytest.raises(ConfigError, match=r"has 10\.8 MB: no config is larger than 1 MB"):
         read_document(config)
 
-    assert time.perf_counter() - began_s < 1.0
+    assert time.thread_time() - began_s < 1.0
 
 
 def test_a_pipe_is_refused_and_not_waited_for(tmp_path: Path) -> None:

@@ -36,6 +36,18 @@ WRONG = {
         SOURCES + "localizers:\n  floor:\n    plugin: klt\n    gains:\n      x: 1e-3\n      y: no\n",
         "config.yaml line 8: localizers.floor.gains.y: must be a valid number, not 'no'",
     ),
+    "a boolean for a number": (
+        SOURCES + "localizers:\n  floor:\n    plugin: klt\n    gains:\n      x: true\n",
+        "config.yaml line 7: localizers.floor.gains.x: must be a valid number, not true",
+    ),
+    "a boolean for a whole number": (
+        SOURCES + "localizers:\n  floor: {plugin: ground_vo, search_px: false}\n",
+        "config.yaml line 4: localizers.floor.search_px: must be a valid integer, not false",
+    ),
+    "a boolean for a number of the host": (
+        SOURCES + "control_hz: true\n",
+        "config.yaml line 3: control_hz: must be a valid number, not true",
+    ),
     "an unknown plugin": (
         SOURCES + "localizers:\n  floor: {plugin: ground-vo}\n",
         "config.yaml line 4: localizers.floor.plugin: no localizer named 'ground-vo' (did you mean 'ground_vo'?); "
@@ -169,7 +181,7 @@ WRONG = {
     "a distribution that is too old": (
         "plugins: {require: ['pluggy>=999']}\n",
         "config.yaml line 1: plugins.require.0: pluggy {pluggy} is installed, >=999 is required: "
-        "pip install 'pluggy>=999'",
+        "install such a version, if there is one, or change the requirement",
     ),
     "a requirement that is none": (
         "plugins: {require: ['>=1']}\n",

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import pairwise
+from typing import ClassVar
 
 import numpy as np
 import pytest
 
-from trailmark.commands import Steer4WS, Stop, Velocity
+from trailmark.commands import Command, Steer4WS, Stop, Velocity
 from trailmark.errors import ConfigError
 from trailmark.estimates import Belief
+from trailmark.frames import Frame
 from trailmark.geometry import Pose2
-from trailmark.interfaces import Session
+from trailmark.interfaces import Drivable, Session
 from trailmark.paths import Path, Waypoint
+from trailmark.pipeline.control import check_commands
 from trailmark_controllers.tracking import PathTracking
 from trailmark_controllers.tracking_config import TrackingConfig
 from trailmark_sim.motion import VehicleIntegrator
@@ -50,6 +54,32 @@ def tracker(path: Path | None, drive: str = "differential", **keys: object) -> P
     controller = PathTracking(TrackingConfig.model_validate(config))
     controller.start(Session(mode="replay", path=path))
     return controller
+
+
+@pytest.mark.parametrize(
+    ("drive", "accepts", "remedy"),
+    [
+        ("differential", {Steer4WS, Stop}, "write 'drive: four_wheel_steering'"),
+        ("four_wheel_steering", {Velocity, Stop}, "write 'drive: differential', 'holonomic' or 'ackermann'"),
+    ],
+)
+def test_a_drive_that_the_robot_does_not_understand_is_refused_with_the_one_that_it_does(
+    drive: str, accepts: set[type[Command]], remedy: str
+) -> None:
+    class Robot(Drivable):
+        sensors: ClassVar = {}
+        accepts = frozenset[type[Command]]()
+
+        def frames(self) -> Iterator[Frame]:
+            return iter(())
+
+        def drive(self, command: Command) -> None:
+            raise AssertionError
+
+    Robot.accepts = frozenset(accepts)
+
+    with pytest.raises(ConfigError, match=re.escape(remedy)):
+        check_commands(tracker(STRAIGHT, drive), Robot(None))
 
 
 def certain(belief: Belief) -> Belief:

@@ -1,8 +1,8 @@
 """What the manual tells to type is typed here: every page's blocks run in order, in a folder of its own.
 
-In a page, comments say what a block is: ``<!-- file: NAME -->`` before a block writes it to a file;
-``<!-- not run: REASON -->`` leaves one out; ``<!-- exit code: 2 -->`` expects a command to fail; and a comment that
-begins with ``prepare`` holds shell lines that make what the reader has at hand, such as a recording.
+The line "File `NAME`:" before a block, which a reader sees, writes it to a file. Comments say what else a block is:
+``<!-- not run: REASON -->`` leaves one out; ``<!-- exit code: 2 -->`` expects a command to fail. Nothing else is done
+than what a reader does: nothing is made behind a page's back, but for a clone of the repository, ``../trailmark``.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ PAGES = [REPOSITORY / "README.md", *sorted((REPOSITORY / "docs").rglob("*.md"))]
 PAGES = [page for page in PAGES if not {"decisions", "results"} & set(page.relative_to(REPOSITORY).parts)]
 
 _PART = re.compile(
-    r"<!--\s*prepare\n(?P<prepare>.*?)-->"
-    r"|(?:<!--\s*(?P<mark>[a-z ]+):\s*(?P<value>.*?)\s*-->\s*\n)?```(?P<language>\w*)[^\n]*\n(?P<text>.*?)```",
-    re.DOTALL,
+    r"(?:<!--\s*(?P<mark>[a-z ]+):\s*(?P<value>.*?)\s*-->\s*\n|^File `(?P<file>[^`\n]+)`:\n\n)?"
+    r"```(?P<language>\w*)[^\n]*\n(?P<text>.*?)```",
+    re.DOTALL | re.MULTILINE,
 )
 _RUN = {"sh": ["bash", "-euo", "pipefail", "-c"], "python": [sys.executable, "-c"]}
 _PATIENCE_S = 300
@@ -46,10 +46,8 @@ def blocks(page: Path) -> Iterator[Block]:
     source = page.read_text(encoding="utf-8")
     for found in _PART.finditer(source):
         where = f"{page.relative_to(REPOSITORY)}:{source.count(chr(10), 0, found.start()) + 1}"
-        if found["prepare"] is not None:
-            yield Block(where, "sh", found["prepare"])
-        else:
-            yield Block(where, found["language"], found["text"], found["mark"] or "", found["value"] or "")
+        mark, value = ("file", found["file"]) if found["file"] else (found["mark"] or "", found["value"] or "")
+        yield Block(where, found["language"], found["text"], mark, value)
 
 
 def is_run(block: Block) -> bool:
@@ -60,8 +58,21 @@ def is_run(block: Block) -> bool:
 def test_every_block_is_run_or_says_why_not(page: Path) -> None:
     for block in blocks(page):
         assert block.mark in ("", "file", "not run", "exit code"), f"{block.where}: no comment {block.mark!r} is known"
-        if block.mark in ("not run", "file"):
-            assert block.value, f"{block.where}: say {'why' if block.mark == 'not run' else 'which file'}"
+        if block.mark == "not run":
+            assert block.value, f"{block.where}: say why"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(REPOSITORY)))
+def test_no_comment_does_what_a_reader_cannot_see(page: Path) -> None:
+    for comment in re.findall(r"<!--(.*?)-->", page.read_text(encoding="utf-8"), re.DOTALL):
+        assert re.fullmatch(r"\s*(not run|exit code): [^\n]+", comment), f"{page.name}: {comment.strip()[:60]!r}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(REPOSITORY)))
+def test_a_file_that_is_named_is_a_block(page: Path) -> None:
+    named = re.findall(r"^File `(.+?)`:", page.read_text(encoding="utf-8"), re.MULTILINE)
+
+    assert named == [block.value for block in blocks(page) if block.mark == "file"]
 
 
 @pytest.mark.parametrize(
@@ -70,19 +81,19 @@ def test_every_block_is_run_or_says_why_not(page: Path) -> None:
     ids=lambda page: str(page.relative_to(REPOSITORY)),
 )
 def test_what_the_page_tells_to_type_works(page: Path, tmp_path: Path) -> None:
-    environment = os.environ | {
-        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
-        "TRAILMARK_SOURCE": str(REPOSITORY),
-    }
+    environment = os.environ | {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    (tmp_path / "trailmark").symlink_to(REPOSITORY)
     for block in blocks(page):
         if not is_run(block):
             continue
         if block.mark == "file":
-            (tmp_path / block.value).write_text(block.text, encoding="utf-8")
+            (folder / block.value).write_text(block.text, encoding="utf-8")
             continue
         done = subprocess.run(
             [*_RUN[block.language], block.text],
-            cwd=tmp_path,
+            cwd=folder,
             env=environment,
             capture_output=True,
             text=True,

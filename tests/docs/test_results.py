@@ -134,6 +134,15 @@ def test_what_takes_too_long_is_left_and_said(
     assert (checkout / "docs/results/page.md").read_text() == PAGE
 
 
+def test_a_page_that_was_never_made_is_reckoned_with_and_then_measured(recipe: ModuleType) -> None:
+    block = recipe.Block(Path("toth2015.md"), 0, "trailmark reproduce toth2015")
+    made = recipe.Made(block.command, "1234567", "2026-11-23", 33.0)
+
+    assert recipe._minutes_of(block, {}) == recipe._RECKONED_MIN["toth2015"]
+    assert recipe._minutes_of(block, {"toth2015": made}) == 33.0
+    assert set(recipe._RECKONED_MIN) <= {known.name for known in recipe.Results(REPOSITORY).blocks()}
+
+
 def test_an_unknown_page_is_refused(recipe: ModuleType, checkout: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as left:
         recipe.main(["make", "pages"], checkout)

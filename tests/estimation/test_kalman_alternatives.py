@@ -9,8 +9,9 @@ import pytest
 
 from trailmark.estimates import Belief, Fix, Motion, information_from_sigmas
 from trailmark.estimation.kalman.alternatives import believed_gaussian, closed_question, reopened_question
+from trailmark.estimation.kalman.diagnosis import DetectedFault, FaultDiagnosis, RivalFilter
 from trailmark.estimation.kalman.estimator import Kalman
-from trailmark.estimation.kalman.state import DetectedFault, FaultDiagnosis, FilterState, Gaussian, RivalFilter
+from trailmark.estimation.kalman.state import FilterState, Gaussian
 from trailmark.geometry import Pose2
 
 from .conftest import kalman, pose_of

@@ -12,13 +12,7 @@ from trailmark.estimates import Fix, information_from_sigmas
 from trailmark.estimation.kalman.bank import log_likelihood_of_offset
 from trailmark.estimation.kalman.dissent import covering_covariance
 from trailmark.estimation.kalman.measurements import Measurement, fix_measurement
-from trailmark.estimation.kalman.state import (
-    CorroboratingFix,
-    FilterState,
-    Gaussian,
-    RejectedMeasurement,
-    Rejections,
-)
+from trailmark.estimation.kalman.state import CorroboratingFix, FilterState, Gaussian, RejectedMeasurement, Rejections
 from trailmark.estimation.kalman.trust import Trust
 from trailmark.estimation.symmetric import diagonal
 from trailmark.geometry import Pose2

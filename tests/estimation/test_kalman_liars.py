@@ -138,6 +138,27 @@ def test_odometry_does_not_jump_while_hypotheses_change() -> None:
     assert max(a.distance_to(b) for a, b in pairwise(poses)) < 2.0 * STEP
 
 
+def test_while_nothing_decides_odometry_goes_on_by_who_has_spoken() -> None:
+    # The second one tells of each second when the first has: it matches a scan to where odometry leads.
+    estimator, informations = (
+        kalman(),
+        (information_from_sigmas(0.02, 0.02, 0.02), information_from_sigmas(3e-3, 3e-3, 3e-3)),
+    )
+    turn, lie = Pose2(0.3, 0.0, 0.5), Pose2(0.3, 0.0, 0.9)
+    errors = []
+    for k in range(12):
+        steps = (turn if k % 2 else Pose2(0.3), lie if k % 2 and k > 4 else turn if k % 2 else Pose2(0.3))
+        before = estimator.belief(float(k))
+        estimator.apply("wheels", Motion(float(k), k + 1.0, steps[0], informations[0]))
+        ahead = estimator.belief(k + 1.0)
+        step = before.pose_odom_base.between(ahead.pose_odom_base)
+        errors.append((step.distance_to(steps[0]), abs(step.between(steps[0]).theta)))
+        estimator.apply("camera", Motion(float(k), k + 1.0, steps[1], informations[1]))
+
+    assert "nothing decides" in estimator.belief(12.0).health["camera"]
+    assert np.max(errors) < 1e-6
+
+
 def test_a_decision_does_not_depend_on_the_order_of_arrival() -> None:
     said = drive(until_s=6.5, lies={"camera": scaled_by(0.0)})
     end = [one for one in said if one[1].stamp_s > 5.9]

@@ -11,7 +11,7 @@ import pytest
 
 from trailmark.estimates import Fix, Motion, information_from_sigmas
 from trailmark.estimation.kalman.estimator import Kalman
-from trailmark.estimation.kalman.noise_residuals import MotionTrack
+from trailmark.estimation.kalman.noise_residuals import RecentMotions
 from trailmark.estimation.kalman.noise_scales import NoiseScales
 from trailmark.estimation.kalman.variance_components import MOST, both_sides
 from trailmark.estimation.symmetric import to_matrix
@@ -275,7 +275,7 @@ def test_the_surest_motion_is_that_of_the_least_variance_per_second() -> None:
 
 
 def test_the_covariance_of_a_chain_is_that_of_its_motions_one_by_one() -> None:
-    rng, track = np.random.default_rng(5), MotionTrack()
+    rng, track = np.random.default_rng(5), RecentMotions()
     pose, spread = Pose2(), np.zeros((3, 3))
     for i in range(12):
         step = Pose2(*(rng.normal(size=3) * (0.2, 0.1, 0.3)).tolist())
@@ -300,7 +300,7 @@ def test_the_covariance_of_a_chain_is_that_of_its_motions_one_by_one() -> None:
 
 
 def test_a_chain_that_is_asked_for_now_and_then_is_that_of_all_its_motions_at_once() -> None:
-    rng, often, once = np.random.default_rng(6), MotionTrack(), MotionTrack()
+    rng, often, once = np.random.default_rng(6), RecentMotions(), RecentMotions()
     for i in range(400):  # more than is kept
         step, information = rng.normal(size=3) * (0.1, 0.01, 0.1), rng.uniform(50.0, 90.0, size=3)
         row = (i * 0.1, (i + 1) * 0.1, *step.tolist(), information[0], 1.0, 2.0, information[1], 3.0, information[2])
@@ -322,7 +322,7 @@ def test_both_sides_of_the_likelihood_equations_are_those_of_their_definition() 
         roots = rng.normal(size=(9, 2, size, size)) * np.array([1e-3, 2e-3, 1e-4])[:size, None]
         covariances = roots @ roots.transpose(0, 1, 3, 2)
         values = rng.normal(size=(9, size)) * 1e-9  # so small that none is clipped
-        seen, expected = both_sides(values, covariances)
+        seen, expected, _ = both_sides(values, covariances)
         weights = np.linalg.inv(covariances.sum(axis=1))
         whole = np.einsum("ni,nij,nmjk,nkl,nl->m", values, weights, covariances, weights, values)
         np.testing.assert_allclose(seen / seen.sum(), whole / whole.sum(), rtol=1e-6)
@@ -330,7 +330,7 @@ def test_both_sides_of_the_likelihood_equations_are_those_of_their_definition() 
 
 
 def test_a_chain_along_a_corridor_does_not_know_its_place() -> None:
-    track = MotionTrack()
+    track = RecentMotions()
     for i in range(3):  # what is measured lies at 45 deg to base
         track.add((float(i), i + 1.0, 0.1, 0.0, 0.0, 50.0, 50.0, 0.0, 50.0, 0.0, 100.0))
 

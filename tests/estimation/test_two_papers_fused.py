@@ -9,6 +9,8 @@ from trailmark import Pipeline
 from trailmark.geometry import Trajectory
 from trailmark.pipeline import RunResult
 
+pytestmark = pytest.mark.slow
+
 START = (1.0, 2.0)
 _DURATION_S = 2.0
 

@@ -45,7 +45,9 @@ def test_right_covariances_are_consistent() -> None:
     assert (found.n, found.dof) == (2000, 6000)
 
 
-@pytest.mark.parametrize(("scale", "verdict"), [(2.0, "overconfident"), (0.5, "underconfident")])
+@pytest.mark.parametrize(
+    ("scale", "verdict"), [(3.0, "overconfident"), (2.0, "consistent"), (0.5, "consistent"), (0.3, "underconfident")]
+)
 def test_errors_of_another_size_than_stated_are_told(scale: float, verdict: str) -> None:
     found = consistency_of(*nees(_errors(500, scale), _information(500)))
 

@@ -68,3 +68,10 @@ def test_other_folders_and_missing_ones_are_refused(tmp_path: Path) -> None:
         read_run(tmp_path)
     with pytest.raises(DataError, match=r"no folder .*the newest is runs/latest"):
         read_run(tmp_path / "missing")
+
+
+def test_the_folder_of_a_bench_is_told_what_reads_it(tmp_path: Path) -> None:
+    (tmp_path / "cells").mkdir()
+
+    with pytest.raises(DataError, match="it is a bench: 'trailmark bench show"):
+        read_run(tmp_path)

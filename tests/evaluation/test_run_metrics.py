@@ -10,7 +10,14 @@ import pytest
 
 from trailmark import paths
 from trailmark.errors import DataError
-from trailmark.evaluation import Protocol, evaluate_run, find_metric
+from trailmark.evaluation import (
+    Protocol,
+    evaluate_run,
+    evaluate_run_folder,
+    find_metric,
+    read_run,
+    write_metrics,
+)
 from trailmark.geometry import Pose2, Trajectory
 
 SIGMAS = (0.02, 0.01, 0.005)
@@ -54,6 +61,19 @@ def test_a_run_with_ground_truth_gets_errors(
     assert fused == pytest.approx(0.01 * math.sqrt(2.0), rel=0.1)
     assert document["trajectories"]["groundtruth"]["poses"] == 401
     assert json.loads((folder / "metrics.json").read_text()) == document
+
+
+def test_what_has_been_evaluated_is_written_as_if_read_anew(
+    write_run: Callable[..., Path], figure_eight: Trajectory, noisy: Callable[..., Trajectory]
+) -> None:
+    folder = write_run({"floor": noisy(figure_eight, 0.05)}, truth=figure_eight)
+    evaluated = evaluate_run_folder(read_run(folder))
+
+    document = write_metrics(evaluated)
+
+    written = (folder / "metrics.json").read_bytes()
+    assert evaluate_run(folder) == document
+    assert (folder / "metrics.json").read_bytes() == written
 
 
 def test_without_ground_truth_there_are_differences_from_the_fused_one(

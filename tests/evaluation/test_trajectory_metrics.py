@@ -62,6 +62,15 @@ def test_against_another_estimate_nothing_is_called_an_error(straight: Trajector
     assert not [name for name in metrics if "error" in name or name.startswith(("ate", "rpe", "drift"))]
 
 
+@pytest.mark.parametrize(("against_truth", "told"), [(True, "error rmse"), (False, "difference rmse")])
+def test_its_repr_is_one_line_of_what_matters(straight: Trajectory, against_truth: bool, told: str) -> None:
+    text = repr(evaluate(straight, straight, against_truth=against_truth))
+
+    assert text.startswith(f"Evaluation({len(straight)} poses, ")
+    assert f"{told} 0 m, 0 deg after se2" in text
+    assert len(text) < 120
+
+
 def test_the_protocol_can_be_chosen(straight: Trajectory) -> None:
     protocol = Protocol(align="none", rpe_distances_m=(0.5, 2.0), rpe_times_s=())
 

@@ -89,6 +89,18 @@ def test_a_localizer_that_never_spoke_is_named(write_run: Write, straight: Traje
     assert warning.startswith("divs: said nothing in the whole run")
 
 
+@pytest.mark.parametrize(("n_looks", "n_told"), [(7, 0), (0, 1)])
+def test_a_localizer_that_remembers_need_not_speak_while_a_path_is_taught(
+    write_run: Write, straight: Trajectory, n_looks: int, n_told: int
+) -> None:
+    rows = [row(0.1 * k, "cam", "motion", "accepted") for k in range(10)]
+    folder = write_run({"cam": straight, "divs": Trajectory([], np.empty((0, 3)))}, estimates=rows)
+    counters = {"localizer.divs.looks": n_looks, "localizer.cam.accepted": 10}
+    (folder / "run.json").write_text(json.dumps({"status": "done", "mode": "teach", "counters": counters}))
+
+    assert len([text for text in told(folder) if text.startswith("divs")]) == n_told
+
+
 @pytest.mark.parametrize(
     ("stamps", "poses", "fact"),
     [
@@ -229,3 +241,17 @@ def test_a_robot_that_touched_something_has_not_come_through(
     found = told(folder)
 
     assert [fact in text for text in found] == ([] if fact is None else [True])
+
+
+@pytest.mark.parametrize(("counters", "n"), [({"estimator.overlaps.vo": 28}, 1), ({"estimator.overlaps": 3}, 0)])
+def test_motions_that_overlap_are_told_at_the_end_by_the_localizers_name(
+    write_run: Write, straight: Trajectory, counters: dict[str, int], n: int
+) -> None:
+    """Stamps that are not exact make short overlaps, which are counted and not told."""
+    folder = write_run({"fused": straight})
+    (folder / "run.json").write_text(json.dumps({"counters": counters}))
+
+    found = told(folder)
+
+    assert len(found) == n
+    assert all(text.startswith("vo: 28 of its motions began before another one ended") for text in found)

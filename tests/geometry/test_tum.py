@@ -44,6 +44,16 @@ def test_stamps_of_the_epoch_keep_their_nanoseconds(tmp_path: Path) -> None:
     assert (tmp_path / "a.tum").read_text().split()[0] == "1311868164.363181114"  # all that a double holds
 
 
+def test_stamps_that_are_one_when_written_are_one_pose_the_last(tmp_path: Path) -> None:
+    poses = np.array([[1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [3.0, 0.0, 0.0]])
+    write_tum(tmp_path / "a.tum", Trajectory(np.array([0.2, 0.3, 0.1 * 3]), poses))
+
+    found = read_tum(tmp_path / "a.tum")
+
+    assert found.stamps_s.tolist() == [0.2, 0.3]
+    assert found.poses[:, 0].tolist() == [1.0, 3.0]
+
+
 def test_poses_in_space_are_projected_to_the_plane(tmp_path: Path) -> None:
     roll, yaw = 0.3, 0.8
     quat_xyzw = (

@@ -100,3 +100,14 @@ def test_smoothed_pictures_of_equal_ground_spread_as_the_noise_does(pictures):
     audit = MotionAudit((320, 288), 1.0).audit(smooth(before), smooth(now), motion)
 
     assert audit.spread == pytest.approx(0.39 * noise_level(now), rel=0.25)
+
+
+def test_a_picture_of_marks_alone_explains_no_motion(pictures):
+    before, now, motion = pictures
+    height, width = before.shape
+    audit = MotionAudit((width, height), 1.0)
+    assert audit.spread(smooth(before), smooth(now), motion) < math.inf
+
+    audit.ignore(np.ones((height, width), bool))
+
+    assert audit.spread(smooth(before), smooth(now), motion) == math.inf

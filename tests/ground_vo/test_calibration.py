@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -41,6 +42,17 @@ def seen(moves, mounting, scale=(1.0, 1.0), noise_px=0.0, seed=0):
     theta = np.array([step.theta for step in camera]) + rng.normal(0, noise_px / 150, count)
     variance = np.full(count, (noise_px * PIXEL_M) ** 2)
     return Steps(stamps[:-1], stamps[1:], x, y, theta, variance)
+
+
+def without_pictures(steps, first, n):
+    """The same motions where `n` pictures from `first` on gave no step: the next step spans them."""
+    kept = np.delete(np.arange(len(steps)), slice(first, first + n))
+    sums = {name: getattr(steps, name).copy() for name in ("x", "y", "theta", "variance")}
+    for values in sums.values():
+        values[first + n] = values[first : first + n + 1].sum()
+    since_s = steps.since_s.copy()
+    since_s[first + n] = since_s[first]
+    return Steps(since_s[kept], steps.stamp_s[kept], *(values[kept] for values in sums.values()))
 
 
 def drive(distance_m=0.5, turned_rad=2 * math.pi):
@@ -123,6 +135,29 @@ def test_moves_are_cut_where_the_camera_stands_still():
 
     edges = [edge for move in moves for edge in (move.first, move.last)]
     np.testing.assert_allclose(edges, [20, 180, 180, 420], atol=2)
+
+
+def test_rest_is_as_long_where_its_first_pictures_were_taken_for_repeats():
+    """After a sudden stop three pictures are no steps of their own: the one behind them counts from the last move."""
+    moves = [*rest(26), *line(0.12, n=32), *rest(26), *turn(math.radians(70.0), n=56), *rest(26)]
+    every = seen(moves, Pose2(0.08, 0.02, math.radians(176.0)), noise_px=0.005)
+    steps = without_pictures(without_pictures(every, 140, 3), 58, 3)
+
+    found = calibrate(steps, Known([0.12]), ASSUMED)
+
+    edges = [edge for move in moves_of(steps, PIXEL_M) for edge in (move.first, move.last)]
+    np.testing.assert_allclose(every.stamp_s[13], steps.stamp_s[edges[0]], atol=2 / RATE_HZ)
+    np.testing.assert_allclose(every.stamp_s[58 + 13], steps.stamp_s[edges[1:3]], atol=2 / RATE_HZ)
+    assert found.metres_per_pixel[0] == pytest.approx(PIXEL_M, rel=1e-3)
+    assert found.turned_rad == pytest.approx(math.radians(70.0), abs=1e-3)
+
+
+def test_a_gap_of_days_in_a_move_is_refused_like_a_short_one():
+    steps = seen(drive(), Pose2())
+    stamp_s = steps.stamp_s + np.where(np.arange(len(steps)) >= 100, 1e9, 0.0)
+
+    with pytest.raises(DataError, match="lost track"):
+        calibrate(replace(steps, stamp_s=stamp_s, since_s=np.append(0.0, stamp_s[:-1])), Known([0.5]), ASSUMED)
 
 
 @pytest.mark.parametrize(

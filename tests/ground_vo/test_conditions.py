@@ -11,7 +11,7 @@ import pytest
 
 from trailmark.estimates import Belief, Lost, Motion
 from trailmark.frames import Image
-from trailmark.geometry import Twist2
+from trailmark.geometry import Pose2, Twist2
 from trailmark.interfaces import Session
 from trailmark.testing.ground import ground_run, straight
 from trailmark_ground_vo.config import GroundVOConfig
@@ -103,3 +103,68 @@ def test_after_a_gap_on_the_move_the_track_is_taken_up_again(camera, ground):
     after = [estimates[0] for estimates in told[50:]]
 
     assert all(isinstance(estimate, Motion) for estimate in after)
+
+
+def cover_out_of_focus(shape) -> np.ndarray:
+    """Return a cap that is lit from the side, near the lens."""
+    cap = cv2.GaussianBlur(np.random.default_rng(7).standard_normal(shape), (0, 0), 25.0)
+    return 110.0 + 15.0 * cap / cap.std()
+
+
+@pytest.mark.parametrize("noise", [1.0, 3.0, 8.0])
+@pytest.mark.parametrize("cover", [lambda shape: np.full(shape, 100.0), cover_out_of_focus])
+def test_a_cover_from_the_first_picture_on_is_not_ground_at_rest(cover, noise, camera, ground, track):
+    run = ground_run(straight(SPEED_MPS), 14, ground=ground, camera=camera)
+    u, v = np.meshgrid(*(np.linspace(-1, 1, n) for n in camera.size))
+    seen = cover(u.shape) * (1.0 - 0.1 * (u**2 + v**2))
+
+    def put_on(index, frame):
+        return changed(frame, seen + np.random.default_rng(index).normal(0.0, noise, seen.shape))
+
+    assert not track(run, change=put_on).motions
+
+
+def at_rest_between(index: int) -> Pose2:
+    """Return where a robot is that drives, stands from picture 20 to 50, and drives on."""
+    return Pose2(4e-3 * (min(index, 20) + max(0, index - 50)), 0.0, 0.0)
+
+
+def test_a_cover_put_on_at_rest_is_not_ground_at_rest(camera, ground, track):
+    run = ground_run(lambda time_s: at_rest_between(round(70 * time_s)), 70, ground=ground, camera=camera)
+
+    def put_on(index, frame):
+        cap = cover_out_of_focus(frame.payload.pixels.shape) if index >= 35 else frame.payload.pixels
+        return changed(frame, cap + np.random.default_rng(index).normal(0.0, 2.0, cap.shape))
+
+    tracked = track(run, change=put_on)
+
+    assert max(motion.stamp_s for motion in tracked.motions) < 35 / 70
+    assert len(tracked.motions) >= 31  # it stops at once, which three pictures are not believed
+
+
+def test_a_hand_over_ground_at_rest_is_a_loss_and_the_ground_is_known_again(camera, ground, track):
+    run = ground_run(lambda time_s: at_rest_between(round(70 * time_s)), 50, ground=ground, camera=camera)
+
+    def reach_in(index, frame):
+        return changed(frame, 30.0 + 0.0 * frame.payload.pixels) if 28 <= index < 36 else frame
+
+    tracked = track(run, change=reach_in)
+
+    assert len([motion for motion in tracked.motions if motion.stamp_s > 36.5 / 70]) >= 12
+    assert math.hypot(*tracked.error()[:2]) < 1e-4
+
+
+def test_out_of_an_over_exposed_stretch_nothing_is_told_that_is_wrong(camera, ground, track):
+    run = ground_run(straight(SPEED_MPS), 60, ground=ground, camera=camera)
+
+    def expose(index, frame):
+        gain = 4.0 ** math.exp(-((index - 20) % 35) / 7.0)
+        return changed(frame, np.minimum(gain * frame.payload.pixels, 255.0))
+
+    tracked = track(run, change=expose)
+
+    assert len(tracked.motions) >= 25
+    for motion in tracked.motions:
+        true_m = SPEED_MPS * (motion.stamp_s - motion.since_s)
+        assert abs(motion.pose_since_now.x - true_m) < 5e-4
+        assert abs(motion.pose_since_now.y) < 5e-4

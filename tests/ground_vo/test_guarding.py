@@ -47,7 +47,7 @@ def test_in_even_light_the_plain_tracker_has_its_way(camera, pictures):
     said, alone = follow(tracker, pictures), follow(RelativeTracker(config(), camera.size), pictures)
 
     np.testing.assert_array_equal(moves(said), moves(alone))
-    assert tracker.counters() == {"suspected": 0, "guarded": 0}
+    assert tracker.counters() == {"suspected": 0, "guarded": 0, "repeated": 0}
 
 
 @pytest.mark.parametrize("mode", ["whole_pixels", "pyramid"])
@@ -141,11 +141,11 @@ def test_a_lattice_of_marks_leaves_the_track_as_it_is(camera, pictures):
 
 
 def test_a_picture_of_another_size_has_a_rim_and_a_reach_of_its_own():
-    sizes = [(512, 480), (1024, 960), (320, 240)]
+    sizes = [(512, 480), (1024, 960), (320, 240), (160, 120)]
 
     rims = [(margin_px(config(), size), max_shift_px(config(), size)) for size in sizes]
 
-    assert rims == [(64, 36), (128, 72), (32, 18)]
+    assert rims == [(64, 36), (128, 72), (32, 18), (20, 9)]  # the last as wide as the search reaches
     assert max_shift_px(config(), (1024, 960), is_guarded=True) == 336
     assert {margin_px(config(mode="whole_pixels"), size) for size in sizes} == {64}  # as printed
 
@@ -158,3 +158,39 @@ def test_a_lost_picture_names_the_key_that_limits_the_speed(camera, pictures):
 
     assert isinstance(said, TrackingFailure)
     assert "max_shift_px is 10" in said.reason
+
+
+@pytest.mark.parametrize("expected", [None, ImageMotion(1.0, 0.0, 0.0)])
+def test_a_picture_that_repeats_itself_is_no_picture(camera, pictures, expected):
+    tracker, undisturbed = GroundTracker(config(), camera.size), GroundTracker(config(), camera.size)
+    follow(tracker, pictures[:10])
+    told = follow(undisturbed, pictures[:11])[-1]
+
+    repeated = tracker.step(pictures[9], 1.0, expected)
+    after = tracker.step(pictures[10], 1.1)
+
+    assert isinstance(repeated, TrackingFailure)
+    assert "bit by bit" in repeated.reason
+    assert isinstance(after, TrackedMotion)
+    assert after.motion == told.motion
+    assert after.since_s == told.since_s  # what the repeated picture did not show is in the next motion
+
+
+def test_a_picture_that_is_repeated_while_others_stand_is_of_a_robot_that_stands(camera, pictures):
+    tracker = GroundTracker(config(), camera.size)
+    follow(tracker, pictures[:10])
+
+    said = tracker.step(pictures[9], 1.0, ImageMotion(0.0, 0.0, 0.0))
+
+    assert isinstance(said, TrackedMotion)
+    assert 1.0 / math.sqrt(said.information[0, 0]) == pytest.approx(0.5)  # one that creeps is left to the others
+
+
+@pytest.mark.parametrize("level", [20, 120])
+def test_a_picture_of_noise_alone_tells_nothing_from_the_first_one_on(camera, level):
+    rng, (width, height) = np.random.default_rng(level), camera.size
+    covered = [np.clip(np.rint(rng.normal(level, 1.0, (height, width))), 0, 255).astype(np.uint8) for _ in range(12)]
+
+    said = follow(GroundTracker(config(), camera.size), covered)
+
+    assert not any(isinstance(answer, TrackedMotion) for answer in said)

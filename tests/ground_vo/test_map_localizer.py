@@ -94,7 +94,7 @@ def test_the_information_of_a_fix_lies_in_the_axes_of_the_map(camera, localizer_
     pose = Pose2(0.5, 0.2, 1.1)
     localizer.observe(seen_from(camera, grain, pose), Belief(0.0, pose_map_base=pose))
 
-    localizer = replayed(camera, localizer_map, min_groups=1)
+    localizer = replayed(camera, localizer_map, min_groups=1, tilt_deg=0.0)
     said = localizer.observe(seen_from(camera, grain, pose), Belief(0.0, pose_map_base=pose))
 
     assert isinstance(said[0], Fix)
@@ -308,6 +308,16 @@ def test_a_patch_is_searched_for_within_twenty_five_millimetres(aside_m, n_searc
 
     assert teacher.counters()["registered"] == 1
     assert localizer.counters()["searched"] == n_searched
+
+
+def test_of_several_patches_within_reach_the_nearest_is_searched_for(camera, ground, localizer_map):
+    taught(camera, ground, localizer_map, spacing_m=0.02)
+    localizer = replayed(camera, localizer_map)
+    pose = way(0.025)  # 25, 5 and 15 mm from the first three
+
+    said = localizer.observe(seen_from(camera, ground, pose), Belief(1.0, pose_map_base=pose))
+
+    assert [round(one.details["place"]) for one in said] == [1]
 
 
 def taught_one_place(camera, ground, localizer_map):

@@ -298,3 +298,98 @@ def test_a_real_hand_held_recording_is_tracked(data_folder: Path, plugin: str) -
     assert len(poses) >= 0.9 * n
     assert evaluation.absolute.position.rmse <= 0.11
     assert one_second.position.rmse <= 0.14
+
+
+def _first_seen(room: Room, localizer_map: MemoryMap, **keys: object) -> Estimate:
+    """Return what is said of the first picture of a robot that is told where it is by a `start_pose` alone."""
+    start_pose, box_left_m = keys.pop("start_pose", None), keys.pop("box_left_m", 0.0)
+    localizer = _landmarks(**keys)
+    rng = np.random.default_rng(3)
+    localizer.start(Session(sensors=SENSORS, mode="replay", map=localizer_map, start_pose=start_pose, rng=rng))  # type: ignore[arg-type]
+    (answer,) = localizer.observe(
+        Frame("kinect", 0.0, room.look(Pose2(0.05, 0.1, 0.05), box_left_m=box_left_m)), Belief(0.0)
+    )  # type: ignore[arg-type]
+    return answer
+
+
+def test_a_room_of_the_same_plan_is_not_taken_for_the_taught_one(drive: Drive, room: Room) -> None:
+    localizer_map = MemoryMap()
+    teacher = _landmarks()
+    drive(teacher, arc(12), mode="teach", map=localizer_map)
+    teacher.finish()
+
+    own = _first_seen(room, localizer_map)
+    elsewhere = [_first_seen(Room(seed), localizer_map) for seed in (11, 12, 13)]
+
+    assert isinstance(own, Fix)
+    assert all(isinstance(answer, Lost) for answer in elsewhere)
+
+
+@pytest.fixture(scope="module")
+def taught_room(room: Room) -> MemoryMap:
+    """Return what a localizer keeps that was taught on a plane."""
+    localizer_map, teacher = MemoryMap(), _landmarks(solve="plane")
+    poses = arc(12)
+    session = Session(
+        sensors=SENSORS, start_pose=poses[0], mode="teach", map=localizer_map, rng=np.random.default_rng(7)
+    )
+    teacher.start(session)
+    for i, pose in enumerate(poses):
+        teacher.observe(Frame("kinect", i / 30.0, room.look(pose)), Belief(i / 30.0, poses[0]))
+    teacher.finish()
+    return localizer_map
+
+
+def test_few_landmarks_that_agree_are_another_place_for_all_that_is_known(taught_room: MemoryMap, room: Room) -> None:
+    doubted = _first_seen(room, taught_room, min_agreeing=60)
+
+    assert isinstance(doubted, Lost)
+    assert "taught landmarks agree on a place, 60 are needed" in doubted.reason
+
+
+def test_a_known_start_is_not_doubted(taught_room: MemoryMap, room: Room) -> None:
+    few = {"solve": "plane", "min_agreeing": 60}
+
+    doubted = _first_seen(room, taught_room, **few)
+    told = _first_seen(room, taught_room, start_pose=Pose2(0.05, 0.1, 0.05), **few)
+    wrongly_told = _first_seen(room, taught_room, start_pose=Pose2(0.0, 3.0, 1.0), **few)
+
+    assert isinstance(doubted, Lost)
+    assert isinstance(told, Fix)
+    assert told.pose_map_base.distance_to(Pose2(0.05, 0.1, 0.05)) < 0.03
+    assert isinstance(wrongly_told, Lost)
+
+
+def test_no_more_landmarks_may_be_asked_to_agree_than_are_followed() -> None:
+    with pytest.raises(ValueError, match=r"min_agreeing \(61\).* 60,.*landmarks \(60\)"):
+        KinectLandmarksConfig(camera="kinect", min_agreeing=61)
+    with pytest.raises(ValueError, match=r"min_agreeing \(29\).* 28,.*landmarks \(8\)"):
+        KinectLandmarksConfig(camera="kinect", landmarks=8, min_agreeing=29)
+
+    assert KinectLandmarksConfig(camera="kinect", landmarks=8).n_followed == 28
+
+
+def test_of_eight_landmarks_those_that_are_followed_beside_them_count_too(taught_room: MemoryMap, room: Room) -> None:
+    assert isinstance(_first_seen(room, taught_room, solve="plane", landmarks=8), Fix)
+
+
+def test_a_room_with_other_boards_between_the_same_is_another_place(taught_room: MemoryMap, room: Room) -> None:
+    twin = Room()
+    other = Room(seed=99)
+    for first in range(0, twin._wall.shape[1], 200):  # two thirds of the boards are others
+        twin._wall[:, first : first + 130] = other._wall[:, first : first + 130]
+
+    own = _first_seen(room, taught_room, min_agreeing=3)
+    by_landmarks = _first_seen(twin, taught_room, min_agreeing=3, place_alike=0.0)
+    doubted = _first_seen(twin, taught_room, min_agreeing=3)
+
+    assert isinstance(own, Fix)
+    assert isinstance(by_landmarks, Fix)
+    assert isinstance(doubted, Lost)
+    assert "it may be another place" in doubted.reason
+
+
+def test_a_crate_before_the_boards_makes_no_other_place(taught_room: MemoryMap, room: Room) -> None:
+    hidden = _first_seen(room, taught_room, box_left_m=0.5)
+
+    assert isinstance(hidden, Fix)

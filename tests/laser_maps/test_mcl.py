@@ -194,6 +194,18 @@ def test_a_map_of_another_place_is_never_believed(map_file: Path, look: Look) ->
     assert all(isinstance(one, Lost) for _, one in said)
 
 
+@pytest.mark.parametrize("begin", [Pose2(5.6, 3.2, 2.5), Pose2(6.0, 1.0, 1.8)])
+def test_a_mirrored_map_is_never_believed(
+    tmp_path: Path, room_scans: list[PlacedScan], walls: Floats, look: Look, begin: Pose2
+) -> None:
+    grid = carve_grid(room_scans)
+    mirrored = np.ascontiguousarray(grid.cells[::-1])
+    write_map(tmp_path / "mirrored.yaml", OccupancyGrid(mirrored, grid.resolution_m, grid.pose_map_grid))
+    said = said_over(start(tmp_path / "mirrored.yaml"), drive(20, begin), walls, look)
+    assert len(said) >= 18
+    assert all(isinstance(one, Lost) for _, one in said)
+
+
 def test_a_turned_origin_turns_the_answer(
     tmp_path: Path, room_scans: list[PlacedScan], walls: Floats, look: Look
 ) -> None:

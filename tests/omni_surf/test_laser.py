@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -193,6 +194,23 @@ def taught(localizer_map: FakeMap) -> None:
             assert isinstance(motion, Motion)
             assert error_of(motion.pose_since_now, Pose2(0.9 + 0.1 * i, 1.2, 0.02 * i - 0.02).between(true))[0] < 0.02
     part.finish()
+
+
+def test_what_covers_the_laser_becomes_no_wall_of_the_map() -> None:
+    localizer_map = FakeMap()
+    part = localizer("teach", localizer_map)
+
+    for i in range(4):
+        pose = Pose2(1.0 + 0.5 * i, 1.2, 0.0)
+        scan = scan_at(pose, noise_m=0.01, seed=i)
+        if i == 2:
+            scan = replace(scan, ranges_m=np.full_like(scan.ranges_m, 0.15))
+        said = part.observe(
+            Frame("scan", float(i), scan), Belief(float(i), pose, pose_odom_base=pose, travelled_m=0.5 * i)
+        )
+        assert isinstance(said[0] if said else None, Lost) == (i == 2)
+
+    assert [keyframe.stamp_s for keyframe in localizer_map.keyframes()] == [0.0, 1.0, 3.0]
 
 
 def test_it_teaches_a_map_and_localizes_in_it() -> None:

@@ -13,8 +13,9 @@ from trailmark.estimates import Belief, Fix
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Session
 from trailmark.paths import Keyframe
+from trailmark_omni_surf.bearings import BearingFix, BearingNoise
 from trailmark_omni_surf.config import OmniSurfConfig
-from trailmark_omni_surf.flows import by_tracking
+from trailmark_omni_surf.flows import FlowOptions, _doubt, by_tracking
 from trailmark_omni_surf.landmark_map import measured_candidates
 from trailmark_omni_surf.landmarks import measure_landmark
 from trailmark_omni_surf.localizer import OmniSurf
@@ -82,6 +83,49 @@ def test_a_landmark_whose_tracking_error_exceeds_t_p_is_removed(omni: Any, room:
     assert found.n_seen == len(swapped)
     assert set(found.landmark_idx) == set(np.delete(swapped, [0, len(swapped) // 2]))
     assert (found.fix.errors_rad[found.fix.is_inlier] <= options.noise.gate_rad).all()
+
+
+@pytest.mark.parametrize("is_enough", [False, True])
+def test_a_picture_in_which_half_of_the_landmarks_is_gone_is_no_later_one(
+    omni: Any, room: Any, taught: Any, monkeypatch: pytest.MonkeyPatch, is_enough: bool
+) -> None:
+    """Carried away, a few corners are still followed by chance: they agree, and are not believed."""
+    localizer = started(room, taught)
+    image = room.render(Pose2())
+    look(localizer, omni, room, Pose2(), 0.0)
+    bearing_localizer = localizer._bearing_localizer
+    assert bearing_localizer is not None
+    last, options = bearing_localizer._finding, bearing_localizer._options
+    n_left = (len(last.uv) + 1) // 2 - (not is_enough)
+    left = np.zeros(len(last.uv), bool)
+    left[np.linspace(0, len(left) - 1, n_left).astype(int)] = True
+    assert left.sum() == n_left >= 5
+    monkeypatch.setattr("trailmark_omni_surf.flows.track_points", lambda *_: (last.uv, left))
+
+    found = by_tracking(image, image, last, bearing_localizer._landmarks, localizer._centre.camera, options, Pose2())
+
+    assert (found.fix is not None) == is_enough
+
+
+@pytest.mark.parametrize(("rival", "is_doubted"), [(10.0, False), (10.4, True)])
+def test_a_place_is_doubted_where_another_agrees_nearly_as_well(rival: float, is_doubted: bool) -> None:
+    n = 12
+    noise = BearingNoise()
+    options = FlowOptions(
+        noise=noise,
+        descriptor_gate=0.4,
+        ratio=0.8,
+        min_agreeing=10,
+        max_rival_share=0.85,
+        min_agreeing_share=0.35,
+        max_gap_rad=math.radians(200.0),
+    )
+    fix = BearingFix(Pose2(), np.eye(3), np.zeros(n), np.ones(n, bool), support=float(n), rival_support=rival)
+
+    doubt = _doubt(fix, np.linspace(-3.0, 3.0, n), options)
+
+    assert ("another place" in doubt) == is_doubted
+    assert bool(doubt) == is_doubted
 
 
 def room_keyframes(lives: list[int]) -> list[Keyframe]:

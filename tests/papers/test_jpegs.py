@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from trailmark.report.drawing import drawing
-from trailmark_papers.toth2015.jpegs import with_jpegs
+from trailmark_papers.kit.jpegs import with_jpegs
 
 
 def _pictures(svg):

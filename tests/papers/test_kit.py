@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from trailmark.errors import ConfigError
 from trailmark.estimates import Belief, Fix
 from trailmark.experiments import ExperimentOptions
-from trailmark.frames import Frame, Odometry
+from trailmark.frames import Frame, Odometry, SensorInfo
 from trailmark.geometry import Pose2
-from trailmark.interfaces import Localizer
+from trailmark.interfaces import FrameSource, Localizer
 from trailmark_papers.kit import (
     FrameKeeper,
     Table,
@@ -35,6 +37,7 @@ from trailmark_papers.kit import (
     started_source,
     sweep,
     truth_of,
+    world_of,
 )
 
 ROUTE: dict[str, Any] = {"plugin": "sim", "world": "street", "sensors": ["wheels"], "duration_s": 1.0, "threads": 1}
@@ -141,6 +144,26 @@ def test_a_source_is_closed_when_what_it_is_for_fails() -> None:
         fail()
 
     assert closed == [True]
+
+
+def test_the_world_of_a_simulator_is_at_hand_and_a_recording_has_none() -> None:
+    with started_source(ROUTE) as source:
+        world = world_of(source)
+
+    assert world.routes
+    assert isinstance(world.truth, Mapping)
+    assert len(world.sensors) == len(source.sensors)
+    with pytest.raises(ConfigError, match="_Recorded has no world to look at"):
+        world_of(_Recorded(None))
+
+
+class _Recorded(FrameSource):
+    @property
+    def sensors(self) -> dict[str, SensorInfo]:
+        return {}
+
+    def frames(self) -> Iterator[Frame]:
+        return iter(())
 
 
 class _Fixed(Localizer):

@@ -66,6 +66,16 @@ def test_the_test_that_kills_a_mutation_is_named_and_the_text_put_back(
     assert (tmp_path / "copy" / "plugins" / "room" / "trailmark_room" / "rule.py").read_text() == RULE
 
 
+def test_a_folder_may_be_named_relative_to_where_one_stands(
+    mutations: ModuleType, checkout: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+
+    survived = mutations.Workshop(checkout, Path("copy"), 60.0).judge(mutation(mutations, "a > b", "a >= b"))
+
+    assert survived.verdict == "survived"  # the tests were those of the copy, and found it
+
+
 def test_a_verdict_holds_until_its_file_or_a_test_of_it_changes(mutations: ModuleType, checkout: Path) -> None:
     one, by = mutation(mutations, "a > b", "a < b"), "tests/test_second.py::test_larger"
     killed, survived = (mutations.fingerprint(one, checkout, test) for test in (by, ""))

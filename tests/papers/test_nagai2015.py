@@ -40,10 +40,13 @@ def test_straight_lines_give_the_papers_three_figures_for_two_modes(
 def test_ten_metres_stand_beside_the_papers_two_figures() -> None:
     table = Table("B 10 m straight, paper", 5, 5)
 
-    straight._add_worst(table, "floors", "paper", {"wood": straight.StraightErrors(1.0, 0.2, 0.03)}, is_papers=True)
+    drifts = [straight.StraightErrors(position, 0.2, 0.03) for position in (3.0, 4.0, 5.0)]
+    floors = {"wood": straight._OverPlaces.of(drifts), "carpet": straight._OverPlaces.of(drifts[:1])}
+    straight._add_worst(table, "floors", "paper", floors, is_papers=True)
 
-    assert [(row.unit, row.ours, row.paper) for row in table] == [
-        ("%", 1.0, None),
+    assert [(row.n, round(row.spread or 0.0, 3)) for row in table] == [(5, 0.816), (5, 0.0), (5, 0.0)]
+    assert [(row.unit, round(row.ours or 0.0, 3), row.paper) for row in table] == [
+        ("%", 4.082, None),
         ("%", 0.2, 0.99),
         ("deg/m", 0.03, 0.44),
     ]

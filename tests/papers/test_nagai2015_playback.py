@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,10 @@ from trailmark.interfaces import Session
 from trailmark.paths import Keyframe
 from trailmark.stores.sqlite import SqlitePathStore
 from trailmark.stores.sqlite_config import SqliteStoreConfig
-from trailmark_papers.nagai2015.playback import read_playback, relative
+from trailmark_papers.kit import Table
+from trailmark_papers.nagai2015 import hard_day
+from trailmark_papers.nagai2015.directions import add_directions
+from trailmark_papers.nagai2015.playback import Playback, read_playback, relative
 
 #: The true path lies along x from the origin; teaching believed it here.
 DRIFT = Pose2(0.3, -0.2, 0.4)
@@ -67,7 +71,7 @@ def taught(tmp_path: Path) -> Path:
 
 
 def playback(taught: Path, store: Path, truth: list[Pose2], fused: list[Pose2], rows: list[str]):
-    return read_playback(taught, write_run(taught.parent / "replay", truth, fused, rows), store)
+    return read_playback(taught, write_run(Path(tempfile.mkdtemp(dir=taught.parent)), truth, fused, rows), store)
 
 
 def test_what_teaching_got_wrong_is_no_error_of_playback(taught: Path, store: Path) -> None:
@@ -142,4 +146,57 @@ def test_relative_poses_are_those_of_pose2() -> None:
     np.testing.assert_allclose(actual[:, :2], np.array(expected)[:, :2], atol=1e-12)
     np.testing.assert_allclose(
         np.remainder(actual[:, 2] - np.array(expected)[:, 2] + math.pi, 2 * math.pi), math.pi, atol=1e-12
+    )
+
+
+def back_and_forth(taught: Path, store: Path, forward_m: float, back_m: float) -> Playback:
+    """Drive there and back, farther to the left on one of both ways."""
+    there = np.arange(0.0, 0.42, 0.02)
+    way = [Pose2(x, forward_m) for x in there] + [Pose2(x, back_m) for x in there[::-1]]
+    fused = [believed(pose.x, pose.y) for pose in way]
+    rows = [search(0.1 * k, 0.1 * k, round(way[k].x / 0.1), fused[k]) for k in (4, 6, 8, 10, 12, 14)]
+    rows += [search(0.1 * k, 0.1 * k, round(way[k].x / 0.1), fused[k]) for k in (26, 28, 30, 32, 34, 36)]
+    return playback(taught, store, way, fused, rows)
+
+
+def test_offsets_are_told_for_each_way_by_itself(taught: Path, store: Path) -> None:
+    table = Table("course")
+
+    add_directions(table, [back_and_forth(taught, store, 0.002, -0.005)])
+
+    assert {row.item: (round(row.ours or 0.0, 6), row.n) for row in table} == {
+        "offset at the searches, forward, mean": (2.0, 6),
+        "offset at the searches, forward, max": (2.0, 6),
+        "offset at the searches, reverse, mean": (5.0, 6),
+        "offset at the searches, reverse, max": (5.0, 6),
+    }
+
+
+def test_a_way_that_was_not_driven_has_no_row(taught: Path, store: Path) -> None:
+    table = Table("course")
+    way = [Pose2(0.1 * k, 0.0) for k in range(5)]
+
+    add_directions(table, [playback(taught, store, way, [believed(p.x, p.y) for p in way], [])])
+
+    assert not table.rows
+
+
+def test_a_hard_day_tells_rejections_false_corrections_and_both_ways(taught: Path, store: Path) -> None:
+    way = [Pose2(0.1 * k, 0.0) for k in range(5)]
+    fused = [believed(pose.x, pose.y) for pose in way]
+    rows = [search(0.0, 0.0, 0, fused[0]), search(0.1, 0.1, 1, None), search(0.3, 0.3, 3, believed(0.3, 0.009))]
+
+    driven = [playback(taught, store, way, fused, rows)]
+    table = hard_day.rows_of(driven)
+
+    found = {row.item: row for row in table}
+    assert found["searches rejected"].ours == pytest.approx(100 / 3)
+    assert found["searches rejected"].paper == 8.5
+    assert (found["false corrections (more than 5 mm)"].ours, found["false corrections (more than 5 mm)"].met) == (
+        1,
+        False,
+    )
+    assert found["way between corrections, mean"].ours == pytest.approx(0.3)
+    assert all(
+        row.bar is None for row in hard_day.rows_of([playback(taught, store, way, fused, rows)], is_judged=False)
     )

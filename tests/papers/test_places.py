@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +11,7 @@ import pytest
 
 from trailmark.experiments import ExperimentOptions, Row
 from trailmark_papers.kit import Trial, beside_faithful, over_places
+from trailmark_papers.nagai2015 import straight
 
 
 def options(out: Path, quick: bool = False, seed: int = 0, place: int | None = None) -> ExperimentOptions:
@@ -123,3 +125,23 @@ def test_the_quick_version_keeps_to_one_place_and_its_rows(tmp_path: Path) -> No
     rows = rows_of_place({3: 0.1})
 
     assert over_places(options(tmp_path, quick=True, seed=2), rows, 5) == rows(options(tmp_path, seed=2))
+
+
+@pytest.mark.parametrize("paper", ["nagai2015", "perroni2014", "tasaki2010", "toth2015"])
+def test_every_part_of_a_paper_takes_place_in_five_places(
+    paper: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Times are left out: a picture takes as long anywhere."""
+    module = importlib.import_module(f"trailmark_papers.{paper}")
+    parts: dict[str, int] = {}
+    monkeypatch.setattr(module, "over_places", lambda _, rows_of, n: parts.update({rows_of.__name__: n}) or [])
+    monkeypatch.setattr("trailmark_papers.perroni2014.frame_time.frame_time_rows", lambda _: [])
+    if paper == "nagai2015":
+        monkeypatch.setattr(module, "time_rows", lambda _: [])
+        monkeypatch.setattr(module, "straight_rows", lambda _: [])
+        parts["straight_rows"] = straight._SEEDS
+
+    getattr(module, paper)(options(tmp_path))
+
+    assert parts
+    assert min(parts.values()) >= 5

@@ -18,11 +18,11 @@ _DIFFERENT: dict[tuple[Kind, str], set[str]] = {
     ("controller", "drift_steering"): {"law"},
     ("localizer", "omni_surf"): {
         "ratio", "n_longest", "refresh_every", "min_agreeing", "max_rival_share", "min_agreeing_share",
-        "confirm_pictures", "max_gap_deg",
+        "confirm_pictures", "max_gap_deg", "place_fit",
     },
     ("localizer", "kinect_landmarks"): {
         "solve", "angles", "depth_kind", "min_landmarks", "finders", "point", "refind", "landmarks", "trial",
-        "moved_after",
+        "moved_after", "min_agreeing", "place_alike",
     },
     ("localizer", "kinect_flow"): {"solve", "angles", "depth_kind", "min_landmarks"},
 }  # fmt: skip

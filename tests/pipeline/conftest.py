@@ -293,7 +293,7 @@ class AllSensorsParts(Parts):
         return replace(self, localizers=fitted, document={"seed": self.settings.seed})
 
 
-_SETTINGS = frozenset({"mode", "start", "control_hz", "stop_when", "pace", "seed"})
+_SETTINGS = frozenset({"mode", "start", "control_hz", "stop_when", "pace", "patience_s", "seed"})
 
 
 def parts(

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import logging
+import signal
 
 import pytest
 
+from trailmark import interruption
 from trailmark.commands import Stop, Velocity
 from trailmark.errors import ConfigError, RunError, SourceError
 from trailmark.estimates import Fix, Lost
@@ -392,3 +394,23 @@ def test_a_frame_that_takes_too_long_between_two_parts_fails_the_run(fakes, monk
 
     assert pipeline.result.status == "failed"
     assert source.log[-1] == "close"
+
+
+def test_who_has_ended_a_run_for_a_signal_is_not_interrupted_again(fakes, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a busy machine the end takes longer than a request waits before it is raised again."""
+    monkeypatch.setattr(interruption, "_request", interruption._Request())
+    pipeline = Pipeline(fakes.parts({"cam": camera(fakes)}, {}))
+    next(pipeline)
+    interruption.ask_to_end(signal.SIGTERM)
+    assert interruption.is_due()  # and is raised
+    list(pipeline)
+    assert pipeline.result.status == "interrupted"
+
+    interruption._request.at_s -= 1.0
+
+    assert not interruption.is_due()
+    with interruption.shielded(0.9):  # a step of the end with a limit of its own
+        assert interruption.is_due()
+    interruption._request.at_s -= 1.0
+    with interruption.shielded(0.0):  # as another run begins
+        assert interruption.is_due()

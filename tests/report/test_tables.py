@@ -3,7 +3,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+
 from trailmark.evaluation import Protocol, evaluate_run
+from trailmark.evaluation.consistency import consistency_of
 from trailmark.report.tables import (
     Trajectories,
     consistency_table,
@@ -86,15 +89,25 @@ def test_outcomes_that_never_occurred_have_no_column(fake_run: Write) -> None:
     assert "refused" not in [column.title for column in table.columns]
 
 
-def test_an_overconfident_localizer_is_named(fake_run: Write) -> None:
-    document = evaluate_run(fake_run(), write=False)
-    sources = [((name,), item) for name, item in document["sources"].items()]
+def squares_of_size(per_dof: float) -> dict[str, object]:
+    """Return what is told of 50 estimates whose squared errors are all of one size."""
+    return consistency_of(np.full(50, 3.0 * per_dof), np.full(50, 3.0)).document()
 
-    table = consistency_table(sources)
+
+def test_an_overconfident_localizer_is_named() -> None:
+    table = consistency_table([(("floor_map",), {"nis": squares_of_size(8.0), "nees": squares_of_size(9.0)})])
 
     assert table is not None
-    assert len(table.rows) == 3
     assert table.notes[0].startswith("floor_map is overconfident against the belief")
+    assert table.notes[1].startswith("floor_map is overconfident against the ground truth")
+    assert "evaluate --noise" in table.notes[-1]
+
+
+def test_of_a_localizer_that_leads_the_belief_nothing_is_said() -> None:
+    table = consistency_table([(("floor",), {"nis": squares_of_size(0.01), "nees": squares_of_size(0.7)})])
+
+    assert table is not None
+    assert [note for note in table.notes if "floor is" in note] == []
 
 
 def test_without_nis_and_nees_there_is_no_table_of_consistency() -> None:

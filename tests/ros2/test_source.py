@@ -413,7 +413,7 @@ def test_closing_from_another_thread_ends_the_frames(robot, messages, started) -
     began_s = time.monotonic()
     list(source.frames())
 
-    assert time.monotonic() - began_s < 3.0
+    assert time.monotonic() - began_s < 10.0
 
 
 def test_a_source_ends_on_silence_where_that_is_asked_for(robot, messages, started) -> None:

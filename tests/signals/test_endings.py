@@ -174,7 +174,7 @@ def test_a_second_signal_leaves_at_once(start, tmp_path: Path) -> None:
     child.send(signal.SIGINT)
 
     assert child.end() == 130
-    assert child.took_less_than(0.5)
+    assert child.took_less_than(0.9)  # the deadline comes 1 s after it
     assert "at the second signal" in child.stderr
     assert child.told()[-1].startswith("drive Stop")
     assert child.run_document()["status"] == "interrupted"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import re
 from itertools import islice
 from typing import Any
 
@@ -47,6 +48,16 @@ def drive_with(made: SimSource, command: Command, duration_s: float) -> list[Fra
             return frames
         made.drive(command)
     return frames
+
+
+@pytest.mark.parametrize(
+    ("scale", "told"),
+    [(1.3, "1.3 would be +130 %; the factor 1.3 is written 0.3"), (1.0, "the factor 1 is written 0. 0.5 at most")],
+)
+@pytest.mark.parametrize("key", ["scale", "turn_scale"])
+def test_an_error_of_the_wheels_that_is_a_factor_is_refused(key: str, scale: float, told: str) -> None:
+    with pytest.raises(ValidationError, match=re.escape(told)):
+        SimConfig.model_validate({"vehicle": {"kind": "differential", "wheels": {key: scale}}})
 
 
 def test_it_teaches_its_route_and_ends_there() -> None:

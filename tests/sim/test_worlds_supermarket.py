@@ -13,6 +13,7 @@ from trailmark.geometry import Pose2
 from trailmark_sim.vehicles import VehicleState
 from trailmark_sim.worlds import build_world, supermarket
 from trailmark_sim.worlds.base import World, WorldOptions
+from trailmark_sim.worlds.scene_options import SupermarketOptions
 
 
 def _world(threads: int = 1, **extra: object) -> World:
@@ -137,3 +138,40 @@ def test_one_robot_carries_every_kind_of_sensor() -> None:
     assert tuple(readings) == names
     assert set(readings.values()) == {"odometry", "imu", "scalar", "image", "scan", "rgbd"}
     assert {sensor.info.name: sensor.info.kind for sensor in whole.sensors} == readings
+
+
+@pytest.fixture(scope="module")
+def alike() -> World:
+    return _world(alike=True, laser_m=4.0)
+
+
+def _goods_before_shelf(world: World, x: float) -> np.ndarray:
+    """Return the row of pixels that shows the middle boards of a shelf, from the aisle before it."""
+    picture = world.sensors[1].render(0, 0.0, VehicleState(Pose2(x, 5.6, math.pi / 2)))
+    assert isinstance(picture, Image)
+    return picture.pixels[60:80, 140:180].astype(float)
+
+
+def test_alike_shelves_hold_the_same_goods(world: World, alike: World) -> None:
+    first, second = (_goods_before_shelf(alike, x) for x in (3.2, 7.0))
+    one, other = (_goods_before_shelf(world, x) for x in (3.2, 7.0))
+
+    assert np.abs(first - second).mean() < 0.5 * np.abs(one - other).mean()
+
+
+def test_alike_shelves_have_signs_of_their_own_and_walls_are_bare(world: World, alike: World) -> None:
+    plain, bare = (supermarket._stage(SupermarketOptions(alike=is_alike), 3, 1) for is_alike in (False, True))
+
+    assert len(bare.kinds) == len(plain.kinds) - 10  # seven posters, two doors and a clock
+    textures = [set(scene.surfaces["texture"].tolist()) for scene in (plain, bare)]
+    assert len(textures[0]) - len(textures[1]) > 5 * 8  # each board of each side of five shelves had its own goods
+
+
+def test_a_short_laser_reaches_no_farther_and_the_place_is_the_same(world: World, alike: World) -> None:
+    state = VehicleState(Pose2(5.1, 5.6, 0.0))
+
+    near, far = (one.sensors[0].render(0, 0.0, state).ranges_m for one in (alike, world))
+
+    assert np.nanmax(near) <= 4.0 < np.nanmax(far)
+    both = np.isfinite(near) & np.isfinite(far)
+    np.testing.assert_array_equal(near[both], far[both])

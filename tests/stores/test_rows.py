@@ -16,6 +16,7 @@ from hypothesis.extra import numpy as hnp
 
 from trailmark.errors import ShapeError
 from trailmark.frames.array_documents import ARRAY_DTYPES
+from trailmark.stores import tables
 from trailmark.stores.rows import checksum, pack_arrays, unpack_arrays
 
 any_array = st.sampled_from(list(ARRAY_DTYPES)).flatmap(
@@ -128,3 +129,10 @@ def test_the_checksum_of_a_row_is_fixed_forever() -> None:
 )
 def test_rows_that_differ_in_type_order_or_table_have_other_checksums(left: Any, right: Any) -> None:
     assert checksum(*left) != checksum(*right)
+
+
+@pytest.mark.parametrize("index", [0, 9, 10, 123456])
+def test_the_quick_checksum_of_a_waypoint_is_that_of_any_row(index: int) -> None:
+    numbers = (0.05 * index, -1.25e-3, float(index) ** 0.5, -0.0)
+
+    assert tables._checksum_of_numbers(index, *numbers) == checksum("waypoints", index, *numbers)

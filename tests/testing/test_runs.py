@@ -142,3 +142,9 @@ def test_a_run_that_does_not_fit_together_is_refused(change: Callable, message: 
 
     with pytest.raises(ShapeError, match=message):
         replace(run, **change(run))
+
+
+def test_the_repr_of_a_run_does_not_flood() -> None:
+    text = repr(room_run("image", n_frames=3))
+
+    assert text == "SyntheticRun(3 frames of image; truth Trajectory(3 poses, 0 to 0.2 s, 0.06 m))"

@@ -122,6 +122,7 @@ def _print(figures: dict[str, Any], out: Path) -> None:
             alone = "" if name == "fused" else " alone"
             lines.append(f"  error of {name + alone:<20} {error_mm:6.1f} mm rms")
     lines += [
+        "  (Alone, the camera misses the way that it drove in the dark, and its error is that of all its way.)",
         f"  {figures['frames']} frames in {figures['wall_s']:.0f} s",
         "",
         f"Pictures   {out / 'replay' / 'report.html'}",

@@ -15,6 +15,7 @@ from trailmark.errors import ConfigError, DataError
 from trailmark.evaluation import AlignKind, Protocol, evaluate
 from trailmark.geometry import Trajectory, read_tum
 from trailmark.paths import Path as TaughtPath
+from trailmark.paths import TaughtPlaces
 from trailmark.report.tables import Trajectories, trajectories_table
 
 __all__ = ["evaluate_command"]
@@ -84,11 +85,17 @@ def evaluate_command(
 
 def _print_noise(truth: Path, estimates: Sequence[Path], store: Path | None, as_json: bool) -> None:
     from trailmark.evaluation.estimates_table import read_estimates
+    from trailmark.evaluation.map_frame import ONE_FRAME
     from trailmark.evaluation.measured_noise import config_lines, measured_noise
+    from trailmark.evaluation.taught_places import bent_map_frame, said_places
 
-    path = None if store is None else _path_of(store)
+    path, places = (None, None) if store is None else _taught_of(store)
     for table in estimates:
-        found = measured_noise(read_estimates(table), read_tum(truth), path)
+        estimates_of_run, true_way = read_estimates(table), read_tum(truth)
+        frame = ONE_FRAME
+        if places is not None:
+            frame = bent_map_frame(places, ONE_FRAME, *said_places(estimates_of_run, true_way, path))
+        found = measured_noise(estimates_of_run, true_way, path, frame)
         if not found:
             raise DataError(
                 f"{table}: no localizer said enough while the truth is known:"
@@ -131,20 +138,22 @@ def _print_relation_table(documents: Sequence[dict[str, Any]]) -> None:
             )
 
 
-def _path_of(store: Path) -> TaughtPath:
+def _taught_of(store: Path) -> tuple[TaughtPath, TaughtPlaces | None]:
+    """Return the path that a store holds, and where its places really were, where that was known."""
     from trailmark.interfaces import Session
+    from trailmark.pipeline.teaching.true_places import read_true_places
     from trailmark.stores.sqlite import SqlitePathStore
     from trailmark.stores.sqlite_config import SqliteStoreConfig
 
     opened = SqlitePathStore(SqliteStoreConfig(path=str(store.resolve())))
     opened.start(Session(mode="replay"))
     try:
-        path = opened.path()
+        path, places = opened.path(), read_true_places(opened)
     finally:
         opened.close()
     if path is None:
         raise DataError(f"{store} holds no path")
-    return path
+    return path, places
 
 
 def _document(path: Path, truth: Trajectory, protocol: Protocol) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -12,7 +13,7 @@ import click
 
 from trailmark.cli.root import plugins_of
 from trailmark.errors import UnknownPluginError
-from trailmark.plugins.hints import nearest_or_all
+from trailmark.plugins.hints import did_you_mean, nearest_or_all
 from trailmark.plugins.registry import NO_PLUGINS
 
 if TYPE_CHECKING:
@@ -95,8 +96,11 @@ def doctor_command(context: click.Context, deep: bool, as_json: bool) -> None:
 @plugins_group.command("new")
 @click.argument("name")
 @click.option("--localizer", "parts", flag_value="localizer", multiple=True, help="With a localizer (the default).")
+@click.option("--camera", "parts", flag_value="camera", multiple=True, help="With a localizer that looks at pictures.")
+@click.option("--places", "parts", flag_value="places", multiple=True, help="With a localizer that keeps a map.")
 @click.option("--source", "parts", flag_value="source", multiple=True, help="With a frame source.")
 @click.option("--robot", "parts", flag_value="robot", multiple=True, help="With a robot that can be driven.")
+@click.option("--dataset", "parts", flag_value="dataset", multiple=True, help="With a data set that inspect knows.")
 @click.option("--controller", "parts", flag_value="controller", multiple=True, help="With a controller.")
 @click.option("--sink", "parts", flag_value="sink", multiple=True, help="With a sink.")
 @click.option("--metric", "parts", flag_value="metric", multiple=True, help="With a metric.")
@@ -120,9 +124,19 @@ def _specs_called(plugins: Plugins, name: str) -> list[Spec]:
         for record in plugins.records:
             if record.is_called(name) and record.specs:
                 return list(record.specs)
-        hint = nearest_or_all(name, sorted({spec.name for spec in specs}), "installed")
-        raise UnknownPluginError(f"no part or plugin is called {name!r}{hint}")
+        parts = [spec for spec in specs if spec.kind not in ("metric", "experiment", "dataset", "executor")]
+        names = sorted({spec.name for spec in parts})
+        hint = did_you_mean(bare, names) or _about(bare, parts) or nearest_or_all(bare, names, "installed")
+        raise UnknownPluginError(f"no part or plugin is called {name!r}{hint}. 'trailmark plugins' lists all")
     return found
+
+
+def _about(name: str, specs: Sequence[Spec]) -> str:
+    """Return up to three parts that are about what was asked for, as a hint; empty where none is."""
+    words = {word for word in re.split(r"[^a-z0-9]+|_", name.lower()) if len(word) > 2}
+    texts = {spec.name: f"{spec.name} {spec.summary}".lower() for spec in specs}
+    about = [name for name, text in texts.items() if words & set(re.findall("[a-z0-9]+", text))]
+    return f"; about that: {', '.join(about[:3])}" if about else ""
 
 
 def _print_parts(plugins: Plugins) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import secrets
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,13 +17,41 @@ from trailmark.cli.root import plugins_of
 from trailmark.errors import ConfigError
 from trailmark.experiments import CALLS_FOLDER, ExperimentOptions, Row
 
-__all__ = ["reproduce_command"]
+__all__ = ["SeedType", "reproduce_command"]
+
+#: The word for a seed that is to be drawn.
+_DRAW = "random"
+#: As many seeds there are to draw from.
+_N_SEEDS = 1_000_000
+
+
+class SeedType(click.IntRange):
+    """A seed: a number, or `random` for one that is drawn and said, so that it can be given again."""
+
+    name = "seed"
+
+    def __init__(self) -> None:
+        super().__init__(min=0)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the number; one is drawn for the word `random`."""
+        if value != _DRAW:
+            return super().convert(value, param, ctx)
+        drawn = secrets.randbelow(_N_SEEDS)
+        say(f"seed {drawn} was drawn; --seed {drawn} repeats this")
+        return drawn
 
 
 @click.command("reproduce")
 @click.argument("paper", required=False)
 @click.option("--quick", is_flag=True, help="Short versions.")
-@click.option("--seed", default=0, show_default=True, type=click.IntRange(0), help="First seed: noise, people, place.")
+@click.option(
+    "--seed",
+    default="0",
+    show_default=True,
+    type=SeedType(),
+    help="First seed: noise, people, place; or `random`.",
+)
 @click.option("--place", type=click.IntRange(0), help="World seed of all drives.  [default: of the seed]")
 @click.option("--places", type=click.IntRange(1), help="How many.  [default: 5; 1 with --quick]")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("runs/reproduce"), show_default=True)
@@ -60,6 +90,8 @@ def _repeat(spec: Any, folder: Path, *, jobs: int, **request: Any) -> Sequence[R
 
     say(f"{spec.name}: {spec.summary}")
     began_s, origin = time.monotonic(), provenance()
+    # Whoever repeats this gives the seed that was drawn.
+    origin["command"] = re.sub(rf"(--seed[ =]){_DRAW}\b", rf"\g<1>{request['seed']}", origin["command"])
     folder.mkdir(parents=True, exist_ok=True)
     _keep_only_the_same(folder, request)
     options = ExperimentOptions(out=folder, report=lambda line: say(f"  {line}"), jobs=jobs, is_kept=True, **request)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler, model_validator
+from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler, ValidationError, model_validator
 from pydantic.json_schema import JsonSchemaValue
-from pydantic_core import CoreSchema
+from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError
 
 from trailmark.config.files import ExistingFile
 
@@ -47,12 +48,61 @@ class PluginConfig(BaseModel):
         unnamed = {name: UNNAMED for name in sensor_roles(cls) if cls.model_fields[name].is_required()}
         return unnamed | values
 
+    @model_validator(mode="before")
+    @classmethod
+    def _refuse_booleans_for_numbers(cls, values: Any) -> Any:
+        """Refuse ``tilt_deg: true``, which pydantic takes for 1."""
+        if not isinstance(values, dict):
+            return values
+        wrong: list[InitErrorDetails] = []
+        for name, info in cls.model_fields.items():
+            key = info.alias or name
+            if (error := _not_a_number(_types_in(info.annotation))) is not None:
+                places = _booleans_in(values.get(key), set())
+                wrong += [InitErrorDetails(type=error, loc=(key, *place), input=value) for place, value in places]
+        if wrong:
+            raise ValidationError.from_exception_data(cls.__name__, wrong)
+        return values
+
     @classmethod
     def __get_pydantic_json_schema__(cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
         schema = handler.resolve_ref_schema(handler(core_schema))
         required = [name for name in schema.get("required", []) if name not in sensor_roles(cls)]
         schema.pop("required", None)
         return schema | ({"required": required} if required else {})
+
+
+def _booleans_in(value: Any, seen: set[int]) -> Iterator[tuple[tuple[str | int, ...], bool]]:
+    """Yield every true and false in a value as it was written, with its place.
+
+    What aliases name many times (`seen` holds the ids) is looked through once: aliases of aliases are a tree without
+    end.
+    """
+    if isinstance(value, bool):
+        yield (), value
+    elif isinstance(value, dict | list | tuple) and id(value) not in seen:
+        seen.add(id(value))
+        for key, item in value.items() if isinstance(value, dict) else enumerate(value):
+            yield from (((key, *place), found) for place, found in _booleans_in(item, seen))
+
+
+def _types_in(annotation: Any) -> list[Any]:
+    """Return what a type is made of: of ``tuple[float, float] | Literal["auto"]``, float, float and "auto"."""
+    inner = get_args(annotation)
+    return [part for each in inner for part in _types_in(each)] if inner else [annotation]
+
+
+def _not_a_number(types: list[Any]) -> PydanticCustomError | None:
+    """Return what is wrong with a boolean, if there is a number among the types and nothing that it may be."""
+    if not (float in types or int in types) or any(
+        isinstance(part, bool)
+        or (isinstance(part, type) and issubclass(part, BaseModel))  # a model looks at its own fields
+        or any(part is each for each in (bool, Any, object))
+        for part in types
+    ):
+        return None
+    number = "number" if float in types else "integer"
+    return PydanticCustomError("number_type", "Input should be a valid {number}", {"number": number})
 
 
 @dataclass(frozen=True, slots=True)

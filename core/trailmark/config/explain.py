@@ -169,6 +169,8 @@ def _type_words(details: ErrorDetails) -> str:
 
 
 def _as_text(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()  # as configs write it
     if isinstance(value, Mapping):
         return "a mapping"
     if isinstance(value, list | tuple) and len(repr(value)) > 40:

@@ -22,4 +22,7 @@ def unmet(requirement: str) -> str:
         return f"{wanted.name} is not installed: pip install '{requirement}'"
     if wanted.specifier.contains(installed, prereleases=True):
         return ""
-    return f"{wanted.name} {installed} is installed, {wanted.specifier} is required: pip install '{requirement}'"
+    return (
+        f"{wanted.name} {installed} is installed, {wanted.specifier} is required: install such a version, if there is"
+        " one, or change the requirement"
+    )

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from trailmark.estimates import Motion
 from trailmark.estimation.information import says_something
+from trailmark.estimation.overlaps import LONG_OVERLAP, unevenness
 from trailmark.estimation.symmetric import (
     ZERO,
     Sym3,
@@ -18,7 +19,7 @@ from trailmark.estimation.symmetric import (
     scaled,
     subtract,
 )
-from trailmark.estimation.unmeasured import NOWHERE, Sym2, plus, projected, turned, unmeasured_in
+from trailmark.estimation.unmeasured import NOWHERE, Sym2, plus, projected, speed_variance, turned, unmeasured_in
 from trailmark.geometry import Pose2, Twist2
 from trailmark.values import quick_dataclass
 
@@ -28,6 +29,8 @@ __all__ = ["MotionChain", "OdomState", "carry", "interpolate"]
 _SAME_INSTANT_S = 1e-6
 # A motion measures what it knows better than a velocity that keeps its direction for so long [s].
 _LASTS_S = 1.0
+# No run is silent for so long: an instant later than that is of another clock [s].
+_TIME_JUMP_S = 60.0
 
 
 @quick_dataclass(frozen=True, slots=True, eq=False)
@@ -55,6 +58,8 @@ class OdomState:
         start: an unknown speed lasts, so these are standard deviations that add up [m].
     open_s : float
         How long, in a row, motions have left a direction of the way open [s].
+    is_rest : bool
+        Whether the way from the state before is the rest of a motion that began earlier: `twist` is that of all of it.
     """
 
     stamp_s: float
@@ -65,13 +70,14 @@ class OdomState:
     motion_age_s: float = math.inf
     unmeasured_m: Sym2 = NOWHERE
     open_s: float = 0.0
+    is_rest: bool = False
 
 
 class MotionChain:
     """The motions of a window of time, each beginning where the last one ended.
 
-    A gap is bridged with the last twist. Of a motion that overlaps the chain, the part that is already covered is
-    left out. The chain only grows at its end.
+    A gap is bridged with the last twist. A motion that overlaps the chain goes on from where the chain has its
+    beginning, so that no time counts twice. The chain only grows at its end.
 
     Parameters
     ----------
@@ -85,6 +91,10 @@ class MotionChain:
         Stamp until which motion is known; ``-inf`` before the first [s].
     n_gaps, n_overlaps : int
         Gaps that were bridged, and motions that were cut because they overlap.
+    n_long_overlaps : int
+        Of these, those by more than inexact stamps make.
+    overlapped_s : float
+        End of the last of them; ``-inf`` if there is none [s].
     """
 
     def __init__(self, drift: Twist2 | None) -> None:
@@ -92,9 +102,17 @@ class MotionChain:
         self._stamps: list[float] = []
         self._states: list[OdomState] = []  # motion_age_s is 0, or at the end of a bridge its length
         self._is_whole = True
+        self._begun_s, self._heard_s = math.inf, -math.inf
         self.end_s = -math.inf
         self.n_gaps = 0
-        self.n_overlaps = 0
+        self.n_overlaps = self.n_long_overlaps = 0
+        self.overlapped_s = -math.inf
+
+    def hear_of(self, stamp_s: float) -> None:
+        """Take note of an instant of the run: where base began is known at the first, and for a second more."""
+        if stamp_s - self._heard_s > _TIME_JUMP_S:  # the first, or of another clock
+            self._begun_s = stamp_s
+        self._heard_s = max(self._heard_s, stamp_s)
 
     def append(self, motion: Motion, information: Sym3) -> bool:
         """Add a motion with its checked information; False if it ends before the chain does."""
@@ -107,7 +125,7 @@ class MotionChain:
         covariance, open_ways = self._covariance(information, dt_s)
         if not self._stamps:
             self._stamps.append(since_s)
-            self._states.append(OdomState(since_s, twist=twist, motion_age_s=0.0))
+            self._states.append(replace(self._stood_until(since_s), twist=twist, motion_age_s=0.0))
         elif since_s > end_s + _SAME_INSTANT_S:
             self.n_gaps += 1
             bridge = self._coast(since_s)
@@ -115,11 +133,14 @@ class MotionChain:
             self._states.append(bridge)
         elif since_s < end_s - _SAME_INSTANT_S:
             self.n_overlaps += 1
-            remaining_s = stamp_s - end_s
-            step = twist.after(remaining_s)
-            covariance = scaled(covariance, remaining_s / dt_s)
+            if end_s - since_s > LONG_OVERLAP * dt_s:
+                self.n_long_overlaps += 1
+                self.overlapped_s = stamp_s
+            step, covariance = self._rest_of(motion, twist, covariance)
         before = self._states[-1]
         after = carry(before, stamp_s, step, twist, covariance)
+        if since_s < end_s - _SAME_INSTANT_S:
+            after = replace(after, is_rest=True)
         if open_ways is not NOWHERE:
             after = self._with_open_ways(after, before, open_ways)
         self._stamps.append(stamp_s)
@@ -134,13 +155,21 @@ class MotionChain:
         """
         index = bisect_left(self._stamps, stamp_s)
         if index == len(self._stamps):
-            return self._coast(stamp_s) if index else OdomState(stamp_s)
+            return self._coast(stamp_s) if index else self._stood_until(stamp_s)
         end = self._states[index]
         if end.stamp_s == stamp_s:
             return end
         if index == 0:
-            return OdomState(stamp_s) if self._is_whole else end
+            return self._stood_until(stamp_s) if self._is_whole else end
         return interpolate(self._states[index - 1], end, stamp_s)
+
+    def _stood_until(self, stamp_s: float) -> OdomState:
+        """Return the state before the first motion: at the origin, where it may have driven on unseen."""
+        driven_s = stamp_s - (self._begun_s + _LASTS_S)
+        if self._drift is ZERO or driven_s <= 0.0:
+            return OdomState(stamp_s)
+        drift = scaled(self._drift, driven_s * driven_s)
+        return carry(OdomState(stamp_s - driven_s), stamp_s, Pose2(), Twist2(), drift, motion_age_s=math.inf)
 
     def forget(self, horizon_s: float) -> None:
         """Drop the states before `horizon_s`, but for the one that is needed to interpolate there."""
@@ -148,6 +177,24 @@ class MotionChain:
         if n_old > 0:
             self._is_whole = False
             del self._stamps[:n_old], self._states[:n_old]
+
+    def _rest_of(self, motion: Motion, twist: Twist2, covariance: Sym3) -> tuple[Pose2, Sym3]:
+        """Return what a motion adds to the chain that reaches beyond its beginning, and its covariance.
+
+        Base is at its end where the motion has it, as seen from where the chain has its beginning.
+        """
+        since_s, last = motion.since_s, self._states[-1]
+        remaining_s = motion.stamp_s - last.stamp_s
+        covariance = scaled(covariance, remaining_s / (motion.stamp_s - since_s)) if covariance is not ZERO else ZERO
+        if since_s < self._stamps[0]:  # that is forgotten: the motion is taken as even
+            return twist.after(remaining_s), covariance
+        end = last.pose_odom_base.between(self.at(since_s).pose_odom_base @ motion.pose_since_now)
+        index = bisect_left(self._stamps, since_s - _SAME_INSTANT_S)
+        if covariance is ZERO or self._stamps[index] <= since_s + _SAME_INSTANT_S:
+            return end, covariance
+        cut, began_s = self._states[index], self._stamps[index - 1]
+        lengths_s = since_s - began_s, cut.stamp_s - since_s
+        return end, add(covariance, unevenness(*lengths_s, twist=cut.twist, next_twist=twist, drift=self._drift))
 
     def _covariance(self, information: Sym3, dt_s: float) -> tuple[Sym3, Sym2]:
         """Return the covariance of a motion, and the directions of base in which it measured no way.
@@ -174,6 +221,10 @@ class MotionChain:
         last = self._states[-1]
         dt_s = stamp_s - last.stamp_s
         drift = ZERO if self._drift is ZERO else scaled(self._drift, dt_s * dt_s)
+        if drift is not ZERO and dt_s > _LASTS_S:  # it may have stopped, or driven in a circle
+            speed_mps = math.hypot(last.twist.forward_mps, last.twist.left_mps)
+            more_m2 = (speed_variance(self._drift, speed_mps) - self._drift[0]) * (dt_s - _LASTS_S) ** 2
+            drift = add(drift, diagonal(more_m2, more_m2, 0.0))
         return carry(last, stamp_s, last.twist.after(dt_s), last.twist, drift, motion_age_s=dt_s)
 
 
@@ -222,9 +273,12 @@ def interpolate(start: OdomState, end: OdomState, stamp_s: float) -> OdomState:
     unmeasured_m = end.unmeasured_m
     if unmeasured_m is not start.unmeasured_m:
         unmeasured_m = plus(start.unmeasured_m, plus(unmeasured_m, start.unmeasured_m, -1.0), fraction)
+    step = end.twist.after(dt_s)
+    if end.is_rest:
+        step = Pose2.exp(*(fraction * part for part in start.pose_odom_base.between(end.pose_odom_base).log()))
     return OdomState(
         stamp_s,
-        start.pose_odom_base @ end.twist.after(dt_s),
+        start.pose_odom_base @ step,
         start.travelled_m + fraction * (end.travelled_m - start.travelled_m),
         spread,
         end.twist,

@@ -25,6 +25,7 @@ from trailmark.estimation.chain import MotionChain, OdomState
 from trailmark.estimation.dead_reckoning_config import DeadReckoningConfig
 from trailmark.estimation.history import History
 from trailmark.estimation.information import checked_covariance, checked_information, measured_directions
+from trailmark.estimation.overlaps import OVERLAPS, TOLD_S
 from trailmark.estimation.pose_anchor import PoseAnchor, anchor_after, anchor_at
 from trailmark.estimation.symmetric import ZERO, Sym3, diagonal, inverse, to_matrix
 from trailmark.estimation.unmeasured import describe, longest
@@ -79,13 +80,15 @@ class DeadReckoning(Estimator):
 
     def counters(self) -> Mapping[str, int]:
         """Return how many gaps were bridged and overlaps cut."""
-        return {"gaps": self._chain.n_gaps, "overlaps": self._chain.n_overlaps}
+        counts = {"gaps": self._chain.n_gaps, "overlaps": self._chain.n_overlaps}
+        return counts | ({f"overlaps.{self._source}": n} if (n := self._chain.n_long_overlaps) else {})
 
     def apply(self, source: str, estimate: Estimate) -> Applied:
         """Integrate a `Motion`, or correct the pose at the stamp of a `Fix` or `PathOffset`."""
         if not math.isfinite(estimate.stamp_s):
             return Applied("refused", f"the stamp is not finite: {estimate.stamp_s}")
         self._belief = None
+        self._hear_of(estimate.stamp_s)
         if isinstance(estimate, Motion):
             self._source = source
             return self._apply_motion(estimate)
@@ -101,9 +104,15 @@ class DeadReckoning(Estimator):
         """
         if stamp_s is None:
             stamp_s = self._corrections.newest_s if math.isfinite(self._corrections.newest_s) else 0.0
+        else:
+            self._hear_of(stamp_s)
         if self._belief is None or self._belief.stamp_s != stamp_s:
             self._belief = self._make_belief(self._chain.at(stamp_s))
         return self._belief
+
+    def _hear_of(self, stamp_s: float) -> None:
+        if self._chain.end_s == -math.inf:
+            self._chain.hear_of(stamp_s)
 
     def poses_at(self, stamp_s: float) -> tuple[float, Pose2 | None, Pose2]:
         """Return what `belief` says of stamp and poses, and nothing else, which is much less work.
@@ -220,13 +229,14 @@ class DeadReckoning(Estimator):
         )
 
     def _health(self, anchor: PoseAnchor, odom: OdomState) -> dict[str, str]:
-        """Return that nothing measures the way in some direction, where that is so."""
+        """Return what is wrong with the motion: nothing measures the way in some direction, or it overlaps."""
+        overlaps = {self._source: OVERLAPS} if odom.stamp_s - self._chain.overlapped_s <= TOLD_S else {}
         if odom.open_s <= _TOLD_AFTER_S:
-            return {}
+            return overlaps
         unmeasured_m = anchor.unmeasured_at(odom)
         open_s = min(odom.open_s, longest(unmeasured_m) / self._config.drift_sigma_mps)
         if open_s <= _TOLD_AFTER_S:
-            return {}
+            return overlaps
         return {self._source: describe(unmeasured_m, odom.pose_odom_base.theta, open_s)}
 
     def _on_path(self, stamp_s: float, path: Path, pose: Pose2, covariance: Sym3) -> PathOffset:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from trailmark.estimation.chain import OdomState
 from trailmark.estimation.symmetric import ZERO, Sym3, add, congruence, subtract
-from trailmark.estimation.unmeasured import NOWHERE, Sym2, directions_above, longest, plus, turned
+from trailmark.estimation.unmeasured import NOWHERE, Sym2, directions_above, longest, plus, squared_by_direction, turned
 from trailmark.geometry import Pose2
 from trailmark.values import quick_dataclass
 
@@ -38,15 +38,9 @@ class PoseAnchor:
         x, y = odom.pose_odom_base.x, odom.pose_odom_base.y
         spread = add(self.excess, odom.spread)
         if odom.unmeasured_m is not NOWHERE:
-            spread = add(spread, _squared(self.unmeasured_at(odom)))
+            spread = add(spread, squared_by_direction(self.unmeasured_at(odom)))
         covariance = congruence(spread, cos, sin, -cos * y - sin * x, cos * x - sin * y)
         return self.pose_map_base.moved_as(self.odom.pose_odom_base, odom.pose_odom_base), covariance
-
-
-def _squared(unmeasured_m: Sym2) -> Sym3:
-    """Return the covariance of standard deviations by direction."""
-    xx, xy, yy = unmeasured_m
-    return xx * xx + xy * xy, xy * (xx + yy), 0.0, xy * xy + yy * yy, 0.0, 0.0
 
 
 def anchor_after(before: PoseAnchor, odom: OdomState, pose: Pose2, covariance: Sym3) -> PoseAnchor:
@@ -62,7 +56,7 @@ def anchor_after(before: PoseAnchor, odom: OdomState, pose: Pose2, covariance: S
     across_m2 = along[0] * yy - 2.0 * along[1] * xy + along[2] * xx  # over the determinant: the information along
     left_m2 = max(xx * yy - xy * xy, 0.0) / across_m2 if across_m2 > 0.0 else 0.0
     kept_m = plus(NOWHERE, unmeasured_m, min(1.0, math.sqrt(left_m2) / most_m))
-    return replace(anchor, excess=subtract(anchor.excess, _squared(kept_m)), unmeasured_m=kept_m)
+    return replace(anchor, excess=subtract(anchor.excess, squared_by_direction(kept_m)), unmeasured_m=kept_m)
 
 
 def anchor_at(odom: OdomState, pose: Pose2, covariance: Sym3, is_measured: bool) -> PoseAnchor:

@@ -11,15 +11,32 @@ import math
 from trailmark.estimation.symmetric import Sym3
 from trailmark.geometry import wrap_angle
 
-__all__ = ["NOWHERE", "Sym2", "describe", "directions_above", "longest", "plus", "projected", "turned", "unmeasured_in"]
+__all__ = [
+    "EVERYWHERE",
+    "NOWHERE",
+    "Sym2",
+    "describe",
+    "directions_above",
+    "longest",
+    "plus",
+    "projected",
+    "speed_variance",
+    "squared_beyond",
+    "squared_by_direction",
+    "turned",
+    "unmeasured_in",
+]
 
 #: The upper triangle of a symmetric 2x2 matrix over directions in the plane: (xx, xy, yy).
 Sym2 = tuple[float, float, float]
 
 NOWHERE: Sym2 = (0.0, 0.0, 0.0)
-_EVERYWHERE: Sym2 = (1.0, 0.0, 1.0)
+EVERYWHERE: Sym2 = (1.0, 0.0, 1.0)
 # Share of a step's variance that is drift, from which on the step is not measured: drift says more than the motion.
 _MOSTLY = 0.5
+
+# Who drives on may do so in any direction: half of the square of the speed is that of each axis.
+_SHARE_OF_AN_AXIS = 0.5
 
 
 def unmeasured_in(covariance: Sym3, drift: Sym3) -> Sym2:
@@ -42,10 +59,23 @@ def directions_above(a: Sym2, limit: float) -> Sym2:
     mean, half = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
     least = mean - half
     if least > limit:
-        return _EVERYWHERE
+        return EVERYWHERE
     if mean + half <= limit:
         return NOWHERE
     return (xx - least) / (2.0 * half), xy / (2.0 * half), (yy - least) / (2.0 * half)
+
+
+def speed_variance(drift: Sym3, measured_mps: float) -> float:
+    """Return the variance of a speed that nobody measures for long, along any axis [m^2/s^2].
+
+    Parameters
+    ----------
+    drift : Sym3
+        Of a step of 1 s that nobody measured, the same forward and to the left.
+    measured_mps : float
+        The last speed that was measured: who was that fast may go on, or stand [m/s].
+    """
+    return max(drift[0], _SHARE_OF_AN_AXIS * measured_mps * measured_mps)
 
 
 def plus(a: Sym2, b: Sym2, factor: float) -> Sym2:
@@ -60,6 +90,25 @@ def projected(a: Sym2, onto: Sym2) -> Sym2:
     left, both, right = p * xx + q * xy, p * xy + q * yy, q * xy + r * yy
     low = q * xx + r * xy
     return left * p + both * q, left * q + both * r, low * q + right * r
+
+
+def squared_by_direction(sigmas_m: Sym2) -> Sym3:
+    """Return the covariance of (x, y, theta) of standard deviations by direction."""
+    xx, xy, yy = sigmas_m
+    return xx * xx + xy * xy, xy * (xx + yy), 0.0, xy * xy + yy * yy, 0.0, 0.0
+
+
+def squared_beyond(a: Sym2, limit: float) -> Sym2:
+    """Return the square of what the eigenvalues have beyond a limit; those below it have nothing."""
+    xx, xy, yy = a
+    mean, half = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
+    most = max(mean + half - limit, 0.0) ** 2
+    if half <= 1e-9 * mean:
+        return most, 0.0, most
+    least = max(mean - half - limit, 0.0) ** 2
+    slope = 0.5 * (most - least) / half
+    middle = 0.5 * (most + least)
+    return middle + 0.5 * slope * (xx - yy), slope * xy, middle - 0.5 * slope * (xx - yy)
 
 
 def turned(a: Sym2, angle_rad: float) -> Sym2:

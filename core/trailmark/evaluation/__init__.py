@@ -20,7 +20,13 @@ from trailmark.evaluation.plugged import JudgedEstimates, MetricFunction, Plugge
 from trailmark.evaluation.quantities import QUANTITIES, quantities_of, spec_of
 from trailmark.evaluation.relative import Drift, RelativeError, drift, relative_error
 from trailmark.evaluation.run_folder import FUSED, GROUND_TRUTH, RunFolder, read_run
-from trailmark.evaluation.run_metrics import RunEvaluation, evaluate_run, evaluate_run_folder, metrics_document
+from trailmark.evaluation.run_metrics import (
+    RunEvaluation,
+    evaluate_run,
+    evaluate_run_folder,
+    metrics_document,
+    write_metrics,
+)
 from trailmark.evaluation.source_statistics import SourceStatistics, source_statistics
 from trailmark.evaluation.tracking import Tracked, tracked_fraction
 from trailmark.evaluation.trajectory_metrics import Evaluation, Protocol, evaluate
@@ -85,4 +91,5 @@ __all__ = [
     "spec_of",
     "summarize",
     "tracked_fraction",
+    "write_metrics",
 ]

@@ -23,6 +23,9 @@ __all__ = ["Consistency", "chi2_quantile", "consistency_of", "information_rank",
 
 # An eigenvalue below this share of the largest (units scaled away) is a direction that was not measured.
 _RANK_TOLERANCE = 1e-9
+# Squares per degree of freedom between these are near enough to 1: a sigma that is off by less than 2.2 times weighs an
+# estimate about as well, however many of them there are to tell it.
+_LEAST_PER_DOF, _MOST_PER_DOF = 0.2, 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,10 +58,10 @@ class Consistency:
 
     @property
     def verdict(self) -> Literal["consistent", "overconfident", "underconfident"]:
-        """``overconfident``: the errors are larger than the covariances say."""
-        if self.per_dof > self.upper:
+        """``overconfident``: the errors are larger than the covariances say, by more than chance and than matters."""
+        if self.per_dof > max(self.upper, _MOST_PER_DOF):
             return "overconfident"
-        return "underconfident" if self.per_dof < self.lower else "consistent"
+        return "underconfident" if self.per_dof < min(self.lower, _LEAST_PER_DOF) else "consistent"
 
     def metrics(self, word: str) -> dict[str, float]:
         """Return the metrics by name; `word` is ``nees`` or ``nis``."""

@@ -16,6 +16,7 @@ import numpy as np
 from trailmark.arrays import Bools, Floats
 from trailmark.errors import DataError
 from trailmark.evaluation.estimates_table import EstimateTable
+from trailmark.evaluation.map_frame import ONE_FRAME, MapFrame
 from trailmark.geometry import Pose2, Trajectory, wrap_angle, wrap_angles
 from trailmark.paths import Path
 
@@ -53,7 +54,9 @@ class MeasuredNoise:
     sigma_scale: float
 
 
-def measured_noise(estimates: EstimateTable, truth: Trajectory, path: Path | None = None) -> dict[str, MeasuredNoise]:
+def measured_noise(
+    estimates: EstimateTable, truth: Trajectory, path: Path | None = None, map_frame: MapFrame = ONE_FRAME
+) -> dict[str, MeasuredNoise]:
     """Return the errors of each localizer by name, without those that gave too few estimates.
 
     Parameters
@@ -64,6 +67,8 @@ def measured_noise(estimates: EstimateTable, truth: Trajectory, path: Path | Non
         Where base really was.
     path : Path, optional
         The taught path: needed for path offsets.
+    map_frame : MapFrame
+        How the map lies in the frame of the truth.
 
     Raises
     ------
@@ -80,7 +85,7 @@ def measured_noise(estimates: EstimateTable, truth: Trajectory, path: Path | Non
         if kind == "pathoffset" and path is None:
             raise DataError(f"{source!r} says path offsets: their errors need the path, --store F.trail")
         rows = own.where(_usable(own, truth, kind))
-        pairs = list(_windows(rows, truth) if kind == "motion" else _singles(rows, truth, path))
+        pairs = list(_windows(rows, truth) if kind == "motion" else _singles(rows, truth, path, map_frame))
         if len(pairs) >= _LEAST:
             found[source] = _noise_of(kind, pairs)
     return found
@@ -117,12 +122,16 @@ def _usable(rows: EstimateTable, truth: Trajectory, kind: str) -> Bools:
     return np.asarray((rows.kind == kind) & (rows.outcome != "refused") & is_inside & is_finite)
 
 
-def _singles(rows: EstimateTable, truth: Trajectory, path: Path | None) -> Iterator[tuple[Floats, Floats]]:
+def _singles(
+    rows: EstimateTable, truth: Trajectory, path: Path | None, map_frame: MapFrame
+) -> Iterator[tuple[Floats, Floats]]:
     """Yield error and information of each fix; of a path offset, in path coordinates."""
     if not len(rows):
         return
     stamps, where = np.unique(rows.stamp_s, return_inverse=True)
     true = truth.at(stamps)
+    if map_frame is not ONE_FRAME:
+        true = Trajectory(true.stamps_s, map_frame.in_map(true.poses))
     for numbers, information, index in zip(rows.numbers, rows.information, where):
         pose = true[int(index)][1]
         if path is None or rows.kind[0] == "fix":

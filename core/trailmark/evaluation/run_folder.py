@@ -19,6 +19,7 @@ from trailmark.evaluation.belief_table import (
 )
 from trailmark.evaluation.estimates_table import EstimateTable, read_estimates
 from trailmark.evaluation.path_file import PATH_FILE, read_path
+from trailmark.evaluation.taught_places import TRUTH_FILE, read_taught_places
 from trailmark.frames.outlines import Outlines
 from trailmark.geometry import Trajectory, read_tum
 
@@ -56,6 +57,8 @@ class RunFolder:
         What was believed, with its covariance, evenly taken over the run.
     outlines : Outlines or None
         What stood around, and how large the robot is.
+    true_places : paths.TaughtPlaces or None
+        Where the places of the taught path really were.
     """
 
     path: Path
@@ -69,6 +72,7 @@ class RunFolder:
     path_taught: paths.Path | None = None
     beliefs: BeliefTable | None = None
     outlines: Outlines | None = None
+    true_places: paths.TaughtPlaces | None = None
 
     @property
     def name(self) -> str:
@@ -106,7 +110,11 @@ def read_run(folder: str | Path) -> RunFolder:
         raise DataError(f"no folder {path}; a run's folder is printed at its end, the newest is runs/latest")
     tums = sorted((path / "trajectories").glob("*.tum"))
     if not tums and not (path / "run.json").is_file():
-        raise DataError(f"{path} is not the folder of a run: it has neither run.json nor trajectories/*.tum")
+        is_bench = (path / "cells").is_dir()
+        raise DataError(
+            f"{path} is not the folder of a run: it has neither run.json nor trajectories/*.tum"
+            + (f"; it is a bench: 'trailmark bench show {path}'" if is_bench else "")
+        )
     problems: list[str] = []
     config_text = _attempt(path / "config.yaml", _text, problems) or ""
     read = {tum.stem: _attempt(tum, read_tum, problems) for tum in tums}
@@ -124,6 +132,7 @@ def read_run(folder: str | Path) -> RunFolder:
         config_text=config_text,
         path_taught=_attempt(path / PATH_FILE, read_path, problems),
         beliefs=_attempt(path / BELIEFS_FILE, read_beliefs, problems),
+        true_places=_attempt(path / TRUTH_FILE, read_taught_places, problems),
         outlines=_attempt(path / OUTLINES_FILE, read_outlines, problems),
         problems=tuple(problems),
     )

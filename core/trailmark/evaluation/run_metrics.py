@@ -29,13 +29,14 @@ from trailmark.evaluation.plugged import (
 )
 from trailmark.evaluation.run_folder import FUSED, GROUND_TRUTH, RunFolder, read_run
 from trailmark.evaluation.source_statistics import SourceStatistics, source_statistics
+from trailmark.evaluation.taught_places import BentMapFrame, bent_map_frame, said_places, with_unknown_error
 from trailmark.evaluation.tracking import tracked_fraction
 from trailmark.evaluation.trajectory_metrics import Evaluation, Protocol, evaluate
 from trailmark.evaluation.warnings import run_warnings
 from trailmark.geometry import Pose2, Trajectory
 from trailmark.writing import write_whole
 
-__all__ = ["METRICS_FILE", "RunEvaluation", "evaluate_run", "evaluate_run_folder", "metrics_document"]
+__all__ = ["METRICS_FILE", "RunEvaluation", "evaluate_run", "evaluate_run_folder", "metrics_document", "write_metrics"]
 
 METRICS_FILE = "metrics.json"
 
@@ -81,6 +82,13 @@ class RunEvaluation:
         """True when the numbers are errors; False when they are differences."""
         return self.reference == GROUND_TRUTH
 
+    def truth_beside_path(self) -> Trajectory | None:
+        """Return the true trajectory to be compared with the taught path: as seen from a map that is bent."""
+        truth = self.run.truth
+        if truth is None or not isinstance(self.map_frame, BentMapFrame):
+            return truth
+        return Trajectory(truth.stamps_s, self.map_frame.in_map(truth.poses))
+
 
 def evaluate_run(
     folder: str | Path,
@@ -117,11 +125,39 @@ def evaluate_run(
         If the folder is not that of a run, or cannot be written to.
     """
     evaluated = evaluate_run_folder(read_run(folder), protocol, path)
-    document: dict[str, Any] = _without_nan(metrics_document(evaluated, metrics=metrics, path=path))
     if write:
-        if path is not None:
-            write_path(path, Path(folder) / PATH_FILE)
-        _write(Path(folder) / METRICS_FILE, document)
+        return write_metrics(evaluated, metrics=metrics, path=path)
+    document: dict[str, Any] = _without_nan(metrics_document(evaluated, metrics=metrics, path=path))
+    return document
+
+
+def write_metrics(
+    evaluated: RunEvaluation, *, metrics: Metrics | None = None, path: paths.Path | None = None
+) -> dict[str, Any]:
+    """Write ``metrics.json`` of a run that has been evaluated into its folder, and the taught path beside it.
+
+    Parameters
+    ----------
+    evaluated : RunEvaluation
+        As `evaluate_run_folder` returns it.
+    metrics, path
+        As for `evaluate_run`.
+
+    Returns
+    -------
+    dict
+        What is written, as from `evaluate_run`.
+
+    Raises
+    ------
+    DataError
+        If the folder cannot be written to.
+    """
+    folder = evaluated.run.path
+    document: dict[str, Any] = _without_nan(metrics_document(evaluated, metrics=metrics, path=path))
+    if path is not None:
+        write_path(path, folder / PATH_FILE)
+    _write(folder / METRICS_FILE, document)
     return document
 
 
@@ -161,7 +197,7 @@ def evaluate_run_folder(
         except DataError as error:
             problems[name] = str(error)
     known = run.truth if reference == GROUND_TRUTH else None
-    map_frame = ONE_FRAME if known is None or run.estimates is None else _map_frame(run, run.estimates, known)
+    map_frame = ONE_FRAME if known is None or run.estimates is None else _map_frame(run, run.estimates, known, path)
     sources = _sources(run, known, map_frame, path)
     return RunEvaluation(run, protocol, reference, evaluations, sources, problems, map_frame, path)
 
@@ -197,7 +233,7 @@ def metrics_document(
     if evaluated.run.truth is not None:
         trajectories[GROUND_TRUTH] = _plain(evaluated.run.truth)
     if path is not None:
-        _add_lateral(trajectories, evaluated.run, path)
+        _add_lateral(trajectories, evaluated, path)
     return {
         "reference": evaluated.reference,
         "errors": evaluated.has_truth,
@@ -300,12 +336,23 @@ def _sources(
     return {name: source_statistics(run.estimates.of(name), truth, map_frame, path, fused) for name in names}
 
 
-def _map_frame(run: RunFolder, estimates: EstimateTable, truth: Trajectory) -> MapFrame:
-    """Return how the map lies in the frame of the truth, by all fixes and by where the belief began."""
+def _map_frame(run: RunFolder, estimates: EstimateTable, truth: Trajectory, path: paths.Path | None) -> MapFrame:
+    """Return how the map lies in the frame of the truth.
+
+    A taught map lies there as its teaching did, where that is known; otherwise all fixes and where the belief began
+    tell it.
+    """
     fixes = estimates.where((estimates.kind == "fix") & (estimates.outcome != "refused"))
     there = true_poses(truth, fixes.stamp_s)
     known = np.isfinite(there).all(axis=1) & np.isfinite(fixes.numbers).all(axis=1)
-    return find_map_frame(fixes.numbers[known], there[known], _start(run, truth))
+    plain = find_map_frame(fixes.numbers[known], there[known], _start(run, truth))
+    if run.true_places is None:
+        return with_unknown_error(plain, fixes.numbers[known], there[known]) if _is_replay(run) else plain
+    return bent_map_frame(run.true_places, plain, *said_places(estimates, truth, path))
+
+
+def _is_replay(run: RunFolder) -> bool:
+    return run.run.get("mode") == "replay"
 
 
 def _start(run: RunFolder, truth: Trajectory) -> tuple[Pose2, Pose2] | None:
@@ -334,8 +381,10 @@ def _plain(trajectory: Trajectory) -> dict[str, Any]:
     return {"poses": len(trajectory), "length_m": trajectory.length_m(), "metrics": {}}
 
 
-def _add_lateral(trajectories: dict[str, dict[str, Any]], run: RunFolder, path: paths.Path) -> None:
-    known = {**run.trajectories, **({GROUND_TRUTH: run.truth} if run.truth is not None else {})}
+def _add_lateral(trajectories: dict[str, dict[str, Any]], evaluated: RunEvaluation, path: paths.Path) -> None:
+    known = dict(evaluated.run.trajectories)
+    if (truth := evaluated.truth_beside_path()) is not None:
+        known[GROUND_TRUTH] = truth
     for name, trajectory in known.items():
         if len(trajectory):
             trajectories[name]["metrics"].update(lateral_error(trajectory, path).metrics())

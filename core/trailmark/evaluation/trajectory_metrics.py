@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -78,6 +79,15 @@ class Evaluation:
     drift: Drift | None
     tracked: Tracked
     against_truth: bool = True
+
+    def __repr__(self) -> str:
+        kind = "error" if self.against_truth else "difference"
+        absolute, end = self.absolute, self.end
+        return (
+            f"Evaluation({self.n_poses} poses, {self.length_m:.4g} m; {kind} rmse {absolute.position.rmse:.4g} m,"
+            f" {math.degrees(absolute.heading.rmse):.4g} deg after {absolute.alignment.used};"
+            f" end {end.position_m:.4g} m off; metrics() has all)"
+        )
 
     def metrics(self) -> dict[str, float]:
         """Return all metrics by name; against another estimate they are called differences.

@@ -84,6 +84,7 @@ def run_warnings(run: RunFolder) -> list[RunWarning]:
         *_of_motion(run),
         *_of_ways(run),
         *_of_sensors(run.run.get("sensors")),
+        *_of_overlaps(run.run.get("counters")),
         *_of_control(run.run.get("counters")),
         *_of_collisions(run.run.get("counters")),
     ]
@@ -94,7 +95,7 @@ def _of_localizers(run: RunFolder) -> Iterator[RunWarning]:
         return
     spoke = set(run.estimates.sources())
     for name in run.trajectories:
-        if name != FUSED and name not in spoke:
+        if name != FUSED and name not in spoke and not _only_remembers(run, name):
             yield RunWarning(
                 name,
                 "said nothing in the whole run",
@@ -114,6 +115,14 @@ def _of_localizers(run: RunFolder) -> Iterator[RunWarning]:
                 reason = next(iter(reasons_of(own, outcome)), "")
                 fact = f"{counts[outcome]} of {n} estimates were {outcome} ({reason})"
                 yield RunWarning(name, fact, remedy, is_worthless=counts[outcome] == n)
+
+
+def _only_remembers(run: RunFolder, name: str) -> bool:
+    """Return whether a localizer looked while a path was taught: it remembers, and has nothing to tell yet."""
+    counters = run.run.get("counters")
+    if run.run.get("mode") != "teach" or not isinstance(counters, Mapping):
+        return False
+    return any(str(key).startswith(f"localizer.{name}.") and value for key, value in counters.items())
 
 
 #: Which share of an outcome is told, and what to do about it.
@@ -234,6 +243,18 @@ def _of_sensors(sensors: Any) -> Iterator[RunWarning]:
                 str(name),
                 f"a picture shows {width_m:.3g} m of ground",
                 "metres_per_pixel is in metres: 0.4 mm per pixel are 0.0004",
+            )
+
+
+def _of_overlaps(counters: Any) -> Iterator[RunWarning]:
+    for name, n in counters.items() if isinstance(counters, Mapping) else ():
+        part, _, source = name.partition("overlaps.")
+        if part == "estimator." and isinstance(n, int) and n > 0:
+            yield RunWarning(
+                source,
+                f"{n} of its motions began before another one ended; what two of them cover counted once",
+                "let each begin where the last one ended",
+                is_worthless=False,
             )
 
 

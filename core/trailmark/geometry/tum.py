@@ -81,12 +81,16 @@ def write_tum(path: str | Path, trajectory: Trajectory) -> None:
 
 
 def tum_text(trajectory: Trajectory) -> str:
-    """Return a trajectory as `write_tum` writes it."""
-    lines = [
-        f"{stamp_s:.9f} {x:.9f} {y:.9f} 0 0 0 {math.sin(theta / 2):.12f} {math.cos(theta / 2):.12f}\n"
+    """Return a trajectory as `write_tum` writes it.
+
+    Of stamps that are one when written (0.3 and 0.30000000000000004 s, of two sensors) the last pose is kept, as
+    readers of the format take equal stamps for a fault.
+    """
+    lines = {
+        f"{stamp_s:.9f}": f" {x:.9f} {y:.9f} 0 0 0 {math.sin(theta / 2):.12f} {math.cos(theta / 2):.12f}\n"
         for stamp_s, (x, y, theta) in zip(trajectory.stamps_s, trajectory.poses, strict=True)
-    ]
-    return "".join(lines)
+    }
+    return "".join(stamp + pose for stamp, pose in lines.items())
 
 
 def _parse_line(text: str, previous_s: float, where: str) -> tuple[float, float, float, float]:

@@ -36,6 +36,10 @@ class Localizer(Part):
     #: belief of the frame's stamp in which nothing is known.
     uses_belief: ClassVar[bool] = True
 
+    #: True lets `observe` be called before its turn, while the localizers before this one are at work on the picture,
+    #: in a thread that calls nothing else of it. For one that does not look at the belief, in step pace.
+    begins_early: ClassVar[bool] = False
+
     @abstractmethod
     def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
         """Process a frame of a sensor that the config subscribes to.
@@ -186,6 +190,16 @@ class Controller(Part):
     @abstractmethod
     def gives(self) -> frozenset[type[Command]]:
         """The commands it may give."""
+
+    def remedy_for(self, accepts: frozenset[type[Command]]) -> str:
+        """Return what to change in the config so that a robot understands it; empty: another controller is needed.
+
+        Parameters
+        ----------
+        accepts : frozenset of type
+            The commands that the robot takes (`Drivable.accepts`), which are not those that it `gives`.
+        """
+        return ""
 
     @abstractmethod
     def step(self, belief: Belief) -> Command:

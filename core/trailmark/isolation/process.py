@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import secrets
 import select
 import signal
 import socket
-import subprocess
 import sys
 import time
 from collections.abc import Mapping
@@ -18,12 +18,17 @@ from typing import Any
 
 from trailmark.errors import ConfigError
 from trailmark.isolation.child import EXIT_FAILED, EXIT_SKIPPED
+from trailmark.isolation.environment import pinned_environment
 from trailmark.isolation.error_tail import ErrorTail
+from trailmark.isolation.launching import ForkedProcess, LaunchedProcess, Program
 from trailmark.isolation.limits import LimitWatch
 from trailmark.isolation.outcome import Outcome
 from trailmark.isolation.process_tree import MARK_VARIABLE, ProcessTree
+from trailmark.isolation.warm_parent import WarmParent
 
 __all__ = ["REQUEST_FILE", "RESULT_FILE", "IsolatedProcess"]
+
+logger = logging.getLogger(__name__)
 
 REQUEST_FILE = "cell.json"
 RESULT_FILE = "result.json"
@@ -31,19 +36,6 @@ RESULT_FILE = "result.json"
 _POLL_S = 0.5
 # What a process that is told to show where it hangs gets for doing so.
 _LAST_WORDS_S = 0.3
-
-_THREAD_VARIABLES = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "BLIS_NUM_THREADS",
-    "VECLIB_MAXIMUM_THREADS",
-    "NUMEXPR_NUM_THREADS",
-    "NUMBA_NUM_THREADS",
-    "OPENCV_FOR_THREADS_NUM",
-)
-# Paths that a process with another working folder has to find too.
-_PATH_VARIABLES = ("PYTHONPATH", "NUMBA_CACHE_DIR", "MPLCONFIGDIR", "TRAILMARK_DATA")
 
 
 class IsolatedProcess:
@@ -62,6 +54,14 @@ class IsolatedProcess:
         What runs in it, as ``python -m MODULE FOLDER PARENT``.
     scratch : Path, optional
         Working folder, and place of temporary files; default: those of this process.
+    parent : WarmParent, optional
+        Has imported what the process needs, and forks it, where there is a `scratch`; if it cannot, the process is a
+        program of its own.
+
+    Attributes
+    ----------
+    was_warm : bool
+        It was forked.
 
     Raises
     ------
@@ -69,13 +69,23 @@ class IsolatedProcess:
         Where processes cannot be accounted for: ``os.wait4`` is of Linux and macOS.
     """
 
-    def __init__(self, request: Mapping[str, Any], folder: Path, *, module: str, scratch: Path | None = None) -> None:
+    def __init__(
+        self,
+        request: Mapping[str, Any],
+        folder: Path,
+        *,
+        module: str,
+        scratch: Path | None = None,
+        parent: WarmParent | None = None,
+    ) -> None:
         if os.name != "posix":
             raise ConfigError("cells and calls run on Linux and macOS; tables and reports open everywhere")
         self._request = request
         self._module = module
         self._folder = folder
         self._scratch = scratch
+        self._parent = parent
+        self.was_warm = False
         self._tree: ProcessTree | None = None
         self._is_killed = False
 
@@ -84,28 +94,27 @@ class IsolatedProcess:
         (self._folder / REQUEST_FILE).write_text(json.dumps(self._request), encoding="utf-8")
         load, began_s = os.getloadavg()[0], time.monotonic()
         mark = secrets.token_hex(8)
-        process = self._start(mark)
-        assert process.stderr is not None
+        process = self._launch(mark)
         tree = self._tree = ProcessTree(process.pid, mark)
         if self._is_killed:
             tree.kill()
-        tail = ErrorTail(process.stderr.fileno())
+        tail = ErrorTail(process.stderr)
         limits = LimitWatch(self._request["limits"], self._folder, tree)
         with closing(_ExitWaiter(process.pid, tail)) as waiter:
             verdict = self._watch(waiter, limits, tree)
-        _, status, usage = os.wait4(process.pid, 0)
+        usage = process.reap()
         tree.kill()  # what it has started and left behind
-        process.returncode = os.waitstatus_to_exitcode(status)
         wall_s, stderr = time.monotonic() - began_s, tail.text()
-        process.stderr.close()
-        state, reason = verdict or limits.final_verdict() or _verdict(self._folder, process.returncode, stderr)
+        process.close()
+        code = os.waitstatus_to_exitcode(usage.status)
+        state, reason = verdict or limits.final_verdict() or _verdict(self._folder, code, stderr)
         return Outcome(
             state=state,
             reason=reason,
             stderr=stderr,
             wall_s=round(wall_s, 4),
-            cpu_s=round(usage.ru_utime + usage.ru_stime, 4),
-            peak_rss_mb=round(usage.ru_maxrss / (1e6 if sys.platform == "darwin" else 1e3), 1),
+            cpu_s=round(usage.cpu_s, 4),
+            peak_rss_mb=round(usage.peak_rss_mb, 1),
             load=round(load, 2),
             host=socket.gethostname(),
         )
@@ -116,13 +125,20 @@ class IsolatedProcess:
         if self._tree is not None:
             self._tree.kill()
 
-    def _start(self, mark: str) -> subprocess.Popen[bytes]:
-        threads = self._request["limits"]["threads"]
-        pinned = {} if threads is None else dict.fromkeys(_THREAD_VARIABLES, str(threads))
-        environment = os.environ | pinned | {"PYTHONHASHSEED": "0", MARK_VARIABLE: mark}
+    def _launch(self, mark: str) -> LaunchedProcess:
+        """Start the process: warm if it has a parent that can fork it, else as a program of its own."""
+        variables = {MARK_VARIABLE: mark}
         if self._scratch is not None:
             self._scratch.mkdir(exist_ok=True)
-            environment |= _absolute_paths() | {"TMPDIR": str(self._scratch.absolute())}
+            variables["TMPDIR"] = str(self._scratch.absolute())
+            if self._parent is not None:
+                try:
+                    process = ForkedProcess(self._parent, self._folder, self._scratch, variables)
+                except OSError as error:
+                    logger.debug("no warm process: %s", error)
+                else:
+                    self.was_warm = True
+                    return process
         command = [
             sys.executable,
             "-P",  # not a numpy.py of the folder where all was started
@@ -133,15 +149,8 @@ class IsolatedProcess:
             str(self._folder.absolute()),
             str(os.getpid()),
         ]
-        return subprocess.Popen(
-            command,
-            env=environment,
-            cwd=self._scratch,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            start_new_session=True,  # Ctrl-C is for this process; and what that one starts can be ended with it
-        )
+        environment = pinned_environment(self._request["limits"]["threads"]) | variables
+        return Program(command, environment, self._scratch)
 
     def _watch(self, waiter: _ExitWaiter, limits: LimitWatch, tree: ProcessTree) -> tuple[str, str] | None:
         """Wait until the process has ended; return state and reason if it had to be ended."""
@@ -189,15 +198,6 @@ class _ExitWaiter:
         """Stop waiting."""
         if self._ended >= 0:
             os.close(self._ended)
-
-
-def _absolute_paths() -> dict[str, str]:
-    """Return the variables that hold paths, with these made absolute."""
-    written = {name: os.environ[name] for name in _PATH_VARIABLES if os.environ.get(name)}
-    return {
-        name: os.pathsep.join(os.path.abspath(path) for path in value.split(os.pathsep) if path)
-        for name, value in written.items()
-    }
 
 
 def _verdict(folder: Path, code: int, stderr: str) -> tuple[str, str]:

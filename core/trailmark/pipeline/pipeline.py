@@ -21,6 +21,7 @@ from trailmark.frames import Frame, SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interruption import reason_of, shielded
 from trailmark.paths import Path as TaughtPath
+from trailmark.paths import TaughtPlaces
 from trailmark.pipeline.instruments import Instruments
 from trailmark.pipeline.outputs.result import RunResult, Step
 from trailmark.pipeline.parts import Parts, build_parts
@@ -233,6 +234,12 @@ class Pipeline:
     def path(self) -> TaughtPath | None:
         """The taught path as it was before the run; asking starts it."""
         return self._start_run().running.path
+
+    @property
+    def true_places(self) -> TaughtPlaces | None:
+        """Where the places of the taught path really were, where somebody knows; asking starts the run."""
+        taught = self._start_run().running.taught
+        return None if taught is None else taught.true_places
 
     @property
     def counters(self) -> Mapping[str, int]:

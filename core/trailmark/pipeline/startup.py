@@ -126,6 +126,7 @@ def start_parts(parts: Parts, pushed: Mapping[str, SensorInfo], instruments: Ins
         elif taught is not None:
             taught.warn_of_changes(sensors)
             taught.finish_leftovers(parts.localizers, sessions)
+            taught.read_true_places()
             start_pose = _start_pose(parts.settings, taught.path)
             sessions = replace(sessions, path=taught.path, start_pose=start_pose)
         localizers = [new_runner(part, sensors, parts.is_realtime, instruments) for part in parts.localizers]

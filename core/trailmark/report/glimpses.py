@@ -21,7 +21,7 @@ __all__ = ["FOLDER", "PICTURE_NAME", "Glimpses", "glimpses_section", "jpeg_of", 
 #: In the folder of a run.
 FOLDER = "pictures"
 
-_N_KEPT = 6
+_N_KEPT = 12
 _WIDTH_PX = 320
 _QUALITY = 80
 #: Of a picture: its camera, and the time since the start.
@@ -41,7 +41,7 @@ class _PictureStrip:
 
 
 class Glimpses:
-    """Keeps three to six pictures of each camera while a run goes on, however long it is.
+    """Keeps six to twelve pictures of each camera while a run goes on, however long it is.
 
     When there is one too many every second is let go, and only half as many are taken from then on.
     """

@@ -30,7 +30,7 @@ _HEIGHT_INCH = 3.0
 def offset_series(evaluated: RunEvaluation, path: Path | None) -> Offsets:
     """Return the offsets of the truth and of the belief; empty without a path."""
     run = evaluated.run
-    ways = {GROUND_TRUTH: run.truth, FUSED: run.trajectories.get(FUSED)}
+    ways = {GROUND_TRUTH: evaluated.truth_beside_path(), FUSED: run.trajectories.get(FUSED)}
     span = run.span_s()
     if path is None or len(path) < 2 or span is None:
         return {}

@@ -189,6 +189,12 @@ def starting_table(stages: Mapping[str, Mapping[str, float]]) -> Table | None:
     return Table((Column("part", is_number=False), Column("took", "ms")), tuple(rows)) if rows else None
 
 
+#: What to do about it, and what the figure holds besides.
+_TOO_SURE = (
+    "What an overconfident localizer should state is measured by 'trailmark evaluate --noise', as lines for the config."
+    " Against the truth, places in a taught map have the error of their teaching, too, and single motions of a camera"
+    " an error that the next one takes back."
+)
 #: Stages of ``timing.json`` that are over when the loop begins.
 _STARTING = "start."
 _OFFSETS = (("along", "m", "along rmse"), ("lateral", "m", "lateral rmse"), ("heading", "deg", "heading rmse"))
@@ -278,12 +284,16 @@ def _consistency_notes(sources: Sources) -> list[str]:
     for label, item in sources:
         for word, against in (("nis", "the belief"), ("nees", "the ground truth")):
             found = item[word]
-            if found and found["verdict"] != "consistent":
+            # what leads the belief differs little from it, and is no less sure for that
+            leads = word == "nis" and found and found["verdict"] == "underconfident"
+            if found and found["verdict"] != "consistent" and not leads:
                 size = "more" if found["verdict"] == "overconfident" else "less"
                 notes.append(
                     f"{' '.join(label)} is {found['verdict']} against {against}: its estimates differ by {size}"
                     f" than their covariances say ({word.upper()}/dof {significant(found['per_dof'])}, 1 expected)."
                 )
+    if any(item["nees"] and item["nees"]["verdict"] == "overconfident" for _, item in sources):
+        notes.append(_TOO_SURE)
     return notes
 
 

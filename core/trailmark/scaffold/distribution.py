@@ -6,6 +6,7 @@ import re
 import textwrap
 from collections.abc import Sequence
 from importlib.resources import files
+from importlib.util import find_spec
 from pathlib import Path
 from string import Template
 
@@ -17,12 +18,21 @@ __all__ = ["PARTS", "write_distribution"]
 #: Kinds of part that there is a template for, and what its example does.
 PARTS = {
     "localizer": "motion from wheel odometry",
+    "camera": "motion from a forward camera",
+    "places": "the way along a taught path, from the laser scans in its map",
     "source": "a number over time, from a file",
     "robot": "a base behind a serial line, which can be driven",
+    "dataset": "recordings of wheels and a laser, which inspect knows by their names",
     "controller": "pure pursuit of the taught path",
     "sink": "believed poses as a CSV file",
     "metric": "how jerky a trajectory is",
 }
+
+#: Parts that are of another kind than they are called.
+_KINDS = {"camera": "localizer", "places": "localizer", "robot": "source", "dataset": "source"}
+
+#: What the localizers may say.
+_GIVES = {"localizer": "motion", "camera": "motion", "places": "path_offset"}
 
 _NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 
@@ -42,7 +52,7 @@ def write_distribution(name: str, parts: Sequence[str], into: Path) -> Path:
     Raises
     ------
     ConfigError
-        If the name is none, or the folder is there already or cannot be written.
+        If the name is none or taken, or the folder is there already or cannot be written.
     """
     if not _NAME.fullmatch(name):
         hint = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_").lstrip("0123456789_")
@@ -51,6 +61,11 @@ def write_distribution(name: str, parts: Sequence[str], into: Path) -> Path:
             + (f", such as {hint!r}" if hint and hint != name else "")
         )
     words = _words(name, parts)
+    if find_spec(words["package"]) is not None:
+        raise ConfigError(
+            f"{name!r} is taken: the package {words['package']} is installed already, and the new one would take its"
+            " place; choose another name, or uninstall it first"
+        )
     folder = into / words["distribution"]
     package = f"src/{words['package']}"
     texts = {
@@ -80,28 +95,38 @@ def _words(name: str, parts: Sequence[str]) -> dict[str, str]:
         "title": ", ".join(PARTS[part] for part in parts),
         "version": ".".join(trailmark.__version__.split(".")[:2]),
     }
-    words["robot_name"] = f"{name}_robot" if "source" in parts else name  # both are sources
+    words |= {f"{part}_name": own for part, own in _names_of_parts(name, parts).items()}
     words["registrations"] = "\n".join(_registration(part, words) for part in parts)
-    words["parts"] = "\n".join(f"- {part} `{_fill_in_path(part, words)}`: {PARTS[part]}" for part in parts)
+    words["parts"] = "\n".join(f"- {part} `{words[f'{part}_name']}`: {PARTS[part]}" for part in parts)
     return words
+
+
+def _names_of_parts(name: str, parts: Sequence[str]) -> dict[str, str]:
+    """Return what configs call each part: two of one kind need two names, and the first keeps the plugin's."""
+    names: dict[str, str] = {}
+    taken: set[str] = set()
+    for part in PARTS:
+        kind = _KINDS.get(part, part)
+        if part in parts:
+            names[part] = f"{name}_{part}" if kind in taken else name
+            taken.add(kind)
+    return names
 
 
 def _registration(part: str, words: dict[str, str]) -> str:
     module, class_name = f"{words['package']}.{part}", words["class_name"]
     suffix = "" if part == "localizer" else part.capitalize()
     target = words["name"] if part == "metric" else f"{class_name}{suffix}"
-    kind = "source" if part == "robot" else part
-    lines = [f"registry.{kind}(", f'    "{_fill_in_path(part, words)}",', f'    "{module}:{target}",']
+    kind = _KINDS.get(part, part)
+    lines = [f"registry.{kind}(", f'    "{words[f"{part}_name"]}",', f'    "{module}:{target}",']
     if part != "metric":
         lines.append(f'    config="{module}_config:{class_name}{suffix}Config",')
     lines.append(f'    summary="{PARTS[part].capitalize()}",')
-    if part == "localizer":
-        lines.append('    gives=("motion",),')
+    if kind == "localizer":
+        lines.append(f'    gives=("{_GIVES[part]}",),')
+    if part == "dataset":
+        lines.append(f'    opens=("*.{words["name"]}",),  # what inspect, run and teach know by its name')
     return textwrap.indent("\n".join([*lines, ")"]), "    ")
-
-
-def _fill_in_path(part: str, words: dict[str, str]) -> str:
-    return words["robot_name" if part == "robot" else "name"]
 
 
 def _fill_in_words(template: str, words: dict[str, str]) -> str:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import ClassVar
 
 from trailmark.config import SourceConfig
 from trailmark.errors import SourceError
@@ -20,6 +21,9 @@ from trailmark.interfaces import FrameSource, Session
 __all__ = ["Reading", "Readings", "RecordedSource", "form_of"]
 
 logger = logging.getLogger(__name__)
+
+# Kinds of sensors whose frames are decoded.
+_PICTURES = frozenset({"image", "rgbd"})
 
 _REMEDY = "Set on_bad_frame: skip to count such frames and go on"
 
@@ -68,6 +72,9 @@ class RecordedSource(FrameSource):
 
     #: How long a sensor's readings may stand behind those of others in the file [s].
     reorder_s: float = 0.0
+
+    #: True where `load` of a picture depends on nothing but its reading, so that threads may call it before its turn.
+    loads_ahead: ClassVar[bool] = False
 
     def __init__(self, config: SourceConfig) -> None:
         super().__init__(config)
@@ -135,13 +142,7 @@ class RecordedSource(FrameSource):
     def _frames(self, closed: threading.Event) -> Iterator[Frame]:
         if closed.is_set():
             return
-        with closing(self.readings()) as readings:
-            increasing = self._check_increasing(readings, closed)
-            names, ordered = tuple(self._sensors), increasing
-            if len(names) > 1:
-                from trailmark.sources.reorder import in_stamp_order  # one sensor is in order
-
-                ordered = in_stamp_order(increasing, names, self.reorder_s)
+        with closing(self.readings()) as readings, closing(self._ordered(readings, closed)) as ordered:
             last_s = -math.inf
             for reading in ordered:
                 if closed.is_set():
@@ -153,6 +154,20 @@ class RecordedSource(FrameSource):
                 payload = self._load_payload(reading)
                 if payload is not None:
                     yield Frame(reading.sensor, reading.stamp_s, payload)
+
+    def _ordered(self, readings: Readings, closed: threading.Event) -> Generator[Reading, None, None]:
+        """Yield the readings by stamp; where that can be, the payloads of pictures are begun to load."""
+        ordered, names = self._check_increasing(readings, closed), tuple(self._sensors)
+        if len(names) > 1:
+            from trailmark.sources.reorder import in_stamp_order  # one sensor is in order
+
+            ordered = in_stamp_order(ordered, names, self.reorder_s)
+        pictures = [name for name, info in self._sensors.items() if info.kind in _PICTURES]
+        if self.loads_ahead and pictures:
+            from trailmark.sources.ahead import loaded_ahead  # other readings are not worth a thread
+
+            ordered = loaded_ahead(ordered, pictures)
+        yield from ordered
 
     def _check_increasing(self, readings: Readings, closed: threading.Event) -> Iterator[Reading]:
         newest_s: dict[str, float] = {}

@@ -45,9 +45,10 @@ class ReorderWindow(Generic[StampedT]):
     """
 
     def __init__(self, sensors: Collection[str], window_s: float) -> None:
-        self._sensors, self._window_s = tuple(sensors), window_s
+        self._sensors, self._window_s = frozenset(sensors), window_s
         self._heap: list[tuple[float, int, StampedT]] = []
         self._waiting: Counter[str] = Counter()
+        self._n_silent = len(self._sensors)  # of them, those of which nothing waits
         self._newest_s = -math.inf
         self._n_taken = 0
 
@@ -55,7 +56,10 @@ class ReorderWindow(Generic[StampedT]):
         """Take a reading, and yield those that need not wait any longer."""
         heapq.heappush(self._heap, (reading.stamp_s, self._n_taken, reading))
         self._n_taken += 1
-        self._waiting[reading.sensor] += 1
+        n_waiting = self._waiting[reading.sensor]
+        self._waiting[reading.sensor] = n_waiting + 1
+        if not n_waiting and reading.sensor in self._sensors:
+            self._n_silent -= 1
         self._newest_s = max(self._newest_s, reading.stamp_s)
         while self._heap and self._is_due():
             yield self._pop()
@@ -66,12 +70,13 @@ class ReorderWindow(Generic[StampedT]):
             yield self._pop()
 
     def _is_due(self) -> bool:
-        is_complete = all(self._waiting[name] for name in self._sensors)
-        return is_complete or self._newest_s - self._heap[0][0] > self._window_s or len(self._heap) > MAX_HELD
+        return not self._n_silent or self._newest_s - self._heap[0][0] > self._window_s or len(self._heap) > MAX_HELD
 
     def _pop(self) -> StampedT:
         oldest = heapq.heappop(self._heap)[2]
-        self._waiting[oldest.sensor] -= 1
+        n_waiting = self._waiting[oldest.sensor] = self._waiting[oldest.sensor] - 1
+        if not n_waiting and oldest.sensor in self._sensors:
+            self._n_silent += 1
         return oldest
 
 

@@ -72,6 +72,9 @@ class SyntheticRun:
         if outside:
             raise ShapeError(f"the truth covers {first_s} to {last_s} s, but a frame is of {outside[0]} s")
 
+    def __repr__(self) -> str:
+        return f"SyntheticRun({len(self.frames)} frames of {', '.join(self.sensors)}; truth {self.truth!r})"
+
     def with_sensors(self, *others: SyntheticRun) -> SyntheticRun:
         """Return this run with the frames of others of the same motion, merged by stamp."""
         frames = sorted((frame for run in (self, *others) for frame in run.frames), key=lambda frame: frame.stamp_s)

@@ -32,6 +32,8 @@ class ImuLocalizer(Localizer):
         """Read the unit's mounting, and forget the last reading."""
         self._rotation_base_imu = session.sensors[self.config.imu].pose_base_sensor.rotation()
         self._last: tuple[float, float] | None = None
+        sigma_deg = self.config.heading_sigma_deg
+        self._heading_information = None if sigma_deg is None else _of_heading(math.radians(sigma_deg))
 
     def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
         """Return the turn since the last reading, and the heading."""
@@ -47,9 +49,9 @@ class ImuLocalizer(Localizer):
         estimates: list[Estimate] = []
         if last is not None and frame.stamp_s - last[0] <= self.config.max_gap_s:
             estimates.append(self._turn(*last, frame.stamp_s, rate_radps))
-        sigma_deg = self.config.heading_sigma_deg
-        if sigma_deg is not None and reading.quat_xyzw is not None:
-            estimates.append(self._heading(frame.stamp_s, reading.quat_xyzw, math.radians(sigma_deg)))
+        information = self._heading_information
+        if information is not None and reading.quat_xyzw is not None:
+            estimates.append(self._heading(frame.stamp_s, reading.quat_xyzw, information))
         return estimates
 
     def _turn(self, since_s: float, before_radps: float, stamp_s: float, rate_radps: float) -> Motion:
@@ -57,13 +59,13 @@ class ImuLocalizer(Localizer):
         turn = Pose2(0.0, 0.0, (before_radps + rate_radps) / 2.0 * dt_s)
         return Motion(since_s, stamp_s, turn, _of_heading(math.radians(self.config.turn_sigma_deg) * math.sqrt(dt_s)))
 
-    def _heading(self, stamp_s: float, quat_xyzw: Array, sigma_rad: float) -> Fix | Lost:
-        norm = float(np.linalg.norm(quat_xyzw))
+    def _heading(self, stamp_s: float, quat_xyzw: Array, information: Array) -> Fix | Lost:
+        norm = math.sqrt(quat_xyzw.dot(quat_xyzw))
         if not (math.isfinite(norm) and norm > 0.5):  # some drivers send zeros for "unknown"
             return Lost(stamp_s, f"the orientation is no rotation: its quaternion has norm {norm:.3g}")
         forward = _rotation(quat_xyzw / norm) @ self._rotation_base_imu[0]  # base's x axis, in the unit's world
         heading_rad = math.atan2(float(forward[1]), float(forward[0])) + math.radians(self.config.north_deg)
-        return Fix(stamp_s, Pose2(0.0, 0.0, heading_rad), _of_heading(sigma_rad))
+        return Fix(stamp_s, Pose2(0.0, 0.0, heading_rad), information)
 
 
 def _of_heading(sigma_rad: float) -> Array:

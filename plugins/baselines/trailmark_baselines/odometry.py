@@ -76,10 +76,10 @@ class OdometryLocalizer(Localizer):
         covariance = step_covariance(step.x, step.y, spread) + self._unseen(dt_s)
         return Motion(since_s, stamp_s, step, information_from_covariance(covariance))
 
-    def _unseen(self, dt_s: float) -> npt.NDArray[np.float64]:
-        """Return the covariance of what may have happened between two readings: nothing unusual, or a gap."""
+    def _unseen(self, dt_s: float) -> npt.NDArray[np.float64] | float:
+        """Return the covariance of what may have happened between two readings: zero, or that of a gap."""
         if dt_s <= self.config.max_gap_s:
-            return np.zeros((3, 3))
+            return 0.0
         position_m, turn_rad = _UNSEEN_MPS * dt_s, min(math.radians(_UNSEEN_DEG_PER_S) * dt_s, math.pi)
         return np.diag([position_m**2, position_m**2, turn_rad**2])
 
@@ -88,7 +88,7 @@ class OdometryLocalizer(Localizer):
         rest_m2 = random_walk((config.rest_sigma, dt_s))
         along_m2 = random_walk((config.distance_sigma, distance_m)) + rest_m2
         if config.unmeasured_turn_deg is None:
-            along_m2 += float(self._unseen(dt_s)[0, 0])
+            along_m2 += float(np.asarray(self._unseen(dt_s)).flat[0])
             return Motion(since_s, stamp_s, step, information_along((1.0, 0.0, 0.0), math.sqrt(along_m2)))
         turn_deg2 = random_walk((config.unmeasured_turn_deg, distance_m), (config.rest_sigma_deg, dt_s))
         across_m2 = random_walk((config.lateral_sigma, distance_m)) + rest_m2

@@ -106,7 +106,8 @@ class AxisReader:
                 except Exception as error:  # a stranger's plugin: whatever is wrong is no matter of this bench
                     self.notices.append(f"localizer {spec.name!r} is left out: {str(error).splitlines()[0]}")
                 else:
-                    found[spec.name] = {"plugin": spec.name}
+                    part = {"plugin": spec.name}
+                    found[spec.name] = {"about": spec.name, **wanted.beside, spec.name: part} if wanted.beside else part
         return found
 
     def _value(self, axis: str, name: str, value: Any, keys: Keys, *, is_installed: bool = False) -> AxisValue | None:

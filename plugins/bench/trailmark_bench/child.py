@@ -15,6 +15,7 @@ import sys
 import traceback
 from collections.abc import Mapping
 from contextlib import suppress
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +24,21 @@ from trailmark.isolation.child import EXIT_FAILED, EXIT_SKIPPED, die_with, say, 
 from trailmark.isolation.process import REQUEST_FILE, RESULT_FILE
 from trailmark_bench.process import DETAIL_FILE
 
-__all__ = ["main"]
+__all__ = ["COMMON", "main", "prepare"]
+
+#: What every cell imports, whatever its parts are.
+COMMON = (
+    "trailmark.config",
+    "trailmark.evaluation",
+    "trailmark.pipeline",
+    "trailmark.plugins",
+    "trailmark_bench.cached_source",
+    "trailmark_bench.measure",
+)
 
 _STORE = "place.trail"
+# Steps after which a cell has imported nearly all that it needs.
+_FIRST_STEPS = 3
 
 
 def main(arguments: list[str]) -> int:
@@ -56,9 +69,20 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def _run(request: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+def prepare(arguments: list[str]) -> None:
+    """Import what the cell of a folder needs: its first steps are run in the working folder, and mean nothing."""
+    request = json.loads((Path(arguments[0]) / REQUEST_FILE).read_text(encoding="utf-8"))
+    _limit(request["limits"])
+    place = Path("prepared")
+    place.mkdir()
+    _run({**request, "frames": None}, place, n_steps=_FIRST_STEPS)
+
+
+def _run(request: Mapping[str, Any], folder: Path, *, n_steps: int | None = None) -> dict[str, Any]:
+    """Run a cell, or its first steps, and return what was measured."""
     from trailmark.config import Document, load_run_config
-    from trailmark.evaluation import Protocol, evaluate_run, metrics_of
+    from trailmark.evaluation import Protocol, evaluate_run_folder, metrics_of, read_run, write_metrics
+    from trailmark.evaluation.taught_places import TRUTH_FILE, write_taught_places
     from trailmark.plugins import load_plugins
     from trailmark_bench.cached_source import with_cached_frames
     from trailmark_bench.frame_cache import FrameCache
@@ -79,27 +103,30 @@ def _run(request: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     _pin_opencv(int(request["limits"]["threads"]))
     if request["teach"] is not None:
         store = folder / _STORE
-        taught = _drive(load(request["teach"]), folder / "teach", store)
-        if taught.result.status != "done":
+        taught = _drive(load(request["teach"]), folder / "teach", store, n_steps)
+        if n_steps is None and taught.result.status != "done":
             raise ConfigError(f"teaching {taught.result.status}: {taught.result.reason}".rstrip(": "))
-    pipeline = _drive(config, folder / "run", store)
+    pipeline = _drive(config, folder / "run", store, n_steps)
     extra = metrics_of(plugins.registry)
     protocol = Protocol(align=request["align"])
-    document = evaluate_run(folder / "run", protocol=protocol, metrics=extra, path=pipeline.path)
+    if pipeline.true_places is not None:
+        write_taught_places(pipeline.true_places, folder / "run" / TRUTH_FILE)
+    evaluated = evaluate_run_folder(read_run(folder / "run"), protocol, pipeline.path)
+    document = write_metrics(evaluated, metrics=extra, path=pipeline.path)
     if store is not None and not request["keep_stores"]:
         store.unlink(missing_ok=True)
-    result, detail = measure_cell(request, pipeline.result, document, folder / "run")
+    result, detail = measure_cell(request, pipeline.result, document, evaluated)
     write_json(folder / DETAIL_FILE, detail)
     return result
 
 
-def _drive(config: Any, out: Path, store: Path | None) -> Any:
-    """Run a pipeline to its end and return it."""
+def _drive(config: Any, out: Path, store: Path | None, n_steps: int | None) -> Any:
+    """Run a pipeline to its end, or for some steps, and return it."""
     from trailmark.pipeline import Pipeline
 
     pipeline = Pipeline(config, out=out, store=store)
     with pipeline:
-        for _ in pipeline:
+        for _ in islice(pipeline, n_steps):
             pass
     return pipeline
 

@@ -44,9 +44,10 @@ class Only:
         return cls(patterns)
 
     def keeps(self, matrix: str, coordinates: Mapping[str, Any]) -> bool:
-        """Whether a cell is meant."""
+        """Whether a cell is meant; one of a matrix without places, whatever places are."""
         known = {"matrix": matrix, **coordinates}
-        fits = [self._any(axis, patterns, known) for axis, patterns in self._patterns.items()]  # notes all of them
+        asked = {axis: found for axis, found in self._patterns.items() if axis != "place" or axis in known}
+        fits = [self._any(axis, patterns, known) for axis, patterns in asked.items()]  # notes all of them
         return all(fits)
 
     def refuse_unused(self) -> None:

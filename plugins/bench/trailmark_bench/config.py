@@ -41,6 +41,8 @@ class Installed(PluginConfig):
     """Those that may say one of these."""
     leave_out: tuple[str, ...] = ()
     """Not these."""
+    beside: dict[str, Any] = Field(default_factory=dict)
+    """Localizers that run with each of them, by name, such as `{wheels: odometry}`."""
 
 
 class Limits(PluginConfig):

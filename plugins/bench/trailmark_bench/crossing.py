@@ -7,6 +7,7 @@ from itertools import product
 from typing import Any
 
 from trailmark.config.document import Problems
+from trailmark.errors import ConfigError
 from trailmark.isolation.fingerprint import digest_of, without_paths
 from trailmark_bench.axes import AxisReader, AxisValue
 from trailmark_bench.cell import Cell
@@ -77,8 +78,15 @@ class Matrix:
         missing = next((value.missing for value in values if value.missing), "")
         if missing:
             return [self._missing_cell(coordinates, seed, missing) for seed in seeds]
-        combination = self._combiner.combine(values)
         is_installed = any(value.is_installed for value in values)
+        try:
+            combination = self._combiner.combine(values)
+        except ConfigError as error:
+            if not is_installed:
+                raise
+            named = ", ".join(str(name) for name in coordinates.values())
+            self.notices.append(f"'{named}' is left out: {str(error).splitlines()[0]}")  # nobody asked for it
+            return []
         return [self._cell(combination, {**coordinates, "seed": seed}, is_installed) for seed in seeds]
 
     def _cell(self, combination: Combination, coordinates: dict[str, Any], is_installed: bool) -> Cell:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,11 +13,8 @@ from trailmark.evaluation import (
     FUSED,
     GROUND_TRUTH,
     Evaluation,
-    Protocol,
     RunEvaluation,
     collisions_of,
-    evaluate_run_folder,
-    read_run,
 )
 from trailmark.geometry import Trajectory
 from trailmark.pipeline import RunResult
@@ -33,7 +29,7 @@ _MOST_WAYS = 5
 
 
 def measure_cell(
-    request: Mapping[str, Any], result: RunResult, document: Mapping[str, Any], folder: Path
+    request: Mapping[str, Any], result: RunResult, document: Mapping[str, Any], evaluated: RunEvaluation
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return ``result.json`` and ``detail.json`` of a cell that has run.
 
@@ -45,11 +41,10 @@ def measure_cell(
         How the run ended.
     document : mapping
         ``metrics.json`` of the run.
-    folder : Path
-        The run's folder.
+    evaluated : RunEvaluation
+        What that is of.
     """
     subject, localizer = request["subject"], request["localizer"]
-    evaluated = evaluate_run_folder(read_run(folder), Protocol(align=request["align"]))
     state, reason = verdict_of(result, document, subject, localizer)
     answer = {
         "state": state,

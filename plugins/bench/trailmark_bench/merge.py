@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import stat
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -20,6 +20,10 @@ _ADDRESS = re.compile(r"[0-9a-f]{8,64}")
 
 # Of two outcomes of one cell, the one further left is taken.
 _BEST = ("ok", "failed", "timeout", "crashed", "skipped", "running", "pending")
+_NOT_RUN = ("running", "pending")
+
+# Of a matrix, and coordinates in it.
+_Name = tuple[str, frozenset[tuple[str, object]]]
 
 
 def merge_benches(folders: Sequence[Path], out: Path) -> list[str]:
@@ -27,7 +31,8 @@ def merge_benches(folders: Sequence[Path], out: Path) -> list[str]:
 
     A file of ``export json`` counts as the folder of a bench. Of a cell that several have, a result is taken before a
     failure, and what stands in `out` before the rest. Two results of one cell whose figures differ are told: what has
-    the same address should give the same figures.
+    the same address should give the same figures. Of cells with one name but several addresses (of other code, config
+    or data) one is shown, by the same order; the others that were run are told, and stay in the folder.
 
     Raises
     ------
@@ -40,14 +45,17 @@ def merge_benches(folders: Sequence[Path], out: Path) -> list[str]:
         if not folder.is_file() and not (folder / INDEX_FILE).is_file():
             raise DataError(f"{folder} is not the folder of a bench: it has no {INDEX_FILE}")
     others = [folder for folder in folders if folder.resolve() != out.resolve()]
-    lines = []
     with TemporaryDirectory() as unpacked:
         opened = [_folder_of(other, Path(unpacked, str(number))) for number, other in enumerate(others)]
         with Index(out, write=True) as merged:
+            shown = _ShownCells()
+            hidden = shown.add(merged.records())  # what was merged by an earlier version has several of one name
+            lines = [f"{out}: {hidden}"] if hidden else []
             for name, folder in zip(others, opened, strict=True):
                 with Index(folder) as other:
-                    lines.append(f"{name}: {_take(merged, other)}")
-            _show_all(merged)
+                    done = [_take(merged, other), shown.add(other.records())]
+                    lines.append(f"{name}: {'; '.join(told for told in done if told)}")
+            _show(merged, shown.ids)
     return [*lines, f"{out}: {len(merged_states(out))} cells"]
 
 
@@ -121,9 +129,50 @@ def _irregular(folder: str, names: list[str]) -> list[str]:
     return [name for name, mode in modes.items() if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))]
 
 
-def _show_all(merged: Index) -> None:
-    """Enter all cells, in the order of their names; those that ran elsewhere and did not end are pending."""
-    records = sorted(merged.records(everything=True), key=lambda record: _order(record))
+class _ShownCells:
+    """Which address is shown of each cell: that of the best outcome; of equal ones, that of the first bench."""
+
+    def __init__(self) -> None:
+        self._chosen: dict[_Name, CellRecord] = {}
+
+    @property
+    def ids(self) -> set[str]:
+        """Addresses of those that are shown."""
+        return {record.id for record in self._chosen.values()}
+
+    def add(self, records: Sequence[CellRecord]) -> str:
+        """Add the cells of a bench; return what is to be told of those that are not shown now."""
+        hidden = []
+        for record in records:
+            name = _name(record)
+            ours = self._chosen.get(name)
+            if ours is None:
+                self._chosen[name] = record
+                continue
+            best, other = (record, ours) if _rank(record) < _rank(ours) else (ours, record)
+            self._chosen[name] = best
+            if best.id != other.id and other.state not in _NOT_RUN:
+                hidden.append(other.label if other.state == "ok" else f"{other.label} ({other.state})")
+        if not hidden:
+            return ""
+        return (
+            f"{len(hidden)} are not shown: they are of other code, config or data than those of the same name that"
+            f" are: {'; '.join(hidden[:5])}"
+        )
+
+
+def _rank(record: CellRecord) -> int:
+    """Return the place of an outcome, from the best; what has not run is all the same."""
+    return min(_BEST.index(record.state), _BEST.index(_NOT_RUN[0]))
+
+
+def _name(record: CellRecord) -> _Name:
+    return record.matrix, frozenset(record.coordinates.items())
+
+
+def _show(merged: Index, ids: Collection[str]) -> None:
+    """Enter cells in the order of their names; those that ran elsewhere and did not end are pending."""
+    records = sorted((record for record in merged.records(everything=True) if record.id in ids), key=_order)
     merged.enter([Cell(record.id, record.matrix, record.coordinates, {}) for record in records])
     merged.mark_pending([record.id for record in records if record.state == "running"])
 

@@ -95,16 +95,28 @@ const column = (title, value, more = {}) => ({ title, value, number: true, ...mo
 function drawHeat() {
   const shown = data.metrics[metric], byPlace = new Map(data.entries.map((entry) => [`${entry.method}\n${entry.condition}`, entry]));
   const measured = new Set(data.entries.filter((entry) => statistics(entry) || entry.skipped).map((entry) => entry.condition));
-  const conditions = data.conditions.filter((condition) => measured.has(condition));
+  const part = partsOf.get($("part").value);
+  const conditions = data.conditions.filter((condition) => measured.has(condition) && (!part || part.has(condition)));
+  const shownMethods = data.methods.filter((method) => conditions.some((condition) => byPlace.has(`${method}\n${condition}`)));
   const head = node("tr", {}, node("th"), ...conditions.map((name) => node("th", { scope: "col", textContent: name.replaceAll("_", "_\u200b") })));  // may break there
   const best = bestOfEach();
-  const body = data.methods.map((method) => {
+  const body = shownMethods.map((method) => {
     const cells = conditions.map((condition) => heatCell(byPlace.get(`${method}\n${condition}`), best.get(condition)));
     return node("tr", {}, node("th", { scope: "row", textContent: method }), ...cells);
   });
   $("heat").replaceChildren(node("thead", {}, head), node("tbody", {}, ...body));
   $("heat-note").textContent = `Median ${shown.title}${shown.unit ? ` [${shown.unit}]` : ""} over seeds; ${shown.better} is better. `
     + "The stronger the colour, the further from the best of its column; framed is the best. In red: cells that failed, each counted as the worst result.";
+}
+
+// Conditions of each matrix: one of them at a time is narrow enough to be looked at.
+const partsOf = new Map();
+function makeParts() {
+  data.cells.forEach((cell) => { if (!partsOf.has(cell.matrix)) partsOf.set(cell.matrix, new Set()); partsOf.get(cell.matrix).add(cell.condition); });
+  $("part").append(...[...partsOf.keys()].map((name) => node("option", { value: name, textContent: name || "all" })));
+  if (partsOf.size > 1) $("part").append(node("option", { value: "\u0000", textContent: "all" }));
+  $("part-label").hidden = partsOf.size < 2;
+  $("part").onchange = drawHeat;
 }
 
 const badness = (value) => {
@@ -337,11 +349,37 @@ async function drawBeside() {
   $("beside-note").textContent = `${condition ? `${condition}. ` : ""}${truth ? "Blue over grey: the answers over the ground truth, aligned as their errors are; one" : "One"} scale for all${seed === null ? "" : `, seed ${seed}`}.`
     + (beyond > 0 ? ` ${beyond} more methods stand among the cells.` : "");
 }
+// Medians and their 95 % intervals of the methods under a condition, the best first; a failure stands in words.
+function drawRanking() {
+  const condition = $("beside-condition").value, shown = data.metrics[metric];
+  const rows = data.entries.filter((entry) => entry.condition === condition && median(entry) !== null)
+    .sort((a, b) => rank(median(a)) - rank(median(b)) || badness(median(a)) - badness(median(b)));
+  const values = rows.flatMap((entry) => ["median", "low", "high"].map((key) => statistics(entry)[key])).filter((v) => typeof v === "number");
+  if (rows.length < 2 || !values.length) { $("ranking").replaceChildren(); return; }
+  const logarithmic = Math.min(...values) > 0 && Math.max(...values) > 10 * Math.min(...values), scale = logarithmic ? Math.log10 : (v) => v;
+  let [x0, x1] = [Math.min(...values.map(scale)), Math.max(...values.map(scale))];
+  if (x1 - x0 < 1e-12) { x0 -= 0.5; x1 += 0.5; }
+  const width = 640, left = 170, right = 90, line = 22, height = line * rows.length + 34;
+  const px = (v) => left + (scale(v) - x0) / (x1 - x0) * (width - left - right);
+  const svg = shape("svg", { viewBox: `0 0 ${width} ${height}`, class: "plot", role: "img", "aria-label": `${shown.title} of each method under ${condition}` });
+  const marks = logarithmic ? ticks(x0, x1).filter(Number.isInteger).map((v) => 10 ** v) : ticks(x0, x1);
+  marks.forEach((v) => svg.append(shape("line", { class: "grid", x1: px(v), x2: px(v), y1: 4, y2: height - 30 }), shape("text", { x: px(v), y: height - 16, "text-anchor": "middle" }, String(+v.toPrecision(6)))));
+  rows.forEach((entry, index) => {
+    const y = 16 + line * index, found = statistics(entry), value = found.median;
+    svg.append(shape("text", { x: left - 10, y: y + 4, "text-anchor": "end" }, entry.method));
+    if (typeof value !== "number") { svg.append(shape("text", { x: left, y: y + 4, class: "failed-word" }, value)); return; }
+    if (found.low !== null && found.high !== null) svg.append(shape("line", { class: "interval", x1: px(found.low), x2: px(found.high), y1: y, y2: y }));
+    svg.append(shape("circle", { class: "median", cx: px(value), cy: y, r: 4.5 }), shape("text", { x: Math.max(px(value), px(found.high ?? value)) + 9, y: y + 4 }, number(value)));
+  });
+  const title = `${shown.title}${shown.unit ? ` [${shown.unit}]` : ""}`;
+  const caption = `median and its 95 % interval${logarithmic ? ", on a logarithmic scale" : ""}; ${shown.better} is better`;
+  $("ranking").replaceChildren(node("figure", {}, node("figcaption", { textContent: title }, node("span", { textContent: caption })), svg));
+}
 function makeBeside() {
   const withResult = data.conditions.filter((condition) => data.cells.some((cell) => cell.condition === condition && cell.state === "ok" && typeof cell.chunk === "number"));
   $("beside-section").hidden = !withResult.length;
   withResult.forEach((condition) => $("beside-condition").append(node("option", { value: condition, textContent: condition || "all" })));
-  $("beside-condition").onchange = drawBeside;
+  $("beside-condition").onchange = () => { drawRanking(); drawBeside(); };
 }
 
 const section = (title, ...content) => [node("h2", { textContent: title }), ...content];
@@ -387,10 +425,11 @@ function route() {
   $("bench").hidden = false;
 }
 
-function drawMetric() { drawHeat(); drawStatistics(); makeCells(); if (!$("beside-section").hidden) drawBeside(); }
+function drawMetric() { drawHeat(); drawStatistics(); makeCells(); if (!$("beside-section").hidden) { drawRanking(); drawBeside(); } }
 data.metrics.forEach((shown, index) => $("metric").append(node("option", { value: index, textContent: shown.title })));
 $("metric").onchange = (event) => { metric = Number(event.target.value); drawMetric(); };
 makeFilters();
+makeParts();
 makeBeside();
 drawMetric();
 addEventListener("hashchange", route);

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import base64
 import json
+import logging
 import math
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
@@ -16,13 +17,18 @@ from typing import Any
 from trailmark.errors import DataError
 from trailmark.report.html import facts_html, page_html, table_html, text_html
 from trailmark.report.tables import Table
+from trailmark_bench.cell import Cell
 from trailmark_bench.index import CellRecord, Index
 from trailmark_bench.naming import Namer
+from trailmark_bench.order import first_samples
 from trailmark_bench.quantities import Metric
 from trailmark_bench.summary import BenchSummary, summarize_bench
 from trailmark_bench.tables import bench_tables, metric_title, scaled_column
+from trailmark_bench.winners import winners_table
 
-__all__ = ["PAGE_FILE", "write_page"]
+__all__ = ["PAGE_FILE", "write_page", "write_site"]
+
+logger = logging.getLogger(__name__)
 
 PAGE_FILE = "report.html"
 
@@ -33,24 +39,76 @@ _ABOUT = ("trailmark", "command", "started", "python", "platform", "cpu", "git",
 
 
 def write_page(index: Index, *, baseline: str | None = None) -> Path:
-    """Write ``report.html`` into the folder of a bench and return its path.
-
-    Nothing is fetched from anywhere: data, script and styles are inside. The pictures of each cell are drawn by the
-    page when it is opened, from a few hundred numbers kept with the cell.
+    """Write ``report.html`` into the folder of a bench and return its path; see `write_site`.
 
     Raises
     ------
     DataError
         If it cannot be written.
     """
-    summary, records, meta = summarize_bench(index, baseline=baseline), index.records(), index.meta()
-    chunks = list(_chunks(index))
+    summary = summarize_bench(index, baseline=baseline)
+    return _write(_page(index, summary, list(_chunks(index, _Packed()))), index.folder / PAGE_FILE)
+
+
+def write_site(index: Index, folder: Path, *, baseline: str | None = None, most_mb: float = 5.0) -> Path:
+    """Write the page of a bench as ``index.html`` of a folder that can be put on the web, and return its path.
+
+    Nothing is fetched from anywhere: data, script and styles are inside. The pictures of each cell are drawn by the
+    page when it is opened, from a few hundred numbers kept with the cell: of all cells if there is room, else of one
+    place and seed of each combination, else of none; then the logs of cells that failed are left out too. Where the
+    tables alone are larger, a warning says so.
+
+    Parameters
+    ----------
+    index : Index
+        Of the bench.
+    folder : Path
+        It is made where it is not there.
+    baseline : str, optional
+        The method compared with, in place of that of the config.
+    most_mb : float
+        Size of the page [MB].
+
+    Raises
+    ------
+    DataError
+        If it cannot be written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    records = [record for record in index.records() if record.state == "ok"]
+    cells = [Cell(record.id, record.matrix, record.coordinates, {}) for record in records]
+    summary = summarize_bench(index, baseline=baseline)
+    firsts = {cell.id for cell in first_samples(cells)}
+    page, size_mb = "", math.inf
+    for packed in (_Packed(), _Packed(firsts), _Packed(set()), _Packed(set(), logs=False)):
+        page = _page(index, summary, list(_chunks(index, packed)))
+        size_mb = len(page.encode("utf-8", "replace")) / 1e6
+        if size_mb <= most_mb:
+            break
+    else:
+        logger.warning("the page has %.3g MB, more than %g, without any picture or log", size_mb, most_mb)
+    return _write(page, folder / "index.html")
+
+
+@dataclass(frozen=True)
+class _Packed:
+    """What a page holds of its cells: the pictures of these (None: of all) that gave a result, and logs."""
+
+    pictured: Collection[str] | None = None
+    logs: bool = True
+
+
+def _page(index: Index, summary: BenchSummary, chunks: Sequence[tuple[list[str], str]]) -> str:
+    """Return the page of a bench, with what is packed of its cells."""
+    records, meta = index.records(), index.meta()
     places = {cell_id: number for number, (ids, _) in enumerate(chunks) for cell_id in ids}
     document, tables = _document(summary, records, places), bench_tables(summary)
     body = [
         _header(summary, meta),
-        _overview(tables),
+        _winners(summary),
+        _overview(),
         _beside_section(),
+        _statistics(tables),
         _cells_section(),
         _tables(summary, tables),
         _provenance(meta),
@@ -61,27 +119,34 @@ def write_page(index: Index, *, baseline: str | None = None) -> Path:
     ]
     own = files("trailmark_bench")
     style, script = (own.joinpath(name).read_text(encoding="utf-8") for name in ("page.css", "page.js"))
-    path = index.folder / PAGE_FILE
+    return page_html(f"{summary.name}, a Trailmark bench", body, style=style, script=script)
+
+
+def _write(page: str, path: Path) -> Path:
     try:
         path.unlink(missing_ok=True)  # never through a link of a stranger's folder
-        page = page_html(f"{summary.name}, a Trailmark bench", body, style=style, script=script)
         path.write_text(page, encoding="utf-8", errors="replace")  # a path in it may be no text
     except OSError as error:
         raise DataError(f"cannot write {path}: {error.strerror or error}") from error
     return path
 
 
-def _chunks(index: Index) -> Iterator[tuple[list[str], str]]:
-    """Yield ids of some cells, and a line for each: id, packed detail, packed end of the log."""
+def _chunks(index: Index, packed: _Packed) -> Iterator[tuple[list[str], str]]:
+    """Yield ids of cells of which something is packed, and a line for each: id, packed detail, packed end of the log.
+
+    Cells that gave a result and are not pictured are left out, their logs too.
+    """
+    good = set() if packed.pictured is None else {record.id for record in index.records() if record.state == "ok"}
+    left_out = good - set(packed.pictured or ())
     ids: list[str] = []
     lines: list[str] = []
-    for cell_id, packed, stderr in index.details():
-        tail = "\n".join(stderr.splitlines()[-_LOG_LINES:])
-        if packed is None and not tail:
+    for cell_id, detail, stderr in index.details():
+        tail = "\n".join(stderr.splitlines()[-_LOG_LINES:]) if packed.logs else ""
+        if (detail is None and not tail) or cell_id in left_out:
             continue
         ids.append(cell_id)
         log = zlib.compress(json.dumps(tail).encode()) if tail else b""
-        lines.append(f"{cell_id} {_base64(packed or b'')} {_base64(log)}")
+        lines.append(f"{cell_id} {_base64(detail or b'')} {_base64(log)}")
         if len(ids) == _CHUNK:
             yield ids, "\n".join(lines)
             ids, lines = [], []
@@ -204,23 +269,36 @@ def _header(summary: BenchSummary, meta: Mapping[str, Any]) -> str:
     return f'<main id="bench"><header>\n{title}\n{line}\n{states}</header>'
 
 
-def _overview(tables: list[Table]) -> str:
-    controls = '<p class="controls"><label>Quantity <select id="metric"></select></label></p>'
+def _winners(summary: BenchSummary) -> str:
+    """Return who wins where, where methods are compared."""
+    table = winners_table(summary)
+    if not table.rows:
+        return ""
+    return f'<section id="winners">{text_html("Who wins where", "h2")}{table_html(table)}</section>'
+
+
+def _overview() -> str:
+    controls = '<p class="controls"><label>Quantity <select id="metric"></select></label>'
+    controls += '<label id="part-label" hidden>Part <select id="part"></select></label></p>'
     heat = '<div class="scroll"><table class="heat" id="heat"></table></div><p class="note" id="heat-note"></p>'
+    return "\n".join([text_html("Overview", "h2"), controls, heat])
+
+
+def _statistics(tables: list[Table]) -> str:
     statistics = (
         '<div class="scroll"><table id="statistics"></table></div>'
         '<button class="more" id="more-statistics" hidden></button>'
     )
     notes = [f"<p class='note'>{escape(note)}</p>" for table in tables[1:2] for note in table.notes]
-    parts = [text_html("Overview", "h2"), controls, heat, text_html("Statistics", "h2"), statistics, *notes]
-    return "\n".join(parts)
+    return "\n".join([text_html("Statistics", "h2"), statistics, *notes])
 
 
 def _beside_section() -> str:
     """Return where the page draws the trajectories of the methods under one condition, on one scale."""
     choice = '<p class="controls"><label>Condition <select id="beside-condition"></select></label></p>'
-    figures = '<div id="beside"></div><p class="note" id="beside-note"></p><div id="beside-errors"></div>'
-    title = text_html("Trajectories side by side", "h2")
+    figures = '<div id="ranking"></div><div id="beside"></div><p class="note" id="beside-note"></p>'
+    figures += '<div id="beside-errors"></div>'
+    title = text_html("One condition: ranking and trajectories", "h2")
     return f'<section id="beside-section" hidden>{title}{choice}{figures}</section>'
 
 

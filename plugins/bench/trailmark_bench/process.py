@@ -10,8 +10,21 @@ from typing import Any
 from trailmark.deprecation import deprecated_name
 from trailmark.isolation.outcome import Outcome
 from trailmark.isolation.process import REQUEST_FILE, RESULT_FILE, IsolatedProcess
+from trailmark.isolation.warm_parent import WarmParent
 
-__all__ = ["DETAIL_FILE", "OUTCOME_FILE", "REQUEST_FILE", "RESULT_FILE", "cell_process", "run_cell", "run_to_end"]
+__all__ = [
+    "CELL_MODULE",
+    "DETAIL_FILE",
+    "OUTCOME_FILE",
+    "REQUEST_FILE",
+    "RESULT_FILE",
+    "cell_process",
+    "run_cell",
+    "run_to_end",
+]
+
+#: What runs in the process of a cell.
+CELL_MODULE = "trailmark_bench.child"
 
 DETAIL_FILE = "detail.json"
 OUTCOME_FILE = "outcome.json"
@@ -20,9 +33,9 @@ OUTCOME_FILE = "outcome.json"
 _SCRATCH = "scratch"
 
 
-def cell_process(request: Mapping[str, Any], folder: Path) -> IsolatedProcess:
-    """Return the process of a cell, which is to be run."""
-    return IsolatedProcess(request, folder, module="trailmark_bench.child", scratch=folder / _SCRATCH)
+def cell_process(request: Mapping[str, Any], folder: Path, parent: WarmParent | None = None) -> IsolatedProcess:
+    """Return the process of a cell, which is to be run; with a parent it is forked from that."""
+    return IsolatedProcess(request, folder, module=CELL_MODULE, scratch=folder / _SCRATCH, parent=parent)
 
 
 def run_cell(request: Mapping[str, Any], folder: Path) -> Outcome:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,25 +22,24 @@ from trailmark_bench.order import first_samples
 __all__ = ["misfits"]
 
 
-def misfits(cells: Iterable[Cell], plugins: Plugins) -> list[str]:
-    """Return what keeps cells from starting, a line for each combination of sources and localizers.
+def misfits(cells: Sequence[Cell], plugins: Plugins) -> dict[str, str]:
+    """Return why cells cannot start, by their id; those that can, and those that are skipped anyway, have no word.
 
     The sources are started, once for each way in which they are written but for faults, of the first place and seed of
-    each combination alone, and closed again; no frame is read. Devices are let be.
+    each combination alone, and closed again; no frame is read, and no localizer is started. Devices are let be.
 
     Parameters
     ----------
-    cells : iterable of Cell
-        Those that are skipped are left out, and those that are there because a plugin is.
+    cells : sequence of Cell
+        Of a bench.
     plugins : Plugins
         Where their parts are found.
     """
     found: dict[str, str] = {}
     started: dict[str, Mapping[str, SensorInfo] | str | None] = {}
-    for cell in first_samples(list(cells)):
-        document = cell.request.get("document")
-        if document is None or cell.is_installed:
-            continue
+    of_kind: dict[object, str] = {}
+    for cell in first_samples([cell for cell in cells if cell.request]):
+        document = cell.request["document"]
         plain = document | {"sources": {name: _faultless(part) for name, part in document["sources"].items()}}
         looked_at = {key: plain.get(key) for key in ("sources", "sensors", "localizers")}
         address = digest_of(looked_at)
@@ -49,8 +48,15 @@ def misfits(cells: Iterable[Cell], plugins: Plugins) -> list[str]:
             sources = digest_of({key: looked_at[key] for key in ("sources", "sensors")})
             if sources not in started:
                 started[sources] = _sensors_of(config)
-            found[address] = _misfit(cell.label, config, started[sources])
-    return [text for text in found.values() if text]
+            found[address] = _misfit(config, started[sources])
+        of_kind[_kind(cell)] = found[address]
+    return {cell.id: reason for cell in cells if cell.request and (reason := of_kind[_kind(cell)])}
+
+
+def _kind(cell: Cell) -> object:
+    """Return what decides whether sensors are found: neither place nor seed nor fault makes one."""
+    beside = ("place", "seed", "perturbation")
+    return cell.matrix, tuple(value for axis, value in cell.coordinates.items() if axis not in beside)
 
 
 def _faultless(source: Mapping[str, Any]) -> dict[str, Any]:
@@ -61,16 +67,16 @@ def _load(document: dict[str, Any], base_dir: str, plugins: Plugins) -> RunConfi
     return load_run_config(Document(document, "cell", Path(base_dir)), plugins=plugins)
 
 
-def _misfit(label: str, config: RunConfig, sensors: Mapping[str, SensorInfo] | str | None) -> str:
+def _misfit(config: RunConfig, sensors: Mapping[str, SensorInfo] | str | None) -> str:
     """Return why a cell cannot start; empty: it can, as far as is known."""
     if sensors is None:
         return ""
     if isinstance(sensors, str):
-        return f"{label}: {sensors}"
+        return sensors
     try:
         resolve_all_roles(config, sensors)
     except TrailmarkError as error:
-        return f"{label}: {error}"
+        return str(error)
     return ""
 
 

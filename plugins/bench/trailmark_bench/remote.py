@@ -8,6 +8,7 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -16,12 +17,15 @@ import trailmark
 from trailmark.isolation.executor import Finished, Job
 from trailmark.isolation.fingerprint import FileCache, fingerprint, source_digest
 from trailmark.isolation.outcome import Outcome
-from trailmark_bench.process import run_cell
+from trailmark_bench.executors.warm import WarmParents
+from trailmark_bench.process import cell_process, run_cell, run_to_end
 
 __all__ = ["pack_request", "run_packed", "unpack_result", "unpacked_answer"]
 
 # Digests of recordings on this machine: a worker runs many cells of one recording.
 _KNOWN: FileCache = {}
+# What cells are forked from on this machine; it ends with this process.
+_PARENTS = WarmParents()
 
 
 def pack_request(request: Mapping[str, Any], carry_mb: float) -> dict[str, Any]:
@@ -51,11 +55,23 @@ def run_packed(package: Mapping[str, Any]) -> dict[str, Any]:
         request, missing = (dict(package["request"]), problem) if problem else _unpack(package, place)
         if missing:
             return {"outcome": asdict(Outcome("failed", missing)), "files": {}}
-        folder = place / "cell"
-        folder.mkdir()
-        outcome = run_cell(request, folder)
+        folder, outcome = _run(request, place)
         files = {file.relative_to(folder).as_posix(): file.read_bytes() for file in folder.rglob("*") if file.is_file()}
         return {"outcome": asdict(outcome), "files": files}
+
+
+def _run(request: Mapping[str, Any], place: Path) -> tuple[Path, Outcome]:
+    """Run a cell, forked from a warm process where that goes well; return its folder and outcome."""
+    folder = place / "warm"
+    folder.mkdir()
+    process = cell_process(request, folder, _PARENTS.of(request))
+    with suppress(OSError):  # its parent was lost
+        outcome = run_to_end(process, folder)
+        if outcome.state != "crashed" or not process.was_warm:
+            return folder, outcome
+    folder = place / "cell"
+    folder.mkdir()
+    return folder, run_cell(request, folder)
 
 
 def unpack_result(job: Job, answer: Mapping[str, Any]) -> Finished:

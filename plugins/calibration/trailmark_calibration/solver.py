@@ -15,9 +15,8 @@ import numpy as np
 from trailmark.arrays import Bools, Floats
 from trailmark_calibration.model import NAMES, MotionPairs
 from trailmark_calibration.rigid import compose, exp_of
-from trailmark_calibration.tracks import UNKNOWN_VARIANCE
 
-__all__ = ["OUTLIER", "GaussNewton"]
+__all__ = ["OUTLIER", "GaussNewton", "scale_covariances"]
 
 #: Chi squares of three numbers beyond this are no noise (one in 100,000).
 OUTLIER = 26.0
@@ -26,6 +25,8 @@ _CERTAIN = 4.0
 _N_STEPS, _N_BLOCKS = 40, (24, 48, 10_000)
 #: No interval is known better than this [m, rad].
 _FLOOR = np.diag([1e-5, 1e-5, 1e-6]) ** 2
+#: A direction with more variance was not measured, as along a corridor [m^2, rad^2].
+_FREE = 0.5**2
 
 
 class GaussNewton:
@@ -134,12 +135,9 @@ class GaussNewton:
         """Return what is left (M, 3), its inverse covariance (M, 3, 3), and what a should have said (M, 3)."""
         pairs = self._pairs
         off = pairs.residuals(p)
-        D = np.diag(self.spread)
         gain = pairs.gain(p)
-        of_a = gain @ pairs.covariances_a @ gain.T
-        total = D @ (of_a + pairs.covariances_b) @ D + _FLOOR
-        weights = np.linalg.inv(total)
-        share = D @ of_a @ D
+        share = scale_covariances(gain @ pairs.covariances_a @ gain.T, self.spread)
+        weights = np.linalg.inv(share + scale_covariances(pairs.covariances_b, self.spread) + _FLOOR)
         moved = np.einsum("nij,njk,nk->ni", share, weights, off) @ np.linalg.inv(gain).T
         base, _ = pairs.motions(p, is_corrected=False)
         return off, weights, compose(base, exp_of(moved))
@@ -150,7 +148,30 @@ class GaussNewton:
         stated = (gain @ self._pairs.covariances_a @ gain.T + self._pairs.covariances_b)[used]
         for axis in range(3):
             variance = stated[:, axis, axis]
-            rows = variance < 0.01 * UNKNOWN_VARIANCE
+            rows = variance < _FREE
             if rows.sum() >= 10:
                 ratio = np.abs(off[used][rows, axis]) / np.sqrt(variance[rows])
                 self.spread[axis] = max(1.4826 * float(np.median(ratio)), 1e-6)
+
+
+def scale_covariances(covariances: Floats, spread: Floats) -> Floats:
+    """Return covariances with factors of the noise along, across and in turn.
+
+    A direction that was not measured stays the one it is: it slants to the axes, and factors would turn it.
+
+    Parameters
+    ----------
+    covariances : (M, 3, 3) float64
+        Of motions, [m^2, m^2, rad^2] on the diagonal.
+    spread : (3,) float64
+        The factors of standard deviations.
+    """
+    D = np.diag(spread)
+    scaled = D @ covariances @ D
+    rows = np.trace(covariances, axis1=1, axis2=2) > _FREE
+    if rows.any():
+        values, vectors = np.linalg.eigh(covariances[rows])
+        told, free = (np.where(kind, values, 0.0) for kind in (values <= _FREE, values > _FREE))
+        told, free = (np.einsum("nik,nk,njk->nij", vectors, one, vectors) for one in (told, free))
+        scaled[rows] = D @ told @ D + free
+    return np.asarray(scaled)

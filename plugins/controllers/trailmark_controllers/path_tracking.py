@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from trailmark.commands import Command, Steer4WS, Stop
+from trailmark.commands import Command, Steer4WS, Stop, Velocity
 from trailmark.estimates import Belief
 from trailmark.geometry import Pose2, wrap_angle
 from trailmark.interfaces import Controller, Session
@@ -92,6 +92,10 @@ class PathTracking4WS(Controller):
     def gives(self) -> frozenset[type[Command]]:
         """`Steer4WS` and `Stop`."""
         return frozenset({Steer4WS, Stop})
+
+    def remedy_for(self, accepts: frozenset[type[Command]]) -> str:
+        """Return which controller gives what the robot takes."""
+        return "take 'path_tracking', which drives other vehicles too" if Velocity in accepts else ""
 
     def start(self, session: Session) -> None:
         """Take the path; choose the direction by the config, or by the end at which the robot stands.

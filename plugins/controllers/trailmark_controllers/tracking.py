@@ -37,6 +37,14 @@ class PathTracking(Controller):
         """`Steer4WS` or `Velocity`, as `drive` says, and `Stop`."""
         return frozenset({Steer4WS if self.config.drive == "four_wheel_steering" else Velocity, Stop})
 
+    def remedy_for(self, accepts: frozenset[type[Command]]) -> str:
+        """Return the `drive` that gives what the robot takes."""
+        if Steer4WS in accepts:
+            return "for a robot that steers in front and behind write 'drive: four_wheel_steering'"
+        if Velocity in accepts:
+            return "for a robot that takes velocities write 'drive: differential', 'holonomic' or 'ackermann'"
+        return ""
+
     def start(self, session: Session) -> None:
         """Take the path; smooth it.
 

@@ -42,6 +42,7 @@ class Entry:
 class PictureSource(RecordedSource):
     """A source of one camera. What is there is listed by `start`; the files are read by `frames`."""
 
+    loads_ahead = True
     #: As `read_picture` takes it.
     grey: bool | None = None
     #: Pictures per second, where it is told rather than read off the stamps [Hz].

@@ -31,6 +31,7 @@ class Rosbag(RecordedSource):
     """The understood topics of a recording; stamps are those of the headers."""
 
     config: RosbagConfig
+    loads_ahead = True
 
     def __init__(self, config: RosbagConfig) -> None:
         super().__init__(config)

@@ -45,6 +45,7 @@ class TumRgbd(RecordedSource):
     """
 
     config: TumRgbdConfig
+    loads_ahead = True
     _name = ""
     _pairs: tuple[_Pair, ...] = ()
     _factor = DEPTH_FACTOR

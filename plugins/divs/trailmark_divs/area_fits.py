@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from trailmark.arrays import Bools, Float32s, Floats
+from trailmark.arrays import AnyArray, Bools, Float32s, Floats, Int64s
 
-__all__ = ["area_fits"]
+__all__ = ["AREA_STEP_PX", "area_fits", "area_grid"]
 
-_AREA_PX, _AREA_STEP_PX = 12, 6
+_AREA_PX, AREA_STEP_PX = 12, 6
 _MOVED_PX = (4, 2)  # an area may lie so far aside, and up or down, of where the whole picture has it
 _LEAST_DEVIATION = 0.3  # of an area that shows something, in units of its patches
 _MOST_HIDDEN = 0.05  # share of an area that may be over-exposed
@@ -28,34 +28,53 @@ def area_fits(taught: list[Float32s], taught_clear: Bools, seen: Float32s, seen_
     shift_px : int
         What is seen lies so much further right than in the taught pictures [px].
     """
+    grid = area_grid(taught, taught_clear, seen, seen_clear, shift_px)
+    return grid[np.isfinite(grid)]
+
+
+def area_grid(taught: list[Float32s], taught_clear: Bools, seen: Float32s, seen_clear: Bools, shift_px: int) -> Floats:
+    """Return how well each area of a seen picture is found in one of some taught ones, by row and column of areas.
+
+    Parameters are those of `area_fits`.
+
+    Returns
+    -------
+    (V, U) float64
+        In [-1, 1]; NaN for areas that have no say: they lie outside, show nothing, or are over-exposed.
+    """
+    height, width = seen.shape
+    tops, lefts = (np.arange(0, side - _AREA_PX + 1, AREA_STEP_PX) for side in (height, width))
+    grid = np.full((len(tops), len(lefts)), np.nan)
+    firsts = lefts - shift_px
+    columns = np.flatnonzero((firsts >= _MOVED_PX[0]) & (firsts + _AREA_PX + _MOVED_PX[0] <= width))
+    if not len(columns):
+        return grid
+    here, there = (tops, lefts[columns]), (tops, firsts[columns])
+    areas = _cut(seen, *here)
+    deviations = np.stack([areas.std(axis=(2, 3)), _cut(taught[len(taught) // 2], *there).std(axis=(2, 3))])
+    clear = np.minimum(_cut(seen_clear, *here).mean(axis=(2, 3)), _cut(taught_clear, *there).mean(axis=(2, 3)))
+    has_say = (1.0 - clear <= _MOST_HIDDEN) & (deviations.max(axis=0) >= _LEAST_DEVIATION)
+    is_flat = deviations.min(axis=0) < 1e-3
+    for i, k in np.argwhere(has_say):
+        if is_flat[i, k]:
+            grid[i, columns[k]] = 0.0  # something against nothing
+            continue
+        rows = slice(max(0, tops[i] - _MOVED_PX[1]), min(height, tops[i] + _AREA_PX + _MOVED_PX[1]))
+        first = firsts[columns[k]]
+        searched = slice(first - _MOVED_PX[0], first + _AREA_PX + _MOVED_PX[0])
+        grid[i, columns[k]] = _best_match(areas[i, k], [one[rows, searched] for one in taught])
+    return grid
+
+
+def _cut(picture: AnyArray, tops: Int64s, lefts: Int64s) -> AnyArray:
+    """Return the areas of a picture, (V, U, 12, 12)."""
+    windows = np.lib.stride_tricks.sliding_window_view(picture, (_AREA_PX, _AREA_PX))
+    return np.ascontiguousarray(windows[np.ix_(tops, lefts)])
+
+
+def _best_match(area: AnyArray, searched: list[Float32s]) -> float:
+    """Return the best correlation of an area within some surroundings."""
     import cv2
 
-    aside_px, up_px = _MOVED_PX
-    height, width = seen.shape
-    middle = taught[len(taught) // 2]
-    fits = []
-    for v in range(0, height - _AREA_PX + 1, _AREA_STEP_PX):
-        rows = slice(v, v + _AREA_PX)
-        searched_rows = slice(max(0, v - up_px), min(height, v + _AREA_PX + up_px))
-        for u in range(0, width - _AREA_PX + 1, _AREA_STEP_PX):
-            first = u - shift_px
-            if first < aside_px or first + _AREA_PX + aside_px > width:
-                continue
-            area, there = seen[rows, u : u + _AREA_PX], middle[rows, first : first + _AREA_PX]
-            hidden = max(
-                1.0 - seen_clear[rows, u : u + _AREA_PX].mean(),
-                1.0 - taught_clear[rows, first : first + _AREA_PX].mean(),
-            )
-            if hidden > _MOST_HIDDEN or max(float(area.std()), float(there.std())) < _LEAST_DEVIATION:
-                continue
-            if min(float(area.std()), float(there.std())) < 1e-3:
-                fits.append(0.0)  # something against nothing
-                continue
-            columns = slice(first - aside_px, first + _AREA_PX + aside_px)
-            template = np.ascontiguousarray(area)
-            found = [
-                cv2.matchTemplate(np.ascontiguousarray(one[searched_rows, columns]), template, cv2.TM_CCOEFF_NORMED)
-                for one in taught
-            ]
-            fits.append(float(np.max(found)))
-    return np.array(fits, dtype=np.float64)
+    found = [cv2.matchTemplate(np.ascontiguousarray(one), area, cv2.TM_CCOEFF_NORMED) for one in searched]
+    return max(float(one.max()) for one in found)

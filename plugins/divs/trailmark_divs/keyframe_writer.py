@@ -11,13 +11,11 @@ from trailmark.arrays import AnyArray
 from trailmark.geometry import Pose2
 from trailmark.interfaces import LocalizerMap
 from trailmark.paths import Keyframe
-from trailmark_divs.area_fits import area_fits
 from trailmark_divs.eye import TURNING, Look
 from trailmark_divs.taught_layout import (
     HEADINGS,
     LAYOUT,
     PICTURE_CLEAR,
-    PICTURE_FITS,
     PICTURE_ROWS,
     PICTURE_UNITS,
     PICTURES,
@@ -52,7 +50,6 @@ class KeyframeWriter:
         self._picture_spacing_m = picture_spacing_m
         self._next_picture_m = -math.inf
         self._looks: list[Look] = []
-        self._before: Look | None = None  # the last look of the batch before
         self._pose = Pose2()
         self._first_run, self._start_rad = _last_of_map(localizer_map)
 
@@ -74,7 +71,6 @@ class KeyframeWriter:
         if not self._looks:
             return
         looks, self._looks = self._looks, []
-        before, self._before = self._before, looks[-1]
         station_m = looks[-1].travelled_m[1]
         sums = np.array([look.sums for look in looks])
         profiles = np.array([look.profile for look in looks]) * PROFILE_UNITS
@@ -85,10 +81,10 @@ class KeyframeWriter:
             STATION_OFFSETS: np.array([look.travelled_m for look in looks]) - station_m,  # a path can be continued
             STAMPS: np.array([look.stamps_s for look in looks]),
             HEADINGS: np.array([look.heading_rad for look in looks]) + self._start_rad,
-        } | self._pictures_of(looks, before)
+        } | self._pictures_of(looks)
         self._localizer_map.add(Keyframe(station_m, looks[-1].stamps_s[1], self._pose, arrays))
 
-    def _pictures_of(self, looks: Sequence[Look], before: Look | None) -> dict[str, AnyArray]:
+    def _pictures_of(self, looks: Sequence[Look]) -> dict[str, AnyArray]:
         """Return the small pictures that are kept of some looks, whose they are, and what they are worth."""
         kept = [row for row, look in enumerate(looks) if look.small.size and self._keeps_picture(look.travelled_m[1])]
         if not kept:
@@ -100,8 +96,6 @@ class KeyframeWriter:
         }
         if all(looks[row].clear.size for row in kept):
             found[PICTURE_CLEAR] = np.array([np.packbits(looks[row].clear) for row in kept])
-            fits = [_fit(looks[row], looks[row - 1] if row else before) for row in kept]
-            found[PICTURE_FITS] = np.array(fits, dtype=np.float32)
         return found
 
     def _keeps_picture(self, travelled_m: float) -> bool:
@@ -118,11 +112,3 @@ def _last_of_map(localizer_map: LocalizerMap) -> tuple[int, float]:
         return 0, 0.0
     last_run = max(int(keyframe.arrays[RUNS].max()) for keyframe in keyframes)
     return last_run + 1, float(keyframes[-1].arrays[HEADINGS][-1])
-
-
-def _fit(look: Look, before: Look | None) -> float:
-    """Return how well the areas of a look's picture fit that of the look before; NaN where there is none to compare."""
-    if before is None or not before.clear.size:
-        return math.nan
-    fits = area_fits([before.small], before.clear, look.small, look.clear, 0)
-    return float(fits.mean()) if len(fits) else math.nan

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from trailmark.errors import ConfigError
+from trailmark.errors import ConfigError, SensorMismatchError
 from trailmark.estimates import Belief, Estimate, Lost
 from trailmark.frames import RGBD, Frame, Image
 from trailmark.geometry import Pose2
@@ -190,7 +190,7 @@ class Divs(Localizer):
         info = self._session.sensors.get(self.config.camera)
         along = 1.0 if info is None else math.cos(info.pose_base_sensor.yaw)
         if abs(along) < _SIDEWAYS:
-            raise ConfigError(
+            raise SensorMismatchError(
                 f"{self._session.name}: camera {self.config.camera!r} looks sideways; divs needs one that looks along"
                 " the path. Its mounting is 'sensors: ... mounting: {yaw_deg: ...}'"
             )

@@ -4,42 +4,48 @@ One taught place is always the most alike, also to a robot that stands in anothe
 tells them apart are areas: at the same place nearly all of them are found again where they belong; in another corridor
 of the same plan the lamps and windows are, the posters are not. An area is compared by its patch-normalised pixels, and
 may lie a few of them aside, for the robot drives beside its path. What is over-exposed shows the light, not the place.
+Areas count by what they are worth to tell the place (`AreaWorth`), and as a share of what can be asked of them there.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from trailmark.arrays import Bools, Float32s, Floats
 from trailmark.patches import patch_scores
-from trailmark_divs.area_fits import area_fits
+from trailmark_divs.area_fits import area_grid
+from trailmark_divs.area_worth import AreaWorth
 from trailmark_divs.eye import Look
 from trailmark_divs.taught_stream import TaughtStream
 
 __all__ = ["PlaceFit"]
 
-_LEAST_AREAS = 20  # of a stretch
-_STRETCH, _STEP_M = 5, 0.2  # pictures, and the way between two of them [m]
+_LEAST_WEIGHT = 4.0  # of all areas of a stretch
+_STRETCH, _STEP_M = 8, 0.1  # pictures, and the way between two of them [m]
 _NEAR_ROWS = 2  # wheels and the odometry of teaching differ
-# Two pictures in a row fit to 0.86 to 0.93 in simulated places. Noisier cameras cannot reach what is asked of these;
-# yet other streets of a like plan fit to 0.58.
-_SHARE_OF_NOISE, _LOWEST_FIT = 0.955, 0.65
 #: So much less must places fit that lie so far before and behind.
-_RIVALS_M, _LEAST_MARGIN = (-1.6, -0.8, 0.8, 1.6), 0.02
+_RIVALS_M, _LEAST_MARGIN = (-1.6, -1.2, 1.2, 1.6), 0.02
 _SAME_PICTURE = 0.98  # correlation of two pictures of which one is not new
 _ROUNDING_M = 1e-6
+_SEARCHING = "searching the place on the path"
+#: Comparisons that a frame may take, in pictures compared by areas (about 2 ms each); the next frame goes on with it.
+_FRAME_WORK, _WORK_OF_PICTURE, _WORK_OF_WORTH = 32, 2, 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Kept:
-    """A picture of the stretch: small, which of its pixels count, and the way driven until it [m]."""
+    """A picture of the stretch: small, which of its pixels count, the way driven until it [m], and what is known of it.
+
+    `sums` has, by row of the taught pictures, what the areas fit to there, and their weights.
+    """
 
     small: Float32s
     clear: Bools
     travelled_m: float
+    sums: dict[int, tuple[float, float]] = field(default_factory=dict)
 
 
 class PlaceFit:
@@ -52,15 +58,17 @@ class PlaceFit:
     reach_px : int
         Largest shift between a seen and a taught small picture [px].
     least_fit : float
-        What a place must fit to; a camera that is so noisy that two pictures in a row do not may fit less.
+        What a place must fit to, as a share of what can be asked of its areas.
     """
 
     def __init__(self, recording: TaughtStream, reach_px: int, least_fit: float) -> None:
         self._pictures, self._clear = recording.pictures, recording.clear
         self._stations_m = recording.stations_m[recording.picture_rows, 1]
         self._reach_px = reach_px
-        self._least_fit = _attainable(recording.fits, least_fit)
+        self._worth = AreaWorth(recording.pictures, recording.clear, self._stations_m)
+        self._least_fit = least_fit
         self._stretch: deque[_Kept] = deque(maxlen=_STRETCH)
+        self._work_left = 0
         self.restart()
 
     def restart(self) -> None:
@@ -86,6 +94,8 @@ class PlaceFit:
     def doubt(self, station_m: float, direction: int) -> str | None:
         """Return a reason why the robot is not at a station; None where nothing contradicts it.
 
+        It compares no more than a frame has time for: until all is compared, the place is being searched.
+
         Parameters
         ----------
         station_m : float
@@ -94,38 +104,70 @@ class PlaceFit:
             1 when driving along the path, -1 when driving back.
         """
         if self._judged_m is None or abs(station_m - self._judged_m) > _STEP_M:
-            self._doubt, self._judged_m = self._reason_against(station_m, direction), station_m
+            self._work_left = _FRAME_WORK
+            self._doubt = self._reason_against(station_m, direction)
+            self._judged_m = None if self._doubt == _SEARCHING else station_m
         return self._doubt
 
     def fit(self, station_m: float, direction: int) -> float | None:
-        """Return how well the areas of the stretch fit, were its end at a station; None where there are few."""
-        fits = np.concatenate([self._picture_fits(kept, station_m, direction) for kept in self._stretch])
-        return float(fits.mean()) if len(fits) >= _LEAST_AREAS else None
+        """Return how well the areas of the stretch fit, were its end at a station; None where few are worth much."""
+        sums = np.array([self._picture_fit(kept, station_m, direction) for kept in self._stretch])
+        fit, weight = sums.sum(axis=0).tolist()
+        return fit / weight if weight >= _LEAST_WEIGHT else None
 
     def _reason_against(self, station_m: float, direction: int) -> str | None:
         if self._is_still:
             return "the pictures do not change while the robot drives"
-        if len(self._stretch) < _STRETCH:
-            return "searching the place on the path"
+        if not self._compare_at(station_m, direction):
+            return _SEARCHING
         fit = self.fit(station_m, direction)
+        reason = self._reason_against_fit(fit)
+        if reason is None:
+            rivals_m = [station_m + apart_m for apart_m in _RIVALS_M if self._is_taught(station_m + apart_m)]
+            if not all(self._compare_at(one_m, direction) for one_m in rivals_m):
+                return _SEARCHING
+            rivals = [self.fit(one_m, direction) or 0.0 for one_m in rivals_m]
+            if fit is not None and max(rivals, default=0.0) > fit - _LEAST_MARGIN:
+                reason = "places before or behind fit as well"
+        # Before there are enough pictures the comparisons are made already: then few are left to the last frame.
+        return _SEARCHING if len(self._stretch) < _STRETCH else reason
+
+    def _reason_against_fit(self, fit: float | None) -> str | None:
         if fit is None:
             return "too little to be seen to tell one place from another"
         if fit < self._least_fit:
             asked = f"{fit:.2f} only, not {self._least_fit:.2f}"
             return f"the most alike of the taught places fits to {asked}: it may be another"
-        stations_m = (station_m + apart_m for apart_m in _RIVALS_M)
-        rivals = [self.fit(one_m, direction) or 0.0 for one_m in stations_m if self._is_taught(one_m)]
-        if max(rivals, default=0.0) > fit - _LEAST_MARGIN:
-            return "places before or behind fit as well"
         return None
 
     def _is_taught(self, station_m: float) -> bool:
         return bool(self._stations_m[0] <= station_m <= self._stations_m[-1])
 
-    def _picture_fits(self, kept: _Kept, station_m: float, direction: int) -> Floats:
-        """Return the fit of every area of a picture of the stretch."""
+    def _compare_at(self, station_m: float, direction: int) -> bool:
+        """Compare the pictures of the stretch, were its end at a station; False where this frame has no time left."""
+        for kept in self._stretch:
+            row = self._expected_row(kept, station_m, direction)
+            if row in kept.sums:
+                continue
+            if self._work_left <= 0:
+                return False
+            n_known = len(self._worth)
+            kept.sums[row] = self._compare(kept, row)
+            self._work_left -= _WORK_OF_PICTURE + _WORK_OF_WORTH * (len(self._worth) - n_known)
+        return True
+
+    def _picture_fit(self, kept: _Kept, station_m: float, direction: int) -> tuple[float, float]:
+        """Return the weighted sum of the fits of the areas of a picture of the stretch, and of their weights."""
+        row = self._expected_row(kept, station_m, direction)
+        if row not in kept.sums:
+            kept.sums[row] = self._compare(kept, row)
+        return kept.sums[row]
+
+    def _expected_row(self, kept: _Kept, station_m: float, direction: int) -> int:
         way_m = self._stretch[-1].travelled_m - kept.travelled_m
-        expected = int(np.argmin(np.abs(self._stations_m - (station_m - direction * way_m))))
+        return int(np.argmin(np.abs(self._stations_m - (station_m - direction * way_m))))
+
+    def _compare(self, kept: _Kept, expected: int) -> tuple[float, float]:
         near = range(max(0, expected - _NEAR_ROWS), min(len(self._pictures), expected + _NEAR_ROWS + 1))
         scores = np.array([self._shift_scores(row, kept.small) for row in near])
         best, top = np.unravel_index(int(np.argmax(scores)), scores.shape)
@@ -133,7 +175,8 @@ class PlaceFit:
         around = range(max(0, row - 1), min(len(self._pictures), row + 2))
         shift_px = int(top) - scores.shape[1] // 2
         taught = [self._pictures[k] for k in around]
-        return area_fits(taught, self._clear[row], kept.small, kept.clear, shift_px)
+        grid = area_grid(taught, self._clear[row], kept.small, kept.clear, shift_px)
+        return self._worth.weighed(row, grid, shift_px)
 
     def _shift_scores(self, row: int, small: Float32s) -> Floats:
         scores = patch_scores(self._pictures[row], small)
@@ -145,11 +188,3 @@ def _correlation(one: Float32s, other: Float32s) -> float:
     a, b = one.ravel() - one.mean(), other.ravel() - other.mean()
     length = float(np.linalg.norm(a) * np.linalg.norm(b))
     return float(a @ b) / length if length > 0.0 else 1.0
-
-
-def _attainable(fits: Floats, least_fit: float) -> float:
-    """Return what a place must fit to, in view of what the camera's noise leaves of a fit."""
-    known = fits[np.isfinite(fits)]
-    if not len(known):
-        return least_fit
-    return min(least_fit, max(_LOWEST_FIT, _SHARE_OF_NOISE * float(np.median(known))))

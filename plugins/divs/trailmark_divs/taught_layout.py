@@ -18,7 +18,6 @@ __all__ = [
     "LAYOUT",
     "PICTURES",
     "PICTURE_CLEAR",
-    "PICTURE_FITS",
     "PICTURE_ROWS",
     "PICTURE_UNITS",
     "PROFILES",
@@ -41,9 +40,6 @@ PICTURES, PICTURE_ROWS = "pictures", "picture_rows"
 
 #: Which pixels of a small picture are not over-exposed, eight to a byte; maps of earlier versions have none.
 PICTURE_CLEAR = "picture_clear"
-
-#: How well the areas of the picture before, a look earlier, fit it: what the noise of the camera leaves of a fit.
-PICTURE_FITS = "picture_fits"
 
 #: A profile is stored in 1/256 grey level, a small picture in a byte a pixel.
 PROFILE_UNITS, PICTURE_UNITS = 256.0, 127.0

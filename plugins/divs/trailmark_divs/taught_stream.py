@@ -15,7 +15,6 @@ from trailmark_divs.eye import TURNING
 from trailmark_divs.taught_layout import (
     HEADINGS,
     PICTURE_CLEAR,
-    PICTURE_FITS,
     PICTURE_ROWS,
     PICTURE_UNITS,
     PICTURES,
@@ -52,8 +51,6 @@ class TaughtStream:
         Which looks they belong to.
     clear : (K, h, w) bool
         Which of their pixels are not over-exposed; all, in maps of earlier versions.
-    fits : (K,) float64
-        How well the picture before fits each, NaN where nobody knows.
     """
 
     sums: Int64s
@@ -65,7 +62,6 @@ class TaughtStream:
     pictures: Float32s
     picture_rows: Int64s
     clear: Bools = field(default_factory=lambda: np.empty((0, *SMALL_PX[::-1]), np.bool_))
-    fits: Floats = field(default_factory=lambda: np.empty(0))
 
     @classmethod
     def from_keyframes(cls, keyframes: Sequence[Keyframe]) -> TaughtStream:
@@ -87,7 +83,7 @@ class TaughtStream:
                 [keyframe.station_m + keyframe.arrays[STATION_OFFSETS] for keyframe in keyframes]
             )
             pictures, picture_rows = _pictures_of(keyframes)
-            clear, fits = _worth_of(keyframes)
+            clear = _clear_of_pictures(keyframes)
         except (KeyError, ValueError) as error:
             raise StoreError(f"the keyframes are not those of a visual stream: {error}") from error
         return cls(
@@ -100,7 +96,6 @@ class TaughtStream:
             pictures,
             picture_rows,
             clear,
-            fits,
         )
 
     def __len__(self) -> int:
@@ -118,14 +113,12 @@ def _pictures_of(keyframes: Sequence[Keyframe]) -> tuple[Float32s, Int64s]:
     return np.asarray(pictures / np.float32(PICTURE_UNITS), np.float32), rows
 
 
-def _worth_of(keyframes: Sequence[Keyframe]) -> tuple[Bools, Floats]:
-    """Return which pixels of the small pictures are clear, and how well the pictures before fit."""
+def _clear_of_pictures(keyframes: Sequence[Keyframe]) -> Bools:
+    """Return which pixels of the small pictures are not over-exposed."""
     having = [keyframe.arrays for keyframe in keyframes if PICTURES in keyframe.arrays]
-    if not having:
-        return np.empty((0, *SMALL_PX[::-1]), np.bool_), np.empty(0)
-    unknown = [np.full(len(arrays[PICTURES]), np.nan) for arrays in having]
-    fits = [arrays.get(PICTURE_FITS, nothing) for arrays, nothing in zip(having, unknown, strict=True)]
-    return np.concatenate([_clear_of(arrays) for arrays in having]), np.concatenate(fits).astype(np.float64)
+    return (
+        np.concatenate([_clear_of(arrays) for arrays in having]) if having else np.empty((0, *SMALL_PX[::-1]), np.bool_)
+    )
 
 
 def _clear_of(arrays: Mapping[str, AnyArray]) -> Bools:

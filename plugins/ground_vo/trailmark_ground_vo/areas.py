@@ -40,7 +40,7 @@ def tracking_areas(config: GroundVOConfig, size: tuple[int, int]) -> tuple[tuple
             f"pictures of {width} x {height} are too small for a rim of {margin} px (margin_px) and viewpoints"
             f" {distance_px} px apart (centre_distance_px): each tracking area needs 32 x 16 px"
         )
-    turned_px = math.radians(config.rotation_steps * config.rotation_step_deg) * (width / 2 - margin)
+    turned_px = _most_turn_rad(config) * (width / 2 - margin)
     shift_px = max_shift_px(config, size)
     needed = math.ceil(shift_px + config.search_px + turned_px)
     if margin < needed:
@@ -61,8 +61,19 @@ def max_shift_px(config: GroundVOConfig, size: tuple[int, int], *, is_guarded: b
 
 
 def margin_px(config: GroundVOConfig, size: tuple[int, int]) -> int:
-    """Return the rim without reference pixels in a picture (width, height) [px]."""
-    return _length_in_picture(_PAPER_MARGIN_PX, config, size) if config.margin_px is None else config.margin_px
+    """Return the rim without reference pixels in a picture (width, height): no less than the search reaches [px]."""
+    if config.margin_px is not None:
+        return config.margin_px
+    scaled_px = _length_in_picture(_PAPER_MARGIN_PX, config, size)
+    if config.mode != "refined":
+        return scaled_px
+    turn_rad = _most_turn_rad(config)
+    reach_px = max_shift_px(config, size) + config.search_px
+    return max(scaled_px, math.ceil((reach_px + turn_rad * size[0] / 2) / (1.0 + turn_rad)))
+
+
+def _most_turn_rad(config: GroundVOConfig) -> float:
+    return math.radians(config.rotation_steps * config.rotation_step_deg)
 
 
 def _length_in_picture(paper_px: int, config: GroundVOConfig, size: tuple[int, int]) -> int:

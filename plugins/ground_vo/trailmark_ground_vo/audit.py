@@ -18,11 +18,9 @@ from trailmark_ground_vo.closed_places import is_at
 from trailmark_ground_vo.few_numbers import median_of, solve_symmetric
 from trailmark_ground_vo.filters import SMOOTH_SCALE
 from trailmark_ground_vo.motion import ImageMotion
+from trailmark_ground_vo.regular_grid import N_SIDE, regular_grid
 
 __all__ = ["Audit", "MotionAudit"]
-
-#: Distance of the pixels that are asked, and what they need around them [px]; parts of the picture along each side.
-_STEP_PX, _RIM_PX, _N_SIDE = 10, 4, 4
 
 #: A pixel differs when it does so by more robust standard deviations, and more than so far a shift would explain [px].
 _OUT_SIGMAS, _OUT_PX = 6.0, 0.5
@@ -121,11 +119,7 @@ class MotionAudit:
     """
 
     def __init__(self, size: tuple[int, int], aspect: float) -> None:
-        u, v = np.meshgrid(*(np.arange(_RIM_PX, side - _RIM_PX, _STEP_PX) for side in size))
-        self._grid = np.array([u.ravel(), v.ravel()], np.float32)
-        columns, rows = (grid.ravel() * _N_SIDE // side for grid, side in zip((u, v), size))
-        self._parts = np.asarray(rows * _N_SIDE + columns, np.int64)
-        self._centre = ((size[0] - 1) / 2.0, (size[1] - 1) / 2.0)
+        self._grid = regular_grid(size)
         self._aspect = aspect
         self._closed: Bools | None = None
 
@@ -136,28 +130,28 @@ class MotionAudit:
     def audit(self, before: Grey16, now: Grey16, motion: ImageMotion) -> Audit:
         """Compare two smoothed pictures (see `filters.smooth`) after a motion of the content."""
         moved = (motion.u, motion.v, motion.turn_rad)
-        samples = _samples(before, now, self._grid, self._centre, moved, self._aspect)
+        samples = _samples(before, now, self._grid.places, self._grid.centre, moved, self._aspect)
         if samples.shape[1] == 0:
             return Audit(0.0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0)
         spread = _spread(samples)
-        parts, whole, n_out = _equations(samples, self._parts, spread)
+        parts, whole, n_out = _equations(samples, self._grid.parts, spread)
         light, shift, turn, turn_sigma, part = _decide(parts, whole, spread)
         return Audit(spread / SMOOTH_SCALE, n_out, samples.shape[1], light, shift, turn, turn_sigma, part)
 
     def spread(self, before: Grey16, now: Grey16, motion: ImageMotion) -> float:
-        """Return `Audit.spread` alone, which takes a part of the time [grey levels]."""
+        """Return `Audit.spread` alone, in a part of the time [grey levels]; ``inf`` where nothing can be compared."""
         moved = (motion.u, motion.v, motion.turn_rad)
-        samples = _samples(before, now, self._grid, self._centre, moved, self._aspect)
+        samples = _samples(before, now, self._grid.places, self._grid.centre, moved, self._aspect)
         if self._closed is not None:
             samples = samples[:, self._is_open(self._closed, samples, moved)]
-        return _spread(samples) / SMOOTH_SCALE if samples.shape[1] else 0.0
+        return _spread(samples) / SMOOTH_SCALE if samples.shape[1] else math.inf
 
     def _is_open(self, closed: Bools, samples: Float32s, motion: tuple[float, float, float]) -> Bools:
         """Return which samples look at open places in both pictures, (n,) bool."""
-        places = self._grid[:, samples[5].astype(np.int64)]
+        places = self._grid.places[:, samples[5].astype(np.int64)]
         return ~(
-            is_at(closed, places, self._centre, (0.0, 0.0, 0.0), self._aspect)
-            | is_at(closed, places, self._centre, motion, self._aspect)
+            is_at(closed, places, self._grid.centre, (0.0, 0.0, 0.0), self._aspect)
+            | is_at(closed, places, self._grid.centre, motion, self._aspect)
         )
 
 
@@ -226,7 +220,7 @@ def _equations(samples: Float32s, parts: Int64s, spread: float) -> tuple[Floats,
 
     Sums of a part: n; weights w; w u, w v, w uu, w uv, w vv for slopes u, v; w d, w ud, w vd for differences d.
     """
-    out, whole, n_out = np.zeros((_N_SIDE * _N_SIDE, 10), np.float64), np.zeros((3, 4), np.float64), 0
+    out, whole, n_out = np.zeros((N_SIDE * N_SIDE, 10), np.float64), np.zeros((3, 4), np.float64), 0
     limit, most, far = np.float32(_HUBER_SIGMAS * spread), np.float32(_OUT_SIGMAS * spread), np.float32(_OUT_PX)
     least, one = np.float32(1e-3), np.float32(1.0)
     total_slope = np.float32(0.0)

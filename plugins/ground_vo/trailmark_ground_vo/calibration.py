@@ -17,7 +17,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from trailmark.arrays import Bools, Floats
+from trailmark.arrays import Bools, Floats, Int64s
 from trailmark.errors import DataError
 
 __all__ = ["Assumed", "Calibrated", "Known", "Move", "Steps", "calibrate", "moves_of"]
@@ -186,7 +186,8 @@ def moves_of(steps: Steps, pixel_m: float) -> list[Move]:
     """
     if len(steps) == 0:
         raise DataError("no motion was seen: fewer than two pictures, or none that fit together")
-    x, y, theta = (_running_means(part) for part in (steps.x, steps.y, steps.theta))
+    pictures, step_of = _split_by_picture(steps)
+    x, y, theta = (_running_means(part) for part in (pictures.x, pictures.y, pictures.theta))
     sizes_px = np.hypot(x, y) / pixel_m + _LEVER_PX * np.abs(theta)
     moves_px = max(_REST_PX, _REST_SHARE * float(np.quantile(sizes_px, 0.95)))
     is_moving = sizes_px > moves_px
@@ -194,12 +195,33 @@ def moves_of(steps: Steps, pixel_m: float) -> list[Move]:
         raise DataError("the camera stood still all the time")
     edges = [0]
     for first, last in _runs(~is_moving):
-        is_at_end = first == 0 or last == len(steps)
-        if is_at_end or steps.stamp_s[last - 1] - steps.since_s[first] >= _REST_S:
+        is_at_end = first == 0 or last == len(pictures)
+        if is_at_end or pictures.stamp_s[last - 1] - pictures.since_s[first] >= _REST_S:
             edges.append((first + last) // 2)
-    edges.append(len(steps))
-    pairs = [Move(first, last) for first, last in pairwise(edges) if last > first]
-    return [move for move in pairs if is_moving[move.first : move.last].any()]
+    edges.append(len(pictures))
+    step_of = np.append(step_of, len(steps))
+    moves = [
+        Move(int(step_of[first]), int(step_of[last])) for first, last in pairwise(edges) if is_moving[first:last].any()
+    ]
+    return [move for move in moves if move.last > move.first]
+
+
+def _split_by_picture(steps: Steps) -> tuple[Steps, Int64s]:
+    """Return steps of one picture each, and of which step each is a part.
+
+    A step over pictures that were passed over, as a sudden stop is taken for repeats, is split evenly. Otherwise
+    running means would take several pictures of rest for one, and the rest for too short.
+    """
+    lengths_s = steps.stamp_s - steps.since_s
+    # a longer gap is refused later: no need to fill it
+    n_pictures = np.rint(np.minimum(lengths_s, _LONGEST_GAP_S) / np.median(lengths_s)).astype(np.int64)
+    n_pictures = np.maximum(n_pictures, 1)
+    step_of = np.repeat(np.arange(len(steps)), n_pictures)
+    n = n_pictures[step_of]
+    part = np.arange(len(step_of)) - (np.cumsum(n_pictures) - n_pictures)[step_of]
+    since_s, length_s = steps.since_s[step_of], lengths_s[step_of]
+    x, y, theta, variance = (values[step_of] / n for values in (steps.x, steps.y, steps.theta, steps.variance))
+    return Steps(since_s + length_s * part / n, since_s + length_s * (part + 1) / n, x, y, theta, variance), step_of
 
 
 def _running_means(values: Floats) -> Floats:

@@ -87,6 +87,9 @@ class GroundVOConfig(PresetConfig):
     learn_flat_field: bool | None = None
     """Refined mode: learn while driving how uneven the light is; left out: when the calibration has no flat field.
     Where the light changes, each picture is brought to even light by itself."""
+    tilt_deg: float = Field(0.01, ge=0, le=10)
+    """How far the camera nods and rolls while the robot drives, standard deviation: it shifts each picture, and no
+    picture tells; 0: it is stiff [deg]."""
     use_vectors: bool = True
     """Use the vector kernels; false takes the plain ones, which give the same bits, slower."""
 
@@ -162,5 +165,8 @@ class GroundMapConfig(PresetConfig):
     confirm_m: float = Field(0.0, ge=0)
     """With an unknown start, the way over which a place must go on to fit before it is believed. 0: a robot that stands
     finds itself, and ground that is the same as the path's beside it is believed [m]."""
+    tilt_deg: float = Field(0.01, ge=0, le=10)
+    """How far the camera nods and rolls while the robot drives, standard deviation: it shifts each picture, and no
+    picture tells; 0: it is stiff [deg]."""
     use_vectors: bool = True
     """Use the vector kernels; false takes the plain ones, which give the same bits, slower."""

@@ -8,6 +8,7 @@ the audit has found nothing for a while.
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -21,8 +22,10 @@ from trailmark_ground_vo.filters import noise_level
 from trailmark_ground_vo.kernels import load_kernels
 from trailmark_ground_vo.lens_marks import LensMarkEvidence
 from trailmark_ground_vo.motion import ImageMotion
+from trailmark_ground_vo.repeats import RepeatWatch
 from trailmark_ground_vo.rest import RestWatch
 from trailmark_ground_vo.rivals import RivalSearch, stands_still
+from trailmark_ground_vo.shared_texture import TextureComparison
 from trailmark_ground_vo.tracker import RelativeTracker, TrackedMotion, TrackingFailure
 from trailmark_ground_vo.viewpoint import SearchPicture
 from trailmark_ground_vo.weak_axis import WeakAxis
@@ -47,7 +50,17 @@ _PATIENCE_FRAMES = 2
 
 _STILL = ImageMotion(0.0, 0.0, 0.0)
 
+#: Others that expect less move no more than a robot that stands [px].
+_RESTING_PX = 0.3
+#: What the same picture again says where others stand: that it stands as far as they tell, no more [1/px^2, 1/rad^2].
+_NO_MORE = np.diag([1.0 / 0.5**2, 1.0 / 0.5**2, 1.0 / 0.003**2])
+#: Least error over that of any place up to which a content that has moved before needs no comparison of its texture.
+_SURE_RATIO = 0.5
+
+_NO_TEXTURE = "no texture that moves so is seen in both pictures (lens covered, over-exposed, dark, or blank ground)"
 _FROZEN = "the same picture again, bit by bit, while others move (camera or driver frozen)"
+_ENCODED_AGAIN = "the same picture again, encoded anew, though the robot was moving (repeated frame?)"
+_REPEATED = "the same picture again, bit by bit, and nobody else tells whether the robot stands or the camera froze"
 
 
 class GroundTracker:
@@ -76,11 +89,15 @@ class GroundTracker:
         self._marks = LensMarkEvidence(size, aspect)
         self._rivals = RivalSearch(self._audit)
         self._weak_axis = WeakAxis(size, aspect)
+        self._texture = TextureComparison(size, aspect)
+        self._ground: Grey16 | None = None  # the last picture of which something was told
         self._n_doubted = 0
         self._understood: tuple[Grey8, Grey16] | None = None
         self._last: ImageMotion | None = None
+        self._moved: ImageMotion | None = None  # between the last two pictures, where it is known
+        self._repeats = RepeatWatch()
         self._n_calm = self._calm_frames = _CALM_FRAMES
-        self._counts = {"suspected": 0, "guarded": 0}
+        self._counts = {"suspected": 0, "guarded": 0, "repeated": 0}
 
     def step(
         self, image: Grey8, stamp_s: float, expected: ImageMotion | None = None
@@ -103,18 +120,42 @@ class GroundTracker:
         """
         if self._guarded is None:
             return self._plain.step(image, stamp_s)
-        before = None if self._understood is None else self._understood[0]
+        is_repeated = self._repeats.is_same(image)
+        if expected is None or math.hypot(expected.u, expected.v) > _RESTING_PX:
+            is_encoded_again = not is_repeated and self._repeats.is_encoded_again(image, self._moved)
+            if is_repeated or is_encoded_again:
+                # no step: the next picture that is another one is compared with this one, and its motion begins here
+                self._repeats.keep(image)
+                self._counts["repeated"] += 1
+                bit_by_bit = _REPEATED if expected is None else _FROZEN
+                return TrackingFailure(_ENCODED_AGAIN if is_encoded_again else bit_by_bit, {})
+        self._repeats.keep(image)
+        before, self._moved = self._understood, None
         said = self._step_plain(image, stamp_s) if self._active is self._plain else self._step_guarded(image, stamp_s)
         if self._active.has_begun_anew:
-            self._rest.begin(self._last)
+            self._rest.begin(was_told=self._ground is not None)
         if not isinstance(said, TrackedMotion):
             return said
         self._last = said.motion
-        stands = self._rest.is_contradicted(said.motion, expected)
-        is_frozen = stands and before is not None and np.array_equal(image, before)
-        reason = _FROZEN if is_frozen else self._rest.reason_doubted(said.motion, expected)
-        self._rest.add(said.motion)
-        return TrackingFailure(reason, said.details) if reason else said
+        if self._rest.lacks_evidence and before is not None:
+            self._look_for_ground(before[1], said.motion)
+        else:
+            self._rest.add(said.motion)
+        reason = self._rest.reason_doubted(said.motion, expected)
+        if reason:
+            return TrackingFailure(reason, said.details)
+        self._moved, self._ground = said.motion, None if self._understood is None else self._understood[1]
+        return replace(said, information=_NO_MORE) if is_repeated else said
+
+    def _look_for_ground(self, before: Grey16, motion: ImageMotion) -> None:
+        """Recognise ground by its texture, after a loss by that of the ground before it or by moving."""
+        assert self._understood is not None
+        now = self._understood[1]
+        is_in_focus = self._texture.is_in_focus(before, now, motion)
+        self._rest.add(motion, is_in_focus=is_in_focus)
+        known = self._ground
+        if is_in_focus if known is None else self._texture.compare(known, now, _STILL).is_there:
+            self._rest.recognise()
 
     @property
     def since_s(self) -> float | None:
@@ -127,6 +168,7 @@ class GroundTracker:
 
     def refresh(self, image: Grey8) -> None:
         """Choose all pixels anew, in the picture of the last step with another flat field."""
+        self._repeats.keep(image)
         self._plain.refresh(image)
         self._understood = (image, self._smoothed_reference(self._plain))
 
@@ -145,6 +187,8 @@ class GroundTracker:
         if isinstance(said, TrackedMotion):
             now = self._smoothed_reference(self._plain)
             reason = self._audit.audit(before[1], now, said.motion).reason_suspected(self._noise(image))
+            if not reason and not (self._rest.has_moved and said.details["error_ratio"] <= _SURE_RATIO):
+                reason = "" if self._texture.compare(before[1], now, said.motion).is_there else _NO_TEXTURE
             if not reason:
                 self._understood, self._n_calm = (image, now), self._n_calm + 1
                 return said
@@ -168,6 +212,11 @@ class GroundTracker:
         self._counts["guarded"] += 1
         reference, previous = guarded.reference, guarded.latest
         said = guarded.step(image, stamp_s)
+        if reference is not None and isinstance(said, TrackedMotion) and not self._is_shared(reference, said.motion):
+            guarded.resume(image, stamp_s, 0.0, None)
+            self._rest.begin(was_told=self._ground is not None)
+            self._understood, self._n_calm = (image, self._smooth(image)), 0
+            return TrackingFailure(_NO_TEXTURE, said.details)
         if reference is not None and previous is not None:
             said = self._credible(said, reference, previous)
             self._ignore_marks(image, stamp_s, said)
@@ -206,22 +255,38 @@ class GroundTracker:
                 unexplained = max(1.0, spread / (_USUAL_SPREAD * noise))
                 return replace(said, information=self._widened(reference, now, said) / unexplained)
             otherwise = "" if rival is None else f", but by {rival.u:.0f}, {rival.v:.0f} px"
+            seen = (
+                "marks lie on all that both pictures show"
+                if spread == math.inf
+                else f"differences of {spread:.1f} grey levels"
+            )
             said = TrackingFailure(
-                f"most of the picture does not move as its marks do{otherwise}: differences of {spread:.1f} grey levels"
-                f" with noise of {noise:.1f} (dirt on the lens, reflections?)",
+                f"most of the picture does not move as its marks do{otherwise}: {seen} with noise of {noise:.1f}"
+                " (dirt on the lens, reflections?)",
                 said.details,
             )
             self._n_doubted += 1
         if rival is not None:
             self._learn_marks(reference, now, rival, sigma)
-        elif self._spread(previous, now, _STILL) > _MOST_SPREAD * noise:
+        elif _MOST_SPREAD * noise < self._spread(previous, now, _STILL) < math.inf:
             self._learn_marks(previous, now, None, sigma)
         return said
+
+    def _is_shared(self, before: SearchPicture, motion: ImageMotion) -> bool:
+        """Return whether the last picture, cleaned, shows the texture of the one before where a motion says so."""
+        assert self._guarded is not None
+        now = self._guarded.latest
+        assert now is not None
+        assert now.smoothed is not None
+        assert before.smoothed is not None
+        return self._texture.compare(before.smoothed, now.smoothed, motion).is_there
 
     def _is_explained(self, before: SearchPicture, now: SearchPicture, motion: ImageMotion, by_noise: float) -> bool:
         """Return whether noise explains what a motion leaves, or a wrong one elsewhere leaves more."""
         spread = self._spread(before, now, motion)
         elsewhere = replace(motion, u=motion.u + _ELSEWHERE_PX, v=motion.v + _ELSEWHERE_PX)
+        if spread == math.inf:
+            return False  # marks lie on all that both pictures show
         return spread <= by_noise or spread <= _MOST_OF_ELSEWHERE * self._spread(before, now, elsewhere)
 
     def _widened(self, before: SearchPicture, now: SearchPicture, said: TrackedMotion) -> Floats:
@@ -250,6 +315,7 @@ class GroundTracker:
             self._guarded.ignore(weights)
             self._audit.ignore(closed)
             self._weak_axis.ignore(closed)
+            self._texture.ignore(closed)
         if self._n_doubted and (weights is not None or self._n_doubted > _PATIENCE_FRAMES):
             self._n_doubted = 0
             self._guarded.resume(image, stamp_s, 0.0, None)

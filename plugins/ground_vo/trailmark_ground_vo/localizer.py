@@ -15,7 +15,9 @@ from trailmark_ground_vo.config import GroundVOConfig
 from trailmark_ground_vo.guarding import GroundTracker
 from trailmark_ground_vo.motion import ImageMotion, ground_information, pose_prev_now
 from trailmark_ground_vo.picture import PictureReader, camera_of, ground_plane
+from trailmark_ground_vo.systematic import CameraErrors, motion_systematic
 from trailmark_ground_vo.tracker import TrackedMotion, TrackingFailure
+from trailmark_ground_vo.uncertainty import with_scatter
 
 __all__ = ["GroundVO"]
 
@@ -65,6 +67,7 @@ class GroundVO(Localizer):
             return ()
         image = self._reader.read(frame)
         if self._tracker is None:
+            self._width_px = image.shape[1]
             self._tracker = self._new_tracker((image.shape[1], image.shape[0]))
         step = self._tracker.step(image, frame.stamp_s, self._expect_motion(belief))
         if step is None:
@@ -113,11 +116,15 @@ class GroundVO(Localizer):
         tracker = self._new_tracker(size)
         noise = np.random.default_rng(0).integers(0, 256, (size[1], size[0]), np.uint8)
         for stamp_s in range(3):
-            tracker.step(noise, float(stamp_s))
+            noise[0, 0] += 1  # another picture
+            tracker.step(noise.copy(), float(stamp_s))
 
     def _motion(self, step: TrackedMotion, stamp_s: float) -> Motion:
         camera = pose_prev_now(step.motion, self._scale)
-        information = ground_information(step.information, camera, self._scale, self._mounting)
+        errors = CameraErrors(self._width_px, self._scale, math.radians(self.config.tilt_deg), self._reader.unevenness)
+        lasting = motion_systematic(step.motion, stamp_s - step.since_s, errors)
+        widened = with_scatter(step.information, lasting)
+        information = ground_information(widened, camera, self._scale, self._mounting)
         pose = self._mounting @ camera @ self._mounting_inverse
         return Motion(step.since_s, stamp_s, pose, information, step.details)
 

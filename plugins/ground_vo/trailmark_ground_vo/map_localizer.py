@@ -20,6 +20,8 @@ from trailmark_ground_vo.motion import ImageMotion, ground_information, pose_pre
 from trailmark_ground_vo.patch import PatchFinder, PatchMatch, PatchView
 from trailmark_ground_vo.picture import PictureReader, camera_of, ground_plane
 from trailmark_ground_vo.start_search import Guess, GuessVerdict, StartSearch
+from trailmark_ground_vo.systematic import nod_covariance
+from trailmark_ground_vo.uncertainty import with_scatter
 
 __all__ = ["GroundMap"]
 
@@ -233,7 +235,10 @@ class GroundMap(Localizer):
         assert self._places is not None
         motion = pose_prev_now(found.motion, self._scale)
         pose = self._places.cameras[place] @ motion @ self._mounting_inverse
-        information = ground_information(found.information, motion, self._scale, self._mounting)
+        aspect = self._scale[1] / self._scale[0]
+        nods = nod_covariance(math.radians(self.config.tilt_deg), self._width_px, aspect)
+        widened = with_scatter(found.information, 2.0 * nods)  # then and now
+        information = ground_information(widened, motion, self._scale, self._mounting)
         # of the motion of base since the patch was registered, in the axes of base then: turn to those of the map
         heading = self._places.cameras[place].theta - self._mounting.theta
         turn = Pose2(0.0, 0.0, heading).matrix()
@@ -250,6 +255,7 @@ class GroundMap(Localizer):
         return self._finder
 
     def _new_finder(self, size: tuple[int, int]) -> PatchFinder:
+        self._width_px = size[0]
         return PatchFinder(self.config, size, self._scale[1] / self._scale[0])
 
     def _warm_up(self, size: tuple[int, int]) -> None:

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from trailmark.arrays import Float32s, Grey8, Grey16
 from trailmark.config import UNNAMED
-from trailmark.errors import ConfigError, ShapeError
+from trailmark.errors import ConfigError, SensorMismatchError, ShapeError
 from trailmark.frames import Frame, GroundPlane, Image, SensorInfo
 from trailmark.interfaces import Session
 from trailmark_ground_vo.filters import GAIN_ONE, flatten
@@ -29,7 +29,7 @@ def camera_of(session: Session, name: str) -> SensorInfo:
     if name == UNNAMED and len(cameras) == 1:
         return next(iter(cameras.values()))
     known = ", ".join(cameras) or "none"
-    raise ConfigError(f"localizer {session.name!r}: no camera {name!r} of kind image; there are: {known}")
+    raise SensorMismatchError(f"localizer {session.name!r}: no camera {name!r} of kind image; there are: {known}")
 
 
 def ground_plane(sensor: SensorInfo) -> GroundPlane:
@@ -43,13 +43,13 @@ def ground_plane(sensor: SensorInfo) -> GroundPlane:
     calibration = sensor.calibration
     if not isinstance(calibration, GroundPlane):
         found = "no calibration" if calibration is None else f"the calibration of a {type(calibration).__name__}"
-        raise ConfigError(
+        raise SensorMismatchError(
             f"sensor {sensor.name!r} has {found}, but a ground camera needs its scale: add"
             " `calibration: {metres_per_pixel: 3.9e-4}` or measure it with `trailmark calibrate ground`"
         )
     mounting = sensor.pose_base_sensor
     if abs(mounting.roll) > 1e-9 or abs(mounting.pitch) > 1e-9:
-        raise ConfigError(
+        raise SensorMismatchError(
             f"sensor {sensor.name!r} is mounted with roll {mounting.roll:g} and pitch {mounting.pitch:g} rad, but a"
             " ground camera is level: its x axis lies along u of the picture, its y axis along -v; give x, y and yaw"
         )
@@ -77,6 +77,7 @@ class PictureReader:
         self._lens = plane.lens if plane.lens is not None and any(plane.lens.distortion) else None
         self._gain = None if plane.flat_field is None else _gain(plane.flat_field)
         self._learned_gain: Grey16 | None = None
+        self.unevenness = 0.0  # of the light that was learned: standard deviation, as a share of it
         self._kind: tuple[tuple[int, ...], np.dtype[np.generic]] | None = None
         self._shift_bits = 0
         self._maps: tuple[npt.NDArray[np.int16], Grey16] | None = None
@@ -117,6 +118,7 @@ class PictureReader:
     def learn(self, flat_field: Float32s) -> None:
         """Correct with this flat field from now on, beside that of the calibration."""
         self._learned_gain = _gain(flat_field)
+        self.unevenness = float(np.std(flat_field))
 
     def _begin(self, pixels: npt.NDArray[np.generic]) -> None:
         height, width = pixels.shape[:2]

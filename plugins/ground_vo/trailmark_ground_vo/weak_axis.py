@@ -16,11 +16,9 @@ import numpy as np
 from trailmark.arrays import Bools, Float32s, Floats, Grey16, Int64s
 from trailmark.kernels import float_kernel
 from trailmark_ground_vo.motion import ImageMotion
+from trailmark_ground_vo.regular_grid import N_SIDE, regular_grid
 
 __all__ = ["WeakAxis", "mean_square_within"]
-
-#: Distance of the pixels that are compared, their distance from the rim [px], and parts of the picture along each side.
-_STEP_PX, _RIM_PX, _N_SIDE = 10, 4, 4
 
 #: Axes that are followed, the weakest first.
 _N_AXES = 1
@@ -51,11 +49,7 @@ class WeakAxis:
     """
 
     def __init__(self, size: tuple[int, int], aspect: float) -> None:
-        u, v = np.meshgrid(*(np.arange(_RIM_PX, side - _RIM_PX, _STEP_PX) for side in size))
-        self._grid = np.array([u.ravel(), v.ravel()], np.float32)
-        columns, rows = (grid.ravel() * _N_SIDE // side for grid, side in zip((u, v), size))
-        self._parts = np.asarray(rows * _N_SIDE + columns, np.int64)
-        self._centre = ((size[0] - 1) / 2.0, (size[1] - 1) / 2.0)
+        self._grid = regular_grid(size)
         self._aspect = aspect
         # a turn counts by how far it moves what lies halfway to the shorter edge
         self._units = np.array([1.0, 1.0, 4.0 / min(size)])
@@ -112,8 +106,8 @@ class WeakAxis:
 
     def _costs(self, before: Grey16, now: Grey16, motion: ImageMotion, clip: float) -> Floats:
         moved = (motion.u, motion.v, motion.turn_rad)
-        pixels = (self._grid, self._parts, self._closed)
-        return _sums_of_parts(before, now, pixels, self._centre, moved, self._aspect, clip)
+        pixels = (self._grid.places, self._grid.parts, self._closed)
+        return _sums_of_parts(before, now, pixels, self._grid.centre, moved, self._aspect, clip)
 
 
 def mean_square_within(below: float, above: float) -> float:
@@ -150,7 +144,7 @@ def _sums_of_parts(
     from_x, from_y = np.float32(centre[0]), np.float32(centre[1])
     to_x, to_y = np.float32(centre[0] + motion[0]), np.float32(centre[1] + motion[1])
     last_x, last_y, one, most = np.float32(width - 2), np.float32(height - 2), np.float32(1.0), np.float32(clip)
-    out = np.zeros((_N_SIDE * _N_SIDE, 2), np.float64)
+    out = np.zeros((N_SIDE * N_SIDE, 2), np.float64)
     for k in range(grid.shape[1]):
         dx, dy = grid[0, k] - from_x, grid[1, k] - from_y
         x, y = cos * dx + across * dy + to_x, cos * dy - down * dx + to_y

@@ -4,21 +4,24 @@ from __future__ import annotations
 
 from typing import ClassVar, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
-from trailmark.config import OutputPath, PresetConfig, PresetValue, Sensor
+from trailmark.config import OutputPath, PluginConfig, PresetConfig, PresetValue, Sensor
 
-__all__ = ["FINDER_NAMES", "CropConfig", "KinectFlowConfig", "KinectLandmarksConfig", "RgbdConfig"]
+__all__ = ["FEW", "FINDER_NAMES", "CropConfig", "KinectFlowConfig", "KinectLandmarksConfig", "RgbdConfig"]
 
 FinderName = Literal["blobs", "rectangles", "edges", "ellipses", "lines", "flats", "mser", "hough_circles"]
 #: All that `finders` may name.
 FINDER_NAMES: tuple[FinderName, ...] = get_args(FinderName)
 
+#: With fewer landmarks that are wanted, it matters which.
+FEW = 12
+#: Landmarks that are followed beside the few, so that one that is lost is replaced by one that is known.
+_CANDIDATES = 20
 
-class CropConfig(BaseModel):
+
+class CropConfig(PluginConfig):
     """Lines of the colour picture that the depth camera does not see."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
     left: int = Field(0, ge=0)
     """Columns at the left [px]."""
@@ -100,6 +103,8 @@ class KinectLandmarksConfig(RgbdConfig):
             "adapt": PresetValue(True, "fuzzy choice, smaller pictures when slow"),
             "landmarks": PresetValue(3, "two landmarks and one in reserve"),
             "trial": PresetValue(1, "not in the paper"),
+            "min_agreeing": PresetValue(2, "two landmarks are enough"),
+            "place_alike": PresetValue(0.0, "not in the paper"),
             "moved_after": PresetValue(1_000_000, "not in the paper: moving landmarks are an error"),
         }
     }
@@ -124,6 +129,12 @@ class KinectLandmarksConfig(RgbdConfig):
     """Landmarks wanted in each picture, reserve included."""
     alike: float = Field(0.75, gt=0.0, le=1.0)
     """How alike a landmark must look to be taken for a remembered one, 0 to 1."""
+    min_agreeing: int = Field(12, ge=2)
+    """So many taught landmarks must agree on the first pose in a taught place: some look alike anywhere. A start pose
+    that was told (`solve: plane`) is not doubted."""
+    place_alike: float = Field(0.62, ge=0.0, le=1.0)
+    """So alike must the taught landmarks look, in the mean, that should be seen from that first pose: where other
+    posters hang, this is another room of the same plan. 0: not asked."""
     search_px: float = Field(40.0, gt=0.0)
     """How far from where it should be a landmark is looked for [px]."""
     trial: int = Field(3, ge=1)
@@ -139,6 +150,20 @@ class KinectLandmarksConfig(RgbdConfig):
 
     debug_images: OutputPath | None = None
     """Folder for the paper's six stage pictures (Figures 5-10) of every picture; slow."""
+
+    @property
+    def n_followed(self) -> int:
+        """Number of landmarks that are followed from picture to picture."""
+        return self.landmarks if self.landmarks >= FEW else self.landmarks + _CANDIDATES
+
+    @model_validator(mode="after")
+    def _follows_as_many_as_must_agree(self) -> KinectLandmarksConfig:
+        if self.min_agreeing > self.n_followed:
+            raise ValueError(
+                f"min_agreeing ({self.min_agreeing}) must be at most {self.n_followed}, the number of landmarks that "
+                f"are followed with landmarks ({self.landmarks})"
+            )
+        return self
 
 
 class KinectFlowConfig(RgbdConfig):

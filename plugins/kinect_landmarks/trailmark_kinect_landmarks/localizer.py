@@ -27,6 +27,7 @@ from trailmark_kinect_landmarks.eye import LandmarkDetector, PreparedImage
 from trailmark_kinect_landmarks.fuzzy import SearchPlan
 from trailmark_kinect_landmarks.memory import Anchor, LandmarkMemory, MemoryLimits
 from trailmark_kinect_landmarks.paper_numbers import paper_numbers
+from trailmark_kinect_landmarks.place_likeness import place_likeness
 from trailmark_kinect_landmarks.registration import Registration
 from trailmark_kinect_landmarks.stages import StagePictures
 from trailmark_kinect_landmarks.systematic import motion_systematic, systematic_covariance
@@ -98,6 +99,10 @@ class KinectLandmarks(Localizer):
         if isinstance(solved, Refusal):
             self._effort.note_picture(picture, plan, len(again), 0)
             return [self._report_lost(stamp_s, solved.reason, again, others, belief)]
+        doubt = self._doubt(solved, again, picture)
+        if doubt:
+            self._effort.note_picture(picture, plan, len(again), 0)
+            return [self._report_lost(stamp_s, doubt, again, others, belief)]
         self._effort.note_picture(picture, plan, len(again) + len(others), len(solved.agreeing))
         rows = self._tracker.learn(solved, again, others)
         self._remember(stamp_s, belief, solved.T_map_base, rows)
@@ -191,6 +196,22 @@ class KinectLandmarks(Localizer):
         if last is None or (np.isfinite(last[0]) and stamp_s - last[0] > self.config.restart_s):
             return None
         return self._expectation.motion(stamp_s, 2 if self.config.solve == "plane" else 3)
+
+    def _doubt(self, solved: Solved, again: TrackedLandmarks, picture: PreparedImage) -> str:
+        """Return why a pose is not believed to be in the taught place; nothing where one is expected: last, or told."""
+        needed = self.config.min_agreeing
+        if not self._memory.is_taught.any() or self._expectation.last is not None:
+            return ""
+        n = self._tracker.n_taught(solved, again)
+        if n < needed:
+            return f"{n} taught landmarks agree on a place, {needed} are needed: it may be another"
+        likeness, asked = (
+            place_likeness(self._memory, self._camera, picture, solved.T_map_base),
+            self.config.place_alike,
+        )
+        if likeness is not None and likeness < asked:
+            return f"what should be seen there looks alike to {likeness:.2f}, not {asked:.2f}: it may be another place"
+        return ""
 
     def _report_lost(
         self, stamp_s: float, reason: str, again: TrackedLandmarks, others: TrackedLandmarks, belief: Belief

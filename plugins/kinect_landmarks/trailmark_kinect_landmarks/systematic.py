@@ -14,6 +14,7 @@ import numpy as np
 
 from trailmark.arrays import Floats
 from trailmark.geometry import Pose2
+from trailmark.systematic import motions_in_stretch
 from trailmark_kinect_landmarks.registration import State
 
 __all__ = ["Rates", "TravelledWay", "depth_share", "motion_systematic", "systematic_covariance"]
@@ -27,7 +28,6 @@ _LENS_SHARE = 0.007
 _OPPOSED = 0.15
 #: Colour and depth are shuttered apart, and the stamp is that of one of them [s].
 _STAMP_SIGMA_S = 0.007
-_MOST_MOTIONS = 100.0  # in a metre: who creeps is not made ever less sure
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,9 +95,7 @@ def systematic_covariance(share: float, drift: TravelledWay, rates: Rates | None
 def motion_systematic(share: float, step: Pose2, dt_s: float, depth_m: float) -> Floats:
     """Return the covariance (3, 3) that a single motion needs so that a second and a metre of them are honest.
 
-    An estimator that adds up n motions takes their errors for independent and gets sqrt(n) times one of them; a
-    systematic error is n times as large. So the sigma of one is sqrt(n) times its own, n being the motions in a second
-    or in a metre, whichever is more.
+    It is that of the motion, raised as `trailmark.systematic.motions_in_stretch` says.
 
     Parameters
     ----------
@@ -116,5 +114,6 @@ def motion_systematic(share: float, step: Pose2, dt_s: float, depth_m: float) ->
         Covariance of (x, y, theta) to be added.
     """
     way_m = math.hypot(step.x, step.y)
-    n = max(1.0, 1.0 / max(dt_s, 1e-3), min(1.0 / max(way_m, 1e-3), _MOST_MOTIONS))
-    return n * systematic_covariance(share, TravelledWay(way_m, abs(step.theta), depth_m), None)
+    return motions_in_stretch(way_m, dt_s) * systematic_covariance(
+        share, TravelledWay(way_m, abs(step.theta), depth_m), None
+    )

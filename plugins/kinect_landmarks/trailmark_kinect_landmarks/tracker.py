@@ -18,7 +18,7 @@ from trailmark_kinect_landmarks.alignment import (
     reachable,
 )
 from trailmark_kinect_landmarks.camera import LandmarkCamera
-from trailmark_kinect_landmarks.config import KinectLandmarksConfig
+from trailmark_kinect_landmarks.config import FEW, KinectLandmarksConfig
 from trailmark_kinect_landmarks.expectation import Expected
 from trailmark_kinect_landmarks.eye import LandmarkDetector, PreparedImage
 from trailmark_kinect_landmarks.fuzzy import SearchPlan
@@ -42,8 +42,6 @@ Rows = npt.NDArray[np.intp]
 
 _STILL_ALIKE = 0.35  # a followed landmark that looks less like itself has slid off
 _ENOUGH = 12  # landmarks that agree, so that those on trial need not be asked
-_FEW = 12  # with fewer that are wanted, it matters which
-_CANDIDATES = 20  # that are followed beside the few, so that one that is lost is replaced by one that is known
 _SUPPORT = 0.7  # of the candidates that must agree with the pose of the few
 _GATE = 16.3  # chi-square of three numbers, 99.9 %
 _MODEL_SIGMA_M = 0.004  # what calibration and rounding of depth add to every point
@@ -134,7 +132,7 @@ class Tracker:
         if numbers is not None:
             self._followed = numbers[self._followed[0]], self._followed[1]
         again = self._follow(picture, plan, T_map_base)
-        wanted = max(self._n_followed - len(again), self._n_followed // 3)
+        wanted = max(self._config.n_followed - len(again), self._config.n_followed // 3)
         found = self._eye.find(picture, plan, again.seen.uv, wanted)
         pairs = self._recognise(found, again.rows, picture, plan, T_map_base)
         others = np.setdiff1d(np.arange(len(found)), pairs[:, 0])
@@ -146,7 +144,7 @@ class Tracker:
 
     def solve(self, again: TrackedLandmarks, expected: Expected | None) -> Solved | Refusal:
         """Return the pose that the landmarks agree on: of those that may vote; where few do, of those on trial too."""
-        if self._config.landmarks < _FEW:
+        if self._config.landmarks < FEW:
             return self._solve_by_few(again, expected)
         able = np.asarray(~self._memory.is_moved[again.rows])
         voting = self._memory.votes(again.rows)
@@ -191,6 +189,11 @@ class Tracker:
         misses, cov = self._misses(solved, among)
         return float(self._agree(misses, cov).mean())
 
+    def n_taught(self, solved: Solved, among: TrackedLandmarks) -> int:
+        """Return how many landmarks of a taught place stand where a pose says."""
+        taught = among.pick(np.asarray(self._memory.is_taught[among.rows] & ~self._memory.is_moved[among.rows]))
+        return int(self._agree(*self._misses(solved, taught)).sum()) if len(taught) else 0
+
     def _misses(self, solved: Solved, sighting: TrackedLandmarks) -> tuple[Array, Array]:
         R, t = solved.T_map_base[:3, :3], solved.T_map_base[:3, 3]
         points = sighting.seen.points_base @ R.T + t
@@ -220,11 +223,6 @@ class Tracker:
             total = total + information[chosen[-1]]
         return np.array(sorted(chosen), dtype=np.intp)
 
-    @property
-    def _n_followed(self) -> int:
-        wanted = self._config.landmarks
-        return wanted if wanted >= _FEW else wanted + _CANDIDATES
-
     def learn(self, solved: Solved, again: TrackedLandmarks, others: TrackedLandmarks) -> Rows:
         """Refine what agrees, count what does not, remember what is new; returns the rows that passed their trial."""
         misses, spread = self._misses(solved, again)
@@ -236,7 +234,7 @@ class Tracker:
         passed: Rows = agreeing[self._memory.n_seen[agreeing] == self._memory.limits.trial]
         rows, uv = self._followed
         stays = ~np.isin(rows, again.rows[~agrees])
-        room = max(0, self._n_followed - int(agrees.sum()))
+        room = max(0, self._config.n_followed - int(agrees.sum()))
         new = others.seen.rows(np.arange(min(room, len(others))))
         new_rows = self._memory.add(new, Anchor(solved.T_map_base, solved.covariance, solved.drift), is_trusted=False)
         self._keep(rows[stays], uv[stays], new_rows, new.uv)

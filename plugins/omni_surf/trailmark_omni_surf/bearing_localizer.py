@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,11 +17,31 @@ from trailmark_omni_surf.features import FeatureExtractor
 from trailmark_omni_surf.flows import NOTHING, FlowOptions, FlowResult, by_detection, by_tracking
 from trailmark_omni_surf.landmark_map import LandmarkMap
 from trailmark_omni_surf.pixel_bearings import PixelBearings
+from trailmark_omni_surf.taught_views import TaughtViews, unwrapped_view
 
 __all__ = ["BearingLocalizer"]
 
 _SAME_PLACE_M, _SAME_PLACE_RAD = 0.5, math.radians(15.0)
+_N_LOOKS = 4  # pictures whose fit counts, the last ones
 _ENOUGH_SHARE = 0.6  # a refresh that finds fewer of the tracked landmarks than this is not taken
+
+
+@dataclass(frozen=True, slots=True)
+class _UnsurePlace:
+    """A place that was not expected, and how well each picture so far fits it; NaN where that is not known."""
+
+    pose_map_camera: Pose2
+    pose_odom_base: Pose2
+    shares: tuple[float, ...]
+
+    def doubt(self, n_needed: int, place_fit: float) -> str:
+        """Return why it is not told yet, or nothing."""
+        if len(self.shares) < n_needed:
+            return "looking again to make sure"
+        known = [share for share in self.shares[-_N_LOOKS:] if not math.isnan(share)]
+        if known and float(np.mean(known)) < place_fit:
+            return f"it fits what was taught there by {np.mean(known):.1%} of what it could, {place_fit:.1%} are asked"
+        return ""
 
 
 class BearingLocalizer:
@@ -32,6 +53,8 @@ class BearingLocalizer:
         The localizer's options.
     landmarks : LandmarkMap
         The taught landmarks; not empty.
+    views : TaughtViews
+        What was seen along the taught way.
     extract : FeatureExtractor
         Finds the features of a picture.
     pose_base_camera : Pose2
@@ -39,16 +62,23 @@ class BearingLocalizer:
     """
 
     def __init__(
-        self, config: OmniSurfConfig, landmarks: LandmarkMap, *, extract: FeatureExtractor, pose_base_camera: Pose2
+        self,
+        config: OmniSurfConfig,
+        landmarks: LandmarkMap,
+        views: TaughtViews,
+        *,
+        extract: FeatureExtractor,
+        pose_base_camera: Pose2,
     ) -> None:
         self._config = config
+        self._views = views
         self._landmarks = landmarks
         self._extract = extract
         self._pose_base_camera = pose_base_camera
         self._pose_camera_base = pose_base_camera.inverse()
         self._options = _flow_options(config)
         self._counters = {"main_flow": 0, "sub_flow": 0, "landmarks_removed": 0}
-        self._pending: tuple[Pose2, Pose2, int] | None = None
+        self._unsure: _UnsurePlace | None = None
         self._image: Grey8 | None = None
         self._finding = NOTHING
         self._n_tracked = 0
@@ -70,28 +100,35 @@ class BearingLocalizer:
                 finding, is_tracked = detected, False
         if finding.fix is None:
             self.forget()
-            self._pending = None
+            self._unsure = None
             return Lost(stamp_s, finding.reason, {"landmarks": float(finding.n_seen)})
-        if not self._is_sure(finding.fix.pose_map_base, start, belief.pose_odom_base):
-            self.forget()
-            reason = f"{len(finding.uv)} landmarks agree on a place: looking again to make sure"
-            return Lost(stamp_s, reason, {"landmarks": float(finding.n_seen)})
+        pose_map_camera = finding.fix.pose_map_base  # `locate` speaks of the camera
+        if start is not None and _is_near(start, pose_map_camera):
+            self._unsure = None
+        else:
+            doubt = self._doubt(pose_map_camera, image, camera, belief)
+            if doubt:
+                self.forget()
+                reason = f"{len(finding.uv)} landmarks agree on a place: {doubt}"
+                return Lost(stamp_s, reason, {"landmarks": float(finding.n_seen)})
         self._image, self._finding = image, finding
         return self._answer(stamp_s, finding, finding.fix, belief, is_tracked)
 
-    def _is_sure(self, pose_map_camera: Pose2, start: Pose2 | None, pose_odom_base: Pose2) -> bool:
-        """Return whether a pose is where it was expected, or was found in enough pictures in a row."""
-        if start is not None and _is_near(start, pose_map_camera):
-            self._pending = None
-            return True
-        n_seen = 1
-        if self._pending is not None:
-            pose_before, odom_before, n_before = self._pending
-            moved = self._pose_camera_base @ odom_before.between(pose_odom_base) @ self._pose_base_camera
-            if _is_near(pose_before @ moved, pose_map_camera):
-                n_seen = n_before + 1
-        self._pending = (pose_map_camera, pose_odom_base, n_seen)
-        return n_seen >= self._config.confirm_pictures
+    def _doubt(self, pose_map_camera: Pose2, image: Grey8, camera: PixelBearings, belief: Belief) -> str:
+        """Return why a pose that was not expected is not believed; nothing after enough pictures that fit it."""
+        shares: tuple[float, ...] = ()
+        if self._unsure is not None:
+            step = self._unsure.pose_odom_base.between(belief.pose_odom_base)
+            moved = self._pose_camera_base @ step @ self._pose_base_camera
+            if _is_near(self._unsure.pose_map_camera @ moved, pose_map_camera):
+                shares = self._unsure.shares
+        is_told = belief.pose_map_base is not None and _is_near(
+            belief.pose_map_base @ self._pose_base_camera, pose_map_camera
+        )
+        is_asked = self._config.place_fit > 0.0 and not is_told
+        share = self._views.share(pose_map_camera, unwrapped_view(image, camera)) if is_asked else math.nan
+        self._unsure = _UnsurePlace(pose_map_camera, belief.pose_odom_base, (*shares, share))
+        return self._unsure.doubt(self._config.confirm_pictures, self._config.place_fit)
 
     def _track(self, image: Grey8, camera: PixelBearings, start: Pose2 | None) -> FlowResult:
         """Main flow, where it can be gone."""
@@ -126,7 +163,7 @@ class BearingLocalizer:
         return pose_map_base @ pose_odom_base.between(belief.pose_odom_base) @ self._pose_base_camera
 
     def _answer(self, stamp_s: float, finding: FlowResult, fix: BearingFix, belief: Belief, is_tracked: bool) -> Fix:
-        pose_map_base = fix.pose_map_base @ self._pose_camera_base  # `locate` speaks of the camera
+        pose_map_base = fix.pose_map_base @ self._pose_camera_base
         self._last_pose = (pose_map_base, belief.pose_odom_base)
         details = {
             "landmarks": float(finding.n_seen),

@@ -123,6 +123,13 @@ class BearingCamera:
         """Return the distance of every pixel from the image centre, (N,) [px]."""
         return np.hypot(uv[:, 0] - self.centre_u, uv[:, 1] - self.centre_v)
 
+    def pixels(self, bearings: Array, shares: Array) -> Array:
+        """Return the pixels under bearings [rad], (N, 2); shares run from the inner rim, 0, to the outer, 1."""
+        inner, outer = self.radius_inner_px + 2.0, self.radius_outer_px - 2.0
+        distances, directions = inner + shares * (outer - inner), self.forward_rad + self.sign * bearings
+        offsets = distances * np.stack([np.cos(directions), np.sin(directions)])
+        return np.asarray(offsets.T + np.array([self.centre_u, self.centre_v]))
+
     def is_inside(self, uv: Array, margin_px: float = 4.0) -> npt.NDArray[np.bool_]:
         """Return which pixels lie in the ring and at least a margin from its rims."""
         distances = self.distances(uv)

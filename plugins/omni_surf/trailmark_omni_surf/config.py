@@ -30,6 +30,7 @@ class OmniSurfConfig(PresetConfig):
             "max_rival_share": PresetValue(1.0, "not in the paper"),
             "min_agreeing_share": PresetValue(0.0, "not in the paper"),
             "confirm_pictures": PresetValue(1, "not in the paper"),
+            "place_fit": PresetValue(0.0, "not in the paper"),
             "max_gap_deg": PresetValue(360.0, "not in the paper"),
         }
     }
@@ -80,6 +81,10 @@ class OmniSurfConfig(PresetConfig):
     """And this share of the recognised landmarks. (Not in the paper.)"""
     confirm_pictures: int = Field(2, ge=1)
     """A place that was not expected is told when so many pictures in a row have found it. (Not in the paper.)"""
+    place_fit: float = Field(0.935, ge=0, le=1)
+    """A place that was not expected must look as it was taught, up to 0.5 m beside the way: areas of the picture fit by
+    this share of what neighbouring taught pictures fit each other. Landmarks alone believe in another building of the
+    same plan. 0: not asked. (Not in the paper.)"""
     max_gap_deg: float = Field(200.0, gt=0, le=360)
     """Widest angle around it without a landmark that agrees: one board alone may be another board. (Not in the
     paper.) [deg]"""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from trailmark.errors import ConfigError, ShapeError
+from trailmark.errors import ConfigError, SensorMismatchError, ShapeError
 from trailmark.estimates import Belief, Estimate, Lost
 from trailmark.frames import Frame, Image, Omni
 from trailmark.interfaces import Localizer, LocalizerMap, Session
@@ -15,6 +15,7 @@ from trailmark_omni_surf.features import create_features, grey_of
 from trailmark_omni_surf.landmark_map import LandmarkMap
 from trailmark_omni_surf.map_builder import LANDMARKS, MapBuilder
 from trailmark_omni_surf.panorama import PanoramaFinder
+from trailmark_omni_surf.taught_views import TaughtViews
 from trailmark_omni_surf.warm_up import warm_up
 
 __all__ = ["OmniSurf"]
@@ -40,7 +41,7 @@ class OmniSurf(Localizer):
         """
         config, sensor = self.config, session.sensors[self.config.camera]
         if not isinstance(sensor.calibration, Omni | None):
-            raise ConfigError(
+            raise SensorMismatchError(
                 f"omni_surf takes an omnidirectional camera, but {sensor.name!r} is calibrated as "
                 f"{type(sensor.calibration).__name__}; give it the keys of Omni: turns, forward_deg, or none"
             )
@@ -57,8 +58,9 @@ class OmniSurf(Localizer):
         self._bearing_localizer: BearingLocalizer | None = None
         landmarks = None if self._is_teaching else _load_landmarks(session.map, config.features)
         if landmarks is not None and len(landmarks):
+            views = TaughtViews.of(session.map.keyframes() if session.map is not None and config.place_fit > 0 else ())
             self._bearing_localizer = BearingLocalizer(
-                config, landmarks, extract=extract, pose_base_camera=pose_base_camera
+                config, landmarks, views, extract=extract, pose_base_camera=pose_base_camera
             )
 
     def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:

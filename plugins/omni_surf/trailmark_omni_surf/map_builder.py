@@ -17,6 +17,7 @@ from trailmark_omni_surf.landmark_map import Candidates, LandmarkMap, keyframe_a
 from trailmark_omni_surf.pixel_bearings import PixelBearings
 from trailmark_omni_surf.selection import SelectionModel, shipped_model
 from trailmark_omni_surf.spacing import KeyframeSpacing
+from trailmark_omni_surf.taught_views import VIEW, unwrapped_view
 from trailmark_omni_surf.tracking import TrackBook, TrackOptions
 
 __all__ = ["LANDMARKS", "MapBuilder"]
@@ -69,7 +70,7 @@ class MapBuilder:
         if pose is None or self._localizer_map is None or not self._spacing.is_new_place(travelled_m, pose):
             return
         self._spacing.add(travelled_m, pose)
-        arrays = keyframe_arrays(seen, camera, self._pose_base_camera)
+        arrays = keyframe_arrays(seen, camera, self._pose_base_camera) | {VIEW: unwrapped_view(image, camera)}
         self._localizer_map.add(Keyframe(travelled_m, stamp_s, pose, arrays))
 
     def finish(self) -> None:

@@ -52,6 +52,12 @@ class PanoramaCamera:
         """Return the distance of every pixel from the lower edge, where the ground below the camera is, (N,) [px]."""
         return np.asarray(self.height_px - 0.5 - uv[:, 1])
 
+    def pixels(self, bearings: Floats, shares: Floats) -> Floats:
+        """Return the pixels under bearings [rad], (N, 2); shares run from the lower edge, 0, to the upper, 1."""
+        columns = self.forward_u + self.sign * bearings / (2.0 * np.pi) * self.width_px
+        columns = np.clip(np.mod(columns + 0.5, self.width_px) - 0.5, 0.0, self.width_px - 1.0)
+        return np.stack([columns, (1.0 - shares) * (self.height_px - 1.0)], axis=1)
+
     def is_inside(self, uv: Floats, margin_px: float = 4.0) -> Bools:
         """Return which pixels lie in the picture and at least a margin from its edges."""
         is_across = (uv[:, 0] > margin_px - 0.5) & (uv[:, 0] < self.width_px - 0.5 - margin_px)

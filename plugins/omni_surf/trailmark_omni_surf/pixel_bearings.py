@@ -18,5 +18,8 @@ class PixelBearings(Protocol):
     def distances(self, uv: Floats) -> Floats:
         """Return how far every pixel is from where the ground below the camera is, (N,) [px]."""
 
+    def pixels(self, bearings: Floats, shares: Floats) -> Floats:
+        """Return the pixels under bearings [rad], (N, 2); a share of 0 is the lowest that is seen, 1 the highest."""
+
     def is_inside(self, uv: Floats, margin_px: float = 4.0) -> Bools:
         """Return which pixels show the surroundings, at least a margin from their edges."""

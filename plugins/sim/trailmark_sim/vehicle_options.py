@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from trailmark.config import PluginConfig
 from trailmark_sim.vehicles import (
@@ -21,18 +21,31 @@ from trailmark_sim.vehicles import (
 
 __all__ = ["VehicleOptions"]
 
+_LARGEST_ERROR = 0.5  # of wheels; what is larger was meant as a factor
+
 
 class WheelOptions(PluginConfig):
     """Why wheel odometry is wrong."""
 
     scale: float = Field(default=0.01, gt=-1)
-    """Relative error of every distance."""
+    """Relative error of every distance, and no factor: 0.3 counts 1.3 m for a metre; 0.5 at most."""
     turn_scale: float = Field(default=0.02, gt=-1)
-    """Relative error of every turn."""
+    """Relative error of every turn, as `scale` is of distances; 0.5 at most."""
     slip_m: float = Field(default=0.002, ge=0)
     """Error of the distance after one metre, one standard deviation; grows with the root of the way [m]."""
     slip_deg: float = Field(default=0.3, ge=0)
     """Error of the heading after one metre, one standard deviation [deg]."""
+
+    @field_validator("scale", "turn_scale")
+    @classmethod
+    def _refuse_factors(cls, value: float) -> float:
+        """Refuse ``scale: 1.3``: written as a factor, it would be an error of 130 %."""
+        if value > _LARGEST_ERROR:
+            raise ValueError(
+                f"is a relative error, and {value:g} would be {100.0 * value:+g} %; the factor {value:g} is written"
+                f" {value - 1.0:g}. {_LARGEST_ERROR:g} at most"
+            )
+        return value
 
     def build(self) -> WheelErrors:
         """Return it as the vehicles take it."""

@@ -18,6 +18,8 @@ __all__ = ["find_viewer"]
 # How long a viewer takes to answer that is there, and one that is being opened [s].
 _ANSWER_S = 5.0
 _OPENING_S = 30.0
+# A viewer listens before it looks for a display, and is gone so soon after where there is none [s].
+_SETTLING_S = 1.0
 
 
 def find_viewer(host: str, port: int, *, spawn: bool) -> None:
@@ -38,15 +40,24 @@ def find_viewer(host: str, port: int, *, spawn: bool) -> None:
             f"no Rerun viewer answers at {host}:{port}: {problem}; open one with 'rerun', or say spawn: true"
         )
     viewer = _open_viewer(port)
+    if not _is_up(viewer, host, port):
+        with suppress(ProcessLookupError):
+            os.killpg(viewer.pid, signal.SIGTERM)
+        raise ConfigError(
+            f"the Rerun viewer does not come up at port {port}: it needs a display; write path: run.rrd instead"
+        )
+
+
+def _is_up(viewer: subprocess.Popen[bytes], host: str, port: int) -> bool:
+    """Return whether a viewer comes to listen, and stays."""
     until_s = time.monotonic() + _OPENING_S
     while _silence(host, port) is not None:
         if viewer.poll() is not None or time.monotonic() > until_s:
-            with suppress(ProcessLookupError):
-                os.killpg(viewer.pid, signal.SIGTERM)
-            raise ConfigError(
-                f"the Rerun viewer does not come up at port {port}: it needs a display; write path: run.rrd instead"
-            )
+            return False
         time.sleep(0.1)
+    with suppress(subprocess.TimeoutExpired):
+        viewer.wait(_SETTLING_S)
+    return viewer.poll() is None
 
 
 def _silence(host: str, port: int) -> str | None:

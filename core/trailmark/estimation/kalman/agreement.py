@@ -12,15 +12,26 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from trailmark.estimation.kalman.diagnosis import MotionSum
 from trailmark.estimation.kalman.gate import threshold
-from trailmark.estimation.kalman.state import FilterState, MotionSum
+from trailmark.estimation.kalman.state import FilterState
 from trailmark.estimation.kalman_config import KalmanConfig
 from trailmark.geometry import wrap_angle
 
-__all__ = ["Tolerance", "agreeing_groups", "corrections_are_consistent", "is_still", "motion_since", "pair_nis"]
+__all__ = [
+    "ACQUITTED",
+    "Tolerance",
+    "agreeing_groups",
+    "corrections_are_consistent",
+    "is_still",
+    "motion_since",
+    "pair_nis",
+]
 
 # One false alarm in some hours, with a test a second.
 _PROBABILITY = 0.99999
+#: With which a motion that is honest agrees, where it is asked whether one that was not does so again.
+ACQUITTED = 0.95
 # A variance below this says that nothing was corrected [m^2, rad^2].
 _UNCORRECTED = 1e-12
 # A variance beyond this says that the direction was not measured [m^2, rad^2].
@@ -72,7 +83,12 @@ def pair_nis(a: MotionSum, b: MotionSum, tolerance: Tolerance, *, way_m: float, 
 
 
 def agreeing_groups(
-    state: FilterState, anchor: FilterState, sources: Iterable[str], tolerance: Tolerance
+    state: FilterState,
+    anchor: FilterState,
+    sources: Iterable[str],
+    tolerance: Tolerance,
+    *,
+    probability: float = _PROBABILITY,
 ) -> list[frozenset[str]]:
     """Return the localizers in groups: within one, each agrees with another over the window, or nothing tests it."""
     motions = {source: motion_since(state, anchor, source) for source in sources}
@@ -83,7 +99,9 @@ def agreeing_groups(
     groups: list[set[str]] = []
     for source, motion in tested.items():
         with_it = [
-            group for group in groups if any(_agree(motion, tested[other], state, anchor, tolerance) for other in group)
+            group
+            for group in groups
+            if any(_agree(motion, tested[other], tolerance, dt_s=dt_s, probability=probability) for other in group)
         ]
         groups = [group for group in groups if group not in with_it]
         groups.append({source}.union(*with_it))
@@ -91,11 +109,11 @@ def agreeing_groups(
     return [frozenset(group | untested) for group in groups]
 
 
-def _agree(a: MotionSum, b: MotionSum, state: FilterState, anchor: FilterState, tolerance: Tolerance) -> bool:
+def _agree(a: MotionSum, b: MotionSum, tolerance: Tolerance, *, dt_s: float, probability: float) -> bool:
     # The way of the slower one: a robot is not thought to have gone far because one of two says so.
     way_m = min(math.hypot(a.x, a.y), math.hypot(b.x, b.y))
-    nis, dof = pair_nis(a, b, tolerance, way_m=way_m, dt_s=state.stamp_s - anchor.stamp_s)
-    return dof == 0 or nis <= threshold(_PROBABILITY, dof)
+    nis, dof = pair_nis(a, b, tolerance, way_m=way_m, dt_s=dt_s)
+    return dof == 0 or nis <= threshold(probability, dof)
 
 
 def corrections_are_consistent(state: FilterState, anchor: FilterState) -> bool:

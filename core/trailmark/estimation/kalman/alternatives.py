@@ -15,7 +15,8 @@ import numpy as np
 
 from trailmark.arrays import Floats
 from trailmark.estimation.kalman.bank import mixture_of, posterior
-from trailmark.estimation.kalman.state import Alternative, FaultDiagnosis, FilterState, Gaussian, RivalFilter
+from trailmark.estimation.kalman.diagnosis import Alternative, FaultDiagnosis, RivalFilter
+from trailmark.estimation.kalman.state import FilterState, Gaussian
 from trailmark.estimation.kalman.windows import without_windows
 from trailmark.geometry import Pose2, wrap_angle
 

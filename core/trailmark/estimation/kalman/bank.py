@@ -15,9 +15,10 @@ from dataclasses import replace
 import numpy as np
 
 from trailmark.arrays import Floats
+from trailmark.estimation.kalman.diagnosis import FixOffset, RivalFilter
 from trailmark.estimation.kalman.innovation import Innovation
 from trailmark.estimation.kalman.measurements import Measurement
-from trailmark.estimation.kalman.state import FilterState, FixOffset, Gaussian, RivalFilter
+from trailmark.estimation.kalman.state import FilterState, Gaussian
 from trailmark.geometry import Twist2, wrap_angle
 
 __all__ = [
@@ -90,21 +91,62 @@ def log_likelihood(state: FilterState, measurement: Measurement) -> float:
 def log_likelihood_of_offset(
     state: FilterState, measurement: Measurement, offset: FixOffset | None
 ) -> tuple[float, FixOffset | None]:
-    """Return the log of the density of a measurement that is off by a constant, and what is known of it then.
+    """Return the log of the density of a measurement that is off, and what is known of it then.
 
-    Of the first nothing is known, and nothing is lost: who lies by a constant says something only by its second lie.
+    It is off by a constant, or is late: what explains all of them better counts.
     """
     if state.gaussian is None:
         return 0.0, offset
-    innovation, _ = measurement.innovation(state.gaussian.x)
+    innovation, jacobian = measurement.innovation(state.gaussian.x)
     if offset is None or len(offset.mean) != len(innovation):
-        return 0.0, FixOffset(innovation, 1)
+        offset = FixOffset(np.zeros(len(innovation)))
+    before = max(offset.log_constant, offset.log_late)
+    offset = _late_after(_constant_after(offset, innovation), innovation, jacobian, state)
+    return max(offset.log_constant, offset.log_late) - before, offset
+
+
+def _constant_after(offset: FixOffset, innovation: Floats) -> FixOffset:
+    """Return what is known of a constant offset.
+
+    Of the first nothing is known, and nothing is lost: who lies by a constant says something only by its second lie.
+    """
+    if not offset.n:
+        return offset._replace(mean=innovation, n=1)
     away, spread = innovation - offset.mean, 1.0 + 1.0 / offset.n
-    log = -0.5 * len(away) * math.log(spread) - 0.5 * float(away @ away) / spread
+    log = offset.log_constant - 0.5 * len(away) * math.log(spread) - 0.5 * float(away @ away) / spread
     if float(away @ away) > _OTHER_LIE * _OTHER_LIE * spread:
-        return log, FixOffset(innovation, 1)
+        return offset._replace(mean=innovation, n=1, log_constant=log)
     n = min(offset.n + 1, _OFFSET_OF)
-    return log, FixOffset(offset.mean + away / n, n)
+    return offset._replace(mean=offset.mean + away / n, n=n, log_constant=log)
+
+
+def _late_after(offset: FixOffset, innovation: Floats, jacobian: Floats, state: FilterState) -> FixOffset:
+    """Return what is known of a delay: a late pose lies behind by the way of that time, and is turned by its turn."""
+    assert state.gaussian is not None
+    twist, theta = state.odometry.twist, float(state.gaussian.x[2])
+    cos, sin = math.cos(theta), math.sin(theta)
+    ahead_mps = cos * twist.forward_mps - sin * twist.left_mps, sin * twist.forward_mps + cos * twist.left_mps
+    slope = -jacobian[:, :3] @ (*ahead_mps, twist.yaw_radps)
+    known = np.eye(len(innovation)) + jacobian @ state.gaussian.covariance @ jacobian.T
+    after = _late_by(offset, innovation, slope, known)
+    if after.log_late < offset.log_late - 0.5 * _OTHER_LIE * _OTHER_LIE:
+        anew = offset._replace(late_s=0.0, variance_s2=FixOffset._field_defaults["variance_s2"])
+        return max(after, _late_by(anew, innovation, slope, known), key=lambda one: one.log_late)
+    return after
+
+
+def _late_by(offset: FixOffset, innovation: Floats, slope: Floats, known: Floats) -> FixOffset:
+    """Return a delay after one more innovation, which changes with it by a slope and has else a known covariance."""
+    away = innovation - offset.late_s * slope
+    spread = known + offset.variance_s2 * np.outer(slope, slope)
+    weighed = np.linalg.solve(spread, np.column_stack([away, slope]))
+    log = max(-0.5 * float(np.linalg.slogdet(spread)[1]), -_MODESTY) - 0.5 * float(away @ weighed[:, 0])
+    gain = offset.variance_s2 * weighed[:, 1]
+    return offset._replace(
+        late_s=offset.late_s + float(gain @ away),
+        variance_s2=offset.variance_s2 * (1.0 - float(gain @ slope)),
+        log_late=offset.log_late + log,
+    )
 
 
 def log_odds_of_one(difference: float) -> float:

@@ -10,6 +10,7 @@ from trailmark.estimates import Belief, PathOffset
 from trailmark.estimation.corrections import covariance_on_path
 from trailmark.estimation.kalman.alternatives import believed_gaussian
 from trailmark.estimation.kalman.dissent import covering_covariance
+from trailmark.estimation.kalman.one_sided import covariance_of_one_sided_corrections
 from trailmark.estimation.kalman.state import FilterState
 from trailmark.estimation.symmetric import ZERO, inverse, to_matrix
 from trailmark.frames.payloads import read_only
@@ -48,7 +49,7 @@ class BeliefPlaces:
         gaussian = believed_gaussian(state)
         if gaussian is not None:
             x, y, theta = gaussian.x[:3].tolist()
-            covariance = read_only(covering_covariance(state, gaussian))
+            covariance = read_only(covering_covariance(state, gaussian) + covariance_of_one_sided_corrections(state))
             pose = Pose2(x, y, theta)
             on_path = self._on_path(state.stamp_s, pose, covariance)
         return Belief(

@@ -12,7 +12,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -31,7 +31,7 @@ from trailmark.estimation.kalman.clock_tracks import (
     RecentPoses,
 )
 
-__all__ = ["ClockOffsets", "TimeOffset"]
+__all__ = ["TOLD_S", "ClockOffsets", "TimeOffset", "warn_of_offset"]
 
 logger = logging.getLogger(__name__)
 
@@ -119,18 +119,10 @@ class ClockOffsets:
         self._next_s = estimate.stamp_s + _EVERY_S
         return self._compare_all()
 
-    def on_one_clock(self, source: str, estimate: Estimate) -> Estimate:
-        """Take note of an estimate, and warn of what is found by it; returns it, a fix that is late at its right stamp.
-
-        Motion keeps its stamps: it would overlap with, or leave gaps to, what the same localizer told before.
-        """
+    def note(self, source: str, estimate: Estimate) -> None:
+        """Take note of an estimate, and warn of what is found by it."""
         for name, found in self.observe(source, estimate).items():
-            remedy = f"set time_offset_s: {-found.late_s:.3f} for its source"
-            logger.warning("localizer %r: %s; %s", name, found, remedy)
-        offset = self.certain.get(source)
-        if offset is None or offset.late_s < 0.0 or not isinstance(estimate, Fix):
-            return estimate
-        return replace(estimate, stamp_s=estimate.stamp_s - offset.late_s)
+            warn_of_offset(name, found)
 
     def is_due(self, stamp_s: float) -> bool:
         """Return whether an estimate of this stamp may make the localizers be compared."""
@@ -160,6 +152,11 @@ class ClockOffsets:
             if known is None or abs(found.late_s - known.late_s) > max(TOLD_S, _SURE * found.sigma_s):
                 news[source] = found
         return news
+
+
+def warn_of_offset(source: str, found: TimeOffset) -> None:
+    """Log what is found of the stamps of a localizer, and the key that mends it."""
+    logger.warning("localizer %r: %s; set time_offset_s: %.3f for its source", source, found, -found.late_s)
 
 
 def _knows_heading(information: Floats) -> bool:

@@ -32,6 +32,7 @@ from trailmark.estimation.kalman.timeline import Timeline
 from trailmark.estimation.kalman.trust import Trust
 from trailmark.estimation.kalman.ukf import Ukf
 from trailmark.estimation.kalman_config import KalmanConfig
+from trailmark.estimation.overlaps import OVERLAPS, TOLD_ALREADY, TOLD_S
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Estimator, Session
 
@@ -79,7 +80,8 @@ class Kalman(Estimator):
         scales = {f"sigma_percent.{source}": round(100.0 * scale) for source, scale in self.noise_scales().items()}
         lasting = {f"correlation_ms.{source}": round(1e3 * s) for source, s in self.correlation_times().items()}
         recoveries = self._timeline.state_at(math.inf).rejections.n_recoveries
-        return {**self._counted, **scales, **lasting, "recoveries": recoveries}
+        overlaps = {f"overlaps.{source}": n for source, n in self._timeline.motions.n_overlaps().items()}
+        return {**self._counted, **overlaps, **scales, **lasting, "recoveries": recoveries}
 
     def common_errors(self) -> Mapping[str, tuple[float, float]]:
         """Return the common errors now believed, by localizer: value and standard deviation [rad/s, or a share]."""
@@ -112,9 +114,10 @@ class Kalman(Estimator):
         if monitor is None:
             monitor = self._monitors[source] = SourceMonitor(Trust.of(self.config, source))
         self._belief = None
+        moved_s = 0.0
         if self.config.clock_offsets != "off" and self._clock.is_near(estimate.stamp_s, self._timeline.newest_s):
-            estimate = self._learning.on_one_clock(source, estimate, self._timeline)
-        applied = self._check_stamp(source, estimate, monitor.trust)
+            estimate, moved_s = self._learning.on_one_clock(source, estimate, self._timeline)
+        applied = self._check_stamp(source, estimate, monitor.trust, moved_s=moved_s)
         if applied.status == "refused":
             monitor.record_refusal(applied.reason)
         elif applied.status != "late":
@@ -152,9 +155,11 @@ class Kalman(Estimator):
 
         A stamp older than the history gets the oldest belief that is kept, with its own stamp.
         """
+        newest_s = self._timeline.newest_s
         if stamp_s is None:
-            newest_s = self._timeline.newest_s
             stamp_s = newest_s if math.isfinite(newest_s) else 0.0
+        elif newest_s == -math.inf:
+            self._timeline.hear_of(stamp_s)
         belief = self._belief
         if belief is None or belief.stamp_s != stamp_s:
             belief = self._belief = self._make_belief(stamp_s)
@@ -179,7 +184,7 @@ class Kalman(Estimator):
         )
         self._belief = None
 
-    def _check_stamp(self, source: str, estimate: Estimate, trust: Trust) -> Applied:
+    def _check_stamp(self, source: str, estimate: Estimate, trust: Trust, *, moved_s: float) -> Applied:
         stamp_s, newest_s = estimate.stamp_s, self._timeline.newest_s
         if not math.isfinite(stamp_s):
             return self._refuse("stamp", f"the stamp is not finite: {stamp_s}")
@@ -188,13 +193,15 @@ class Kalman(Estimator):
             return self._refuse("time_jump", f"the clock jumped by {stamp_s - newest_s:+.3f} s")
         if place == "reset":
             self._restart_clock(stamp_s)
+        elif newest_s == -math.inf:
+            self._timeline.hear_of(stamp_s)
         elif stamp_s < self._timeline.horizon_s:
             self._counted["late"] += 1
             message = f"{newest_s - stamp_s:.3f} s old, the history reaches back {self.config.history_s:g} s"
             return Applied("late", message)
-        return self._dispatch(source, estimate, trust)
+        return self._dispatch(source, estimate, trust, moved_s=moved_s)
 
-    def _dispatch(self, source: str, estimate: Estimate, trust: Trust) -> Applied:
+    def _dispatch(self, source: str, estimate: Estimate, trust: Trust, *, moved_s: float) -> Applied:
         if isinstance(estimate, Lost):
             self._timeline.advance(estimate.stamp_s)
             return Applied("unused", f"lost: {estimate.reason}")
@@ -214,7 +221,7 @@ class Kalman(Estimator):
             if refusal is not None:
                 return self._refuse(*refusal)
             information = monitor.fix_certainty.believed(information, estimate.stamp_s)
-            information = self._learning.believed_of_fix(source, estimate, information)
+            information = self._learning.believed_of_fix(source, estimate, information, moved_s=moved_s)
             correlation_s, learns = self._learning.correlation_s(source, estimate, trust)
             measurement = fix_measurement(source, estimate, information, trust, correlation_s)
             return self._apply_measurement(estimate.stamp_s, measurement, learns=learns)
@@ -230,6 +237,8 @@ class Kalman(Estimator):
         if not self._timeline.add_motion(source, stated):
             return self._refuse("duplicate", "it has told of the same interval already")
         self._odometry.note_change(motion.since_s)
+        if not self._timeline.motions.uses(source, stated):
+            return Applied("unused", TOLD_ALREADY)
         return self._motion_outcome(source, motion.stamp_s)
 
     def _motion_outcome(self, source: str, stamp_s: float) -> Applied:
@@ -295,4 +304,6 @@ class Kalman(Estimator):
     def _health(self, state: FilterState) -> Mapping[str, str]:
         health = health_of(self._monitors, state, self.config.recover_after)
         self._learning.add_to_health(health)
+        for source in self._timeline.motions.overlapping(state.stamp_s - TOLD_S):
+            health.setdefault(source, OVERLAPS)
         return health

@@ -32,13 +32,15 @@ from dataclasses import replace
 from trailmark.estimation.kalman.agreement import Tolerance, agreeing_groups, corrections_are_consistent
 from trailmark.estimation.kalman.alternatives import closed_question, reopened_question
 from trailmark.estimation.kalman.correction import Correction
+from trailmark.estimation.kalman.diagnosis import DetectedFault, FaultDiagnosis
 from trailmark.estimation.kalman.forgiveness import AGREED, GIVES_IN_S, agree_again, with_repentant, without_fault
 from trailmark.estimation.kalman.hypotheses import Hypothesis, HypothesisBank, trusted_motions
 from trailmark.estimation.kalman.measurements import Measurement
+from trailmark.estimation.kalman.one_sided import longest_one_sided_since
 from trailmark.estimation.kalman.prediction import Prediction
-from trailmark.estimation.kalman.state import FaultDiagnosis, FilterState
+from trailmark.estimation.kalman.state import FilterState
 from trailmark.estimation.kalman.trials import Trials
-from trailmark.estimation.kalman.windows import WINDOW_S, with_new_anchor, without_windows
+from trailmark.estimation.kalman.windows import WINDOW_S, far_anchors_due, with_new_anchor, without_windows
 
 __all__ = ["FaultDetector", "accused_sources", "outvoted_motions"]
 
@@ -65,7 +67,7 @@ class FaultDetector:
         self._prediction = prediction
         self._correction = correction
         self._tolerance = tolerance
-        self._bank = HypothesisBank(prediction, correction)
+        self._bank = HypothesisBank(prediction, correction, tolerance)
         self._trials = Trials(prediction, correction)
 
     def predict(self, state: FilterState, stamp_s: float) -> FilterState:
@@ -82,8 +84,9 @@ class FaultDetector:
             state = self._test_motions(state, [previous])  # no outlier: it goes on
         is_due = stamp_s - before.tested_s >= _EVERY_S and not state.diagnosis.rivals
         if is_due and (len(state.diagnosis.sums) > 1 or before.faults):
+            far = far_anchors_due(state.diagnosis, before.tested_s, stamp_s)
             state = replace(state, diagnosis=state.diagnosis._replace(tested_s=stamp_s))
-            state = self._test_motions(state, state.diagnosis.anchors)
+            state = self._test_motions(state, (*state.diagnosis.anchors, *far))
         return _with_anchor_in_time(state)
 
     def correct(self, state: FilterState, measurement: Measurement) -> FilterState:
@@ -104,13 +107,16 @@ class FaultDetector:
         moved = after.gaussian.x[:3] - state.gaussian.x[:3]
         spread = state.gaussian.covariance[:3, :3] - after.gaussian.covariance[:3, :3]
         measurements = (*before.measurements, (state.stamp_s, measurement))
+        used = after.verdicts[-1].used
+        innovations = before.innovations if used is None else (*before.innovations, (state.stamp_s, used))
         diagnosis = FaultDiagnosis(  # a fifth of the time of _replace
             before.sums,
             before.corrections + moved,
             before.correction_covariance + spread,
             before.anchors,
             measurements,
-            *before[5:],
+            *before[5:-1],
+            innovations,
         )
         after = after.with_diagnosis(diagnosis)
         if before.faults:
@@ -119,23 +125,22 @@ class FaultDetector:
         # A part of a pose is off by the error of what was seen, and the next one by that of another: it does not
         # accuse the only motion. Gate and recovery see to that.
         has_rivals = len(trusted) > 1 or (len(trusted) == 1 and len(measurement.root) == 3)
-        if has_rivals and diagnosis.anchors and self._is_doubtful(after, measurement.source):
-            is_jump = after.verdicts[-1].status == "gated"
-            return self._bank.ask(
-                after, _answers(trusted, _contradicting(after, measurement.source) if is_jump else [])
-            )
-        return after
+        anchor = _doubtful_since(after, measurement.source) if has_rivals and diagnosis.anchors else None
+        if anchor is None:
+            return after
+        is_jump = after.verdicts[-1].status == "gated"
+        liars = _contradicting(after, measurement.source) if is_jump else []
+        return self._bank.ask(after, anchor, _answers(trusted, liars))
 
     def _predict_question(self, state: FilterState, stamp_s: float) -> FilterState:
         state = self._bank.predict(state, stamp_s)
         diagnosis = state.diagnosis
         if not diagnosis.rivals:
             return state
-        sources, anchors = trusted_motions(state), diagnosis.anchors
-        is_question_old = bool(anchors) and anchors[0].stamp_s >= diagnosis.undecided_since_s
+        sources, accusations = trusted_motions(state), _accusations(state)
         is_of_motion = diagnosis.rivals[0].state.diagnosis.absolute_faults == diagnosis.absolute_faults
-        is_of_motion_alone = is_question_old and is_of_motion and len(sources) > 1
-        if is_of_motion_alone and agree_again(state, anchors[0], sources, self._tolerance):
+        is_of_motion_alone = is_of_motion and len(sources) > 1 and bool(accusations)
+        if is_of_motion_alone and agree_again(state, sources, self._tolerance, accusations):
             faults = [set(rival.state.diagnosis.faults) for rival in diagnosis.rivals]
             known = set(diagnosis.faults)
             if all(one > known for one in faults) or all(one == known for one in faults):  # these differ by place
@@ -151,14 +156,6 @@ class FaultDetector:
             return doubted
         return self.correct(without_fault(state, measurement.source), measurement)
 
-    def _is_doubtful(self, state: FilterState, source: str) -> bool:
-        if state.verdicts[-1].status == "gated":
-            # One that never agreed contradicts the belief, not the motion since it last agreed.
-            agreed = state.rejections.corroborations.get(source)
-            is_recent = agreed is not None and agreed.stamp_s >= state.diagnosis.anchors[0].stamp_s
-            return is_recent and state.rejections.counts.get(source, 0) >= _FEWEST
-        return not corrections_are_consistent(state, state.diagnosis.anchors[0])
-
     def _test_motions(self, state: FilterState, anchors: Sequence[FilterState]) -> FilterState:
         """Return a state with hypotheses, if motions have disagreed since one of some instants."""
         for anchor in anchors:
@@ -167,7 +164,7 @@ class FaultDetector:
                 groups = [Hypothesis(group) for group in agreeing_groups(state, anchor, trusted, self._tolerance)]
                 if len(groups) > 1:
                     none = [Hypothesis(frozenset())] if state.diagnosis.measurements else []
-                    return self._bank.ask(state, [*groups, *none])
+                    return self._bank.ask(state, anchor, [*groups, *none])
         return with_repentant(state, self._tolerance) if state.diagnosis.faults else state
 
 
@@ -185,6 +182,27 @@ def outvoted_motions(state: FilterState) -> list[str]:
     """Return the localizers whose motion is not believed beside another that is."""
     faults = state.diagnosis.faults
     return sorted(faults) if len(faults) < len(state.diagnosis.sums) else []
+
+
+def _doubtful_since(state: FilterState, source: str) -> FilterState | None:
+    """Return the anchor since which the last absolute estimate, or all of them together, contradict the motion."""
+    anchor = state.diagnosis.anchors[0]
+    if state.verdicts[-1].status == "gated":
+        # One that never agreed contradicts the belief, not the motion since it last agreed.
+        agreed = state.rejections.corroborations.get(source)
+        is_recent = agreed is not None and agreed.stamp_s >= anchor.stamp_s
+        if not is_recent or state.rejections.counts.get(source, 0) < _FEWEST:
+            return None
+    elif corrections_are_consistent(state, anchor):
+        return None
+    return longest_one_sided_since(state) or anchor
+
+
+def _accusations(state: FilterState) -> dict[str, DetectedFault]:
+    """Return what the hypotheses of a question say of motions that were believed before it."""
+    diagnosis = state.diagnosis
+    faults = {source: fault for rival in diagnosis.rivals for source, fault in rival.state.diagnosis.faults.items()}
+    return {source: fault for source, fault in faults.items() if source not in diagnosis.faults}
 
 
 def _contradicting(state: FilterState, source: str) -> list[str]:
@@ -206,7 +224,8 @@ def _answers(trusted: Sequence[str], sources: Sequence[str]) -> list[Hypothesis]
     everyone = frozenset(trusted)
     groups = dict.fromkeys([everyone, *(everyone - {one} for one in sorted(everyone)), frozenset[str]()])
     liars = dict.fromkeys([frozenset(sources[:1]), frozenset(sources)]) if sources else {}
-    return [*map(Hypothesis, groups), *(Hypothesis(everyone, each) for each in liars)]
+    rough = [Hypothesis(frozenset(), is_rough=True)] if len(everyone) == 1 else []
+    return [*map(Hypothesis, groups), *rough, *(Hypothesis(everyone, each) for each in liars)]
 
 
 def _placed(state: FilterState) -> FilterState:

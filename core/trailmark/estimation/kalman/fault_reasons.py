@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 from trailmark.estimation.kalman.agreement import is_still, motion_since
-from trailmark.estimation.kalman.state import FilterState, MotionSum
+from trailmark.estimation.kalman.diagnosis import MotionSum
+from trailmark.estimation.kalman.state import FilterState
 
 __all__ = ["reason_against_fixes", "reason_against_motion"]
 

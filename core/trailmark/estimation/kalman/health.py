@@ -123,7 +123,7 @@ def health_of(monitors: Mapping[str, SourceMonitor], state: FilterState, recover
             health[source] = undecided[source]
         elif monitor.n_refused >= _REFUSED_OFTEN:
             health[source] = f"refused {monitor.n_refused} in a row: {monitor.refusal}"
-        elif n_rejected >= recover_after:
+        elif n_rejected >= recover_after and source not in _asked_about(state):
             health[source] = f"contradicts the belief, {n_rejected} of late"
         elif monitor.is_too_certain:
             health[source] = "far more certain than it ever was: not believed to be"
@@ -135,6 +135,13 @@ def health_of(monitors: Mapping[str, SourceMonitor], state: FilterState, recover
         elif source in state.diagnosis.sums and unmeasured_s > monitor.trust.timeout_s:
             health[source] = describe(state.odometry.unmeasured_s, state.odometry.pose_odom_base.theta, unmeasured_s)
     return health
+
+
+def _asked_about(state: FilterState) -> set[str]:
+    """Return the localizers whose absolute estimates a question is about: while it is young nobody is accused."""
+    if state.stamp_s - state.diagnosis.undecided_since_s > _UNDECIDED_S:
+        return set()
+    return {source for rival in state.diagnosis.rivals for source in rival.state.diagnosis.absolute_faults}
 
 
 def _undecided_of(state: FilterState) -> dict[str, str]:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from trailmark.estimation.kalman.agreement import is_still, motion_since
+from trailmark.estimation.kalman.agreement import Tolerance, is_still, motion_since
 from trailmark.estimation.kalman.bank import (
     is_jump,
     log_likelihood,
@@ -23,11 +23,13 @@ from trailmark.estimation.kalman.bank import (
     with_likelihoods,
 )
 from trailmark.estimation.kalman.correction import Correction
+from trailmark.estimation.kalman.diagnosis import DetectedFault, FaultDiagnosis, RivalFilter
 from trailmark.estimation.kalman.fault_reasons import reason_against_fixes, reason_against_motion
+from trailmark.estimation.kalman.forgiveness import window_that_shows
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.kalman.prediction import Prediction
 from trailmark.estimation.kalman.settling import continued, settle
-from trailmark.estimation.kalman.state import DetectedFault, FaultDiagnosis, FilterState, RivalFilter
+from trailmark.estimation.kalman.state import FilterState
 from trailmark.estimation.kalman.windows import without_windows
 
 __all__ = ["Hypothesis", "HypothesisBank", "trusted_motions"]
@@ -45,10 +47,13 @@ class Hypothesis:
         Localizers whose motion is believed, of those that were trusted.
     lying_fixes : frozenset of str
         Localizers whose absolute estimates are not.
+    is_rough : bool
+        Whether motion that is not believed is about right still, where there is no other.
     """
 
     motions: frozenset[str]
     lying_fixes: frozenset[str] = frozenset()
+    is_rough: bool = False
 
 
 def trusted_motions(state: FilterState) -> list[str]:
@@ -65,15 +70,18 @@ class HypothesisBank:
         Of one filter.
     correction : Correction
         Of one filter.
+    tolerance : Tolerance
+        By how much honest localizers differ.
     """
 
-    def __init__(self, prediction: Prediction, correction: Correction) -> None:
+    def __init__(self, prediction: Prediction, correction: Correction, tolerance: Tolerance) -> None:
         self._prediction = prediction
         self._correction = correction
+        self._tolerance = tolerance
 
-    def ask(self, state: FilterState, hypotheses: Iterable[Hypothesis]) -> FilterState:
-        """Return a state with one filter for each hypothesis, each beginning at the oldest anchor."""
-        anchor = state.diagnosis.anchors[0]
+    def ask(self, state: FilterState, anchor: FilterState, hypotheses: Iterable[Hypothesis]) -> FilterState:
+        """Return a state with one filter for each hypothesis, from an anchor, or the oldest of the last seconds, on."""
+        anchor = min(anchor, state.diagnosis.anchors[0], key=lambda one: one.stamp_s)
         rivals = [self._begin_rival(state, anchor, hypothesis) for hypothesis in hypotheses]
         if len(rivals) < 2:
             return state
@@ -84,8 +92,8 @@ class HypothesisBank:
         """Return a state with rivals at a later stamp."""
         before = state.diagnosis.rivals
         after = [self._predict_rival(rival, stamp_s) for rival in before]
-        leader = int(np.argmax(posterior(after)))
-        odometry = continued(state.odometry, before[leader].state.odometry, after[leader].state.odometry)
+        leads = _most_probable_that_moved(after)
+        odometry = continued(state.odometry, before[leads].state.odometry, after[leads].state.odometry)
         return settle(replace(state, stamp_s=stamp_s, odometry=odometry, verdicts=()), after)
 
     def correct(self, state: FilterState, measurement: Measurement) -> FilterState:
@@ -110,7 +118,8 @@ class HypothesisBank:
         faults, absolute_faults = dict(state.diagnosis.faults), dict(state.diagnosis.absolute_faults)
         for source in sorted(trusted - hypothesis.motions):
             reason = reason_against_motion(state, anchor, source, hypothesis.motions)
-            faults[source] = DetectedFault(state.stamp_s, reason)
+            shows_in_s = window_that_shows(state, source, hypothesis.motions, self._tolerance)
+            faults[source] = DetectedFault(state.stamp_s, reason, shows_in_s=shows_in_s, is_rough=hypothesis.is_rough)
         liars = hypothesis.lying_fixes
         is_outvoted = len(hypothesis.motions) > len(liars)
         for liar in sorted(liars):
@@ -132,6 +141,8 @@ class HypothesisBank:
         )
         replayed = [RivalFilter(replace(anchor, diagnosis=diagnosis), 0.0), *rivals]
         for stamp_s, measurement in before.measurements:
+            if stamp_s <= anchor.stamp_s:
+                continue
             replayed = [self._predict_rival(rival, stamp_s) for rival in replayed]
             replayed = self._measure(replayed, measurement)
             reference = replayed[0]
@@ -160,6 +171,17 @@ class HypothesisBank:
             offsets = rival.offsets if offset is None else {**rival.offsets, measurement.source: offset}
             corrected.append(replace(rival, state=self._correction.doubt(rival.state, measurement), offsets=offsets))
         return with_likelihoods(corrected, logs)
+
+
+def _most_probable_that_moved(rivals: Sequence[RivalFilter]) -> int:
+    """Return the index of the most probable hypothesis whose motion has told of the present instant already.
+
+    Its motion may be that of a slower localizer, which tells of this instant next; until then, or where it is lost, a
+    velocity that is held is no odometry while somebody measures one. With none that does: the most probable.
+    """
+    weights = posterior(rivals)
+    measures = np.array([rival.state.odometry.gap_s == 0.0 for rival in rivals])
+    return int(np.argmax(np.where(measures, weights, 0.0) if measures.any() else weights))
 
 
 def _with_suspicion(state: FilterState, anchor: FilterState, rivals: Sequence[RivalFilter]) -> list[RivalFilter]:

@@ -13,16 +13,17 @@ from collections import deque
 from collections.abc import Iterator, Mapping
 from collections.abc import Set as AbstractSet
 from itertools import combinations
-
-import numpy as np
+from types import MappingProxyType
 
 from trailmark.estimates import Fix, Motion
+from trailmark.estimation.kalman.clock_offsets import TimeOffset
+from trailmark.estimation.kalman.delays_in_fixes import DelaysInFixes, StackedDifferences
 from trailmark.estimation.kalman.leading_motion import Corrected, LeadingMotion
 from trailmark.estimation.kalman.noise_in_dispute import is_white, noise_of_alternating
 from trailmark.estimation.kalman.noise_residuals import (
     FixRow,
     FixTrack,
-    MotionTrack,
+    RecentMotions,
     Residual,
     fix_residual,
     motion_residual,
@@ -52,10 +53,14 @@ _LONG_WAY_M = 1.0
 #: What was said is compared so much later: by then it is known who lies [s].
 _DELAY_S = 2.0
 _EVERY_S, _STEPS = 1.0, 4
-#: Differences that are kept of each kind, and how many numbers of them say something.
-_KEPT, _ENOUGH = 60, 24.0
-#: Standard deviations of a scale that it must be away from one.
-_SURE = 4.0
+#: Differences that are kept of each kind, and how many numbers of them say something; of a motion what is evident.
+_KEPT, _ENOUGH, _FEW = 60, 24.0, 6.0
+#: Standard deviations of a scale that it must be away from one, and where few numbers say so.
+_SURE, _SURE_OF_FEW = 4.0, 7.0
+#: Evidence, and how much of it is news, where it is certain.
+_CERTAIN = (math.inf, math.inf)
+#: How long errors last where they do not.
+_NONE_LAST: Mapping[str, float] = MappingProxyType({})
 
 
 class NoiseScales:
@@ -65,7 +70,7 @@ class NoiseScales:
     """
 
     def __init__(self) -> None:
-        self._motions: dict[str, MotionTrack] = {}
+        self._motions: dict[str, RecentMotions] = {}
         self._fixes: dict[str, FixTrack] = {}
         self._differences: dict[Pairing, deque[Residual]] = {}
         self._logs: dict[Key, float] = {}
@@ -74,12 +79,13 @@ class NoiseScales:
         #: Differences in a row while somebody was accused.
         self._doubted: dict[Pairing, deque[Residual]] = {}
         self._leading = LeadingMotion()
+        self._delays = DelaysInFixes()
         #: When each told motion last, and its information per second.
         self._certainty: dict[str, tuple[float, float]] = {}
         self._far_s: dict[str, float] = {}
         self._next_s = -math.inf
         self._used: dict[Key, float] = {}
-        self._evidence: dict[Key, float] = {}
+        self._evidence: dict[Key, tuple[float, float]] = {}
 
     def begin_anew(self) -> NoiseScales:
         """Return scales that learn from now on, at any time, and begin with those that are used."""
@@ -93,7 +99,7 @@ class NoiseScales:
         """Take note of a motion, and return its information as it is believed."""
         track = self._motions.get(source)
         if track is None:
-            track = self._motions[source] = MotionTrack()
+            track = self._motions[source] = RecentMotions()
         step = motion.pose_since_now
         track.add((motion.since_s, motion.stamp_s, step.x, step.y, step.theta, *stated))
         believed = self._scaled((source, True), stated)
@@ -121,11 +127,21 @@ class NoiseScales:
             found[source] = max(scale, found.get(source, 0.0))
         return found
 
+    def delays(self) -> Mapping[str, TimeOffset]:
+        """Return how late the absolute poses of each localizer seem against the motions, certain or not."""
+        return self._delays.found
+
     def is_due(self, stamp_s: float) -> bool:
         """Return whether it is time to compare."""
         return stamp_s >= self._next_s
 
-    def compare(self, stamp_s: float, accused: AbstractSet[str], corrected: Corrected | None) -> None:
+    def compare(
+        self,
+        stamp_s: float,
+        accused: AbstractSet[str],
+        corrected: Corrected | None,
+        correlations_s: Mapping[str, float] = _NONE_LAST,
+    ) -> None:
         """Compare what was said until a while ago, and move the scales; nothing is learned from the accused.
 
         Parameters
@@ -136,6 +152,8 @@ class NoiseScales:
             Localizers that may lie.
         corrected : (ndarray, ndarray) or None
             Corrections by absolute estimates and their covariance, each added up since the beginning, (3,) and (3, 3).
+        correlations_s : dict of str to float
+            How long the errors of the absolute estimates of a localizer last, where they do [s].
         """
         dt_s = min(stamp_s - self._next_s + _EVERY_S, 2.0 * _EVERY_S) if self._next_s > -math.inf else 0.0
         self._next_s = stamp_s + _EVERY_S
@@ -147,13 +165,13 @@ class NoiseScales:
         until_s = stamp_s - _DELAY_S
         self._compare_motions(until_s)
         self._compare_fixes(until_s)
-        self._estimate()
+        self._estimate(correlations_s)
         leader = self._leader(until_s)
         if corrected is not None and leader is not None and not accused:
             self._leading.observe(stamp_s, (leader, True), *corrected)
         for key, log in self._leading.logs.items():
             if log > self._logs.get(key, 0.0):
-                self._logs[key], self._evidence[key] = log, math.inf
+                self._logs[key], self._evidence[key] = log, _CERTAIN
         self._move(dt_s)
 
     def _scaled(self, key: Key, information: Sym3) -> Sym3:
@@ -225,22 +243,22 @@ class NoiseScales:
         self._doubted.pop((kind, keys), None)
         _append(self._differences.setdefault((kind, keys), deque(maxlen=_KEPT)), found)
 
-    def _estimate(self) -> None:
+    def _estimate(self, correlations_s: Mapping[str, float]) -> None:
         """Move the scales towards those that make what was seen likeliest."""
         white = {which: kept for which, kept in self._doubted.items() if which[0] == "motion" and is_white(kept)}
-        stacked = {
-            which: (np.array([one.value for one in kept]), np.array([one.covariances for one in kept]))
-            for which, kept in (self._differences | white).items()
-        }
+        stacked = {which: StackedDifferences.of(kept) for which, kept in (self._differences | white).items()}
+        self._delays.fit(stacked, self._logs, correlations_s)
         self._evidence = {}
         shares = Shares()
         for _ in range(_STEPS):
             before, shares = dict(self._logs), Shares()
-            for (kind, keys), (values, covariances) in stacked.items():
-                variances = np.array([math.exp(2.0 * self._logs.get(key, 0.0)) for key in keys])
-                seen, expected = both_sides(values, covariances * variances[:, None, None])
+            for (kind, keys), stack in stacked.items():
+                covariances = stack.scale_covariances(keys, self._logs)
+                seen, expected, told = both_sides(self._delays.values_of(keys, stack), covariances)
                 for index, key in enumerate(keys):
-                    shares.add(key, kind, keys, float(seen[index]), float(expected[index]))
+                    sides = float(seen[index]), float(expected[index])
+                    news = stack.share_of_news if key[1] else 1.0
+                    shares.add(key, kind, keys, sides, news * float(told[index]))
             for key in shares.localizers():
                 log = self._logs.get(key, 0.0) + 0.25 * math.log(shares.ratio_of(key))
                 self._logs[key] = min(max(log, 0.0), math.log(MOST))
@@ -251,15 +269,16 @@ class NoiseScales:
             noise = noise_of_alternating(kept) if kind == "near" else None
             if noise is not None:
                 self._logs[keys[0]] = min(max(0.5 * math.log(noise), 0.0), math.log(MOST))
-                self._evidence[keys[0]] = math.inf
+                self._evidence[keys[0]] = _CERTAIN
 
     def _move(self, dt_s: float) -> None:
         """Let the scales that are used follow those that were found."""
         for key, log in self._logs.items():
-            evidence, scale = self._evidence.get(key, 0.0), self._used.get(key)
-            sigma = 0.5 * math.sqrt(2.0 / max(evidence, 1.0))
+            (evidence, told), scale = self._evidence.get(key, (0.0, 0.0)), self._used.get(key)
+            sigma = 0.5 * math.sqrt(2.0 / max(told, 1.0))
             if scale is None:
-                if evidence < _ENOUGH or log < max(math.log(AT_ITS_WORD), _SURE * sigma):
+                enough, sure = (_FEW, _SURE_OF_FEW) if key[1] and evidence < _ENOUGH else (_ENOUGH, _SURE)
+                if evidence < enough or log < max(math.log(AT_ITS_WORD), sure * sigma):
                     continue
                 scale = 1.0
             target = 1.0 if log < math.log(AT_ITS_WORD_AGAIN) else math.exp(log)

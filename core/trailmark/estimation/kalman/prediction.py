@@ -3,30 +3,39 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
 from trailmark.arrays import Floats
+from trailmark.estimation.kalman.agreement import Tolerance
 from trailmark.estimation.kalman.common_errors import CommonErrors
 from trailmark.estimation.kalman.correction import Filter
+from trailmark.estimation.kalman.diagnosis import FaultDiagnosis, MotionSum
 from trailmark.estimation.kalman.ekf import PredictedMotion
+from trailmark.estimation.kalman.gaps import AT_REST, Gaps, Piece
 from trailmark.estimation.kalman.layout import Layout
+from trailmark.estimation.kalman.matched_motion import (
+    NO_OFFSETS,
+    Offset,
+    offsets_after,
+    with_lasting_error,
+    with_offsets,
+)
 from trailmark.estimation.kalman.motions import Motions, MotionStep
+from trailmark.estimation.kalman.rough_motion import make_rough
 from trailmark.estimation.kalman.standstill import stands, with_standstill
-from trailmark.estimation.kalman.state import FaultDiagnosis, FilterState, Gaussian, MotionSum, OdometryState
+from trailmark.estimation.kalman.state import FilterState, Gaussian, OdometryState
 from trailmark.estimation.kalman.velocity import VelocityModel
 from trailmark.estimation.kalman.weighing import StepSelection, fuse_steps, replace_impossible_jump, select_steps
 from trailmark.estimation.kalman_config import KalmanConfig
-from trailmark.estimation.symmetric import NOTHING, ZERO, Sym3, add, congruence, diagonal, scaled
-from trailmark.estimation.unmeasured import NOWHERE, Sym2, longest, plus, projected, turned, unmeasured_in
-from trailmark.geometry import Pose2, Twist2, wrap_angle
+from trailmark.estimation.symmetric import NOTHING, ZERO, congruence
+from trailmark.estimation.unmeasured import NOWHERE
+from trailmark.geometry import Pose2, wrap_angle
 
 __all__ = ["Prediction"]
 
-_AT_REST = Twist2()
 # Stamps this close are one instant: 8.05 and 0.05 x 161 are not equal, and no velocity is seen between them.
 _SAME_INSTANT_S = 1e-9
 _NO_SUM = MotionSum()
@@ -34,44 +43,11 @@ _NO_SUM = MotionSum()
 _UNMEASURED = 1e12
 
 
-class _Piece(NamedTuple):
-    """A piece of time, and how base moves in it.
-
-    Attributes
-    ----------
-    step : MotionStep
-        The motion.
-    driven_s : float
-        For how long the velocity is counted as way travelled [s].
-    gap_s : float
-        At its end, how long nothing has measured motion; 0 where something did [s].
-    is_measured : bool
-        Whether all of the motion was measured.
-    columns : (3, n) float64 or None
-        How the step changes with the state, where it depends on common errors.
-    velocity_held_s : float
-        For how long the estimated velocity moves the pose; 0 where motion is measured [s].
-    unmeasured_s : Sym2
-        At its end, for how long nobody has measured the way, by direction in odom [s].
-    """
-
-    step: MotionStep
-    driven_s: float
-    gap_s: float = 0.0
-    is_measured: bool = False
-    columns: Floats | None = None
-    velocity_held_s: float = 0.0
-    unmeasured_s: Sym2 = NOWHERE
-
-
 class Prediction:
     """Predicts a filter state to a later stamp.
 
     Motion adds its own covariance and nothing else: at standstill the belief grows as little as the localizer says.
-    In a gap of length ``b`` the last twist is held for ``coast_s`` and the variance is ``drift^2 b^2``, from there on
-    base is taken to stand and it grows in proportion to time; cut into pieces, a gap is as uncertain as in one piece.
-    With the model `velocity` a gap goes on with the estimated velocity. A direction that all motions leave open is as
-    uncertain as a gap for `coast_s`; after that its variance is ``drift^2 t^2``, because an unknown speed lasts.
+    How base moves where nothing, or not everything, was measured, and how uncertain that is, says `Gaps`.
 
     Parameters
     ----------
@@ -99,20 +75,22 @@ class Prediction:
         self._filter = kalman
         self._layout = layout
         self._gate_of = gate_of
-        self._coast_s = config.coast_s
         self._is_independent = config.motions == "independent"
         self._uses_standstill = config.standstill == "use"
-        drift_mps, drift_radps = config.drift_sigma_mps, math.radians(config.drift_sigma_deg_per_s)
-        self._drift = diagonal(drift_mps**2, drift_mps**2, drift_radps**2)
         self._common = CommonErrors(layout, kalman, self._is_independent)
         self._velocity = VelocityModel(layout, kalman, config.coast_s) if layout.has_velocity else None
+        self._gaps = Gaps(config, self._velocity)
+        self._tolerance = Tolerance.of(config)
+        self._start_lasts_s = config.coast_s
+        #: First instant that was heard of; the start state holds there, and for ``coast_s`` more [s].
+        self.begun_s = math.inf
 
     def predict(self, state: FilterState, stamp_s: float) -> FilterState:
         """Return the state at a stamp that is not earlier."""
         if stamp_s <= state.stamp_s:
             return state
         if state.stamp_s == -math.inf:
-            return replace(state, stamp_s=stamp_s)
+            state = replace(state, stamp_s=min(stamp_s, self.begun_s + self._start_lasts_s))
         for cut_s in self._motions.cuts(state.stamp_s, stamp_s):
             state = self.predict_piece(state, cut_s)
         return self.predict_piece(state, stamp_s)
@@ -123,10 +101,10 @@ class Prediction:
 
     def restart_after_gap(self, state: FilterState, gap_s: float) -> FilterState:
         """Return a state that starts anew at any time, as uncertain as after a gap."""
-        at_rest = replace(state.odometry, gap_s=0.0, twist=_AT_REST, unmeasured_s=NOWHERE)
+        at_rest = replace(state.odometry, gap_s=0.0, twist=AT_REST, unmeasured_s=NOWHERE)
         ahead = self._coast(replace(state, stamp_s=0.0, odometry=at_rest), gap_s)
         rejections = replace(ahead.rejections, corroborations={}, measurements={})
-        odometry = replace(ahead.odometry, gap_s=0.0)
+        odometry = replace(ahead.odometry, gap_s=0.0, unmeasured_s=NOWHERE)
         return replace(ahead, stamp_s=-math.inf, odometry=odometry, rejections=rejections)
 
     def predict_piece(self, state: FilterState, stamp_s: float) -> FilterState:
@@ -140,7 +118,9 @@ class Prediction:
         dt_s, theta = stamp_s - state.stamp_s, state.odometry.pose_odom_base.theta
         believed = stated
         if diagnosis.faults:
-            believed = [one for one in stated if one[0] not in diagnosis.faults]
+            believed = [one for one in stated if one[0] not in diagnosis.faults] or [
+                (source, make_rough(step, dt_s)) for source, step in stated if diagnosis.faults[source].is_rough
+            ]
             if not believed:
                 return self._coast(replace(state, diagnosis=_added(diagnosis, stated, theta, dt_s)), stamp_s)
         selection = StepSelection(believed)
@@ -148,7 +128,7 @@ class Prediction:
             if state.odometry.is_measured and self._gate_of(believed[0][0]) is not None:
                 selection = replace_impossible_jump(believed, dt_s, state.odometry.twist)
         else:
-            drift = scaled(self._drift, dt_s * dt_s)
+            drift = self._gaps.drift_of_step(dt_s)
             selection = select_steps(believed, dt_s, state.odometry.twist, drift, self._gate_of)
             if selection.left_out and not state.left_out:
                 stated = _without_outliers(stated, selection)
@@ -164,7 +144,7 @@ class Prediction:
         self, state: FilterState, before: Gaussian, stamp_s: float, selection: StepSelection
     ) -> FilterState:
         dt_s = stamp_s - state.stamp_s
-        drift, held = self._unmeasured(dt_s), state.odometry.twist
+        drift, held = self._gaps.drift_over(dt_s), state.odometry.twist
         stated = selection.steps
         if self._uses_standstill and stands(state, self._layout):
             stated = with_standstill(stated, dt_s)
@@ -173,9 +153,6 @@ class Prediction:
         steps = self._common.remove_from(x, stated, dt_s)
         columns = self._common.jacobian(x, stated, dt_s, drift)
         return self._apply_steps(state, stamp_s, selection, steps, columns)
-
-    def _unmeasured(self, dt_s: float) -> Sym3:
-        return scaled(self._drift, dt_s * self._coast_s)
 
     def _apply_steps(
         self,
@@ -186,12 +163,18 @@ class Prediction:
         columns: Floats | None,
         diagnosis: FaultDiagnosis | None = None,
     ) -> FilterState:
-        dt_s = stamp_s - state.stamp_s
-        step, is_measured = fuse_steps(steps, dt_s, state.odometry.twist, self._unmeasured(dt_s), self._is_independent)
-        piece = _Piece(step, dt_s, is_measured=is_measured, columns=columns)
+        dt_s, offsets = stamp_s - state.stamp_s, state.odometry.offsets
+        steps = with_offsets(selection.steps, steps, offsets)
+        step, is_measured = fuse_steps(
+            steps, dt_s, state.odometry.twist, self._gaps.drift_over(dt_s), self._is_independent
+        )
+        if offsets:
+            step = with_lasting_error(step, selection.steps, offsets, dt_s, self._tolerance)
+        piece = Piece(step, dt_s, is_measured=is_measured, columns=columns)
         if not is_measured:
-            piece = self._with_lasting_error(piece, state.odometry, dt_s)
-        moved = self._move(state, stamp_s, piece, diagnosis)
+            piece = self._gaps.with_lasting_error(piece, state.odometry, dt_s)
+        offsets = offsets_after(selection.steps, step, offsets)
+        moved = self._move(state, stamp_s, piece, diagnosis, offsets)
         if self._velocity is not None and moved.gaussian is not None:
             moved = self._velocity.update(moved, steps, dt_s, columns)
         if not (selection.checks or selection.left_out or state.left_out or state.checks):
@@ -199,43 +182,18 @@ class Prediction:
         left_out = {source: state.left_out.get(source, 0) + 1 for source in selection.left_out}
         return replace(moved, left_out=left_out, checks=selection.checks)
 
-    def _with_lasting_error(self, piece: _Piece, odometry: OdometryState, dt_s: float) -> _Piece:
-        """Return a piece with what an unknown speed, the same as in the pieces before, adds where nobody measured."""
-        step, theta = piece.step, odometry.pose_odom_base.theta
-        assert step.covariance is not None
-        open_ways = unmeasured_in(step.covariance, self._unmeasured(dt_s))
-        before_s = projected(turned(odometry.unmeasured_s, -theta), open_ways)
-        after_s = plus(before_s, open_ways, dt_s)
-        piece = piece._replace(unmeasured_s=turned(after_s, theta))
-        if longest(after_s) <= self._coast_s:
-            return piece
-        rate_m2ps2 = self._drift[0] * dt_s * (2.0 - self._coast_s / longest(after_s))
-        xx, xy, yy = after_s
-        lasting = (rate_m2ps2 * xx, rate_m2ps2 * xy, 0.0, rate_m2ps2 * yy, 0.0, 0.0)
-        return piece._replace(step=replace(step, covariance=add(step.covariance, lasting)))
-
     def _coast(self, state: FilterState, stamp_s: float) -> FilterState:
         """Predict over a piece of time in which nothing measured motion."""
-        odometry = state.odometry
-        begin_s, end_s = odometry.gap_s, odometry.gap_s + stamp_s - state.stamp_s
-        if self._velocity is not None and state.gaussian is not None:
-            step, held_s = self._velocity.coast(state.gaussian.x, stamp_s - state.stamp_s)
-            piece = _Piece(step, held_s, gap_s=end_s, velocity_held_s=held_s, unmeasured_s=odometry.unmeasured_s)
-            return self._velocity.with_twist(self._move(state, stamp_s, piece))
-        held_s = min(end_s, self._coast_s) - min(begin_s, self._coast_s)
-        ahead = odometry.twist.after(held_s)
-        noise = scaled(self._drift, self._spread(end_s) - self._spread(begin_s))
-        twist = odometry.twist if held_s > 0.0 else _AT_REST
-        step = MotionStep(ahead.x, ahead.y, ahead.theta, noise, None, twist)
-        return self._move(state, stamp_s, _Piece(step, held_s, gap_s=end_s, unmeasured_s=odometry.unmeasured_s))
-
-    def _spread(self, gap_s: float) -> float:
-        """Return the variance of the way in a gap, for a unit drift [s^2]."""
-        coast_s = self._coast_s
-        return gap_s * gap_s if gap_s < coast_s else coast_s * (2.0 * gap_s - coast_s)
+        moved = self._move(state, stamp_s, self._gaps.coast(state, stamp_s))
+        return moved if self._velocity is None or moved.gaussian is None else self._velocity.with_twist(moved)
 
     def _move(
-        self, state: FilterState, stamp_s: float, piece: _Piece, diagnosis: FaultDiagnosis | None = None
+        self,
+        state: FilterState,
+        stamp_s: float,
+        piece: Piece,
+        diagnosis: FaultDiagnosis | None = None,
+        offsets: Mapping[str, Offset] = NO_OFFSETS,
     ) -> FilterState:
         before, step, odometry = state.gaussian, piece.step, state.odometry
         gaussian = None
@@ -243,17 +201,20 @@ class Prediction:
             motion = self._motion_of(before.x, step, stamp_s - state.stamp_s, piece.columns, piece.velocity_held_s)
             gaussian = Gaussian(*self._filter.predict(before.x, before.covariance, motion))
         twist = step.twist
+        speed_mps = math.hypot(twist.forward_mps, twist.left_mps)
         return FilterState(
             stamp_s=stamp_s,
             gaussian=gaussian,
             odometry=OdometryState(
                 pose_odom_base=odometry.pose_odom_base @ Pose2(step.x, step.y, step.turn),
-                travelled_m=odometry.travelled_m + math.hypot(twist.forward_mps, twist.left_mps) * piece.driven_s,
+                travelled_m=odometry.travelled_m + speed_mps * piece.driven_s,
                 twist=twist,
                 gap_s=piece.gap_s,
                 is_measured=piece.is_measured,
                 has_moved=odometry.has_moved or piece.gap_s == 0.0,
                 unmeasured_s=piece.unmeasured_s,
+                measured_mps=speed_mps if piece.is_measured else odometry.measured_mps,
+                offsets=offsets,
             ),
             fixed_at_m=state.fixed_at_m,
             rejections=state.rejections,

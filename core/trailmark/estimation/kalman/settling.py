@@ -11,8 +11,9 @@ import numpy as np
 
 from trailmark.arrays import Floats
 from trailmark.estimation.kalman.bank import mixture_of, posterior
+from trailmark.estimation.kalman.diagnosis import FaultDiagnosis, RivalFilter
 from trailmark.estimation.kalman.forgiveness import AGREED, GIVES_IN_S, without_fault
-from trailmark.estimation.kalman.state import FaultDiagnosis, FilterState, Gaussian, OdometryState, RivalFilter
+from trailmark.estimation.kalman.state import FilterState, Gaussian, OdometryState
 from trailmark.estimation.kalman.windows import without_windows
 
 __all__ = ["continued", "settle"]
@@ -34,7 +35,8 @@ def settle(state: FilterState, rivals: Sequence[RivalFilter]) -> FilterState:
     weights = posterior(rivals)
     order = np.argsort(-weights, kind="stable")
     best = rivals[order[0]]
-    odds = math.log(weights[order[0]] / max(1.0 - weights[order[0]], 1e-300))
+    share = sum(w for rival, w in zip(rivals, weights.tolist()) if _accused_by(rival) == _accused_by(best))
+    odds = math.log(share / max(1.0 - share, 1e-300))
     if odds > _DECIDED and _has_been_heard(state, best):
         not_outvoted = _not_outvoted(state, best)
         if not not_outvoted:
@@ -45,6 +47,11 @@ def settle(state: FilterState, rivals: Sequence[RivalFilter]) -> FilterState:
         if forgiven:
             return _decided(state, replace(best, state=reduce(without_fault, forgiven, best.state)))
     return _undecided(state, [rivals[k] for k in order], weights[order])
+
+
+def _accused_by(rival: RivalFilter) -> tuple[set[str], set[str]]:
+    """Return who is not believed: hypotheses that differ only in how wrong a motion is decide together."""
+    return set(rival.state.diagnosis.faults), set(rival.state.diagnosis.absolute_faults)
 
 
 def _without_recovered(state: FilterState, rivals: Sequence[RivalFilter]) -> Sequence[RivalFilter]:
@@ -103,7 +110,10 @@ def _undecided(state: FilterState, rivals: Sequence[RivalFilter], weights: Float
         rivals=tuple(rivals),
         undecided_since_s=leader.stamp_s if since_s == math.inf else since_s,
     )
-    return _as_leader(state, leader, mixture_of(rivals, weights), diagnosis)
+    mixed = _as_leader(state, leader, mixture_of(rivals, weights), diagnosis)
+    # odometry goes on by who measures it, which need not be the most probable
+    odometry = replace(mixed.odometry, gap_s=state.odometry.gap_s, is_measured=state.odometry.is_measured)
+    return replace(mixed, odometry=odometry)
 
 
 def _as_leader(

@@ -11,9 +11,10 @@ import math
 from collections.abc import Mapping, Sequence
 
 from trailmark.estimation.kalman.agreement import corrections_are_consistent, is_still, motion_since
+from trailmark.estimation.kalman.diagnosis import MotionSum
 from trailmark.estimation.kalman.layout import CommonError, Layout
 from trailmark.estimation.kalman.motions import MotionStep
-from trailmark.estimation.kalman.state import FilterState, MotionSum
+from trailmark.estimation.kalman.state import FilterState
 from trailmark.estimation.symmetric import diagonal
 from trailmark.geometry import Twist2
 

@@ -6,34 +6,26 @@ import math
 from collections.abc import Mapping
 from dataclasses import field
 from types import MappingProxyType
-from typing import Any, Literal, NamedTuple
-
-import numpy as np
+from typing import Any, Literal
 
 from trailmark.arrays import Floats
 from trailmark.deprecation import deprecated_name
+from trailmark.estimation.kalman import diagnosis
+from trailmark.estimation.kalman.diagnosis import DetectedFault, FaultDiagnosis, RivalFilter
 from trailmark.estimation.kalman.innovation import Innovation
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.unmeasured import NOWHERE, Sym2
-from trailmark.frames.payloads import read_only
 from trailmark.geometry import Pose2, Twist2
 from trailmark.values import quick_dataclass
 
 __all__ = [
-    "Alternative",
     "CorroboratingFix",
-    "DetectedFault",
-    "FaultDiagnosis",
     "FilterState",
-    "FixOffset",
     "Gaussian",
     "MotionCheck",
-    "MotionSum",
     "OdometryState",
     "RejectedMeasurement",
     "Rejections",
-    "Retrial",
-    "RivalFilter",
     "Verdict",
 ]
 
@@ -160,6 +152,10 @@ class OdometryState:
         Whether any motion was measured.
     unmeasured_s : Sym2
         For how long nobody has measured the way, by direction in odom: neither motion nor an absolute estimate [s].
+    measured_mps : float
+        The last speed that was measured in all directions [m/s].
+    offsets : mapping of str to (float, float, float)
+        Base where poses on one map have led it, as seen from where the belief has, by localizer [m, m, rad].
     """
 
     pose_odom_base: Pose2 = Pose2()
@@ -169,6 +165,8 @@ class OdometryState:
     is_measured: bool = False
     has_moved: bool = False
     unmeasured_s: Sym2 = NOWHERE
+    measured_mps: float = 0.0
+    offsets: Mapping[str, tuple[float, float, float]] = field(default_factory=_empty)
 
 
 @quick_dataclass(frozen=True, slots=True, eq=False)
@@ -194,178 +192,6 @@ class Rejections:
     corroborations: Mapping[str, CorroboratingFix] = field(default_factory=_empty)
     n_recoveries: int = 0
     shares: Mapping[str, float] = field(default_factory=_empty)
-
-
-class MotionSum(NamedTuple):
-    """The steps of one localizer, added up in odom axes, and their variances.
-
-    Attributes
-    ----------
-    x, y, turn : float
-        Sums of the steps [m, m, rad].
-    position_m2, turn_rad2 : float
-        Sums of the variances, of the worse axis of the position and of the turn; 1e12 where not measured.
-    covered_s : float
-        Time that the steps cover [s].
-    """
-
-    x: float = 0.0
-    y: float = 0.0
-    turn: float = 0.0
-    position_m2: float = 0.0
-    turn_rad2: float = 0.0
-    covered_s: float = 0.0
-
-
-@quick_dataclass(frozen=True, slots=True)
-class DetectedFault:
-    """Why the motion of a localizer is not believed.
-
-    Attributes
-    ----------
-    since_s : float
-        When it was found [s].
-    reason : str
-        In words.
-    is_outvoted : bool
-        Whether two others at least, which agree, are against it.
-    n_agreed : int
-        How many of its absolute estimates in a row have agreed with the belief since.
-    """
-
-    since_s: float
-    reason: str
-    is_outvoted: bool = True
-    n_agreed: int = 0
-
-
-class FixOffset(NamedTuple):
-    """By how much the absolute estimates of one localizer are off, if they are off by a constant.
-
-    Attributes
-    ----------
-    mean : (k,) float64
-        In standard deviations of the estimates.
-    n : int
-        Of how many this is the mean; no more than the last few count.
-    """
-
-    mean: Floats
-    n: int
-
-
-@quick_dataclass(frozen=True, slots=True, eq=False)
-class RivalFilter:
-    """One hypothesis of who is right: a filter of its own.
-
-    Attributes
-    ----------
-    state : FilterState
-        The filter that uses neither the motion of some localizers, its `faults`, nor the absolute estimates of others,
-        its `absolute_faults`.
-    log_weight : float
-        Log of its probability, to a constant.
-    n_measurements : int
-        Absolute estimates that have had a say.
-    is_implausible : bool
-        Whether it says that a moving robot stood still at once, or changed its speed faster than robots do.
-    offsets : mapping of str to FixOffset
-        Of the absolute estimates that it does not believe, by localizer.
-    """
-
-    state: FilterState
-    log_weight: float
-    n_measurements: int = 0
-    is_implausible: bool = False
-    offsets: Mapping[str, FixOffset] = field(default_factory=_empty)
-
-
-class Retrial(NamedTuple):
-    """A filter that believes a motion again which the belief does not.
-
-    Attributes
-    ----------
-    begun : FilterState
-        Where it began.
-    state : FilterState
-        Where it is.
-    nis, dof : float, int
-        Of its measurements since, added up.
-    log_odds : float
-        How much more probable they are with the motion than without.
-    """
-
-    begun: FilterState
-    state: FilterState
-    nis: float = 0.0
-    dof: int = 0
-    log_odds: float = 0.0
-
-
-class Alternative(NamedTuple):
-    """A place where base may be instead of where it is believed, as seen in the map.
-
-    Attributes
-    ----------
-    shift : Pose2
-        ``pose_map_base`` if this is true, is ``shift @ pose_map_base`` of the belief; the belief itself is one of them.
-    log_weight : float
-        Log of its probability, to a constant.
-    n_measurements : int
-        Absolute estimates that have had a say.
-    """
-
-    shift: Pose2
-    log_weight: float
-    n_measurements: int
-
-
-class FaultDiagnosis(NamedTuple):
-    """What the localizers say of each other.
-
-    Attributes
-    ----------
-    sums : mapping of str to MotionSum
-        By localizer, since the beginning.
-    corrections : (3,) float64
-        Corrections of (x, y, theta) by absolute estimates, added up since the beginning [m, m, rad].
-    correction_covariance : (3, 3) float64
-        Of `corrections`, were the belief consistent.
-    anchors : tuple of FilterState
-        The filter at the beginnings of the test windows, oldest first, at most two.
-    measurements : tuple of (float, Measurement)
-        Absolute estimates since the oldest anchor, with their stamps.
-    faults : mapping of str to DetectedFault
-        Localizers whose motion is not believed.
-    absolute_faults : mapping of str to DetectedFault
-        Localizers whose absolute estimates are not believed.
-    rivals : tuple of RivalFilter
-        Hypotheses that are not decided; empty while the localizers agree.
-    undecided_since_s : float
-        When the rivals came up [s].
-    tested_s : float
-        When the motions were compared last [s].
-    trials : mapping of str to Retrial
-        By localizer whose motion is not believed, where no other motion is.
-    alternatives : tuple of Alternative
-        Where base may be, after a question that nothing has decided; empty if that is known.
-    accused : frozenset of str
-        Localizers of that question.
-    """
-
-    sums: Mapping[str, MotionSum] = _EMPTY
-    corrections: Floats = read_only(np.zeros(3))
-    correction_covariance: Floats = read_only(np.zeros((3, 3)))
-    anchors: tuple[FilterState, ...] = ()
-    measurements: tuple[tuple[float, Measurement], ...] = ()
-    faults: Mapping[str, DetectedFault] = _EMPTY
-    absolute_faults: Mapping[str, DetectedFault] = _EMPTY
-    rivals: tuple[RivalFilter, ...] = ()
-    undecided_since_s: float = math.inf
-    tested_s: float = -math.inf
-    trials: Mapping[str, Retrial] = _EMPTY
-    alternatives: tuple[Alternative, ...] = ()
-    accused: frozenset[str] = frozenset()
 
 
 @quick_dataclass(frozen=True, slots=True, eq=False)
@@ -420,6 +246,6 @@ class FilterState:
 
 
 def __getattr__(name: str) -> Any:
-    return deprecated_name(
-        __name__, name, {"Consistency": FaultDiagnosis, "Fault": DetectedFault, "Rival": RivalFilter}
-    )
+    renamed = {"Consistency": FaultDiagnosis, "Fault": DetectedFault, "Rival": RivalFilter}
+    moved = {one: getattr(diagnosis, one) for one in ("Alternative", "FixOffset", "MotionSum", "Retrial")}
+    return deprecated_name(__name__, name, renamed | moved)

@@ -10,12 +10,13 @@ from trailmark.estimation.history import History
 from trailmark.estimation.kalman.agreement import Tolerance
 from trailmark.estimation.kalman.correction import Correction, Filter
 from trailmark.estimation.kalman.fault_detection import FaultDetector
+from trailmark.estimation.kalman.gaps import drift_of
 from trailmark.estimation.kalman.layout import Layout
 from trailmark.estimation.kalman.motions import Motions, StatedMotion
 from trailmark.estimation.kalman.prediction import Prediction
 from trailmark.estimation.kalman.state import FilterState
 from trailmark.estimation.kalman.time_node import TimeNode
-from trailmark.estimation.kalman.windows import WINDOW_S
+from trailmark.estimation.kalman.windows import LONGEST_S, WINDOW_S
 from trailmark.estimation.kalman_config import KalmanConfig
 
 __all__ = ["Timeline"]
@@ -51,11 +52,12 @@ class Timeline:
         counted: Counter[str],
     ) -> None:
         self._counted = counted
-        self._motions = Motions()
+        self._motions = Motions(drift_of(config))
         self._prediction = Prediction(config, self._motions, kalman, layout, gate_of)
         self._faults = FaultDetector(self._prediction, Correction(config, kalman, layout), Tolerance.of(config))
         self._nodes: dict[float, TimeNode] = {}
-        self._kept_since_s = -math.inf
+        self._kept_since_s = self._heard_s = -math.inf
+        self._time_jump_s = config.time_jump_s
         self._history: History[TimeNode, FilterState] = History(config.history_s, self._step, state)
 
     @property
@@ -64,9 +66,20 @@ class Timeline:
         return self._history.newest_s
 
     @property
+    def motions(self) -> Motions:
+        """What is known of motion."""
+        return self._motions
+
+    @property
     def horizon_s(self) -> float:
         """What is older comes too late [s]."""
         return self._history.horizon_s
+
+    def hear_of(self, stamp_s: float) -> None:
+        """Take note of an instant of the run before anything was said: from the first on, time counts for the start."""
+        if stamp_s - self._heard_s > self._time_jump_s:  # the first, or of another clock
+            self._prediction.begun_s = stamp_s
+        self._heard_s = max(self._heard_s, stamp_s)
 
     def state_at(self, stamp_s: float) -> FilterState:
         """Return the state after the last instant at or before a stamp."""
@@ -120,7 +133,7 @@ class Timeline:
             return
         self._kept_since_s = horizon_s
         self._nodes = {at: node for at, node in self._nodes.items() if at >= horizon_s}
-        self._motions.forget(self._history.state_at(-math.inf).stamp_s - 3.0 * WINDOW_S)
+        self._motions.forget(self._history.state_at(-math.inf).stamp_s - LONGEST_S - 2.0 * WINDOW_S)
 
     def _step(self, state: FilterState, stamp_s: float, node: TimeNode) -> FilterState:
         """Return the state after an instant: the step of the history."""

@@ -14,11 +14,12 @@ from dataclasses import replace
 from trailmark.estimation.kalman.agreement import is_still, motion_since
 from trailmark.estimation.kalman.bank import log_likelihood, log_odds_of_one
 from trailmark.estimation.kalman.correction import Correction
+from trailmark.estimation.kalman.diagnosis import FaultDiagnosis, Retrial
 from trailmark.estimation.kalman.gate import threshold
 from trailmark.estimation.kalman.innovation import Innovation
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.kalman.prediction import Prediction
-from trailmark.estimation.kalman.state import FaultDiagnosis, FilterState, Retrial
+from trailmark.estimation.kalman.state import FilterState
 
 __all__ = ["Trials", "acquitted"]
 

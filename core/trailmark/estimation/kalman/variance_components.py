@@ -13,6 +13,7 @@ from trailmark.estimation.kalman.gate import threshold
 __all__ = [
     "AT_ITS_WORD",
     "AT_ITS_WORD_AGAIN",
+    "CLIPPED",
     "FALLS",
     "GROWS",
     "MOST",
@@ -20,6 +21,7 @@ __all__ = [
     "Pairing",
     "Shares",
     "both_sides",
+    "clipped_mean",
 ]
 
 #: The largest scale. None is below one: a source that has erred by less than it says may have its errors before it.
@@ -29,7 +31,7 @@ AT_ITS_WORD, AT_ITS_WORD_AGAIN = 1.4, 1.15
 #: By which factor a scale that is used grows or falls at most [1/s].
 GROWS, FALLS = 1.25, 0.97
 #: Beyond this quantile a difference counts as if it were at it.
-_CLIPPED = 0.8
+CLIPPED = 0.8
 #: A determinant below this, of a matrix with a unit diagonal, is left to elimination with pivots.
 _SINGULAR = 1e-6
 
@@ -43,34 +45,38 @@ class Shares:
     """Both sides of the likelihood equations of each localizer, by what it was compared with."""
 
     def __init__(self) -> None:
-        self._seen: dict[Key, dict[tuple[str, str], tuple[float, float]]] = {}
+        self._seen: dict[Key, dict[tuple[str, str], tuple[float, float, float]]] = {}
 
     def localizers(self) -> list[Key]:
         """Return the localizers."""
         return sorted(self._seen)
 
-    def add(self, key: Key, kind: str, keys: tuple[Key, ...], seen: float, expected: float) -> None:
-        """Add what was seen of a localizer's own share of differences, and what is expected."""
+    def add(self, key: Key, kind: str, keys: tuple[Key, ...], sides: tuple[float, float], information: float) -> None:
+        """Add what was seen of a localizer's own share of differences, what is expected, and how much that tells."""
         if kind == "motion" or (kind == "other" and not key[1]):
             others = next(name for name, of_motion in keys if of_motion == key[1] and name != key[0])
         else:
             others = f"{keys[0][0]} fix" if key[1] else keys[-1][0]
         of_key = self._seen.setdefault(key, {})
-        before = of_key.get((kind, others), (0.0, 0.0))
-        of_key[kind, others] = before[0] + seen, before[1] + expected
+        seen, expected, told = of_key.get((kind, others), (0.0, 0.0, 0.0))
+        of_key[kind, others] = seen + sides[0], expected + sides[1], told + information
 
-    def evidence(self, key: Key) -> float:
-        """Return how many numbers say something of a localizer; what several say of one time is told once."""
-        return max(expected for _, expected in self._seen[key].values())
+    def evidence(self, key: Key) -> tuple[float, float]:
+        """Return how many numbers say something of a localizer, and what they tell; of several of one time the most."""
+        _, expected, told = zip(*self._seen[key].values())
+        return max(expected), max(told)
 
     def ratio_of(self, key: Key) -> float:
         """Return seen over expected, of all that was compared."""
-        seen, expected = (sum(side) for side in zip(*self._seen[key].values()))
+        seen, expected, _ = (sum(side) for side in zip(*self._seen[key].values()))
         return max(seen / expected, 1e-3) if expected > 0.0 else 1.0
 
 
-def both_sides(values: Floats, covariances: Floats) -> tuple[Floats, Floats]:
-    """Return the two sides of the likelihood equation of each share, (m,) each.
+def both_sides(values: Floats, covariances: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return the two sides of the likelihood equation of each share, and how much they tell of its factor, (m,) each.
+
+    The last is twice the Fisher information of the log of a share's factor, the others known: where a share is small
+    beside the rest, an error of the rest is easily taken for one of it, and many differences tell little.
 
     Parameters
     ----------
@@ -86,11 +92,12 @@ def both_sides(values: Floats, covariances: Floats) -> tuple[Floats, Floats]:
     weight = _inverse_of_each(total * scales) * scales
     solved = (weight @ values[:, :, None])[:, :, 0]
     squares = (solved * values).sum(axis=1)
-    limit = threshold(_CLIPPED, size)
-    clipped = np.minimum(1.0, limit / np.maximum(squares, 1e-300)) / _clipped_mean(limit, size)
+    limit = threshold(CLIPPED, size)
+    clipped = np.minimum(1.0, limit / np.maximum(squares, 1e-300)) / clipped_mean(limit, size)
     outer = (clipped[:, None] * solved)[:, :, None] * solved[:, None, :]
     flat = covariances.transpose(1, 0, 2, 3).reshape(covariances.shape[1], -1)
-    return flat @ outer.ravel(), flat @ weight.ravel()
+    information = np.einsum("nmij,nmji->m", (of_share := weight[:, None] @ covariances), of_share)
+    return flat @ outer.ravel(), flat @ weight.ravel(), information
 
 
 def _inverse_of_each(matrices: Floats) -> Floats:
@@ -110,7 +117,7 @@ def _inverse_of_each(matrices: Floats) -> Floats:
 
 
 @cache
-def _clipped_mean(limit: float, size: int) -> float:
+def clipped_mean(limit: float, size: int) -> float:
     """Return the mean of a chi-square variable that is clipped at a limit, over its degrees of freedom."""
     below = float(gammainc(size / 2.0 + 1.0, limit / 2.0))
     return below + limit * (1.0 - float(gammainc(size / 2.0, limit / 2.0))) / size

@@ -19,6 +19,7 @@ from trailmark.estimation.kalman.motions import StatedMotion
 from trailmark.estimation.kalman.odometry import PublishedOdometry
 from trailmark.estimation.kalman.state import OdometryState
 from trailmark.estimation.kalman.trust import Trust
+from trailmark.estimation.overlaps import OVERLAPS, TOLD_ALREADY, TOLD_S
 from trailmark.estimation.smoother.health import SourceRecord, contradiction_of, health_of
 from trailmark.estimation.smoother.motion_line import MotionLine
 from trailmark.estimation.smoother.window import Window
@@ -73,7 +74,12 @@ class Smoother(Estimator):
 
     def counters(self) -> Mapping[str, int]:
         """Return what was refused, and how often the poses were sought anew."""
-        return {**self._counted, "recoveries": self._n_sought + (self._window.n_sought if self._window else 0)}
+        overlaps = {f"overlaps.{source}": n for source, n in self._line.motions.n_overlaps().items()}
+        return {
+            **self._counted,
+            **overlaps,
+            "recoveries": self._n_sought + (self._window.n_sought if self._window else 0),
+        }
 
     def apply(self, source: str, estimate: Estimate) -> Applied:
         """Use an estimate and return what became of it: the verdict of the moment, which a later one may turn."""
@@ -187,6 +193,8 @@ class Smoother(Estimator):
         if self._window is not None:
             self._window.note_motion(changed_s)
         self._advance(motion.stamp_s)
+        if not self._line.motions.uses(source, stated):
+            return Applied("unused", TOLD_ALREADY)
         if self._line.leaves_out(source, motion.stamp_s):
             return Applied("gated", "its motion contradicts that of others, or the velocity before")
         return Applied("accepted")
@@ -281,8 +289,14 @@ class Smoother(Estimator):
             on_path=on_path,
             fix_age_m=fix_age_m,
             motion_age_s=odometry.motion_age_s,
-            health=health_of(self._records, at_s, self.config.timeout_s),
+            health=self._health(at_s),
         )
+
+    def _health(self, stamp_s: float) -> dict[str, str]:
+        health = health_of(self._records, stamp_s, self.config.timeout_s)
+        for source in self._line.motions.overlapping(stamp_s - TOLD_S):
+            health.setdefault(source, OVERLAPS)
+        return health
 
     def _on_path(self, stamp_s: float, pose: Pose2, covariance: Sym3) -> PathOffset | None:
         if self._path is None:

@@ -9,12 +9,15 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left, bisect_right
+from dataclasses import replace
 
 from trailmark.estimation.chain import OdomState, carry, interpolate
+from trailmark.estimation.kalman.gaps import drift_of
 from trailmark.estimation.kalman.motions import Motions, StatedMotion
 from trailmark.estimation.kalman.weighing import StepSelection, fuse_steps, replace_impossible_jump, select_steps
 from trailmark.estimation.smoother_config import SmootherConfig
-from trailmark.estimation.symmetric import Sym3, congruence, diagonal, scaled, subtract
+from trailmark.estimation.symmetric import Sym3, add, congruence, scaled, subtract
+from trailmark.estimation.unmeasured import EVERYWHERE, plus, speed_variance, squared_by_direction
 from trailmark.geometry import Pose2, Twist2
 
 __all__ = ["MotionLine", "relative_motion"]
@@ -26,8 +29,8 @@ _AT_REST = Twist2()
 class MotionLine:
     """Odometry of a window of time; a motion that comes late changes it from its beginning on.
 
-    In a gap the last twist is held for ``coast_s`` and the variance of the way is ``drift^2 gap^2``; from there on base
-    is taken to stand, and it grows in proportion to time.
+    In a gap the last twist is held for ``coast_s``, from there on base is taken to stand. The variance of the way is
+    ``drift^2 gap^2``, because an unknown speed lasts; after ``coast_s`` that of the last speed, if it was faster.
 
     Parameters
     ----------
@@ -39,9 +42,8 @@ class MotionLine:
         self._coast_s = config.coast_s
         self._is_independent = config.motions == "independent"
         self._gate = None if config.gate == "off" else config.gate
-        drift_mps, drift_radps = config.drift_sigma_mps, math.radians(config.drift_sigma_deg_per_s)
-        self._drift = diagonal(drift_mps**2, drift_mps**2, drift_radps**2)
-        self._motions = Motions()
+        self._drift = drift_of(config)
+        self._motions = Motions(self._drift)
         self._stamps: list[float] = []
         self._states: list[OdomState] = []
         self._left_out: dict[float, tuple[str, ...]] = {}
@@ -51,6 +53,11 @@ class MotionLine:
     def end_s(self) -> float:
         """Stamp until which motion is known; ``-inf`` before the first [s]."""
         return self._stamps[-1] if self._stamps else -math.inf
+
+    @property
+    def motions(self) -> Motions:
+        """What was told."""
+        return self._motions
 
     def begin(self, stamp_s: float) -> None:
         """Let base drift from a stamp on if nothing is known of it yet: whoever is heard of first may be on the way."""
@@ -147,7 +154,12 @@ class MotionLine:
         held_s = min(end_s, self._coast_s) - min(begin_s, self._coast_s)
         noise = scaled(self._drift, self._unmeasured(end_s) - self._unmeasured(begin_s))
         twist = last.twist if held_s > 0.0 else _AT_REST
-        return carry(last, stamp_s, last.twist.after(held_s), twist, noise, end_s)
+        after = carry(last, stamp_s, last.twist.after(held_s), twist, noise, end_s)
+        if end_s <= self._coast_s:
+            return after
+        speed_mps = math.hypot(last.twist.forward_mps, last.twist.left_mps)
+        way_m = math.sqrt(speed_variance(self._drift, speed_mps)) * (stamp_s - last.stamp_s - held_s)
+        return replace(after, unmeasured_m=plus(last.unmeasured_m, EVERYWHERE, way_m))
 
     def _unmeasured(self, gap_s: float) -> float:
         """Return the variance of the way in a gap, for a unit drift [s^2]."""
@@ -161,4 +173,6 @@ def relative_motion(first: OdomState, second: OdomState) -> tuple[Pose2, Sym3]:
     cos, sin = math.cos(before.theta), -math.sin(before.theta)
     x, y = after.x, after.y
     spread = subtract(second.spread, first.spread)
+    if second.unmeasured_m is not first.unmeasured_m:
+        spread = add(spread, squared_by_direction(plus(second.unmeasured_m, first.unmeasured_m, -1.0)))
     return before.between(after), congruence(spread, cos, sin, -cos * y - sin * x, cos * x - sin * y)

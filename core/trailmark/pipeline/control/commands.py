@@ -162,9 +162,10 @@ def check_commands(controller: Controller, drivable: Drivable) -> None:
     foreign = given - accepted - {Stop}
     if foreign:
         gives, accepts = _names(foreign), _names(accepted)
+        remedy = call_guarded("the controller", "remedy_for", lambda: controller.remedy_for(accepted))
         raise ConfigError(
             f"controller: {type(controller).__name__} gives {gives}, but the robot takes {accepts or 'no command'};"
-            " choose a controller for this robot"
+            f" {remedy or 'choose a controller for this robot'}"
         )
 
 

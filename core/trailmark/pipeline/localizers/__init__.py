@@ -5,6 +5,12 @@ A localizer is waited for, works beside the run on the virtual clock, or has a t
 
 from __future__ import annotations
 
-from trailmark.pipeline.localizers.runner import LocalizerFailedError, LocalizerRunner, ObserveResult, new_runner
+from trailmark.pipeline.localizers.runner import (
+    LocalizerFailedError,
+    LocalizerRunner,
+    ObserveResult,
+    beginning_early,
+    new_runner,
+)
 
-__all__ = ["LocalizerFailedError", "LocalizerRunner", "ObserveResult", "new_runner"]
+__all__ = ["LocalizerFailedError", "LocalizerRunner", "ObserveResult", "beginning_early", "new_runner"]

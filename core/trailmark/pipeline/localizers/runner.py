@@ -8,12 +8,14 @@ from abc import ABC, abstractmethod
 from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice
 from numbers import Real
 from time import perf_counter_ns
-from typing import NoReturn
+from types import MappingProxyType
+from typing import TYPE_CHECKING, NoReturn
 
-from trailmark.errors import RunError, StoreFailedError
+from trailmark.errors import RunError, StoreFailedError, TrailmarkError
 from trailmark.estimates import Belief, Estimate, Fix, Lost, Motion, PathOffset
 from trailmark.failures import raise_failure
 from trailmark.frames import Frame, SensorInfo
@@ -22,9 +24,22 @@ from trailmark.pipeline.instruments import Instruments
 from trailmark.pipeline.localizers.correcting import with_corrected_motions
 from trailmark.pipeline.parts import LocalizerPart
 
-__all__ = ["LocalizerFailedError", "LocalizerRunner", "ObserveResult", "SyncRunner", "new_runner"]
+if TYPE_CHECKING:
+    from trailmark.worker import PendingCall, Workers
+
+__all__ = [
+    "LocalizerFailedError",
+    "LocalizerRunner",
+    "ObserveResult",
+    "SyncRunner",
+    "beginning_early",
+    "new_runner",
+]
 
 logger = logging.getLogger(__name__)
+
+# One that has begun and is not asked for is waited for so long [s].
+_PATIENCE_S = 5.0
 
 #: More estimates about one frame are a mistake, and each costs time.
 _MOST_ESTIMATES = 1000
@@ -32,6 +47,9 @@ _MOST_ESTIMATES = 1000
 #: What is written for each estimate is for people to read: more of it is cut, and that is said.
 _MOST_DETAILS = 1000
 _LONGEST_REASON = 1000  # letters
+
+# Of these types nearly all details are; the general question takes longer.
+_PLAIN_MAPPINGS = (MappingProxyType, dict)
 
 
 class LocalizerFailedError(RunError):
@@ -76,6 +94,7 @@ class LocalizerRunner(ABC):
         self.part = part
         self.name = part.name
         self.uses_belief = part.localizer.uses_belief
+        self.begins_early = part.localizer.begins_early and not self.uses_belief
         self._localizer = part.localizer
         self._times = times
         self._is_realtime = is_realtime
@@ -145,7 +164,7 @@ class LocalizerRunner(ABC):
 
     def _checked_estimates(self, answer: object) -> Sequence[Estimate]:
         """Return what `Localizer.observe` has returned, if it is a sequence of estimates; what nobody reads is cut."""
-        if not isinstance(answer, list | tuple | Sequence) or isinstance(answer, str | bytes):
+        if not isinstance(answer, tuple | list | Sequence) or isinstance(answer, str | bytes):
             raise TypeError(f"it returned {type(answer).__name__}, not a sequence of estimates")
         estimates = tuple(islice(answer, _MOST_ESTIMATES + 1))
         if len(estimates) > _MOST_ESTIMATES:
@@ -154,16 +173,16 @@ class LocalizerRunner(ABC):
         for estimate in estimates:
             if not isinstance(estimate, Motion | Fix | PathOffset | Lost):
                 raise TypeError(f"it returned {type(estimate).__name__} in its sequence of estimates")
-            if not isinstance(estimate.stamp_s, Real):
+            if type(estimate.stamp_s) is not float and not isinstance(estimate.stamp_s, Real):
                 raise TypeError(f"it returned an estimate with the stamp {estimate.stamp_s!r}, not a number")
-            if not isinstance(estimate.details, Mapping):
-                found = type(estimate.details).__name__
-                raise TypeError(f"it returned an estimate whose details are {found}, no mapping")
+            details = estimate.details
+            if type(details) not in _PLAIN_MAPPINGS and not isinstance(details, Mapping):
+                raise TypeError(f"it returned an estimate whose details are {type(details).__name__}, no mapping")
             if isinstance(estimate, Lost):
                 if not isinstance(estimate.reason, str):
                     raise TypeError(f"it returned a Lost whose reason is {type(estimate.reason).__name__}, not words")
                 says_too_much |= len(estimate.reason) > _LONGEST_REASON
-            says_too_much |= len(estimate.details) > _MOST_DETAILS
+            says_too_much |= len(details) > _MOST_DETAILS
         return self._cut(estimates) if says_too_much else estimates
 
     def _cut(self, estimates: Sequence[Estimate]) -> Sequence[Estimate]:
@@ -205,12 +224,70 @@ def _shortened(estimate: Estimate) -> Estimate:
 
 
 class SyncRunner(LocalizerRunner):
-    """Runs a localizer that is waited for."""
+    """Runs a localizer that is waited for.
+
+    In step pace one that asks for it (`Localizer.begins_early`) needs nothing but the frame: it begins before its
+    turn, in a thread, while the localizers before it are at work. What it says is taken at its turn, and is the same.
+    """
+
+    _workers: Workers | None = None
+    _begun: PendingCall[tuple[Sequence[Estimate], float]] | None = None
+
+    def begin(self, frame: Frame) -> None:
+        """Ask the localizer in a thread; `submit` of the same frame waits for its answer."""
+        if self._workers is None:
+            from trailmark.worker import Workers  # of no use to most runs
+
+            self._workers = Workers(f"localizer {self.name}")
+        self._begun = self._workers.submit(partial(self._observe, frame, Belief(frame.stamp_s)))
 
     def submit(self, frame: Frame, belief: Belief) -> Sequence[ObserveResult]:
-        """Ask the localizer; its result is there at once."""
-        estimates, _ = self._observe(frame, belief)
+        """Ask the localizer, or wait for it if it has begun; its result is there at once."""
+        begun, self._begun = self._begun, None
+        estimates, _ = self._observe(frame, belief) if begun is None else self._answer_of(begun, frame)
         return (ObserveResult(frame.stamp_s, frame.stamp_s, estimates),) if estimates else ()
+
+    def _answer_of(
+        self, begun: PendingCall[tuple[Sequence[Estimate], float]], frame: Frame
+    ) -> tuple[Sequence[Estimate], float]:
+        try:
+            return begun.result()
+        except TrailmarkError:  # it has its words already
+            raise
+        except BaseException as error:  # it does not come back, or Ctrl-C
+            self._raise_failure("observe", frame, error)
+
+    def drain(self) -> Sequence[ObserveResult]:
+        """Wait for what has begun and was not asked for: the loop has ended before its turn."""
+        begun, self._begun = self._begun, None
+        if begun is not None and not begun.wait(_PATIENCE_S):
+            part = f"localizer {self.name!r}"
+            raise LocalizerFailedError(f"{part} has not come back {_PATIENCE_S:g} s after the last frame", part)
+        return ()
+
+    def close(self) -> None:
+        """End the thread, if there is one."""
+        if self._workers is not None:
+            self._workers.close()
+
+
+def beginning_early(runners: Sequence[LocalizerRunner], is_realtime: bool) -> tuple[SyncRunner, ...]:
+    """Return those of a sensor's localizers that may begin with a frame while the first of them is at work.
+
+    Parameters
+    ----------
+    runners : sequence of LocalizerRunner
+        That subscribe to the sensor, in the order in which they are asked.
+    is_realtime : bool
+        In real time every localizer may be given a thread by its options (``async``); none is taken here.
+    """
+    if is_realtime or len(runners) < 2:
+        return ()
+    from trailmark.worker import n_cores
+
+    if n_cores() < 2:
+        return ()
+    return tuple(runner for runner in runners[1:] if isinstance(runner, SyncRunner) and runner.begins_early)
 
 
 def new_runner(

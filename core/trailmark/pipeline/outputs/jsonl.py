@@ -21,7 +21,8 @@ __all__ = ["JsonlSink"]
 class JsonlSink(Sink):
     """Writes ``{"type": "belief" | "estimate" | "command" | "end", ...}``, one object a line.
 
-    Poses are ``[x, y, theta]``, null while unknown; so is an age that is infinite.
+    Poses are ``[x, y, theta]``, null while unknown; so is an age that is infinite. Of estimates, the information, the
+    details and ``Motion.is_matched`` are left out.
     """
 
     def __init__(self, config: JsonlConfig) -> None:

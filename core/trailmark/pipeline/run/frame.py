@@ -11,10 +11,11 @@ from trailmark.estimates import Belief, EstimateRecord, Lost
 from trailmark.frames import Frame
 from trailmark.interfaces import Sink
 from trailmark.pipeline.instruments import Instruments
-from trailmark.pipeline.localizers import LocalizerFailedError, LocalizerRunner, ObserveResult
+from trailmark.pipeline.localizers import LocalizerFailedError, LocalizerRunner, ObserveResult, beginning_early
 from trailmark.pipeline.outputs.fanout import SinkFanout
 from trailmark.pipeline.outputs.result import Step
 from trailmark.pipeline.parts import LocalizerPart
+from trailmark.pipeline.sources.stream import ground_truth_of
 from trailmark.pipeline.startup import RunningParts
 
 if TYPE_CHECKING:
@@ -96,6 +97,9 @@ class FrameProcessor:
             self._times.fold()
         self._sinks.tell(Sink.on_frame, frame)
         records: list[EstimateRecord] = []
+        if frame.payload.is_snapshot:  # a reading is not worth a thread
+            for early in self._beginning_early.get(frame.sensor, ()):
+                early.begin(frame)
         for localizer in self._subscribers.get(frame.sensor, ()):
             belief = self._estimator.belief(frame.stamp_s) if localizer.uses_belief else Belief(frame.stamp_s)
             try:
@@ -120,7 +124,7 @@ class FrameProcessor:
 
     def finish(self) -> None:
         """Apply what is still in work; in teach, end the path and let the localizers finish."""
-        for localizer in self._async_localizers:
+        for localizer in self._localizers:
             try:
                 self._apply(localizer, localizer.drain())
                 self._apply(localizer, localizer.poll(math.inf))
@@ -135,6 +139,7 @@ class FrameProcessor:
                     taught.finish(localizer.part)
                 except LocalizerFailedError as error:
                     self._on_failure(localizer, error)
+            taught.keep_true_places(ground_truth_of(self._running.parts.sources))
 
     def _close_loops(self, taught: TaughtMap) -> None:
         """Straighten the path; without a localizer that fails at it, if its ``on_error`` lets the run go on."""
@@ -169,4 +174,7 @@ class FrameProcessor:
         self._subscribers = {
             sensor: [localizer for localizer in localizers if sensor in localizer.part.sensors]
             for sensor in self._running.sensors
+        }
+        self._beginning_early = {
+            sensor: beginning_early(subscribers, self._is_realtime) for sensor, subscribers in self._subscribers.items()
         }

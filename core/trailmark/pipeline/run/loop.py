@@ -12,7 +12,7 @@ from trailmark.errors import RunError
 from trailmark.estimates import Applied
 from trailmark.frames import Frame, SensorInfo
 from trailmark.geometry import Pose2
-from trailmark.interruption import STEP_S, ending_signal, reason_of, shielded
+from trailmark.interruption import STEP_S, ending_signal, reason_of, settle, shielded
 from trailmark.pipeline.ending import HangError, HangWatch
 from trailmark.pipeline.instruments import Instruments
 from trailmark.pipeline.outputs.result import RunResult, Status, Step
@@ -213,6 +213,8 @@ class Run:
                 )
             finally:
                 self._lifeline.close()
+                if self.result is not None and self.result.status == "interrupted":
+                    settle()
 
     def _close_events(self) -> None:
         if isinstance(self._events, Generator):

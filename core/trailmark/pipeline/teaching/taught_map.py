@@ -10,9 +10,9 @@ from trailmark.errors import ConfigError, StoreFailedError
 from trailmark.failures import raise_failure
 from trailmark.frames import SensorInfo
 from trailmark.frames.documents import sensor_to_document
-from trailmark.geometry import Pose2
+from trailmark.geometry import Pose2, Trajectory
 from trailmark.interfaces import Access, LocalizerMap, PathStore
-from trailmark.paths import Path
+from trailmark.paths import Path, TaughtPlaces
 from trailmark.pipeline.instruments import Instruments
 from trailmark.pipeline.lifecycle import PartStarter, Sessions
 from trailmark.pipeline.localizers.runner import LocalizerFailedError
@@ -21,6 +21,7 @@ from trailmark.pipeline.parts import LocalizerPart, Parts
 from trailmark.pipeline.teaching.closing import close_loops, owners_beside
 from trailmark.pipeline.teaching.guarded_store import GuardedMap, GuardedStore
 from trailmark.pipeline.teaching.localizer_maps import ContinuedMap, VersionedMap, check_format
+from trailmark.pipeline.teaching.true_places import keep_true_places, read_true_places
 from trailmark.pipeline.teaching.way_log import WAY_LOG
 from trailmark.pipeline.teaching.waypoints import Teaching
 
@@ -54,12 +55,15 @@ class TaughtMap:
     ----------
     path : Path or None
         The path as it was before the run; straightened, if a teaching that was interrupted is finished first.
+    true_places : TaughtPlaces or None
+        Where the places of the path really were, where somebody knows; of a replay, once `read_true_places` was called.
     teaching : Teaching or None
         Lays waypoints, in teach.
     """
 
     def __init__(self, parts: Parts, store: PathStore, starter: PartStarter) -> None:
         self.path: Path | None = store.path()
+        self.true_places: TaughtPlaces | None = None
         self.teaching: Teaching | None = None
         self._parts = parts
         self._store = store
@@ -78,6 +82,10 @@ class TaughtMap:
             self.teaching.keep_log()
         offset_m = self.teaching.offset_m if self.teaching is not None else 0.0
         return ContinuedMap(localizer_map, offset_m) if offset_m else localizer_map
+
+    def read_true_places(self) -> None:
+        """Read where the places of the path really were, by which the run is judged."""
+        self.true_places = read_true_places(self._store)
 
     # --- replay ----------------------------------------------------------------------------------------------------
 
@@ -138,6 +146,11 @@ class TaughtMap:
     def close_loops(self, localizers: Sequence[LocalizerPart], switched_off: Sequence[LocalizerPart] = ()) -> int:
         """Straighten the path where places were seen twice; see `close_loops`."""
         return close_loops(self._store, localizers, switched_off)
+
+    def keep_true_places(self, truth: Trajectory | None) -> None:
+        """Keep where the waypoints really were, if that is known: a replay is judged in the map as it was taught."""
+        if truth is not None and self.teaching is not None and self.teaching.stamps:
+            keep_true_places(self._store, self.teaching.stamps, truth)
 
     def finish(self, part: LocalizerPart) -> None:
         """Call a localizer's `finish` (select, train, index), and record that it ran.

@@ -46,6 +46,8 @@ class Teaching:
         self._counters = instruments.counters
         self._times = instruments.times.stage("store")
         path = store.path()
+        #: Stamps of the waypoints laid, by their stations [s].
+        self.stamps: dict[float, float] = {}
         self._n_waypoints = 0 if path is None else len(path)
         between_m = 0.0 if path is None else _distance(path[-1].pose_map_base, start_pose, spacing_m)
         self.offset_m = 0.0 if path is None else path[-1].station_m + between_m
@@ -118,6 +120,7 @@ class Teaching:
         station_m = self.offset_m + belief.travelled_m
         self._store.append(Waypoint(self._n_waypoints, station_m, belief.pose_map_base))
         self._store.commit()
+        self.stamps[station_m] = belief.stamp_s
         self._times.append(perf_counter_ns() - began_ns)
         self._n_waypoints += 1
         self._last_m = belief.travelled_m

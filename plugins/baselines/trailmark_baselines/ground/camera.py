@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trailmark.config import UNNAMED
-from trailmark.errors import ConfigError, ShapeError
+from trailmark.errors import SensorMismatchError, ShapeError
 from trailmark.frames import Frame, GroundPlane, Image, SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Session
@@ -87,17 +87,19 @@ def ground_camera(session: Session, name: str) -> DownwardCamera:
         name = next(iter(cameras))
     if name not in cameras:
         known = ", ".join(cameras) or "none"
-        raise ConfigError(f"localizer {session.name!r}: no camera {name!r} of kind image; there are: {known}")
+        raise SensorMismatchError(f"localizer {session.name!r}: no camera {name!r} of kind image; there are: {known}")
     return _camera(session.name, cameras[name])
 
 
 def _camera(who: str, sensor: SensorInfo) -> DownwardCamera:
     plane, mounting = sensor.calibration, sensor.pose_base_sensor
     if not isinstance(plane, GroundPlane):
-        raise ConfigError(
+        raise SensorMismatchError(
             f"localizer {who!r}: sensor {sensor.name!r} needs the scale of a ground camera:"
             " `calibration: {metres_per_pixel: 3.9e-4}`"
         )
     if abs(mounting.roll) > 1e-9 or abs(mounting.pitch) > 1e-9:
-        raise ConfigError(f"localizer {who!r}: sensor {sensor.name!r} must be level; give x, y and yaw of its mounting")
+        raise SensorMismatchError(
+            f"localizer {who!r}: sensor {sensor.name!r} must be level; give x, y and yaw of its mounting"
+        )
     return DownwardCamera(sensor.name, plane, mounting.planar())

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from trailmark.errors import ConfigError, ShapeError
+from trailmark.errors import ConfigError, SensorMismatchError, ShapeError
 from trailmark.estimates import Belief, Estimate, Lost, Motion, information_from_covariance
 from trailmark.frames import RGBD, DepthCamera, Frame, Pinhole
 from trailmark.geometry import Pose3
@@ -42,6 +42,8 @@ class OrbRgbd(Localizer):
     """
 
     config: OrbRgbdConfig
+    uses_belief = False
+    begins_early = True
 
     def start(self, session: Session) -> None:
         """Read the calibration.
@@ -56,7 +58,7 @@ class OrbRgbd(Localizer):
         if isinstance(calibration, DepthCamera) and calibration.depth is None and calibration.depth_kind == "z":
             calibration = calibration.colour
         if not isinstance(calibration, Pinhole):
-            raise ConfigError(
+            raise SensorMismatchError(
                 f"{session.name or 'orb_rgbd'}: needs a calibrated colour camera with depth (z) registered to it;"
                 f" sensor {info.name!r} has {'none' if calibration is None else type(calibration).__name__}"
             )

@@ -135,6 +135,20 @@ def show_command(
             click.echo(click.format_filename(write_page(index, baseline=baseline)))
 
 
+@bench_group.command("site")
+@click.argument("folder", metavar="DIR", type=_FOLDER)
+@click.option("--to", required=True, type=_FOLDER, help="Folder of the site; index.html is written into it.")
+@click.option("--baseline", metavar="NAME", help="Compare with this one.")
+@click.option("--most-mb", type=click.FloatRange(0.1), default=5.0, show_default=True, help="Size of the page.")
+def site_command(folder: Path, to: Path, baseline: str | None, most_mb: float) -> None:
+    """Write a bench as a page for the web: who wins where, rankings with intervals, faults, trajectories, cells."""
+    from trailmark_bench.index import Index
+    from trailmark_bench.page import write_site
+
+    with Index(folder) as index:
+        click.echo(click.format_filename(write_site(index, to, baseline=baseline, most_mb=most_mb)))
+
+
 @bench_group.command("watch")
 @click.argument("folder", metavar="DIR", type=_FOLDER)
 @watch_options

@@ -46,8 +46,10 @@ def list_bench(request: RunOptions, plugins: Plugins, chosen: ChosenPlugins) -> 
     known = Index(request.folder) if (request.folder / INDEX_FILE).is_file() else None
     bench = load(request, plugins, chosen, {} if known is None else known.file_digests())
     say_changed(bench, known)
-    list_cells(bench, known, request.as_json)
-    if problems := misfits(bench.cells, plugins):
+    unfit = misfits(bench.cells, plugins)
+    list_cells(bench, known, unfit, request.as_json)
+    named = {cell.id: cell.label for cell in first_samples(bench.cells) if not cell.is_installed}
+    if problems := dict.fromkeys(f"{label}: {unfit[cell_id]}" for cell_id, label in named.items() if cell_id in unfit):
         raise ConfigError("these cells cannot start:\n" + "\n".join(problems))
 
 
@@ -173,14 +175,15 @@ def say_changed(bench: Bench, index: Index | None) -> None:
         )
 
 
-def list_cells(bench: Bench, index: Index | None, as_json: bool) -> None:
-    """Print the cells with the time that they will take, as far as cells like them have run."""
+def list_cells(bench: Bench, index: Index | None, unfit: Mapping[str, str], as_json: bool) -> None:
+    """Print the cells with the time that they will take, as cells like them have run; `unfit` are skipped."""
     records = [] if index is None else index.records(everything=True)
     states = {} if index is None else index.states()
     times = estimated_s(bench.cells, records)
     rows = [
         {"id": cell.id, "matrix": cell.matrix, **cell.coordinates,
-         "state": "skipped" if cell.missing else states.get(cell.id, "pending"), "reason": cell.missing,
+         "state": "skipped" if cell.missing or cell.id in unfit else states.get(cell.id, "pending"),
+         "reason": cell.missing or unfit.get(cell.id, ""),
          "estimated_s": None if time_s is None else round(time_s, 2)}
         for cell, time_s in zip(bench.cells, times, strict=True)
     ]  # fmt: skip

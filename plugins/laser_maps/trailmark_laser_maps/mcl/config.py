@@ -33,7 +33,8 @@ class GridMclConfig(PluginConfig):
     max_range_m: float = Field(30.0, gt=0)
     """Longer returns are not used [m]."""
     min_quality: float = Field(0.6, gt=0, le=1)
-    """Share of the rays that a place must explain (end within 0.15 m of a wall, none in the way); below it: lost."""
+    """Share of the rays that a place must explain (end within 0.15 m of a wall, none in the way); below it: lost. A
+    place that nobody named must explain half of the rest too."""
     margin: float = Field(0.25, gt=0, le=1)
     """By how much of the rays a place must be better than any other to be believed after one look; after n looks the
     root of n times less."""

@@ -33,6 +33,9 @@ _AGREE_M, _AGREE_SHARE, _LEAST_USED = 0.3, 0.05, 0.3
 _MOVED_M, _MOVED_RAD = 0.05, math.radians(2.0)
 _LOOK_M, _LOOK_RAD = 0.3, math.radians(25.0)
 _FEWEST_LOOKS = 3
+#: What a place leaves unexplained, every other place must leave so many times: people and moved furniture are new
+#: everywhere, but on another building's map, or a mirrored one, the best place is hardly better than the next.
+_LEFT_BY_RIVALS = 2.5
 _N_CANDIDATES = 300
 _FRESH_SHARE = 0.3
 _SECOND_CLUSTER = 0.05
@@ -62,7 +65,7 @@ class FilterSettings:
         Poses drawn over the map at the start, and at each scan until a place is found; particles kept, at least and
         at most.
     min_quality : float
-        Share of a scan that a place must explain.
+        Share of a scan that a followed place must explain; for one that nobody named see `quality_of_found`.
     margin : float
         By how much a place must be better than all others to be believed after one look.
     patience : int
@@ -80,6 +83,11 @@ class FilterSettings:
     margin: float = 0.25
     patience: int = 5
     recheck_m: float = 2.0
+
+    @property
+    def quality_of_found(self) -> float:
+        """Share of the last looks that a place must explain which nobody named: half of what `min_quality` leaves."""
+        return (1.0 + self.min_quality) / 2.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -260,13 +268,14 @@ class GridFilter:
         return self._decide(places)
 
     def _decide(self, places: RankedPlaces) -> Placed | Unplaced:
-        """Believe the best place if it explains enough, clearly more than any other, and at two looks in a row."""
+        """Believe the best place if it explains enough, leaves clearly less than others, and at two looks in a row."""
         settings, best = self._settings, float(places.shares[0])
         favourite, self._favourite = self._favourite, np.empty((0, 3))
-        if best < settings.min_quality:
+        if best < settings.quality_of_found:
             return Unplaced(f"no place explains more than {best:.0%} of the scan", best, 0)
         margin = settings.margin / math.sqrt(places.n_looks)
-        n_places = int((places.shares > best - margin).sum())
+        fits_as_well = (places.shares > best - margin) | (_LEFT_BY_RIVALS * (1.0 - best) > 1.0 - places.shares)
+        n_places = int(fits_as_well.sum())
         if n_places > 1:
             return Unplaced(f"{n_places} places fit", best, n_places)
         if places.n_looks < _FEWEST_LOOKS:

@@ -10,6 +10,7 @@ import numpy as np
 
 from trailmark.arrays import Bools, Floats
 from trailmark.geometry import Pose2, wrap_angles
+from trailmark.geometry.scans.uncertainty import match_information
 from trailmark_laser_maps.mcl.field import GridField
 from trailmark_laser_maps.mcl.kernels import (
     beyond_walls,
@@ -19,7 +20,6 @@ from trailmark_laser_maps.mcl.kernels import (
     refine_poses,
     score_poses,
 )
-from trailmark_laser_maps.uncertainty import match_information
 
 __all__ = ["RankedPlaces", "ScanLook", "Search", "best_of_each_neighbourhood", "is_elsewhere", "moved_by"]
 

@@ -11,9 +11,9 @@ import numpy as np
 from trailmark.arrays import Floats
 from trailmark.estimates import Fix, Lost
 from trailmark.geometry import Pose2
-from trailmark_omni_surf.laser.following import told_fit
 from trailmark_omni_surf.laser.matching import SearchWindow, refined_starts
 from trailmark_omni_surf.laser.scan_map import ScanMap
+from trailmark_omni_surf.laser.told_fit import told_fit
 
 __all__ = ["ScanJoiner"]
 

@@ -10,13 +10,13 @@ import numpy as np
 from trailmark.arrays import Floats
 from trailmark.errors import ShapeError, StoreError
 from trailmark.estimates import Belief, Estimate, Fix, Lost
+from trailmark.estimation.scan_following import FollowedScan, FollowingRules, ScanFollower
 from trailmark.frames import Frame, Scan
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Localizer, Session
 from trailmark.paths import Keyframe
 from trailmark_omni_surf.laser.anywhere import AnywhereMatcher, AnywhereSearch, least_share
 from trailmark_omni_surf.laser.config import LaserIcpConfig
-from trailmark_omni_surf.laser.following import FollowedScan, ScanFollower
 from trailmark_omni_surf.laser.joining import ScanJoiner
 from trailmark_omni_surf.laser.matching import ScanMatch, SearchWindow, match_scan
 from trailmark_omni_surf.laser.scan_map import ScanMap
@@ -41,7 +41,7 @@ class LaserIcp(Localizer):
         self._mode, self._localizer_map = session.mode, session.map
         self._pose_base_laser = session.sensors[self.config.laser].pose_base_sensor.planar()
         self._window = SearchWindow(span_m=self.config.span_m, span_rad=math.radians(self.config.span_deg))
-        self._follower = ScanFollower(self._window, self.config.min_inlier_share)
+        self._follower = ScanFollower(self._pose_base_laser, FollowingRules(min_share=self.config.min_inlier_share))
         self._spacing = KeyframeSpacing(self.config.keyframe_m, math.radians(self.config.keyframe_deg))
         _warm_up()
         self._map = self._load_map() if self._mode != "teach" else None
@@ -107,14 +107,12 @@ class LaserIcp(Localizer):
         if self.config.correct_while_teaching:
             followed = self._follower.follow(frame.stamp_s, points_base, belief.pose_odom_base)
             pose = pose @ followed.correction
-        if self._spacing.is_new_place(belief.travelled_m, pose):
+        if followed.shows_place and self._spacing.is_new_place(belief.travelled_m, pose):
             self._remember(frame.stamp_s, belief.travelled_m, pose, points_base)
         return () if followed.answer is None else (followed.answer,)
 
     def _remember(self, stamp_s: float, station_m: float, pose: Pose2, points_base: Floats) -> None:
         self._spacing.add(station_m, pose)
-        if self.config.correct_while_teaching:
-            self._follower.remember(points_base)
         if self._localizer_map is not None:
             arrays = {"points": points_base.astype(np.float32)}
             self._localizer_map.add(Keyframe(station_m, stamp_s, pose, arrays))

@@ -9,7 +9,7 @@ from trailmark_papers.kit.figures import panels
 from trailmark_papers.kit.keepers import AnswerKeeper, FrameKeeper
 from trailmark_papers.kit.numbers import largest_of, mean_of, rms, sd_of, spread_of
 from trailmark_papers.kit.places import Trial, over_places
-from trailmark_papers.kit.runs import OnStep, collisions_of, run_config, sim_source, started_source, truth_of
+from trailmark_papers.kit.runs import OnStep, collisions_of, run_config, sim_source, started_source, truth_of, world_of
 from trailmark_papers.kit.stores import arrays_of, keyframes_of, path_of
 from trailmark_papers.kit.sweeps import group_by, sweep
 from trailmark_papers.kit.tables import Table, beside_faithful
@@ -42,6 +42,7 @@ __all__ = [
     "started_source",
     "sweep",
     "truth_of",
+    "world_of",
 ]  # fmt: skip
 
 

@@ -2,24 +2,57 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from trailmark.deprecation import deprecated_name
+from trailmark.errors import ConfigError
 from trailmark.evaluation import collisions_of
-from trailmark.geometry import Trajectory
+from trailmark.geometry import Pose2, Trajectory
 from trailmark.interfaces import FrameSource, Mode, Session
 
 if TYPE_CHECKING:
     from trailmark.pipeline import Pipeline, RunResult, Step
 
-__all__ = ["OnStep", "collisions_of", "run_config", "sim_source", "started_source", "truth_of"]
+__all__ = ["OnStep", "collisions_of", "run_config", "sim_source", "started_source", "truth_of", "world_of"]
 
 OnStep = Callable[["Pipeline", "Step"], None]
+
+
+class SimulatedRoute(Protocol):
+    """A way to drive in a simulated world."""
+
+    def pose_at(self, station_m: float) -> Pose2:
+        """Return the pose so far along the way [m]."""
+
+
+class SimulatedWorld(Protocol):
+    """What experiments ask of a simulated world: its cameras, its ways, and what is exactly known of it."""
+
+    @property
+    def sensors(self) -> Sequence[Any]:
+        """The sensors that the config names, in its order."""
+
+    @property
+    def routes(self) -> Mapping[str, SimulatedRoute]:
+        """Ways to drive, by name."""
+
+    @property
+    def truth(self) -> Mapping[str, Any]:
+        """Arrays of what stands there, by name."""
+
+
+@runtime_checkable
+class Simulator(Protocol):
+    """A source that can say what no sensor of it measures."""
+
+    @property
+    def world(self) -> SimulatedWorld:
+        """The world, once the source is started."""
 
 
 def sim_source(world: str, **keys: Any) -> dict[str, Any]:
@@ -76,6 +109,19 @@ def started_source(config: Mapping[str, Any], seed: int = 0, name: str = "robot"
         yield source
     finally:
         source.close()
+
+
+def world_of(source: FrameSource) -> SimulatedWorld:
+    """Return the world of a started simulator.
+
+    Raises
+    ------
+    ConfigError
+        If the source is no simulator: no recording knows where the poles stood.
+    """
+    if not isinstance(source, Simulator):
+        raise ConfigError(f"{type(source).__name__} has no world to look at; a simulated source has")
+    return source.world
 
 
 def __getattr__(name: str) -> Any:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from trailmark.experiments import ExperimentOptions, Row
 from trailmark_papers.kit import over_places
 from trailmark_papers.nagai2015.cover import cover_rows
+from trailmark_papers.nagai2015.hard_day import hard_day_rows
 from trailmark_papers.nagai2015.indoor import indoor_rows
 from trailmark_papers.nagai2015.outdoor import outdoor_rows
 from trailmark_papers.nagai2015.straight import straight_rows
@@ -15,7 +16,7 @@ from trailmark_papers.nagai2015.times import time_rows
 __all__ = ["nagai2015"]
 
 _N_PLACES = 5
-_SECTIONS = (cover_rows, indoor_rows, outdoor_rows)
+_SECTIONS = (cover_rows, indoor_rows, outdoor_rows, hard_day_rows)
 
 
 def nagai2015(options: ExperimentOptions) -> Sequence[Row]:

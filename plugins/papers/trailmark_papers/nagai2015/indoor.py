@@ -14,6 +14,7 @@ from trailmark.evaluation import read_run
 from trailmark.experiments import ExperimentOptions, Row
 from trailmark.geometry import Pose2, Trajectory
 from trailmark_papers.kit import Table, Trial, beside_faithful
+from trailmark_papers.nagai2015.directions import add_directions
 from trailmark_papers.nagai2015.figures import draw_indoor
 from trailmark_papers.nagai2015.playback import Playback, read_playback
 from trailmark_papers.nagai2015.runs import course, drive, keys_of, poles_of, tracking_config
@@ -158,6 +159,7 @@ def _course_rows(found: Playback, trips: float) -> Table:
         ("angular offset, max", "deg", turned_deg.max(), 3.1, 1.5),
     ):
         table.add(item, unit, float(ours), paper=paper, bar=paper, stretch=stretch, n=n)
+    add_directions(table, [found])
     table.add("poles touched", "", found.n_touched, paper=0, bar=0)
     table.add("back at the start, off by", "mm", 1e3 * found.end_miss_m, bar=20.0, stretch=5.0)
     return table
@@ -202,5 +204,6 @@ def _variant_rows(variant: str, found: Playback, main: Playback, trips: float) -
     for item, offset_mm in (("mean", lateral_mm.mean()), ("max", lateral_mm.max())):
         paper = printed.get(f"offset, {item}")
         table.add(f"offset from the path, {item}", "mm", float(offset_mm), paper=paper, n=len(lateral_mm))
+    add_directions(table, [found])
     table.add("poles touched", "", found.n_touched, bar=0, n=1)
     return table

@@ -11,7 +11,9 @@ import numpy as np
 
 from trailmark.experiments import ExperimentOptions, Row
 from trailmark_papers.kit import Table, Trial, sweep
+from trailmark_papers.nagai2015.directions import add_directions
 from trailmark_papers.nagai2015.figures import draw_outdoor
+from trailmark_papers.nagai2015.ground_pictures import draw_ground, draw_labelled_path, look_at_ground
 from trailmark_papers.nagai2015.playback import Playback, read_playback
 from trailmark_papers.nagai2015.runs import course, drive, tracking_config
 
@@ -51,7 +53,7 @@ _FALSE_M = 5e-3
 
 
 def outdoor_rows(options: ExperimentOptions) -> list[Row]:
-    """Return the rows of Sec. IV-D and draw Figs. 16 to 18."""
+    """Return the rows of Sec. IV-D and draw Figs. 14 to 18."""
     days = list(_DAYS)[:1] if options.quick else list(_DAYS)
     trial = Trial.of(options)
     (taught,) = options.map(_teach, [(trial, options.quick)])
@@ -65,9 +67,19 @@ def outdoor_rows(options: ExperimentOptions) -> list[Row]:
             options.report(f"outdoors, {day}, {way}: {n_found} corrections, {playback.reason}")
         if day == days[0]:
             draw_outdoor(options.out, found)
+            _draw_places(options, found[0])
             rows += _taught_rows(found[0], options)
         rows += _day_rows(day, found, options.quick)
     return rows
+
+
+def _draw_places(options: ExperimentOptions, found: Playback) -> None:
+    """Draw Figs. 14 and 15; a short stretch has no places to label."""
+    if options.quick:
+        return
+    points = look_at_ground(options)
+    draw_labelled_path(options.out / "figure_14_labelled_path.svg", found.taught.positions[::20], points)
+    draw_ground(options.out / "figure_15_ground.svg", points)
 
 
 def _teach(trial: Trial, is_quick: bool) -> Path:
@@ -128,6 +140,7 @@ def _day_rows(day: str, found: Sequence[Playback], is_quick: bool) -> Table:
         ("way between corrections, mean", "m", intervals_m.mean(), 0.062, len(intervals_m)),
     ):
         table.add(item, unit, float(ours), paper=paper if is_papers else None, bar=paper, stretch=paper / 2, n=n)
+    add_directions(table, found)
     table.add("way between corrections, max", "m", float(intervals_m.max()), n=len(intervals_m))
     table.add("true error after correction, mean", "mm", float(true_mm.mean()), n=len(true_mm))
     table.add("true error after correction, max", "mm", float(true_mm.max()), n=len(true_mm))

@@ -119,6 +119,10 @@ class Playback:
         """Return the way between one correction and the next, Fig. 18 [m]."""
         return np.diff(self.travelled_m[self.searches.is_found])
 
+    def offsets_m(self, direction: int) -> Floats:
+        """Return the offsets to the side, without their signs, at the searches driven forward (1) or back (-1) [m]."""
+        return np.asarray(np.abs(self.at_searches()[self.directions == direction, 1]))
+
     def rejected_percent(self) -> float:
         """Return the share of the searches that were rejected."""
         return 100.0 * float(np.mean(~self.searches.is_found)) if len(self.searches.is_found) else math.nan

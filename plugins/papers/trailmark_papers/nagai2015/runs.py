@@ -12,7 +12,7 @@ import numpy as np
 from trailmark.arrays import Floats
 from trailmark.experiments import ExperimentOptions
 from trailmark.interfaces import Mode
-from trailmark_papers.kit import run_config, sim_source, started_source
+from trailmark_papers.kit import run_config, sim_source, started_source, world_of
 
 __all__ = ["PIXEL_M", "SWAY_M", "course", "drive", "keys_of", "photographs", "poles_of", "tracking_config"]
 
@@ -63,8 +63,8 @@ def drive(folder: Path, config: Mapping[str, Any], store: Path | None = None, mo
 
 def poles_of(source: Mapping[str, Any]) -> Floats:
     """Return the poles beside a course, (N, 3): x, y and radius [m]."""
-    with started_source(source, name="floor") as world:
-        return np.asarray(world.world.truth["poles"], np.float64)  # type: ignore[attr-defined]
+    with started_source(source, name="floor") as floor:
+        return np.asarray(world_of(floor).truth["poles"], np.float64)
 
 
 def photographs(options: ExperimentOptions) -> dict[str, Path]:

@@ -50,6 +50,20 @@ class StraightErrors:
 
 
 @dataclass(frozen=True, slots=True)
+class _OverPlaces:
+    """Errors on one floor over places: root mean square, and standard deviation."""
+
+    rms: StraightErrors
+    spread: StraightErrors
+
+    @classmethod
+    def of(cls, drifts: Sequence[StraightErrors]) -> _OverPlaces:
+        errors = np.array([astuple(one) for one in drifts])
+        rms = np.sqrt(np.mean(np.square(errors), axis=0))
+        return cls(StraightErrors(*rms.tolist()), StraightErrors(*np.std(np.abs(errors), axis=0).tolist()))
+
+
+@dataclass(frozen=True, slots=True)
 class _Floors:
     """The floors of an experiment: how each is named in a config, and how it is judged.
 
@@ -77,9 +91,9 @@ class _Floors:
 
 
 def straight_rows(options: ExperimentOptions) -> list[Row]:
-    """Return the rows of Sec. IV-B: the worst floor, root mean square over the seeds.
+    """Return the rows of Sec. IV-B: the worst floor, root mean square over the places; `n` counts places.
 
-    Every seed has another stretch of the floor, and other noise.
+    Every place is another stretch of the floor, with other noise.
     """
     floors, n_seeds = _Floors.of(options), options.n_places(_SEEDS)
     found = _measure_floors(options, floors, n_seeds)
@@ -95,8 +109,8 @@ def straight_rows(options: ExperimentOptions) -> list[Row]:
     return [*beside_faithful(tables["refined"], tables["paper"]), *tables["paper"]]
 
 
-def _measure_floors(options: ExperimentOptions, floors: _Floors, n_seeds: int) -> dict[str, dict[str, StraightErrors]]:
-    """Return the errors on every floor in both modes, root mean square over the seeds."""
+def _measure_floors(options: ExperimentOptions, floors: _Floors, n_seeds: int) -> dict[str, dict[str, _OverPlaces]]:
+    """Return the errors on every floor in both modes."""
     cells = {
         (name, seed): (Trial(options.out, seed, options.place_of(seed)), name, ground, options.quick)
         for seed in range(options.seed, options.seed + n_seeds)
@@ -104,10 +118,11 @@ def _measure_floors(options: ExperimentOptions, floors: _Floors, n_seeds: int) -
     }
     drifts = group_by(sweep(options, _drifts, cells), lambda cell: cell[0])
     found = {
-        name: {mode: _rms([one[mode] for one in of_seeds]) for mode in _MODES} for name, of_seeds in drifts.items()
+        name: {mode: _OverPlaces.of([one[mode] for one in of_seeds]) for mode in _MODES}
+        for name, of_seeds in drifts.items()
     }
     for name, by_mode in found.items():
-        said = ", ".join(f"{mode} {by_mode[mode].position_percent:.3f} %" for mode in _MODES)
+        said = ", ".join(f"{mode} {by_mode[mode].rms.position_percent:.3f} %" for mode in _MODES)
         options.report(f"straight, {name}: {said}")
     return found
 
@@ -143,22 +158,21 @@ def _displacement(trajectory: Trajectory) -> Pose2:
     return trajectory[0][1].between(trajectory[len(trajectory) - 1][1])
 
 
-def _rms(drifts: Sequence[StraightErrors]) -> StraightErrors:
-    return StraightErrors(*np.sqrt(np.mean(np.square([astuple(one) for one in drifts]), axis=0)).tolist())
-
-
-def _add_worst(table: Table, kind: str, mode: str, found: Mapping[str, StraightErrors], *, is_papers: bool) -> None:
+def _add_worst(table: Table, kind: str, mode: str, found: Mapping[str, _OverPlaces], *, is_papers: bool) -> None:
     """Add the worst of several floors, and all of them as a note; the paper's figures are those of 10 m."""
     units = (("end position", "%", None), ("odometer", "%", 0.99), ("heading", "deg/m", 0.44))
     for i, (item, unit, paper) in enumerate(units if found else ()):
-        by_floor = {name: astuple(one)[i] for name, one in found.items()}
+        by_floor = {name: astuple(one.rms)[i] for name, one in found.items()}
+        worst = max(by_floor, key=lambda name: by_floor[name])
+        spread = astuple(found[worst].spread)[i] if table.n > 1 else None
         note = ", ".join(f"{name.removeprefix('photograph ')} {value:.2g}" for name, value in by_floor.items())
         bars = {"bar": _BARS[mode][i], "stretch": _STRETCH[i] if mode == "refined" else None}
-        fields = {"paper": paper if is_papers else None, "n": len(found) * table.n, "note": note, **bars}
-        table.add(f"{item}, worst of {len(found)} {kind}", unit, max(by_floor.values()), **fields)
+        fields = {"paper": paper if is_papers else None, "spread": spread, "note": note, **bars}
+        table.add(f"{item}, worst of {len(found)} {kind}", unit, by_floor[worst], **fields)
 
 
-def _add_hard(table: Table, name: str, mode: str, found: StraightErrors) -> None:
+def _add_hard(table: Table, name: str, mode: str, found: _OverPlaces) -> None:
     bars = {"bar": _HARD[name.removeprefix("photograph ")], "stretch": 0.1} if mode == "refined" else {}
-    note = f"odometer {found.odometer_percent:.2g} %, heading {found.heading_deg_per_m:.2g} deg/m"
-    table.add(f"end position, {name}", "%", found.position_percent, note=note, **bars)
+    note = f"odometer {found.rms.odometer_percent:.2g} %, heading {found.rms.heading_deg_per_m:.2g} deg/m"
+    spread = found.spread.position_percent if table.n > 1 else None
+    table.add(f"end position, {name}", "%", found.rms.position_percent, spread=spread, note=note, **bars)

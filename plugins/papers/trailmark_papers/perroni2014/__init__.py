@@ -21,6 +21,8 @@ def perroni2014(options: ExperimentOptions) -> Sequence[Row]:
     from trailmark_papers.perroni2014.frame_time import frame_time_rows
     from trailmark_papers.perroni2014.likelihood import likelihood_rows
     from trailmark_papers.perroni2014.offline import offline_rows
+    from trailmark_papers.perroni2014.own_steering import own_steering_rows
 
-    parts = (likelihood_rows, clutter_rows, offline_rows, closed_loop_rows, corner_rows, correspondence_rows)
+    driven = (closed_loop_rows, own_steering_rows, corner_rows, correspondence_rows)
+    parts = (likelihood_rows, clutter_rows, offline_rows, *driven)
     return frame_time_rows(options) + [row for part in parts for row in over_places(options, part, _N_PLACES)]

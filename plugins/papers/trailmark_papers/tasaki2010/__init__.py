@@ -21,6 +21,7 @@ def tasaki2010(options: ExperimentOptions) -> Sequence[Row]:
 
 
 def _rows_of_place(options: ExperimentOptions) -> list[Row]:
+    from trailmark_papers.tasaki2010.ambiguous import ambiguous_rows
     from trailmark_papers.tasaki2010.goals import goal_rows
     from trailmark_papers.tasaki2010.laser_alone import laser_rows
     from trailmark_papers.tasaki2010.line import line_rows
@@ -33,4 +34,5 @@ def _rows_of_place(options: ExperimentOptions) -> list[Row]:
         *people_rows(options, place),
         *goal_rows(options, place),
         *laser_rows(options, place),
+        *ambiguous_rows(options),
     ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from trailmark_omni_surf.laser.matching import SearchWindow, match_scan
 from trailmark_omni_surf.laser.scan_map import ScanMap
 from trailmark_papers.kit import Table, arrays_of, path_of, started_source
 from trailmark_papers.tasaki2010.goals import Start, random_starts, start_pose
-from trailmark_papers.tasaki2010.place import TaughtPlace, supermarket
+from trailmark_papers.tasaki2010.place import TaughtPlace
 
 __all__ = ["laser_rows", "match_from_nowhere"]
 
@@ -25,17 +25,17 @@ _N_STARTS, _QUICK_STARTS = 20, 3  # in each place
 _RIGHT_M, _RIGHT_RAD = 0.30, math.radians(10.0)
 
 
-def laser_rows(options: ExperimentOptions, place: TaughtPlace) -> list[Row]:
+def laser_rows(options: ExperimentOptions, place: TaughtPlace, name: str = "Laser alone, unknown start") -> list[Row]:
     """Return how often a scan alone finds the place, and how often it believes a wrong one."""
     n = _QUICK_STARTS if options.quick else _N_STARTS
     starts = random_starts(path_of(place.store), n, options.seed + 300)  # those of the drives to the goal
     calls = [
-        (place.store, place.world_seed, starts[k :: options.jobs], options.seed) for k in range(min(n, options.jobs))
+        (place.store, place.source(), starts[k :: options.jobs], options.seed) for k in range(min(n, options.jobs))
     ]
     found = [one for part in options.map(match_from_nowhere, calls) for one in part]
     right, wrong = found.count("right"), found.count("wrong")
     options.report(f"laser alone: {right} right, {wrong} wrong, {n - right - wrong} refused, of {n}")
-    table = Table("Laser alone, unknown start", n)
+    table = Table(name, n)
     note = "one scan, every start pose of the room tried (0.2 m, 4 deg); the paper: it fails"
     table.add_higher("right place (0.3 m, 10 deg)", "%", 100 * right / n, note=note)
     table.add("believed a wrong place", "%", 100 * wrong / n)
@@ -43,8 +43,14 @@ def laser_rows(options: ExperimentOptions, place: TaughtPlace) -> list[Row]:
     return table.rows
 
 
-def match_from_nowhere(store: Path, world_seed: int, starts: Sequence[Start], seed: int) -> list[str]:
-    """Return "right", "wrong" or "refused" for a scan from each start."""
+def match_from_nowhere(store: Path, source: Mapping[str, Any], starts: Sequence[Start], seed: int) -> list[str]:
+    """Return "right", "wrong" or "refused" for a scan from each start.
+
+    Parameters
+    ----------
+    source : mapping
+        Config of the simulator.
+    """
     saved = arrays_of(store, "laser", "map")
     scan_map = ScanMap.from_points(saved["points"], saved["normals"])
     low, high = scan_map.points.min(axis=0), scan_map.points.max(axis=0)
@@ -54,7 +60,7 @@ def match_from_nowhere(store: Path, world_seed: int, starts: Sequence[Start], se
     rules = LaserIcpConfig.model_validate({"laser": "laser"})
     found = []
     for k, start in enumerate(starts):
-        match = match_scan(scan_map, _scan(world_seed, start, seed + k), middle, window)
+        match = match_scan(scan_map, _scan(source, start, seed + k), middle, window)
         is_clear = match.runner_up_cost_m - match.cost_m >= rules.ambiguity_margin_m
         if match.inlier_share < rules.min_inlier_share or not is_clear:
             found.append("refused")
@@ -65,12 +71,11 @@ def match_from_nowhere(store: Path, world_seed: int, starts: Sequence[Start], se
     return found
 
 
-def _scan(world_seed: int, start: Start, seed: int) -> Any:
+def _scan(source: Mapping[str, Any], start: Start, seed: int) -> Any:
     """Return the points of one scan from a place, in base axes, (N, 2) [m]."""
-    place = {"world_seed": world_seed, "start": list(start)}
-    config = supermarket(sensors=["wheels", "laser"], driver="commands", duration_s=0.2, **place)
-    with started_source(config, seed) as source:
-        mounting = source.sensors["laser"].pose_base_sensor.planar()
-        scan = next(frame.payload for frame in source.frames() if isinstance(frame.payload, Scan))
+    config = {**source, "sensors": ["wheels", "laser"], "driver": "commands", "duration_s": 0.2, "start": list(start)}
+    with started_source(config, seed) as robot:
+        mounting = robot.sensors["laser"].pose_base_sensor.planar()
+        scan = next(frame.payload for frame in robot.frames() if isinstance(frame.payload, Scan))
     points = scan.points()
     return mounting @ points[np.hypot(*points.T) < scan.range_max_m]

@@ -26,7 +26,7 @@ Runs = list[dict[str, Answers]]
 
 def line_rows(options: ExperimentOptions, place: TaughtPlace) -> list[Row]:
     """Return the rows of Table 1 and of the selection, and draw Fig. 6."""
-    names = _QUICK_VARIANTS if options.quick else tuple(place.variants)
+    names = _QUICK_VARIANTS if options.quick else tuple(name for name in place.variants if "paper, " not in name)
     limits = {"duration_s": _QUICK_S} if options.quick else {}
     source = place.source(route="wall", sensors=["wheels", "omni"], **limits)
     n_runs = 1 if options.quick else _N_RUNS

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -47,7 +47,7 @@ _TRUSTING = {
 _CONFIGS: dict[str, dict[str, Any]] = {
     "simple": {"use_tracking": False, **_TRUSTING},
     "detected": {"use_tracking": False},
-    "paper": {"preset": "paper"},
+    **{name: {"preset": "paper"} for name in ("paper", "paper, trained", "paper, unselected")},
 }
 
 
@@ -67,6 +67,8 @@ class TaughtPlace:
         How many landmarks each map has, by the name of its variant.
     training : str
         What the machine of the variant "trained" was trained on, in words; empty without it.
+    world : mapping
+        Options of the world, where they are not the default ones.
     """
 
     world_seed: int
@@ -74,10 +76,12 @@ class TaughtPlace:
     variants: dict[str, Variant]
     sizes: dict[str, int]
     training: str
+    world: Mapping[str, Any] = field(default_factory=dict)
 
     def source(self, **more: Any) -> dict[str, Any]:
         """Return the config of the source in this place."""
-        return supermarket(world_seed=self.world_seed, **more)
+        given = {"options": {**self.world, **more.pop("options", {})}}
+        return supermarket(world_seed=self.world_seed, **given, **more)
 
 
 def localized_by(*cameras: str) -> dict[str, Any]:
@@ -93,16 +97,23 @@ def supermarket(**more: Any) -> dict[str, Any]:
     return sim_source("supermarket", **(common | more))
 
 
-def taught_place(options: ExperimentOptions) -> TaughtPlace:
-    """Teach the supermarket, and in the full version another one first, to train a selection there."""
+def taught_place(options: ExperimentOptions, world: Mapping[str, Any] | None = None) -> TaughtPlace:
+    """Teach the supermarket, and in the full version another one first, to train a selection there.
+
+    Parameters
+    ----------
+    world : mapping, optional
+        Options of both supermarkets, where they are not the default ones.
+    """
+    world = world or {}
     options.out.mkdir(parents=True, exist_ok=True)
     world_seed = options.world_seed
     model_path, training = options.out / "selection.npz", ""
     if not options.quick:
-        training = _train_elsewhere(options, model_path, world_seed + 1)
+        training = _train_elsewhere(options, model_path, world_seed + 1, world)
         options.report(f"training: {training}")
     store = options.out / "market.trail"
-    _teach(options, store, world_seed)
+    _teach(options, store, world_seed, world)
     keyframes = keyframes_of(store, "omni")
     candidates = measured_candidates(keyframes, _N_LONGEST)
     trained = None if options.quick else SelectionModel.load(model_path)
@@ -110,14 +121,14 @@ def taught_place(options: ExperimentOptions) -> TaughtPlace:
     variants = {name: _variant(options, name, *made) for name, made in maps.items()}
     sizes = {name: int(made[1].sum()) for name, made in maps.items()}
     options.report(f"taught: {sizes['developed']} landmarks of {len(candidates.ids)} candidates")
-    return TaughtPlace(world_seed, store, variants, sizes, training)
+    return TaughtPlace(world_seed, store, variants, sizes, training, world)
 
 
-def _teach(options: ExperimentOptions, store: Path, world_seed: int) -> RunResult:
+def _teach(options: ExperimentOptions, store: Path, world_seed: int, world: Mapping[str, Any]) -> RunResult:
     """Drive through all aisles without people; the laser and the wheels measure the poses."""
     limits = {"duration_s": _QUICK_S} if options.quick else {}
     config = {
-        "sources": {"robot": supermarket(route="round", world_seed=world_seed, **limits)},
+        "sources": {"robot": supermarket(route="round", world_seed=world_seed, options=dict(world), **limits)},
         **localized_by(*_CAMERAS),
         "start": list(START),
         "seed": options.seed,
@@ -125,10 +136,10 @@ def _teach(options: ExperimentOptions, store: Path, world_seed: int) -> RunResul
     return run_config(config, options.out / "runs" / f"teach-{world_seed}", "teach", store=store)
 
 
-def _train_elsewhere(options: ExperimentOptions, model_path: Path, world_seed: int) -> str:
+def _train_elsewhere(options: ExperimentOptions, model_path: Path, world_seed: int, world: Mapping[str, Any]) -> str:
     """Train on N = 100 candidates of another supermarket, labelled by |measured - true| < T_d."""
     store = options.out / "training.trail"
-    taught = truth_of(_teach(options, store, world_seed))
+    taught = truth_of(_teach(options, store, world_seed, world))
     seen, scans = keyframes_of(store, "omni"), keyframes_of(store, "laser")
     truth = dict(taught.at(sorted({frame.stamp_s for frame in [*seen, *scans]})))
     points = [frame.arrays["points"].astype(np.float64) for frame in scans]
@@ -159,18 +170,26 @@ def _maps(
     maps = {"developed": (candidates, chosen), "simple": all_points, "plain": all_points, "paper": as_printed}
     if trained is None:
         return maps
+    printed = {
+        "paper, trained": (few, trained.probability(few.features) >= 0.5),
+        "paper, unselected": (few, np.ones(len(few.ids), dtype=bool)),
+    }
     random = np.zeros(len(chosen), dtype=bool)
     random[np.random.default_rng(options.seed).permutation(len(chosen))[: int(chosen.sum())]] = True
-    return maps | {
-        "detected": (candidates, chosen),
-        "trained": (candidates, trained.probability(candidates.features) >= 0.5),
-        "unselected": (candidates, every),
-        "random": (candidates, random),
-    }
+    return (
+        maps
+        | printed
+        | {
+            "detected": (candidates, chosen),
+            "trained": (candidates, trained.probability(candidates.features) >= 0.5),
+            "unselected": (candidates, every),
+            "random": (candidates, random),
+        }
+    )
 
 
 def _variant(options: ExperimentOptions, name: str, candidates: Candidates, chosen: Bools) -> Variant:
     """Write a map and return the localizer that uses it."""
-    path = options.out / f"map-{name}.npz"
+    path = options.out / f"map-{name.replace(', ', '-')}.npz"
     np.savez(path, **LandmarkMap.of(candidates, chosen, "surf").to_arrays())  # type: ignore[arg-type]
     return Variant(name, path, _CONFIGS.get(name, {}), is_plain=name == "plain")

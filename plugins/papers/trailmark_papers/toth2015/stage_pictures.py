@@ -9,8 +9,8 @@ import numpy as np
 
 from trailmark.experiments import ExperimentOptions
 from trailmark.report.drawing import drawing
+from trailmark_papers.kit.jpegs import with_jpegs
 from trailmark_papers.toth2015.drives import LANDMARKS, Plan, drive
-from trailmark_papers.toth2015.jpegs import with_jpegs
 
 __all__ = ["draw_stages"]
 

@@ -14,6 +14,7 @@ from trailmark.arrays import AnyArray, Bgr8, Float32s, Floats, Int32s
 from trailmark.geometry import Pose2
 from trailmark_sim.render.atlas import Atlas, build_atlas, join_atlases
 from trailmark_sim.render.bake import Lighting, bake_light
+from trailmark_sim.render.mirrors import Mirror, mirrors_of
 from trailmark_sim.render.records import SURFACE_ROW
 from trailmark_sim.render.shapes import Shape, box_sides, cylinder, ellipsoid, move, rectangle
 from trailmark_sim.render.surfaces import Colour, Surface, surface_row
@@ -51,6 +52,10 @@ class Scene:
         What it was lit by.
     prints : mapping of bytes to int
         Digest and number of each texture.
+    labels : tuple of str
+        What each shape is that stands, in a word; "" where nobody said.
+    mirrors : tuple of Mirror
+        What shows the scene once more.
     """
 
     kinds: npt.NDArray[np.int8]
@@ -66,6 +71,8 @@ class Scene:
     n_fixed: int
     lighting: Lighting
     prints: Mapping[bytes, int]
+    labels: tuple[str, ...] = ()
+    mirrors: tuple[Mirror, ...] = ()
 
     def with_movers(self, add_to: Callable[[SceneBuilder], None]) -> Scene:
         """Return the same place with other moving shapes; nothing that stands is computed again.
@@ -125,6 +132,12 @@ class SceneBuilder:
     _images: list[Bgr8] = field(default_factory=lambda: [_WHITE])
     _prints: dict[bytes, int] = field(default_factory=lambda: {_print_of(_WHITE): 0})
     _pose: Pose2 = Pose2()
+    _labels: list[str] = field(default_factory=list)
+    _label: str = ""
+
+    def labelled(self, label: str) -> SceneBuilder:
+        """Return a builder of the same scene whose shapes are called so: ``goods``, ``sign``."""
+        return replace(self, _label=label)
 
     def at_pose(self, pose_map_part: Pose2) -> SceneBuilder:
         """Return a builder of the same scene that takes the coordinates of a part: a wing, a street around a corner."""
@@ -142,6 +155,7 @@ class SceneBuilder:
         """Add a shape."""
         self._shapes.append(shape if self._pose == Pose2() else move(shape, self._pose))
         self._surfaces.append(surface)
+        self._labels.append(self._label)
 
     def add_mover(self, shape: Shape, surface: Surface) -> None:
         """Add a shape that will move; movers come after all that is fixed, in the order they are added."""
@@ -190,6 +204,8 @@ class SceneBuilder:
             n_fixed=len(self._shapes),
             lighting=self.lighting,
             prints=self._prints,
+            labels=tuple(self._labels),
+            mirrors=mirrors_of(self._shapes, [surface.mirror for surface in self._surfaces]),
         )
 
     def parts(self) -> _SceneParts:

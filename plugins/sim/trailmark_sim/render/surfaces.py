@@ -31,6 +31,8 @@ class Surface:
         Light that it sends out by itself: a lamp, a window, a screen.
     shine : float
         Share of the light that is mirrored; from 0.2 on a depth sensor sees holes.
+    mirror : float
+        Share of the light that it mirrors as a polished plane, where it is met squarely; only rectangles can.
     is_floor : bool
         People cast their shadows on it.
     blocks_light : bool
@@ -42,6 +44,7 @@ class Surface:
     tint: Colour = (1.0, 1.0, 1.0)
     emission: float = 0.0
     shine: float = 0.0
+    mirror: float = 0.0
     is_floor: bool = False
     blocks_light: bool = True
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from trailmark.arrays import AnyArray, Bools, Float32s, Floats
 from trailmark.deprecation import deprecated_name
@@ -40,6 +42,8 @@ class SceneView:
         Where the moving shapes are, at one instant or at each; None: where they were built.
     threads : int
         Threads that render; no byte depends on it.
+    left_out : (P,) bool or None
+        Which of the shapes that stand are not there for it; None: all are.
     """
 
     def __init__(
@@ -49,10 +53,11 @@ class SceneView:
         pose_map_sensor: Pose3 | Viewpoints,
         moment: Moment | None = None,
         threads: int = 1,
+        left_out: Bools | None = None,
     ) -> None:
-        self._scene, self.table, self._threads = scene, table, threads
+        self._scene, self.table, self._threads, self._moment = scene, table, threads, moment
         points = Viewpoints.of(pose_map_sensor) if isinstance(pose_map_sensor, Pose3) else pose_map_sensor
-        n_instants = len(points.eyes)
+        self._points, n_instants = points, len(points.eyes)
         frames, origins, centres = scene.frames[None], scene.origins[None], scene.centres[None]
         self._shadows = np.empty((n_instants, 0, 4), np.float32)
         if moment is not None:
@@ -70,6 +75,8 @@ class SceneView:
         near = np.linalg.norm(towards, axis=2) - scene.radii
         is_rectangle = scene.kinds == RECTANGLE
         faces = ~is_rectangle | (eyes[..., 0] > 0.0)
+        if left_out is not None:
+            faces[:, : len(left_out)] &= ~left_out
         near = np.where(is_rectangle, np.maximum(near, eyes[..., 0]), near).min(axis=0)
         order = np.argsort(near, kind="stable")
         n_shapes = frames.shape[1]
@@ -89,6 +96,24 @@ class SceneView:
 
     def radiance(self) -> Float32s:
         """Return the light of every pixel, (H, W, 3) red, green, blue; 1 is a white wall in unit light."""
+        light = self._own_light()
+        for share, reflected in self.reflections():
+            light += self.table.picture(share, 0.0)[..., None] * (reflected._own_light() - light)
+        return light
+
+    def reflections(self) -> Iterator[tuple[Float32s, SceneView]]:
+        """Give the share of its light that each ray gets from a mirror, (T, 64), and what is seen in it, by mirror.
+
+        A mirror in a mirror is no mirror.
+        """
+        for mirror in self._scene.mirrors:
+            is_met = np.isin(self.met.shapes, mirror.shapes)
+            if is_met.any():
+                points, hidden = mirror.reflect(self._points), mirror.is_behind
+                reflected = SceneView(self._scene, self.table, points, self._moment, self._threads, hidden)
+                yield np.where(is_met, mirror.share(self.facing()[0]), np.float32(0.0)), reflected
+
+    def _own_light(self) -> Float32s:
         table, scene = self.table, self._scene
         height, width = table.shape
         out = np.zeros((height * width, 3), np.float32)
@@ -110,6 +135,12 @@ class SceneView:
 
         in_bands(face, self.table.n_tiles, self._threads)
         return cosines, shine
+
+    def labels(self) -> npt.NDArray[np.str_]:
+        """Return what every pixel shows, (H, W): the label of its shape; "" for what moves, and where nothing is."""
+        known = np.array([*self._scene.labels, ""])
+        shapes = self.table.picture(self.met.shapes.astype(np.float32), -1.0).astype(np.intp)
+        return np.asarray(known[np.where((shapes >= 0) & (shapes < len(known) - 1), shapes, -1)])
 
     @property
     def ranges_m(self) -> Float32s:

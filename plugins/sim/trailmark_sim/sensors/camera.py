@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from trailmark.errors import ConfigError
 from trailmark.frames import Calibration, Image, Omni, Pinhole, SensorInfo
-from trailmark.geometry import Pose3
+from trailmark.geometry import Pose2, Pose3
 from trailmark_sim.render.develop import Film
 from trailmark_sim.render.lenses import Catadioptric, Lens, PinholeLens
 from trailmark_sim.render.view import SceneView
@@ -84,6 +84,14 @@ class CameraSensor:
     def view(self, stamp_s: float, state: VehicleState) -> SceneView:
         """Return what is before the lens in the middle of the exposure, each row at its own time."""
         return self._sight.view(stamp_s, state)
+
+    def view_from(self, pose_map_base: Pose2, stamp_s: float) -> SceneView:
+        """Return what is before the lens of a vehicle that stands at a pose."""
+        return self.view(stamp_s, VehicleState(pose_map_base))
+
+    def picture_from(self, pose_map_base: Pose2, k: int) -> Image:
+        """Return picture number `k`, of a vehicle that stands at a pose as the run begins."""
+        return self.render(k, 0.0, VehicleState(pose_map_base))
 
 
 def _calibration(lens: Lens) -> Calibration | None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from trailmark.arrays import Bools
 from trailmark.frames import Scan, SensorInfo
 from trailmark.geometry import Pose3
 from trailmark_sim.render.rays import ray_table
@@ -20,6 +21,8 @@ __all__ = ["LaserRig", "LaserSensor", "build"]
 
 #: Below this cosine a beam slides along the surface and little comes back.
 _GRAZING = 0.05
+#: A mirror that sends on more than this share of the beam shows what stands in it, and less, what stands behind it.
+_MIRRORED = 0.5
 #: A surface that mirrors this much sends the beam elsewhere, unless it is met squarely.
 _SHINY, _SQUARE = 0.3, 0.95
 
@@ -105,11 +108,19 @@ class LaserSensor:
         """Return the true ranges (N,), and which beams come back."""
         pose = Pose3.from_planar(state.pose_map_base) @ self.rig.mounting
         view = SceneView(self._scene, self._table, pose, self._moment_at(stamp_s, state.pose_map_base))
-        cosines, shine = view.facing()
-        comes_back = (cosines > _GRAZING) & ((shine < _SHINY) | (cosines > _SQUARE)) & ~view.is_nothing
-        ranges = self._table.picture(view.ranges_m, math.inf)[0].astype(np.float64)
+        ranges_m, comes_back = view.ranges_m, _comes_back(view)
+        for share, reflected in view.reflections():
+            is_ghost = share > _MIRRORED
+            ranges_m = np.where(is_ghost, reflected.ranges_m, ranges_m)
+            comes_back = np.where(is_ghost, _comes_back(reflected), comes_back)
+        ranges = self._table.picture(ranges_m, math.inf)[0].astype(np.float64)
         returns = self._table.picture(comes_back.astype(np.float32), 0.0)[0] > 0.5
         return np.where(returns, ranges, 0.0), returns
+
+
+def _comes_back(view: SceneView) -> Bools:
+    cosines, shine = view.facing()
+    return np.asarray((cosines > _GRAZING) & ((shine < _SHINY) | (cosines > _SQUARE)) & ~view.is_nothing)
 
 
 def build(name: str, site: SensorSite) -> LaserSensor:

@@ -57,11 +57,13 @@ def add_room(
     floor: tuple[int, float],
     ceiling: tuple[int, float],
     walls: dict[str, tuple[int, float]],
+    *,
+    floor_mirror: float = 0.0,
 ) -> None:
     """Add floor, ceiling and walls; each a texture and the length that it covers once [m]."""
     wide, deep = room.east - room.west, room.north - room.south
     (texture, tile_m), (above, panel_m) = floor, ceiling
-    ground = Surface(texture, (wide / tile_m, deep / tile_m), is_floor=True)
+    ground = Surface(texture, (wide / tile_m, deep / tile_m), mirror=floor_mirror, is_floor=True)
     builder.rectangle((room.west, room.south, 0.0), (wide, 0, 0), (0, deep, 0), ground)
     top = Surface(above, (wide / panel_m, deep / panel_m))
     builder.rectangle((room.west, room.north, room.height_m), (wide, 0, 0), (0, -deep, 0), top)

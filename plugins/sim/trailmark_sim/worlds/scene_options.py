@@ -17,7 +17,7 @@ Season = Literal["summer", "autumn", "winter"]
 _NOT_OF_THE_PLACE = (
     *("exposure", "exposure_ms", "readout_ms", "noise", "blur_px"),
     *("registered", "depth_noise", "vibration_mrad", "width_px"),
-    *("people", "dims_s", "dims_to", "crate", "crate_s"),
+    *("people", "dims_s", "dims_to", "crate", "crate_s", "laser_m"),
 )
 
 
@@ -49,6 +49,12 @@ class SupermarketOptions(ImagingOptions):
     """How many people walk about."""
     lighting: Literal["all", "half"] = "all"
     """All lamps, or every other one."""
+    alike: bool = False
+    """All shelves hold the same goods, walls are bare: only the signs tell one shelf from another."""
+    shiny: float = Field(default=0.0, ge=0, le=1)
+    """How polished the floor and the glass of the refrigerator are: 1 is a floor and two panes without a scratch."""
+    laser_m: float = Field(default=12.0, ge=1, le=60)
+    """How far the laser reaches [m]."""
 
 
 class _RgbdOptions(ImagingOptions):

@@ -23,6 +23,7 @@ from trailmark_sim.rng import frame_rng
 from trailmark_sim.routes import Route
 from trailmark_sim.sensors.camera import CameraRig
 from trailmark_sim.sensors.floor import camera_over
+from trailmark_sim.sensors.laser import LaserRig
 from trailmark_sim.sensors.rgbd import RgbdRig
 from trailmark_sim.vehicles import Holonomic
 from trailmark_sim.worlds.base import World, WorldOptions, parse_options
@@ -54,6 +55,8 @@ _BOARDS = 4
 #: Middle, length and depth [m].
 _FRIDGE = (7.4, 0.4, 2.8, 0.8)
 _CHECKOUT = (9.35, 2.6, 0.8, 1.0)
+#: What polished stone mirrors where it is met squarely, and the four faces of two panes.
+_POLISHED_FLOOR, _GLASS = 0.05, 0.15
 #: Middle and radius [m].
 _POLES = ((0.35, 9.65, 0.15), (9.6, 6.6, 0.15))
 _GOODS = ("CEREALS", "COFFEE", "PASTA", "SOAP", "WINE", "SNACKS")
@@ -85,6 +88,7 @@ def build(options: WorldOptions) -> World:
         "front": CameraRig(_FRONT, _FRONT_MOUNTING),
         "omni": CameraRig(Catadioptric(), Pose3(z=_CAMERA_M), 15.0),
         "rgbd": RgbdRig(mounting=_FRONT_MOUNTING),
+        "laser": LaserRig(range_max_m=given.laser_m),
     }
     imaging = imaging_of(given, 0.62, vignette=0.3)
     site = setting.site(options, imaging, rigs, floor_camera=partial(camera_over, "terrazzo", "supermarket", options))
@@ -150,26 +154,33 @@ def _stage(given: SupermarketOptions, world_seed: int, threads: int) -> Scene:
     lamps = lamp_panels((1.25, 3.75, 6.25, 8.75), (1.7, 5.0, 8.3), _ROOM.height_m, (1.2, 0.3), 2.6)
     lit = lamps if given.lighting == "all" else lamps[::2]
     builder = SceneBuilder(Lighting(lit, (0.42, 0.42, 0.41)))
-    _add_walls(builder, rng)
+    _add_walls(builder.labelled("wall"), rng, _POLISHED_FLOOR * given.shiny)
+    if not given.alike:
+        _hang_posters(builder.labelled("poster"), rng)
     show_lamps(builder, lit, 6.0)
     for number, (x, y) in enumerate(_SHELVES):
-        _add_shelf(builder, rng, x, y, number)
-    _add_fridge(builder, rng)
+        stock = frame_rng(world_seed, "stock of every shelf") if given.alike else rng
+        _add_shelf(builder, stock, x, y, number)
+    _add_fridge(builder, rng, _GLASS * given.shiny)
     _add_checkout(builder, rng)
     pole = Surface(builder.texture(textures.plaster(rng, (200, 196, 186), 128, 0.04)), (2.0, 4.0))
     for x, y, radius in _POLES:
-        builder.cylinder(x, y, 0.0, radius, _ROOM.height_m, pole)
+        builder.labelled("pole").cylinder(x, y, 0.0, radius, _ROOM.height_m, pole)
     add_cloth(builder)
     return builder.build(threads)
 
 
-def _add_walls(builder: SceneBuilder, rng: np.random.Generator) -> None:
+def _add_walls(builder: SceneBuilder, rng: np.random.Generator, floor_mirror: float) -> None:
     white = builder.texture(textures.plaster(rng, (232, 231, 226), 512, 0.008))
     paint = builder.texture(textures.plaster(rng, (205, 200, 182), 512, 0.02))
     floor = builder.texture(textures.speckle(rng, (150, 146, 136), 512, 0.09, joints=4))
     ceiling = builder.texture(textures.panels(rng, (222, 222, 218)))
     walls = {"west": (white, 4.0), "south": (paint, 3.0), "east": (paint, 3.0), "north": (paint, 3.0)}
-    add_room(builder, _ROOM, (floor, 2.4), (ceiling, 2.4), walls)
+    add_room(builder, _ROOM, (floor, 2.4), (ceiling, 2.4), walls, floor_mirror=floor_mirror)
+
+
+def _hang_posters(builder: SceneBuilder, rng: np.random.Generator) -> None:
+    """Hang posters, doors and a clock on three of the walls."""
     for side, along_m in (
         ("south", 5.2),
         ("south", 7.0),
@@ -199,29 +210,29 @@ def _add_shelf(builder: SceneBuilder, rng: np.random.Generator, x: float, y: flo
         for board in range(_BOARDS):
             goods = Surface(builder.texture(textures.products(rng, 1024, 128, int(rng.integers(9, 16)))))
             corner = (x + out * length / 2.0, y + out * (depth / 2.0 + 0.005), 0.1 + board * step)
-            builder.rectangle(corner, (-out * length, 0.0, 0.0), (0.0, 0.0, step - 0.04), goods)
+            builder.labelled("goods").rectangle(corner, (-out * length, 0.0, 0.0), (0.0, 0.0, step - 0.04), goods)
     colour = _SIGN_COLOURS[number]
     name = Surface(builder.texture(lettering.sign(_GOODS[number], colour, (245, 245, 240), 512, 256)))
     for out in (1.0, -1.0):
         corner = (x + out * 0.45, y + out * 0.012, height + 0.05)
-        builder.rectangle(corner, (-out * 0.9, 0.0, 0.0), (0.0, 0.0, 0.42), name)
+        builder.labelled("sign").rectangle(corner, (-out * 0.9, 0.0, 0.0), (0.0, 0.0, 0.42), name)
         end = (x + out * (length / 2.0 + 0.006), y - out * 0.3, 0.75)
         face = Surface(builder.texture(lettering.poster(rng)))
-        builder.rectangle(end, (0.0, out * 0.6, 0.0), (0.0, 0.0, 0.8), face)
+        builder.labelled("poster").rectangle(end, (0.0, out * 0.6, 0.0), (0.0, 0.0, 0.8), face)
 
 
-def _add_fridge(builder: SceneBuilder, rng: np.random.Generator) -> None:
+def _add_fridge(builder: SceneBuilder, rng: np.random.Generator, mirror: float) -> None:
     x, y, length, depth = _FRIDGE
     steel = Surface(builder.texture(textures.plaster(rng, (215, 218, 220), 64, 0.02)), (2.0, 2.0), shine=0.1)
     builder.box((x, y, 0.0), (length, depth, 2.1), steel)
     for row in range(4):
-        goods = Surface(
-            builder.texture(textures.products(rng, 1024, 128, 14)), tint=(0.85, 0.95, 1.0), emission=0.35, shine=0.15
-        )
+        look = builder.texture(textures.products(rng, 1024, 128, 14))
+        goods = Surface(look, tint=(0.85, 0.95, 1.0), emission=0.35, shine=0.15, mirror=mirror)
         corner = (x + length / 2.0 - 0.08, y + depth / 2.0 + 0.005, 0.22 + row * 0.42)
-        builder.rectangle(corner, (-(length - 0.16), 0.0, 0.0), (0.0, 0.0, 0.4), goods)
+        builder.labelled("goods").rectangle(corner, (-(length - 0.16), 0.0, 0.0), (0.0, 0.0, 0.4), goods)
     board = Surface(builder.texture(lettering.sign("FRESH DAIRY", (230, 235, 240), (20, 60, 130), 512, 64)))
-    builder.rectangle((x + 1.2, y + depth / 2.0 + 0.006, 1.92), (-2.4, 0.0, 0.0), (0.0, 0.0, 0.16), board)
+    place = (x + 1.2, y + depth / 2.0 + 0.006, 1.92)
+    builder.labelled("sign").rectangle(place, (-2.4, 0.0, 0.0), (0.0, 0.0, 0.16), board)
 
 
 def _add_checkout(builder: SceneBuilder, rng: np.random.Generator) -> None:
@@ -232,4 +243,5 @@ def _add_checkout(builder: SceneBuilder, rng: np.random.Generator) -> None:
     screen = Surface(builder.texture(lettering.notice(rng)), emission=1.0, blocks_light=False)
     builder.rectangle((x + 0.03, y + 0.22, 1.0), (0.0, -0.44, 0.0), (0.0, 0.0, 0.42), screen)
     board = Surface(builder.texture(lettering.sign("SELF CHECKOUT", (240, 200, 30), (20, 20, 20), 512, 128)))
-    builder.rectangle((x - length / 2.0 - 0.006, y + 0.45, 0.45), (0.0, -0.9, 0.0), (0.0, 0.0, 0.3), board)
+    place = (x - length / 2.0 - 0.006, y + 0.45, 0.45)
+    builder.labelled("sign").rectangle(place, (0.0, -0.9, 0.0), (0.0, 0.0, 0.3), board)

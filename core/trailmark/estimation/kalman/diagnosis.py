@@ -1,0 +1,232 @@
+"""What the localizers say of each other: faults, rival hypotheses, trials and places that are not decided."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import field
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from trailmark.arrays import Floats
+from trailmark.estimation.kalman.innovation import Innovation
+from trailmark.estimation.kalman.measurements import Measurement
+from trailmark.frames.payloads import read_only
+from trailmark.geometry import Pose2
+from trailmark.values import quick_dataclass
+
+if TYPE_CHECKING:
+    from trailmark.estimation.kalman.state import FilterState
+
+__all__ = [
+    "Alternative",
+    "DetectedFault",
+    "FaultDiagnosis",
+    "FixOffset",
+    "MotionSum",
+    "Retrial",
+    "RivalFilter",
+]
+
+_EMPTY: Mapping[str, Any] = MappingProxyType({})
+
+
+def _empty() -> Mapping[str, Any]:
+    return _EMPTY
+
+
+class MotionSum(NamedTuple):
+    """The steps of one localizer, added up in odom axes, and their variances.
+
+    Attributes
+    ----------
+    x, y, turn : float
+        Sums of the steps [m, m, rad].
+    position_m2, turn_rad2 : float
+        Sums of the variances, of the worse axis of the position and of the turn; 1e12 where not measured.
+    covered_s : float
+        Time that the steps cover [s].
+    """
+
+    x: float = 0.0
+    y: float = 0.0
+    turn: float = 0.0
+    position_m2: float = 0.0
+    turn_rad2: float = 0.0
+    covered_s: float = 0.0
+
+
+@quick_dataclass(frozen=True, slots=True)
+class DetectedFault:
+    """Why the motion of a localizer is not believed.
+
+    Attributes
+    ----------
+    since_s : float
+        When it was found [s].
+    reason : str
+        In words.
+    is_outvoted : bool
+        Whether two others at least, which agree, are against it.
+    n_agreed : int
+        How many of its absolute estimates in a row have agreed with the belief since.
+    shows_in_s : float
+        Over how short a window its motion was seen to disagree with others: a shorter one acquits nobody [s].
+    is_rough : bool
+        Whether its motion is still the best there is: by a share of the way and a yaw rate wrong, but no invention.
+    """
+
+    since_s: float
+    reason: str
+    is_outvoted: bool = True
+    n_agreed: int = 0
+    shows_in_s: float = 0.0
+    is_rough: bool = False
+
+
+class FixOffset(NamedTuple):
+    """By how much the absolute estimates of one localizer are off: by a constant, or late by one.
+
+    Attributes
+    ----------
+    mean : (k,) float64
+        If they are off by a constant, in standard deviations of the estimates.
+    n : int
+        Of how many this is the mean; no more than the last few count.
+    log_constant : float
+        Log likelihood of all of them, if they are.
+    late_s, variance_s2 : float
+        If they are late: by how much, and its variance [s, s^2].
+    log_late : float
+        Log likelihood of all of them, if they are.
+    """
+
+    mean: Floats
+    n: int = 0
+    log_constant: float = 0.0
+    late_s: float = 0.0
+    variance_s2: float = 0.04
+    log_late: float = 0.0
+
+
+@quick_dataclass(frozen=True, slots=True, eq=False)
+class RivalFilter:
+    """One hypothesis of who is right: a filter of its own.
+
+    Attributes
+    ----------
+    state : FilterState
+        The filter that uses neither the motion of some localizers, its `faults`, nor the absolute estimates of others,
+        its `absolute_faults`.
+    log_weight : float
+        Log of its probability, to a constant.
+    n_measurements : int
+        Absolute estimates that have had a say.
+    is_implausible : bool
+        Whether it says that a moving robot stood still at once, or changed its speed faster than robots do.
+    offsets : mapping of str to FixOffset
+        Of the absolute estimates that it does not believe, by localizer.
+    """
+
+    state: FilterState
+    log_weight: float
+    n_measurements: int = 0
+    is_implausible: bool = False
+    offsets: Mapping[str, FixOffset] = field(default_factory=_empty)
+
+
+class Retrial(NamedTuple):
+    """A filter that believes a motion again which the belief does not.
+
+    Attributes
+    ----------
+    begun : FilterState
+        Where it began.
+    state : FilterState
+        Where it is.
+    nis, dof : float, int
+        Of its measurements since, added up.
+    log_odds : float
+        How much more probable they are with the motion than without.
+    """
+
+    begun: FilterState
+    state: FilterState
+    nis: float = 0.0
+    dof: int = 0
+    log_odds: float = 0.0
+
+
+class Alternative(NamedTuple):
+    """A place where base may be instead of where it is believed, as seen in the map.
+
+    Attributes
+    ----------
+    shift : Pose2
+        ``pose_map_base`` if this is true, is ``shift @ pose_map_base`` of the belief; the belief itself is one of them.
+    log_weight : float
+        Log of its probability, to a constant.
+    n_measurements : int
+        Absolute estimates that have had a say.
+    """
+
+    shift: Pose2
+    log_weight: float
+    n_measurements: int
+
+
+class FaultDiagnosis(NamedTuple):
+    """What the localizers say of each other.
+
+    Attributes
+    ----------
+    sums : mapping of str to MotionSum
+        By localizer, since the beginning.
+    corrections : (3,) float64
+        Corrections of (x, y, theta) by absolute estimates, added up since the beginning [m, m, rad].
+    correction_covariance : (3, 3) float64
+        Of `corrections`, were the belief consistent.
+    anchors : tuple of FilterState
+        The filter at the beginnings of the test windows, oldest first, at most two.
+    measurements : tuple of (float, Measurement)
+        Absolute estimates since the oldest anchor of all, with their stamps.
+    faults : mapping of str to DetectedFault
+        Localizers whose motion is not believed.
+    absolute_faults : mapping of str to DetectedFault
+        Localizers whose absolute estimates are not believed.
+    rivals : tuple of RivalFilter
+        Hypotheses that are not decided; empty while the localizers agree.
+    undecided_since_s : float
+        When the rivals came up [s].
+    tested_s : float
+        When the motions were compared last [s].
+    trials : mapping of str to Retrial
+        By localizer whose motion is not believed, where no other motion is.
+    alternatives : tuple of Alternative
+        Where base may be, after a question that nothing has decided; empty if that is known.
+    accused : frozenset of str
+        Localizers of that question.
+    far_anchors : tuple of FilterState
+        The filter at the beginnings of the longer test windows, oldest first.
+    innovations : tuple of (float, Innovation)
+        Of the absolute estimates that are in `corrections`, as they were used, with their stamps, since the oldest
+        anchor of all.
+    """
+
+    sums: Mapping[str, MotionSum] = _EMPTY
+    corrections: Floats = read_only(np.zeros(3))
+    correction_covariance: Floats = read_only(np.zeros((3, 3)))
+    anchors: tuple[FilterState, ...] = ()
+    measurements: tuple[tuple[float, Measurement], ...] = ()
+    faults: Mapping[str, DetectedFault] = _EMPTY
+    absolute_faults: Mapping[str, DetectedFault] = _EMPTY
+    rivals: tuple[RivalFilter, ...] = ()
+    undecided_since_s: float = math.inf
+    tested_s: float = -math.inf
+    trials: Mapping[str, Retrial] = _EMPTY
+    alternatives: tuple[Alternative, ...] = ()
+    accused: frozenset[str] = frozenset()
+    far_anchors: tuple[FilterState, ...] = ()
+    innovations: tuple[tuple[float, Innovation], ...] = ()

@@ -1,0 +1,101 @@
+"""Corrections that lie to one side: before it is clear that a motion is wrong, the belief is less certain.
+
+The innovations of a consistent filter are white. Where absolute estimates correct the belief to one side by more than
+chance does in one belief of a hundred, something drifts: a motion whose scale is wrong, a gyro, a clock. The tests of
+`fault_detection` wait until that is sure, and ask who is wrong; until then the belief may be off by as much as absolute
+estimates lay beside it in the mean. Nothing is concluded of what was not seen: after the last absolute estimate the
+belief grows by its motion alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from operator import sub
+
+import numpy as np
+
+from trailmark.arrays import Floats
+from trailmark.estimation.kalman.gate import threshold
+from trailmark.estimation.kalman.innovation import Innovation
+from trailmark.estimation.kalman.state import FilterState
+from trailmark.geometry import wrap_angle
+
+__all__ = ["covariance_of_one_sided_corrections", "longest_one_sided_since"]
+
+# Three directions since up to five anchors are tested: about one belief in a hundred of a consistent filter is taken
+# for one that is not.
+_PROBABILITY = 0.99 ** (1.0 / 15.0)
+# Where it is contradicted already, less is asked: a question that begins too early costs time alone.
+_OF_CONTRADICTED = 0.997
+# A window whose last absolute estimate lies farther back than so much of it says nothing of now.
+_STALE_SHARE = 0.5
+# A variance below this says that nothing was corrected [m^2, rad^2].
+_UNCORRECTED = 1e-12
+_NOTHING: Floats = np.zeros((3, 3))
+
+
+def covariance_of_one_sided_corrections(state: FilterState) -> Floats:
+    """Return the square of the mean innovation, (3, 3), where corrections lie to one side; zeros where they do not.
+
+    Parameters
+    ----------
+    state : FilterState
+        With the anchors since which corrections are added up.
+    """
+    anchor = next(_one_sided_since(state, _PROBABILITY), None)
+    if anchor is None:
+        return _NOTHING
+    diagnosis = state.diagnosis
+    moved = diagnosis.corrections - anchor.diagnosis.corrections
+    moved[2] = wrap_angle(float(moved[2]))
+    mean = _mean_innovation([one for stamp_s, one in diagnosis.innovations if stamp_s > anchor.stamp_s], moved)
+    return np.outer(mean, mean)
+
+
+def longest_one_sided_since(state: FilterState) -> FilterState | None:
+    """Return the oldest anchor since which corrections lie to one side; None if there is none.
+
+    A belief that is corrected to one side has been wrong from then on: who caused it is to be asked from there.
+
+    Parameters
+    ----------
+    state : FilterState
+        With the anchors since which corrections are added up.
+    """
+    return min(_one_sided_since(state, _OF_CONTRADICTED), key=lambda one: one.stamp_s, default=None)
+
+
+def _one_sided_since(state: FilterState, probability: float) -> Iterator[FilterState]:
+    """Yield the anchors since which corrections lie to one side, the newest first."""
+    diagnosis = state.diagnosis
+    if state.gaussian is None or not diagnosis.innovations or diagnosis.rivals:
+        return
+    limit, last_s = threshold(probability, 1), diagnosis.innovations[-1][0]
+    now, now_m2 = diagnosis.corrections.tolist(), diagnosis.correction_covariance.diagonal().tolist()
+    for anchor in (*diagnosis.anchors[:1], *reversed(diagnosis.far_anchors)):
+        if state.stamp_s - last_s > _STALE_SHARE * (state.stamp_s - anchor.stamp_s):
+            continue
+        then = anchor.diagnosis
+        x, y, turn = map(sub, now, then.corrections.tolist())  # in numbers: each belief asks, and is mostly told no
+        variances = map(sub, now_m2, then.correction_covariance.diagonal().tolist())
+        moved = x, y, wrap_angle(turn)
+        if any(away * away > limit * max(variance, _UNCORRECTED) for away, variance in zip(moved, variances)):
+            yield anchor
+
+
+def _mean_innovation(seen: Sequence[Innovation], moved: Floats) -> Floats:
+    """Return the mean of innovations in the pose, (3,), each weighted by its gain.
+
+    With gains ``K H`` in the pose and corrections ``K v`` it is ``(sum K H)^-1 sum K v``, and in way and turn no more
+    than the largest ``H^-1 v``.
+    """
+    gains, largest_m, largest_rad = np.zeros((3, 3)), 0.0, 0.0
+    for one in seen:
+        jacobian = one.jacobian[:, :3]
+        gains += one.cross[:3] @ one.inverse @ jacobian
+        x, y, turn = np.linalg.lstsq(jacobian, one.innovation, rcond=1e-9)[0].tolist()
+        largest_m, largest_rad = max(largest_m, math.hypot(x, y)), max(largest_rad, abs(turn))
+    x, y, turn = np.linalg.lstsq(gains, moved, rcond=1e-9)[0].tolist()
+    shorter = min(1.0, largest_m / max(math.hypot(x, y), _UNCORRECTED))
+    return np.array([shorter * x, shorter * y, math.copysign(min(abs(turn), largest_rad), turn)])

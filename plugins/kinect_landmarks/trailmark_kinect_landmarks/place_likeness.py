@@ -1,0 +1,78 @@
+"""Whether the landmarks of a taught place look as they did, where a pose says that they should be seen.
+
+A few posters and corners agree on a pose in any room with the same furniture. In the taught room nearly all others are
+to be seen from there as well; in another one something else hangs in their places.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from trailmark.arrays import Bools, Floats
+from trailmark.geometry import wrap_angles
+from trailmark_kinect_landmarks.camera import LandmarkCamera
+from trailmark_kinect_landmarks.eye import PreparedImage
+from trailmark_kinect_landmarks.landmarks import vicinities
+from trailmark_kinect_landmarks.memory import LandmarkMemory
+
+__all__ = ["place_likeness"]
+
+_MARGIN_PX = 26  # the vicinity lies in the picture
+_NEAR_M, _NEAR_RAD = 0.6, 0.4  # of the pose from which a landmark was remembered: it looks otherwise from elsewhere
+_DEPTH_SHARE, _DEPTH_M = 0.06, 0.03  # a surface farther off than this from a landmark is not its own
+_ASIDE_PX = (-4.0, -2.0, 0.0, 2.0, 4.0)  # the pose may be wrong by so much
+_LEAST_SEEN = 5  # fewer do not tell
+
+
+def place_likeness(
+    memory: LandmarkMemory, camera: LandmarkCamera, picture: PreparedImage, T_map_base: Floats
+) -> float | None:
+    """Return how alike the taught landmarks look that should be seen from a pose, the mean of them, at most 1.
+
+    Those count that lie in the picture at the depth that is measured there, and were remembered from near the pose.
+
+    Parameters
+    ----------
+    memory : LandmarkMemory
+        What was taught.
+    camera : LandmarkCamera
+        Says where points are seen.
+    picture : PreparedImage
+        What is seen.
+    T_map_base : (4, 4) float64
+        The pose.
+
+    Returns
+    -------
+    float or None
+        Mean correlation of their vicinities with those that were remembered; None where fewer than five should be seen.
+    """
+    rows = np.flatnonzero(memory.is_taught & _was_near(memory.anchor, T_map_base))
+    points_base = (memory.points[rows] - T_map_base[:3, 3]) @ T_map_base[:3, :3]
+    uv = camera.project(points_base, picture.size)
+    is_seen = _is_on_surface(uv, camera.in_camera(points_base)[:, 0], picture)
+    rows, uv = rows[is_seen], uv[is_seen]
+    if len(rows) < _LEAST_SEEN:
+        return None
+    aside = np.array([(du, dv) for du in _ASIDE_PX for dv in _ASIDE_PX])
+    looks = vicinities(picture.grey, (uv[None] + aside[:, None]).reshape(-1, 2)).reshape(len(aside), len(rows), -1)
+    alike = np.einsum("anc,nc->an", looks, memory.vicinity[rows])
+    return float(alike.max(axis=0).mean())
+
+
+def _was_near(anchor: Floats, T_map_base: Floats) -> Bools:
+    """Return which landmarks were remembered from near a pose; False where a map does not tell."""
+    away_m = np.hypot(anchor[:, 0] - T_map_base[0, 3], anchor[:, 1] - T_map_base[1, 3])
+    turned_rad = np.abs(wrap_angles(anchor[:, 2] - math.atan2(T_map_base[1, 0], T_map_base[0, 0])))
+    return np.asarray((away_m < _NEAR_M) & (turned_rad < _NEAR_RAD))
+
+
+def _is_on_surface(uv: Floats, ahead_m: Floats, picture: PreparedImage) -> Bools:
+    """Return which points lie in the picture on the surface that is seen there: nothing stands before them."""
+    last = np.array(picture.size) - 1 - _MARGIN_PX
+    is_inside: Bools = np.all((uv >= _MARGIN_PX) & (uv <= last), axis=1)  # NaN, behind the camera, is not
+    whole = np.rint(np.where(is_inside[:, None], uv, 0.0)).astype(np.intp)
+    off_m = np.abs(picture.depth_m[whole[:, 1], whole[:, 0]] - ahead_m)  # NaN, where nothing was measured, is not less
+    return np.asarray(is_inside & (off_m < _DEPTH_SHARE * ahead_m + _DEPTH_M))

@@ -1,0 +1,110 @@
+"""A picture that is repeated, bit by bit or encoded again, is told from a robot that brakes or stands."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from trailmark.frames import Image
+from trailmark.testing.ground import ground_run, straight
+from trailmark_ground_vo.motion import ImageMotion
+from trailmark_ground_vo.repeats import RepeatWatch
+
+FAST = ImageMotion(12.0, -3.0, 0.0)
+
+
+@pytest.fixture(scope="module")
+def texture() -> np.ndarray:
+    blobs = cv2.GaussianBlur(np.random.default_rng(2).standard_normal((240, 340)), (0, 0), 2.0)
+    return 120.0 + 15.0 * blobs / blobs.std()
+
+
+def seen(texture, u: float, seed: int) -> np.ndarray:
+    noise = np.random.default_rng(seed).normal(0.0, 3.0, (200, 240))
+    return np.clip(np.rint(texture[20:220, 50 - round(u) : 290 - round(u)] + noise), 0, 255).astype(np.uint8)
+
+
+def watch_of(images) -> RepeatWatch:
+    watch = RepeatWatch()
+    for image in images:
+        watch.keep(image)
+    return watch
+
+
+@pytest.fixture
+def moving(texture) -> RepeatWatch:
+    """A watch that has seen the ground come to its place at 12 px per picture."""
+    return watch_of(seen(texture, u, 40 + u) for u in (-24, -12, 0))
+
+
+def smeared(image: np.ndarray) -> np.ndarray:
+    """Return a picture through a lens with dirt that stands out far more than the ground."""
+    dirt = np.zeros(image.shape, np.float32)
+    for v, u in np.random.default_rng(5).integers((0, 0), image.shape, (80, 2)):
+        cv2.circle(dirt, (int(u), int(v)), 5, 0.6, -1, cv2.LINE_AA)
+    faint = 120.0 + 0.3 * (image - 120.0)
+    return np.clip(np.rint(faint * (1.0 - cv2.GaussianBlur(dirt, (0, 0), 1.5))), 0, 255).astype(np.uint8)
+
+
+def encoded(image: np.ndarray, quality: int = 80) -> np.ndarray:
+    return cv2.imdecode(cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1], cv2.IMREAD_GRAYSCALE)
+
+
+def test_the_same_picture_is_known_bit_by_bit(texture):
+    watch, image = RepeatWatch(), seen(texture, 0, 0)
+    assert not watch.is_same(image)
+    watch.keep(image)
+
+    assert watch.is_same(image.copy())
+    assert not watch.is_same(encoded(image))
+
+
+def test_a_picture_that_was_encoded_again_while_the_robot_moved_is_known(texture, moving):
+    image = encoded(seen(texture, 0, 40))
+
+    assert moving.is_encoded_again(image, FAST)
+    assert not moving.is_encoded_again(image, ImageMotion(0.4, 0.0, 0.0))
+    assert not moving.is_encoded_again(image, None)
+
+
+@pytest.mark.parametrize("moved_px", [12.0, 6.0, 3.0, 2.0])
+def test_a_robot_that_brakes_repeats_nothing(texture, moving, moved_px):
+    assert not moving.is_encoded_again(seen(texture, moved_px, 1), FAST)
+
+
+def test_a_robot_that_stands_on_is_believed_after_a_few_pictures(texture, moving):
+    said = [moving.is_encoded_again(seen(texture, 0, seed), FAST) for seed in range(1, 6)]
+
+    assert said[:3] == [True, True, True]
+    assert not said[3]
+
+
+@pytest.mark.parametrize("n_earlier", [1, 3, 10])
+def test_dirt_on_the_lens_repeats_no_picture(texture, n_earlier):
+    *earlier, image = [smeared(seen(texture, 4 * n, 20 + n)) for n in range(-1 - n_earlier, 0)]
+    watch = watch_of([*earlier, image])
+
+    assert not watch.is_encoded_again(smeared(seen(texture, 0, 0)), ImageMotion(4.0, 0.0, 0.0))
+    assert watch.is_encoded_again(encoded(image), ImageMotion(4.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize("lens", [np.asarray, smeared], ids=["clean", "dirty"])
+def test_the_way_over_a_repeated_frame_is_told_with_the_next(camera, ground, track, lens):
+    run = ground_run(straight(0.3), 40, ground=ground, camera=camera)
+    before = {}
+
+    def repeat(index, frame):
+        is_repeated = index % 6 == 5
+        # another quality: what is encoded again at the same one stays the same bit by bit
+        pixels = encoded(before["pixels"], 70) if is_repeated else encoded(lens(frame.payload.pixels))
+        before["pixels"] = pixels
+        return frame.__class__(frame.sensor, frame.stamp_s, Image(pixels))
+
+    tracked = track(run, change=repeat)
+
+    again = [lost.stamp_s for lost in tracked.lost if "encoded anew" in lost.reason]
+    assert again == [frame.stamp_s for frame in run.frames[5::6]]
+    assert len(tracked.motions) >= 30
+    for motion in tracked.motions:
+        assert abs(motion.pose_since_now.x - 0.3 * (motion.stamp_s - motion.since_s)) < 5e-4
