@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import doctest
+import gc
 import math
 import os
 import subprocess
@@ -11,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numba.core import event
 
 from trailmark import kernels
 from trailmark.kernels import float_kernel, inlined_kernel, kernel
@@ -215,3 +217,35 @@ def test_a_kernel_that_holds_a_table_or_a_kernel_is_compiled_in_every_run(caplog
 
     assert last() == 4.0
     assert "not kept on disk" in caplog.text
+
+
+def test_the_search_for_garbage_rests_while_kernels_are_compiled_and_goes_on_after() -> None:
+    @kernel
+    def inner(value: float) -> float:
+        return 2.0 * value
+
+    @kernel
+    def outer(value: float) -> float:
+        return inner(value) + 1.0
+
+    passes: list[bool] = []
+
+    class Watch(event.Listener):
+        def on_start(self, event: event.Event) -> None:
+            passes.append(gc.isenabled())
+
+        def on_end(self, event: event.Event) -> None:
+            passes.append(gc.isenabled())
+
+    with event.install_listener("numba:run_pass", Watch()):
+        assert outer(2.0) == 5.0
+
+    assert passes
+    assert not any(passes)
+    assert gc.isenabled()
+    gc.disable()
+    try:
+        assert outer(2) == 5.0
+        assert not gc.isenabled()  # who switched it off wants it off
+    finally:
+        gc.enable()

@@ -5,6 +5,7 @@ Import this only from modules that hold kernels. It imports numba, which takes l
 
 from __future__ import annotations
 
+import gc
 import logging
 import re
 from collections.abc import Callable
@@ -12,17 +13,46 @@ from numbers import Number
 from typing import Any, Literal, TypeVar, overload
 
 import numba
+from numba.core import event
 
-__all__ = ["float_kernel", "inlined_kernel", "kernel"]
+__all__ = ["float_kernel", "inlined_kernel", "is_kept", "kernel"]
 
 logger = logging.getLogger(__name__)
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
 _ErrorModel = Literal["python", "numpy"]
 _njit: Any = numba.njit  # numba's newer versions have types, which know only a part of its options
+_register: Any = event.register  # and this has none
 
 #: What lets float sums and products run in vectors. Infinities and NaN keep their meaning.
 _REORDER = frozenset({"reassoc", "contract", "nsz", "arcp"})
+
+
+class _QuietCollector(event.Listener):
+    """Lets Python's search for garbage rest while numba compiles, which makes millions of small objects at a time.
+
+    Nothing of a kernel is garbage before it is done, and to look for it again and again took an eighth of the time.
+    Numba compiles one kernel at a time, with its inner ones, whatever thread asks for it.
+    """
+
+    def __init__(self) -> None:
+        self._depth, self._was_on = 0, False
+
+    def on_start(self, event: event.Event) -> None:
+        """Rest from the outermost kernel on."""
+        if self._depth == 0:
+            self._was_on = gc.isenabled()
+            gc.disable()
+        self._depth += 1
+
+    def on_end(self, event: event.Event) -> None:
+        """Go on after the outermost kernel."""
+        self._depth -= 1
+        if self._depth == 0 and self._was_on:
+            gc.enable()
+
+
+_register("numba:compile", _QuietCollector())
 
 
 @overload
@@ -91,6 +121,17 @@ def inlined_kernel(function: _Function) -> _Function:
     return compiled
 
 
+def is_kept(function: object) -> bool:
+    """Whether a kernel need not be compiled: it is kept on disk, for some types of arguments, or is plain Python."""
+    cache_file = _cache_file_of(function)
+    return cache_file is None or bool(cache_file._load_index())
+
+
+def _cache_file_of(compiled: object) -> Any:
+    """Return where numba keeps a kernel; None: numba is switched off, or nothing is kept."""
+    return getattr(getattr(compiled, "_cache", None), "_cache_file", None)
+
+
 def _compiler(**options: Any) -> Callable[[_Function], _Function]:
     def compile_function(function: _Function) -> _Function:
         # no_cfunc_wrapper: the entry for callers in C would be compiled too, and there are none
@@ -129,8 +170,8 @@ def _survive_renamed_records(compiled: Any) -> None:
     Numba reads the records (named tuples) of a signature before it asks whether the kernel's file has changed since, so
     that a cache of an older version would end the program.
     """
-    cache_file = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
-    if cache_file is None:  # numba is switched off, or nothing is kept
+    cache_file = _cache_file_of(compiled)
+    if cache_file is None:
         return
     load_index = cache_file._load_index
 

@@ -124,6 +124,10 @@ def test_a_localizer_is_written_unless_told_otherwise(trailmark, tmp_path) -> No
         ("2d_laser", "such as 'd_laser'"),
         ("../escape", "such as 'escape'"),
         ("a__b", "such as 'a_b'"),
+        ("null", "is a value in configs, not a word; use another, such as 'my_null'"),
+        ("on", "is a value in configs"),
+        ("con", "is a device on Windows"),
+        ("lambda", "is a word of Python"),
         ("ground_vo", "'ground_vo' is taken: the package trailmark_ground_vo is installed already"),
     ],
 )

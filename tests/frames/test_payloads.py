@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trailmark.errors import ShapeError
-from trailmark.frames import RGBD, Frame, Image, Imu, Odometry, Record, Scalar, Scan, SensorInfo, payload_kind
+from trailmark.frames import RGBD, Frame, Image, Imu, Odometry, Payload, Record, Scalar, Scan, SensorInfo, payload_kind
 from trailmark.geometry import Pose2
 
 BGR = np.zeros((4, 6, 3), np.uint8)
@@ -158,3 +159,27 @@ def test_sensor_names_are_plain_words(name: str) -> None:
 def test_other_sensor_names_are_refused(name: str) -> None:
     with pytest.raises(ShapeError, match="use lower-case letters, digits and underscores"):
         SensorInfo(name, "image")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Foreign(Payload):
+    """A payload of somebody else, who did not think of how it prints."""
+
+    kind: ClassVar[str] = "record"
+    spectrum: npt.NDArray[Any]
+    gain: float = 2.0
+
+
+@pytest.mark.parametrize(
+    ("payload", "shown"),
+    [
+        (Image(np.zeros((480, 640), np.uint8)), "Image(pixels=<480 x 640 uint8>)"),
+        (Foreign(np.zeros(5000)), "Foreign(spectrum=<5000 float64>, gain=2.0)"),
+        (Record({"ids": np.arange(2), "ranges": np.zeros(90)}), "Record(arrays={ids: [0, 1], ranges: <90 float64>})"),
+        (Scalar(3.0), "Scalar(value=3.0)"),
+        (Odometry(distance_m=1.0), "Odometry(pose_start_base=None, distance_m=1.0, twist=None)"),
+    ],
+)
+def test_a_frame_is_shown_in_one_line_whatever_it_carries(payload: Payload, shown: str) -> None:
+    assert repr(payload) == shown
+    assert repr(Frame("eye", 1.5, payload)) == f"Frame(sensor='eye', stamp_s=1.5, payload={shown})"

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, is_dataclass
 from types import MappingProxyType
 from typing import Any, ClassVar
 
@@ -42,6 +42,20 @@ def read_only(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return view
 
 
+#: Arrays of more numbers are shown by shape and type.
+_FEW = 4
+
+
+def _brief(value: object) -> str:
+    """Return a value as it is shown among others: one short line, whatever it holds."""
+    if isinstance(value, np.ndarray):
+        few = value.tolist() if value.size <= _FEW else f"<{' x '.join(map(str, value.shape))} {value.dtype}>"
+        return str(few)
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{name}: {_brief(item)}' for name, item in value.items())}}}"
+    return repr(value)
+
+
 #: The kinds of sensor whose payload is fixed, as subclasses of `Payload` name them.
 PAYLOAD_KINDS: dict[str, type[Payload]] = {}
 
@@ -60,6 +74,13 @@ class Payload:
         super().__init_subclass__(**arguments)
         if "kind" in vars(cls) and cls.kind != "record":
             PAYLOAD_KINDS[cls.kind] = cls
+        if "__repr__" not in vars(cls):
+            cls.__repr__ = cls.__repr__  # type: ignore[method-assign]  # else a dataclass makes one that prints arrays
+
+    def __repr__(self) -> str:
+        known: Any = self  # not to its type: subclasses are the dataclasses
+        names = [field.name for field in fields(known)] if is_dataclass(known) else []
+        return f"{type(self).__name__}({', '.join(f'{name}={_brief(getattr(self, name))}' for name in names)})"
 
     @property
     def picture(self) -> AnyArray | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import keyword
 import re
 import textwrap
 from collections.abc import Sequence
@@ -36,6 +37,10 @@ _GIVES = {"localizer": "motion", "camera": "motion", "places": "path_offset"}
 
 _NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 
+#: Words that mean something else where a name stands: in configs (of YAML 1.1, too), and as files on Windows.
+_YAML_WORDS = frozenset(("null", "none", "true", "false", "yes", "no", "on", "off", "y", "n"))
+_DEVICE = re.compile(r"con|prn|aux|nul|(com|lpt)[0-9]")
+
 
 def write_distribution(name: str, parts: Sequence[str], into: Path) -> Path:
     """Write a distribution ``trailmark-NAME`` with an example of each part, and return its folder.
@@ -52,7 +57,8 @@ def write_distribution(name: str, parts: Sequence[str], into: Path) -> Path:
     Raises
     ------
     ConfigError
-        If the name is none or taken, or the folder is there already or cannot be written.
+        If the name is none, means something else to Python or a config, or is taken, or the folder is there already
+        or cannot be written.
     """
     if not _NAME.fullmatch(name):
         hint = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_").lstrip("0123456789_")
@@ -60,6 +66,8 @@ def write_distribution(name: str, parts: Sequence[str], into: Path) -> Path:
             f"{name!r} is no name for a plugin: use lower-case letters, digits and single underscores, a letter first"
             + (f", such as {hint!r}" if hint and hint != name else "")
         )
+    if meaning := _other_meaning(name):
+        raise ConfigError(f"{name!r} is no name for a plugin: it is {meaning}; use another, such as 'my_{name}'")
     words = _words(name, parts)
     if find_spec(words["package"]) is not None:
         raise ConfigError(
@@ -83,6 +91,15 @@ def write_distribution(name: str, parts: Sequence[str], into: Path) -> Path:
     contents[".gitignore"] = "__pycache__/\n.venv/\n*.egg-info/\ndist/\n"
     _write(folder, contents)
     return folder
+
+
+def _other_meaning(name: str) -> str:
+    """Return what a name is taken for where it is read; empty: for a name."""
+    if keyword.iskeyword(name):
+        return "a word of Python"
+    if name in _YAML_WORDS:
+        return "a value in configs, not a word"
+    return "a device on Windows" if _DEVICE.fullmatch(name) else ""
 
 
 def _words(name: str, parts: Sequence[str]) -> dict[str, str]:

@@ -14,6 +14,7 @@ from trailmark.frames import Frame, Payload, SensorInfo
 from trailmark.frames.outlines import Outlines
 from trailmark.geometry import Pose2, Trajectory
 from trailmark.interfaces import Drivable, Session
+from trailmark_sim.compiling import FirstReadings
 from trailmark_sim.config import SimConfig
 from trailmark_sim.keyboard import KEYS_HELP, KeyboardPilot, Terminal
 from trailmark_sim.motion import VehicleIntegrator
@@ -49,11 +50,12 @@ class SimSource(Drivable):
     def __init__(self, config: SimConfig) -> None:
         super().__init__(config)
         self._terminal: Terminal | None = None
+        self._first_readings: FirstReadings | None = None
         self._is_closed = False
         self._forget()
 
     def start(self, session: Session) -> None:
-        """Build the world, put the vehicle down, and render every sensor once to warm up.
+        """Build the world, put the vehicle down, and render every sensor once to warm up, here or beside.
 
         Raises
         ------
@@ -77,12 +79,13 @@ class SimSource(Drivable):
         if self._driver == "keyboard":
             self._terminal = Terminal()
             logger.warning("drive with the keys: %s", KEYS_HELP)
-        for sensor in self._sensors:
-            sensor.render(0, 0.0, VehicleState(self._place.pose))
+        self._first_readings = FirstReadings(config, self._world, VehicleState(self._place.pose))
 
     def close(self) -> None:
         """End the frames, and give the terminal back."""
         self._is_closed = True
+        if self._first_readings is not None:
+            self._first_readings.close()
         if self._terminal is not None:
             self._terminal.close()
             self._terminal = None
@@ -114,6 +117,7 @@ class SimSource(Drivable):
     def frames(self) -> Iterator[Frame]:
         """Yield the frames of all sensors until the route or the task is done, or time is up."""
         self._forget()
+        self._await_kernels()
         self._motion = VehicleIntegrator(self._world.vehicle, self._place.pose, self._seed, self._build_driver())
         for stamp_s, k, sensor in _schedule(self._sensors):
             if self._is_closed or self._is_over(stamp_s):
@@ -126,6 +130,7 @@ class SimSource(Drivable):
 
     def look(self, k: int = 0) -> Payload:
         """Return reading `k` of the first sensor, as if the vehicle stood where it was put down."""
+        self._await_kernels()
         sensor = self._sensors[0]
         return sensor.render(k, k / sensor.rate_hz, VehicleState(self._place.pose))
 
@@ -141,6 +146,10 @@ class SimSource(Drivable):
     def counters(self) -> Mapping[str, int]:
         """Return how often the vehicle came to touch something."""
         return {"collisions": self._n_collisions}
+
+    def _await_kernels(self) -> None:
+        if self._first_readings is not None:
+            self._first_readings.wait()
 
     def _forget(self) -> None:
         self._pending = None

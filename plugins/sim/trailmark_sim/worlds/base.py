@@ -102,6 +102,9 @@ class World:
         Lines of what stands there, for drawing [m].
     area : (float, float, float, float) or None
         West, east, south and north end of where a vehicle may be put down; None: beside the route [m].
+    slow_kernel : callable or None
+        The kernel whose sensors compile for seconds, if there is one: where it is not kept on disk yet, they are
+        compiled in a process beside this one.
     """
 
     name: str
@@ -113,6 +116,7 @@ class World:
     truth: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
     around: tuple[Floats, ...] = ()
     area: tuple[float, float, float, float] | None = None
+    slow_kernel: Callable[..., None] | None = None
 
 
 def choose_route(world: str, options: WorldOptions, routes: Sequence[str]) -> str:

@@ -18,6 +18,7 @@ from trailmark.geometry import Pose2, Pose3
 from trailmark_sim.ground.camera import GroundCameraSensor, GroundRig
 from trailmark_sim.ground.ground import Floor, GroundTexture, Zone
 from trailmark_sim.ground.optics import Optics
+from trailmark_sim.ground.warp import expose_rows
 from trailmark_sim.ground.weather import Weather
 from trailmark_sim.obstacles import Pole, touched_pole
 from trailmark_sim.outlines import circle_outline
@@ -82,6 +83,7 @@ def build(options: WorldOptions) -> World:
         collides=partial(touched_pole, poles, vehicle.length_m, vehicle.width_m),
         around=tuple(circle_outline(pole.x, pole.y, pole.radius_m) for pole in poles),
         truth={"poles": np.array([(pole.x, pole.y, pole.radius_m) for pole in poles]).reshape(-1, 3)},
+        slow_kernel=expose_rows,
     )
 
 
