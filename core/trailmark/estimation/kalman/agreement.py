@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import combinations
 
 from trailmark.estimation.kalman.diagnosis import MotionSum
 from trailmark.estimation.kalman.gate import threshold
@@ -23,6 +24,7 @@ __all__ = [
     "Tolerance",
     "agreeing_groups",
     "corrections_are_consistent",
+    "disagreement_within",
     "is_still",
     "motion_since",
     "pair_nis",
@@ -34,6 +36,8 @@ _PROBABILITY = 0.99999
 ACQUITTED = 0.95
 # A variance below this says that nothing was corrected [m^2, rad^2].
 _UNCORRECTED = 1e-12
+# No variance is less: sums of some differ by nothing in their last digit [m^2, rad^2].
+_LEAST = 1e-15
 # A variance beyond this says that the direction was not measured [m^2, rad^2].
 _NOT_MEASURED = 1e9
 
@@ -70,7 +74,7 @@ def motion_since(state: FilterState, anchor: FilterState, source: str) -> Motion
 
 def pair_nis(a: MotionSum, b: MotionSum, tolerance: Tolerance, *, way_m: float, dt_s: float) -> tuple[float, int]:
     """Return NIS and degrees of freedom of the difference of two motions over the same window."""
-    position_m2, turn_rad2 = a.position_m2 + b.position_m2, a.turn_rad2 + b.turn_rad2
+    position_m2, turn_rad2 = a.position_m2 + b.position_m2 + _LEAST, a.turn_rad2 + b.turn_rad2 + _LEAST
     nis, dof = 0.0, 0
     if position_m2 < _NOT_MEASURED:
         position_m2 += (tolerance.scale * way_m) ** 2
@@ -90,30 +94,49 @@ def agreeing_groups(
     *,
     probability: float = _PROBABILITY,
 ) -> list[frozenset[str]]:
-    """Return the localizers in groups: within one, each agrees with another over the window, or nothing tests it."""
+    """Return the largest groups of localizers in which each agrees with every other over the window.
+
+    One that is noisy may be in several: wheels agree with a camera and with a laser that contradict each other.
+    Whom nothing tests is in all.
+    """
     motions = {source: motion_since(state, anchor, source) for source in sources}
     dt_s = state.stamp_s - anchor.stamp_s
     tested = {s: motion for s, motion in motions.items() if motion is not None and motion.covered_s > dt_s - 1e-6}
     if len(tested) < 2:
         return [frozenset(motions)]
-    groups: list[set[str]] = []
-    for source, motion in tested.items():
-        with_it = [
-            group
-            for group in groups
-            if any(_agree(motion, tested[other], tolerance, dt_s=dt_s, probability=probability) for other in group)
-        ]
-        groups = [group for group in groups if group not in with_it]
-        groups.append({source}.union(*with_it))
-    untested = set(motions) - set(tested)
-    return [frozenset(group | untested) for group in groups]
+    apart = {
+        frozenset((a, b))
+        for (a, one), (b, other) in combinations(tested.items(), 2)
+        if not _agree(one, other, tolerance, dt_s=dt_s, probability=probability)
+    }
+    if not apart:
+        return [frozenset(motions)]
+    groups: list[frozenset[str]] = []
+    for size in range(len(tested), 0, -1):
+        for names in combinations(tested, size):
+            group = frozenset(names)
+            if not any(pair <= group for pair in apart) and not any(group < larger for larger in groups):
+                groups.append(group)
+    return [group | (motions.keys() - tested.keys()) for group in groups]
+
+
+def disagreement_within(state: FilterState, anchor: FilterState, sources: Iterable[str], tolerance: Tolerance) -> float:
+    """Return by how much localizers of one group differ over a window: NIS, as of their mean were they alike."""
+    motions = [motion for source in sources if (motion := motion_since(state, anchor, source)) is not None]
+    dt_s = state.stamp_s - anchor.stamp_s
+    pairs = [_nis_of(a, b, tolerance, dt_s=dt_s)[0] for a, b in combinations(motions, 2)]
+    return 2.0 / len(motions) * sum(pairs) if pairs else 0.0
 
 
 def _agree(a: MotionSum, b: MotionSum, tolerance: Tolerance, *, dt_s: float, probability: float) -> bool:
+    nis, dof = _nis_of(a, b, tolerance, dt_s=dt_s)
+    return dof == 0 or nis <= threshold(probability, dof)
+
+
+def _nis_of(a: MotionSum, b: MotionSum, tolerance: Tolerance, *, dt_s: float) -> tuple[float, int]:
     # The way of the slower one: a robot is not thought to have gone far because one of two says so.
     way_m = min(math.hypot(a.x, a.y), math.hypot(b.x, b.y))
-    nis, dof = pair_nis(a, b, tolerance, way_m=way_m, dt_s=dt_s)
-    return dof == 0 or nis <= threshold(probability, dof)
+    return pair_nis(a, b, tolerance, way_m=way_m, dt_s=dt_s)
 
 
 def corrections_are_consistent(state: FilterState, anchor: FilterState) -> bool:

@@ -47,6 +47,9 @@ _LEAST_SPREAD = 1e-6
 _LEAST_HEADING = 1.0
 #: Offsets from here on are told, when they are so many sigmas from nothing.
 TOLD_S, _SURE = 0.02, 5.0
+#: From so many on at once: noise bends the costs, too, and what stands out of it looks surer than it is. With fewer,
+#: when it is found again in rows of which none was in the first, and both agree by so many.
+_SURE_AT_ONCE, _AGREES = 7.0, 3.0
 #: What differs by more than so many times its usual is left out: slip, jumps.
 _OUTLIER = 4.0
 
@@ -85,6 +88,8 @@ class ClockOffsets:
     def __init__(self) -> None:
         self._tracks: dict[str, RecentPoses] = {}
         self._next_s = -math.inf
+        #: Offsets that were found once, and when, by localizer.
+        self._found_once: dict[str, tuple[float, TimeOffset]] = {}
         #: Offsets that are certain, by localizer; one stays until another is found for it.
         self.certain: dict[str, TimeOffset] = {}
 
@@ -117,7 +122,7 @@ class ClockOffsets:
         if len(self._tracks) < 2 or estimate.stamp_s < self._next_s:
             return {}
         self._next_s = estimate.stamp_s + _EVERY_S
-        return self._compare_all()
+        return self._compare_all(estimate.stamp_s)
 
     def note(self, source: str, estimate: Estimate) -> None:
         """Take note of an estimate, and warn of what is found by it."""
@@ -134,8 +139,8 @@ class ClockOffsets:
         if track is not None:
             track.clear()
 
-    def _compare_all(self) -> Mapping[str, TimeOffset]:
-        """Compare every localizer with the first that tells motion."""
+    def _compare_all(self, stamp_s: float) -> Mapping[str, TimeOffset]:
+        """Compare every localizer with the first that tells motion, at a stamp."""
         reference = next((name for name, track in self._tracks.items() if track.of_motion), None)
         if reference is None:
             return {}
@@ -148,10 +153,23 @@ class ClockOffsets:
             if not found.is_certain:
                 self.certain.pop(source, None)
                 continue
+            if known is None and not self._is_confirmed(source, found, stamp_s):
+                continue
             self.certain[source] = found
             if known is None or abs(found.late_s - known.late_s) > max(TOLD_S, _SURE * found.sigma_s):
                 news[source] = found
         return news
+
+    def _is_confirmed(self, source: str, found: TimeOffset, stamp_s: float) -> bool:
+        """Return whether an offset is beyond doubt, or was found before in other rows; keep it if it is new."""
+        if abs(found.late_s) > _SURE_AT_ONCE * found.sigma_s:
+            return True
+        once_s, once = self._found_once.get(source, (-math.inf, found))
+        agrees = abs(found.late_s - once.late_s) <= _AGREES * math.hypot(found.sigma_s, once.sigma_s)
+        if once_s == -math.inf or not agrees:
+            self._found_once[source] = stamp_s, found
+            return False
+        return stamp_s - once_s >= WINDOW_S + 2.0 * FARTHEST_S
 
 
 def warn_of_offset(source: str, found: TimeOffset) -> None:

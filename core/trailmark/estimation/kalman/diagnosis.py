@@ -25,6 +25,7 @@ __all__ = [
     "DetectedFault",
     "FaultDiagnosis",
     "FixOffset",
+    "LastingDoubt",
     "MotionSum",
     "Retrial",
     "RivalFilter",
@@ -128,6 +129,10 @@ class RivalFilter:
         Whether it says that a moving robot stood still at once, or changed its speed faster than robots do.
     offsets : mapping of str to FixOffset
         Of the absolute estimates that it does not believe, by localizer.
+    begun : FilterState or None
+        Where the question begins, since which the motions that it believes are compared.
+    log_votes : float
+        What these comparisons say, to a constant; part of `log_weight`.
     """
 
     state: FilterState
@@ -135,6 +140,8 @@ class RivalFilter:
     n_measurements: int = 0
     is_implausible: bool = False
     offsets: Mapping[str, FixOffset] = field(default_factory=_empty)
+    begun: FilterState | None = None
+    log_votes: float = 0.0
 
 
 class Retrial(NamedTuple):
@@ -177,6 +184,26 @@ class Alternative(NamedTuple):
     n_measurements: int
 
 
+class LastingDoubt(NamedTuple):
+    """How fast a motion parts from others by more than its noise, and less than honest calibrations may.
+
+    Attributes
+    ----------
+    apart_mps, apart_radps : float
+        In way and turn [m/s, rad/s].
+    since_s : float
+        When that was seen first [s].
+    """
+
+    apart_mps: float
+    apart_radps: float
+    since_s: float
+
+    def __str__(self) -> str:
+        apart = f"{self.apart_mps:.3f} m/s, {math.degrees(self.apart_radps):.2f} deg/s"
+        return f"its motion parts from that of others by {apart}: it is believed so much less"
+
+
 class FaultDiagnosis(NamedTuple):
     """What the localizers say of each other.
 
@@ -210,6 +237,8 @@ class FaultDiagnosis(NamedTuple):
         Localizers of that question.
     far_anchors : tuple of FilterState
         The filter at the beginnings of the longer test windows, oldest first.
+    doubts : mapping of str to LastingDoubt
+        By localizer whose motion is believed, but less than it says.
     innovations : tuple of (float, Innovation)
         Of the absolute estimates that are in `corrections`, as they were used, with their stamps, since the oldest
         anchor of all.
@@ -229,4 +258,5 @@ class FaultDiagnosis(NamedTuple):
     alternatives: tuple[Alternative, ...] = ()
     accused: frozenset[str] = frozenset()
     far_anchors: tuple[FilterState, ...] = ()
+    doubts: Mapping[str, LastingDoubt] = _EMPTY
     innovations: tuple[tuple[float, Innovation], ...] = ()

@@ -4,6 +4,8 @@
 while                                         what is done
 ============================================  ======================================================================
 the localizers agree                          one filter; the tests of `agreement` look at the last one to two seconds
+two motions differ by more than their noise,  whoever is outvoted, or both, have an error that lasts
+and less than calibrations do                 (`lasting_doubts`)
 two motions disagree                          from the anchor on, a filter for each hypothesis: each group of motions
                                               that agree, and none; the belief is their mixture
 absolute estimates, which agreed a moment     the same with the hypotheses: nobody lies, each motion, all motion, and
@@ -35,6 +37,7 @@ from trailmark.estimation.kalman.correction import Correction
 from trailmark.estimation.kalman.diagnosis import DetectedFault, FaultDiagnosis
 from trailmark.estimation.kalman.forgiveness import AGREED, GIVES_IN_S, agree_again, with_repentant, without_fault
 from trailmark.estimation.kalman.hypotheses import Hypothesis, HypothesisBank, trusted_motions
+from trailmark.estimation.kalman.lasting_doubts import doubts_of
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.kalman.one_sided import longest_one_sided_since
 from trailmark.estimation.kalman.prediction import Prediction
@@ -69,6 +72,7 @@ class FaultDetector:
         self._tolerance = tolerance
         self._bank = HypothesisBank(prediction, correction, tolerance)
         self._trials = Trials(prediction, correction)
+        self._calibrated = prediction.calibrated  # the errors of these that last are estimated
 
     def predict(self, state: FilterState, stamp_s: float) -> FilterState:
         """Return the state at a stamp that is not earlier."""
@@ -87,6 +91,9 @@ class FaultDetector:
             far = far_anchors_due(state.diagnosis, before.tested_s, stamp_s)
             state = replace(state, diagnosis=state.diagnosis._replace(tested_s=stamp_s))
             state = self._test_motions(state, (*state.diagnosis.anchors, *far))
+            if far and not state.diagnosis.rivals:
+                doubts = doubts_of(state, [s for s in trusted_motions(state) if s not in self._calibrated])
+                state = replace(state, diagnosis=state.diagnosis._replace(doubts=doubts))
         return _with_anchor_in_time(state)
 
     def correct(self, state: FilterState, measurement: Measurement) -> FilterState:

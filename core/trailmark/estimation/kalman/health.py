@@ -21,7 +21,7 @@ _REFUSED_OFTEN = 3
 _MOMENT_S = 0.005
 # So many standard deviations are no motion.
 _AT_REST = 3.0
-# A question that absolute estimates decide is decided sooner [s].
+# A question that absolute estimates decide, or a third motion, is decided sooner [s].
 _UNDECIDED_S = 2.0
 # Less probable hypotheses accuse nobody.
 _PROBABLE = 0.02
@@ -113,6 +113,7 @@ def health_of(monitors: Mapping[str, SourceMonitor], state: FilterState, recover
     """Return what is wrong, by localizer; nothing for one that is well."""
     health: dict[str, str] = {}
     undecided = _undecided_of(state)
+    doubts = {s: one for s, one in state.diagnosis.doubts.items() if state.stamp_s - one.since_s > _UNDECIDED_S}
     unmeasured_s = longest(state.odometry.unmeasured_s)
     for source, monitor in monitors.items():
         n_rejected = state.rejections.counts.get(source, 0)
@@ -127,6 +128,8 @@ def health_of(monitors: Mapping[str, SourceMonitor], state: FilterState, recover
             health[source] = f"contradicts the belief, {n_rejected} of late"
         elif monitor.is_too_certain:
             health[source] = "far more certain than it ever was: not believed to be"
+        elif source in doubts:
+            health[source] = str(doubts[source])
         elif source in state.left_out:
             health[source] = "its motion contradicts the others and the velocity before"
         elif state.stamp_s - monitor.last_s > monitor.trust.timeout_s:

@@ -1,9 +1,10 @@
 """A question of who is wrong: one filter for each answer, begun before the question came up.
 
 A hypothesis of n liars has the probability 0.01^n to begin with: so agreeing motions vote. By itself this decides for
-two against one; absolute estimates can overturn it while they are part of the question. Absolute estimates that are
-said to lie are off by a constant, as those are that match the wrong place: one whose offset grows explains less than a
-motion that is wrong.
+two against one; absolute estimates can overturn it while they are part of the question. Where a noisy motion agrees
+with each of two that contradict each other, it counts with which it agrees better (`with_votes`). Absolute estimates
+that are said to lie are off by a constant, as those are that match the wrong place: one whose offset grows explains less
+than a motion that is wrong.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.kalman.prediction import Prediction
 from trailmark.estimation.kalman.settling import continued, settle
 from trailmark.estimation.kalman.state import FilterState
+from trailmark.estimation.kalman.votes import with_votes
 from trailmark.estimation.kalman.windows import without_windows
 
 __all__ = ["Hypothesis", "HypothesisBank", "trusted_motions"]
@@ -85,7 +87,7 @@ class HypothesisBank:
         rivals = [self._begin_rival(state, anchor, hypothesis) for hypothesis in hypotheses]
         if len(rivals) < 2:
             return state
-        rivals = self._replay(rivals, anchor, state)
+        rivals = with_votes(self._replay(rivals, anchor, state), self._tolerance)
         return settle(state, _with_suspicion(state, anchor, rivals))
 
     def predict(self, state: FilterState, stamp_s: float) -> FilterState:
@@ -94,6 +96,7 @@ class HypothesisBank:
         after = [self._predict_rival(rival, stamp_s) for rival in before]
         leads = _most_probable_that_moved(after)
         odometry = continued(state.odometry, before[leads].state.odometry, after[leads].state.odometry)
+        after = with_votes(after, self._tolerance)
         return settle(replace(state, stamp_s=stamp_s, odometry=odometry, verdicts=()), after)
 
     def correct(self, state: FilterState, measurement: Measurement) -> FilterState:
@@ -127,7 +130,7 @@ class HypothesisBank:
             absolute_faults[liar] = DetectedFault(state.stamp_s, reason, is_outvoted=is_outvoted)
         diagnosis = FaultDiagnosis(sums=anchor.diagnosis.sums, faults=faults, absolute_faults=absolute_faults)
         n_liars = len(trusted - hypothesis.motions) + len(liars)
-        return RivalFilter(replace(anchor, diagnosis=diagnosis), -_LIAR * n_liars)
+        return RivalFilter(replace(anchor, diagnosis=diagnosis), -_LIAR * n_liars, begun=anchor)
 
     def _replay(self, rivals: Sequence[RivalFilter], anchor: FilterState, state: FilterState) -> list[RivalFilter]:
         """Return hypotheses at the instant of a state, from an anchor on.
@@ -205,7 +208,7 @@ def _begun_later(rival: RivalFilter, at_first: RivalFilter, reference: RivalFilt
         return rival
     said = rival.state.diagnosis
     diagnosis = reference.state.diagnosis._replace(faults=said.faults, absolute_faults=said.absolute_faults)
-    return RivalFilter(replace(reference.state, diagnosis=diagnosis), log_weight)
+    return RivalFilter(replace(reference.state, diagnosis=diagnosis), log_weight, begun=rival.begun)
 
 
 def _jumps(before: FilterState, after: FilterState) -> bool:

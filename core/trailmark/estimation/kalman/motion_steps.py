@@ -11,7 +11,7 @@ from trailmark.estimation.symmetric import ZERO, Sym3, add, congruence, inverse,
 from trailmark.geometry import Pose2, Twist2
 from trailmark.values import quick_dataclass
 
-__all__ = ["MotionStep", "StatedMotion"]
+__all__ = ["MotionStep", "StatedMotion", "weakened_by"]
 
 
 @quick_dataclass(frozen=True, slots=True, eq=False)
@@ -126,7 +126,7 @@ class StatedMotion:
         if covariance is not None:
             covariance = add(covariance, uneven)
         elif uneven[0] > 0.0:
-            information = _weakened(information or ZERO, uneven)
+            information = weakened_by(information or ZERO, uneven)
         step = MotionStep(pose.x, pose.y, pose.theta, covariance, information, even.twist)
         return self._part(since_s, self.stamp_s, step)
 
@@ -152,7 +152,7 @@ class StatedMotion:
         return part
 
 
-def _weakened(information: Sym3, noise: Sym3) -> Sym3:
+def weakened_by(information: Sym3, noise: Sym3) -> Sym3:
     """Return information with noise on top, of directions that were not measured, too: ``(1 + I N)^-1 I``."""
     matrix = to_matrix(information)
     weakened = np.linalg.solve(np.eye(3) + matrix @ to_matrix(noise), matrix)

@@ -11,12 +11,14 @@ from trailmark.arrays import Floats
 from trailmark.estimation.kalman.noise_residuals import Residual
 from trailmark.estimation.kalman.variance_components import AT_ITS_WORD
 
-__all__ = ["is_white", "noise_of_alternating"]
+__all__ = ["is_lasting", "is_white", "noise_of_alternating"]
 
 #: Correlation from one difference to the next: of poses that jump to and fro (expected: -0.5), and of white noise. How
 #: many in a row tell, and beyond how many medians one is clipped. Median of the squared length of three normal numbers.
 _ALTERNATES, _WHITE, _ENOUGH_IN_A_ROW, _LONGEST, _MEDIAN_OF_THREE = -0.25, 0.3, 14, 2.0, 2.366
 _SAME_S = 0.25
+#: As many tell that there is more than noise: until it is known, nothing is learned.
+_FEW_IN_A_ROW = 6
 
 
 def noise_of_alternating(found: Collection[Residual]) -> float | None:
@@ -39,12 +41,20 @@ def is_white(found: Collection[Residual]) -> bool:
     return told is not None and abs(told[0]) < _WHITE
 
 
-def _whitened(found: Collection[Residual], n_shares: int) -> tuple[float, Floats] | None:
+def is_lasting(found: Collection[Residual]) -> bool:
+    """Return whether motions differ the same way all the time: that is an error of one of them, and no noise."""
+    told = _whitened(found, 2, n_least=_FEW_IN_A_ROW)
+    return told is not None and told[0] > _WHITE
+
+
+def _whitened(
+    found: Collection[Residual], n_shares: int, n_least: int = _ENOUGH_IN_A_ROW
+) -> tuple[float, Floats] | None:
     """Return how differences hang together from one to the next, and their squares; None for too few, or with gaps.
 
     In units of the first `n_shares` of their covariances; clipped, so that single outliers decide nothing.
     """
-    if len(found) < _ENOUGH_IN_A_ROW or any(abs(a.stamp_s - b.since_s) > _SAME_S for a, b in pairwise(found)):
+    if len(found) < n_least or any(abs(a.stamp_s - b.since_s) > _SAME_S for a, b in pairwise(found)):
         return None
     values = np.stack([one.value for one in found])
     spread = np.stack([one.covariances[:n_shares].sum(axis=0) for one in found])

@@ -19,7 +19,7 @@ from trailmark.estimates import Fix, Motion
 from trailmark.estimation.kalman.clock_offsets import TimeOffset
 from trailmark.estimation.kalman.delays_in_fixes import DelaysInFixes, StackedDifferences
 from trailmark.estimation.kalman.leading_motion import Corrected, LeadingMotion
-from trailmark.estimation.kalman.noise_in_dispute import is_white, noise_of_alternating
+from trailmark.estimation.kalman.noise_in_dispute import is_lasting, is_white, noise_of_alternating
 from trailmark.estimation.kalman.noise_residuals import (
     FixRow,
     FixTrack,
@@ -246,7 +246,12 @@ class NoiseScales:
     def _estimate(self, correlations_s: Mapping[str, float]) -> None:
         """Move the scales towards those that make what was seen likeliest."""
         white = {which: kept for which, kept in self._doubted.items() if which[0] == "motion" and is_white(kept)}
-        stacked = {which: StackedDifferences.of(kept) for which, kept in (self._differences | white).items()}
+        told = {
+            which: kept
+            for which, kept in (self._differences | white).items()
+            if not (which[0] == "motion" and is_lasting(kept))  # see `lasting_doubts`
+        }
+        stacked = {which: StackedDifferences.of(kept) for which, kept in told.items()}
         self._delays.fit(stacked, self._logs, correlations_s)
         self._evidence = {}
         shares = Shares()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from trailmark.estimation.kalman.correction import Filter
 from trailmark.estimation.kalman.diagnosis import FaultDiagnosis, MotionSum
 from trailmark.estimation.kalman.ekf import PredictedMotion
 from trailmark.estimation.kalman.gaps import AT_REST, Gaps, Piece
+from trailmark.estimation.kalman.lasting_doubts import with_doubts
 from trailmark.estimation.kalman.layout import Layout
 from trailmark.estimation.kalman.matched_motion import (
     NO_OFFSETS,
@@ -85,6 +86,11 @@ class Prediction:
         #: First instant that was heard of; the start state holds there, and for ``coast_s`` more [s].
         self.begun_s = math.inf
 
+    @property
+    def calibrated(self) -> Collection[str]:
+        """The localizers whose common errors are a part of the state."""
+        return self._layout.common.keys()
+
     def predict(self, state: FilterState, stamp_s: float) -> FilterState:
         """Return the state at a stamp that is not earlier."""
         if stamp_s <= state.stamp_s:
@@ -123,6 +129,8 @@ class Prediction:
             ]
             if not believed:
                 return self._coast(replace(state, diagnosis=_added(diagnosis, stated, theta, dt_s)), stamp_s)
+        if diagnosis.doubts:
+            believed = with_doubts(believed, diagnosis.doubts, dt_s)
         selection = StepSelection(believed)
         if len(believed) == 1:
             if state.odometry.is_measured and self._gate_of(believed[0][0]) is not None:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
-from trailmark.estimation.kalman.diagnosis import FaultDiagnosis, Retrial
+from trailmark.estimation.kalman.diagnosis import FaultDiagnosis, LastingDoubt, Retrial
 from trailmark.estimation.kalman.state import FilterState
 
 __all__ = ["APART_S", "LONGEST_S", "WINDOW_S", "far_anchors_due", "windows_since", "with_new_anchor", "without_windows"]
@@ -22,6 +22,7 @@ APART_S, LONGEST_S = 2.0, 8.0
 _EVERY_S = 0.5
 
 _NO_TRIALS: Mapping[str, Retrial] = MappingProxyType({})
+_NO_DOUBTS: Mapping[str, LastingDoubt] = MappingProxyType({})
 
 
 def far_anchors_due(diagnosis: FaultDiagnosis, tested_s: float, stamp_s: float) -> Sequence[FilterState]:
@@ -75,5 +76,11 @@ def _with_far_anchor(stamp_s: float, before: tuple[FilterState, ...], bare: Filt
 def without_windows(diagnosis: FaultDiagnosis) -> FaultDiagnosis:
     """Return a state of the tests that begins anew."""
     return diagnosis._replace(
-        anchors=(), far_anchors=(), measurements=(), innovations=(), rivals=(), undecided_since_s=math.inf
+        anchors=(),
+        far_anchors=(),
+        measurements=(),
+        innovations=(),
+        rivals=(),
+        undecided_since_s=math.inf,
+        doubts=_NO_DOUBTS,
     )
