@@ -28,6 +28,7 @@ __all__ = [
     "is_still",
     "motion_since",
     "pair_nis",
+    "whole_motions",
 ]
 
 # One false alarm in some hours, with a test a second.
@@ -99,30 +100,36 @@ def agreeing_groups(
     One that is noisy may be in several: wheels agree with a camera and with a laser that contradict each other.
     Whom nothing tests is in all.
     """
-    motions = {source: motion_since(state, anchor, source) for source in sources}
-    dt_s = state.stamp_s - anchor.stamp_s
-    tested = {s: motion for s, motion in motions.items() if motion is not None and motion.covered_s > dt_s - 1e-6}
+    everyone, dt_s = frozenset(sources), state.stamp_s - anchor.stamp_s
+    tested = whole_motions(state, anchor, sources)
     if len(tested) < 2:
-        return [frozenset(motions)]
+        return [everyone]
     apart = {
         frozenset((a, b))
         for (a, one), (b, other) in combinations(tested.items(), 2)
         if not _agree(one, other, tolerance, dt_s=dt_s, probability=probability)
     }
     if not apart:
-        return [frozenset(motions)]
+        return [everyone]
     groups: list[frozenset[str]] = []
     for size in range(len(tested), 0, -1):
         for names in combinations(tested, size):
             group = frozenset(names)
             if not any(pair <= group for pair in apart) and not any(group < larger for larger in groups):
                 groups.append(group)
-    return [group | (motions.keys() - tested.keys()) for group in groups]
+    return [group | (everyone - tested.keys()) for group in groups]
+
+
+def whole_motions(state: FilterState, anchor: FilterState, sources: Iterable[str]) -> dict[str, MotionSum]:
+    """Return what localizers say of the motion since an anchor, of those that tell of all of it."""
+    motions = {source: motion_since(state, anchor, source) for source in sources}
+    least_s = state.stamp_s - anchor.stamp_s - 1e-6
+    return {source: motion for source, motion in motions.items() if motion is not None and motion.covered_s > least_s}
 
 
 def disagreement_within(state: FilterState, anchor: FilterState, sources: Iterable[str], tolerance: Tolerance) -> float:
-    """Return by how much localizers of one group differ over a window: NIS, as of their mean were they alike."""
-    motions = [motion for source in sources if (motion := motion_since(state, anchor, source)) is not None]
+    """Return by how much localizers of one group differ over a window: NIS, as from their mean were they alike."""
+    motions = whole_motions(state, anchor, sources).values()
     dt_s = state.stamp_s - anchor.stamp_s
     pairs = [_nis_of(a, b, tolerance, dt_s=dt_s)[0] for a, b in combinations(motions, 2)]
     return 2.0 / len(motions) * sum(pairs) if pairs else 0.0

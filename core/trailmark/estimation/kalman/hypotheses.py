@@ -3,8 +3,8 @@
 A hypothesis of n liars has the probability 0.01^n to begin with: so agreeing motions vote. By itself this decides for
 two against one; absolute estimates can overturn it while they are part of the question. Where a noisy motion agrees
 with each of two that contradict each other, it counts with which it agrees better (`with_votes`). Absolute estimates
-that are said to lie are off by a constant, as those are that match the wrong place: one whose offset grows explains less
-than a motion that is wrong.
+that are said to lie are off by a constant, as those are that match the wrong place: one whose offset grows explains
+less than a motion that is wrong.
 """
 
 from __future__ import annotations

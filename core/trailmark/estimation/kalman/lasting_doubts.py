@@ -69,7 +69,11 @@ def with_doubts(
 def _outvoted(state: FilterState, anchor: FilterState, groups: Sequence[frozenset[str]]) -> frozenset[str]:
     """Return the localizers outside of the largest group that agrees best; outside of any, where several do."""
     largest = max(map(len, groups))
-    nis_of = {group: disagreement_within(state, anchor, group, _AS_STATED) for group in groups if len(group) == largest}
+    nis_of = {
+        group: disagreement_within(state, anchor, sorted(group), _AS_STATED)
+        for group in groups
+        if len(group) == largest
+    }
     best = [group for group, nis in nis_of.items() if nis <= min(nis_of.values()) + _DECIDED]
     return frozenset().union(*groups) - frozenset.intersection(*best)
 

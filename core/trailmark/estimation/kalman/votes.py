@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from trailmark.estimation.kalman.agreement import Tolerance, disagreement_within
+from trailmark.estimation.kalman.agreement import Tolerance, disagreement_within, whole_motions
 from trailmark.estimation.kalman.diagnosis import RivalFilter
 
 __all__ = ["with_votes"]
@@ -32,8 +32,11 @@ def with_votes(rivals: Sequence[RivalFilter], tolerance: Tolerance) -> list[Riva
     for rival in rivals:
         state, begun = rival.state, rival.begun
         believed = [source for source in state.diagnosis.sums if source not in state.diagnosis.faults]
-        is_told = begun is not None and len(believed) > 1
-        nis = disagreement_within(state, begun, believed, tolerance) if begun is not None and is_told else 0.0
+        nis = 0.0
+        if begun is not None and len(believed) > 1:
+            if len(whole_motions(state, begun, believed)) < len(believed):
+                return list(rivals)  # one tells of this instant later
+            nis = disagreement_within(state, begun, believed, tolerance)
         nis_of.append((len(believed), nis))
     best: dict[int, float] = {}
     for n_believed, nis in nis_of:
