@@ -246,12 +246,12 @@ class NoiseScales:
     def _estimate(self, correlations_s: Mapping[str, float]) -> None:
         """Move the scales towards those that make what was seen likeliest."""
         white = {which: kept for which, kept in self._doubted.items() if which[0] == "motion" and is_white(kept)}
-        told = {
+        of_noise = {
             which: kept
             for which, kept in (self._differences | white).items()
             if not (which[0] == "motion" and is_lasting(kept))  # see `lasting_doubts`
         }
-        stacked = {which: StackedDifferences.of(kept) for which, kept in told.items()}
+        stacked = {which: StackedDifferences.of(kept) for which, kept in of_noise.items()}
         self._delays.fit(stacked, self._logs, correlations_s)
         self._evidence = {}
         shares = Shares()
