@@ -324,7 +324,7 @@ def follow(scene: Scene, case: Case, methods: Sequence[str], seed: int) -> dict[
     """Give every picture to every method."""
     localizers, told = {method: make(method) for method in methods}, {method: Told() for method in methods}
     for index, frame, twist in seen(scene, case, seed):
-        belief = Belief(frame.stamp_s, twist=twist if case.has_wheels else Twist2(), motion_age_s=0.0)
+        belief = Belief(frame.stamp_s, twist=twist, motion_age_s=0.0) if case.has_wheels else Belief(frame.stamp_s)
         for method, localizer in localizers.items():
             began = time.thread_time()
             said = localizer.observe(frame, belief)

@@ -13,7 +13,7 @@ from trailmark.estimates import Belief, Lost, Motion
 from trailmark.frames import Image
 from trailmark.geometry import Pose2, Twist2
 from trailmark.interfaces import Session
-from trailmark.testing.ground import ground_run, straight
+from trailmark.testing.ground import GroundCamera, MirroredFloor, ground_run, straight
 from trailmark_ground_vo.config import GroundVOConfig
 from trailmark_ground_vo.localizer import GroundVO
 
@@ -168,3 +168,20 @@ def test_out_of_an_over_exposed_stretch_nothing_is_told_that_is_wrong(camera, gr
         true_m = SPEED_MPS * (motion.stamp_s - motion.since_s)
         assert abs(motion.pose_since_now.x - true_m) < 5e-4
         assert abs(motion.pose_since_now.y) < 5e-4
+
+
+def test_at_rest_under_lamps_on_mains_a_small_picture_tells_rest(track):
+    small = GroundCamera((320, 240), noise_sigma=3.0)
+    floor = MirroredFloor.procedural(seed=3, size_px=512, grain_px=1.5)
+    run = ground_run(straight(0.0), 30, ground=floor, camera=small)
+    rows_s = np.linspace(-0.005, 0.005, 240)[:, None]  # a rolling shutter that reads out in 10 ms
+
+    def lamps(index, frame):
+        light = 1.0 + 0.3 * np.sin(2.0 * np.pi * 100.3 * (index / 30.0 + rows_s))
+        noise = np.random.default_rng(index).normal(0.0, 3.0, frame.payload.pixels.shape)
+        return changed(frame, light * (100.0 + 0.3 * (frame.payload.pixels.astype(float) - 120.0)) + noise)
+
+    tracked = track(run, change=lamps)
+
+    assert len(tracked.motions) >= 28
+    assert math.hypot(*tracked.error()[:2]) < 2e-4

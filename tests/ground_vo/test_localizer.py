@@ -221,9 +221,11 @@ def test_across_a_grain_the_information_knows_the_blind_direction(camera, track)
     grain = cv2.GaussianBlur(np.tile(lines, (512, 1)).astype(np.float32), (0, 0), 1.5)
     run = ground_run(straight(SPEED_MPS), 5, ground=MirroredFloor(grain), camera=camera)
 
-    motion = track(run).motions[-1]
+    motions = track(run).motions
 
-    assert motion.information[0, 0] > 30 * motion.information[1, 1]
+    assert motions
+    for motion in motions:  # from the first one on: noise along the grain has slopes, but holds nothing
+        assert motion.information[0, 0] > 30 * motion.information[1, 1]
 
 
 def test_details_are_plain_numbers(camera, ground, track):

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 from trailmark.frames import Image
+from trailmark.geometry import Pose2
 from trailmark.testing.ground import ground_run, straight
+from trailmark_ground_vo.cadence import Cadence
 from trailmark_ground_vo.motion import ImageMotion
 from trailmark_ground_vo.repeats import RepeatWatch
 
-FAST = ImageMotion(12.0, -3.0, 0.0)
+FAST, STILL = ImageMotion(12.0, -3.0, 0.0), ImageMotion(0.0, 0.0, 0.0)
 
 
 @pytest.fixture(scope="module")
@@ -108,3 +110,44 @@ def test_the_way_over_a_repeated_frame_is_told_with_the_next(camera, ground, tra
     assert len(tracked.motions) >= 30
     for motion in tracked.motions:
         assert abs(motion.pose_since_now.x - 0.3 * (motion.stamp_s - motion.since_s)) < 5e-4
+
+
+def test_where_every_second_picture_is_a_repeat_a_start_from_rest_is_told_right(camera, ground, track):
+    """The source crawls at first, stands, and starts anew: a converter has doubled its pictures, with new noise."""
+    steps_px = np.array([0.0] * 6 + [1.0] * 14 + [0.0] * 12 + [9.0] * 12)
+    way_m = camera.metres_per_pixel[0] * np.cumsum(steps_px)
+    run = ground_run(lambda t: Pose2(float(way_m[round(70 * t)])), len(way_m), ground=ground, camera=camera)
+
+    def double(index, frame):
+        pixels = run.frames[index - index % 2].payload.pixels
+        noisy = pixels + np.random.default_rng(index).normal(0.0, 1.0, pixels.shape)
+        return frame.__class__(frame.sensor, frame.stamp_s, Image(np.clip(np.rint(noisy), 0, 255).astype(np.uint8)))
+
+    tracked = track(run, change=double)
+
+    assert len([motion for motion in tracked.motions if motion.stamp_s > 32 / 70]) >= 5
+    for motion in tracked.motions:
+        at = [way_m[round(70 * stamp_s)] for stamp_s in (motion.since_s, motion.stamp_s)]
+        assert abs(motion.pose_since_now.x - (at[1] - at[0])) < 5e-4
+
+
+def test_jitter_of_noise_is_no_cadence():
+    cadence = Cadence()
+    for _ in range(6):
+        cadence.add_motion(ImageMotion(0.4, 0.0, 0.0), 3.4)
+        assert not cadence.is_due
+        assert cadence.stands(STILL)
+        cadence.add_repeat(3.35)
+
+
+def test_a_picture_that_differs_more_than_a_repeat_ends_the_cadence():
+    cadence = Cadence()
+    for _ in range(2):
+        cadence.add_motion(FAST, 20.0)
+        cadence.add_repeat(3.0)
+    cadence.add_motion(FAST, 20.0)
+    assert cadence.is_due
+
+    assert cadence.is_repeat(3.1)
+    assert not cadence.is_repeat(9.0)
+    assert not cadence.is_due

@@ -18,8 +18,9 @@ __all__ = ["EVEN_LEVEL", "even_brightness"]
 #: Grey level of a pixel that is as bright as its surroundings.
 EVEN_LEVEL = 128
 
-#: Side of the cells in which the surroundings are looked at [px].
-_CELL_PX = 16
+#: Side of the cells in which the surroundings are looked at, at most and at least [px], and how many of them lie across
+#: a smaller picture: light, such as the bands of lamps on mains, is as wide as the picture, not as so many pixels.
+_CELL_PX, _LEAST_CELL_PX, _CELLS_ACROSS = 16, 4, 30
 
 #: Width of the surroundings: of a median, and standard deviation of a Gauss filter [cells].
 _MEDIAN_CELLS, _AROUND_CELLS = 3, 2.0
@@ -36,7 +37,8 @@ _MOST_GAIN = 8.0
 
 def even_brightness(image: Grey8) -> Grey8:
     """Return `EVEN_LEVEL` times the picture over the brightness around each pixel, (H, W) uint8."""
-    side = min(_CELL_PX, *image.shape)
+    shorter = min(image.shape)
+    side = min(shorter, max(_LEAST_CELL_PX, min(_CELL_PX, shorter // _CELLS_ACROSS)))
     cells = cv2.medianBlur(cell_means(image, side), _MEDIAN_CELLS).astype(np.float32)  # no drop, but a shadow's edge
     around = np.asarray(cv2.GaussianBlur(cells, (0, 0), _AROUND_CELLS), np.float32)
     # a filter flattens the bends of the light; what it leaves of them is filtered and added (Tukey's twicing)

@@ -22,6 +22,7 @@ from trailmark_ground_vo.filters import noise_level
 from trailmark_ground_vo.kernels import load_kernels
 from trailmark_ground_vo.lens_marks import LensMarkEvidence
 from trailmark_ground_vo.motion import ImageMotion
+from trailmark_ground_vo.moving_layer import LayerWatch
 from trailmark_ground_vo.repeats import RepeatWatch
 from trailmark_ground_vo.rest import RestWatch
 from trailmark_ground_vo.rivals import RivalSearch, stands_still
@@ -59,6 +60,7 @@ _SURE_RATIO = 0.5
 
 _NO_TEXTURE = "no texture that moves so is seen in both pictures (lens covered, over-exposed, dark, or blank ground)"
 _FROZEN = "the same picture again, bit by bit, while others move (camera or driver frozen)"
+_COVERED = "something moves beneath what stands still (film, sticker or mesh on the lens, scratched glass)"
 _ENCODED_AGAIN = "the same picture again, encoded anew, though the robot was moving (repeated frame?)"
 _REPEATED = "the same picture again, bit by bit, and nobody else tells whether the robot stands or the camera froze"
 
@@ -96,6 +98,8 @@ class GroundTracker:
         self._last: ImageMotion | None = None
         self._moved: ImageMotion | None = None  # between the last two pictures, where it is known
         self._repeats = RepeatWatch()
+        self._layers = LayerWatch(size)
+        self._has_film = False
         self._n_calm = self._calm_frames = _CALM_FRAMES
         self._counts = {"suspected": 0, "guarded": 0, "repeated": 0}
 
@@ -122,10 +126,13 @@ class GroundTracker:
             return self._plain.step(image, stamp_s)
         is_repeated = self._repeats.is_same(image)
         if expected is None or math.hypot(expected.u, expected.v) > _RESTING_PX:
-            is_encoded_again = not is_repeated and self._repeats.is_encoded_again(image, self._moved)
+            is_encoded_again = not is_repeated and (
+                self._repeats.is_due(image) or self._repeats.is_encoded_again(image, self._moved)
+            )
             if is_repeated or is_encoded_again:
                 # no step: the next picture that is another one is compared with this one, and its motion begins here
                 self._repeats.keep(image)
+                self._repeats.add_repeat()
                 self._counts["repeated"] += 1
                 bit_by_bit = _REPEATED if expected is None else _FROZEN
                 return TrackingFailure(_ENCODED_AGAIN if is_encoded_again else bit_by_bit, {})
@@ -134,9 +141,12 @@ class GroundTracker:
         said = self._step_plain(image, stamp_s) if self._active is self._plain else self._step_guarded(image, stamp_s)
         if self._active.has_begun_anew:
             self._rest.begin(was_told=self._ground is not None)
+        self._repeats.add(said.motion if isinstance(said, TrackedMotion) else None)
         if not isinstance(said, TrackedMotion):
             return said
         self._last = said.motion
+        if before is not None and self._is_covered(before, image, said.motion):
+            return TrackingFailure(_COVERED, said.details)
         if self._rest.lacks_evidence and before is not None:
             self._look_for_ground(before[1], said.motion)
         else:
@@ -146,6 +156,16 @@ class GroundTracker:
             return TrackingFailure(reason, said.details)
         self._moved, self._ground = said.motion, None if self._understood is None else self._understood[1]
         return replace(said, information=_NO_MORE) if is_repeated else said
+
+    def _is_covered(self, before: tuple[Grey8, Grey16], image: Grey8, motion: ImageMotion) -> bool:
+        """Return whether the ground is seen through something sharp; after a finding, until that stands no more."""
+        assert self._understood is not None
+        if self._layers.is_moving(before[0], image, motion):
+            self._has_film = True
+        elif self._has_film and not stands_still(motion):  # what repeats itself, as a mesh does, seems to move
+            self._has_film = self._texture.compare(before[1], self._understood[1], _STILL).is_there
+            return self._has_film
+        return self._layers.is_doubtful
 
     def _look_for_ground(self, before: Grey16, motion: ImageMotion) -> None:
         """Recognise ground by its texture, after a loss by that of the ground before it or by moving."""

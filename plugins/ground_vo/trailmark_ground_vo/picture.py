@@ -11,6 +11,7 @@ from trailmark.errors import ConfigError, SensorMismatchError, ShapeError
 from trailmark.frames import Frame, GroundPlane, Image, SensorInfo
 from trailmark.interfaces import Session
 from trailmark_ground_vo.filters import GAIN_ONE, flatten
+from trailmark_ground_vo.interlace import FieldReader
 
 __all__ = ["PictureReader", "camera_of", "ground_plane"]
 
@@ -74,6 +75,7 @@ class PictureReader:
         plane = ground_plane(sensor)
         self.has_flat_field = plane.flat_field is not None
         self._name = sensor.name
+        self._fields = FieldReader()
         self._lens = plane.lens if plane.lens is not None and any(plane.lens.distortion) else None
         self._gain = None if plane.flat_field is None else _gain(plane.flat_field)
         self._learned_gain: Grey16 | None = None
@@ -104,7 +106,7 @@ class PictureReader:
                 f"sensor {self._name!r} changed from {_describe(*self._kind)} to {now}"
                 f" at {frame.stamp_s:.6f} s; start anew for another size"
             )
-        grey = self._grey(pixels)
+        grey = self._fields.read(self._grey(pixels))
         if self._gain is not None:
             grey = flatten(grey, self._gain)
         if self._maps is not None:

@@ -13,6 +13,7 @@ from collections import deque
 import numpy as np
 
 from trailmark.arrays import Float32s, Grey8
+from trailmark_ground_vo.cadence import Cadence
 from trailmark_ground_vo.motion import ImageMotion
 
 __all__ = ["RepeatWatch"]
@@ -41,6 +42,7 @@ class RepeatWatch:
         self._previous: Grey8 | None = None
         self._earlier: deque[Grey8] = deque(maxlen=_N_EARLIER)
         self._n_repeats = 0
+        self._cadence = Cadence()
 
     def keep(self, image: Grey8) -> None:
         """Take a picture for the last one, as after a change of the flat field."""
@@ -73,6 +75,27 @@ class RepeatWatch:
             return False
         self._n_repeats += 1
         return True
+
+    def is_due(self, image: Grey8) -> bool:
+        """Return whether every second picture is repeated, and this is one of those."""
+        if self._previous is None or not self._cadence.is_due:
+            return False
+        return self._cadence.is_repeat(_difference(self._previous, image, (0, 0)))
+
+    def add_repeat(self) -> None:
+        """Take the picture that was kept last for a repeat."""
+        if self._previous is not None and self._earlier:
+            self._cadence.add_repeat(_difference(self._earlier[-1], self._previous, (0, 0)))
+
+    def add(self, motion: ImageMotion | None) -> None:
+        """Take how the content moved into the picture that was kept last; None where that is not known."""
+        if motion is not None and self._cadence.stands(motion):
+            self.add_repeat()
+        elif motion is None or math.hypot(motion.u, motion.v) >= _MOVING_PX or not self._earlier:
+            self._cadence.add_motion(motion, math.inf)
+        else:
+            assert self._previous is not None
+            self._cadence.add_motion(motion, _difference(self._earlier[-1], self._previous, (0, 0)))
 
     def _stands(self, before: Grey8, now: Grey8, last: ImageMotion) -> bool:
         """Return whether a picture is the one before even if what is fixed to the lens, as dirt is, does not count."""
