@@ -44,14 +44,7 @@ PLUGIN = Path(__file__).parents[1] / "examples" / "third_party_plugin" / "src"
 ROBOTS = (1, 2, 3, 4, 5)
 HUSKY_END = (-40.05, -77.00)
 CASES = ("clean", "late", "outliers", "wrong_start")
-ODOMETRY = {
-    "plugin": "odometry",
-    "distance_sigma": 0.05,
-    "lateral_sigma": 0.02,
-    "turning_sigma_deg": 10.0,
-    "rest_sigma": 0.012,
-    "rest_sigma_deg": 2.5,
-}
+ODOMETRY = {"plugin": "odometry"}
 
 
 @dataclass(frozen=True, slots=True)

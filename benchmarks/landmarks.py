@@ -46,6 +46,8 @@ ODOMETRY = {
     "turning_sigma_deg": 10.0,
     "rest_sigma": 0.012,
     "rest_sigma_deg": 2.5,
+    "slip_sigma": 0.0,
+    "lag_s": 0.0,  # the page's figures are without; rest_sigma holds it
 }
 RANGE_SCALE = 1.0 / 1.07
 SILENT_SIGMAS, SILENT_M, SILENT_RAD = 5.0, 0.02, math.radians(1.0)

@@ -19,14 +19,20 @@ class OdometryConfig(PluginConfig):
     reads: Literal["pose", "velocity"] = "pose"
     """What is taken of a frame: the way since the start, which loses nothing with a frame, or the velocity, averaged
     over two frames; where the robot adds up its way worse than it measures its speed."""
-    distance_sigma: float = Field(0.02, gt=0)
+    distance_sigma: float = Field(0.03, gt=0)
     """Error of the distance after 1 m; grows with the root of the way [m per root m]."""
-    lateral_sigma: float = Field(0.01, gt=0)
+    lateral_sigma: float = Field(0.02, gt=0)
     """Sideways slip after 1 m; grows with the root of the way [m per root m]."""
-    turn_sigma_deg: float = Field(1.0, gt=0)
+    turn_sigma_deg: float = Field(2.0, gt=0)
     """Error of the heading after 1 m; grows with the root of the way [deg per root m]."""
-    turning_sigma_deg: float = Field(2.0, ge=0)
+    turning_sigma_deg: float = Field(3.0, ge=0)
     """Error of the heading after a turn of 1 rad; grows with the root of the turn [deg per root rad]."""
+    slip_sigma: float = Field(0.02, ge=0)
+    """Error of the position after a turn of 1 rad, whose centre is not quite base; grows with the root of the turn
+    [m per root rad]."""
+    lag_s: float = Field(0.3, ge=0)
+    """The body may follow the readings, or be ahead of them, by this: commands that are told as measured, filters,
+    stamps of arrival. Where the speed changes, the motion is as uncertain as that; 0: readings are on time [s]."""
     rest_sigma: float = Field(0.001, gt=0)
     """Error of the position after 1 s, also at rest; grows with the root of the time [m per root s]."""
     rest_sigma_deg: float = Field(0.05, gt=0)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from trailmark.estimates import Belief, Estimate, Lost, Motion, information_along, information_from_covariance
 from trailmark.frames import Frame, Odometry
-from trailmark.geometry import Pose2
+from trailmark.geometry import Pose2, Twist2
 from trailmark.interfaces import Localizer, Session
 from trailmark_baselines.config import OdometryConfig
 from trailmark_baselines.spread import Spread, random_walk, step_covariance
@@ -34,10 +34,11 @@ class OdometryLocalizer(Localizer):
     def __init__(self, config: OdometryConfig) -> None:
         super().__init__(config)
         self._last: tuple[float, Odometry] | None = None
+        self._settled: Twist2 | None = None
 
     def start(self, session: Session) -> None:
         """Forget the last frame."""
-        self._last = None
+        self._last = self._settled = None
 
     def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
         """Return the motion since the last frame; the first one is only where it begins."""
@@ -52,9 +53,11 @@ class OdometryLocalizer(Localizer):
         reads_velocity = self.config.reads == "velocity"
         step = _step_of_mean_velocity(before, now, dt_s) if reads_velocity else _step(before, now)
         if step is None:
+            self._settled = None
             missing = "gives no velocity" if reads_velocity else "changed between pose and distance"
             return (Lost(frame.stamp_s, f"the odometry {missing}"),)
         if math.hypot(step.x, step.y) > self.config.max_speed_mps * dt_s:
+            self._settled = None
             return (Lost(frame.stamp_s, f"a jump of {math.hypot(step.x, step.y):.3g} m in {dt_s:.3g} s: restarted?"),)
         if now.pose_start_base is None and not reads_velocity:
             return (self._straight(since_s, frame.stamp_s, step.x),)
@@ -62,19 +65,42 @@ class OdometryLocalizer(Localizer):
 
     def _motion_from_velocity(self, since_s: float, stamp_s: float, step: Pose2) -> Motion:
         config, dt_s = self.config, stamp_s - since_s
-        forward_m, left_m, _ = step.log()
+        arc = step.log()
+        forward_m, left_m, _ = arc
         driven_m = math.hypot(forward_m, left_m)  # the arc, not the chord
-        rest_m2 = random_walk((config.rest_sigma, dt_s))
+        late = self._variances_of_lag(arc, dt_s)
+        rest_m2 = random_walk((config.rest_sigma, dt_s), (config.slip_sigma, step.theta))
         turn_deg2 = random_walk(
             (config.turn_sigma_deg, driven_m), (config.turning_sigma_deg, step.theta), (config.rest_sigma_deg, dt_s)
         )
         spread = Spread(
-            random_walk((config.distance_sigma, driven_m)) + rest_m2,
-            random_walk((config.lateral_sigma, driven_m)) + rest_m2,
-            turn_deg2 * math.radians(1.0) ** 2,
+            random_walk((config.distance_sigma, driven_m)) + rest_m2 + late[0],
+            random_walk((config.lateral_sigma, driven_m)) + rest_m2 + late[1],
+            turn_deg2 * math.radians(1.0) ** 2 + late[2],
         )
         covariance = step_covariance(step.x, step.y, spread) + self._unseen(dt_s)
         return Motion(since_s, stamp_s, step, information_from_covariance(covariance))
+
+    def _variances_of_lag(self, arc: tuple[float, float, float], dt_s: float) -> tuple[float, float, float]:
+        """Return the variances along, across and of the turn of a body that is behind its readings, or ahead.
+
+        The body is taken to reach the speed that is told as a first-order lag does. After a jump by v all steps err to
+        one side, by v times `lag_s` in all; the variances of independent steps add up to half the square of that.
+        """
+        lag_s, per_s = self.config.lag_s, 1.0 / max(dt_s, 1e-9)
+        told = Twist2(arc[0] * per_s, arc[1] * per_s, arc[2] * per_s)
+        if lag_s == 0.0 or self._settled is None or dt_s > self.config.max_gap_s:
+            self._settled = told if dt_s <= self.config.max_gap_s else None
+            return 0.0, 0.0, 0.0
+        body, followed = self._settled, 1.0 - math.exp(-dt_s / lag_s)
+        ahead = told.forward_mps - body.forward_mps, told.left_mps - body.left_mps, told.yaw_radps - body.yaw_radps
+        self._settled = Twist2(
+            body.forward_mps + followed * ahead[0],
+            body.left_mps + followed * ahead[1],
+            body.yaw_radps + followed * ahead[2],
+        )
+        squared_s2 = lag_s * min(dt_s, lag_s)
+        return squared_s2 * ahead[0] ** 2, squared_s2 * ahead[1] ** 2, squared_s2 * ahead[2] ** 2
 
     def _unseen(self, dt_s: float) -> npt.NDArray[np.float64] | float:
         """Return the covariance of what may have happened between two readings: zero, or that of a gap."""
@@ -85,8 +111,9 @@ class OdometryLocalizer(Localizer):
 
     def _straight(self, since_s: float, stamp_s: float, distance_m: float) -> Motion:
         config, dt_s, step = self.config, stamp_s - since_s, Pose2(distance_m)
+        late_m2, _, _ = self._variances_of_lag((distance_m, 0.0, 0.0), dt_s)
         rest_m2 = random_walk((config.rest_sigma, dt_s))
-        along_m2 = random_walk((config.distance_sigma, distance_m)) + rest_m2
+        along_m2 = random_walk((config.distance_sigma, distance_m)) + rest_m2 + late_m2
         if config.unmeasured_turn_deg is None:
             along_m2 += float(np.asarray(self._unseen(dt_s)).flat[0])
             return Motion(since_s, stamp_s, step, information_along((1.0, 0.0, 0.0), math.sqrt(along_m2)))
