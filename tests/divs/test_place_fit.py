@@ -98,6 +98,28 @@ def test_other_light_does_not_speak_against_a_place(wall, path):
     assert doubt(path, darker) is None
 
 
+def behind_somebody(wall, width_px):
+    """Return what is seen along a wall with somebody walking ahead, who is so wide."""
+    somebody = panorama(np.random.default_rng(12), 0)[:, :width_px]
+    greys = [view(wall, 10 + k) for k in range(9)]
+    for grey in greys:
+        grey[:, 64 : 64 + width_px] = somebody
+    return greys
+
+
+def test_areas_that_somebody_hides_do_not_speak_against_a_place(wall, path):
+    greys, fit = behind_somebody(wall, 32), PlaceFit(path, 6, 0.875)
+    for k, grey in enumerate(greys):
+        fit.add(look(grey, k))
+
+    assert fit.fit(_STEP_M * 18, 1) < 0.875 < fit.robust_fit(_STEP_M * 18, 1)
+    assert doubt(path, greys) is None
+
+
+def test_a_view_that_is_mostly_hidden_is_doubted(wall, path):
+    assert "it may be another" in doubt(path, behind_somebody(wall, 64))
+
+
 def test_the_same_plan_with_other_posters_is_doubted(wall, path):
     changed = with_posters(wall, np.random.default_rng(2), share=0.4)
 
@@ -235,7 +257,7 @@ def test_what_looks_alike_further_on_does_not_make_up_for_what_differs(picture_s
     grid = area_grid([small], clear, small, clear, 0)
     is_lamp = np.zeros(grid.shape, bool)
     is_lamp[2:4, 8:10] = True
-    of_lamps, of_walls = (near.weighed(12, np.where(which, grid, np.nan), 0)[1] for which in (is_lamp, ~is_lamp))
+    of_lamps, of_walls = (near.weighed(12, np.where(which, grid, np.nan), 0)[1].sum() for which in (is_lamp, ~is_lamp))
 
     assert of_walls / (~is_lamp).sum() > 1.5 * of_lamps / is_lamp.sum()
     assert doubt(path, greys[10:19]) is None

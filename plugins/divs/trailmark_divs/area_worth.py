@@ -42,8 +42,8 @@ class AreaWorth:
         """Return of how many taught pictures the worth of the areas has been found; it is found when asked for."""
         return len(self._known)
 
-    def weighed(self, row: int, grid: Floats, shift_px: int) -> tuple[float, float]:
-        """Return the weighted sum of the fits of areas, by what is to be asked of each, and the sum of their weights.
+    def weighed(self, row: int, grid: Floats, shift_px: int) -> tuple[Floats, Floats]:
+        """Return the fits of the areas that count, by what is to be asked of each, and their weights, each (N,).
 
         Parameters
         ----------
@@ -60,8 +60,7 @@ class AreaWorth:
         fits, columns = grid[:, inside], columns[inside]
         asked, weights = asked[:, columns], weights[:, columns]
         counts = np.isfinite(fits) & np.isfinite(weights)
-        by_asked = np.minimum(_MOST_ASKED * fits[counts] / asked[counts], 1.0)
-        return float(weights[counts] @ by_asked), float(weights[counts].sum())
+        return _MOST_ASKED * fits[counts] / asked[counts], weights[counts]
 
     def _of(self, row: int) -> tuple[Floats, Floats]:
         """Return what is asked of the areas of a taught picture, and their weights; NaN where nobody knows."""

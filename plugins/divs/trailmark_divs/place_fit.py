@@ -5,6 +5,8 @@ tells them apart are areas: at the same place nearly all of them are found again
 of the same plan the lamps and windows are, the posters are not. An area is compared by its patch-normalised pixels, and
 may lie a few of them aside, for the robot drives beside its path. What is over-exposed shows the light, not the place.
 Areas count by what they are worth to tell the place (`AreaWorth`), and as a share of what can be asked of them there.
+Other light and people spoil the areas that they fall on and leave the rest as it was; another place leaves hardly any
+as it was. So a mean that is somewhat low is made up for by better areas that fit very well.
 """
 
 from __future__ import annotations
@@ -24,6 +26,11 @@ from trailmark_divs.taught_stream import TaughtStream
 __all__ = ["PlaceFit"]
 
 _LEAST_WEIGHT = 4.0  # of all areas of a stretch
+#: The better areas: what all fit to, read at these shares of their weight, from the worst on.
+_READ_AT = (0.65, 0.7, 0.75)
+#: A place is told, too, where the better areas fit to so much more than is asked of the mean, and the mean to so much
+#: of it. Three tenths of a wall may be the same in two places: the mean must not be far too low.
+_BETTER, _LEAST_MEAN = 1.06, 0.935
 _STRETCH, _STEP_M = 8, 0.1  # pictures, and the way between two of them [m]
 _NEAR_ROWS = 2  # wheels and the odometry of teaching differ
 #: So much less must places fit that lie so far before and behind.
@@ -39,13 +46,13 @@ _FRAME_WORK, _WORK_OF_PICTURE, _WORK_OF_WORTH = 32, 2, 4
 class _Kept:
     """A picture of the stretch: small, which of its pixels count, the way driven until it [m], and what is known of it.
 
-    `sums` has, by row of the taught pictures, what the areas fit to there, and their weights.
+    `fits` has, by row of the taught pictures, what the areas fit to there, and their weights.
     """
 
     small: Float32s
     clear: Bools
     travelled_m: float
-    sums: dict[int, tuple[float, float]] = field(default_factory=dict)
+    fits: dict[int, tuple[Floats, Floats]] = field(default_factory=dict)
 
 
 class PlaceFit:
@@ -111,9 +118,18 @@ class PlaceFit:
 
     def fit(self, station_m: float, direction: int) -> float | None:
         """Return how well the areas of the stretch fit, were its end at a station; None where few are worth much."""
-        sums = np.array([self._picture_fit(kept, station_m, direction) for kept in self._stretch])
-        fit, weight = sums.sum(axis=0).tolist()
-        return fit / weight if weight >= _LEAST_WEIGHT else None
+        fits, weights = self._area_fits(station_m, direction)
+        return _mean(fits, weights) if weights.sum() >= _LEAST_WEIGHT else None
+
+    def robust_fit(self, station_m: float, direction: int) -> float | None:
+        """Return how well the areas fit if light or people spoilt some; at least `fit`, and None where that is."""
+        fits, weights = self._area_fits(station_m, direction)
+        return _robust(fits, weights) if weights.sum() >= _LEAST_WEIGHT else None
+
+    def _area_fits(self, station_m: float, direction: int) -> tuple[Floats, Floats]:
+        """Return the fits of all areas of the stretch, were its end at a station, and their weights."""
+        found = [self._picture_fits(kept, station_m, direction) for kept in self._stretch]
+        return np.concatenate([fits for fits, _ in found]), np.concatenate([weights for _, weights in found])
 
     def _reason_against(self, station_m: float, direction: int) -> str | None:
         if self._is_still:
@@ -121,7 +137,7 @@ class PlaceFit:
         if not self._compare_at(station_m, direction):
             return _SEARCHING
         fit = self.fit(station_m, direction)
-        reason = self._reason_against_fit(fit)
+        reason = self._reason_against_fit(self.robust_fit(station_m, direction))
         if reason is None:
             rivals_m = [station_m + apart_m for apart_m in _RIVALS_M if self._is_taught(station_m + apart_m)]
             if not all(self._compare_at(one_m, direction) for one_m in rivals_m):
@@ -147,27 +163,27 @@ class PlaceFit:
         """Compare the pictures of the stretch, were its end at a station; False where this frame has no time left."""
         for kept in self._stretch:
             row = self._expected_row(kept, station_m, direction)
-            if row in kept.sums:
+            if row in kept.fits:
                 continue
             if self._work_left <= 0:
                 return False
             n_known = len(self._worth)
-            kept.sums[row] = self._compare(kept, row)
+            kept.fits[row] = self._compare(kept, row)
             self._work_left -= _WORK_OF_PICTURE + _WORK_OF_WORTH * (len(self._worth) - n_known)
         return True
 
-    def _picture_fit(self, kept: _Kept, station_m: float, direction: int) -> tuple[float, float]:
-        """Return the weighted sum of the fits of the areas of a picture of the stretch, and of their weights."""
+    def _picture_fits(self, kept: _Kept, station_m: float, direction: int) -> tuple[Floats, Floats]:
+        """Return the fits of the areas of a picture of the stretch, and their weights."""
         row = self._expected_row(kept, station_m, direction)
-        if row not in kept.sums:
-            kept.sums[row] = self._compare(kept, row)
-        return kept.sums[row]
+        if row not in kept.fits:
+            kept.fits[row] = self._compare(kept, row)
+        return kept.fits[row]
 
     def _expected_row(self, kept: _Kept, station_m: float, direction: int) -> int:
         way_m = self._stretch[-1].travelled_m - kept.travelled_m
         return int(np.argmin(np.abs(self._stations_m - (station_m - direction * way_m))))
 
-    def _compare(self, kept: _Kept, expected: int) -> tuple[float, float]:
+    def _compare(self, kept: _Kept, expected: int) -> tuple[Floats, Floats]:
         near = range(max(0, expected - _NEAR_ROWS), min(len(self._pictures), expected + _NEAR_ROWS + 1))
         scores = np.array([self._shift_scores(row, kept.small) for row in near])
         best, top = np.unravel_index(int(np.argmax(scores)), scores.shape)
@@ -182,6 +198,19 @@ class PlaceFit:
         scores = patch_scores(self._pictures[row], small)
         middle = len(scores) // 2
         return scores[middle - self._reach_px : middle + self._reach_px + 1]
+
+
+def _mean(fits: Floats, weights: Floats) -> float:
+    return float(np.minimum(fits, 1.0) @ weights / weights.sum())
+
+
+def _robust(fits: Floats, weights: Floats) -> float:
+    """Return the mean fit, or what it would be by the better areas, as far as it is not much lower itself."""
+    order = np.argsort(fits)
+    share = np.cumsum(weights[order])
+    better = fits[order][np.searchsorted(share, np.array(_READ_AT) * share[-1])].mean()
+    mean = _mean(fits, weights)
+    return max(mean, min(float(better) / _BETTER, mean / _LEAST_MEAN))
 
 
 def _correlation(one: Float32s, other: Float32s) -> float:
