@@ -39,6 +39,9 @@ _CLIP_SIGMAS = 1.5
 #: ground alone would say -0.5, noise says at most -0.07, lamps on mains -0.07 and -0.09 (on four floors, 320 x 240).
 _LEAST_OF_ALL, _LEAST_OF_PARTS, _N_SIDE = 0.1, 0.05, 4
 
+#: Least correlation of neighbouring cells to look further; that of noise is about none.
+_LEAST_GRAIN = 0.03
+
 #: Mean of a cell from which on pixels of it may be cut off [grey levels].
 _WHITE = 235
 
@@ -137,6 +140,8 @@ class LayerWatch:
     def _has_moved(self, now: Float32s, before: Float32s) -> bool:
         """Return whether the difference of two pictures is texture less itself moved on."""
         difference = _texture(np.nan_to_num(now - before))
+        if not _is_grainy(difference):
+            return False  # noise, in a part of the time
         most = _CLIP_SIGMAS * _SIGMA_OVER_MEDIAN * float(np.median(np.abs(difference)))
         clipped = np.clip(difference, -most, most)
         (down, right), resemblance = self._least_resemblance(clipped)
@@ -167,6 +172,12 @@ class LayerWatch:
 def _texture(picture: Float32s) -> Float32s:
     """Return a picture less what is around each cell."""
     return np.asarray(picture - cv2.blur(picture, (_LIGHT_CELLS, _LIGHT_CELLS)), np.float32)
+
+
+def _is_grainy(difference: Float32s) -> bool:
+    """Return whether neighbours resemble each other, as those of noise do not."""
+    products = float(np.mean(difference[:, 1:] * difference[:, :-1]) + np.mean(difference[1:] * difference[:-1]))
+    return products > 2.0 * _LEAST_GRAIN * float(np.mean(difference * difference))
 
 
 def _is_still(motion: ImageMotion) -> bool:
