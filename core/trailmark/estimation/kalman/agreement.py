@@ -12,6 +12,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import combinations
+from operator import sub
 
 from trailmark.estimation.kalman.diagnosis import MotionSum
 from trailmark.estimation.kalman.gate import threshold
@@ -69,7 +70,7 @@ def motion_since(state: FilterState, anchor: FilterState, source: str) -> Motion
     now, then = state.diagnosis.sums.get(source), anchor.diagnosis.sums.get(source)
     if now is None or then is None or now is then:
         return None
-    x, y, turn, position_m2, turn_rad2, covered_s = (a - b for a, b in zip(now, then))
+    x, y, turn, position_m2, turn_rad2, covered_s = map(sub, now, then)
     return MotionSum(x, y, turn, max(position_m2, 0.0), max(turn_rad2, 0.0), covered_s)
 
 

@@ -29,7 +29,6 @@ absolute estimates contradict for 30 s        they are heard again as if they ha
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from trailmark.estimation.kalman.agreement import Tolerance, agreeing_groups, corrections_are_consistent
 from trailmark.estimation.kalman.alternatives import closed_question, reopened_question
@@ -89,11 +88,11 @@ class FaultDetector:
         is_due = stamp_s - before.tested_s >= _EVERY_S and not state.diagnosis.rivals
         if is_due and (len(state.diagnosis.sums) > 1 or before.faults):
             far = far_anchors_due(state.diagnosis, before.tested_s, stamp_s)
-            state = replace(state, diagnosis=state.diagnosis._replace(tested_s=stamp_s))
+            state = state.with_diagnosis(state.diagnosis._replace(tested_s=stamp_s))
             state = self._test_motions(state, (*state.diagnosis.anchors, *far))
             if far and not state.diagnosis.rivals:
                 doubts = doubts_of(state, [s for s in trusted_motions(state) if s not in self._calibrated])
-                state = replace(state, diagnosis=state.diagnosis._replace(doubts=doubts))
+                state = state.with_diagnosis(state.diagnosis._replace(doubts=doubts))
         return _with_anchor_in_time(state)
 
     def correct(self, state: FilterState, measurement: Measurement) -> FilterState:
@@ -108,9 +107,9 @@ class FaultDetector:
             return self._bank.correct(state, measurement)
         after = self._correction.correct(state, measurement)
         if measurement.replaces or state.gaussian is None or after.gaussian is None:
-            return replace(after, diagnosis=without_windows(before))
+            return after.with_diagnosis(without_windows(before))
         if after.rejections.n_recoveries > state.rejections.n_recoveries:
-            return replace(after, diagnosis=without_windows(before))
+            return after.with_diagnosis(without_windows(before))
         moved = after.gaussian.x[:3] - state.gaussian.x[:3]
         spread = state.gaussian.covariance[:3, :3] - after.gaussian.covariance[:3, :3]
         measurements = (*before.measurements, (state.stamp_s, measurement))
@@ -152,7 +151,7 @@ class FaultDetector:
             known = set(diagnosis.faults)
             if all(one > known for one in faults) or all(one == known for one in faults):  # these differ by place
                 return closed_question(state)
-            return replace(state, diagnosis=without_windows(diagnosis))
+            return state.with_diagnosis(without_windows(diagnosis))
         return _with_anchor_in_time(state)
 
     def _hear_liar(self, state: FilterState, measurement: Measurement) -> FilterState:
@@ -236,7 +235,7 @@ def _answers(trusted: Sequence[str], sources: Sequence[str]) -> list[Hypothesis]
 
 
 def _placed(state: FilterState) -> FilterState:
-    return replace(state, diagnosis=state.diagnosis._replace(alternatives=(), accused=frozenset()))
+    return state.with_diagnosis(state.diagnosis._replace(alternatives=(), accused=frozenset()))
 
 
 def _with_anchor_in_time(state: FilterState) -> FilterState:

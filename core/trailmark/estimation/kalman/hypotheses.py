@@ -130,7 +130,7 @@ class HypothesisBank:
             absolute_faults[liar] = DetectedFault(state.stamp_s, reason, is_outvoted=is_outvoted)
         diagnosis = FaultDiagnosis(sums=anchor.diagnosis.sums, faults=faults, absolute_faults=absolute_faults)
         n_liars = len(trusted - hypothesis.motions) + len(liars)
-        return RivalFilter(replace(anchor, diagnosis=diagnosis), -_LIAR * n_liars, begun=anchor)
+        return RivalFilter(anchor.with_diagnosis(diagnosis), -_LIAR * n_liars, begun=anchor)
 
     def _replay(self, rivals: Sequence[RivalFilter], anchor: FilterState, state: FilterState) -> list[RivalFilter]:
         """Return hypotheses at the instant of a state, from an anchor on.
@@ -142,7 +142,7 @@ class HypothesisBank:
         diagnosis = FaultDiagnosis(
             sums=anchor.diagnosis.sums, faults=before.faults, absolute_faults=before.absolute_faults
         )
-        replayed = [RivalFilter(replace(anchor, diagnosis=diagnosis), 0.0), *rivals]
+        replayed = [RivalFilter(anchor.with_diagnosis(diagnosis), 0.0), *rivals]
         for stamp_s, measurement in before.measurements:
             if stamp_s <= anchor.stamp_s:
                 continue
@@ -208,7 +208,7 @@ def _begun_later(rival: RivalFilter, at_first: RivalFilter, reference: RivalFilt
         return rival
     said = rival.state.diagnosis
     diagnosis = reference.state.diagnosis._replace(faults=said.faults, absolute_faults=said.absolute_faults)
-    return RivalFilter(replace(reference.state, diagnosis=diagnosis), log_weight, begun=rival.begun)
+    return RivalFilter(reference.state.with_diagnosis(diagnosis), log_weight, begun=rival.begun)
 
 
 def _jumps(before: FilterState, after: FilterState) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Protocol
 
 import numpy as np
@@ -74,7 +75,7 @@ class Innovation:
         If the shapes do not fit: numpy would broadcast them.
     """
 
-    __slots__ = ("cross", "innovation", "inverse", "jacobian", "nis", "scale", "spread")
+    __slots__ = ("_size", "cross", "innovation", "inverse", "jacobian", "nis", "scale", "spread")
 
     def __init__(self, innovation: Floats, jacobian: Floats, covariance: Floats, scale: float | Floats = 1.0) -> None:
         if jacobian.shape != (len(innovation), len(covariance)) or innovation.ndim != 1:
@@ -87,6 +88,18 @@ class Innovation:
         self.inverse = _inverse(predicted)
         self.spread = predicted.diagonal()
         self.nis = float(innovation @ self.inverse @ innovation)
+        self._size: tuple[float, float, Floats] | None = None
+
+    def size_in_pose(self) -> tuple[float, float, Floats]:
+        """Return way and turn of ``H^-1 y`` [m, rad], and the gain in the pose ``K H``, (3, 3).
+
+        Every belief asks this of the innovations of a window of time: it is computed at the first question.
+        """
+        if self._size is None:
+            jacobian = self.jacobian[:, :3]
+            x, y, turn = np.linalg.lstsq(jacobian, self.innovation, rcond=1e-9)[0].tolist()
+            self._size = math.hypot(x, y), abs(turn), self.cross[:3] @ self.inverse @ jacobian
+        return self._size
 
     def weighted(self, weight: float | Floats, covariance: Floats) -> Innovation:
         """Return the same with its information scaled, by one weight or one of each row."""

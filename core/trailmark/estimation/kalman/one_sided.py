@@ -90,12 +90,9 @@ def _mean_innovation(seen: Sequence[Innovation], moved: Floats) -> Floats:
     With gains ``K H`` in the pose and corrections ``K v`` it is ``(sum K H)^-1 sum K v``, and in way and turn no more
     than the largest ``H^-1 v``.
     """
-    gains, largest_m, largest_rad = np.zeros((3, 3)), 0.0, 0.0
-    for one in seen:
-        jacobian = one.jacobian[:, :3]
-        gains += one.cross[:3] @ one.inverse @ jacobian
-        x, y, turn = np.linalg.lstsq(jacobian, one.innovation, rcond=1e-9)[0].tolist()
-        largest_m, largest_rad = max(largest_m, math.hypot(x, y)), max(largest_rad, abs(turn))
+    sizes = [one.size_in_pose() for one in seen]
+    gains = np.add.reduce([gain for _, _, gain in sizes])
+    largest_m, largest_rad = max(way_m for way_m, _, _ in sizes), max(turn_rad for _, turn_rad, _ in sizes)
     x, y, turn = np.linalg.lstsq(gains, moved, rcond=1e-9)[0].tolist()
     shorter = min(1.0, largest_m / max(math.hypot(x, y), _UNCORRECTED))
     return np.array([shorter * x, shorter * y, math.copysign(min(abs(turn), largest_rad), turn)])

@@ -128,7 +128,7 @@ class Prediction:
                 (source, make_rough(step, dt_s)) for source, step in stated if diagnosis.faults[source].is_rough
             ]
             if not believed:
-                return self._coast(replace(state, diagnosis=_added(diagnosis, stated, theta, dt_s)), stamp_s)
+                return self._coast(state.with_diagnosis(_added(diagnosis, stated, theta, dt_s)), stamp_s)
         if diagnosis.doubts:
             believed = with_doubts(believed, diagnosis.doubts, dt_s)
         selection = StepSelection(believed)
@@ -143,7 +143,7 @@ class Prediction:
         diagnosis = _added(diagnosis, stated, theta, dt_s)
         if self._layout.common and state.gaussian is not None:
             before = state.gaussian
-            state = replace(state, diagnosis=diagnosis)
+            state = state.with_diagnosis(diagnosis)
             return self._with_common_errors(state, before, stamp_s, selection)
         steps = [step for _, step in selection.steps]
         return self._apply_steps(state, stamp_s, selection, steps, None, diagnosis)
