@@ -35,6 +35,7 @@ ROOMS: Mapping[str, tuple[str, ...]] = {
             "interruption",
             "kernels",
             "patches",
+            "ranges",
             "systematic",
             "values",
             "worker",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from trailmark.arrays import Floats
@@ -26,11 +27,20 @@ from trailmark.estimation.dead_reckoning_config import DeadReckoningConfig
 from trailmark.estimation.history import History
 from trailmark.estimation.information import checked_covariance, checked_information, measured_directions
 from trailmark.estimation.overlaps import OVERLAPS, TOLD_S
-from trailmark.estimation.pose_anchor import PoseAnchor, anchor_after, anchor_at
-from trailmark.estimation.symmetric import ZERO, Sym3, diagonal, inverse, to_matrix
-from trailmark.estimation.unmeasured import describe, longest
+from trailmark.estimation.symmetric import ZERO, Sym3, add, congruence, diagonal, inverse, subtract, to_matrix
+from trailmark.estimation.unmeasured import (
+    NOWHERE,
+    Sym2,
+    describe,
+    directions_above,
+    longest,
+    plus,
+    squared_by_direction,
+    turned,
+)
 from trailmark.geometry import Pose2, Twist2
 from trailmark.interfaces import Estimator, Session
+from trailmark.values import quick_dataclass
 
 if TYPE_CHECKING:
     from trailmark.estimation.corrections import Correction
@@ -41,6 +51,35 @@ __all__ = ["DeadReckoning"]
 _ACCEPTED = Applied("accepted")
 # A way that motion has not measured for longer is told in the health [s].
 _TOLD_AFTER_S = 2.0
+
+
+@quick_dataclass(frozen=True, slots=True, eq=False)
+class _PoseAnchor:
+    """The pose after the last correction, and what odometry said there: later motion is carried on from here."""
+
+    odom: OdomState
+    pose_map_base: Pose2 | None
+    excess: Sym3 = ZERO  # covariance in odom's coordinates, less the spread of odometry until here
+    is_measured: bool = False
+    unmeasured_m: Sym2 = NOWHERE  # of the error at this anchor, what lasts: by direction in odom
+
+    def unmeasured_at(self, odom: OdomState) -> Sym2:
+        """Return how far drift may have carried base unseen, by direction in odom [m]."""
+        since_m = plus(odom.unmeasured_m, self.odom.unmeasured_m, -1.0)
+        return plus(self.unmeasured_m, since_m, 1.0)
+
+    def pose_at(self, odom: OdomState) -> tuple[Pose2, Sym3] | None:
+        """Return pose and covariance where odometry says something else; None while the pose is unknown."""
+        if self.pose_map_base is None:
+            return None
+        turn = self.pose_map_base.theta - self.odom.pose_odom_base.theta
+        cos, sin = math.cos(turn), math.sin(turn)
+        x, y = odom.pose_odom_base.x, odom.pose_odom_base.y
+        spread = add(self.excess, odom.spread)
+        if odom.unmeasured_m is not NOWHERE:
+            spread = add(spread, squared_by_direction(self.unmeasured_at(odom)))
+        covariance = congruence(spread, cos, sin, -cos * y - sin * x, cos * x - sin * y)
+        return self.pose_map_base.moved_as(self.odom.pose_odom_base, odom.pose_odom_base), covariance
 
 
 class DeadReckoning(Estimator):
@@ -72,7 +111,7 @@ class DeadReckoning(Estimator):
         self._path = session.path
         self._station_m: float | None = None
         self._chain = MotionChain(None if self._poses_alone else Twist2(drift_mps, drift_mps, drift_radps))
-        self._corrections: History[Correction, PoseAnchor] = History(
+        self._corrections: History[Correction, _PoseAnchor] = History(
             config.history_s, self._step, self._start_anchor(session.start_pose)
         )
         self._belief: Belief | None = None
@@ -128,7 +167,7 @@ class DeadReckoning(Estimator):
         """
         odom = self._chain.at(stamp_s)
         anchor, pose = self._corrections.state_at(odom.stamp_s), None
-        if anchor.pose_map_base is not None:  # as `PoseAnchor.pose_at`
+        if anchor.pose_map_base is not None:  # as `_PoseAnchor.pose_at`
             pose = anchor.pose_map_base.moved_as(anchor.odom.pose_odom_base, odom.pose_odom_base)
         return odom.stamp_s, pose, odom.pose_odom_base
 
@@ -151,13 +190,13 @@ class DeadReckoning(Estimator):
             stamp_s = self.belief().stamp_s
         return self.apply("set_pose", Fix(stamp_s, pose_map_base, information))
 
-    def _start_anchor(self, start_pose: Pose2 | None) -> PoseAnchor:
+    def _start_anchor(self, start_pose: Pose2 | None) -> _PoseAnchor:
         odom = OdomState(-math.inf)
         if start_pose is None:
-            return PoseAnchor(odom, None)
+            return _PoseAnchor(odom, None)
         variance_m2 = self._config.start_sigma_m**2
         variance_rad2 = math.radians(self._config.start_sigma_deg) ** 2
-        return anchor_at(odom, start_pose, diagonal(variance_m2, variance_m2, variance_rad2), is_measured=False)
+        return _anchor_at(odom, start_pose, diagonal(variance_m2, variance_m2, variance_rad2), is_measured=False)
 
     def _apply_motion(self, motion: Motion) -> Applied:
         information = checked_information(motion.information)
@@ -200,13 +239,13 @@ class DeadReckoning(Estimator):
         age_s = self._corrections.newest_s - estimate.stamp_s
         return Applied("late", f"{age_s:.3f} s old, the history reaches back {self._config.history_s:g} s")
 
-    def _step(self, anchor: PoseAnchor, stamp_s: float, correction: Correction) -> PoseAnchor:
+    def _step(self, anchor: _PoseAnchor, stamp_s: float, correction: Correction) -> _PoseAnchor:
         """Return the anchor after a correction: the step of the history."""
         odom = self._chain.at(stamp_s)
         corrected = correction.apply(anchor.pose_at(odom))
         if corrected is None:
             return anchor
-        return anchor_after(anchor, odom, *corrected)
+        return _anchor_after(anchor, odom, *corrected)
 
     def _make_belief(self, odom: OdomState) -> Belief:
         anchor = self._corrections.state_at(odom.stamp_s)
@@ -228,7 +267,7 @@ class DeadReckoning(Estimator):
             health=self._health(anchor, odom),
         )
 
-    def _health(self, anchor: PoseAnchor, odom: OdomState) -> dict[str, str]:
+    def _health(self, anchor: _PoseAnchor, odom: OdomState) -> dict[str, str]:
         """Return what is wrong with the motion: nothing measures the way in some direction, or it overlaps."""
         overlaps = {self._source: OVERLAPS} if odom.stamp_s - self._chain.overlapped_s <= TOLD_S else {}
         if odom.open_s <= _TOLD_AFTER_S:
@@ -246,3 +285,28 @@ class DeadReckoning(Estimator):
         self._station_m = located.station_m
         information = inverse(covariance_on_path(covariance, path, located.station_m)) or ZERO
         return PathOffset(stamp_s, located.station_m, located.lateral_m, located.heading_rad, to_matrix(information))
+
+
+def _anchor_after(before: _PoseAnchor, odom: OdomState, pose: Pose2, covariance: Sym3) -> _PoseAnchor:
+    """Return the anchor after a correction: of the error that lasts, what the correction leaves room for."""
+    anchor = _anchor_at(odom, pose, covariance, is_measured=True)
+    unmeasured_m = before.unmeasured_at(odom)
+    most_m = longest(unmeasured_m)
+    if most_m <= 0.0:
+        return anchor
+    turn = odom.pose_odom_base.theta - pose.theta
+    xx, xy, yy = turned((covariance[0], covariance[1], covariance[3]), turn)
+    along = directions_above(unmeasured_m, 0.5 * most_m)
+    across_m2 = along[0] * yy - 2.0 * along[1] * xy + along[2] * xx  # over the determinant: the information along
+    left_m2 = max(xx * yy - xy * xy, 0.0) / across_m2 if across_m2 > 0.0 else 0.0
+    kept_m = plus(NOWHERE, unmeasured_m, min(1.0, math.sqrt(left_m2) / most_m))
+    return replace(anchor, excess=subtract(anchor.excess, squared_by_direction(kept_m)), unmeasured_m=kept_m)
+
+
+def _anchor_at(odom: OdomState, pose: Pose2, covariance: Sym3, is_measured: bool) -> _PoseAnchor:
+    """Return the anchor of a pose in the map, with its covariance there, at the place that odometry gives."""
+    turn = pose.theta - odom.pose_odom_base.theta
+    cos, sin = math.cos(turn), math.sin(turn)
+    x, y = odom.pose_odom_base.x, odom.pose_odom_base.y
+    spread = congruence(covariance, cos, -sin, y, -x)  # the inverse of what `_PoseAnchor.pose_at` does
+    return _PoseAnchor(odom, pose, excess=subtract(spread, odom.spread), is_measured=is_measured)
