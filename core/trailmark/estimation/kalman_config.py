@@ -81,6 +81,8 @@ class KalmanConfig(PluginConfig):
     """By which share of the way and of the turn two honest odometries differ (one standard deviation)."""
     agree_deg_per_s: float = Field(default=0.3, ge=0)
     """By which yaw rate they differ, even at rest (one standard deviation) [deg/s]."""
+    agree_late_s: float = Field(default=0.03, ge=0)
+    """By how much their stamps are off against each other (one standard deviation) [s]."""
     floor_m: float = Field(default=1e-6, gt=0)
     """Smallest standard deviation of a position that is believed [m]."""
     floor_deg: float = Field(default=1e-4, gt=0)

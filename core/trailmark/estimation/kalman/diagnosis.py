@@ -46,9 +46,13 @@ class MotionSum(NamedTuple):
     x, y, turn : float
         Sums of the steps [m, m, rad].
     position_m2, turn_rad2 : float
-        Sums of the variances, of the worse axis of the position and of the turn; 1e12 where not measured.
+        Sums of the variances, of the worse axis of the position and of the turn, of the steps that measured them.
+        Between two instants ``inf`` where a step did not: see `motion_since`.
     covered_s : float
         Time that the steps cover [s].
+    open_ways, open_turns : int
+        How many steps did not measure the position, and the turn. Their variances are not in the sums: beside one
+        that is large without bounds, those of all others are lost in the last digit.
     """
 
     x: float = 0.0
@@ -57,6 +61,8 @@ class MotionSum(NamedTuple):
     position_m2: float = 0.0
     turn_rad2: float = 0.0
     covered_s: float = 0.0
+    open_ways: int = 0
+    open_turns: int = 0
 
 
 @quick_dataclass(frozen=True, slots=True)

@@ -32,8 +32,8 @@ def reason_against_fixes(motions: frozenset[str], *, is_outvoted: bool) -> str:
 
 def _in_words(motion: MotionSum) -> str:
     words = []
-    if motion.position_m2 < 1e9:
+    if motion.position_m2 < math.inf:
         words.append(f"{math.hypot(motion.x, motion.y):.3f} m")
-    if motion.turn_rad2 < 1e9:
+    if motion.turn_rad2 < math.inf:
         words.append(f"{math.degrees(motion.turn):.1f} deg")
     return ", ".join(words)

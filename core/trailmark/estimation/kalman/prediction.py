@@ -40,8 +40,8 @@ __all__ = ["Prediction"]
 # Stamps this close are one instant: 8.05 and 0.05 x 161 are not equal, and no velocity is seen between them.
 _SAME_INSTANT_S = 1e-9
 _NO_SUM = MotionSum()
-# Variance of what a localizer did not measure: no test sees it, and sums of it stay finite [m^2, rad^2].
-_UNMEASURED = 1e12
+# A step whose variance is as large did not measure: no test sees it, and sums of smaller ones stay exact [m^2, rad^2].
+_UNMEASURED = 1e3
 
 
 class Prediction:
@@ -262,14 +262,17 @@ def _added(
     sums = dict(diagnosis.sums)
     for source, step in stated:
         position_m2, turn_rad2 = _variances_of(step)
-        x, y, turn, position_sum_m2, turn_sum_rad2, covered_s = sums.get(source) or _NO_SUM
+        x, y, turn, position_sum_m2, turn_sum_rad2, covered_s, open_ways, open_turns = sums.get(source) or _NO_SUM
+        has_way, has_turn = position_m2 < _UNMEASURED, turn_rad2 < _UNMEASURED
         sums[source] = MotionSum(
             x + cos * step.x - sin * step.y,
             y + sin * step.x + cos * step.y,
             turn + step.turn,
-            position_sum_m2 + position_m2,
-            turn_sum_rad2 + turn_rad2,
+            position_sum_m2 + position_m2 if has_way else position_sum_m2,
+            turn_sum_rad2 + turn_rad2 if has_turn else turn_sum_rad2,
             covered_s + dt_s,
+            open_ways + (not has_way),
+            open_turns + (not has_turn),
         )
     return FaultDiagnosis(sums, *diagnosis[1:])  # a fifth of the time of _replace
 
@@ -283,10 +286,10 @@ def _without_outliers(
 
 
 def _variances_of(step: MotionStep) -> tuple[float, float]:
-    """Return the variance of the worse axis of the position, and of the turn."""
+    """Return the variance of the worse axis of the position, and of the turn; ``inf`` where there is none."""
     if step.covariance is not None:
         xx, _, _, yy, _, tt = step.covariance
         return max(xx, yy), tt
     xx, xy, _, yy, _, tt = step.information or ZERO
     worst = 0.5 * (xx + yy - math.hypot(xx - yy, 2.0 * xy))  # a corridor is seldom parallel to an axis of base
-    return (1.0 / worst if worst > NOTHING else _UNMEASURED), (1.0 / tt if tt > NOTHING else _UNMEASURED)
+    return (1.0 / worst if worst > NOTHING else math.inf), (1.0 / tt if tt > NOTHING else math.inf)

@@ -27,9 +27,9 @@ STANDSTILL = "(standstill)"
 _NO_WAY_M, _NO_TURN_RAD = 0.002, math.radians(0.05)
 # The shortest look [s].
 _WINDOW_S = 0.9
-# Variances beyond these say that the way, or the turn, was not measured [m^2, rad^2]. Wheels of recordings leave a few
-# degrees open in the window; a speed sensor leaves all of it.
-_NOT_MEASURED, _TURN_NOT_MEASURED = 1e9, math.radians(10.0) ** 2
+# A variance beyond this says that the turn was not measured [rad^2]. Wheels of recordings leave a few degrees open in
+# the window; a speed sensor leaves all of it.
+_TURN_NOT_MEASURED = math.radians(10.0) ** 2
 # What standing leaves open of the turn: vibration, in 1 s and with the root of the time [rad].
 _VIBRATION_RAD = math.radians(0.01)
 _SIGMAS = 3.0
@@ -68,7 +68,7 @@ def with_standstill(steps: Sequence[tuple[str, MotionStep]], dt_s: float) -> lis
 
 
 def _does_not_turn(motion: MotionSum, dt_s: float) -> bool:
-    is_measured = motion.position_m2 < _NOT_MEASURED and motion.turn_rad2 < _TURN_NOT_MEASURED
+    is_measured = motion.position_m2 < math.inf and motion.turn_rad2 < _TURN_NOT_MEASURED
     is_whole = is_measured and motion.covered_s > 0.9 * dt_s
     return is_whole and math.hypot(motion.x, motion.y) <= _NO_WAY_M and abs(motion.turn) <= _NO_TURN_RAD
 

@@ -79,7 +79,7 @@ def select_steps(
         worst = max(failing, key=lambda k: surprise[k][0])
         source = kept[worst][0]
         if not _fails(*surprise[worst], gate_of(source)):
-            disagreement = max(nis / dof for _, nis, dof in checks)
+            disagreement = max(nis / dof for _, nis, dof in checks if dof)
             kept = [(name, _less_certain(step, disagreement)) for name, step in kept]
             break
         left_out.append(source)
