@@ -98,3 +98,42 @@ def test_a_step_that_tells_nothing_beside_two_that_disagree_counts_for_nothing()
     assert not selection.left_out
     assert selection.steps[0][1].covariance is not None
     assert selection.steps[0][1].covariance[0] > 10.0 * sure[0]
+
+
+def off_after_a_corridor(said_mps: float) -> tuple[float, float]:
+    """Return by how much the laser's hypothesis is off along a corridor, and its standard deviation [m].
+
+    The wheels are accused of a turn that the laser did not see. Then the robot goes on at 0.3 m/s for 12 s, in steps of
+    3 s; the laser measures all but the way, and the wheels say a speed.
+    """
+    estimator, end_s = kalman(), 0.0
+
+    def tell(dt_s: float, wheels: Pose2, laser: Pose2, information: np.ndarray) -> float:
+        ends_s = end_s, end_s + dt_s
+        estimator.apply("wheels", Motion(*ends_s, wheels, information_from_sigmas(*WHEELS)))
+        estimator.apply("laser", Motion(*ends_s, laser, information))
+        return ends_s[1]
+
+    for _ in range(5):
+        end_s = tell(1.0, Pose2(0.3), Pose2(0.3), ROOM)
+    for _ in range(2):
+        end_s = tell(1.0, Pose2(theta=0.5), Pose2(), ROOM)
+    for _ in range(4):
+        end_s = tell(3.0, Pose2(3.0 * said_mps), Pose2(), CORRIDORS[0])
+    rivals = estimator._timeline.state_at(end_s).diagnosis.rivals
+    gaussian = next(one.state.gaussian for one in rivals if "wheels" in one.state.diagnosis.faults)
+    assert gaussian is not None
+    return float(gaussian.x[0]) - 0.3 * 17.0, math.sqrt(float(gaussian.covariance[0, 0]))
+
+
+def test_wheels_accused_of_a_wrong_turn_still_tell_the_way_along_a_corridor() -> None:
+    off_m, sigma_m = off_after_a_corridor(said_mps=0.3)
+
+    assert abs(off_m) < 0.1
+    assert sigma_m > 1.0  # as uncertain as a gap
+
+
+def test_accused_wheels_tell_no_way_that_a_gap_would_not_cover() -> None:
+    off_m, sigma_m = off_after_a_corridor(said_mps=5.0)
+
+    assert abs(off_m) < 2.0 * sigma_m

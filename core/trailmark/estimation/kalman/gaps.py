@@ -6,6 +6,7 @@ What is unknown then is a speed, and it lasts: standard deviations of the way gr
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -33,6 +34,8 @@ from trailmark.geometry import Twist2
 __all__ = ["AT_REST", "Gaps", "Piece", "drift_of"]
 
 AT_REST = Twist2()
+# A speed of so many standard deviations of one that nobody measured is covered by them.
+_COVERED = 2.0
 
 
 def drift_of(config: KalmanConfig | SmootherConfig) -> Sym3:
@@ -100,6 +103,17 @@ class Gaps:
     def drift_over(self, dt_s: float) -> Sym3:
         """Return the covariance of a step that nobody measured, one of many whose velocities change in ``coast_s``."""
         return scaled(self._drift, dt_s * self._coast_s)
+
+    def guess(self, odometry: OdometryState, doubted: Sequence[MotionStep], dt_s: float) -> Twist2:
+        """Return how base is taken to move in a direction that no motion that is believed measures.
+
+        As the only motion says that is not believed, if a gap covers its speed: wheels that are accused of a wrong turn
+        tell the way along a corridor better than the velocity before. It is as uncertain as a gap, all the same.
+        """
+        if len(doubted) != 1 or doubted[0].covariance is None:
+            return odometry.twist
+        most_mps = _COVERED * math.sqrt(speed_variance(self._drift, odometry.measured_mps))
+        return doubted[0].twist if math.hypot(doubted[0].x, doubted[0].y) <= most_mps * dt_s else odometry.twist
 
     def coast(self, state: FilterState, stamp_s: float) -> Piece:
         """Return a piece of time in which nothing measured motion."""

@@ -146,7 +146,8 @@ class Prediction:
             state = state.with_diagnosis(diagnosis)
             return self._with_common_errors(state, before, stamp_s, selection)
         steps = [step for _, step in selection.steps]
-        return self._apply_steps(state, stamp_s, selection, steps, None, diagnosis)
+        doubted = [step for source, step in stated if source in diagnosis.faults] if diagnosis.faults else ()
+        return self._apply_steps(state, stamp_s, selection, steps, None, diagnosis, doubted=doubted)
 
     def _with_common_errors(
         self, state: FilterState, before: Gaussian, stamp_s: float, selection: StepSelection
@@ -170,12 +171,13 @@ class Prediction:
         steps: Sequence[MotionStep],
         columns: Floats | None,
         diagnosis: FaultDiagnosis | None = None,
+        *,
+        doubted: Sequence[MotionStep] = (),
     ) -> FilterState:
         dt_s, offsets = stamp_s - state.stamp_s, state.odometry.offsets
         steps = with_offsets(selection.steps, steps, offsets)
-        step, is_measured = fuse_steps(
-            steps, dt_s, state.odometry.twist, self._gaps.drift_over(dt_s), self._is_independent
-        )
+        held = self._gaps.guess(state.odometry, doubted, dt_s)
+        step, is_measured = fuse_steps(steps, dt_s, held, self._gaps.drift_over(dt_s), self._is_independent)
         if offsets:
             step = with_lasting_error(step, selection.steps, offsets, dt_s, self._tolerance)
         piece = Piece(step, dt_s, is_measured=is_measured, columns=columns)
