@@ -64,6 +64,17 @@ def test_a_camera_that_interlaces_is_known_at_rest_as_well():
     assert reader.read(still.copy()).tobytes() != still.tobytes()
 
 
+def test_stray_combed_pictures_far_apart_are_no_interlaced_video():
+    reader, moving, whole = FieldReader(), woven(floor_at(0), floor_at(6)), floor_at(0)
+
+    for _ in range(4):
+        assert reader.read(moving.copy()).tobytes() != moving.tobytes()
+        for _ in range(15):
+            assert reader.read(whole.copy()).tobytes() == whole.tobytes()
+
+    assert not reader.is_interlaced
+
+
 def test_the_way_of_interlaced_video_is_that_of_one_of_its_fields(camera, ground, track):
     steps_px = np.repeat([3.0, 25.0, 6.0, 20.0], 12)
     way_m = camera.metres_per_pixel[0] * np.concatenate([[0.0], np.cumsum(steps_px / 2.0)])

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import math
+from collections import deque
 
 import cv2
 import numpy as np
@@ -25,8 +26,10 @@ _EVERY = 4
 #: floors under five conditions said at most 1.017, between lines of a field that moved 2 px more than the other 1.04.
 _COMBED, _STANDARD_ERRORS = 1.05, 6.0
 
-#: Combed pictures after which all are taken for combed: where the robot is slow it cannot be seen.
-_MOST_COMBED = 3
+#: Combed pictures among the latest ones after which all are taken so: where the robot is slow it cannot be seen.
+#: The latest ones are a second of video: an interlaced camera shows three in it as soon as the robot is fast, while
+#: strays (torn pictures) that come minutes apart do not add up over hours. Each combed picture is read as one anyway.
+_MOST_COMBED, _LATEST = 3, 30
 
 
 class FieldReader:
@@ -39,18 +42,16 @@ class FieldReader:
     """
 
     def __init__(self) -> None:
-        self._n_combed = 0
-
-    @property
-    def is_interlaced(self) -> bool:
-        return self._n_combed >= _MOST_COMBED
+        self.is_interlaced = False
+        self._were_combed: deque[bool] = deque(maxlen=_LATEST)
 
     def read(self, image: Grey8) -> Grey8:
         """Return a picture of the even lines where it is combed, (H, W) uint8; `image` may be changed."""
         if not self.is_interlaced:
-            if not is_combed(image):
+            self._were_combed.append(is_combed(image))
+            if not self._were_combed[-1]:
                 return image
-            self._n_combed += 1
+            self.is_interlaced = sum(self._were_combed) >= _MOST_COMBED
             if self.is_interlaced:
                 logger.warning("the video is interlaced: only every second line is looked at; better switch it off")
         below = image[2::2]
