@@ -13,7 +13,7 @@ from numbers import Number
 from typing import Any, Literal, TypeVar, overload
 
 import numba
-from numba.core import event
+from numba.core import event as numba_event
 
 __all__ = ["float_kernel", "inlined_kernel", "is_kept", "kernel"]
 
@@ -22,13 +22,13 @@ logger = logging.getLogger(__name__)
 _Function = TypeVar("_Function", bound=Callable[..., object])
 _ErrorModel = Literal["python", "numpy"]
 _njit: Any = numba.njit  # numba's newer versions have types, which know only a part of its options
-_register: Any = event.register  # and this has none
+_register: Any = numba_event.register  # and this has none
 
 #: What lets float sums and products run in vectors. Infinities and NaN keep their meaning.
 _REORDER = frozenset({"reassoc", "contract", "nsz", "arcp"})
 
 
-class _QuietCollector(event.Listener):
+class _QuietCollector(numba_event.Listener):
     """Lets Python's search for garbage rest while numba compiles, which makes millions of small objects at a time.
 
     Nothing of a kernel is garbage before it is done, and to look for it again and again took an eighth of the time.
@@ -38,14 +38,14 @@ class _QuietCollector(event.Listener):
     def __init__(self) -> None:
         self._depth, self._was_on = 0, False
 
-    def on_start(self, event: event.Event) -> None:
+    def on_start(self, event: numba_event.Event) -> None:
         """Rest from the outermost kernel on."""
         if self._depth == 0:
             self._was_on = gc.isenabled()
             gc.disable()
         self._depth += 1
 
-    def on_end(self, event: event.Event) -> None:
+    def on_end(self, event: numba_event.Event) -> None:
         """Go on after the outermost kernel."""
         self._depth -= 1
         if self._depth == 0 and self._was_on:

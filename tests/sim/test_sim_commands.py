@@ -18,9 +18,11 @@ from trailmark.config import read_calibration
 from trailmark.errors import ConfigError
 from trailmark.frames import RGBD, GroundPlane, Image, Odometry, Scan
 from trailmark.geometry import Pose2, read_tum
+from trailmark.recording import DatasetWriter
 from trailmark_sim.describe import option_rows
 from trailmark_sim.ground.floors import FLOORS
 from trailmark_sim.pictures import picture_of
+from trailmark_sim.source import SimSource
 from trailmark_sim.worlds import WORLDS
 
 CONFIG = """
@@ -226,6 +228,25 @@ def test_record_refuses_a_folder_that_is_not_empty_unless_told(config: Path, tmp
     assert "is not empty" in failure(trailmark("record", str(config), "--out", str(out)))
     assert trailmark("record", str(config), "--out", str(out), "--overwrite").exit_code == 0
     assert (out / "mine.txt").read_text() == "keep"
+
+
+@pytest.mark.parametrize("command", ["record", "render"])
+def test_a_source_is_closed_when_its_command_fails(
+    command: str, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise OSError("no space left on device")
+
+    closed: list[SimSource] = []
+    monkeypatch.setattr(SimSource, "close", lambda source: closed.append(source))
+    monkeypatch.setattr(DatasetWriter, "write", fail)
+    monkeypatch.setattr(SimSource, "look", fail)
+    source = [str(config)] if command == "record" else ["ground_course", "--sensor", "wheels"]
+
+    result = trailmark(command, *source, "--out", str(tmp_path / "out.png"))
+
+    assert isinstance(result.exception, OSError), result.output
+    assert len(closed) == 1
 
 
 def test_record_needs_a_simulated_source(tmp_path: Path) -> None:

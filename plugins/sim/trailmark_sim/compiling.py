@@ -6,22 +6,37 @@ at it, and on a second core it costs no time: the kernels meet on disk, where nu
 
 from __future__ import annotations
 
+import logging
+import os
 import subprocess
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
 
+from trailmark.isolation.orphan import end_with_stdin
 from trailmark.worker import n_cores
+from trailmark_sim.building import build_configured_world
 from trailmark_sim.config import SimConfig
 from trailmark_sim.sensors.site import SensorModel
 from trailmark_sim.vehicles import VehicleState
-from trailmark_sim.worlds import build_world
-from trailmark_sim.worlds.base import World, WorldOptions
+from trailmark_sim.worlds.base import World
 
 __all__ = ["FirstReadings"]
 
-#: What decides which kernels a world needs, and for what types.
-_DECIDES = {"world", "options", "route", "sensors", "rates_hz", "world_seed"}
+logger = logging.getLogger(__name__)
+
+#: Keys of the config that decide which kernels a world needs, and for what types.
+_KERNEL_KEYS = {"world", "options", "route", "sensors", "rates_hz", "world_seed"}
+
+#: How long the first frame waits for the other process [s]. It needs about 15 s of processor time; one that hangs at a
+#: locked or full disk must not keep the run from beginning.
+_PATIENCE_S = 60.0
+
+#: How long a process that was killed is waited for [s]: one that hangs in the system ends when that lets it.
+_KILLED_S = 5.0
+
+#: How far the other process stands back where there are fewer idle cores than processes.
+_NICENESS = 5
 
 
 class FirstReadings:
@@ -45,18 +60,28 @@ class FirstReadings:
             _read_all(self._sensors, state)
 
     def wait(self) -> None:
-        """Wait until all is compiled: no reading is late for it."""
-        process, self._process = self._process, None
-        if process is not None:
-            process.wait()
-            _read_all(self._sensors, self._state)  # whatever became of it: what it did not compile is compiled here
+        """Wait until all is compiled: no reading is late for it. Where the wait is interrupted, the other one ends."""
+        if self._process is None:
+            return
+        try:
+            self._process.wait(_PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            logger.warning("the process that compiles for sensors is not done in %g s: this one does it", _PATIENCE_S)
+        finally:
+            self.close()
+        _read_all(self._sensors, self._state)  # whatever became of it: what it did not compile is compiled here
 
     def close(self) -> None:
-        """End the other process, if nobody waited for it."""
-        process, self._process = self._process, None
-        if process is not None:
-            process.kill()
-            process.wait()
+        """End the other process, if it has not ended."""
+        process = self._process
+        if process is None:
+            return
+        process.kill()
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(_KILLED_S)
+        if process.stdin is not None:
+            process.stdin.close()
+        self._process = None  # only now: whoever is interrupted here can close again
 
 
 def _takes_long(world: World) -> bool:
@@ -69,11 +94,11 @@ def _takes_long(world: World) -> bool:
 
 def _compile_beside(config: SimConfig) -> subprocess.Popen[bytes] | None:
     """Start a process that reads each sensor of such a world once; None: it does not start."""
-    command = [sys.executable, "-P", "-m", __name__, config.model_dump_json(include=_DECIDES)]
+    command = [sys.executable, "-P", "-m", __name__, config.model_dump_json(include=_KERNEL_KEYS)]
     with suppress(OSError):
         return subprocess.Popen(
             command,
-            stdin=subprocess.DEVNULL,
+            stdin=subprocess.PIPE,  # ours alone: it ends with us, however we end
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             start_new_session=True,  # Ctrl-C is for this process, which then ends that one
@@ -87,16 +112,16 @@ def _read_all(sensors: Sequence[SensorModel], state: VehicleState) -> None:
 
 
 def main() -> None:
+    """Compile for the config on the command line, beside the process that holds the other end of standard input."""
+    end_with_stdin()
+    if hasattr(os, "nice"):  # not on Windows
+        os.nice(_NICENESS)
+    _compile_for(sys.argv[1])
+
+
+def _compile_for(config_json: str) -> None:
     """Read each sensor of the world of a config once."""
-    config = SimConfig.model_validate_json(sys.argv[1])
-    options = WorldOptions(
-        world_seed=config.world_seed,
-        sensors=config.sensors,
-        rates_hz=config.rates_hz,
-        route=config.route,
-        extra=config.options,
-    )
-    world = build_world(config.world, options)
+    world = build_configured_world(SimConfig.model_validate_json(config_json))
     _read_all(world.sensors, VehicleState(world.start))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from pathlib import Path
 
 from trailmark.config import load_run_config
@@ -47,10 +48,15 @@ def record_run(
     if len(simulated) != 1:
         raise ConfigError(f"{config}: 'sim record' takes a config with one source of plugin sim, not {len(simulated)}")
     name, given = next(iter(simulated.items()))
-    source = SimSource(given.model_copy(update={"driver": "route"}))
-    source.start(Session(name=name, mode=mode, rng=part_rng(run.settings.seed, "source", name)))
-    writer = DatasetWriter(out, source.sensors, overwrite)
-    yield f"recording {', '.join(source.sensors)} of {given.world} to {out}"
+    with closing(SimSource(given.model_copy(update={"driver": "route"}))) as source:
+        source.start(Session(name=name, mode=mode, rng=part_rng(run.settings.seed, "source", name)))
+        writer = DatasetWriter(out, source.sensors, overwrite)
+        yield f"recording {', '.join(source.sensors)} of {given.world} to {out}"
+        yield from _write_frames(source, writer)
+
+
+def _write_frames(source: SimSource, writer: DatasetWriter) -> Iterator[str]:
+    """Write all frames and the truth; yields lines to be shown."""
     last_s = 0.0
     try:
         for frame in source.frames():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from typing import Any
 
 from trailmark.config import load_run_config
@@ -46,6 +47,6 @@ def take_snapshot(
     overrides = [f"sources.sim.options.{setting}" for setting in settings]
     config = load_run_config(document, plugins=plugins, overrides=overrides).sources["sim"].config
     assert isinstance(config, SimConfig)  # the plugin's own
-    source = SimSource(config)
-    source.start(Session(mode=mode, rng=part_rng(seed, "source", "sim")))
-    return source.look(frame)
+    with closing(SimSource(config)) as source:
+        source.start(Session(mode=mode, rng=part_rng(seed, "source", "sim")))
+        return source.look(frame)

@@ -14,6 +14,7 @@ from trailmark.frames import Frame, Payload, SensorInfo
 from trailmark.frames.outlines import Outlines
 from trailmark.geometry import Pose2, Trajectory
 from trailmark.interfaces import Drivable, Session
+from trailmark_sim.building import build_configured_world
 from trailmark_sim.compiling import FirstReadings
 from trailmark_sim.config import SimConfig
 from trailmark_sim.keyboard import KEYS_HELP, KeyboardPilot, Terminal
@@ -25,8 +26,7 @@ from trailmark_sim.placing import place_vehicle
 from trailmark_sim.rng import frame_rng, stream_key
 from trailmark_sim.routes import Route
 from trailmark_sim.vehicles import VehicleState
-from trailmark_sim.worlds import build_world
-from trailmark_sim.worlds.base import SensorModel, World, WorldOptions
+from trailmark_sim.worlds.base import SensorModel, World
 
 __all__ = ["SimSource"]
 
@@ -68,7 +68,7 @@ class SimSource(Drivable):
         # A copy of the generator: started again, the source is as new.
         seed = int(copy.deepcopy(session.rng).integers(1 << 62))
         self._seed = stream_key(seed, session.mode)
-        self._world = build_world(config.world, self._world_options(session))
+        self._world = build_configured_world(config, self._seed, session.mode)
         self._route = self._choose_route()
         self._sensors = self._world.sensors
         auto = "commands" if session.mode == "replay" else "route"
@@ -187,20 +187,6 @@ class SimSource(Drivable):
         if self._n_collisions and config.on_collision == "end":
             return True
         return self._motion.has_finished or stamp_s - self._motion.stands_since_s > config.patience_s
-
-    def _world_options(self, session: Session) -> WorldOptions:
-        config = self.config
-        return WorldOptions(
-            seed=self._seed,
-            world_seed=config.world_seed,
-            mode=session.mode,
-            sensors=config.sensors,
-            rates_hz=config.rates_hz,
-            route=config.route,
-            threads=config.threads,
-            vehicle=None if config.vehicle is None else config.vehicle.build(),
-            extra=config.options,
-        )
 
     def _choose_route(self) -> Route:
         config, routes = self.config, self._world.routes
