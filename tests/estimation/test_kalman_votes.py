@@ -11,10 +11,11 @@ import pytest
 from trailmark.estimates import Motion, information_from_sigmas
 from trailmark.estimation.kalman.agreement import Tolerance, agreeing_groups, disagreement_within
 from trailmark.estimation.kalman.clock_offsets import ClockOffsets, TimeOffset
-from trailmark.estimation.kalman.diagnosis import FaultDiagnosis, MotionSum, RivalFilter
+from trailmark.estimation.kalman.diagnosis import DetectedFault, FaultDiagnosis, LastingDoubt, MotionSum, RivalFilter
 from trailmark.estimation.kalman.lasting_doubts import doubts_of
 from trailmark.estimation.kalman.state import FilterState
 from trailmark.estimation.kalman.votes import with_votes
+from trailmark.estimation.kalman.windows import with_new_anchor
 from trailmark.geometry import Pose2
 
 from .conftest import kalman, pose_of
@@ -37,8 +38,19 @@ class Told:
         return set().union(*self.health)
 
 
-def drive(speed_mps: float, *, drift_mps: float, names: tuple[str, ...] = tuple(SIGMAS), until_s: float = 20.0) -> Told:
-    """Drive on a winding way; from 5 s on the laser, whose motion is surest, drifts ahead."""
+def drive(
+    speed_mps: float,
+    *,
+    drift_mps: float,
+    names: tuple[str, ...] = tuple(SIGMAS),
+    until_s: float = 20.0,
+    slip_mps: float = 0.0,
+    has_stopped: bool = False,
+) -> Told:
+    """Drive on a winding way; from 5 s on the laser, whose motion is surest, drifts ahead.
+
+    From 15 s on the wheels may slip; a fourth localizer may stop at 3 s.
+    """
     rng, estimator, told = np.random.default_rng(11), kalman(), Told()
     pose, before = Pose2(), Pose2()
     for i in range(1, round(until_s / DT_S) + 1):
@@ -48,9 +60,12 @@ def drive(speed_mps: float, *, drift_mps: float, names: tuple[str, ...] = tuple(
         pose = pose @ step
         for name in ("wheels", "camera"):
             dx, dy, turn = (rng.normal(size=3) * SIGMAS[name]).tolist()
-            said = Pose2(step.x + dx, step.y + dy, step.theta + turn)
+            slip = slip_mps * DT_S if name == "wheels" and t > 15.0 else 0.0
+            said = Pose2(step.x + dx + slip, step.y + dy, step.theta + turn)
             if name in names:
                 estimator.apply(name, Motion(t - DT_S, t, said, information_from_sigmas(*SIGMAS[name])))
+        if has_stopped and t <= 3.0:
+            estimator.apply("second", Motion(t - DT_S, t, step, information_from_sigmas(*SIGMAS["wheels"])))
         if i % 2 == 0:
             moved, before = before.between(pose), pose
             dx, dy, turn = (rng.normal(size=3) * SIGMAS["laser"]).tolist()
@@ -76,6 +91,13 @@ def test_a_sure_motion_that_drifts_is_outvoted_by_two() -> None:
     assert max(told.errors_m) < 0.05
 
 
+def test_one_that_has_stopped_holds_up_no_votes() -> None:
+    told = drive(0.1, drift_mps=0.02, until_s=12.0, has_stopped=True)
+
+    assert told.health[-1] == {"laser", "second"}
+    assert max(told.errors_m) < 0.05
+
+
 def test_a_drift_that_calibrations_may_have_is_covered_and_draws_the_belief_little() -> None:
     told = drive(0.5, drift_mps=0.02)
 
@@ -83,6 +105,13 @@ def test_a_drift_that_calibrations_may_have_is_covered_and_draws_the_belief_litt
     assert "camera" not in told.scaled
     assert np.quantile(told.sigmas, 0.95) < 4.0
     assert max(told.errors_m) < 0.1
+
+
+def test_a_doubt_lasts_while_it_is_asked_about_another() -> None:
+    told = drive(0.5, drift_mps=0.02, until_s=18.0, slip_mps=0.3)
+
+    assert told.health[-1] == {"wheels", "laser"}
+    assert max(told.errors_m) < 0.05
 
 
 def test_of_two_that_part_slowly_nobody_is_believed_more_than_the_other() -> None:
@@ -108,6 +137,15 @@ def state_of(stamp_s: float, **ways_m: tuple[float, float]) -> FilterState:
     return FilterState(stamp_s, None, diagnosis=FaultDiagnosis(sums=sums))
 
 
+def rivals_of(state: FilterState, begun: FilterState) -> list[RivalFilter]:
+    """Return the hypotheses that the laser lies, and that the camera does."""
+    fault = DetectedFault(state.stamp_s, "it lies")
+    return [
+        RivalFilter(state.with_diagnosis(state.diagnosis._replace(faults={liar: fault})), -4.6, begun=begun)
+        for liar in ("laser", "camera")
+    ]
+
+
 def test_a_noisy_motion_is_in_the_group_of_each_of_two_that_contradict_each_other() -> None:
     anchor = state_of(0.0, wheels=(0.0, 0.0), camera=(0.0, 0.0), laser=(0.0, 0.0))
     state = state_of(2.0, wheels=(0.2, 4e-4), camera=(0.2, 1e-6), laser=(0.25, 1e-6))
@@ -122,15 +160,47 @@ def test_a_noisy_motion_is_in_the_group_of_each_of_two_that_contradict_each_othe
 def test_a_noisy_motion_votes_with_whom_it_agrees_better() -> None:
     anchor = state_of(0.0, wheels=(0.0, 0.0), camera=(0.0, 0.0), laser=(0.0, 0.0))
     state = state_of(2.0, wheels=(0.2, 4e-4), camera=(0.2, 1e-6), laser=(0.27, 1e-6))
-    rivals = [
-        RivalFilter(FilterState(2.0, None, diagnosis=state.diagnosis._replace(faults={liar: None})), -4.6, begun=anchor)
-        for liar in ("laser", "camera")
-    ]
 
-    voted = with_votes(with_votes(rivals, Tolerance(0.0, 0.0)), Tolerance(0.0, 0.0))
+    voted = with_votes(with_votes(rivals_of(state, anchor), Tolerance(0.0, 0.0)), Tolerance(0.0, 0.0))
 
     assert voted[0].log_weight == pytest.approx(-4.6)
     assert voted[1].log_weight == pytest.approx(-4.6 - 0.5 * 0.07**2 / 4.01e-4)
+
+
+@pytest.mark.parametrize("missed_s", [0.5, 1.5])
+def test_who_was_silent_when_a_question_began_does_not_hold_up_the_votes_of_others(missed_s: float) -> None:
+    ways_m = {"wheels": (0.2, 4e-4), "camera": (0.2, 1e-6), "laser": (0.27, 1e-6)}
+    begun = state_of(0.0, wheels=(0.0, 0.0), camera=(0.0, 0.0), laser=(0.0, 0.0))
+    before, state = (
+        one.with_diagnosis(
+            one.diagnosis._replace(sums={**one.diagnosis.sums, "second": MotionSum(covered_s=one.stamp_s - missed_s)})
+        )
+        for one in (state_of(1.9, **ways_m), state_of(2.0, **ways_m))
+    )
+    begun = begun.with_diagnosis(begun.diagnosis._replace(sums={**begun.diagnosis.sums, "second": MotionSum()}))
+
+    voted = with_votes(rivals_of(state, begun), Tolerance(0.0, 0.0), rivals_of(before, begun))
+
+    assert [one.log_votes for one in voted] == [0.0, pytest.approx(-0.5 * 0.07**2 / 4.01e-4)]
+
+
+def test_votes_wait_for_one_that_is_a_step_late() -> None:
+    begun = state_of(0.0, wheels=(0.0, 0.0), camera=(0.0, 0.0), laser=(0.0, 0.0))
+    state = state_of(2.0, wheels=(0.2, 4e-4), camera=(0.2, 1e-6), laser=(0.27, 1e-6))
+    late = state.diagnosis.sums["laser"]._replace(covered_s=1.9)
+    sums = {**state.diagnosis.sums, "laser": late}
+    before = FilterState(1.95, None, diagnosis=FaultDiagnosis(sums={**sums}))
+    rivals = rivals_of(FilterState(2.0, None, diagnosis=FaultDiagnosis(sums=sums)), begun)
+
+    assert with_votes(rivals, Tolerance(0.0, 0.0), rivals_of(before, begun)) == rivals
+
+
+def test_what_a_window_begins_with_has_no_doubts() -> None:
+    doubts = {"laser": LastingDoubt(0.01, 0.0, 5.0)}
+    state = with_new_anchor(FilterState(8.0, None, diagnosis=FaultDiagnosis(doubts=doubts)))
+
+    assert state.diagnosis.doubts == doubts
+    assert not any(one.diagnosis.doubts for one in (*state.diagnosis.anchors, *state.diagnosis.far_anchors))
 
 
 def test_who_parts_from_two_that_agree_is_doubted_as_fast_as_it_parts() -> None:

@@ -70,7 +70,9 @@ def closed_question(state: FilterState) -> FilterState:
 def reopened_question(state: FilterState) -> FilterState:
     """Return a state with a filter for each place where base may be, for an absolute estimate to decide."""
     diagnosis = state.diagnosis
-    bare = FaultDiagnosis(diagnosis.sums, faults=diagnosis.faults, absolute_faults=diagnosis.absolute_faults)
+    bare = FaultDiagnosis(
+        diagnosis.sums, faults=diagnosis.faults, absolute_faults=diagnosis.absolute_faults, doubts=diagnosis.doubts
+    )
     rivals = diagnosis.rivals or (RivalFilter(replace(state, diagnosis=bare, verdicts=()), 0.0),)
     expanded = tuple(
         replace(

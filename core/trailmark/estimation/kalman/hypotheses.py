@@ -96,7 +96,7 @@ class HypothesisBank:
         after = [self._predict_rival(rival, stamp_s) for rival in before]
         leads = _most_probable_that_moved(after)
         odometry = continued(state.odometry, before[leads].state.odometry, after[leads].state.odometry)
-        after = with_votes(after, self._tolerance)
+        after = with_votes(after, self._tolerance, before)
         return settle(replace(state, stamp_s=stamp_s, odometry=odometry, verdicts=()), after)
 
     def correct(self, state: FilterState, measurement: Measurement) -> FilterState:
@@ -128,7 +128,12 @@ class HypothesisBank:
         for liar in sorted(liars):
             reason = reason_against_fixes(hypothesis.motions, is_outvoted=is_outvoted)
             absolute_faults[liar] = DetectedFault(state.stamp_s, reason, is_outvoted=is_outvoted)
-        diagnosis = FaultDiagnosis(sums=anchor.diagnosis.sums, faults=faults, absolute_faults=absolute_faults)
+        # A lone motion has nobody to part from: that it may be wrong is another hypothesis.
+        doubts = state.diagnosis.doubts if len(hypothesis.motions) > 1 else {}
+        doubts = {source: one for source, one in doubts.items() if source not in faults}
+        diagnosis = FaultDiagnosis(
+            sums=anchor.diagnosis.sums, faults=faults, absolute_faults=absolute_faults, doubts=doubts
+        )
         n_liars = len(trusted - hypothesis.motions) + len(liars)
         return RivalFilter(anchor.with_diagnosis(diagnosis), -_LIAR * n_liars, begun=anchor)
 
@@ -140,7 +145,10 @@ class HypothesisBank:
         """
         before = state.diagnosis
         diagnosis = FaultDiagnosis(
-            sums=anchor.diagnosis.sums, faults=before.faults, absolute_faults=before.absolute_faults
+            sums=anchor.diagnosis.sums,
+            faults=before.faults,
+            absolute_faults=before.absolute_faults,
+            doubts=before.doubts,
         )
         replayed = [RivalFilter(anchor.with_diagnosis(diagnosis), 0.0), *rivals]
         for stamp_s, measurement in before.measurements:
@@ -207,7 +215,9 @@ def _begun_later(rival: RivalFilter, at_first: RivalFilter, reference: RivalFilt
     if rival.log_weight > log_weight:
         return rival
     said = rival.state.diagnosis
-    diagnosis = reference.state.diagnosis._replace(faults=said.faults, absolute_faults=said.absolute_faults)
+    diagnosis = reference.state.diagnosis._replace(
+        faults=said.faults, absolute_faults=said.absolute_faults, doubts=said.doubts
+    )
     return RivalFilter(reference.state.with_diagnosis(diagnosis), log_weight, begun=rival.begun)
 
 

@@ -96,6 +96,7 @@ def _decided(state: FilterState, best: RivalFilter) -> FilterState:
         sums=leader.diagnosis.sums,
         faults=leader.diagnosis.faults,
         absolute_faults=leader.diagnosis.absolute_faults,
+        doubts=leader.diagnosis.doubts,
         accused=state.diagnosis.accused if state.diagnosis.alternatives else frozenset(),
     )
     return _as_leader(state, leader, leader.gaussian, diagnosis)

@@ -45,17 +45,7 @@ def with_new_anchor(state: FilterState) -> FilterState:
     """Return a state whose test windows begin later: the older anchor goes, and this instant is the newer one."""
     diagnosis = state.diagnosis
     bare = replace(
-        state,
-        diagnosis=diagnosis._replace(
-            anchors=(),
-            far_anchors=(),
-            measurements=(),
-            innovations=(),
-            rivals=(),
-            undecided_since_s=math.inf,
-            trials=_NO_TRIALS,
-        ),
-        verdicts=(),
+        state, diagnosis=without_windows(diagnosis)._replace(trials=_NO_TRIALS, doubts=_NO_DOUBTS), verdicts=()
     )
     anchors = (*diagnosis.anchors[-1:], bare)
     far_anchors = _with_far_anchor(state.stamp_s, diagnosis.far_anchors, bare)
@@ -74,13 +64,7 @@ def _with_far_anchor(stamp_s: float, before: tuple[FilterState, ...], bare: Filt
 
 
 def without_windows(diagnosis: FaultDiagnosis) -> FaultDiagnosis:
-    """Return a state of the tests that begins anew."""
+    """Return a state of the tests that begins anew; a doubt lasts until the longer windows are tested again."""
     return diagnosis._replace(
-        anchors=(),
-        far_anchors=(),
-        measurements=(),
-        innovations=(),
-        rivals=(),
-        undecided_since_s=math.inf,
-        doubts=_NO_DOUBTS,
+        anchors=(), far_anchors=(), measurements=(), innovations=(), rivals=(), undecided_since_s=math.inf
     )
