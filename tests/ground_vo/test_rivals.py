@@ -127,7 +127,7 @@ def test_marks_that_hold_the_search_are_never_believed_silently(camera, stones, 
     def way(stamp_s):
         return Pose2(0.5 * ACCELERATION_MPS2 * stamp_s**2, 0.0, 0.0)
 
-    run = ground_run(way, 50, ground=stones, camera=camera)
+    run = ground_run(way, 70, ground=stones, camera=camera)
     localizer = GroundVO(GroundVOConfig(camera="floor", n_pixels=384))
     localizer.start(Session(name="vo", sensors={"floor": run.sensor}))
 
@@ -143,5 +143,6 @@ def test_marks_that_hold_the_search_are_never_believed_silently(camera, stones, 
         n_wrong += error > max(5e-4, 5.0 * math.sqrt(covariance[0, 0] + covariance[1, 1]))
 
     assert n_wrong == 0
-    assert len(motions) >= 30  # the marks are learned, and the ground is followed again
+    # the marks are learned, and once what is known of them stands no more, the ground is followed again
+    assert len(motions) >= 40
     assert any("does not move as its marks do" in lost.reason for lost in said if isinstance(lost, Lost))

@@ -38,7 +38,7 @@ def said_by_a_run(tmp_path: Path, capsys: pytest.CaptureFixture[str], wrong: str
     ("wrong", "expected"),
     [
         ("{scale: 5}", ["floor: it comes 4.9", "times as far as 'wheels'", "metres_per_pixel"]),
-        ("{yaw_deg: 180}", ["floor: its forward is turned by", "that of 'wheels'", "mounting (yaw_deg)"]),
+        ("{yaw_deg: 180}", ["against what other motions say", "mounted the other way round (mounting: yaw_deg)"]),
         pytest.param("{scale: 1000}", ["times as far as 'wheels'", "metres_per_pixel"], marks=pytest.mark.long),
     ],
 )

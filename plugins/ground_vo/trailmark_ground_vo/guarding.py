@@ -58,6 +58,10 @@ _NO_MORE = np.diag([1.0 / 0.5**2, 1.0 / 0.5**2, 1.0 / 0.003**2])
 #: Least error over that of any place up to which a content that has moved before needs no comparison of its texture.
 _SURE_RATIO = 0.5
 
+#: By how much more the texture moves than stands where it is the ground, seen beside marks that are known: a mesh moved
+#: by its own period resembles itself as much as at rest.
+_GROUND_OVER_FILM = 1.3
+
 _NO_TEXTURE = "no texture that moves so is seen in both pictures (lens covered, over-exposed, dark, or blank ground)"
 _FROZEN = "the same picture again, bit by bit, while others move (camera or driver frozen)"
 _COVERED = "something moves beneath what stands still (film, sticker or mesh on the lens, scratched glass)"
@@ -163,7 +167,9 @@ class GroundTracker:
         if self._layers.is_moving(before[0], image, motion):
             self._has_film = True
         elif self._has_film and not stands_still(motion):  # what repeats itself, as a mesh does, seems to move
-            self._has_film = self._texture.compare(before[1], self._understood[1], _STILL).is_there
+            stands, moves = (self._texture.compare(before[1], self._understood[1], to) for to in (_STILL, motion))
+            # ground with coarse grain resembles itself after a small motion, too, but less than where it has gone
+            self._has_film = stands.is_there and moves.sigmas < _GROUND_OVER_FILM * stands.sigmas
             return self._has_film
         return self._layers.is_doubtful
 
