@@ -15,6 +15,7 @@ from io import StringIO
 from typing import TYPE_CHECKING, Any
 
 from trailmark.evaluation import FUSED, GROUND_TRUTH
+from trailmark.interruption import TELL_S, shielded
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -155,7 +156,10 @@ def line_styles(names: Iterable[str]) -> dict[str, LineStyle]:
 @contextmanager
 def plotting(name: str) -> Iterator[None]:
     """Draw with our settings; ids inside the drawing depend on its name and content alone."""
-    import matplotlib as mpl
+    with shielded(TELL_S):  # an extension whose import is cut off takes the whole process with it
+        import matplotlib as mpl
+        import matplotlib.backends.backend_svg
+        import matplotlib.figure
 
     settings: dict[Any, Any] = {**_SETTINGS, "svg.hashsalt": name}
     with mpl.rc_context():
