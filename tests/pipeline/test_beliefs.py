@@ -48,6 +48,19 @@ def test_a_long_run_keeps_a_bounded_table_that_spans_it(tmp_path) -> None:
     assert table.stamps_s[-1] > 49_900
 
 
+def test_of_several_beliefs_of_one_stamp_the_last_is_kept(tmp_path) -> None:
+    log = BeliefLog()
+    for k in range(5000):
+        log.add(Belief(float(k), Pose2(), 9.0 * np.eye(3)))
+        log.add(Belief(float(k), Pose2(), np.eye(3)))
+    (tmp_path / "beliefs.csv").write_text(log.text())
+
+    table = read_beliefs(tmp_path / "beliefs.csv")
+
+    assert len(np.unique(np.diff(table.stamps_s))) == 1
+    assert table.covariances.max() == 1.0
+
+
 def test_beliefs_without_pose_or_covariance_leave_no_table() -> None:
     log = BeliefLog()
     log.add(Belief(0.0))

@@ -17,18 +17,25 @@ _N_KEPT = 2000
 class BeliefLog:
     """Keeps a thousand to two thousand beliefs, evenly over a run.
 
-    When there is one too many every second is let go, and only half as many are taken from then on.
+    When there is one too many every second is let go, and only half as many are taken from then on. Of several beliefs
+    of one stamp, as where two sensors read at once, the last counts: it knows what all of them said.
     """
 
     def __init__(self) -> None:
         self._kept: list[Belief] = []
         self._stride = 1
         self._n_seen = 0
+        self._stamp_s: float | None = None
 
     def add(self, belief: Belief) -> None:
         """Add a belief; one without pose or covariance is left out."""
         if belief.pose_map_base is None or belief.covariance is None:
             return
+        if belief.stamp_s == self._stamp_s:
+            if self._kept[-1].stamp_s == belief.stamp_s:
+                self._kept[-1] = belief
+            return
+        self._stamp_s = belief.stamp_s
         if self._n_seen % self._stride == 0:
             self._kept.append(belief)
         self._n_seen += 1
