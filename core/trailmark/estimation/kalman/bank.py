@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -79,11 +78,10 @@ def mixture_of(rivals: Sequence[RivalFilter], weights: Floats) -> Gaussian | Non
     return Gaussian(x, covariance)
 
 
-def log_likelihood(state: FilterState, measurement: Measurement) -> float:
-    """Return the log of the probability density of a measurement, to a constant."""
-    if state.gaussian is None:
+def log_likelihood(seen: Innovation | None) -> float:
+    """Return the log of the probability density of a measurement, to a constant; 0 while the pose is unknown."""
+    if seen is None:
         return 0.0
-    seen = Innovation(*measurement.innovation(state.gaussian.x), state.gaussian.covariance)
     _, log_det = np.linalg.slogdet(seen.inverse)
     return max(0.5 * float(log_det), -_MODESTY) - 0.5 * seen.nis
 
@@ -158,10 +156,14 @@ def with_likelihoods(rivals: Sequence[RivalFilter], logs: Sequence[float]) -> li
     """Return hypotheses after a measurement: how much it says is bounded, as it may be an outlier."""
     best = max(logs)
     return [
-        replace(
-            rival,
-            log_weight=rival.log_weight + max(log - best, -_MOST_OF_ONE),
-            n_measurements=rival.n_measurements + 1,
+        RivalFilter(
+            rival.state,
+            rival.log_weight + max(log - best, -_MOST_OF_ONE),
+            rival.n_measurements + 1,
+            rival.is_implausible,
+            rival.offsets,
+            rival.begun,
+            rival.log_votes,
         )
         for rival, log in zip(rivals, logs)
     ]

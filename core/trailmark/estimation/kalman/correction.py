@@ -29,7 +29,7 @@ from trailmark.estimation.kalman_config import KalmanConfig
 from trailmark.estimation.unmeasured import NOWHERE, Sym2, directions_above, projected, turned
 from trailmark.geometry import wrap_angle
 
-__all__ = ["Correction", "Filter"]
+__all__ = ["Correction", "Filter", "innovation_of"]
 
 # What may be doubted, and how far: position to 1 km, heading to all round [m, rad].
 _DOUBTS = ((np.diag([1.0, 1.0, 0.0]), 1e3), (np.diag([0.0, 0.0, 1.0]), math.pi))
@@ -70,14 +70,18 @@ class Correction:
         self._filter = kalman
         self._layout = layout
 
-    def correct(self, state: FilterState, measurement: Measurement) -> FilterState:
-        """Return the state after a measurement, with the verdict on it as its last."""
+    def correct(self, state: FilterState, measurement: Measurement, seen: Innovation | None = None) -> FilterState:
+        """Return the state after a measurement, with the verdict on it as its last.
+
+        Its innovation, if it is known already, need not be computed anew.
+        """
         before, dof = state.gaussian, len(measurement.root)
         if before is None:
             return self._start(state, measurement)
         if measurement.replaces:
             return self._replace_pose(state, before, measurement)
-        seen = Innovation(*measurement.innovation(before.x), before.covariance)
+        if seen is None:
+            seen = Innovation(*measurement.innovation(before.x), before.covariance)
         gate = measurement.trust.gate
         if gate is not None and seen.nis > threshold(gate, dof):
             return self._reject(state, before, measurement, seen)
@@ -168,6 +172,13 @@ class Correction:
         )
         state = replace(state, rejections=recovered)
         return _accept(state, measurement, Gaussian(*after), directions, Verdict("accepted", seen.nis, dof, message))
+
+
+def innovation_of(state: FilterState, measurement: Measurement) -> Innovation | None:
+    """Return what a measurement says against a state; None while the pose is unknown."""
+    if state.gaussian is None:
+        return None
+    return Innovation(*measurement.innovation(state.gaussian.x), state.gaussian.covariance)
 
 
 def _with_rejected(state: FilterState, measurement: Measurement) -> tuple[RejectedMeasurement, ...]:

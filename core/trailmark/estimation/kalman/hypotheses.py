@@ -16,19 +16,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from trailmark.estimation.kalman.agreement import Tolerance, is_still, motion_since
-from trailmark.estimation.kalman.bank import (
-    is_jump,
-    log_likelihood,
-    log_likelihood_of_offset,
-    posterior,
-    with_likelihoods,
-)
+from trailmark.estimation.kalman.bank import posterior
 from trailmark.estimation.kalman.correction import Correction
 from trailmark.estimation.kalman.diagnosis import DetectedFault, FaultDiagnosis, RivalFilter
 from trailmark.estimation.kalman.fault_reasons import reason_against_fixes, reason_against_motion
 from trailmark.estimation.kalman.forgiveness import window_that_shows
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.kalman.prediction import Prediction
+from trailmark.estimation.kalman.rival_filters import RivalFilters
 from trailmark.estimation.kalman.settling import continued, settle
 from trailmark.estimation.kalman.state import FilterState
 from trailmark.estimation.kalman.votes import with_votes
@@ -77,8 +72,7 @@ class HypothesisBank:
     """
 
     def __init__(self, prediction: Prediction, correction: Correction, tolerance: Tolerance) -> None:
-        self._prediction = prediction
-        self._correction = correction
+        self._filters = RivalFilters(prediction, correction)
         self._tolerance = tolerance
 
     def ask(self, state: FilterState, anchor: FilterState, hypotheses: Iterable[Hypothesis]) -> FilterState:
@@ -87,13 +81,13 @@ class HypothesisBank:
         rivals = [self._begin_rival(state, anchor, hypothesis) for hypothesis in hypotheses]
         if len(rivals) < 2:
             return state
-        rivals = with_votes(self._replay(rivals, anchor, state), self._tolerance)
+        rivals = with_votes(self._filters.replay(rivals, anchor, state), self._tolerance)
         return settle(state, _with_suspicion(state, anchor, rivals))
 
     def predict(self, state: FilterState, stamp_s: float) -> FilterState:
         """Return a state with rivals at a later stamp."""
         before = state.diagnosis.rivals
-        after = [self._predict_rival(rival, stamp_s) for rival in before]
+        after = self._filters.predict(before, stamp_s)
         leads = _most_probable_that_moved(after)
         odometry = continued(state.odometry, before[leads].state.odometry, after[leads].state.odometry)
         after = with_votes(after, self._tolerance, before)
@@ -101,7 +95,7 @@ class HypothesisBank:
 
     def correct(self, state: FilterState, measurement: Measurement) -> FilterState:
         """Return a state with rivals after a measurement, with the verdict of the most probable one as its last."""
-        rivals = self._measure(state.diagnosis.rivals, measurement)
+        rivals = self._filters.measure(state.diagnosis.rivals, measurement)
         leader = rivals[int(np.argmax(posterior(rivals)))].state
         verdict = leader.verdicts[-1]
         diagnosis = state.diagnosis._replace(measurements=(*state.diagnosis.measurements, (state.stamp_s, measurement)))
@@ -137,52 +131,6 @@ class HypothesisBank:
         n_liars = len(trusted - hypothesis.motions) + len(liars)
         return RivalFilter(anchor.with_diagnosis(diagnosis), -_LIAR * n_liars, begun=anchor)
 
-    def _replay(self, rivals: Sequence[RivalFilter], anchor: FilterState, state: FilterState) -> list[RivalFilter]:
-        """Return hypotheses at the instant of a state, from an anchor on.
-
-        Nobody knows when a lie begins. As in Page's cumulative sum, it begins anew where until then all localizers
-        together explain the measurements better than a hypothesis does.
-        """
-        before = state.diagnosis
-        diagnosis = FaultDiagnosis(
-            sums=anchor.diagnosis.sums,
-            faults=before.faults,
-            absolute_faults=before.absolute_faults,
-            doubts=before.doubts,
-        )
-        replayed = [RivalFilter(anchor.with_diagnosis(diagnosis), 0.0), *rivals]
-        for stamp_s, measurement in before.measurements:
-            if stamp_s <= anchor.stamp_s:
-                continue
-            replayed = [self._predict_rival(rival, stamp_s) for rival in replayed]
-            replayed = self._measure(replayed, measurement)
-            reference = replayed[0]
-            replayed = [reference, *(_begun_later(*pair, reference) for pair in zip(replayed[1:], rivals))]
-        return [self._predict_rival(rival, state.stamp_s) for rival in replayed[1:]]
-
-    def _predict_rival(self, rival: RivalFilter, stamp_s: float) -> RivalFilter:
-        state, is_implausible = rival.state, rival.is_implausible
-        if stamp_s <= state.stamp_s:
-            return rival
-        for cut_s in [*self._prediction.cuts(state.stamp_s, stamp_s), stamp_s]:
-            before, state = state, self._prediction.predict_piece(state, cut_s)
-            is_implausible = is_implausible or bool(_jumps(before, state))
-        return replace(rival, state=state, is_implausible=is_implausible)
-
-    def _measure(self, rivals: Sequence[RivalFilter], measurement: Measurement) -> list[RivalFilter]:
-        corrected, logs = [], []
-        for rival in rivals:
-            if measurement.source not in rival.state.diagnosis.absolute_faults:
-                logs.append(log_likelihood(rival.state, measurement))
-                corrected.append(replace(rival, state=self._correction.correct(rival.state, measurement)))
-                continue
-            known = rival.offsets.get(measurement.source)
-            log, offset = log_likelihood_of_offset(rival.state, measurement, known)
-            logs.append(log)
-            offsets = rival.offsets if offset is None else {**rival.offsets, measurement.source: offset}
-            corrected.append(replace(rival, state=self._correction.doubt(rival.state, measurement), offsets=offsets))
-        return with_likelihoods(corrected, logs)
-
 
 def _most_probable_that_moved(rivals: Sequence[RivalFilter]) -> int:
     """Return the index of the most probable hypothesis whose motion has told of the present instant already.
@@ -207,35 +155,3 @@ def _with_suspicion(state: FilterState, anchor: FilterState, rivals: Sequence[Ri
         )
         for rival in rivals
     ]
-
-
-def _begun_later(rival: RivalFilter, at_first: RivalFilter, reference: RivalFilter) -> RivalFilter:
-    """Return a hypothesis, begun anew from the filter of all if that explains better what was measured until here."""
-    log_weight = reference.log_weight + at_first.log_weight
-    if rival.log_weight > log_weight:
-        return rival
-    said = rival.state.diagnosis
-    diagnosis = reference.state.diagnosis._replace(
-        faults=said.faults, absolute_faults=said.absolute_faults, doubts=said.doubts
-    )
-    return RivalFilter(reference.state.with_diagnosis(diagnosis), log_weight, begun=rival.begun)
-
-
-def _jumps(before: FilterState, after: FilterState) -> bool:
-    """Return whether a hypothesis says that the robot changed its velocity faster than robots do."""
-    if before.odometry.gap_s > 0.0 or after.odometry.gap_s > 0.0 or not before.odometry.has_moved:
-        return False
-    steps = [
-        step
-        for source in after.diagnosis.sums
-        if source not in after.diagnosis.faults and (step := motion_since(after, before, source)) is not None
-    ]
-    if not steps:
-        return False
-    return is_jump(
-        before.odometry.twist,
-        after.odometry.twist,
-        after.stamp_s - before.stamp_s,
-        position_m2=min(step.position_m2 for step in steps),
-        turn_rad2=min(step.turn_rad2 for step in steps),
-    )

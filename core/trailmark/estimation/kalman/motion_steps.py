@@ -61,7 +61,7 @@ class StatedMotion:
         What it is a part of; itself, if it was told as it is.
     """
 
-    __slots__ = ("_arc", "_spread", "_whole", "origin", "pose", "since_s", "stamp_s")
+    __slots__ = ("_arc", "_parts", "_spread", "_whole", "origin", "pose", "since_s", "stamp_s")
 
     def __init__(self, motion: Motion, information: Sym3) -> None:
         self.since_s, self.stamp_s = motion.since_s, motion.stamp_s
@@ -76,6 +76,7 @@ class StatedMotion:
         matched_share = 1.0 if motion.is_matched else 0.0
         self._whole = MotionStep(pose.x, pose.y, pose.theta, covariance, rest, twist, matched_share)
         self._spread: Sym3 | None = None
+        self._parts: dict[tuple[float, float], MotionStep] = {}
 
     def between(self, since_s: float, stamp_s: float) -> MotionStep:
         """Return the step over a part of the interval.
@@ -85,6 +86,12 @@ class StatedMotion:
         """
         if since_s == self.since_s and stamp_s == self.stamp_s:
             return self._whole
+        part = self._parts.get((since_s, stamp_s))
+        if part is None:  # each hypothesis, and each time that the past is redone, asks for the same parts
+            part = self._parts[since_s, stamp_s] = self._step_between(since_s, stamp_s)
+        return part
+
+    def _step_between(self, since_s: float, stamp_s: float) -> MotionStep:
         dt_s = self.stamp_s - self.since_s
         begin, end = self._pose((since_s - self.since_s) / dt_s), self._pose((stamp_s - self.since_s) / dt_s)
         fraction = (stamp_s - since_s) / dt_s
@@ -149,6 +156,7 @@ class StatedMotion:
         part.since_s, part.stamp_s, part.origin = since_s, stamp_s, self.origin
         part.pose = Pose2(step.x, step.y, step.turn)
         part._arc, part._whole, part._spread = part.pose.log(), step, None
+        part._parts = {}
         return part
 
 

@@ -54,11 +54,8 @@ class MotionTrack:
 
     def add(self, motion: StatedMotion) -> bool:
         """Keep a motion; False if the same interval has been told already."""
-        sinces, pieces = self._sinces, self.pieces
-        # `forget` may leave a motion of which nothing counts: then there are no pieces.
-        if not sinces or (
-            pieces and motion.since_s > sinces[-1] and motion.since_s >= pieces[-1].stamp_s - _SAME_INSTANT_S
-        ):
+        sinces = self._sinces
+        if self._is_next(motion):
             self._insert(len(sinces), motion)
             self._append(motion)
             return True
@@ -74,6 +71,18 @@ class MotionTrack:
         self._insert(index, motion)
         self._rebuild(motion.since_s)
         return True
+
+    def changed_by(self, motion: StatedMotion) -> float:
+        """Return since when the pieces may change if a motion is added; ``-inf`` if they are found anew [s]."""
+        return motion.since_s if self._is_next(motion) else -math.inf
+
+    def _is_next(self, motion: StatedMotion) -> bool:
+        """Return whether a motion begins where all that was told before has ended, or is the first."""
+        sinces, pieces = self._sinces, self.pieces
+        # `forget` may leave a motion of which nothing counts: then there are no pieces.
+        return not sinces or bool(
+            pieces and motion.since_s > sinces[-1] and motion.since_s >= pieces[-1].stamp_s - _SAME_INSTANT_S
+        )
 
     def uses(self, motion: StatedMotion) -> bool:
         """Return whether a motion counts, at least for a part of its time."""

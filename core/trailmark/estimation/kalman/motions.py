@@ -6,6 +6,7 @@ motions of *one* localizer say of the same time counts once (`MotionTrack`). `we
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from trailmark.deprecation import deprecated_name
@@ -34,6 +35,7 @@ class Motions:
         self.n_added = 0
         self._drift = drift
         self._tracks: dict[str, MotionTrack] = {}
+        self._changed_since_s = math.inf
 
     def add(self, source: str, motion: StatedMotion) -> bool:
         """Keep a motion; False if this localizer has told of the same interval already."""
@@ -42,7 +44,13 @@ class Motions:
         if track is None:
             # In the order of names: the sum of several steps is then the same, to the last bit, whoever came first.
             self._tracks = dict(sorted((self._tracks | {source: (track := MotionTrack(self._drift))}).items()))
+        self._changed_since_s = min(self._changed_since_s, track.changed_by(motion))
         return track.add(motion)
+
+    def take_changed_since_s(self) -> float:
+        """Return since when steps have changed after the last such question; ``inf`` if nothing was told [s]."""
+        changed_since_s, self._changed_since_s = self._changed_since_s, math.inf
+        return changed_since_s
 
     def cuts(self, since_s: float, stamp_s: float) -> list[float]:
         """Return the stamps strictly inside an interval at which a motion begins or ends, in order."""

@@ -105,6 +105,10 @@ class Prediction:
         """Return the stamps strictly inside an interval at which a motion begins or ends, in order."""
         return self._motions.cuts(since_s, stamp_s)
 
+    def take_changed_since_s(self) -> float:
+        """Return since when motion has changed after the last such question; ``inf`` if nothing was told [s]."""
+        return self._motions.take_changed_since_s()
+
     def restart_after_gap(self, state: FilterState, gap_s: float) -> FilterState:
         """Return a state that starts anew at any time, as uncertain as after a gap."""
         at_rest = replace(state.odometry, gap_s=0.0, twist=AT_REST, unmeasured_s=NOWHERE)

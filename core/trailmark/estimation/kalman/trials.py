@@ -13,10 +13,9 @@ from dataclasses import replace
 
 from trailmark.estimation.kalman.agreement import is_still, motion_since
 from trailmark.estimation.kalman.bank import log_likelihood, log_odds_of_one
-from trailmark.estimation.kalman.correction import Correction
+from trailmark.estimation.kalman.correction import Correction, innovation_of
 from trailmark.estimation.kalman.diagnosis import FaultDiagnosis, Retrial
 from trailmark.estimation.kalman.gate import threshold
-from trailmark.estimation.kalman.innovation import Innovation
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.kalman.prediction import Prediction
 from trailmark.estimation.kalman.state import FilterState
@@ -82,16 +81,15 @@ class Trials:
 
     def _hear(self, trial: Retrial, before: FilterState, measurement: Measurement) -> Retrial | None:
         """Return a trial after a measurement; None if the motion is wrong."""
-        gaussian = trial.state.gaussian
-        if gaussian is None:
+        seen = innovation_of(trial.state, measurement)
+        if seen is None:
             return None
-        seen = Innovation(*measurement.innovation(gaussian.x), gaussian.covariance)
         nis, dof = trial.nis + seen.nis, trial.dof + len(measurement.root)
         state = replace(trial.state, verdicts=())
-        corrected = self._correction.correct(state, measurement)
+        corrected = self._correction.correct(state, measurement, seen)
         if corrected.verdicts[-1].status != "accepted" or nis > threshold(_PASSES, dof):
             return None
-        said = log_likelihood(state, measurement) - log_likelihood(before, measurement)
+        said = log_likelihood(seen) - log_likelihood(innovation_of(before, measurement))
         return trial._replace(state=corrected, nis=nis, dof=dof, log_odds=trial.log_odds + log_odds_of_one(said))
 
 
