@@ -59,7 +59,8 @@ def test_a_question_that_is_asked_again_is_not_replayed_from_its_beginning(monke
     anew, n_anew = predictions(monkeypatch, beliefs_of)
     assert n_again < 0.9 * n_anew
     for one, other in zip(again, anew, strict=True):
-        assert one.covariance is not None and other.covariance is not None
+        assert one.covariance is not None
+        assert other.covariance is not None
         assert one.pose_map_base == other.pose_map_base
         assert one.covariance.tobytes() == other.covariance.tobytes()
         assert one.health == other.health

@@ -162,7 +162,7 @@ class Pose2:
 _set_x, _set_y, _set_theta = (vars(Pose2)[name].__set__ for name in ("x", "y", "theta"))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, init=False)
 class Twist2:
     """Velocity of a body in the plane, along its own axes.
 
@@ -178,9 +178,17 @@ class Twist2:
     left_mps: float = 0.0
     yaw_radps: float = 0.0
 
+    def __init__(self, forward_mps: float = 0.0, left_mps: float = 0.0, yaw_radps: float = 0.0) -> None:
+        _set_forward(self, forward_mps)
+        _set_left(self, left_mps)
+        _set_yaw(self, yaw_radps)
+
     def after(self, dt_s: float) -> Pose2:
         """Return the motion when the twist holds for `dt_s` seconds."""
         return Pose2.exp(self.forward_mps * dt_s, self.left_mps * dt_s, self.yaw_radps * dt_s)
+
+
+_set_forward, _set_left, _set_yaw = (vars(Twist2)[name].__set__ for name in ("forward_mps", "left_mps", "yaw_radps"))
 
 
 def wrap_angle(angle_rad: float) -> float:

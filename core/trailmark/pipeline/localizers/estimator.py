@@ -56,6 +56,7 @@ class EstimatorRunner:
         self._times = times
         self._moving: dict[str, LocalizerPart] = {}
         self._spared: dict[str, str] = {}  # whose motion is left out, and for whose
+        self._believed: tuple[float, Belief] | None = None  # and the stamp that was asked for; until more is applied
 
     def set_pose(self, pose_map_base: Pose2, covariance: Floats | None = None, stamp_s: float | None = None) -> Applied:
         """Tell the estimator where a person says that the robot is; what is no pose is refused.
@@ -67,6 +68,7 @@ class EstimatorRunner:
         """
         if (problem := _problem_of(pose_map_base, covariance, stamp_s)) is not None:
             return Applied("refused", problem)
+        self._believed = None
         try:
             when = () if stamp_s is None else (stamp_s,)
             outcome = self._estimator.set_pose(pose_map_base, covariance, *when)
@@ -84,6 +86,8 @@ class EstimatorRunner:
         RunError
             If the estimator raises.
         """
+        if self._believed is not None and self._believed[0] == stamp_s:
+            return self._believed[1]
         began_ns = perf_counter_ns()
         try:
             belief = self._estimator.belief(stamp_s)
@@ -97,7 +101,11 @@ class EstimatorRunner:
         except BaseException as error:
             raise_failure(error, "the estimator", "belief", keeps=())
         self._times.append(perf_counter_ns() - began_ns)
-        return replace(belief, health={**belief.health, **self.health}) if self.health else belief
+        if self.health:
+            belief = replace(belief, health={**belief.health, **self.health})
+        if stamp_s is not None:
+            self._believed = stamp_s, belief
+        return belief
 
     def apply(self, localizer: LocalizerPart, estimate: Estimate, frame_s: float) -> Applied:
         """Apply an estimate of a localizer about a frame, and return what became of it.
@@ -120,6 +128,7 @@ class EstimatorRunner:
             self._admit_motion(localizer)
         if isinstance(estimate, Motion) and (other := self._spared.get(name)) is not None:
             return Applied("unused", f"{other!r} gives motion, and both would count twice")
+        self._believed = None
         began_ns = perf_counter_ns()
         try:
             outcome = self._estimator.apply(name, estimate)
@@ -132,6 +141,7 @@ class EstimatorRunner:
 
     def switch_off(self, name: str, why: str) -> None:
         """Expect nothing more of a localizer: what was spare beside its motion counts from now on."""
+        self._believed = None
         self.health[name] = f"switched off: {why}"
         self._moving.pop(name, None)
         self._spared.pop(name, None)
@@ -157,11 +167,12 @@ class EstimatorRunner:
 
 def _reaches_m(estimate: Estimate) -> float:
     """Return the largest coordinate of an estimate [m]."""
-    match estimate:
-        case Motion(pose_since_now=pose) | Fix(pose_map_base=pose):
-            return max(abs(pose.x), abs(pose.y))
-        case PathOffset():
-            return max(abs(estimate.station_m), abs(estimate.lateral_m))
+    if isinstance(estimate, Motion):
+        return max(abs(estimate.pose_since_now.x), abs(estimate.pose_since_now.y))
+    if isinstance(estimate, Fix):
+        return max(abs(estimate.pose_map_base.x), abs(estimate.pose_map_base.y))
+    if isinstance(estimate, PathOffset):
+        return max(abs(estimate.station_m), abs(estimate.lateral_m))
     return 0.0
 
 

@@ -7,7 +7,7 @@ import math
 from abc import ABC, abstractmethod
 from array import array
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import islice
 from numbers import Real
@@ -23,6 +23,7 @@ from trailmark.interfaces import Localizer, Session
 from trailmark.pipeline.instruments import Instruments
 from trailmark.pipeline.localizers.correcting import with_corrected_motions
 from trailmark.pipeline.parts import LocalizerPart
+from trailmark.values import quick_dataclass
 
 if TYPE_CHECKING:
     from trailmark.worker import PendingCall, Workers
@@ -50,13 +51,15 @@ _LONGEST_REASON = 1000  # letters
 
 # Of these types nearly all details are; the general question takes longer.
 _PLAIN_MAPPINGS = (MappingProxyType, dict)
+# What an answer may be. As tuples: a union would be made anew at every frame.
+_SEQUENCES, _TEXTS, _ESTIMATES = (tuple, list, Sequence), (str, bytes), (Motion, Fix, PathOffset, Lost)
 
 
 class LocalizerFailedError(RunError):
     """A localizer raised, or returned what is no sequence of estimates."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@quick_dataclass(frozen=True, slots=True, eq=False)
 class ObserveResult:
     """What a localizer said about a frame.
 
@@ -164,14 +167,16 @@ class LocalizerRunner(ABC):
 
     def _checked_estimates(self, answer: object) -> Sequence[Estimate]:
         """Return what `Localizer.observe` has returned, if it is a sequence of estimates; what nobody reads is cut."""
-        if not isinstance(answer, tuple | list | Sequence) or isinstance(answer, str | bytes):
+        if type(answer) is tuple and not answer:  # nearly all answers of most
+            return ()
+        if not isinstance(answer, _SEQUENCES) or isinstance(answer, _TEXTS):
             raise TypeError(f"it returned {type(answer).__name__}, not a sequence of estimates")
         estimates = tuple(islice(answer, _MOST_ESTIMATES + 1))
         if len(estimates) > _MOST_ESTIMATES:
             raise ValueError(f"it returned {len(answer)} estimates about one frame, more than {_MOST_ESTIMATES}")
         says_too_much = False
         for estimate in estimates:
-            if not isinstance(estimate, Motion | Fix | PathOffset | Lost):
+            if not isinstance(estimate, _ESTIMATES):
                 raise TypeError(f"it returned {type(estimate).__name__} in its sequence of estimates")
             if type(estimate.stamp_s) is not float and not isinstance(estimate.stamp_s, Real):
                 raise TypeError(f"it returned an estimate with the stamp {estimate.stamp_s!r}, not a number")

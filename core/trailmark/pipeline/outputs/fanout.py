@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from time import perf_counter_ns
 from typing import Any
@@ -47,28 +47,23 @@ class SinkFanout:
             for method, overrides in _OVERRIDES.items()
         }
 
-    def tell(self, method: Callable[..., None], *arguments: Any) -> None:
-        """Call a method of `Sink` on every sink that overrides it: ``tell(Sink.on_belief, belief)``.
+    def tell(self, method: Callable[..., None], *arguments: Any, to: Sequence[_Listener] | None = None) -> None:
+        """Call a method of `Sink` on every sink that overrides it, or on some: ``tell(Sink.on_belief, belief)``.
 
         Raises
         ------
         RunError
             If a sink raises what is no error of Trailmark.
         """
-        for listener in self._listeners[method]:
-            _call(listener, method.__name__, arguments)
+        for name, call, times in self._listeners[method] if to is None else to:
+            began_ns = perf_counter_ns()
+            try:
+                call(*arguments)
+            except BaseException as error:
+                raise_failure(error, f"sink {name!r}", method.__name__)
+            times.append(perf_counter_ns() - began_ns)
 
     def on_end(self, end: RunEnd) -> Iterator[Callable[[], None]]:
         """Yield a call of `Sink.on_end` for each sink; one that raises does not keep it from the others."""
         for listener in self._listeners[Sink.on_end]:
-            yield partial(_call, listener, Sink.on_end.__name__, (end,))
-
-
-def _call(listener: _Listener, method: str, arguments: tuple[Any, ...]) -> None:
-    name, call, times = listener
-    began_ns = perf_counter_ns()
-    try:
-        call(*arguments)
-    except BaseException as error:
-        raise_failure(error, f"sink {name!r}", method)
-    times.append(perf_counter_ns() - began_ns)
+            yield partial(self.tell, Sink.on_end, end, to=[listener])
