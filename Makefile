@@ -18,7 +18,7 @@ coverage: install ## the same with the lines that no test reaches; it takes half
 	$(BIN)/pytest -n 2 --cov --cov-report=term:skip-covered
 
 check: install lint types  ## what a contributor waits for: lint, types, the tests that are not slow
-	$(BIN)/pytest -n 2 -m "not long and not slow"
+	$(BIN)/pytest -n 2 --dist loadfile -m "not long and not slow"
 
 long: install    ## the tests that take minutes
 	$(BIN)/pytest -n 2 -m long
