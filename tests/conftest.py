@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import importlib.util
 import os
 import signal
@@ -55,6 +56,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.path.is_relative_to(tests) and item.path.relative_to(tests).as_posix() in SLOW:
             item.add_marker("slow")
+
+
+def pytest_collection_finish() -> None:
+    """Leave what is there now, modules and 8000 tests, out of every later search for garbage."""
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")

@@ -14,8 +14,8 @@ import subprocess
 import sys
 import time
 import zlib
-from collections.abc import Iterator
 from contextlib import closing
+from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -38,7 +38,6 @@ from trailmark_omni_surf.selection import SelectionModel, shipped_model
 
 ROOT = Path(__file__).parents[2]
 CODE = [path for folder in ("core", "plugins") for path in sorted((ROOT / folder).rglob("*.py"))]
-MODULES = {str(path.relative_to(ROOT)): ast.parse(path.read_text(encoding="utf-8")) for path in CODE}
 
 WHEELS = "sources:\n  wheels: {plugin: csv_odometry, path: wheels.csv}\nlocalizers:\n  wheels: {plugin: odometry}\n"
 
@@ -61,23 +60,28 @@ def wheels(tmp_path: Path) -> Path:
     return folder
 
 
+@pytest.fixture(scope="module")
+def trees() -> dict[str, ast.Module]:
+    """Every module of ours, by its path."""
+    return {str(path.relative_to(ROOT)): ast.parse(path.read_text(encoding="utf-8")) for path in CODE}
+
+
 # Code that is not ours ------------------------------------------------------------------------------------------------
 
 
-def calls(tree: ast.AST) -> Iterator[tuple[str, ast.Call]]:
-    """Yield calls by the dotted name of what is called."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Call):
-            yield ast.unparse(node.func), node
+@cache
+def calls(tree: ast.AST) -> list[tuple[str, ast.Call]]:
+    """Return calls, each with the dotted name of what is called."""
+    return [(ast.unparse(node.func), node) for node in ast.walk(tree) if isinstance(node, ast.Call)]
 
 
-def test_nothing_unpickles_evaluates_or_runs_text() -> None:
+def test_nothing_unpickles_evaluates_or_runs_text(trees: dict[str, ast.Module]) -> None:
     """No module that unpickles, no eval or exec, no shell."""
     modules = {"pickle", "cPickle", "_pickle", "dill", "cloudpickle", "joblib", "marshal", "shelve", "runpy", "code"}
     modules |= {"yaml", "imp"}  # PyYAML has loaders that make objects
     functions = {"eval", "exec", "compile", "__import__", "os.system", "os.popen", "os.execv", "pandas.read_pickle"}
     found = []
-    for name, tree in MODULES.items():
+    for name, tree in trees.items():
         for node in ast.walk(tree):
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) and not node.level else []
@@ -94,11 +98,11 @@ def test_nothing_unpickles_evaluates_or_runs_text() -> None:
     assert found == []
 
 
-def test_modules_are_imported_by_name_in_few_places() -> None:
+def test_modules_are_imported_by_name_in_few_places(trees: dict[str, ast.Module]) -> None:
     """Each of them takes the name from code, from a registration, or from the entry points of a distribution."""
     places = {
         name.rpartition("/")[2]
-        for name, tree in MODULES.items()
+        for name, tree in trees.items()
         for called, _ in calls(tree)
         if called.rpartition(".")[2] in ("import_module", "exec_module", "spec_from_file_location")
     }
@@ -316,14 +320,22 @@ def test_a_new_plugin_lies_where_it_was_asked_for(tmp_path: Path, name: str) -> 
 # Much from little -----------------------------------------------------------------------------------------------------
 
 
+def deflated_zeros(n: int) -> bytes:
+    """Return what zlib makes of zeros: a megabyte is packed once, and its packed bytes repeated."""
+    packer = zlib.compressobj(9, wbits=-zlib.MAX_WBITS)
+    megabyte = packer.compress(bytes(1 << 20)) + packer.flush(zlib.Z_FULL_FLUSH)
+    rest = zlib.compress(bytes(n % (1 << 20)), 9, wbits=-zlib.MAX_WBITS)
+    adler32 = (n % 65521) << 16 | 1
+    return b"\x78\xda" + megabyte * (n >> 20) + rest + adler32.to_bytes(4, "big")
+
+
 def png(width: int, height: int) -> bytes:
     """Return a PNG of one colour that says it is of a size, with all of its data."""
 
     def chunk(name: bytes, data: bytes) -> bytes:
         return len(data).to_bytes(4, "big") + name + data + zlib.crc32(name + data).to_bytes(4, "big")
 
-    row = zlib.compressobj(9)
-    data = b"".join(row.compress(bytes(1 + width)) for _ in range(min(height, 300))) + row.flush()
+    data = deflated_zeros((1 + width) * min(height, 300))
     header = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", data) + chunk(b"IEND", b"")
 
@@ -472,11 +484,11 @@ def test_names_in_the_report_of_a_run_are_text(wheels: Path) -> None:
     assert "<script>alert(1)" not in text
 
 
-def test_a_session_needs_no_network(wheels: Path) -> None:
+def test_a_session_needs_no_network(wheels: Path, trees: dict[str, ast.Module]) -> None:
     """A run with a config from a file opens no socket: the only parts that do are asked for by name."""
     opening = {
         name
-        for name, tree in MODULES.items()
+        for name, tree in trees.items()
         for called, node in calls(tree)
         if called in ("socket.socket", "socket.create_connection", "urllib.request.urlopen", "distributed.Client")
         or called.endswith("start_server")
