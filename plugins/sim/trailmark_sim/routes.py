@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import PchipInterpolator
 
 from trailmark.arrays import Floats
 from trailmark.errors import ConfigError
@@ -53,6 +52,8 @@ class Route:
     @classmethod
     def through(cls, points: npt.ArrayLike, speed_mps: float, summary: str = "") -> Route:
         """Return the smooth route through points (N, 2) [m], heading along it."""
+        from scipy.interpolate import PchipInterpolator  # here: most worlds draw no such route
+
         xy = np.asarray(points, dtype=np.float64)
         chord = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))])
         dense = np.linspace(0.0, chord[-1], max(2, round(chord[-1] / _STEP_M) + 1))

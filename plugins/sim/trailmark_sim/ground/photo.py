@@ -13,7 +13,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from scipy.special import ndtri
 
 from trailmark.arrays import AnyArray, Float32s, Floats, Grey8
 from trailmark.errors import ConfigError
@@ -109,6 +108,8 @@ def _refuse_too_large(path: Path, size: list[int]) -> None:
 
 def _by_rank(grey: Grey8) -> tuple[Float32s, Float32s]:
     """Return the normal value of every grey by its rank, and the table that leads back."""
+    from scipy.special import ndtri  # here: few floors are photographs
+
     counts = np.bincount(grey.ravel(), minlength=256)
     ranks = (np.cumsum(counts) - counts / 2.0) / grey.size
     present = np.flatnonzero(counts)
