@@ -251,7 +251,7 @@ def _heard(seed: int) -> list[Told]:
 
 
 class TestOrder:
-    @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+    @settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
     @given(seed=st.integers(0, 9), shuffle=st.randoms(use_true_random=False))
     def test_any_order_of_arrival_gives_what_the_right_order_gives(self, seed: int, shuffle: object) -> None:
         heard = _heard(seed)
