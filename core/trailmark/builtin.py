@@ -26,7 +26,7 @@ def trailmark_register(registry: Registry) -> None:
         "trailmark.estimation.kalman.estimator:Kalman",
         config="trailmark.estimation.kalman_config:KalmanConfig",
         summary="Weighs any mix of localizers by their covariances; late, wrong and silent ones included",
-        reference="Extended Kalman filter (filterpy predicts, the update is ours) or unscented (filterpy)",
+        reference="Extended Kalman filter (ours, compared with filterpy) or unscented (filterpy)",
     )
     registry.estimator(
         "smoother",

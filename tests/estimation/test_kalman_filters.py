@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -28,6 +30,15 @@ TRUST = Trust.of(KalmanConfig(), "any")
 def covariance(rng: np.random.Generator, n: int) -> np.ndarray:
     rows = rng.normal(size=(n, n)) * 0.1
     return rows @ rows.T + 1e-4 * np.eye(n)
+
+
+def test_filterpy_is_imported_for_the_unscented_filter_alone() -> None:
+    code = (
+        "import sys; from trailmark.estimation.kalman.estimator import Kalman;"
+        "from trailmark.estimation.kalman_config import KalmanConfig; from trailmark.interfaces import Session;"
+        "Kalman(KalmanConfig()).start(Session()); assert 'filterpy' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 @pytest.mark.parametrize("n", [3, 5])

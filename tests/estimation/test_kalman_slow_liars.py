@@ -192,7 +192,7 @@ def test_after_the_last_absolute_estimate_the_belief_is_widened_by_no_more_than_
 def test_about_one_belief_in_a_hundred_of_honest_drives_is_widened(monkeypatch: pytest.MonkeyPatch) -> None:
     widened: list[bool] = []
 
-    def record(state: FilterState) -> Floats:
+    def record(state: FilterState, *_: object) -> Floats:
         widened.append(bool(covariance_of_one_sided_corrections(state).any()))
         return np.zeros((3, 3))
 

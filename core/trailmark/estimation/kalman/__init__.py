@@ -1,4 +1,4 @@
 """An extended Kalman filter of the planar pose: one belief of any mix of localizers.
 
-filterpy is imported by `ekf` and `ukf` alone.
+filterpy is imported by `ukf` alone, when it is asked for.
 """

@@ -10,7 +10,7 @@ from trailmark.estimates import Belief, PathOffset
 from trailmark.estimation.corrections import covariance_on_path
 from trailmark.estimation.kalman.alternatives import believed_gaussian
 from trailmark.estimation.kalman.dissent import covering_covariance
-from trailmark.estimation.kalman.one_sided import covariance_of_one_sided_corrections
+from trailmark.estimation.kalman.one_sided import InnovationSums, covariance_of_one_sided_corrections
 from trailmark.estimation.kalman.state import FilterState
 from trailmark.estimation.symmetric import ZERO, inverse, to_matrix
 from trailmark.frames.payloads import read_only
@@ -32,6 +32,7 @@ class BeliefPlaces:
     def __init__(self, path: Path | None) -> None:
         self._path = path
         self._station_m: float | None = None
+        self._innovations = InnovationSums()
 
     def belief_of(self, state: FilterState, odometry: tuple[Pose2, float], health: Mapping[str, str]) -> Belief:
         """Return the belief of a state.
@@ -49,7 +50,8 @@ class BeliefPlaces:
         gaussian = believed_gaussian(state)
         if gaussian is not None:
             x, y, theta = gaussian.x[:3].tolist()
-            covariance = read_only(covering_covariance(state, gaussian) + covariance_of_one_sided_corrections(state))
+            one_sided = covariance_of_one_sided_corrections(state, self._innovations)
+            covariance = read_only(covering_covariance(state, gaussian) + one_sided)
             pose = Pose2(x, y, theta)
             on_path = self._on_path(state.stamp_s, pose, covariance)
         return Belief(

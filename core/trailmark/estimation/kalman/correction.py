@@ -226,7 +226,7 @@ def _accept(
     odometry = state.odometry
     if odometry.unmeasured_s is not NOWHERE:
         turn = odometry.pose_odom_base.theta - float(after.x[2])
-        odometry = replace(odometry, unmeasured_s=_still_unmeasured(odometry.unmeasured_s, directions, turn))
+        odometry = odometry.with_unmeasured(_still_unmeasured(odometry.unmeasured_s, directions, turn))
     return FilterState(
         stamp_s=state.stamp_s,
         gaussian=after,

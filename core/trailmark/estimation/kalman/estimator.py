@@ -14,6 +14,7 @@ from trailmark.estimation.information import checked_covariance
 from trailmark.estimation.kalman.belief_places import BeliefPlaces
 from trailmark.estimation.kalman.clock import ClockGuard
 from trailmark.estimation.kalman.clock_offsets import TimeOffset
+from trailmark.estimation.kalman.correction import Filter
 from trailmark.estimation.kalman.ekf import Ekf
 from trailmark.estimation.kalman.health import SourceMonitor, health_of
 from trailmark.estimation.kalman.layout import Layout
@@ -30,7 +31,6 @@ from trailmark.estimation.kalman.source_learning import SourceLearning
 from trailmark.estimation.kalman.state import FilterState, Gaussian
 from trailmark.estimation.kalman.timeline import Timeline
 from trailmark.estimation.kalman.trust import Trust
-from trailmark.estimation.kalman.ukf import Ukf
 from trailmark.estimation.kalman_config import KalmanConfig
 from trailmark.estimation.overlaps import OVERLAPS, TOLD_ALREADY, TOLD_S
 from trailmark.geometry import Pose2
@@ -48,8 +48,8 @@ _GAP_OF_A_JUMP_S = 10.0
 class Kalman(Estimator):
     """An extended Kalman filter of the planar pose, for any mix of localizers.
 
-    filterpy does the prediction, and with ``filter: ukf`` the update, too. The update of the extended filter, gates,
-    recovery, hypotheses of who lies, and the history are Trailmark's own.
+    With ``filter: ukf`` prediction and update are filterpy's. Those of the extended filter, gates, recovery, hypotheses
+    of who lies, and the history are Trailmark's own.
 
     The belief depends on what was said and on what instants it was said about, not on the order in which it came:
     any arrival inside the history gives what the right order would have given.
@@ -64,7 +64,7 @@ class Kalman(Estimator):
         """Forget everything; begin at the session's start pose, or nowhere."""
         config = self.config
         self._layout = layout = Layout.of(config)
-        self._filter = Ukf(layout.n) if config.filter == "ukf" else Ekf(layout.n)
+        self._filter = _new_filter(config, layout)
         self._path = session.path
         self._places = BeliefPlaces(session.path)
         self._odometry = PublishedOdometry()
@@ -307,3 +307,11 @@ class Kalman(Estimator):
         for source in self._timeline.motions.overlapping(state.stamp_s - TOLD_S):
             health.setdefault(source, OVERLAPS)
         return health
+
+
+def _new_filter(config: KalmanConfig, layout: Layout) -> Filter:
+    if config.filter == "ekf":
+        return Ekf(layout.n)
+    from trailmark.estimation.kalman.ukf import Ukf  # filterpy imports much of scipy
+
+    return Ukf(layout.n)

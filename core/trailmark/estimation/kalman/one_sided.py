@@ -10,8 +10,9 @@ belief grows by its motion alone.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from operator import sub
+from bisect import bisect_right
+from collections.abc import Iterator
+from operator import itemgetter, sub
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from trailmark.estimation.kalman.innovation import Innovation
 from trailmark.estimation.kalman.state import FilterState
 from trailmark.geometry import wrap_angle
 
-__all__ = ["covariance_of_one_sided_corrections", "longest_one_sided_since"]
+__all__ = ["InnovationSums", "covariance_of_one_sided_corrections", "longest_one_sided_since"]
 
 # Three directions since up to five anchors are tested: about one belief in a hundred of a consistent filter is taken
 # for one that is not.
@@ -35,13 +36,50 @@ _UNCORRECTED = 1e-12
 _NOTHING: Floats = np.zeros((3, 3))
 
 
-def covariance_of_one_sided_corrections(state: FilterState) -> Floats:
+class InnovationSums:
+    """Innovations since an anchor, added up: each belief looks at those of seconds, and one or two of them are new."""
+
+    def __init__(self) -> None:
+        self._anchor: FilterState | None = None
+        self._seen: list[Innovation] = []
+        self._sums: list[tuple[Floats, float, float]] = []  # gains, largest way and turn, until each of them
+
+    def until_now(self, state: FilterState, anchor: FilterState) -> tuple[Floats, float, float]:
+        """Return the sum of the gains in the pose, (3, 3), and the largest way and turn of ``H^-1 y`` [m, rad].
+
+        Parameters
+        ----------
+        state : FilterState
+            With innovations.
+        anchor : FilterState
+            Since when they count; one at least is younger.
+        """
+        innovations, seen, sums = state.diagnosis.innovations, self._seen, self._sums
+        first = bisect_right(innovations, anchor.stamp_s, key=itemgetter(0))
+        n_known = min(len(innovations) - first, len(seen)) if anchor is self._anchor else 0
+        while n_known and seen[n_known - 1] is not innovations[first + n_known - 1][1]:
+            n_known -= 1  # what came late redid them: of one that is the same all before it are
+        del seen[n_known:], sums[n_known:]
+        self._anchor = anchor
+        for _, innovation in innovations[first + n_known :]:
+            way_m, turn_rad, gain = innovation.size_in_pose()
+            if sums:
+                gains, largest_m, largest_rad = sums[-1]
+                gain, way_m, turn_rad = gains + gain, max(largest_m, way_m), max(largest_rad, turn_rad)
+            seen.append(innovation)
+            sums.append((gain, way_m, turn_rad))
+        return sums[-1]
+
+
+def covariance_of_one_sided_corrections(state: FilterState, sums: InnovationSums | None = None) -> Floats:
     """Return the square of the mean innovation, (3, 3), where corrections lie to one side; zeros where they do not.
 
     Parameters
     ----------
     state : FilterState
         With the anchors since which corrections are added up.
+    sums : InnovationSums, optional
+        Of the last question, which spares most of the work.
     """
     anchor = next(_one_sided_since(state, _PROBABILITY), None)
     if anchor is None:
@@ -49,7 +87,7 @@ def covariance_of_one_sided_corrections(state: FilterState) -> Floats:
     diagnosis = state.diagnosis
     moved = diagnosis.corrections - anchor.diagnosis.corrections
     moved[2] = wrap_angle(float(moved[2]))
-    mean = _mean_innovation([one for stamp_s, one in diagnosis.innovations if stamp_s > anchor.stamp_s], moved)
+    mean = _mean_innovation((sums or InnovationSums()).until_now(state, anchor), moved)
     return np.outer(mean, mean)
 
 
@@ -84,15 +122,13 @@ def _one_sided_since(state: FilterState, probability: float) -> Iterator[FilterS
             yield anchor
 
 
-def _mean_innovation(seen: Sequence[Innovation], moved: Floats) -> Floats:
+def _mean_innovation(sums: tuple[Floats, float, float], moved: Floats) -> Floats:
     """Return the mean of innovations in the pose, (3,), each weighted by its gain.
 
     With gains ``K H`` in the pose and corrections ``K v`` it is ``(sum K H)^-1 sum K v``, and in way and turn no more
     than the largest ``H^-1 v``.
     """
-    sizes = [one.size_in_pose() for one in seen]
-    gains = np.add.reduce([gain for _, _, gain in sizes])
-    largest_m, largest_rad = max(way_m for way_m, _, _ in sizes), max(turn_rad for _, turn_rad, _ in sizes)
+    gains, largest_m, largest_rad = sums
     x, y, turn = np.linalg.lstsq(gains, moved, rcond=1e-9)[0].tolist()
     shorter = min(1.0, largest_m / max(math.hypot(x, y), _UNCORRECTED))
     return np.array([shorter * x, shorter * y, math.copysign(min(abs(turn), largest_rad), turn)])

@@ -31,7 +31,7 @@ from trailmark.estimation.kalman.state import FilterState, Gaussian, OdometrySta
 from trailmark.estimation.kalman.velocity import VelocityModel
 from trailmark.estimation.kalman.weighing import StepSelection, fuse_steps, replace_impossible_jump, select_steps
 from trailmark.estimation.kalman_config import KalmanConfig
-from trailmark.estimation.symmetric import NOTHING, ZERO, congruence
+from trailmark.estimation.symmetric import NOTHING, ZERO, congruence, to_matrix
 from trailmark.estimation.unmeasured import NOWHERE
 from trailmark.geometry import Pose2, wrap_angle
 
@@ -40,6 +40,7 @@ __all__ = ["Prediction"]
 # Stamps this close are one instant: 8.05 and 0.05 x 161 are not equal, and no velocity is seen between them.
 _SAME_INSTANT_S = 1e-9
 _NO_SUM = MotionSum()
+_UNIT = np.eye(3)
 # A step whose variance is as large did not measure: no test sees it, and sums of smaller ones stay exact [m^2, rad^2].
 _UNMEASURED = 1e3
 
@@ -194,7 +195,7 @@ class Prediction:
         if not (selection.checks or selection.left_out or state.left_out or state.checks):
             return moved
         left_out = {source: state.left_out.get(source, 0) + 1 for source in selection.left_out}
-        return replace(moved, left_out=left_out, checks=selection.checks)
+        return moved.with_checks(left_out, selection.checks)
 
     def _coast(self, state: FilterState, stamp_s: float) -> FilterState:
         """Predict over a piece of time in which nothing measured motion."""
@@ -243,10 +244,10 @@ class Prediction:
         cos, sin = math.cos(theta), math.sin(theta)
         dx, dy = cos * step.x - sin * step.y, sin * step.x + cos * step.y
         assert step.covariance is not None
-        xx, xy, xt, yy, yt, tt = congruence(step.covariance, cos, sin, 0.0, 0.0)
         moved = np.array([px + dx, py + dy, wrap_angle(theta + step.turn), *numbers[3:]])
-        jacobian = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])
-        noise = np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]])
+        jacobian = _UNIT.copy()  # numpy takes more than twice as long over nested lists
+        jacobian[0, 2], jacobian[1, 2] = -dy, dx
+        noise = to_matrix(congruence(step.covariance, cos, sin, 0.0, 0.0))
         if len(numbers) == 3:
             return PredictedMotion(moved, jacobian, noise, (step.x, step.y, step.turn))
         turned = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])

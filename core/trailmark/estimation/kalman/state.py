@@ -168,6 +168,20 @@ class OdometryState:
     measured_mps: float = 0.0
     offsets: Mapping[str, tuple[float, float, float]] = field(default_factory=_empty)
 
+    def with_unmeasured(self, unmeasured_s: Sym2) -> OdometryState:
+        """Return the same with other times for which nobody has measured the way, as `FilterState.with_diagnosis`."""
+        return OdometryState(
+            self.pose_odom_base,
+            self.travelled_m,
+            self.twist,
+            self.gap_s,
+            self.is_measured,
+            self.has_moved,
+            unmeasured_s,
+            self.measured_mps,
+            self.offsets,
+        )
+
 
 @quick_dataclass(frozen=True, slots=True, eq=False)
 class Rejections:
@@ -241,6 +255,20 @@ class FilterState:
             diagnosis,
             self.left_out,
             self.checks,
+            self.verdicts,
+        )
+
+    def with_checks(self, left_out: Mapping[str, int], checks: tuple[MotionCheck, ...]) -> FilterState:
+        """Return the same with other tests of the motion just before, as `with_diagnosis`."""
+        return FilterState(
+            self.stamp_s,
+            self.gaussian,
+            self.odometry,
+            self.fixed_at_m,
+            self.rejections,
+            self.diagnosis,
+            left_out,
+            checks,
             self.verdicts,
         )
 

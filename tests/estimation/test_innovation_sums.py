@@ -1,0 +1,48 @@
+"""Sums of innovations that are kept from one belief to the next are those of all anew, to the last bit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from trailmark.estimation.kalman.innovation import Innovation
+from trailmark.estimation.kalman.one_sided import InnovationSums
+from trailmark.estimation.kalman.state import FilterState
+
+Told = tuple[tuple[float, Innovation], ...]
+
+
+def told(rng: np.random.Generator, since_s: float, n: int) -> Told:
+    """Return innovations of poses, one every 0.1 s."""
+    seen = (Innovation(rng.normal(size=3), 10.0 * rng.normal(size=(3, 3)), 1e-3 * np.eye(3)) for _ in range(n))
+    return tuple((since_s + 0.1 * i, one) for i, one in enumerate(seen))
+
+
+def state_with(innovations: Told) -> FilterState:
+    """Return a state after some innovations."""
+    state = FilterState(innovations[-1][0], None)
+    return state.with_diagnosis(state.diagnosis._replace(innovations=innovations))
+
+
+def test_what_is_kept_changes_no_bit_and_is_not_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng, sums, asked = np.random.default_rng(1), InnovationSums(), []
+    first, anchors = told(rng, 0.0, 40), [FilterState(1.45, None), FilterState(2.5, None)]
+    redone = (*first[:37], *told(rng, 3.7, 6))  # something came late
+    forgotten = redone[10:]
+    size_in_pose = Innovation.size_in_pose
+    monkeypatch.setattr(Innovation, "size_in_pose", lambda one: (asked.append(one), size_in_pose(one))[1])
+
+    for innovations, anchor, n_new in (
+        (first, anchors[0], 25),
+        (redone, anchors[0], 6),
+        (forgotten, anchors[0], 0),
+        (forgotten, anchors[1], 17),
+    ):
+        asked.clear()
+        kept = sums.until_now(state_with(innovations), anchor)
+        assert len(asked) == n_new
+
+        since = [one for stamp_s, one in innovations if stamp_s > anchor.stamp_s]
+        sizes = [size_in_pose(one) for one in since]
+        assert kept[0].tobytes() == np.add.reduce([gain for _, _, gain in sizes]).tobytes()
+        assert kept[1:] == (max(way_m for way_m, _, _ in sizes), max(turn_rad for _, turn_rad, _ in sizes))
