@@ -46,6 +46,29 @@ def test_a_cell_that_runs_alone_comes_last_and_has_the_machine_for_itself(board_
     assert start(board, slots=3) == [timed.id]
 
 
+def test_cells_wait_for_frames_that_another_renders_while_there_is_something_else_to_do(board_of) -> None:
+    def seeing(name: str, world: str, **source) -> Cell:
+        document = {"sources": {"robot": {"plugin": "sim", "world": world, **source}}, "seed": 0}
+        return Cell(name, "", {"source": world, "localizer": name, "seed": 0}, {"document": document})
+
+    first, second, noisy = seeing("orb", "hall"), seeing("klt", "hall"), seeing("noisy", "hall", perturb={"noise": 3})
+    other = seeing("flow", "lab")
+    board, _ = board_of(first, second, noisy, other)
+
+    assert start(board, slots=2) == ["orb", "flow"]
+    board.finish(first, Outcome("ok"), {}, None)
+    assert start(board, slots=3) == ["klt", "noisy"]
+
+
+def test_cells_of_one_sort_of_frames_run_beside_each_other_where_there_is_no_other(board_of) -> None:
+    document = {"sources": {"robot": {"plugin": "sim"}}, "seed": 0}
+    board, _ = board_of(
+        *(Cell(name, "", {"localizer": name, "seed": 0}, {"document": document}) for name in ("a", "b"))
+    )
+
+    assert start(board, slots=2) == ["a", "b"]
+
+
 def test_every_change_is_in_the_index_and_counted(board_of) -> None:
     orb, klt = cells = cell("orb"), cell("klt")
     board, index = board_of(*cells)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from trailmark.commands import Command, Stop
-from trailmark.config import SourceConfig
+from trailmark.config import Document, SourceConfig, load_run_config
 from trailmark.frames import RGBD, Frame, Odometry, Record, SensorInfo
 from trailmark.geometry import Pose2, Trajectory
 from trailmark.interfaces import Drivable, Session
@@ -23,6 +23,7 @@ from trailmark_bench.cached_source import CachedSource
 from trailmark_bench.executors.config import LocalConfig
 from trailmark_bench.executors.local import LocalExecutor
 from trailmark_bench.frame_cache import FrameCache
+from trailmark_bench.taught_cache import TaughtCache, is_repeatable
 
 
 class Robot(Drivable):
@@ -140,15 +141,23 @@ def test_frames_of_other_settings_or_code_are_not_taken(cache: FrameCache) -> No
     assert robot.n_starts == 2
 
 
-@pytest.mark.parametrize(
-    ("robot", "told"),
-    [(Robot(drives_itself=False), session()), (Robot(), session(path=TaughtPath([Waypoint(0, 0.0, Pose2())])))],
-    ids=["driven", "taught"],
-)
-def test_frames_that_hang_on_the_run_are_not_kept(cache: FrameCache, tmp_path: Path, robot: Robot, told) -> None:
-    taken(CachedSource(robot, cache, {}), told)
+def test_frames_that_hang_on_the_run_are_not_kept(cache: FrameCache, tmp_path: Path) -> None:
+    taken(CachedSource(Robot(drives_itself=False), cache, {}), session())
 
     assert not (tmp_path / "frames").exists()
+
+
+def test_frames_beside_a_taught_path_are_those_of_that_path(cache: FrameCache) -> None:
+    one, other = ([Waypoint(0, 0.0, Pose2()), Waypoint(1, 1.0, Pose2(1.0, y_m, 0.0))] for y_m in (0.0, 1e-9))
+    robot = Robot()
+    taken(CachedSource(robot, cache, {}), session())
+
+    starts = []
+    for waypoints in (one, other, one):
+        taken(CachedSource(robot, cache, {}), session(path=TaughtPath(waypoints)))
+        starts.append(robot.n_starts)
+
+    assert starts == [2, 3, 3]
 
 
 def test_frames_of_a_run_that_ended_early_are_not_kept(cache: FrameCache, tmp_path: Path) -> None:
@@ -193,6 +202,55 @@ def test_frames_larger_than_the_cache_are_not_kept(tmp_path: Path) -> None:
 FIGURES = ("metrics.json", "estimates.csv", "config.yaml", "trajectories/fused.tum", "trajectories/groundtruth.tum")
 
 
+@pytest.fixture
+def taught(tmp_path: Path) -> tuple[Path, Path]:
+    """Return a store and the folder of the run that taught it."""
+    (tmp_path / "teach" / "trajectories").mkdir(parents=True)
+    (tmp_path / "teach" / "trajectories" / "fused.tum").write_text("0 0 0\n")
+    (tmp_path / "place.trail").write_bytes(b"taught")
+    return tmp_path / "place.trail", tmp_path / "teach"
+
+
+def test_what_was_taught_is_copied_as_it_was(cache: FrameCache, taught: tuple[Path, Path], tmp_path: Path) -> None:
+    store, run = taught
+    places = TaughtCache(cache, {}, threads=1)
+    places.keep("key", store, run)
+    store.write_bytes(b"what a run made of it")
+    there, its_run = tmp_path / "other.trail", tmp_path / "other"
+
+    assert not places.copy_to("another", there, its_run)
+    assert not there.exists()
+    assert not its_run.exists()
+    assert places.copy_to("key", there, its_run)
+    assert there.read_bytes() == b"taught"
+    assert (its_run / "trajectories" / "fused.tum").read_text() == "0 0 0\n"
+
+
+def test_places_make_room_for_each_other_and_for_frames(tmp_path: Path, taught: tuple[Path, Path]) -> None:
+    cache = FrameCache(tmp_path / "frames", limit_mb=0.04)
+    for k in range(9):
+        TaughtCache(cache, {}, threads=1).keep(f"key-{k}", *taught)
+    assert len(list((tmp_path / "frames").iterdir())) <= 5
+
+    TaughtCache(FrameCache(tmp_path / "none", limit_mb=1e-6), {}, threads=1).keep("key", *taught)
+    assert list((tmp_path / "none").iterdir()) == []
+
+
+def test_a_teaching_hangs_on_its_seed_and_not_on_where_its_store_lies() -> None:
+    run = {"mode": "teach", "sources": {"robot": {"plugin": "sim"}}, "localizers": {"wheels": "odometry"}}
+    config = load_run_config(Document(run), plugins=load_plugins())
+    places = TaughtCache(FrameCache(Path("nowhere"), 1.0), {}, threads=1)
+
+    other_seed = replace(config, document={**config.document, "seed": 7})
+
+    assert places.key_of(config.with_store(Path("a.trail"))) == places.key_of(config.with_store(Path("b.trail")))
+    assert places.key_of(config) != places.key_of(other_seed)
+    assert places.key_of(config) != TaughtCache(FrameCache(Path("nowhere"), 1.0), {}, threads=2).key_of(config)
+    assert is_repeatable(config)
+    live = replace(config, settings=config.settings.model_copy(update={"pace": "realtime"}))
+    assert not is_repeatable(live)
+
+
 def test_a_bench_says_the_same_whether_frames_are_rendered_once_or_each_time(tmp_path: Path) -> None:
     source = {"plugin": "sim", "world": "ground_course", "duration_s": 1, "sensors": ["floor", "wheels"]}
     cells = {
@@ -215,3 +273,23 @@ def test_a_bench_says_the_same_whether_frames_are_rendered_once_or_each_time(tmp
         assert all((each / file).read_bytes() == (once / file).read_bytes() for file in FIGURES), cell.label
     assert len(list((tmp_path / "once" / "frames").iterdir())) == 1
     assert not (tmp_path / "each" / "frames").exists()
+
+
+def test_a_bench_says_the_same_whether_a_place_is_taught_once_or_each_time(tmp_path: Path) -> None:
+    source = {"plugin": "sim", "world": "ground_course", "duration_s": 2, "sensors": ["wheels"], "driver": "route"}
+    cells = {"perturbations": {"clean": {}, "gaps": {"dropped": 0.3}}, "localizers": ["odometry"], "seeds": [3]}
+    section = {"code": "version", "judging": {"align": "none"}, "teach": {}, "cells": cells}
+    bench = load_bench({"sources": {"robot": source}, "bench": section}, plugins=load_plugins())
+    for name, frames_mb in (("each", 0), ("once", 500)):
+        with Index(tmp_path / name, write=True) as index:
+            run_bench(bench.cells, index, LocalExecutor(LocalConfig(jobs=1, frames_mb=frames_mb)))
+            assert [record.state for record in index.records()] == ["ok", "ok"]
+
+    files = [f"run/{name}" for name in FIGURES if name != "config.yaml"]  # which says where the store was
+    files += ["teach/trajectories/fused.tum", "teach/estimates.csv"]
+    for cell in bench.cells:
+        each, once = (tmp_path / name / "cells" / cell.id for name in ("each", "once"))
+        assert all((each / file).read_bytes() == (once / file).read_bytes() for file in files), cell.label
+    archives = list((tmp_path / "once" / "frames").iterdir())
+    assert len(archives) == 3  # frames of the teaching, of the replay that is common to both, and the store
+    assert sum((place / "store").exists() for place in archives) == 1

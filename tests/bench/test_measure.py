@@ -7,7 +7,9 @@ from typing import Any
 import pytest
 
 from trailmark.pipeline import RunResult
-from trailmark_bench.measure import verdict_of
+from trailmark_bench.measure import times_of, verdict_of
+from trailmark_bench.quantities import metric_of
+from trailmark_bench.tables import metric_title
 
 
 def document(**changes: Any) -> dict[str, Any]:
@@ -58,3 +60,17 @@ def test_a_collision_is_a_failure_whoever_is_judged(subject: str) -> None:
     result = RunResult(status="done", reason="", counters={"source.robot.collisions": 1})
 
     assert verdict_of(result, document(), subject, "cam") == ("failed", "the robot touched something")
+
+
+def test_the_cost_of_a_metre_is_what_all_calls_took_over_the_way() -> None:
+    timing = {"stages": {"localizer.cam": {"n": 300, "mean_ms": 2.0, "p95_ms": 5.0}}, "frames": 300, "wall_s": 1.5}
+    result = RunResult(status="done", reason="", timing=timing)
+
+    times = times_of(result, "cam", way_m=4.0)
+
+    assert times["call_ms_per_m"] == 150.0
+    assert times["call_p95_ms"] == 5.0
+    assert "call_ms_per_m" not in times_of(result, "cam", way_m=0.0)
+    cost = metric_of("call_ms_per_m")
+    assert metric_title(cost) == ("call", "ms/m")
+    assert cost.is_of_machine

@@ -9,6 +9,7 @@ from typing import Any
 from trailmark.isolation.outcome import Outcome
 from trailmark_bench.cell import Cell
 from trailmark_bench.index import Index
+from trailmark_bench.order import frames_of
 
 __all__ = ["CellBoard"]
 
@@ -48,14 +49,35 @@ class CellBoard:
         self.running: dict[str, Cell] = {}
         self.lost: dict[str, Cell] = {}
         self._losses: Counter[str] = Counter()
+        self._frames = {cell.id: frames_of(cell) for cell in chosen}
+        self._rendered: set[str | None] = {None}
 
     def startable(self, slots: int) -> Iterator[Cell]:
-        """Yield waiting cells while there are places for them; one that is to run alone gets the machine for itself."""
+        """Yield waiting cells while there are places for them; one that is to run alone gets the machine for itself.
+
+        While the first cell of some frames renders them, others that would do so too come after those that would not.
+        """
+        later = []
         for cell in list(self.waiting.values()):
-            is_alone = cell.alone or any(other.alone for other in self.running.values())
-            if len(self.running) >= (1 if is_alone else slots):
+            if not self._has_place(cell, slots):
+                return
+            if self._is_being_rendered(cell):
+                later.append(cell)
+            else:
+                yield cell
+        for cell in later:
+            if not self._has_place(cell, slots):
                 return
             yield cell
+
+    def _has_place(self, cell: Cell, slots: int) -> bool:
+        is_alone = cell.alone or any(other.alone for other in self.running.values())
+        return len(self.running) < (1 if is_alone else slots)
+
+    def _is_being_rendered(self, cell: Cell) -> bool:
+        """Return whether cells that render a cell's frames run, and none has ended that did."""
+        frames = self._frames[cell.id]
+        return frames not in self._rendered and frames in {self._frames[other] for other in self.running}
 
     def start(self, cell: Cell) -> None:
         """Mark a waiting cell as running."""
@@ -67,6 +89,7 @@ class CellBoard:
         """Mark a running cell as ended; one that found no sensor ends those that differ in seed or faults alone."""
         self._move(cell, outcome.state)
         self._index.mark_finished(cell.id, outcome, result, detail)
+        self._rendered.add(self._frames[cell.id])
         del self.running[cell.id]
         if outcome.state == "skipped":
             self._skip_like(cell, outcome.reason)

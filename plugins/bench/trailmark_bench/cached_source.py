@@ -21,7 +21,7 @@ from trailmark.isolation.fingerprint import code_of, digest_of, fingerprint, wit
 from trailmark.isolation.plain import to_plain_bytes
 from trailmark_bench.frame_cache import FrameArchive, FrameCache, FrameRecording
 
-__all__ = ["CachedSource", "with_cached_frames"]
+__all__ = ["CachedSource", "renderer_versions", "with_cached_frames"]
 
 logger = logging.getLogger(__name__)
 
@@ -49,6 +49,11 @@ def with_cached_frames(config: RunConfig, cache: FrameCache, data: Mapping[str, 
     return replace(config, sources=sources)
 
 
+def renderer_versions() -> list[str]:
+    """Return the versions of the numeric libraries that frames depend on."""
+    return [version(name) for name in _RENDERERS]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _CachedSourceEntry(SourceEntry):
     cache: FrameCache
@@ -65,7 +70,7 @@ def _cached_entry(entry: SourceEntry, cache: FrameCache, data: Mapping[str, str]
     facts = {
         "source": without_paths(kept, lambda path: data.get(path) or fingerprint(path)),
         "code": code_of([entry.spec]),
-        "renderers": [version(name) for name in _RENDERERS],
+        "renderers": renderer_versions(),
         "machine": platform.machine(),
     }
     return _CachedSourceEntry(**own, cache=cache, facts=facts)
@@ -74,8 +79,8 @@ def _cached_entry(entry: SourceEntry, cache: FrameCache, data: Mapping[str, str]
 class CachedSource(Drivable):
     """A source that drives itself: its frames are taken from a cache, or go into it while they are taken.
 
-    What it gives depends on its config, its code and what it is told at its start. A source that others drive, or that
-    knows a taught path, passes through: its frames are those of one run alone.
+    What it gives depends on its config, its code and what it is told at its start, a taught path too. A source that
+    others drive passes through: its frames are those of one run alone.
 
     Parameters
     ----------
@@ -99,9 +104,9 @@ class CachedSource(Drivable):
     def start(self, session: Session) -> None:
         """Find the frames; start the source only if there are none."""
         self._n_played, self._is_closed = 0, False
-        self._key = "" if session.path is not None else _key_of(self._facts, session)
+        self._key = _key_of(self._facts, session)
         package = type(self._source).__module__.partition(".")[0]
-        self._archive = self._cache.find(self._key, package) if self._key else None
+        self._archive = self._cache.find(self._key, package)
         if self._archive is None:
             self._source.start(session)
             self.drives_itself = self._source.drives_itself
@@ -132,7 +137,7 @@ class CachedSource(Drivable):
         """Yield the frames."""
         if self._archive is not None:
             return self._play(self._archive)
-        return self._play_and_record() if self._key and self.drives_itself else self._source.frames()
+        return self._play_and_record() if self.drives_itself else self._source.frames()
 
     def ground_truth(self) -> Trajectory | None:
         """Return the truth as far as frames were taken."""
@@ -205,6 +210,7 @@ def _key_of(facts: Mapping[str, Any], session: Session) -> str:
     told = {
         "name": session.name,
         "mode": session.mode,
+        "path": None if session.path is None else to_plain_bytes(session.path.waypoints).decode(),
         "start": to_plain_bytes(session.start_pose).decode(),
         "sensors": to_plain_bytes(dict(session.sensors)).decode(),
         "rng": session.rng.bit_generator.state,

@@ -34,6 +34,7 @@ COMMON = (
     "trailmark.plugins",
     "trailmark_bench.cached_source",
     "trailmark_bench.measure",
+    "trailmark_bench.taught_cache",
 )
 
 _STORE = "place.trail"
@@ -103,9 +104,7 @@ def _run(request: Mapping[str, Any], folder: Path, *, n_steps: int | None = None
     _pin_opencv(int(request["limits"]["threads"]))
     if request["teach"] is not None:
         store = folder / _STORE
-        taught = _drive(load(request["teach"]), folder / "teach", store, n_steps)
-        if n_steps is None and taught.result.status != "done":
-            raise ConfigError(f"teaching {taught.result.status}: {taught.result.reason}".rstrip(": "))
+        _teach(load(request["teach"]), request, folder / "teach", store, n_steps)
     pipeline = _drive(config, folder / "run", store, n_steps)
     extra = metrics_of(plugins.registry)
     protocol = Protocol(align=request["align"])
@@ -118,6 +117,25 @@ def _run(request: Mapping[str, Any], folder: Path, *, n_steps: int | None = None
     result, detail = measure_cell(request, pipeline.result, document, evaluated)
     write_json(folder / DETAIL_FILE, detail)
     return result
+
+
+def _teach(config: Any, request: Mapping[str, Any], out: Path, store: Path, n_steps: int | None) -> None:
+    """Teach a place, or take what another cell was taught alike."""
+    from trailmark_bench.frame_cache import FrameCache
+    from trailmark_bench.taught_cache import TaughtCache, is_repeatable
+
+    frames, cache, key = request.get("frames"), None, ""
+    if frames is not None and is_repeatable(config):
+        kept = FrameCache(Path(frames["folder"]), frames["limit_mb"])
+        cache = TaughtCache(kept, request["data"], request["limits"]["threads"])
+        key = cache.key_of(config)
+        if cache.copy_to(key, store, out):
+            return
+    taught = _drive(config, out, store, n_steps)
+    if n_steps is None and taught.result.status != "done":
+        raise ConfigError(f"teaching {taught.result.status}: {taught.result.reason}".rstrip(": "))
+    if cache is not None:
+        cache.keep(key, store, out)
 
 
 def _drive(config: Any, out: Path, store: Path | None, n_steps: int | None) -> Any:

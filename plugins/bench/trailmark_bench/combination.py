@@ -11,11 +11,12 @@ from trailmark.config import Document, RunConfig, load_run_config
 from trailmark.config.document import Keys, expand_shorthand
 from trailmark.errors import ConfigError
 from trailmark.isolation.fingerprint import code_of, files_in_document, fingerprint
+from trailmark.plugins import Spec
 from trailmark_bench.axes import AxisValue
 from trailmark_bench.context import MatrixContext
 from trailmark_bench.overlay import overlaid
 
-__all__ = ["Combination", "Combiner"]
+__all__ = ["Combination", "Combiner", "part_specs"]
 
 
 @dataclass(slots=True)
@@ -132,13 +133,16 @@ class Combiner:
         return loaded
 
     def _code(self, loaded: RunConfig) -> dict[str, str]:
-        single = [loaded.estimator, loaded.path_store, loaded.controller]
-        faults = [fault for source in loaded.sources.values() for fault in source.faults]
-        several = [*loaded.sources.values(), *faults, *loaded.localizers.values()]
-        entries = [*several, *(entry for entry in single if entry)]
-        metrics = loaded.plugins.registry.specs("metric")
-        specs = [*(entry.spec for entry in entries), *metrics]
+        specs = [*part_specs(loaded), *loaded.plugins.registry.specs("metric")]
         return code_of(specs, source=self._context.section.code == "source")
+
+
+def part_specs(config: RunConfig) -> list[Spec]:
+    """Return the plugins that the parts of a run are of, which have a say in what it gives."""
+    single = [config.estimator, config.path_store, config.controller]
+    faults = [fault for source in config.sources.values() for fault in source.faults]
+    several = [*config.sources.values(), *faults, *config.localizers.values()]
+    return [entry.spec for entry in [*several, *(entry for entry in single if entry)]]
 
 
 def _with_faults(document: Mapping[str, Any], perturb: Mapping[str, Any]) -> dict[str, Any]:

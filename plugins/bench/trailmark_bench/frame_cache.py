@@ -85,14 +85,25 @@ class FrameCache:
         package : str
             Of the source: classes in the archive are of Trailmark or of it.
         """
-        place = self._folder / key
         try:
-            archive = _read(place, package)
+            archive = _read(self.place_of(key), package)
         except (OSError, ValueError):
             return None
-        with suppress(OSError):
-            os.utime(place)  # the one that was used last goes last
+        self.mark_used(key)
         return archive
+
+    def place_of(self, key: str) -> Path:
+        """Return the folder of an archive, which may not be there."""
+        return self._folder / key
+
+    def draft_of(self, key: str) -> Path:
+        """Return a folder of this process alone, to write an archive in before it is moved to its place."""
+        return self._folder / f".{key}-{os.getpid()}-{time.monotonic_ns()}"
+
+    def mark_used(self, key: str) -> None:
+        """Note that an archive was used: the one that was used last goes last."""
+        with suppress(OSError):
+            os.utime(self.place_of(key))
 
     def record(self, key: str) -> FrameRecording:
         """Return the recording of an archive.
@@ -102,7 +113,7 @@ class FrameCache:
         OSError
             If it cannot be written.
         """
-        return FrameRecording(self, self._folder / f".{key}-{os.getpid()}-{time.monotonic_ns()}", self._folder / key)
+        return FrameRecording(self, self.draft_of(key), self.place_of(key))
 
     def make_room(self, needed_mb: float) -> None:
         """Remove the archives that were not used for longest, until there is room for another."""

@@ -19,13 +19,15 @@ from trailmark.evaluation import (
 from trailmark.geometry import Trajectory
 from trailmark.pipeline import RunResult
 
-__all__ = ["DETAIL_POINTS", "measure_cell", "verdict_of"]
+__all__ = ["DETAIL_POINTS", "measure_cell", "times_of", "verdict_of"]
 
 #: Points of a line on the page of a cell.
 DETAIL_POINTS = 100
 
 _STEPS = 4000
 _MOST_WAYS = 5
+# Of a shorter way what a metre costs says nothing.
+_LEAST_WAY_M = 0.1
 
 
 def measure_cell(
@@ -53,7 +55,7 @@ def measure_cell(
         "metrics": _metrics(document, subject, localizer),
         "floor": (document["stands_still"] or {}).get("metrics", {}),
         "quantities": document["quantities"],
-        "times": _times(result, localizer),
+        "times": times_of(result, localizer, _way_m(document, subject)),
         "counters": {name: count for name, count in result.counters.items() if count},
         "alignment": document["trajectories"].get(subject, {}).get("alignment", {}).get("used"),
     }
@@ -89,11 +91,29 @@ def _metrics(document: Mapping[str, Any], subject: str, localizer: str) -> dict[
     return found | {f"true_{name}": value for name, value in truth.items()}  # how a robot that was driven really went
 
 
-def _times(result: RunResult, localizer: str) -> dict[str, float]:
-    """Return how long it took: the cell's localizer per call, and the whole run."""
+def _way_m(document: Mapping[str, Any], subject: str) -> float:
+    """Return the way that was driven; where the truth is not known, as the subject says [m]."""
+    ways = document["trajectories"]
+    return float(ways.get(GROUND_TRUTH, ways.get(subject, {})).get("length_m", 0.0))
+
+
+def times_of(result: RunResult, localizer: str, way_m: float) -> dict[str, float]:
+    """Return how long it took: a localizer per call and per metre of the way, and the whole run.
+
+    Parameters
+    ----------
+    result : RunResult
+        With the times of its stages.
+    localizer : str
+        Its name.
+    way_m : float
+        The way that was driven; of one that hardly is any, a metre has no cost [m].
+    """
     timing = result.timing
     stage = timing["stages"].get(f"localizer.{localizer}", {})
     times = {f"call_{name}": value for name, value in stage.items() if name.endswith("_ms")}
+    if stage and way_m >= _LEAST_WAY_M:
+        times["call_ms_per_m"] = stage["n"] * stage["mean_ms"] / way_m
     frames, wall_s = timing["frames"], timing["wall_s"]
     return {**times, "frames": frames, "run_s": wall_s, "frames_per_s": frames / wall_s if wall_s else 0.0}
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
+from trailmark.isolation.fingerprint import digest_of
 from trailmark_bench.cell import Cell
 
-__all__ = ["first_samples", "in_order_of_worth"]
+__all__ = ["first_samples", "frames_of", "in_order_of_worth", "without_faults"]
 
 #: What a perturbation that changes nothing is called.
 _CLEAN = "clean"
@@ -44,6 +46,20 @@ def first_samples(cells: Sequence[Cell]) -> list[Cell]:
         combination = _combination(cell)
         firsts[combination] = min(firsts.get(combination, ranks.of(cell)), ranks.of(cell))
     return [cell for cell in cells if ranks.of(cell) == firsts[_combination(cell)]]
+
+
+def frames_of(cell: Cell) -> str | None:
+    """Return what cells have in common that may see the same frames but for faults; None where nothing is known."""
+    document = cell.request.get("document")
+    if document is None:
+        return None
+    sources = {name: without_faults(source) for name, source in document["sources"].items()}
+    return digest_of({"sources": sources, "seed": document.get("seed")})
+
+
+def without_faults(source: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the section of a source as if nothing were wrong with it."""
+    return {key: value for key, value in source.items() if key != "perturb"}
 
 
 def _combination(cell: Cell) -> tuple[str, frozenset[tuple[str, object]]]:

@@ -15,7 +15,10 @@ __all__ = ["Metric", "metric_of", "metrics_of", "refuse_unknown"]
 
 _OF_PROCESS = ("wall_s", "cpu_s", "peak_rss_mb")
 # What a bench measures besides what a run's folder says.
-_OF_BENCH = (MetricSpec("frames_per_s", "1/s", "higher", "nothing"),)
+_OF_BENCH = (
+    MetricSpec("frames_per_s", "1/s", "higher", "nothing"),
+    MetricSpec("call_ms_per_m", "ms/m", "lower", "nothing", "cost"),
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from trailmark.pipeline.instruments import Counters
 from trailmark.pipeline.parts import build_sources
 from trailmark.plugins import Plugins
 from trailmark_bench.cell import Cell
-from trailmark_bench.order import first_samples
+from trailmark_bench.order import first_samples, without_faults
 
 __all__ = ["misfits"]
 
@@ -40,7 +40,7 @@ def misfits(cells: Sequence[Cell], plugins: Plugins) -> dict[str, str]:
     of_kind: dict[object, str] = {}
     for cell in first_samples([cell for cell in cells if cell.request]):
         document = cell.request["document"]
-        plain = document | {"sources": {name: _faultless(part) for name, part in document["sources"].items()}}
+        plain = document | {"sources": {name: without_faults(part) for name, part in document["sources"].items()}}
         looked_at = {key: plain.get(key) for key in ("sources", "sensors", "localizers")}
         address = digest_of(looked_at)
         if address not in found:
@@ -57,10 +57,6 @@ def _kind(cell: Cell) -> object:
     """Return what decides whether sensors are found: neither place nor seed nor fault makes one."""
     beside = ("place", "seed", "perturbation")
     return cell.matrix, tuple(value for axis, value in cell.coordinates.items() if axis not in beside)
-
-
-def _faultless(source: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in source.items() if key != "perturb"}
 
 
 def _load(document: dict[str, Any], base_dir: str, plugins: Plugins) -> RunConfig:

@@ -20,7 +20,17 @@ FAILED = "failed"
 
 # Methods in the matrix of probabilities.
 _MOST_COMPARED = 8
-_UNITS = {"_m": "m", "_deg": "°", "_percent": "%", "_ms": "ms", "_s": "s", "_mb": "MB", "_mm": "mm"}
+_UNITS = {
+    "_ms_per_m": "ms/m",
+    "_deg_per_m": "°/m",
+    "_m": "m",
+    "_deg": "°",
+    "_percent": "%",
+    "_ms": "ms",
+    "_s": "s",
+    "_mb": "MB",
+    "_mm": "mm",
+}
 
 
 def bench_tables(summary: BenchSummary) -> list[Table]:
