@@ -105,7 +105,7 @@ function drawHeat() {
     return node("tr", {}, node("th", { scope: "row", textContent: method }), ...cells);
   });
   $("heat").replaceChildren(node("thead", {}, head), node("tbody", {}, ...body));
-  $("heat-note").textContent = `Median ${shown.title}${shown.unit ? ` [${shown.unit}]` : ""} over seeds; ${shown.better} is better. `
+  $("heat-note").textContent = `Median ${shown.title}${shown.unit ? ` [${shown.unit}]` : ""} over places and seeds; ${shown.better} is better. `
     + "The stronger the colour, the further from the best of its column; framed is the best. In red: cells that failed, each counted as the worst result.";
 }
 
