@@ -2,6 +2,8 @@
 
 The robot is a program of its own (`trailmark ros2 robot`): a differential vehicle with a floor camera and wheels, which
 sends /floor/image_raw and /wheels/odom and follows /cmd_vel. `ground_vo` and wheels localize, `path_tracking` drives.
+What the offset is made of is told apart: how far beside its path the robot believed to be, which is what delays can
+change, and how far teaching and replay turned away from the truth.
 
     python benchmarks/ros2_closed_loop.py [--runs 3] [--seconds 20] [--pace 1.0]
 """
@@ -13,6 +15,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +51,9 @@ SENSORS = {
     }
 }
 REPLAY_S = 90.0
+HEAD = """| run | way | mean [mm] | largest [mm] | off the end [mm] | beside its path as believed [mm] | turned too far, teaching \
+[deg] | replay [deg] | end of the replay |
+|--:|---|--:|--:|--:|--:|--:|--:|---|"""
 
 
 def live(domain: int) -> dict[str, Any]:
@@ -61,8 +67,23 @@ def live(domain: int) -> dict[str, Any]:
     }
 
 
-def without_ros(folder: Path, seconds: float, seed: int) -> tuple[Trajectory, Trajectory, str]:
-    """Return the true ways of teaching and of replay, and how the replay ended."""
+@dataclass(frozen=True)
+class Drive:
+    """The way of a robot: where it was, and where it believed to be."""
+
+    true: Trajectory
+    believed: Trajectory
+    reason: str
+
+    @property
+    def drift_deg(self) -> float:
+        """How much more it believed to have turned than it had, from its first place to its last [deg]."""
+        true, believed = (np.unwrap(way.headings) for way in (self.true, self.believed))
+        return float(np.degrees((believed[-1] - believed[0]) - (true[-1] - true[0])))
+
+
+def without_ros(folder: Path, seconds: float, seed: int) -> tuple[Drive, Drive]:
+    """Return the drives of teaching and of replay."""
     config = {"sources": {"robot": ROBOT | {"duration_s": seconds}}, "sensors": SENSORS, **LOCAL, "seed": seed}
     config |= {"start": [0.0, 0.0, 0.0]}
     store = folder / "path.trail"
@@ -71,14 +92,12 @@ def without_ros(folder: Path, seconds: float, seed: int) -> tuple[Trajectory, Tr
     driven = trailmark.run(again, folder / "replay", mode="replay", store=store, report=False)
     assert taught.ground_truth is not None
     assert driven.ground_truth is not None
-    return taught.ground_truth, driven.ground_truth, driven.reason
+    return tuple(Drive(r.ground_truth, r.trajectories["fused"], r.reason or r.status) for r in (taught, driven))
 
 
-def through_topics(
-    folder: Path, seconds: float, seed: int, *, domain: int, pace: float = 1.0
-) -> tuple[Trajectory, Trajectory, str]:
+def through_topics(folder: Path, seconds: float, seed: int, *, domain: int, pace: float = 1.0) -> tuple[Drive, Drive]:
     """Return the same of a robot behind topics."""
-    store, reasons = folder / "path.trail", []
+    store, drives = folder / "path.trail", []
     for mode, limit_s, start in (("teach", seconds, [0.0, 0.0, 0.0]), ("replay", REPLAY_S, "first")):
         robot = folder / f"robot_{mode}.yaml"
         with robot.open("w") as file:
@@ -88,10 +107,11 @@ def through_topics(
         with subprocess.Popen(line, stdout=subprocess.DEVNULL) as node:
             config = {"sources": {"robot": live(domain)}, "sensors": SENSORS, **LOCAL, "start": start}
             result = trailmark.run(config, folder / mode, mode=mode, store=store, report=False)
-            reasons.append(result.reason or result.status)
             node.terminate() if mode == "replay" else None  # it writes where it was
             node.wait(60.0)
-    return read_tum(folder / "teach.tum"), read_tum(folder / "replay.tum"), reasons[-1]
+        believed, reason = result.trajectories["fused"], result.reason or result.status
+        drives.append(Drive(read_tum(folder / f"{mode}.tum"), believed, reason))
+    return drives[0], drives[1]
 
 
 def off_mm(taught: Trajectory, driven: Trajectory) -> np.ndarray:
@@ -101,6 +121,14 @@ def off_mm(taught: Trajectory, driven: Trajectory) -> np.ndarray:
     along = b - a
     share = np.clip(((driven.positions[None] - a) * along).sum(2) / (along**2).sum(2), 0.0, 1.0)
     return np.asarray(1e3 * np.linalg.norm(driven.positions[None] - a - share[..., None] * along, axis=2).min(0))
+
+
+def cells(taught: Drive, driven: Drive) -> str:
+    """Return one row of the table."""
+    off, believed = off_mm(taught.true, driven.true), off_mm(taught.believed, driven.believed)
+    end = 1e3 * np.linalg.norm(taught.true.positions[-1] - driven.true.positions[-1])
+    drifts = f"{taught.drift_deg:+.2f} | {driven.drift_deg:+.2f}"
+    return f"{off.mean():.1f} | {off.max():.1f} | {end:.0f} | {believed.mean():.1f} | {drifts} | {driven.reason}"
 
 
 def comparison(without_mm: list[float], through_mm: list[float]) -> str:
@@ -129,20 +157,18 @@ def main() -> None:
     line = f"`python benchmarks/ros2_closed_loop.py --runs {given.runs} --seconds {given.seconds:g}`"
     print(f"{line}, commit {commit or 'unknown'}; load {os.getloadavg()[0]:.1f} for {os.cpu_count()} cores.\n")
     means_mm: dict[str, list[float]] = {"without ROS": [], "through topics": []}
-    print("| run | way | mean [mm] | largest [mm] | off the end [mm] | end of the replay |\n|--:|---|--:|--:|--:|---|")
+    print(HEAD)
     for seed in range(given.runs):
         for name in means_mm:
             with tempfile.TemporaryDirectory() as place:
                 folder = Path(place)
                 if name == "without ROS":
-                    taught, driven, reason = without_ros(folder, given.seconds, seed)
+                    taught, driven = without_ros(folder, given.seconds, seed)
                 else:
                     domain = 1 + (os.getpid() + seed) % 100
-                    taught, driven, reason = through_topics(folder, given.seconds, seed, domain=domain, pace=given.pace)
-            off = off_mm(taught, driven)
-            means_mm[name].append(float(off.mean()))
-            end = 1e3 * np.linalg.norm(taught.positions[-1] - driven.positions[-1])
-            print(f"| {seed} | {name} | {off.mean():.1f} | {off.max():.1f} | {end:.0f} | {reason} |", flush=True)
+                    taught, driven = through_topics(folder, given.seconds, seed, domain=domain, pace=given.pace)
+            means_mm[name].append(float(off_mm(taught.true, driven.true).mean()))
+            print(f"| {seed} | {name} | {cells(taught, driven)} |", flush=True)
     if given.runs > 1:
         print("\n" + comparison(*means_mm.values()))
 

@@ -50,7 +50,9 @@ def listening(domain, robot, wait_for):
         sink = create("sink", "ros2", domain=domain, **keys)
         sinks.append(sink)
         sink.start(session or Session("ros"))
-        sent = [topic for topic in TYPES if topic != "/tf" or keys.get("tf") != "none"]
+        unsent = {"/tf"} if "tf_topic" in keys or keys.get("tf") == "none" else set()
+        unsent |= {"/trailmark/pose"} if "pose" in keys else set()
+        sent = TYPES.keys() - unsent
         assert wait_for(lambda: all(heard[topic].n_matched for topic in sent))
         return sink, heard
 
@@ -98,6 +100,27 @@ def test_the_transform_may_lead_to_base(listening, wait_for) -> None:
 
     assert stamped.child_frame_id == "base_link"
     np.testing.assert_allclose(matrix(stamped.transform), believed.pose_map_base.matrix(), atol=1e-9)
+
+
+def test_a_robot_in_a_namespace_has_transforms_of_its_own(listening, robot, wait_for) -> None:
+    heard = robot.hear("/robot1/tf", TYPES["/tf"])
+    sink, _ = listening(tf="map_base", tf_topic="/robot1/tf", base_frame="robot1/base_link")
+    assert wait_for(lambda: heard.n_matched)
+
+    sink.on_belief(belief(time.time()))
+
+    ((stamped,),) = [message.transforms for message in wait_for(heard.messages)]
+    assert stamped.child_frame_id == "robot1/base_link"
+
+
+def test_what_nobody_reads_is_not_even_built(listening, monkeypatch) -> None:
+    def unread(*_):
+        raise AssertionError("nobody reads /unread")
+
+    sink, _ = listening(tf="none", path=None, pose="/unread")
+    monkeypatch.setattr("trailmark_ros2.sink.pose_message", unread)
+
+    sink.on_belief(belief(time.time()))
 
 
 def test_pose_odometry_and_covariance_are_those_believed(listening, wait_for) -> None:

@@ -386,6 +386,25 @@ def test_messages_that_are_broken_are_counted_and_end_nothing(robot, messages, s
     assert source.counters()["skipped.front"] == 2
 
 
+def test_messages_none_of_which_can_be_used_are_not_called_silence(robot, messages, started) -> None:
+    robot.repeat("/odom", 50.0, lambda k: messages.odometry(stamp_s=0.0))
+
+    with pytest.raises(SourceError, match=r"\d+ messages came, and none could be used: the header's stamp is empty"):
+        started(topics={"wheels": "/odom"}, silence_s=2.0, start_timeout_s=1.0)
+
+
+def test_a_velocity_that_is_no_number_is_not_known(robot, messages, started) -> None:
+    def message(k):
+        odometry = messages.odometry(0.01 * k)
+        odometry.twist.twist.angular.z = math.nan
+        return odometry
+
+    robot.repeat("/odom", 50.0, message)
+    frame = next(started(topics={"wheels": "/odom"}).frames())
+
+    assert frame.payload.twist is None
+
+
 def test_stamps_of_another_clock_are_measured_and_told(robot, messages, started, caplog) -> None:
     robot.repeat("/odom", 50.0, lambda k: messages.odometry(stamp_s=time.time() + 3.1))
     source = started(topics={"wheels": "/odom"})

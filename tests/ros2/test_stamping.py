@@ -21,10 +21,17 @@ def test_one_stamp_of_the_future_is_refused_and_those_after_it_are_not() -> None
     for k in range(1, 11):
         stamper.stamp_s(message(k), float(k))
 
-    with pytest.raises(SourceError, match="its stamp is 4000000000 s ahead of those before it"):
+    with pytest.raises(SourceError, match="its stamp is 4000000000.0 s ahead of those before it"):
         stamper.stamp_s(message(4_000_000_011), 11.0)
 
     assert stamper.stamp_s(message(12.0), 12.0) == 12.0
+
+
+def test_one_stamp_that_is_seconds_ahead_costs_its_own_message_alone(feed) -> None:
+    talker = feed([5.0, 5.1, 8.5, 5.3, 5.4])
+
+    assert [frame.stamp_s for frame in talker.take()] == pytest.approx([5.0, 5.1, 5.3, 5.4])
+    assert talker.counts == {"received": 4, "skipped": 1}
 
 
 def test_where_arrivals_count_no_stamp_is_refused() -> None:

@@ -20,9 +20,15 @@ class ClockOffset:
     """Stamp minus arrival of the messages of one sensor.
 
     A single stamp of the future would otherwise make every stamp after it one of the past.
+
+    Parameters
+    ----------
+    ahead_s : float
+        A stamp that is so far ahead of all before it is not believed at once [s].
     """
 
-    def __init__(self) -> None:
+    def __init__(self, ahead_s: float = _AHEAD_S) -> None:
+        self._most_ahead_s = ahead_s
         self._offsets_s: deque[float] = deque(maxlen=_N_KEPT)
         self._ahead_s: list[float] = []  # offsets of the last messages, if they are suspicious
         self._first_s: float | None = None  # offset of the first message, until another agrees
@@ -64,8 +70,8 @@ class ClockOffset:
         offset_s = stamp_s - came_s
         self._compare_with_first(offset_s)
         newest_s = max(self._offsets_s, default=offset_s)
-        if offset_s - newest_s > _AHEAD_S:
-            if self._ahead_s and abs(offset_s - self._ahead_s[-1]) > _AHEAD_S:
+        if offset_s - newest_s > self._most_ahead_s:
+            if self._ahead_s and abs(offset_s - self._ahead_s[-1]) > self._most_ahead_s:
                 self._ahead_s.clear()  # the one before was wrong in another way
             self._ahead_s.append(offset_s)
             if len(self._ahead_s) < _N_BELIEVED:

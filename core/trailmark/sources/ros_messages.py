@@ -27,6 +27,7 @@ __all__ = [
     "odometry",
     "pixels",
     "planar_pose",
+    "planar_twist",
     "rgbd",
     "scan",
     "stamp_of",
@@ -162,9 +163,13 @@ def planar_pose(pose: Any) -> Pose2:
 
 def odometry(message: Any, pose_odom_start: Pose2) -> Odometry:
     """Return the odometry of a message, as seen from where the sensor started."""
-    linear, angular = message.twist.twist.linear, message.twist.twist.angular
-    twist = Twist2(float(linear.x), float(linear.y), float(angular.z))
-    return Odometry(pose_odom_start.inverse() @ planar_pose(message.pose.pose), twist=twist)
+    return Odometry(pose_odom_start.inverse() @ planar_pose(message.pose.pose), twist=planar_twist(message.twist.twist))
+
+
+def planar_twist(twist: Any) -> Twist2 | None:
+    """Return what a Twist message says of the plane; None where its sender does not know it: it is not finite."""
+    speeds = float(twist.linear.x), float(twist.linear.y), float(twist.angular.z)
+    return Twist2(*speeds) if all(map(math.isfinite, speeds)) else None
 
 
 def scan(message: Any) -> Scan:

@@ -27,12 +27,13 @@ _PLANAR = np.ix_((0, 1, 5), (0, 1, 5))
 # Height, roll and pitch of a robot on a floor are known: as AMCL and robot_localization have it in two dimensions.
 _FLAT = 1e-9
 _UNKNOWN_VARIANCE = 1e6
+_UNKNOWN = np.diag([_UNKNOWN_VARIANCE, _UNKNOWN_VARIANCE, _FLAT, _FLAT, _FLAT, _UNKNOWN_VARIANCE])
 _LEVELS = {"ok": 0, "warn": 1, "error": 2}
 
 
 def covariance_of_six(covariance: Floats | None) -> Floats:
     """Return a covariance of x, y, z, roll, pitch, yaw, (36,) row-major; where nothing is known it is huge."""
-    six = np.diag([_UNKNOWN_VARIANCE, _UNKNOWN_VARIANCE, _FLAT, _FLAT, _FLAT, _UNKNOWN_VARIANCE])
+    six = _UNKNOWN.copy()
     if covariance is not None:
         six[_PLANAR] = _bounded(np.asarray(covariance, dtype=np.float64))
     return six.ravel()
@@ -40,6 +41,8 @@ def covariance_of_six(covariance: Floats | None) -> Floats:
 
 def _bounded(covariance: Floats) -> Floats:
     """Return a covariance with variances of at most the unknown's; correlations stay, so that it is one still."""
+    if np.isfinite(covariance).all() and covariance.diagonal().max() <= _UNKNOWN_VARIANCE:
+        return covariance
     is_known = np.isfinite(np.diag(covariance))
     variances = np.where(is_known, np.diag(covariance), _UNKNOWN_VARIANCE)
     shrink = np.sqrt(np.minimum(1.0, _UNKNOWN_VARIANCE / np.maximum(variances, _FLAT)))

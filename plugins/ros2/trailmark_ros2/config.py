@@ -85,7 +85,9 @@ class Ros2SourceConfig(NetworkConfig, LiveSourceConfig):
     max_offset_s: float = Field(1.0, gt=0)
     """Header stamps that differ more from the time at which the messages come are warned of [s]."""
     base_frame: str = "base_link"
-    """Name of base in /tf_static, which tells where sensors sit; `sensors:` of the config overrides it."""
+    """Name of base in `tf_static`, which tells where sensors sit; `sensors:` of the config overrides it."""
+    tf_static: str = "/tf_static"
+    """Topic of the transforms that never change: `/robot1/tf_static` of a robot in a namespace."""
     start_timeout_s: float = Field(30.0, gt=0)
     """How long to wait at the start for every topic [s]."""
     silence_s: float = Field(5.0, gt=0)
@@ -104,7 +106,7 @@ class Ros2SourceConfig(NetworkConfig, LiveSourceConfig):
             raise ValueError(f"{', '.join(twice)} stands in topics and in rgbd")
         named = [options.topic if isinstance(options, TopicOptions) else options for options in self.topics.values()]
         named += [topic for pair in self.rgbd.values() for topic in (pair.colour, pair.depth)]
-        named += [topic for topic in (self.command, self.initial_pose) if topic is not None]
+        named += [topic for topic in (self.command, self.initial_pose, self.tf_static) if topic is not None]
         for topic in named:
             _checked_topic(topic)
         if self.wheelbase_m is not None and self.command_type != "ackermann":
@@ -133,6 +135,8 @@ class Ros2SinkConfig(NetworkConfig):
     tf: Literal["map_odom", "map_base", "none"] = "map_odom"
     """What goes to /tf: map to odom, which completes the robot's own odom to base; map to base, for a robot whose
     odometry sends no transforms; or nothing."""
+    tf_topic: str = "/tf"
+    """Topic of transforms: `/robot1/tf` of a robot in a namespace."""
     odom: str = "/odom"
     """For `tf: map_odom`: topic of the robot's own odometry."""
     map_frame: str = "map"
@@ -150,7 +154,7 @@ class Ros2SinkConfig(NetworkConfig):
 
     @model_validator(mode="after")
     def _topics_are_topics(self) -> Self:
-        topics = (self.odometry, self.pose, self.path, self.taught_path, self.diagnostics, self.odom)
+        topics = (self.odometry, self.pose, self.path, self.taught_path, self.diagnostics, self.odom, self.tf_topic)
         for topic in topics:
             if topic is not None:
                 _checked_topic(topic)

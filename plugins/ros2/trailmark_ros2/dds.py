@@ -152,7 +152,8 @@ class Network:
 
     def publisher(self, topic: str, type_name: str, quality: Quality) -> Publisher:
         """Return a publisher of a topic."""
-        return Publisher(DataWriter(self._participant, self._topic(topic, type_name), qos=_qos(quality, type_name)))
+        writer = DataWriter(self._participant, self._topic(topic, type_name), qos=_qos(quality, type_name))
+        return Publisher(writer, is_latched=quality.is_latched)
 
     def subscription(self, topic: str, type_name: str, quality: Quality) -> Subscription:
         """Return a subscription to a topic."""
@@ -253,10 +254,16 @@ class Subscription:
 
 
 class Publisher:
-    """Sends messages of one topic."""
+    """Sends messages of one topic.
 
-    def __init__(self, writer: Any) -> None:
-        self._writer = writer
+    Attributes
+    ----------
+    is_latched : bool
+        Whether who comes late gets the last ones.
+    """
+
+    def __init__(self, writer: Any, *, is_latched: bool) -> None:
+        self._writer, self.is_latched = writer, is_latched
 
     def send(self, message: Any) -> None:
         """Send a message of rosbags' types."""

@@ -91,6 +91,7 @@ class TopicFeed:
         self._skips = skips
         self._last_stamp_s = float("-inf")
         self._is_silent = False
+        self._refusal = ""
 
     @property
     def topic(self) -> str:
@@ -181,6 +182,7 @@ class TopicFeed:
     def _refuse(self, error: Exception) -> None:
         self._note_message()
         what = error if isinstance(error, SourceError) else f"{type(error).__name__}: {error}"
+        self._refusal = str(what)
         message = f"{self.topic}: a message cannot be used: {what}"
         if not self._skips:
             raise SourceError(message) from error
@@ -213,7 +215,9 @@ class TopicFeed:
         return True
 
     def silence_reason(self, network: Network) -> str:
-        """Return the likely reason why nothing comes."""
+        """Return the likely reason why nothing comes, or nothing that can be used."""
+        if self._refusal and not self.counts["received"]:
+            return f"{self.counts['skipped']} messages came, and none could be used: {self._refusal}"
         others = [writer for writer in network.writers() if not network.is_own(writer)]
         subscription = self.subscription
         return reason_of_silence(self.topic, subscription.type_name, subscription.quality, others, network.domain)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
-from functools import cache
+from collections.abc import Callable, Mapping
+from functools import cache, partial
 from types import new_class
 from typing import Any
 
@@ -57,26 +57,33 @@ def serialize(message: Any) -> bytes:
 
 def new_message(type_name: str, fields: Mapping[str, Any]) -> Any:
     """Return a message of a type; a field that is left out is zero, empty or a message of such."""
-    own = dict(fields)
-    for name, definition in _store().fielddefs[type_name][1]:
-        if name not in own:
-            own[name] = _blank(definition)
-    return _store().types[type_name](**own)
+    made, blanks = _parts(type_name)
+    return made(**{name: blank() for name, blank in blanks if name not in fields}, **fields)
 
 
-def _blank(definition: Any) -> Any:
+@cache
+def _parts(type_name: str) -> tuple[Callable[..., Any], list[tuple[str, Callable[[], Any]]]]:
+    """Return what makes messages of a type, and what makes a blank value of each of its fields."""
+    fields = _store().fielddefs[type_name][1]
+    return _store().types[type_name], [(name, _blank(definition)) for name, definition in fields]
+
+
+def _blank(definition: Any) -> Callable[[], Any]:
     import numpy as np
 
     node, detail = definition
     if node.name == "NAME":
-        return new_message(detail, {})
+        return lambda: new_message(detail, {})
     if node.name == "BASE":
         kind = detail[0]
-        return "" if kind in ("string", "wstring") else np.dtype(_numpy_name(kind)).type(0).item()
+        value = "" if kind in ("string", "wstring") else np.dtype(_numpy_name(kind)).type(0).item()
+        return lambda: value
     (inner, inner_detail), length = detail
+    n = length if node.name == "ARRAY" else 0
     if inner.name == "BASE" and inner_detail[0] not in ("string", "wstring"):
-        return np.zeros(length if node.name == "ARRAY" else 0, dtype=_numpy_name(inner_detail[0]))
-    return [_blank((inner, inner_detail)) for _ in range(length)] if node.name == "ARRAY" else []
+        return partial(np.zeros, n, dtype=_numpy_name(inner_detail[0]))
+    blank = _blank((inner, inner_detail))
+    return lambda: [blank() for _ in range(n)]
 
 
 def _numpy_name(kind: str) -> str:

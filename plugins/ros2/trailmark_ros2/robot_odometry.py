@@ -7,7 +7,7 @@ from collections import deque
 from typing import Any
 
 from trailmark.geometry import Pose2, Twist2
-from trailmark.sources.ros_messages import planar_pose
+from trailmark.sources.ros_messages import planar_pose, planar_twist
 
 __all__ = ["RobotOdometry"]
 
@@ -27,19 +27,18 @@ class RobotOdometry:
 
     def __init__(self) -> None:
         self.frame_id = ""
-        self._poses: deque[tuple[float, Pose2, Twist2]] = deque(maxlen=_KEPT)
+        self._poses: deque[tuple[float, Pose2, Twist2 | None]] = deque(maxlen=_KEPT)
 
     def add(self, message: Any) -> None:
         """Take a message of nav_msgs/Odometry; raises ValueError where it holds no pose."""
         stamp_s = message.header.stamp.sec + message.header.stamp.nanosec / 1e9
-        linear, angular = message.twist.twist.linear, message.twist.twist.angular
         pose = planar_pose(message.pose.pose)
         if self._poses and stamp_s == self._poses[-1][0]:
             return  # a driver that sends its last reading again has not begun anew
         if self._poses and stamp_s < self._poses[-1][0]:
             self._poses.clear()  # it began anew: what was before is of another clock or origin
         self.frame_id = str(message.header.frame_id).lstrip("/")
-        self._poses.append((stamp_s, pose, Twist2(float(linear.x), float(linear.y), float(angular.z))))
+        self._poses.append((stamp_s, pose, planar_twist(message.twist.twist)))
 
     def pose_odom_base(self, stamp_s: float) -> Pose2 | None:
         """Return base in the odometry at a stamp: interpolated, or predicted for a short time; None: not known."""
@@ -51,4 +50,6 @@ class RobotOdometry:
             after_s, then, _ = self._poses[after]
             return before.interpolate(then, (stamp_s - before_s) / (after_s - before_s))
         dt_s = stamp_s - before_s
-        return before @ twist.after(dt_s) if dt_s <= _LONGEST_PREDICTION_S else None
+        if dt_s == 0.0:
+            return before
+        return before @ twist.after(dt_s) if twist is not None and dt_s <= _LONGEST_PREDICTION_S else None

@@ -67,7 +67,7 @@ class Ros2Sink(Sink):
         self._command = "none"
         domain = dds.default_domain() if config.domain is None else config.domain
         self._network = dds.Network(domain, config.interface)
-        self._publish("tf", "/tf" if config.tf != "none" else None, "tf2_msgs/msg/TFMessage", dds.Quality(depth=100))
+        self._publish("tf", config.tf_topic if config.tf != "none" else None, "tf2_msgs/msg/TFMessage", dds.Quality(depth=100))
         self._publish("odometry", config.odometry, "nav_msgs/msg/Odometry")
         self._publish("pose", config.pose, "geometry_msgs/msg/PoseWithCovarianceStamped")
         self._publish("path", config.path, "nav_msgs/msg/Path", _LATCHED)
@@ -93,8 +93,10 @@ class Ros2Sink(Sink):
             self._publishers[name] = self._network.publisher(topic, type_name, quality or dds.Quality())
 
     def _send(self, name: str, message_of: Any) -> None:
-        if name in self._publishers:
-            self._publishers[name].send(message_of())
+        """Publish a message, which is not even built where nobody reads it: of latched ones the last is kept."""
+        publisher = self._publishers.get(name)
+        if publisher is not None and (publisher.is_latched or publisher.n_matched):
+            publisher.send(message_of())
 
     # --- what happens ----------------------------------------------------------------------------------------------
 

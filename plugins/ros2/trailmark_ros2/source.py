@@ -147,7 +147,7 @@ class Ros2Source(Drivable):
         self._feeds = list(self._new_feeds(network, met))
         firsts = self._first_frames(patience)
         latched = dds.Quality(is_reliable=True, is_latched=True, depth=100)
-        tree = static_tree(first_message(network, "/tf_static", _TRANSFORMS, latched, _BESIDE_S))
+        tree = static_tree(first_message(network, self.config.tf_static, _TRANSFORMS, latched, _BESIDE_S))
         infos = [self._info(network, tree, sensor, frame) for sensor, frame in firsts.items()]
         self._sensors = MappingProxyType({info.name: info for info in infos})
 

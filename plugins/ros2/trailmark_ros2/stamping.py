@@ -12,6 +12,10 @@ __all__ = ["Stamper"]
 
 logger = logging.getLogger(__name__)
 
+# Topics are live: what is so far ahead of its like has a wrong stamp. One of 3 s would end the run as a clock that went
+# back, see `resets` [s].
+_AHEAD_S = 2.0
+
 
 class Stamper:
     """Stamps the messages of one topic, and measures stamp minus arrival.
@@ -28,7 +32,7 @@ class Stamper:
 
     def __init__(self, topic: str, stamps: Literal["header", "receive"], max_offset_s: float) -> None:
         self._topic, self._stamps, self._max_offset_s = topic, stamps, max_offset_s
-        self._clock = ClockOffset()
+        self._clock = ClockOffset(_AHEAD_S)
         self._has_warned = False
 
     def stamp_s(self, message: Any, came_s: float) -> float | None:
@@ -48,7 +52,7 @@ class Stamper:
         if self._stamps == "receive":
             return came_s
         if ahead_s:
-            raise SourceError(f"its stamp is {ahead_s:.0f} s ahead of those before it")
+            raise SourceError(f"its stamp is {ahead_s:.1f} s ahead of those before it")
         return header_s
 
     @property
