@@ -51,8 +51,8 @@ SENSORS = {
     }
 }
 REPLAY_S = 90.0
-HEAD = """| run | way | mean [mm] | largest [mm] | off the end [mm] | beside its path as believed [mm] | turned too far, teaching \
-[deg] | replay [deg] | end of the replay |
+HEAD = """| run | way | mean [mm] | largest [mm] | off the end [mm] | beside its path as believed [mm] \
+| turned too far, teaching [deg] | replay [deg] | end of the replay |
 |--:|---|--:|--:|--:|--:|--:|--:|---|"""
 
 

@@ -67,7 +67,8 @@ class Ros2Sink(Sink):
         self._command = "none"
         domain = dds.default_domain() if config.domain is None else config.domain
         self._network = dds.Network(domain, config.interface)
-        self._publish("tf", config.tf_topic if config.tf != "none" else None, "tf2_msgs/msg/TFMessage", dds.Quality(depth=100))
+        transforms = config.tf_topic if config.tf != "none" else None
+        self._publish("tf", transforms, "tf2_msgs/msg/TFMessage", dds.Quality(depth=100))
         self._publish("odometry", config.odometry, "nav_msgs/msg/Odometry")
         self._publish("pose", config.pose, "geometry_msgs/msg/PoseWithCovarianceStamped")
         self._publish("path", config.path, "nav_msgs/msg/Path", _LATCHED)
