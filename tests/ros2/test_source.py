@@ -21,6 +21,7 @@ from trailmark.errors import SourceError
 from trailmark.frames import DepthCamera, Pinhole
 from trailmark.interfaces import Session
 from trailmark.pipeline import Pipeline
+from trailmark.sources.ros_messages import lens
 from trailmark_ros2 import dds
 from trailmark_ros2.message_types import new_message
 
@@ -110,6 +111,14 @@ def test_the_lens_comes_from_beside_the_pictures(robot, messages, started) -> No
     source = started(topics={"front": "/front/image_raw"})
 
     assert source.sensors["front"].calibration == Pinhole(55.0, 55.0, 31.5, 23.5)
+
+
+@pytest.mark.parametrize("field", ["k", "d"])
+def test_a_lens_of_no_numbers_is_none(messages, field) -> None:
+    message = lens_message(messages, 60.0)
+    getattr(message, field)[2] = math.nan
+
+    assert lens(message, is_rectified=False) is None
 
 
 def test_colour_and_depth_become_one_reading(robot, messages, started) -> None:

@@ -207,14 +207,14 @@ def info_topic(topic: str) -> str:
 
 
 def lens(info: Any, is_rectified: bool) -> Pinhole | None:
-    """Return the lens of a CameraInfo message; None where it is not calibrated or of another model."""
+    """Return the lens of a CameraInfo message; None where it is not calibrated, of another model, or no numbers."""
     matrix = np.asarray(info.P if hasattr(info, "P") else info.p).reshape(3, 4)
     distortion = tuple(float(value) for value in (info.D if hasattr(info, "D") else info.d))
     if not is_rectified:
         matrix = np.asarray(info.K if hasattr(info, "K") else info.k).reshape(3, 3)
         if len(distortion) not in (0, 4, 5, 8) or info.distortion_model not in ("plumb_bob", "rational_polynomial", ""):
             return None
-    if not (matrix[0, 0] > 0 and matrix[1, 1] > 0):
+    if not (matrix[0, 0] > 0 and matrix[1, 1] > 0 and np.isfinite([*matrix.ravel(), *distortion]).all()):
         return None
     fx, fy, cx, cy = (float(matrix[i, j]) for i, j in ((0, 0), (1, 1), (0, 2), (1, 2)))
     return Pinhole(fx, fy, cx, cy, () if is_rectified or not any(distortion) else distortion)
