@@ -12,7 +12,7 @@ from typing import Any
 from laser_floors import Floor, drive, map_of, office, store_hall, symmetric_corridor
 from laser_maps import RIGHT_M, RIGHT_RAD, WITHIN_S, answers
 from laser_start import started
-from winding_drives import SPEED_MPS, STEP_M, Taught, WindingPlace, again_poses, drive_poses, shown, taught_for
+from winding_drives import SPEED_MPS, STEP_M, Drive, Taught, WindingPlace, again_poses, drive_poses, shown, taught_for
 
 from trailmark.estimates import Belief, Fix, PathOffset
 from trailmark.frames import Frame
@@ -25,7 +25,7 @@ from trailmark_laser_maps.map_yaml import write_map
 __all__ = ["Start", "divs_starts", "laser_starts"]
 
 _OWN, _LIT, _TWIN, _OTHER = "its own", "its own, other light", "same plan or kind, another place", "another place"
-_FOUND_M, _DRIVEN_S, _STARTS_S = 0.75, 3.0, (1.5, 6.0, 10.5, 15.0, 19.5)  # divs: 8 m at 0.3 m/s
+_FOUND_M, _DRIVEN_S, _STARTS_S = 0.75, 10.0, (1.5, 6.0, 10.5, 15.0, 19.5)  # divs: 8 m at 0.3 m/s
 _TAUGHT = (1, 2, 3, 4, 5)  # worlds; 11 to 16 and 31 to 36 were those that parameters were chosen on
 _TWINS, _OTHERS = (50, 60), (70,)
 
@@ -42,15 +42,18 @@ class Start:
         Where the robot was put.
     is_right : bool or None
         Whether the pose that was told is right; None where none was.
+    told_s : float or None
+        When it was told, where that is asked [s].
     """
 
     place: str
     put_down: str
     is_right: bool | None
+    told_s: float | None = None
 
 
 def divs_starts(is_quick: bool) -> Iterator[Start]:
-    """Yield starts of `divs` in winding streets and corridors: 3 s of driving each."""
+    """Yield starts of `divs` in winding streets and corridors: 10 s of driving each, or to the end of the way."""
     lights: Mapping[str, Mapping[str, Any]] = {
         "street": {"time": "afternoon", "people": 3},
         "corridor": {"time": "afternoon", "lamps": "half", "people": 3},
@@ -67,30 +70,25 @@ def divs_starts(is_quick: bool) -> Iterator[Start]:
                 for apart in _OTHERS
             ]
             for put_down, where, way, options in puts:
+                poses, stations_m = again_poses(way, seed=1)
+                drive = drive_poses(WindingPlace(world=world, number=where), poses, stations_m, options, seed=1001)
                 for first_s in _STARTS_S:
-                    told_m, true_m = _told_station(taught, way, (where, options), first_s)
-                    is_right = None
-                    if told_m is not None:
-                        is_right = put_down in (_OWN, _LIT) and abs(told_m - true_m) <= _FOUND_M
-                    yield Start(world, put_down, is_right)
+                    told_s, off_m = _first_told(taught, drive, first_s)
+                    is_right = None if told_s is None else put_down in (_OWN, _LIT) and off_m <= _FOUND_M
+                    yield Start(world, put_down, is_right, told_s)
 
 
 def _divs() -> Divs:
     return Divs(DivsConfig.model_validate({"camera": "front", "when_blind": "pictures"}))
 
 
-def _told_station(
-    taught: Taught, way: WindingPlace, where: tuple[int, Mapping[str, Any]], first_s: float
-) -> tuple[float | None, float]:
-    """Drive on from a start; return the first station that is told, and the true one [m]."""
-    number, options = where
-    first, n = round(first_s * SPEED_MPS / STEP_M), round(_DRIVEN_S * SPEED_MPS / STEP_M) + 2
-    poses, stations_m = again_poses(way, seed=1)
-    shown_to = WindingPlace(world=way.world, number=number)
-    part = drive_poses(shown_to, poses[first : first + n], stations_m[first : first + n], options, seed=1001)
+def _first_told(taught: Taught, drive: Drive, first_s: float) -> tuple[float | None, float]:
+    """Drive on from a start; return when a place is told [s], and how far off its station is [m]."""
+    rows = slice(round(first_s * SPEED_MPS / STEP_M), round((first_s + _DRIVEN_S) * SPEED_MPS / STEP_M) + 2)
+    part = Drive(drive.poses[rows], drive.stations_m[rows], drive.payloads[rows])
     for k, answer in enumerate(shown(taught.replayer("divs", _divs), part, is_placed=False)):
         if answer and isinstance(answer[0], PathOffset) and answer[0].information[0, 0] > 0.0:
-            return answer[0].station_m, float(part.stations_m[k])
+            return k * STEP_M / SPEED_MPS, abs(answer[0].station_m - float(part.stations_m[k]))
     return None, 0.0
 
 

@@ -26,6 +26,7 @@ METHODS: Mapping[str, Callable[[bool], Iterator[Start | FloorStart | SightStart]
     "laser_icp": lambda is_quick: laser_starts("laser_icp", is_quick),
     "omni_surf": lambda is_quick: sight_starts("omni_surf", is_quick),
 }
+_SOON_S = 3.0  # divs: told so soon
 
 
 @dataclass
@@ -34,12 +35,15 @@ class Tally:
 
     n: int = 0
     n_right: int = 0
+    n_soon: int = 0
     n_wrong: int = 0
 
     def add(self, start: Start | FloorStart | SightStart) -> None:
         """Count a start."""
         self.n += 1
         self.n_right += start.is_right is True
+        told_s = getattr(start, "told_s", None)
+        self.n_soon += start.is_right is True and told_s is not None and told_s <= _SOON_S
         self.n_wrong += start.is_right is False
 
 
@@ -64,7 +68,8 @@ def main() -> None:
         for (place, put_down), tally in tallies(method, options.quick).items():
             rows.append({"method": method, "place": place, "put down": put_down, **vars(tally)})
             if not options.json:
-                told = f"{tally.n_right:4} right {tally.n_wrong:4} wrong of {tally.n:4}"
+                soon = f" ({tally.n_soon} within {_SOON_S:g} s)" if method == "divs" else ""
+                told = f"{tally.n_right:4} right{soon} {tally.n_wrong:4} wrong of {tally.n:4}"
                 print(f"| {method:10} | {place:10} | {put_down:36} | {told} |", flush=True)
     if options.json:
         print(json.dumps(rows, indent=2))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from dataclasses import replace
 
@@ -245,6 +246,32 @@ def test_on_a_winding_way_an_unknown_start_is_found(corridor, winding_session, f
     assert (k - first) * 0.05 < 3.0
     assert answer.station_m == pytest.approx(0.015 * k, abs=0.4)
     assert np.linalg.eigvalsh(answer.information).min() > 0.0  # a pose to begin with
+
+
+def with_other_boards(corridor, share):
+    """Return a corridor of the same plan: so much of its walls shows something else."""
+    twin, other, rng = copy.copy(corridor), type(corridor)(seed=9), np.random.default_rng(3)
+    hung = [np.kron(rng.random((3, t.shape[1] // 100 + 1)) < share, np.ones((100, 100))) for t in corridor.textures]
+    walls = zip(hung, other.textures, corridor.textures, strict=True)
+    twin.textures = [np.where(boards[:300, : own.shape[1]] > 0, new, own) for boards, new, own in walls]
+    return twin
+
+
+def test_streams_do_not_tell_a_place_that_its_pictures_do_not_fit(corridor, drive, monkeypatch):
+    config = DivsConfig(camera="front", when_blind="pictures", correspondence="appearance")
+    sensors, localizer_map = {"front": corridor.sensor()}, MemoryMap()
+    teaching = Session(name="divs", mode="teach", sensors=sensors, map=localizer_map)
+    drive(corridor, config, teaching, 200, seed=5)[0].finish()
+    path = Path([Waypoint(k, 0.1 * k, Pose2(0.1 * k, 0.0, 0.0)) for k in range(31)])
+    session = Session(name="divs", mode="replay", sensors=sensors, map=localizer_map, path=path)
+    monkeypatch.setattr("trailmark_divs.replay.PicturePlaces.match", lambda *_: None)  # no picture stands out
+
+    def told_in(scene):
+        answers = drive(scene, config, session, 100, start_m=0.8, has_path=False, seed=2)[2]
+        return [answer for (answer,) in filter(None, answers) if isinstance(answer, PathOffset)]
+
+    assert told_in(corridor)
+    assert not told_in(with_other_boards(corridor, 0.3))
 
 
 def test_a_map_without_pictures_is_warned_of(replaying, caplog):

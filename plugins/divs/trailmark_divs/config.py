@@ -98,9 +98,10 @@ class DivsConfig(PresetConfig):
     teach with it too."""
     picture_spacing_m: float = Field(0.1, gt=0)
     """Way between the small pictures that are taught, of 5 kB each [m]."""
-    place_fit: float = Field(0.875, gt=0, le=1)
+    place_fit: float = Field(0.885, gt=0, le=1)
     """What the areas of pictures must fit to, by what can be asked of each, before a place is told to a robot that was
-    not. Less finds a place in other light more often, and takes another place for it more often."""
+    not; the more was seen that tells a place, the less is asked. Less finds a place in other light sooner, and takes
+    another place for it more often."""
 
     @model_validator(mode="after")
     def _check(self) -> DivsConfig:

@@ -7,11 +7,15 @@ may lie a few of them aside, for the robot drives beside its path. What is over-
 Areas count by what they are worth to tell the place (`AreaWorth`), and as a share of what can be asked of them there.
 Other light and people spoil the areas that they fall on and leave the rest as it was; another place leaves hardly any
 as it was. So a mean that is somewhat low is made up for by better areas that fit very well.
+A metre of another place may fit as well, where nothing is in view that tells the two apart; what was seen since the
+search began does not. So all its pictures count together, and the less their areas are worth, the better they must fit.
 """
 
 from __future__ import annotations
 
+import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -25,13 +29,16 @@ from trailmark_divs.taught_stream import TaughtStream
 
 __all__ = ["PlaceFit"]
 
-_LEAST_WEIGHT = 4.0  # of all areas of a stretch
+_LEAST_WEIGHT = 10.0  # of all areas of a stretch
 #: The better areas: what all fit to, read at these shares of their weight, from the worst on.
 _READ_AT = (0.65, 0.7, 0.75)
 #: A place is told, too, where the better areas fit to so much more than is asked of the mean, and the mean to so much
 #: of it. Three tenths of a wall may be the same in two places: the mean must not be far too low.
 _BETTER, _LEAST_MEAN = 1.06, 0.935
-_STRETCH, _STEP_M = 8, 0.1  # pictures, and the way between two of them [m]
+#: Pictures of a stretch at the fewest and at the most, and the way between two of them [m].
+_FEWEST, _MOST, _STEP_M = 8, 32, 0.1
+#: What a place must fit to holds for areas of so much weight; of twice as much, so much less is asked.
+_WEIGHT, _LESS_OF_TWICE = 100.0, 0.016
 _NEAR_ROWS = 2  # wheels and the odometry of teaching differ
 #: So much less must places fit that lie so far before and behind.
 _RIVALS_M, _LEAST_MARGIN = (-1.6, -1.2, 1.2, 1.6), 0.02
@@ -56,7 +63,7 @@ class _Kept:
 
 
 class PlaceFit:
-    """Compares the last pictures with what was taught about a place, area by area.
+    """Compares the pictures since the search began with what was taught about a place, area by area.
 
     Parameters
     ----------
@@ -65,7 +72,7 @@ class PlaceFit:
     reach_px : int
         Largest shift between a seen and a taught small picture [px].
     least_fit : float
-        What a place must fit to, as a share of what can be asked of its areas.
+        What a place must fit to, as a share of what can be asked of its areas, where they are worth a hundred.
     """
 
     def __init__(self, recording: TaughtStream, reach_px: int, least_fit: float) -> None:
@@ -74,7 +81,7 @@ class PlaceFit:
         self._reach_px = reach_px
         self._worth = AreaWorth(recording.pictures, recording.clear, self._stations_m)
         self._least_fit = least_fit
-        self._stretch: deque[_Kept] = deque(maxlen=_STRETCH)
+        self._stretch: deque[_Kept] = deque(maxlen=_MOST)
         self._work_left = 0
         self.restart()
 
@@ -116,53 +123,52 @@ class PlaceFit:
             self._judged_m = None if self._doubt == _SEARCHING else station_m
         return self._doubt
 
-    def fit(self, station_m: float, direction: int) -> float | None:
-        """Return how well the areas of the stretch fit, were its end at a station; None where few are worth much."""
-        fits, weights = self._area_fits(station_m, direction)
-        return _mean(fits, weights) if weights.sum() >= _LEAST_WEIGHT else None
-
-    def robust_fit(self, station_m: float, direction: int) -> float | None:
-        """Return how well the areas fit if light or people spoilt some; at least `fit`, and None where that is."""
-        fits, weights = self._area_fits(station_m, direction)
-        return _robust(fits, weights) if weights.sum() >= _LEAST_WEIGHT else None
-
-    def _area_fits(self, station_m: float, direction: int) -> tuple[Floats, Floats]:
-        """Return the fits of all areas of the stretch, were its end at a station, and their weights."""
-        found = [self._picture_fits(kept, station_m, direction) for kept in self._stretch]
+    def _area_fits(self, stretch: Sequence[_Kept], station_m: float, direction: int) -> tuple[Floats, Floats]:
+        """Return the fits of all areas of some pictures, were the last one at a station, and their weights."""
+        found = [kept.fits[self._compared_row(kept, station_m, direction)] for kept in stretch]
         return np.concatenate([fits for fits, _ in found]), np.concatenate([weights for _, weights in found])
 
     def _reason_against(self, station_m: float, direction: int) -> str | None:
         if self._is_still:
             return "the pictures do not change while the robot drives"
-        if not self._compare_at(station_m, direction):
+        stretch = self._on_path(station_m, direction)
+        if not stretch or not self._compare_at(stretch, station_m, direction):
             return _SEARCHING
-        fit = self.fit(station_m, direction)
-        reason = self._reason_against_fit(self.robust_fit(station_m, direction))
+        reason = self._reason_against_fit(*self._area_fits(stretch, station_m, direction))
         if reason is None:
+            latest = stretch[-_FEWEST:]
             rivals_m = [station_m + apart_m for apart_m in _RIVALS_M if self._is_taught(station_m + apart_m)]
-            if not all(self._compare_at(one_m, direction) for one_m in rivals_m):
+            if not all(self._compare_at(latest, one_m, direction) for one_m in rivals_m):
                 return _SEARCHING
-            rivals = [self.fit(one_m, direction) or 0.0 for one_m in rivals_m]
-            if fit is not None and max(rivals, default=0.0) > fit - _LEAST_MARGIN:
+            fit, *rivals = (_mean(*self._area_fits(latest, one_m, direction)) for one_m in (station_m, *rivals_m))
+            if max(rivals, default=0.0) > fit - _LEAST_MARGIN:
                 reason = "places before or behind fit as well"
         # Before there are enough pictures the comparisons are made already: then few are left to the last frame.
-        return _SEARCHING if len(self._stretch) < _STRETCH else reason
+        return _SEARCHING if len(stretch) < _FEWEST else reason
 
-    def _reason_against_fit(self, fit: float | None) -> str | None:
-        if fit is None:
+    def _reason_against_fit(self, fits: Floats, weights: Floats) -> str | None:
+        weight = float(weights.sum())
+        if weight < _LEAST_WEIGHT:
             return "too little to be seen to tell one place from another"
-        if fit < self._least_fit:
-            asked = f"{fit:.2f} only, not {self._least_fit:.2f}"
-            return f"the most alike of the taught places fits to {asked}: it may be another"
+        fit, asked = _robust(fits, weights), self._least_fit - _LESS_OF_TWICE * math.log2(weight / _WEIGHT)
+        if fit < asked:
+            return f"the most alike of the taught places fits to {fit:.2f} only, not {asked:.2f}: it may be another"
         return None
+
+    def _on_path(self, station_m: float, direction: int) -> list[_Kept]:
+        """Return the pictures that were taken where something was taught, were the last one at a station."""
+        last_m = self._stretch[-1].travelled_m
+        stations_m = [station_m - direction * (last_m - kept.travelled_m) for kept in self._stretch]
+        first, last = self._stations_m[0] - _STEP_M, self._stations_m[-1] + _STEP_M
+        return [kept for kept, one_m in zip(self._stretch, stations_m, strict=True) if first <= one_m <= last]
 
     def _is_taught(self, station_m: float) -> bool:
         return bool(self._stations_m[0] <= station_m <= self._stations_m[-1])
 
-    def _compare_at(self, station_m: float, direction: int) -> bool:
-        """Compare the pictures of the stretch, were its end at a station; False where this frame has no time left."""
-        for kept in self._stretch:
-            row = self._expected_row(kept, station_m, direction)
+    def _compare_at(self, stretch: Sequence[_Kept], station_m: float, direction: int) -> bool:
+        """Compare some pictures, were the last one at a station; False where this frame has no time left."""
+        for kept in stretch:
+            row = self._compared_row(kept, station_m, direction)
             if row in kept.fits:
                 continue
             if self._work_left <= 0:
@@ -172,16 +178,11 @@ class PlaceFit:
             self._work_left -= _WORK_OF_PICTURE + _WORK_OF_WORTH * (len(self._worth) - n_known)
         return True
 
-    def _picture_fits(self, kept: _Kept, station_m: float, direction: int) -> tuple[Floats, Floats]:
-        """Return the fits of the areas of a picture of the stretch, and their weights."""
-        row = self._expected_row(kept, station_m, direction)
-        if row not in kept.fits:
-            kept.fits[row] = self._compare(kept, row)
-        return kept.fits[row]
-
-    def _expected_row(self, kept: _Kept, station_m: float, direction: int) -> int:
+    def _compared_row(self, kept: _Kept, station_m: float, direction: int) -> int:
+        """Return the taught picture that a picture of the stretch belongs to, or the next one if that was compared."""
         way_m = self._stretch[-1].travelled_m - kept.travelled_m
-        return int(np.argmin(np.abs(self._stations_m - (station_m - direction * way_m))))
+        row = int(np.argmin(np.abs(self._stations_m - (station_m - direction * way_m))))
+        return next((near for near in (row, row - 1, row + 1) if near in kept.fits), row)
 
     def _compare(self, kept: _Kept, expected: int) -> tuple[Floats, Floats]:
         near = range(max(0, expected - _NEAR_ROWS), min(len(self._pictures), expected + _NEAR_ROWS + 1))
@@ -201,7 +202,7 @@ class PlaceFit:
 
 
 def _mean(fits: Floats, weights: Floats) -> float:
-    return float(np.minimum(fits, 1.0) @ weights / weights.sum())
+    return float(np.minimum(fits, 1.0) @ weights / weights.sum()) if len(weights) else 0.0
 
 
 def _robust(fits: Floats, weights: Floats) -> float:

@@ -135,6 +135,9 @@ class StreamMatcher:
         if match is None:
             return self._blind(look, belief, picture, self._why_unmatched(belief))
         station_m = float(self._windows.stations_m[match.row])
+        doubt = self._doubt_window(look, window, station_m, belief)
+        if doubt is not None:
+            return Lost(window.stamp_s, doubt)
         relative_rad = window.heading_rad - float(self._windows.headings_rad[match.row])
         self._move_tracker(relative_rad)
         shift = self._shift(match, window)
@@ -150,7 +153,7 @@ class StreamMatcher:
     def _why_unmatched(self, belief: Belief) -> str:
         if self._config.correspondence != "distance" or belief.on_path is not None:
             return "nothing was taught here"
-        if len(self._places) and self._config.when_blind == "pictures":
+        if self._are_places_compared:
             return "searching the place on the path"
         return "the place on the path is not known; taught and replayed with 'when_blind: pictures' it is looked for"
 
@@ -166,10 +169,11 @@ class StreamMatcher:
 
     def _find_place(self, look: Look, belief: Belief) -> PathOffset | Lost | None:
         """Search the place on the path by small pictures while it is unknown; None where that is switched off."""
-        if belief.on_path is not None or self._config.when_blind != "pictures" or not len(self._places):
-            if belief.on_path is not None:
-                self._places.restart()
-                self._place_fit.restart()
+        if belief.on_path is not None:
+            self._places.restart()
+            self._place_fit.restart()
+            return None
+        if not self._are_places_compared:
             return None
         self._places.update(look.small, look.travelled_m[1], direction(belief))
         self._place_fit.add(look)
@@ -184,6 +188,17 @@ class StreamMatcher:
         if doubt is not None:
             return Lost(look.stamps_s[1], doubt, self._details(picture.shift))
         return self._offset(look.stamps_s[1], station_m, picture.shift, picture.sigma_columns, belief, match)
+
+    def _doubt_window(self, look: Look, window: DifferenceWindow, station_m: float, belief: Belief) -> str | None:
+        """Return a reason why a window that seems to be of a station is not, while nobody knows the place."""
+        if belief.on_path is not None or not self._are_places_compared:
+            return None
+        since_m = look.travelled_m[1] - window.travelled_m
+        return self._place_fit.doubt(station_m + direction(belief) * since_m, direction(belief))
+
+    @property
+    def _are_places_compared(self) -> bool:
+        return self._config.when_blind == "pictures" and len(self._places) > 0
 
     def _compare_picture(self, look: Look, belief: Belief) -> PictureShift | None:
         """Compare the newest picture with the taught ones, where that is wanted; None where it shows nothing clear."""
