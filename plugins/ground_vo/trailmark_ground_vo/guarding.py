@@ -64,7 +64,7 @@ _GROUND_OVER_FILM = 1.3
 
 _NO_TEXTURE = "no texture that moves so is seen in both pictures (lens covered, over-exposed, dark, or blank ground)"
 _FROZEN = "the same picture again, bit by bit, while others move (camera or driver frozen)"
-_COVERED = "something moves beneath what stands still (film, sticker or mesh on the lens, scratched glass)"
+_COVERED = "something moves beneath what stands still (film, sticker or mesh on the lens, scratched glass, passers-by)"
 _ENCODED_AGAIN = "the same picture again, encoded anew, though the robot was moving (repeated frame?)"
 _REPEATED = "the same picture again, bit by bit, and nobody else tells whether the robot stands or the camera froze"
 
@@ -149,7 +149,8 @@ class GroundTracker:
         if not isinstance(said, TrackedMotion):
             return said
         self._last = said.motion
-        if before is not None and self._is_covered(before, image, said.motion):
+        others_rest = expected is not None and math.hypot(expected.u, expected.v) <= _RESTING_PX
+        if before is not None and self._is_covered(before, image, said.motion, others_rest=others_rest):
             return TrackingFailure(_COVERED, said.details)
         if self._rest.lacks_evidence and before is not None:
             self._look_for_ground(before[1], said.motion)
@@ -161,10 +162,12 @@ class GroundTracker:
         self._moved, self._ground = said.motion, None if self._understood is None else self._understood[1]
         return replace(said, information=_NO_MORE) if is_repeated else said
 
-    def _is_covered(self, before: tuple[Grey8, Grey16], image: Grey8, motion: ImageMotion) -> bool:
+    def _is_covered(
+        self, before: tuple[Grey8, Grey16], image: Grey8, motion: ImageMotion, *, others_rest: bool
+    ) -> bool:
         """Return whether the ground is seen through something sharp; after a finding, until that stands no more."""
         assert self._understood is not None
-        if self._layers.is_moving(before[0], image, motion):
+        if self._layers.is_moving(before[0], image, motion, others_rest=others_rest):
             self._has_film = True
         elif self._has_film and not stands_still(motion):  # what repeats itself, as a mesh does, seems to move
             stands, moves = (self._texture.compare(before[1], self._understood[1], to) for to in (_STILL, motion))
