@@ -10,6 +10,7 @@ import numpy as np
 
 from trailmark.arrays import Floats
 from trailmark.errors import DataError
+from trailmark.evaluation.estimates_table import EstimateTable
 from trailmark.evaluation.number_rows import read_number_rows
 from trailmark.frames.outlines import Outlines
 
@@ -41,6 +42,18 @@ class BeliefTable:
 
     def __len__(self) -> int:
         return len(self.stamps_s)
+
+    def as_fixes(self, source: str) -> EstimateTable:
+        """Return the beliefs as a localizer would have told them, to be judged alike; those without certainty not."""
+        is_whole = np.linalg.eigvalsh(self.covariances)[:, 0] > 0.0
+        stamps_s, poses = self.stamps_s[is_whole], self.poses[is_whole]
+        unknown = np.full(len(stamps_s), np.nan)
+        kind, outcome, reason = (np.full(len(stamps_s), word) for word in ("fix", "accepted", ""))
+        information = np.asarray(np.linalg.inv(self.covariances[is_whole]), dtype=np.float64)
+        name = np.full(len(stamps_s), source)
+        return EstimateTable(
+            stamps_s, unknown, stamps_s, name, kind, outcome, reason, poses, information, unknown, unknown
+        )
 
 
 def read_beliefs(file: Path) -> BeliefTable:

@@ -14,7 +14,9 @@ import numpy as np
 from trailmark import paths
 from trailmark.errors import DataError
 from trailmark.evaluation.alignment import STATIC_M
+from trailmark.evaluation.estimates_table import EstimateTable
 from trailmark.evaluation.lateral import lateral_error
+from trailmark.evaluation.naming import quantity_of
 from trailmark.evaluation.path_file import PATH_FILE, write_path
 from trailmark.evaluation.plugged import (
     JudgedEstimates,
@@ -25,7 +27,7 @@ from trailmark.evaluation.plugged import (
     extra_metrics,
 )
 from trailmark.evaluation.run_evaluation import RunEvaluation, compared_span, evaluate_run_folder
-from trailmark.evaluation.run_folder import GROUND_TRUTH, RunFolder, read_run
+from trailmark.evaluation.run_folder import FUSED, GROUND_TRUTH, RunFolder, read_run
 from trailmark.evaluation.tracking import tracked_fraction
 from trailmark.evaluation.trajectory_metrics import Protocol, evaluate
 from trailmark.evaluation.warnings import run_warnings
@@ -35,6 +37,8 @@ from trailmark.writing import write_whole
 __all__ = ["METRICS_FILE", "RunEvaluation", "evaluate_run", "evaluate_run_folder", "metrics_document", "write_metrics"]
 
 METRICS_FILE = "metrics.json"
+# Of what metrics say of estimates, what is said of the belief, too.
+_OF_BELIEFS = ("silent", "silent_single")
 
 Metrics = Mapping[str, PluggedMetric | MetricFunction]
 Documents = dict[str, dict[str, Any]]
@@ -139,6 +143,7 @@ def metrics_document(
     plugged = as_plugged(metrics)
     problems += _add_of_trajectories(trajectories, evaluated, plugged)
     problems += _add_of_estimates(sources, evaluated, plugged)
+    problems += _add_of_beliefs(trajectories, evaluated, plugged)
     if evaluated.run.truth is not None:
         trajectories[GROUND_TRUTH] = _plain(evaluated.run.truth)
     if path is not None:
@@ -200,21 +205,39 @@ def _add_of_trajectories(
 
 def _add_of_estimates(sources: Documents, evaluated: RunEvaluation, metrics: Sequence[PluggedMetric]) -> list[str]:
     """Add what metrics say of the localizers' estimates, and return what went wrong."""
-    problems = []
-    judging = [metric for metric in metrics if metric.judges == "estimates"]
-    for name, document in sources.items():
-        judged = _judged_estimates(evaluated, name)
-        for metric in judging:
-            numbers, complaints = metric.numbers(judged)
-            document["metrics"].update(numbers)
-            problems += [f"{name}: {complaint}" for complaint in complaints]
+    estimates = evaluated.run.estimates
+    told = {} if estimates is None else {name: estimates.of(name) for name in sources}
+    return _add_judged(sources, told, evaluated, metrics)
+
+
+def _add_of_beliefs(trajectories: Documents, evaluated: RunEvaluation, metrics: Sequence[PluggedMetric]) -> list[str]:
+    """Add which beliefs were silently wrong, judged as poses of a localizer; when it answered is not for it to say."""
+    beliefs = evaluated.run.beliefs
+    if beliefs is None or not len(beliefs) or FUSED not in trajectories or not evaluated.has_truth:
+        return []
+    judged: Documents = {FUSED: {"metrics": {}}}
+    problems = _add_judged(judged, {FUSED: beliefs.as_fixes(FUSED)}, evaluated, metrics)
+    found = judged[FUSED]["metrics"].items()
+    trajectories[FUSED]["metrics"] |= {name: value for name, value in found if quantity_of(name) in _OF_BELIEFS}
     return problems
 
 
-def _judged_estimates(evaluated: RunEvaluation, name: str) -> JudgedEstimates:
-    assert evaluated.run.estimates is not None
+def _add_judged(
+    documents: Documents,
+    told: Mapping[str, EstimateTable],
+    evaluated: RunEvaluation,
+    metrics: Sequence[PluggedMetric],
+) -> list[str]:
+    problems = []
+    judging = [metric for metric in metrics if metric.judges == "estimates"]
     truth = evaluated.run.truth if evaluated.has_truth else None
-    return JudgedEstimates(evaluated.run.estimates.of(name), truth, evaluated.map_frame, evaluated.path)
+    for name, table in told.items():
+        judged = JudgedEstimates(table, truth, evaluated.map_frame, evaluated.path)
+        for metric in judging:
+            numbers, complaints = metric.numbers(judged)
+            documents[name]["metrics"].update(numbers)
+            problems += [f"{name}: {complaint}" for complaint in complaints]
+    return problems
 
 
 def _trajectory(evaluated: RunEvaluation, name: str) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from trailmark.evaluation import (
     Evaluation,
     RunEvaluation,
     collisions_of,
+    quantity_of,
 )
 from trailmark.geometry import Trajectory
 from trailmark.pipeline import RunResult
@@ -85,8 +86,10 @@ def verdict_of(result: RunResult, document: Mapping[str, Any], subject: str, loc
 
 def _metrics(document: Mapping[str, Any], subject: str, localizer: str) -> dict[str, float | None]:
     found: dict[str, float | None] = {}
-    for group, name in (("trajectories", subject), ("sources", localizer)):
-        found |= document[group].get(name, {}).get("metrics", {})
+    for group, name in (("sources", localizer), ("trajectories", subject)):  # the belief was wrong, not who fed it
+        told = document[group].get(name, {}).get("metrics", {})
+        quantities = {quantity_of(key) for key in told}
+        found = {key: value for key, value in found.items() if quantity_of(key) not in quantities} | told
     truth = document["trajectories"].get(GROUND_TRUTH, {}).get("metrics", {})
     return found | {f"true_{name}": value for name, value in truth.items()}  # how a robot that was driven really went
 

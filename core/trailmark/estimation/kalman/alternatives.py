@@ -16,6 +16,7 @@ import numpy as np
 from trailmark.arrays import Floats
 from trailmark.estimation.kalman.bank import mixture_of, posterior
 from trailmark.estimation.kalman.diagnosis import Alternative, FaultDiagnosis, RivalFilter
+from trailmark.estimation.kalman.lasting_errors import turned
 from trailmark.estimation.kalman.state import FilterState, Gaussian
 from trailmark.estimation.kalman.windows import without_windows
 from trailmark.geometry import Pose2, wrap_angle
@@ -48,8 +49,8 @@ def closed_question(state: FilterState) -> FilterState:
         if gaussian is None or weight < _FORGOTTEN:
             continue
         shift = _pose_of(gaussian.x) @ _pose_of(best.x).inverse()
-        turned = _turning(shift, len(best.x))
-        covariance += weight * turned.T @ gaussian.covariance @ turned
+        turning = _turning(shift, len(best.x))
+        covariance += weight * turning.T @ gaussian.covariance @ turning
         found.append(Alternative(shift, math.log(weight / weights[0]), rival.n_measurements))
     before = diagnosis.alternatives or (Alternative(Pose2(), 0.0, 0),)
     both = [
@@ -57,7 +58,7 @@ def closed_question(state: FilterState) -> FilterState:
         for old in before
         for new in found
     ]
-    gaussian, alternatives = _without_near(Gaussian(best.x, covariance), both)
+    gaussian, alternatives = _without_near(Gaussian(best.x, covariance, best.lasting), both)
     return replace(
         state,
         gaussian=gaussian,
@@ -114,16 +115,17 @@ def _without_near(gaussian: Gaussian, alternatives: Sequence[Alternative]) -> tu
         else:
             covariance[:3, :3] += math.exp(one.log_weight) / total * np.outer(away, away)
     if not far:
-        return Gaussian(gaussian.x, covariance), ()
+        return Gaussian(gaussian.x, covariance, gaussian.lasting), ()
     return gaussian, tuple(kept)
 
 
 def _shifted(gaussian: Gaussian | None, shift: Pose2) -> Gaussian | None:
     if gaussian is None:
         return None
-    turned = _turning(shift, len(gaussian.x))
+    turning = _turning(shift, len(gaussian.x))
     x = np.concatenate([_shifted_pose(gaussian.x, shift).array(), gaussian.x[3:]])
-    return Gaussian(x, turned @ gaussian.covariance @ turned.T)
+    lasting = turned(gaussian.lasting, math.cos(shift.theta), math.sin(shift.theta))
+    return Gaussian(x, turning @ gaussian.covariance @ turning.T, lasting)
 
 
 def _shifted_pose(x: Floats, shift: Pose2) -> Pose2:

@@ -58,7 +58,8 @@ def mixture_of(rivals: Sequence[RivalFilter], weights: Floats) -> Gaussian | Non
     known = [(rival.state.gaussian, float(w)) for rival, w in zip(rivals, weights) if rival.state.gaussian is not None]
     if not known:
         return None
-    centre = known[int(np.argmax([w for _, w in known]))][0].x
+    leader = known[int(np.argmax([w for _, w in known]))][0]
+    centre = leader.x
     away = []
     for gaussian, _ in known:
         difference = gaussian.x - centre
@@ -75,7 +76,7 @@ def mixture_of(rivals: Sequence[RivalFilter], weights: Floats) -> Gaussian | Non
     )
     x = centre + mean
     x[2] = wrap_angle(float(x[2]))
-    return Gaussian(x, covariance)
+    return Gaussian(x, covariance, leader.lasting)
 
 
 def log_likelihood(seen: Innovation | None) -> float:

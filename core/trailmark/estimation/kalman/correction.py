@@ -14,6 +14,7 @@ from trailmark.estimation.kalman.correlated_fixes import share_of_news
 from trailmark.estimation.kalman.ekf import PredictedMotion
 from trailmark.estimation.kalman.gate import threshold, weight
 from trailmark.estimation.kalman.innovation import Innovation, MeasurementModel, nis_of
+from trailmark.estimation.kalman.lasting_errors import corrected, lasting_covariance, lasting_variances
 from trailmark.estimation.kalman.layout import Layout
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.kalman.recovery_policy import Keep, RecoveryPolicy, Relocate
@@ -25,6 +26,7 @@ from trailmark.estimation.kalman.state import (
     Rejections,
     Verdict,
 )
+from trailmark.estimation.kalman.windows import LONGEST_S
 from trailmark.estimation.kalman_config import KalmanConfig
 from trailmark.estimation.unmeasured import NOWHERE, Sym2, directions_above, projected, turned
 from trailmark.geometry import wrap_angle
@@ -69,6 +71,7 @@ class Correction:
         self._loss_scale = config.loss_scale
         self._filter = kalman
         self._layout = layout
+        self._lasting = lasting_variances(config)
 
     def correct(self, state: FilterState, measurement: Measurement, seen: Innovation | None = None) -> FilterState:
         """Return the state after a measurement, with the verdict on it as its last.
@@ -86,9 +89,31 @@ class Correction:
         if gate is not None and seen.nis > threshold(gate, dof):
             return self._reject(state, before, measurement, seen)
         used = self._weighted(state, measurement, seen)
-        after = Gaussian(*self._filter.update(before.x, before.covariance, used, measurement))
+        updated = self._filter.update(before.x, before.covariance, used, measurement)
+        after = Gaussian(*updated, corrected(before.lasting, used.pose_gain()))
         verdict = Verdict("accepted", seen.nis, dof, seen=seen, used=used)
         return _accept(state, measurement, after, seen.jacobian[:, :3], verdict)
+
+    def considered(self, state: FilterState, measurement: Measurement) -> FilterState:
+        """Return a state with the lasting errors of motion in its covariance, where a measurement fits only then.
+
+        That is after a way without absolute estimates: where some were accepted of late these errors are small, and who
+        is wrong is a question.
+        """
+        before, gate = state.gaussian, measurement.trust.gate
+        if before is None or gate is None:
+            return state
+        agreed_s = max((one.stamp_s for one in state.rejections.corroborations.values()), default=-math.inf)
+        if state.stamp_s - agreed_s <= LONGEST_S:
+            return state
+        innovation, jacobian = measurement.innovation(before.x)
+        covariance, limit = before.covariance.copy(), threshold(gate, len(innovation))
+        variances = self._lasting.plus(state.diagnosis.parting.variances)
+        covariance[:3, :3] += lasting_covariance(before.lasting, variances)
+        fits_then = nis_of(innovation, jacobian, covariance) <= limit
+        if not fits_then or nis_of(innovation, jacobian, before.covariance) <= limit:
+            return state
+        return replace(state, gaussian=Gaussian(before.x, covariance))
 
     def doubt(self, state: FilterState, measurement: Measurement) -> FilterState:
         """Return the state after a measurement of a localizer whose absolute estimates are not believed.

@@ -13,6 +13,7 @@ import numpy as np
 from trailmark.arrays import Floats
 from trailmark.estimation.kalman.innovation import Innovation
 from trailmark.estimation.kalman.measurements import Measurement
+from trailmark.estimation.kalman.parting import NOT_COMPARED, Parting
 from trailmark.frames.payloads import read_only
 from trailmark.geometry import Pose2
 from trailmark.values import quick_dataclass
@@ -245,6 +246,8 @@ class FaultDiagnosis(NamedTuple):
         The filter at the beginnings of the longer test windows, oldest first.
     doubts : mapping of str to LastingDoubt
         By localizer whose motion is believed, but less than it says.
+    parting : Parting
+        By how much the motions differ from that of the belief, always alike.
     innovations : tuple of (float, Innovation)
         Of the absolute estimates that are in `corrections`, as they were used, with their stamps, since the oldest
         anchor of all.
@@ -265,4 +268,5 @@ class FaultDiagnosis(NamedTuple):
     accused: frozenset[str] = frozenset()
     far_anchors: tuple[FilterState, ...] = ()
     doubts: Mapping[str, LastingDoubt] = _EMPTY
+    parting: Parting = NOT_COMPARED
     innovations: tuple[tuple[float, Innovation], ...] = ()

@@ -50,7 +50,7 @@ class Ekf:
 
     def update(self, x: Floats, covariance: Floats, seen: Innovation, model: MeasurementModel) -> tuple[Floats, Floats]:
         """Return state and covariance after a measurement of unit noise, given its innovation."""
-        gain = seen.cross @ seen.inverse
+        gain = seen.gain()
         updated = x + gain @ seen.innovation
         kept = self._unit - gain @ seen.jacobian
         updated[2] = wrap_angle(float(updated[2]))

@@ -17,6 +17,7 @@ from trailmark.estimation.kalman.clock_offsets import TimeOffset
 from trailmark.estimation.kalman.correction import Filter
 from trailmark.estimation.kalman.ekf import Ekf
 from trailmark.estimation.kalman.health import SourceMonitor, health_of
+from trailmark.estimation.kalman.lasting_errors import lasting_variances
 from trailmark.estimation.kalman.layout import Layout
 from trailmark.estimation.kalman.measurements import (
     Measurement,
@@ -26,6 +27,7 @@ from trailmark.estimation.kalman.measurements import (
 )
 from trailmark.estimation.kalman.motions import StatedMotion
 from trailmark.estimation.kalman.odometry import PublishedOdometry
+from trailmark.estimation.kalman.parting import PartingLog
 from trailmark.estimation.kalman.plausibility import fix_refusal, motion_refusal, offset_refusal
 from trailmark.estimation.kalman.source_learning import SourceLearning
 from trailmark.estimation.kalman.state import FilterState, Gaussian
@@ -66,12 +68,13 @@ class Kalman(Estimator):
         self._layout = layout = Layout.of(config)
         self._filter = _new_filter(config, layout)
         self._path = session.path
-        self._places = BeliefPlaces(session.path)
+        self._places = BeliefPlaces(session.path, lasting_variances(config))
         self._odometry = PublishedOdometry()
         self._clock = ClockGuard(config.time_jump_s, config.time_jump_after if config.time_jump == "reset" else None)
         self._monitors = {source: SourceMonitor(Trust.of(config, source)) for source in config.sources}
         self._counted: Counter[str] = Counter()
         self._learning = SourceLearning(config, self._counted)
+        self._parting_log = PartingLog()
         self._belief: Belief | None = None
         self._begin_history(self._start_state(session.start_pose))
 
@@ -304,6 +307,8 @@ class Kalman(Estimator):
     def _health(self, state: FilterState) -> Mapping[str, str]:
         health = health_of(self._monitors, state, self.config.recover_after)
         self._learning.add_to_health(health)
+        if state.diagnosis.parting.told:
+            self._parting_log.note(state.diagnosis.parting.told)
         for source in self._timeline.motions.overlapping(state.stamp_s - TOLD_S):
             health.setdefault(source, OVERLAPS)
         return health

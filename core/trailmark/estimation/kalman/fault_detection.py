@@ -39,6 +39,7 @@ from trailmark.estimation.kalman.hypotheses import Hypothesis, HypothesisBank, t
 from trailmark.estimation.kalman.lasting_doubts import doubts_of
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.kalman.one_sided import longest_one_sided_since
+from trailmark.estimation.kalman.parting import with_windows_compared
 from trailmark.estimation.kalman.prediction import Prediction
 from trailmark.estimation.kalman.state import FilterState
 from trailmark.estimation.kalman.trials import Trials
@@ -93,6 +94,8 @@ class FaultDetector:
             if far and not state.diagnosis.rivals:
                 doubts = doubts_of(state, [s for s in trusted_motions(state) if s not in self._calibrated])
                 state = state.with_diagnosis(state.diagnosis._replace(doubts=doubts))
+            if not state.diagnosis.rivals:
+                state = with_windows_compared(state, self._calibrated)
         return _with_anchor_in_time(state)
 
     def correct(self, state: FilterState, measurement: Measurement) -> FilterState:
@@ -105,6 +108,8 @@ class FaultDetector:
             before = state.diagnosis
         if before.rivals:
             return self._bank.correct(state, measurement)
+        if not measurement.replaces:
+            state = self._correction.considered(state, measurement)
         after = self._correction.correct(state, measurement)
         if measurement.replaces or state.gaussian is None or after.gaussian is None:
             return after.with_diagnosis(without_windows(before))

@@ -130,6 +130,8 @@ def health_of(monitors: Mapping[str, SourceMonitor], state: FilterState, recover
             health[source] = "far more certain than it ever was: not believed to be"
         elif source in doubts:
             health[source] = str(doubts[source])
+        elif source in state.diagnosis.parting.told:
+            health[source] = state.diagnosis.parting.told[source]
         elif source in state.left_out:
             health[source] = "its motion contradicts the others and the velocity before"
         elif state.stamp_s - monitor.last_s > monitor.trust.timeout_s:

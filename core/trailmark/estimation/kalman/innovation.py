@@ -75,7 +75,7 @@ class Innovation:
         If the shapes do not fit: numpy would broadcast them.
     """
 
-    __slots__ = ("_size", "cross", "innovation", "inverse", "jacobian", "nis", "scale", "spread")
+    __slots__ = ("_gain", "_pose_gain", "_size", "cross", "innovation", "inverse", "jacobian", "nis", "scale", "spread")
 
     def __init__(self, innovation: Floats, jacobian: Floats, covariance: Floats, scale: float | Floats = 1.0) -> None:
         if jacobian.shape != (len(innovation), len(covariance)) or innovation.ndim != 1:
@@ -89,6 +89,8 @@ class Innovation:
         self.spread = predicted.diagonal()
         self.nis = float(innovation @ self.inverse @ innovation)
         self._size: tuple[float, float, Floats] | None = None
+        self._gain: Floats | None = None
+        self._pose_gain: Floats | None = None
 
     def size_in_pose(self) -> tuple[float, float, Floats]:
         """Return way and turn of ``H^-1 y`` [m, rad], and the gain in the pose ``K H``, (3, 3).
@@ -98,8 +100,20 @@ class Innovation:
         if self._size is None:
             jacobian = self.jacobian[:, :3]
             x, y, turn = np.linalg.lstsq(jacobian, self.innovation, rcond=1e-9)[0].tolist()
-            self._size = math.hypot(x, y), abs(turn), self.cross[:3] @ self.inverse @ jacobian
+            self._size = math.hypot(x, y), abs(turn), self.pose_gain()
         return self._size
+
+    def gain(self) -> Floats:
+        """Return the gain ``K``, (n, k)."""
+        if self._gain is None:
+            self._gain = self.cross @ self.inverse
+        return self._gain
+
+    def pose_gain(self) -> Floats:
+        """Return the gain in the pose ``K H``, (3, 3)."""
+        if self._pose_gain is None:
+            self._pose_gain = self.gain()[:3] @ self.jacobian[:, :3]
+        return self._pose_gain
 
     def weighted(self, weight: float | Floats, covariance: Floats) -> Innovation:
         """Return the same with its information scaled, by one weight or one of each row."""

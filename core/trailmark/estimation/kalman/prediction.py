@@ -16,6 +16,7 @@ from trailmark.estimation.kalman.diagnosis import FaultDiagnosis, MotionSum
 from trailmark.estimation.kalman.ekf import PredictedMotion
 from trailmark.estimation.kalman.gaps import AT_REST, Gaps, Piece
 from trailmark.estimation.kalman.lasting_doubts import with_doubts
+from trailmark.estimation.kalman.lasting_errors import carried
 from trailmark.estimation.kalman.layout import Layout
 from trailmark.estimation.kalman.matched_motion import (
     NO_OFFSETS,
@@ -163,7 +164,7 @@ class Prediction:
         if self._uses_standstill and stands(state, self._layout):
             stated = with_standstill(stated, dt_s)
         x, covariance = self._common.learn(before.x, before.covariance, stated, dt_s, held, drift)
-        state = replace(state, gaussian=Gaussian(x, covariance))
+        state = replace(state, gaussian=Gaussian(x, covariance, before.lasting))
         steps = self._common.remove_from(x, stated, dt_s)
         columns = self._common.jacobian(x, stated, dt_s, drift)
         return self._apply_steps(state, stamp_s, selection, steps, columns)
@@ -213,8 +214,10 @@ class Prediction:
         before, step, odometry = state.gaussian, piece.step, state.odometry
         gaussian = None
         if before is not None:
-            motion = self._motion_of(before.x, step, stamp_s - state.stamp_s, piece.columns, piece.velocity_held_s)
-            gaussian = Gaussian(*self._filter.predict(before.x, before.covariance, motion))
+            dt_s = stamp_s - state.stamp_s
+            motion, (dx, dy) = self._motion_of(before.x, step, dt_s, piece.columns, piece.velocity_held_s)
+            lasting = carried(before.lasting, dx, dy, step.turn, dt_s)
+            gaussian = Gaussian(*self._filter.predict(before.x, before.covariance, motion), lasting)
         twist = step.twist
         speed_mps = math.hypot(twist.forward_mps, twist.left_mps)
         return FilterState(
@@ -238,7 +241,8 @@ class Prediction:
 
     def _motion_of(
         self, x: Floats, step: MotionStep, dt_s: float, columns: Floats | None, held_s: float
-    ) -> PredictedMotion:
+    ) -> tuple[PredictedMotion, tuple[float, float]]:
+        """Return a step as the filters need it, and its way in the map [m]."""
         numbers = x.tolist()
         px, py, theta = numbers[:3]
         cos, sin = math.cos(theta), math.sin(theta)
@@ -249,7 +253,7 @@ class Prediction:
         jacobian[0, 2], jacobian[1, 2] = -dy, dx
         noise = to_matrix(congruence(step.covariance, cos, sin, 0.0, 0.0))
         if len(numbers) == 3:
-            return PredictedMotion(moved, jacobian, noise, (step.x, step.y, step.turn))
+            return PredictedMotion(moved, jacobian, noise, (step.x, step.y, step.turn)), (dx, dy)
         turned = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
         whole, spread = np.eye(len(x)), np.zeros((len(x), len(x)))
         whole[:3, :3], spread[:3, :3] = jacobian, noise
@@ -258,7 +262,7 @@ class Prediction:
         if self._velocity is not None:
             self._velocity.carry(moved, whole, spread, turned, dt_s, held_s)
         self._common.wander(spread, dt_s)
-        return PredictedMotion(moved, whole, spread, (step.x, step.y, step.turn))
+        return PredictedMotion(moved, whole, spread, (step.x, step.y, step.turn)), (dx, dy)
 
 
 def _added(

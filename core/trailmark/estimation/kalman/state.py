@@ -13,6 +13,7 @@ from trailmark.deprecation import deprecated_name
 from trailmark.estimation.kalman import diagnosis
 from trailmark.estimation.kalman.diagnosis import DetectedFault, FaultDiagnosis, RivalFilter
 from trailmark.estimation.kalman.innovation import Innovation
+from trailmark.estimation.kalman.lasting_errors import UNAFFECTED, Columns
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.unmeasured import NOWHERE, Sym2
 from trailmark.geometry import Pose2, Twist2
@@ -125,11 +126,14 @@ class Gaussian:
     x : (n,) float64
         Pose in the map, theta wrapped, and what else the model estimates.
     covariance : (n, n) float64
-        Of `x`.
+        Of `x`, were there no errors that last.
+    lasting : tuple of 12 float
+        How the pose changes with each of these (`lasting_errors`).
     """
 
     x: Floats
     covariance: Floats
+    lasting: Columns = UNAFFECTED
 
 
 @quick_dataclass(frozen=True, slots=True, eq=False)

@@ -88,7 +88,7 @@ class VelocityModel:
             innovation = root @ (measured - x[3:6])
             seen = Innovation(innovation, jacobian, covariance)
             x, covariance = self._filter.update(x, covariance, seen, LinearModel(innovation, jacobian, x))
-        return self.with_twist(replace(state, gaussian=Gaussian(x, covariance)))
+        return self.with_twist(replace(state, gaussian=Gaussian(x, covariance, state.gaussian.lasting)))
 
     def with_twist(self, state: FilterState) -> FilterState:
         """Return a state whose odometry has the estimated velocity."""
