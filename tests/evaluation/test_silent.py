@@ -150,6 +150,23 @@ def test_it_is_built_in_and_stands_beside_the_error_in_the_table(write_run: Writ
     assert find_metric(document["sources"]["cam"]["metrics"], "silent") == 1.0
 
 
+def test_the_belief_is_judged_like_a_localizer(write_run: Write) -> None:
+    truth = true_line(0.5)
+    ahead = Trajectory(truth.stamps_s, truth.poses + np.array([0.0, 0.1, 0.0]))
+    folder = write_run({"fused": ahead}, truth, motions(truth, 0.0, 0.001))
+    rows = [  # one in four says 10 mm, and is 100 mm off
+        f"{t},{0.5 * t!r},0.1,0,{variance},0,0,{variance},0,1e-4"
+        for t, variance in zip(truth.stamps_s[:80].tolist(), [1e-4, 1e-2, 1e-2, 1e-2] * 20, strict=True)
+    ]
+    header = "stamp_s,x,y,theta,cov_xx,cov_xy,cov_xt,cov_yy,cov_yt,cov_tt"
+    (folder / "beliefs.csv").write_text("\n".join([header, *rows]) + "\n")
+
+    document = evaluate_run(folder, metrics=metrics_of(load_plugins().registry))
+
+    fused = document["trajectories"]["fused"]["metrics"]
+    assert find_metric(fused, "silent") == pytest.approx(0.25)
+
+
 def test_what_was_not_measured_is_not_wrong() -> None:
     information = np.array([np.diag([0.0, 1e6, 0.0]), np.diag([1e6, 1e6, 0.0])])
     errors = np.array([[9.0, 0.0, 2.0], [9.0, 0.0, 2.0]])
