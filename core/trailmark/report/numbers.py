@@ -10,6 +10,7 @@ __all__ = ["MISSING", "count_text", "length_unit", "percent_text", "significant"
 MISSING = "\u2013"  # an en dash
 
 _SMALL_M = 0.1
+_TINY_M, _DUST_M = 1e-3, 1e-6
 
 
 def significant(value: float | None, digits: int = 3) -> str:
@@ -44,8 +45,11 @@ def count_text(value: int | None) -> str:
 
 
 def length_unit(values_m: Iterable[float | None]) -> tuple[str, float]:
-    """Return the unit for lengths of similar size and how many of it make a metre: ``mm`` below 0.1 m."""
+    """Return the unit for the lengths of a column and how many of it make a metre.
+
+    It is ``mm`` where most are below 0.1 m, and where one is so small that metres would show it by an exponent.
+    """
     known = sorted(abs(value) for value in values_m if value is not None and math.isfinite(value))
-    if known and known[len(known) // 2] < _SMALL_M:
+    if known and (known[len(known) // 2] < _SMALL_M or any(_DUST_M < value < _TINY_M for value in known)):
         return "mm", 1000.0
     return "m", 1.0
