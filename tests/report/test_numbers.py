@@ -47,4 +47,6 @@ def test_short_lengths_are_shown_in_millimetres() -> None:
     assert length_unit([0.2, 0.5]) == ("m", 1.0)
     assert length_unit([None]) == ("m", 1.0)
     assert length_unit([7.5e-05, 2.0, 5.0]) == ("mm", 1000.0)
+    assert length_unit([9e-04, 2.0, 5.0]) == ("m", 1.0)
+    assert length_unit([7.5e-05, 2.0, 1234.5]) == ("m", 1.0)
     assert length_unit([1e-16, 2.0, 5.0]) == ("m", 1.0)

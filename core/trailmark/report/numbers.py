@@ -10,7 +10,10 @@ __all__ = ["MISSING", "count_text", "length_unit", "percent_text", "significant"
 MISSING = "\u2013"  # an en dash
 
 _SMALL_M = 0.1
-_TINY_M, _DUST_M = 1e-3, 1e-6
+#: Below it `significant` shows metres by an exponent; above it a column stays in metres whatever else is in it.
+_TINY_M, _LARGE_M = 1e-4, 100.0
+#: Less is rounding.
+_DUST_M = 1e-6
 
 
 def significant(value: float | None, digits: int = 3) -> str:
@@ -47,9 +50,13 @@ def count_text(value: int | None) -> str:
 def length_unit(values_m: Iterable[float | None]) -> tuple[str, float]:
     """Return the unit for the lengths of a column and how many of it make a metre.
 
-    It is ``mm`` where most are below 0.1 m, and where one is so small that metres would show it by an exponent.
+    It is ``mm`` where most are below 0.1 m, and where one is so small that metres would show it by an exponent, unless
+    another is 100 m or more.
     """
     known = sorted(abs(value) for value in values_m if value is not None and math.isfinite(value))
-    if known and (known[len(known) // 2] < _SMALL_M or any(_DUST_M < value < _TINY_M for value in known)):
+    if not known:
+        return "m", 1.0
+    is_tiny = known[-1] < _LARGE_M and any(_DUST_M < value < _TINY_M for value in known)
+    if is_tiny or known[len(known) // 2] < _SMALL_M:
         return "mm", 1000.0
     return "m", 1.0
