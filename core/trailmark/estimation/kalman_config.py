@@ -83,7 +83,7 @@ class KalmanConfig(PluginConfig):
     """By which yaw rate they differ, even at rest (one standard deviation) [deg/s]."""
     agree_late_s: float = Field(default=0.03, ge=0)
     """By how much their stamps are off against each other (one standard deviation) [s]."""
-    calibration_sigma: float = Field(default=0.005, ge=0)
+    calibration_sigma: float = Field(default=0.005, ge=0, le=1)
     """By which share of the way and of the turn the calibration of a motion is off, which never averages out (one
     standard deviation): pixels per metre, wheels, track. It is in the covariance of the
     belief alone: what is estimated stays as it is."""
