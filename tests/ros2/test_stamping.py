@@ -97,3 +97,21 @@ def test_stamps_that_go_back_are_said_once(feed, caplog) -> None:
 def test_a_first_stamp_of_the_future_ends_the_run(feed) -> None:
     with pytest.raises(SourceError, match="/odom: the first stamp was 4000000000 s ahead of all after it"):
         list(feed([4e9, 0.1, 0.2, 0.3, 0.4]).take())
+
+
+@pytest.mark.parametrize("ahead_s", [3.4, 8.0])
+def test_a_first_stamp_that_is_seconds_ahead_ends_the_run_with_its_reason(feed, ahead_s: float) -> None:
+    with pytest.raises(SourceError, match=f"/odom: the first stamp was {ahead_s:.0f} s ahead of all after it"):
+        list(feed([5.0 + ahead_s, 5.1, 5.2, 5.3, 5.4, 5.5, 5.6, 5.7]).take())
+
+
+@pytest.mark.parametrize("rate", [3.0, 4.0])
+def test_of_a_replay_that_is_faster_two_messages_are_lost(rate: float) -> None:
+    stamper, refused = Stamper("/odom", "header", 1e10), 0
+    for k in range(1, 61):
+        try:
+            stamper.stamp_s(message_with_frame(rate * k), 1.0 * k)
+        except SourceError:
+            refused += 1
+
+    assert refused == (2 if rate - 1.0 > 2.0 else 0)
