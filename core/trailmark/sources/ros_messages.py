@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.errors import SourceError
 from trailmark.frames import RGBD, Image, Imu, Odometry, Pinhole, Scan
 from trailmark.geometry import Pose2, Twist2
@@ -208,13 +209,17 @@ def info_topic(topic: str) -> str:
 
 def lens(info: Any, is_rectified: bool) -> Pinhole | None:
     """Return the lens of a CameraInfo message; None where it is not calibrated, of another model, or no numbers."""
-    matrix = np.asarray(info.P if hasattr(info, "P") else info.p).reshape(3, 4)
+    if is_rectified:
+        return _pinhole(np.asarray(info.P if hasattr(info, "P") else info.p).reshape(3, 4), ())
     distortion = tuple(float(value) for value in (info.D if hasattr(info, "D") else info.d))
-    if not is_rectified:
-        matrix = np.asarray(info.K if hasattr(info, "K") else info.k).reshape(3, 3)
-        if len(distortion) not in (0, 4, 5, 8) or info.distortion_model not in ("plumb_bob", "rational_polynomial", ""):
-            return None
-    if not (matrix[0, 0] > 0 and matrix[1, 1] > 0 and np.isfinite([*matrix.ravel(), *distortion]).all()):
+    if len(distortion) not in (0, 4, 5, 8) or info.distortion_model not in ("plumb_bob", "rational_polynomial", ""):
         return None
+    return _pinhole(np.asarray(info.K if hasattr(info, "K") else info.k).reshape(3, 3), distortion)
+
+
+def _pinhole(matrix: Floats, distortion: tuple[float, ...]) -> Pinhole | None:
+    """Return the lens of a camera matrix (3, 3) or (3, 4); None where a number that is used is none."""
     fx, fy, cx, cy = (float(matrix[i, j]) for i, j in ((0, 0), (1, 1), (0, 2), (1, 2)))
-    return Pinhole(fx, fy, cx, cy, () if is_rectified or not any(distortion) else distortion)
+    if not (fx > 0 and fy > 0 and all(map(math.isfinite, (fx, fy, cx, cy, *distortion)))):
+        return None
+    return Pinhole(fx, fy, cx, cy, distortion if any(distortion) else ())
