@@ -7,6 +7,7 @@ from array import array
 from dataclasses import replace
 from numbers import Real
 from time import perf_counter_ns
+from types import MappingProxyType
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from trailmark.arrays import Floats
 from trailmark.errors import ConfigError
 from trailmark.estimates import Applied, Belief, Estimate, Fix, Motion, PathOffset
 from trailmark.failures import raise_failure
+from trailmark.frames.payloads import read_only
 from trailmark.geometry import Pose2
 from trailmark.geometry.trajectory import FARTHEST_M
 from trailmark.interfaces import Estimator
@@ -56,7 +58,7 @@ class EstimatorRunner:
         self._times = times
         self._moving: dict[str, LocalizerPart] = {}
         self._spared: dict[str, str] = {}  # whose motion is left out, and for whose
-        self._believed: tuple[float, Belief] | None = None  # and the stamp that was asked for; until more is applied
+        self._last_belief: tuple[float, Belief] | None = None  # and the stamp that was asked for; until more is applied
 
     def set_pose(self, pose_map_base: Pose2, covariance: Floats | None = None, stamp_s: float | None = None) -> Applied:
         """Tell the estimator where a person says that the robot is; what is no pose is refused.
@@ -68,7 +70,7 @@ class EstimatorRunner:
         """
         if (problem := _problem_of(pose_map_base, covariance, stamp_s)) is not None:
             return Applied("refused", problem)
-        self._believed = None
+        self._last_belief = None
         try:
             when = () if stamp_s is None else (stamp_s,)
             outcome = self._estimator.set_pose(pose_map_base, covariance, *when)
@@ -86,8 +88,8 @@ class EstimatorRunner:
         RunError
             If the estimator raises.
         """
-        if self._believed is not None and self._believed[0] == stamp_s:
-            return self._believed[1]
+        if self._last_belief is not None and self._last_belief[0] == stamp_s:
+            return self._last_belief[1]
         began_ns = perf_counter_ns()
         try:
             belief = self._estimator.belief(stamp_s)
@@ -98,13 +100,12 @@ class EstimatorRunner:
             pose = belief.pose_map_base
             if pose is not None and max(abs(pose.x), abs(pose.y)) > FARTHEST_M:
                 raise ValueError(f"it believes to be at {pose}")
+            belief = _frozen(belief, {**belief.health, **self.health})
         except BaseException as error:
             raise_failure(error, "the estimator", "belief", keeps=())
         self._times.append(perf_counter_ns() - began_ns)
-        if self.health:
-            belief = replace(belief, health={**belief.health, **self.health})
         if stamp_s is not None:
-            self._believed = stamp_s, belief
+            self._last_belief = stamp_s, belief
         return belief
 
     def apply(self, localizer: LocalizerPart, estimate: Estimate, frame_s: float) -> Applied:
@@ -128,7 +129,7 @@ class EstimatorRunner:
             self._admit_motion(localizer)
         if isinstance(estimate, Motion) and (other := self._spared.get(name)) is not None:
             return Applied("unused", f"{other!r} gives motion, and both would count twice")
-        self._believed = None
+        self._last_belief = None
         began_ns = perf_counter_ns()
         try:
             outcome = self._estimator.apply(name, estimate)
@@ -141,7 +142,7 @@ class EstimatorRunner:
 
     def switch_off(self, name: str, why: str) -> None:
         """Expect nothing more of a localizer: what was spare beside its motion counts from now on."""
-        self._believed = None
+        self._last_belief = None
         self.health[name] = f"switched off: {why}"
         self._moving.pop(name, None)
         self._spared.pop(name, None)
@@ -163,6 +164,14 @@ class EstimatorRunner:
                     f" counts with estimator: {{use: [{other.name}]}}, or choose an estimator that weighs them"
                 )
         self._moving[localizer.name] = localizer
+
+
+def _frozen(belief: Belief, health: dict[str, str]) -> Belief:
+    """Return a belief with this health that nobody can change: localizers, sinks and the controller share it."""
+    covariance = belief.covariance
+    if isinstance(covariance, np.ndarray):  # the estimator may go on with it
+        covariance = read_only(covariance.copy())
+    return replace(belief, covariance=covariance, health=MappingProxyType(health))
 
 
 def _reaches_m(estimate: Estimate) -> float:

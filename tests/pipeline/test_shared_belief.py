@@ -1,0 +1,84 @@
+"""The belief that localizers, sinks and the controller share: until something changes it, and for reading alone."""
+
+from __future__ import annotations
+
+from array import array
+
+import numpy as np
+import pytest
+
+from trailmark.errors import RunError
+from trailmark.estimates import Applied, Belief, Estimate
+from trailmark.geometry import Pose2
+from trailmark.interfaces import Estimator
+from trailmark.pipeline.localizers.estimator import EstimatorRunner
+
+
+class Foreign(Estimator):
+    """Gives out its own arrays and mappings, and counts how often it is asked."""
+
+    def __init__(self, **fields) -> None:
+        super().__init__(None)
+        self.fields = fields
+        self.pose, self.asked = Pose2(), 0
+
+    def apply(self, source: str, estimate: Estimate) -> Applied:
+        return Applied("accepted")
+
+    def set_pose(self, pose_map_base, covariance=None, stamp_s=None) -> Applied:
+        self.pose = pose_map_base
+        return Applied("accepted")
+
+    def belief(self, stamp_s=None) -> Belief:
+        self.asked += 1
+        return Belief(stamp_s or 0.0, self.pose, **self.fields)
+
+
+def runner_of(estimator: Estimator) -> EstimatorRunner:
+    return EstimatorRunner(estimator, None, array("q"))
+
+
+def test_at_the_same_stamp_the_estimator_is_asked_once() -> None:
+    foreign = Foreign()
+    runner = runner_of(foreign)
+
+    assert runner.belief(1.0) is runner.belief(1.0)
+    assert foreign.asked == 1
+
+
+def test_a_pose_that_is_told_is_in_the_belief_at_the_same_stamp() -> None:
+    runner = runner_of(Foreign())
+    runner.belief(1.0)
+
+    runner.set_pose(Pose2(3.0, 4.0, 0.5))
+
+    assert runner.belief(1.0).pose_map_base == Pose2(3.0, 4.0, 0.5)
+
+
+def test_a_localizer_that_is_switched_off_is_in_the_belief_at_the_same_stamp() -> None:
+    runner = runner_of(Foreign())
+    runner.belief(1.0)
+
+    runner.switch_off("vo", "it failed")
+
+    assert runner.belief(1.0).health == {"vo": "switched off: it failed"}
+
+
+@pytest.mark.parametrize("stamp_s", [1.0, None])
+def test_nobody_changes_the_belief_of_others_in_place(stamp_s: float | None) -> None:
+    covariance, health = np.eye(3), {"vo": "silent"}
+    belief = runner_of(Foreign(covariance=covariance, health=health)).belief(stamp_s)
+
+    with pytest.raises(ValueError, match="read-only"):
+        belief.covariance[0, 0] = 9.0
+    with pytest.raises(TypeError):
+        belief.health["vo"] = "well"  # type: ignore[index]
+    covariance[0, 0] = 9.0
+    health["vo"] = "well"
+    np.testing.assert_array_equal(belief.covariance, np.eye(3))
+    assert belief.health == {"vo": "silent"}
+
+
+def test_health_that_is_no_mapping_is_a_failure_of_the_estimator() -> None:
+    with pytest.raises(RunError, match="the estimator failed in belief: TypeError"):
+        runner_of(Foreign(health=None)).belief(1.0)
