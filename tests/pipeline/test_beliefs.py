@@ -9,7 +9,7 @@ import pytest
 
 from trailmark.errors import ShapeError
 from trailmark.estimates import Belief, Motion
-from trailmark.evaluation.belief_table import read_beliefs, read_outlines
+from trailmark.evaluation.belief_table import BeliefTable, read_beliefs, read_outlines
 from trailmark.frames import SensorInfo
 from trailmark.frames.outlines import Outlines
 from trailmark.geometry import Pose2
@@ -33,6 +33,21 @@ def test_a_table_gives_back_what_was_believed(tmp_path) -> None:
     np.testing.assert_array_equal(table.stamps_s, [0.1 * k for k in range(10)])
     np.testing.assert_array_equal(table.poses[3], [0.1 * 3, 1.0, 0.5])
     np.testing.assert_array_equal(table.covariances[7], belief(0.0).covariance)
+
+
+def test_beliefs_are_judged_as_fixes_by_their_own_covariance() -> None:
+    table = BeliefTable(
+        np.array([0.5, 1.0]), np.array([[1.0, 2.0, 0.1], [3.0, 4.0, 0.2]]), np.stack([np.eye(3) * 4.0] * 2)
+    )
+
+    fixes = table.as_fixes("fused")
+
+    assert set(zip(fixes.source, fixes.kind, fixes.outcome, fixes.reason)) == {("fused", "fix", "accepted", "")}
+    np.testing.assert_array_equal(fixes.arrived_s, table.stamps_s)
+    np.testing.assert_array_equal(fixes.stamp_s, table.stamps_s)
+    np.testing.assert_array_equal(fixes.numbers, table.poses)
+    np.testing.assert_allclose(fixes.information, [np.eye(3) / 4.0] * 2)
+    assert np.isnan([fixes.since_s, fixes.nis, fixes.dof]).all()
 
 
 def test_a_long_run_keeps_a_bounded_table_that_spans_it(tmp_path) -> None:

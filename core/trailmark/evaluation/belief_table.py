@@ -52,7 +52,17 @@ class BeliefTable:
         information = np.asarray(np.linalg.inv(self.covariances[is_whole]), dtype=np.float64)
         name = np.full(len(stamps_s), source)
         return EstimateTable(
-            stamps_s, unknown, stamps_s, name, kind, outcome, reason, poses, information, unknown, unknown
+            arrived_s=stamps_s,
+            since_s=unknown,
+            stamp_s=stamps_s,
+            source=name,
+            kind=kind,
+            outcome=outcome,
+            reason=reason,
+            numbers=poses,
+            information=information,
+            nis=unknown,
+            dof=unknown,
         )
 
 

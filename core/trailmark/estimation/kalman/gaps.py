@@ -140,7 +140,7 @@ class Gaps:
         after_s = plus(before_s, open_ways, dt_s)
         unmeasured_s = turned(after_s, theta)
         if longest(after_s) <= self._coast_s:
-            return Piece(*piece[:-1], unmeasured_s)  # in half the time of `_replace`
+            return piece._replace(unmeasured_s=unmeasured_s)
         speed_m2ps2 = speed_variance(self._drift, odometry.measured_mps)
         rate_m2ps2 = speed_m2ps2 * dt_s * (2.0 - self._coast_s / longest(after_s))
         xx, xy, yy = after_s
