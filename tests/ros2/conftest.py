@@ -13,6 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from trailmark.api import create
+from trailmark.interfaces import Session
+
 try:
     from trailmark_ros2 import dds
     from trailmark_ros2.driving import stamp_of
@@ -99,6 +102,22 @@ def new_robot() -> Iterator[Callable[[int], Robot]]:
 def robot(domain: int, new_robot: Callable[[int], Robot]) -> Robot:
     """Return a robot on the test's domain."""
     return new_robot(domain)
+
+
+@pytest.fixture
+def started(domain: int) -> Iterator[Callable[..., Any]]:
+    """Return what starts sources on the test's domain; they are closed when the test ends."""
+    sources: list[Any] = []
+
+    def start(*, mode: str = "track", session: Session | None = None, **keys: Any) -> Any:
+        source = create("source", "ros2", domain=domain, **keys)
+        sources.append(source)
+        source.start(session or Session("robot", mode))
+        return source
+
+    yield start
+    for source in sources:
+        source.close()
 
 
 class Messages:

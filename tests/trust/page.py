@@ -17,7 +17,10 @@ from xml.etree import ElementTree as ET  # of our own making
 
 import trailmark
 
-COMMAND = "TRAILMARK_TRUST=full pytest tests/trust/test_kills.py tests/trust/test_security.py tests/stores"
+COMMAND = (
+    "TRAILMARK_TRUST=full pytest tests/trust/test_kills.py tests/trust/test_security.py tests/trust/test_bombs.py"
+    " tests/stores"
+)
 
 
 def page(results: Sequence[Path]) -> str:

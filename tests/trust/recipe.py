@@ -25,7 +25,10 @@ from tests.trust.records import Records
 from tests.trust.storm.__main__ import page as storm_page
 
 _ROOT = Path(__file__).parents[2]
-_FILES = ("tests/trust/test_kills.py", "tests/trust/test_security.py", "tests/stores")
+_FILES = (
+    *("tests/trust/test_kills.py", "tests/trust/test_security.py", "tests/trust/test_bombs.py"),
+    "tests/stores",
+)
 #: A run with a part that misbehaves costs as much as so many cases.
 _CASES_PER_PART = 40
 
