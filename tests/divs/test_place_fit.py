@@ -69,14 +69,14 @@ def path(wall, taught_along):
 def doubt(path, greys, first=10, **how):
     fit, direction = PlaceFit(path, 6, how.get("least_fit", 0.885)), how.get("direction", 1)
     for k, grey in enumerate(greys):
-        fit.add(look(grey, k))
-        fit.doubt(_STEP_M * (first + direction * k), direction)
-    return settled(fit, _STEP_M * (first + direction * (len(greys) - 1)), direction)
+        fit.add(look(grey, k), direction)
+        fit.doubt(_STEP_M * (first + direction * k))
+    return settled(fit, _STEP_M * (first + direction * (len(greys) - 1)))
 
 
-def settled(fit, station_m, direction=1):
+def settled(fit, station_m):
     """Return the doubt once all is compared: a frame has time for a part of it."""
-    doubts = [fit.doubt(station_m, direction) for _ in range(40)]
+    doubts = [fit.doubt(station_m) for _ in range(40)]
     return doubts[-1]
 
 
@@ -133,6 +133,49 @@ def test_a_metre_that_fits_does_not_make_up_for_the_way_before_it(wall, path):
     assert "it may be another" in doubt(path, greys, first=2)
 
 
+def test_a_robot_that_turns_back_is_told_its_place(wall, path):
+    rows = [*range(10, 26), *range(24, 5, -1)]
+    fit = PlaceFit(path, 6, 0.885)
+    doubts = []
+    for k, row in enumerate(rows):
+        fit.add(look(view(wall, row), k), 1 if k < 16 else -1)
+        doubts.append(fit.doubt(_STEP_M * row))
+
+    assert all(one in (None, "searching the place on the path") for one in doubts)
+    assert doubts[16:] == [None] * 19
+
+
+def test_what_was_seen_before_a_robot_turned_back_speaks_against_a_place(wall, path):
+    changed = with_posters(wall, np.random.default_rng(2), share=0.6)
+    rows = [*range(10, 31), *range(29, 17, -1)]
+    fit = PlaceFit(path, 6, 0.885)
+    for k, row in enumerate(rows):  # there and back, and what it comes back to fits
+        fit.add(look(view(changed if k < 21 else wall, row), k), 1 if k < 21 else -1)
+
+    assert "it may be another" in settled(fit, _STEP_M * rows[-1])
+
+
+def test_a_way_driven_again_is_worth_no_more(wall, path):
+    greys = behind_somebody(wall, 36, n=24)
+    fit = PlaceFit(path, 6, 0.885)
+    there_and_back = [*range(8), *range(6, -1, -1), *range(1, 8)]
+    for k, row in enumerate(there_and_back):
+        fit.add(look(greys[row], k), -1 if 8 <= k < 15 else 1)
+
+    assert "it may be another" in settled(fit, 1.7)
+    assert doubt(path, greys[: len(there_and_back)]) is None
+
+
+def test_what_was_seen_before_the_path_begins_asks_for_more_of_it(wall, path):
+    rng = np.random.default_rng(7)
+    elsewhere = panorama(rng, 40)
+    before, on_path = [view(elsewhere, k) for k in range(20)], [view(wall, k) for k in range(20)]
+
+    assert doubt(path, on_path[:10], first=0) is None
+    assert doubt(path, before + on_path[:10], first=-20) == "searching the place on the path"
+    assert doubt(path, before + on_path, first=-20) is None
+
+
 def test_the_less_was_seen_the_better_it_must_fit(wall, path):
     greys = behind_somebody(wall, 36, n=24)
 
@@ -184,7 +227,7 @@ def test_places_that_repeat_along_the_way_are_doubted(taught_along):
 def test_another_place_is_judged_anew_although_no_picture_came(wall, path):
     fit = PlaceFit(path, 6, 0.885)
     for k in range(9):
-        fit.add(look(view(wall, 10 + k), k))
+        fit.add(look(view(wall, 10 + k), k), 1)
 
     assert settled(fit, 1.8) is None
     assert "it may be another" in settled(fit, 3.4)
@@ -201,9 +244,9 @@ def test_no_frame_compares_more_than_it_has_time_for(wall, path, monkeypatch):
     monkeypatch.setattr("trailmark_divs.place_fit.area_grid", counted)
     fit, doubts, work = PlaceFit(path, 6, 0.885), [], []
     for k in range(12):  # every frame brings a new picture
-        fit.add(look(view(wall, 17 + k), k))
+        fit.add(look(view(wall, 17 + k), k), 1)
         before = len(compared)
-        doubts.append(fit.doubt(_STEP_M * (17 + k), 1))
+        doubts.append(fit.doubt(_STEP_M * (17 + k)))
         work.append(len(compared) - before)
 
     assert doubts[6] == "searching the place on the path"

@@ -9,6 +9,8 @@ Other light and people spoil the areas that they fall on and leave the rest as i
 as it was. So a mean that is somewhat low is made up for by better areas that fit very well.
 A metre of another place may fit as well, where nothing is in view that tells the two apart; what was seen since the
 search began does not. So all its pictures count together, and the less their areas are worth, the better they must fit.
+Pictures from before the path begins cannot be compared: then as many are asked on the path. A way that is driven again,
+or lies beside the path, makes the areas worth no more.
 """
 
 from __future__ import annotations
@@ -51,14 +53,15 @@ _FRAME_WORK, _WORK_OF_PICTURE, _WORK_OF_WORTH = 32, 2, 4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Kept:
-    """A picture of the stretch: small, which of its pixels count, the way driven until it [m], and what is known of it.
+    """A picture of the stretch: small, which of its pixels count, and what is known of it.
 
+    `along_m` says how far along the path it was taken, from where the search began: ways back count against it [m].
     `fits` has, by row of the taught pictures, what the areas fit to there, and their weights.
     """
 
     small: Float32s
     clear: Bools
-    travelled_m: float
+    along_m: float
     fits: dict[int, tuple[Floats, Floats]] = field(default_factory=dict)
 
 
@@ -88,24 +91,36 @@ class PlaceFit:
     def restart(self) -> None:
         """Forget what was seen."""
         self._stretch.clear()
+        self._along_m = 0.0
+        self._travelled_m: float | None = None
         self._is_still = False
         self._doubt: str | None = None
         self._judged_m: float | None = None  # the station that was judged; None: none since the last picture
 
-    def add(self, look: Look) -> None:
-        """Take the newer picture of a look, if it was taken far enough from the last one."""
+    def add(self, look: Look, direction: int) -> None:
+        """Take the newer picture of a look, if it was taken far enough from the last one.
+
+        Parameters
+        ----------
+        look : Look
+            The present one.
+        direction : int
+            1 when driving along the path, -1 when driving back.
+        """
         travelled_m = look.travelled_m[1]
+        self._along_m += direction * (0.0 if self._travelled_m is None else travelled_m - self._travelled_m)
+        self._travelled_m = travelled_m
         if self._stretch:
             last = self._stretch[-1]
-            if abs(travelled_m - last.travelled_m) < _STEP_M - _ROUNDING_M:
+            if abs(self._along_m - last.along_m) < _STEP_M - _ROUNDING_M:
                 return
             self._is_still = _correlation(last.small, look.small) > _SAME_PICTURE
             if self._is_still:
                 self._stretch.clear()
-        self._stretch.append(_Kept(look.small, look.clear, travelled_m))
+        self._stretch.append(_Kept(look.small, look.clear, self._along_m))
         self._judged_m = None
 
-    def doubt(self, station_m: float, direction: int) -> str | None:
+    def doubt(self, station_m: float) -> str | None:
         """Return a reason why the robot is not at a station; None where nothing contradicts it.
 
         It compares no more than a frame has time for: until all is compared, the place is being searched.
@@ -114,40 +129,38 @@ class PlaceFit:
         ----------
         station_m : float
             Where it seems to be [m].
-        direction : int
-            1 when driving along the path, -1 when driving back.
         """
         if self._judged_m is None or abs(station_m - self._judged_m) > _STEP_M:
             self._work_left = _FRAME_WORK
-            self._doubt = self._reason_against(station_m, direction)
+            self._doubt = self._reason_against(station_m)
             self._judged_m = None if self._doubt == _SEARCHING else station_m
         return self._doubt
 
-    def _area_fits(self, stretch: Sequence[_Kept], station_m: float, direction: int) -> tuple[Floats, Floats]:
+    def _area_fits(self, stretch: Sequence[_Kept], station_m: float) -> tuple[Floats, Floats]:
         """Return the fits of all areas of some pictures, were the last one at a station, and their weights."""
-        found = [kept.fits[self._compared_row(kept, station_m, direction)] for kept in stretch]
+        found = [kept.fits[self._compared_row(kept, station_m)] for kept in stretch]
         return np.concatenate([fits for fits, _ in found]), np.concatenate([weights for _, weights in found])
 
-    def _reason_against(self, station_m: float, direction: int) -> str | None:
+    def _reason_against(self, station_m: float) -> str | None:
         if self._is_still:
             return "the pictures do not change while the robot drives"
-        stretch = self._on_path(station_m, direction)
-        if not stretch or not self._compare_at(stretch, station_m, direction):
+        stretch = self._on_path(station_m)
+        if not stretch or not self._compare_at(stretch, station_m):
             return _SEARCHING
-        reason = self._reason_against_fit(*self._area_fits(stretch, station_m, direction))
+        reason = self._reason_against_fit(*self._area_fits(stretch, station_m), self._share_of(stretch))
         if reason is None:
             latest = stretch[-_FEWEST:]
             rivals_m = [station_m + apart_m for apart_m in _RIVALS_M if self._is_taught(station_m + apart_m)]
-            if not all(self._compare_at(latest, one_m, direction) for one_m in rivals_m):
+            if not all(self._compare_at(latest, one_m) for one_m in rivals_m):
                 return _SEARCHING
-            fit, *rivals = (_mean(*self._area_fits(latest, one_m, direction)) for one_m in (station_m, *rivals_m))
+            fit, *rivals = (_mean(*self._area_fits(latest, one_m)) for one_m in (station_m, *rivals_m))
             if max(rivals, default=0.0) > fit - _LEAST_MARGIN:
                 reason = "places before or behind fit as well"
         # Before there are enough pictures the comparisons are made already: then few are left to the last frame.
-        return _SEARCHING if len(stretch) < _FEWEST else reason
+        return _SEARCHING if len(stretch) < max(_FEWEST, len(self._stretch) / 2) else reason
 
-    def _reason_against_fit(self, fits: Floats, weights: Floats) -> str | None:
-        weight = float(weights.sum())
+    def _reason_against_fit(self, fits: Floats, weights: Floats, share: float) -> str | None:
+        weight = share * float(weights.sum())
         if weight < _LEAST_WEIGHT:
             return "too little to be seen to tell one place from another"
         fit, asked = _robust(fits, weights), self._least_fit - _LESS_OF_TWICE * math.log2(weight / _WEIGHT)
@@ -155,20 +168,28 @@ class PlaceFit:
             return f"the most alike of the taught places fits to {fit:.2f} only, not {asked:.2f}: it may be another"
         return None
 
-    def _on_path(self, station_m: float, direction: int) -> list[_Kept]:
+    def _on_path(self, station_m: float) -> list[_Kept]:
         """Return the pictures that were taken where something was taught, were the last one at a station."""
-        last_m = self._stretch[-1].travelled_m
-        stations_m = [station_m - direction * (last_m - kept.travelled_m) for kept in self._stretch]
         first, last = self._stations_m[0] - _STEP_M, self._stations_m[-1] + _STEP_M
-        return [kept for kept, one_m in zip(self._stretch, stations_m, strict=True) if first <= one_m <= last]
+        return [kept for kept in self._stretch if first <= self._station_of(kept, station_m) <= last]
+
+    def _station_of(self, kept: _Kept, station_m: float) -> float:
+        """Return where a picture was taken, were the last one at a station [m]."""
+        return station_m - (self._stretch[-1].along_m - kept.along_m)
+
+    def _share_of(self, stretch: Sequence[_Kept]) -> float:
+        """Return what part of the way that was seen the path shows: not what lies beside it, nor the same way again."""
+        seen_m = float(np.abs(np.diff([kept.along_m for kept in self._stretch])).sum())
+        on_path_m = float(np.ptp([kept.along_m for kept in stretch]))
+        return (on_path_m + _STEP_M) / (seen_m + _STEP_M)
 
     def _is_taught(self, station_m: float) -> bool:
         return bool(self._stations_m[0] <= station_m <= self._stations_m[-1])
 
-    def _compare_at(self, stretch: Sequence[_Kept], station_m: float, direction: int) -> bool:
+    def _compare_at(self, stretch: Sequence[_Kept], station_m: float) -> bool:
         """Compare some pictures, were the last one at a station; False where this frame has no time left."""
         for kept in stretch:
-            row = self._compared_row(kept, station_m, direction)
+            row = self._compared_row(kept, station_m)
             if row in kept.fits:
                 continue
             if self._work_left <= 0:
@@ -178,10 +199,9 @@ class PlaceFit:
             self._work_left -= _WORK_OF_PICTURE + _WORK_OF_WORTH * (len(self._worth) - n_known)
         return True
 
-    def _compared_row(self, kept: _Kept, station_m: float, direction: int) -> int:
+    def _compared_row(self, kept: _Kept, station_m: float) -> int:
         """Return the taught picture that a picture of the stretch belongs to, or the next one if that was compared."""
-        way_m = self._stretch[-1].travelled_m - kept.travelled_m
-        row = int(np.argmin(np.abs(self._stations_m - (station_m - direction * way_m))))
+        row = int(np.argmin(np.abs(self._stations_m - self._station_of(kept, station_m))))
         return next((near for near in (row, row - 1, row + 1) if near in kept.fits), row)
 
     def _compare(self, kept: _Kept, expected: int) -> tuple[Floats, Floats]:

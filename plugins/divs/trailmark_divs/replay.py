@@ -176,7 +176,7 @@ class StreamMatcher:
         if not self._are_places_compared:
             return None
         self._places.update(look.small, look.travelled_m[1], direction(belief))
-        self._place_fit.add(look)
+        self._place_fit.add(look, direction(belief))
         match = self._places.match(self._config.confidence)
         if match is None:
             return None
@@ -184,7 +184,7 @@ class StreamMatcher:
         if picture.shift.score < _PLACE_SCORE or picture.shift.margin < _PLACE_SIGMAS:
             return None
         station_m = picture.place.station_m
-        doubt = self._place_fit.doubt(station_m, direction(belief))
+        doubt = self._place_fit.doubt(station_m)
         if doubt is not None:
             return Lost(look.stamps_s[1], doubt, self._details(picture.shift))
         return self._offset(look.stamps_s[1], station_m, picture.shift, picture.sigma_columns, belief, match)
@@ -194,7 +194,7 @@ class StreamMatcher:
         if belief.on_path is not None or not self._are_places_compared:
             return None
         since_m = look.travelled_m[1] - window.travelled_m
-        return self._place_fit.doubt(station_m + direction(belief) * since_m, direction(belief))
+        return self._place_fit.doubt(station_m + direction(belief) * since_m)
 
     @property
     def _are_places_compared(self) -> bool:
