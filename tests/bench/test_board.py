@@ -19,10 +19,10 @@ def cell(name: str, seed: int = 0, alone: bool = False) -> Cell:
 def board_of(tmp_path: Path):
     """Return the maker of boards whose cells are all pending, and their index."""
 
-    def make(*cells: Cell) -> tuple[CellBoard, Index]:
+    def make(*cells: Cell, shares_frames: bool = True) -> tuple[CellBoard, Index]:
         index = Index(tmp_path, write=True)
         index.enter(cells)
-        return CellBoard(index, cells), index
+        return CellBoard(index, cells, shares_frames), index
 
     return make
 
@@ -46,11 +46,13 @@ def test_a_cell_that_runs_alone_comes_last_and_has_the_machine_for_itself(board_
     assert start(board, slots=3) == [timed.id]
 
 
-def test_cells_wait_for_frames_that_another_renders_while_there_is_something_else_to_do(board_of) -> None:
-    def seeing(name: str, world: str, **source) -> Cell:
-        document = {"sources": {"robot": {"plugin": "sim", "world": world, **source}}, "seed": 0}
-        return Cell(name, "", {"source": world, "localizer": name, "seed": 0}, {"document": document})
+def seeing(name: str, world: str, alone: bool = False, **source) -> Cell:
+    document = {"sources": {"robot": {"plugin": "sim", "world": world, **source}}, "seed": 0}
+    coordinates = {"source": world, "localizer": name, "seed": 0}
+    return Cell(name, "", coordinates, {"document": document}, alone=alone)
 
+
+def test_cells_wait_for_frames_that_another_renders_while_there_is_something_else_to_do(board_of) -> None:
     first, second, noisy = seeing("orb", "hall"), seeing("klt", "hall"), seeing("noisy", "hall", perturb={"noise": 3})
     other = seeing("flow", "lab")
     board, _ = board_of(first, second, noisy, other)
@@ -61,10 +63,20 @@ def test_cells_wait_for_frames_that_another_renders_while_there_is_something_els
 
 
 def test_cells_of_one_sort_of_frames_run_beside_each_other_where_there_is_no_other(board_of) -> None:
-    document = {"sources": {"robot": {"plugin": "sim"}}, "seed": 0}
-    board, _ = board_of(
-        *(Cell(name, "", {"localizer": name, "seed": 0}, {"document": document}) for name in ("a", "b"))
-    )
+    board, _ = board_of(seeing("a", "hall"), seeing("b", "hall"))
+
+    assert start(board, slots=2) == ["a", "b"]
+
+
+def test_a_place_does_not_stay_empty_while_a_cell_that_runs_alone_waits(board_of) -> None:
+    board, _ = board_of(seeing("a", "hall"), seeing("b", "hall"), seeing("timed", "hall", alone=True))
+
+    assert start(board, slots=2) == ["a", "b"]
+
+
+def test_cells_wait_for_no_frames_where_none_are_kept(board_of) -> None:
+    cells = seeing("a", "hall"), seeing("b", "hall"), seeing("flow", "lab")
+    board, _ = board_of(*cells, shares_frames=False)
 
     assert start(board, slots=2) == ["a", "b"]
 

@@ -226,6 +226,44 @@ def test_what_was_taught_is_copied_as_it_was(cache: FrameCache, taught: tuple[Pa
     assert (its_run / "trajectories" / "fused.tum").read_text() == "0 0 0\n"
 
 
+@pytest.mark.parametrize("damage", ["a file is gone", "the store is cut", "half of it is removed", "no index"])
+def test_a_damaged_place_is_taught_anew_and_mended(
+    cache: FrameCache, taught: tuple[Path, Path], tmp_path: Path, damage: str
+) -> None:
+    places = TaughtCache(cache, {}, threads=1)
+    places.keep("key", *taught)
+    kept = cache.place_of("key")
+    if damage == "the store is cut":
+        (kept / "store").write_bytes(b"tau")
+    elif damage == "no index":
+        (kept / "index.json").unlink()
+    else:
+        (kept / "run" / "trajectories" / "fused.tum").unlink()
+    if damage == "half of it is removed":
+        (kept / "run" / "trajectories").rmdir()
+    there, its_run = tmp_path / "other.trail", tmp_path / "other"
+
+    assert not places.copy_to("key", there, its_run)
+    assert not there.exists()
+    assert not its_run.exists()
+    places.keep("key", *taught)
+    assert places.copy_to("key", there, its_run)
+    assert there.read_bytes() == b"taught"
+
+
+def test_what_makes_room_is_gone_as_a_whole(cache: FrameCache, taught: tuple[Path, Path], monkeypatch) -> None:
+    TaughtCache(cache, {}, threads=1).keep("key", *taught)
+    removed: list[Path] = []
+    with monkeypatch.context() as killed:  # as if it was killed before the first file was removed
+        killed.setattr("trailmark_bench.frame_cache.shutil.rmtree", lambda place, **_: removed.append(place))
+        cache.make_room(cache.limit_mb)
+
+    assert [place.exists() for place in removed] == [True]
+    assert not cache.place_of("key").exists()
+    cache.make_room(cache.limit_mb)
+    assert not removed[0].exists()
+
+
 def test_places_make_room_for_each_other_and_for_frames(tmp_path: Path, taught: tuple[Path, Path]) -> None:
     cache = FrameCache(tmp_path / "frames", limit_mb=0.04)
     for k in range(9):

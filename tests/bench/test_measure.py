@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from trailmark.pipeline import RunResult
-from trailmark_bench.measure import times_of, verdict_of
+from trailmark_bench.measure import measure_cell, times_of, verdict_of
 from trailmark_bench.quantities import metric_of
 from trailmark_bench.tables import metric_title
 
@@ -60,6 +60,23 @@ def test_a_collision_is_a_failure_whoever_is_judged(subject: str) -> None:
     result = RunResult(status="done", reason="", counters={"source.robot.collisions": 1})
 
     assert verdict_of(result, document(), subject, "cam") == ("failed", "the robot touched something")
+
+
+@pytest.mark.parametrize("of_source", [{"silent[n=9]": 0.5, "silent_single[n=9]": 0.1}, {}])
+def test_what_a_belief_is_wrong_by_is_not_told_of_the_localizer(monkeypatch, of_source: dict[str, float]) -> None:
+    monkeypatch.setattr("trailmark_bench.measure._detail", lambda *args: {})
+    found = document(errors=True, stands_still=None, quantities=[])
+    found["sources"]["cam"]["metrics"] = of_source
+    found["trajectories"]["fused"]["metrics"] = {
+        "ate_rmse_m[se2,n=99]": 0.3, "silent[n=99]": 0.0, "silent_single[n=99]": 0.0
+    }  # fmt: skip
+    result = RunResult(status="done", reason="", timing={"stages": {}, "frames": 9, "wall_s": 1.0})
+
+    answer, _ = measure_cell({"subject": "fused", "localizer": "cam"}, result, found, None)
+
+    belief = {"ate_rmse_m[se2,n=99]": 0.3, "belief_silent[n=99]": 0.0, "belief_silent_single[n=99]": 0.0}
+    assert answer["metrics"] == belief | of_source
+    assert metric_title(metric_of("belief_silent"))[1] == metric_title(metric_of("silent"))[1]
 
 
 def test_the_cost_of_a_metre_is_what_all_calls_took_over_the_way() -> None:

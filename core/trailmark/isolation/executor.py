@@ -99,6 +99,11 @@ class Executor(ABC):
     def slots(self) -> int:
         """How many jobs it runs at a time."""
 
+    @property
+    def shares_frames(self) -> bool:
+        """Whether a job finds the frames that another one rendered: the bench then does not start both side by side."""
+        return False
+
     @abstractmethod
     def submit(self, job: Job) -> None:
         """Take a job; returns at once."""

@@ -32,6 +32,8 @@ class CellBoard:
         Keeps every change.
     chosen : sequence of Cell
         Those that are to run; they are pending. Those that run alone come last.
+    shares_frames : bool
+        Whether a cell finds the frames that another one rendered.
 
     Attributes
     ----------
@@ -41,7 +43,7 @@ class CellBoard:
         Those that are to start, that are in work, and that were lost too often to start again now.
     """
 
-    def __init__(self, index: Index, chosen: Sequence[Cell]) -> None:
+    def __init__(self, index: Index, chosen: Sequence[Cell], shares_frames: bool) -> None:
         self._index = index
         self._states = {cell.id: "pending" for cell in chosen}
         self.counts = Counter(record.state for record in index.records())
@@ -49,7 +51,7 @@ class CellBoard:
         self.running: dict[str, Cell] = {}
         self.lost: dict[str, Cell] = {}
         self._losses: Counter[str] = Counter()
-        self._frames = {cell.id: frames_of(cell) for cell in chosen}
+        self._frames = {cell.id: frames_of(cell) if shares_frames else None for cell in chosen}
         self._rendered: set[str | None] = {None}
 
     def startable(self, slots: int) -> Iterator[Cell]:
@@ -60,7 +62,7 @@ class CellBoard:
         later = []
         for cell in list(self.waiting.values()):
             if not self._has_place(cell, slots):
-                return
+                break  # those that are set aside may have a place where the one that runs alone has none
             if self._is_being_rendered(cell):
                 later.append(cell)
             else:

@@ -28,6 +28,8 @@ __all__ = ["FrameArchive", "FrameCache", "FrameRecording"]
 
 _ARRAYS = "frames.bin"
 _INDEX = "index.json"
+#: How the folders begin that are being removed.
+_GONE = ".gone-"
 # As memory is allocated, so that what runs over an array runs over it in the same way.
 _ALIGNMENT = 64
 
@@ -115,6 +117,13 @@ class FrameCache:
         """
         return FrameRecording(self, self.draft_of(key), self.place_of(key))
 
+    def remove(self, key: str) -> None:
+        """Remove an archive, if there is one: it is gone at once as a whole, so that nobody finds half of it."""
+        gone = self._folder / f"{_GONE}{key}-{os.getpid()}-{time.monotonic_ns()}"
+        with suppress(OSError):
+            self.place_of(key).rename(gone)
+        shutil.rmtree(gone, ignore_errors=True)
+
     def make_room(self, needed_mb: float) -> None:
         """Remove the archives that were not used for longest, until there is room for another."""
         found = []
@@ -125,9 +134,13 @@ class FrameCache:
         for _, size_mb, place in sorted(found):
             if used_mb + needed_mb <= self.limit_mb:
                 return
-            if not place.name.startswith("."):  # somebody is at work there
+            if place.name.startswith(_GONE):  # who was to remove it did not come to its end
                 shutil.rmtree(place, ignore_errors=True)
-                used_mb -= size_mb
+            elif place.name.startswith("."):  # somebody is at work there
+                continue
+            else:
+                self.remove(place.name)
+            used_mb -= size_mb
 
 
 class FrameRecording:

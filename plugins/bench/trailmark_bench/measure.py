@@ -29,6 +29,8 @@ _STEPS = 4000
 _MOST_WAYS = 5
 # Of a shorter way what a metre costs says nothing.
 _LEAST_WAY_M = 0.1
+# What a belief is judged for as its localizers are: not the same quantity, for it may be wrong where they are not.
+_OF_BELIEF = "silent"
 
 
 def measure_cell(
@@ -86,10 +88,9 @@ def verdict_of(result: RunResult, document: Mapping[str, Any], subject: str, loc
 
 def _metrics(document: Mapping[str, Any], subject: str, localizer: str) -> dict[str, float | None]:
     found: dict[str, float | None] = {}
-    for group, name in (("sources", localizer), ("trajectories", subject)):  # the belief was wrong, not who fed it
-        told = document[group].get(name, {}).get("metrics", {})
-        quantities = {quantity_of(key) for key in told}
-        found = {key: value for key, value in found.items() if quantity_of(key) not in quantities} | told
+    for name, value in document["trajectories"].get(subject, {}).get("metrics", {}).items():
+        found[f"belief_{name}" if quantity_of(name).startswith(_OF_BELIEF) else name] = value
+    found |= document["sources"].get(localizer, {}).get("metrics", {})
     truth = document["trajectories"].get(GROUND_TRUTH, {}).get("metrics", {})
     return found | {f"true_{name}": value for name, value in truth.items()}  # how a robot that was driven really went
 

@@ -18,6 +18,7 @@ _OF_PROCESS = ("wall_s", "cpu_s", "peak_rss_mb")
 _OF_BENCH = (
     MetricSpec("frames_per_s", "1/s", "higher", "nothing"),
     MetricSpec("call_ms_per_m", "ms/m", "lower", "nothing", "cost"),
+    MetricSpec("belief_silent", "share"),
 )
 
 

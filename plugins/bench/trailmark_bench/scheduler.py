@@ -118,7 +118,7 @@ def run_bench(
     if retry:
         folders.forget_outcomes(chosen)
         index.mark_pending(cell.id for cell in chosen)
-    board = CellBoard(index, in_order_of_worth(chosen, cells))
+    board = CellBoard(index, in_order_of_worth(chosen, cells), executor.shares_frames)
     durations = CellDurations(index.records(everything=True))
     bench_round = _BenchRound(board, executor, folders, durations=durations, on_progress=on_progress)
     bench_round.tell()

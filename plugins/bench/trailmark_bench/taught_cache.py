@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import platform
 import shutil
 from collections.abc import Mapping
@@ -17,7 +18,7 @@ from trailmark_bench.frame_cache import FrameCache
 
 __all__ = ["TaughtCache", "is_repeatable"]
 
-_STORE, _RUN = "store", "run"
+_STORE, _RUN, _INDEX = "store", "run", "index.json"
 #: Keys of a run that say where something lies or is told, and nothing of what is taught.
 _BESIDE = ("sinks", "plugins")
 
@@ -66,9 +67,12 @@ class TaughtCache:
         """Put what was taught before in place of a store and of the folder of its run; return whether there was any."""
         place = self._cache.place_of(key)
         try:
+            sizes = json.loads((place / _INDEX).read_bytes())
             shutil.copytree(place / _RUN, run)
             shutil.copyfile(place / _STORE, store)
-        except (OSError, shutil.Error):  # none, or it made room for frames meanwhile
+            if _sizes_of(store, run) != sizes:
+                raise ValueError("the copy is not as what was kept")
+        except (OSError, ValueError, shutil.Error):  # none, damaged, or it made room for frames meanwhile
             shutil.rmtree(run, ignore_errors=True)
             store.unlink(missing_ok=True)
             return False
@@ -76,13 +80,21 @@ class TaughtCache:
         return True
 
     def keep(self, key: str, store: Path, run: Path) -> None:
-        """Keep a store and the folder of its run; where they cannot be, the next cell teaches again."""
+        """Keep a store and the folder of its run, for a damaged one too; where they cannot be, the next teaches."""
         draft = self._cache.draft_of(key)
         with suppress(OSError, shutil.Error):
             draft.mkdir(parents=True)
             shutil.copytree(run, draft / _RUN)
             shutil.copyfile(store, draft / _STORE)
+            (draft / _INDEX).write_text(json.dumps(_sizes_of(draft / _STORE, draft / _RUN)))
             if (size_mb := folder_mb(draft)) <= self._cache.limit_mb:
                 self._cache.make_room(size_mb)
+                self._cache.remove(key)
                 draft.rename(self._cache.place_of(key))
         shutil.rmtree(draft, ignore_errors=True)
+
+
+def _sizes_of(store: Path, run: Path) -> dict[str, int]:
+    """Return how long a store is, and every file of a folder by its name in it [bytes]."""
+    found = {path.relative_to(run).as_posix(): path.stat().st_size for path in run.rglob("*") if path.is_file()}
+    return {"": store.stat().st_size, **found}

@@ -42,6 +42,11 @@ class LocalExecutor(Executor):
         """Cells at a time."""
         return int(self.config.jobs or 1)
 
+    @property
+    def shares_frames(self) -> bool:
+        """Whether frames are kept below the bench's folder."""
+        return bool(self.config.frames_mb)
+
     def start(self, workspace: Path) -> None:
         """Make ready to run cells below a folder."""
         self._workspace = workspace
@@ -78,7 +83,7 @@ class LocalExecutor(Executor):
 
     def _frames(self) -> dict[str, Any]:
         """Return where cells find frames that were rendered before."""
-        if not self.config.frames_mb:
+        if not self.shares_frames:
             return {}
         return {"frames": {"folder": str(frame_folder(self._workspace).absolute()), "limit_mb": self.config.frames_mb}}
 
