@@ -61,8 +61,9 @@ def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeSite]:
     folder.mkdir()
     monkeypatch.syspath_prepend(str(folder))
     fake = FakeSite(folder)
+    before = set(sys.modules)  # plugins of one file that other tests hold
     yield fake
-    for name in list(sys.modules):
+    for name in set(sys.modules) - before:
         if name in fake.names or name.startswith("trailmark_file_"):
             del sys.modules[name]
 
