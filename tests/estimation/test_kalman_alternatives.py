@@ -11,6 +11,7 @@ from trailmark.estimates import Belief, Fix, Motion, information_from_sigmas
 from trailmark.estimation.kalman.alternatives import believed_gaussian, closed_question, reopened_question
 from trailmark.estimation.kalman.diagnosis import DetectedFault, FaultDiagnosis, RivalFilter
 from trailmark.estimation.kalman.estimator import Kalman
+from trailmark.estimation.kalman.lasting_errors import UNAFFECTED
 from trailmark.estimation.kalman.state import FilterState, Gaussian
 from trailmark.geometry import Pose2
 
@@ -102,7 +103,9 @@ def test_a_pose_that_is_set_ends_the_question() -> None:
 
 def rival(pose: Pose2, sigma: float, log_weight: float, fault: str) -> RivalFilter:
     diagnosis = FaultDiagnosis(faults={fault: DetectedFault(1.0, "")})
-    return RivalFilter(FilterState(5.0, Gaussian(pose.array(), sigma**2 * np.eye(3)), diagnosis=diagnosis), log_weight)
+    return RivalFilter(
+        FilterState(5.0, Gaussian(pose.array(), sigma**2 * np.eye(3), UNAFFECTED), diagnosis=diagnosis), log_weight
+    )
 
 
 def question(*rivals: RivalFilter) -> FilterState:

@@ -11,6 +11,7 @@ from trailmark.arrays import Floats
 from trailmark.estimates import Fix, information_from_sigmas
 from trailmark.estimation.kalman.bank import log_likelihood_of_offset
 from trailmark.estimation.kalman.dissent import covering_covariance
+from trailmark.estimation.kalman.lasting_errors import UNAFFECTED
 from trailmark.estimation.kalman.measurements import Measurement, fix_measurement
 from trailmark.estimation.kalman.state import CorroboratingFix, FilterState, Gaussian, RejectedMeasurement, Rejections
 from trailmark.estimation.kalman.trust import Trust
@@ -19,7 +20,7 @@ from trailmark.geometry import Pose2
 
 SIGMA_M = 0.02
 TRUST = Trust(0.999, "none", 2.0, 1.0, (1e-6, 1e-6), None)
-BELIEF = FilterState(1.0, Gaussian(np.zeros(3), np.eye(3) * 1e-6))
+BELIEF = FilterState(1.0, Gaussian(np.zeros(3), np.eye(3) * 1e-6, UNAFFECTED))
 
 
 def fix_at(x: float, y: float) -> Measurement:

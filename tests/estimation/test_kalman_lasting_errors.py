@@ -5,11 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from trailmark.estimates import Belief, Fix, Motion, information_from_sigmas
+from trailmark.estimation.kalman.diagnosis import MotionSum
+from trailmark.estimation.kalman.lasting_errors import NO_ERRORS, LastingPrior
+from trailmark.estimation.kalman_config import KalmanConfig
 from trailmark.geometry import Pose2, wrap_angle
 
 from .conftest import kalman, pose_of
@@ -20,6 +24,8 @@ NOISE = (5e-4, 5e-4, 5e-4)
 HUMBLE, PRECISE = (2e-2, 1e-2, 3e-2), (6e-4, 6e-4, 6e-4)
 #: What a localizer says of a true step.
 Says = Callable[[Pose2], Pose2]
+#: What absolute estimate there is at an instant [s], of a true pose.
+Fixes = Callable[[float, Pose2], Fix | None]
 
 
 @dataclass
@@ -36,27 +42,47 @@ class Told:
         return any(error > 0.02 and sigmas > 5.0 for error, sigmas in zip(self.errors_m, self.sigmas, strict=True))
 
 
+def no_fix(stamp_s: float, pose: Pose2) -> Fix | None:
+    return None
+
+
+def fixes_every(
+    every_s: float, sigmas: tuple[float, float, float], *, off: Pose2 | None = None, since_s: float = 0.0
+) -> Fixes:
+    def fix(stamp_s: float, pose: Pose2) -> Fix | None:
+        if stamp_s < since_s or round(stamp_s / DT_S) % round(every_s / DT_S):
+            return None
+        return Fix(stamp_s, pose @ (off or Pose2()), information_from_sigmas(*sigmas))
+
+    return fix
+
+
 def drive(
     says: dict[str, tuple[Says, tuple[float, float, float]]],
     *,
     until_s: float = 20.0,
     bend: float = 0.0,
-    fix_at_s: float = math.inf,
+    fixes: Fixes = no_fix,
+    every: int = 1,
     seed: int = 5,
     **config: float,
 ) -> Told:
     rng, estimator, told, pose = np.random.default_rng(seed), kalman(**config), Told(), Pose2()
+    steps: dict[str, Pose2] = {}
     for i in range(1, round(until_s / DT_S) + 1):
         t = DT_S * i
         step = Pose2.exp(0.5 * min(t, 1.0) * DT_S, 0.0, bend * math.sin(0.57 * t) * DT_S)
         pose = pose @ step
         for name, (says_of, sigmas) in says.items():
             said, (dx, dy, turn) = says_of(step), (rng.normal(size=3) * NOISE).tolist()
-            noisy = Pose2(said.x + dx, said.y + dy, said.theta + turn)
-            estimator.apply(name, Motion(t - DT_S, t, noisy, information_from_sigmas(*sigmas)))
-        if t >= fix_at_s > t - DT_S:
-            estimator.apply("map", Fix(t, pose, information_from_sigmas(0.02, 0.02, 0.01)))
-        if i % 5 == 0:
+            steps[name] = steps.get(name, Pose2()) @ Pose2(said.x + dx, said.y + dy, said.theta + turn)
+            if i % every == 0:
+                spread = information_from_sigmas(*(math.sqrt(every) * sigma for sigma in sigmas))
+                estimator.apply(name, Motion(t - every * DT_S, t, steps.pop(name), spread))
+        fix = fixes(t, pose)
+        if fix is not None:
+            estimator.apply("map", fix)
+        if i % max(5, every) == 0:
             told.beliefs.append(estimator.belief(t))
             _judge(told, pose)
     return told
@@ -125,23 +151,84 @@ def test_honest_motions_are_not_named_and_little_wider(bend: float) -> None:
 
 
 def test_one_of_three_that_is_outvoted_is_named_alone() -> None:
-    says = {"floor": (honest, PRECISE), "laser": (scaled(1.02), PRECISE), "second": (honest, PRECISE)}
+    told = drive({"wheels": (honest, HUMBLE), "laser": (scaled(1.03), PRECISE), "second": (honest, HUMBLE)})
 
-    told = drive(says)
-
-    assert set(told.beliefs[-1].health) <= {"laser"}
+    health = told.beliefs[-1].health
+    assert set(health) == {"laser"}
+    assert "steadily: others agree with" in health["laser"]
     assert max(told.sigmas) < 5.0
+
+
+def test_what_was_told_of_the_way_is_held_while_it_is_told() -> None:
+    steps = iter(range(400))
+
+    def wrong_at_first(step: Pose2) -> Pose2:
+        return scaled(1.1 if next(steps) < 160 else 1.0)(step)
+
+    told = drive({"wheels": (honest, HUMBLE), "floor": (wrong_at_first, PRECISE)})
+
+    assert not told.is_silent()
+    held = [one.covariance[0, 0] for one in told.beliefs[32:] if one.covariance is not None and one.health]
+    assert len(held) == 48
+    assert all(after >= before for before, after in pairwise(held))
+
+
+@pytest.mark.parametrize(
+    ("every_s", "sigmas"),
+    [(0.1, (math.inf, math.inf, 0.02)), (0.5, (math.inf, math.inf, 0.02)), (0.5, (0.3, 0.3, math.inf))],
+    ids=["compass at 10 Hz", "compass at 2 Hz", "vague positions"],
+)
+def test_fixes_end_no_doubt_of_what_they_do_not_decide(every_s: float, sigmas: tuple[float, float, float]) -> None:
+    says = {"wheels": (honest, HUMBLE), "floor": (scaled(1.05), PRECISE)}
+
+    told = drive(says, fixes=fixes_every(every_s, sigmas))
+
+    assert told.errors_m[-1] > 0.2
+    assert max(told.sigmas) < 5.0
+    assert "nothing decides" in told.beliefs[-1].health["floor"]
+
+
+@pytest.mark.parametrize("every", [14, 20])
+def test_motions_slower_than_windows_are_compared(every: int) -> None:
+    says = {"wheels": (honest, HUMBLE), "floor": (scaled(1.05), PRECISE)}
+
+    told = drive(says, until_s=30.0, every=every)
+
+    assert told.errors_m[-1] > 0.2
+    assert told.sigmas[-1] < 5.0
+    assert "nothing decides" in told.beliefs[-1].health["floor"]
+
+
+def test_a_heading_that_is_doubted_leaves_the_position_as_unsure_as_it_was() -> None:
+    heading = fixes_every(0.5, (math.inf, math.inf, 0.02), off=Pose2(0.0, 0.0, 0.6), since_s=30.0)
+
+    told = drive({"camera": (scaled(1.02), PRECISE)}, until_s=33.0, fixes=heading)
+
+    assert abs(pose_of(told.beliefs[-1]).theta - 0.6) < 0.05
+    assert told.errors_m[-1] > 0.2
+    assert max(told.sigmas) < 5.0
+
+
+def test_a_scale_that_is_estimated_says_nothing_of_another_localizer() -> None:
+    config = KalmanConfig.model_validate({"sources": {"wheels": {"errors": "scale"}}})
+    prior, moved = LastingPrior.of(config), MotionSum(position_m2=1e-6)
+    turned_only = MotionSum(open_ways=9)
+
+    assert prior.with_parting(NO_ERRORS, {"wheels": moved}).along == 0.0
+    assert prior.with_parting(NO_ERRORS, {"wheels": moved, "gyro": turned_only}).along == 0.0
+    assert prior.with_parting(NO_ERRORS, {"wheels": moved, "camera": moved}).along == config.calibration_sigma**2
 
 
 def test_what_is_believed_stays_as_it_was() -> None:
     says = {"wheels": (honest, HUMBLE), "floor": (scaled(1.05), PRECISE)}
-    with_prior, without = (drive(says, calibration_sigma=sigma, until_s=5.0) for sigma in (0.01, 0.0))
+    fixes = fixes_every(1.0, (0.05, 0.05, 0.03))
+    with_prior, without = (drive(says, calibration_sigma=sigma, until_s=5.0, fixes=fixes) for sigma in (0.01, 0.0))
 
     assert [one.pose_map_base for one in with_prior.beliefs] == [one.pose_map_base for one in without.beliefs]
 
 
 def test_a_fix_after_a_long_way_is_believed_and_ends_the_doubt() -> None:
-    told = drive({"camera": (scaled(1.01), PRECISE)}, until_s=31.0, fix_at_s=30.0)
+    told = drive({"camera": (scaled(1.01), PRECISE)}, until_s=31.0, fixes=fixes_every(30.0, (0.02, 0.02, 0.01)))
 
     assert told.errors_m[-6] > 0.1
     assert told.errors_m[-1] < 0.06

@@ -10,6 +10,7 @@ import pytest
 from trailmark.estimates import Belief, Fix, Motion, information_from_sigmas, range_fix
 from trailmark.estimation.kalman.dissent import covering_covariance
 from trailmark.estimation.kalman.estimator import Kalman
+from trailmark.estimation.kalman.lasting_errors import UNAFFECTED
 from trailmark.estimation.kalman.measurements import fix_measurement
 from trailmark.estimation.kalman.recovery import directions_of
 from trailmark.estimation.kalman.state import FilterState, Gaussian, RejectedMeasurement, Rejections
@@ -105,7 +106,7 @@ def test_a_place_that_is_measured_along_a_way_tells_the_heading() -> None:
 def covered(*rejected: RejectedMeasurement, share: float = 1.0) -> np.ndarray:
     source = rejected[0].measurement.source
     rejections = Rejections(counts={source: 1}, measurements={source: rejected}, shares={source: share})
-    gaussian = Gaussian(np.zeros(3), np.eye(3) * 1e-6)
+    gaussian = Gaussian(np.zeros(3), np.eye(3) * 1e-6, UNAFFECTED)
     return np.asarray(covering_covariance(FilterState(1.0, gaussian, rejections=rejections), gaussian))
 
 

@@ -17,6 +17,7 @@ from trailmark.estimation.kalman.bank import log_likelihood_of_offset
 from trailmark.estimation.kalman.diagnosis import DetectedFault, MotionSum
 from trailmark.estimation.kalman.forgiveness import agree_again
 from trailmark.estimation.kalman.innovation import Innovation
+from trailmark.estimation.kalman.lasting_errors import UNAFFECTED
 from trailmark.estimation.kalman.measurements import Measurement, fix_measurement
 from trailmark.estimation.kalman.one_sided import covariance_of_one_sided_corrections, longest_one_sided_since
 from trailmark.estimation.kalman.state import FilterState, Gaussian, OdometryState
@@ -154,7 +155,7 @@ def test_ways_that_cross_do_not_acquit_a_motion_that_disagrees_now(camera_m: flo
 
 def _filter_state(*, corrections: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> FilterState:
     """Return a state that one absolute estimate, 0.5 s ago, has corrected by a tenth of its innovation."""
-    gaussian = Gaussian(np.zeros(3), 1e-4 * np.eye(3))
+    gaussian = Gaussian(np.zeros(3), 1e-4 * np.eye(3), UNAFFECTED)
     used = Innovation(10.0 * np.array(corrections) / 0.03, np.eye(3) / 0.03, gaussian.covariance)
     odometry = OdometryState(twist=Twist2(2.0, 0.0, 0.1), has_moved=True)
     state = FilterState(8.0, gaussian, odometry)
@@ -182,7 +183,7 @@ def test_corrections_to_one_side_make_the_belief_as_wide_as_the_mean_innovation(
 
 def test_after_the_last_absolute_estimate_the_belief_is_widened_by_no_more_than_was_seen() -> None:
     state = _filter_state(corrections=(0.02, 0.0, 0.0))
-    vague = replace(state, gaussian=Gaussian(np.zeros(3), 1e2 * np.eye(3)))
+    vague = replace(state, gaussian=Gaussian(np.zeros(3), 1e2 * np.eye(3), UNAFFECTED))
     later = replace(state, stamp_s=9.5)
 
     np.testing.assert_allclose(covariance_of_one_sided_corrections(vague), np.diag([0.2**2, 0.0, 0.0]), atol=1e-12)
@@ -232,7 +233,9 @@ def test_who_corrects_to_one_side_is_asked_about_from_where_that_began() -> None
 def test_of_absolute_estimates_that_are_late_the_delay_is_found() -> None:
     state, offset, logs = _filter_state(), None, []
     for k in range(6):  # it turns: in the map, what is late by a constant is off by no constant
-        turned = FilterState(8.0 + k, Gaussian(np.array([0.0, 0.0, 0.5 * k]), 1e-4 * np.eye(3)), state.odometry)
+        turned = FilterState(
+            8.0 + k, Gaussian(np.array([0.0, 0.0, 0.5 * k]), 1e-4 * np.eye(3), UNAFFECTED), state.odometry
+        )
         behind = Pose2(-0.5 * math.cos(0.5 * k), -0.5 * math.sin(0.5 * k), 0.5 * k - 0.025)
         log, offset = log_likelihood_of_offset(turned, _laser(behind), offset)
         logs.append(log)

@@ -55,7 +55,7 @@ def predictions(monkeypatch: pytest.MonkeyPatch, drive: Callable[[], list[Belief
 
 def test_a_question_that_is_asked_again_is_not_replayed_from_its_beginning(monkeypatch: pytest.MonkeyPatch) -> None:
     again, n_again = predictions(monkeypatch, beliefs_of)
-    monkeypatch.setattr(rival_filters._Begun, "is_same", lambda *_: False)
+    monkeypatch.setattr(rival_filters._Question, "is_same", lambda *_: False)
     anew, n_anew = predictions(monkeypatch, beliefs_of)
     assert n_again < 0.9 * n_anew
     for one, other in zip(again, anew, strict=True):

@@ -16,7 +16,7 @@ import numpy as np
 from trailmark.arrays import Floats
 from trailmark.estimation.kalman.bank import mixture_of, posterior
 from trailmark.estimation.kalman.diagnosis import Alternative, FaultDiagnosis, RivalFilter
-from trailmark.estimation.kalman.lasting_errors import turned
+from trailmark.estimation.kalman.lasting_errors import turn_columns
 from trailmark.estimation.kalman.state import FilterState, Gaussian
 from trailmark.estimation.kalman.windows import without_windows
 from trailmark.geometry import Pose2, wrap_angle
@@ -124,7 +124,7 @@ def _shifted(gaussian: Gaussian | None, shift: Pose2) -> Gaussian | None:
         return None
     turning = _turning(shift, len(gaussian.x))
     x = np.concatenate([_shifted_pose(gaussian.x, shift).array(), gaussian.x[3:]])
-    lasting = turned(gaussian.lasting, math.cos(shift.theta), math.sin(shift.theta))
+    lasting = turn_columns(gaussian.lasting, math.cos(shift.theta), math.sin(shift.theta))
     return Gaussian(x, turning @ gaussian.covariance @ turning.T, lasting)
 
 

@@ -10,7 +10,7 @@ from trailmark.estimates import Belief, PathOffset
 from trailmark.estimation.corrections import covariance_on_path
 from trailmark.estimation.kalman.alternatives import believed_gaussian
 from trailmark.estimation.kalman.dissent import covering_covariance
-from trailmark.estimation.kalman.lasting_errors import LastingVariances, lasting_covariance
+from trailmark.estimation.kalman.lasting_errors import LastingPrior, lasting_covariance
 from trailmark.estimation.kalman.one_sided import InnovationSums, covariance_of_one_sided_corrections
 from trailmark.estimation.kalman.state import FilterState
 from trailmark.estimation.symmetric import ZERO, inverse, to_matrix
@@ -28,11 +28,11 @@ class BeliefPlaces:
     ----------
     path : Path or None
         In whose coordinates beliefs are told, too.
-    lasting : LastingVariances
+    lasting : LastingPrior
         Of the errors of motion that last, before motions say anything of them.
     """
 
-    def __init__(self, path: Path | None, lasting: LastingVariances) -> None:
+    def __init__(self, path: Path | None, lasting: LastingPrior) -> None:
         self._path = path
         self._lasting = lasting
         self._station_m: float | None = None
@@ -54,7 +54,8 @@ class BeliefPlaces:
         gaussian = believed_gaussian(state)
         if gaussian is not None:
             x, y, theta = gaussian.x[:3].tolist()
-            lasting = lasting_covariance(gaussian.lasting, self._lasting.plus(state.diagnosis.parting.variances))
+            variances = self._lasting.with_parting(state.diagnosis.parting.variances, state.diagnosis.sums)
+            lasting = lasting_covariance(gaussian.lasting, variances)
             one_sided = covariance_of_one_sided_corrections(state, self._innovations)
             covariance = read_only(covering_covariance(state, gaussian) + one_sided + lasting)
             pose = Pose2(x, y, theta)

@@ -14,7 +14,7 @@ from trailmark.estimation.kalman.correlated_fixes import share_of_news
 from trailmark.estimation.kalman.ekf import PredictedMotion
 from trailmark.estimation.kalman.gate import threshold, weight
 from trailmark.estimation.kalman.innovation import Innovation, MeasurementModel, nis_of
-from trailmark.estimation.kalman.lasting_errors import corrected, lasting_covariance, lasting_variances
+from trailmark.estimation.kalman.lasting_errors import UNAFFECTED, LastingPrior, correct_columns, lasting_covariance
 from trailmark.estimation.kalman.layout import Layout
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.kalman.recovery_policy import Keep, RecoveryPolicy, Relocate
@@ -71,7 +71,7 @@ class Correction:
         self._loss_scale = config.loss_scale
         self._filter = kalman
         self._layout = layout
-        self._lasting = lasting_variances(config)
+        self._lasting = LastingPrior.of(config)
 
     def correct(self, state: FilterState, measurement: Measurement, seen: Innovation | None = None) -> FilterState:
         """Return the state after a measurement, with the verdict on it as its last.
@@ -90,7 +90,7 @@ class Correction:
             return self._reject(state, before, measurement, seen)
         used = self._weighted(state, measurement, seen)
         updated = self._filter.update(before.x, before.covariance, used, measurement)
-        after = Gaussian(*updated, corrected(before.lasting, used.pose_gain()))
+        after = Gaussian(*updated, correct_columns(before.lasting, used.pose_gain()))
         verdict = Verdict("accepted", seen.nis, dof, seen=seen, used=used)
         return _accept(state, measurement, after, seen.jacobian[:, :3], verdict)
 
@@ -108,12 +108,13 @@ class Correction:
             return state
         innovation, jacobian = measurement.innovation(before.x)
         covariance, limit = before.covariance.copy(), threshold(gate, len(innovation))
-        variances = self._lasting.plus(state.diagnosis.parting.variances)
+        variances = self._lasting.with_parting(state.diagnosis.parting.variances, state.diagnosis.sums)
         covariance[:3, :3] += lasting_covariance(before.lasting, variances)
         fits_then = nis_of(innovation, jacobian, covariance) <= limit
         if not fits_then or nis_of(innovation, jacobian, before.covariance) <= limit:
             return state
-        return replace(state, gaussian=Gaussian(before.x, covariance))
+        # they are in the covariance now: what is counted from here on is what they do after the measurement
+        return replace(state, gaussian=Gaussian(before.x, covariance, UNAFFECTED))
 
     def doubt(self, state: FilterState, measurement: Measurement) -> FilterState:
         """Return the state after a measurement of a localizer whose absolute estimates are not believed.
@@ -148,13 +149,13 @@ class Correction:
         if pose is None:
             reason = f"the pose is unknown, and this says {dof} of its 3 numbers"
             return replace(state, verdicts=(*state.verdicts, Verdict("unused", None, dof, reason)))
-        begun = Gaussian(*self._layout.initial_state(*pose))
+        begun = Gaussian(*self._layout.initial_state(*pose), UNAFFECTED)
         return _accept(state, measurement, begun, measurement.root, Verdict("accepted", None, dof))
 
     def _replace_pose(self, state: FilterState, before: Gaussian, measurement: Measurement) -> FilterState:
         pose = measurement.as_start()
         assert pose is not None
-        placed = Gaussian(*self._layout.with_pose(before.x, before.covariance, *pose))
+        placed = Gaussian(*self._layout.with_pose(before.x, before.covariance, *pose), UNAFFECTED)
         state = replace(state, rejections=Rejections(n_recoveries=state.rejections.n_recoveries))
         return _accept(state, measurement, placed, measurement.root, Verdict("accepted", None, 3))
 
@@ -174,14 +175,16 @@ class Correction:
             covariance = decision.covariance
             if dof < 3:
                 covariance = covariance + _doubt_of_parts(decision.pose - before.x[:3])
-            after = self._layout.with_pose(before.x, before.covariance, decision.pose, covariance)
+            placed = self._layout.with_pose(before.x, before.covariance, decision.pose, covariance)
+            after = Gaussian(*placed, UNAFFECTED)  # the whole pose is another: motion led nowhere to it
             message = f"the belief contradicted {n} of late; they agree on another pose, which was taken"
             # Parts of poses were made with a belief that was wrong, so they stay in doubt until more of them agree.
             counts, kept, directions = {}, {} if dof == 3 else {source: rejected}, measurement.root
         else:
             inflated = _inflated(before.covariance, seen.innovation, seen.jacobian)
             again = Innovation(seen.innovation, seen.jacobian, inflated)
-            after = self._filter.update(before.x, inflated, again, measurement)
+            doubted = self._filter.update(before.x, inflated, again, measurement)
+            after = Gaussian(*doubted, correct_columns(before.lasting, again.pose_gain()))
             message = f"the belief contradicted {n} of late and was doubted"
             # What fits no pose is in doubt until it fits again; a part of one is taken at its word.
             is_in_doubt = dof == 3
@@ -196,7 +199,7 @@ class Correction:
             shares=_with_share(state.rejections.shares, source, is_rejected=True),
         )
         state = replace(state, rejections=recovered)
-        return _accept(state, measurement, Gaussian(*after), directions, Verdict("accepted", seen.nis, dof, message))
+        return _accept(state, measurement, after, directions, Verdict("accepted", seen.nis, dof, message))
 
 
 def innovation_of(state: FilterState, measurement: Measurement) -> Innovation | None:

@@ -17,7 +17,7 @@ from trailmark.estimation.kalman.clock_offsets import TimeOffset
 from trailmark.estimation.kalman.correction import Filter
 from trailmark.estimation.kalman.ekf import Ekf
 from trailmark.estimation.kalman.health import SourceMonitor, health_of
-from trailmark.estimation.kalman.lasting_errors import lasting_variances
+from trailmark.estimation.kalman.lasting_errors import UNAFFECTED, LastingPrior
 from trailmark.estimation.kalman.layout import Layout
 from trailmark.estimation.kalman.measurements import (
     Measurement,
@@ -68,7 +68,7 @@ class Kalman(Estimator):
         self._layout = layout = Layout.of(config)
         self._filter = _new_filter(config, layout)
         self._path = session.path
-        self._places = BeliefPlaces(session.path, lasting_variances(config))
+        self._places = BeliefPlaces(session.path, LastingPrior.of(config))
         self._odometry = PublishedOdometry()
         self._clock = ClockGuard(config.time_jump_s, config.time_jump_after if config.time_jump == "reset" else None)
         self._monitors = {source: SourceMonitor(Trust.of(config, source)) for source in config.sources}
@@ -143,7 +143,7 @@ class Kalman(Estimator):
         self._belief = None
         self._counted["poses_set"] += 1
         if newest_s == -math.inf and stamp_s == -math.inf:  # nothing was heard yet: it is the start
-            gaussian = Gaussian(*self._layout.initial_state(pose_map_base.array(), checked))
+            gaussian = Gaussian(*self._layout.initial_state(pose_map_base.array(), checked), UNAFFECTED)
             self._begin_history(FilterState(-math.inf, gaussian))
             return _ACCEPTED
         is_elsewhere = newest_s > -math.inf and abs(stamp_s - newest_s) > self.config.time_jump_s
@@ -171,7 +171,7 @@ class Kalman(Estimator):
     def _start_state(self, start_pose: Pose2 | None) -> FilterState:
         if start_pose is None:
             return FilterState(-math.inf, None)
-        gaussian = Gaussian(*self._layout.initial_state(start_pose.array(), self._start_covariance()))
+        gaussian = Gaussian(*self._layout.initial_state(start_pose.array(), self._start_covariance()), UNAFFECTED)
         return FilterState(-math.inf, gaussian)
 
     def _start_covariance(self) -> Floats:

@@ -39,7 +39,7 @@ from trailmark.estimation.kalman.hypotheses import Hypothesis, HypothesisBank, t
 from trailmark.estimation.kalman.lasting_doubts import doubts_of
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.kalman.one_sided import longest_one_sided_since
-from trailmark.estimation.kalman.parting import with_windows_compared
+from trailmark.estimation.kalman.parting import with_windows_compared, without_window
 from trailmark.estimation.kalman.prediction import Prediction
 from trailmark.estimation.kalman.state import FilterState
 from trailmark.estimation.kalman.trials import Trials
@@ -80,7 +80,7 @@ class FaultDetector:
             return self._prediction.predict(state, stamp_s)
         before = state.diagnosis
         if before.rivals:
-            return self._predict_question(state, stamp_s)
+            return self._predict_question(without_window(state), stamp_s)
         previous, state = state, self._prediction.predict(state, stamp_s)
         if before.trials:
             state = self._trials.predict(state, stamp_s)

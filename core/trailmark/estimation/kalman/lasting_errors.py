@@ -11,24 +11,28 @@ believes, and how it weighs, is as without them. How large they are is a prior, 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from operator import add
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from trailmark.arrays import Floats
 from trailmark.estimation.kalman_config import KalmanConfig
 
+if TYPE_CHECKING:
+    from trailmark.estimation.kalman.diagnosis import MotionSum
+
 __all__ = [
     "NO_ERRORS",
     "UNAFFECTED",
     "Columns",
+    "LastingPrior",
     "LastingVariances",
-    "carried",
-    "corrected",
+    "carry_columns",
+    "correct_columns",
     "lasting_covariance",
-    "lasting_variances",
-    "turned",
+    "turn_columns",
 ]
 
 #: How the pose changes with each error: (x, y, theta) by a share of the way along it, by one aside, by a share of the
@@ -66,14 +70,43 @@ class LastingVariances(NamedTuple):
 NO_ERRORS = LastingVariances()
 
 
-def lasting_variances(config: KalmanConfig) -> LastingVariances:
-    """Return what is known of these errors before motions say anything of them; an estimated scale is none of them."""
-    variance = config.calibration_sigma**2
-    is_estimated = any(own.errors == "scale" for own in config.sources.values())
-    return LastingVariances(along=0.0 if is_estimated else variance, turn=variance)
+class LastingPrior(NamedTuple):
+    """What is known of these errors before motions say anything of them.
+
+    Attributes
+    ----------
+    variance : float
+        Of a share of the way or of the turn.
+    scaled : frozenset of str
+        Localizers whose scale is estimated: theirs is no error that lasts.
+    """
+
+    variance: float
+    scaled: frozenset[str]
+
+    @classmethod
+    def of(cls, config: KalmanConfig) -> LastingPrior:
+        """Return what a config says."""
+        scaled = frozenset(source for source, own in config.sources.items() if own.errors == "scale")
+        return cls(config.calibration_sigma**2, scaled)
+
+    def with_parting(self, parting: LastingVariances, sums: Mapping[str, MotionSum]) -> LastingVariances:
+        """Return the variances of all that is known.
+
+        Parameters
+        ----------
+        parting : LastingVariances
+            What motions that part say.
+        sums : mapping of str to MotionSum
+            Of every localizer that gives motion: the scale of one of them is not that of the others.
+        """
+        is_estimated = bool(self.scaled) and all(
+            source in self.scaled for source, one in sums.items() if one.position_m2 > 0.0
+        )
+        return parting.plus(LastingVariances(along=0.0 if is_estimated else self.variance, turn=self.variance))
 
 
-def carried(columns: Columns, dx: float, dy: float, turn: float, dt_s: float) -> Columns:
+def carry_columns(columns: Columns, dx: float, dy: float, turn: float, dt_s: float) -> Columns:
     """Return how the pose changes with each error after a step.
 
     Parameters
@@ -103,7 +136,7 @@ def carried(columns: Columns, dx: float, dy: float, turn: float, dt_s: float) ->
     )
 
 
-def corrected(columns: Columns, gain: Floats) -> Columns:
+def correct_columns(columns: Columns, gain: Floats) -> Columns:
     """Return how the pose changes with each error after a correction with a gain in the pose ``K H``, (3, 3)."""
     (a, b, c), (d, e, f), (g, h, i) = gain.tolist()
     ax, ay, at, lx, ly, lt, tx, ty, tt, rx, ry, rt = columns
@@ -123,7 +156,7 @@ def corrected(columns: Columns, gain: Floats) -> Columns:
     )
 
 
-def turned(columns: Columns, cos: float, sin: float) -> Columns:
+def turn_columns(columns: Columns, cos: float, sin: float) -> Columns:
     """Return how the pose changes with each error in a map whose axes are turned."""
     ax, ay, at, lx, ly, lt, tx, ty, tt, rx, ry, rt = columns
     return (

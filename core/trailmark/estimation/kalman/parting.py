@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     from trailmark.estimation.kalman.diagnosis import MotionSum
     from trailmark.estimation.kalman.state import FilterState
 
-__all__ = ["NOT_COMPARED", "Parting", "PartingLog", "SteadyDifference", "with_windows_compared"]
+__all__ = ["NOT_COMPARED", "Parting", "PartingLog", "SteadyDifference", "with_windows_compared", "without_window"]
 
 logger = logging.getLogger(__name__)
 
-# Length of a window, and of one that is too long to say anything of what is steady [s].
-_WINDOW_S, _LONGEST_S = 0.25 - 1e-6, 0.6
+# Length of a window, which slow motions make longer, and of one in which motions were missing [s].
+_WINDOW_S, _LONGEST_S = 0.25 - 1e-6, 2.0 + 1e-6
 # Over how many windows is looked back: a lie that is new shows over some seconds, a small one over a minute.
 _FAST, _SLOW = 24.0, 240.0
 # A difference of so many of its own standard deviations counts by half, and parts two; few windows tell theirs badly.
@@ -40,8 +40,6 @@ _SURE, _MANY, _TOLD_SHARE, _TOLD_RADPS = 5.0, 8.0, 0.015, math.radians(0.1)
 _LEAST_WAY_M = 0.004
 # A scatter that is none.
 _NO_SCATTER = 1e-9
-# So many absolute estimates in the test windows tell by themselves who is wrong.
-_MANY_FIXES = 8
 
 
 class SteadyDifference(NamedTuple):
@@ -99,8 +97,6 @@ class Parting(NamedTuple):
         By localizer, shares of the way along it and to its left, and yaw rates.
     variances : LastingVariances
         What follows for the errors of the belief that last.
-    fixed_at_m : float
-        Way travelled at the absolute estimate before which errors that were seen are not forgotten [m].
     told : mapping of str to str
         By localizer, in words, what differs and is not decided.
     """
@@ -112,7 +108,6 @@ class Parting(NamedTuple):
     aside: Mapping[str, SteadyDifference] = MappingProxyType({})
     drift: Mapping[str, SteadyDifference] = MappingProxyType({})
     variances: LastingVariances = NO_ERRORS
-    fixed_at_m: float = -math.inf
     told: Mapping[str, str] = MappingProxyType({})
 
 
@@ -156,6 +151,14 @@ def with_windows_compared(state: FilterState, calibrated: Collection[str]) -> Fi
     return state.with_diagnosis(diagnosis._replace(parting=after))
 
 
+def without_window(state: FilterState) -> FilterState:
+    """Return a state whose next window begins anew: while filters disagree on who is right there is no one belief."""
+    parting = state.diagnosis.parting
+    if parting.stamp_s == -math.inf:
+        return state
+    return state.with_diagnosis(state.diagnosis._replace(parting=parting._replace(stamp_s=-math.inf)))
+
+
 def _compared(after: Parting, before: Parting, sources: Collection[str], dt_s: float) -> Parting:
     begin, end = before.pose_odom_base, after.pose_odom_base
     x, y, turn = end.x - begin.x, end.y - begin.y, wrap_angle(end.theta - begin.theta)
@@ -186,24 +189,22 @@ def _weighed(after: Parting, state: FilterState, sources: Collection[str]) -> Pa
         (after.aside, "% of the way, aside", 100.0, _TOLD_SHARE),
         (after.drift, "deg/s", math.degrees(1.0), _TOLD_RADPS),
     ):
-        seen = {source: one for source in sources if (one := _seen(by_source.get(source))) is not None}
+        seen = {source: one for source in sources if (one := _best_estimate(by_source.get(source))) is not None}
         sides = _sides(seen) if len(seen) > 1 else None
-        is_of_few = sides is None or sides.is_belief_of_most
-        squares.append(0.0 if is_of_few else max(one.counts for one in seen.values()) ** 2)
+        is_belief_right = sides is None or sides.is_belief_of_most
+        squares.append(0.0 if is_belief_right else max(one.counts for one in seen.values()) ** 2)
         if sides is not None and any(one.is_sure and abs(one.value) > least for one in seen.values()):
             _tell(told, sides, seen, per, unit)
-    if len(state.diagnosis.measurements) >= _MANY_FIXES:
-        squares, told = [0.0, 0.0, 0.0], {}
-    # What was wrong of the way stays so until absolute estimates correct it.
-    is_held = bool(told or after.told) and state.fixed_at_m <= after.fixed_at_m
-    held = after.variances if is_held else NO_ERRORS
     along, aside, drift = (_SHARE * one for one in squares)
+    # What was wrong of the way stays so as long as it is told. Absolute estimates end nothing here: they correct how
+    # the pose changes with these errors, by what they measure.
+    held = after.variances if told or after.told else NO_ERRORS
     variances = LastingVariances(max(along, held.along), max(aside, held.aside), 0.0, max(drift, held.drift))
     told = {} if state.diagnosis.doubts else told
-    return after._replace(variances=variances, fixed_at_m=state.fixed_at_m, told=told)
+    return after._replace(variances=variances, told=told)
 
 
-class _Seen(NamedTuple):
+class _Estimate(NamedTuple):
     """A difference per unit as it counts, as it is, its standard deviation, and whether it is sure."""
 
     counts: float
@@ -212,7 +213,7 @@ class _Seen(NamedTuple):
     is_sure: bool
 
 
-def _seen(difference: SteadyDifference | None) -> _Seen | None:
+def _best_estimate(difference: SteadyDifference | None) -> _Estimate | None:
     if difference is None:
         return None
     best = None
@@ -221,7 +222,7 @@ def _seen(difference: SteadyDifference | None) -> _Seen | None:
         counts = abs(value) * math.sqrt(fourth / (1.0 + fourth))
         if best is None or counts > best.counts:
             is_sure = abs(value) > _SURE * sigma and difference.n >= _MANY
-            best = _Seen(counts, value, sigma, is_sure)
+            best = _Estimate(counts, value, sigma, is_sure)
     return best
 
 
@@ -233,7 +234,7 @@ class _Sides(NamedTuple):
     is_belief_of_most: bool = False
 
 
-def _sides(seen: Mapping[str, _Seen]) -> _Sides:
+def _sides(seen: Mapping[str, _Estimate]) -> _Sides:
     one, other = max(combinations(seen, 2), key=lambda pair: _sigmas(seen[pair[0]], seen[pair[1]]))
     n = {one: 1, other: 1}
     for voter in seen.keys() - n.keys():
@@ -247,11 +248,11 @@ def _sides(seen: Mapping[str, _Seen]) -> _Sides:
     return _Sides((one, other), outvoted, abs(seen[ally].value) < abs(seen[outvoted].value))
 
 
-def _sigmas(one: _Seen, other: _Seen) -> float:
+def _sigmas(one: _Estimate, other: _Estimate) -> float:
     return abs(one.value - other.value) / (math.hypot(one.sigma, other.sigma) + _NO_SCATTER)
 
 
-def _tell(told: dict[str, str], sides: _Sides, seen: Mapping[str, _Seen], per: float, unit: str) -> None:
+def _tell(told: dict[str, str], sides: _Sides, seen: Mapping[str, _Estimate], per: float, unit: str) -> None:
     """Add in words who disagrees."""
     less, more = sorted(sides.pair, key=lambda source: seen[source].value)
     reason = f"{less} and {more} disagree by {per * (seen[more].value - seen[less].value):.1f} {unit}, steadily"

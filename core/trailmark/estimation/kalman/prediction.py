@@ -16,7 +16,7 @@ from trailmark.estimation.kalman.diagnosis import FaultDiagnosis, MotionSum
 from trailmark.estimation.kalman.ekf import PredictedMotion
 from trailmark.estimation.kalman.gaps import AT_REST, Gaps, Piece
 from trailmark.estimation.kalman.lasting_doubts import with_doubts
-from trailmark.estimation.kalman.lasting_errors import carried
+from trailmark.estimation.kalman.lasting_errors import carry_columns
 from trailmark.estimation.kalman.layout import Layout
 from trailmark.estimation.kalman.matched_motion import (
     NO_OFFSETS,
@@ -216,7 +216,7 @@ class Prediction:
         if before is not None:
             dt_s = stamp_s - state.stamp_s
             motion, (dx, dy) = self._motion_of(before.x, step, dt_s, piece.columns, piece.velocity_held_s)
-            lasting = carried(before.lasting, dx, dy, step.turn, dt_s)
+            lasting = carry_columns(before.lasting, dx, dy, step.turn, dt_s)
             gaussian = Gaussian(*self._filter.predict(before.x, before.covariance, motion), lasting)
         twist = step.twist
         speed_mps = math.hypot(twist.forward_mps, twist.left_mps)

@@ -23,7 +23,7 @@ __all__ = ["RivalFilters"]
 _N_KEPT = 32
 
 
-class _Begun:
+class _Question:
     """A question from its beginning on: who is believed in it, and its last steps.
 
     Attributes
@@ -62,7 +62,7 @@ class RivalFilters:
     def __init__(self, prediction: Prediction, correction: Correction) -> None:
         self._prediction = prediction
         self._correction = correction
-        self._last: _Begun | None = None
+        self._last: _Question | None = None
 
     def replay(self, rivals: Sequence[RivalFilter], anchor: FilterState, state: FilterState) -> list[RivalFilter]:
         """Return hypotheses at the instant of a state, from an anchor on.
@@ -130,10 +130,10 @@ class RivalFilters:
         reference: RivalFilter,
         rivals: Sequence[RivalFilter],
         measurements: Sequence[tuple[float, Measurement]],
-    ) -> tuple[_Begun, list[RivalFilter]]:
+    ) -> tuple[_Question, list[RivalFilter]]:
         """Return a question, so far as it was asked before and nothing has changed since, and its filters there."""
         changed_s, last = self._prediction.take_changed_since_s(), self._last
-        question = self._last = _Begun(anchor, reference, rivals)
+        question = self._last = _Question(anchor, reference, rivals)
         if last is None or not last.is_same(anchor, reference, rivals):
             return question, [reference, *rivals]
         n_same = 0

@@ -13,7 +13,7 @@ from trailmark.deprecation import deprecated_name
 from trailmark.estimation.kalman import diagnosis
 from trailmark.estimation.kalman.diagnosis import DetectedFault, FaultDiagnosis, RivalFilter
 from trailmark.estimation.kalman.innovation import Innovation
-from trailmark.estimation.kalman.lasting_errors import UNAFFECTED, Columns
+from trailmark.estimation.kalman.lasting_errors import Columns
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.unmeasured import NOWHERE, Sym2
 from trailmark.geometry import Pose2, Twist2
@@ -133,7 +133,7 @@ class Gaussian:
 
     x: Floats
     covariance: Floats
-    lasting: Columns = UNAFFECTED
+    lasting: Columns
 
 
 @quick_dataclass(frozen=True, slots=True, eq=False)
