@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -43,10 +44,10 @@ def predictions(monkeypatch: pytest.MonkeyPatch, drive: Callable[[], list[Belief
     """Return the beliefs of a drive, and how many pieces of time were predicted for them."""
     n, predict_piece = 0, Prediction.predict_piece
 
-    def counting(*arguments: object) -> object:
+    def counting(*arguments: Any) -> Any:
         nonlocal n
         n += 1
-        return predict_piece(*arguments)  # type: ignore[arg-type]
+        return predict_piece(*arguments)
 
     with monkeypatch.context() as patched:
         patched.setattr(Prediction, "predict_piece", counting)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from array import array
+from typing import Any
 
 import numpy as np
 import pytest
@@ -71,8 +72,9 @@ def test_nobody_changes_the_belief_of_others_in_place(stamp_s: float | None) -> 
 
     with pytest.raises(ValueError, match="read-only"):
         belief.covariance[0, 0] = 9.0
+    told: Any = belief.health
     with pytest.raises(TypeError):
-        belief.health["vo"] = "well"  # type: ignore[index]
+        told["vo"] = "well"
     covariance[0, 0] = 9.0
     health["vo"] = "well"
     np.testing.assert_array_equal(belief.covariance, np.eye(3))
