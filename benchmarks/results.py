@@ -133,7 +133,7 @@ class Results:
         command, _, taken = block.command.partition(" -> ")
         began_s = time.monotonic()
         with tempfile.TemporaryDirectory() as notes:
-            printed = self._run(command.replace("{out}", str(out)), Path(notes))
+            printed = self._run(command.replace("{out}", str(out.relative_to(self._top))), Path(notes))
             read = _noted_paths(Path(notes))
         text = self._taken(block, out, taken.split()) if taken else printed
         if not text.strip():
@@ -173,7 +173,7 @@ class Results:
         if words[0] == "python":
             words[0] = sys.executable
         elif words[0] == "trailmark":
-            words[:1] = [sys.executable, "-m", "trailmark.cli"]
+            words[0] = str(Path(sys.executable).with_name("trailmark"))  # pages show how they were called
         traced = str(Path(__file__).parent / "traced")
         environment = os.environ | {
             "PYTHONPATH": os.pathsep.join(filter(None, [traced, os.environ.get("PYTHONPATH")])),
