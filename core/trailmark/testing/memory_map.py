@@ -20,6 +20,14 @@ class MemoryMap(LocalizerMap):
         self._keyframes: list[Keyframe] = []
         self._saved: dict[str, dict[str, AnyArray]] = {}
 
+    def copy(self) -> MemoryMap:
+        """Return another map of the same content: what is done to it does not change this one."""
+        other = MemoryMap()
+        other._keyframes = list(self._keyframes)
+        for name, arrays in self._saved.items():
+            other.save(name, arrays)
+        return other
+
     def add(self, keyframe: Keyframe) -> None:
         """Remember a keyframe."""
         self._keyframes.append(keyframe)

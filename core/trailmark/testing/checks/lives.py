@@ -106,29 +106,40 @@ class LocalizerCase:
         rng = np.random.default_rng(seed)
         return Session("checked", mode, self.run.sensors, path, start_pose, localizer_map, rng)
 
-    def run_life(self, localizer: Localizer | None = None, seed: int = 0) -> LocalizerLife:
+    @cached_property
+    def life(self) -> LocalizerLife:
+        """What fresh localizers say, lived when it is first asked for: most checks look at the same life."""
+        localizer_map, taught = self._teaching
+        return LocalizerLife(taught, self.replay(localizer_map.copy()))
+
+    @cached_property
+    def _teaching(self) -> tuple[MemoryMap, tuple[Estimate, ...]]:
+        localizer_map = MemoryMap()
+        return localizer_map, self.teach(localizer_map)
+
+    def taught_map(self) -> MemoryMap:
+        """Return a copy of what a fresh localizer remembers of the run."""
+        return self._teaching[0].copy()
+
+    def run_life(self, localizer: Localizer | None = None) -> LocalizerLife:
         """Teach a localizer the run, let it finish, and ask it again in replay; None: a fresh one for each."""
         localizer_map = MemoryMap()
-        taught = self.teach(localizer_map, localizer or self.make(), seed)
-        return LocalizerLife(taught, self.replay(localizer_map, localizer or self.make(), seed))
+        taught = self.teach(localizer_map, localizer or self.make())
+        return LocalizerLife(taught, self.replay(localizer_map, localizer or self.make()))
 
-    def teach(
-        self, localizer_map: LocalizerMap, localizer: Localizer | None = None, seed: int = 0
-    ) -> tuple[Estimate, ...]:
+    def teach(self, localizer_map: LocalizerMap, localizer: Localizer | None = None) -> tuple[Estimate, ...]:
         """Teach the run into a localizer map, and return what was said."""
         localizer = localizer or self.make()
-        localizer.start(self.session("teach", VersionedMap(localizer_map, localizer.map_format), seed))
+        localizer.start(self.session("teach", VersionedMap(localizer_map, localizer.map_format)))
         said = tuple(answers(localizer, self, self.frames_asked_for(), on_path=False))
         localizer.finish()
         localizer.close()
         return said
 
-    def replay(
-        self, localizer_map: LocalizerMap, localizer: Localizer | None = None, seed: int = 0
-    ) -> tuple[Estimate, ...]:
+    def replay(self, localizer_map: LocalizerMap, localizer: Localizer | None = None) -> tuple[Estimate, ...]:
         """Return what is said over the run with what a localizer map remembers."""
         localizer = localizer or self.make()
-        localizer.start(self.session("replay", localizer_map, seed))
+        localizer.start(self.session("replay", localizer_map))
         said = tuple(answers(localizer, self, self.frames_asked_for(), on_path=True))
         localizer.close()
         return said
@@ -136,10 +147,8 @@ class LocalizerCase:
     @contextmanager
     def ready(self) -> Iterator[Localizer]:
         """Give a localizer that was taught the run and has started in replay."""
-        localizer_map = MemoryMap()
-        self.teach(localizer_map)
         localizer = self.make()
-        localizer.start(self.session("replay", localizer_map))
+        localizer.start(self.session("replay", self.taught_map()))
         try:
             yield localizer
         finally:

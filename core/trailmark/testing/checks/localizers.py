@@ -122,14 +122,14 @@ def _starts_or_says_why(case: LocalizerCase) -> None:
 
 
 def _says_something(case: LocalizerCase) -> None:
-    told = list(case.run_life())
+    told = list(case.life)
     assert told, "it said nothing at all over the run, taught or replayed"
     reasons = sorted({estimate.reason for estimate in told if isinstance(estimate, Lost)})
     assert len(reasons) == 0 or any(not isinstance(one, Lost) for one in told), f"it was always lost: {reasons}"
 
 
 def _are_well_formed(case: LocalizerCase) -> None:
-    told = case.run_life()
+    told = case.life
     for said in (told.taught, told.replayed):
         until_s = -np.inf
         for estimate in said:
@@ -171,7 +171,7 @@ def _errors_fit(case: LocalizerCase) -> None:
 
     Motions are judged ten in a row: what jitters from frame to frame and cancels does no harm.
     """
-    told = case.run_life()
+    told = case.life
     sigmas = [_sigmas_off(case, one) for one in told if isinstance(one, Fix | PathOffset)]
     for said in (told.taught, told.replayed):
         sigmas += [_chain_sigmas_off(case, chain) for chain in _chains(said)]
@@ -232,13 +232,13 @@ def _true_pose(run: AnyRun, stamp_s: float) -> Pose2:
 
 
 def _same_seed_same_answers(case: LocalizerCase) -> None:
-    _assert_same(case.run_life(seed=1), case.run_life(seed=1), "two runs with the same seed")
+    _assert_same(case.run_life(), case.life, "two runs with the same seed")
 
 
 def _is_as_new(case: LocalizerCase) -> None:
     localizer = case.make()
     case.run_life(localizer)
-    _assert_same(case.run_life(localizer), case.run_life(), "a localizer started again and a fresh one")
+    _assert_same(case.run_life(localizer), case.life, "a localizer started again and a fresh one")
 
 
 def _assert_same(one: Any, other: Any, what: str) -> None:
@@ -269,10 +269,8 @@ class _Replayed:
 
 def _finishes_from_the_map(case: LocalizerCase) -> None:
     """Check that another process can finish a teaching that was cut short, and that finishing twice changes nothing."""
-    localizer_map, other = MemoryMap(), MemoryMap()
-    case.teach(localizer_map)
-    if localizer_map.is_empty:
-        skip("it remembers nothing")
+    _skip_without_a_map(case)
+    other = MemoryMap()
     localizer = case.make()
     localizer.start(case.session("teach", other))
     for _ in answers(localizer, case, case.frames_asked_for(), on_path=False):
@@ -283,27 +281,24 @@ def _finishes_from_the_map(case: LocalizerCase) -> None:
         another.start(case.session("teach", other))
         another.finish()
         another.close()
-    _assert_same(case.replay(localizer_map), case.replay(other), "finished at once, and finished later, twice:")
+    _assert_same(case.life.replayed, case.replay(other), "finished at once, and finished later, twice:")
 
 
 def _survives_the_store(case: LocalizerCase) -> None:
-    localizer_map = MemoryMap()
-    case.teach(localizer_map)
-    if localizer_map.is_empty:
-        skip("it remembers nothing")
+    _skip_without_a_map(case)
     with case.store() as reopen:
-        _assert_same(
-            case.replay(localizer_map), case.replay(reopen().localizer_map("checked")), "from memory and from a file"
-        )
+        _assert_same(case.life.replayed, case.replay(reopen().localizer_map("checked")), "from memory and from a file")
+
+
+def _skip_without_a_map(case: LocalizerCase) -> None:
+    if case.taught_map().is_empty:
+        skip("it remembers nothing")
 
 
 def _refuses_a_newer_map(case: LocalizerCase) -> None:
     """Check that its map stores its format, and that the pipeline starts it on no newer one."""
-    localizer_map = MemoryMap()
-    case.teach(localizer_map)
-    if localizer_map.is_empty:
-        skip("it remembers nothing")
-    localizer = case.make()
+    _skip_without_a_map(case)
+    localizer_map, localizer = case.taught_map(), case.make()
     own = localizer.map_format
     assert isinstance(own, int), f"map_format is {own!r}, not a whole number"
     assert own >= 1, f"map_format is {own}: formats count from 1"

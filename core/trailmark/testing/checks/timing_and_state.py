@@ -13,7 +13,7 @@ from trailmark.evaluation.association import poses_at
 from trailmark.evaluation.relative import between
 from trailmark.geometry import wrap_angles
 from trailmark.interfaces import Localizer
-from trailmark.testing.checks.lives import LocalizerCase, document_of, true_belief
+from trailmark.testing.checks.lives import LocalizerCase, answers, document_of, true_belief
 from trailmark.testing.checks.parametrize import Check, skip
 from trailmark.testing.memory_map import MemoryMap
 from trailmark.testing.runs import AnyRun
@@ -49,7 +49,7 @@ def _stamps_are_those_of_the_frames(case: LocalizerCase) -> None:
     """
     if not _is_uneven(case.run):
         skip("the drive is even, so that late stamps do not show: use trailmark.testing.uneven")
-    told = list(case.run_life())
+    told = list(case.life)
     motions = [one for one in told if isinstance(one, Motion)]
     fixes = [one for one in told if isinstance(one, Fix)]
     for name, misses in (("motions", _motion_misses(case.run, motions)), ("fixes", _fix_misses(case.run, fixes))):
@@ -109,7 +109,7 @@ def _is_uneven(run: AnyRun) -> bool:
 
 def _information_says_something(case: LocalizerCase) -> None:
     """Check that the claimed covariance is smaller than that of the whole drive."""
-    told = [one for one in case.run_life() if isinstance(one, Motion | Fix | PathOffset)]
+    told = [one for one in case.life if isinstance(one, Motion | Fix | PathOffset)]
     if not told:
         skip("it said nothing that has information: see says_something")
     diagonal = np.array([np.diag(one.information) for one in told])
@@ -128,7 +128,7 @@ def _information_says_something(case: LocalizerCase) -> None:
 def _share_no_state(case: LocalizerCase) -> None:
     """Two instances asked by turns, the second a few frames behind, say what each says alone."""
     frames = list(case.frames_asked_for())
-    alone = [document_of(one) for one in _estimates_over(case, _ready(case), len(frames))]
+    alone = [document_of(one) for one in case.life.taught]
     first, second = _ready(case), _ready(case)
     said: tuple[list[Estimate], list[Estimate]] = ([], [])
     for index in range(len(frames) + _LAG):
@@ -144,13 +144,12 @@ def _share_no_state(case: LocalizerCase) -> None:
 
 def _work_in_two_threads(case: LocalizerCase) -> None:
     """Two instances that work at the same time in two threads say what one says alone."""
-    n = len(list(case.frames_asked_for()))
-    alone = [document_of(one) for one in _estimates_over(case, _ready(case), n)]
+    alone = [document_of(one) for one in case.life.taught]
     found: dict[int, list[object] | BaseException] = {}
 
     def work(index: int, localizer: Localizer) -> None:
         try:
-            found[index] = [document_of(one) for one in _estimates_over(case, localizer, n)]
+            found[index] = [document_of(one) for one in _estimates_over(case, localizer)]
         except BaseException as error:  # told below, in the test's own thread
             found[index] = error
 
@@ -172,8 +171,7 @@ def _ready(case: LocalizerCase) -> Localizer:
     return localizer
 
 
-def _estimates_over(case: LocalizerCase, localizer: Localizer, n: int) -> list[Estimate]:
-    frames = list(case.frames_asked_for())[:n]
-    said = [one for frame in frames for one in localizer.observe(frame, true_belief(case.run, frame.stamp_s))]
+def _estimates_over(case: LocalizerCase, localizer: Localizer) -> list[Estimate]:
+    said = list(answers(localizer, case, case.frames_asked_for(), on_path=False))
     localizer.close()
     return said
