@@ -179,6 +179,18 @@ def test_closing_from_another_thread_ends_the_frames(robot, messages, started) -
     assert time.monotonic() - began_s < 10.0
 
 
+def test_frames_that_waited_when_it_was_closed_do_not_come(robot, messages, started) -> None:
+    robot.repeat("/odom", 100.0, lambda k: messages.odometry(0.01 * k))
+    source = started(topics={"wheels": "/odom"})
+    time.sleep(0.2)  # about 20 messages wait, as on a busy machine
+    frames = source.frames()
+    next(frames)
+
+    source.close()
+
+    assert list(frames) == []
+
+
 def test_a_source_ends_on_silence_where_that_is_asked_for(robot, messages, started) -> None:
     robot.repeat("/odom", 50.0, lambda k: messages.odometry())
     source = started(topics={"wheels": "/odom"}, end_when_silent_s=1.0)

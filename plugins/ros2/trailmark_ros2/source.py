@@ -241,7 +241,10 @@ class Ros2Source(Drivable):
                 self._pass_told_poses()
             if frames and self._driver is not None:
                 self._driver.note_message()
-            yield from frames
+            for frame in frames:
+                if closed.is_set():
+                    return
+                yield frame
             if time.monotonic() - looked_s > _LOOK_EVERY_S:
                 looked_s = time.monotonic()
                 refuse_a_reset(self._feeds, 2.0 * _LOOK_EVERY_S)
