@@ -3,6 +3,8 @@
     trailmark reproduce all --quick --json --out FOLDER > rows.json
     python .ci/judge_rows.py rows.json
 
+Several files, one for each paper, are judged together.
+
 Times are printed and not judged: they say how busy the machine was.
 """
 
@@ -46,8 +48,9 @@ def report(rows: Sequence[Mapping[str, Any]]) -> tuple[list[str], bool]:
 
 
 def main() -> int:
-    """Judge the file that the command line names."""
-    lines, is_good = report(json.loads(Path(sys.argv[1]).read_text(encoding="utf-8")))
+    """Judge the files that the command line names."""
+    rows = [row for name in sys.argv[1:] for row in json.loads(Path(name).read_text(encoding="utf-8"))]
+    lines, is_good = report(rows)
     print("\n".join(lines))
     return 0 if is_good else 1
 

@@ -7,7 +7,7 @@ import importlib.util
 import os
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from pathlib import Path
 from types import ModuleType
 
@@ -33,19 +33,28 @@ def pytest_configure() -> None:
 #: Files whose tests take seconds each: CI runs them in its second stage, and a contributor by `make test`.
 SLOW = frozenset(
     {
-        "docs/test_pages.py",
-        "estimation/test_kalman.py",
-        "kinect_landmarks/test_calibrate_command.py",
+        "baselines/test_ground_peers.py",
         "bench/test_cells.py",
         "bench/test_executors.py",
         "bench/test_frames.py",
-        "trust/test_kills.py",
+        "divs/test_closed_loop.py",
+        "divs/test_place_fit.py",
+        "docs/test_pages.py",
+        "estimation/test_correlated_fixes.py",
+        "estimation/test_kalman.py",
+        "estimation/test_kalman_consistency.py",
+        "ground_vo/test_map_localizer.py",
+        "ground_vo/test_teach_and_replay.py",
+        "kinect_landmarks/test_calibrate_command.py",
+        "kinect_landmarks/test_localizer.py",
+        "papers/test_nagai2015.py",
+        "pipeline/loops/test_rooms_alike.py",
         "signals/test_endings.py",
         "signals/test_report.py",
         "signals/test_watch.py",
-        "papers/test_nagai2015.py",
+        "sim/test_shutter.py",
         "sim/test_worlds_forward.py",
-        "ground_vo/test_teach_and_replay.py",
+        "trust/test_kills.py",
     }
 )
 
@@ -58,9 +67,15 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker("slow")
 
 
-def pytest_collection_finish() -> None:
-    """Leave what is there now, modules and 8000 tests, out of every later search for garbage."""
-    gc.freeze()
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Look for no garbage while tests are collected, nor ever in what is there then: modules and 8000 tests stay."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.fixture(scope="session")

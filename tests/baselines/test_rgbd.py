@@ -101,6 +101,7 @@ def test_other_payloads_and_sizes_are_refused() -> None:
         _observe(localizer, 0.0, RGBD(_wall().bgr, _wall().depth_m[::2, ::2]))
 
 
+@pytest.mark.slow
 @pytest.mark.data
 def test_a_real_hand_held_recording_is_tracked(data_folder: Path) -> None:
     import trailmark

@@ -165,6 +165,7 @@ def test_replaying_without_a_robot_tells_the_sinks(trailmark: Run, wheels_config
     assert any("command" in str(line).lower() for line in said)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_kills", [8, pytest.param(20, marks=pytest.mark.long)])
 def test_killing_teach_at_any_instant_loses_no_committed_waypoint(
     wheels_config: Path, tmp_path: Path, n_kills: int

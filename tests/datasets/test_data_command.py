@@ -168,6 +168,7 @@ def test_every_known_recording_plays_from_the_files_that_it_names(spec, tmp_path
     assert f"/data/{next(iter(known.files))}" in used
 
 
+@pytest.mark.slow
 @pytest.mark.data
 def test_all_shared_recordings_are_whole(data_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as left:

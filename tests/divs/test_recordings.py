@@ -39,6 +39,7 @@ def test_known_shifts_of_a_street_meet_their_bars(bench, street, ours, monkeypat
     assert_met(bench.crop_rows(street, bench.QUICK_SHIFTS_PX), 8)
 
 
+@pytest.mark.slow
 def test_a_camera_half_a_metre_to_the_right_is_seen_there(bench, street, ours, data_folder, monkeypatch):
     monkeypatch.setattr(bench, "ALL", ours)
     right = bench.read(data_folder / "divs" / "kitti_raw_stereo" / "right")

@@ -235,6 +235,7 @@ print(*(value.hex() for value in motion), curvature.tobytes().hex(), left.tobyte
 """
 
 
+@pytest.mark.slow
 def test_a_process_that_compiles_the_refinement_gives_the_bits_of_one_that_finds_it_compiled(tmp_path):
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
 
