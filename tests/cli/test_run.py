@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from trailmark.cli import main
 from trailmark.geometry import read_tum
 from trailmark.stores.sqlite import SqlitePathStore
 from trailmark.stores.sqlite_config import SqliteStoreConfig
@@ -120,15 +121,23 @@ def test_a_folder_that_is_not_empty_is_kept(trailmark: Run, wheels_config: Path,
     ],
 )
 def test_a_wrong_request_is_said_in_words_with_exit_code_2(
-    trailmark: Run, wheels_config: Path, arguments: tuple[str, ...], words: tuple[str, ...]
+    wheels_config: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+    arguments: tuple[str, ...],
+    words: tuple[str, ...],
 ) -> None:
-    done = trailmark(*arguments)
+    monkeypatch.chdir(wheels_config.parent)
 
-    assert done.returncode == 2, done.stderr
-    assert all(word in done.stderr for word in words), done.stderr
-    assert "Traceback" not in done.stderr
-    assert "internal error" not in done.stderr
-    assert len(done.stderr.splitlines()) == 1
+    with pytest.raises(SystemExit) as left:
+        main([*arguments])
+
+    told = capfd.readouterr().err
+    assert left.value.code == 2, told
+    assert all(word in told for word in words), told
+    assert "Traceback" not in told
+    assert "internal error" not in told
+    assert len(told.splitlines()) == 1
 
 
 def test_a_group_without_a_command_shows_its_help(trailmark: Run) -> None:
