@@ -27,10 +27,8 @@ HOURS ?= 2
 results: install ## the pages of results that are older than their code, the quickest first; it goes on any time
 	$(BIN)/python benchmarks/results.py make --hours $(HOURS)
 
-CASES ?= 20000
-MINUTES ?= 1440
 trust: install   ## hostile input by the thousand, kills, damage: all of it, and its two pages; goes on where it was
-	$(BIN)/python -m tests.trust.recipe --cases $(CASES) --minutes $(MINUTES)
+	$(BIN)/python benchmarks/results.py make hostile-input trust
 
 lint: install    ## ruff: lint and format
 	$(BIN)/ruff check . && $(BIN)/ruff format --check .

@@ -2,7 +2,7 @@
 
 ::
 
-    python -m tests.trust.fuzz --cases 20000 --out docs/results/hostile-input.md
+    python -m tests.trust.fuzz --cases 20000
     python -m tests.trust.fuzz --record readers.jsonl --minutes 10     # goes on where it was when it is called again
 
 Each case is made from (target, number) alone, so that a finding is repeated by
@@ -436,18 +436,12 @@ def peak_mib() -> float:
 
 
 def page(records: Records, command: str) -> str:
-    """Return the results as a page."""
+    """Return the results as a part of a page."""
     tallies = records.tallies()
     n_findings, cpu_s = sum(len(t.findings) for t in tallies.values()), sum(record.cpu_s for record in records)
     peak = max((tally.peak_mib for tally in tallies.values()), default=0.0)
     about = f"{time.strftime('%Y-%m-%d')}, trailmark {trailmark.__version__}, Python {platform.python_version()}"
     lines = [
-        "# Hostile input",
-        "",
-        "To readers, to whole commands, and by parts that misbehave. `make trust` does all of it and writes this page.",
-        "",
-        "## Readers",
-        "",
         f"`{command}`, {about}.",
         f"{len(records)} cases in {cpu_s / 60:.1f} min of processor time, of code {records.commits()},",
         f"in processes whose memory peaked at {peak:.0f} MiB (bound: {MEMORY_MIB:.0f}): {n_findings} findings.",
@@ -480,7 +474,6 @@ def main() -> int:
     parser.add_argument("--only", choices=sorted(TARGETS), help="only this target")
     parser.add_argument("--minutes", type=float, default=24 * 60.0, help="begin no case after this")
     parser.add_argument("--record", type=Path, help="file to keep each case in; what it has passed is not run again")
-    parser.add_argument("--out", type=Path, help="page to write")
     options = parser.parse_args()
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     logging.disable(logging.CRITICAL)
@@ -494,10 +487,7 @@ def main() -> int:
         if time.time() > until_s:
             break
         records.add(try_case(name, number, code))
-    text = page(records, f"python -m tests.trust.fuzz --cases {options.cases}")
-    print(text)
-    if options.out:
-        options.out.write_text(text, encoding="utf-8")
+    print(page(records, f"python -m tests.trust.fuzz --cases {options.cases}"))
     return int(any(record.findings for record in records) or peak_mib() > MEMORY_MIB)
 
 

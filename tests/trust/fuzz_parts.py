@@ -150,8 +150,6 @@ def page(records: Records, command: str) -> str:
     tally = records.tallies().get("parts", Tally())
     ended = ", ".join(f"{n} {status}" for status, n in sorted(tally.ended.items()))
     lines = [
-        "## Parts that misbehave",
-        "",
         f"`{command}`: {tally.n} runs, of code {records.commits()}: {len(tally.findings)} findings; {ended}.",
         "In each run one method of one part raises, exits, answers what is no answer, or does not come back, from its",
         "first, second or third call on. A finding is an error without the part's name or called a bug of ours,",

@@ -1,14 +1,8 @@
-"""The page of `make trust`: what was killed, damaged and filled, from the results that pytest wrote.
-
-::
-
-    python tests/trust/page.py RESULTS.xml ... docs/results/trust.md
-"""
+"""The tables of kills and damage: what was killed, damaged and filled, from the results that pytest wrote."""
 
 from __future__ import annotations
 
 import platform
-import sys
 import time
 from collections import Counter
 from collections.abc import Sequence
@@ -24,7 +18,7 @@ COMMAND = (
 
 
 def page(results: Sequence[Path]) -> str:
-    """Return the results as a page."""
+    """Return the results as tables."""
     cases = [case for path in results for case in ET.parse(path).iter("testcase")]
     counted = [(one.get("name"), one.get("value")) for case in cases for one in case.iter("property")]
     modules: dict[str, Counter[str]] = {}
@@ -32,14 +26,8 @@ def page(results: Sequence[Path]) -> str:
         ended = next((word for word in ("failure", "error", "skipped") if case.find(word) is not None), "passed")
         modules.setdefault(str(case.get("classname")).rpartition("tests.")[2], Counter())[ended] += 1
     lines = [
-        "# Kills and damage",
-        "",
         f"`{COMMAND}`, {time.strftime('%Y-%m-%d')}, trailmark {trailmark.__version__}, "
         f"Python {platform.python_version()}.",
-        "",
-        "After every kill the store opens, its waypoints are one after the other and not fewer than were said to be",
-        "committed, `trailmark store check` finds it sound, and the same command goes on or runs again. A kill is",
-        "SIGKILL at a random instant of the life of the process; one that came after its end is not counted.",
         "",
         "| what | times |",
         "|---|--:|",
@@ -53,7 +41,3 @@ def page(results: Sequence[Path]) -> str:
         ),
     ]
     return "\n".join(lines) + "\n"
-
-
-if __name__ == "__main__":
-    Path(sys.argv[-1]).write_text(page([Path(name) for name in sys.argv[1:-1]]), encoding="utf-8")

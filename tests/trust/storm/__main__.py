@@ -1,4 +1,4 @@
-"""Runs cases by the thousand in workers that are started again when they die, and writes the page."""
+"""Runs cases by the thousand in workers that are started again when they die, and prints a part of the page."""
 
 from __future__ import annotations
 
@@ -71,13 +71,11 @@ def _record_of(target: str, number: int, answer: dict[str, Any], code: str) -> C
 
 
 def page(records: Records, command: str) -> str:
-    """Return the results as a page."""
+    """Return the results as a part of a page."""
     tried = records.tallies()
     n_findings, cpu_s = sum(len(t.findings) for t in tried.values()), sum(record.cpu_s for record in records)
     about = f"{time.strftime('%Y-%m-%d')}, trailmark {trailmark.__version__}, Python {platform.python_version()}"
     lines = [
-        "## Whole commands",
-        "",
         f"`{command}`, {about}.",
         f"{len(records)} whole commands in {cpu_s / 60:.0f} min of processor time, of code {records.commits()}: "
         f"{n_findings} findings.",
@@ -107,7 +105,6 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, default=24 * 60.0, help="begin no case after this")
     parser.add_argument("--keep", type=Path, help="with one case: a folder to keep its files in, and all that it said")
     parser.add_argument("--record", type=Path, help="file to keep each case in; what it has passed is not run again")
-    parser.add_argument("--append", type=Path, help="page to write the results behind")
     options = parser.parse_args()
     names = options.only or list(TARGETS)
     each = -(-options.cases // len(names))
@@ -120,11 +117,7 @@ def main() -> int:
         numbers = range(options.first, options.first + each)
         cases = [(name, n) for n in numbers for name in names if not records.has_passed(name, n)]
         run_all(cases, box, options.workers, time.time() + 60 * options.minutes, records)
-    text = page(records, f"python -m tests.trust.storm --first {options.first} --cases {options.cases}")
-    print(text)
-    if options.append:
-        before = options.append.read_text(encoding="utf-8") if options.append.exists() else ""
-        options.append.write_text(f"{before}\n{text}" if before else text, encoding="utf-8")
+    print(page(records, f"python -m tests.trust.storm --first {options.first} --cases {options.cases}"))
     return int(any(record.findings for record in records))
 
 
