@@ -1,6 +1,6 @@
 """divs on winding ways and second drives, beside patch_ncc on the same pictures; and from an unknown start.
 
-    python benchmarks/divs_winding.py [--quick] [--json] [--tuning] [--worlds street corridor real]
+    python benchmarks/divs_winding.py [--quick] [--json | --markdown] [--tuning] [--worlds street corridor real]
 
 Simulated: five streets and five corridors, each with a winding way of its own (8 m), driven again 10 cm and some
 degrees beside, under other light, with people, in other seasons. Truth is the median displacement of what the upper
@@ -183,6 +183,35 @@ def _row(
     return Row("divs_winding", f"{where}: {what}", unit, value, None, bar if is_ours else None, better=better, n=n)
 
 
+def markdown(rows: Sequence[Row]) -> str:
+    """Return the tables of the page: answers by drive and method, and starts that were not told."""
+    columns = ("mean error", "95th percentile", "within 2 columns", "speaks")
+    by_drive: dict[str, dict[str, Row]] = {}
+    for row in rows:
+        where, _, what = row.item.rpartition(": ")
+        by_drive.setdefault(where, {})[what] = row
+    answers = {where: found for where, found in by_drive.items() if where.endswith("]")}
+    lines = [f"| second drive | | {' | '.join(columns)} | bars |", "|---|---|" + "--:|" * len(columns) + "---|"]
+    for where, found in answers.items():
+        drive, _, method = where.removesuffix("]").rpartition(" [")
+        cells = [_cell(found[column]) for column in columns]
+        missed = [column for column in columns if found[column].met is False]
+        verdict = "" if all(found[column].met is None for column in columns) else ", ".join(missed) or "met"
+        lines.append(f"| {drive} | `{method}` | {' | '.join(cells)} | {verdict} |")
+    starts = {where: found for where, found in by_drive.items() if where not in answers}
+    if starts:
+        asked = list(next(iter(starts.values())))
+        lines += ["", f"| | {' | '.join(asked)} | n |", "|---|" + "--:|" * (len(asked) + 1)]
+    for where, found in starts.items():
+        cells = [*(_cell(found[what]) for what in asked), str(found[asked[0]].n)]
+        lines.append(f"| {where} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _cell(row: Row) -> str:
+    return f"{row.ours:.1f} %" if row.unit == "%" else f"{row.ours:.3f}"
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -190,6 +219,7 @@ def main() -> None:
     parser.add_argument("--tuning", action="store_true", help="the places on which parameters were chosen")
     parser.add_argument("--worlds", nargs="*", default=[*CONDITIONS, "real"])
     parser.add_argument("--json", action="store_true", help="a list of rows")
+    parser.add_argument("--markdown", action="store_true", help="the tables of the page")
     options = parser.parse_args()
     cv2.setNumThreads(1)
     numbers = (11, 12) if options.tuning else (1,) if options.quick else (1, 2, 3, 4, 5)
@@ -199,11 +229,13 @@ def main() -> None:
         places = [WindingPlace(world=world, number=number) for number in numbers]
         for row in real_rows(data_folder()) if world == "real" else way_rows(places, seeds):
             rows.append(row)
-            if not options.json:
+            if not (options.json or options.markdown):
                 bar = "" if row.bar is None else f"bar {row.bar:6.2f}  {'met' if row.met else 'NOT MET'}"
                 print(f"{row.item:90}{row.ours:9.3f} {row.unit:8}{bar:20} n={row.n}", flush=True)
     if options.json:
         print(json.dumps([row.document() for row in rows], indent=2))
+    if options.markdown:
+        print(markdown(rows))
 
 
 if __name__ == "__main__":

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,12 +23,16 @@ from trailmark_divs.config import DivsConfig
 from trailmark_divs.localizer import Divs
 from trailmark_laser_maps.map_yaml import write_map
 
-__all__ = ["Start", "divs_starts", "laser_starts"]
+__all__ = ["Start", "divs_places", "laser_places"]
 
 _OWN, _LIT, _TWIN, _OTHER = "its own", "its own, other light", "same plan or kind, another place", "another place"
 _FOUND_M, _DRIVEN_S, _STARTS_S = 0.75, 10.0, (1.5, 6.0, 10.5, 15.0, 19.5)  # divs: 8 m at 0.3 m/s
 _TAUGHT = (1, 2, 3, 4, 5)  # worlds; 11 to 16 and 31 to 36 were those that parameters were chosen on
 _TWINS, _OTHERS = (50, 60), (70,)
+_LIGHTS: Mapping[str, Mapping[str, Any]] = {
+    "street": {"time": "afternoon", "people": 3},
+    "corridor": {"time": "afternoon", "lamps": "half", "people": 3},
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,30 +57,28 @@ class Start:
     told_s: float | None = None
 
 
-def divs_starts(is_quick: bool) -> Iterator[Start]:
-    """Yield starts of `divs` in winding streets and corridors: 10 s of driving each, or to the end of the way."""
-    lights: Mapping[str, Mapping[str, Any]] = {
-        "street": {"time": "afternoon", "people": 3},
-        "corridor": {"time": "afternoon", "lamps": "half", "people": 3},
-    }
-    for world, light in lights.items():
-        for number in _TAUGHT[:1] if is_quick else _TAUGHT:
-            place = WindingPlace(world=world, number=number)
-            taught = taught_for(place)
-            taught.teach({"divs": _divs})
-            puts = [(_OWN, number, place, {"time": "morning"}), (_LIT, number, place, light)]
-            puts += [(_TWIN, number + apart, place, {"time": "morning"}) for apart in _TWINS]
-            puts += [
-                (_OTHER, number + apart, WindingPlace(world=world, number=number + apart), {"time": "morning"})
-                for apart in _OTHERS
-            ]
-            for put_down, where, way, options in puts:
-                poses, stations_m = again_poses(way, seed=1)
-                drive = drive_poses(WindingPlace(world=world, number=where), poses, stations_m, options, seed=1001)
-                for first_s in _STARTS_S:
-                    told_s, off_m = _first_told(taught, drive, first_s)
-                    is_right = None if told_s is None else put_down in (_OWN, _LIT) and off_m <= _FOUND_M
-                    yield Start(world, put_down, is_right, told_s)
+def divs_places(is_quick: bool) -> dict[str, Callable[[], Iterator[Start]]]:
+    """Return what yields the starts of `divs`, by winding street or corridor."""
+    numbers = _TAUGHT[:1] if is_quick else _TAUGHT
+    return {f"{world} {number}": partial(_divs_starts, world, number) for world in _LIGHTS for number in numbers}
+
+
+def _divs_starts(world: str, number: int) -> Iterator[Start]:
+    """Yield starts in a place, its twins and others: 10 s of driving each, or to the end of the way."""
+    place = WindingPlace(world=world, number=number)
+    taught = taught_for(place)
+    taught.teach({"divs": _divs})
+    morning = {"time": "morning"}
+    puts = [(_OWN, number, place, morning), (_LIT, number, place, _LIGHTS[world])]
+    puts += [(_TWIN, number + apart, place, morning) for apart in _TWINS]
+    puts += [(_OTHER, number + apart, WindingPlace(world=world, number=number + apart), morning) for apart in _OTHERS]
+    for put_down, where, way, options in puts:
+        poses, stations_m = again_poses(way, seed=1)
+        drive = drive_poses(WindingPlace(world=world, number=where), poses, stations_m, options, seed=1001)
+        for first_s in _STARTS_S:
+            told_s, off_m = _first_told(taught, drive, first_s)
+            is_right = None if told_s is None else put_down in (_OWN, _LIT) and off_m <= _FOUND_M
+            yield Start(world, put_down, is_right, told_s)
 
 
 def _divs() -> Divs:
@@ -92,18 +95,23 @@ def _first_told(taught: Taught, drive: Drive, first_s: float) -> tuple[float | N
     return None, 0.0
 
 
-def laser_starts(method: str, is_quick: bool) -> Iterator[Start]:
-    """Yield starts of a laser on floors: 15 s of driving each, on the floor of the map and on others."""
+def laser_places(method: str, is_quick: bool) -> dict[str, Callable[[], Iterator[Start]]]:
+    """Return what yields the starts of a laser, by floor: 15 s of driving each."""
     n = 3 if is_quick else 10
+    return {floor.name: partial(_laser_starts, method, k, n) for k, floor in enumerate(_floors(21))}
+
+
+def _laser_starts(method: str, k: int, n: int) -> Iterator[Start]:
+    """Yield starts on the floor of the map and on others."""
+    floor = _floors(21)[k]
+    others = [(_OWN, floor), (_TWIN, _floors(31)[k]), (_OTHER, _floors(41)[(k + 1) % 3])]
     with tempfile.TemporaryDirectory() as folder:
-        for k, floor in enumerate(_floors(21)):
-            others = [(_OWN, floor), (_TWIN, _floors(31)[k]), (_OTHER, _floors(41)[(k + 1) % 3])]
-            told = _grid_mcl(floor, Path(folder)) if method == "grid_mcl" else _laser_icp(floor)
-            for put_down, met in others:
-                for seed in range(n):
-                    is_right = told(met, 3000 + seed)
-                    place = floor.name.rstrip("0123456789 ")
-                    yield Start(place, put_down, is_right and put_down == _OWN if is_right is not None else None)
+        told = _grid_mcl(floor, Path(folder)) if method == "grid_mcl" else _laser_icp(floor)
+        for put_down, met in others:
+            for seed in range(n):
+                is_right = told(met, 3000 + seed)
+                place = floor.name.rstrip("0123456789 ")
+                yield Start(place, put_down, is_right and put_down == _OWN if is_right is not None else None)
 
 
 def _floors(seed: int) -> Sequence[Floor]:

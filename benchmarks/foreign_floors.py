@@ -8,8 +8,9 @@ drives on for 10 cm), or it is told a place of the path, and looks there once.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -26,7 +27,7 @@ from trailmark.testing.ground import GroundCamera, MirroredFloor
 from trailmark_ground_vo.config import GroundMapConfig
 from trailmark_ground_vo.map_localizer import GroundMap
 
-__all__ = ["FloorStart", "ground_map_starts"]
+__all__ = ["FloorStart", "ground_map_places"]
 
 _TAUGHT_M, _SPACING_M = 1.0, 0.05
 _STANDS, _DRIVES_ON, _DRIVE_M = 2, 5, 0.02
@@ -69,29 +70,37 @@ class _Eye:
         return Frame("floor", self._n / RATE_HZ, Image(np.clip(np.rint(noisy), 0, 255).astype(np.uint8)))
 
 
-def ground_map_starts(is_quick: bool) -> Iterator[FloorStart]:
-    """Yield starts on every floor; on photographs a half is taught, and the other half is the same kind elsewhere."""
-    n_starts, n_searches = (3, 40) if is_quick else (10, 100)
+def ground_map_places(is_quick: bool) -> dict[str, Callable[[], Iterator[FloorStart]]]:
+    """Return what yields the starts, by floor."""
     floors = [*MADE, *(name for name in photographs() if name not in ("tiles_1k", "warehouse_concrete_1k"))]
-    for number, floor in enumerate(floors[:4] if is_quick else floors):
-        own, twin = _own_and_twin(floor)
-        other = texture_of(floors[(number + 4) % len(floors)])
-        poses = _path(number)
-        taught = _taught(_Eye(own, number), poses)
-        put_downs = [("same kind, elsewhere", twin), ("another floor", other)]
-        if floor in MADE:  # of a small photograph the same ground comes again, so that right places have copies
-            put_downs.insert(0, ("its own", own))
-        for name, texture in put_downs:
-            eye, rng = _Eye(texture, 100 + number), np.random.default_rng([22, number])
-            for _ in range(n_starts):
-                truth = _beside(poses[int(rng.integers(len(poses)))], rng)
-                yield FloorStart(floor, f"{name}, not told", _judge(_first_fix(taught, eye, truth), name))
-            told = _started("replay", taught)
-            for n in range(n_searches):
-                place = poses[(7 * n) % len(poses)]  # a place is looked for once in a row
-                truth = _beside(place, rng)
-                found = _fix_when_told(told, eye, truth, _beside(place, rng))
-                yield FloorStart(floor, f"{name}, told", _judge(found, name))
+    n_starts, n_searches = (3, 40) if is_quick else (10, 100)
+    return {
+        floor: partial(_floor_starts, floors, number, n_starts, n_searches)
+        for number, floor in enumerate(floors[:4] if is_quick else floors)
+    }
+
+
+def _floor_starts(floors: Sequence[str], number: int, n_starts: int, n_searches: int) -> Iterator[FloorStart]:
+    """Yield starts on a floor; of a photograph a half is taught, and the other half is the same kind elsewhere."""
+    floor = floors[number]
+    own, twin = _own_and_twin(floor)
+    other = texture_of(floors[(number + 4) % len(floors)])
+    poses = _path(number)
+    taught = _taught(_Eye(own, number), poses)
+    put_downs = [("same kind, elsewhere", twin), ("another floor", other)]
+    if floor in MADE:  # of a small photograph the same ground comes again, so that right places have copies
+        put_downs.insert(0, ("its own", own))
+    for name, texture in put_downs:
+        eye, rng = _Eye(texture, 100 + number), np.random.default_rng([22, number])
+        for _ in range(n_starts):
+            truth = _beside(poses[int(rng.integers(len(poses)))], rng)
+            yield FloorStart(floor, f"{name}, not told", _judge(_first_fix(taught, eye, truth), name))
+        told = _started("replay", taught)
+        for n in range(n_searches):
+            place = poses[(7 * n) % len(poses)]  # a place is looked for once in a row
+            truth = _beside(place, rng)
+            found = _fix_when_told(told, eye, truth, _beside(place, rng))
+            yield FloorStart(floor, f"{name}, told", _judge(found, name))
 
 
 def _own_and_twin(floor: str) -> tuple[Grey8, Grey8]:

@@ -8,8 +8,9 @@ lamps, and other goods, posters and boards.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -27,7 +28,7 @@ from trailmark_sim.vehicles import VehicleState
 from trailmark_sim.worlds import build_world
 from trailmark_sim.worlds.base import WorldOptions
 
-__all__ = ["SightStart", "sight_starts"]
+__all__ = ["SightStart", "sight_places"]
 
 _OWN, _CHANGED = "its own", "its own; people, fewer lamps"
 _STEP_M, _PICTURES_HZ = 0.05, 6.0
@@ -123,26 +124,32 @@ METHODS = {
 }
 
 
-def sight_starts(name: str, is_quick: bool) -> Iterator[SightStart]:
-    """Yield starts of a method in every place; `is_quick`: one place of each kind."""
-    method = METHODS[name]
+def sight_places(name: str, is_quick: bool) -> dict[str, Callable[[], Iterator[SightStart]]]:
+    """Return what yields the starts of a method, by place; `is_quick`: one place of each kind."""
     numbers = _TAUGHT[:1] if is_quick else _TAUGHT
-    for world in method.worlds:
-        other = next(one for one in method.worlds if one != world)
-        for number in numbers:
-            own = _Place(world, number, method.extra)
-            poses = own.route(method.sensor)
-            places = _taught(method, own, poses)
-            put_downs = [
-                (_OWN, own),
-                (_CHANGED, _Place(world, number, {**method.extra, **method.changed[world]})),
-                *(("same plan, another place", _Place(world, number + apart, method.extra)) for apart in _TWINS),
-                ("another place", _Place(other, number, method.extra)),
-            ]
-            for put_down, place in put_downs:
-                for is_right in _starts(method, places, place, poses if place.world == world else None):
-                    is_own = put_down in (_OWN, _CHANGED)
-                    yield SightStart(world, put_down, None if is_right is None else is_right and is_own)
+    return {
+        f"{world} {number}": partial(_place_starts, name, world, number)
+        for world in METHODS[name].worlds
+        for number in numbers
+    }
+
+
+def _place_starts(name: str, world: str, number: int) -> Iterator[SightStart]:
+    method = METHODS[name]
+    other = next(one for one in method.worlds if one != world)
+    own = _Place(world, number, method.extra)
+    poses = own.route(method.sensor)
+    places = _taught(method, own, poses)
+    put_downs = [
+        (_OWN, own),
+        (_CHANGED, _Place(world, number, {**method.extra, **method.changed[world]})),
+        *(("same plan, another place", _Place(world, number + apart, method.extra)) for apart in _TWINS),
+        ("another place", _Place(other, number, method.extra)),
+    ]
+    for put_down, place in put_downs:
+        for is_right in _starts(method, places, place, poses if place.world == world else None):
+            is_own = put_down in (_OWN, _CHANGED)
+            yield SightStart(world, put_down, None if is_right is None else is_right and is_own)
 
 
 def _starts(

@@ -9,6 +9,7 @@ RMSE against motion capture, without alignment. One set of noise figures for all
     TRAILMARK_DATA=/path/to/recordings python benchmarks/fusion.py --husky
     python benchmarks/fusion.py --cost
 
+``--markdown`` prints the tables of the page, with each.
 ``--husky``: where odometry and IMU of robot_localization's test1 bag end, beside the end that its own test expects.
 That is parity with another filter, not truth: by GPS the robot ends 13 m from its start, not 87.
 """
@@ -27,6 +28,7 @@ from pathlib import Path
 from time import thread_time_ns
 from typing import Any
 
+import fusion_tables
 import numpy as np
 import numpy.typing as npt
 
@@ -71,15 +73,24 @@ def main() -> None:
     parser.add_argument("--cost", action="store_true", help="time estimates instead")
     parser.add_argument("--husky", action="store_true", help="odometry and IMU of a bag instead")
     parser.add_argument("--json", action="store_true")
+    parser.add_argument("--markdown", action="store_true", help="the table of the page")
     arguments = parser.parse_args()
     if arguments.cost:
-        print(json.dumps(costs(), indent=None if arguments.json else 2))
+        found = costs()
+        print(
+            fusion_tables.cost(found) if arguments.markdown else json.dumps(found, indent=None if arguments.json else 2)
+        )
         return
     folder = Path(os.environ.get("TRAILMARK_DATA", "")) / "fusion" / ("" if arguments.husky else "mrclam_D6")
     if not folder.is_dir():
         sys.exit(f"no recordings at {folder}; set TRAILMARK_DATA to their folder")
     if arguments.husky:
-        print(json.dumps(husky(folder / "rl_test1.bag")))
+        ends = husky(folder / "rl_test1.bag")
+        print(fusion_tables.husky(ends) if arguments.markdown else json.dumps(ends))
+        return
+    if arguments.markdown:
+        rows = [measured(folder, robot, case) for case in arguments.cases for robot in arguments.robots]
+        print(fusion_tables.robots([asdict(row) for row in rows]))
         return
     if not arguments.json:
         print("robot case          rmse    p95    max [m]  heading [deg]  settled [s], rmse then  gated  doubted")

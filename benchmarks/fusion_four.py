@@ -6,7 +6,8 @@ taught way through the supermarket. Each seed is driven and rendered once (``rec
 told again to the estimator alone (``replay``), with one of the four switched off, or lying by 1 m to the left with the
 covariance that it always states, for 20 % of the time. The motion of a lying floor camera jumps by 1 m and back.
 
-    python benchmarks/fusion_four.py record DIR [--seeds 1 21]     30 s of processor time a seed; seed 0: the noise
+    python benchmarks/fusion_four.py record DIR [--seeds 1 21]     30 s of processor time a seed; seed 0: the noise;
+                                                                   what is recorded is not recorded again
     python benchmarks/fusion_four.py replay DIR [--json]           5 s a seed
 
 Beside the fused belief each of the four alone, in the same fault: `dead_reckoning` on what it says, with wheel odometry
@@ -84,8 +85,9 @@ def main() -> None:
     arguments = parser.parse_args()
     if arguments.what == "record":
         for seed in (NOISE_SEED, *range(*arguments.seeds)):
-            record(arguments.folder, seed)
-            print(f"seed {seed} recorded", file=sys.stderr, flush=True)
+            if not (arguments.folder / f"seed_{seed:02d}" / "recorded").exists():
+                record(arguments.folder, seed)
+                print(f"seed {seed} recorded", file=sys.stderr, flush=True)
         return
     rows = list(replayed(arguments.folder, range(*arguments.seeds)))
     print(json.dumps([asdict(row) for row in rows]) if arguments.json else "\n".join(summary(rows)))
@@ -119,14 +121,17 @@ def record(folder: Path, seed: int) -> None:
     """Teach, unless that is done, and drive the way again; what the localizers say is kept."""
     folder.mkdir(parents=True, exist_ok=True)
     place = folder / "place.trail"
-    if not place.exists():
+    if not (folder / "taught").exists():
+        place.unlink(missing_ok=True)
         with Pipeline(config(TEACH_SEED, "teach", TEACH_S), store=place, mode="teach") as pipeline:
             for _ in pipeline:
                 pass
+        (folder / "taught").touch()
     out = folder / f"seed_{seed:02d}"
     with Pipeline(config(seed, "replay", REPLAY_S), store=place, mode="replay", out=out, overwrite=True) as pipeline:
         for _ in pipeline:
             pass
+    (out / "recorded").touch()
 
 
 def replayed(folder: Path, seeds: Sequence[int]) -> Iterator[Row]:

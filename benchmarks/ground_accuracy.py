@@ -1,7 +1,7 @@
 """Accuracy of ground_vo on real and painted floors, beside what OpenCV offers, on the same pictures in the same run.
 
     python benchmarks/ground_accuracy.py [--what straight curve] [--floors wood_floor ...] [--seeds 5] [--peer-seeds 1]
-                                         [--out FOLDER] [--quick] [--json]
+                                         [--out FOLDER] [--quick] [--json | --markdown]
 
 * straight: 10 m at 0.26 m/s, swaying by 3 mm, shaken by 0.05 deg at 11 Hz. Errors of the end [% of the way], of the
   odometer [%] and of heading [deg/m]; root mean square of the seeds.
@@ -9,8 +9,7 @@
 
 Every picture is rendered once and given to all localizers; CPU time is that of the thread, of `observe` alone. The
 runs are kept in FOLDER/ground_accuracy.jsonl, one line each; runs that are there already are not repeated, so that a
-long measurement can be continued by the same command or another one (floors, methods). FOLDER/ground_accuracy.md is
-written from all of them and names the commands.
+long measurement can be continued by the same command or another one (floors, methods); what is printed is of all.
 """
 
 from __future__ import annotations
@@ -23,7 +22,6 @@ import time
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +30,6 @@ import numpy as np
 import numpy.typing as npt
 from ground_scenes import BUILT_IN, PHOTOGRAPHS, RATE_HZ, SPEED_MPS, Drive, Law, photographs, scale_m, sensor
 
-from trailmark import __version__
 from trailmark.estimates import Belief, Lost, Motion
 from trailmark.experiments import Row
 from trailmark.frames import Frame
@@ -55,15 +52,7 @@ METHODS = ("refined", "paper", "klt", "orb", "phase_correlation")
 #: Methods that run with every seed; the others with the first few.
 ALWAYS = ("refined", "klt")
 _SETTLE_FRAMES = 30
-_RATIOS = (
-    "Root mean squares of the seeds that both have driven; straight over the eight floors without the two hard ones."
-)
-
-_CPU = """One thread of a server (AMD EPYC, Zen 5)
-whose two cores others used too: CPU times are of the thread and of `observe` alone, inflated; compare within a row."""
-_HOW = """Pictures of 512 x 480 px of 0.39 mm at 70 Hz, noise of 3 grey levels, vignette of 30 %, flat field from 32
-noisy reference pictures, rendered once by the simulator and given to all methods. KLT, ORB and phase correlation are
-the localizers of `plugins/baselines`: key frames, rigid fits, scale fixed."""
+_RATIOS = "Beside KLT, root mean squares of the seeds that both have driven; straight without the two hard floors."
 
 Run = dict[str, Any]
 
@@ -256,30 +245,23 @@ def rows_of(runs: Sequence[Run]) -> list[Row]:
 # --- the page ----------------------------------------------------------------------------------------------------
 
 
-def page(runs: Sequence[Run], commands: Sequence[str]) -> str:
-    """Return the results as Markdown."""
-    today = datetime.now(UTC).date().isoformat()
-    what = (__doc__ or "").split("\n\n", 2)[2].split("\n\nEvery")[0]
-    named = ", ".join(f"`{command}`" for command in commands)
-    lines = ["# Accuracy of the downward camera", "", f"{named}; trailmark {__version__}, {today}. {_CPU}", ""]
-    lines += [what, "", _HOW, ""]
-    lines += _table(runs, "straight", PHOTOGRAPHS, "## 10 m straight, photographs of real floors")
-    lines += _table(runs, "straight", BUILT_IN, "## 10 m straight, floors that the simulator paints")
-    lines += _table(runs, "curve", PHOTOGRAPHS, "## Winding, up to 20 px and 1.5 deg per picture: errors over 1 m")
+def markdown(runs: Sequence[Run]) -> str:
+    """Return the tables of the page."""
+    lines = (
+        _table(runs, "straight", PHOTOGRAPHS) + _table(runs, "straight", BUILT_IN) + _table(runs, "curve", PHOTOGRAPHS)
+    )
     ratios = list(against_klt(runs))
     if ratios:
-        lines += ["## Against KLT with key frames", "", "| | ours / KLT | bar | stretch | |", "|---|---|---|---|---|"]
+        lines += [_RATIOS, "", "| | ours / KLT | bar | stretch | |", "|---|---|---|---|---|"]
         lines += [
             f"| {row.experiment}: {row.item} | {row.ours:.2f} | {row.bar:g} | {_short(row.stretch)} |"
             f" {'met' if row.met else 'not met'} |"
             for row in ratios
         ]
-    lines += ["", _RATIOS] if ratios else []
-    lines += _consistency(runs)
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines + _consistency(runs)) + "\n"
 
 
-def _table(runs: Sequence[Run], what: str, floors: Sequence[str], title: str) -> list[str]:
+def _table(runs: Sequence[Run], what: str, floors: Sequence[str]) -> list[str]:
     groups = grouped(runs, what)
     shown = [floor for floor in floors if (floor, "refined") in groups]
     if not shown:
@@ -287,7 +269,7 @@ def _table(runs: Sequence[Run], what: str, floors: Sequence[str], title: str) ->
     items = ("position", "odometer", "heading") if what == "straight" else ("position_1m", "heading_1m")
     cell = "position % / odometer % / heading deg/m" if what == "straight" else "position % / heading deg"
     methods = [method for method in METHODS if any((floor, method) in groups for floor in shown)]
-    lines = [title, "", f"{cell}; then median CPU ms, drives (seeds), and pictures lost where there are any.", ""]
+    lines = [f"{cell}; then median CPU ms, drives (seeds), and pictures lost where there are any.", ""]
     lines += ["| floor | " + " | ".join(methods) + " |"]
     lines += ["|---" * (len(methods) + 1) + "|"]
     for floor in shown:
@@ -305,9 +287,8 @@ def _cell(group: Sequence[Run], items: Sequence[str]) -> str:
 
 def _consistency(runs: Sequence[Run]) -> list[str]:
     groups = grouped(runs, "straight")
-    lines = ["", "## What the motions say of themselves", "",
-             "Squared error over 1 m, over the variance that the motions claim: 1 is honest, less is modest.",
-             "Along / heading.", ""]  # fmt: skip
+    about = "Squared error over 1 m, over the variance that the motions claim: 1 is honest. Along / heading."
+    lines = ["", about, ""]
     lines += ["| method | geometric mean of the floors | least | most |", "|---|---|---|---|"]
     for method in METHODS:
         groups_of = [group for (_, name), group in groups.items() if name == method]
@@ -317,7 +298,7 @@ def _consistency(runs: Sequence[Run]) -> list[str]:
                           for group in groups_of])  # fmt: skip
         parts = (np.exp(np.log(means).mean(axis=0)), means.min(axis=0), means.max(axis=0))
         lines.append(f"| {method} | " + " | ".join(f"{part[0]:.2f} / {part[1]:.2f}" for part in parts) + " |")
-    return lines if len(lines) > 7 else []
+    return lines if groups else []
 
 
 def _short(value: float | None) -> str:
@@ -336,34 +317,23 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--peer-seeds", type=int, default=1, help="seeds of all methods but refined and klt")
     parser.add_argument("--metres", type=float, default=10.0)
-    parser.add_argument("--out", type=Path, help="folder to keep runs in and write the page to")
+    parser.add_argument("--out", type=Path, help="folder to keep runs in")
     parser.add_argument("--quick", action="store_true", help="2 m, one seed, two floors")
     parser.add_argument("--json", action="store_true", help="a list of rows")
+    parser.add_argument("--markdown", action="store_true", help="the tables of the page")
     options = parser.parse_args()
     cv2.setNumThreads(1)
     runs = _continued(options)
     rows = rows_of(runs)
-    if options.out is not None:
-        (options.out / "ground_accuracy.md").write_text(page(runs, _commands(options.out)), encoding="utf-8")
+    if options.markdown:
+        print(markdown(runs))
+        return
     if options.json:
         print(json.dumps([row.document() for row in rows], indent=2))
         return
     for row in rows:
         bar = "" if row.bar is None else f"bar {row.bar:g}  {'met' if row.met else 'NOT MET'}"
         print(f"{row.experiment:28}{row.item:48}{row.ours or 0.0:10.4f} {row.unit:8}{bar:20} n={row.n}")
-
-
-def _commands(folder: Path) -> list[str]:
-    """Return the commands that have put their runs into a folder, this one included; without the folder's name."""
-    file, mine = folder / "ground_accuracy.commands", list(sys.argv[1:])
-    if "--out" in mine:
-        at = mine.index("--out")
-        del mine[at : at + 2]
-    known = file.read_text(encoding="utf-8").splitlines() if file.is_file() else []
-    command = " ".join(["python", "benchmarks/ground_accuracy.py", *mine])
-    commands = [*known, *([] if command in known else [command])]
-    file.write_text("\n".join(commands) + "\n", encoding="utf-8")
-    return commands
 
 
 def _continued(options: argparse.Namespace) -> list[Run]:

@@ -2,13 +2,14 @@
 
     python benchmarks/ground_conditions.py [--floors wood_floor ...] [--conditions nominal ...] [--methods refined ...]
                                            [--seeds 0 1 2] [--frames 160] [--label NAME] [--minutes 25] [--out FOLDER]
-                                           [--json]
+                                           [--json | --markdown]
 
 Run by the interpreter of an older checkout, with `--label before`, it adds that code's rows to the same folder. Begun
-again with the same `--out` it goes on where it was ended; delete the folder after a change of the code.
+again with the same `--out` it goes on where it was ended; delete the folder after a change of the code, unless
+``results.py`` does. What is printed as Markdown is of all rows in the folder.
 
 A winding drive (up to 20 px and 1.5 deg a picture, from rest) over each floor, every condition laid over the same clean
-pictures. Parameters of ground_vo were chosen on `CHOSEN_ON`; a page is made of the other floors.
+pictures. Parameters of ground_vo were chosen on `CHOSEN_ON`.
 
 * error: mean error over pieces of 1 m, of the way that was told, in % (a picture without an answer adds no way);
 * answered: share of the pictures but the first that got a motion;
@@ -21,7 +22,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -449,21 +449,17 @@ def _line(row: Mapping[str, Any]) -> str:
     return f"{row['floor']:22}{row['condition']:20}{row['method']:18}{figures}  {'; '.join(row['reasons'])[:60]}"
 
 
-def page(rows: Sequence[Mapping[str, Any]], command: str) -> str:
-    """Return the results as Markdown: a table for floors not chosen on, for made ones, and for those chosen on."""
-    head = (__doc__ or "").split("\n\n")
-    lines = ["# The downward camera under other conditions", "", f"`{command}`", "", head[-2], "", head[-1], "",
-             "n: drives of the first method, pieces of 1 m. Cells: error over 1 m, median / worst drive [%]; answered"
-             " [%]; silent motions / silent pieces [%]. Bar: error not above the best of the others, or 0.1 %; answered"
-             " 95 %; silent 0.1 %, motions and pieces.", ""]  # fmt: skip
-    for title, is_in in (
-        ("Photographs that nothing was chosen on", lambda floor: floor not in (*CHOSEN_ON, *MADE)),
-        ("Floors that are made", lambda floor: floor in MADE),
-        ("Photographs that parameters were chosen on", lambda floor: floor in CHOSEN_ON),
+def markdown(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return a table for floors not chosen on, for made ones, and for those chosen on."""
+    lines: list[str] = []
+    for is_in in (
+        lambda floor: floor not in (*CHOSEN_ON, *MADE),
+        lambda floor: floor in MADE,
+        lambda floor: floor in CHOSEN_ON,
     ):
         of = [row for row in rows if is_in(row["floor"])]
         if of:
-            lines += [f"## {title}", "", ", ".join(sorted({row["floor"] for row in of})), "", *_table(of), ""]
+            lines += [", ".join(sorted({row["floor"] for row in of})), "", *_table(of), ""]
     return "\n".join(lines)
 
 
@@ -518,7 +514,7 @@ class Rows:
     Attributes
     ----------
     folder : Path or None
-        Of ground_conditions.jsonl and .md.
+        Of ground_conditions.jsonl.
     """
 
     folder: Path | None
@@ -546,11 +542,6 @@ class Rows:
             with self._file.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(row) + "\n")
 
-    def write_page(self, command: str) -> None:
-        """Write the page of all rows."""
-        if self.folder is not None:
-            (self.folder / "ground_conditions.md").write_text(page(list(self.by_key.values()), command))
-
 
 def _named(method: str, label: str) -> str:
     return f"{method} {label}".strip()
@@ -566,8 +557,9 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=160)
     parser.add_argument("--label", default="", help="added to the methods' names: which code this is")
     parser.add_argument("--minutes", type=float, default=math.inf, help="begin no further drive after so long")
-    parser.add_argument("--out", type=Path, help="folder of ground_conditions.jsonl and .md; goes on where it ended")
+    parser.add_argument("--out", type=Path, help="folder of ground_conditions.jsonl; goes on where it ended")
     parser.add_argument("--json", action="store_true", help="a list of rows")
+    parser.add_argument("--markdown", action="store_true", help="the tables of the page")
     options = parser.parse_args()
     cv2.setNumThreads(1)
     rows, until_s = Rows(options.out), time.monotonic() + 60.0 * options.minutes
@@ -587,14 +579,14 @@ def main() -> None:
         for row in measured(floor, seed, options.frames, wanted):
             row["method"] = _named(row["method"], options.label)
             rows.add(row)
-            if not options.json:
+            if not (options.json or options.markdown):
                 print(_line(row), flush=True)
             if time.monotonic() > until_s:
                 break
     if options.json:
         print(json.dumps(list(rows.by_key.values()), indent=2))
-    words = [word for at, word in enumerate(sys.argv) if "--out" not in (word, sys.argv[at - 1])]
-    rows.write_page(" ".join(["python", "benchmarks/ground_conditions.py", *words[1:]]))
+    if options.markdown:
+        print(markdown(list(rows.by_key.values())))
 
 
 if __name__ == "__main__":

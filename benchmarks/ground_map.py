@@ -1,7 +1,7 @@
 """What ground_map corrects, what it refuses and where it starts: teach and replay in open loop, truth known.
 
     python benchmarks/ground_map.py [--what course spoilt start] [--floors wood_floor ...] [--metres 13.4]
-                                    [--out FOLDER] [--quick] [--json]
+                                    [--quick] [--json | --markdown]
 
 * course: a winding course is taught, then driven again beside it by 5.5 mm and 0.75 deg (1 sigma of each of two
   waves), on another noise. *Detected* is the distance between where a patch was expected and found (the
@@ -14,7 +14,6 @@
   until every place was tried, then drives on for 0.5 m; its first `Fix`, and its error. The simulator makes an
   endless floor of a photograph by showing pieces of it again: there places look alike that are not the same.
 
-Rows are kept in FOLDER/ground_map.jsonl, new ones replacing old ones; FOLDER/ground_map.md is the page of all.
 The camera and the floors are those of ground_accuracy.py.
 """
 
@@ -23,11 +22,8 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import sys
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, field
-from datetime import UTC, datetime
-from pathlib import Path
+from dataclasses import dataclass, field
 from typing import Any
 
 import cv2
@@ -35,7 +31,6 @@ import numpy as np
 import numpy.typing as npt
 from ground_scenes import RATE_HZ, SPEED_MPS, Drive, floor, photographs, scale_m, sensor
 
-from trailmark import __version__
 from trailmark.estimates import Estimate, Fix, Lost
 from trailmark.estimation.dead_reckoning import DeadReckoning
 from trailmark.estimation.dead_reckoning_config import DeadReckoningConfig
@@ -47,7 +42,7 @@ from trailmark.testing import MemoryMap
 from trailmark_ground_vo.config import GroundMapConfig, GroundVOConfig
 from trailmark_ground_vo.localizer import GroundVO
 from trailmark_ground_vo.map_localizer import GroundMap
-from trailmark_sim.ground.ground import Ground, Zone
+from trailmark_sim.ground.ground import GroundTexture, Zone
 
 FLOORS = ("wood_floor", "asphalt", "warehouse_concrete_1k")
 START_FLOORS = ("sim:asphalt", "sim:wood", "wood_floor", "asphalt", "warehouse_concrete_1k")
@@ -58,12 +53,12 @@ _FALSE_M, _DRIVE_ON_M = 5e-3, 0.5
 Poses = Sequence[Pose2]
 
 
-class Spotted(Ground):
+class Spotted(GroundTexture):
     """A ground on which round spots of any grey lie, the same from every place.
 
     Parameters
     ----------
-    ground : Ground
+    ground : GroundTexture
         What is below.
     share : float
         Of the ground that is covered.
@@ -73,7 +68,7 @@ class Spotted(Ground):
 
     _CELL_M = 0.1
 
-    def __init__(self, ground: Ground, share: float, radii_m: tuple[float, float]) -> None:
+    def __init__(self, ground: GroundTexture, share: float, radii_m: tuple[float, float]) -> None:
         super().__init__(ground.zones, ground.seed, ground.weather, ground.texel_m)
         self._radii_m = radii_m
         low, high = radii_m
@@ -106,7 +101,7 @@ class OpenDrive(Drive):
         """Return the true pose of a picture, in the map."""
         return self.law(index / RATE_HZ)
 
-    def ground(self) -> Ground:
+    def ground(self) -> GroundTexture:
         """Return the floor of this drive."""
         below = super().ground()
         return below if self.spots is None else Spotted(below, *self.spots)
@@ -407,30 +402,14 @@ def measure(options: argparse.Namespace) -> Iterator[Row]:
             yield from start_rows(name, min(metres, 5.0), 3 if options.quick else 20)
 
 
-def page(rows: Sequence[Row], command: str) -> str:
-    """Return the results as Markdown."""
-    lines = [
-        "# Corrections by ground patches, in open loop", "",
-        f"`{command}`; trailmark {__version__}, {datetime.now(UTC).date().isoformat()}.", "",
-        (__doc__ or "").split("\n\n", 2)[2].split("\n\nRows")[0], "",
-        "| | | unit | paper | ours | bar | stretch | n | |", "|---|---|---|---|---|---|---|---|---|",
-    ]  # fmt: skip
+def markdown(rows: Sequence[Row]) -> str:
+    """Return the rows as a table."""
+    lines = ["| | | unit | paper | ours | bar | stretch | n | |", "|---|---|---|---|---|---|---|---|---|"]
     for row in rows:
         numbers = ["" if value is None else f"{value:.4g}" for value in (row.paper, row.ours, row.bar, row.stretch)]
         met = "" if row.met is None else "met" if row.met else "not met"
         lines.append(f"| {row.experiment} | {row.item} | {row.unit} | {' | '.join(numbers)} | {row.n} | {met} |")
-    return "\n".join(lines) + "\n"
-
-
-def write(folder: Path, rows: Sequence[Row]) -> None:
-    """Add rows to those that are kept, and write the page of all."""
-    folder.mkdir(parents=True, exist_ok=True)
-    file = folder / "ground_map.jsonl"
-    kept = [Row(**json.loads(line)) for line in file.read_text().splitlines()] if file.is_file() else []
-    by_item = {(row.experiment, row.item): row for row in [*kept, *rows]}
-    file.write_text("".join(json.dumps(asdict(row)) + "\n" for row in by_item.values()), encoding="utf-8")
-    command = " ".join(["python", "benchmarks/ground_map.py", *sys.argv[1:]])
-    (folder / "ground_map.md").write_text(page(list(by_item.values()), command), encoding="utf-8")
+    return "\n".join(lines)
 
 
 def main() -> None:
@@ -440,19 +419,19 @@ def main() -> None:
     parser.add_argument("--what", nargs="+", default=kinds, choices=kinds)
     parser.add_argument("--floors", nargs="+")
     parser.add_argument("--metres", type=float, help="length of the course; default: 13.4")
-    parser.add_argument("--out", type=Path, help="folder to write the page to")
     parser.add_argument("--quick", action="store_true", help="1 m on one floor")
     parser.add_argument("--json", action="store_true", help="a list of rows")
+    parser.add_argument("--markdown", action="store_true", help="the table of the page")
     options = parser.parse_args()
     cv2.setNumThreads(1)
     rows = []
     for row in measure(options):
         rows.append(row)
-        if not options.json:
+        if not (options.json or options.markdown):
             bar = "" if row.bar is None else f"bar {row.bar:g}  {'met' if row.met else 'NOT MET'}"
             print(f"{row.experiment:24}{row.item:72}{row.ours or 0.0:10.3f} {row.unit:4}{bar:20} n={row.n}", flush=True)
-    if options.out is not None:
-        write(options.out, rows)
+    if options.markdown:
+        print(markdown(rows))
     if options.json:
         print(json.dumps([row.document() for row in rows], indent=2))
 

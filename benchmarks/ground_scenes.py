@@ -19,9 +19,9 @@ import numpy as np
 
 from trailmark.frames import Frame, GroundPlane, SensorInfo
 from trailmark.geometry import Pose2, Twist2
-from trailmark_sim.ground.camera import GroundCamera, GroundRig
+from trailmark_sim.ground.camera import GroundCameraSensor, GroundRig
 from trailmark_sim.ground.floors import FLOORS as PAINTED
-from trailmark_sim.ground.ground import Floor, Ground, Zone
+from trailmark_sim.ground.ground import Floor, GroundTexture, Zone
 from trailmark_sim.ground.optics import Optics, led_light
 from trailmark_sim.vehicles import VehicleState
 
@@ -121,16 +121,16 @@ class Drive:
         for index in range(self.n_frames):
             yield Frame("floor", index / RATE_HZ, camera.render(index, index / RATE_HZ, self._state(index)))
 
-    def ground(self) -> Ground:
+    def ground(self) -> GroundTexture:
         """Return the floor of this drive."""
-        return Ground([Zone(floor(self.floor)), *self.zones], self.seed)
+        return GroundTexture([Zone(floor(self.floor)), *self.zones], self.seed)
 
-    def camera(self) -> GroundCamera:
+    def camera(self) -> GroundCameraSensor:
         """Return a camera over the floor of this drive."""
         optics = replace(
             Optics(), vignette=_VIGNETTE, read_noise=_NOISE, shot_noise=0.0, height_jitter=0.0, tilt_jitter_rad=0.0
         )
-        return GroundCamera("floor", self.ground(), _RIG, optics, 1000 * self.noise_seed + self.seed, threads=1)
+        return GroundCameraSensor("floor", self.ground(), _RIG, optics, 1000 * self.noise_seed + self.seed, threads=1)
 
     def _state(self, index: int) -> VehicleState:
         pose = self.pose(index)

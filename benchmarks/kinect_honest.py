@@ -327,12 +327,8 @@ def main() -> None:
     cv2.setNumThreads(1)
     rows = []
     for condition in options.conditions:
-        found = measure(condition, options.methods, options.places, options.seeds)
-        rows += found
-        if not options.json:
-            print(table(found), flush=True)
-    if options.json:
-        print(json.dumps(rows, indent=1))
+        rows += measure(condition, options.methods, options.places, options.seeds)
+    print(json.dumps(rows, indent=1) if options.json else table(rows))
 
 
 if __name__ == "__main__":

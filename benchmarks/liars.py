@@ -7,7 +7,6 @@ honest localizer was. Where nothing can decide who lies (two motions, or one mot
 error / sigma counts.
 
     python benchmarks/liars.py [--seeds 5] [--lies freeze scale ...] [--mixes all ...] [--markdown | --json]
-    python benchmarks/liars.py --page docs/results/liars.md
 """
 
 from __future__ import annotations
@@ -15,12 +14,10 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from multiprocessing import Pool
-from pathlib import Path
 
 import numpy as np
 
@@ -264,8 +261,7 @@ def main() -> None:
     parser.add_argument("--mixes", nargs="+", choices=MIXES, default=list(MIXES))
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--json", action="store_true")
-    parser.add_argument("--page", type=Path, help="write the table with its explanation to this file, too")
-    parser.add_argument("--markdown", action="store_true")
+    parser.add_argument("--markdown", action="store_true", help="the verdict and the tables of the page")
     options = parser.parse_args()
     cases = [
         (lie, mix, speed, options.seeds)
@@ -274,58 +270,29 @@ def main() -> None:
         if set(LIES[lie].liars) & set(MIXES[mix]) and not set(MIXES[mix]) <= set(LIES[lie].liars)
         for speed in SPEEDS_MPS
     ]
-    if options.markdown:
-        print(HEAD, end="")
+    rows = []
     with Pool(options.workers) as pool:
-        rows = []
         for row in pool.imap(measured, cases):
             rows.append(row)
-            print(json.dumps(asdict(row)) if options.json else _line(row, options.markdown), flush=True)
+            if not options.markdown:
+                print(json.dumps(asdict(row)) if options.json else _line(row, False), flush=True)
+    if options.markdown:
+        print(markdown(rows, options.seeds))
+        return
     n_met = sum(row.is_met for row in rows)
-    if options.page:
-        options.page.write_text(page(rows, options.seeds), encoding="utf-8")
     print(f"{n_met} of {len(rows)} cases as asked", file=sys.stderr if options.json else sys.stdout)
 
 
-def page(rows: Sequence[Row], n_seeds: int) -> str:
-    """Return the page of results: what was asked, how far it is met, each case."""
-    n_met = sum(row.is_met for row in rows)
-    n_silent = sum(row.p95_sigmas > 4.0 for row in rows)
-    worst = max(row.p95_sigmas for row in rows)
-    mixes = "; ".join(f"`{name}` is {', '.join(sources)}" for name, sources in MIXES.items())
-    lies = [f"| {name} | {lie.what} |" for name, lie in LIES.items()]
-    return "\n".join(
-        [
-            "# Localizers that lie",
-            "",
-            f"Made by `python benchmarks/liars.py --seeds {n_seeds} --page docs/results/liars.md`, commit {_commit()}.",
-            "How a liar is found: [decision 14](../decisions/0014-liars.md).",
-            "",
-            "A drive on a winding way with noise as it is stated; a localizer, or two, lies from 8 s to 20 s of 25 s.",
-            "Errors count from the beginning of the lie, beside those of an oracle: the same without the liar.",
-            f"{mixes}.",
-            f"Each row is the worst of {n_seeds} seeds.",
-            "",
-            "A case is met when the 95th percentile of error / sigma is at most 4; and, where it can be decided, the",
-            "rms is at most 1.3 times the oracle's (floor 5 mm), the liar is named within 2 s and nobody else is.",
-            "Late, replayed and overconfident motion need not be named. A ratio in brackets: nothing can decide.",
-            "",
-            f"**{n_met} of {len(rows)} cases are met. In {n_silent} the belief is too certain** (error / sigma",
-            f"beyond 4, the worst {worst:.1f}).",
-            "",
-            "| lie | what is said |",
-            "|---|---|",
-            *lies,
-            "",
-            HEAD + "\n".join(_line(row, True) for row in rows),
-            "",
-        ]
+def markdown(rows: Sequence[Row], n_seeds: int) -> str:
+    """Return how far what was asked is met, who lies how, and each case."""
+    n_silent, worst = sum(row.p95_sigmas > 4.0 for row in rows), max(row.p95_sigmas for row in rows)
+    verdict = (
+        f"**{sum(row.is_met for row in rows)} of {len(rows)} cases are met. In {n_silent} the belief is too certain**"
+        f" (error / sigma beyond 4); the worst is {worst:.1f}. Each row is the worst of {n_seeds} seeds."
     )
-
-
-def _commit() -> str:
-    git = ["git", "-C", str(Path(__file__).parent), "rev-parse", "--short", "HEAD"]
-    return subprocess.run(git, capture_output=True, text=True, check=False).stdout.strip() or "unknown"
+    said = [f"| {name} | {lie.what} |" for name, lie in LIES.items() if any(row.lie == name for row in rows)]
+    cases = HEAD + "\n".join(_line(row, True) for row in rows)
+    return "\n".join([verdict, "", "| lie | what is said |", "|---|---|", *said, "", cases])
 
 
 def _line(row: Row, is_markdown: bool) -> str:

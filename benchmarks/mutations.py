@@ -6,14 +6,15 @@
     python benchmarks/mutations.py --room divs --minutes 9 # one room, as far as it comes
     python benchmarks/mutations.py --what "a turn" --what patience
     python benchmarks/mutations.py --check                 # only whether every text is still there
-    python benchmarks/mutations.py --markdown              # the table of what was found, from the notes alone
+    python benchmarks/mutations.py --markdown              # the table of the page, when all are judged
+    python benchmarks/mutations.py --markdown --minutes 0  # of what was found so far
 
 What is found is noted at once, and a later call goes on from there: a verdict holds as long as the mutated file and
 the test that failed, or all tests where none did, are what they were. The test that ought to fail stands in the list
 and runs first; the table names the one that did.
 
-Exit code 1: a mutation was not killed, or its text has gone. Tests that do not end within `--limit` are ``hung``,
-and say nothing: on a busy machine give them longer.
+Exit code 1: a mutation was not killed, or its text has gone; with `--markdown`: one is not judged. Tests that do not
+end within `--limit` are ``hung``, and say nothing: on a busy machine give them longer.
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ LIST = Path(__file__).with_suffix(".toml")
 
 #: What pytest answers when a test failed, or could not even be collected.
 _FAILED = (1, 2)
+_COPY = "import shutil, sys; shutil.copytree(*sys.argv[1:], ignore=shutil.ignore_patterns('__pycache__'))"
 _KILLER = re.compile(r"^(?:FAILED|ERROR) (?P<test>\S+)", re.MULTILINE)
 
 
@@ -126,7 +128,8 @@ class Workshop:
         self._passed: set[tuple[str, ...]] = set()
         for name in ("core", "plugins", "tests", "examples"):
             shutil.rmtree(folder / name, ignore_errors=True)
-            shutil.copytree(top / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+            # by an interpreter of its own: what is but copied makes no page old that `results.py` watches
+            subprocess.run([sys.executable, "-I", "-c", _COPY, top / name, folder / name], check=True)
         shutil.copy(top / "pyproject.toml", folder)
 
     def check(self, tests: Sequence[str]) -> None:
@@ -268,10 +271,12 @@ def table_of(chosen: Sequence[Mutation], known: Mapping[str, Verdict]) -> Iterat
     rows = [known.get(one.name) for one in chosen]
     yield "| room | mutations | killed |"
     yield "|---|--:|--:|"
-    for room in dict.fromkeys(one.room for one in chosen):
+    rooms = list(dict.fromkeys(one.room for one in chosen))
+    for room in rooms:
         of_room = [row for one, row in zip(chosen, rows, strict=True) if one.room == room]
         yield f"| {room} | {len(of_room)} | {sum(row is not None and row.verdict == 'killed' for row in of_room)} |"
-    yield f"| all | {len(rows)} | {sum(row is not None and row.verdict == 'killed' for row in rows)} |"
+    if len(rooms) > 1:
+        yield f"| all | {len(rows)} | {sum(row is not None and row.verdict == 'killed' for row in rows)} |"
     yield ""
     yield "| file | what is wrong | verdict | by |"
     yield "|---|---|---|---|"
@@ -286,7 +291,7 @@ def main() -> int:
     parser.add_argument("--room", action="append", help="of these plugins alone")
     parser.add_argument("--what", action="append", help="whose words contain this alone")
     parser.add_argument("--check", action="store_true", help="run no tests: are the texts still there?")
-    parser.add_argument("--markdown", action="store_true", help="run no tests: print the table of what was found")
+    parser.add_argument("--markdown", action="store_true", help="print the table of what was found")
     parser.add_argument("--limit", type=float, default=300.0, help="of the tests of one mutation [s]")
     parser.add_argument("--minutes", type=float, default=600.0, help="begin no mutation after so long")
     parser.add_argument("--out", type=Path, default=REPOSITORY / "runs" / "mutations", help="folder of copy and notes")
@@ -300,16 +305,17 @@ def main() -> int:
     arguments.out.mkdir(parents=True, exist_ok=True)
     notes = arguments.out / "verdicts.json"
     known = read_verdicts(notes)
-    if arguments.markdown:
-        print("\n".join(table_of(chosen, known)))
-        return 0
     left = [one for one in chosen if not still_holds(known.get(one.name), one)]
-    if left:
+    if left and arguments.minutes > 0.0:
         workshop = Workshop(REPOSITORY, arguments.out / "copy", arguments.limit)
         for verdict in judge_all(left, workshop, arguments.minutes):
             known[verdict.name] = verdict
-            print(f"{verdict.verdict:<9}{verdict.took_s:6.1f} s  {verdict.name}", flush=True)
+            told = sys.stderr if arguments.markdown else sys.stdout
+            print(f"{verdict.verdict:<9}{verdict.took_s:6.1f} s  {verdict.name}", file=told, flush=True)
             notes.write_text(json.dumps([asdict(each) for each in known.values()], indent=1) + "\n", encoding="utf-8")
+    if arguments.markdown:
+        print("\n".join(table_of(chosen, known)))
+        return int(not all(still_holds(known.get(one.name), one) for one in chosen))
     n_killed = sum(one.name in known and known[one.name].verdict == "killed" for one in chosen)
     print(f"{n_killed} of {len(chosen)} mutations killed")
     return int(n_killed < len(chosen))

@@ -20,7 +20,7 @@ import cv2
 import numpy as np
 
 from trailmark.geometry import Pose2, Twist2
-from trailmark_sim.ground.camera import GroundCamera, GroundRig
+from trailmark_sim.ground.camera import GroundCameraSensor, GroundRig
 from trailmark_sim.ground.floors import FLOORS
 from trailmark_sim.ground.ground import Floor, GroundTexture, Zone
 from trailmark_sim.ground.optics import Optics
@@ -40,7 +40,9 @@ def driven(k: int) -> VehicleState:
 
 def speed(floor: str, threads: int, n_frames: int) -> list[dict[str, Any]]:
     """Return a row for the first pass and one for the second."""
-    camera = GroundCamera("floor", GroundTexture([Zone(Floor(floor))], 1), GroundRig(), Optics(), 7, threads=threads)
+    camera = GroundCameraSensor(
+        "floor", GroundTexture([Zone(Floor(floor))], 1), GroundRig(), Optics(), 7, threads=threads
+    )
     camera.render(0, 0.0, VehicleState(Pose2(-50.0)))  # compile
     rows = []
     for item, bar in BARS.items():
@@ -58,9 +60,9 @@ def speed(floor: str, threads: int, n_frames: int) -> list[dict[str, Any]]:
 def exactness(floor: str) -> dict[str, Any]:
     """Return the rms difference [grey levels] and the residual shift [px] of two pictures 16 mm and 1 deg apart."""
     ground = GroundTexture([Zone(Floor(floor))], 1)
-    coarse = GroundCamera("floor", ground, SMALL, PLAIN, 7)
+    coarse = GroundCameraSensor("floor", ground, SMALL, PLAIN, 7)
     finer = replace(SMALL, width=8 * SMALL.width, height=8 * SMALL.height)
-    fine = GroundCamera("floor", ground, finer, replace(PLAIN, psf_px=8 * PLAIN.psf_px), 7)
+    fine = GroundCameraSensor("floor", ground, finer, replace(PLAIN, psf_px=8 * PLAIN.psf_px), 7)
     first, second = VehicleState(Pose2(5.0, 3.0, 0.7)), VehicleState(Pose2(5.0137, 2.9921, 0.72))
     seen = coarse.radiance(second)
     u, v = np.meshgrid(np.arange(SMALL.width), np.arange(SMALL.height))

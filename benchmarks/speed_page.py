@@ -1,12 +1,13 @@
 """How fast it is beside an older checkout: the page of speed, from one command.
 
-    python benchmarks/speed_page.py --before ../old            # ../old has an environment of its own in ../old/.venv
+    python benchmarks/speed_page.py --before 7a50250 --out DIR # that commit is checked out in DIR
     python benchmarks/speed_page.py --before ../old --only frame,husky --turns 3
 
-The two checkouts take turns, each in processes of its own interpreter, and medians are compared. Processor time counts,
-so that others at work on the machine do not; only of the calls of estimators, which take microseconds, wall time is
-taken, the median of single calls. A further row is a function that returns its figures by name, in `ROWS`;
-it is run by both checkouts, and keeps to what both know. Recordings are found by ``TRAILMARK_DATA``.
+The two checkouts take turns, in processes of their own, and medians are compared. An older one that has an environment
+in ``.venv`` runs in it, any other with the packages of this one. Processor time counts, so that others at work on the
+machine do not; only of the calls of estimators, which take microseconds, wall time is taken, the median of single
+calls. A further row is a function that returns its figures by name, in `ROWS`; it is run by both checkouts, and keeps
+to what both know. Recordings are found by ``TRAILMARK_DATA``.
 """
 
 from __future__ import annotations
@@ -237,13 +238,26 @@ def frames_per_second(config: str) -> float:
 
 
 def figures_of(top: Path, row: str) -> dict[str, float]:
-    """Return the figures of a row in a checkout, measured by its own interpreter with this very file."""
+    """Return the figures of a row in a checkout, measured with this very file."""
     own = top / ".venv" / "bin" / "python"
     command = [str(own if own.exists() else sys.executable), __file__, "--measure", row]
-    done = subprocess.run(command, cwd=top, capture_output=True, text=True, check=False)
+    packages = [] if own.exists() or top == TOP else [top / "core", *sorted((top / "plugins").iterdir())]
+    paths = os.pathsep.join([*map(str, packages), *filter(None, [os.environ.get("PYTHONPATH")])])
+    environment = os.environ | {"PYTHONPATH": paths}
+    done = subprocess.run(command, cwd=top, env=environment, capture_output=True, text=True, check=False)
     if done.returncode:
         raise SystemExit(f"{row} failed in {top}:\n{done.stderr}")
     return json.loads(done.stdout.splitlines()[-1])
+
+
+def checked_out(commit: str, folder: Path) -> Path:
+    """Return a clone of this checkout at a commit, its modules compiled as those of a checkout in use."""
+    top = folder.resolve() / f"before-{commit}"
+    if not top.is_dir():
+        subprocess.run(["git", "clone", "-q", "--shared", "--no-checkout", TOP, top], check=True)
+    subprocess.run(["git", "-C", top, "checkout", "-q", "--force", commit], check=True)
+    subprocess.run([sys.executable, "-m", "compileall", "-q", top / "core", top / "plugins"], check=True)
+    return top
 
 
 def compared(before: Path, row: str, turns: int) -> dict[str, tuple[float, float]]:
@@ -270,7 +284,8 @@ def commit_of(top: Path) -> str:
 def main() -> None:
     """Measure, and print the page."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--before", type=Path, help="another checkout, with its environment in .venv")
+    parser.add_argument("--before", help="another checkout, or with --out an older commit of this one")
+    parser.add_argument("--out", type=Path, help="folder in which the older commit is checked out")
     parser.add_argument("--only", default=",".join(ROWS), help="names of rows, separated by commas")
     parser.add_argument("--turns", type=int, default=5)
     parser.add_argument("--measure", help=argparse.SUPPRESS)
@@ -281,7 +296,7 @@ def main() -> None:
         return
     if options.before is None:
         parser.error("--before is needed: a figure alone says more of the machine than of the code")
-    before = options.before.resolve()
+    before = checked_out(options.before, options.out) if options.out else Path(options.before).resolve()
     sides = f"Commit {commit_of(before)} beside {commit_of(TOP)}"
     print(f"{sides}, medians of {options.turns} turns, {dt.date.today()}; {_CLOCKS}.\n")
     print("| work | before | now | cost: now / before |\n|---|--:|--:|--:|")
