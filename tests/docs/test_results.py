@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import collections
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -59,6 +60,7 @@ def checkout(tmp_path: Path) -> Path:
         "benchmarks/written.py": WRITTEN,
         "benchmarks/other.py": "",
         "core/tool/kernel.py": KERNEL,
+        "core/tool/__init__.py": "",
         "core/elsewhere/unused.py": "",
         "core/elsewhere/plugin.py": "",
     }
@@ -85,9 +87,10 @@ def test_both_blocks_are_made_and_the_prose_stays(recipe: ModuleType, checkout: 
 @pytest.mark.parametrize(
     ("file", "text", "old"),
     [
-        ("core/tool/kernel.py", KERNEL.replace("42", "43"), "core/tool changed since"),
+        ("core/tool/kernel.py", KERNEL.replace("42", "43"), "core/tool/kernel.py changed since"),
         ("core/tool/kernel.py", KERNEL.replace("About", "All about") + "\n# a comment\n", ""),
-        ("core/tool/beside.py", "x = 1", "core/tool changed since"),
+        ("core/tool/beside.py", "x = 1", ""),
+        ("core/elsewhere/plugin.py", "x = 1", ""),
         ("core/elsewhere/unused.py", "x = 1", ""),
         ("benchmarks/said.py", SAID + "\nx = 1", "benchmarks/said.py changed since"),
         ("benchmarks/other.py", "x = 1", ""),
@@ -105,24 +108,78 @@ def test_what_makes_a_block_old(recipe: ModuleType, checkout: Path, file: str, t
     assert bool(results.why_old(said)) == bool(old)
 
 
-@pytest.mark.parametrize("ends", ["sys.exit(3)", "pass"])
-def test_a_command_that_fails_or_says_nothing_leaves_the_page(recipe: ModuleType, checkout: Path, ends: str) -> None:
+@pytest.mark.parametrize(
+    ("ends", "why"), [("sys.exit(3)", "said.py ended with code 3"), ("pass", "said.py printed nothing")]
+)
+def test_a_command_that_fails_leaves_its_block_and_stops_no_other(
+    recipe: ModuleType, checkout: Path, capsys: pytest.CaptureFixture[str], ends: str, why: str
+) -> None:
     (checkout / "benchmarks/said.py").write_text(f"import sys; {ends}")
 
-    with pytest.raises(SystemExit, match=r"its page stays as it was"):
-        recipe.main(["make", "page"], checkout)
+    assert recipe.main(["make"], checkout) == 1
 
-    assert (checkout / "docs/results/page.md").read_text() == PAGE
+    page = (checkout / "docs/results/page.md").read_text()
+    assert page == "written ![](page_plot.svg)".join(PAGE.rsplit("as it was", 1))
+    assert capsys.readouterr().out.splitlines()[-1] == f"not made: page: python benchmarks/{why}"
 
 
 def test_code_that_changes_meanwhile_is_no_code_of_the_page(recipe: ModuleType, checkout: Path) -> None:
     meddling = "open('core/tool/kernel.py', 'a').write('x = 1')"
     (checkout / "benchmarks/said.py").write_text(SAID + meddling)
 
-    with pytest.raises(SystemExit, match=r"core/tool changed while .* ran; its page stays as it was"):
-        recipe.main(["make", "page"], checkout)
+    results = recipe.Results(checkout)
+    with pytest.raises(recipe.NotMadeError, match=r"core/tool/kernel.py changed while .* ran"):
+        results.make(results.blocks()[0])
 
     assert (checkout / "docs/results/page.md").read_text() == PAGE
+
+
+@pytest.mark.parametrize(("folder", "goes_on"), [("{out}", False), ("{kept}", True)])
+def test_what_was_begun_with_other_code_is_begun_anew(
+    recipe: ModuleType, checkout: Path, folder: str, goes_on: bool
+) -> None:
+    begins = "with open(sys.argv[2] + '/begun', 'a') as file: file.write('x')\n"
+    page = checkout / "docs/results/page.md"
+    page.write_text(PAGE.replace("{out}", folder))
+    results = recipe.Results(checkout)
+    _, written = results.blocks()
+    for code in ("sys.exit(3)", "sys.exit(3)", "sys.exit(4)"):
+        (checkout / "benchmarks/written.py").write_text(f"import sys\n{begins}{code}")
+        with pytest.raises(recipe.NotMadeError):
+            results.make(written)
+
+    begun = checkout / "runs/results/page-2/begun"
+    assert begun.read_text() == ("xxx" if goes_on else "x")
+    with pytest.raises(recipe.NotMadeError):
+        results.make(written)
+    assert begun.read_text() == ("xxxx" if goes_on else "xx")
+
+
+def test_a_page_that_is_read_from_pages_is_made_after_them(recipe: ModuleType, checkout: Path) -> None:
+    reads = "import pathlib; print(pathlib.Path('docs/results/page.md').read_text().count('42'), 'times')"
+    (checkout / "benchmarks/other.py").write_text(reads)
+    summary = checkout / "docs/results/a_summary.md"
+    summary.write_text("<!-- made by: python benchmarks/other.py -->\n<!-- made: end -->\n")
+
+    assert recipe.main(["make"], checkout) == 0
+
+    assert "1 times" in summary.read_text()
+    assert recipe.main(["check", "--strict"], checkout) == 0
+
+
+def test_a_page_without_a_block_says_that_it_is_written_by_hand(recipe: ModuleType, checkout: Path) -> None:
+    recipe.main(["make"], checkout)
+    page = checkout / "docs/results/other.md"
+
+    page.write_text("# Other\n\nFigures of nobody.\n")
+    assert recipe.main(["check", "--strict"], checkout) == 1
+
+    page.write_text("# Other\n\nWritten by hand: a look at things.\n")
+    assert recipe.main(["check", "--strict"], checkout) == 0
+
+
+def test_every_page_of_ours_is_made_or_says_that_it_is_not(recipe: ModuleType) -> None:
+    assert not recipe.Results(REPOSITORY).loose()
 
 
 def test_what_takes_too_long_is_left_and_said(
@@ -138,9 +195,18 @@ def test_a_page_that_was_never_made_is_reckoned_with_and_then_measured(recipe: M
     block = recipe.Block(Path("toth2015.md"), 0, "trailmark reproduce toth2015")
     made = recipe.Made(block.command, "1234567", "2026-11-23", 33.0)
 
-    assert recipe._minutes_of(block, {}) == recipe._RECKONED_MIN["toth2015"]
+    assert (recipe._minutes_of(block, {}),) == recipe._RECKONED_MIN["toth2015"]
     assert recipe._minutes_of(block, {"toth2015": made}) == 33.0
-    assert set(recipe._RECKONED_MIN) <= {known.name for known in recipe.Results(REPOSITORY).blocks()}
+
+
+def test_somebody_knows_how_long_each_block_takes(recipe: ModuleType) -> None:
+    blocks, made = recipe.Results(REPOSITORY).blocks(), recipe.Results(REPOSITORY).made()
+    n_blocks = collections.Counter(block.page.stem for block in blocks)
+
+    assert {page: len(minutes) for page, minutes in recipe._RECKONED_MIN.items()}.items() <= n_blocks.items()
+    assert not [
+        block.name for block in blocks if block.page.stem not in recipe._RECKONED_MIN and block.name not in made
+    ]
 
 
 def test_an_unknown_page_is_refused(recipe: ModuleType, checkout: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,0 +1,114 @@
+"""Which code a page of results is made of: the files that its program read, each by a digest of what it means."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+
+__all__ = ["Code", "noted_paths", "packed", "unpacked"]
+
+_SUFFIXES = (".py", ".yaml", ".yml", ".toml", ".csv", ".npz", ".md")
+_DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
+#: Where code is, and what a page may be read from.
+_ROOMS = ("core", "plugins", "examples", "benchmarks", "tests", "docs/results")
+#: Read of every plugin that is installed, whether a program uses it or not.
+_DOORS = ("__init__.py", "plugin.py")
+
+
+class Code:
+    """The code of a checkout; what a file means is looked up once.
+
+    Parameters
+    ----------
+    top : Path
+        The checkout.
+    """
+
+    def __init__(self, top: Path) -> None:
+        self._top = top
+        self._digests: dict[str, str] = {}
+
+    def digest(self, name: str) -> str:
+        """Return the digest of a file, by its path in the checkout; "" where there is none."""
+        if name not in self._digests:
+            path = self._top / name
+            meaning = _meaning_of(path) if path.is_file() else None
+            self._digests[name] = "" if meaning is None else hashlib.sha256(meaning).hexdigest()[:10]
+        return self._digests[name]
+
+    def everything(self) -> dict[str, str]:
+        """Return the digests of all files: which of them a program reads is known when it has ended."""
+        paths = [path for room in _ROOMS for path in (self._top / room).rglob("*")]
+        return {name: self.digest(name) for name in self.names(paths)}
+
+    def names(self, paths: Iterable[Path]) -> list[str]:
+        """Return what of some files is code, by paths in the checkout; compiled files are their sources."""
+        sources = {_source_of(path) for path in paths if path.is_relative_to(self._top)}
+        found = [
+            source.relative_to(self._top).as_posix()
+            for source in sources
+            if source.suffix in _SUFFIXES and source.is_file() and "site-packages" not in source.parts
+        ]
+        return sorted(name for name in found if name.startswith(tuple(f"{room}/" for room in _ROOMS)))
+
+    def read(self, paths: Iterable[Path]) -> list[str]:
+        """Return what of the files that a program read is code of its own: not the doors of plugins it did not use."""
+        names = self.names(paths)
+        used = {_folder(name) for name in names if _name(name) not in _DOORS}
+        return [name for name in names if _folder(name) in used]
+
+
+def packed(code: Mapping[str, str], kept: dict[str, str]) -> dict[str, str]:
+    """Return files and digests by folder, each as a key of `kept`: many pages read the same files of a folder."""
+    lines: dict[str, list[str]] = {}
+    for name in sorted(code):
+        lines.setdefault(_folder(name), []).append(f"{_name(name)} {code[name]}")
+    keys = {}
+    for folder, files in lines.items():
+        line = ", ".join(files)
+        keys[folder] = hashlib.sha256(line.encode()).hexdigest()[:10]
+        kept[keys[folder]] = line
+    return keys
+
+
+def unpacked(keys: Mapping[str, str], kept: Mapping[str, str]) -> dict[str, str]:
+    """Return files and digests as they were before `packed`."""
+    return dict(_files_of(keys, kept))
+
+
+def _files_of(keys: Mapping[str, str], kept: Mapping[str, str]) -> Iterator[tuple[str, str]]:
+    for folder, key in keys.items():
+        for file in kept[key].split(", "):
+            name, _, digest = file.rpartition(" ")
+            yield f"{folder}/{name}", digest
+
+
+def noted_paths(notes: Path) -> set[Path]:
+    """Return what programs read, by the notes of `traced/sitecustomize.py`."""
+    return {Path(line) for note in notes.iterdir() for line in note.read_text(encoding="utf-8").splitlines()}
+
+
+def _folder(name: str) -> str:
+    return name.rpartition("/")[0]
+
+
+def _name(name: str) -> str:
+    return name.rpartition("/")[2]
+
+
+def _source_of(path: Path) -> Path:
+    """Return the source of a compiled file; any other file is its own."""
+    return path.parent.parent / (path.name.partition(".")[0] + ".py") if path.suffix == ".pyc" else path
+
+
+def _meaning_of(path: Path) -> bytes:
+    """Return a file without what changes no figure: comments, docstrings and layout of Python."""
+    if path.suffix != ".py":
+        return path.read_bytes()
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    for node in ast.walk(tree):
+        if isinstance(node, _DOCUMENTED) and ast.get_docstring(node):
+            node.body = node.body[1:] or [ast.Pass()]
+    return ast.unparse(tree).encode()
