@@ -9,9 +9,16 @@ import numpy as np
 import pytest
 
 from trailmark.errors import RunError
-from trailmark.estimates import Applied, Belief, Estimate
+from trailmark.estimates import ALL_HEALTHY, Applied, Belief, Estimate, Motion
+from trailmark.estimation.dead_reckoning import DeadReckoning
+from trailmark.estimation.dead_reckoning_config import DeadReckoningConfig
+from trailmark.estimation.kalman.estimator import Kalman
+from trailmark.estimation.kalman_config import KalmanConfig
+from trailmark.estimation.smoother.estimator import Smoother
+from trailmark.estimation.smoother_config import SmootherConfig
+from trailmark.frames.payloads import read_only
 from trailmark.geometry import Pose2
-from trailmark.interfaces import Estimator
+from trailmark.interfaces import Estimator, Session
 from trailmark.pipeline.localizers.estimator import EstimatorRunner
 
 
@@ -84,3 +91,28 @@ def test_nobody_changes_the_belief_of_others_in_place(stamp_s: float | None) -> 
 def test_health_that_is_no_mapping_is_a_failure_of_the_estimator() -> None:
     with pytest.raises(RunError, match="the estimator failed in belief: TypeError"):
         runner_of(Foreign(health=None)).belief(1.0)
+
+
+@pytest.mark.parametrize(
+    "estimator", [DeadReckoning(DeadReckoningConfig()), Kalman(KalmanConfig()), Smoother(SmootherConfig())]
+)
+def test_beliefs_of_our_estimators_are_shared_as_they_are_and_cannot_be_changed(estimator: Estimator) -> None:
+    estimator.start(Session(start_pose=Pose2()))
+    estimator.apply("wheels", Motion(0.0, 0.1, Pose2(0.05), np.diag([1e4, 1e4, 1e4])))
+    given = estimator.belief(0.1)
+
+    belief = runner_of(estimator).belief(0.1)
+
+    assert belief is given  # nothing is copied
+    with pytest.raises(ValueError, match="read-only"):
+        belief.covariance[0, 0] = 1.0
+
+
+def test_a_view_that_is_read_only_of_what_an_estimator_goes_on_with_is_copied() -> None:
+    own = np.eye(3)
+    runner = runner_of(Foreign(covariance=read_only(own), health=ALL_HEALTHY))
+    belief = runner.belief(1.0)
+
+    own[0, 0] = 7.0
+
+    assert belief.covariance[0, 0] == 1.0

@@ -122,7 +122,10 @@ class MotionChain:
         dt_s, step = stamp_s - since_s, motion.pose_since_now
         forward_m, left_m, turn_rad = step.log()
         twist = Twist2(forward_m / dt_s, left_m / dt_s, turn_rad / dt_s)
-        covariance, open_ways = self._covariance(information, dt_s)
+        covariance, open_ways = ZERO, NOWHERE
+        if self._drift is not ZERO:
+            covariance, open_ways = self._covariance(information, dt_s)
+        is_overlapping = since_s < end_s - _SAME_INSTANT_S
         if not self._stamps:
             self._stamps.append(since_s)
             self._states.append(replace(self._stood_until(since_s), twist=twist, motion_age_s=0.0))
@@ -131,7 +134,7 @@ class MotionChain:
             bridge = self._coast(since_s)
             self._stamps.append(since_s)
             self._states.append(bridge)
-        elif since_s < end_s - _SAME_INSTANT_S:
+        elif is_overlapping:
             self.n_overlaps += 1
             if end_s - since_s > LONG_OVERLAP * dt_s:
                 self.n_long_overlaps += 1
@@ -139,7 +142,7 @@ class MotionChain:
             step, covariance = self._rest_of(motion, twist, covariance)
         before = self._states[-1]
         after = carry(before, stamp_s, step, twist, covariance)
-        if since_s < end_s - _SAME_INSTANT_S:
+        if is_overlapping:
             after = replace(after, is_rest=True)
         if open_ways is not NOWHERE:
             after = self._with_open_ways(after, before, open_ways)
@@ -168,8 +171,7 @@ class MotionChain:
         driven_s = stamp_s - (self._begun_s + _LASTS_S)
         if self._drift is ZERO or driven_s <= 0.0:
             return OdomState(stamp_s)
-        drift = scaled(self._drift, driven_s * driven_s)
-        return carry(OdomState(stamp_s - driven_s), stamp_s, Pose2(), Twist2(), drift, motion_age_s=math.inf)
+        return OdomState(stamp_s, spread=scaled(self._drift, driven_s * driven_s))
 
     def forget(self, horizon_s: float) -> None:
         """Drop the states before `horizon_s`, but for the one that is needed to interpolate there."""
@@ -201,8 +203,6 @@ class MotionChain:
 
         A direction that was not measured drifts as in a gap.
         """
-        if self._drift is ZERO:
-            return ZERO, NOWHERE
         covariance = inverse(information)
         drift = scaled(self._drift, dt_s * dt_s)
         if covariance is not None and says_something(covariance, drift):

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from trailmark.arrays import Floats
 from trailmark.estimates import (
+    ALL_HEALTHY,
     Applied,
     Belief,
     Estimate,
@@ -27,7 +28,17 @@ from trailmark.estimation.dead_reckoning_config import DeadReckoningConfig
 from trailmark.estimation.history import History
 from trailmark.estimation.information import checked_covariance, checked_information, measured_directions
 from trailmark.estimation.overlaps import OVERLAPS, TOLD_S
-from trailmark.estimation.symmetric import ZERO, Sym3, add, congruence, diagonal, inverse, subtract, to_matrix
+from trailmark.estimation.symmetric import (
+    ZERO,
+    Sym3,
+    add,
+    congruence,
+    diagonal,
+    frozen_matrix,
+    inverse,
+    subtract,
+    to_matrix,
+)
 from trailmark.estimation.unmeasured import (
     NOWHERE,
     Sym2,
@@ -127,7 +138,8 @@ class DeadReckoning(Estimator):
         if not math.isfinite(estimate.stamp_s):
             return Applied("refused", f"the stamp is not finite: {estimate.stamp_s}")
         self._belief = None
-        self._hear_of(estimate.stamp_s)
+        if self._chain.end_s == -math.inf:
+            self._chain.hear_of(estimate.stamp_s)
         if isinstance(estimate, Motion):
             self._source = source
             return self._apply_motion(estimate)
@@ -143,15 +155,11 @@ class DeadReckoning(Estimator):
         """
         if stamp_s is None:
             stamp_s = self._corrections.newest_s if math.isfinite(self._corrections.newest_s) else 0.0
-        else:
-            self._hear_of(stamp_s)
+        elif self._chain.end_s == -math.inf:
+            self._chain.hear_of(stamp_s)
         if self._belief is None or self._belief.stamp_s != stamp_s:
             self._belief = self._make_belief(self._chain.at(stamp_s))
         return self._belief
-
-    def _hear_of(self, stamp_s: float) -> None:
-        if self._chain.end_s == -math.inf:
-            self._chain.hear_of(stamp_s)
 
     def poses_at(self, stamp_s: float) -> tuple[float, Pose2 | None, Pose2]:
         """Return what `belief` says of stamp and poses, and nothing else, which is much less work.
@@ -252,7 +260,7 @@ class DeadReckoning(Estimator):
         pose, covariance, on_path = None, None, None
         placed = anchor.pose_at(odom)
         if placed is not None:
-            pose, covariance = placed[0], to_matrix(placed[1])
+            pose, covariance = placed[0], frozen_matrix(placed[1])
             on_path = None if self._path is None else self._on_path(odom.stamp_s, self._path, *placed)
         return Belief(
             stamp_s=odom.stamp_s,
@@ -267,9 +275,10 @@ class DeadReckoning(Estimator):
             health=self._health(anchor, odom),
         )
 
-    def _health(self, anchor: _PoseAnchor, odom: OdomState) -> dict[str, str]:
+    def _health(self, anchor: _PoseAnchor, odom: OdomState) -> Mapping[str, str]:
         """Return what is wrong with the motion: nothing measures the way in some direction, or it overlaps."""
-        overlaps = {self._source: OVERLAPS} if odom.stamp_s - self._chain.overlapped_s <= TOLD_S else {}
+        is_overlapping = odom.stamp_s - self._chain.overlapped_s <= TOLD_S
+        overlaps = {self._source: OVERLAPS} if is_overlapping else ALL_HEALTHY
         if odom.open_s <= _TOLD_AFTER_S:
             return overlaps
         unmeasured_m = anchor.unmeasured_at(odom)

@@ -69,8 +69,8 @@ class History(Generic[M, S]):
         if stamp_s <= self.newest_s:
             return
         self.newest_s, self.horizon_s = stamp_s, stamp_s - self._span_s
-        n_old = bisect_left(self._stamps, self.horizon_s)
-        if n_old:
+        if self._stamps and self._stamps[0] < self.horizon_s:
+            n_old = bisect_left(self._stamps, self.horizon_s)
             self._before = self._states[n_old - 1]
             del self._stamps[:n_old], self._measurements[:n_old], self._states[:n_old]
             self.last_stamp_s = self._stamps[-1] if self._stamps else -math.inf

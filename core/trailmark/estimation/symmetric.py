@@ -6,6 +6,8 @@ step with (3, 3) arrays costs 10 us, nearly all of it numpy's overhead per call.
 
 from __future__ import annotations
 
+import struct
+
 import numpy as np
 
 from trailmark.arrays import Floats
@@ -17,6 +19,7 @@ __all__ = [
     "add",
     "congruence",
     "diagonal",
+    "frozen_matrix",
     "inverse",
     "scaled",
     "sheared",
@@ -35,6 +38,8 @@ NOTHING = 1e-100
 # A pivot that is this small a part of its diagonal element is rounding: the matrix is singular.
 _SINGULAR = 1e-12
 
+_pack = struct.Struct("9d").pack
+
 
 def diagonal(xx: float, yy: float, tt: float) -> Sym3:
     """Return a diagonal matrix."""
@@ -45,6 +50,12 @@ def to_matrix(a: Sym3) -> Floats:
     """Return the matrix as a (3, 3) array."""
     xx, xy, xt, yy, yt, tt = a
     return np.array((xx, xy, xt, xy, yy, yt, xt, yt, tt)).reshape(3, 3)  # nested lists take half as long again
+
+
+def frozen_matrix(a: Sym3) -> Floats:
+    """Return the matrix as a (3, 3) array over bytes, which nobody can write to: it is shared without a copy."""
+    xx, xy, xt, yy, yt, tt = a
+    return np.ndarray((3, 3), np.float64, _pack(xx, xy, xt, xy, yy, yt, xt, yt, tt))
 
 
 def add(a: Sym3, b: Sym3) -> Sym3:

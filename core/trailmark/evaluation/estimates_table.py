@@ -117,7 +117,10 @@ def table_of_rows(rows: Iterable[tuple[str, Mapping[str, str]]]) -> EstimateTabl
     words: dict[str, list[str]] = {name: [] for name in _WORDS}
     numbers: list[list[float]] = []
     for where, row in rows:
-        numbers.append([_number(row[name], name, where) for name in _NUMBERS])
+        try:
+            numbers.append([float(row[name] or "nan") for name in _NUMBERS])
+        except ValueError as error:
+            raise _malformed(row, where) from error
         for name in _WORDS:
             words[name].append(row[name])
     return _table(np.array(numbers, dtype=np.float64).reshape(-1, len(_NUMBERS)), words)
@@ -140,13 +143,14 @@ def _rows(file: Iterator[str], path: str | Path) -> Iterator[tuple[str, dict[str
             short = f"{where}: expected {len(header)} fields, found {len(fields)}"
 
 
-def _number(text: str, name: str, where: str) -> float:
-    if not text:
-        return np.nan
-    try:
-        return float(text)
-    except ValueError:
-        raise DataError(f"{where}: {name} is not a number: {text[:40]!r}") from None
+def _malformed(row: Mapping[str, str], where: str) -> DataError:
+    """Return what to say of a row one of whose numbers is none: the first."""
+    for name in _NUMBERS:
+        try:
+            float(row[name] or "nan")
+        except ValueError:
+            break
+    return DataError(f"{where}: {name} is not a number: {row[name][:40]!r}")
 
 
 def _table(numbers: Floats, words: dict[str, list[str]]) -> EstimateTable:

@@ -14,7 +14,6 @@ from trailmark.estimation.kalman.lasting_errors import LastingPrior, lasting_cov
 from trailmark.estimation.kalman.one_sided import InnovationSums, covariance_of_one_sided_corrections
 from trailmark.estimation.kalman.state import FilterState
 from trailmark.estimation.symmetric import ZERO, inverse, to_matrix
-from trailmark.frames.payloads import read_only
 from trailmark.geometry import Pose2
 from trailmark.paths import Path
 
@@ -57,7 +56,8 @@ class BeliefPlaces:
             variances = self._lasting.with_parting(state.diagnosis.parting.variances, state.diagnosis.sums)
             lasting = lasting_covariance(gaussian.lasting, variances)
             one_sided = covariance_of_one_sided_corrections(state, self._innovations)
-            covariance = read_only(covering_covariance(state, gaussian) + one_sided + lasting)
+            covariance = covering_covariance(state, gaussian) + one_sided + lasting
+            covariance.flags.writeable = False
             pose = Pose2(x, y, theta)
             on_path = self._on_path(state.stamp_s, pose, covariance)
         return Belief(

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from trailmark.arrays import Floats
-from trailmark.estimates import Applied, Belief, Estimate, Fix, Lost, Motion
+from trailmark.estimates import ALL_HEALTHY, Applied, Belief, Estimate, Fix, Lost, Motion
 from trailmark.estimation.information import checked_covariance
 from trailmark.estimation.kalman.belief_places import BeliefPlaces
 from trailmark.estimation.kalman.clock import ClockGuard
@@ -311,7 +311,7 @@ class Kalman(Estimator):
             self._parting_log.note(state.diagnosis.parting.told)
         for source in self._timeline.motions.overlapping(state.stamp_s - TOLD_S):
             health.setdefault(source, OVERLAPS)
-        return health
+        return health or ALL_HEALTHY
 
 
 def _new_filter(config: KalmanConfig, layout: Layout) -> Filter:

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from trailmark.arrays import Floats
-from trailmark.estimates import Applied, Belief, Estimate, Fix, Lost, Motion, PathOffset
+from trailmark.estimates import ALL_HEALTHY, Applied, Belief, Estimate, Fix, Lost, Motion, PathOffset
 from trailmark.estimation.chain import OdomState
 from trailmark.estimation.corrections import covariance_on_path
 from trailmark.estimation.information import checked_covariance
@@ -24,8 +24,7 @@ from trailmark.estimation.smoother.health import SourceRecord, contradiction_of,
 from trailmark.estimation.smoother.motion_line import MotionLine
 from trailmark.estimation.smoother.window import Window
 from trailmark.estimation.smoother_config import SmootherConfig
-from trailmark.estimation.symmetric import ZERO, Sym3, inverse, scaled, to_matrix
-from trailmark.frames.payloads import read_only
+from trailmark.estimation.symmetric import ZERO, Sym3, frozen_matrix, inverse, scaled, to_matrix
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Estimator, Session
 
@@ -277,7 +276,7 @@ class Smoother(Estimator):
         if predicted is not None and self._window is not None:
             factor = contradiction_of(self._records, self._newest_s, self.config.timeout_s)
             doubted = scaled(predicted.covariance, factor)
-            covariance, on_path = read_only(to_matrix(doubted)), self._on_path(at_s, predicted.pose, doubted)
+            covariance, on_path = frozen_matrix(doubted), self._on_path(at_s, predicted.pose, doubted)
             fix_age_m = odometry.travelled_m - self._window.fixed_at_m(at_s)
         return Belief(
             stamp_s=at_s,
@@ -292,11 +291,11 @@ class Smoother(Estimator):
             health=self._health(at_s),
         )
 
-    def _health(self, stamp_s: float) -> dict[str, str]:
+    def _health(self, stamp_s: float) -> Mapping[str, str]:
         health = health_of(self._records, stamp_s, self.config.timeout_s)
         for source in self._line.motions.overlapping(stamp_s - TOLD_S):
             health.setdefault(source, OVERLAPS)
-        return health
+        return health or ALL_HEALTHY
 
     def _on_path(self, stamp_s: float, pose: Pose2, covariance: Sym3) -> PathOffset | None:
         if self._path is None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from trailmark.arrays import Floats
 from trailmark.errors import ConfigError
-from trailmark.estimates import Applied, Belief, Estimate, Fix, Motion, PathOffset
+from trailmark.estimates import ALL_HEALTHY, Applied, Belief, Estimate, Fix, Motion, PathOffset
 from trailmark.failures import raise_failure
 from trailmark.frames.payloads import read_only
 from trailmark.geometry import Pose2
@@ -95,12 +95,13 @@ class EstimatorRunner:
             belief = self._estimator.belief(stamp_s)
             if not isinstance(belief, Belief):
                 raise TypeError(f"it returned {type(belief).__name__}, not a Belief")
-            if isinstance(belief.covariance, np.ndarray) and belief.covariance.dtype.kind == "c":
+            pose, covariance = belief.pose_map_base, belief.covariance
+            if isinstance(covariance, np.ndarray) and covariance.dtype.kind == "c":
                 raise TypeError("it returned a Belief with a covariance of complex numbers")
-            pose = belief.pose_map_base
             if pose is not None and max(abs(pose.x), abs(pose.y)) > FARTHEST_M:
                 raise ValueError(f"it believes to be at {pose}")
-            belief = _frozen(belief, {**belief.health, **self.health})
+            if self.health or belief.health is not ALL_HEALTHY or not _is_frozen(covariance):
+                belief = _frozen(belief, {**belief.health, **self.health})
         except BaseException as error:
             raise_failure(error, "the estimator", "belief", keeps=())
         self._times.append(perf_counter_ns() - began_ns)
@@ -164,6 +165,15 @@ class EstimatorRunner:
                     f" counts with estimator: {{use: [{other.name}]}}, or choose an estimator that weighs them"
                 )
         self._moving[localizer.name] = localizer
+
+
+def _is_frozen(array: object) -> bool:
+    """Return whether nobody can change what is no array, or one whose memory is its own or of bytes."""
+    while isinstance(array, np.ndarray):
+        if array.flags.writeable:
+            return False
+        array = array.base
+    return True
 
 
 def _frozen(belief: Belief, health: dict[str, str]) -> Belief:
