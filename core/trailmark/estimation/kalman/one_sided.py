@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Iterator
-from operator import itemgetter, sub
+from operator import itemgetter
 
 import numpy as np
 
@@ -110,15 +110,20 @@ def _one_sided_since(state: FilterState, probability: float) -> Iterator[FilterS
     if state.gaussian is None or not diagnosis.innovations or diagnosis.rivals:
         return
     limit, last_s = threshold(probability, 1), diagnosis.innovations[-1][0]
-    now, now_m2 = diagnosis.corrections.tolist(), diagnosis.correction_covariance.diagonal().tolist()
+    now_x, now_y, now_turn = diagnosis.corrections.tolist()
+    now_xx, now_yy, now_tt = diagnosis.correction_covariance.diagonal().tolist()
     for anchor in (*diagnosis.anchors[:1], *reversed(diagnosis.far_anchors)):
         if state.stamp_s - last_s > _STALE_SHARE * (state.stamp_s - anchor.stamp_s):
             continue
         then = anchor.diagnosis
-        x, y, turn = map(sub, now, then.corrections.tolist())  # in numbers: each belief asks, and is mostly told no
-        variances = map(sub, now_m2, then.correction_covariance.diagonal().tolist())
-        moved = x, y, wrap_angle(turn)
-        if any(away * away > limit * max(variance, _UNCORRECTED) for away, variance in zip(moved, variances)):
+        x, y, turn = then.corrections.tolist()  # in numbers, one by one: each belief asks, and is mostly told no
+        xx, yy, tt = then.correction_covariance.diagonal().tolist()
+        x, y, turn = now_x - x, now_y - y, wrap_angle(now_turn - turn)
+        if (
+            x * x > limit * max(now_xx - xx, _UNCORRECTED)
+            or y * y > limit * max(now_yy - yy, _UNCORRECTED)
+            or turn * turn > limit * max(now_tt - tt, _UNCORRECTED)
+        ):
             yield anchor
 
 
