@@ -37,6 +37,7 @@ SLOW = frozenset(
         "bench/test_cells.py",
         "bench/test_executors.py",
         "bench/test_frames.py",
+        "bench/test_limits.py",
         "calibration/test_commands.py",
         "divs/test_closed_loop.py",
         "divs/test_place_fit.py",
