@@ -82,8 +82,9 @@ def test_it_does_not_where_another_supports_the_belief() -> None:
     np.testing.assert_array_equal(covered(supported), np.eye(3) * 1e-6)
 
 
-def test_who_was_rejected_long_ago_is_not_covered() -> None:
-    state = rejected(1.0)
-    later = FilterState(10.0, state.gaussian, rejections=state.rejections)
+def test_who_was_rejected_long_ago_is_covered_until_anybody_fits() -> None:
+    alone, answered = rejected(1.0), rejected(1.0, beacons=CorroboratingFix(2.0, np.eye(3)))
+    later = [FilterState(10.0, one.gaussian, rejections=one.rejections) for one in (alone, answered)]
 
-    np.testing.assert_array_equal(covered(later), np.eye(3) * 1e-6)
+    assert covered(later[0])[0, 0] > 0.1
+    np.testing.assert_array_equal(covered(later[1]), np.eye(3) * 1e-6)

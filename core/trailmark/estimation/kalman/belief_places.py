@@ -11,6 +11,7 @@ from trailmark.estimation.corrections import covariance_on_path
 from trailmark.estimation.kalman.alternatives import believed_gaussian
 from trailmark.estimation.kalman.dissent import covering_covariance
 from trailmark.estimation.kalman.lasting_errors import LastingPrior, lasting_covariance
+from trailmark.estimation.kalman.moved_belief import covariance_of_moved
 from trailmark.estimation.kalman.one_sided import InnovationSums, covariance_of_one_sided_corrections
 from trailmark.estimation.kalman.state import FilterState
 from trailmark.estimation.symmetric import ZERO, inverse, to_matrix
@@ -54,9 +55,11 @@ class BeliefPlaces:
         if gaussian is not None:
             x, y, theta = gaussian.x[:3].tolist()
             variances = self._lasting.with_parting(state.diagnosis.parting.variances, state.diagnosis.sums)
-            lasting = lasting_covariance(gaussian.lasting, variances)
+            lasting = lasting_covariance(gaussian.lasting, variances.plus(state.diagnosis.way_errors))
             one_sided = covariance_of_one_sided_corrections(state, self._innovations)
             covariance = covering_covariance(state, gaussian) + one_sided + lasting
+            if state.rejections.moved is not None:
+                covariance += covariance_of_moved(state, gaussian)
             covariance.flags.writeable = False
             pose = Pose2(x, y, theta)
             on_path = self._on_path(state.stamp_s, pose, covariance)

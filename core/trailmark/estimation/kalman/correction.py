@@ -14,9 +14,17 @@ from trailmark.estimation.kalman.correlated_fixes import share_of_news
 from trailmark.estimation.kalman.ekf import PredictedMotion
 from trailmark.estimation.kalman.gate import threshold, weight
 from trailmark.estimation.kalman.innovation import Innovation, MeasurementModel, nis_of
-from trailmark.estimation.kalman.lasting_errors import UNAFFECTED, LastingPrior, correct_columns, lasting_covariance
+from trailmark.estimation.kalman.lasting_errors import (
+    NO_ERRORS,
+    UNAFFECTED,
+    LastingPrior,
+    LastingVariances,
+    correct_columns,
+    lasting_covariance,
+)
 from trailmark.estimation.kalman.layout import Layout
 from trailmark.estimation.kalman.measurements import Measurement
+from trailmark.estimation.kalman.moved_belief import moved_to, still_moved
 from trailmark.estimation.kalman.recovery_policy import Keep, RecoveryPolicy, Relocate
 from trailmark.estimation.kalman.state import (
     CorroboratingFix,
@@ -26,6 +34,7 @@ from trailmark.estimation.kalman.state import (
     Rejections,
     Verdict,
 )
+from trailmark.estimation.kalman.way_errors import errors_said_by, less_when_unneeded
 from trailmark.estimation.kalman.windows import LONGEST_S
 from trailmark.estimation.kalman_config import KalmanConfig
 from trailmark.estimation.unmeasured import NOWHERE, Sym2, directions_above, projected, turned
@@ -94,27 +103,54 @@ class Correction:
         verdict = Verdict("accepted", seen.nis, dof, seen=seen, used=used)
         return _accept(state, measurement, after, seen.jacobian[:, :3], verdict)
 
-    def considered(self, state: FilterState, measurement: Measurement) -> FilterState:
+    def considered(self, state: FilterState, measurement: Measurement) -> tuple[FilterState, LastingVariances]:
         """Return a state with the lasting errors of motion in its covariance, where a measurement fits only then.
 
         That is after a way without absolute estimates: where some were accepted of late these errors are small, and who
-        is wrong is a question.
+        is wrong is a question. Their variances come with it: none where they are not in the covariance.
         """
         before, gate = state.gaussian, measurement.trust.gate
         if before is None or gate is None:
-            return state
+            return state, NO_ERRORS
+        way_errors, rejected = state.diagnosis.way_errors, state.rejections.measurements.get(measurement.source)
         agreed_s = max((one.stamp_s for one in state.rejections.corroborations.values()), default=-math.inf)
-        if state.stamp_s - agreed_s <= LONGEST_S:
-            return state
+        is_late = state.stamp_s - agreed_s > LONGEST_S
+        if not is_late and not any(way_errors):
+            return state, NO_ERRORS
         innovation, jacobian = measurement.innovation(before.x)
         covariance, limit = before.covariance.copy(), threshold(gate, len(innovation))
-        variances = self._lasting.with_parting(state.diagnosis.parting.variances, state.diagnosis.sums)
+        prior = self._lasting.with_parting(state.diagnosis.parting.variances, state.diagnosis.sums)
+        if any(way_errors):
+            way_errors = less_when_unneeded(state, measurement, prior, limit)
+            state = state.with_diagnosis(state.diagnosis._replace(way_errors=way_errors))
+        if nis_of(innovation, jacobian, before.covariance) <= limit:
+            return state, NO_ERRORS
+        variances = prior.plus(way_errors)
         covariance[:3, :3] += lasting_covariance(before.lasting, variances)
-        fits_then = nis_of(innovation, jacobian, covariance) <= limit
-        if not fits_then or nis_of(innovation, jacobian, before.covariance) <= limit:
-            return state
-        # they are in the covariance now: what is counted from here on is what they do after the measurement
-        return replace(state, gaussian=Gaussian(before.x, covariance, UNAFFECTED))
+        if nis_of(innovation, jacobian, covariance) > limit:
+            if not rejected or rejected[-1].stamp_s < agreed_s or len(rejected[-1].measurement.root) < 3:
+                return state, NO_ERRORS
+            said = errors_said_by(state, measurement, rejected[-1], limit)
+            covariance[:3, :3] += lasting_covariance(before.lasting, said)
+            if not any(said) or nis_of(innovation, jacobian, covariance) > limit:
+                return state, NO_ERRORS
+            variances = variances.plus(said)
+            state = state.with_diagnosis(state.diagnosis._replace(way_errors=way_errors.plus(said)))
+        return replace(state, gaussian=Gaussian(before.x, covariance, before.lasting)), variances
+
+    def without_considered(self, before: FilterState, after: FilterState, variances: LastingVariances) -> FilterState:
+        """Return a state after a measurement that lasting errors in the covariance have weighed, without them.
+
+        What the measurement leaves of them is in how the pose changes with them: it counts once, and goes on with the
+        way as the same errors. Were it left in the covariance, later ones would count as others.
+        """
+        used = after.verdicts[-1].used
+        if used is None or before.gaussian is None or after.gaussian is None or not any(variances):
+            return after
+        covariance = after.gaussian.covariance
+        left = (np.eye(len(covariance)) - used.gain() @ used.jacobian)[:, :3]
+        covariance = covariance - left @ lasting_covariance(before.gaussian.lasting, variances) @ left.T
+        return replace(after, gaussian=Gaussian(after.gaussian.x, covariance, after.gaussian.lasting))
 
     def doubt(self, state: FilterState, measurement: Measurement) -> FilterState:
         """Return the state after a measurement of a localizer whose absolute estimates are not believed.
@@ -197,6 +233,7 @@ class Correction:
             corroborations=state.rejections.corroborations,
             n_recoveries=state.rejections.n_recoveries + 1,
             shares=_with_share(state.rejections.shares, source, is_rejected=True),
+            moved=moved_to(state, source, rejected[0].stamp_s, after),
         )
         state = replace(state, rejections=recovered)
         return _accept(state, measurement, after, directions, Verdict("accepted", seen.nis, dof, message))
@@ -214,7 +251,8 @@ def _with_rejected(state: FilterState, measurement: Measurement) -> tuple[Reject
     since_s = state.stamp_s - _REJECTED_S
     before = state.rejections.measurements.get(measurement.source, ())
     kept = [one for one in before if one.stamp_s >= since_s]
-    last = RejectedMeasurement(state.stamp_s, state.odometry.pose_odom_base, measurement)
+    lasting = UNAFFECTED if state.gaussian is None else state.gaussian.lasting
+    last = RejectedMeasurement(state.stamp_s, state.odometry.pose_odom_base, measurement, lasting)
     return (*kept[1 - _MOST_REJECTED :], last)
 
 
@@ -228,6 +266,7 @@ def _keep_out(
         corroborations=before.corroborations,
         n_recoveries=before.n_recoveries,
         shares=_with_share(before.shares, source, is_rejected=True),
+        moved=before.moved,
     )
     return replace(state, rejections=rejections, verdicts=(*state.verdicts, verdict))
 
@@ -266,6 +305,7 @@ def _accept(
             corroborations={**before.corroborations, source: CorroboratingFix(state.stamp_s, directions)},
             n_recoveries=before.n_recoveries,
             shares=_with_share(before.shares, source, is_rejected=False) if before.shares else before.shares,
+            moved=before.moved and still_moved(state, measurement),
         ),
         diagnosis=state.diagnosis,
         left_out=state.left_out,

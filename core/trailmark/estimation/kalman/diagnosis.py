@@ -12,6 +12,7 @@ import numpy as np
 
 from trailmark.arrays import Floats
 from trailmark.estimation.kalman.innovation import Innovation
+from trailmark.estimation.kalman.lasting_errors import NO_ERRORS, LastingVariances
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.kalman.parting import NOT_COMPARED, Parting
 from trailmark.frames.payloads import read_only
@@ -248,6 +249,8 @@ class FaultDiagnosis(NamedTuple):
         By localizer whose motion is believed, but less than it says.
     parting : Parting
         By how much the motions differ from that of the belief, always alike.
+    way_errors : LastingVariances
+        Of errors of motion that last, as absolute poses have said that were refused.
     innovations : tuple of (float, Innovation)
         Of the absolute estimates that are in `corrections`, as they were used, with their stamps, since the oldest
         anchor of all.
@@ -269,4 +272,5 @@ class FaultDiagnosis(NamedTuple):
     far_anchors: tuple[FilterState, ...] = ()
     doubts: Mapping[str, LastingDoubt] = _EMPTY
     parting: Parting = NOT_COMPARED
+    way_errors: LastingVariances = NO_ERRORS
     innovations: tuple[tuple[float, Innovation], ...] = ()

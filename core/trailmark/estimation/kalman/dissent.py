@@ -9,6 +9,7 @@ import numpy as np
 
 from trailmark.arrays import Floats
 from trailmark.estimation.kalman.state import FilterState, Gaussian, RejectedMeasurement
+from trailmark.estimation.kalman.way_errors import difference_grown
 from trailmark.geometry import Pose2
 
 __all__ = ["covering_covariance"]
@@ -16,7 +17,7 @@ __all__ = ["covering_covariance"]
 # Probability of those that contradict, if nothing is known: at 1 to 4 what they say is 3.2 standard deviations off, in
 # the mean of two directions, and what is believed is at its centre.
 _SHARE = 1.0 / 5.0
-# Who has said nothing for so long contradicts no more [s].
+# Who has said nothing for so long contradicts no more, once any absolute estimate has fitted since [s].
 _RECENT_S = 5.0
 # More than this share is rejected of a belief that is wrong, of fixes that are, or of a mounting: four in a row, or
 # every other one for a while.
@@ -36,7 +37,7 @@ def covering_covariance(state: FilterState, gaussian: Gaussian) -> Floats:
     =======================  ====================  ====================================================================
     what it tells            rejections of late    what is covered
     =======================  ====================  ====================================================================
-    whole poses              one                   the last of them
+    whole poses              one                   the last of them, and what motion would be off by since
     whole poses              a third               and the heading by which their way differs from that of the motion
     parts of poses           less                  nothing: each has an error of its own
     parts of poses           a third               what they say, and any heading
@@ -57,7 +58,7 @@ def covering_covariance(state: FilterState, gaussian: Gaussian) -> Floats:
             is_persistent = believed.rejections.shares.get(source, 0.0) > _PERSISTENT
             x, pose_odom_base = believed.gaussian.x, believed.odometry.pose_odom_base
             if len(rejected[-1].measurement.root) == 3:
-                away = _difference(x, pose_odom_base, rejected[-1])
+                away = difference_grown(believed.gaussian, pose_odom_base, rejected[-1])
                 covariance = covariance + _SHARE * np.outer(away, away)
                 whole = [one for one in rejected if len(one.measurement.root) == 3]
                 if is_persistent and not _is_outvoted(believed, source):
@@ -70,7 +71,9 @@ def covering_covariance(state: FilterState, gaussian: Gaussian) -> Floats:
 
 def _may_be_right(state: FilterState, source: str, last: RejectedMeasurement) -> bool:
     is_of_late = state.rejections.counts.get(source, 0) or state.rejections.shares.get(source, 0.0) > _PERSISTENT
-    if not is_of_late or state.stamp_s - last.stamp_s > _RECENT_S:
+    corroborations = state.rejections.corroborations.values()
+    is_answered = any(one.stamp_s > last.stamp_s for one in corroborations)
+    if not is_of_late or (is_answered and state.stamp_s - last.stamp_s > _RECENT_S):
         return False
     return not any(other != source and _supports(state, other) for other in state.rejections.corroborations)
 

@@ -37,6 +37,7 @@ from trailmark.estimation.kalman.diagnosis import DetectedFault, FaultDiagnosis
 from trailmark.estimation.kalman.forgiveness import AGREED, GIVES_IN_S, agree_again, with_repentant, without_fault
 from trailmark.estimation.kalman.hypotheses import Hypothesis, HypothesisBank, trusted_motions
 from trailmark.estimation.kalman.lasting_doubts import doubts_of
+from trailmark.estimation.kalman.lasting_errors import NO_ERRORS
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.kalman.one_sided import longest_one_sided_since
 from trailmark.estimation.kalman.parting import with_windows_compared, without_window
@@ -108,8 +109,10 @@ class FaultDetector:
             before = state.diagnosis
         if before.rivals:
             return self._bank.correct(state, measurement)
+        variances = NO_ERRORS
         if not measurement.replaces:
-            state = self._correction.considered(state, measurement)
+            state, variances = self._correction.considered(state, measurement)
+            before = state.diagnosis
         after = self._correction.correct(state, measurement)
         if measurement.replaces or state.gaussian is None or after.gaussian is None:
             return after.with_diagnosis(without_windows(before))
@@ -117,6 +120,8 @@ class FaultDetector:
             return after.with_diagnosis(without_windows(before))
         moved = after.gaussian.x[:3] - state.gaussian.x[:3]
         spread = state.gaussian.covariance[:3, :3] - after.gaussian.covariance[:3, :3]
+        if any(variances):
+            after = self._correction.without_considered(state, after, variances)
         measurements = (*before.measurements, (state.stamp_s, measurement))
         used = after.verdicts[-1].used
         innovations = before.innovations if used is None else (*before.innovations, (state.stamp_s, used))

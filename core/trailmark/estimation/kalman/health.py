@@ -8,8 +8,11 @@ from collections.abc import Mapping
 from trailmark.estimates import Motion
 from trailmark.estimation.kalman.bank import posterior
 from trailmark.estimation.kalman.certainty import CertaintyRecord
+from trailmark.estimation.kalman.moved_belief import reason_of_moved, source_of_moved
 from trailmark.estimation.kalman.state import FilterState
 from trailmark.estimation.kalman.trust import Trust
+from trailmark.estimation.kalman.way_errors import reason_of_way_errors
+from trailmark.estimation.kalman.windows import LONGEST_S
 from trailmark.estimation.symmetric import Sym3
 from trailmark.estimation.unmeasured import describe, longest
 
@@ -25,6 +28,11 @@ _AT_REST = 3.0
 _UNDECIDED_S = 2.0
 # Less probable hypotheses accuse nobody.
 _PROBABLE = 0.02
+_NOTHING_DECIDES = "its motion and that of others disagree, and nothing decides who is right"
+_NOT_YET_DECIDED = (
+    "its motion and what others say contradict each other: absolute estimates are heard, and do not decide yet who is"
+    " right"
+)
 _NEVER_DECIDED = (
     "its motion and that of others disagreed, and nothing has decided since who was right: the belief covers both"
 )
@@ -114,6 +122,7 @@ def health_of(monitors: Mapping[str, SourceMonitor], state: FilterState, recover
     health: dict[str, str] = {}
     undecided = _undecided_of(state)
     doubts = {s: one for s, one in state.diagnosis.doubts.items() if state.stamp_s - one.since_s > _UNDECIDED_S}
+    moved_for = source_of_moved(state)
     unmeasured_s = longest(state.odometry.unmeasured_s)
     for source, monitor in monitors.items():
         n_rejected = state.rejections.counts.get(source, 0)
@@ -124,12 +133,16 @@ def health_of(monitors: Mapping[str, SourceMonitor], state: FilterState, recover
             health[source] = undecided[source]
         elif monitor.n_refused >= _REFUSED_OFTEN:
             health[source] = f"refused {monitor.n_refused} in a row: {monitor.refusal}"
-        elif n_rejected >= recover_after and source not in _asked_about(state):
+        elif n_rejected and _is_contradiction(state, n_rejected, recover_after) and source not in _asked_about(state):
             health[source] = f"contradicts the belief, {n_rejected} of late"
+        elif source == moved_for:
+            health[source] = reason_of_moved(state)
         elif monitor.is_too_certain:
             health[source] = "far more certain than it ever was: not believed to be"
         elif source in doubts:
             health[source] = str(doubts[source])
+        elif source in state.diagnosis.sums and any(state.diagnosis.way_errors):
+            health[source] = reason_of_way_errors(state.diagnosis.way_errors)
         elif source in state.diagnosis.parting.told:
             health[source] = state.diagnosis.parting.told[source]
         elif source in state.left_out:
@@ -140,6 +153,12 @@ def health_of(monitors: Mapping[str, SourceMonitor], state: FilterState, recover
         elif source in state.diagnosis.sums and unmeasured_s > monitor.trust.timeout_s:
             health[source] = describe(state.odometry.unmeasured_s, state.odometry.pose_odom_base.theta, unmeasured_s)
     return health
+
+
+def _is_contradiction(state: FilterState, n_rejected: int, recover_after: int) -> bool:
+    """Return whether refused absolute estimates are worth a word: each is, where none has fitted for long."""
+    agreed_s = max((one.stamp_s for one in state.rejections.corroborations.values()), default=-math.inf)
+    return n_rejected >= recover_after or state.stamp_s - agreed_s > LONGEST_S
 
 
 def _asked_about(state: FilterState) -> set[str]:
@@ -160,7 +179,7 @@ def _undecided_of(state: FilterState) -> dict[str, str]:
         if probability < _PROBABLE:
             continue
         for source in rival.state.diagnosis.faults:
-            undecided.setdefault(source, "its motion and that of others disagree, and nothing decides who is right")
+            undecided.setdefault(source, _NOT_YET_DECIDED if rival.n_measurements else _NOTHING_DECIDES)
         for source, fault in rival.state.diagnosis.absolute_faults.items():
             undecided.setdefault(source, fault.reason)
     return undecided

@@ -56,6 +56,8 @@ class Residual(NamedTuple):
         The time that it is about [s].
     by_delay : (d,) float64 or None
         By how much it changes for each second by which the stamps of both poses are late; None of motions [m/s, rad/s].
+    by_scale : (d,) float64 or None
+        By how much it changes with the share by which the motion tells too long a way; None of motions [m].
     """
 
     value: Floats
@@ -63,6 +65,7 @@ class Residual(NamedTuple):
     since_s: float
     stamp_s: float
     by_delay: Floats | None = None
+    by_scale: Floats | None = None
 
 
 class RecentMotions:
@@ -231,7 +234,8 @@ def fix_residual(
     before, after = (chain.between(earlier[0] - dt_s, later[0] - dt_s)[0] for dt_s in (BESIDE_S, -BESIDE_S))
     slope = [(b - a) / (2.0 * BESIDE_S) for a, b in zip(before, after)]
     by_delay = np.array([*_turned((slope[0], slope[1], 0.0), cos, sin), slope[2]])
-    return Residual(away, shares, earlier[0], later[0], by_delay)
+    by_scale = np.array([-moved_x, -moved_y, 0.0])
+    return Residual(away, shares, earlier[0], later[0], by_delay, by_scale)
 
 
 def _turned(step: tuple[float, float, float], cos: float, sin: float) -> tuple[float, float]:

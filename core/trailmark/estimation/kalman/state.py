@@ -13,7 +13,7 @@ from trailmark.deprecation import deprecated_name
 from trailmark.estimation.kalman import diagnosis
 from trailmark.estimation.kalman.diagnosis import DetectedFault, FaultDiagnosis, RivalFilter
 from trailmark.estimation.kalman.innovation import Innovation
-from trailmark.estimation.kalman.lasting_errors import Columns
+from trailmark.estimation.kalman.lasting_errors import UNAFFECTED, Columns
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.unmeasured import NOWHERE, Sym2
 from trailmark.geometry import Pose2, Twist2
@@ -24,6 +24,7 @@ __all__ = [
     "FilterState",
     "Gaussian",
     "MotionCheck",
+    "MovedBelief",
     "OdometryState",
     "RejectedMeasurement",
     "Rejections",
@@ -94,11 +95,14 @@ class RejectedMeasurement:
         Where motion had carried base.
     measurement : Measurement
         The measurement.
+    lasting : tuple of 12 float
+        How the pose that it contradicted changed with the errors of motion that last.
     """
 
     stamp_s: float
     pose_odom_base: Pose2
     measurement: Measurement
+    lasting: Columns = UNAFFECTED
 
 
 @quick_dataclass(frozen=True, slots=True, eq=False)
@@ -188,6 +192,25 @@ class OdometryState:
 
 
 @quick_dataclass(frozen=True, slots=True, eq=False)
+class MovedBelief:
+    """A belief that was given up for another pose, on which the absolute estimates of one localizer agreed.
+
+    Attributes
+    ----------
+    source : str
+        The localizer.
+    since_s : float
+        The instant of the first of them [s].
+    shift : Pose2
+        ``pose_map_base`` where motion had led base is ``shift @ pose_map_base`` of the belief.
+    """
+
+    source: str
+    since_s: float
+    shift: Pose2
+
+
+@quick_dataclass(frozen=True, slots=True, eq=False)
 class Rejections:
     """Which absolute estimates failed their test of late, and which passed.
 
@@ -203,6 +226,8 @@ class Rejections:
         How often the belief was given up for them.
     shares : mapping of str to float
         By localizer, the share of the last ten or so that was rejected.
+    moved : MovedBelief or None
+        Where motion had led base before the last recovery, while nobody has confirmed that it was wrong.
     """
 
     counts: Mapping[str, int] = field(default_factory=_empty)
@@ -210,6 +235,7 @@ class Rejections:
     corroborations: Mapping[str, CorroboratingFix] = field(default_factory=_empty)
     n_recoveries: int = 0
     shares: Mapping[str, float] = field(default_factory=_empty)
+    moved: MovedBelief | None = None
 
 
 @quick_dataclass(frozen=True, slots=True, eq=False)
