@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from trailmark.estimation.kalman import one_sided
+from trailmark.estimation.kalman.diagnosis import FaultDiagnosis
 from trailmark.estimation.kalman.innovation import Innovation
+from trailmark.estimation.kalman.lasting_errors import UNAFFECTED
 from trailmark.estimation.kalman.one_sided import InnovationSums
-from trailmark.estimation.kalman.state import FilterState
+from trailmark.estimation.kalman.state import FilterState, Gaussian
 
 Told = tuple[tuple[float, Innovation], ...]
 
@@ -46,3 +49,24 @@ def test_what_is_kept_changes_no_bit_and_is_not_asked_again(monkeypatch: pytest.
         sizes = [size_in_pose(one) for one in since]
         assert kept[0].tobytes() == np.add.reduce([gain for _, _, gain in sizes]).tobytes()
         assert kept[1:] == (max(way_m for way_m, _, _ in sizes), max(turn_rad for _, turn_rad, _ in sizes))
+
+
+def test_a_window_is_asked_about_once_until_something_is_corrected(monkeypatch: pytest.MonkeyPatch) -> None:
+    sums, asked, seen = InnovationSums(), [], told(np.random.default_rng(1), 0.0, 20)
+    lies = one_sided._lies_to_one_side
+    monkeypatch.setattr(one_sided, "_lies_to_one_side", lambda *args: (asked.append(1), lies(*args))[1])
+    gaussian = Gaussian(np.zeros(3), np.eye(3), UNAFFECTED)
+    state = FilterState(seen[-1][0], gaussian).with_diagnosis(
+        FaultDiagnosis(
+            corrections=np.full(3, 0.1),
+            correction_covariance=1e-4 * np.eye(3),
+            anchors=(FilterState(0.5, gaussian),),
+            innovations=seen,
+        )
+    )
+    again = state.with_diagnosis(state.diagnosis._replace(corrections=np.full(3, 1e-3)))
+
+    found = [one_sided.covariance_of_one_sided_corrections(one, sums) for one in (state, state, again)]
+
+    assert len(asked) == 2
+    assert [bool(one.any()) for one in found] == [True, True, False]

@@ -17,6 +17,7 @@ from operator import itemgetter
 import numpy as np
 
 from trailmark.arrays import Floats
+from trailmark.estimation.kalman.diagnosis import FaultDiagnosis
 from trailmark.estimation.kalman.gate import threshold
 from trailmark.estimation.kalman.innovation import Innovation
 from trailmark.estimation.kalman.state import FilterState
@@ -43,6 +44,8 @@ class InnovationSums:
         self._anchor: FilterState | None = None
         self._seen: list[Innovation] = []
         self._sums: list[tuple[Floats, float, float]] = []  # gains, largest way and turn, until each of them
+        self._corrections: Floats | None = None
+        self._answers: dict[FilterState, bool] = {}  # by anchor, for these corrections
 
     def until_now(self, state: FilterState, anchor: FilterState) -> tuple[Floats, float, float]:
         """Return the sum of the gains in the pose, (3, 3), and the largest way and turn of ``H^-1 y`` [m, rad].
@@ -70,6 +73,12 @@ class InnovationSums:
             sums.append((gain, way_m, turn_rad))
         return sums[-1]
 
+    def answers_for(self, state: FilterState) -> dict[FilterState, bool]:
+        """Return since which anchors corrections lie to one side, so far as that was asked since the last of them."""
+        if self._corrections is not state.diagnosis.corrections:
+            self._corrections, self._answers = state.diagnosis.corrections, {}
+        return self._answers
+
 
 def covariance_of_one_sided_corrections(state: FilterState, sums: InnovationSums | None = None) -> Floats:
     """Return the square of the mean innovation, (3, 3), where corrections lie to one side; zeros where they do not.
@@ -81,13 +90,14 @@ def covariance_of_one_sided_corrections(state: FilterState, sums: InnovationSums
     sums : InnovationSums, optional
         Of the last question, which spares most of the work.
     """
-    anchor = next(_one_sided_since(state, _PROBABILITY), None)
+    sums = InnovationSums() if sums is None else sums
+    anchor = next(_one_sided_since(state, _PROBABILITY, sums.answers_for(state)), None)
     if anchor is None:
         return _NOTHING
     diagnosis = state.diagnosis
     moved = diagnosis.corrections - anchor.diagnosis.corrections
     moved[2] = wrap_angle(float(moved[2]))
-    mean = _mean_innovation((sums or InnovationSums()).until_now(state, anchor), moved)
+    mean = _mean_innovation(sums.until_now(state, anchor), moved)
     return np.outer(mean, mean)
 
 
@@ -101,30 +111,35 @@ def longest_one_sided_since(state: FilterState) -> FilterState | None:
     state : FilterState
         With the anchors since which corrections are added up.
     """
-    return min(_one_sided_since(state, _OF_CONTRADICTED), key=lambda one: one.stamp_s, default=None)
+    return min(_one_sided_since(state, _OF_CONTRADICTED, {}), key=lambda one: one.stamp_s, default=None)
 
 
-def _one_sided_since(state: FilterState, probability: float) -> Iterator[FilterState]:
-    """Yield the anchors since which corrections lie to one side, the newest first."""
+def _one_sided_since(state: FilterState, probability: float, answers: dict[FilterState, bool]) -> Iterator[FilterState]:
+    """Yield the anchors since which corrections lie to one side, the newest first; `answers` are those known."""
     diagnosis = state.diagnosis
     if state.gaussian is None or not diagnosis.innovations or diagnosis.rivals:
         return
-    limit, last_s = threshold(probability, 1), diagnosis.innovations[-1][0]
-    now_x, now_y, now_turn = diagnosis.corrections.tolist()
-    now_xx, now_yy, now_tt = diagnosis.correction_covariance.diagonal().tolist()
+    last_s = diagnosis.innovations[-1][0]
     for anchor in (*diagnosis.anchors[:1], *reversed(diagnosis.far_anchors)):
         if state.stamp_s - last_s > _STALE_SHARE * (state.stamp_s - anchor.stamp_s):
             continue
-        then = anchor.diagnosis
-        x, y, turn = then.corrections.tolist()  # in numbers, one by one: each belief asks, and is mostly told no
-        xx, yy, tt = then.correction_covariance.diagonal().tolist()
-        x, y, turn = now_x - x, now_y - y, wrap_angle(now_turn - turn)
-        if (
-            x * x > limit * max(now_xx - xx, _UNCORRECTED)
-            or y * y > limit * max(now_yy - yy, _UNCORRECTED)
-            or turn * turn > limit * max(now_tt - tt, _UNCORRECTED)
-        ):
+        if anchor not in answers:
+            answers[anchor] = _lies_to_one_side(diagnosis, anchor.diagnosis, threshold(probability, 1))
+        if answers[anchor]:
             yield anchor
+
+
+def _lies_to_one_side(now: FaultDiagnosis, then: FaultDiagnosis, limit: float) -> bool:
+    """Return whether the corrections between two instants are beyond a limit, in squares of standard deviations."""
+    x, y, turn = (now.corrections - then.corrections).tolist()
+    xx, yy, tt = (now.correction_covariance.diagonal() - then.correction_covariance.diagonal()).tolist()
+    turn = wrap_angle(turn)
+    is_beyond = (
+        x * x > limit * max(xx, _UNCORRECTED)
+        or y * y > limit * max(yy, _UNCORRECTED)
+        or turn * turn > limit * max(tt, _UNCORRECTED)
+    )
+    return bool(is_beyond)
 
 
 def _mean_innovation(sums: tuple[Floats, float, float], moved: Floats) -> Floats:
