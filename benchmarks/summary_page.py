@@ -13,6 +13,7 @@ import sys
 import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 TOP = Path(__file__).resolve().parents[1]
@@ -37,7 +38,7 @@ class Headline:
     stands : sequence of str
         Files that have these words.
     table : (str, str) or None
-        Experiment and item of a row of ``trailmark reproduce``.
+        Experiment and item of rows of ``trailmark reproduce``; ``*`` and ``[+-]`` stand for more than one.
     figures : str
         Without `table`: a regular expression whose groups are figures.
     after, until : str
@@ -96,7 +97,7 @@ class Headline:
             cells = [cell.strip() for cell in line.strip().strip("|").split("|")]
             if cells[:2] == ["experiment", "item"]:
                 column = cells.index(_OURS)
-            elif column > 0 and cells[:2] == list(self.table):
+            elif column > 0 and len(cells) > column and all(map(fnmatchcase, cells, self.table)):
                 found.append(float(cells[column]))
         return found
 

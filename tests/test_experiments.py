@@ -35,7 +35,7 @@ def test_the_document_has_the_promised_keys_and_no_nan() -> None:
 
     assert set(document) == {
         "experiment", "item", "unit", "paper", "bar", "stretch", "ours", "spread", "better", "met", "n", "seeds",
-        "note", "faithful",
+        "note", "faithful", "is_headline",
     }  # fmt: skip
     assert json.loads(json.dumps(document, allow_nan=False))["ours"] is None
 
@@ -65,12 +65,27 @@ def test_the_page_holds_rows_notes_and_pictures(tmp_path: Path) -> None:
 
     page = write_experiment(tmp_path, "Path tracking", "Nagai 2015", rows, origin, took_s=90.0).read_text("utf-8")
 
-    assert "`trailmark reproduce x`, 2026-11-21, trailmark 1, 1.5 min on A.\n1 of 2 bars are met." in page
-    assert "are met.\n`faithful` is the method as the paper prints it" in page
+    assert "`trailmark reproduce x`, 2026-11-21, trailmark 1, 1.5 min on A.\n1 of 2 bars are met. Missed:" in page
+    assert "- C, poles touched: 1, asked for 0" in page
+    assert "`faithful` is the method as the paper prints it" in page
     assert "| C | offset | mm | 4.4 | 2.4 | 1.4 |  | 4.4 |  | 75000 | 1 | met |" in page
     assert "- C, poles touched: one gate only" in page
     assert "![figure 13](figure_13.svg)" in page
     assert len(json.loads((tmp_path / "rows.json").read_text("utf-8"))["rows"]) == 2
+
+
+def test_the_page_begins_with_the_few_that_matter(tmp_path: Path) -> None:
+    rows = [Row("C", "offset", "mm", 1.4, paper=4.4, bar=4.4, is_headline=True), Row("C", "file", "MB", 3.0)]
+    origin = {"command": "trailmark", "started": "2026-11-21T10:00", "trailmark": "1", "cpu": "A"}
+
+    page = write_experiment(tmp_path, "t", "", rows, origin, took_s=1.0).read_text("utf-8")
+    head, _, folded = page.partition("<details")
+
+    assert "| C: offset | mm | 4.4 |  | 1.4 |  | 4.4 | met |" in head
+    assert "file" not in head
+    assert "<summary>All 2 figures</summary>\n\n| experiment | item |" in folded
+    assert "| C | offset | mm | 4.4 |  | 1.4 |  | 4.4 |  | 1 | 1 | met |" in folded
+    assert "| C | file | MB |" in folded
 
 
 def test_a_seed_has_a_place_of_its_own_unless_one_is_asked_for(tmp_path: Path) -> None:

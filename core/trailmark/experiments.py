@@ -38,6 +38,8 @@ class Row:
         What a reader must know of it, such as how the paper measured.
     faithful : float or None
         The same figure of the method as the paper prints it, measured here beside ours.
+    is_headline : bool
+        It is one of the few that a page begins with.
     """
 
     experiment: str
@@ -53,6 +55,7 @@ class Row:
     seeds: int = 1
     note: str = ""
     faithful: float | None = None
+    is_headline: bool = False
 
     @property
     def met(self) -> bool | None:

@@ -12,7 +12,7 @@ import pytest
 
 from trailmark.errors import ConfigError
 from trailmark.estimates import Belief, Fix
-from trailmark.experiments import ExperimentOptions
+from trailmark.experiments import ExperimentOptions, Row
 from trailmark.frames import Frame, Odometry, SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interfaces import FrameSource, Localizer
@@ -20,6 +20,7 @@ from trailmark_papers.kit import (
     FrameKeeper,
     Table,
     Watcher,
+    begin_with,
     collisions_of,
     group_by,
     keyframes_of,
@@ -45,6 +46,15 @@ ROUTE: dict[str, Any] = {"plugin": "sim", "world": "street", "sensors": ["wheels
 
 def difference(a: float, b: float) -> float:
     return a - b
+
+
+def test_headlines_are_the_named_rows_however_far_a_version_drives() -> None:
+    rows = [Row("3 m", "ours: rms", "m", 1.0), Row("0.9 m", "ours: rms", "m", 1.0), Row("3 m", "theirs: rms", "m", 1.0)]
+
+    found = begin_with(rows, "* m: ours: *")
+
+    assert [row.is_headline for row in found] == [True, True, False]
+    assert [row.item for row in found] == [row.item for row in rows]
 
 
 def test_rows_of_a_table_share_name_samples_and_seeds() -> None:

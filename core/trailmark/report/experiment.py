@@ -13,7 +13,15 @@ __all__ = ["write_experiment"]
 
 _HEADER = ("experiment", "item", "unit", "paper", "faithful", "ours", "±", "bar", "stretch", "n", "seeds", "")
 _RIGHT = range(2, 11)
-_FAITHFUL = "`faithful` is the method as the paper prints it, run here; `ours` is the default."
+_FEW = ("in short", "unit", "paper", "faithful", "ours", "±", "bar", "")
+_COLUMNS = (
+    "`±` is one standard deviation over seeds or places; `n` counts samples, or places where a figure is of several: "
+    "then one that says largest, max or worst is the worst of them, any other their mean."
+)
+_FAITHFUL = (
+    "`faithful` is the method as the paper prints it, run here; `ours` is the default. It is empty where the paper has "
+    "no such method (variants of ours, peers, timings of our parts), and where the printed method was not driven."
+)
 
 
 def write_experiment(
@@ -46,23 +54,43 @@ def write_experiment(
 def _lines(
     folder: Path, title: str, reference: str, rows: Sequence[Row], provenance: dict[str, Any], took_s: float
 ) -> list[str]:
-    judged = [row.met for row in rows if row.met is not None]
-    return [
+    head = [
         f"# {title}",
         "",
         *([f"Paper: {reference}", ""] if reference else []),
         f"`{_command(provenance['command'])}`, {provenance['started'][:10]}, trailmark {provenance['trailmark']}, "
         f"{took_s / 60:.1f} min on {provenance['cpu']}.",
         *([f"All drives in one place, `world_seed` {provenance['place']}."] if "place" in provenance else []),
-        f"{sum(judged)} of {len(judged)} bars are met.",
+        *_verdict(rows),
+        *([_COLUMNS] if any(row.spread is not None for row in rows) else []),
         *([_FAITHFUL] if any(row.faithful is not None for row in rows) else []),
-        "",
-        "| " + " | ".join(_HEADER) + " |",
-        "|" + "|".join("--:" if column in _RIGHT else "---" for column in range(len(_HEADER))) + "|",
-        *(_row(row) for row in rows),
-        *_notes(rows),
-        *_pictures(folder),
     ]
+    table = [_line(_HEADER), _rule(_HEADER, _RIGHT), *(_row(row) for row in rows)]
+    few = [row for row in rows if row.is_headline]
+    if few:
+        head += ["", _line(_FEW), _rule(_FEW, range(2, 7)), *(_few_row(row) for row in few)]
+        table = _folded(f"All {len(rows)} figures", table)
+    notes = [f"- {row.experiment}, {row.item}: {row.note}" for row in rows if row.note]
+    folded = _folded("How each was measured, and in each place", notes) if notes else []
+    return [*head, "", *table, *([""] if notes else []), *folded, *_pictures(folder)]
+
+
+def _verdict(rows: Sequence[Row]) -> list[str]:
+    """Return how many bars are met, and by name those that are not."""
+    judged = [row for row in rows if row.met is not None]
+    missed = [
+        f"- {row.experiment}, {row.item}: {_number(row.ours) or 'not measured'} {row.unit}".rstrip()
+        + f", asked for {_number(row.bar)}"
+        for row in judged
+        if not row.met
+    ]
+    count = f"{len(judged) - len(missed)} of {len(judged)} bars are met"
+    return [f"{count}. Missed:", "", *missed, ""] if missed else [f"{count}."]
+
+
+def _folded(summary: str, lines: Sequence[str]) -> list[str]:
+    """Return lines of Markdown that a reader unfolds; GitHub and MkDocs (`md_in_html`) both show them."""
+    return ['<details markdown="1">', f"<summary>{summary}</summary>", "", *lines, "", "</details>"]
 
 
 def _command(command: str) -> str:
@@ -73,17 +101,28 @@ def _command(command: str) -> str:
 
 def _row(row: Row) -> str:
     numbers = [_number(value) for value in (row.paper, row.faithful, row.ours, row.spread, row.bar, row.stretch)]
-    verdict = {True: "met", False: "**not met**", None: ""}[row.met]
-    return "| " + " | ".join([row.experiment, row.item, row.unit, *numbers, str(row.n), str(row.seeds), verdict]) + " |"
+    return _line([row.experiment, row.item, row.unit, *numbers, str(row.n), str(row.seeds), _mark(row)])
+
+
+def _few_row(row: Row) -> str:
+    numbers = [_number(value) for value in (row.paper, row.faithful, row.ours, row.spread, row.bar)]
+    return _line([f"{row.experiment}: {row.item}", row.unit, *numbers, _mark(row)])
+
+
+def _mark(row: Row) -> str:
+    return {True: "met", False: "**not met**", None: ""}[row.met]
+
+
+def _line(cells: Sequence[str]) -> str:
+    return "| " + " | ".join(cells) + " |"
+
+
+def _rule(header: Sequence[str], right: range) -> str:
+    return "|" + "|".join("--:" if column in right else "---" for column in range(len(header))) + "|"
 
 
 def _number(value: float | None) -> str:
     return "" if value is None else f"{value:.3g}"
-
-
-def _notes(rows: Sequence[Row]) -> list[str]:
-    notes = [f"- {row.experiment}, {row.item}: {row.note}" for row in rows if row.note]
-    return ["", *notes] if notes else []
 
 
 def _pictures(folder: Path) -> list[str]:

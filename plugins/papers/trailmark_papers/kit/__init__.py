@@ -12,7 +12,7 @@ from trailmark_papers.kit.places import Trial, over_places
 from trailmark_papers.kit.runs import OnStep, collisions_of, run_config, sim_source, started_source, truth_of, world_of
 from trailmark_papers.kit.stores import arrays_of, keyframes_of, path_of
 from trailmark_papers.kit.sweeps import group_by, sweep
-from trailmark_papers.kit.tables import Table, beside_faithful
+from trailmark_papers.kit.tables import Table, begin_with, beside_faithful
 from trailmark_papers.kit.watching import Watcher, observe_timed, show
 
 __all__ = [
@@ -23,6 +23,7 @@ __all__ = [
     "Trial",
     "Watcher",
     "arrays_of",
+    "begin_with",
     "beside_faithful",
     "collisions_of",
     "group_by",

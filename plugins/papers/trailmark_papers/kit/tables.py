@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from fnmatch import fnmatchcase
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from trailmark.arrays import Bools, Floats
 from trailmark.experiments import Row
 
-__all__ = ["Table", "beside_faithful"]
+__all__ = ["Table", "begin_with", "beside_faithful"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,3 +61,19 @@ def beside_faithful(ours: Iterable[Row], faithful: Iterable[Row]) -> list[Row]:
     """
     found = {(row.item, row.unit): row.ours for row in faithful}
     return [replace(row, faithful=found.get((row.item, row.unit))) for row in ours]
+
+
+def begin_with(rows: Iterable[Row], *headlines: str) -> list[Row]:
+    """Return rows of which those that are named begin the page.
+
+    Parameters
+    ----------
+    rows : iterable of Row
+        All of a paper.
+    *headlines : str
+        ``experiment: item``, where ``*`` stands for any words: a short version drives less far.
+    """
+    return [
+        replace(row, is_headline=any(fnmatchcase(f"{row.experiment}: {row.item}", name) for name in headlines))
+        for row in rows
+    ]

@@ -5,11 +5,25 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from trailmark.experiments import ExperimentOptions, Row
-from trailmark_papers.kit import over_places
+from trailmark_papers.kit import begin_with, over_places
 
 __all__ = ["perroni2014"]
 
 _N_PLACES = 5
+#: The figures by which the paper is judged.
+_HEADLINES = (
+    "Fig. 3 street, *5 deg: streams: mean less the true mean, worst drive",
+    "Fig. 3 street, *5 deg: streams: error of an answer, mean absolute",
+    "Fig. 4 corridor, *5 deg: streams: mean less the true mean, worst drive",
+    "Fig. 4 corridor, *5 deg: streams: error of an answer, mean absolute",
+    "Fig. 4 corridor, *5 deg: streams: sign right, *",
+    "*, overexposed *: streams: error of an answer, mean absolute",
+    "Fig. 5 *, 10 m: ?5 deg: came back to the path",
+    "Fig. 5 *, 10 m: ?5 deg: offset at the end, max",
+    "Fig. 5 street, the paper's steering: as printed: *",
+    "correspondence, street, *: distance*: offset at the end when it steers, max",
+    "time per picture, *: change vector and shift, one core",
+)
 
 
 def perroni2014(options: ExperimentOptions) -> Sequence[Row]:
@@ -25,4 +39,5 @@ def perroni2014(options: ExperimentOptions) -> Sequence[Row]:
 
     driven = (closed_loop_rows, own_steering_rows, corner_rows, correspondence_rows)
     parts = (likelihood_rows, clutter_rows, offline_rows, *driven)
-    return frame_time_rows(options) + [row for part in parts for row in over_places(options, part, _N_PLACES)]
+    driven_rows = [row for part in parts for row in over_places(options, part, _N_PLACES)]
+    return begin_with([*frame_time_rows(options), *driven_rows], *_HEADLINES)

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from trailmark.experiments import ExperimentOptions, Row
-from trailmark_papers.kit import over_places
+from trailmark_papers.kit import begin_with, over_places
 from trailmark_papers.toth2015.disturbances import disturbance_plans, disturbance_rows, draw_disturbances
 from trailmark_papers.toth2015.drives import drive
+from trailmark_papers.toth2015.light import light_plans, light_rows
 from trailmark_papers.toth2015.places import draw_places, place_plans, place_rows
 from trailmark_papers.toth2015.registration import registration_plans, registration_rows
 from trailmark_papers.toth2015.speeds import speed_plans, speed_rows
@@ -16,17 +17,33 @@ from trailmark_papers.toth2015.stage_pictures import draw_stages
 __all__ = ["toth2015"]
 
 _N_PLACES = 5
+#: The figures by which the paper is judged.
+_HEADLINES = (
+    "*, * m: landmarks: p*",
+    "laboratory, * m: two landmarks, one in reserve: p*",
+    "*, rate: landmarks",
+    "laboratory, 0.3 m/s at 2 fps: landmarks: position, rms",
+    "laboratory, 1 m/s *: landmarks: position, rms",
+    "laboratory, * m: fuzzy control, *: position, rms",
+    "laboratory, rate: fuzzy control, *",
+    "* a landmark walks away: landmarks: largest jump",
+    "*, people cross: landmarks: largest jump",
+    "laboratory, lamps to 20 %, fixed exposure: by colours, *: position, rms",
+    "laboratory, half of the view black, *: by colours, *: position, rms",
+    "laboratory, depth not registered: *: position, rms",
+)
 _PARTS = (
     (place_plans, place_rows),
     (speed_plans, speed_rows),
     (disturbance_plans, disturbance_rows),
+    (light_plans, light_rows),
     (registration_plans, registration_rows),
 )
 
 
 def toth2015(options: ExperimentOptions) -> Sequence[Row]:
     """Repeat what Toth et al. 2015 report, and what they leave open."""
-    return over_places(options, _rows_of_place, _N_PLACES)
+    return begin_with(over_places(options, _rows_of_place, _N_PLACES), *_HEADLINES)
 
 
 def _rows_of_place(options: ExperimentOptions) -> list[Row]:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from trailmark.arrays import Floats
 from trailmark.estimates import Belief, Estimate, Fix, Motion
-from trailmark.frames import RGBD, Frame
+from trailmark.frames import RGBD, Frame, Scalar
 from trailmark.geometry import Pose2
 from trailmark.interfaces import FrameSource, Localizer, Session
 from trailmark_papers.kit import Table, Watcher, observe_timed, rms, show, sim_source, spread_of, started_source
@@ -29,6 +29,7 @@ __all__ = [
     "DriveOutcome",
     "Driven",
     "Plan",
+    "covered",
     "drive",
     "error_rows",
 ]
@@ -54,6 +55,7 @@ FAITHFUL_FLOW: Method = {"plugin": "kinect_flow", "preset": "paper", "crop": CRO
 ORB: Method = {"plugin": "orb_rgbd", "far_m": 6.0}
 
 _CAMERA = "rgbd"
+_BLACK = 8  # grey level of something dark
 #: What is asked of positions, and what would be better still [m]; few landmarks are asked for less.
 _POSITION_M, _POSITION_OF_FEW_M = (0.03, 0.01), (0.05, 0.02)
 
@@ -71,7 +73,8 @@ class Plan:
     seed : int
         Of noise, people, and of what the localizers draw.
     methods : mapping of str to mapping
-        Localizers by the name in the rows; their keys as in a config.
+        Localizers by the name in the rows; their keys as in a config, and ``light: same`` for a sensor of light that
+        says the same whatever happens: nothing is made up for then.
     options : mapping
         Of the world.
     route, speed_mps, length_m : str, float, float
@@ -80,6 +83,8 @@ class Plan:
         Of the camera [Hz].
     world_seed : int
         Which of the worlds of that kind.
+    covered_s : float
+        From then on half of every picture is black and has no depth [s].
     """
 
     name: str
@@ -92,6 +97,7 @@ class Plan:
     length_m: float = 3.0
     rate_hz: float = 10.0
     world_seed: int = 1
+    covered_s: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -149,13 +155,23 @@ def drive(plan: Plan) -> Driven:
 
     cv2.setNumThreads(1)
     with started_source(_source(plan), plan.seed) as source:
-        watchers = {name: _LocalizerDrive(source, method, plan.seed) for name, method in plan.methods.items()}
+        watchers = {name: _LocalizerDrive(source, method, plan) for name, method in plan.methods.items()}
         truth = show(source, watchers.values(), RGBD)
         ways = source.ground_truth()
     assert ways is not None
     start = Pose2.from_array(ways.poses[0])
     true = {stamp_s: start.between(pose) for stamp_s, pose in truth}
     return Driven(plan, {name: watcher.outcome(true) for name, watcher in watchers.items()})
+
+
+def covered(frame: Frame) -> Frame:
+    """Return a picture of which the left half is black, as by a thing close before the camera: too near for depth."""
+    if not isinstance(frame.payload, RGBD):
+        return frame
+    bgr, depth_m = frame.payload.bgr.copy(), frame.payload.depth_m.copy()
+    half = bgr.shape[1] // 2
+    bgr[:, :half], depth_m[:, :half] = _BLACK, np.nan
+    return replace(frame, payload=RGBD(bgr, depth_m))
 
 
 def _source(plan: Plan) -> dict[str, Any]:
@@ -176,17 +192,19 @@ def _source(plan: Plan) -> dict[str, Any]:
 class _LocalizerDrive(Watcher):
     """One localizer that believes itself alone, and what it said."""
 
-    def __init__(self, source: FrameSource, method: Method, seed: int) -> None:
+    def __init__(self, source: FrameSource, method: Method, plan: Plan) -> None:
         from trailmark.api import create
 
+        self._covered_s, self._is_same_light = plan.covered_s, method.get("light") == "same"
         keys = {key: value for key, value in method.items() if key != "plugin"}
+        keys |= {"light": "light"} if self._is_same_light else {}
         self._localizer: Localizer = create("localizer", method["plugin"], camera=_CAMERA, **keys)
         self._sensors = {_CAMERA, keys.get("light"), keys.get("scan")}
         self._localizer.start(
             Session(
                 sensors=source.sensors,
                 start_pose=Pose2(),
-                rng=np.random.default_rng(seed),
+                rng=np.random.default_rng(plan.seed),
                 mode="track",
                 # As a run in step pace: by the localizer's own model, so that what it chooses does not hang on the
                 # machine.
@@ -202,6 +220,10 @@ class _LocalizerDrive(Watcher):
         """Answer a frame of one of its sensors."""
         if frame.sensor not in self._sensors:
             return
+        if self._is_same_light and isinstance(frame.payload, Scalar):
+            frame = replace(frame, payload=Scalar(1.0))
+        if frame.stamp_s >= self._covered_s:
+            frame = covered(frame)
         answers, took_ms = observe_timed(self._localizer, frame, Belief(frame.stamp_s, self._pose))
         if isinstance(frame.payload, RGBD):
             self._times_ms.append(took_ms)
