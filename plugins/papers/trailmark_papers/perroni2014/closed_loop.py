@@ -78,7 +78,7 @@ def _rows_of(
         rows += beside_faithful(_rows_of_angle(name, case.turned_deg, ways[case]), as_printed)
     for peer in ("learned gain", *PEERS):
         of_peer = [way for case, several in ways.items() if case.driver == peer for way in several]
-        rows += [_share_row(name, f"{peer}, +-5 deg", of_peer, None)] if of_peer else []
+        rows += _rows_of_peer(name, f"{peer}, +-5 deg", of_peer) if of_peer else []
     return rows
 
 
@@ -102,6 +102,13 @@ def _rows_of_angle(name: str, angle_deg: float, ways: Sequence[Deviation]) -> li
     table.add(f"{said}: heading at the end, max", "deg", max(w.end_deg for w in ways), bar=_END_DEG)
     table.add(f"{said}: growth after 2 m, max", "m", max(w.growth_m for w in ways), bar=_GROWTH_M)
     return [_share_row(name, said, ways, 95.0), *table]
+
+
+def _rows_of_peer(name: str, said: str, ways: Sequence[Deviation]) -> list[Row]:
+    """Return how often another one came back, and how far it stayed off: who comes back each time differs in that."""
+    table = Table(name, len(ways), len(ways))
+    table.add(f"{said}: offset at the end, max", "m", max(way.end_m for way in ways))
+    return [_share_row(name, said, ways, None), *table]
 
 
 def _share_row(name: str, said: str, ways: Sequence[Deviation], bar: float | None) -> Row:
