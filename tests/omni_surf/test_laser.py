@@ -25,6 +25,7 @@ from trailmark_omni_surf.laser.config import LaserIcpConfig
 from trailmark_omni_surf.laser.kernels import truncated_cost
 from trailmark_omni_surf.laser.localizer import LaserIcp
 from trailmark_omni_surf.laser.matching import ScanMatch
+from trailmark_omni_surf.laser.told_fit import told_fit
 
 Points = npt.NDArray[np.float64]
 WALLS = (  # an L-shaped room with a pillar: x1 y1 x2 y2
@@ -411,3 +412,16 @@ def test_real_scans_are_found_from_sixty_centimetres_and_ten_degrees_and_fit_to_
     distance_m, heading_rad = np.median(found, axis=0)
     assert distance_m <= 0.022
     assert heading_rad <= math.radians(0.5)
+
+
+def test_a_pose_beside_a_corridor_is_held_along_it_at_what_was_guessed() -> None:
+    corridor = ((-50.0, 0.0, 50.0, 0.0), (-50.0, 2.0, 50.0, 2.0))
+    scan = Scan(ranges_at(Pose2(0.0, 1.0, 0.0), walls=corridor), 0.0, 2 * math.pi / 360, 0.05, 10.0)
+    points = scan.points()[np.hypot(*scan.points().T) < 4.0]
+    scan_map = ScanMap.from_scans([points] * 5, [Pose2(float(x), 1.0, 0.0) for x in range(-4, 6, 2)])
+
+    match = told_fit(scan_map, points, pose=Pose2(1.5, 1.0, 0.0), guess=Pose2(0.2, 1.03, 0.01))
+
+    assert match.pose_map_base.x == pytest.approx(0.2, abs=0.02)
+    assert match.pose_map_base.y == pytest.approx(1.0, abs=0.005)
+    assert match.pose_map_base.theta == pytest.approx(0.0, abs=0.003)

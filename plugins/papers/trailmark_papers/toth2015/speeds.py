@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 from trailmark.experiments import ExperimentOptions, Row
 from trailmark_papers.kit import beside_faithful
@@ -13,6 +14,7 @@ from trailmark_papers.toth2015.drives import (
     TWO_NAME,
     UNREGISTERED,
     Driven,
+    Method,
     Plan,
     error_rows,
 )
@@ -29,30 +31,41 @@ _DRIVES = (
     (0.6, 3.0, 4.0),
 )
 _PAPER_MPS = 0.3
+_METHODS: Mapping[str, Method] = {"landmarks": LANDMARKS, TWO_NAME: TWO_AND_RESERVE}
 _PRINTED = "speed, as printed"
 _QUICK = ((1.0, 1.5, 15.0),)
 
 
+class _Drive(NamedTuple):
+    """How fast [m/s], how far [m], how many pictures a second, by whom, with which options of the world."""
+
+    speed_mps: float
+    length_m: float
+    rate_hz: float
+    name: str
+    methods: Mapping[str, Method]
+    options: Mapping[str, Any] = {}
+
+
 def speed_plans(options: ExperimentOptions) -> list[Plan]:
     """Return drives through the laboratory, at several speeds and rates."""
-    methods = {"landmarks": LANDMARKS, TWO_NAME: TWO_AND_RESERVE}
-    drives = [("speed", methods, {}, drive) for drive in (_QUICK if options.quick else _DRIVES)]
+    drives = [_Drive(*drive, "speed", _METHODS) for drive in (_QUICK if options.quick else _DRIVES)]
     # Of the speed the paper speaks at up to 0.3 m/s, by its own method.
     slow = [] if options.quick else [drive for drive in _DRIVES if drive[0] <= _PAPER_MPS]
-    drives += [(_PRINTED, {"landmarks": FAITHFUL}, UNREGISTERED, drive) for drive in slow]
+    drives += [_Drive(*drive, _PRINTED, {"landmarks": FAITHFUL}, UNREGISTERED) for drive in slow]
     return [
         Plan(
-            name,
+            drive.name,
             "lab",
             options.seed,
-            used,
-            given,
-            speed_mps=speed_mps,
-            length_m=length_m,
-            rate_hz=rate_hz,
+            drive.methods,
+            drive.options,
+            speed_mps=drive.speed_mps,
+            length_m=drive.length_m,
+            rate_hz=drive.rate_hz,
             world_seed=options.world_seed,
         )
-        for name, used, given, (speed_mps, length_m, rate_hz) in drives
+        for drive in drives
     ]
 
 
