@@ -52,12 +52,14 @@ def moved_to(state: FilterState, source: str, since_s: float, after: Gaussian) -
     moved = state.rejections.moved
     here, there = (Pose2(*one.x[:3].tolist()) for one in (state.gaussian, after))
     before = here if moved is None else moved.shift @ here
+    covariance = state.gaussian.covariance[:3, :3] if moved is None else _carried(moved, before)
     away = before.array() - after.x[:3]
     away[2] = wrap_angle(float(away[2]))
     spread = state.gaussian.covariance[:3, :3] + after.covariance[:3, :3]
     if moved is not None and float(away @ np.linalg.solve(spread, away)) < threshold(_SAME, 3):
         return None
-    return MovedBelief(source, since_s if moved is None else moved.since_s, before @ there.inverse())
+    since_s = since_s if moved is None else moved.since_s
+    return MovedBelief(source, since_s, before @ there.inverse(), before, covariance)
 
 
 def still_moved(state: FilterState, measurement: Measurement) -> MovedBelief | None:
@@ -78,9 +80,10 @@ def covariance_of_moved(state: FilterState, gaussian: Gaussian) -> Floats:
     share, moved = _share(state), state.rejections.moved
     if moved is None or share == 0.0:
         return _NOTHING
-    away = (moved.shift @ Pose2(*gaussian.x[:3].tolist())).array() - gaussian.x[:3]
+    before = moved.shift @ Pose2(*gaussian.x[:3].tolist())
+    away = before.array() - gaussian.x[:3]
     away[2] = wrap_angle(float(away[2]))
-    return np.asarray(share * np.outer(away, away))
+    return np.asarray(share * (np.outer(away, away) + _carried(moved, before)))
 
 
 def source_of_moved(state: FilterState) -> str | None:
@@ -100,6 +103,13 @@ def reason_of_moved(state: FilterState) -> str:
         f"the belief follows its absolute estimates, {way_m:.3f} m and {math.degrees(turn_rad):.1f} deg from where"
         " motion led it: nothing has decided who is right, and the belief covers both"
     )
+
+
+def _carried(moved: MovedBelief, before: Pose2) -> Floats:
+    """Return the covariance of the place before the move, (3, 3): its heading was as uncertain on the way since."""
+    lever = np.eye(3)
+    lever[:2, 2] = moved.pose.y - before.y, before.x - moved.pose.x
+    return np.asarray(lever @ moved.covariance @ lever.T)
 
 
 def _share(state: FilterState) -> float:

@@ -203,11 +203,17 @@ class MovedBelief:
         The instant of the first of them [s].
     shift : Pose2
         ``pose_map_base`` where motion had led base is ``shift @ pose_map_base`` of the belief.
+    pose : Pose2
+        Where motion had led base then.
+    covariance : (3, 3) float64
+        Of `pose`.
     """
 
     source: str
     since_s: float
     shift: Pose2
+    pose: Pose2
+    covariance: Floats
 
 
 @quick_dataclass(frozen=True, slots=True, eq=False)
