@@ -22,8 +22,8 @@ __all__ = ["SourceMonitor", "health_of"]
 _REFUSED_OFTEN = 3
 # No sensor observes twice within this [s].
 _MOMENT_S = 0.005
-# So many standard deviations are no motion.
-_AT_REST = 3.0
+# What turns on the spot goes as far as its wheels [m].
+_LEVER_M = 0.3
 # A question that absolute estimates decide, or a third motion, is decided sooner [s].
 _UNDECIDED_S = 2.0
 # Less probable hypotheses accuse nobody.
@@ -91,12 +91,11 @@ class SourceMonitor:
         return max(self.fix_certainty.n_in_a_row, self.motion_certainty.n_in_a_row) >= _REFUSED_OFTEN
 
     def believed_of_motion(self, motion: Motion, information: Sym3) -> Sym3:
-        """Return the information of a motion as it is believed: at rest there is less to be uncertain of."""
-        xx, _, _, yy, _, tt = information
+        """Return the information of a motion as it is believed: of a short one there is less to be uncertain of."""
         step = motion.pose_since_now
-        way, turn = math.hypot(step.x, step.y) * math.sqrt(max(xx, yy)), abs(step.theta) * math.sqrt(tt)
-        is_at_rest = max(way, turn) < _AT_REST
-        return self.motion_certainty.believed(information, motion.stamp_s, is_at_rest=is_at_rest)
+        way_m = math.hypot(step.x, step.y)
+        lengths = way_m, way_m + _LEVER_M * abs(step.theta)
+        return self.motion_certainty.believed(information, motion.stamp_s, lengths)
 
     def record_refusal(self, reason: str) -> None:
         """Count an estimate that was refused."""

@@ -1,4 +1,4 @@
-"""What motion is off by without averaging out: a scale of the way, a mounting askew, a scale of the turn, a yaw drift.
+"""What motion is off by without averaging out: shares of the way and of the turn, and velocities that are not there.
 
 A localizer states the noise of its motion. Pixels that are 1 % larger than believed, or wheels, are 1 % of the way in
 every step to the same side, and nobody states them; a belief that adds up stated covariances alone is surer with every
@@ -11,6 +11,7 @@ believes, and how it weighs, is as without them. How large they are is a prior, 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from operator import add
 from typing import TYPE_CHECKING, NamedTuple
@@ -35,13 +36,15 @@ __all__ = [
     "turn_columns",
 ]
 
-#: How the pose changes with each error: (x, y, theta) by a share of the way along it, by one aside, by a share of the
-#: turn, and by a yaw rate while base moves [m, m, rad, or per second].
-Columns = tuple[float, float, float, float, float, float, float, float, float, float, float, float]
-UNAFFECTED: Columns = (0.0,) * 12
+#: How the pose changes with each error, three numbers (x, y, theta) for each in the order of `LastingVariances`
+#: [m, m, rad, or per metre or radian a second].
+Columns = tuple[float, ...]
+UNAFFECTED: Columns = (0.0,) * 18
 
 # Slower than this base stands: what drifts with its motion drifts no more [m/s, rad/s].
 _AT_REST_MPS, _AT_REST_RADPS = 0.005, 0.005
+# From this variance of a heading on an arc is no straight line [rad^2].
+_MUCH_RAD2 = 1e-3
 
 
 class LastingVariances(NamedTuple):
@@ -55,12 +58,17 @@ class LastingVariances(NamedTuple):
         Share of the turn.
     drift : float
         Of a yaw rate while base moves [rad^2/s^2].
+    ahead, left : float
+        Of a velocity in the direction of the heading, and to its left, while base moves: it stays as it is when the
+        robot turns back, and a share of the way does not [m^2/s^2].
     """
 
     along: float = 0.0
     aside: float = 0.0
     turn: float = 0.0
     drift: float = 0.0
+    ahead: float = 0.0
+    left: float = 0.0
 
     def plus(self, others: LastingVariances) -> LastingVariances:
         """Return the sums."""
@@ -106,20 +114,29 @@ class LastingPrior(NamedTuple):
         return parting.plus(LastingVariances(along=0.0 if is_estimated else self.variance, turn=self.variance))
 
 
-def carry_columns(columns: Columns, dx: float, dy: float, turn: float, dt_s: float) -> Columns:
+def carry_columns(
+    columns: Columns, way: tuple[float, float], heading: tuple[float, float], turn: float, dt_s: float
+) -> Columns:
     """Return how the pose changes with each error after a step.
 
     Parameters
     ----------
-    columns : tuple of 12 float
+    columns : tuple of 18 float
         Before it.
-    dx, dy, turn : float
-        The step, in axes of the map [m, m, rad].
+    way : (float, float)
+        The step, in axes of the map [m].
+    heading : (float, float)
+        Cosine and sine of the heading.
+    turn : float
+        The turn of the step [rad].
     dt_s : float
         Its length [s].
     """
-    ax, ay, at, lx, ly, lt, tx, ty, tt, rx, ry, rt = columns
+    ax, ay, at, lx, ly, lt, tx, ty, tt, rx, ry, rt, fx, fy, ft, sx, sy, st = columns
+    dx, dy = way
     moves = dx * dx + dy * dy > (_AT_REST_MPS * dt_s) ** 2 or abs(turn) > _AT_REST_RADPS * dt_s
+    moved_s = dt_s if moves else 0.0
+    ahead_x, ahead_y = moved_s * heading[0], moved_s * heading[1]
     return (
         ax + dx - dy * at,
         ay + dy + dx * at,
@@ -132,48 +149,43 @@ def carry_columns(columns: Columns, dx: float, dy: float, turn: float, dt_s: flo
         tt + turn,
         rx - dy * rt,
         ry + dx * rt,
-        rt + dt_s if moves else rt,
+        rt + moved_s,
+        fx + ahead_x - dy * ft,
+        fy + ahead_y + dx * ft,
+        ft,
+        sx - ahead_y - dy * st,
+        sy + ahead_x + dx * st,
+        st,
     )
 
 
 def correct_columns(columns: Columns, gain: Floats) -> Columns:
     """Return how the pose changes with each error after a correction with a gain in the pose ``K H``, (3, 3)."""
-    (a, b, c), (d, e, f), (g, h, i) = gain.tolist()
-    ax, ay, at, lx, ly, lt, tx, ty, tt, rx, ry, rt = columns
-    return (
-        ax - (a * ax + b * ay + c * at),
-        ay - (d * ax + e * ay + f * at),
-        at - (g * ax + h * ay + i * at),
-        lx - (a * lx + b * ly + c * lt),
-        ly - (d * lx + e * ly + f * lt),
-        lt - (g * lx + h * ly + i * lt),
-        tx - (a * tx + b * ty + c * tt),
-        ty - (d * tx + e * ty + f * tt),
-        tt - (g * tx + h * ty + i * tt),
-        rx - (a * rx + b * ry + c * rt),
-        ry - (d * rx + e * ry + f * rt),
-        rt - (g * rx + h * ry + i * rt),
-    )
+    before = np.array(columns).reshape(-1, 3)
+    return tuple((before - before @ gain.T).ravel().tolist())
 
 
 def turn_columns(columns: Columns, cos: float, sin: float) -> Columns:
     """Return how the pose changes with each error in a map whose axes are turned."""
-    ax, ay, at, lx, ly, lt, tx, ty, tt, rx, ry, rt = columns
-    return (
-        *(cos * ax - sin * ay, sin * ax + cos * ay, at),
-        *(cos * lx - sin * ly, sin * lx + cos * ly, lt),
-        *(cos * tx - sin * ty, sin * tx + cos * ty, tt),
-        *(cos * rx - sin * ry, sin * rx + cos * ry, rt),
-    )
+    turning = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    return tuple((np.array(columns).reshape(-1, 3) @ turning.T).ravel().tolist())
 
 
 def lasting_covariance(columns: Columns, variances: LastingVariances) -> Floats:
-    """Return what the errors that last add to the covariance of the pose, (3, 3)."""
+    """Return what the errors that last add to the covariance of the pose, (3, 3).
+
+    A heading that is wrong by much moves base on an arc: what that is off the tangent is added.
+    """
     xx = xy = xt = yy = yt = tt = 0.0
-    for k, variance in zip((0, 3, 6, 9), variances):
+    for k, variance in zip(range(0, 18, 3), variances):
         if variance:
             x, y, theta = columns[k : k + 3]
             of_x, of_y = variance * x, variance * y
             xx, xy, xt = xx + of_x * x, xy + of_x * y, xt + of_x * theta
-            yy, yt, tt = yy + of_y * y, yt + of_y * theta, tt + variance * theta * theta
+            turn2 = variance * theta * theta
+            yy, yt, tt = yy + of_y * y, yt + of_y * theta, tt + turn2
+            if turn2 > _MUCH_RAD2:
+                # the lever is (y, -x) / theta; the mean square of 1 - cos of a normal angle
+                off = (1.5 - 2.0 * math.exp(-0.5 * turn2) + 0.5 * math.exp(-2.0 * turn2)) / turn2
+                xx, xy, yy = xx + off * of_y * y, xy - off * of_x * y, yy + off * of_x * x
     return np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]])

@@ -215,8 +215,8 @@ class Prediction:
         gaussian = None
         if before is not None:
             dt_s = stamp_s - state.stamp_s
-            motion, (dx, dy) = self._motion_of(before.x, step, dt_s, piece.columns, piece.velocity_held_s)
-            lasting = carry_columns(before.lasting, dx, dy, step.turn, dt_s)
+            motion, way, heading = self._motion_of(before.x, step, dt_s, piece.columns, piece.velocity_held_s)
+            lasting = carry_columns(before.lasting, way, heading, step.turn, dt_s)
             gaussian = Gaussian(*self._filter.predict(before.x, before.covariance, motion), lasting)
         twist = step.twist
         speed_mps = math.hypot(twist.forward_mps, twist.left_mps)
@@ -241,8 +241,8 @@ class Prediction:
 
     def _motion_of(
         self, x: Floats, step: MotionStep, dt_s: float, columns: Floats | None, held_s: float
-    ) -> tuple[PredictedMotion, tuple[float, float]]:
-        """Return a step as the filters need it, and its way in the map [m]."""
+    ) -> tuple[PredictedMotion, tuple[float, float], tuple[float, float]]:
+        """Return a step as the filters need it, its way in the map [m], and cosine and sine of the heading before."""
         numbers = x.tolist()
         px, py, theta = numbers[:3]
         cos, sin = math.cos(theta), math.sin(theta)
@@ -253,7 +253,7 @@ class Prediction:
         jacobian[0, 2], jacobian[1, 2] = -dy, dx
         noise = to_matrix(congruence(step.covariance, cos, sin, 0.0, 0.0))
         if len(numbers) == 3:
-            return PredictedMotion(moved, jacobian, noise, (step.x, step.y, step.turn)), (dx, dy)
+            return PredictedMotion(moved, jacobian, noise, (step.x, step.y, step.turn)), (dx, dy), (cos, sin)
         turned = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
         whole, spread = np.eye(len(x)), np.zeros((len(x), len(x)))
         whole[:3, :3], spread[:3, :3] = jacobian, noise
@@ -262,7 +262,7 @@ class Prediction:
         if self._velocity is not None:
             self._velocity.carry(moved, whole, spread, turned, dt_s, held_s)
         self._common.wander(spread, dt_s)
-        return PredictedMotion(moved, whole, spread, (step.x, step.y, step.turn)), (dx, dy)
+        return PredictedMotion(moved, whole, spread, (step.x, step.y, step.turn)), (dx, dy), (cos, sin)
 
 
 def _added(
