@@ -88,6 +88,7 @@ class Estimate(NamedTuple):
 
 
 def best_estimate(difference: SteadyDifference) -> Estimate | None:
+    """Return the estimate that counts most, of late, of long ago or of all; None of too few windows."""
     best = None
     for half, (value, sigma) in zip(_HALVES, difference.estimates()):
         fourth = (value / (half * sigma + _NO_SCATTER)) ** 4
