@@ -33,6 +33,8 @@ _WINDOW_S, _LONGEST_S = 0.25 - 1e-6, 2.0 + 1e-6
 _LEAST_WAY_M, _LEAST_TURN_RAD = 0.004, 0.01
 # Of two explanations the one that fits so much worse than the other is none.
 _FITS = 0.7
+# An absolute estimate of a whole pose says for so long that motions hide nothing [s].
+_PLACED_S = 8.0
 
 _NO_DIFFERENCE = SteadyDifference()
 
@@ -139,13 +141,20 @@ def _compared(after: Parting, before: Parting, sources: Collection[str], dt_s: f
     return after._replace(differences=differences)
 
 
+def _is_placed(state: FilterState) -> bool:
+    """Return whether whole poses were accepted of late: what motions hide shows in them."""
+    agreed = state.rejections.corroborations.values()
+    return any(state.stamp_s - one.stamp_s <= _PLACED_S and len(one.directions) == 3 for one in agreed)
+
+
 def _weighed(after: Parting, state: FilterState, sources: Collection[str]) -> Parting:
     """Return what the comparisons say of the errors of the belief, and in words."""
     told: dict[str, str] = {}
     columns = UNAFFECTED if state.gaussian is None else state.gaussian.lasting
     # What was wrong stays so as long as it is told. Absolute estimates end nothing here: they correct how the pose
     # changes with these errors, by what they measure.
-    variances = {}
+    variances: dict[str, float] = {}
+    is_placed = _is_placed(state)
     for names in EXPLANATIONS:
         found = {name: Verdict.of(name, after.differences.get(name, {}), sources) for name in names}
         effects = {name: effect_of(columns, name) for name in names}
@@ -154,7 +163,8 @@ def _weighed(after: Parting, state: FilterState, sources: Collection[str]) -> Pa
         explains = max(fits, key=lambda name: found[name].parts * effects[name])
         hides = max(names, key=lambda name: found[name].hidden * effects[name])
         variances[explains] = found[explains].parts
-        variances[hides] = variances.get(hides, 0.0) + found[hides].hidden
+        if not is_placed:
+            variances[hides] = variances.get(hides, 0.0) + found[hides].hidden
         most = max(fits, key=lambda name: found[name].sigmas)
         if found[most].is_told:
             tell(told, found[most], KINDS[most])
