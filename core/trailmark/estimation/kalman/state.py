@@ -95,7 +95,7 @@ class RejectedMeasurement:
         Where motion had carried base.
     measurement : Measurement
         The measurement.
-    lasting : tuple of 12 float
+    lasting : tuple of 18 float
         How the pose that it contradicted changed with the errors of motion that last.
     """
 
@@ -131,7 +131,7 @@ class Gaussian:
         Pose in the map, theta wrapped, and what else the model estimates.
     covariance : (n, n) float64
         Of `x`, were there no errors that last.
-    lasting : tuple of 12 float
+    lasting : tuple of 18 float
         How the pose changes with each of these (`lasting_errors`).
     """
 

@@ -121,7 +121,7 @@ def less_when_unneeded(
 
 def reason_of_way_errors(said: LastingVariances) -> str:
     """Return in words what refused poses have said of motion."""
-    along, aside, turn, drift = (math.sqrt(one) for one in said)
+    along, aside, turn, drift = (math.sqrt(one) for one in said[: len(_USUAL)])
     return (
         f"absolute poses say that motion is off by {100.0 * along:.1f} % of the way, {100.0 * aside:.1f} % aside,"
         f" {100.0 * turn:.1f} % of the turn or {math.degrees(drift):.2f} deg/s: the belief is so much less certain"
@@ -144,5 +144,5 @@ def _carried(away: Floats, then: Pose2, here: Pose2) -> Floats:
 
 
 def _matrix(columns: Columns) -> Floats:
-    """Return how the pose changes with each error, (3, 4)."""
-    return np.array(columns).reshape(4, 3).T
+    """Return how the pose changes with each error of `_USUAL`, (3, 4)."""
+    return np.array(columns[: 3 * len(_USUAL)]).reshape(-1, 3).T
