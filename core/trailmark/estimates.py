@@ -56,7 +56,6 @@ _TINY = 1e-100
 _NO_DETAILS: Mapping[str, float] = MappingProxyType({})
 #: The health of sources of which nothing is to be said, shared by all beliefs of which that is so.
 ALL_HEALTHY: Mapping[str, str] = MappingProxyType({})
-_ORIGIN, _AT_REST = Pose2(), Twist2()
 
 
 def _no_details() -> Mapping[str, float]:
@@ -322,7 +321,7 @@ class EstimateRecord:
         return self.outcome
 
 
-@dataclass(frozen=True, slots=True, eq=False, init=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class Belief:
     """The estimator's pose of the robot, with covariance, twist and ages.
 
@@ -360,33 +359,6 @@ class Belief:
     fix_age_m: float = float("inf")
     motion_age_s: float = float("inf")
     health: Mapping[str, str] = field(default_factory=lambda: ALL_HEALTHY, repr=False)
-
-    def __init__(  # two are made a frame: by hand and by its slots, as `Pose2`, which takes half the time
-        self,
-        stamp_s: float,
-        pose_map_base: Pose2 | None = None,
-        covariance: Floats | None = None,
-        pose_odom_base: Pose2 = _ORIGIN,
-        twist: Twist2 = _AT_REST,
-        travelled_m: float = 0.0,
-        on_path: PathOffset | None = None,
-        fix_age_m: float = math.inf,
-        motion_age_s: float = math.inf,
-        health: Mapping[str, str] = ALL_HEALTHY,
-    ) -> None:
-        _set["stamp_s"](self, stamp_s)
-        _set["pose_map_base"](self, pose_map_base)
-        _set["covariance"](self, covariance)
-        _set["pose_odom_base"](self, pose_odom_base)
-        _set["twist"](self, twist)
-        _set["travelled_m"](self, travelled_m)
-        _set["on_path"](self, on_path)
-        _set["fix_age_m"](self, fix_age_m)
-        _set["motion_age_s"](self, motion_age_s)
-        _set["health"](self, health)
-
-
-_set: dict[str, Any] = {name: vars(Belief)[name].__set__ for name in Belief.__slots__}
 
 
 def __getattr__(name: str) -> Any:
