@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import copy
+import dataclasses
+import json
 import math
+import operator
+import pickle
 from dataclasses import FrozenInstanceError
 
 import numpy as np
@@ -13,6 +18,7 @@ from hypothesis.extra import numpy as hnp
 
 from trailmark.errors import ShapeError
 from trailmark.estimates import (
+    ALL_HEALTHY,
     Applied,
     Belief,
     Fix,
@@ -234,3 +240,20 @@ def test_a_covariance_without_an_inverse_is_refused_without_a_warning(bad: float
         information_from_covariance(np.diag([1.0, 1.0, bad]))
 
     assert not recwarn.list
+
+
+def test_the_health_of_which_nothing_is_to_be_said_is_one_for_all_and_cannot_be_written_to() -> None:
+    belief = Belief(1.0)
+    assert belief.health is ALL_HEALTHY
+    assert pickle.loads(pickle.dumps(belief)).health is ALL_HEALTHY
+    assert copy.deepcopy(belief).health is ALL_HEALTHY
+    assert json.dumps(dataclasses.asdict(belief)["health"]) == "{}"
+    for write in (
+        lambda health: health.__setitem__("wheels", "silent"),
+        lambda health: health.update(wheels="silent"),
+        lambda health: health.setdefault("wheels", "silent"),
+        lambda health: operator.ior(health, {"wheels": "silent"}),
+    ):
+        with pytest.raises(TypeError, match="cannot be written to"):
+            write(belief.health)
+    assert belief.health == {}

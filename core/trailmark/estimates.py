@@ -17,7 +17,7 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -54,8 +54,23 @@ _PLAIN = 1e-9
 _TINY = 1e-100
 
 _NO_DETAILS: Mapping[str, float] = MappingProxyType({})
-#: The health of sources of which nothing is to be said, shared by all beliefs of which that is so.
-ALL_HEALTHY: Mapping[str, str] = MappingProxyType({})
+
+
+class _NothingSaid(dict[str, str]):
+    """The health of sources of which nothing is to be said: one for all beliefs, so nothing can be put into it."""
+
+    __slots__ = ()
+
+    def _refuse(self, *_: Any, **__: Any) -> NoReturn:
+        raise TypeError("the health of a belief cannot be written to")
+
+    __setitem__ = __ior__ = update = setdefault = _refuse
+
+    def __reduce__(self) -> str:
+        return "ALL_HEALTHY"  # pickled and copied as itself
+
+
+ALL_HEALTHY: Mapping[str, str] = _NothingSaid()
 
 
 def _no_details() -> Mapping[str, float]:
