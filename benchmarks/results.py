@@ -12,7 +12,10 @@ copies pictures from it beside the page, with the page's name before theirs.
 
 ``{out}`` in a command is a folder of its own under ``runs/results``. A program that was ended goes on there where it
 was; what was begun with other code is thrown away first. ``{kept}`` is the same folder for programs that know
-themselves what of it still holds: it is never emptied.
+themselves what of it still holds: it is never emptied, and each call of such a program reads all that it depends on.
+
+A program that has measured everything and found what must not be prints a line that begins with ``**Failed:`` and may
+end with a code: its text is put into the page, which counts as old until the line is gone, and ``make`` ends with 1.
 
     python benchmarks/results.py                    # what is older than its code, and how long it takes
     python benchmarks/results.py make               # makes that anew, the quickest first; ends and goes on any time
@@ -20,8 +23,9 @@ themselves what of it still holds: it is never emptied.
     python benchmarks/results.py check --strict     # fails where a page is older than its code
 
 Which code a page depends on is not written down by hand: while a command runs, every file of this checkout that it or
-a child of it reads is noted. ``docs/results/made.json`` keeps a digest of each, without comments, docstrings and
-layout, so that neither better words nor a file that was never read makes a page old.
+a child of it reads is noted, whatever its kind, but for caches and what installers wrote. ``docs/results/made.json``
+keeps a digest of each, of Python without comments, docstrings and layout: neither better words nor a file that was
+never read makes a page old.
 """
 
 from __future__ import annotations
@@ -32,7 +36,6 @@ import json
 import os
 import re
 import shlex
-import shutil
 import subprocess
 import sys
 import time
@@ -41,9 +44,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from results_code import Code, noted_paths, packed, unpacked
+from results_work import Work
 
 TOP = Path(__file__).resolve().parents[1]
 _BLOCK = re.compile(r"<!-- made by: (?P<command>.+?) -->\n(?P<text>.*?)<!-- made: end -->", re.DOTALL)
+_FAILED = re.compile(r"^\*\*Failed:.*$", re.MULTILINE)
 _BY_HAND = re.compile(r"^Written by hand\b", re.MULTILINE)
 #: Time to keep for a page of which nobody knows how long it takes [min].
 _UNKNOWN_MIN = 30.0
@@ -78,6 +83,10 @@ class NotMadeError(Exception):
     """A command failed, or its code changed while it ran; the page stays as it was."""
 
 
+class FailedError(Exception):
+    """A page is made, and says that something has failed."""
+
+
 @dataclass(frozen=True)
 class Block:
     """A part of a page that a program prints."""
@@ -101,53 +110,6 @@ class Made:
     date: str
     minutes: float
     code: Mapping[str, str] = field(default_factory=dict)
-
-
-class Work:
-    """The folder of a block under ``runs/results``, and beside it what was read and how long it took so far.
-
-    Parameters
-    ----------
-    folder : Path
-        Where the command works.
-    command : str
-        Of the block.
-    before : mapping
-        Digests of all code there is.
-    """
-
-    def __init__(self, folder: Path, command: str, before: Mapping[str, str]) -> None:
-        self.folder, self.notes = folder, folder.with_name(folder.name + ".read")
-        self._begun = folder.with_name(folder.name + ".begun.json")
-        known = json.loads(self._begun.read_text(encoding="utf-8")) if self._begun.exists() else {}
-        goes_on = known.get("command") == command and self._is_of(known["code"], before)
-        if not goes_on and "{kept}" not in command:
-            shutil.rmtree(self.folder, ignore_errors=True)
-            shutil.rmtree(self.notes, ignore_errors=True)
-        self.folder.mkdir(parents=True, exist_ok=True)
-        self.notes.mkdir(exist_ok=True)
-        self._document = {"command": command, "minutes": known["minutes"] if goes_on else 0.0, "code": dict(before)}
-        self._since_s = time.monotonic()
-        self.pause()
-
-    @property
-    def minutes(self) -> float:
-        """Time that was spent on it, with what came before it was ended."""
-        return float(self._document["minutes"]) + (time.monotonic() - self._since_s) / 60.0
-
-    def pause(self) -> None:
-        """Note the time: the next one goes on from here."""
-        self._begun.write_text(json.dumps(self._document | {"minutes": self.minutes}), encoding="utf-8")
-
-    def end(self) -> None:
-        """Forget that it was begun: who makes it again begins anew."""
-        self._begun.unlink()
-
-    def _is_of(self, code: Mapping[str, str], before: Mapping[str, str]) -> bool:
-        """Return whether all that was read so far is as it was."""
-        top = self.folder.parents[2]
-        names = Code(top).names(noted_paths(self.notes)) if self.notes.is_dir() else []
-        return all(code.get(name) == before.get(name) for name in names)
 
 
 class Results:
@@ -199,7 +161,7 @@ class Results:
             return f"of {made.commit}, and nobody knows of which files"
         changed = [name for name, digest in made.code.items() if self._code.digest(name) != digest]
         if not changed:
-            return ""
+            return self._failure(block)
         others = f" and {len(changed) - 1} more files" if len(changed) > 1 else ""
         return f"{changed[0]}{others} changed since {made.commit}"
 
@@ -210,6 +172,8 @@ class Results:
         ------
         NotMadeError
             When the command fails, or code changes while it runs; the page stays as it was.
+        FailedError
+            When the page is made, and says that something has failed.
         """
         commit, before = self._commit(), Code(self._top).everything()
         work = Work(self._top / "runs" / "results" / block.name, block.command, before)
@@ -223,15 +187,25 @@ class Results:
         finally:
             work.pause()
         self._code = Code(self._top)
-        read = self._code.read(noted_paths(work.notes))
+        read = self._code.read(noted_paths(work.notes), before)
         if changed := [name for name in read if self._code.digest(name) != before.get(name)]:
             raise NotMadeError(f"{changed[0]} changed while {command} ran")
         self._put(block, text)
-        work.end()
+        said = self._failure(block)
+        if not said:
+            work.end()
         today = dt.datetime.now(dt.UTC).date().isoformat()
         made = Made(block.command, commit, today, round(work.minutes, 1), {name: before[name] for name in read})
         self._note(block.name, made)
+        if said:
+            raise FailedError(said)
         return made
+
+    def _failure(self, block: Block) -> str:
+        """Return the line in which a block says that something has failed; "" where it does not."""
+        found = list(_BLOCK.finditer(block.page.read_text(encoding="utf-8")))[block.index]
+        said = _FAILED.search(found["text"])
+        return said[0] if said else ""
 
     def _taken(self, block: Block, out: Path, names: Sequence[str]) -> str:
         """Return a page that a program wrote into its folder; its pictures are copied."""
@@ -263,7 +237,7 @@ class Results:
             "TRAILMARK_TRACED_NOTES": str(work.notes),
         }
         done = subprocess.run(words, cwd=self._top, env=environment, stdout=subprocess.PIPE, text=True, check=False)
-        if done.returncode:
+        if done.returncode and not _FAILED.search(done.stdout):
             raise NotMadeError(f"{command} ended with code {done.returncode}")
         return done.stdout
 
@@ -320,8 +294,11 @@ def _make(results: Results, blocks: Sequence[Block], hours: float | None) -> dic
         try:
             took_min, ended[block.name] = results.make(block).minutes, ""
             print(f"{block.name}: made in {took_min:g} min", flush=True)
-        except NotMadeError as error:
+        except FailedError as error:
             ended[block.name] = str(error)
+            print(f"{block.name}: made: {error}", flush=True)
+        except (NotMadeError, OSError) as error:
+            ended[block.name] = f"not made: {error}"
             print(f"{block.name}: not made: {error}; it stays as it was", flush=True)
     return ended
 
@@ -337,7 +314,7 @@ def _make_all(results: Results, blocks: Sequence[Block], names: Sequence[str], h
     ended |= _make(results, later, left_h)
     for name, why in ended.items():
         if why:
-            print(f"not made: {name}: {why}")
+            print(f"{name}: {why}")
     return int(any(ended.values()))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import collections
+import json
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -120,7 +121,7 @@ def test_a_command_that_fails_leaves_its_block_and_stops_no_other(
 
     page = (checkout / "docs/results/page.md").read_text()
     assert page == "written ![](page_plot.svg)".join(PAGE.rsplit("as it was", 1))
-    assert capsys.readouterr().out.splitlines()[-1] == f"not made: page: python benchmarks/{why}"
+    assert capsys.readouterr().out.splitlines()[-1] == f"page: not made: python benchmarks/{why}"
 
 
 def test_code_that_changes_meanwhile_is_no_code_of_the_page(recipe: ModuleType, checkout: Path) -> None:
@@ -132,6 +133,97 @@ def test_code_that_changes_meanwhile_is_no_code_of_the_page(recipe: ModuleType, 
         results.make(results.blocks()[0])
 
     assert (checkout / "docs/results/page.md").read_text() == PAGE
+
+
+def test_code_that_goes_meanwhile_is_no_code_of_the_page(recipe: ModuleType, checkout: Path) -> None:
+    (checkout / "benchmarks/said.py").write_text(SAID + "import os; os.remove('core/tool/kernel.py')")
+
+    results = recipe.Results(checkout)
+    with pytest.raises(recipe.NotMadeError, match=r"core/tool/kernel.py changed while .* ran"):
+        results.make(results.blocks()[0])
+
+
+def test_what_was_looked_for_and_never_was_there_is_no_code(recipe: ModuleType, checkout: Path) -> None:
+    looks = "\ntry: open('core/tool/local.yaml')\nexcept OSError: pass\n"
+    (checkout / "benchmarks/said.py").write_text(SAID + looks)
+
+    results = recipe.Results(checkout)
+    assert list(results.make(results.blocks()[0]).code) == ["benchmarks/said.py", "core/tool/kernel.py"]
+
+
+@pytest.mark.parametrize("breaks", ["missing program", "half a file", "no text"])
+def test_what_cannot_be_started_or_read_stops_no_other_block(
+    recipe: ModuleType, checkout: Path, capsys: pytest.CaptureFixture[str], breaks: str
+) -> None:
+    page = checkout / "docs/results/page.md"
+    if breaks == "missing program":
+        page.write_text(PAGE.replace("python benchmarks/said.py", "no-such-program"))
+    else:
+        (checkout / "core/tool/half.py").write_bytes(b"def half(" if breaks == "half a file" else b"x = '\xff\0'")
+
+    code = recipe.main(["make"], checkout)
+
+    assert "written ![](page_plot.svg)" in page.read_text()
+    assert code == int(breaks == "missing program")
+    assert ("page: not made" in capsys.readouterr().out) == bool(code)
+
+
+@pytest.mark.parametrize("file", ["model.json", "template.txt", "page.js", "page.css", "tour.ipynb", "floor.svg"])
+def test_every_file_that_was_read_makes_a_block_old_whatever_its_kind(
+    recipe: ModuleType, checkout: Path, file: str
+) -> None:
+    (checkout / "core/tool" / file).write_text("1")
+    (checkout / "core/tool/__pycache__").mkdir()
+    (checkout / "core/tool/__pycache__/cache.nbi").write_text("1")
+    reads = f"open('core/tool/{file}').read(); open('core/tool/__pycache__/cache.nbi').read()\n"
+    (checkout / "benchmarks/said.py").write_text(SAID + reads)
+    results = recipe.Results(checkout)
+    said = results.blocks()[0]
+    results.make(said)
+
+    (checkout / "core/tool/__pycache__/cache.nbi").write_text("2")
+    assert not recipe.Results(checkout).why_old(said)
+
+    (checkout / "core/tool" / file).write_text("2")
+    assert recipe.Results(checkout).why_old(said).startswith(f"core/tool/{file} changed since")
+
+
+@pytest.mark.parametrize("code", [0, 1])
+def test_a_page_that_says_that_something_failed_is_put_and_fails_until_it_is_mended(
+    recipe: ModuleType, checkout: Path, capsys: pytest.CaptureFixture[str], code: int
+) -> None:
+    page, said = checkout / "docs/results/page.md", checkout / "benchmarks/said.py"
+    said.write_text(f"print('| said | 41')\nprint('**Failed: 1 findings.**')\nraise SystemExit({code})")
+
+    assert recipe.main(["make"], checkout) == 1
+    assert "| said | 41\n**Failed: 1 findings.**\n<!--" in page.read_text()
+    assert capsys.readouterr().out.splitlines()[-1] == "page: **Failed: 1 findings.**"
+    assert recipe.main(["check", "--strict"], checkout) == 1
+    assert recipe.main(["make"], checkout) == 1
+
+    said.write_text("print('| said | 42')")
+    assert recipe.main(["make"], checkout) == 0
+    assert recipe.main(["check", "--strict"], checkout) == 0
+
+
+def test_what_knows_itself_what_holds_keeps_its_minutes_and_forgets_what_it_reads_no_more(
+    recipe: ModuleType, checkout: Path
+) -> None:
+    (checkout / "docs/results/page.md").write_text(PAGE.replace("{out}", "{kept}"))
+    written = checkout / "benchmarks/written.py"
+    results = recipe.Results(checkout)
+    _, block = results.blocks()
+    written.write_text("open('benchmarks/other.py'); raise SystemExit(3)")
+    with pytest.raises(recipe.NotMadeError):
+        results.make(block)
+    begun = checkout / "runs/results/page-2.begun.json"
+    begun.write_text(json.dumps(json.loads(begun.read_text()) | {"minutes": 90.0}))
+
+    written.write_text(WRITTEN)
+    made = results.make(block)
+
+    assert made.minutes >= 90.0
+    assert list(made.code) == ["benchmarks/written.py"]
 
 
 @pytest.mark.parametrize(("folder", "goes_on"), [("{out}", False), ("{kept}", True)])

@@ -462,8 +462,9 @@ def try_case(target: str, number: int, code: str) -> CaseRecord:
     tally = run(target, range(number, number + 1))
     for finding in tally.findings:
         print(finding, flush=True)
-    ended, findings = "refused" if tally.n_refused else "taken", tuple(tally.findings)
-    return CaseRecord(target, number, ended, round(tally.slowest_s, 3), round(peak_mib(), 1), findings, code)
+    ended, peak = "refused" if tally.n_refused else "taken", peak_mib()
+    large = (f"{target} {number}: the process held {peak:.0f} MiB",) if peak > MEMORY_MIB else ()
+    return CaseRecord(target, number, ended, round(tally.slowest_s, 3), round(peak, 1), (*tally.findings, *large), code)
 
 
 def main() -> int:
@@ -488,7 +489,7 @@ def main() -> int:
             break
         records.add(try_case(name, number, code))
     print(page(records, f"python -m tests.trust.fuzz --cases {options.cases}"))
-    return int(any(record.findings for record in records) or peak_mib() > MEMORY_MIB)
+    return int(any(record.findings for record in records))
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from tests.trust import recipe
@@ -44,6 +45,51 @@ def test_tests_that_were_not_run_and_those_that_failed_are_left_to_do(kept: Path
     assert "tests/stores/test_rows.py" not in told.err
 
 
+@pytest.mark.parametrize(("results", "code"), [(PASSED, 0), (FAILED, 1)])
+def test_a_test_that_was_run_and_failed_fails_the_recipe(
+    tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch, results: str, code: int
+) -> None:
+    file = Path(__file__)
+    monkeypatch.setattr(recipe, "_test_files", lambda: iter([file]))
+    monkeypatch.setattr(recipe, "_test", lambda path, folder: recipe._results_of(path, folder).write_text(results))
+
+    assert recipe.main(["tests", "--records", str(tmp_path)]) == code
+
+    assert ("**Failed: tests/trust/test_recipe.py.**" in capsys.readouterr().out.splitlines()) == bool(code)
+
+
+@pytest.mark.parametrize("what", ["readers", "commands", "parts"])
+def test_findings_fail_the_recipe_and_the_page_says_so(tmp_path: Path, capsys, what: str) -> None:
+    records = Records(tmp_path / f"{what}.jsonl")
+    target = "parts" if what == "parts" else "config"
+    records.add(CaseRecord(target, 1, "other", 0.5, 300.0, ("a waypoint is gone",), "abc"))
+    call = [what, "--cases", "1", "--minutes", "0", "--records", str(tmp_path)]
+
+    assert recipe.main(call) == 1
+    assert "**Failed: 1 findings.**" in capsys.readouterr().out.splitlines()
+
+    records.add(CaseRecord(target, 1, "refused", 0.5, 300.0, (), "abc"))  # mended
+    assert recipe.main(call) == 0
+    assert "**Failed" not in capsys.readouterr().out
+
+
+def test_what_left_its_records_whole_and_yet_ended_badly_fails(
+    kept: Path, capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recipe.subprocess, "run", lambda *_, **__: SimpleNamespace(returncode=1))
+
+    assert recipe.main(["readers", "--cases", "1", "--records", str(kept)]) == 1
+
+    assert "**Failed: tests.trust.fuzz ended with code 1.**" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("what", "cases"), [("readers", 20_000), ("commands", 20_000), ("parts", 500)])
+def test_each_kind_has_a_number_of_cases_of_its_own(tmp_path: Path, capsys, what: str, cases: int) -> None:
+    recipe.main([what, "--minutes", "0", "--records", str(tmp_path)])
+
+    assert f"{what} --cases {cases}`" in capsys.readouterr().out
+
+
 def test_a_piece_is_done_and_not_done_again(tmp_path: Path) -> None:
     from tests.trust import fuzz
 
@@ -52,3 +98,13 @@ def test_a_piece_is_done_and_not_done_again(tmp_path: Path) -> None:
 
     assert Records(tmp_path / "readers.jsonl").has_passed("trajectory", 1)
     assert fuzz.page(Records(tmp_path / "readers.jsonl"), "x").count("| trajectory | 1 |") == 1
+
+
+def test_a_reader_that_holds_too_much_memory_is_a_finding_and_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    from tests.trust import fuzz
+
+    monkeypatch.setattr(fuzz, "peak_mib", lambda: fuzz.MEMORY_MIB + 1.0)
+
+    assert fuzz.try_case("trajectory", 1, "abc").findings == (
+        f"trajectory 1: the process held {fuzz.MEMORY_MIB + 1.0:.0f} MiB",
+    )
