@@ -71,3 +71,15 @@ def test_the_exit_code_says_it(tmp_path: Path, ours: float, code: int) -> None:
     done = subprocess.run([sys.executable, str(SCRIPT), str(file)], capture_output=True, text=True, check=False)
 
     assert done.returncode == code
+
+
+@pytest.mark.parametrize("more", [[], [Row("E times", "search", "ms", 7.0, bar=8.0)], [Row("e", "i", "m", 0.1)]])
+def test_a_paper_that_brings_no_bar_of_accuracy_fails(tmp_path: Path, more: list[Row]) -> None:
+    files = [tmp_path / "good.json", tmp_path / "bare.json"]
+    for file, brought in zip(files, (rows(), [row.document() for row in more]), strict=True):
+        file.write_text(json.dumps(brought), encoding="utf-8")
+
+    done = subprocess.run([sys.executable, str(SCRIPT), *map(str, files)], capture_output=True, text=True, check=False)
+
+    assert done.returncode == 1
+    assert f"missed: {files[1]} has no row with a bar of accuracy" in done.stdout
