@@ -264,8 +264,8 @@ def course_rows(name: str, mode: str, metres: float) -> Iterator[Row]:
     label, n_places, is_refined = f"{metres:g} m course, {mode}", len(taught.places), mode == "refined"
     n_bytes = {sum(array.nbytes for array in k.arrays.values()) + 24 for k in taught.localizer_map.keyframes()}
     bar = 1960.0
-    yield _row(label, f"{name}: registrations", "", n_places, 268.0 if metres == 13.4 else None, n=n_places)
-    yield _row(label, f"{name}: bytes of a registration", "B", max(n_bytes), 1960.0, bar, n=n_places)
+    yield Row(label, f"{name}: registrations", "", n_places, 268.0 if metres == 13.4 else None, n=n_places)
+    yield Row(label, f"{name}: bytes of a registration", "B", max(n_bytes), 1960.0, bar, n=n_places)
     for latency in (1, 14):
         out = replay(taught, latency)
         left_mm, when = 1e3 * np.array(out.left_m), f"{latency} picture{'s' * (latency > 1)} late"
@@ -274,27 +274,35 @@ def course_rows(name: str, mode: str, metres: float) -> Iterator[Row]:
             detected_mm = 1e3 * np.array(out.detected_m)
             bars = ((0.63, 0.2), (4.6, 1.5)) if is_refined else ((None, None), (None, None))
             n = len(detected_mm)
-            yield _row(label, f"{name}: detected, mean", "mm", detected_mm.mean(), 0.63, *bars[0], n=n)
-            yield _row(label, f"{name}: detected, max", "mm", detected_mm.max(), 4.6, *bars[1], n=n)
+            yield Row(label, f"{name}: detected, mean", "mm", float(detected_mm.mean()), 0.63, *bars[0], n=n)
+            yield Row(label, f"{name}: detected, max", "mm", float(detected_mm.max()), 4.6, *bars[1], n=n)
             share = 100.0 * len(set(out.places)) / n_places
-            yield _row(label, f"{name}: places found", "%", share, 91.5, 95.0, 99.0, better="higher", n=n_places)
-            yield _row(label, f"{name}: searches rejected", "", out.n_rejected, n=out.n_rejected + len(out.places))
+            yield Row(label, f"{name}: places found", "%", share, 91.5, 95.0, 99.0, better="higher", n=n_places)
+            yield Row(label, f"{name}: searches rejected", "", out.n_rejected, n=out.n_rejected + len(out.places))
         mean_bar = ((0.25, 0.1) if is_refined else (0.75, None)) if latency == 1 else (None, None)
-        yield _row(label, f"{name}: left, {when}, mean", "mm", means[latency], None, *mean_bar, n=len(left_mm))
+        yield Row(label, f"{name}: left, {when}, mean", "mm", means[latency], None, *mean_bar, n=len(left_mm))
         if latency == 1:
             high = (1.0, 0.5) if is_refined else (None, None)
-            yield _row(
-                label, f"{name}: left, {when}, p99", "mm", np.quantile(left_mm, 0.99), None, *high, n=len(left_mm)
+            yield Row(
+                label,
+                f"{name}: left, {when}, p99",
+                "mm",
+                float(np.quantile(left_mm, 0.99)),
+                None,
+                *high,
+                n=len(left_mm),
             )
         most = 4.6 if not is_refined and latency == 1 else None
-        yield _row(label, f"{name}: left, {when}, max", "mm", left_mm.max(), None, most, n=len(left_mm))
+        yield Row(label, f"{name}: left, {when}, max", "mm", float(left_mm.max()), None, most, n=len(left_mm))
         heading_deg = math.degrees(float(np.mean(out.left_rad)))
-        yield _row(label, f"{name}: heading left, {when}, mean", "deg", heading_deg, n=len(left_mm))
-        yield _row(label, f"{name}: every picture, {when}, mean", "mm", 1e3 * np.mean(out.every_m), n=len(out.every_m))
-        yield _row(label, f"{name}: false corrections, {when}", "", out.n_false, None, 0.0, n=len(out.places))
+        yield Row(label, f"{name}: heading left, {when}, mean", "deg", heading_deg, n=len(left_mm))
+        yield Row(
+            label, f"{name}: every picture, {when}, mean", "mm", 1e3 * float(np.mean(out.every_m)), n=len(out.every_m)
+        )
+        yield Row(label, f"{name}: false corrections, {when}", "", out.n_false, None, 0.0, n=len(out.places))
     most_late = (2.0, 1.2) if is_refined else (None, None)
     late = means[14] / means[1]
-    yield _row(label, f"{name}: left, 14 pictures late / 1 picture", "", late, None, *most_late, n=n_places)
+    yield Row(label, f"{name}: left, 14 pictures late / 1 picture", "", late, None, *most_late, n=n_places)
 
 
 def spoilt_rows(name: str, metres: float) -> Iterator[Row]:
@@ -319,13 +327,13 @@ def spoilt_rows(name: str, metres: float) -> Iterator[Row]:
             n for n, place in enumerate(taught.places) if not box[0] - reach_m < place.x < box[1] + reach_m
         } if "zones" in how else set(range(len(taught.places)))  # fmt: skip
         has_bar = "no consensus" not in case
-        yield _row("spoilt ground", f"{name}, {case}: false corrections > 5 mm", "", out.n_false, None,
+        yield Row("spoilt ground", f"{name}, {case}: false corrections > 5 mm", "", out.n_false, None,
                    0.0 if has_bar else None, n=len(out.places))  # fmt: skip
         found = 100.0 * len(open_places & set(out.places)) / len(open_places)
         bars = {"clean": (95.0, 99.0), "10 % specks": (70.0, 90.0)}.get(case, (None, None))
-        yield _row("spoilt ground", f"{name}, {case}: places found", "%", found, None, *bars,
+        yield Row("spoilt ground", f"{name}, {case}: places found", "%", found, None, *bars,
                    better="higher", n=len(open_places))  # fmt: skip
-        yield _row("spoilt ground", f"{name}, {case}: worst correction", "mm", 1e3 * max(out.fix_m, default=0.0),
+        yield Row("spoilt ground", f"{name}, {case}: worst correction", "mm", 1e3 * max(out.fix_m, default=0.0),
                    n=len(out.places))  # fmt: skip
 
 
@@ -369,20 +377,13 @@ def start_rows(name: str, metres: float, n_starts: int) -> Iterator[Row]:
     right = [start for start in found if start.miss_m <= _FALSE_M]
     standing = [start for start in right if start.is_standing]
     label, n = f"start anywhere, {metres:g} m", n_starts
-    yield _row(label, f"{name}: wrong by more than 5 mm", "", len(found) - len(right), None, 0.0, n=n)
-    yield _row(label, f"{name}: found standing still", "%", 100.0 * len(standing) / n, better="higher", n=n)
-    yield _row(label, f"{name}: found within {_DRIVE_ON_M} m", "%", 100.0 * len(right) / n, better="higher", n=n)
-    yield _row(label, f"{name}: driven until found, largest", "m", max((s.driven_m for s in right), default=math.nan),
+    yield Row(label, f"{name}: wrong by more than 5 mm", "", len(found) - len(right), None, 0.0, n=n)
+    yield Row(label, f"{name}: found standing still", "%", 100.0 * len(standing) / n, better="higher", n=n)
+    yield Row(label, f"{name}: found within {_DRIVE_ON_M} m", "%", 100.0 * len(right) / n, better="higher", n=n)
+    yield Row(label, f"{name}: driven until found, largest", "m", max((s.driven_m for s in right), default=math.nan),
                n=len(right))  # fmt: skip
-    yield _row(label, f"{name}: error, mean", "mm", 1e3 * np.mean([s.miss_m for s in right] or [math.nan]),
+    yield Row(label, f"{name}: error, mean", "mm", 1e3 * float(np.mean([s.miss_m for s in right] or [math.nan])),
                n=len(right))  # fmt: skip
-
-
-def _row(
-    experiment: str, item: str, unit: str, ours: Any, paper: float | None = None, bar: float | None = None,
-    stretch: float | None = None, *, better: Any = "lower", n: int = 1,
-) -> Row:  # fmt: skip
-    return Row(experiment, item, unit, float(ours), paper, bar, stretch, better=better, n=n)
 
 
 def measure(options: argparse.Namespace) -> Iterator[Row]:
