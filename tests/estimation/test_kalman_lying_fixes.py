@@ -11,7 +11,10 @@ import pytest
 from trailmark.estimates import Belief, Fix, Motion, information_from_sigmas
 from trailmark.estimation.kalman.certainty import CertaintyRecord
 from trailmark.estimation.kalman.estimator import Kalman
-from trailmark.estimation.symmetric import diagonal
+from trailmark.estimation.kalman.health import SourceMonitor
+from trailmark.estimation.kalman.trust import Trust
+from trailmark.estimation.kalman_config import KalmanConfig
+from trailmark.estimation.symmetric import Sym3, diagonal
 from trailmark.geometry import Pose2
 
 from .conftest import kalman, pose_of
@@ -240,6 +243,33 @@ def test_certainty_without_precedent_is_no_precedent_soon() -> None:
         believed = record.believed(diagonal(1e10, 1e10, 1e10), 2.0 + 0.1 * i)
 
     assert math.sqrt(believed[0] / 100.0) < 1.3  # as standard deviations, after 12 s
+
+
+def test_a_part_of_an_estimate_is_no_precedent() -> None:
+    record = CertaintyRecord()
+    part, everything = diagonal(1e4, 1e4, 0.0), diagonal(1e4, 1e4, 1e4)
+
+    for i in range(20):
+        assert record.believed(part, 0.1 * i) == part
+    for i in range(20, 40):
+        assert record.believed(everything, 0.1 * i) == everything
+    assert record.n_in_a_row == 0
+
+
+@pytest.mark.parametrize("rest_s", [(0.0, 1.5), (3.0, 3.1)])
+def test_a_motion_that_is_certain_at_rest_is_no_precedent(rest_s: tuple[float, float]) -> None:
+    monitor = SourceMonitor(Trust.of(KalmanConfig(), "camera"))
+
+    def believed(i: int, way_m: float, sure: float) -> Sym3:
+        motion = Motion(0.05 * i, 0.05 * i + 0.05, Pose2(way_m, 0.0), np.eye(3))
+        return monitor.believed_of_motion(motion, diagonal(sure, sure, sure))
+
+    for i in range(100):
+        is_at_rest = rest_s[0] <= 0.05 * i < rest_s[1]
+        way_m, sure = (1e-5, 1e10) if is_at_rest else (0.025, 1e4)
+        assert believed(i, way_m, sure) == diagonal(sure, sure, sure)
+
+    assert believed(100, 0.025, 1e9)[0] < 2e4
 
 
 def test_a_jump_of_the_only_motion_is_left_out_and_said() -> None:

@@ -48,7 +48,7 @@ class Drive:
 
     @property
     def worst(self) -> float:
-        return max([*self.position, *self.heading], default=0.0)
+        return max([*self.position, *self.heading])  # a drive on which nothing is wrong proves nothing
 
     def judge(self, belief: Belief, true: Pose2) -> None:
         pose, covariance = pose_of(belief), belief.covariance
@@ -162,6 +162,36 @@ def test_a_third_motion_that_is_precise_says_more_of_the_belief_than_wheels_that
     three = drive([(15, 0.5, 0)], {"wheels": WHEELS, "camera": Says(), "laser": laser})
 
     assert three.heading_sigma_rad < 0.7 * two.heading_sigma_rad
+
+
+def test_what_is_told_of_one_kind_makes_no_other_last() -> None:
+    estimator, rng, t = kalman(), np.random.default_rng(3), 0.0
+    hidden = []
+    for _ in range(600):
+        for name, scale in (("wheels", 1.0), ("camera", 1.06)):
+            x, y, turn = (rng.normal(size=3) * (2e-4, 2e-4, 1e-4)).tolist()
+            step, information = Pose2(0.05 * scale + x, y, turn), information_from_sigmas(5e-3, 5e-3, 5e-4)
+            estimator.apply(name, Motion(t, t + 0.1, step, information))
+        t = round(t + 0.1, 6)
+        parting = estimator._timeline.state_at(math.inf).diagnosis.parting
+        hidden.append(parting.variances.drift)
+
+    assert parting.told
+    assert len(parting.lasts) == 1
+    assert parting.variances.along == 0.0 or parting.variances.ahead < 1e-4
+    assert hidden[-1] < 0.5 * hidden[99]  # nothing is told of turns, and less and less hides there
+
+
+def test_a_clock_that_is_set_back_ends_no_comparison_of_motions() -> None:
+    estimator, rng = kalman(), np.random.default_rng(3)
+    for begin_s, camera in ((1000.0, 1.0), (0.0, 1.06)):
+        for t in (begin_s + 0.1 * np.arange(200)).round(6).tolist():
+            for name, scale in (("wheels", 1.0), ("camera", camera)):
+                x, y, turn = (rng.normal(size=3) * (2e-4, 2e-4, 1e-4)).tolist()
+                step, information = Pose2(0.05 * scale + x, y, turn), information_from_sigmas(5e-3, 5e-3, 5e-4)
+                estimator.apply(name, Motion(t, t + 0.1, step, information))
+
+    assert estimator._timeline.state_at(math.inf).diagnosis.parting.told
 
 
 def test_a_heading_that_is_wrong_by_much_is_wrong_on_an_arc() -> None:

@@ -11,6 +11,8 @@ import pytest
 from trailmark.estimates import Belief, Fix, Motion, information_from_sigmas
 from trailmark.estimation.kalman import moved_belief
 from trailmark.estimation.kalman.estimator import Kalman
+from trailmark.estimation.kalman.lasting_errors import NO_ERRORS, LastingVariances
+from trailmark.estimation.kalman.way_errors import added_errors
 from trailmark.geometry import Pose2
 
 from .conftest import kalman, pose_of
@@ -92,7 +94,7 @@ def test_a_move_that_another_laser_confirms_is_no_question() -> None:
 
     belief = drive.go(17.0, every_s=0.5, off=(0.3, 0.0, 0.0), laser="beacons")
 
-    assert "laser" not in belief.health or "nothing" not in belief.health["laser"]
+    assert not belief.health
     assert belief.covariance is not None
     assert belief.covariance[0, 0] ** 0.5 < 0.03
 
@@ -109,6 +111,49 @@ def test_poses_that_go_on_to_agree_win_in_time(monkeypatch: pytest.MonkeyPatch) 
     assert early.covariance[0, 0] ** 0.5 > 0.1
     assert late.covariance[0, 0] ** 0.5 < 0.06
     assert not late.health
+
+
+@pytest.mark.parametrize(("until_s", "later"), [(25.0, "laser"), (25.0, "beacons"), (15.0, "beacons")])
+def test_a_second_move_begins_anew(monkeypatch: pytest.MonkeyPatch, until_s: float, later: str) -> None:
+    monkeypatch.setattr(moved_belief, "_LASTS_S", 2.0)  # in place of half a minute: after 10 s the first has won
+    drive = Drive("camera")
+    drive.go(10.0)
+    drive.go(until_s, every_s=0.5, off=(0.3, 0.0, 0.0))
+    drive.go(until_s + 9.0)
+
+    belief = drive.go(until_s + 13.0, every_s=0.5, off=(0.3, 1.0, 0.0), laser=later)
+
+    assert belief.covariance is not None
+    assert abs(pose_of(belief).y - 1.0) < 0.1
+    assert belief.covariance[1, 1] ** 0.5 > 0.25  # the first may be right, 1 m aside
+    assert "covers both" in belief.health[later]
+
+
+@pytest.mark.parametrize("to_s", [100.0, 9e4])
+def test_a_clock_that_is_set_decides_for_no_move(to_s: float) -> None:
+    drive = Drive("camera")
+    drive.stamp_s = 1e4
+    drive.go(1e4 + 10.0)
+    drive.go(1e4 + 15.0, every_s=0.5, off=(0.3, 0.0, 0.0))
+    drive.stamp_s = to_s
+
+    belief = drive.go(to_s + 3.0, every_s=0.5, off=(0.3, 0.0, 0.0))
+
+    moved = drive.estimator._timeline.state_at(math.inf).rejections.moved
+    assert moved is not None
+    assert moved.since_s == pytest.approx(to_s - 4.5, abs=1.0)
+    assert belief.covariance is not None
+    assert belief.covariance[0, 0] ** 0.5 > 0.1
+    assert "covers both" in belief.health["laser"]
+
+
+def test_errors_that_refused_poses_say_stay_plausible_however_often_they_say_so() -> None:
+    once = LastingVariances(0.12**2, 0.05**2, 0.12**2, math.radians(1.2) ** 2)
+    said = NO_ERRORS
+    for _ in range(5):
+        said = added_errors(said, once)
+
+    np.testing.assert_allclose(np.sqrt(said[:4]), [0.15, 0.06, 0.15, math.radians(1.5)])
 
 
 @pytest.mark.parametrize("every_s", [6.0, 9.0])

@@ -20,7 +20,8 @@ class CertaintyRecord:
     """The greatest certainty that one kind of estimate of one localizer has stated so far.
 
     Estimates of whole poses only: the certainty of a part depends on which part was seen. A motion is also compared by
-    its length: one that is slower, or turns on the spot, may be as much more certain as it is shorter.
+    its length: one that is slower, or turns on the spot, may be as much more certain as it is shorter. One without a
+    length is no precedent, and needs none.
     """
 
     __slots__ = ("_most", "_most_relative", "_since_s", "_stamp_s", "n_in_a_row")
@@ -46,8 +47,10 @@ class CertaintyRecord:
         stamp_s : float
             What it is about [s].
         lengths : (float, float)
-            Of a motion, beside which the certainty of its way and of its turn is without precedent, too [m].
+            Of a motion, beside which the certainty of its way and of its turn is without precedent, too; 0 at rest [m].
         """
+        if inverse(information) is None:
+            return information
         xx, _, _, yy, _, tt = information
         stated = max(xx, yy), tt
         relative = stated[0] * lengths[0] * lengths[0], tt * lengths[1] * lengths[1]
@@ -58,17 +61,18 @@ class CertaintyRecord:
         self._stamp_s = max(self._stamp_s, stamp_s)
         share = 1.0
         for most, now, most_relative, now_relative in zip(self._most, stated, self._most_relative, relative):
-            if now > _MUCH * most and now_relative > _MUCH * most_relative and now > NOTHING:
+            if now > _MUCH * most > 0.0 and now_relative > _MUCH * most_relative and now > NOTHING:
                 share = min(share, max(most / now, most_relative / now_relative))
         if is_learning or share == 1.0:
-            self._most = max(self._most[0], stated[0]), max(self._most[1], stated[1])
+            self._most = (
+                max(self._most[0], stated[0]) if lengths[0] > 0.0 else self._most[0],
+                max(self._most[1], stated[1]) if lengths[1] > 0.0 else self._most[1],
+            )
             self._most_relative = (
                 max(self._most_relative[0], relative[0]),
                 max(self._most_relative[1], relative[1]),
             )
             self.n_in_a_row = 0
-            return information
-        if inverse(information) is None:
             return information
         growth = math.exp(2.0 * _RATE * min(dt_s, 1.0))
         self._most = min(self._most[0] * growth, stated[0]), min(self._most[1] * growth, stated[1])

@@ -34,7 +34,7 @@ from trailmark.estimation.kalman.state import (
     Rejections,
     Verdict,
 )
-from trailmark.estimation.kalman.way_errors import errors_said_by, less_when_unneeded
+from trailmark.estimation.kalman.way_errors import added_errors, errors_said_by, less_when_unneeded
 from trailmark.estimation.kalman.windows import LONGEST_S
 from trailmark.estimation.kalman_config import KalmanConfig
 from trailmark.estimation.unmeasured import NOWHERE, Sym2, directions_above, projected, turned
@@ -135,7 +135,7 @@ class Correction:
             if not any(said) or nis_of(innovation, jacobian, covariance) > limit:
                 return state, NO_ERRORS
             variances = variances.plus(said)
-            state = state.with_diagnosis(state.diagnosis._replace(way_errors=way_errors.plus(said)))
+            state = state.with_diagnosis(state.diagnosis._replace(way_errors=added_errors(way_errors, said)))
         return replace(state, gaussian=Gaussian(before.x, covariance, before.lasting)), variances
 
     def without_considered(self, before: FilterState, after: FilterState, variances: LastingVariances) -> FilterState:

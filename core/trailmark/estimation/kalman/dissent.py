@@ -8,15 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from trailmark.arrays import Floats
+from trailmark.estimation.kalman.gate import SHARE_UNDECIDED
 from trailmark.estimation.kalman.state import FilterState, Gaussian, RejectedMeasurement
 from trailmark.estimation.kalman.way_errors import difference_grown
 from trailmark.geometry import Pose2
 
 __all__ = ["covering_covariance"]
 
-# Probability of those that contradict, if nothing is known: at 1 to 4 what they say is 3.2 standard deviations off, in
-# the mean of two directions, and what is believed is at its centre.
-_SHARE = 1.0 / 5.0
 # Who has said nothing for so long contradicts no more, once any absolute estimate has fitted since [s].
 _RECENT_S = 5.0
 # More than this share is rejected of a belief that is wrong, of fixes that are, or of a mounting: four in a row, or
@@ -59,11 +57,11 @@ def covering_covariance(state: FilterState, gaussian: Gaussian) -> Floats:
             x, pose_odom_base = believed.gaussian.x, believed.odometry.pose_odom_base
             if len(rejected[-1].measurement.root) == 3:
                 away = difference_grown(believed.gaussian, pose_odom_base, rejected[-1])
-                covariance = covariance + _SHARE * np.outer(away, away)
+                covariance = covariance + SHARE_UNDECIDED * np.outer(away, away)
                 whole = [one for one in rejected if len(one.measurement.root) == 3]
                 if is_persistent and not _is_outvoted(believed, source):
                     turned = _turn_between_ways(x, pose_odom_base, whole)
-                    covariance = covariance + _SHARE * np.outer(turned, turned)
+                    covariance = covariance + SHARE_UNDECIDED * np.outer(turned, turned)
             elif is_persistent:
                 covariance = covariance + _spread_of_parts(x, pose_odom_base, rejected[-_FEW:])
     return covariance
@@ -128,5 +126,5 @@ def _spread_of_parts(x: Floats, pose_odom_base: Pose2, rejected: Sequence[Reject
     """Return the covariance that covers what parts of poses say; of the heading they may say anything."""
     shifts = np.array([_shift_of(x, pose_odom_base, one) for one in rejected])
     spread = np.diag([0.0, 0.0, _NO_HEADING_RAD2])
-    spread[:2, :2] = 2.0 * _SHARE * shifts.T @ shifts / len(shifts)  # each tells one direction of two
+    spread[:2, :2] = 2.0 * SHARE_UNDECIDED * shifts.T @ shifts / len(shifts)  # each tells one direction of two
     return spread

@@ -289,7 +289,7 @@ class Kalman(Estimator):
         last = self._timeline.state_at(math.inf)
         self._rejoin()
         pose, travelled_m = self._odometry.publish(last.odometry, last.stamp_s)
-        inflated = self._timeline.last_after_gap(_GAP_OF_A_JUMP_S)
+        inflated = self._timeline.last_after_gap(_GAP_OF_A_JUMP_S, stamp_s)
         self._odometry = PublishedOdometry.continue_from(pose, travelled_m, inflated.odometry)
         self._begin_history(inflated)
         for monitor in self._monitors.values():

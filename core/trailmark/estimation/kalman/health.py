@@ -24,6 +24,8 @@ _REFUSED_OFTEN = 3
 _MOMENT_S = 0.005
 # What turns on the spot goes as far as its wheels [m].
 _LEVER_M = 0.3
+# What moves no faster is at rest, but for noise [m/s].
+_AT_REST_MPS = 0.02
 # A question that absolute estimates decide, or a third motion, is decided sooner [s].
 _UNDECIDED_S = 2.0
 # Less probable hypotheses accuse nobody.
@@ -94,7 +96,9 @@ class SourceMonitor:
         """Return the information of a motion as it is believed: of a short one there is less to be uncertain of."""
         step = motion.pose_since_now
         way_m = math.hypot(step.x, step.y)
-        lengths = way_m, way_m + _LEVER_M * abs(step.theta)
+        moved_m = way_m, way_m + _LEVER_M * abs(step.theta)
+        at_rest_m = _AT_REST_MPS * (motion.stamp_s - motion.since_s)
+        lengths = moved_m[0] if moved_m[0] > at_rest_m else 0.0, moved_m[1] if moved_m[1] > at_rest_m else 0.0
         return self.motion_certainty.believed(information, motion.stamp_s, lengths)
 
     def record_refusal(self, reason: str) -> None:

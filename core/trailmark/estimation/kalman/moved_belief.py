@@ -9,24 +9,25 @@ a time may last as long again; whatever confirms the new place ends it: another 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from trailmark.arrays import Floats
-from trailmark.estimation.kalman.gate import threshold
+from trailmark.estimation.kalman.gate import SHARE_UNDECIDED, threshold
 from trailmark.estimation.kalman.innovation import nis_of
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.kalman.state import FilterState, Gaussian, MovedBelief
+from trailmark.frames.payloads import read_only
 from trailmark.geometry import Pose2, wrap_angle
 
-__all__ = ["covariance_of_moved", "moved_to", "reason_of_moved", "source_of_moved", "still_moved"]
+__all__ = ["covariance_of_moved", "moved_to", "on_another_clock", "reason_of_moved", "source_of_moved", "still_moved"]
 
-# Probability of the place before; whoever is right is within 2.3 standard deviations. It is less after a time [s], and
-# forgotten where it would be 5 standard deviations off.
-_SHARE, _LASTS_S, _FORGOTTEN = 1.0 / 5.0, 30.0, 1.0 / 25.0
+# The place before is less probable after a time [s], and forgotten where it would be 5 standard deviations off.
+_LASTS_S, _FORGOTTEN = 30.0, 1.0 / 25.0
 # With which the new pose is the place before, and an absolute estimate fits it.
 _SAME = 0.999
-_NOTHING: Floats = np.zeros((3, 3))
+_NOTHING: Floats = read_only(np.zeros((3, 3)))
 
 
 def moved_to(state: FilterState, source: str, since_s: float, after: Gaussian) -> MovedBelief | None:
@@ -46,27 +47,34 @@ def moved_to(state: FilterState, source: str, since_s: float, after: Gaussian) -
     Returns
     -------
     MovedBelief or None
-        None if the place before is the new one: it was left, and is returned to.
+        None if the place before is the new one: it was left, and is returned to. Of a belief that was moved before, and
+        that is not decided, both places are covered.
     """
     assert state.gaussian is not None
     moved = state.rejections.moved
     here, there = (Pose2(*one.x[:3].tolist()) for one in (state.gaussian, after))
     before = here if moved is None else moved.shift @ here
-    covariance = state.gaussian.covariance[:3, :3] if moved is None else _carried(moved, before)
-    away = before.array() - after.x[:3]
-    away[2] = wrap_angle(float(away[2]))
-    spread = state.gaussian.covariance[:3, :3] + after.covariance[:3, :3]
-    if moved is not None and float(away @ np.linalg.solve(spread, away)) < threshold(_SAME, 3):
-        return None
-    since_s = since_s if moved is None else moved.since_s
-    return MovedBelief(source, since_s, before @ there.inverse(), before, covariance)
+    covariance = state.gaussian.covariance[:3, :3]
+    if moved is not None:
+        away = _away(before, after)
+        if float(away @ np.linalg.solve(covariance + after.covariance[:3, :3], away)) < threshold(_SAME, 3):
+            return None
+        left = _away(before, state.gaussian)
+        covariance = _carried(moved, before) + np.outer(left, left)
+    return MovedBelief(source, since_s, state.stamp_s, before @ there.inverse(), before, covariance)
 
 
 def still_moved(state: FilterState, measurement: Measurement) -> MovedBelief | None:
-    """Return what is remembered after an absolute estimate that fits the belief: nothing if it confirms the move."""
+    """Return what is remembered after an absolute estimate that fits the belief: nothing if that decides for the move.
+
+    Another localizer does, and the same one that has gone on to agree for long.
+    """
     moved = state.rejections.moved
-    if moved is None or state.gaussian is None or measurement.source == moved.source:
+    if moved is None or state.gaussian is None:
         return moved
+    if measurement.source == moved.source:
+        moved = replace(moved, agreed_s=state.stamp_s)
+        return moved if _share(moved) > _FORGOTTEN else None
     before = moved.shift @ Pose2(*state.gaussian.x[:3].tolist())
     x = np.concatenate([before.array(), state.gaussian.x[3:]])
     contradicts = nis_of(*measurement.innovation(x), state.gaussian.covariance) > threshold(
@@ -77,19 +85,23 @@ def still_moved(state: FilterState, measurement: Measurement) -> MovedBelief | N
 
 def covariance_of_moved(state: FilterState, gaussian: Gaussian) -> Floats:
     """Return what covers the place before the move, (3, 3), beside a belief; zeros if there was none."""
-    share, moved = _share(state), state.rejections.moved
-    if moved is None or share == 0.0:
+    moved = state.rejections.moved
+    if moved is None:
         return _NOTHING
     before = moved.shift @ Pose2(*gaussian.x[:3].tolist())
-    away = before.array() - gaussian.x[:3]
-    away[2] = wrap_angle(float(away[2]))
-    return np.asarray(share * (np.outer(away, away) + _carried(moved, before)))
+    away = _away(before, gaussian)
+    return np.asarray(_share(moved) * (np.outer(away, away) + _carried(moved, before)))
 
 
 def source_of_moved(state: FilterState) -> str | None:
     """Return the localizer that a belief was moved for, as long as that is not decided."""
     moved = state.rejections.moved
-    return None if moved is None or _share(state) == 0.0 else moved.source
+    return None if moved is None else moved.source
+
+
+def on_another_clock(moved: MovedBelief, later_s: float) -> MovedBelief:
+    """Return the same by a clock that shows so much more [s]."""
+    return replace(moved, since_s=moved.since_s + later_s, agreed_s=moved.agreed_s + later_s)
 
 
 def reason_of_moved(state: FilterState) -> str:
@@ -112,11 +124,13 @@ def _carried(moved: MovedBelief, before: Pose2) -> Floats:
     return np.asarray(lever @ moved.covariance @ lever.T)
 
 
-def _share(state: FilterState) -> float:
-    """Return the probability of the place before the move, as it is covered now; 0 if there was none."""
-    moved = state.rejections.moved
-    agreed = None if moved is None else state.rejections.corroborations.get(moved.source)
-    if moved is None or agreed is None:
-        return 0.0
-    share = _SHARE * min(1.0, _LASTS_S / max(agreed.stamp_s - moved.since_s, _LASTS_S))
-    return share if share > _FORGOTTEN else 0.0
+def _away(before: Pose2, gaussian: Gaussian) -> Floats:
+    """Return by how much the place before is off from a belief, (3,)."""
+    away = before.array() - gaussian.x[:3]
+    away[2] = wrap_angle(float(away[2]))
+    return away
+
+
+def _share(moved: MovedBelief) -> float:
+    """Return the probability of the place before the move, as it is covered now."""
+    return SHARE_UNDECIDED * min(1.0, _LASTS_S / max(moved.agreed_s - moved.since_s, _LASTS_S))

@@ -21,6 +21,7 @@ from trailmark.estimation.kalman.diagnosis import FaultDiagnosis
 from trailmark.estimation.kalman.gate import threshold
 from trailmark.estimation.kalman.innovation import Innovation
 from trailmark.estimation.kalman.state import FilterState
+from trailmark.frames.payloads import read_only
 from trailmark.geometry import wrap_angle
 
 __all__ = ["InnovationSums", "covariance_of_one_sided_corrections", "longest_one_sided_since"]
@@ -34,7 +35,7 @@ _OF_CONTRADICTED = 0.997
 _STALE_SHARE = 0.5
 # A variance below this says that nothing was corrected [m^2, rad^2].
 _UNCORRECTED = 1e-12
-_NOTHING: Floats = np.zeros((3, 3))
+_NOTHING: Floats = read_only(np.zeros((3, 3)))
 
 
 class InnovationSums:

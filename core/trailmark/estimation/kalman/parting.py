@@ -15,7 +15,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 from trailmark.estimation.kalman.lasting_errors import NO_ERRORS, UNAFFECTED, LastingVariances
-from trailmark.estimation.kalman.parting_verdict import EXPLANATIONS, KINDS, Verdict, effect_of, tell
+from trailmark.estimation.kalman.parting_verdict import EXPLANATIONS, KINDS, PartingVerdict, effect_of, tell
 from trailmark.estimation.kalman.steady_difference import SteadyDifference
 from trailmark.geometry import Pose2, wrap_angle
 
@@ -52,6 +52,9 @@ class Parting(NamedTuple):
         What follows for the errors of the belief that last.
     told : mapping of str to str
         By localizer, in words, what differs and is not decided.
+    lasts : mapping of str to float
+        By the name of a field of `LastingVariances`, what was seen of those that are told: one of each two that explain
+        the same.
     """
 
     stamp_s: float = -math.inf
@@ -60,6 +63,7 @@ class Parting(NamedTuple):
     differences: Mapping[str, Mapping[str, SteadyDifference]] = MappingProxyType({})
     variances: LastingVariances = NO_ERRORS
     told: Mapping[str, str] = MappingProxyType({})
+    lasts: Mapping[str, float] = MappingProxyType({})
 
 
 NOT_COMPARED = Parting()
@@ -151,24 +155,28 @@ def _weighed(after: Parting, state: FilterState, sources: Collection[str]) -> Pa
     """Return what the comparisons say of the errors of the belief, and in words."""
     told: dict[str, str] = {}
     columns = UNAFFECTED if state.gaussian is None else state.gaussian.lasting
-    # What was wrong stays so as long as it is told. Absolute estimates end nothing here: they correct how the pose
-    # changes with these errors, by what they measure.
+    # What was wrong stays so as long as it is told, by one explanation. Absolute estimates end nothing here: they
+    # correct how the pose changes with these errors, by what they measure.
     variances: dict[str, float] = {}
+    lasts: dict[str, float] = {}
     is_placed = _is_placed(state)
     for names in EXPLANATIONS:
-        found = {name: Verdict.of(name, after.differences.get(name, {}), sources) for name in names}
+        found = {name: PartingVerdict.of(name, after.differences.get(name, {}), sources) for name in names}
         effects = {name: effect_of(columns, name) for name in names}
         best = max(one.sigmas for one in found.values())
         fits = [name for name in names if found[name].sigmas >= _FITS * best]
         explains = max(fits, key=lambda name: found[name].parts * effects[name])
         hides = max(names, key=lambda name: found[name].hidden * effects[name])
-        variances[explains] = found[explains].parts
-        if not is_placed:
-            variances[hides] = variances.get(hides, 0.0) + found[hides].hidden
+        parts = {name: after.lasts[name] for name in names if name in after.lasts}
+        parts[explains] = max(parts.get(explains, 0.0), found[explains].parts)
         most = max(fits, key=lambda name: found[name].sigmas)
         if found[most].is_told:
             tell(told, found[most], KINDS[most])
-    if told or after.told:
-        variances = {name: max(variances.get(name, 0.0), getattr(after.variances, name)) for name in KINDS}
+            explains = max(parts, key=lambda name: parts[name] * effects[name])
+            variances[explains] = lasts[explains] = parts[explains]
+        else:
+            variances[explains] = found[explains].parts
+        if not is_placed:
+            variances[hides] = variances.get(hides, 0.0) + found[hides].hidden
     told = {} if state.diagnosis.doubts else told
-    return after._replace(variances=LastingVariances(**variances), told=told)
+    return after._replace(variances=LastingVariances(**variances), told=told, lasts=lasts)

@@ -8,18 +8,21 @@ from itertools import combinations
 from types import MappingProxyType
 from typing import NamedTuple
 
+from trailmark.estimation.kalman.gate import SHARE_UNDECIDED
 from trailmark.estimation.kalman.lasting_errors import Columns, LastingVariances
-from trailmark.estimation.kalman.steady_difference import Estimate, SteadyDifference, best_estimate
+from trailmark.estimation.kalman.steady_difference import (
+    NO_SCATTER,
+    DifferenceEstimate,
+    SteadyDifference,
+    best_estimate,
+)
 
-__all__ = ["EXPLANATIONS", "KINDS", "Kind", "Verdict", "effect_of", "tell"]
+__all__ = ["EXPLANATIONS", "KINDS", "Kind", "PartingVerdict", "effect_of", "tell"]
 
-# Odds are 1 to 4 that the belief is the one that is wrong, as where absolute estimates contradict: whoever is right is
-# within 2.3 standard deviations. Two that agree may be wrong alike: 1 to 9.
-_SHARE, _SHARE_OF_MOST = 1.0 / 5.0, 1.0 / 10.0
+# Two that agree may be wrong alike: odds are 1 to 9, where they are 1 to 4 of one.
+_SHARE_OF_MOST = 1.0 / 10.0
 # By so many standard deviations of their difference two motions part.
 _APART = 3.0
-# A scatter that is none.
-_NO_SCATTER = 1e-9
 
 
 class Kind(NamedTuple):
@@ -63,7 +66,7 @@ def effect_of(columns: Columns, name: str) -> float:
     return x * x + y * y + theta * theta
 
 
-class Verdict(NamedTuple):
+class PartingVerdict(NamedTuple):
     """What the comparisons say of one kind of error.
 
     Attributes
@@ -82,11 +85,11 @@ class Verdict(NamedTuple):
     hidden: float = 0.0
     sigmas: float = 0.0
     is_told: bool = False
-    seen: Mapping[str, Estimate] = MappingProxyType({})
+    seen: Mapping[str, DifferenceEstimate] = MappingProxyType({})
     sides: _Sides | None = None
 
     @classmethod
-    def of(cls, name: str, differences: Mapping[str, SteadyDifference], sources: Collection[str]) -> Verdict:
+    def of(cls, name: str, differences: Mapping[str, SteadyDifference], sources: Collection[str]) -> PartingVerdict:
         """Return it for one kind of error."""
         kind, known = KINDS[name], [source for source in sources if source in differences]
         if len(known) < 2:
@@ -94,15 +97,15 @@ class Verdict(NamedTuple):
         # The belief is one of them, or between them: what the second best tells of it is what is known.
         second = sorted(known, key=lambda source: differences[source].unseen)[1]
         unseen, prior = differences[second].unseen, kind.plausible**2
-        hidden = _SHARE * (prior if unseen == math.inf else prior * unseen / (prior + unseen))
+        hidden = SHARE_UNDECIDED * (prior if unseen == math.inf else prior * unseen / (prior + unseen))
         seen = {source: one for source in known if (one := best_estimate(differences[source])) is not None}
         if len(seen) < 2:
             return cls(hidden=hidden)
         sides = _sides(seen)
-        share = _SHARE_OF_MOST if sides.is_belief_of_most else _SHARE
+        share = _SHARE_OF_MOST if sides.is_belief_of_most else SHARE_UNDECIDED
         are_apart = _sigmas(*(seen[source] for source in sides.pair)) > _APART or second not in seen
         parts = share * (max(one.counts for one in seen.values()) if are_apart else seen[second].counts) ** 2
-        sigmas = max(abs(one.value) / (one.sigma + _NO_SCATTER) for one in seen.values())
+        sigmas = max(abs(one.value) / (one.sigma + NO_SCATTER) for one in seen.values())
         is_told = any(one.is_sure and abs(one.value) > kind.told for one in seen.values())
         return cls(parts, hidden, sigmas, is_told, seen, sides)
 
@@ -115,7 +118,7 @@ class _Sides(NamedTuple):
     is_belief_of_most: bool = False
 
 
-def _sides(seen: Mapping[str, Estimate]) -> _Sides:
+def _sides(seen: Mapping[str, DifferenceEstimate]) -> _Sides:
     one, other = max(combinations(seen, 2), key=lambda pair: _sigmas(seen[pair[0]], seen[pair[1]]))
     n = {one: 1, other: 1}
     for voter in seen.keys() - n.keys():
@@ -129,11 +132,11 @@ def _sides(seen: Mapping[str, Estimate]) -> _Sides:
     return _Sides((one, other), outvoted, abs(seen[ally].value) < abs(seen[outvoted].value))
 
 
-def _sigmas(one: Estimate, other: Estimate) -> float:
-    return abs(one.value - other.value) / (math.hypot(one.sigma, other.sigma) + _NO_SCATTER)
+def _sigmas(one: DifferenceEstimate, other: DifferenceEstimate) -> float:
+    return abs(one.value - other.value) / (math.hypot(one.sigma, other.sigma) + NO_SCATTER)
 
 
-def tell(told: dict[str, str], verdict: Verdict, kind: Kind) -> None:
+def tell(told: dict[str, str], verdict: PartingVerdict, kind: Kind) -> None:
     """Add in words who disagrees."""
     seen, sides = verdict.seen, verdict.sides
     assert sides is not None

@@ -26,11 +26,14 @@ from trailmark.estimation.kalman.matched_motion import (
     with_offsets,
 )
 from trailmark.estimation.kalman.motions import Motions, MotionStep
+from trailmark.estimation.kalman.moved_belief import on_another_clock
+from trailmark.estimation.kalman.parting import without_window
 from trailmark.estimation.kalman.rough_motion import make_rough
 from trailmark.estimation.kalman.standstill import stands, with_standstill
 from trailmark.estimation.kalman.state import FilterState, Gaussian, OdometryState
 from trailmark.estimation.kalman.velocity import VelocityModel
 from trailmark.estimation.kalman.weighing import StepSelection, fuse_steps, replace_impossible_jump, select_steps
+from trailmark.estimation.kalman.windows import without_windows
 from trailmark.estimation.kalman_config import KalmanConfig
 from trailmark.estimation.symmetric import NOTHING, ZERO, congruence, to_matrix
 from trailmark.estimation.unmeasured import NOWHERE
@@ -111,13 +114,17 @@ class Prediction:
         """Return since when motion has changed after the last such question; ``inf`` if nothing was told [s]."""
         return self._motions.take_changed_since_s()
 
-    def restart_after_gap(self, state: FilterState, gap_s: float) -> FilterState:
-        """Return a state that starts anew at any time, as uncertain as after a gap."""
+    def restart_after_gap(self, state: FilterState, gap_s: float, stamp_s: float) -> FilterState:
+        """Return a state that starts anew at a stamp of another clock, as uncertain as after a gap."""
         at_rest = replace(state.odometry, gap_s=0.0, twist=AT_REST, unmeasured_s=NOWHERE)
         ahead = self._coast(replace(state, stamp_s=0.0, odometry=at_rest), gap_s)
-        rejections = replace(ahead.rejections, corroborations={}, measurements={})
+        moved = ahead.rejections.moved and on_another_clock(ahead.rejections.moved, stamp_s - state.stamp_s)
+        rejections = replace(ahead.rejections, corroborations={}, measurements={}, moved=moved)
         odometry = replace(ahead.odometry, gap_s=0.0, unmeasured_s=NOWHERE)
-        return replace(ahead, stamp_s=-math.inf, odometry=odometry, rejections=rejections)
+        # by another clock no window goes on, nor a question: the belief covers its answers
+        diagnosis = without_windows(ahead.diagnosis)._replace(tested_s=-math.inf, trials={})
+        after = replace(ahead, stamp_s=-math.inf, odometry=odometry, rejections=rejections, diagnosis=diagnosis)
+        return without_window(after)
 
     def predict_piece(self, state: FilterState, stamp_s: float) -> FilterState:
         """Predict over a piece of time in which no motion begins or ends."""

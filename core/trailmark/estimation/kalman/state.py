@@ -201,16 +201,19 @@ class MovedBelief:
         The localizer.
     since_s : float
         The instant of the first of them [s].
+    agreed_s : float
+        The instant of the last of them that fitted [s].
     shift : Pose2
         ``pose_map_base`` where motion had led base is ``shift @ pose_map_base`` of the belief.
     pose : Pose2
         Where motion had led base then.
     covariance : (3, 3) float64
-        Of `pose`.
+        Of `pose`; it covers the belief that was given up, too, where that had been moved before.
     """
 
     source: str
     since_s: float
+    agreed_s: float
     shift: Pose2
     pose: Pose2
     covariance: Floats
@@ -233,7 +236,8 @@ class Rejections:
     shares : mapping of str to float
         By localizer, the share of the last ten or so that was rejected.
     moved : MovedBelief or None
-        Where motion had led base before the last recovery, while nobody has confirmed that it was wrong.
+        Where motion had led base before the last recovery, until another localizer confirms the new place or the same
+        one has agreed with it for long.
     """
 
     counts: Mapping[str, int] = field(default_factory=_empty)

@@ -89,9 +89,9 @@ class Timeline:
         """Return the state at a stamp, predicted from the last instant before it."""
         return self._faults.predict(self._history.state_at(stamp_s), stamp_s)
 
-    def last_after_gap(self, gap_s: float) -> FilterState:
-        """Return the last state as one that starts anew at any time, as uncertain as after a gap."""
-        return self._prediction.restart_after_gap(self._history.state_at(math.inf), gap_s)
+    def last_after_gap(self, gap_s: float, stamp_s: float) -> FilterState:
+        """Return the last state as one that starts anew at a stamp of another clock, as uncertain as after a gap."""
+        return self._prediction.restart_after_gap(self._history.state_at(math.inf), gap_s, stamp_s)
 
     def add_motion(self, source: str, stated: StatedMotion) -> bool:
         """Put a motion where it belongs; False if this localizer has told of the same interval already."""

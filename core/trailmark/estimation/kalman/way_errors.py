@@ -19,15 +19,16 @@ from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.kalman.state import FilterState, Gaussian, RejectedMeasurement
 from trailmark.geometry import Pose2
 
-__all__ = ["difference_grown", "errors_said_by", "less_when_unneeded", "reason_of_way_errors"]
+__all__ = ["added_errors", "difference_grown", "errors_said_by", "less_when_unneeded", "reason_of_way_errors"]
 
 # How large such errors are, one standard deviation: shares of the way along and aside, of the turn, and a yaw rate of
 # half a degree a second [rad/s].
 _USUAL = np.array([0.05, 0.02, 0.05, math.radians(0.5)])
 # None is larger than so many of these.
 _MOST = 3.0
-# An error that would have been seen: so many variances of an absolute estimate. Each that fits without leaves so much.
-_SHOWS, _LEFT, _FORGOTTEN = 9.0, 0.5, 1e-6
+# An error that would have been seen: so many variances of an absolute estimate. Each that fits without leaves so much
+# of the variance, and less than such a share of the usual one is forgotten.
+_SHOWS, _LEFT, _FORGOTTEN = 9.0, 0.5, 4e-4
 
 
 def difference_grown(gaussian: Gaussian, pose_odom_base: Pose2, last: RejectedMeasurement) -> Floats:
@@ -115,8 +116,14 @@ def less_when_unneeded(
     would_show = jacobian[:, :3] @ lasting_covariance(gaussian.lasting, said) @ jacobian[:, :3].T
     if would_show.diagonal().max() < _SHOWS or nis_of(innovation, jacobian, covariance) > limit:
         return said
-    left = [_LEFT * one for one in said]
-    return LastingVariances(*(one if one > _FORGOTTEN else 0.0 for one in left))
+    least = (_FORGOTTEN * _USUAL * _USUAL).tolist()
+    return LastingVariances(*(_LEFT * one if _LEFT * one > few else 0.0 for one, few in zip(said, least)))
+
+
+def added_errors(known: LastingVariances, said: LastingVariances) -> LastingVariances:
+    """Return the squares of the errors that refused poses have said, with those of one more; they stay plausible."""
+    most = (_MOST * _MOST * _USUAL * _USUAL).tolist()
+    return LastingVariances(*(min(one, limit) for one, limit in zip(known.plus(said), most)))
 
 
 def reason_of_way_errors(said: LastingVariances) -> str:
