@@ -29,6 +29,7 @@ __all__ = [
     "FixOffset",
     "LastingDoubt",
     "MotionSum",
+    "RepeatedPose",
     "Retrial",
     "RivalFilter",
 ]
@@ -212,6 +213,31 @@ class LastingDoubt(NamedTuple):
         return f"its motion parts from that of others by {apart}: it is believed so much less"
 
 
+class RepeatedPose(NamedTuple):
+    """What the last absolute estimate of a localizer said, and the first of those in a row that say the same.
+
+    Attributes
+    ----------
+    said : tuple of float
+        What it measured.
+    since_s : float
+        When it was first said, or base was last at rest [s].
+    pose_odom_base, pose : Pose2
+        Where motion had carried base then, and where base was believed to be, in the map.
+    sums : mapping of str to MotionSum
+        The motions until then, by localizer.
+    is_frozen : bool
+        Whether base has moved since by more than it and motion can explain.
+    """
+
+    said: tuple[float, ...]
+    since_s: float
+    pose_odom_base: Pose2
+    pose: Pose2
+    sums: Mapping[str, MotionSum]
+    is_frozen: bool = False
+
+
 class FaultDiagnosis(NamedTuple):
     """What the localizers say of each other.
 
@@ -254,6 +280,8 @@ class FaultDiagnosis(NamedTuple):
     innovations : tuple of (float, Innovation)
         Of the absolute estimates that are in `corrections`, as they were used, with their stamps, since the oldest
         anchor of all.
+    repeated : mapping of str to RepeatedPose
+        By localizer of whole poses or parts of them, what it said last, and since when.
     """
 
     sums: Mapping[str, MotionSum] = _EMPTY
@@ -274,3 +302,4 @@ class FaultDiagnosis(NamedTuple):
     parting: Parting = NOT_COMPARED
     way_errors: LastingVariances = NO_ERRORS
     innovations: tuple[tuple[float, Innovation], ...] = ()
+    repeated: Mapping[str, RepeatedPose] = _EMPTY

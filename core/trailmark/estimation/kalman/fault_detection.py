@@ -42,6 +42,7 @@ from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.kalman.one_sided import longest_one_sided_since
 from trailmark.estimation.kalman.parting import with_windows_compared, without_window
 from trailmark.estimation.kalman.prediction import Prediction
+from trailmark.estimation.kalman.repeated_fixes import remembered, with_frozen_kept_out, with_repetition
 from trailmark.estimation.kalman.state import FilterState
 from trailmark.estimation.kalman.trials import Trials
 from trailmark.estimation.kalman.windows import WINDOW_S, far_anchors_due, with_new_anchor, without_windows
@@ -77,6 +78,12 @@ class FaultDetector:
 
     def predict(self, state: FilterState, stamp_s: float) -> FilterState:
         """Return the state at a stamp that is not earlier."""
+        after, repeated = self._predict(state, stamp_s), state.diagnosis.repeated
+        if after.diagnosis.repeated is repeated:
+            return after
+        return after.with_diagnosis(after.diagnosis._replace(repeated=repeated))  # a question was decided
+
+    def _predict(self, state: FilterState, stamp_s: float) -> FilterState:
         if stamp_s <= state.stamp_s or state.stamp_s == -float("inf"):
             return self._prediction.predict(state, stamp_s)
         before = state.diagnosis
@@ -100,7 +107,22 @@ class FaultDetector:
         return _with_anchor_in_time(state)
 
     def correct(self, state: FilterState, measurement: Measurement) -> FilterState:
-        """Return the state after a measurement, with the verdict on it as its last."""
+        """Return the state after a measurement, with the verdict on it as its last.
+
+        A pose that its localizer repeats while base moves is kept out before anybody is asked.
+        """
+        if measurement.replaces:
+            after = self._correct(state, measurement)
+            return after.with_diagnosis(after.diagnosis._replace(repeated={}))
+        state, repeats = with_repetition(state, measurement)
+        if repeats is not None and repeats.is_frozen:
+            return with_frozen_kept_out(state, measurement, repeats)
+        after, repeated = self._correct(state, measurement), state.diagnosis.repeated
+        if after.diagnosis.repeated is not repeated:
+            after = after.with_diagnosis(after.diagnosis._replace(repeated=repeated))
+        return remembered(after, measurement, repeats)
+
+    def _correct(self, state: FilterState, measurement: Measurement) -> FilterState:
         before = state.diagnosis
         if before.absolute_faults and not measurement.replaces and measurement.source in before.absolute_faults:
             return self._hear_liar(state, measurement)
@@ -131,8 +153,9 @@ class FaultDetector:
             before.correction_covariance + spread,
             before.anchors,
             measurements,
-            *before[5:-1],
+            *before[5:-2],
             innovations,
+            before.repeated,
         )
         after = after.with_diagnosis(diagnosis)
         if before.faults:
@@ -170,7 +193,7 @@ class FaultDetector:
         fault = doubted.diagnosis.absolute_faults[measurement.source]
         if fault.n_agreed < AGREED and state.stamp_s - fault.since_s <= GIVES_IN_S:
             return doubted
-        return self.correct(without_fault(state, measurement.source), measurement)
+        return self._correct(without_fault(state, measurement.source), measurement)
 
     def _test_motions(self, state: FilterState, anchors: Sequence[FilterState]) -> FilterState:
         """Return a state with hypotheses, if motions have disagreed since one of some instants."""

@@ -9,6 +9,7 @@ from trailmark.estimates import Motion
 from trailmark.estimation.kalman.bank import posterior
 from trailmark.estimation.kalman.certainty import CertaintyRecord
 from trailmark.estimation.kalman.moved_belief import reason_of_moved, source_of_moved
+from trailmark.estimation.kalman.repeated_fixes import FROZEN, MOVES_ALONE, frozen_sources
 from trailmark.estimation.kalman.state import FilterState
 from trailmark.estimation.kalman.trust import Trust
 from trailmark.estimation.kalman.way_errors import reason_of_way_errors
@@ -127,10 +128,13 @@ def health_of(monitors: Mapping[str, SourceMonitor], state: FilterState, recover
     doubts = {s: one for s, one in state.diagnosis.doubts.items() if state.stamp_s - one.since_s > _UNDECIDED_S}
     moved_for = source_of_moved(state)
     unmeasured_s = longest(state.odometry.unmeasured_s)
+    frozen = frozen_sources(state)
     for source, monitor in monitors.items():
         n_rejected = state.rejections.counts.get(source, 0)
         fault = state.diagnosis.faults.get(source) or state.diagnosis.absolute_faults.get(source)
-        if fault is not None:
+        if source in frozen:
+            health[source] = FROZEN
+        elif fault is not None:
             health[source] = fault.reason
         elif source in undecided:
             health[source] = undecided[source]
@@ -146,6 +150,8 @@ def health_of(monitors: Mapping[str, SourceMonitor], state: FilterState, recover
             health[source] = str(doubts[source])
         elif source in state.diagnosis.sums and any(state.diagnosis.way_errors):
             health[source] = reason_of_way_errors(state.diagnosis.way_errors)
+        elif source in state.diagnosis.sums and any(frozen.values()):
+            health[source] = MOVES_ALONE
         elif source in state.diagnosis.parting.told:
             health[source] = state.diagnosis.parting.told[source]
         elif source in state.left_out:
