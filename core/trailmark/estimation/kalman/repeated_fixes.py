@@ -67,6 +67,8 @@ def with_repetition(state: FilterState, measurement: Measurement) -> tuple[Filte
         return (_thawed(state, before) if before.is_frozen else state), None
     if before.is_frozen:
         return state, before
+    if state.diagnosis.faults or state.diagnosis.undecided_since_s < math.inf:
+        return state, before  # motions of which one is doubted are no witnesses: each may be what the other says of it
     ways = _ways_since(state, before)
     if not ways or min(_sigmas_of(way, state, measurement) for way in ways) < _SIGMAS:
         return state, before
