@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from trailmark.experiments import ExperimentOptions
 from trailmark.frames import RGBD, Frame, Scalar
+from trailmark.isolation.fingerprint import digest_of
+from trailmark.isolation.plain import to_plain_bytes
 from trailmark_papers.kit import rms
+from trailmark_papers.toth2015 import PARTS
 from trailmark_papers.toth2015.disturbances import disturbance_rows
 from trailmark_papers.toth2015.drives import LANDMARKS, TWO_NAME, Driven, DriveOutcome, Plan, covered, drive
 from trailmark_papers.toth2015.light import LIGHTS
@@ -87,3 +93,11 @@ def test_what_is_printed_stands_beside_what_it_is_the_printed_form_of() -> None:
 
     assert (position.ours, position.faithful) == pytest.approx((0.01 * np.sqrt(2), 0.2 * np.sqrt(2)))
     assert (jump.experiment, jump.ours, share.faithful) == ("laboratory, people cross", 0.0, 100.0)
+
+
+@pytest.mark.parametrize("is_quick", [True, False])
+def test_every_drive_can_be_called_in_a_process_of_its_own_and_be_known_again(is_quick: bool, tmp_path: Path) -> None:
+    options = ExperimentOptions(quick=is_quick, seed=0, out=tmp_path, report=print)
+    calls = [plan for plans_of, _ in PARTS for plan in plans_of(options)]
+
+    assert len({digest_of(json.loads(to_plain_bytes(plan))) for plan in calls}) == len(calls)

@@ -14,7 +14,7 @@ from trailmark_papers.toth2015.registration import registration_plans, registrat
 from trailmark_papers.toth2015.speeds import speed_plans, speed_rows
 from trailmark_papers.toth2015.stage_pictures import draw_stages
 
-__all__ = ["toth2015"]
+__all__ = ["PARTS", "toth2015"]
 
 _N_PLACES = 5
 #: The figures by which the paper is judged.
@@ -32,7 +32,8 @@ _HEADLINES = (
     "laboratory, half of the view black, *: by colours, *: position, rms",
     "laboratory, depth not registered: *: position, rms",
 )
-_PARTS = (
+#: The drives of each part of the experiment, and the rows that they give.
+PARTS = (
     (place_plans, place_rows),
     (speed_plans, speed_rows),
     (disturbance_plans, disturbance_rows),
@@ -47,7 +48,7 @@ def toth2015(options: ExperimentOptions) -> Sequence[Row]:
 
 
 def _rows_of_place(options: ExperimentOptions) -> list[Row]:
-    plans = [plans_of(options) for plans_of, _ in _PARTS]
+    plans = [plans_of(options) for plans_of, _ in PARTS]
     # All drives at once, so that no process waits for the longest of a part.
     calls = [(plan,) for part in plans for plan in part]
     options.report(f"{len(calls)} drives")
@@ -56,4 +57,4 @@ def _rows_of_place(options: ExperimentOptions) -> list[Row]:
     draw_places(options, found[0])
     draw_disturbances(options, found[2])
     draw_stages(options)
-    return [row for (_, rows_of), part in zip(_PARTS, found) for row in rows_of(part)]
+    return [row for (_, rows_of), part in zip(PARTS, found) for row in rows_of(part)]

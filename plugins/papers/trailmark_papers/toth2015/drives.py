@@ -83,8 +83,8 @@ class Plan:
         Of the camera [Hz].
     world_seed : int
         Which of the worlds of that kind.
-    covered_s : float
-        From then on half of every picture is black and has no depth [s].
+    covered_s : float or None
+        From then on half of every picture is black and has no depth [s]; None: never.
     """
 
     name: str
@@ -97,7 +97,7 @@ class Plan:
     length_m: float = 3.0
     rate_hz: float = 10.0
     world_seed: int = 1
-    covered_s: float = math.inf
+    covered_s: float | None = None
 
 
 @dataclass(frozen=True)
@@ -195,7 +195,8 @@ class _LocalizerDrive(Watcher):
     def __init__(self, source: FrameSource, method: Method, plan: Plan) -> None:
         from trailmark.api import create
 
-        self._covered_s, self._is_same_light = plan.covered_s, method.get("light") == "same"
+        self._covered_s = math.inf if plan.covered_s is None else plan.covered_s
+        self._is_same_light = method.get("light") == "same"
         keys = {key: value for key, value in method.items() if key != "plugin"}
         keys |= {"light": "light"} if self._is_same_light else {}
         self._localizer: Localizer = create("localizer", method["plugin"], camera=_CAMERA, **keys)
