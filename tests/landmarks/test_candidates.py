@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from trailmark.arrays import Floats
@@ -26,10 +26,11 @@ def seen_from(pose: Floats, landmarks: Floats) -> tuple[Floats, Floats]:
 def circumcircle_determinant(points: Floats) -> float:
     """Zero where four points lie on one circle, or on a line."""
     rows = np.column_stack([points, (points**2).sum(axis=1), np.ones(4)])
-    return float(np.linalg.det(rows / np.linalg.norm(rows, axis=0)))
+    return float(np.linalg.det(rows / np.maximum(np.linalg.norm(rows, axis=0), 1e-300)))
 
 
 @given(st.lists(POINTS, min_size=3, max_size=3, unique=True), POINTS, st.floats(-math.pi, math.pi))
+@example([(0.0, 0.0), (0.0, 20.0), (0.0, 0.25)], (0.0, 1.0), 0.0)
 def test_three_bearings_tell_the_pose_unless_all_lie_on_a_circle(
     landmarks: list[tuple[float, float]], place: tuple[float, float], heading: float
 ) -> None:
