@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -42,8 +44,8 @@ def solved(is_carried: np.ndarray, carried_m: float, expected: Expected | None) 
     memory = LandmarkMemory(MemoryLimits(trial=1))
     memory.add(seen_at(points), Anchor(np.eye(4), np.zeros((3, 3))), is_trusted=True)
     now = points + is_carried[:, None] * np.array([0.0, carried_m, 0.0])
-    unused = None  # it neither looks nor measures here
-    tracker = Tracker(config, unused, unused, memory, alignment_limits(config), np.random.default_rng(0))  # type: ignore[arg-type]
+    unused: Any = None  # it neither looks nor measures here
+    tracker = Tracker(config, unused, unused, memory, alignment_limits(config), np.random.default_rng(0))
     return tracker.solve(TrackedLandmarks(seen_at(now), ROWS), expected)
 
 
@@ -72,12 +74,12 @@ def test_a_taught_place_is_not_forgotten_when_depth_is_found_to_lie_elsewhere(
     config = KinectLandmarksConfig(camera="kinect", solve="plane")
     localizer_map, teacher, localizer = MemoryMap(), KinectLandmarks(config), KinectLandmarks(config)
     start, frame = Pose2(), Frame("kinect", 0.0, room.look(Pose2()))
-    common = {"sensors": SENSORS, "start_pose": start, "map": localizer_map}
-    teacher.start(Session(mode="teach", rng=np.random.default_rng(7), **common))  # type: ignore[arg-type]
+    teaching = Session(mode="teach", rng=np.random.default_rng(7), sensors=SENSORS, start_pose=start, map=localizer_map)
+    teacher.start(teaching)
     for k in range(5):
         teacher.observe(Frame("kinect", k / 30.0, frame.payload), Belief(k / 30.0, start))
     teacher.finish()
-    localizer.start(Session(mode="replay", rng=np.random.default_rng(7), **common))  # type: ignore[arg-type]
+    localizer.start(replace(teaching, mode="replay", rng=np.random.default_rng(7)))
     taught = localizer.counters()["remembered"]
     monkeypatch.setattr(localizer._watch.registration, "found", Registration(right_px=8.0))
     monkeypatch.setattr(localizer._watch, "look", lambda *_: True)

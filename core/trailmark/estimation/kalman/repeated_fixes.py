@@ -15,9 +15,11 @@ import numpy as np
 
 from trailmark.arrays import Floats
 from trailmark.estimation.kalman.diagnosis import MotionSum, RepeatedPose
+from trailmark.estimation.kalman.gate import SHARE_UNDECIDED
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.kalman.state import FilterState, Gaussian, Verdict
 from trailmark.estimation.kalman.windows import without_windows
+from trailmark.frames.payloads import read_only
 from trailmark.geometry import Pose2, wrap_angle
 
 __all__ = [
@@ -38,11 +40,9 @@ MOVES_ALONE = "its motion alone says that base moves, while absolute estimates r
 _SIGMAS = 5.0
 # What is slower since the first of equal poses is drift of a motion at rest, not a way [m/s, rad/s].
 _REST_MPS, _REST_RADPS = 0.01, math.radians(0.5)
-# Probability that base stands, where one motion alone says that it moves: whoever is right is within 2.3 sigmas.
-_SHARE = 1.0 / 5.0
 # A direction that no motion has measured [m^2, rad^2].
 _OPEN = 1e6
-_NOTHING: Floats = np.zeros((3, 3))
+_NOTHING: Floats = read_only(np.zeros((3, 3)))
 
 
 def with_repetition(state: FilterState, measurement: Measurement) -> tuple[FilterState, RepeatedPose | None]:
@@ -129,7 +129,7 @@ def covariance_of_frozen(state: FilterState, gaussian: Gaussian) -> Floats:
     for source, is_alone in frozen_sources(state).items():
         if is_alone:
             away = _difference(state.diagnosis.repeated[source].pose, gaussian.x)
-            covariance = covariance + _SHARE * np.outer(away, away)
+            covariance = covariance + SHARE_UNDECIDED * np.outer(away, away)
     return covariance
 
 
