@@ -298,14 +298,17 @@ def test_a_signal_is_heard_when_everybody_else_has_ended(monkeypatch: pytest.Mon
     from trailmark import interruption
     from trailmark.cli.signals import call_until_signal
 
-    is_forgotten, failures = threading.Event(), []
+    is_handled, is_forgotten, failures = threading.Event(), threading.Event(), []
     make = interruption.ask_to_end
 
     def make_and_lose(number: int) -> interruption.Interrupted:
         by = make(number)
         if threading.current_thread().name == "signals":
+            is_handled.wait(30.0)  # or the handler, which comes after the pipe, would make it anew
             interruption.forget()
             is_forgotten.set()
+        else:
+            is_handled.set()
         return by
 
     monkeypatch.setattr(interruption, "ask_to_end", make_and_lose)
