@@ -12,7 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from trailmark.isolation.calls import ANSWER_FILE, ARGUMENTS_FILE, read_plain, write_plain
+from trailmark.isolation.calls import ARGUMENTS_FILE, keep_answer, read_plain
 from trailmark.isolation.child import EXIT_FAILED, die_with, say, write_json
 from trailmark.isolation.process import REQUEST_FILE, RESULT_FILE
 
@@ -30,8 +30,9 @@ def main(arguments: list[str]) -> int:
         function: Any = import_module(module)
         for part in name.split("."):
             function = getattr(function, part)
-        call = read_plain(folder / ARGUMENTS_FILE, module.partition(".")[0])
-        write_plain(folder / ANSWER_FILE, function(*call))
+        package = module.partition(".")[0]
+        call = read_plain(folder / ARGUMENTS_FILE, package)
+        keep_answer(folder, function(*call), package)
     except Exception as error:
         traceback.print_exc()
         told = {"module": type(error).__module__, "name": type(error).__name__, "message": str(error)}

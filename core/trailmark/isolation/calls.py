@@ -1,8 +1,8 @@
 """Calls as cells: functions in processes of their own, whose answers outlive an interrupted program.
 
-``trailmark reproduce`` runs the independent runs of an experiment this way. A call is addressed by its function, its
-arguments and the code of all plugins; an answer that is there is taken. Answers are JSON (`trailmark.isolation.plain`),
-in the folder of the experiment.
+``trailmark reproduce`` runs the independent runs of an experiment this way. A call is addressed by its function and its
+arguments; an answer that is there is taken where the code that its process had loaded is as it was. Answers are JSON
+(`trailmark.isolation.plain`), in the folder of the experiment.
 """
 
 from __future__ import annotations
@@ -18,16 +18,26 @@ from typing import Any, TypeVar
 
 from trailmark import errors
 from trailmark.errors import RunError
-from trailmark.isolation.fingerprint import code_of, digest_of, source_digest
+from trailmark.isolation.fingerprint import digest_of
+from trailmark.isolation.loaded_code import is_as_loaded, loaded_code
 from trailmark.isolation.plain import from_plain_bytes, to_plain_bytes
 from trailmark.isolation.process import IsolatedProcess
 
-__all__ = ["ANSWER_FILE", "ARGUMENTS_FILE", "call_in_cells", "forget_calls", "read_plain", "write_plain"]
+__all__ = [
+    "ANSWER_FILE",
+    "ARGUMENTS_FILE",
+    "call_in_cells",
+    "forget_calls",
+    "keep_answer",
+    "read_plain",
+    "write_plain",
+]
 
 T = TypeVar("T")
 
 ARGUMENTS_FILE = "arguments.json"
 ANSWER_FILE = "answer.json"
+CODE_FILE = "code.json"
 
 _DAY_S = 86400.0
 
@@ -62,10 +72,9 @@ def call_in_cells(
         answers of the others are kept.
     """
     package = function.__module__.partition(".")[0]
-    code = _code() | {package: source_digest(package)}
     name = f"{function.__module__}:{function.__qualname__}"
-    places = [folder / digest_of([name, json.loads(to_plain_bytes(call)), code])[:20] for call in arguments]
-    known = sum((place / ANSWER_FILE).is_file() for place in places)
+    places = [folder / digest_of([name, json.loads(to_plain_bytes(call))])[:20] for call in arguments]
+    known = sum(_is_known(place) for place in places)
     if known:
         report(f"{known} of {len(places)} answers of an interrupted run are taken")
     if jobs == 1:
@@ -82,14 +91,45 @@ def forget_calls(folder: Path) -> None:
 
 def _here(function: Callable[..., T], call: tuple[Any, ...], place: Path, package: str) -> T:
     with suppress(RunError):  # what cannot be read is done again
-        if (place / ANSWER_FILE).is_file():
+        if _is_known(place):
             known: T = read_plain(place / ANSWER_FILE, package)
             return known
     answer = function(*call)
     place.mkdir(parents=True, exist_ok=True)
     with suppress(TypeError):  # what cannot be kept is not
-        write_plain(place / ANSWER_FILE, answer)
+        keep_answer(place, answer, package)
     return answer
+
+
+def _is_known(place: Path) -> bool:
+    """Return whether there is an answer that this code would give."""
+    if not (place / ANSWER_FILE).is_file():
+        return False
+    try:
+        return is_as_loaded(json.loads((place / CODE_FILE).read_text(encoding="utf-8")))
+    except (OSError, ValueError, AttributeError, TypeError):
+        return False
+
+
+def keep_answer(place: Path, answer: Any, package: str) -> None:
+    """Write an answer, and the code that was loaded to find it; `TypeError` if it is no plain data.
+
+    Parameters
+    ----------
+    place : Path
+        Folder of the call.
+    answer : plain data
+        What the function returned.
+    package : str
+        The function's.
+    """
+    from trailmark.plugins import load_plugins
+
+    (place / ANSWER_FILE).unlink(missing_ok=True)
+    packages = {spec.target.partition(":")[0].partition(".")[0] for spec in load_plugins().registry.specs()}
+    code = json.dumps(loaded_code(sorted({"trailmark", package, *packages})))
+    (place / CODE_FILE).write_text(code, encoding="utf-8")
+    write_plain(place / ANSWER_FILE, answer)
 
 
 def write_plain(path: Path, value: Any) -> None:
@@ -126,7 +166,7 @@ class _Round:
 
     def _one(self, call: tuple[Any, ...], place: Path) -> Any:
         with suppress(RunError):
-            if (place / ANSWER_FILE).is_file():
+            if _is_known(place):
                 return read_plain(place / ANSWER_FILE, self._package)
         shutil.rmtree(place, ignore_errors=True)
         place.mkdir(parents=True)
@@ -157,12 +197,6 @@ def _error_of(place: Path, story: str) -> Exception:
 def _call_as_text(call: tuple[Any, ...]) -> str:
     text = repr(call)
     return text if len(text) <= 120 else f"{text[:117]}..."
-
-
-def _code() -> dict[str, str]:
-    from trailmark.plugins import load_plugins
-
-    return code_of(load_plugins().registry.specs())
 
 
 def read_plain(path: Path, package: str) -> Any:

@@ -17,7 +17,12 @@ from trailmark.plugins import Spec
 __all__ = ["FileCache", "code_of", "digest_of", "files_in_document", "fingerprint", "source_digest", "without_paths"]
 
 #: Packages of core that no result depends on.
-_BESIDE = ("bench", "cli", "isolation", "report", "testing", "starters")
+BESIDE = ("bench", "cli", "isolation", "report", "testing", "starters")
+_SMOOTHER, _KALMAN = "trailmark.estimation.smoother", "trailmark.estimation.kalman"
+#: Packages of core that results depend on only if a part stands in one of these: nothing else imports them.
+_OF_THEIR_PARTS = {_SMOOTHER: (_SMOOTHER,), _KALMAN: (_KALMAN, _SMOOTHER)}
+#: What decides a result, beside modules: learned weights, tables.
+DATA_SUFFIXES = (".npz", ".npy", ".json")
 
 #: ``(path, size, mtime_ns) -> digest``, to be kept between runs: recordings are large.
 FileCache = dict[tuple[str, int, int], str]
@@ -92,8 +97,12 @@ def code_of(specs: Iterable[Spec], source: bool = True) -> dict[str, str]:
 
     Of an installed distribution the version would do (`source` False); of a checkout that is worked on it would not.
     """
-    versions = {spec.target.partition(":")[0].partition(".")[0]: spec.version for spec in specs}
-    versions["trailmark"] = trailmark.__version__
+    versions = {"trailmark": trailmark.__version__}
+    for spec in specs:
+        module = spec.target.partition(":")[0]
+        versions[module.partition(".")[0]] = spec.version
+        needed = [room for room, users in _OF_THEIR_PARTS.items() if module.rpartition(".")[0] in users]
+        versions |= dict.fromkeys(needed, spec.version)
     return {
         package: f"{version} {source_digest(package)}".lstrip() if source else version
         for package, version in sorted(versions.items())
@@ -102,20 +111,28 @@ def code_of(specs: Iterable[Spec], source: bool = True) -> dict[str, str]:
 
 @lru_cache(maxsize=256)
 def source_digest(package: str) -> str:
+    """Return the digest of a package's sources and data, 16 hex digits; "unknown" for what is built in.
+
+    Rooms of core count that every result depends on; the others have digests of their own.
+    """
     found = importlib.util.find_spec(package)
     if found is None or found.origin is None or not Path(found.origin).is_file():  # built in
         return "unknown"
     origin = Path(found.origin)
-    files = [origin]
-    if origin.name == "__init__.py":
-        skipped = _BESIDE if package == "trailmark" else ()
-        files = [file for file in origin.parent.rglob("*") if _counts(file, origin.parent, skipped)]
     root = origin.parent
-    listed = [[f.relative_to(root).as_posix(), hashlib.sha256(f.read_bytes()).hexdigest()] for f in sorted(files)]
-    return digest_of(listed)[:16]
+    names = [origin.name] if origin.name != "__init__.py" else _sources_in(root)
+    apart = tuple(f"{room.replace('.', '/')}/" for room in _rooms_apart_in(package))
+    kept = sorted(name for name in names if not name.startswith(apart))
+    return digest_of([[name, hashlib.sha256((root / name).read_bytes()).hexdigest()] for name in kept])[:16]
 
 
-def _counts(file: Path, root: Path, skipped: Iterable[str]) -> bool:
-    inside = file.relative_to(root).parts
-    is_data = file.suffix in (".py", ".npz", ".npy", ".json")
-    return is_data and inside[0] not in skipped and "__pycache__" not in inside and file.is_file()
+def _sources_in(root: Path) -> list[str]:
+    """Return the paths of a package's sources and data below its folder."""
+    files = [path for path in root.rglob("*") if path.suffix in (".py", *DATA_SUFFIXES) and path.is_file()]
+    return [path.relative_to(root).as_posix() for path in files if "__pycache__" not in path.parts]
+
+
+def _rooms_apart_in(package: str) -> list[str]:
+    """Return the packages in a package that do not count with it."""
+    apart = [*(f"trailmark.{name}" for name in BESIDE), *_OF_THEIR_PARTS]
+    return [room.removeprefix(f"{package}.") for room in apart if room.startswith(f"{package}.")]
