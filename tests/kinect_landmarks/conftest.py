@@ -45,13 +45,16 @@ class Room:
             cv2.rectangle(pixels, (int(u), int(v)), (int(u + w), int(v + h)), rng.integers(0, 256, 3).tolist(), -1)
         return pixels
 
-    def look(self, pose: Pose2, light: float = 1.0, box_left_m: float = 0.0) -> RGBD:
-        """Return what is seen from a pose; the box is moved to the left."""
-        seen = self._look(pose, box_left_m)
+    def look(
+        self, pose: Pose2, light: float = 1.0, box_left_m: float = 0.0, tilt_rad: tuple[float, float] = (0.0, 0.0)
+    ) -> RGBD:
+        """Return what is seen from a pose; the box is moved to the left, and the camera is rolled and pitched."""
+        seen = self._look(pose, box_left_m, tilt_rad)
         return seen if light == 1.0 else RGBD((seen.bgr * light).astype(np.uint8), seen.depth_m)
 
-    def _render(self, pose: Pose2, box_left_m: float) -> RGBD:
-        rays = self._rays @ Pose3.from_planar(pose).rotation().T
+    def _render(self, pose: Pose2, box_left_m: float, tilt_rad: tuple[float, float]) -> RGBD:
+        roll, pitch = tilt_rad
+        rays = self._rays @ Pose3(roll=roll, pitch=pitch, yaw=pose.theta).rotation().T
         bgr, depth = np.zeros((480, 640, 3), np.uint8), np.full((480, 640), np.nan, np.float32)
         middle = 5.0, 2.5
         panels = ((self._wall, 3.0, middle), (self._box, 2.2, (0.9 + box_left_m, 0.4)))  # the nearer one last
@@ -86,6 +89,7 @@ def drive(room: Room) -> Drive:
         localizer: Localizer, poses: Sequence[Pose2], light: Callable[[int], float] = lambda _: 1.0, **session: object
     ) -> list[Estimate]:
         box = session.pop("box_left_m", lambda _: 0.0)
+        tilt = session.pop("tilt_rad", lambda _: (0.0, 0.0))
         settings = {"sensors": SENSORS, "start_pose": poses[0], "rng": np.random.default_rng(7)} | session
         localizer.start(Session(**settings))  # type: ignore[arg-type]
         answers: list[Estimate] = []
@@ -95,7 +99,7 @@ def drive(room: Room) -> Drive:
             belief = Belief(stamp_s, believed)
             if getattr(localizer.config, "light", None):
                 localizer.observe(Frame("light", stamp_s, Scalar(light(i))), belief)
-            frame = Frame("kinect", stamp_s, room.look(pose, light(i), box(i)))  # type: ignore[operator]
+            frame = Frame("kinect", stamp_s, room.look(pose, light(i), box(i), tilt(i)))  # type: ignore[operator]
             answers += localizer.observe(frame, belief)
         return answers
 

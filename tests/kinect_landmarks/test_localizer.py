@@ -273,6 +273,34 @@ def test_two_landmarks_and_one_in_reserve_hold_the_pose(drive: Drive) -> None:
     assert max(fix.pose_map_base.distance_to(true[fix.stamp_s]) for fix in fixes) < 0.1
 
 
+@pytest.mark.parametrize("step_m", [0.01, -0.02])
+def test_two_landmarks_and_one_in_reserve_do_not_go_with_a_box(drive: Drive, step_m: float) -> None:
+    config = KinectLandmarksConfig(camera="kinect", solve="plane", landmarks=3, min_landmarks=2, adapt=False)
+    poses = arc(40)
+
+    answers = drive(KinectLandmarks(config), poses, box_left_m=lambda i: step_m * max(0, i - 6))
+
+    misses = _misses(answers, poses)
+    assert len(misses) >= 0.9 * (len(poses) - 1)
+    assert misses[:, 0].max() < 0.1  # 10 cm
+
+
+def test_two_landmarks_and_one_in_reserve_notice_a_camera_that_tilts(
+    drive: Drive, caplog: pytest.LogCaptureFixture
+) -> None:
+    config = KinectLandmarksConfig(camera="kinect", solve="plane", landmarks=3, min_landmarks=2, adapt=False)
+    poses = arc(40)
+
+    answers = drive(
+        KinectLandmarks(config), poses, tilt_rad=lambda i: (0.12 * math.sin(0.1 * i), 0.12 * math.sin(0.13 * i))
+    )
+
+    misses = _misses(answers, poses)
+    assert len(misses) >= 0.9 * (len(poses) - 1)
+    assert misses[:, 0].max() < 0.05
+    assert "the camera 'kinect' tilts" in caplog.text
+
+
 @pytest.mark.data
 @pytest.mark.parametrize("plugin", ["kinect_landmarks", "kinect_flow"])
 def test_a_real_hand_held_recording_is_tracked(data_folder: Path, plugin: str) -> None:

@@ -58,7 +58,8 @@ class RgbdConfig(PresetConfig):
 
     solve: Literal["space", "plane"] = "space"
     """space: in three dimensions, then projected to the plane of the start; for hand-held cameras and tilting robots.
-    plane: as the paper, for robots that stay level; needs two landmarks instead of three."""
+    plane: as the paper, for robots that stay level; needs two landmarks instead of three. Landmarks say if the camera
+    tilts: then it is space."""
     angles: Literal["pinhole", "linear"] = "pinhole"
     """linear: "counting pixels" as the paper, up to 0.94 deg off."""
     depth_kind: Literal["z", "range"] | None = None

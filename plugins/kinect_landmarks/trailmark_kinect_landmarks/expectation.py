@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -45,6 +45,18 @@ class Expected:
         information = np.eye(n) * self.sigma_rad**-2
         information[:D, :D] = self.R @ np.diag(np.asarray(self.sigma_m) ** -2.0) @ self.R.T
         return information
+
+    def begun_from(self, covariance: Array) -> Expected:
+        """Return the same motion, no surer than the planar pose that it begins from.
+
+        Parameters
+        ----------
+        covariance : (3, 3) float64
+            Of x, y and heading of the last pose [m, m, rad].
+        """
+        spread_m = math.sqrt(max(0.0, float(np.linalg.eigvalsh(covariance[:2, :2])[-1])))
+        sigma_rad = math.hypot(self.sigma_rad, math.sqrt(float(covariance[2, 2])))
+        return replace(self, sigma_m=np.hypot(self.sigma_m, spread_m), sigma_rad=sigma_rad)
 
     def seen_from(self, R: Array, t: Array) -> Array:
         """Return how far it is from another motion: translation, and rotation on the left, (3,) or (6,)."""

@@ -22,7 +22,7 @@ from trailmark_kinect_landmarks.colour import Light
 from trailmark_kinect_landmarks.config import KinectLandmarksConfig
 from trailmark_kinect_landmarks.depth import as_scan
 from trailmark_kinect_landmarks.effort import Effort
-from trailmark_kinect_landmarks.expectation import Expectation, Expected
+from trailmark_kinect_landmarks.expectation import Expectation
 from trailmark_kinect_landmarks.eye import LandmarkDetector, PreparedImage
 from trailmark_kinect_landmarks.fuzzy import SearchPlan
 from trailmark_kinect_landmarks.memory import Anchor, LandmarkMemory, MemoryLimits
@@ -91,8 +91,11 @@ class KinectLandmarks(Localizer):
     def _observe(self, stamp_s: float, payload: RGBD, belief: Belief) -> Sequence[Estimate]:
         plan = self._effort.plan(self._session.last_latency_s())
         picture = self._eye.prepare(payload, self._light, self._scan, plan.scale)
-        expected = self._expected_pose(stamp_s)
-        again, others = self._tracker.look(picture, plan, self._expectation.pose(stamp_s) if expected else None)
+        is_expected = self._is_expected(stamp_s)
+        again, others = self._tracker.look(picture, plan, self._expectation.pose(stamp_s) if is_expected else None)
+        if self._tracker.notices_tilt(again):
+            self._begin_in_space()
+        expected = self._expectation.motion(stamp_s, self._tracker.n_dimensions) if is_expected else None
         if len(self._memory) == 0:
             return self._begin(stamp_s, others, belief)
         solved = self._tracker.solve(again, expected)
@@ -190,12 +193,21 @@ class KinectLandmarks(Localizer):
         self._told = (stamp_s, pose, np.zeros((3, 3)))
         return ()
 
-    def _expected_pose(self, stamp_s: float) -> Expected | None:
-        """Return the expected pose; None while lost."""
+    def _is_expected(self, stamp_s: float) -> bool:
+        """Return whether a pose is expected; not while lost."""
         last = self._expectation.last
-        if last is None or (np.isfinite(last[0]) and stamp_s - last[0] > self.config.restart_s):
-            return None
-        return self._expectation.motion(stamp_s, 2 if self.config.solve == "plane" else 3)
+        return last is not None and not (np.isfinite(last[0]) and stamp_s - last[0] > self.config.restart_s)
+
+    def _begin_in_space(self) -> None:
+        """Say that the camera tilts, and expect it anywhere near: what was learned of its movement was of the plane."""
+        logger.warning(
+            "%s: the camera %r tilts, so that poses in the plane are wrong: from now on they are solved in space, by"
+            " all landmarks that are followed. Set 'solve: space'",
+            self._session.name or "kinect_landmarks",
+            self.config.camera,
+        )
+        if self._expectation.last is not None:
+            self._expectation.begin(*self._expectation.last)
 
     def _doubt(self, solved: Solved, again: TrackedLandmarks, picture: PreparedImage) -> str:
         """Return why a pose is not believed to be in the taught place; nothing where one is expected: last, or told."""

@@ -23,6 +23,7 @@ from trailmark_kinect_landmarks.expectation import Expected
 from trailmark_kinect_landmarks.eye import LandmarkDetector, PreparedImage
 from trailmark_kinect_landmarks.fuzzy import SearchPlan
 from trailmark_kinect_landmarks.landmarks import SeenLandmarks
+from trailmark_kinect_landmarks.level import LevelWatch
 from trailmark_kinect_landmarks.memory import Anchor, LandmarkMemory
 from trailmark_kinect_landmarks.refinding import (
     consistent,
@@ -43,6 +44,7 @@ Rows = npt.NDArray[np.intp]
 _STILL_ALIKE = 0.35  # a followed landmark that looks less like itself has slid off
 _ENOUGH = 12  # landmarks that agree, so that those on trial need not be asked
 _SUPPORT = 0.7  # of the candidates that must agree with the pose of the few
+_CLOSELY = 4.0  # squared sigmas within which a candidate may be one of the few: each of three has its way
 _GATE = 16.3  # chi-square of three numbers, 99.9 %
 _MODEL_SIGMA_M = 0.004  # what calibration and rounding of depth add to every point
 
@@ -121,8 +123,20 @@ class Tracker:
     ) -> None:
         self._config, self._camera, self._eye, self._memory = config, camera, eye, memory
         self._limits, self._rng = limits, rng
+        self._level = LevelWatch(config.solve == "plane")
         self._before: PreparedImage | None = None
+        self._spread: Array | None = None  # covariance of the last pose of the few
         self._followed: tuple[Rows, Array] = (np.empty(0, np.intp), np.empty((0, 2)))
+
+    @property
+    def n_dimensions(self) -> int:
+        """2 where poses are solved in the plane, 3 in space."""
+        return self._level.n_dimensions
+
+    def notices_tilt(self, again: TrackedLandmarks) -> bool:
+        """Return whether landmarks show for the first time that the camera tilts; then all is solved in space."""
+        able = again.pick(np.asarray(~self._memory.is_moved[again.rows]))
+        return self._level.notices_tilt(able.seen.points_base, self._memory.points[able.rows, 2])
 
     def look(
         self, picture: PreparedImage, plan: SearchPlan, T_map_base: Array | None
@@ -144,7 +158,7 @@ class Tracker:
 
     def solve(self, again: TrackedLandmarks, expected: Expected | None) -> Solved | Refusal:
         """Return the pose that the landmarks agree on: of those that may vote; where few do, of those on trial too."""
-        if self._config.landmarks < FEW:
+        if self._config.landmarks < FEW and self._level.is_level:
             return self._solve_by_few(again, expected)
         able = np.asarray(~self._memory.is_moved[again.rows])
         voting = self._memory.votes(again.rows)
@@ -156,7 +170,20 @@ class Tracker:
         return answer
 
     def _solve_by_few(self, again: TrackedLandmarks, expected: Expected | None) -> Solved | Refusal:
-        """Return the pose of the few landmarks that tell most, if the others that are followed do not contradict it."""
+        """Return the pose of the few landmarks that tell most, if the others that are followed do not contradict it.
+
+        The expectation chooses landmarks as it is. It steadies the pose only as far as the last pose was known: few
+        landmarks yield to it, so that it would be borne out by itself, and lead astray.
+        """
+        begun = None if expected is None or self._spread is None else expected.begun_from(self._spread)
+        answer = self._pose_of_few(again, expected, begun or expected)
+        if isinstance(answer, Solved):
+            self._spread = answer.covariance
+        return answer
+
+    def _pose_of_few(
+        self, again: TrackedLandmarks, expected: Expected | None, begun: Expected | None
+    ) -> Solved | Refusal:
         memory = self._memory
         able = again.pick(np.asarray(~memory.is_moved[again.rows]))
         as_expected = able if expected is None else able.pick(self._within_expectation(able, expected))
@@ -166,16 +193,28 @@ class Tracker:
             able = as_expected
         voting = able.pick(memory.votes(able.rows))
         among = voting if len(voting) >= self._config.landmarks else able
-        answer = self._align(among.pick(self._most_telling(among)), expected)
+        answer = self._align(self._few_of(among, begun), begun)
         if isinstance(answer, Refusal) or len(voting) <= self._config.landmarks:
             return answer
         if self._support(answer, voting) >= _SUPPORT:
             return answer
-        of_all = self._align(voting, expected)  # one of the few may have begun to move: who disagrees is left out
+        of_all = self._align(voting, begun)  # one of the few may have begun to move: who disagrees is left out
         if isinstance(of_all, Refusal) or self._support(of_all, voting) < _SUPPORT:
             return Refusal("the landmarks contradict one another")
         agreeing = of_all.agreeing
-        return self._align(agreeing.pick(self._most_telling(agreeing)), expected)
+        return self._align(self._few_of(agreeing, begun), begun)
+
+    def _few_of(self, among: TrackedLandmarks, begun: Expected | None) -> TrackedLandmarks:
+        """Return the few that tell most, of those that closely agree with the pose of all where most of all agree.
+
+        What begins to move is within the gate for some pictures. It hardly counts among many, and much among three.
+        """
+        if len(among) > self._config.landmarks:
+            of_all = self._align(among, begun)
+            if isinstance(of_all, Solved) and self._support(of_all, among) >= _SUPPORT:
+                closely = among.pick(self._agree(*self._misses(of_all, among), _CLOSELY))
+                among = closely if len(closely) >= self._config.landmarks else among
+        return among.pick(self._most_telling(among))
 
     def _within_expectation(self, sighting: TrackedLandmarks, expected: Expected) -> npt.NDArray[np.bool_]:
         D = len(expected.t)
@@ -305,7 +344,7 @@ class Tracker:
         return self._camera.project(points_base, picture.size)
 
     def _align(self, sighting: TrackedLandmarks, expected: Expected | None) -> Solved | Refusal:
-        D = 2 if self._config.solve == "plane" else 3
+        D = self.n_dimensions
         memory, seen = self._memory, sighting.seen
         model = _MODEL_SIGMA_M**2 * np.eye(D)
         answer = align(
@@ -332,11 +371,11 @@ class Tracker:
         self._before = None
         self._followed = np.empty(0, np.intp), np.empty((0, 2))
 
-    def _agree(self, misses: Array, cov: Array) -> npt.NDArray[np.bool_]:
-        D = 2 if self._config.solve == "plane" else 3
+    def _agree(self, misses: Array, cov: Array, gate: float = _GATE) -> npt.NDArray[np.bool_]:
+        D = self.n_dimensions
         information = np.linalg.inv(cov[:, :D, :D])
         squared = np.einsum("ni,nij,nj->n", misses[:, :D], information, misses[:, :D])
-        return np.atleast_1d(squared < _GATE)
+        return np.atleast_1d(squared < gate)
 
 
 def _homogeneous(alignment: CloudAlignment) -> Array:
