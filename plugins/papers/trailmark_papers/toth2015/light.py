@@ -32,7 +32,7 @@ _CHANGE_S = 2.0
 
 
 @dataclass(frozen=True)
-class _Case:
+class _LightChange:
     """What changes after 2 s: options of the world, and when half of the view turns black [s]."""
 
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -40,10 +40,10 @@ class _Case:
 
 
 _DIM: Mapping[str, Any] = {"dims_s": _CHANGE_S, "dims_to": 0.2}
-_CASES: Mapping[str, _Case] = {
-    "lamps to 20 %, fixed exposure": _Case({**_DIM, "exposure": 1.0}),
-    "lamps to 20 %, the camera exposes by itself": _Case(_DIM),
-    "half of the view black, fixed exposure": _Case({"exposure": 1.0}, {"covered_s": _CHANGE_S}),
+_CHANGES: Mapping[str, _LightChange] = {
+    "lamps to 20 %, fixed exposure": _LightChange({**_DIM, "exposure": 1.0}),
+    "lamps to 20 %, the camera exposes by itself": _LightChange(_DIM),
+    "half of the view black, fixed exposure": _LightChange({"exposure": 1.0}, {"covered_s": _CHANGE_S}),
 }
 
 
@@ -53,8 +53,8 @@ def light_plans(options: ExperimentOptions) -> list[Plan]:
         return []
     place = options.world_seed
     return [
-        Plan(name, "lab", options.seed, _METHODS, case.options, length_m=1.2, world_seed=place, **case.view)
-        for name, case in _CASES.items()
+        Plan(name, "lab", options.seed, _METHODS, change.options, length_m=1.2, world_seed=place, **change.view)
+        for name, change in _CHANGES.items()
     ]
 
 
