@@ -191,3 +191,25 @@ def test_between_two_places_the_map_is_bent_as_between_them() -> None:
     there = np.column_stack([np.linspace(0.0, 2.95, 301), np.full(301, 0.01), np.full(301, 0.2)])
 
     np.testing.assert_allclose(frame.in_map(there), there * [1.05, 1.0, 1.0], atol=1e-12)
+
+
+def test_poses_are_carried_as_one_after_the_other_would_be(figure_eight: Trajectory) -> None:
+    way = figure_eight.poses[::4]
+    shifts = np.repeat([[0.0, 0.0, 0.0], [0.0, 0.1, 0.0]], len(way), axis=0)  # the path comes by twice
+    truth = np.tile(way, (2, 1)) + shifts
+    places = TaughtPlaces(_bent(truth), truth)
+    rng = np.random.default_rng(7)
+    poses = truth[np.sort(rng.integers(0, len(truth), 400))] + rng.normal(0.0, [0.05, 0.05, 0.1], (400, 3))
+
+    expected, place = [], 0
+    for pose in poses:
+        apart = truth - pose
+        away_m = np.hypot(apart[:, 0], apart[:, 1]) + np.abs(wrap_angles(apart[:, 2]))
+        meant = np.flatnonzero(away_m <= away_m.min() + 0.3)
+        passes = np.split(meant, np.flatnonzero(np.diff(meant) > 1) + 1)
+        goes_on = min(passes, key=lambda one: np.abs(one - place).min())
+        place = int(goes_on[away_m[goes_on].argmin()])
+        expected.append(place)
+    frame = BentMapFrame(places=places)
+
+    np.testing.assert_array_equal(frame.in_map(poses), frame._carry(poses, np.array(expected)))

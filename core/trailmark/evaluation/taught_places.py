@@ -8,10 +8,10 @@ path that is nearest, by what teaching believed there and what was true.
 from __future__ import annotations
 
 import csv
-import math
 import pathlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 import numpy.typing as npt
@@ -74,19 +74,32 @@ class BentMapFrame(MapFrame):
         if not len(rows):
             return found
         poses, tree = poses_truth[rows], KDTree(self.places.in_truth[:, :2])
-        nearest_m, _ = tree.query(poses[:, :2])
-        # farther away than this no place can be nearest, whatever the headings
-        reach_m = nearest_m + _M_PER_RAD * math.pi + _AMBIGUOUS_M
-        place, places = 0, []
-        for pose, near in zip(poses, tree.query_ball_point(poses[:, :2], reach_m, return_sorted=True), strict=True):
-            place = _nearest_from(place, np.array(near), self._away_m(pose, near))
-            places.append(place)
-        found[rows] = self._carry(poses, np.array(places))
+        # A place that is nearer or about as near with its heading is within this distance.
+        reach_m = self._away_m(poses, np.asarray(tree.query(poses[:, :2])[1])) + _AMBIGUOUS_M + 1e-9
+        near = tree.query_ball_point(poses[:, :2], reach_m, return_sorted=True)
+        found[rows] = self._carry(poses, self._followed(poses, near.tolist()))
         return found
 
-    def _away_m(self, pose: Floats, near: Sequence[int]) -> Floats:
-        """Return how far a pose (3,) is from some places, turns included [m]."""
-        apart = self.places.in_truth[near] - pose
+    def _followed(self, poses: Floats, near: Sequence[Sequence[int]]) -> npt.NDArray[np.intp]:
+        """Return the nearest of the places near each pose (N, 3), on the pass of the path that goes on."""
+        counts = np.array([len(one) for one in near])
+        row, places = np.repeat(np.arange(len(poses)), counts), np.fromiter(chain.from_iterable(near), np.intp)
+        away_m = self._away_m(poses[row], places)
+        least_m = np.minimum.reduceat(away_m, np.cumsum(counts) - counts)[row]
+        kept = away_m <= least_m + _AMBIGUOUS_M
+        row, places, away_m, least_m = row[kept], places[kept], away_m[kept], least_m[kept]
+        nearest = np.flatnonzero(away_m == least_m)
+        followed = places[nearest[np.unique(row[nearest], return_index=True)[1]]]
+        edges = np.searchsorted(row, np.arange(len(poses) + 1))
+        comes_by_twice = (np.diff(places) > 1) & (np.diff(row) == 0)
+        for n in np.unique(row[1:][comes_by_twice]).tolist():
+            meant = slice(edges[n], edges[n + 1])
+            followed[n] = _nearest_from(int(followed[n - 1]) if n else 0, places[meant], away_m[meant])
+        return followed
+
+    def _away_m(self, poses: Floats, places: npt.NDArray[np.intp]) -> Floats:
+        """Return how far poses (N, 3) are from one place each (N,), turns included [m]."""
+        apart = self.places.in_truth[places] - poses
         return np.asarray(np.hypot(apart[:, 0], apart[:, 1]) + _M_PER_RAD * np.abs(wrap_angles(apart[:, 2])))
 
     def _carry(self, poses: Floats, places: npt.NDArray[np.intp]) -> Floats:
@@ -124,8 +137,6 @@ def _interpolate(poses: Floats, others: Floats, shares: Floats) -> Floats:
 
 def _nearest_from(place: int, near: npt.NDArray[np.intp], away_m: Floats) -> int:
     """Return the nearest of some places; of several passes of the path, that of the pass that goes on from a place."""
-    kept = away_m <= away_m.min() + _AMBIGUOUS_M
-    near, away_m = near[kept], away_m[kept]
     begins = np.flatnonzero(np.diff(near) > 1) + 1
     passes = zip(np.split(near, begins), np.split(away_m, begins), strict=True)
     goes_on, away_m = min(passes, key=lambda one: int(np.abs(one[0] - place).min()))
