@@ -81,6 +81,14 @@ class TestTangent:
         assert STRAIGHT.turn_rate_at(0.5) == 0.0
         assert CIRCLE.turn_rate_at(-1.0) == CIRCLE.turn_rate_at(99.0) == 0.0
 
+    def test_a_line_says_its_direction_and_how_the_heading_turns_and_is_kept(self) -> None:
+        line = CIRCLE.line_at(2.0)
+
+        assert line.tangent_rad == CIRCLE.tangent_at(2.0)
+        assert (line.cos, line.sin) == (math.cos(line.tangent_rad), math.sin(line.tangent_rad))
+        assert line.turn_rate_radpm == CIRCLE.turn_rate_at(2.0)
+        assert CIRCLE.line_at(2.0) is line
+
 
 class TestLocate:
     def test_left_of_the_path_and_turned_counter_clockwise_are_positive(self) -> None:

@@ -7,7 +7,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +17,7 @@ from trailmark.errors import ShapeError
 from trailmark.frames.payloads import read_only
 from trailmark.geometry import Pose2, wrap_angle
 
-__all__ = ["Keyframe", "OnPath", "Path", "TaughtPlaces", "Waypoint"]
+__all__ = ["Keyframe", "OnPath", "Path", "PathLine", "TaughtPlaces", "Waypoint"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +84,30 @@ class OnPath:
     heading_rad: float
 
 
+class PathLine(NamedTuple):
+    """Where a line of a path leads.
+
+    Attributes
+    ----------
+    tangent_rad : float
+        Its direction in the map [rad].
+    cos, sin : float
+        Of that.
+    turn_rate_radpm : float
+        How fast the taught heading turns with the station [rad/m].
+    """
+
+    tangent_rad: float
+    cos: float
+    sin: float
+    turn_rate_radpm: float
+
+    @classmethod
+    def of(cls, tangent_rad: float, turn_rate_radpm: float) -> PathLine:
+        """Return the line of a direction."""
+        return cls(tangent_rad, math.cos(tangent_rad), math.sin(tangent_rad), turn_rate_radpm)
+
+
 class Path:
     """An ordered sequence of waypoints, joined by straight lines.
 
@@ -101,7 +125,7 @@ class Path:
         If there is no waypoint or the stations do not increase.
     """
 
-    __slots__ = ("_grid", "_headings", "_polyline", "_positions", "_stations", "_turns", "waypoints")
+    __slots__ = ("_grid", "_headings", "_lines", "_polyline", "_positions", "_stations", "_turns", "waypoints")
 
     def __init__(self, waypoints: Iterable[Waypoint]) -> None:
         from trailmark.geometry.polyline import Polyline  # most runs have no path
@@ -118,6 +142,7 @@ class Path:
         self._grid: list[float] = self._stations.tolist()
         self._turns: list[float] = self._headings.tolist()
         self._polyline = Polyline(self._positions)
+        self._lines: dict[int, PathLine] = {}  # as they were asked for
         if np.any(np.diff(self._stations) <= 0):
             first = int(np.flatnonzero(np.diff(self._stations) <= 0)[0])
             raise ShapeError(f"stations must increase, but waypoint {first + 1} does not lie after waypoint {first}")
@@ -158,21 +183,18 @@ class Path:
 
     def tangent_at(self, station_m: float) -> float:
         """Return the direction of the line at a station, in the map [rad]."""
-        if len(self) == 1:
-            return self[0].pose_map_base.theta
-        index, _ = self._segment_of(station_m)
-        start, stop = self.waypoints[index].pose_map_base, self.waypoints[index + 1].pose_map_base
-        dx, dy = stop.x - start.x, stop.y - start.y
-        if dx == 0.0 and dy == 0.0:  # turned on the spot: the heading is all there is
-            return wrap_angle(self._turns[index])
-        return math.atan2(dy, dx)
+        return self.line_at(station_m).tangent_rad
+
+    def line_at(self, station_m: float) -> PathLine:
+        """Return the line at a station; beyond an end, the line of that end."""
+        grid = self._grid
+        return self._line(min(max(bisect_right(grid, station_m) - 1, 0), len(grid) - 2))
 
     def turn_rate_at(self, station_m: float) -> float:
         """Return how fast the taught heading turns with the station; 0 beyond the ends [rad/m]."""
-        if len(self) == 1 or not self._grid[0] <= station_m <= self._grid[-1]:
+        if not self._grid[0] <= station_m <= self._grid[-1]:
             return 0.0
-        index, _ = self._segment_of(station_m)
-        return (self._turns[index + 1] - self._turns[index]) / (self._grid[index + 1] - self._grid[index])
+        return self.line_at(station_m).turn_rate_radpm
 
     def pose_from(self, on_path: OnPath) -> Pose2:
         """Return the pose in the map of a pose in path coordinates."""
@@ -203,16 +225,34 @@ class Path:
 
     def _taught_heading(self, station_m: float) -> float:
         """Return the heading of `pose_at`."""
-        if len(self) == 1:
+        if len(self._grid) == 1:
             return self[0].pose_map_base.theta
         index, fraction = self._segment_of(station_m)
-        fraction = min(1.0, max(0.0, fraction))
-        return wrap_angle(self._turns[index] + fraction * (self._turns[index + 1] - self._turns[index]))
+        begin = self._turns[index]
+        return wrap_angle(begin + min(1.0, max(0.0, fraction)) * (self._turns[index + 1] - begin))
 
     def _segment_of(self, station_m: float) -> tuple[int, float]:
-        index = min(max(bisect_right(self._grid, station_m) - 1, 0), len(self) - 2)
-        start, stop = self._grid[index], self._grid[index + 1]
-        return index, (station_m - start) / (stop - start)
+        grid = self._grid
+        index = min(max(bisect_right(grid, station_m) - 1, 0), len(grid) - 2)
+        start = grid[index]
+        return index, (station_m - start) / (grid[index + 1] - start)
+
+    def _line(self, index: int) -> PathLine:
+        """Return where the line from a waypoint to the next leads."""
+        line = self._lines.get(index)
+        if line is None:
+            line = self._lines[index] = self._new_line(index)
+        return line
+
+    def _new_line(self, index: int) -> PathLine:
+        if len(self) == 1:
+            return PathLine.of(self[0].pose_map_base.theta, 0.0)
+        start, stop = self.waypoints[index].pose_map_base, self.waypoints[index + 1].pose_map_base
+        dx, dy = stop.x - start.x, stop.y - start.y
+        rate_radpm = (self._turns[index + 1] - self._turns[index]) / (self._grid[index + 1] - self._grid[index])
+        if dx == 0.0 and dy == 0.0:  # turned on the spot: the heading is all there is
+            return PathLine.of(wrap_angle(self._turns[index]), rate_radpm)
+        return PathLine.of(math.atan2(dy, dx), rate_radpm)
 
     def _nearest(self, pose: Pose2, near_station_m: float | None, window_m: float) -> tuple[float, float, float]:
         """Return station, lateral offset and distance of the nearest point of the lines."""
@@ -230,8 +270,8 @@ class Path:
             index, fraction = self._polyline.nearest_among(pose.x, pose.y, first, last, guess)
         miss_m, from_x, from_y = self._polyline.miss(index, fraction, pose.x, pose.y)
         station_m = grid[index] + fraction * (grid[index + 1] - grid[index])
-        tangent = self.tangent_at(grid[index])
-        return station_m, math.cos(tangent) * from_y - math.sin(tangent) * from_x, miss_m
+        line = self._line(index)
+        return station_m, line.cos * from_y - line.sin * from_x, miss_m
 
 
 @dataclass(frozen=True, slots=True, eq=False)

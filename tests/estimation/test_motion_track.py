@@ -6,7 +6,7 @@ import numpy as np
 
 from trailmark.estimates import Motion
 from trailmark.estimation.kalman.motions import Motions, StatedMotion
-from trailmark.estimation.symmetric import diagonal
+from trailmark.estimation.symmetric import diagonal, inverse
 from trailmark.geometry import Pose2
 
 _INFORMATION = diagonal(1e4, 1e4, 1e4)
@@ -31,3 +31,15 @@ def test_a_motion_is_taken_after_all_that_counts_was_forgotten() -> None:
     assert source == "wheels"
     assert abs(step.x - 0.1) < 1e-9
     assert motions.steps(1.0, 2.0) == []
+
+
+def test_what_is_asked_of_a_part_again_is_computed_once() -> None:
+    """Each hypothesis, and each time that the past is redone, asks for the same."""
+    motion = _straight(0.0, 0.2)
+    part = motion.between(0.0, 0.1)
+
+    assert part.inverse_covariance() is motion.between(0.0, 0.1).inverse_covariance()
+    assert part.variances() is part.variances()
+    assert part.covariance is not None
+    assert part.inverse_covariance() == inverse(part.covariance)
+    assert part.variances() == (max(part.covariance[0], part.covariance[3]), part.covariance[5])

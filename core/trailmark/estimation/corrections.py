@@ -9,6 +9,7 @@ import numpy as np
 from trailmark.arrays import Floats
 from trailmark.estimates import Fix, PathOffset
 from trailmark.estimation.information import Measured
+from trailmark.estimation.on_path import covariance_on_path
 from trailmark.estimation.symmetric import Sym3, add, congruence, sheared
 from trailmark.geometry import Pose2, wrap_angle
 from trailmark.paths import OnPath, Path
@@ -114,13 +115,6 @@ def correction_by(estimate: Fix | PathOffset, measured: Measured, path: Path | N
     if not math.isfinite(estimate.station_m + estimate.lateral_m + estimate.heading_rad):
         return "the path offset is not finite"
     return PathCorrection(estimate, measured, path)
-
-
-def covariance_on_path(covariance: Sym3, path: Path, station_m: float) -> Sym3:
-    """Return the covariance of (station, lateral, heading) of a covariance of (x, y, theta)."""
-    tangent = path.tangent_at(station_m)
-    along = congruence(covariance, math.cos(tangent), -math.sin(tangent), 0.0, 0.0)
-    return sheared(along, -path.turn_rate_at(station_m))
 
 
 def _covariance_in_map(covariance: Sym3, path: Path, station_m: float) -> Sym3:

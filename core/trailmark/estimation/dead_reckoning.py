@@ -27,6 +27,7 @@ from trailmark.estimation.chain import MotionChain, OdomState
 from trailmark.estimation.dead_reckoning_config import DeadReckoningConfig
 from trailmark.estimation.history import History
 from trailmark.estimation.information import checked_covariance, checked_information, measured_directions
+from trailmark.estimation.on_path import offset_on_path
 from trailmark.estimation.overlaps import OVERLAPS, TOLD_S
 from trailmark.estimation.symmetric import (
     ZERO,
@@ -35,9 +36,7 @@ from trailmark.estimation.symmetric import (
     congruence,
     diagonal,
     frozen_matrix,
-    inverse,
     subtract,
-    to_matrix,
 )
 from trailmark.estimation.unmeasured import (
     NOWHERE,
@@ -288,12 +287,9 @@ class DeadReckoning(Estimator):
         return {self._source: describe(unmeasured_m, odom.pose_odom_base.theta, open_s)}
 
     def _on_path(self, stamp_s: float, path: Path, pose: Pose2, covariance: Sym3) -> PathOffset:
-        from trailmark.estimation.corrections import covariance_on_path
-
-        located = path.locate(pose, self._station_m)
-        self._station_m = located.station_m
-        information = inverse(covariance_on_path(covariance, path, located.station_m)) or ZERO
-        return PathOffset(stamp_s, located.station_m, located.lateral_m, located.heading_rad, to_matrix(information))
+        told = offset_on_path(path, pose, covariance, stamp_s=stamp_s, near_station_m=self._station_m)
+        self._station_m = told.station_m
+        return told
 
 
 def _anchor_after(before: _PoseAnchor, odom: OdomState, pose: Pose2, covariance: Sym3) -> _PoseAnchor:

@@ -54,13 +54,20 @@ class Polyline:
         """
         ways, pairs, best = self._ways, self._pairs, guess
         best_m2, fraction = self._miss_of(best, x, y)
+        for beside in (guess - 1, guess + 1):  # without these two, a point on the polyline is clear of all others
+            if first <= beside < last:
+                miss_m2, along = self._miss_of(beside, x, y)
+                if miss_m2 < best_m2 or (miss_m2 == best_m2 and beside < best):
+                    best, best_m2, fraction = beside, miss_m2, along
         best_m = math.sqrt(best_m2) + _ROUNDING_M
-        waiting = [(first, best), (best + 1, last)]
+        waiting = [(first, guess - 1), (guess + 2, last)]
         while waiting:
             low, high = waiting.pop()
+            if low >= high:
+                continue
             half = (low + high + 1) // 2
             clear_m = math.hypot(x - pairs[half][0], y - pairs[half][1]) - best_m
-            if low >= high or (clear_m > ways[half] - ways[low] and clear_m > ways[high] - ways[half]):
+            if clear_m > ways[half] - ways[low] and clear_m > ways[high] - ways[half]:
                 continue
             if high > low + 1:
                 waiting += ((low, half), (half, high))

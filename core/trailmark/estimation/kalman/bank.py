@@ -83,8 +83,10 @@ def log_likelihood(seen: Innovation | None) -> float:
     """Return the log of the probability density of a measurement, to a constant; 0 while the pose is unknown."""
     if seen is None:
         return 0.0
-    _, log_det = np.linalg.slogdet(seen.inverse)
-    return max(0.5 * float(log_det), -_MODESTY) - 0.5 * seen.nis
+    inverse = seen.inverse
+    is_number = inverse.size == 1 and inverse.item() > 0.0
+    log_det = math.log(inverse.item()) if is_number else float(np.linalg.slogdet(inverse)[1])
+    return max(0.5 * log_det, -_MODESTY) - 0.5 * seen.nis
 
 
 def log_likelihood_of_offset(

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 
 from trailmark.arrays import Floats
 from trailmark.estimates import Belief, PathOffset
-from trailmark.estimation.corrections import covariance_on_path
 from trailmark.estimation.kalman.alternatives import believed_gaussian
 from trailmark.estimation.kalman.dissent import covering_covariance
 from trailmark.estimation.kalman.lasting_errors import LastingPrior, lasting_covariance
@@ -15,7 +14,7 @@ from trailmark.estimation.kalman.moved_belief import covariance_of_moved
 from trailmark.estimation.kalman.one_sided import InnovationSums, covariance_of_one_sided_corrections
 from trailmark.estimation.kalman.repeated_fixes import covariance_of_frozen
 from trailmark.estimation.kalman.state import FilterState
-from trailmark.estimation.symmetric import ZERO, inverse, to_matrix
+from trailmark.estimation.on_path import offset_on_path
 from trailmark.geometry import Pose2
 from trailmark.paths import Path
 
@@ -82,8 +81,8 @@ class BeliefPlaces:
     def _on_path(self, stamp_s: float, pose: Pose2, covariance: Floats) -> PathOffset | None:
         if self._path is None:
             return None
-        located = self._path.locate(pose, self._station_m)
-        self._station_m = located.station_m
         xx, xy, xt, _, yy, yt, _, _, tt = covariance.ravel().tolist()
-        information = inverse(covariance_on_path((xx, xy, xt, yy, yt, tt), self._path, located.station_m)) or ZERO
-        return PathOffset(stamp_s, located.station_m, located.lateral_m, located.heading_rad, to_matrix(information))
+        spread, before_m = (xx, xy, xt, yy, yt, tt), self._station_m
+        told = offset_on_path(self._path, pose, spread, stamp_s=stamp_s, near_station_m=before_m)
+        self._station_m = told.station_m
+        return told

@@ -39,6 +39,8 @@ class Measurement:
         Whether the belief is replaced instead of corrected.
     correlation_s : float
         Time in which the errors of the localizer's measurements last; 0 if each errs anew [s].
+    said : tuple of float
+        Those of the values that were measured; the others may be anything.
     """
 
     key: tuple[str, tuple[float, ...]]
@@ -49,6 +51,7 @@ class Measurement:
     path: Path | None = None
     replaces: bool = False
     correlation_s: float = 0.0
+    said: tuple[float, ...] = ()
 
     def innovation(self, x: Floats) -> tuple[Floats, Floats]:
         """Return measured less predicted, (k,), and the Jacobian of the prediction, (k, n), at a state of n numbers."""
@@ -79,8 +82,9 @@ class Measurement:
 def fix_measurement(source: str, fix: Fix, information: Sym3, trust: Trust, correlation_s: float = 0.0) -> Measurement:
     """Return a fix as a measurement; `correlation_s` is how long its errors last."""
     values = fix.pose_map_base.x, fix.pose_map_base.y, fix.pose_map_base.theta
-    key = source, values + information
-    return Measurement(key, source, trust, values, root_of(information), correlation_s=correlation_s)
+    key, root = (source, values + information), root_of(information)
+    said = _measured_of(values, root)
+    return Measurement(key, source, trust, values, root, correlation_s=correlation_s, said=said)
 
 
 def pose_measurement(pose: Pose2, covariance: Floats) -> Measurement:
@@ -88,17 +92,23 @@ def pose_measurement(pose: Pose2, covariance: Floats) -> Measurement:
     values = pose.x, pose.y, pose.theta
     root = np.linalg.inv(np.linalg.cholesky(covariance))
     trust = Trust(None, "none", math.inf, 1.0, (0.0, 0.0), None)
-    return Measurement(("", (*values, *covariance.ravel().tolist())), "", trust, values, root, replaces=True)
+    key = "", (*values, *covariance.ravel().tolist())
+    return Measurement(key, "", trust, values, root, replaces=True, said=values)
 
 
 def path_measurement(source: str, offset: PathOffset, information: Sym3, trust: Trust, path: Path) -> Measurement:
     """Return a path offset as a measurement."""
     values = offset.station_m, offset.lateral_m, offset.heading_rad
-    return Measurement((source, values + information), source, trust, values, root_of(information), path)
+    key, root = (source, values + information), root_of(information)
+    return Measurement(key, source, trust, values, root, path, said=_measured_of(values, root))
+
+
+def _measured_of(values: tuple[float, ...], root: Floats) -> tuple[float, ...]:
+    return tuple(value for value, column in zip(values, zip(*root.tolist())) if any(column))
 
 
 def _path_jacobian(path: Path, station_m: float) -> Floats:
     """Return d(station, lateral, heading) / d(x, y, theta): the taught heading turns with the station."""
-    tangent, rate = path.tangent_at(station_m), path.turn_rate_at(station_m)
-    cos, sin = math.cos(tangent), math.sin(tangent)
+    rate, line = path.turn_rate_at(station_m), path.line_at(station_m)
+    cos, sin = line.cos, line.sin
     return np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [-rate * cos, -rate * sin, 1.0]])

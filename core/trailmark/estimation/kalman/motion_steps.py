@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import field
 
 import numpy as np
 
 from trailmark.estimates import Motion
-from trailmark.estimation.symmetric import ZERO, Sym3, add, congruence, inverse, scaled, to_matrix
+from trailmark.estimation.symmetric import NOTHING, ZERO, Sym3, add, congruence, inverse, scaled, to_matrix
 from trailmark.geometry import Pose2, Twist2
 from trailmark.values import quick_dataclass
 
@@ -39,6 +40,34 @@ class MotionStep:
     information: Sym3 | None
     twist: Twist2
     matched_share: float = 0.0
+    _variances: tuple[float, float] | None = field(default=None, init=False, repr=False)
+    _inverse: Sym3 | None = field(default=None, init=False, repr=False)
+
+    def variances(self) -> tuple[float, float]:
+        """Return the variances of the worse axis of the position, and of the turn; ``inf`` where there is none.
+
+        Hypotheses, and each time that the past is redone, ask the same again.
+        """
+        if self._variances is None:
+            object.__setattr__(self, "_variances", self._new_variances())
+        assert self._variances is not None
+        return self._variances
+
+    def inverse_covariance(self) -> Sym3:
+        """Return the information, whichever of the two is known; kept, too."""
+        if self._inverse is None:
+            known = self.information if self.covariance is None else inverse(self.covariance)
+            object.__setattr__(self, "_inverse", known or ZERO)
+        assert self._inverse is not None
+        return self._inverse
+
+    def _new_variances(self) -> tuple[float, float]:
+        if self.covariance is not None:
+            xx, _, _, yy, _, tt = self.covariance
+            return max(xx, yy), tt
+        xx, xy, _, yy, _, tt = self.information or ZERO
+        worst = 0.5 * (xx + yy - math.hypot(xx - yy, 2.0 * xy))  # a corridor is seldom parallel to an axis of base
+        return (1.0 / worst if worst > NOTHING else math.inf), (1.0 / tt if tt > NOTHING else math.inf)
 
 
 class StatedMotion:

@@ -63,7 +63,7 @@ def with_repetition(state: FilterState, measurement: Measurement) -> tuple[Filte
     before = state.diagnosis.repeated.get(measurement.source)
     if before is None or state.gaussian is None:
         return state, None
-    if before.said != _said(measurement):
+    if before.said != measurement.said:
         return (_thawed(state, before) if before.is_frozen else state), None
     if before.is_frozen:
         return state, before
@@ -84,7 +84,7 @@ def remembered(state: FilterState, measurement: Measurement, repeats: RepeatedPo
         now = repeats
     else:
         pose = Pose2(*state.gaussian.x[:3].tolist())
-        now = RepeatedPose(_said(measurement), state.stamp_s, state.odometry.pose_odom_base, pose, diagnosis.sums)
+        now = RepeatedPose(measurement.said, state.stamp_s, state.odometry.pose_odom_base, pose, diagnosis.sums)
     return state.with_diagnosis(diagnosis._replace(repeated={**diagnosis.repeated, measurement.source: now}))
 
 
@@ -131,11 +131,6 @@ def covariance_of_frozen(state: FilterState, gaussian: Gaussian) -> Floats:
             away = _difference(state.diagnosis.repeated[source].pose, gaussian.x)
             covariance = covariance + SHARE_UNDECIDED * np.outer(away, away)
     return covariance
-
-
-def _said(measurement: Measurement) -> tuple[float, ...]:
-    """Return the numbers that were measured; the others may be anything."""
-    return tuple(value for value, column in zip(measurement.values, measurement.root.T) if column.any())
 
 
 def _ways_since(state: FilterState, repeats: RepeatedPose) -> list[MotionSum]:

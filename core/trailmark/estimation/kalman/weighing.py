@@ -147,7 +147,7 @@ def _only_axis(information: Sym3) -> int | None:
 
 def information_of(step: MotionStep) -> Sym3:
     """Return the information of a step."""
-    return (step.information if step.covariance is None else inverse(step.covariance)) or ZERO
+    return step.inverse_covariance()
 
 
 def _held_step(held: Twist2, dt_s: float, drift: Sym3) -> MotionStep:

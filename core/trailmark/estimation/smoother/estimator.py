@@ -11,7 +11,6 @@ import numpy as np
 from trailmark.arrays import Floats
 from trailmark.estimates import ALL_HEALTHY, Applied, Belief, Estimate, Fix, Lost, Motion, PathOffset
 from trailmark.estimation.chain import OdomState
-from trailmark.estimation.corrections import covariance_on_path
 from trailmark.estimation.information import checked_covariance
 from trailmark.estimation.kalman.clock import ClockGuard
 from trailmark.estimation.kalman.measurements import Measurement, fix_measurement, path_measurement
@@ -19,12 +18,13 @@ from trailmark.estimation.kalman.motions import StatedMotion
 from trailmark.estimation.kalman.odometry import PublishedOdometry
 from trailmark.estimation.kalman.state import OdometryState
 from trailmark.estimation.kalman.trust import Trust
+from trailmark.estimation.on_path import offset_on_path
 from trailmark.estimation.overlaps import OVERLAPS, TOLD_ALREADY, TOLD_S
 from trailmark.estimation.smoother.health import SourceRecord, contradiction_of, health_of
 from trailmark.estimation.smoother.motion_line import MotionLine
 from trailmark.estimation.smoother.window import Window
 from trailmark.estimation.smoother_config import SmootherConfig
-from trailmark.estimation.symmetric import ZERO, Sym3, frozen_matrix, inverse, scaled, to_matrix
+from trailmark.estimation.symmetric import Sym3, frozen_matrix, scaled, to_matrix
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Estimator, Session
 
@@ -300,10 +300,9 @@ class Smoother(Estimator):
     def _on_path(self, stamp_s: float, pose: Pose2, covariance: Sym3) -> PathOffset | None:
         if self._path is None:
             return None
-        located = self._path.locate(pose, self._station_m)
-        self._station_m = located.station_m
-        information = inverse(covariance_on_path(covariance, self._path, located.station_m)) or ZERO
-        return PathOffset(stamp_s, located.station_m, located.lateral_m, located.heading_rad, to_matrix(information))
+        told = offset_on_path(self._path, pose, covariance, stamp_s=stamp_s, near_station_m=self._station_m)
+        self._station_m = told.station_m
+        return told
 
 
 def _published(odometry: OdomState) -> OdometryState:
