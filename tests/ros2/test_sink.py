@@ -17,8 +17,9 @@ from trailmark.geometry import Pose2, Twist2
 from trailmark.interfaces import RunEnd, Session
 from trailmark.paths import Path, Waypoint
 from trailmark_ros2 import dds
-from trailmark_ros2.believing import covariance_of_six
+from trailmark_ros2.believing import BeliefMessages, covariance_of_six, path_bytes
 from trailmark_ros2.lostness import Lostness
+from trailmark_ros2.message_types import deserialize, new_message, serialize
 from trailmark_ros2.robot_odometry import RobotOdometry
 
 GOOD = information_from_sigmas(0.01, 0.01, 0.01)
@@ -118,7 +119,7 @@ def test_what_nobody_reads_is_not_even_built(listening, monkeypatch) -> None:
         raise AssertionError("nobody reads /unread")
 
     sink, _ = listening(tf="none", path=None, pose="/unread")
-    monkeypatch.setattr("trailmark_ros2.sink.pose_message", unread)
+    monkeypatch.setattr("trailmark_ros2.believing.BeliefMessages.pose", unread)
 
     sink.on_belief(belief(time.time()))
 
@@ -139,6 +140,35 @@ def test_pose_odometry_and_covariance_are_those_believed(listening, wait_for) ->
     six = pose.pose.covariance
     assert (six[0], six[7], six[35]) == (0.04, 0.09, 0.01)  # x, y, yaw
     assert (six[1], six[11]) == (0.01, 0.002)  # x with y, y with yaw
+
+
+@pytest.mark.parametrize("map_frame", ["map", "m", "robot1/map"])
+def test_bytes_of_beliefs_are_those_of_the_messages(messages, map_frame: str) -> None:
+    believed = belief(1.5e9 + 0.123456)
+    made = BeliefMessages(map_frame, "base")
+
+    for cdr, type_name, stamp_s in (
+        (made.pose(believed), TYPES["/trailmark/pose"], believed.stamp_s),
+        (made.odometry(believed), TYPES["/trailmark/odometry"], believed.stamp_s),
+        (made.transform(THERE, 7.5, "odom"), TYPES["/tf"], 7.5),
+    ):
+        message = deserialize(cdr, type_name)
+        assert serialize(message) == cdr
+        part = message.transforms[0] if type_name == TYPES["/tf"] else message
+        assert part.header == messages.header(stamp_s, map_frame)
+
+
+@pytest.mark.parametrize("map_frame", ["map", "m", "robot1/map"])
+@pytest.mark.parametrize("n_poses", [0, 1, 2, 5])
+def test_a_path_is_written_as_its_poses_are(messages, map_frame: str, n_poses: int) -> None:
+    poses = [Pose2(0.5 * k, -k, 0.3 * k) for k in range(n_poses)]
+
+    cdr = path_bytes(poses, 12.25, map_frame)
+
+    head = messages.header(12.25, map_frame)
+    parts = [messages.pose(pose.x, pose.y, pose.theta) for pose in poses]
+    stamped = [new_message("geometry_msgs/msg/PoseStamped", {"header": head, "pose": part}) for part in parts]
+    assert cdr == serialize(new_message("nav_msgs/msg/Path", {"header": head, "poses": stamped}))
 
 
 def test_an_unknown_covariance_is_huge() -> None:

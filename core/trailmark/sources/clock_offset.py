@@ -73,7 +73,11 @@ class ClockOffset:
         """
         offset_s = stamp_s - came_s
         self._compare_with_first(stamp_s, offset_s)
-        ahead_s = offset_s - max(self._offsets_s, default=offset_s)
+        last_s = self._offsets_s[-1] if self._offsets_s else offset_s
+        # Not far ahead of the last is not far ahead of all: mostly they need not be gone through.
+        ahead_s = offset_s - last_s
+        if ahead_s > self._most_ahead_s:
+            ahead_s = offset_s - max(self._offsets_s)
         if ahead_s <= self._most_ahead_s:
             self._gain_s = 0.0
         elif ahead_s > self._most_ahead_s + _N_GAINS * self._gain_s:

@@ -7,8 +7,10 @@ version 11): the Python serialiser of cyclonedds takes 20 to 70 ms for a picture
 from __future__ import annotations
 
 import logging
+import math
 import os
 import threading
+import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -43,6 +45,9 @@ _CONFIG = """<CycloneDDS><Domain id="any">
 <IgnoreTypeInformation>1.15</IgnoreTypeInformation><AllowInvalidTryConstruct>true</AllowInvalidTryConstruct>
 </Compatibility>
 </Domain></CycloneDDS>"""
+
+# Readers come and go more slowly than messages [s].
+_LOOK_EVERY_S = 0.05
 
 _ANY = SampleState.Any | ViewState.Any | InstanceState.Any
 
@@ -193,7 +198,7 @@ class Waiter:
 
     def wait(self, timeout_s: float) -> None:
         """Return when a message has come, or after a time."""
-        self._set.wait(duration(nanoseconds=max(1, int(1e9 * timeout_s))))
+        self._set.wait(max(1, int(1e9 * timeout_s)))
 
 
 class Subscription:
@@ -226,10 +231,10 @@ class Subscription:
             if info.valid_data
         ]
 
-    def messages(self) -> list[Any]:
+    def messages(self, n: int = 64) -> list[Any]:
         """Return the messages that have come, deserialised; those that are none are left out, the first with a word."""
         found = []
-        for sample in self.take():
+        for sample in self.take(n):
             try:
                 found.append(deserialize(sample.cdr, self.type_name))
             except Exception as error:  # bytes from the network may be anything
@@ -264,6 +269,7 @@ class Publisher:
 
     def __init__(self, writer: Any, *, is_latched: bool) -> None:
         self._writer, self.is_latched = writer, is_latched
+        self._looked_s, self._is_read = -math.inf, False
 
     def send(self, message: Any) -> None:
         """Send a message of rosbags' types."""
@@ -279,6 +285,14 @@ class Publisher:
         """Wait until every reliable reader has everything; False: it took too long."""
         # Not by `wait_for_acks`, which stumbles over its own name of the code where the time is up (11.0.1).
         return bool(self._writer._wait_for_acks(self._writer._ref, duration(milliseconds=int(1000 * timeout_s))) == 0)
+
+    @property
+    def is_wanted(self) -> bool:
+        """Whether a message is of use to anybody: there is a reader, or one that comes late gets the last message."""
+        now_s = time.monotonic()
+        if now_s - self._looked_s > _LOOK_EVERY_S:
+            self._looked_s, self._is_read = now_s, self.n_matched > 0
+        return self.is_latched or self._is_read
 
     @property
     def n_matched(self) -> int:

@@ -22,6 +22,9 @@ __all__ = [
     "type_hash",
 ]
 
+#: Bytes from which on a message is not copied.
+_LONG = 1 << 14
+
 # What no store of rosbags brings.
 _FURTHER = {
     "ackermann_msgs/msg/AckermannDrive": (
@@ -46,8 +49,10 @@ def is_known(type_name: str) -> bool:
 
 
 def deserialize(cdr: bytes, type_name: str) -> Any:
-    """Return a message from its CDR bytes."""
-    return _store().deserialize_cdr(cdr, type_name)
+    """Return a message from its CDR bytes; pixels and points are views of them."""
+    # Rosbags cuts the first 4 bytes off, which copies what is no view. In a view numbers of 8 bytes are not aligned:
+    # of short messages, which have such, a copy costs nothing.
+    return _store().deserialize_cdr(cdr if len(cdr) < _LONG else memoryview(cdr), type_name)
 
 
 def serialize(message: Any) -> bytes:

@@ -4,20 +4,14 @@ from __future__ import annotations
 
 import logging
 import time
-from typing import Any
+from collections.abc import Callable
 
 from trailmark.commands import Command, Stop
 from trailmark.estimates import Belief, EstimateRecord
 from trailmark.geometry import Pose2
 from trailmark.interfaces import RunEnd, Session, Sink
 from trailmark_ros2 import dds
-from trailmark_ros2.believing import (
-    diagnostics_message,
-    odometry_message,
-    path_message,
-    pose_message,
-    transform_message,
-)
+from trailmark_ros2.believing import BeliefMessages, diagnostics_bytes, path_bytes
 from trailmark_ros2.config import Ros2SinkConfig
 from trailmark_ros2.lostness import Lostness
 from trailmark_ros2.robot_odometry import RobotOdometry
@@ -29,6 +23,8 @@ logger = logging.getLogger(__name__)
 _DIAGNOSTICS_EVERY_S = 1.0
 _PATH_EVERY_S = 0.5
 _LONGEST_PATH = 5000
+# As many wait here while nobody asks for transforms: of 1 kHz those of the last half second.
+_ODOMETRY_DEPTH = 500
 _LATCHED = dds.Quality(is_reliable=True, is_latched=True, depth=1)
 
 
@@ -61,6 +57,8 @@ class Ros2Sink(Sink):
         self.close()
         config = self.config
         self._lostness, self._robot_odometry = Lostness(), RobotOdometry()
+        self._messages = BeliefMessages(config.map_frame, config.base_frame)
+        path_bytes([], 0.0, config.map_frame)  # the first message of a type takes 0.1 s, which the first belief lacks
         self._way: list[Pose2] = []
         self._drawn_s = self._diagnosed_s = float("-inf")
         self._held_back = ""
@@ -74,12 +72,12 @@ class Ros2Sink(Sink):
         self._publish("path", config.path, "nav_msgs/msg/Path", _LATCHED)
         self._publish("diagnostics", config.diagnostics, "diagnostic_msgs/msg/DiagnosticArray")
         if config.tf == "map_odom":
-            best_effort = dds.Quality(is_reliable=False, depth=100)
+            best_effort = dds.Quality(is_reliable=False, depth=_ODOMETRY_DEPTH)
             self._odom = self._network.subscription(config.odom, "nav_msgs/msg/Odometry", best_effort)
         if session.path is not None:
             self._publish("taught_path", config.taught_path, "nav_msgs/msg/Path", _LATCHED)
             poses = [waypoint.pose_map_base for waypoint in session.path.waypoints]
-            self._send("taught_path", lambda: path_message(poses, time.time(), config.map_frame))
+            self._send("taught_path", lambda: path_bytes(poses, time.time(), config.map_frame))
 
     def close(self) -> None:
         """Leave the network."""
@@ -93,11 +91,14 @@ class Ros2Sink(Sink):
         if topic is not None:
             self._publishers[name] = self._network.publisher(topic, type_name, quality or dds.Quality())
 
-    def _send(self, name: str, message_of: Any) -> None:
+    def _send(self, name: str, message_of: Callable[[], bytes]) -> None:
         """Publish a message, which is not even built where nobody reads it: of latched ones the last is kept."""
+        if self._is_wanted(name):
+            self._publishers[name].send_bytes(message_of())
+
+    def _is_wanted(self, name: str) -> bool:
         publisher = self._publishers.get(name)
-        if publisher is not None and (publisher.is_latched or publisher.n_matched):
-            publisher.send(message_of())
+        return publisher is not None and publisher.is_wanted
 
     # --- what happens ----------------------------------------------------------------------------------------------
 
@@ -116,10 +117,10 @@ class Ros2Sink(Sink):
         lost = self._lostness.reason(belief)
         pose = belief.pose_map_base
         if pose is not None and (not lost or self.config.tf_while_lost):
-            config = self.config
-            self._held_back = self._send_transform(belief, pose)
-            self._send("odometry", lambda: odometry_message(belief, config.map_frame, config.base_frame))
-            self._send("pose", lambda: pose_message(belief, config.map_frame))
+            if self._is_wanted("tf") or self._is_diagnosis_due(belief):
+                self._held_back = self._send_transform(belief, pose)
+            self._send("odometry", lambda: self._messages.odometry(belief))
+            self._send("pose", lambda: self._messages.pose(belief))
             self._draw_way(belief.stamp_s, pose)
         self._diagnose(belief, lost)
 
@@ -127,7 +128,7 @@ class Ros2Sink(Sink):
         """Say in diagnostics how the run ended."""
         summary = f"the run is over: {end.status} {end.reason}".strip()
         level = "error" if end.status == "failed" else "warn"
-        self._send("diagnostics", lambda: diagnostics_message(time.time(), "trailmark", level, {}, summary=summary))
+        self._send("diagnostics", lambda: diagnostics_bytes(time.time(), "trailmark", level, {}, summary=summary))
         for publisher in self._publishers.values():
             publisher.wait_for_acknowledgments(0.1)
 
@@ -148,11 +149,11 @@ class Ros2Sink(Sink):
             pose = pose_map_base @ pose_odom_base.inverse()
         else:
             return ""
-        self._send("tf", lambda: transform_message(pose, ahead_s, config.map_frame, child))
+        self._send("tf", lambda: self._messages.transform(pose, ahead_s, child))
         return ""
 
     def _read_odometry(self) -> None:
-        for message in self._odom.messages() if self._odom is not None else []:
+        for message in self._odom.messages(_ODOMETRY_DEPTH) if self._odom is not None else []:
             try:
                 self._robot_odometry.add(message)
             except ValueError as error:
@@ -164,10 +165,13 @@ class Ros2Sink(Sink):
             del self._way[:-_LONGEST_PATH]
         if stamp_s - self._drawn_s >= _PATH_EVERY_S:
             self._drawn_s = stamp_s
-            self._send("path", lambda: path_message(self._way, stamp_s, self.config.map_frame))
+            self._send("path", lambda: path_bytes(self._way, stamp_s, self.config.map_frame))
+
+    def _is_diagnosis_due(self, belief: Belief) -> bool:
+        return belief.stamp_s - self._diagnosed_s >= _DIAGNOSTICS_EVERY_S
 
     def _diagnose(self, belief: Belief, lost: str) -> None:
-        if belief.stamp_s - self._diagnosed_s < _DIAGNOSTICS_EVERY_S:
+        if not self._is_diagnosis_due(belief):
             return
         self._diagnosed_s = belief.stamp_s
         level = "error" if lost else ("warn" if self._held_back or belief.health else "ok")
@@ -181,5 +185,5 @@ class Ros2Sink(Sink):
         values |= {f"health of {name}": text for name, text in belief.health.items()}
         self._send(
             "diagnostics",
-            lambda: diagnostics_message(belief.stamp_s, "trailmark", level, values, summary=summary),
+            lambda: diagnostics_bytes(belief.stamp_s, "trailmark", level, values, summary=summary),
         )

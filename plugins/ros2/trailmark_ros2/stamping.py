@@ -48,7 +48,7 @@ class Stamper:
         if header_s == 0.0:
             return came_s if self._stamps == "receive" else None
         ahead_s = self._clock.note_message(header_s, came_s)
-        self._warn_if_far()
+        self._warn_if_far(header_s - came_s)
         if self._stamps == "receive":
             return came_s
         if ahead_s:
@@ -65,8 +65,11 @@ class Stamper:
         """How far the first stamp that counts was ahead of all after it; 0: it was not [s]."""
         return self._clock.begun_ahead_s if self._stamps == "header" else 0.0
 
-    def _warn_if_far(self) -> None:
-        if self._has_warned or not self._clock.is_known or abs(self.offset_s) <= self._max_offset_s:
+    def _warn_if_far(self, offset_s: float) -> None:
+        # A median is not too large before one of its offsets is; it is not asked for with every message.
+        if self._has_warned or abs(offset_s) <= self._max_offset_s or not self._clock.is_known:
+            return
+        if abs(self.offset_s) <= self._max_offset_s:
             return
         self._has_warned = True
         remedy = "set stamps: receive, or synchronise the clocks" if self._stamps == "header" else "not used"

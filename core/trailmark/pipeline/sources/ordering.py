@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_left, insort
 from collections import deque
 from collections.abc import Callable, Mapping
-from statistics import median
 
 from trailmark.frames import Frame
 
@@ -104,18 +104,17 @@ class _Habits:
     def __init__(self) -> None:
         self._last_s = math.nan
         self._came_s = math.nan
-        self._intervals_s: deque[float] = deque(maxlen=_N_HABITS)
-        self._delays_s: deque[float] = deque(maxlen=_N_HABITS)
+        self._intervals_s, self._delays_s = _LastNumbers(), _LastNumbers()
         self._interval_s = 0.0
         self.longest_delay_s = 0.0
 
     def learn(self, stamp_s: float, came_s: float) -> None:
         """Take note of a frame."""
         if stamp_s > self._last_s:
-            self._intervals_s.append(stamp_s - self._last_s)
-            self._interval_s = median(self._intervals_s)
-        self._delays_s.append(came_s - stamp_s)
-        self.longest_delay_s = max(self._delays_s)
+            self._intervals_s.add(stamp_s - self._last_s)
+            self._interval_s = self._intervals_s.median
+        self._delays_s.add(came_s - stamp_s)
+        self.longest_delay_s = self._delays_s.largest
         self._last_s, self._came_s = stamp_s, came_s
 
     @property
@@ -126,3 +125,31 @@ class _Habits:
     def is_silent(self, now_s: float) -> bool:
         """Return whether the next frame is long overdue."""
         return now_s - self._came_s > max(_SILENT_S, _SILENT_INTERVALS * self._interval_s)
+
+
+class _LastNumbers:
+    """The last `_N_HABITS` numbers, sorted as they come: each frame asks for their median."""
+
+    def __init__(self) -> None:
+        self._numbers: deque[float] = deque()
+        self._sorted: list[float] = []
+
+    def add(self, number: float) -> None:
+        """Take a number, and forget the oldest."""
+        if len(self._numbers) == _N_HABITS:
+            del self._sorted[bisect_left(self._sorted, self._numbers.popleft())]
+        self._numbers.append(number)
+        insort(self._sorted, number)
+
+    @property
+    def median(self) -> float:
+        """Their median."""
+        middle = len(self._sorted) // 2
+        if len(self._sorted) % 2:
+            return self._sorted[middle]
+        return (self._sorted[middle - 1] + self._sorted[middle]) / 2
+
+    @property
+    def largest(self) -> float:
+        """The largest of them."""
+        return self._sorted[-1]
