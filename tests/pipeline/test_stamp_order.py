@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from statistics import median
 
+import numpy as np
 import pytest
 
 from trailmark.frames import Frame, Scalar
-from trailmark.pipeline.sources.ordering import StampOrder
+from trailmark.pipeline.sources.ordering import StampOrder, _LastNumbers
 
 
 def frame(sensor: str, stamp_s: float) -> Frame:
@@ -35,6 +37,16 @@ def played(delays_s: dict[str, float], rates_hz: dict[str, float], window_s: flo
     while (left := order.take(math.inf)) is not None:
         given.append((now_s, left))
     return given, counted
+
+
+def test_usual_intervals_and_longest_delays_are_those_of_the_last_numbers() -> None:
+    rng, numbers, kept = np.random.default_rng(7), _LastNumbers(), []
+
+    for number in rng.choice(20, 200) / 7.0:  # with repeats
+        numbers.add(float(number))
+        kept = [*kept, float(number)][-50:]
+
+        assert (numbers.median, numbers.largest) == (median(kept), max(kept))
 
 
 def test_a_camera_that_is_behind_comes_in_its_place() -> None:
