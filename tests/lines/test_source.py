@@ -313,6 +313,19 @@ def test_one_stamp_of_the_future_costs_its_own_line_alone(opened) -> None:
     assert source.counters() == {"skipped": 1}
 
 
+def test_one_line_without_a_stamp_among_others_costs_itself_alone(opened, caplog) -> None:
+    source = opened(over="udp")
+    now_s = time.time()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
+        for stamp_s in (now_s - 5.0, None, now_s - 4.9, now_s - 4.8):  # it would be of now, and those after it older
+            robot.sendto(line("wheels", stamp_s, distance_m=1.0), ("127.0.0.1", source.port))
+        frames = list(itertools.islice(source.frames(), 3))
+
+    assert [frame.stamp_s for frame in frames] == [now_s - 5.0, now_s - 4.9, now_s - 4.8]
+    assert source.counters() == {"skipped": 1}
+    assert "the first line of 'wheels' has a stamp_s, and this one differs" in caplog.text
+
+
 def test_a_first_stamp_of_the_future_ends_the_run(opened) -> None:
     source = opened(over="udp")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from queue import SimpleQueue
+from types import SimpleNamespace
 
 import pytest
 
@@ -157,6 +159,23 @@ class TestLive:
 
         with pytest.raises(ConfigError, match="cam live and log recorded: two clocks make no run"):
             list(Pipeline(fakes.parts(sources)))
+
+    def test_a_camera_that_is_behind_the_window_is_told(self, fakes, caplog) -> None:
+        from trailmark.clock import RunClock
+        from trailmark.pipeline.instruments import Counters
+        from trailmark.pipeline.sources.realtime import _Intake
+
+        counters, clock = Counters(), fakes.FakeClock()
+        streams = [SimpleNamespace(name=name, sensors=[name], reorder_s=0.3) for name in ("wheels", "cam")]
+        intake = _Intake(streams, counters, RunClock(clock))
+        for index in range(25):
+            (frame,) = fakes.image_frames("wheels", [10.0 + index])
+            intake._put(frame)
+            assert intake.take(math.inf) is frame
+            intake._put(fakes.image_frames("cam", [9.0 + index])[0])
+
+        assert counters["source.cam.late"] == 25
+        assert caplog.text.count("20 frames of 'cam' came more than 0.3 s behind those of other sensors") == 1
 
 
 class TestWorkers:

@@ -134,6 +134,15 @@ class TestChecks:
         n_steps, counters = self.run(fakes, bad, [SensorInfo("x", kind)], on_bad_frame="skip")
         assert (n_steps, counters["source.s.skipped"]) == (1, 1)
 
+    def test_the_first_skipped_frame_of_a_sensor_is_told(self, fakes, caplog) -> None:
+        sizes = [2, 2, 3, 3, 2]
+        frames = [Frame("x", float(i), Image(np.zeros((2, size), np.uint8))) for i, size in enumerate(sizes)]
+
+        self.run(fakes, frames, [SensorInfo("x", "image")], on_bad_frame="skip")
+
+        assert "the frame of 'x' at 2.000000 s changes from" in caplog.text
+        assert caplog.text.count("changes from") == 1
+
     def test_a_stamp_that_goes_back_is_an_error_or_a_counted_skip(self, fakes) -> None:
         frames = fakes.scalar_frames("light", [0.0, 2.0, 1.0, 3.0])
 

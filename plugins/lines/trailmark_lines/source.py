@@ -117,6 +117,7 @@ class LinesSource(Drivable):
             If a line cannot be used, with ``on_bad_frame: error``.
         """
         newest_s: dict[str, float] = {}
+        is_stamped: dict[str, bool] = {}
         clocks: defaultdict[str, ClockOffset] = defaultdict(ClockOffset)
         closed = self._closed
         for line in self._lines(closed):
@@ -131,6 +132,9 @@ class LinesSource(Drivable):
                     continue
                 came_s = live_stamp_s()
                 frame = self._reader.frame(document, came_s)
+                if is_stamped.setdefault(frame.sensor, "stamp_s" in document) != ("stamp_s" in document):
+                    first = "has a stamp_s" if is_stamped[frame.sensor] else "has no stamp_s"
+                    raise SourceError(f"the first line of {frame.sensor!r} {first}, and this one differs: two clocks")
                 clock = clocks[frame.sensor]
                 if ahead_s := clock.note_message(frame.stamp_s, came_s):
                     raise SourceError(

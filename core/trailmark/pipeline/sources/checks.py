@@ -60,6 +60,7 @@ class FrameChecks:
         self._skips = skips
         self._counters = counters
         self._remedy = remedy
+        self._told: set[str] = set()  # sensors of which a skipped frame was told
         self._last_s = -math.inf
         self.are_in_order = True
 
@@ -128,7 +129,11 @@ class FrameChecks:
 
     def _skip(self, frame: Frame, problem: str) -> None:
         self._counters[f"source.{self._source}.skipped"] += 1
-        logger.debug("skipped: %s", self._problem_text(frame, problem))
+        if frame.sensor in self._told:
+            logger.debug("skipped: %s", self._problem_text(frame, problem))
+            return
+        self._told.add(frame.sensor)
+        logger.warning("%s; it is skipped, others of %r silently", self._problem_text(frame, problem), frame.sensor)
 
     def _problem_text(self, frame: Frame, problem: str) -> str:
         return f"source {self._source!r}: the frame of {frame.sensor!r} at {frame.stamp_s:.6f} s {problem}"

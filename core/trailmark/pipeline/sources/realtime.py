@@ -5,8 +5,10 @@ Both are generators of events: a `Frame`, or a `Tick` at which only the controll
 
 from __future__ import annotations
 
+import logging
 import math
 import threading
+from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -19,8 +21,13 @@ from trailmark.pipeline.sources.stream import SourceStream
 
 __all__ = ["Event", "Tick", "held_to_stamps", "live"]
 
+logger = logging.getLogger(__name__)
+
 # Nobody can wait for less; a difference of two clocks is never exactly zero.
 _NOW_S = 1e-6
+
+# Until a sensor's delay is learnt some frames are late; as many are no start any more.
+_MANY_LATE = 20
 
 # A device that does not let go is left behind: its thread is a daemon.
 _PATIENCE_S = 2.0
@@ -103,8 +110,9 @@ class _Intake:
         self._clock = clock
         self._lock = threading.Lock()
         self._source_of = {sensor: source.name for source in sources for sensor in source.sensors}
-        windows_s = {sensor: source.reorder_s for source in sources for sensor in source.sensors}
-        self._order = StampOrder(windows_s, self._count)
+        self._windows_s = {sensor: source.reorder_s for source in sources for sensor in source.sensors}
+        self._n_late: Counter[str] = Counter()
+        self._order = StampOrder(self._windows_s, self._count)
         self._n_open = 0
         self._threads: list[threading.Thread] = []
         self._error: BaseException | None = None
@@ -158,4 +166,15 @@ class _Intake:
         self._clock.wake.set()
 
     def _count(self, sensor: str, what: str) -> None:
-        self._counters.add(f"source.{self._source_of[sensor]}.{what}")
+        source = self._source_of[sensor]
+        self._counters.add(f"source.{source}.{what}")
+        self._n_late[sensor] += what == "late"
+        if what == "late" and self._n_late[sensor] == _MANY_LATE:
+            logger.warning(
+                "%d frames of %r came more than %g s behind those of other sensors and were left out, others silently:"
+                " is sources.%s.reorder_s too short, or its clock another?",
+                _MANY_LATE,
+                sensor,
+                self._windows_s[sensor],
+                source,
+            )
