@@ -112,6 +112,7 @@ def test_areas_that_somebody_hides_do_not_speak_against_a_place(wall, path, monk
 
     assert doubt(path, greys) is None
     monkeypatch.setattr("trailmark_divs.place_fit._BETTER", np.inf)  # the mean alone
+    monkeypatch.setattr("trailmark_divs.place_fit._WELL", np.inf)
     assert "it may be another" in doubt(path, greys)
 
 
@@ -181,6 +182,16 @@ def test_the_less_was_seen_the_better_it_must_fit(wall, path):
 
     assert "it may be another" in doubt(path, greys[:9])
     assert doubt(path, greys) is None
+
+
+def test_a_short_stretch_is_told_where_most_areas_fit_well(path):
+    fit, well = PlaceFit(path, 6, 0.885), (np.r_[np.full(6, 0.95), np.full(4, 0.8)], np.full(10, 2.0))
+
+    assert fit._reason_against_fit(*well, 1.0) is None  # fits to 0.90, and 0.91 is asked of a weight of 20
+    poor = np.r_[np.ones(3), np.full(7, 0.87)], np.full(10, 2.0)
+    assert "it may be another" in fit._reason_against_fit(*poor, 1.0)
+    in_part_the_same = np.r_[np.ones(7), np.full(3, 0.45)], np.full(10, 2.0)
+    assert "it may be another" in fit._reason_against_fit(*in_part_the_same, 1.0)
 
 
 @pytest.mark.parametrize("how", ["mirrored", "elsewhere", "noise", "upside down"])
