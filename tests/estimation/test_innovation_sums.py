@@ -70,3 +70,17 @@ def test_a_window_is_asked_about_once_until_something_is_corrected(monkeypatch: 
 
     assert len(asked) == 2
     assert [bool(one.any()) for one in found] == [True, True, False]
+
+
+def test_an_absolute_estimate_at_the_instant_of_an_anchor_is_none_since_then() -> None:
+    gaussian, seen = Gaussian(np.zeros(3), np.eye(3), UNAFFECTED), told(np.random.default_rng(1), 0.0, 20)
+    diagnosis = FaultDiagnosis(
+        corrections=np.full(3, 0.1),
+        correction_covariance=1e-4 * np.eye(3),
+        anchors=(FilterState(seen[-1][0], gaussian),),
+        innovations=seen,
+    )
+
+    found = one_sided.covariance_of_one_sided_corrections(FilterState(seen[-1][0], gaussian).with_diagnosis(diagnosis))
+
+    assert not found.any()

@@ -17,6 +17,7 @@ from trailmark.arrays import Floats
 from trailmark.estimation.kalman.diagnosis import FixOffset, RivalFilter
 from trailmark.estimation.kalman.innovation import Innovation
 from trailmark.estimation.kalman.measurements import Measurement
+from trailmark.estimation.kalman.moving_offset import moved_on
 from trailmark.estimation.kalman.state import FilterState, Gaussian
 from trailmark.geometry import Twist2, wrap_angle
 
@@ -94,16 +95,20 @@ def log_likelihood_of_offset(
 ) -> tuple[float, FixOffset | None]:
     """Return the log of the density of a measurement that is off, and what is known of it then.
 
-    It is off by a constant, or is late: what explains all of them better counts.
+    It is off by a constant, or is late, or, where more motions agree against it, is drawn away: what explains all of
+    them best counts. Beside one motion fixes that are drawn away and a motion that is wrong are the same.
     """
     if state.gaussian is None:
         return 0.0, offset
     innovation, jacobian = measurement.innovation(state.gaussian.x)
     if offset is None or len(offset.mean) != len(innovation):
         offset = FixOffset(np.zeros(len(innovation)))
-    before = max(offset.log_constant, offset.log_late)
-    offset = _late_after(_constant_after(offset, innovation), innovation, jacobian, state)
-    return max(offset.log_constant, offset.log_late) - before, offset
+    before, moving = offset.log, offset.moving
+    fault = state.diagnosis.absolute_faults.get(measurement.source)
+    if fault is not None and fault.is_outvoted:
+        moving = moved_on(moving, innovation, jacobian[:, :3], state, most=_OTHER_LIE, modesty=_MODESTY)
+    offset = _late_after(_constant_after(offset, innovation), innovation, jacobian, state)._replace(moving=moving)
+    return offset.log - before, offset
 
 
 def _constant_after(offset: FixOffset, innovation: Floats) -> FixOffset:

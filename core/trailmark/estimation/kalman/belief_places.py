@@ -12,6 +12,7 @@ from trailmark.estimation.kalman.dissent import covering_covariance
 from trailmark.estimation.kalman.lasting_errors import LastingPrior, lasting_covariance
 from trailmark.estimation.kalman.moved_belief import covariance_of_moved
 from trailmark.estimation.kalman.one_sided import InnovationSums, covariance_of_one_sided_corrections
+from trailmark.estimation.kalman.overruled_motion import covariance_of_overruled
 from trailmark.estimation.kalman.repeated_fixes import covariance_of_frozen
 from trailmark.estimation.kalman.state import FilterState
 from trailmark.estimation.on_path import offset_on_path
@@ -62,6 +63,8 @@ class BeliefPlaces:
                 covariance += covariance_of_moved(state, gaussian)
             if state.diagnosis.repeated:
                 covariance += covariance_of_frozen(state, gaussian)
+            if state.diagnosis.overruled is not None or state.diagnosis.rivals:
+                covariance += covariance_of_overruled(state, gaussian)
             covariance.flags.writeable = False
             pose = Pose2(x, y, theta)
             on_path = self._on_path(state.stamp_s, pose, covariance)

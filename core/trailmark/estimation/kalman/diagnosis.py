@@ -14,6 +14,7 @@ from trailmark.arrays import Floats
 from trailmark.estimation.kalman.innovation import Innovation
 from trailmark.estimation.kalman.lasting_errors import NO_ERRORS, LastingVariances
 from trailmark.estimation.kalman.measurements import Measurement
+from trailmark.estimation.kalman.moving_offset import MovingOffset
 from trailmark.estimation.kalman.parting import NOT_COMPARED, Parting
 from trailmark.frames.payloads import read_only
 from trailmark.geometry import Pose2
@@ -29,6 +30,7 @@ __all__ = [
     "FixOffset",
     "LastingDoubt",
     "MotionSum",
+    "OverruledMotion",
     "RepeatedPose",
     "Retrial",
     "RivalFilter",
@@ -86,6 +88,8 @@ class DetectedFault:
         Over how short a window its motion was seen to disagree with others: a shorter one acquits nobody [s].
     is_rough : bool
         Whether its motion is still the best there is: by a share of the way and a yaw rate wrong, but no invention.
+    is_drawn : bool
+        Whether the ways between its absolute estimates are not those of motion; else they are off by a constant.
     """
 
     since_s: float
@@ -94,10 +98,11 @@ class DetectedFault:
     n_agreed: int = 0
     shows_in_s: float = 0.0
     is_rough: bool = False
+    is_drawn: bool = False
 
 
 class FixOffset(NamedTuple):
-    """By how much the absolute estimates of one localizer are off: by a constant, or late by one.
+    """By how much the absolute estimates of one localizer are off: by a constant, late by one, or by ever more.
 
     Attributes
     ----------
@@ -111,6 +116,8 @@ class FixOffset(NamedTuple):
         If they are late: by how much, and its variance [s, s^2].
     log_late : float
         Log likelihood of all of them, if they are.
+    moving : MovingOffset or None
+        If they are drawn away; None where that is no explanation.
     """
 
     mean: Floats
@@ -119,6 +126,18 @@ class FixOffset(NamedTuple):
     late_s: float = 0.0
     variance_s2: float = 0.04
     log_late: float = 0.0
+    moving: MovingOffset | None = None
+
+    @property
+    def log(self) -> float:
+        """Log likelihood by what explains them best."""
+        logs = self.log_constant, self.log_late
+        return max(logs) if self.moving is None else max(*logs, self.moving.log)
+
+    @property
+    def is_drawn(self) -> bool:
+        """Whether that they are drawn away explains them best."""
+        return self.moving is not None and self.moving.log > max(self.log_constant, self.log_late)
 
 
 @quick_dataclass(frozen=True, slots=True, eq=False)
@@ -238,6 +257,34 @@ class RepeatedPose(NamedTuple):
     is_frozen: bool = False
 
 
+class OverruledMotion(NamedTuple):
+    """Where a motion leads that the absolute estimates of one localizer have overruled, and nobody else.
+
+    Attributes
+    ----------
+    source, fixes : str
+        Whose motion, and whose absolute estimates.
+    since_s : float
+        Where the question began that they have decided [s].
+    begun : tuple of (Pose2, float64 (3, 3), MotionSum)
+        From where it leads, the covariance of that, and the motion until then.
+    pose : Pose2
+        Where the motion has led base, in the map.
+    sums : MotionSum
+        The motion until then.
+    odom_rad : float
+        The heading of odometry then.
+    """
+
+    source: str
+    fixes: str
+    since_s: float
+    begun: tuple[Pose2, Floats, MotionSum]
+    pose: Pose2
+    sums: MotionSum
+    odom_rad: float
+
+
 class FaultDiagnosis(NamedTuple):
     """What the localizers say of each other.
 
@@ -282,6 +329,8 @@ class FaultDiagnosis(NamedTuple):
         anchor of all.
     repeated : mapping of str to RepeatedPose
         By localizer of whole poses or parts of them, what it said last, and since when.
+    overruled : OverruledMotion or None
+        Where motion leads, if the absolute estimates of one localizer alone are against it.
     """
 
     sums: Mapping[str, MotionSum] = _EMPTY
@@ -303,3 +352,4 @@ class FaultDiagnosis(NamedTuple):
     way_errors: LastingVariances = NO_ERRORS
     innovations: tuple[tuple[float, Innovation], ...] = ()
     repeated: Mapping[str, RepeatedPose] = _EMPTY
+    overruled: OverruledMotion | None = None

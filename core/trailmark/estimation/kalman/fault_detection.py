@@ -13,6 +13,8 @@ ago, contradict the belief, or correct it     these absolute estimates
 always the same way
 one hypothesis is 50 times as probable        it is the belief; what the others say has no weight, and their names
                                               stand in the health with the reason
+absolute estimates of one localizer alone     the belief follows them, and covers where the motion leads
+are against a motion (`overruled_motion`)
 nothing decides                               the mixture: it covers all, and the health says so
 motions agree again, and nothing has decided  the places where base may be are remembered (`alternatives`); the next
                                               absolute estimates decide between them
@@ -21,7 +23,8 @@ robot moved; or, where no other motion is
 believed, absolute estimates say for 3 s that
 it arrives where they are (`trials`); or
 three absolute estimates in a row have agreed
-with the belief
+with the belief; where they were drawn away,
+the way between them with motion, too
 absolute estimates contradict for 30 s        they are heard again as if they had never agreed (`RecoveryPolicy`)
 ============================================  ======================================================================
 """
@@ -40,11 +43,13 @@ from trailmark.estimation.kalman.lasting_doubts import doubts_of
 from trailmark.estimation.kalman.lasting_errors import NO_ERRORS
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.kalman.one_sided import longest_one_sided_since
+from trailmark.estimation.kalman.overruled_motion import still_overruled
 from trailmark.estimation.kalman.parting import with_windows_compared, without_window
 from trailmark.estimation.kalman.prediction import Prediction
 from trailmark.estimation.kalman.repeated_fixes import remembered, with_frozen_kept_out, with_repetition
 from trailmark.estimation.kalman.state import FilterState
 from trailmark.estimation.kalman.trials import Trials
+from trailmark.estimation.kalman.ways_of_fixes import ways_agree
 from trailmark.estimation.kalman.windows import WINDOW_S, far_anchors_due, with_new_anchor, without_windows
 
 __all__ = ["FaultDetector", "accused_sources", "outvoted_motions"]
@@ -113,11 +118,13 @@ class FaultDetector:
         """
         if measurement.replaces:
             after = self._correct(state, measurement)
-            return after.with_diagnosis(after.diagnosis._replace(repeated={}))
+            return after.with_diagnosis(after.diagnosis._replace(repeated={}, overruled=None))
         state, repeats = with_repetition(state, measurement)
         if repeats is not None and repeats.is_frozen:
             return with_frozen_kept_out(state, measurement, repeats)
         after, repeated = self._correct(state, measurement), state.diagnosis.repeated
+        if after.diagnosis.overruled is not None:
+            after = still_overruled(after, measurement)
         if after.diagnosis.repeated is not repeated:
             after = after.with_diagnosis(after.diagnosis._replace(repeated=repeated))
         return remembered(after, measurement, repeats)
@@ -153,9 +160,10 @@ class FaultDetector:
             before.correction_covariance + spread,
             before.anchors,
             measurements,
-            *before[5:-2],
+            *before[5:-3],
             innovations,
             before.repeated,
+            before.overruled,
         )
         after = after.with_diagnosis(diagnosis)
         if before.faults:
@@ -192,6 +200,8 @@ class FaultDetector:
         doubted = self._correction.doubt(state, measurement)
         fault = doubted.diagnosis.absolute_faults[measurement.source]
         if fault.n_agreed < AGREED and state.stamp_s - fault.since_s <= GIVES_IN_S:
+            return doubted
+        if fault.is_drawn and not ways_agree(doubted, measurement.source, fault.n_agreed):
             return doubted
         return self._correct(without_fault(state, measurement.source), measurement)
 

@@ -94,9 +94,9 @@ def covariance_of_moved(state: FilterState, gaussian: Gaussian) -> Floats:
 
 
 def source_of_moved(state: FilterState) -> str | None:
-    """Return the localizer that a belief was moved for, as long as that is not decided."""
+    """Return the localizer that a belief was moved for, or against, as long as that is not decided."""
     moved = state.rejections.moved
-    return None if moved is None else moved.source
+    return None if moved is None else moved.motion or moved.source
 
 
 def on_another_clock(moved: MovedBelief, later_s: float) -> MovedBelief:
@@ -111,8 +111,9 @@ def reason_of_moved(state: FilterState) -> str:
     here = Pose2(*state.gaussian.x[:3].tolist())
     before = state.rejections.moved.shift @ here
     way_m, turn_rad = math.hypot(before.x - here.x, before.y - here.y), abs(wrap_angle(before.theta - here.theta))
+    said = "its absolute estimates" if state.rejections.moved.motion is None else "absolute estimates, not its motion"
     return (
-        f"the belief follows its absolute estimates, {way_m:.3f} m and {math.degrees(turn_rad):.1f} deg from where"
+        f"the belief follows {said}, {way_m:.3f} m and {math.degrees(turn_rad):.1f} deg from where"
         " motion led it: nothing has decided who is right, and the belief covers both"
     )
 
@@ -133,4 +134,5 @@ def _away(before: Pose2, gaussian: Gaussian) -> Floats:
 
 def _share(moved: MovedBelief) -> float:
     """Return the probability of the place before the move, as it is covered now."""
-    return SHARE_UNDECIDED * min(1.0, _LASTS_S / max(moved.agreed_s - moved.since_s, _LASTS_S))
+    lasts_s = min(moved.lasts_s, _LASTS_S)
+    return SHARE_UNDECIDED * lasts_s / max(moved.agreed_s - moved.since_s, lasts_s)

@@ -122,8 +122,8 @@ def _one_sided_since(state: FilterState, probability: float, answers: dict[Filte
         return
     last_s = diagnosis.innovations[-1][0]
     for anchor in (*diagnosis.anchors[:1], *reversed(diagnosis.far_anchors)):
-        if state.stamp_s - last_s > _STALE_SHARE * (state.stamp_s - anchor.stamp_s):
-            continue
+        if last_s <= anchor.stamp_s or state.stamp_s - last_s > _STALE_SHARE * (state.stamp_s - anchor.stamp_s):
+            continue  # an absolute estimate at the very instant of an anchor is none since then
         if anchor not in answers:
             answers[anchor] = _lies_to_one_side(diagnosis, anchor.diagnosis, threshold(probability, 1))
         if answers[anchor]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import reduce
 
@@ -11,8 +11,9 @@ import numpy as np
 
 from trailmark.arrays import Floats
 from trailmark.estimation.kalman.bank import mixture_of, posterior
-from trailmark.estimation.kalman.diagnosis import FaultDiagnosis, RivalFilter
+from trailmark.estimation.kalman.diagnosis import DetectedFault, FaultDiagnosis, RivalFilter
 from trailmark.estimation.kalman.forgiveness import AGREED, GIVES_IN_S, without_fault
+from trailmark.estimation.kalman.overruled_motion import overruled_by
 from trailmark.estimation.kalman.state import FilterState, Gaussian, OdometryState
 from trailmark.estimation.kalman.windows import without_windows
 
@@ -95,11 +96,19 @@ def _decided(state: FilterState, best: RivalFilter) -> FilterState:
     diagnosis = without_windows(state.diagnosis)._replace(
         sums=leader.diagnosis.sums,
         faults=leader.diagnosis.faults,
-        absolute_faults=leader.diagnosis.absolute_faults,
+        absolute_faults=_with_drawn(best),
         doubts=leader.diagnosis.doubts,
         accused=state.diagnosis.accused if state.diagnosis.alternatives else frozenset(),
+        overruled=overruled_by(state, best),
     )
     return _as_leader(state, leader, leader.gaussian, diagnosis)
+
+
+def _with_drawn(best: RivalFilter) -> Mapping[str, DetectedFault]:
+    """Return whose absolute estimates a hypothesis does not believe, and of whom the ways between them are wrong."""
+    drawn = {source for source, offset in best.offsets.items() if offset.is_drawn}
+    faults = best.state.diagnosis.absolute_faults
+    return {source: replace(one, is_drawn=True) if source in drawn else one for source, one in faults.items()}
 
 
 def _undecided(state: FilterState, rivals: Sequence[RivalFilter], weights: Floats) -> FilterState:

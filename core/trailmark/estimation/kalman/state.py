@@ -209,6 +209,11 @@ class MovedBelief:
         Where motion had led base then.
     covariance : (3, 3) float64
         Of `pose`; it covers the belief that was given up, too, where that had been moved before.
+    motion : str or None
+        Whose motion had led base, if they have overruled it.
+    lasts_s : float
+        The place before is as probable as at first for so long after `since_s`, and less from then on; for no longer
+        than half a minute [s].
     """
 
     source: str
@@ -217,6 +222,8 @@ class MovedBelief:
     shift: Pose2
     pose: Pose2
     covariance: Floats
+    motion: str | None = None
+    lasts_s: float = math.inf
 
 
 @quick_dataclass(frozen=True, slots=True, eq=False)

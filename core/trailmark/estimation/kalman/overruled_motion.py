@@ -1,0 +1,162 @@
+"""Motion that the absolute estimates of one localizer have overruled: the belief follows them, and covers both.
+
+One motion against the fixes of one localizer is a question that nothing decides: a slipping wheel and fixes that stand
+still say the same. The filter that believes no motion explains more, so the belief goes on with it; but where motion
+leads stays in the covariance, for as long as it goes on to lead elsewhere. A second localizer whose absolute estimates
+fit decides, as does a pose that is set. Once motion agrees again, the place where it had led is that of a belief that
+was moved (`moved_belief`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from trailmark.arrays import Floats
+from trailmark.estimation.kalman.agreement import is_still, motion_since
+from trailmark.estimation.kalman.diagnosis import MotionSum, OverruledMotion, RivalFilter
+from trailmark.estimation.kalman.gate import SHARE_UNDECIDED, threshold
+from trailmark.estimation.kalman.innovation import nis_of
+from trailmark.estimation.kalman.measurements import Measurement
+from trailmark.estimation.kalman.state import FilterState, Gaussian, MovedBelief
+from trailmark.frames.payloads import read_only
+from trailmark.geometry import Pose2, wrap_angle
+
+__all__ = ["covariance_of_overruled", "overruled_by", "still_overruled"]
+
+_SAME = 0.999
+_NOTHING: Floats = read_only(np.zeros((3, 3)))
+
+
+def overruled_by(state: FilterState, best: RivalFilter) -> OverruledMotion | None:
+    """Return where the motion leads that a question has overruled; as before it while some motion is believed still.
+
+    Parameters
+    ----------
+    state : FilterState
+        With the hypotheses of the question.
+    best : RivalFilter
+        The one that is left.
+    """
+    before, faults, begun = state.diagnosis, best.state.diagnosis.faults, best.begun
+    if begun is None or begun.gaussian is None or len({one.source for _, one in before.measurements}) != 1:
+        return before.overruled
+    accused = [source for source, one in before.sums.items() if source not in before.faults and not one.open_ways]
+    if not accused or before.sums.keys() - faults.keys():
+        return before.overruled
+    if before.anchors and all(_stands(state, source) for source in accused):
+        return before.overruled  # who stands still while others move is suspect: that decides
+    at = next((one.state for one in before.rivals if _believes(one, accused)), begun)
+    assert at.gaussian is not None
+    source = min(accused, key=lambda one: at.diagnosis.sums.get(one, MotionSum()).position_m2)
+    pose = Pose2(*at.gaussian.x[:3].tolist())
+    said = at.diagnosis.sums.get(source) or MotionSum()
+    from_there = pose, at.gaussian.covariance[:3, :3], said
+    fixes = before.measurements[-1][1].source
+    return OverruledMotion(source, fixes, begun.stamp_s, from_there, pose, said, at.odometry.pose_odom_base.theta)
+
+
+def _stands(state: FilterState, source: str) -> bool:
+    motion = motion_since(state, state.diagnosis.anchors[-1], source)
+    return motion is not None and is_still(motion)
+
+
+def _believes(rival: RivalFilter, motions: Sequence[str]) -> bool:
+    """Return whether a hypothesis believes motions against absolute estimates."""
+    diagnosis = rival.state.diagnosis
+    return (
+        bool(diagnosis.absolute_faults) and diagnosis.faults.keys().isdisjoint(motions) and bool(rival.state.gaussian)
+    )
+
+
+def still_overruled(after: FilterState, measurement: Measurement) -> FilterState:
+    """Return a state after an absolute estimate, with where the motion leads that was overruled, if that is open.
+
+    Parameters
+    ----------
+    after : FilterState
+        With the estimate.
+    measurement : Measurement
+        The estimate.
+    """
+    overruled = after.diagnosis.overruled
+    if overruled is None or after.gaussian is None:
+        return after
+    led = _led_on(overruled, after)
+    if measurement.source != overruled.fixes and after.verdicts[-1].status == "accepted":
+        x = np.concatenate([led.pose.array(), after.gaussian.x[3:]])
+        if nis_of(*measurement.innovation(x), after.gaussian.covariance) > threshold(_SAME, len(measurement.root)):
+            return after.with_diagnosis(after.diagnosis._replace(overruled=None))
+    if led.source in after.diagnosis.faults:
+        return after.with_diagnosis(after.diagnosis._replace(overruled=led))
+    return replace(
+        after.with_diagnosis(after.diagnosis._replace(overruled=None)),
+        rejections=replace(after.rejections, moved=after.rejections.moved or _moved_to(after, after.gaussian, led)),
+    )
+
+
+def _moved_to(state: FilterState, gaussian: Gaussian, led: OverruledMotion) -> MovedBelief | None:
+    """Return where the motion had led, now that it agrees again; None where its noise explains how far that is off."""
+    covariance, away = _covariance_of(led), _away(led.pose, gaussian)
+    if float(away @ np.linalg.solve(covariance + gaussian.covariance[:3, :3], away)) < threshold(_SAME, 3):
+        return None
+    covariance[2], covariance[:, 2] = 0.0, 0.0  # from now on its heading wanders no more
+    shift, lasts_s = led.pose @ Pose2(*gaussian.x[:3].tolist()).inverse(), state.stamp_s - led.since_s
+    return MovedBelief(led.fixes, led.since_s, state.stamp_s, shift, led.pose, covariance, led.source, lasts_s)
+
+
+def covariance_of_overruled(state: FilterState, gaussian: Gaussian) -> Floats:
+    """Return what covers where the motion leads, (3, 3), that one localizer has overruled or is about to."""
+    led = _led_while_undecided(state.diagnosis.rivals)
+    if led is None and state.diagnosis.overruled is not None:
+        now = _led_on(state.diagnosis.overruled, state)
+        led = now.pose, _covariance_of(now)
+    if led is None:
+        return _NOTHING
+    away = _away(led[0], gaussian)
+    return np.asarray(SHARE_UNDECIDED * (np.outer(away, away) + led[1]))
+
+
+def _led_while_undecided(rivals: Sequence[RivalFilter]) -> tuple[Pose2, Floats] | None:
+    """Return where the one motion leads of a question that nothing decides, and its covariance."""
+    for rival in rivals:
+        faults, gaussian = rival.state.diagnosis.absolute_faults, rival.state.gaussian
+        if gaussian is not None and faults and not all(one.is_outvoted for one in faults.values()):
+            return Pose2(*gaussian.x[:3].tolist()), gaussian.covariance[:3, :3]
+    return None
+
+
+def _covariance_of(led: OverruledMotion) -> Floats:
+    """Return how uncertain it is where the motion leads, (3, 3): its heading wanders on the way."""
+    (begun, covariance, then), now = led.begun, led.sums
+    lever = np.eye(3)
+    lever[:2, 2] = begun.y - led.pose.y, led.pose.x - begun.x
+    position_m2, turn_rad2 = now.position_m2 - then.position_m2, now.turn_rad2 - then.turn_rad2
+    return np.asarray(lever @ (covariance + np.diag([position_m2, position_m2, turn_rad2])) @ lever.T)
+
+
+def _led_on(overruled: OverruledMotion, state: FilterState) -> OverruledMotion:
+    """Return where motion has led until now.
+
+    Its steps are added up in the axes of odometry, which may turn otherwise while nothing measures it: since the last
+    time by half of what both differ by.
+    """
+    now, odom_rad = state.diagnosis.sums.get(overruled.source), state.odometry.pose_odom_base.theta
+    if now is None:
+        return overruled
+    then = overruled.sums
+    turn = now.turn - then.turn
+    half = 0.5 * (turn - wrap_angle(odom_rad - overruled.odom_rad))
+    cos, sin = math.cos(half - overruled.odom_rad), math.sin(half - overruled.odom_rad)
+    x, y = now.x - then.x, now.y - then.y
+    pose = overruled.pose @ Pose2(cos * x - sin * y, sin * x + cos * y, turn)
+    return overruled._replace(pose=pose, sums=now, odom_rad=odom_rad)
+
+
+def _away(pose: Pose2, gaussian: Gaussian) -> Floats:
+    away = pose.array() - gaussian.x[:3]
+    away[2] = wrap_angle(float(away[2]))
+    return np.asarray(away)
