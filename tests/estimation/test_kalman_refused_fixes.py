@@ -113,6 +113,19 @@ def test_poses_that_go_on_to_agree_win_in_time(monkeypatch: pytest.MonkeyPatch) 
     assert not late.health
 
 
+def test_a_start_that_nothing_ever_confirmed_is_given_up_within_a_minute() -> None:
+    """Nearly always it was wrong: nobody had said that the robot begins elsewhere."""
+    begun, confirmed = Drive("camera"), Drive("camera")
+    confirmed.go(0.6, every_s=0.5)
+
+    after = [drive.go(60.0, every_s=0.5, off=(3.0, 1.0, 0.0)) for drive in (begun, confirmed)]
+
+    assert not after[0].health
+    assert after[0].covariance is not None
+    assert after[0].covariance[0, 0] ** 0.5 < 0.03
+    assert "covers both" in after[1].health["laser"]
+
+
 @pytest.mark.parametrize(("until_s", "later"), [(25.0, "laser"), (25.0, "beacons"), (15.0, "beacons")])
 def test_a_second_move_begins_anew(monkeypatch: pytest.MonkeyPatch, until_s: float, later: str) -> None:
     monkeypatch.setattr(moved_belief, "_LASTS_S", 2.0)  # in place of half a minute: after 10 s the first has won

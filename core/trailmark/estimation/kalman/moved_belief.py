@@ -23,8 +23,9 @@ from trailmark.geometry import Pose2, wrap_angle
 
 __all__ = ["covariance_of_moved", "moved_to", "on_another_clock", "reason_of_moved", "source_of_moved", "still_moved"]
 
-# The place before is less probable after a time [s], and forgotten where it would be 5 standard deviations off.
-_LASTS_S, _FORGOTTEN = 30.0, 1.0 / 25.0
+# The place before is less probable after a time [s], sooner where no absolute estimate had ever confirmed it, and
+# forgotten where it would be 5 standard deviations off.
+_LASTS_S, _UNCONFIRMED_LASTS_S, _FORGOTTEN = 30.0, 10.0, 1.0 / 25.0
 # With which the new pose is the place before, and an absolute estimate fits it.
 _SAME = 0.999
 _NOTHING: Floats = read_only(np.zeros((3, 3)))
@@ -61,7 +62,10 @@ def moved_to(state: FilterState, source: str, since_s: float, after: Gaussian) -
             return None
         left = _away(before, state.gaussian)
         covariance = _carried(moved, before) + np.outer(left, left)
-    return MovedBelief(source, since_s, state.stamp_s, before @ there.inverse(), before, covariance)
+    lasts_s = _LASTS_S if state.rejections.corroborations else _UNCONFIRMED_LASTS_S
+    return MovedBelief(
+        source, since_s, state.stamp_s, before @ there.inverse(), before, covariance, lasts_s=lasts_s
+    )
 
 
 def still_moved(state: FilterState, measurement: Measurement) -> MovedBelief | None:
