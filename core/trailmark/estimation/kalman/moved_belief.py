@@ -63,9 +63,7 @@ def moved_to(state: FilterState, source: str, since_s: float, after: Gaussian) -
         left = _away(before, state.gaussian)
         covariance = _carried(moved, before) + np.outer(left, left)
     lasts_s = _LASTS_S if state.rejections.corroborations else _UNCONFIRMED_LASTS_S
-    return MovedBelief(
-        source, since_s, state.stamp_s, before @ there.inverse(), before, covariance, lasts_s=lasts_s
-    )
+    return MovedBelief(source, since_s, state.stamp_s, before @ there.inverse(), before, covariance, lasts_s=lasts_s)
 
 
 def still_moved(state: FilterState, measurement: Measurement) -> MovedBelief | None:
