@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import os
 from importlib import import_module
 from pathlib import Path
 
@@ -15,6 +16,13 @@ from trailmark.isolation.loaded_code import is_as_loaded, loaded_code
 from trailmark.plugins import load_plugins
 
 ROOM = "trailmark.estimation"
+MARK = "def mark(path):\n    open(path, 'a').write('x')\n    return 1\n"
+
+
+def write(path: Path, text: str) -> None:
+    """Write a file as if long before this process began."""
+    path.write_text(text, encoding="utf-8")
+    os.utime(path, (1e9, 1e9 + sum(text.encode())))
 
 
 @pytest.fixture
@@ -23,8 +31,8 @@ def toys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.Fixtur
     folder = tmp_path / f"toys_{request.node.name}"
     folder.mkdir()
     for name in ("__init__", "plugin", "used", "unused"):
-        (folder / f"{name}.py").write_text("def mark(path):\n    open(path, 'a').write('x')\n    return 1\n")
-    (folder / "weights.npy").write_bytes(b"1 2 3")
+        write(folder / f"{name}.py", MARK)
+    write(folder / "weights.npy", "1 2 3")
     monkeypatch.syspath_prepend(tmp_path)
     import_module(f"{folder.name}.plugin")
     return folder
@@ -38,14 +46,50 @@ def test_an_answer_is_taken_until_code_changes_that_was_loaded(toys: Path, tmp_p
         return len((tmp_path / "marks").read_text())
 
     assert [times_called(), times_called()] == [1, 1]
-    (toys / "unused.py").write_text("# better words\n")
+    write(toys / "unused.py", "# better words")
     assert times_called() == 1
-    (toys / "used.py").write_text("# other code\n")
-    assert times_called() == 2
-    (toys / "weights.npy").write_bytes(b"1 2 4")
+    write(toys / "used.py", "# other code")
+    assert [times_called(), times_called()] == [2, 2]
+    write(toys / "weights.npy", "1 2 4")
     assert times_called() == 3
-    (toys / "weights.npy").unlink()
+    write(toys / "more.npy", "1")
     assert times_called() == 4
+    (toys / "weights.npy").unlink()
+    assert [times_called(), times_called()] == [5, 5]
+
+
+def test_code_that_changes_under_a_process_is_not_what_it_had_loaded(toys: Path, tmp_path: Path) -> None:
+    mark, calls = import_module(f"{toys.name}.used").mark, [(str(tmp_path / "marks"),)]
+    (toys / "used.py").write_text("# saved while a call runs")
+
+    for _ in range(2):
+        call_in_cells(mark, calls, tmp_path / "calls")
+
+    assert len((tmp_path / "marks").read_text()) == 2
+
+
+@pytest.mark.parametrize("module", ["plugin", "__init__"])
+def test_the_doors_of_the_function_s_own_package_count(toys: Path, tmp_path: Path, module: str) -> None:
+    mark = import_module(toys.name if module == "__init__" else f"{toys.name}.plugin").mark
+    for text in (MARK, "# other code"):
+        write(toys / f"{module}.py", text)
+        call_in_cells(mark, [(str(tmp_path / "marks"),)], tmp_path / "calls")
+
+    assert len((tmp_path / "marks").read_text()) == 2
+
+
+def test_what_others_wrote_is_done_again_with_them(toys: Path, tmp_path: Path) -> None:
+    """A repeat reads the map that a teaching left in a folder, and needs no module of the teaching."""
+    mark = import_module(f"{toys.name}.used").mark
+    call_in_cells(mark, [(str(tmp_path / "taught"),)], tmp_path / "calls")
+    (taught,) = (tmp_path / "calls").iterdir()
+    call_in_cells(mark, [(str(tmp_path / "repeated"),)], tmp_path / "calls")
+    (taught / "code.json").write_text(f'{{"{toys.name}": {{"teaching.py": "0123"}}}}')
+
+    for name in ("taught", "repeated"):
+        call_in_cells(mark, [(str(tmp_path / name),)], tmp_path / "calls")
+
+    assert [len((tmp_path / name).read_text()) for name in ("taught", "repeated")] == [2, 2]
 
 
 def test_an_answer_whose_code_nobody_knows_is_not_taken(toys: Path, tmp_path: Path) -> None:
@@ -63,12 +107,15 @@ def test_an_answer_whose_code_nobody_knows_is_not_taken(toys: Path, tmp_path: Pa
 
 
 def test_a_plugin_of_which_only_the_doors_are_open_has_no_say(toys: Path) -> None:
-    assert loaded_code([toys.name]) == {}
+    assert loaded_code("posix", [toys.name]) == {}
 
     import_module(f"{toys.name}.used")
+    code = loaded_code("posix", [toys.name])
 
-    assert set(loaded_code([toys.name])[toys.name]) == {"__init__.py", "plugin.py", "used.py", "weights.npy"}
-    assert is_as_loaded(loaded_code([toys.name]))
+    assert code is not None
+    assert set(code[toys.name]) == {"__init__.py", "plugin.py", "used.py", "weights.npy"}
+    assert is_as_loaded(code)
+    assert loaded_code("nobody", [toys.name]) is None
 
 
 def test_a_filter_counts_where_it_is_used() -> None:
@@ -89,9 +136,19 @@ def test_a_filter_counts_where_it_is_used() -> None:
 @pytest.mark.parametrize(("room", "users"), [("kalman", ("kalman", "smoother")), ("smoother", ("smoother",))])
 def test_nobody_else_imports_a_room_that_counts_apart(room: str, users: tuple[str, ...]) -> None:
     """Else a result would depend on code that its address does not know."""
-    root = Path(trailmark.__file__).parent
-    for file in root.rglob("*.py"):
-        if not any(root / "estimation" / user in file.parents for user in users):
-            nodes = ast.walk(ast.parse(file.read_text(encoding="utf-8")))
-            imported = [node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)]
-            assert not [name for name in imported if f"{name}.".startswith(f"{ROOM}.{room}.")], file
+    top = Path(trailmark.__file__).parents[2]
+    inside = tuple(top / "core" / "trailmark" / "estimation" / user for user in users)
+    for file in (*(top / "core").rglob("*.py"), *(top / "plugins").rglob("*.py")):
+        if not any(folder in file.parents for folder in inside):
+            assert not [name for name in imported_by(file) if f"{name}.".startswith(f"{ROOM}.{room}.")], file
+
+
+def imported_by(file: Path) -> set[str]:
+    """Return the names of modules, and of what is taken from them, that a file imports."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom):
+            names |= {node.module or "", *(f"{node.module}.{alias.name}" for alias in node.names)}
+        elif isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+    return names

@@ -1,7 +1,8 @@
 """Calls as cells: functions in processes of their own, whose answers outlive an interrupted program.
 
 ``trailmark reproduce`` runs the independent runs of an experiment this way. A call is addressed by its function and its
-arguments; an answer that is there is taken where the code that its process had loaded is as it was. Answers are JSON
+arguments; an answer that is there is taken where the code that its process had loaded is as it was. Where it is not,
+all answers of the folder are forgotten: calls may read what others of them wrote. Answers are JSON
 (`trailmark.isolation.plain`), in the folder of the experiment.
 """
 
@@ -74,6 +75,8 @@ def call_in_cells(
     package = function.__module__.partition(".")[0]
     name = f"{function.__module__}:{function.__qualname__}"
     places = [folder / digest_of([name, json.loads(to_plain_bytes(call))])[:20] for call in arguments]
+    if any(_has_changed(place) for place in folder.glob("*")):
+        forget_calls(folder)
     known = sum(_is_known(place) for place in places)
     if known:
         report(f"{known} of {len(places)} answers of an interrupted run are taken")
@@ -102,17 +105,22 @@ def _here(function: Callable[..., T], call: tuple[Any, ...], place: Path, packag
 
 
 def _is_known(place: Path) -> bool:
-    """Return whether there is an answer that this code would give."""
-    if not (place / ANSWER_FILE).is_file():
-        return False
+    """Return whether there is an answer, and the code is known that it rests on: it has not changed."""
+    return (place / ANSWER_FILE).is_file() and (place / CODE_FILE).is_file()
+
+
+def _has_changed(place: Path) -> bool:
+    """Return whether code has changed that an answer rests on, or nobody can read which that was."""
     try:
-        return is_as_loaded(json.loads((place / CODE_FILE).read_text(encoding="utf-8")))
-    except (OSError, ValueError, AttributeError, TypeError):
+        return not is_as_loaded(json.loads((place / CODE_FILE).read_text(encoding="utf-8")))
+    except (FileNotFoundError, NotADirectoryError):
         return False
+    except (OSError, ValueError, AttributeError, TypeError):
+        return True
 
 
 def keep_answer(place: Path, answer: Any, package: str) -> None:
-    """Write an answer, and the code that was loaded to find it; `TypeError` if it is no plain data.
+    """Write an answer, and the code that was loaded to find it, if that is known; `TypeError` if it is no plain data.
 
     Parameters
     ----------
@@ -125,16 +133,21 @@ def keep_answer(place: Path, answer: Any, package: str) -> None:
     """
     from trailmark.plugins import load_plugins
 
-    (place / ANSWER_FILE).unlink(missing_ok=True)
-    packages = {spec.target.partition(":")[0].partition(".")[0] for spec in load_plugins().registry.specs()}
-    code = json.dumps(loaded_code(sorted({"trailmark", package, *packages})))
-    (place / CODE_FILE).write_text(code, encoding="utf-8")
+    plugins = {spec.target.partition(":")[0].partition(".")[0] for spec in load_plugins().registry.specs()}
+    code = loaded_code(package, {"trailmark", *plugins})
+    for name in (CODE_FILE, ANSWER_FILE):
+        (place / name).unlink(missing_ok=True)
     write_plain(place / ANSWER_FILE, answer)
+    if code is not None:
+        _write_whole(place / CODE_FILE, json.dumps(code).encode())
 
 
 def write_plain(path: Path, value: Any) -> None:
     """Write a value so that it is there as a whole or not at all; `TypeError` if it is no plain data."""
-    content = to_plain_bytes(value)
+    _write_whole(path, to_plain_bytes(value))
+
+
+def _write_whole(path: Path, content: bytes) -> None:
     draft = path.with_name(f"{path.name}.part")
     draft.write_bytes(content)
     draft.replace(path)
