@@ -144,9 +144,10 @@ def test_nobody_else_imports_a_room_that_counts_apart(room: str, users: tuple[st
 
 
 def imported_by(file: Path) -> set[str]:
-    """Return the names of modules, and of what is taken from them, that a file imports."""
+    """Return the names of modules, and of what is taken from them, that a file imports, if it speaks of estimation."""
     names: set[str] = set()
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+    text = file.read_text(encoding="utf-8")
+    for node in ast.walk(ast.parse(text)) if "estimation" in text else ():
         if isinstance(node, ast.ImportFrom):
             names |= {node.module or "", *(f"{node.module}.{alias.name}" for alias in node.names)}
         elif isinstance(node, ast.Import):
