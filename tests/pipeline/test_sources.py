@@ -143,6 +143,16 @@ class TestChecks:
         assert "the frame of 'x' at 2.000000 s changes from" in caplog.text
         assert caplog.text.count("changes from") == 1
 
+    def test_of_a_sensor_with_several_problems_each_is_told_once(self, fakes, caplog) -> None:
+        pictures = {stamp_s: Image(np.zeros((2, 2), np.uint8)) for stamp_s in (0.0, 1.0, 0.5, 3.0, 2.5)}
+        pictures |= {5.0: Image(np.zeros((2, 3), np.uint8)), 6.0: Image(np.zeros((2, 4), np.uint8))}
+        frames = [Frame("x", stamp_s, picture) for stamp_s, picture in pictures.items()]
+
+        self.run(fakes, frames, [SensorInfo("x", "image")], on_bad_frame="skip")
+
+        assert caplog.text.count("goes back in time") == 1
+        assert caplog.text.count("changes from") == 1
+
     def test_a_stamp_that_goes_back_is_an_error_or_a_counted_skip(self, fakes) -> None:
         frames = fakes.scalar_frames("light", [0.0, 2.0, 1.0, 3.0])
 

@@ -15,7 +15,7 @@ from trailmark.geometry import Pose2, wrap_angle
 from trailmark.paths import OnPath, Path
 from trailmark.values import quick_dataclass
 
-__all__ = ["Correction", "FixCorrection", "PathCorrection", "correction_by", "covariance_on_path"]
+__all__ = ["Correction", "FixCorrection", "PathCorrection", "correction_by"]
 
 Believed = tuple[Pose2, Sym3]
 

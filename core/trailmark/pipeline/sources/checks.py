@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import re
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from itertools import chain, islice
@@ -20,6 +21,9 @@ logger = logging.getLogger(__name__)
 # A recording may pause; a frame that is so far ahead of the one before is looked at with those after it.
 _AHEAD_S = 10.0
 _WAITING = 3
+
+# What tells one problem of a kind from another.
+_NUMBER = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")
 
 # No recording pauses for a year.
 _ABSURD_S = 3.2e7
@@ -60,7 +64,7 @@ class FrameChecks:
         self._skips = skips
         self._counters = counters
         self._remedy = remedy
-        self._told: set[str] = set()  # sensors of which a skipped frame was told
+        self._told: set[tuple[str, str]] = set()  # sensors and kinds of problem of which a skipped frame was told
         self._last_s = -math.inf
         self.are_in_order = True
 
@@ -129,11 +133,12 @@ class FrameChecks:
 
     def _skip(self, frame: Frame, problem: str) -> None:
         self._counters[f"source.{self._source}.skipped"] += 1
-        if frame.sensor in self._told:
+        told = frame.sensor, _NUMBER.sub("", problem)
+        if told in self._told:
             logger.debug("skipped: %s", self._problem_text(frame, problem))
             return
-        self._told.add(frame.sensor)
-        logger.warning("%s; it is skipped, others of %r silently", self._problem_text(frame, problem), frame.sensor)
+        self._told.add(told)
+        logger.warning("%s; it is skipped, others like it silently", self._problem_text(frame, problem))
 
     def _problem_text(self, frame: Frame, problem: str) -> str:
         return f"source {self._source!r}: the frame of {frame.sensor!r} at {frame.stamp_s:.6f} s {problem}"
