@@ -323,7 +323,47 @@ def test_one_line_without_a_stamp_among_others_costs_itself_alone(opened, caplog
 
     assert [frame.stamp_s for frame in frames] == [now_s - 5.0, now_s - 4.9, now_s - 4.8]
     assert source.counters() == {"skipped": 1}
-    assert "the first line of 'wheels' has a stamp_s, and this one differs" in caplog.text
+    assert "a line of 'wheels' came without a stamp_s, those before it were not so: two clocks" in caplog.text
+
+
+def test_a_first_line_that_alone_has_no_stamp_costs_few_of_those_after_it(opened, caplog) -> None:
+    source = opened(over="udp")
+    now_s = time.time() + 5.0  # a clock that is ahead of ours, so that none goes back
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
+        for stamp_s in (None, *(now_s + i / 10 for i in range(6))):
+            robot.sendto(line("wheels", stamp_s, distance_m=1.0), ("127.0.0.1", source.port))
+        frames = list(itertools.islice(source.frames(), 6))
+
+    assert [frame.stamp_s for frame in frames[1:]] == [now_s + i / 10 for i in range(1, 6)]
+    assert source.counters() == {"skipped": 1}
+    assert "most lines of 'wheels' come with a stamp_s now: they are used" in caplog.text
+
+
+def test_a_robot_that_begins_to_stamp_late_is_heard_again(opened) -> None:
+    source = opened(over="udp")
+    now_s = time.time() + 5.0
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
+        for stamp_s in (*[None] * 50, *(now_s + i / 10 for i in range(10))):
+            robot.sendto(line("wheels", stamp_s, distance_m=1.0), ("127.0.0.1", source.port))
+        frames = list(itertools.islice(source.frames(), 55))
+
+    assert frames[-1].stamp_s == pytest.approx(now_s + 0.9)
+    assert source.counters() == {"skipped": 5}
+
+
+def test_each_problem_of_each_sensor_is_told_once(opened, caplog) -> None:
+    source = opened(over="udp", sensors={"wheels": "odometry", "lamp": "scalar"})
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
+        for data in (b"hello", line("lamp", 1.0), line("lamp", 1.0), wheels(1.0), line("wheels", distance_m=1.0)):
+            robot.sendto(data, ("127.0.0.1", source.port))
+        robot.sendto(line("wheels", 1.1), ("127.0.0.1", source.port))
+        robot.sendto(wheels(1.2) + wheels(1.3), ("127.0.0.1", source.port))
+        list(itertools.islice(source.frames(), 2))
+
+    assert source.counters() == {"skipped": 5}
+    assert [
+        caplog.text.count(said) for said in ("is no JSON", "'lamp' lacks", "two clocks", "a line of 'wheels' cannot")
+    ] == [1, 1, 1, 1]
 
 
 def test_a_first_stamp_of_the_future_ends_the_run(opened) -> None:

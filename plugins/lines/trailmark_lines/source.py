@@ -31,6 +31,8 @@ logger = logging.getLogger(__name__)
 _LONGEST_WAIT_S = 0.1
 #: A line of more bytes is none.
 MAX_LINE = 1 << 25
+#: So many lines more of one kind, with a stamp or without, outweigh all that came before.
+_MOST_BALANCE = 5
 _COMMANDS: Mapping[str, type[Command]] = {"velocity": Velocity, "steer_4ws": Steer4WS}
 
 
@@ -46,6 +48,7 @@ class LinesSource(Drivable):
         self._busy = threading.Lock()  # a channel must not be closed while it is read
         self._closed = threading.Event()
         self._counts: Counter[str] = Counter()
+        self._told: set[tuple[str, str]] = set()  # sensors and problems of which a skipped line was told
         self._session = Session()
         self.drives_itself = config.command is None
 
@@ -58,7 +61,7 @@ class LinesSource(Drivable):
             If it cannot be opened.
         """
         self.close()
-        self._closed, self._session, self._counts = threading.Event(), session, Counter()
+        self._closed, self._session, self._counts, self._told = threading.Event(), session, Counter(), set()
         self.drives_itself = self.config.command is None or session.mode == "teach"
         self._reader = LineReader(self.config.sensors, self.config.pictures)
         self._channel = self._open_channel()
@@ -117,31 +120,34 @@ class LinesSource(Drivable):
             If a line cannot be used, with ``on_bad_frame: error``.
         """
         newest_s: dict[str, float] = {}
-        is_stamped: dict[str, bool] = {}
+        balances: defaultdict[str, int] = defaultdict(int)
         clocks: defaultdict[str, ClockOffset] = defaultdict(ClockOffset)
         closed = self._closed
         for line in self._lines(closed):
             if closed.is_set():
                 return
+            sensor, problem = "", "unreadable"
             try:
                 document = document_of(line)
                 if document.get("type") == "end":
                     return
                 if document.get("type") == "pose":
+                    problem = "pose"
                     self._pass_told_pose(document)
                     continue
                 came_s = live_stamp_s()
+                sensor, problem = self._known_sensor(document), "numbers"
                 frame = self._reader.frame(document, came_s)
-                if is_stamped.setdefault(frame.sensor, "stamp_s" in document) != ("stamp_s" in document):
-                    first = "has a stamp_s" if is_stamped[frame.sensor] else "has no stamp_s"
-                    raise SourceError(f"the first line of {frame.sensor!r} {first}, and this one differs: two clocks")
+                problem = "two clocks"
+                self._weigh(balances, sensor, "stamp_s" in document)
+                problem = "ahead"
                 clock = clocks[frame.sensor]
                 if ahead_s := clock.note_message(frame.stamp_s, came_s):
                     raise SourceError(
                         f"a stamp of {frame.sensor!r} is {ahead_s:.0f} s ahead of those before it; stamp_s are seconds"
                     )
             except SourceError as error:
-                self._refuse(error)
+                self._refuse(error, sensor, problem)
                 continue
             if clock.begun_ahead_s:
                 raise SourceError(
@@ -153,6 +159,27 @@ class LinesSource(Drivable):
                 continue
             newest_s[frame.sensor] = frame.stamp_s
             yield frame
+
+    def _known_sensor(self, document: Mapping[str, Any]) -> str:
+        """Return the sensor of a line; empty where the config has none of that name: there may be any number."""
+        sensor = document.get("sensor")
+        return sensor if isinstance(sensor, str) and sensor in self.config.sensors else ""
+
+    def _weigh(self, balances: dict[str, int], sensor: str, has_stamp: bool) -> None:
+        """Note by how many lines of a sensor those with a stamp outweigh those without; refuse one of the fewer.
+
+        Those with a stamp are of another clock than those without. Which is right the first line alone cannot say.
+        """
+        before = balances.get(sensor, 0)
+        after = max(-_MOST_BALANCE, min(_MOST_BALANCE, before + (1 if has_stamp else -1)))
+        balances[sensor] = after
+        kind = "with a stamp_s" if has_stamp else "without a stamp_s"
+        if after == 0 or (after > 0) != has_stamp:
+            raise SourceError(f"a line of {sensor!r} came {kind}, those before it were not so: two clocks")
+        if before == 0 and (sensor, "two clocks") in self._told:
+            self._tell_once(
+                sensor, kind, f"most lines of {sensor!r} come {kind} now: they are used, others are skipped"
+            )
 
     def _leave_out(self, frame: Frame, newest_s: float) -> None:
         """Count a frame that is not newer than the one before it; of those that went back, the first is said."""
@@ -181,7 +208,7 @@ class LinesSource(Drivable):
             if data is None:
                 return
             if len(rest) > MAX_LINE:
-                self._refuse(SourceError(f"a line of more than {MAX_LINE} bytes"))
+                self._refuse(SourceError(f"a line of more than {MAX_LINE} bytes"), "", "too long")
                 rest = b""
 
     def _read(self, channel: Channel) -> bytes | None:
@@ -199,12 +226,16 @@ class LinesSource(Drivable):
             raise SourceError(f"a line of type pose needs pose_map_base: [x, y, theta]: {error}") from error
         self._session.tell_pose(pose, None)
 
-    def _refuse(self, error: SourceError) -> None:
+    def _refuse(self, error: SourceError, sensor: str, problem: str) -> None:
         if self.config.on_bad_frame == "error":
             raise error
-        if not self._counts["skipped"]:
-            logger.warning("%s; others like it are skipped silently", error)
+        self._tell_once(sensor, problem, f"{error}; others like it are skipped silently")
         self._counts["skipped"] += 1
+
+    def _tell_once(self, sensor: str, problem: str, text: str) -> None:
+        if (sensor, problem) not in self._told:
+            self._told.add((sensor, problem))
+            logger.warning("%s", text)
 
     def _open_channel(self) -> Channel:
         config = self.config
