@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -245,6 +246,20 @@ def test_without_the_robots_odometry_there_is_no_transform_and_it_is_said(listen
     assert not heard["/tf"].messages()
 
 
+def test_while_nobody_asks_for_transforms_odometry_is_read_little_by_little(listening, messages) -> None:
+    sink, _ = listening(tf_topic="/nobody")
+    now_s = time.time()
+    waiting = [messages.odometry(3.0, stamp_s=now_s - 0.01 * k) for k in range(100)][::-1]
+    left = []
+    sink._odom = SimpleNamespace(messages=lambda n: [waiting.pop(0) for _ in range(min(n, len(waiting)))])
+
+    for k in range(6):
+        sink.on_belief(belief(now_s + 0.001 * k))
+        left.append(len(waiting))
+
+    assert left == [80, 60, 40, 20, 0, 0]
+
+
 def test_the_taught_path_waits_for_who_comes_late(listening, robot, wait_for) -> None:
     path = Path([Waypoint(0, 0.0, Pose2()), Waypoint(1, 1.0, Pose2(1.0, 0.5, 0.2))])
     listening(Session("ros", "replay", path=path))
@@ -262,6 +277,16 @@ def test_the_end_is_said(listening, wait_for) -> None:
 
     (diagnosis,) = wait_for(heard["/diagnostics"].messages)
     assert diagnosis.status[0].message == "the run is over: failed the camera burnt"
+
+
+def test_the_end_is_said_to_who_has_just_come(listening, wait_for) -> None:
+    sink, heard = listening()
+    diagnostics = sink._publishers["diagnostics"]
+    diagnostics._looked_s, diagnostics._is_read = time.monotonic(), False  # as before the match
+
+    sink.on_end(RunEnd("ended", ""))
+
+    assert wait_for(heard["/diagnostics"].messages)
 
 
 class TestLostness:

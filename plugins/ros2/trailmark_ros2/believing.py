@@ -12,7 +12,7 @@ import numpy as np
 from trailmark.arrays import Floats
 from trailmark.estimates import Belief
 from trailmark.geometry import Pose2
-from trailmark_ros2.driving import stamp_of
+from trailmark_ros2.driving import sec_and_nanosec, stamp_of
 from trailmark_ros2.message_types import new_message, serialize
 
 __all__ = [
@@ -121,7 +121,7 @@ class _Form:
 
     def filled(self, stamp_s: float, *numbers: bytes) -> bytes:
         """Return the message of another stamp, with other numbers."""
-        stamp = struct.pack("<iI", *divmod(max(0, round(stamp_s * 1e9)), 10**9))
+        stamp = struct.pack("<iI", *sec_and_nanosec(stamp_s))
         return b"".join((self._begin, stamp, self._texts, *numbers))
 
 

@@ -15,7 +15,7 @@ from trailmark.errors import ConfigError
 from trailmark_ros2.dds import Publisher
 from trailmark_ros2.message_types import new_message
 
-__all__ = ["CommandType", "RobotDriver", "accepted_commands", "command_message", "stamp_of"]
+__all__ = ["CommandType", "RobotDriver", "accepted_commands", "command_message", "sec_and_nanosec", "stamp_of"]
 
 logger = logging.getLogger(__name__)
 
@@ -36,8 +36,13 @@ _SLOWEST_RAD = 1e-9
 
 def stamp_of(stamp_s: float) -> Any:
     """Return a stamp as ROS has it."""
-    nanoseconds = max(0, round(stamp_s * 1e9))
-    return new_message("builtin_interfaces/msg/Time", {"sec": nanoseconds // 10**9, "nanosec": nanoseconds % 10**9})
+    sec, nanosec = sec_and_nanosec(stamp_s)
+    return new_message("builtin_interfaces/msg/Time", {"sec": sec, "nanosec": nanosec})
+
+
+def sec_and_nanosec(stamp_s: float) -> tuple[int, int]:
+    """Return the two numbers of a stamp as ROS has it, none of them negative."""
+    return divmod(max(0, round(stamp_s * 1e9)), 10**9)
 
 
 def accepted_commands(kind: CommandType, wheelbase_m: float | None) -> frozenset[type[Command]]:

@@ -25,6 +25,8 @@ _PATH_EVERY_S = 0.5
 _LONGEST_PATH = 5000
 # As many wait here while nobody asks for transforms: of 1 kHz those of the last half second.
 _ODOMETRY_DEPTH = 500
+# While nobody does they are not all read at once, which would hold up the run.
+_MOST_UNASKED = 20
 _LATCHED = dds.Quality(is_reliable=True, is_latched=True, depth=1)
 
 
@@ -117,7 +119,9 @@ class Ros2Sink(Sink):
         lost = self._lostness.reason(belief)
         pose = belief.pose_map_base
         if pose is not None and (not lost or self.config.tf_while_lost):
-            if self._is_wanted("tf") or self._is_diagnosis_due(belief):
+            is_wanted = self._is_wanted("tf")
+            is_behind = self._read_odometry(_ODOMETRY_DEPTH if is_wanted else _MOST_UNASKED)
+            if is_wanted or (self._is_diagnosis_due(belief) and not is_behind):
                 self._held_back = self._send_transform(belief, pose)
             self._send("odometry", lambda: self._messages.odometry(belief))
             self._send("pose", lambda: self._messages.pose(belief))
@@ -128,7 +132,9 @@ class Ros2Sink(Sink):
         """Say in diagnostics how the run ended."""
         summary = f"the run is over: {end.status} {end.reason}".strip()
         level = "error" if end.status == "failed" else "warn"
-        self._send("diagnostics", lambda: diagnostics_bytes(time.time(), "trailmark", level, {}, summary=summary))
+        diagnostics = self._publishers.get("diagnostics")
+        if diagnostics is not None and diagnostics.n_matched:  # asked anew: who came just now is to hear it
+            diagnostics.send_bytes(diagnostics_bytes(time.time(), "trailmark", level, {}, summary=summary))
         for publisher in self._publishers.values():
             publisher.wait_for_acknowledgments(0.1)
 
@@ -141,7 +147,6 @@ class Ros2Sink(Sink):
         if config.tf == "map_base":
             child, pose = config.base_frame, pose_map_base
         elif config.tf == "map_odom":
-            self._read_odometry()
             pose_odom_base = self._robot_odometry.pose_odom_base(belief.stamp_s)
             if pose_odom_base is None:
                 return f"{config.odom} has no pose of the belief's stamp: is it there, with the stamps of the sensors?"
@@ -152,12 +157,15 @@ class Ros2Sink(Sink):
         self._send("tf", lambda: self._messages.transform(pose, ahead_s, child))
         return ""
 
-    def _read_odometry(self) -> None:
-        for message in self._odom.messages(_ODOMETRY_DEPTH) if self._odom is not None else []:
+    def _read_odometry(self, n_most: int) -> bool:
+        """Take what has come of the robot's odometry; return whether there may be more of it."""
+        messages = [] if self._odom is None else self._odom.messages(n_most)
+        for message in messages:
             try:
                 self._robot_odometry.add(message)
             except ValueError as error:
                 logger.debug("%s: a message is left out: %s", self.config.odom, error)
+        return len(messages) == n_most
 
     def _draw_way(self, stamp_s: float, pose: Pose2) -> None:
         if not self._way or self._way[-1].distance_to(pose) >= self.config.path_spacing_m:
