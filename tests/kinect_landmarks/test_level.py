@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from trailmark.geometry import Pose3
+from trailmark_kinect_landmarks.config import KinectLandmarksConfig
 from trailmark_kinect_landmarks.level import LevelWatch, tilt_rad
 
 
@@ -33,18 +34,43 @@ def test_a_thing_that_is_lifted_tilts_nothing() -> None:
     assert math.degrees(tilt_rad(points, heights_m)) < 0.5
 
 
-def test_two_tilted_pictures_in_a_row_end_the_plane() -> None:
+@pytest.mark.parametrize("raised_m", [-0.04, 0.03])
+def test_a_base_that_stands_higher_than_when_it_was_taught_tilts_nothing(raised_m: float) -> None:
+    points, heights_m = _seen()
+    points[:, 2] -= raised_m
+
+    assert math.degrees(tilt_rad(points, heights_m)) < 0.5
+
+
+@pytest.mark.parametrize(("rate_hz", "lasts_s", "ends"), [(30.0, 0.2, False), (30.0, 0.3, True), (2.0, 0.9, True)])
+def test_a_tilt_that_lasts_ends_the_plane_and_a_nod_does_not(rate_hz: float, lasts_s: float, ends: bool) -> None:
     watch = LevelWatch(is_level=True)
 
-    told = [watch.notices_tilt(*_seen(pitch_deg=pitch_deg)) for pitch_deg in (0.0, 3.0, 0.0, 3.0, 3.0, 0.0)]
+    told = 0
+    for stamp_s in np.arange(0.0, 3.0, 1.0 / rate_hz):
+        told += watch.notices_tilt(stamp_s, *_seen(pitch_deg=3.0 if 1.0 <= stamp_s <= 1.0 + lasts_s else 0.0))
 
-    assert told == [False, False, False, False, True, False]
-    assert watch.n_dimensions == 3
+    assert told == ends
+    assert watch.n_dimensions == (3 if ends else 2)
+
+
+def test_one_tilted_picture_however_long_it_stands_is_a_nod() -> None:
+    watch = LevelWatch(is_level=True)
+
+    assert not any(watch.notices_tilt(s, *_seen(pitch_deg=3.0 if s == 1.0 else 0.0)) for s in (0.0, 1.0, 2.0))
+
+
+def test_the_method_as_printed_stays_in_the_plane() -> None:
+    config = KinectLandmarksConfig(camera="kinect", preset="paper")
+    watch = LevelWatch(config.solve == "plane", notices=config.notice_tilt)
+
+    assert not any(watch.notices_tilt(i / 10, *_seen(pitch_deg=5.0)) for i in range(20))
+    assert watch.n_dimensions == 2
 
 
 def test_few_landmarks_tell_of_no_tilt() -> None:
     points, heights_m = _seen(pitch_deg=10.0)
     watch = LevelWatch(is_level=True)
 
-    assert not any(watch.notices_tilt(points[:5], heights_m[:5]) for _ in range(5))
+    assert not any(watch.notices_tilt(i / 10, points[:5], heights_m[:5]) for i in range(9))
     assert watch.n_dimensions == 2

@@ -11,7 +11,7 @@ import pytest
 
 from trailmark.estimates import Belief
 from trailmark.frames import Frame
-from trailmark.geometry import Pose2
+from trailmark.geometry import Pose2, Pose3
 from trailmark.interfaces import Session
 from trailmark.testing import MemoryMap
 from trailmark_kinect_landmarks.alignment import Refusal
@@ -37,8 +37,8 @@ def seen_at(points: np.ndarray) -> SeenLandmarks:
     return SeenLandmarks(np.zeros((n, 2)), np.zeros(n, np.int8), np.ones(n), look, look, points, cov)
 
 
-def solved(is_carried: np.ndarray, carried_m: float, expected: Expected | None) -> Solved | Refusal:
-    """Return the pose of a robot that stands still, while some of the landmarks are carried to the left."""
+def at_rest(is_carried: np.ndarray, carried_m: float) -> tuple[Tracker, TrackedLandmarks]:
+    """Return what a robot that stands still tracks, while some of the landmarks are carried to the left."""
     config = KinectLandmarksConfig(camera="kinect", solve="plane", landmarks=3, min_landmarks=2, min_agreeing=3)
     points = np.stack([np.linspace(2.0, 4.0, 11), np.linspace(-1.5, 1.5, 11) * (-1.0) ** ROWS, np.zeros(11)], axis=1)
     memory = LandmarkMemory(MemoryLimits(trial=1))
@@ -46,7 +46,34 @@ def solved(is_carried: np.ndarray, carried_m: float, expected: Expected | None) 
     now = points + is_carried[:, None] * np.array([0.0, carried_m, 0.0])
     unused: Any = None  # it neither looks nor measures here
     tracker = Tracker(config, unused, unused, memory, alignment_limits(config), np.random.default_rng(0))
-    return tracker.solve(TrackedLandmarks(seen_at(now), ROWS), expected)
+    return tracker, TrackedLandmarks(seen_at(now), ROWS)
+
+
+def solved(is_carried: np.ndarray, carried_m: float, expected: Expected | None) -> Solved | Refusal:
+    """Return the pose of such a robot."""
+    tracker, again = at_rest(is_carried, carried_m)
+    return tracker.solve(again, expected)
+
+
+def test_after_landmarks_are_forgotten_the_last_pose_is_not_taken_for_known() -> None:
+    tracker, again = at_rest(NEAR, 0.0)
+    tracker.solve(again, None)
+    assert tracker._spread is not None
+
+    tracker.forget()
+
+    assert tracker._spread is None
+
+
+def test_once_the_camera_tilts_three_must_agree() -> None:
+    tracker, again = at_rest(NEAR, 0.0)
+    assert tracker.n_needed == 2
+
+    tilted = again.seen.points_base @ Pose3(pitch=np.radians(5.0)).rotation()
+    again = TrackedLandmarks(replace(again.seen, points_base=tilted), ROWS)
+
+    assert [tracker.notices_tilt(stamp_s, again) for stamp_s in (0.0, 0.5)] == [False, True]
+    assert tracker.n_needed == 3
 
 
 @pytest.mark.parametrize("carried_m", [0.0, 0.3])

@@ -22,7 +22,7 @@ _DIFFERENT: dict[tuple[Kind, str], set[str]] = {
     },
     ("localizer", "kinect_landmarks"): {
         "solve", "angles", "depth_kind", "min_landmarks", "finders", "point", "refind", "landmarks", "trial",
-        "moved_after", "min_agreeing", "place_alike",
+        "moved_after", "min_agreeing", "place_alike", "notice_tilt",
     },
     ("localizer", "kinect_flow"): {"solve", "angles", "depth_kind", "min_landmarks"},
 }  # fmt: skip

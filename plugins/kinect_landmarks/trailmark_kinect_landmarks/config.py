@@ -58,8 +58,7 @@ class RgbdConfig(PresetConfig):
 
     solve: Literal["space", "plane"] = "space"
     """space: in three dimensions, then projected to the plane of the start; for hand-held cameras and tilting robots.
-    plane: as the paper, for robots that stay level; needs two landmarks instead of three. Landmarks say if the camera
-    tilts: then it is space."""
+    plane: as the paper, for robots that stay level; needs two landmarks instead of three."""
     angles: Literal["pinhole", "linear"] = "pinhole"
     """linear: "counting pixels" as the paper, up to 0.94 deg off."""
     depth_kind: Literal["z", "range"] | None = None
@@ -106,6 +105,7 @@ class KinectLandmarksConfig(RgbdConfig):
             "trial": PresetValue(1, "not in the paper"),
             "min_agreeing": PresetValue(2, "two landmarks are enough"),
             "place_alike": PresetValue(0.0, "not in the paper"),
+            "notice_tilt": PresetValue(False, "not in the paper: its robots stay level"),
             "moved_after": PresetValue(1_000_000, "not in the paper: moving landmarks are an error"),
         }
     }
@@ -142,6 +142,9 @@ class KinectLandmarksConfig(RgbdConfig):
     """Sightings in agreement before a new landmark votes on the pose."""
     moved_after: int = Field(5, ge=1)
     """Sightings in a row against all others after which a landmark counts as moved and is set aside."""
+
+    notice_tilt: bool = True
+    """Whether `solve: plane` gives way to space once the heights of landmarks say that the camera tilts."""
 
     remembered: int = Field(2000, ge=100)
     """Landmarks remembered at the same time, those of a taught place not counted; what is worth least is forgotten."""

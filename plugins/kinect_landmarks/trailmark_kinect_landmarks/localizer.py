@@ -93,7 +93,7 @@ class KinectLandmarks(Localizer):
         picture = self._eye.prepare(payload, self._light, self._scan, plan.scale)
         is_expected = self._is_expected(stamp_s)
         again, others = self._tracker.look(picture, plan, self._expectation.pose(stamp_s) if is_expected else None)
-        if self._tracker.notices_tilt(again):
+        if self._tracker.notices_tilt(stamp_s, again):
             self._begin_in_space()
         expected = self._expectation.motion(stamp_s, self._tracker.n_dimensions) if is_expected else None
         if len(self._memory) == 0:
@@ -285,7 +285,7 @@ class KinectLandmarks(Localizer):
         details = paper_numbers(solved.agreeing.seen, (self._start_pose or Pose2()).between(pose), self._camera)
         details |= {
             "n_agree": float(len(solved.agreeing)),
-            "n_reserve": float(len(solved.agreeing) - self.config.min_landmarks),
+            "n_reserve": float(len(solved.agreeing) - self._tracker.n_needed),
             "n_remembered": float(len(self._memory)),
             "n_moved": float(self._memory.is_moved.sum()),
             "residual_m": solved.residual_m,

@@ -123,7 +123,7 @@ class Tracker:
     ) -> None:
         self._config, self._camera, self._eye, self._memory = config, camera, eye, memory
         self._limits, self._rng = limits, rng
-        self._level = LevelWatch(config.solve == "plane")
+        self._level = LevelWatch(config.solve == "plane", notices=config.notice_tilt)
         self._before: PreparedImage | None = None
         self._spread: Array | None = None  # covariance of the last pose of the few
         self._followed: tuple[Rows, Array] = (np.empty(0, np.intp), np.empty((0, 2)))
@@ -133,10 +133,15 @@ class Tracker:
         """2 where poses are solved in the plane, 3 in space."""
         return self._level.n_dimensions
 
-    def notices_tilt(self, again: TrackedLandmarks) -> bool:
+    @property
+    def n_needed(self) -> int:
+        """Landmarks that must agree: in space at least three."""
+        return max(self._limits.min_landmarks, self.n_dimensions)
+
+    def notices_tilt(self, stamp_s: float, again: TrackedLandmarks) -> bool:
         """Return whether landmarks show for the first time that the camera tilts; then all is solved in space."""
         able = again.pick(np.asarray(~self._memory.is_moved[again.rows]))
-        return self._level.notices_tilt(able.seen.points_base, self._memory.points[able.rows, 2])
+        return self._level.notices_tilt(stamp_s, able.seen.points_base, self._memory.points[able.rows, 2])
 
     def look(
         self, picture: PreparedImage, plan: SearchPlan, T_map_base: Array | None
@@ -367,8 +372,8 @@ class Tracker:
         return Solved(T_map_base, covariance, agreeing, answer.residual_m, drift)
 
     def forget(self) -> None:
-        """Follow nothing any more."""
-        self._before = None
+        """Follow nothing any more, and take no pose before for known."""
+        self._before = self._spread = None
         self._followed = np.empty(0, np.intp), np.empty((0, 2))
 
     def _agree(self, misses: Array, cov: Array, gate: float = _GATE) -> npt.NDArray[np.bool_]:
