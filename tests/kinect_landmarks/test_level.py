@@ -42,7 +42,7 @@ def test_a_base_that_stands_higher_than_when_it_was_taught_tilts_nothing(raised_
     assert math.degrees(tilt_rad(points, heights_m)) < 0.5
 
 
-@pytest.mark.parametrize(("rate_hz", "lasts_s", "ends"), [(30.0, 0.2, False), (30.0, 0.3, True), (2.0, 0.9, True)])
+@pytest.mark.parametrize(("rate_hz", "lasts_s", "ends"), [(30.0, 0.15, False), (30.0, 0.25, True), (2.0, 0.9, True)])
 def test_a_tilt_that_lasts_ends_the_plane_and_a_nod_does_not(rate_hz: float, lasts_s: float, ends: bool) -> None:
     watch = LevelWatch(is_level=True)
 

@@ -13,7 +13,7 @@ __all__ = ["LevelWatch", "tilt_rad"]
 
 #: Level robots show 0.1 deg, 0.6 deg with the paper's angles and few landmarks.
 _TILT_RAD = math.radians(1.0)
-_LASTS_S = 0.5  # most of the pictures of so long, two at least: a robot nods where it drives over a sill
+_LASTS_S = 0.4  # most of the pictures of so long, two at least: a robot nods where it drives over a sill
 _LEAST_LANDMARKS = 8
 _SOFT_RAD = math.radians(0.5)  # angle of elevation by which a landmark may be wrong
 _PRIOR = 0.01  # of one landmark's weight: the turn about an axis that none of them shows is none
@@ -67,7 +67,7 @@ class LevelWatch:
     def __init__(self, is_level: bool, *, notices: bool = True) -> None:
         self.is_level = is_level
         self._notices = notices
-        self._looks: deque[tuple[float, bool]] = deque()  # stamps, and whether it tilts, of the last half second
+        self._looks: deque[tuple[float, bool]] = deque()  # stamps, and whether it tilts, of the last while
 
     @property
     def n_dimensions(self) -> int:
