@@ -100,7 +100,7 @@ def test_a_move_that_another_laser_confirms_is_no_question() -> None:
 
 
 def test_poses_that_go_on_to_agree_win_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(moved_belief, "_LASTS_S", 2.0)  # in place of half a minute
+    monkeypatch.setattr(moved_belief, "LASTS_S", 2.0)  # in place of half a minute
     drive = Drive("camera")
     drive.go(10.0)
 
@@ -128,7 +128,7 @@ def test_a_start_that_nothing_ever_confirmed_is_given_up_within_a_minute() -> No
 
 @pytest.mark.parametrize(("until_s", "later"), [(25.0, "laser"), (25.0, "beacons"), (15.0, "beacons")])
 def test_a_second_move_begins_anew(monkeypatch: pytest.MonkeyPatch, until_s: float, later: str) -> None:
-    monkeypatch.setattr(moved_belief, "_LASTS_S", 2.0)  # in place of half a minute: after 10 s the first has won
+    monkeypatch.setattr(moved_belief, "LASTS_S", 2.0)  # in place of half a minute: after 10 s the first has won
     drive = Drive("camera")
     drive.go(10.0)
     drive.go(until_s, every_s=0.5, off=(0.3, 0.0, 0.0))
@@ -158,6 +158,19 @@ def test_a_clock_that_is_set_decides_for_no_move(to_s: float) -> None:
     assert belief.covariance is not None
     assert belief.covariance[0, 0] ** 0.5 > 0.1
     assert "covers both" in belief.health["laser"]
+
+
+def test_a_belief_that_was_confirmed_stays_so_by_another_clock() -> None:
+    drive = Drive("camera")
+    drive.stamp_s = 1e4
+    drive.go(1e4 + 5.0, every_s=0.5)
+    drive.stamp_s = 100.0
+
+    drive.go(110.0, every_s=0.5, off=(300.0, 100.0, 0.0))
+
+    moved = drive.estimator._timeline.state_at(math.inf).rejections.moved
+    assert moved is not None
+    assert moved.lasts_s == 30.0
 
 
 def test_errors_that_refused_poses_say_stay_plausible_however_often_they_say_so() -> None:

@@ -35,6 +35,7 @@ from trailmark.estimation.kalman.state import (
     Verdict,
 )
 from trailmark.estimation.kalman.way_errors import added_errors, errors_said_by, less_when_unneeded
+from trailmark.estimation.kalman.ways_of_fixes import with_heard
 from trailmark.estimation.kalman.windows import LONGEST_S
 from trailmark.estimation.kalman_config import KalmanConfig
 from trailmark.estimation.unmeasured import NOWHERE, Sym2, directions_above, projected, turned
@@ -162,13 +163,17 @@ class Correction:
         if state.gaussian is not None:
             nis = Innovation(*measurement.innovation(state.gaussian.x), state.gaussian.covariance).nis
         agrees = nis <= threshold(measurement.trust.gate or _GATE, dof)
-        faults = {
-            **state.diagnosis.absolute_faults,
-            source: replace(fault, n_agreed=fault.n_agreed + 1 if agrees else 0),
-        }
         n = min(state.rejections.counts.get(source, 0) + 1, self._policy.most_rejections)
+        rejected = _with_rejected(state, measurement)
+        fault = replace(
+            fault,
+            n_agreed=fault.n_agreed + 1 if agrees else 0,
+            agreed_since_s=fault.agreed_since_s if fault.n_agreed else state.stamp_s,
+            heard=with_heard(fault.heard, rejected[-1]) if fault.is_drawn else (),
+        )
+        faults = {**state.diagnosis.absolute_faults, source: fault}
         state = replace(state, diagnosis=state.diagnosis._replace(absolute_faults=faults))
-        return _keep_out(state, source, n, _with_rejected(state, measurement), Verdict("gated", nis, dof, fault.reason))
+        return _keep_out(state, source, n, rejected, Verdict("gated", nis, dof, fault.reason))
 
     def _weighted(self, state: FilterState, measurement: Measurement, seen: Innovation) -> Innovation:
         """Return an innovation with the weight that a robust loss leaves it, and what of it is new."""
@@ -267,6 +272,7 @@ def _keep_out(
         n_recoveries=before.n_recoveries,
         shares=_with_share(before.shares, source, is_rejected=True),
         moved=before.moved,
+        was_confirmed=before.was_confirmed,
     )
     return replace(state, rejections=rejections, verdicts=(*state.verdicts, verdict))
 
@@ -306,6 +312,7 @@ def _accept(
             n_recoveries=before.n_recoveries,
             shares=_with_share(before.shares, source, is_rejected=False) if before.shares else before.shares,
             moved=before.moved and still_moved(state, measurement),
+            was_confirmed=True,
         ),
         diagnosis=state.diagnosis,
         left_out=state.left_out,

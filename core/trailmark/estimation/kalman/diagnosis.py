@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -21,7 +21,7 @@ from trailmark.geometry import Pose2
 from trailmark.values import quick_dataclass
 
 if TYPE_CHECKING:
-    from trailmark.estimation.kalman.state import FilterState
+    from trailmark.estimation.kalman.state import FilterState, RejectedMeasurement
 
 __all__ = [
     "Alternative",
@@ -90,6 +90,10 @@ class DetectedFault:
         Whether its motion is still the best there is: by a share of the way and a yaw rate wrong, but no invention.
     is_drawn : bool
         Whether the ways between its absolute estimates are not those of motion; else they are off by a constant.
+    agreed_since_s : float
+        When the first of `n_agreed` came [s].
+    heard : tuple of RejectedMeasurement
+        Of the whole poses of one that is drawn away, those of late (`ways_of_fixes`).
     """
 
     since_s: float
@@ -99,6 +103,8 @@ class DetectedFault:
     shows_in_s: float = 0.0
     is_rough: bool = False
     is_drawn: bool = False
+    agreed_since_s: float = math.inf
+    heard: tuple[RejectedMeasurement, ...] = ()
 
 
 class FixOffset(NamedTuple):
@@ -353,3 +359,21 @@ class FaultDiagnosis(NamedTuple):
     innovations: tuple[tuple[float, Innovation], ...] = ()
     repeated: Mapping[str, RepeatedPose] = _EMPTY
     overruled: OverruledMotion | None = None
+
+    def on_another_clock(self, later_s: float) -> FaultDiagnosis:
+        """Return the same of what outlasts windows and questions, by a clock that shows so much more [s].
+
+        Ways of absolute estimates that are drawn away begin anew.
+        """
+        absolute_faults = {
+            source: replace(one, since_s=one.since_s + later_s, n_agreed=0, heard=())
+            for source, one in self.absolute_faults.items()
+        }
+        overruled = self.overruled
+        return self._replace(
+            faults={source: replace(one, since_s=one.since_s + later_s) for source, one in self.faults.items()},
+            absolute_faults=absolute_faults,
+            doubts={s: one._replace(since_s=one.since_s + later_s) for s, one in self.doubts.items()},
+            repeated={s: one._replace(since_s=one.since_s + later_s) for s, one in self.repeated.items()},
+            overruled=overruled and overruled._replace(since_s=overruled.since_s + later_s),
+        )

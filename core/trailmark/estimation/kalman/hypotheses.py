@@ -4,7 +4,7 @@ A hypothesis of n liars has the probability 0.01^n to begin with: so agreeing mo
 two against one; absolute estimates can overturn it while they are part of the question. Where a noisy motion agrees
 with each of two that contradict each other, it counts with which it agrees better (`with_votes`). Absolute estimates
 that are said to lie are off by a constant, as those are that match the wrong place: one whose offset grows explains
-less than a motion that is wrong.
+less than a motion that is wrong, unless two motions or more agree against it (`moving_offset`).
 """
 
 from __future__ import annotations

@@ -21,11 +21,21 @@ from trailmark.estimation.kalman.state import FilterState, Gaussian, MovedBelief
 from trailmark.frames.payloads import read_only
 from trailmark.geometry import Pose2, wrap_angle
 
-__all__ = ["covariance_of_moved", "moved_to", "on_another_clock", "reason_of_moved", "source_of_moved", "still_moved"]
+__all__ = [
+    "LASTS_S",
+    "covariance_of_moved",
+    "moved_to",
+    "on_another_clock",
+    "reason_of_moved",
+    "source_of_moved",
+    "still_moved",
+]
 
-# The place before is less probable after a time [s], sooner where no absolute estimate had ever confirmed it, and
-# forgotten where it would be 5 standard deviations off.
-_LASTS_S, _UNCONFIRMED_LASTS_S, _FORGOTTEN = 30.0, 10.0, 1.0 / 25.0
+#: The place before is less probable after a time [s]; sooner where no absolute estimate had ever confirmed it.
+LASTS_S = 30.0
+_UNCONFIRMED_LASTS_S = 10.0
+# It is forgotten where it would be 5 standard deviations off.
+_FORGOTTEN = 1.0 / 25.0
 # With which the new pose is the place before, and an absolute estimate fits it.
 _SAME = 0.999
 _NOTHING: Floats = read_only(np.zeros((3, 3)))
@@ -62,7 +72,7 @@ def moved_to(state: FilterState, source: str, since_s: float, after: Gaussian) -
             return None
         left = _away(before, state.gaussian)
         covariance = _carried(moved, before) + np.outer(left, left)
-    lasts_s = _LASTS_S if state.rejections.corroborations else _UNCONFIRMED_LASTS_S
+    lasts_s = LASTS_S if state.rejections.was_confirmed else _UNCONFIRMED_LASTS_S
     return MovedBelief(source, since_s, state.stamp_s, before @ there.inverse(), before, covariance, lasts_s=lasts_s)
 
 
@@ -136,5 +146,5 @@ def _away(before: Pose2, gaussian: Gaussian) -> Floats:
 
 def _share(moved: MovedBelief) -> float:
     """Return the probability of the place before the move, as it is covered now."""
-    lasts_s = min(moved.lasts_s, _LASTS_S)
+    lasts_s = min(moved.lasts_s, LASTS_S)
     return SHARE_UNDECIDED * lasts_s / max(moved.agreed_s - moved.since_s, lasts_s)

@@ -3,8 +3,8 @@
 One motion against the fixes of one localizer is a question that nothing decides: a slipping wheel and fixes that stand
 still say the same. The filter that believes no motion explains more, so the belief goes on with it; but where motion
 leads stays in the covariance, for as long as it goes on to lead elsewhere. A second localizer whose absolute estimates
-fit decides, as does a pose that is set. Once motion agrees again, the place where it had led is that of a belief that
-was moved (`moved_belief`).
+fit decides, as does a pose that is set. Once motion agrees again, or tells no way, the place where it had led is that
+of a belief that was moved (`moved_belief`).
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from trailmark.estimation.kalman.diagnosis import MotionSum, OverruledMotion, Ri
 from trailmark.estimation.kalman.gate import SHARE_UNDECIDED, threshold
 from trailmark.estimation.kalman.innovation import nis_of
 from trailmark.estimation.kalman.measurements import Measurement
+from trailmark.estimation.kalman.moved_belief import LASTS_S
 from trailmark.estimation.kalman.state import FilterState, Gaussian, MovedBelief
 from trailmark.frames.payloads import read_only
 from trailmark.geometry import Pose2, wrap_angle
@@ -28,35 +29,51 @@ from trailmark.geometry import Pose2, wrap_angle
 __all__ = ["covariance_of_overruled", "overruled_by", "still_overruled"]
 
 _SAME = 0.999
+_NO_SUM = MotionSum()
 _NOTHING: Floats = read_only(np.zeros((3, 3)))
 
 
-def overruled_by(state: FilterState, best: RivalFilter) -> OverruledMotion | None:
+def overruled_by(state: FilterState, best: RivalFilter, rivals: Sequence[RivalFilter]) -> OverruledMotion | None:
     """Return where the motion leads that a question has overruled; as before it while some motion is believed still.
 
     Parameters
     ----------
     state : FilterState
-        With the hypotheses of the question.
+        That goes on as a hypothesis says.
     best : RivalFilter
-        The one that is left.
+        This one.
+    rivals : sequence of RivalFilter
+        All of the question, now.
     """
     before, faults, begun = state.diagnosis, best.state.diagnosis.faults, best.begun
     if begun is None or begun.gaussian is None or len({one.source for _, one in before.measurements}) != 1:
         return before.overruled
-    accused = [source for source, one in before.sums.items() if source not in before.faults and not one.open_ways]
+    accused = [
+        source
+        for source, one in before.sums.items()
+        if source not in before.faults and not _has_open_steps(one, begun.diagnosis.sums.get(source, _NO_SUM))
+    ]
     if not accused or before.sums.keys() - faults.keys():
         return before.overruled
     if before.anchors and all(_stands(state, source) for source in accused):
         return before.overruled  # who stands still while others move is suspect: that decides
-    at = next((one.state for one in before.rivals if _believes(one, accused)), begun)
+    believes = next((one.state for one in rivals if _believes(one, accused)), None)
+    # Each filter adds up steps in the axes of its own odometry; from now on those of the one that is left go on.
+    at, adds_up = (begun, begun) if believes is None else (believes, best.state)
     assert at.gaussian is not None
-    source = min(accused, key=lambda one: at.diagnosis.sums.get(one, MotionSum()).position_m2)
+    source = min(accused, key=lambda one: adds_up.diagnosis.sums.get(one, _NO_SUM).position_m2)
     pose = Pose2(*at.gaussian.x[:3].tolist())
-    said = at.diagnosis.sums.get(source) or MotionSum()
-    from_there = pose, at.gaussian.covariance[:3, :3], said
-    fixes = before.measurements[-1][1].source
-    return OverruledMotion(source, fixes, begun.stamp_s, from_there, pose, said, at.odometry.pose_odom_base.theta)
+    said = adds_up.diagnosis.sums.get(source, _NO_SUM)
+    from_there, fixes = (pose, at.gaussian.covariance[:3, :3], said), before.measurements[-1][1].source
+    odom_rad = adds_up.odometry.pose_odom_base.theta
+    overruled = OverruledMotion(source, fixes, begun.stamp_s, from_there, pose, said, odom_rad)
+    # from now on these axes are those of the odometry that is published
+    return _led_on(overruled, best.state)._replace(odom_rad=state.odometry.pose_odom_base.theta)
+
+
+def _has_open_steps(now: MotionSum, then: MotionSum) -> bool:
+    """Return whether a step in between has not measured the way: nothing is known of where it led."""
+    return now.open_ways > then.open_ways
 
 
 def _stands(state: FilterState, source: str) -> bool:
@@ -90,7 +107,7 @@ def still_overruled(after: FilterState, measurement: Measurement) -> FilterState
         x = np.concatenate([led.pose.array(), after.gaussian.x[3:]])
         if nis_of(*measurement.innovation(x), after.gaussian.covariance) > threshold(_SAME, len(measurement.root)):
             return after.with_diagnosis(after.diagnosis._replace(overruled=None))
-    if led.source in after.diagnosis.faults:
+    if led.source in after.diagnosis.faults and not _has_open_steps(led.sums, led.begun[2]):
         return after.with_diagnosis(after.diagnosis._replace(overruled=led))
     return replace(
         after.with_diagnosis(after.diagnosis._replace(overruled=None)),
@@ -99,13 +116,19 @@ def still_overruled(after: FilterState, measurement: Measurement) -> FilterState
 
 
 def _moved_to(state: FilterState, gaussian: Gaussian, led: OverruledMotion) -> MovedBelief | None:
-    """Return where the motion had led, now that it agrees again; None where its noise explains how far that is off."""
+    """Return where the motion had led, now that it agrees again or leads on no more.
+
+    None where its noise explains how far that is off.
+    """
     covariance, away = _covariance_of(led), _away(led.pose, gaussian)
     if float(away @ np.linalg.solve(covariance + gaussian.covariance[:3, :3], away)) < threshold(_SAME, 3):
         return None
     covariance[2], covariance[:, 2] = 0.0, 0.0  # from now on its heading wanders no more
-    shift, lasts_s = led.pose @ Pose2(*gaussian.x[:3].tolist()).inverse(), state.stamp_s - led.since_s
-    return MovedBelief(led.fixes, led.since_s, state.stamp_s, shift, led.pose, covariance, led.source, lasts_s)
+    shift = led.pose @ Pose2(*gaussian.x[:3].tolist()).inverse()
+    # from now on, not from the question on, it counts less: however long that was, the place was covered until now
+    lasts_s = min(state.stamp_s - led.since_s, LASTS_S)
+    since_s = state.stamp_s - lasts_s
+    return MovedBelief(led.fixes, since_s, state.stamp_s, shift, led.pose, covariance, led.source, lasts_s)
 
 
 def covariance_of_overruled(state: FilterState, gaussian: Gaussian) -> Floats:

@@ -118,11 +118,13 @@ class Prediction:
         """Return a state that starts anew at a stamp of another clock, as uncertain as after a gap."""
         at_rest = replace(state.odometry, gap_s=0.0, twist=AT_REST, unmeasured_s=NOWHERE)
         ahead = self._coast(replace(state, stamp_s=0.0, odometry=at_rest), gap_s)
-        moved = ahead.rejections.moved and on_another_clock(ahead.rejections.moved, stamp_s - state.stamp_s)
+        later_s = stamp_s - state.stamp_s
+        moved = ahead.rejections.moved and on_another_clock(ahead.rejections.moved, later_s)
         rejections = replace(ahead.rejections, corroborations={}, measurements={}, moved=moved)
         odometry = replace(ahead.odometry, gap_s=0.0, unmeasured_s=NOWHERE)
         # by another clock no window goes on, nor a question: the belief covers its answers
-        diagnosis = without_windows(ahead.diagnosis)._replace(tested_s=-math.inf, trials={})
+        diagnosis = without_windows(ahead.diagnosis).on_another_clock(later_s)
+        diagnosis = diagnosis._replace(tested_s=-math.inf, trials={})
         after = replace(ahead, stamp_s=-math.inf, odometry=odometry, rejections=rejections, diagnosis=diagnosis)
         return without_window(after)
 

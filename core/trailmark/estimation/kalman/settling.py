@@ -41,12 +41,12 @@ def settle(state: FilterState, rivals: Sequence[RivalFilter]) -> FilterState:
     if odds > _DECIDED and _has_been_heard(state, best):
         not_outvoted = _not_outvoted(state, best)
         if not not_outvoted:
-            return _decided(state, best)
+            return _decided(state, best, rivals)
         is_old = state.stamp_s - state.diagnosis.undecided_since_s > GIVES_IN_S
         faults = best.state.diagnosis.absolute_faults
         forgiven = [source for source in not_outvoted if is_old or faults[source].n_agreed >= AGREED]
         if forgiven:
-            return _decided(state, replace(best, state=reduce(without_fault, forgiven, best.state)))
+            return _decided(state, replace(best, state=reduce(without_fault, forgiven, best.state)), rivals)
     return _undecided(state, [rivals[k] for k in order], weights[order])
 
 
@@ -91,7 +91,7 @@ def _not_outvoted(state: FilterState, rival: RivalFilter) -> list[str]:
     return [source for source in _doubted_fixes(state, rival) if not faults[source].is_outvoted]
 
 
-def _decided(state: FilterState, best: RivalFilter) -> FilterState:
+def _decided(state: FilterState, best: RivalFilter, rivals: Sequence[RivalFilter]) -> FilterState:
     leader = best.state
     diagnosis = without_windows(state.diagnosis)._replace(
         sums=leader.diagnosis.sums,
@@ -99,7 +99,7 @@ def _decided(state: FilterState, best: RivalFilter) -> FilterState:
         absolute_faults=_with_drawn(best),
         doubts=leader.diagnosis.doubts,
         accused=state.diagnosis.accused if state.diagnosis.alternatives else frozenset(),
-        overruled=overruled_by(state, best),
+        overruled=overruled_by(state, best, rivals),
     )
     return _as_leader(state, leader, leader.gaussian, diagnosis)
 

@@ -245,6 +245,8 @@ class Rejections:
     moved : MovedBelief or None
         Where motion had led base before the last recovery, until another localizer confirms the new place or the same
         one has agreed with it for long.
+    was_confirmed : bool
+        Whether any was ever accepted, by this clock or another.
     """
 
     counts: Mapping[str, int] = field(default_factory=_empty)
@@ -253,6 +255,7 @@ class Rejections:
     n_recoveries: int = 0
     shares: Mapping[str, float] = field(default_factory=_empty)
     moved: MovedBelief | None = None
+    was_confirmed: bool = False
 
 
 @quick_dataclass(frozen=True, slots=True, eq=False)
