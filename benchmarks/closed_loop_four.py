@@ -50,8 +50,6 @@ TEAMS: Mapping[str, tuple[str, ...]] = {
     **{f"{a}, {b}": (a, b) for a, b in combinations(FOUR, 2)},
     **{name: (name,) for name in METHODS},
 }
-#: Worlds' first places, where pairs drive too.
-PAIRED = ("supermarket:1", "street:1")
 LIMIT_S = 40.0
 BAR_MM = 8.0
 ARRIVED = "the end of the path is reached"
@@ -132,11 +130,6 @@ def drive(folder: Path, team: str, place: str, way: Trajectory) -> Drive:
     )
 
 
-def teams_in(place: str) -> list[str]:
-    """Return who leads in a place."""
-    return [team for team, methods in TEAMS.items() if place in PAIRED or len(methods) != 2]
-
-
 def drives_of(folder: Path, places: Sequence[str]) -> list[Drive]:
     """Return the drives of all teams in places: those in the folder, and those that are missing."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -144,7 +137,7 @@ def drives_of(folder: Path, places: Sequence[str]) -> list[Drive]:
     known = [Drive(**json.loads(line)) for line in kept.read_text().splitlines()] if kept.exists() else []
     drives = []
     for place in places:
-        for team in teams_in(place):
+        for team in TEAMS:
             found = next((one for one in known if (one.place, one.team) == (place, team)), None)
             if found is None:
                 found = drive(folder, team, place, taught(folder, place))
