@@ -86,10 +86,13 @@ def drive(room: Room) -> Drive:
     """Drive a localizer along poses; returns the first estimate of every picture after the first."""
 
     def _drive(
-        localizer: Localizer, poses: Sequence[Pose2], light: Callable[[int], float] = lambda _: 1.0, **session: object
+        localizer: Localizer,
+        poses: Sequence[Pose2],
+        light: Callable[[int], float] = lambda _: 1.0,
+        box_left_m: Callable[[int], float] = lambda _: 0.0,
+        tilt_rad: Callable[[int], tuple[float, float]] = lambda _: (0.0, 0.0),
+        **session: object,
     ) -> list[Estimate]:
-        box = session.pop("box_left_m", lambda _: 0.0)
-        tilt = session.pop("tilt_rad", lambda _: (0.0, 0.0))
         settings = {"sensors": SENSORS, "start_pose": poses[0], "rng": np.random.default_rng(7)} | session
         localizer.start(Session(**settings))  # type: ignore[arg-type]
         answers: list[Estimate] = []
@@ -99,7 +102,7 @@ def drive(room: Room) -> Drive:
             belief = Belief(stamp_s, believed)
             if getattr(localizer.config, "light", None):
                 localizer.observe(Frame("light", stamp_s, Scalar(light(i))), belief)
-            frame = Frame("kinect", stamp_s, room.look(pose, light(i), box(i), tilt(i)))  # type: ignore[operator]
+            frame = Frame("kinect", stamp_s, room.look(pose, light(i), box_left_m(i), tilt_rad(i)))
             answers += localizer.observe(frame, belief)
         return answers
 

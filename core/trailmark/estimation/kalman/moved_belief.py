@@ -23,6 +23,7 @@ from trailmark.geometry import Pose2, wrap_angle
 
 __all__ = [
     "LASTS_S",
+    "away_from",
     "covariance_of_moved",
     "moved_to",
     "on_another_clock",
@@ -67,10 +68,10 @@ def moved_to(state: FilterState, source: str, since_s: float, after: Gaussian) -
     before = here if moved is None else moved.shift @ here
     covariance = state.gaussian.covariance[:3, :3]
     if moved is not None:
-        away = _away(before, after)
+        away = away_from(after, before)
         if float(away @ np.linalg.solve(covariance + after.covariance[:3, :3], away)) < threshold(_SAME, 3):
             return None
-        left = _away(before, state.gaussian)
+        left = away_from(state.gaussian, before)
         covariance = _carried(moved, before) + np.outer(left, left)
     lasts_s = LASTS_S if state.rejections.was_confirmed else _UNCONFIRMED_LASTS_S
     return MovedBelief(source, since_s, state.stamp_s, before @ there.inverse(), before, covariance, lasts_s=lasts_s)
@@ -101,7 +102,7 @@ def covariance_of_moved(state: FilterState, gaussian: Gaussian) -> Floats:
     if moved is None:
         return _NOTHING
     before = moved.shift @ Pose2(*gaussian.x[:3].tolist())
-    away = _away(before, gaussian)
+    away = away_from(gaussian, before)
     return np.asarray(_share(moved) * (np.outer(away, away) + _carried(moved, before)))
 
 
@@ -137,9 +138,9 @@ def _carried(moved: MovedBelief, before: Pose2) -> Floats:
     return np.asarray(lever @ moved.covariance @ lever.T)
 
 
-def _away(before: Pose2, gaussian: Gaussian) -> Floats:
-    """Return by how much the place before is off from a belief, (3,)."""
-    away = before.array() - gaussian.x[:3]
+def away_from(gaussian: Gaussian, place: Pose2) -> Floats:
+    """Return by how much a place is off from a belief, (3,), the turn within half a circle [m, m, rad]."""
+    away = place.array() - gaussian.x[:3]
     away[2] = wrap_angle(float(away[2]))
     return away
 

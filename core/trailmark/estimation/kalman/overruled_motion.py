@@ -21,7 +21,7 @@ from trailmark.estimation.kalman.diagnosis import MotionSum, OverruledMotion, Ri
 from trailmark.estimation.kalman.gate import SHARE_UNDECIDED, threshold
 from trailmark.estimation.kalman.innovation import nis_of
 from trailmark.estimation.kalman.measurements import Measurement
-from trailmark.estimation.kalman.moved_belief import LASTS_S
+from trailmark.estimation.kalman.moved_belief import LASTS_S, away_from
 from trailmark.estimation.kalman.state import FilterState, Gaussian, MovedBelief
 from trailmark.frames.payloads import read_only
 from trailmark.geometry import Pose2, wrap_angle
@@ -120,7 +120,7 @@ def _moved_to(state: FilterState, gaussian: Gaussian, led: OverruledMotion) -> M
 
     None where its noise explains how far that is off.
     """
-    covariance, away = _covariance_of(led), _away(led.pose, gaussian)
+    covariance, away = _covariance_of(led), away_from(gaussian, led.pose)
     if float(away @ np.linalg.solve(covariance + gaussian.covariance[:3, :3], away)) < threshold(_SAME, 3):
         return None
     covariance[2], covariance[:, 2] = 0.0, 0.0  # from now on its heading wanders no more
@@ -139,7 +139,7 @@ def covariance_of_overruled(state: FilterState, gaussian: Gaussian) -> Floats:
         led = now.pose, _covariance_of(now)
     if led is None:
         return _NOTHING
-    away = _away(led[0], gaussian)
+    away = away_from(gaussian, led[0])
     return np.asarray(SHARE_UNDECIDED * (np.outer(away, away) + led[1]))
 
 
@@ -177,9 +177,3 @@ def _led_on(overruled: OverruledMotion, state: FilterState) -> OverruledMotion:
     x, y = now.x - then.x, now.y - then.y
     pose = overruled.pose @ Pose2(cos * x - sin * y, sin * x + cos * y, turn)
     return overruled._replace(pose=pose, sums=now, odom_rad=odom_rad)
-
-
-def _away(pose: Pose2, gaussian: Gaussian) -> Floats:
-    away = pose.array() - gaussian.x[:3]
-    away[2] = wrap_angle(float(away[2]))
-    return np.asarray(away)
