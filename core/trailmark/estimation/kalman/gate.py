@@ -5,15 +5,20 @@ from __future__ import annotations
 import math
 from functools import lru_cache
 
+import numpy as np
 from scipy.special import gammaincinv
 
+from trailmark.arrays import Floats
 from trailmark.estimation.kalman_config import Loss
+from trailmark.frames.payloads import read_only
 
-__all__ = ["SHARE_UNDECIDED", "threshold", "weight"]
+__all__ = ["NOTHING_BESIDE", "SHARE_UNDECIDED", "threshold", "weight"]
 
 #: Probability of who contradicts the belief while nothing decides: at odds of 1 to 4, with the belief at its centre,
 #: the other is 2.3 standard deviations off, and 3.2 in the mean of two directions.
 SHARE_UNDECIDED = 1.0 / 5.0
+#: What is added to the covariance of a belief that nobody contradicts, (3, 3).
+NOTHING_BESIDE: Floats = read_only(np.zeros((3, 3)))
 
 
 @lru_cache(maxsize=64)

@@ -14,11 +14,10 @@ from dataclasses import replace
 import numpy as np
 
 from trailmark.arrays import Floats
-from trailmark.estimation.kalman.gate import SHARE_UNDECIDED, threshold
+from trailmark.estimation.kalman.gate import NOTHING_BESIDE, SHARE_UNDECIDED, threshold
 from trailmark.estimation.kalman.innovation import nis_of
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.kalman.state import FilterState, Gaussian, MovedBelief
-from trailmark.frames.payloads import read_only
 from trailmark.geometry import Pose2, wrap_angle
 
 __all__ = [
@@ -39,7 +38,6 @@ _UNCONFIRMED_LASTS_S = 10.0
 _FORGOTTEN = 1.0 / 25.0
 # With which the new pose is the place before, and an absolute estimate fits it.
 _SAME = 0.999
-_NOTHING: Floats = read_only(np.zeros((3, 3)))
 
 
 def moved_to(state: FilterState, source: str, since_s: float, after: Gaussian) -> MovedBelief | None:
@@ -100,7 +98,7 @@ def covariance_of_moved(state: FilterState, gaussian: Gaussian) -> Floats:
     """Return what covers the place before the move, (3, 3), beside a belief; zeros if there was none."""
     moved = state.rejections.moved
     if moved is None:
-        return _NOTHING
+        return NOTHING_BESIDE
     before = moved.shift @ Pose2(*gaussian.x[:3].tolist())
     away = away_from(gaussian, before)
     return np.asarray(_share(moved) * (np.outer(away, away) + _carried(moved, before)))

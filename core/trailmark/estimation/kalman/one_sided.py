@@ -18,10 +18,9 @@ import numpy as np
 
 from trailmark.arrays import Floats
 from trailmark.estimation.kalman.diagnosis import FaultDiagnosis
-from trailmark.estimation.kalman.gate import threshold
+from trailmark.estimation.kalman.gate import NOTHING_BESIDE, threshold
 from trailmark.estimation.kalman.innovation import Innovation
 from trailmark.estimation.kalman.state import FilterState
-from trailmark.frames.payloads import read_only
 from trailmark.geometry import wrap_angle
 
 __all__ = ["InnovationSums", "covariance_of_one_sided_corrections", "longest_one_sided_since"]
@@ -35,7 +34,6 @@ _OF_CONTRADICTED = 0.997
 _STALE_SHARE = 0.5
 # A variance below this says that nothing was corrected [m^2, rad^2].
 _UNCORRECTED = 1e-12
-_NOTHING: Floats = read_only(np.zeros((3, 3)))
 
 
 class InnovationSums:
@@ -94,7 +92,7 @@ def covariance_of_one_sided_corrections(state: FilterState, sums: InnovationSums
     sums = InnovationSums() if sums is None else sums
     anchor = next(_one_sided_since(state, _PROBABILITY, sums.answers_for(state)), None)
     if anchor is None:
-        return _NOTHING
+        return NOTHING_BESIDE
     diagnosis = state.diagnosis
     moved = diagnosis.corrections - anchor.diagnosis.corrections
     moved[2] = wrap_angle(float(moved[2]))

@@ -18,19 +18,17 @@ import numpy as np
 from trailmark.arrays import Floats
 from trailmark.estimation.kalman.agreement import is_still, motion_since
 from trailmark.estimation.kalman.diagnosis import MotionSum, OverruledMotion, RivalFilter
-from trailmark.estimation.kalman.gate import SHARE_UNDECIDED, threshold
+from trailmark.estimation.kalman.gate import NOTHING_BESIDE, SHARE_UNDECIDED, threshold
 from trailmark.estimation.kalman.innovation import nis_of
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.kalman.moved_belief import LASTS_S, away_from
 from trailmark.estimation.kalman.state import FilterState, Gaussian, MovedBelief
-from trailmark.frames.payloads import read_only
 from trailmark.geometry import Pose2, wrap_angle
 
 __all__ = ["covariance_of_overruled", "overruled_by", "still_overruled"]
 
 _SAME = 0.999
 _NO_SUM = MotionSum()
-_NOTHING: Floats = read_only(np.zeros((3, 3)))
 
 
 def overruled_by(state: FilterState, best: RivalFilter, rivals: Sequence[RivalFilter]) -> OverruledMotion | None:
@@ -138,7 +136,7 @@ def covariance_of_overruled(state: FilterState, gaussian: Gaussian) -> Floats:
         now = _led_on(state.diagnosis.overruled, state)
         led = now.pose, _covariance_of(now)
     if led is None:
-        return _NOTHING
+        return NOTHING_BESIDE
     away = away_from(gaussian, led[0])
     return np.asarray(SHARE_UNDECIDED * (np.outer(away, away) + led[1]))
 

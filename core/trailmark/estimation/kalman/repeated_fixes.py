@@ -15,11 +15,10 @@ import numpy as np
 
 from trailmark.arrays import Floats
 from trailmark.estimation.kalman.diagnosis import MotionSum, RepeatedPose
-from trailmark.estimation.kalman.gate import SHARE_UNDECIDED
+from trailmark.estimation.kalman.gate import NOTHING_BESIDE, SHARE_UNDECIDED
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.kalman.state import FilterState, Gaussian, Verdict
 from trailmark.estimation.kalman.windows import without_windows
-from trailmark.frames.payloads import read_only
 from trailmark.geometry import Pose2, wrap_angle
 
 __all__ = [
@@ -42,7 +41,6 @@ _SIGMAS = 5.0
 _REST_MPS, _REST_RADPS = 0.01, math.radians(0.5)
 # A direction that no motion has measured [m^2, rad^2].
 _OPEN = 1e6
-_NOTHING: Floats = read_only(np.zeros((3, 3)))
 
 
 def with_repetition(state: FilterState, measurement: Measurement) -> tuple[FilterState, RepeatedPose | None]:
@@ -125,7 +123,7 @@ def frozen_sources(state: FilterState) -> Mapping[str, bool]:
 
 def covariance_of_frozen(state: FilterState, gaussian: Gaussian) -> Floats:
     """Return what covers the poses that are repeated, (3, 3), where one motion alone says that base moves."""
-    covariance = _NOTHING
+    covariance = NOTHING_BESIDE
     for source, is_alone in frozen_sources(state).items():
         if is_alone:
             away = _difference(state.diagnosis.repeated[source].pose, gaussian.x)
