@@ -334,7 +334,7 @@ def main(arguments: Sequence[str] | None = None, top: Path = TOP) -> int:
     parser.add_argument("names", nargs="*", help="pages or blocks; default: all, of which `make` takes the old ones")
     parser.add_argument("--hours", type=float, help="begin nothing that is known to take longer than what is left")
     parser.add_argument("--strict", action="store_true", help="exit code 1 where a page is older than its code")
-    options = parser.parse_args(arguments)
+    options = parser.parse_intermixed_args(arguments)
     results = Results(top)
     blocks = results.blocks()
     names = {block.name for block in blocks} | {block.page.stem for block in blocks}

@@ -283,6 +283,14 @@ def test_what_takes_too_long_is_left_and_said(
     assert (checkout / "docs/results/page.md").read_text() == PAGE
 
 
+def test_names_may_stand_behind_the_hours(
+    recipe: ModuleType, checkout: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert recipe.main(["make", "--hours", "0.1", "page"], checkout) == 0
+
+    assert "no time for page" in capsys.readouterr().out
+
+
 def test_a_page_that_was_never_made_is_reckoned_with_and_then_measured(recipe: ModuleType) -> None:
     block = recipe.Block(Path("toth2015.md"), 0, "trailmark reproduce toth2015")
     made = recipe.Made(block.command, "1234567", "2026-11-23", 33.0)
