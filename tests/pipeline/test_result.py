@@ -80,3 +80,20 @@ def test_a_notebook_shows_a_table_and_no_markup_of_the_run(result: RunResult) ->
     assert "the &lt;end&gt;" in html
     assert "<td>fused</td><td>3</td><td>6</td><td>0.25</td>" in html
     assert "count.7" not in html
+
+
+def test_a_notebook_shows_the_ends_and_a_sketch_of_a_trajectory() -> None:
+    html = WAY._repr_html_()
+
+    assert "Trajectory(3 poses, 0 to 2 s, 6 m)" in html
+    assert "<td>last</td><td>2</td><td>3</td><td>5</td><td>0.2</td>" in html
+    assert 'points="5.0,185.0 113.0,41.0 113.0,5.0"' in html  # y up, as long as the longer side
+
+
+def test_a_sketch_of_many_poses_is_small_and_one_of_none_or_of_rest_is_possible() -> None:
+    stamps_s = np.arange(50_000.0)
+    poses = np.column_stack([np.cos(stamps_s / 1e4), np.sin(stamps_s / 1e4), np.zeros(50_000)])
+
+    assert len(Trajectory(stamps_s, poses)._repr_html_()) < 10_000
+    assert Trajectory(np.zeros(0), np.zeros((0, 3)))._repr_html_() == "<p>Trajectory(no poses)</p>"
+    assert "nan" not in Trajectory.from_poses([(0.0, Pose2(1.0, 2.0, 0.0))])._repr_html_()

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from trailmark.arrays import Floats
 from trailmark.errors import ShapeError
-from trailmark.geometry.notebook import pandas_module, plane_axes
+from trailmark.geometry.notebook import pandas_module, plane_axes, way_svg
 from trailmark.geometry.se2 import Pose2, wrap_angles
 
 __all__ = ["FARTHEST_M", "Trajectory"]
@@ -156,6 +156,19 @@ class Trajectory:
         axes = plane_axes(axes)
         axes.plot(*self.positions.T, **style)
         return axes
+
+    def _repr_html_(self) -> str:
+        """Return a small table of the first and the last pose and a sketch of the way, for notebooks."""
+        ends = {"first": 0, "last": -1} if len(self) else {}
+        rows = "".join(_row_html(end, float(self.stamps_s[k]), self.poses[k]) for end, k in ends.items())
+        head = "".join(f"<th>{name}</th>" for name in ("", "stamp [s]", "x [m]", "y [m]", "theta [rad]"))
+        table = f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>" if rows else ""
+        return f"<p>{self!r}</p>{table}{way_svg(self.positions)}"
+
+
+def _row_html(end: str, stamp_s: float, pose: Floats) -> str:
+    cells = (end, f"{stamp_s:.6g}", *(f"{value:.4g}" for value in pose))
+    return f"<tr>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>"
 
 
 def _check_finite_and_increasing(stamps: Floats, poses: Floats) -> None:
