@@ -35,6 +35,7 @@ def test_pictures_come_in_natural_order_at_the_rate(tmp_path, write_picture, pla
     info = source.sensors["floor"]
     assert (info.kind, info.size, info.rate_hz) == ("image", (12, 8), 20.0)
     assert source.ground_truth() is None
+    assert source.lasts_s() == pytest.approx(0.1)
 
 
 def test_a_pattern_chooses_among_the_files(tmp_path, write_picture, play):

@@ -49,6 +49,7 @@ def test_every_format_gives_the_same_frames(tmp_path, recording, play, kind):
     }
     stamps = [frame.stamp_s for frame in frames]
     assert stamps == [1.0, 1.125, 1.25, 1.5, 2.5]  # those of the headers, in their order
+    assert source.lasts_s() == pytest.approx(0.5)  # by the recorder's clock
     np.testing.assert_array_equal(of(frames, "cam_image_raw")[0].pixels, GREY)
     assert of(frames, "odom")[0].pose_start_base == Pose2()
     np.testing.assert_allclose(of(frames, "odom")[1].pose_start_base.array(), [2.0, 0.0, 0.0], atol=1e-12)

@@ -51,6 +51,7 @@ def test_colour_and_depth_are_paired_at_the_colour_stamp(sequence, play):
     info = source.sensors["kinect"]
     assert (info.kind, info.size, info.calibration) == ("rgbd", (12, 8), None)
     assert info.rate_hz == pytest.approx(10.0)
+    assert source.lasts_s() == pytest.approx(0.2)
     assert source.counters() == {"unpaired_colour": 0, "unpaired_depth": 0}
 
 

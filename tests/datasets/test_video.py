@@ -37,6 +37,7 @@ def test_frames_come_in_order_with_the_times_of_the_file(tmp_path, play):
     info = source.sensors["front"]
     assert (info.kind, info.size, info.rate_hz) == ("image", (64, 48), 20.0)
     assert source.counters()["announced_but_missing"] == 0
+    assert source.lasts_s() == pytest.approx(0.25)
 
 
 def test_a_rate_replaces_the_times_of_the_file(tmp_path, play):

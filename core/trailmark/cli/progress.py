@@ -14,7 +14,7 @@ import click
 if TYPE_CHECKING:
     from trailmark.pipeline import Pipeline, Step
 
-__all__ = ["ProgressKind", "RunProgress", "way_text"]
+__all__ = ["ProgressKind", "RunProgress", "share_text"]
 
 ProgressKind = Literal["auto", "json", "none"]
 
@@ -40,6 +40,8 @@ class RunProgress(AbstractContextManager["RunProgress"]):
         self._n_frames = 0
         self._n_waypoints = 0
         self._has_begun = False
+        self._first_s = 0.0
+        self._lasts_s: float | None = None
         self._began_s = self._shown_s = time.monotonic()
 
     def __enter__(self) -> Self:
@@ -57,15 +59,29 @@ class RunProgress(AbstractContextManager["RunProgress"]):
 
     def __call__(self, pipeline: Pipeline, step: Step) -> None:
         """Take note of a step; with the first one say what was taken from the recording."""
-        if not self._has_begun and self._kind != "none":
-            for line in pipeline.sensor_origins:
-                click.echo(line, err=True)
-        self._has_begun = True
+        if not self._has_begun:
+            self._begin(pipeline, step)
         self._n_frames += step.frame is not None
         if self._kind == "json":
             self._report_waypoints(pipeline, step)
         elif self._kind == "auto":
-            self._show(step, _way_to_go_m(pipeline))
+            self._show(pipeline, step)
+
+    def _begin(self, pipeline: Pipeline, step: Step) -> None:
+        self._has_begun = True
+        self._first_s, self._lasts_s = step.stamp_s, pipeline.lasts_s
+        if self._kind != "none":
+            for line in pipeline.sensor_origins:
+                click.echo(line, err=True)
+
+    def _share(self, pipeline: Pipeline, step: Step) -> float | None:
+        """Return how much of the run is done: of its time, where that is known, else of the taught path it follows."""
+        if self._lasts_s:
+            return (step.stamp_s - self._first_s) / self._lasts_s
+        path = pipeline.path
+        if path is None or len(path) < 2 or pipeline.n_waypoints:  # one that is being taught has no end yet
+            return None
+        return step.belief.travelled_m / path.length_m
 
     def _report_waypoints(self, pipeline: Pipeline, step: Step) -> None:
         while self._n_waypoints < pipeline.n_waypoints:
@@ -73,7 +89,7 @@ class RunProgress(AbstractContextManager["RunProgress"]):
             click.echo(json.dumps(event))
             self._n_waypoints += 1
 
-    def _show(self, step: Step, whole_m: float | None) -> None:
+    def _show(self, pipeline: Pipeline, step: Step) -> None:
         now_s = time.monotonic()
         if self._n_frames <= 1:  # what came before was starting
             self._began_s = self._shown_s = now_s
@@ -81,35 +97,29 @@ class RunProgress(AbstractContextManager["RunProgress"]):
             return
         self._shown_s = now_s
         rate_hz = self._n_frames / max(now_s - self._began_s, 1e-9)
-        way = way_text(step.belief.travelled_m, whole_m, now_s - self._began_s)
-        text = f"{self._n_frames} frames, {way}, {rate_hz:.0f} frames/s"
+        share = self._share(pipeline, step)
+        done = share_text(share, now_s - self._began_s)
+        text = f"{done}{self._n_frames} frames, {step.belief.travelled_m:.2f} m, {rate_hz:.0f} frames/s"
         if self._bar is not None:
-            self._bar.update(self._task, description=text)
+            self._bar.update(self._task, description=text, completed=share or 0.0, total=1.0 if done else None)
         else:
             click.echo(text, err=True)
 
 
-def way_text(travelled_m: float, whole_m: float | None, took_s: float) -> str:
-    """Return the way so far; where the whole is known its share, and how long the rest takes at this pace."""
-    if whole_m is None or not 0.0 < travelled_m < whole_m:
-        return f"{travelled_m:.2f} m"
-    left_s = took_s * (whole_m / travelled_m - 1.0)
-    return f"{travelled_m:.2f} of {whole_m:.2f} m ({100.0 * travelled_m / whole_m:.0f} %, {left_s:.0f} s left)"
-
-
-def _way_to_go_m(pipeline: Pipeline) -> float | None:
-    """Return the length of the taught path that a run follows; None where there is none, or it is being taught [m]."""
-    path = pipeline.path
-    return None if path is None or len(path) < 2 or pipeline.n_waypoints else path.length_m
+def share_text(share: float | None, took_s: float) -> str:
+    """Return how much is done and how long the rest takes at this pace; nothing where it cannot be foreseen."""
+    if share is None or not 0.0 < share < 1.0:
+        return ""
+    return f"{100.0 * share:.0f} %, {took_s * (1.0 / share - 1.0):.0f} s left: "
 
 
 def _bar() -> Any:
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from trailmark.report.terminal import TerminalConsole
 
     return Progress(
-        SpinnerColumn(),
+        BarColumn(bar_width=20),  # it runs to and fro where the end is not known
         TextColumn("{task.description}"),
         TimeElapsedColumn(),
         console=TerminalConsole(stderr=True),

@@ -46,6 +46,10 @@ class FrameSource(Part):
         """Return what stands around and how large the robot is, where it is known, for drawing; asked at the end."""
         return None
 
+    def lasts_s(self) -> float | None:
+        """Return about how long its frames go on, for progress, where that is known beforehand [s]; after `start`."""
+        return None
+
     def unread(self) -> Mapping[str, str]:
         """Return what the recording holds and the source does not give, with the reason; known after `start`."""
         return {}

@@ -231,6 +231,12 @@ class Pipeline:
         return [line for source in running.parts.sources for line in source.origins_in_words(running.parts.sensors)]
 
     @property
+    def lasts_s(self) -> float | None:
+        """About how long the frames go on, where a source knows it beforehand [s]; asking starts the run."""
+        known = [source.lasts_s() for source in self._start_run().running.parts.sources]
+        return max((lasts_s for lasts_s in known if lasts_s is not None), default=None)
+
+    @property
     def path(self) -> TaughtPath | None:
         """The taught path as it was before the run; asking starts it."""
         return self._start_run().running.path

@@ -101,6 +101,8 @@ class BagFile:
         Topics that hold messages, and their types as ROS 2 writes them.
     rates_hz : mapping of str to float
         Mean rate of the topics that hold several [Hz].
+    duration_s : float
+        From the first message to the last [s].
     """
 
     def __init__(self, path: Path, reader: AnyReader) -> None:
@@ -112,7 +114,7 @@ class BagFile:
             if connection.msgcount:
                 topics[connection.topic] = connection.msgtype
                 counts[connection.topic] = counts.get(connection.topic, 0) + connection.msgcount
-        duration_s = reader.duration / 1e9 if topics else 0.0
+        self.duration_s = duration_s = reader.duration / 1e9 if topics else 0.0
         self.topics: Mapping[str, str] = topics
         self.rates_hz: Mapping[str, float] = {
             topic: (count - 1) / duration_s for topic, count in counts.items() if count > 1 and duration_s > 0

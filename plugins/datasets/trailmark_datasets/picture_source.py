@@ -62,6 +62,10 @@ class PictureSource(RecordedSource):
         self.expect_form(self._name, first)
         return (SensorInfo(self._name, "image", size=first.size, rate_hz=self.rate_hz or _median_rate(self._entries)),)
 
+    def lasts_s(self) -> float | None:
+        """Return the time from the first picture to the last."""
+        return self._entries[-1].stamp_s - self._entries[0].stamp_s if self._entries else None
+
     def readings(self) -> Readings:
         for entry in self._entries:
             yield Reading(self._name, entry.stamp_s, entry.where, partial(self._load, entry))

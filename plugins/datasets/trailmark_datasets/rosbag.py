@@ -40,6 +40,7 @@ class Rosbag(RecordedSource):
         self._pose_odom_start: dict[str, Pose2] = {}
         self._unread: Mapping[str, str] = {}
         self._origins: dict[str, SensorOrigin] = {}
+        self._lasts_s: float | None = None
 
     def open_recording(self, name: str) -> Iterable[SensorInfo]:
         self._pose_odom_start = {}
@@ -47,6 +48,7 @@ class Rosbag(RecordedSource):
         self._origins = {}
         infos: dict[str, SensorInfo] = {}
         with open_bag(self.config.path, self.config.distribution) as bag:
+            self._lasts_s = bag.duration_s
             choices = choose_topics(self.config, bag.topics, str(self.config.path))
             mountings = Mountings(bag, self.config)
             for sensor in dict.fromkeys(choice.sensor for choice in choices):
@@ -62,6 +64,10 @@ class Rosbag(RecordedSource):
         self._choices = tuple(choice for choice in choices if choice.sensor in infos)
         self._unread = unread_topics(bag, {choice.topic for choice in self._choices})
         return infos.values()
+
+    def lasts_s(self) -> float | None:
+        """Return the time from the first message to the last."""
+        return self._lasts_s
 
     def unread(self) -> Mapping[str, str]:
         """Return the topics that are not read, with their types and what could be done."""

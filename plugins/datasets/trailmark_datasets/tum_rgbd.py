@@ -107,6 +107,10 @@ class TumRgbd(RecordedSource):
                     break
         raise errors[0]
 
+    def lasts_s(self) -> float | None:
+        """Return the time from the first pair of pictures to the last."""
+        return self._pairs[-1].colour.stamp_s - self._pairs[0].colour.stamp_s if self._pairs else None
+
     def readings(self) -> Readings:
         for pair in self._pairs:
             yield Reading(self._name, pair.colour.stamp_s, pair.colour.where, partial(self._load, pair))

@@ -23,6 +23,7 @@ class Video(RecordedSource):
 
     config: VideoConfig
     _name = ""
+    _lasts_s: float | None = None
 
     def open_recording(self, name: str) -> Iterable[SensorInfo]:
         self._name = name or "camera"
@@ -31,8 +32,14 @@ class Video(RecordedSource):
                 raise SourceError(f"{self.config.path}: no frames: {_why_no_frames(self.config.path)}")
             first = self._retrieve_picture(capture, f"{self.config.path} frame 0")
             rate_hz = self.config.rate_hz or float(capture.get(cv2.CAP_PROP_FPS))
+            announced = float(capture.get(cv2.CAP_PROP_FRAME_COUNT))
+        self._lasts_s = announced / rate_hz if announced > 0 and rate_hz > 0 else None
         self.expect_form(self._name, first)
         return (SensorInfo(self._name, "image", size=first.size, rate_hz=rate_hz if rate_hz > 0 else None),)
+
+    def lasts_s(self) -> float | None:
+        """Return what the film says of its length."""
+        return self._lasts_s
 
     def readings(self) -> Readings:
         rate_hz, last_s = self.config.rate_hz, -1.0

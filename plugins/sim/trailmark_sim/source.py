@@ -143,6 +143,13 @@ class SimSource(Drivable):
         vehicle = self._world.vehicle
         return Outlines(self._world.around, box_outline(Pose2(), vehicle.length_m, vehicle.width_m))
 
+    def lasts_s(self) -> float | None:
+        """Return about how long it drives by itself: the rest of its route, unless the config ends it before."""
+        if self._driver != "route":
+            return None
+        route_s = (self._route.length_m - self._place.station_m) / self._route.speed_mps
+        return min(route_s, self.config.duration_s or math.inf)
+
     def counters(self) -> Mapping[str, int]:
         """Return how often the vehicle came to touch something."""
         return {"collisions": self._n_collisions}

@@ -166,6 +166,12 @@ class SourceStream:
         offset_s = self._options.time_offset_s
         return Trajectory(truth.stamps_s + offset_s, truth.poses) if truth is not None and offset_s else truth
 
+    def lasts_s(self) -> float | None:
+        """Return about how long the frames between ``start_s`` and ``stop_s`` go on, where it is known [s]."""
+        told = call_guarded(f"source {self.name!r}", "lasts_s", self.source.lasts_s)
+        ends_s = min(math.inf if told is None else told, self._options.stop_s or math.inf)
+        return ends_s - (self._options.start_s or 0.0) if math.isfinite(ends_s) else None
+
     def _timed(self) -> Iterator[Frame]:
         """Yield the source's frames and note how long each took to come; what it raises names the source."""
         frames: Iterator[Frame] | None = None
