@@ -131,6 +131,23 @@ def test_a_jump_is_a_restart_lost_once_and_begun_anew():
     assert (motion.since_s, motion.pose_since_now) == (0.5, Pose2(0.5))
 
 
+@pytest.mark.parametrize("turn_rad", [1.0, -2.5])
+def test_a_turn_that_nobody_makes_is_a_restart_too(turn_rad):
+    lost, motion = observed(localizer(), at(0.0, Pose2(theta=turn_rad)), at(0.02, Pose2()), at(0.04, Pose2(0.01)))
+
+    assert isinstance(lost, Lost)
+    assert (
+        lost.reason == f"a turn of {math.degrees(abs(turn_rad)):.3g} deg in 0.02 s: restarted, or degrees for radians?"
+    )
+    assert (motion.since_s, motion.pose_since_now) == (0.02, Pose2(0.01))
+
+
+def test_two_readings_that_come_at_once_are_no_restart():
+    (motion,) = observed(localizer(), at(0.0, Pose2()), at(0.0001, Pose2(theta=0.2)))
+
+    assert isinstance(motion, Motion)
+
+
 def test_frames_with_nothing_in_common_are_lost():
     (lost,) = observed(localizer(), at(0.0, Pose2()), at(1.0, None, 2.0))
 

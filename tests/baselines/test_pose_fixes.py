@@ -63,7 +63,13 @@ def test_the_configs_sigma_is_a_floor_where_the_reading_says_one() -> None:
 
 @pytest.mark.parametrize(
     ("covariance", "mounting", "reason"),
-    [(UNTOLD, Pose3(), "set sigma and sigma_deg"), (np.diag([1.0, 1.0, np.inf]), Pose3(x=1.0), "does not sit at base")],
+    [
+        (UNTOLD, Pose3(), "set sigma and sigma_deg"),
+        (np.diag([1.0, 1.0, np.inf]), Pose3(x=1.0), "does not sit at base"),
+        (np.full((3, 3), 1e-30), Pose3(), "not positive definite"),
+        (np.array([[0.01, 5.0, 0.0], [5.0, 0.01, 0.0], [0.0, 0.0, 0.01]]), Pose3(), "not positive definite"),
+        (np.diag([0.01, -1.0, 0.01]), Pose3(), "not positive definite"),
+    ],
 )
 def test_what_cannot_be_weighed_is_lost(covariance: np.ndarray, mounting: Pose3, reason: str) -> None:
     lost = told(covariance, mounting)

@@ -61,6 +61,7 @@ _ENCODINGS: dict[str, tuple[str, int, tuple[int, ...]]] = {
 }
 # Colours of the first pixels of the first two rows; OpenCV names a pattern by those of the second row and column.
 _BAYER = {"bayer_rggb8": "BG", "bayer_bggr8": "RG", "bayer_gbrg8": "GR", "bayer_grbg8": "GB"}
+_LEAST_NORM = 1e-6  # of a quaternion; the squares of a smaller one vanish
 _MOST_RAD = 4 * math.pi  # angles of a scan; two turns, since some count theirs from where they like
 _COMPRESSED_DEPTH_HEADER = 12  # bytes of quantisation before the PNG
 
@@ -153,10 +154,10 @@ def planar_pose(pose: Any) -> Pose2:
     Raises
     ------
     ValueError
-        If its quaternion is all zeros, which is no orientation: its sender left it empty.
+        If its quaternion is (nearly) zero, which is no orientation: its sender left it empty.
     """
     position, q = pose.position, pose.orientation
-    if not any((q.x, q.y, q.z, q.w)):
+    if math.hypot(q.x, q.y, q.z, q.w) < _LEAST_NORM:
         raise ValueError("the orientation is the quaternion (0, 0, 0, 0): its sender does not know it")
     yaw = math.atan2(2 * (q.w * q.z + q.x * q.y), q.w * q.w + q.x * q.x - q.y * q.y - q.z * q.z)
     return Pose2(float(position.x), float(position.y), yaw)

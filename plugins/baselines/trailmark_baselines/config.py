@@ -42,6 +42,8 @@ class OdometryConfig(PluginConfig):
     said of turn and sideways motion [deg per root m]."""
     max_speed_mps: float = Field(10.0, gt=0)
     """A step that is faster is no motion but a restart of the odometry: lost, and begun anew [m/s]."""
+    max_turn_dps: float = Field(720.0, gt=0)
+    """The same of a turn, if it is more than 15 degrees [deg/s]."""
     max_gap_s: float = Field(2.0, gt=0)
     """After a longer time without a reading nobody knows what was corrected or driven in it: the step is as uncertain
     as that the robot drove at 0.5 m/s and turned at 30 deg/s unseen [s]."""

@@ -20,6 +20,9 @@ __all__ = ["OdometryLocalizer"]
 # Of a robot that nobody watched: as the estimators take it.
 _UNSEEN_MPS, _UNSEEN_DEG_PER_S = 0.5, 30.0
 
+# Two readings that come at once, late, may show this of a turn in no time.
+_LEAST_JUMP_RAD = math.radians(15.0)
+
 
 class OdometryLocalizer(Localizer):
     """Turns odometry since the start into motion since the last frame, with a covariance for slip.
@@ -56,12 +59,21 @@ class OdometryLocalizer(Localizer):
             self._settled = None
             missing = "gives no velocity" if reads_velocity else "changed between pose and distance"
             return (Lost(frame.stamp_s, f"the odometry {missing}"),)
-        if math.hypot(step.x, step.y) > self.config.max_speed_mps * dt_s:
+        if jump := self._jump(step, dt_s):
             self._settled = None
-            return (Lost(frame.stamp_s, f"a jump of {math.hypot(step.x, step.y):.3g} m in {dt_s:.3g} s: restarted?"),)
+            return (Lost(frame.stamp_s, jump),)
         if now.pose_start_base is None and not reads_velocity:
             return (self._straight(since_s, frame.stamp_s, step.x),)
         return (self._motion_from_velocity(since_s, frame.stamp_s, step),)
+
+    def _jump(self, step: Pose2, dt_s: float) -> str:
+        """Return in words how a step is none that a robot can make; empty: it can."""
+        way_m, turn_rad = math.hypot(step.x, step.y), abs(step.theta)
+        if way_m > self.config.max_speed_mps * dt_s:
+            return f"a jump of {way_m:.3g} m in {dt_s:.3g} s: restarted?"
+        if turn_rad > max(_LEAST_JUMP_RAD, math.radians(self.config.max_turn_dps) * dt_s):
+            return f"a turn of {math.degrees(turn_rad):.3g} deg in {dt_s:.3g} s: restarted, or degrees for radians?"
+        return ""
 
     def _motion_from_velocity(self, since_s: float, stamp_s: float, step: Pose2) -> Motion:
         config, dt_s = self.config, stamp_s - since_s

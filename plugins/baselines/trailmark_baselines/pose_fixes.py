@@ -16,6 +16,9 @@ from trailmark_baselines.config import PoseFixesConfig
 
 __all__ = ["PoseFixes"]
 
+# Of correlations; below it one number is said to follow from the others.
+_LEAST_EIGENVALUE = 1e-9
+
 
 class PoseFixes(Localizer):
     """Gives the readings of a sensor of kind ``pose`` as fixes, with the sensor's covariance or the config's."""
@@ -40,8 +43,10 @@ class PoseFixes(Localizer):
             if belief.pose_map_base is None and self._pose_sensor_base != Pose2():
                 return (Lost(frame.stamp_s, "the heading is not known, and the sensor does not sit at base"),)
             theta = 0.0 if belief.pose_map_base is None else belief.pose_map_base.theta
-        pose_map_base = Pose2(x, y, theta) @ self._pose_sensor_base
-        return (Fix(frame.stamp_s, pose_map_base, _information(covariance, knows_heading)),)
+        information = _information(covariance, knows_heading)
+        if information is None:
+            return (Lost(frame.stamp_s, "the covariance of the reading is none: it is not positive definite"),)
+        return (Fix(frame.stamp_s, Pose2(x, y, theta) @ self._pose_sensor_base, information),)
 
     def _covariance(self, told: Floats) -> Floats:
         """Return the covariance of a reading: its own, or the config's where there is none or where that is larger."""
@@ -59,8 +64,15 @@ class PoseFixes(Localizer):
         return covariance
 
 
-def _information(covariance: Floats, knows_heading: bool) -> Floats:
+def _information(covariance: Floats, knows_heading: bool) -> Floats | None:
+    """Return the inverse of what is known of a covariance; None where that is none."""
     information: Floats = np.zeros((3, 3))
     size = 3 if knows_heading else 2
-    information[:size, :size] = np.linalg.inv(covariance[:size, :size])
+    known = covariance[:size, :size]
+    if not (np.isfinite(known).all() and np.diag(known).min() > 0.0):
+        return None
+    sigmas = np.sqrt(np.diag(known))
+    if np.linalg.eigvalsh(known / np.outer(sigmas, sigmas))[0] <= _LEAST_EIGENVALUE:  # whatever the units are
+        return None
+    information[:size, :size] = np.linalg.inv(known)
     return information
