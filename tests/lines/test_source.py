@@ -29,6 +29,7 @@ from trailmark.errors import ConfigError, SourceError
 from trailmark.interfaces import Session
 from trailmark.plugins import load_plugins
 from trailmark.testing import source_checks
+from trailmark_lines.channels import StandardChannel
 from trailmark_lines.readings import LineReader
 
 GREY = np.random.default_rng(7).integers(0, 255, (48, 64), dtype=np.uint8)
@@ -457,4 +458,54 @@ def test_contract(name, tmp_path) -> None:
 
     source_checks(SPEC.load(), lambda: SPEC.load_config().model_validate(keys), n_frames=20)[name]()
 
+    os.close(writer)
+
+
+def test_a_full_pipe_that_nobody_reads_does_not_hold_the_run(monkeypatch) -> None:
+    reading, writing = os.pipe()
+    os.set_blocking(writing, True)
+    with os.fdopen(writing, "w") as full:
+        monkeypatch.setattr(sys, "stdout", full)
+        channel = StandardChannel()
+        began_s = time.monotonic()
+
+        def fill() -> None:
+            for _ in range(200_000):
+                channel.write(b"x" * 100 + b"\n")
+
+        with pytest.raises(SourceError, match="standard output takes no commands: nobody reads them"):
+            fill()
+        monkeypatch.undo()
+        os.close(reading)
+    assert time.monotonic() - began_s < 9.0
+
+
+def test_a_robot_that_falls_silent_and_comes_back_is_said(opened, monkeypatch, caplog) -> None:
+    monkeypatch.setattr("trailmark_lines.source._SILENCE_S", 0.2)
+    source = opened(over="udp")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
+        robot.sendto(wheels(1.0), ("127.0.0.1", source.port))
+        frames = source.frames()
+        next(frames)
+        threading.Timer(0.6, lambda: robot.sendto(wheels(1.1), ("127.0.0.1", source.port))).start()
+        next(frames)
+
+    assert caplog.text.count("the robot is silent: nothing has come over udp") == 1
+    assert "the robot is back after 0." in caplog.text
+
+
+@pytest.mark.parametrize(("command", "is_said"), [("velocity", True), (None, False)])
+def test_a_robot_that_is_driven_and_goes_without_a_word_is_said(opened, tmp_path, caplog, command, is_said) -> None:
+    pipe = tmp_path / "robot"
+    os.mkfifo(pipe)
+    writer = os.open(pipe, os.O_RDWR)
+    source = opened(over="device", device=str(pipe), command=command)
+    os.write(writer, wheels(1.0))
+    monkey = source._channel
+    frames = source.frames()
+    next(frames)
+    monkey.read = lambda timeout_s: None
+
+    assert list(frames) == []
+    assert ("the robot's program is gone" in caplog.text) == is_said
     os.close(writer)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import select
 import socket
@@ -13,6 +14,8 @@ from pathlib import Path
 from trailmark.errors import SourceError
 
 __all__ = ["Channel", "DeviceChannel", "StandardChannel", "TcpChannel", "UdpChannel"]
+
+logger = logging.getLogger(__name__)
 
 _CHUNK = 1 << 16
 
@@ -46,9 +49,17 @@ class StandardChannel(Channel):
         return os.read(number, _CHUNK) or None
 
     def write(self, data: bytes) -> None:
-        """Write to standard output."""
-        sys.stdout.write(data.decode())
+        """Write to standard output.
+
+        Raises
+        ------
+        SourceError
+            If nobody reads them, at the other end of a full pipe or of one that is closed.
+        """
         sys.stdout.flush()
+        left = _write_in_time(sys.stdout.fileno(), data, "standard output")
+        if left:
+            raise SourceError("standard output takes no commands: nobody reads them")
 
 
 class DeviceChannel(Channel):
@@ -95,17 +106,10 @@ class DeviceChannel(Channel):
         SourceError
             If the device does not take it in time.
         """
-        left = (b"\n" if self._is_cut else b"") + data
-        until_s = time.monotonic() + _WRITE_S
-        try:
-            while left:
-                if not select.select([], [self._number], [], max(0.0, until_s - time.monotonic()))[1]:
-                    raise SourceError(f"{self._path} takes no commands: nobody reads them")
-                left = left[os.write(self._number, left) :]
-        except OSError as error:
-            raise SourceError(f"{self._path} takes no commands: {error.strerror or error}") from error
-        finally:
-            self._is_cut = bool(left)
+        left = _write_in_time(self._number, (b"\n" if self._is_cut else b"") + data, str(self._path))
+        self._is_cut = bool(left)
+        if left:
+            raise SourceError(f"{self._path} takes no commands: nobody reads them")
 
     def close(self) -> None:
         """Close the device."""
@@ -191,6 +195,7 @@ class TcpChannel(Channel):
             return data
         self._connection.close()
         self._connection = None
+        logger.warning("the robot's program has left port %d; it may come again", self.port)
         return b"\n"  # half a line of who is gone is none
 
     def write(self, data: bytes) -> None:
@@ -219,6 +224,17 @@ class TcpChannel(Channel):
         if self._connection is not None:
             self._connection.close()
         self._listener.close()
+
+
+def _write_in_time(number: int, data: bytes, name: str) -> bytes:
+    """Write to an open file as long as one waits for who reads it; return what it did not take."""
+    until_s = time.monotonic() + _WRITE_S
+    try:
+        while data and select.select([], [number], [], max(0.0, until_s - time.monotonic()))[1]:
+            data = data[os.write(number, data[: select.PIPE_BUF]) :]  # more might block
+    except OSError as error:
+        raise SourceError(f"{name} takes no commands: {error.strerror or error}") from error
+    return data
 
 
 def _bind(kind: socket.SocketKind, host: str, port: int) -> socket.socket:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import threading
+import time
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
@@ -29,10 +30,14 @@ __all__ = ["LinesSource"]
 logger = logging.getLogger(__name__)
 
 _LONGEST_WAIT_S = 0.1
+#: A robot that has sent nothing for so long is said to be silent [s].
+_SILENCE_S = 5.0
 #: A line of more bytes is none.
 MAX_LINE = 1 << 25
 #: So many lines more of one kind, with a stamp or without, outweigh all that came before.
 _MOST_BALANCE = 5
+#: Stamps that differ more from the time at which lines come are told of [s].
+_MOST_OFFSET_S = 1.0
 _COMMANDS: Mapping[str, type[Command]] = {"velocity": Velocity, "steer_4ws": Steer4WS}
 
 
@@ -50,6 +55,7 @@ class LinesSource(Drivable):
         self._counts: Counter[str] = Counter()
         self._told: set[tuple[str, str]] = set()  # sensors and problems of which a skipped line was told
         self._session = Session()
+        self._heard_s, self._is_silent = time.monotonic(), False
         self.drives_itself = config.command is None
 
     def start(self, session: Session) -> None:
@@ -62,6 +68,7 @@ class LinesSource(Drivable):
         """
         self.close()
         self._closed, self._session, self._counts, self._told = threading.Event(), session, Counter(), set()
+        self._heard_s, self._is_silent = time.monotonic(), False
         self.drives_itself = self.config.command is None or session.mode == "teach"
         self._reader = LineReader(self.config.sensors, self.config.pictures)
         self._channel = self._open_channel()
@@ -154,6 +161,7 @@ class LinesSource(Drivable):
                     f"the first stamp of {frame.sensor!r} was {clock.begun_ahead_s:.0f} s ahead of all after it, and"
                     " the run began with it; begin anew"
                 )
+            self._warn_of_another_clock(frame.sensor, clock)
             if frame.stamp_s <= newest_s.get(frame.sensor, -np.inf):
                 self._leave_out(frame, newest_s[frame.sensor])
                 continue
@@ -181,6 +189,16 @@ class LinesSource(Drivable):
                 sensor, kind, f"most lines of {sensor!r} come {kind} now: they are used, others are skipped"
             )
 
+    def _warn_of_another_clock(self, sensor: str, clock: ClockOffset) -> None:
+        """Say once that the stamps of a sensor are not of this machine's clock, by which commands are due."""
+        if (sensor, "another clock") in self._told or not clock.is_known:
+            return
+        offset_s = clock.median_s
+        if abs(offset_s) > _MOST_OFFSET_S:
+            way = "ahead" if offset_s > 0 else "behind"
+            text = f"stamp_s of {sensor!r} are {abs(offset_s):.3g} s {way} of this machine's clock; they are seconds of"
+            self._tell_once(sensor, "another clock", f"{text} the epoch, and a robot without a clock leaves them out")
+
     def _leave_out(self, frame: Frame, newest_s: float) -> None:
         """Count a frame that is not newer than the one before it; of those that went back, the first is said."""
         if frame.stamp_s == newest_s:
@@ -203,13 +221,31 @@ class LinesSource(Drivable):
                 if self._channel is None:
                     return
                 data = self._read(self._channel)
+            self._note_silence(is_silent=data == b"")
             *lines, rest = (rest + (b"\n" if data is None else data)).split(b"\n")
             yield from (line for line in lines if line.strip())
             if data is None:
+                self._warn_of_the_end()
                 return
             if len(rest) > MAX_LINE:
                 self._refuse(SourceError(f"a line of more than {MAX_LINE} bytes"), "", "too long")
                 rest = b""
+
+    def _note_silence(self, *, is_silent: bool) -> None:
+        """Say once that nothing comes, and when something does again."""
+        now_s = time.monotonic()
+        if is_silent and not self._is_silent and now_s - self._heard_s > _SILENCE_S:
+            self._is_silent = True
+            logger.warning("the robot is silent: nothing has come over %s for %.0f s", self.config.over, _SILENCE_S)
+        elif not is_silent:
+            if self._is_silent:
+                logger.warning("the robot is back after %.1f s", now_s - self._heard_s)
+            self._heard_s, self._is_silent = now_s, False
+
+    def _warn_of_the_end(self) -> None:
+        """Say that a robot that is driven went away without a word: it may be on its way still."""
+        if not self.drives_itself:
+            logger.warning('the robot\'s program is gone: %s ended without a line {"type": "end"}', self.config.over)
 
     def _read(self, channel: Channel) -> bytes | None:
         try:
