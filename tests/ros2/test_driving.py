@@ -313,3 +313,14 @@ def test_a_robot_whose_time_went_back_is_stopped_and_the_run_ends(driven, robot,
     received = speeds(heard)
     assert received[-1] == 0.0
     assert source.counters()["went_back.wheels"] > 0
+
+
+def test_another_program_that_sends_commands_is_said(driven, robot, wait_for, caplog) -> None:
+    source, heard = driven()
+    met(heard, wait_for)
+    frames = source.frames()
+    next(frames)
+    robot.send("/cmd_vel", command_message(Velocity(0.1), "twist"))
+
+    assert wait_for(lambda: next(frames) and "is sent by another program too" in caplog.text)
+    assert caplog.text.count("/cmd_vel is sent by another program too: the robot follows whoever spoke last") == 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from trailmark.geometry import Pose3
 from trailmark.interfaces import Session
 from trailmark_ros2 import dds
 from trailmark_ros2.message_types import new_message
+from trailmark_ros2.mountings import static_tree, tell_of_frames
 
 GREY = np.zeros((48, 64), np.uint8)
 AHEAD_OPTICAL = (-0.5, 0.5, -0.5, 0.5)  # x right, y down, z forward
@@ -22,14 +24,8 @@ LEVEL = (0.0, 0.0, 0.0, 1.0)
 
 
 @pytest.fixture
-def send_tree(robot, messages):
-    def send(*links):
-        """Send links (parent, child, x [m], quaternion xyzw)."""
-        robot.send(
-            "/tf_static",
-            new_message("tf2_msgs/msg/TFMessage", {"transforms": [transform(*link) for link in links]}),
-            dds.Quality(is_reliable=True, is_latched=True, depth=1),
-        )
+def tree_message(messages):
+    """Return what makes a message of links (parent, child, x [m], quaternion xyzw)."""
 
     def transform(parent, child, x, quat_xyzw):
         fields = {
@@ -45,7 +41,13 @@ def send_tree(robot, messages):
             },
         )
 
-    return send
+    return lambda *links: new_message("tf2_msgs/msg/TFMessage", {"transforms": [transform(*link) for link in links]})
+
+
+@pytest.fixture
+def send_tree(robot, tree_message):
+    latched = dds.Quality(is_reliable=True, is_latched=True, depth=1)
+    return lambda *links: robot.send("/tf_static", tree_message(*links), latched)
 
 
 @pytest.fixture
@@ -117,3 +119,38 @@ def test_where_mountings_and_lenses_come_from_is_told(domain, robot, messages, s
 
     assert source.origins()["front"] == SensorOrigin("/tf_static (base_link -> cam: x: 0.5)", "/front/camera_info")
     assert source.origins()["wheels"] == SensorOrigin()
+
+
+def test_a_frame_with_two_parents_is_said(tree_message, caplog) -> None:
+    first, second = (tree_message((parent, "cam", 0.5, LEVEL)) for parent in ("base_link", "mast"))
+
+    assert static_tree([first, second]).parents["cam"][0] == "mast"
+    assert "/tf_static gives cam two parents, base_link and mast; the latter is used" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("child", "links", "is_said"),
+    [
+        ("camera_link", [("base_link", "camera_link", 0.3, LEVEL)], True),
+        ("camera_link", [], True),
+        ("base_footprint", [("base_footprint", "base_link", 0.0, LEVEL)], False),
+        ("base_link", [], False),
+        ("", [], False),
+    ],
+)
+def test_odometry_of_something_else_than_base_is_said(tree_message, caplog, child, links, is_said) -> None:
+    subscription = SimpleNamespace(type_name="nav_msgs/msg/Odometry")
+    feed = SimpleNamespace(topic="/odom", frame_id="odom", child_frame_id=child, subscription=subscription)
+
+    tell_of_frames(feed, static_tree([tree_message(*links)]), base_frame="base_link", map_frame="map")
+
+    assert (f"/odom tells the way of {child!r}, and is taken as that of base, 'base_link'" in caplog.text) == is_said
+
+
+def test_poses_that_are_not_in_the_map_are_said(caplog) -> None:
+    subscription = SimpleNamespace(type_name="geometry_msgs/msg/PoseStamped")
+    feed = SimpleNamespace(topic="/place", frame_id="odom", child_frame_id="", subscription=subscription)
+
+    tell_of_frames(feed, static_tree([]), base_frame="base_link", map_frame="map")
+
+    assert "/place tells poses in 'odom', and they are taken as in the map, 'map'" in caplog.text

@@ -251,7 +251,10 @@ def test_while_nobody_asks_for_transforms_odometry_is_read_little_by_little(list
     now_s = time.time()
     waiting = [messages.odometry(3.0, stamp_s=now_s - 0.01 * k) for k in range(100)][::-1]
     left = []
-    sink._odom = SimpleNamespace(messages=lambda n: [waiting.pop(0) for _ in range(min(n, len(waiting)))])
+    sink._odom = SimpleNamespace(
+        take=lambda n: [SimpleNamespace(writer=1, message=waiting.pop(0)) for _ in range(min(n, len(waiting)))],
+        message_of=lambda sample: sample.message,
+    )
 
     for k in range(6):
         sink.on_belief(belief(now_s + 0.001 * k))
@@ -350,3 +353,21 @@ class TestRobotOdometry:
         odometry.add(messages.odometry(0.0, stamp_s=2.0))
 
         assert odometry.pose_odom_base(2.0).x == 0.0
+
+
+def test_of_two_programs_that_send_odometry_the_first_completes_the_transform(
+    listening, robot, new_robot, messages, wait_for, caplog
+) -> None:
+    sink, heard = listening()
+    with_odometry(sink, robot, messages, wait_for, Pose2(1.0), 5.0)
+    other = new_robot(robot.domain)
+    sink.on_belief(Belief(5.0, Pose2(3.0)))  # hears the first
+    for k in range(4):
+        other.send("/odom", messages.odometry(50.0, stamp_s=5.02 + 0.02 * k))
+        robot.send("/odom", messages.odometry(1.0, stamp_s=5.02 + 0.02 * k))
+        time.sleep(0.1)
+    sink.on_belief(Belief(5.06, Pose2(3.0)))
+
+    sent = wait_for(heard["/tf"].messages)
+    assert sent[-1].transforms[0].transform.translation.x == pytest.approx(2.0)
+    assert "/odom: a message is left out, others silently: two programs send it at once" in caplog.text

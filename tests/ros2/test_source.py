@@ -14,8 +14,10 @@ pytest.importorskip("cyclonedds", reason="the extra [ros2] is not installed")
 
 
 from trailmark.frames import DepthCamera, Pinhole
-from trailmark.sources.ros_messages import lens
+from trailmark.sources.ros_messages import lens, planar_pose
+from trailmark_ros2.config import TopicOptions
 from trailmark_ros2.message_types import new_message
+from trailmark_ros2.readings import new_reader
 
 GREY = np.random.default_rng(7).integers(0, 255, (48, 64), dtype=np.uint8)
 BGR = np.random.default_rng(8).integers(0, 255, (48, 64, 3), dtype=np.uint8)
@@ -263,3 +265,38 @@ def test_rows_that_are_padded_and_bytes_in_either_order_are_read(robot, messages
     frame = first_of(started(topics={"front": "/image"}), "front")
 
     np.testing.assert_array_equal(frame.payload.pixels, sent)
+
+
+def test_a_message_of_another_frame_is_left_out_and_said(robot, messages, started, caplog) -> None:
+    def odometry(k):
+        message = messages.odometry(0.01 * k)
+        if k % 2:  # its numbers are of another origin
+            message.header.frame_id, message.pose.pose.position.y = "map", 4.0
+        return message
+
+    robot.repeat("/odom", 50.0, odometry)
+    source = started(topics={"wheels": "/odom"})
+    places = [frame.payload.pose_start_base.y for frame in itertools.islice(source.frames(), 10)]
+
+    assert max(map(abs, places)) < 1e-9
+    assert source.counters()["skipped.wheels"] > 5
+    assert caplog.text.count("its frame is ") == 1
+
+
+@pytest.mark.parametrize("w", [0.0, 1e-200])
+def test_a_quaternion_of_no_length_is_no_orientation(messages, w: float) -> None:
+    pose = messages.pose()
+    pose.orientation.w = w
+
+    with pytest.raises(ValueError, match="its sender does not know it"):
+        planar_pose(pose)
+
+
+def test_a_driver_that_is_started_again_after_a_turn_goes_on_where_the_robot_was(messages) -> None:
+    reader = new_reader("nav_msgs/msg/Odometry", TopicOptions(topic="/odom"))
+    headings = [(1.0, 1), (1.05, 1), (0.0, 2), (0.1, 2)]  # it has turned on the spot, and begins at 0 again
+
+    told = [reader.payload(messages.odometry(0.0, 0.0, theta), 0.0, writer) for theta, writer in headings]
+
+    assert [odometry.pose_start_base.theta for odometry in told] == pytest.approx([0.0, 0.05, 0.05, 0.15])
+    assert reader.restarts == 1

@@ -105,7 +105,7 @@ def test_a_topic_that_nobody_sends_is_said_with_those_that_are_there(robot, mess
 
 
 def test_an_empty_domain_is_said(started) -> None:
-    with pytest.raises(SourceError, match="nothing at all is seen in ROS domain"):
+    with pytest.raises(SourceError, match=r"nothing at all is seen in ROS domain \d+ on loopback.*\n.*ROS_DOMAIN_ID="):
         started(topics={"wheels": "/odom"}, start_timeout_s=0.5)
 
 
@@ -113,7 +113,7 @@ def test_what_is_missing_is_said_before_it_is_given_up(started, caplog) -> None:
     with caplog.at_level(logging.WARNING), pytest.raises(SourceError):
         started(topics={"wheels": "/odom"}, silence_s=0.2, start_timeout_s=0.6)
 
-    assert "waiting for the robot: /odom: nothing at all" in caplog.text
+    assert "waiting for the robot: nothing at all is seen" in caplog.text
 
 
 def test_messages_that_are_broken_are_counted_and_end_nothing(robot, messages, started) -> None:
@@ -216,3 +216,15 @@ def test_a_pose_that_is_told_moves_the_belief(domain, robot, messages) -> None:
                 break
 
     np.testing.assert_allclose(pose.array(), [3.0, -2.0, 1.0], atol=1e-6)
+
+
+def test_a_pose_that_is_told_in_another_frame_is_left_alone(robot, messages, started, caplog) -> None:
+    robot.repeat("/odom", 50.0, lambda k: messages.odometry())
+    source = started(topics={"wheels": "/odom"}, initial_pose="/initialpose")
+    message = messages.pose_with_covariance(3.0, 0.0, 0.0)
+    message.header.frame_id = "odom"
+    for _ in itertools.takewhile(lambda _: "is left alone" not in caplog.text, source.frames()):
+        robot.send("/initialpose", message)
+
+    assert "/initialpose is left alone: it is a pose in 'odom', and the map is 'map' (map_frame)" in caplog.text
+    assert "is told to be at" not in caplog.text

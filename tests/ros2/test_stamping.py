@@ -115,3 +115,10 @@ def test_of_a_replay_that_is_faster_two_messages_are_lost(rate: float) -> None:
             refused += 1
 
     assert refused == (2 if rate - 1.0 > 2.0 else 0)
+
+
+def test_a_clock_that_stands_still_is_said(feed, caplog) -> None:
+    talker = feed([5.0, 5.1, *[5.2] * 40, 5.3])
+
+    assert [frame.stamp_s for frame in talker.take()] == pytest.approx([5.0, 5.1, 5.2, 5.3])
+    assert caplog.text.count("/odom: stamps stand still at 5.200 s, and such messages are left out") == 1

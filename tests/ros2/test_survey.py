@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import socket
+import sys
 import time
 
 import pytest
@@ -13,6 +15,7 @@ pytest.importorskip("cyclonedds", reason="the extra [ros2] is not installed")
 from trailmark.cli import main
 from trailmark.errors import ConfigError
 from trailmark_ros2 import dds
+from trailmark_ros2.silence import _domains_of_others, reason_of_emptiness
 from trailmark_ros2.survey import survey_network
 
 
@@ -44,11 +47,34 @@ def test_the_command_shows_them(domain, robot, messages, capsys) -> None:
     assert [row["topic"] for row in json.loads(capsys.readouterr().out)] == ["/odom"]
 
 
-def test_an_empty_network_is_said(domain, capsys) -> None:
-    with pytest.raises(SystemExit):
+def test_an_empty_network_is_said_with_the_likely_reasons(domain, capsys) -> None:
+    with pytest.raises(SystemExit) as ended:
         main(["inspect", f"ros2://{domain}"])
 
-    assert f"nothing is seen at ros2://{domain}" in capsys.readouterr().out
+    said = capsys.readouterr().err
+    assert ended.value.code == 2
+    assert f"nothing at all is seen in ROS domain {domain} on loopback" in said
+    assert len(said.splitlines()) == 2
+    for word in (f"ROS_DOMAIN_ID={domain}", f"ros2://{domain}/eth0", "Cyclone DDS", "rmw_zenoh_cpp"):
+        assert word in said
+
+
+def test_through_a_network_other_reasons_are_likely() -> None:
+    said = reason_of_emptiness(0, "wlan0")
+
+    for word in ("through wlan0", "ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST", "multicast", "firewall", "rmw_zenoh_cpp"):
+        assert word in said
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="ports are listed by Linux alone")
+def test_a_robot_in_another_domain_is_pointed_at(monkeypatch, tmp_path) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as program:
+        program.bind(("127.0.0.1", 7400 + 250 * 77 + 10))  # as the first program of domain 77 does
+
+        assert 77 in _domains_of_others()
+        assert "; in use on this machine: domain " in reason_of_emptiness(3, "loopback")
+    monkeypatch.setattr("trailmark_ros2.silence._UDP_PORTS", tmp_path / "none")  # as on other systems
+    assert "in use" not in reason_of_emptiness(3, "loopback")
 
 
 def test_what_is_no_domain_is_said() -> None:

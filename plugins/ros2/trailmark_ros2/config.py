@@ -86,6 +86,8 @@ class Ros2SourceConfig(NetworkConfig, LiveSourceConfig):
     """Header stamps that differ more from the time at which the messages come are warned of [s]."""
     base_frame: str = "base_link"
     """Name of base in `tf_static`, which tells where sensors sit; `sensors:` of the config overrides it."""
+    map_frame: str = "map"
+    """Name of the map in `initial_pose`: a pose that is told in another frame is left alone, as AMCL does."""
     tf_static: str = "/tf_static"
     """Topic of the transforms that never change: `/robot1/tf_static` of a robot in a namespace."""
     start_timeout_s: float = Field(30.0, gt=0)

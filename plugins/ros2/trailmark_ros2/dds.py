@@ -27,7 +27,17 @@ from cyclonedds.util import duration
 from trailmark.errors import ConfigError
 from trailmark_ros2.message_types import deserialize, idl_type, ros_type_name, serialize, type_hash
 
-__all__ = ["Endpoint", "Network", "Publisher", "Quality", "Sample", "Subscription", "Waiter", "default_domain"]
+__all__ = [
+    "Endpoint",
+    "Network",
+    "Publisher",
+    "Quality",
+    "Sample",
+    "Subscription",
+    "Waiter",
+    "default_domain",
+    "open_domains",
+]
 
 logger = logging.getLogger(__name__)
 
@@ -125,6 +135,11 @@ def default_domain() -> int:
     return int(text) if text.isdigit() else 0
 
 
+def open_domains() -> set[int]:
+    """Return the domains that this process has opened; they stay open until it ends."""
+    return set(_domains)
+
+
 class Network:
     """A place on the network: publishes, subscribes, and sees who is there.
 
@@ -142,7 +157,7 @@ class Network:
     """
 
     def __init__(self, domain: int, interface: str = LOOPBACK) -> None:
-        self.domain = domain
+        self.domain, self.interface = domain, interface
         _open_domain(domain, interface)
         self._participant: Any = DomainParticipant(domain)
         self._topics: dict[tuple[str, str], Any] = {}
@@ -233,15 +248,17 @@ class Subscription:
 
     def messages(self, n: int = 64) -> list[Any]:
         """Return the messages that have come, deserialised; those that are none are left out, the first with a word."""
-        found = []
-        for sample in self.take(n):
-            try:
-                found.append(deserialize(sample.cdr, self.type_name))
-            except Exception as error:  # bytes from the network may be anything
-                log = logger.debug if self._has_warned else logger.warning
-                log("%s: a message cannot be read and is left out: %s: %s", self.topic, type(error).__name__, error)
-                self._has_warned = True
-        return found
+        return [message for sample in self.take(n) if (message := self.message_of(sample)) is not None]
+
+    def message_of(self, sample: Sample) -> Any:
+        """Return a message, deserialised; None, the first time with a word, for bytes that are none."""
+        try:
+            return deserialize(sample.cdr, self.type_name)
+        except Exception as error:  # bytes from the network may be anything
+            log = logger.debug if self._has_warned else logger.warning
+            log("%s: a message cannot be read and is left out: %s: %s", self.topic, type(error).__name__, error)
+            self._has_warned = True
+        return None
 
     @property
     def n_matched(self) -> int:

@@ -27,6 +27,9 @@ logger = logging.getLogger(__name__)
 #: How many messages of a topic may wait for the program.
 DEPTH = 32
 
+#: So many of one stamp in a row are no reading that is sent again.
+_MANY_REPEATED = 10
+
 #: A message of more bytes is not looked at.
 MAX_BYTES = 1 << 26
 
@@ -62,8 +65,8 @@ class TopicFeed:
         Whose frames it gives.
     subscription : Subscription
         Of the topic.
-    frame_id : str
-        Frame of the first message's header; empty before.
+    frame_id, child_frame_id : str
+        Frames that its messages are of, as the first says; empty before, and where they say none.
     counts : Counter of str
         What was left out, and why.
     last_heard_s : float
@@ -83,13 +86,13 @@ class TopicFeed:
     ) -> None:
         self.sensor, self.subscription = sensor, subscription
         self.reader, self.stamper = reader, stamper
-        self.frame_id = ""
+        self.frame_id = self.child_frame_id = ""
         self.counts: Counter[str] = Counter()
         self.last_heard_s = time.monotonic()
         self.back_by_s = 0.0
         self._writers = WriterChoice()
         self._skips = skips
-        self._last_stamp_s = float("-inf")
+        self._last_stamp_s, self._n_standing = float("-inf"), 0
         self._is_silent = False
         self._refusal = ""
 
@@ -128,7 +131,7 @@ class TopicFeed:
         if not self._writers.counts(sample.writer, self.last_heard_s):
             self._leave_out_other_writer()
             return
-        self.frame_id = self.frame_id or str(message.header.frame_id)
+        self._check_frames(message)
         stamp_s = self.stamper.stamp_s(message, came_s)
         if stamp_s is None:
             raise SourceError("the header's stamp is empty; set stamps: receive")
@@ -136,14 +139,30 @@ class TopicFeed:
             if reading_s <= self._last_stamp_s:
                 self._leave_out(reading_s)
                 continue
-            self._last_stamp_s, self.back_by_s = reading_s, 0.0
+            self._last_stamp_s, self.back_by_s, self._n_standing = reading_s, 0.0, 0
             self.counts["received"] += 1
             yield Frame(self.sensor, reading_s, payload)
+
+    def _check_frames(self, message: Any) -> None:
+        """Refuse a message of other frames than those before it: its numbers are of another origin or place."""
+        frames = str(message.header.frame_id).lstrip("/"), str(getattr(message, "child_frame_id", "")).lstrip("/")
+        known = self.frame_id, self.child_frame_id
+        for now, before in zip(frames, known, strict=True):
+            if now and before and now != before:
+                raise SourceError(f"its frame is {now!r}, and that of the messages before it was {before!r}")
+        self.frame_id, self.child_frame_id = known[0] or frames[0], known[1] or frames[1]
 
     def _leave_out(self, reading_s: float) -> None:
         """Count a reading that is not newer than the one before it; of those that went back, the first is said."""
         if reading_s == self._last_stamp_s:
             self.counts["repeated"] += 1
+            self._n_standing += 1
+            if self._n_standing == _MANY_REPEATED:
+                logger.warning(
+                    "%s: stamps stand still at %.3f s, and such messages are left out: is the simulation paused?",
+                    self.topic,
+                    reading_s,
+                )
             return
         self.back_by_s = self._last_stamp_s - reading_s
         if not self.counts["went_back"]:
@@ -220,7 +239,7 @@ class TopicFeed:
             return f"{self.counts['skipped']} messages came, and none could be used: {self._refusal}"
         others = [writer for writer in network.writers() if not network.is_own(writer)]
         subscription = self.subscription
-        return reason_of_silence(self.topic, subscription.type_name, subscription.quality, others, network.domain)
+        return reason_of_silence(self.topic, subscription.type_name, subscription.quality, others, network)
 
     def own_counts(self) -> dict[str, int]:
         """Return what was counted, with the offset of its stamps in milliseconds."""

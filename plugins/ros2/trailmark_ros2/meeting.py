@@ -11,7 +11,7 @@ from typing import Any
 from trailmark.errors import SourceError
 from trailmark_ros2.dds import Endpoint, Network, Quality
 from trailmark_ros2.readings import UNDERSTOOD
-from trailmark_ros2.silence import reason_of_silence
+from trailmark_ros2.silence import reason_of_emptiness, reason_of_silence
 
 __all__ = ["MetTopic", "Patience", "first_message", "meet_writers"]
 
@@ -111,8 +111,10 @@ def meet_writers(
 
     def missing() -> str:
         others = [writer for writer in network.writers() if not network.is_own(writer)]
+        if not others:
+            return reason_of_emptiness(network.domain, network.interface)
         return "; ".join(
-            f"{topic}: {reason_of_silence(topic, type_name, Quality(False), others, network.domain)}"
+            f"{topic}: {reason_of_silence(topic, type_name, Quality(False), others, network)}"
             for topic, type_name in wanted.items()
             if topic not in met
         )

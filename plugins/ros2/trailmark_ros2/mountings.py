@@ -4,23 +4,78 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from trailmark.arrays import Floats
 from trailmark.geometry import Pose3
 from trailmark.sources.frame_tree import FrameTree, describe_mounting, is_optical, transforms_by_child
 
-__all__ = ["mounting_of", "static_tree"]
+if TYPE_CHECKING:
+    from trailmark_ros2.feeds import TopicFeed
+
+__all__ = ["mounting_of", "static_tree", "tell_of_frames"]
 
 logger = logging.getLogger(__name__)
 
+# A frame that sits so near to base, seen from above, and is turned so little, is base [m, rad].
+_AT_BASE = 1e-3
+_POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped")
+
 
 def static_tree(messages: Iterable[Any]) -> FrameTree:
-    """Return the transforms of the messages of ``/tf_static``; of one that is told twice, the last."""
+    """Return the transforms of the messages of ``/tf_static``; of one that is told twice, the last.
+
+    A frame that is told to have two parents is warned of: which of them is told last is a matter of chance.
+    """
     parents: dict[str, tuple[str, Floats | None]] = {}
     for message in messages:
-        parents |= transforms_by_child(message)
+        told = transforms_by_child(message)
+        for child in told.keys() & parents.keys():
+            before, now = parents[child][0], told[child][0]
+            if before != now:
+                logger.warning("/tf_static gives %s two parents, %s and %s; the latter is used", child, before, now)
+        parents |= told
     return FrameTree(parents)
+
+
+def tell_of_frames(feed: TopicFeed, tree: FrameTree, *, base_frame: str, map_frame: str) -> None:
+    """Warn of odometry that is not of base, and of poses that are not in the map: their numbers are taken as if.
+
+    Parameters
+    ----------
+    feed : TopicFeed
+        Of the topic; has had a message.
+    tree : FrameTree
+        What ``/tf_static`` says.
+    base_frame, map_frame : str
+        How the config calls base and map.
+    """
+    child, type_name = feed.child_frame_id, feed.subscription.type_name
+    if child and not _is_at_base(tree, base_frame, child):
+        logger.warning(
+            "%s tells the way of %r, and is taken as that of base, %r (base_frame): right only where the two are one",
+            feed.topic,
+            child,
+            base_frame,
+        )
+    if type_name in _POSES and feed.frame_id not in ("", map_frame):
+        logger.warning(
+            "%s tells poses in %r, and they are taken as in the map, %r (map_frame): right only where the two are one",
+            feed.topic,
+            feed.frame_id,
+            map_frame,
+        )
+
+
+def _is_at_base(tree: FrameTree, base: str, frame: str) -> bool:
+    """Return whether a frame is base, or above or below it, by ``/tf_static``."""
+    if frame == base.lstrip("/"):
+        return True
+    try:
+        mounting = tree.mounting(base, frame, is_optical=False)
+    except ValueError:
+        return False
+    return mounting is not None and max(map(abs, (mounting.x, mounting.y, mounting.yaw))) < _AT_BASE
 
 
 def mounting_of(tree: FrameTree, base: str, sensor: str, *, frame: str, kind: str) -> tuple[Pose3 | None, str]:

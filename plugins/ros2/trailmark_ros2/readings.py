@@ -8,7 +8,7 @@ from types import SimpleNamespace
 from typing import Any, ClassVar
 
 from trailmark.frames import Odometry, Payload
-from trailmark.geometry import Pose2, Twist2
+from trailmark.geometry import Pose2, Twist2, wrap_angle
 from trailmark.sources import ros_messages
 from trailmark.sources.ros_poses import POSE_TYPES, LocalPlane, has_fix, pose_record
 from trailmark_ros2.clouds import points_of, slice_as_scan
@@ -24,8 +24,9 @@ _CLOUD = "sensor_msgs/msg/PointCloud2"
 _RESTART_M = 0.5
 # ... which is here.
 _NEAR_ZERO_M = 0.05
-# Another writer's pose continues the last one's if it is no farther away.
+# Another writer's pose continues the last one's if it is no farther away, and turned no farther.
 _SAME_M = 0.1
+_SAME_RAD = 0.2
 
 
 class Reader(ABC):
@@ -126,7 +127,7 @@ class _OdometryReader(Reader):
     def _began_anew(pose: Pose2, writer: int, last: Pose2, last_writer: int) -> bool:
         jump_m = last.distance_to(pose)
         if writer != last_writer:
-            return jump_m > _SAME_M
+            return jump_m > _SAME_M or abs(wrap_angle(pose.theta - last.theta)) > _SAME_RAD
         return jump_m > _RESTART_M and math.hypot(pose.x, pose.y) < _NEAR_ZERO_M
 
 

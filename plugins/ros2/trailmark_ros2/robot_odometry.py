@@ -30,14 +30,17 @@ class RobotOdometry:
         self._poses: deque[tuple[float, Pose2, Twist2 | None]] = deque(maxlen=_KEPT)
 
     def add(self, message: Any) -> None:
-        """Take a message of nav_msgs/Odometry; raises ValueError where it holds no pose."""
+        """Take a message of nav_msgs/Odometry; raises ValueError where it holds no pose, or one in another frame."""
         stamp_s = message.header.stamp.sec + message.header.stamp.nanosec / 1e9
         pose = planar_pose(message.pose.pose)
+        frame = str(message.header.frame_id).lstrip("/")
+        if self.frame_id and frame != self.frame_id:
+            raise ValueError(f"its frame is {frame!r}, and that of the messages before it was {self.frame_id!r}")
         if self._poses and stamp_s == self._poses[-1][0]:
             return  # a driver that sends its last reading again has not begun anew
         if self._poses and stamp_s < self._poses[-1][0]:
             self._poses.clear()  # it began anew: what was before is of another clock or origin
-        self.frame_id = str(message.header.frame_id).lstrip("/")
+        self.frame_id = frame
         self._poses.append((stamp_s, pose, planar_twist(message.twist.twist)))
 
     def pose_odom_base(self, stamp_s: float) -> Pose2 | None:

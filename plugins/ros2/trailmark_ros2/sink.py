@@ -15,6 +15,7 @@ from trailmark_ros2.believing import BeliefMessages, diagnostics_bytes, path_byt
 from trailmark_ros2.config import Ros2SinkConfig
 from trailmark_ros2.lostness import Lostness
 from trailmark_ros2.robot_odometry import RobotOdometry
+from trailmark_ros2.writers import WriterChoice
 
 __all__ = ["Ros2Sink"]
 
@@ -59,6 +60,7 @@ class Ros2Sink(Sink):
         self.close()
         config = self.config
         self._lostness, self._robot_odometry = Lostness(), RobotOdometry()
+        self._odom_writers, self._has_left_out = WriterChoice(), False
         self._messages = BeliefMessages(config.map_frame, config.base_frame)
         path_bytes([], 0.0, config.map_frame)  # the first message of a type takes 0.1 s, which the first belief lacks
         self._way: list[Pose2] = []
@@ -159,13 +161,25 @@ class Ros2Sink(Sink):
 
     def _read_odometry(self, n_most: int) -> bool:
         """Take what has come of the robot's odometry; return whether there may be more of it."""
-        messages = [] if self._odom is None else self._odom.messages(n_most)
-        for message in messages:
-            try:
-                self._robot_odometry.add(message)
-            except ValueError as error:
-                logger.debug("%s: a message is left out: %s", self.config.odom, error)
-        return len(messages) == n_most
+        if self._odom is None:
+            return False
+        samples, now_s = self._odom.take(n_most), time.monotonic()
+        for sample in samples:
+            if not self._odom_writers.counts(sample.writer, now_s):
+                if self._odom_writers.is_contested:
+                    self._leave_out("two programs send it at once, and the one that came first counts")
+            elif (message := self._odom.message_of(sample)) is not None:
+                try:
+                    self._robot_odometry.add(message)
+                except ValueError as error:
+                    self._leave_out(str(error))
+        return len(samples) == n_most
+
+    def _leave_out(self, why: str) -> None:
+        """Say the first time that the robot's odometry cannot be used: the transform would be of another origin."""
+        log = logger.debug if self._has_left_out else logger.warning
+        log("%s: a message is left out, others silently: %s", self.config.odom, why)
+        self._has_left_out = True
 
     def _draw_way(self, stamp_s: float, pose: Pose2) -> None:
         if not self._way or self._way[-1].distance_to(pose) >= self.config.path_spacing_m:

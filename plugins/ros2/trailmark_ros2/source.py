@@ -25,7 +25,7 @@ from trailmark_ros2.driving import COMMAND_TYPES, RobotDriver, accepted_commands
 from trailmark_ros2.feeds import DEPTH, DepthPairing, TopicFeed
 from trailmark_ros2.listening import ListenerWatch
 from trailmark_ros2.meeting import MetTopic, Patience, first_message, meet_writers
-from trailmark_ros2.mountings import mounting_of, static_tree
+from trailmark_ros2.mountings import mounting_of, static_tree, tell_of_frames
 from trailmark_ros2.readings import new_reader
 from trailmark_ros2.resets import refuse_a_reset
 from trailmark_ros2.stamping import Stamper
@@ -149,6 +149,8 @@ class Ros2Source(Drivable):
         latched = dds.Quality(is_reliable=True, is_latched=True, depth=100)
         tree = static_tree(first_message(network, self.config.tf_static, _TRANSFORMS, latched, _BESIDE_S))
         infos = [self._info(network, tree, sensor, frame) for sensor, frame in firsts.items()]
+        for feed in self._feeds:
+            tell_of_frames(feed, tree, base_frame=self.config.base_frame, map_frame=self.config.map_frame)
         self._sensors = MappingProxyType({info.name: info for info in infos})
 
     def _wanted(self) -> dict[str, str | None]:
@@ -271,6 +273,15 @@ class Ros2Source(Drivable):
     def _pass_told_poses(self) -> None:
         """Pass on where a person says that the robot is."""
         for message in [] if self._told is None else self._told.messages():
+            frame = str(message.header.frame_id).lstrip("/")
+            if frame and frame != self.config.map_frame:
+                logger.warning(
+                    "%s is left alone: it is a pose in %r, and the map is %r (map_frame); in RViz set the Fixed Frame",
+                    self.config.initial_pose,
+                    frame,
+                    self.config.map_frame,
+                )
+                continue
             try:
                 pose = ros_messages.planar_pose(message.pose.pose)
             except ValueError as error:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import time
 from collections import Counter, defaultdict
 
-from trailmark.errors import ConfigError
+from trailmark.errors import ConfigError, SourceError
 from trailmark_ros2 import dds
 from trailmark_ros2.message_types import is_known
 from trailmark_ros2.readings import UNDERSTOOD
+from trailmark_ros2.silence import reason_of_emptiness
 
 __all__ = ["survey_network"]
 
@@ -28,6 +29,8 @@ def survey_network(where: str) -> list[dict[str, str]]:
     ------
     ConfigError
         If that is no domain, or the interface cannot be used.
+    SourceError
+        If nobody is there, with the likely reasons.
     """
     number, _, interface = where.partition("/")
     if number and not (number.isdigit() and int(number) <= 232):
@@ -44,6 +47,8 @@ def survey_network(where: str) -> list[dict[str, str]]:
         rows = [_row(*key, writers, rates_hz.get(key), readers) for key, writers in sorted(by_topic.items())]
     finally:
         network.close()
+    if not rows and not readers:
+        raise SourceError(reason_of_emptiness(network.domain, network.interface))
     written = {topic for topic, _ in by_topic}
     return rows + [
         {"topic": topic, "type": "", "writers": "0", "readers": str(n), "quality": "", "rate": "", "sensor": ""}
