@@ -22,6 +22,9 @@ const number = (value) => {
 const duration = (s) => (s === null ? "\u2013" : s < 120 ? `${number(s)} s` : `${number(s / 60)} min`);
 const pText = (p) => (p === null || p === undefined ? "\u2013" : p < 1e-4 ? "<0.0001" : p.toPrecision(2).replace(/\.?0+$/, ""));
 
+const places = new Map(data.conditions.map((condition, index) => [condition, index]));
+data.entries.sort((a, b) => places.get(a.condition) - places.get(b.condition));  // a method may have come later, for all conditions
+
 let metric = 0;
 const filters = { text: "", states: new Set(), method: null, condition: null };
 
@@ -203,7 +206,6 @@ function makeCells() {
   const render = (cell) => {
     const line = row(cell);
     line.lastChild.className = "reason";
-    line.lastChild.title = cell.reason;
     line.tabIndex = 0;
     line.onclick = () => { location.hash = `cell=${cell.id}`; };
     line.onkeydown = (event) => { if (event.key === "Enter") line.onclick(); };
@@ -320,16 +322,17 @@ function cellsBeside(condition) {
   const [key, group] = [...groups].reduce((best, one) => (nOk(one[1]) > nOk(best[1]) ? one : best));
   return { seed: key, cells: data.methods.map((method) => group.get(method)).filter(Boolean) };
 }
-function wayLines(ways) {
+const colourBeside = (index) => `var(--series-${index % 6})`;
+function wayLines(ways, colour) {
   const names = Object.keys(ways.lines), own = names.find((name) => name !== "groundtruth");
-  const line = (name, colour, width) => ({ name, colour, width, points: placed(ways, ways.lines[name]) });
-  return [...(ways.lines.groundtruth ? [line("groundtruth", "var(--truth)", 5)] : []), ...(own ? [line(own, "var(--series-0)", 1.6)] : [])];
+  const line = (name, stroke, width) => ({ name, colour: stroke, width, points: placed(ways, ways.lines[name]) });
+  return [...(ways.lines.groundtruth ? [line("groundtruth", "var(--truth)", 5)] : []), ...(own ? [line(own, colour, 1.6)] : [])];
 }
 async function drawBeside() {
   const condition = $("beside-condition").value, { seed, cells } = cellsBeside(condition), shown = data.metrics[metric];
   const details = await Promise.all(cells.slice(0, MOST_BESIDE).map((cell) => detailOf(cell)));
   if ($("beside-condition").value !== condition || shown !== data.metrics[metric]) return;  // another was chosen meanwhile
-  const lines = details.map((detail) => (detail && detail.ways && detail.ways.lines ? wayLines(detail.ways) : []));
+  const lines = details.map((detail, index) => (detail && detail.ways && detail.ways.lines ? wayLines(detail.ways, colourBeside(index)) : []));
   const span = lines.flat().flatMap((line) => line.points);
   const figures = lines.map((drawn, index) => {
     const cell = cells[index], value = cell.values[metric];
@@ -342,11 +345,11 @@ async function drawBeside() {
     return link;
   });
   const errors = details.flatMap((detail, index) => (detail && detail.errors
-    ? [{ name: cells[index].method, colour: `var(--series-${index % 6})`, points: detail.errors.way_m.map((way, i) => [way, detail.errors.distance_mm[i]]) }] : []));
+    ? [{ name: cells[index].method, colour: colourBeside(index), points: detail.errors.way_m.map((way, i) => [way, detail.errors.distance_mm[i]]) }] : []));
   const truth = lines.some((drawn) => drawn.length > 1), beyond = cells.length - MOST_BESIDE;
   $("beside").replaceChildren(...figures);
   $("beside-errors").replaceChildren(...(errors.length ? [plot("Position error", "distance from the true position", errors, { zero: true, x: "way [m]", y: "mm" })] : []));
-  $("beside-note").textContent = `${condition ? `${condition}. ` : ""}${truth ? "Blue over grey: the answers over the ground truth, aligned as their errors are; one" : "One"} scale for all${seed === null ? "" : `, seed ${seed}`}.`
+  $("beside-note").textContent = `${condition ? `${condition}. ` : ""}${truth ? "In colour the answers, over the ground truth in grey, aligned as their errors are; one" : "One"} scale for all${seed === null ? "" : `, seed ${seed}`}.`
     + (beyond > 0 ? ` ${beyond} more methods stand among the cells.` : "");
 }
 // Medians and their 95 % intervals of the methods under a condition, the best first; a failure stands in words.
@@ -359,14 +362,17 @@ function drawRanking() {
   const logarithmic = Math.min(...values) > 0 && Math.max(...values) > 10 * Math.min(...values), scale = logarithmic ? Math.log10 : (v) => v;
   let [x0, x1] = [Math.min(...values.map(scale)), Math.max(...values.map(scale))];
   if (x1 - x0 < 1e-12) { x0 -= 0.5; x1 += 0.5; }
-  const width = 640, left = 170, right = 90, line = 22, height = line * rows.length + 34;
+  const longest = Math.max(...rows.map((entry) => entry.method.length)), width = Math.min(640, Math.max(340, $("ranking").clientWidth || 640));
+  const left = Math.min(width / 2, 24 + 6.5 * longest), letters = Math.floor((left - 24) / 6.5), right = 60, line = 22, height = line * rows.length + 34;
   const px = (v) => left + (scale(v) - x0) / (x1 - x0) * (width - left - right);
   const svg = shape("svg", { viewBox: `0 0 ${width} ${height}`, class: "plot", role: "img", "aria-label": `${shown.title} of each method under ${condition}` });
   const marks = logarithmic ? ticks(x0, x1).filter(Number.isInteger).map((v) => 10 ** v) : ticks(x0, x1);
   marks.forEach((v) => svg.append(shape("line", { class: "grid", x1: px(v), x2: px(v), y1: 4, y2: height - 30 }), shape("text", { x: px(v), y: height - 16, "text-anchor": "middle" }, String(+v.toPrecision(6)))));
   rows.forEach((entry, index) => {
     const y = 16 + line * index, found = statistics(entry), value = found.median;
-    svg.append(shape("text", { x: left - 10, y: y + 4, "text-anchor": "end" }, entry.method));
+    const name = shape("text", { x: left - 10, y: y + 4, "text-anchor": "end" }, entry.method.length > letters ? `${entry.method.slice(0, letters - 1)}\u2026` : entry.method);
+    name.append(shape("title", {}, entry.method));
+    svg.append(name);
     if (typeof value !== "number") { svg.append(shape("text", { x: left, y: y + 4, class: "failed-word" }, value)); return; }
     if (found.low !== null && found.high !== null) svg.append(shape("line", { class: "interval", x1: px(found.low), x2: px(found.high), y1: y, y2: y }));
     svg.append(shape("circle", { class: "median", cx: px(value), cy: y, r: 4.5 }), shape("text", { x: Math.max(px(value), px(found.high ?? value)) + 9, y: y + 4 }, number(value)));
