@@ -7,12 +7,9 @@ tell. Import it from modules that hold kernels: numba takes its time.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
 
-from trailmark.arrays import Bools, Floats
+from trailmark.arrays import AnyArray, Bools, Floats
 from trailmark.kernels import inlined_kernel, kernel
 
 __all__ = [
@@ -26,14 +23,13 @@ __all__ = [
     "move_to_lines",
 ]
 
-Array = npt.NDArray[Any]
 
 #: Normals are uncertain by some 6 degrees; what a plain wall seems to say along itself is that.
 NORMAL_NOISE = 0.01
 
 
 @inlined_kernel
-def add_line(hessian: Array, gradient: Array, jacobian: Array, residual: float, corner: float) -> None:
+def add_line(hessian: AnyArray, gradient: AnyArray, jacobian: AnyArray, residual: float, corner: float) -> None:
     """Add a residual with its Jacobian (3,) to Gauss-Newton's equations, Huber-weighted from `corner` on.
 
     Parameters
@@ -58,7 +54,7 @@ def add_line(hessian: Array, gradient: Array, jacobian: Array, residual: float, 
 
 @kernel
 def line_equations(
-    arms: Array, offsets: Array, normals: Array, corner: float, hessian: Array, gradient: Array
+    arms: AnyArray, offsets: AnyArray, normals: AnyArray, corner: float, hessian: AnyArray, gradient: AnyArray
 ) -> tuple[float, int]:
     """Fill Gauss-Newton's equations of points and the wall points they belong to.
 

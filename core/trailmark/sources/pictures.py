@@ -5,12 +5,11 @@ from __future__ import annotations
 import re
 import struct
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import AnyArray
 from trailmark.errors import SourceError
 from trailmark.frames.png import check_png, is_png
 
@@ -24,7 +23,6 @@ __all__ = [
     "read_raw",
 ]
 
-Pixels = npt.NDArray[Any]
 
 #: What `image_folder` and its like take for a picture.
 PICTURE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".pnm", ".tif", ".tiff", ".webp"})
@@ -36,7 +34,7 @@ _PNM = re.compile(rb"P[1-6](?:\s|#[^\n]*\n)+(\d+)(?:\s|#[^\n]*\n)+(\d+)")
 _JPEG_END = b"\xff\xd9"
 
 
-def read_picture(path: Path, where: str, grey: bool | None = None) -> Pixels:
+def read_picture(path: Path, where: str, grey: bool | None = None) -> AnyArray:
     """Read a picture file.
 
     Parameters
@@ -56,7 +54,7 @@ def read_picture(path: Path, where: str, grey: bool | None = None) -> Pixels:
     return as_payload_pixels(read_raw(path, where), where, grey)
 
 
-def read_raw(path: Path, where: str) -> Pixels:
+def read_raw(path: Path, where: str) -> AnyArray:
     """Read a picture file of any depth and type, for depth pictures too; errors as for `read_picture`."""
     try:
         if path.exists() and not path.is_file():  # a list may name /dev/zero, which has no end
@@ -69,7 +67,7 @@ def read_raw(path: Path, where: str) -> Pixels:
     return decode_raw(data, where)
 
 
-def decode_raw(data: bytes, where: str) -> Pixels:
+def decode_raw(data: bytes, where: str) -> AnyArray:
     """Decode an encoded picture to whatever it holds; errors as for `read_picture`."""
     if not data:
         raise SourceError(f"{where}: the picture is empty (0 bytes)")
@@ -92,7 +90,7 @@ def decode_raw(data: bytes, where: str) -> Pixels:
     return decoded
 
 
-def as_payload_pixels(pixels: Pixels, where: str, grey: bool | None) -> Pixels:
+def as_payload_pixels(pixels: AnyArray, where: str, grey: bool | None) -> AnyArray:
     """Bring decoded pixels to what an `Image` holds: alpha dropped, 16-bit colour cut to 8 bits."""
     if pixels.dtype not in (np.uint8, np.uint16):
         raise SourceError(f"{where}: pixels of type {pixels.dtype} are no picture: 8 or 16 bits are understood")

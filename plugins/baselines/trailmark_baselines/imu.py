@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.estimates import Belief, Estimate, Fix, Lost, Motion, information_from_sigmas
 from trailmark.frames import Frame, Imu
 from trailmark.geometry import Pose2
@@ -15,8 +15,6 @@ from trailmark.interfaces import Localizer, Session
 from trailmark_baselines.config import ImuConfig
 
 __all__ = ["ImuLocalizer"]
-
-Array = npt.NDArray[np.float64]
 
 
 class ImuLocalizer(Localizer):
@@ -59,7 +57,7 @@ class ImuLocalizer(Localizer):
         turn = Pose2(0.0, 0.0, (before_radps + rate_radps) / 2.0 * dt_s)
         return Motion(since_s, stamp_s, turn, _of_heading(math.radians(self.config.turn_sigma_deg) * math.sqrt(dt_s)))
 
-    def _heading(self, stamp_s: float, quat_xyzw: Array, information: Array) -> Fix | Lost:
+    def _heading(self, stamp_s: float, quat_xyzw: Floats, information: Floats) -> Fix | Lost:
         norm = math.sqrt(quat_xyzw.dot(quat_xyzw))
         if not (math.isfinite(norm) and norm > 0.5):  # some drivers send zeros for "unknown"
             return Lost(stamp_s, f"the orientation is no rotation: its quaternion has norm {norm:.3g}")
@@ -68,11 +66,11 @@ class ImuLocalizer(Localizer):
         return Fix(stamp_s, Pose2(0.0, 0.0, heading_rad), information)
 
 
-def _of_heading(sigma_rad: float) -> Array:
+def _of_heading(sigma_rad: float) -> Floats:
     return information_from_sigmas(math.inf, math.inf, sigma_rad)
 
 
-def _rotation(quat_xyzw: Array) -> Array:
+def _rotation(quat_xyzw: Floats) -> Floats:
     x, y, z, w = quat_xyzw.tolist()
     return np.array(
         [

@@ -6,11 +6,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+
+from trailmark.arrays import Floats
 
 __all__ = ["Spread", "random_walk", "step_covariance"]
-
-Matrix = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +31,7 @@ class Spread:
     turn_rad2: float
 
 
-def step_covariance(forward_m: float, left_m: float, spread: Spread) -> Matrix:
+def step_covariance(forward_m: float, left_m: float, spread: Spread) -> Floats:
     """Return the covariance of a step's (x, y, theta), seen from where it began.
 
     The heading is a random walk along the step, so a step that ends at ``(x, y)`` misses to its side by what the

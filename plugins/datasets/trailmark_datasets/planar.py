@@ -7,13 +7,13 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.config import Mounting
 from trailmark.geometry import Pose3, Trajectory
 from trailmark.sources.frame_tree import R_SENSOR_OPTICAL
 
 __all__ = ["covered_stamps", "interpolated_poses", "mounting_pose", "planar_trajectory"]
 
-Matrix = npt.NDArray[np.float64]
 
 _SAME_INSTANT_S = 1e-6
 # Stamps of the same instant: lists have six decimals, files of true poses four.
@@ -29,7 +29,7 @@ def mounting_pose(mounting: Mounting | None) -> Pose3:
 
 
 def planar_trajectory(
-    stamps_s: Matrix, poses_world_camera: Matrix, pose_base_sensor: Pose3, begin_s: float | None = None
+    stamps_s: Floats, poses_world_camera: Floats, pose_base_sensor: Pose3, begin_s: float | None = None
 ) -> Trajectory:
     """Project camera poses to the plane of the base pose that a run begins with.
 
@@ -64,7 +64,7 @@ def planar_trajectory(
     return Trajectory(stamps_s, np.column_stack([T_first_base[:, 0, 3], T_first_base[:, 1, 3], headings]))
 
 
-def covered_stamps(wanted_s: Matrix, truth_s: Matrix, max_gap_s: float) -> npt.NDArray[np.bool_]:
+def covered_stamps(wanted_s: Floats, truth_s: Floats, max_gap_s: float) -> npt.NDArray[np.bool_]:
     """Return which stamps have a true pose of their own, or lie between two that are close enough together."""
     if len(truth_s) < 2:
         return np.zeros(len(wanted_s), dtype=np.bool_)
@@ -75,7 +75,7 @@ def covered_stamps(wanted_s: Matrix, truth_s: Matrix, max_gap_s: float) -> npt.N
     return np.asarray(inside & (is_bridged | (nearest_s <= _SAME_STAMP_S)))
 
 
-def interpolated_poses(wanted_s: Matrix, truth_s: Matrix, poses: Matrix) -> Matrix:
+def interpolated_poses(wanted_s: Floats, truth_s: Floats, poses: Floats) -> Floats:
     """Return homogeneous (M, 4, 4) poses between rows x y z qx qy qz qw (N, 7): straight lines, shortest rotations."""
     from scipy.spatial.transform import Rotation, Slerp
 

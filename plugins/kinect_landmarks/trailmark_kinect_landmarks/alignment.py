@@ -12,6 +12,7 @@ from itertools import combinations
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.errors import ShapeError
 from trailmark.geometry import Pose2
 from trailmark.geometry.rigid import kabsch
@@ -30,7 +31,6 @@ __all__ = [
     "refusal_of",
 ]
 
-Array = npt.NDArray[np.float64]
 
 #: Squared sigmas in two and three numbers: chi-square, 99.9 %.
 GATES = {2: 13.8, 3: 16.3}
@@ -91,14 +91,14 @@ class CloudAlignment:
         Root mean square distance of those that agree [m].
     """
 
-    R: Array
-    t: Array
-    covariance: Array
+    R: Floats
+    t: Floats
+    covariance: Floats
     inliers: npt.NDArray[np.bool_]
     residual_m: float
 
 
-def pose_from_two(A_start: Array, B_start: Array, A_now: Array, B_now: Array) -> Pose2:
+def pose_from_two(A_start: Floats, B_start: Floats, A_now: Floats, B_now: Floats) -> Pose2:
     """Return ``pose_start_now`` from two landmarks in the plane, in closed form.
 
     The turn is that of the line AB; the middle of AB stays where it is. Points (2,), x forward and y left [m].
@@ -122,7 +122,7 @@ def pose_from_two(A_start: Array, B_start: Array, A_now: Array, B_now: Array) ->
     return Pose2(float(middle[0]), float(middle[1]), theta)
 
 
-def refusal_of(points_b: Array, limits: AlignmentLimits) -> Refusal | None:
+def refusal_of(points_b: Floats, limits: AlignmentLimits) -> Refusal | None:
     """Return why landmarks, as seen now, cannot carry a pose; None when they can."""
     n, D = points_b.shape
     needed = max(limits.min_landmarks, D)
@@ -144,10 +144,10 @@ def refusal_of(points_b: Array, limits: AlignmentLimits) -> Refusal | None:
 
 
 def align(
-    points_a: Array,
-    points_b: Array,
-    cov_a: Array,
-    cov_b: Array,
+    points_a: Floats,
+    points_b: Floats,
+    cov_a: Floats,
+    cov_b: Floats,
     *,
     rng: np.random.Generator,
     limits: AlignmentLimits | None = None,
@@ -212,7 +212,7 @@ def align(
 
 
 def reachable(
-    points_a: Array, points_b: Array, cov_a: Array, cov_b: Array, expected: Expected
+    points_a: Floats, points_b: Floats, cov_a: Floats, cov_b: Floats, expected: Expected
 ) -> npt.NDArray[np.bool_]:
     """Return which landmarks are where they may be, given how sure the expectation is.
 
@@ -239,8 +239,8 @@ def reachable(
 
 
 def _from_expected(
-    points_a: Array, points_b: Array, cov_a: Array, cov_b: Array, expected: Expected
-) -> tuple[Array, Array, npt.NDArray[np.bool_]] | None:
+    points_a: Floats, points_b: Floats, cov_a: Floats, cov_b: Floats, expected: Expected
+) -> tuple[Floats, Floats, npt.NDArray[np.bool_]] | None:
     """Return where the expectation leads, and which landmarks agree with it; None when too few do.
 
     What is farther off than landmark and expectation allow moves by itself and is left out at once. The loss is as wide
@@ -268,14 +268,14 @@ def _sets(n: int, size: int, rng: np.random.Generator, n_tries: int) -> npt.NDAr
 
 
 def _consensus(
-    points_a: Array,
-    points_b: Array,
-    cov_a: Array,
-    cov_b: Array,
+    points_a: Floats,
+    points_b: Floats,
+    cov_a: Floats,
+    cov_b: Floats,
     expected: Expected | None,
     rng: np.random.Generator,
     n_tries: int,
-) -> tuple[Array, Array]:
+) -> tuple[Floats, Floats]:
     """Return the motion of the minimal set, or the expected one, with the least truncated cost."""
     n, D = points_a.shape
     sets = _sets(n, D, rng, n_tries)
@@ -291,8 +291,8 @@ def _consensus(
 
 
 def _whiten(
-    points_a: Array, points_b: Array, cov_a: Array, cov_b: Array, R: Array, t: Array
-) -> tuple[Array, Array, Array]:
+    points_a: Floats, points_b: Floats, cov_a: Floats, cov_b: Floats, R: Floats, t: Floats
+) -> tuple[Floats, Floats, Floats]:
     """Return residuals (N, D), their information (N, D, D) and squared lengths in sigmas (N,)."""
     residuals = points_a - points_b @ R.T - t
     information = np.linalg.inv(cov_a + R @ cov_b @ R.T)
@@ -301,22 +301,22 @@ def _whiten(
 
 
 def _within_gate(
-    points_a: Array, points_b: Array, cov_a: Array, cov_b: Array, R: Array, t: Array, slack: float = 1.0
+    points_a: Floats, points_b: Floats, cov_a: Floats, cov_b: Floats, R: Floats, t: Floats, slack: float = 1.0
 ) -> npt.NDArray[np.bool_]:
     squared = _whiten(points_a, points_b, cov_a, cov_b, R, t)[2]
     return np.asarray(squared < GATES[points_a.shape[1]] * slack)
 
 
 def _step(
-    points_a: Array,
-    points_b: Array,
-    cov_a: Array,
-    cov_b: Array,
-    R: Array,
-    t: Array,
+    points_a: Floats,
+    points_b: Floats,
+    cov_a: Floats,
+    cov_b: Floats,
+    R: Floats,
+    t: Floats,
     soft: float = _SOFT,
     expected: Expected | None = None,
-) -> tuple[Array, Array, Array, float]:
+) -> tuple[Floats, Floats, Floats, float]:
     """Return the motion after one Gauss-Newton step, its information and the weighted sum of squares before it."""
     residuals, information, squared = _whiten(points_a, points_b, cov_a, cov_b, R, t)
     weights = np.square(soft / (soft + squared))  # Geman & McClure: what hardly fits hardly counts
@@ -331,7 +331,7 @@ def _step(
     return _exp(delta[D:]) @ R, t + delta[:D], np.einsum("nij,nik->jk", J, informed), float(squared.sum())
 
 
-def jacobian(turned: Array) -> Array:
+def jacobian(turned: Floats) -> Floats:
     """Return d(R p + t) by translation and left rotation, (N, D, 3 or 6)."""
     n, D = turned.shape
     J = np.zeros((n, D, 3 if D == 2 else 6))
@@ -346,7 +346,7 @@ def jacobian(turned: Array) -> Array:
     return J
 
 
-def _exp(turn: Array) -> Array:
+def _exp(turn: Floats) -> Floats:
     """Return the rotation matrix of a small turn: an angle (1,), or a rotation vector (3,) [rad]."""
     if len(turn) == 1:
         c, s = math.cos(turn[0]), math.sin(turn[0])
@@ -359,7 +359,7 @@ def _exp(turn: Array) -> Array:
     return np.asarray(np.eye(3) + math.sin(angle) * K + (1.0 - math.cos(angle)) * (K @ K))
 
 
-def planar_covariance(alignment: CloudAlignment) -> Array:
+def planar_covariance(alignment: CloudAlignment) -> Floats:
     """Return the (3, 3) covariance of x, y and heading, the heading being that of the turned x axis."""
     if len(alignment.t) == 2:
         return alignment.covariance

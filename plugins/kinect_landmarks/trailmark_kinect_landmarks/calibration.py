@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.errors import ConfigError
 from trailmark.frames import DepthCamera
 from trailmark.geometry import Pose3
@@ -18,7 +19,6 @@ from trailmark.kernels import kernel
 
 __all__ = ["Crop", "depth_pixels", "optical_transform", "ratios", "register_depth", "sensor_transform"]
 
-Array = npt.NDArray[np.float64]
 
 _OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # optical axes in sensor axes, REP-103
 
@@ -77,7 +77,7 @@ def ratios(depth_size: tuple[int, int], crop_size: tuple[int, int]) -> tuple[flo
 
 
 def depth_pixels(
-    uv: Array, crop: Crop, colour_size: tuple[int, int], depth_size: tuple[int, int]
+    uv: Floats, crop: Crop, colour_size: tuple[int, int], depth_size: tuple[int, int]
 ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.bool_]]:
     """Return the depth pixels of colour pixels, Eqs. (5) and (6), and which of them exist.
 
@@ -98,7 +98,7 @@ def depth_pixels(
     return np.clip(final, 0, last), exists
 
 
-def optical_transform(pose_colour_depth: Pose3) -> Array:
+def optical_transform(pose_colour_depth: Pose3) -> Floats:
     """Return the (4, 4) transform from the depth camera's optical axes to the colour camera's.
 
     The pose is between sensor axes (x forward, y left, z up), as every pose of a sensor is.
@@ -108,7 +108,7 @@ def optical_transform(pose_colour_depth: Pose3) -> Array:
     return np.asarray(axes.T @ pose_colour_depth.matrix() @ axes)
 
 
-def sensor_transform(T_colour_depth: Array) -> Pose3:
+def sensor_transform(T_colour_depth: Floats) -> Pose3:
     """Return the pose between the sensor axes of a (4, 4) transform between the optical axes."""
     axes = np.eye(4)
     axes[:3, :3] = _OPTICAL

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.errors import ConfigError
 from trailmark.frames import RGBD, DepthCamera, Pinhole, Scan, SensorInfo
 from trailmark.geometry import Pose3
@@ -22,7 +23,6 @@ from trailmark_kinect_landmarks.triangulation import DepthKind, Sights, pixel_an
 
 __all__ = ["DepthPixels", "LandmarkCamera", "alignment_limits"]
 
-Array = npt.NDArray[np.float64]
 
 _MAX_BEAM_GAP_RAD = math.radians(1.0)
 _MAX_BEAM_HEIGHT_M = 0.15  # a landmark this near to the laser's plane is what the laser sees
@@ -47,8 +47,8 @@ class DepthPixels:
     """
 
     sights: Sights
-    points_base: Array
-    cov_base: Array
+    points_base: Floats
+    cov_base: Floats
     from_scan: npt.NDArray[np.bool_]
 
 
@@ -108,7 +108,7 @@ class LandmarkCamera:
 
     def measure(
         self,
-        uv: Array,
+        uv: Floats,
         depth_m: npt.NDArray[np.float32],
         sigma_px: float,
         scan: Scan | None = None,
@@ -130,7 +130,7 @@ class LandmarkCamera:
         R = self._R_base_camera
         return DepthPixels(seen, self._info.pose_base_sensor.transform(points_sensor), R @ cov @ R.T, filled)
 
-    def project(self, points_base: Array, size: tuple[int, int]) -> Array:
+    def project(self, points_base: Floats, size: tuple[int, int]) -> Floats:
         """Return the pixels of points, (N, 2); NaN for those behind the camera."""
         lens = self.lens(size)
         ahead, left, up = self.in_camera(points_base).T
@@ -148,7 +148,7 @@ class LandmarkCamera:
             found[known] = np.asarray(uv).reshape(-1, 2)
         return found
 
-    def in_camera(self, points_base: Array) -> Array:
+    def in_camera(self, points_base: Floats) -> Floats:
         """Return points in the camera's sensor axes (x forward, y left, z up), (N, 3) [m]."""
         at = self._info.pose_base_sensor
         return np.asarray((points_base - (at.x, at.y, at.z)) @ self._R_base_camera)
@@ -200,7 +200,7 @@ def _by_crop(depth_m: npt.NDArray[np.float32], crop: Crop, size: tuple[int, int]
     return np.where(has_row[:, None] & has_column[None, :], looked_up, np.float32(np.nan))
 
 
-def _linear_pixels(alpha: Array, beta: Array, lens: Pinhole, size: tuple[int, int]) -> Array:
+def _linear_pixels(alpha: Floats, beta: Floats, lens: Pinhole, size: tuple[int, int]) -> Floats:
     half = np.arctan([size[0] / 2.0 / lens.fx, size[1] / 2.0 / lens.fy])
     scale = np.array(size) / 2.0 / half
     return np.asarray(np.stack([lens.cx + alpha * scale[0], lens.cy - beta * scale[1]], axis=1))

@@ -8,9 +8,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Bgr8
+
 __all__ = ["HUES", "SATURATIONS", "Light", "colour_index", "compensate", "histograms", "picture_light", "similarity"]
 
-Bgr = npt.NDArray[np.uint8]
 
 HUES, SATURATIONS, _GREYS = 12, 2, 4
 _N_BINS = HUES * SATURATIONS + _GREYS  # coloured pixels by hue and saturation, the rest by brightness
@@ -56,7 +57,7 @@ class Light:
         return min(max(gain, min(1.0, most)), max(1.0, most))
 
 
-def compensate(bgr: Bgr, gain: float, max_gain: float = 6.0) -> Bgr:
+def compensate(bgr: Bgr8, gain: float, max_gain: float = 6.0) -> Bgr8:
     """Return the picture as it would look in the reference light.
 
     Parameters

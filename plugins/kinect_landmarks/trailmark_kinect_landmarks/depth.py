@@ -8,12 +8,11 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Depth, Floats
 from trailmark.frames import Scalar, Scan
 
 __all__ = ["DepthLimits", "as_scan", "correct_depth", "depth_at", "depth_sigma", "scan_depth"]
 
-Array = npt.NDArray[np.float64]
-Picture = npt.NDArray[np.float32]
 
 _ONE_BEAM_RAD = 0.1  # any step will do
 _SATURATED = 250  # grey level of a highlight
@@ -40,7 +39,7 @@ class DepthLimits:
     flying_share: float = 0.03
 
 
-def correct_depth(depth_m: Picture, grey: npt.NDArray[np.uint8] | None, limits: DepthLimits) -> Picture:
+def correct_depth(depth_m: Depth, grey: npt.NDArray[np.uint8] | None, limits: DepthLimits) -> Depth:
     """Return depth without flying pixels, without what shines, and with small holes filled.
 
     Parameters
@@ -69,7 +68,7 @@ def correct_depth(depth_m: Picture, grey: npt.NDArray[np.uint8] | None, limits: 
     return np.asarray(corrected, dtype=np.float32)
 
 
-def depth_at(depth_m: Picture, uv: Array, radius_px: int = 2, limits: DepthLimits | None = None) -> Array:
+def depth_at(depth_m: Depth, uv: Floats, radius_px: int = 2, limits: DepthLimits | None = None) -> Floats:
     """Return the median depth around pixels, NaN where there is too little of it or two surfaces meet.
 
     Parameters
@@ -106,7 +105,7 @@ def depth_at(depth_m: Picture, uv: Array, radius_px: int = 2, limits: DepthLimit
     return np.where(enough & one_surface, middle, np.nan)
 
 
-def depth_sigma(depth_m: Array) -> Array:
+def depth_sigma(depth_m: Floats) -> Floats:
     """Return the standard deviation of a structured-light depth, (N,) [m]."""
     return np.asarray(_KINECT_SIGMA * np.square(depth_m) + 1e-3)
 
@@ -118,7 +117,7 @@ def as_scan(payload: Scan | Scalar) -> Scan:
     return Scan(np.array([payload.value if payload.value > 0.0 else np.nan]), 0.0, _ONE_BEAM_RAD)
 
 
-def scan_depth(scan: Scan, bearings_rad: Array, max_gap_rad: float) -> Array:
+def scan_depth(scan: Scan, bearings_rad: Floats, max_gap_rad: float) -> Floats:
     """Return the ranges of a laser in given directions, NaN where no beam came back near enough.
 
     Parameters

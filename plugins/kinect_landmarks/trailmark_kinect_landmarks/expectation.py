@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from trailmark.arrays import Floats as Array
+from trailmark.arrays import Floats
 from trailmark_kinect_landmarks.systematic import Rates
 
 __all__ = ["Expectation", "Expected"]
@@ -32,13 +32,13 @@ class Expected:
         ... and of the turn about any axis [rad].
     """
 
-    R: Array
-    t: Array
-    sigma_m: Array
+    R: Floats
+    t: Floats
+    sigma_m: Floats
     sigma_rad: float
 
     @property
-    def information(self) -> Array:
+    def information(self) -> Floats:
         """Inverse covariance of translation and rotation, (3, 3) or (6, 6)."""
         D = len(self.t)
         n = 3 if D == 2 else 6
@@ -46,7 +46,7 @@ class Expected:
         information[:D, :D] = self.R @ np.diag(np.asarray(self.sigma_m) ** -2.0) @ self.R.T
         return information
 
-    def begun_from(self, covariance: Array) -> Expected:
+    def begun_from(self, covariance: Floats) -> Expected:
         """Return the same motion, no surer than the planar pose that it begins from.
 
         Parameters
@@ -58,7 +58,7 @@ class Expected:
         sigma_rad = math.hypot(self.sigma_rad, math.sqrt(float(covariance[2, 2])))
         return replace(self, sigma_m=np.hypot(self.sigma_m, spread_m), sigma_rad=sigma_rad)
 
-    def seen_from(self, R: Array, t: Array) -> Array:
+    def seen_from(self, R: Floats, t: Floats) -> Floats:
         """Return how far it is from another motion: translation, and rotation on the left, (3,) or (6,)."""
         turn = self.R @ R.T
         if len(t) == 2:
@@ -77,16 +77,16 @@ class Expectation:
     """
 
     def __init__(self) -> None:
-        self._poses: list[tuple[float, Array]] = []  # the last two: stamps and T_map_base
+        self._poses: list[tuple[float, Floats]] = []  # the last two: stamps and T_map_base
         self._variance_m2, self._variance_rad2 = np.full(3, _UNKNOWN_M**2), _UNKNOWN_RAD**2
         self._n_learned = 0
 
     @property
-    def last(self) -> tuple[float, Array] | None:
+    def last(self) -> tuple[float, Floats] | None:
         """Stamp and pose of the last answer; the stamp is -inf for a known start; None: lost."""
         return self._poses[-1] if self._poses else None
 
-    def begin(self, stamp_s: float, T_map_base: Array) -> None:
+    def begin(self, stamp_s: float, T_map_base: Floats) -> None:
         """Begin anew at a pose."""
         self._poses = [(stamp_s, T_map_base)]
         self._variance_m2, self._variance_rad2 = np.full(3, _UNKNOWN_M**2), _UNKNOWN_RAD**2
@@ -96,7 +96,7 @@ class Expectation:
         """Expect nothing."""
         self._poses = []
 
-    def took(self, stamp_s: float, T_map_base: Array) -> None:
+    def took(self, stamp_s: float, T_map_base: Floats) -> None:
         """Take a pose that was found, and learn how good the expectation was."""
         expected = self.pose(stamp_s)
         if expected is not None and len(self._poses) == 2:
@@ -109,7 +109,7 @@ class Expectation:
             self._variance_rad2 += gain * (turn_rad**2 - self._variance_rad2)
         self._poses = [*self._poses[-1:], (stamp_s, T_map_base)]
 
-    def pose(self, stamp_s: float) -> Array | None:
+    def pose(self, stamp_s: float) -> Floats | None:
         """Return T_map_base expected at a stamp; None without a pose to begin from."""
         if not self._poses:
             return None

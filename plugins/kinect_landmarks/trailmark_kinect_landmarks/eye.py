@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.frames import RGBD, Scan
 from trailmark_kinect_landmarks.camera import LandmarkCamera
 from trailmark_kinect_landmarks.colour import Light, compensate, picture_light
@@ -19,7 +20,6 @@ from trailmark_kinect_landmarks.landmarks import KINDS, SeenLandmarks, anchors, 
 
 __all__ = ["LandmarkDetector", "PreparedImage"]
 
-Array = npt.NDArray[np.float64]
 Kinds = npt.NDArray[np.int8]
 
 _SIGMA_PX = {"corner": 1.0, "centre": 2.5}
@@ -90,7 +90,7 @@ class LandmarkDetector:
         grey = view.grey if scale == 1.0 else np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY), np.uint8)
         return PreparedImage(payload.bgr, view, grey, registered_m, depth_m, light.share_of(self.reference_light), scan)
 
-    def find(self, picture: PreparedImage, plan: SearchPlan, taken_uv: Array, n: int) -> SeenLandmarks:
+    def find(self, picture: PreparedImage, plan: SearchPlan, taken_uv: Floats, n: int) -> SeenLandmarks:
         """Return up to `n` landmarks that the finders see and that have depth, away from those that are known."""
         regions = find(picture.view, plan.finders)
         uv, strength = anchors(picture.grey, regions, self._config.point)
@@ -107,7 +107,7 @@ class LandmarkDetector:
         seen = self.look_at(picture, uv[rows], kind, side)
         return seen.rows(np.flatnonzero(np.isfinite(seen.points_base).all(axis=1))[:n])
 
-    def look_at(self, picture: PreparedImage, uv: Array, kind: Kinds, side_px: Array) -> SeenLandmarks:
+    def look_at(self, picture: PreparedImage, uv: Floats, kind: Kinds, side_px: Floats) -> SeenLandmarks:
         """Return what is seen at pixels; landmarks without depth have NaN points."""
         lens = self._camera.lens(picture.size)
         measured = self._camera.measure(uv, picture.depth_m, _SIGMA_PX[self._config.point], picture.scan)
@@ -116,7 +116,7 @@ class LandmarkDetector:
         return SeenLandmarks(uv, kind, size_m, histogram, vicinity, measured.points_base, measured.cov_base)
 
 
-def _has_depth(depth_m: npt.NDArray[np.float32], uv: Array) -> npt.NDArray[np.bool_]:
+def _has_depth(depth_m: npt.NDArray[np.float32], uv: Floats) -> npt.NDArray[np.bool_]:
     """Return which pixels have depth themselves."""
     last = np.array(depth_m.shape[::-1]) - 1
     whole = np.clip(np.rint(uv).astype(np.intp), 0, last)

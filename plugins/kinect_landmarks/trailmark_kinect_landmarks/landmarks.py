@@ -8,13 +8,12 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Floats, Grey8
 from trailmark_kinect_landmarks.colour import histograms
 from trailmark_kinect_landmarks.finders import Region
 
 __all__ = ["KINDS", "SeenLandmarks", "anchors", "describe", "point_covariances", "spread_out", "vicinities"]
 
-Array = npt.NDArray[np.float64]
-Grey = npt.NDArray[np.uint8]
 
 KINDS = ("blob", "edge", "rectangle", "circle", "ellipse", "line", "flat", "mser")
 
@@ -47,13 +46,13 @@ class SeenLandmarks:
         Of that [m^2].
     """
 
-    uv: Array
+    uv: Floats
     kind: npt.NDArray[np.int8]
-    size_m: Array
+    size_m: Floats
     histogram: npt.NDArray[np.float32]
     vicinity: npt.NDArray[np.float32]
-    points_base: Array
-    cov_base: Array
+    points_base: Floats
+    cov_base: Floats
 
     def __len__(self) -> int:
         return len(self.uv)
@@ -71,7 +70,7 @@ class SeenLandmarks:
         )
 
 
-def anchors(grey: Grey, regions: list[Region], at: str) -> tuple[Array, Array]:
+def anchors(grey: Grey8, regions: list[Region], at: str) -> tuple[Floats, Floats]:
     """Return the pixels that stand for regions, (N, 2), and how well marked each is, (N,).
 
     Parameters
@@ -99,7 +98,7 @@ def anchors(grey: Grey, regions: list[Region], at: str) -> tuple[Array, Array]:
     return _subpixel(grey, uv), strength
 
 
-def _subpixel(grey: Grey, uv: Array) -> Array:
+def _subpixel(grey: Grey8, uv: Floats) -> Floats:
     criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 10, 0.03)
     refined = cv2.cornerSubPix(grey, uv.astype(np.float32).reshape(-1, 1, 2), (3, 3), (-1, -1), criteria)
     refined = np.asarray(refined, dtype=np.float64).reshape(-1, 2)
@@ -107,7 +106,7 @@ def _subpixel(grey: Grey, uv: Array) -> Array:
     return np.where(near, refined, uv)
 
 
-def spread_out(uv: Array, strength: Array, taken_uv: Array, apart_px: float, n: int) -> npt.NDArray[np.intp]:
+def spread_out(uv: Floats, strength: Floats, taken_uv: Floats, apart_px: float, n: int) -> npt.NDArray[np.intp]:
     """Return the best marked pixels, best first, none nearer than `apart_px` to another or to one that is taken.
 
     Parameters
@@ -141,7 +140,7 @@ def spread_out(uv: Array, strength: Array, taken_uv: Array, apart_px: float, n: 
     return np.array(kept, dtype=np.intp)
 
 
-def vicinities(grey: Grey, uv: Array) -> npt.NDArray[np.float32]:
+def vicinities(grey: Grey8, uv: Floats) -> npt.NDArray[np.float32]:
     """Return the brightness around pixels on a coarse grid, (N, 64), each with mean 0 and length 1."""
     cell = _VICINITY_PX // _VICINITY_CELLS
     smooth = cv2.blur(grey, (cell, cell)).astype(np.float32)
@@ -154,14 +153,14 @@ def vicinities(grey: Grey, uv: Array) -> npt.NDArray[np.float32]:
     return np.asarray(patches / np.maximum(lengths, 1e-6), dtype=np.float32)
 
 
-def describe(grey: Grey, index: Grey, uv: Array) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+def describe(grey: Grey8, index: Grey8, uv: Floats) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
     """Return histograms (N, B), each with sum 1, and vicinities (N, C) of pixels; see `SeenLandmarks`."""
     step = index.shape[1] / grey.shape[1]  # colour classes may be made at a lower resolution
     near, wide = (histograms(index, uv * step, max(1, round(radius * step))) for radius in (_NEAR_PX, _WIDE_PX))
     return np.concatenate([near, wide], axis=1) * np.float32(0.5), vicinities(grey, uv)
 
 
-def point_covariances(points_sensor: Array, sigma_px: Array, sigma_depth_m: Array, focal_px: float) -> Array:
+def point_covariances(points_sensor: Floats, sigma_px: Floats, sigma_depth_m: Floats, focal_px: float) -> Floats:
     """Return the covariances of points, (N, 3, 3): long along the ray by the depth, thin across it by the pixel.
 
     Parameters

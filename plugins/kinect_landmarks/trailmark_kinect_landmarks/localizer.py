@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from trailmark.arrays import Floats as Array
+from trailmark.arrays import Floats
 from trailmark.errors import ShapeError
 from trailmark.estimates import Belief, Estimate, Fix, Lost, Motion, information_from_covariance
 from trailmark.frames import RGBD, Frame, Scalar, Scan
@@ -70,7 +70,7 @@ class KinectLandmarks(Localizer):
         self._scan: Scan | None = None
         self._expectation = Expectation()
         self._start_pose: Pose2 | None = None
-        self._told: tuple[float, Pose2, Array] | None = None
+        self._told: tuple[float, Pose2, Floats] | None = None
         self._counts = {"lost": 0, "restarts": 0, "relocalized": 0, "registered": 0}
         if session.mode != "teach":
             self._load()
@@ -251,7 +251,7 @@ class KinectLandmarks(Localizer):
             self._expectation.forget()  # the start pose did not fit the map: search all of it
         return Lost(stamp_s, reason, details)
 
-    def _remember(self, stamp_s: float, belief: Belief, T_map_base: Array, rows: npt.NDArray[np.intp]) -> None:
+    def _remember(self, stamp_s: float, belief: Belief, T_map_base: Floats, rows: npt.NDArray[np.intp]) -> None:
         """Keep new landmarks in the localizer map while teaching."""
         localizer_map = self._session.map
         if self._session.mode != "teach" or localizer_map is None or len(rows) == 0:

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from trailmark.arrays import Floats as Array
-from trailmark.arrays import Indices as Rows
+from trailmark.arrays import Floats, Indices
 from trailmark.errors import StoreError
 from trailmark.geometry import wrap_angles
 from trailmark_kinect_landmarks.landmarks import SeenLandmarks
@@ -59,11 +58,11 @@ class Anchor:
         What systematic errors had grown on until there.
     """
 
-    T_map_base: Array
-    covariance: Array
+    T_map_base: Floats
+    covariance: Floats
     drift: TravelledWay = TravelledWay()
 
-    def numbers(self) -> Array:
+    def numbers(self) -> Floats:
         """Return x, y, heading, way and turn, (5,)."""
         T = self.T_map_base
         heading_rad = math.atan2(T[1, 0], T[0, 0])
@@ -104,12 +103,12 @@ class LandmarkMemory:
     """
 
     limits: MemoryLimits = field(default_factory=MemoryLimits)
-    points: Array = _rows(3)
-    cov: Array = _rows(3, 3)
-    anchor_cov: Array = _rows(3, 3)
-    anchor: Array = _rows(5)
+    points: Floats = _rows(3)
+    cov: Floats = _rows(3, 3)
+    anchor_cov: Floats = _rows(3, 3)
+    anchor: Floats = _rows(5)
     kind: npt.NDArray[np.int8] = field(default_factory=lambda: np.empty(0, np.int8))
-    size_m: Array = _rows()
+    size_m: Floats = _rows()
     histogram: npt.NDArray[np.float32] = field(default_factory=lambda: np.empty((0, 0), np.float32))
     vicinity: npt.NDArray[np.float32] = field(default_factory=lambda: np.empty((0, 0), np.float32))
     n_seen: npt.NDArray[np.intp] = field(default_factory=lambda: np.empty(0, np.intp))
@@ -122,11 +121,11 @@ class LandmarkMemory:
     def __len__(self) -> int:
         return len(self.points)
 
-    def votes(self, rows: Rows) -> npt.NDArray[np.bool_]:
+    def votes(self, rows: Indices) -> npt.NDArray[np.bool_]:
         """Return which landmarks may vote on the pose: on trial no longer, and not moved."""
         return np.asarray((self.n_seen[rows] >= self.limits.trial) & ~self.is_moved[rows])
 
-    def add(self, seen: SeenLandmarks, anchor: Anchor, is_trusted: bool) -> Rows:
+    def add(self, seen: SeenLandmarks, anchor: Anchor, is_trusted: bool) -> Indices:
         """Remember what is seen from a pose; returns the new rows. `is_trusted` spares them the trial."""
         n, first = len(seen), len(self)
         R_map_base, t_map_base = anchor.T_map_base[:3, :3], anchor.T_map_base[:3, 3]
@@ -146,7 +145,7 @@ class LandmarkMemory:
         )
         return np.arange(first, first + n)
 
-    def drift(self, rows: Rows, T_map_base: Array, depth_m: float) -> TravelledWay:
+    def drift(self, rows: Indices, T_map_base: Floats, depth_m: float) -> TravelledWay:
         """Return what systematic errors have grown on, for a pose that is taken from some landmarks.
 
         To the way at which each was remembered comes the way from there: who returns to where it began has drifted no
@@ -166,7 +165,7 @@ class LandmarkMemory:
         for name in (*_STORED, "n_against", "is_moved", "last_seen", "is_taught"):
             setattr(self, name, getattr(self, name)[:0])
 
-    def agree(self, rows: Rows, points_map: Array, cov_map: Array) -> None:
+    def agree(self, rows: Indices, points_map: Floats, cov_map: Floats) -> None:
         """Take sightings that agree with the pose: refine the points, end trials, forgive.
 
         A Kalman update each, with a fading memory: never more certain than `_MEMORY` sightings.
@@ -180,12 +179,12 @@ class LandmarkMemory:
         self.n_against[rows] = 0
         self.last_seen[rows] = self._picture
 
-    def disagree(self, rows: Rows) -> None:
+    def disagree(self, rows: Indices) -> None:
         """Take sightings against the pose, Eqs. (1)-(2): what keeps moving against the others is set aside."""
         self.n_against[rows] += 1
         self.is_moved[rows] |= self.n_against[rows] >= self.limits.moved_after
 
-    def forget(self, in_sight: Rows) -> Rows | None:
+    def forget(self, in_sight: Indices) -> Indices | None:
         """Begin a new picture, and remove landmarks of too little use.
 
         A trial ends where it was not passed within `_TRIAL_PICTURES`. Beyond `MemoryLimits.most` go first the landmarks
@@ -224,7 +223,7 @@ class LandmarkMemory:
         numbers[kept] = np.arange(len(kept))
         return numbers
 
-    def arrays(self, rows: Rows | None = None) -> dict[str, npt.NDArray[Any]]:
+    def arrays(self, rows: Indices | None = None) -> dict[str, npt.NDArray[Any]]:
         """Return the arrays of some landmarks, or of all, that a store keeps."""
         which = slice(None) if rows is None else rows
         return {name: np.asarray(getattr(self, name)[which]) for name in _STORED}

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Float32s, Floats, Indices
 from trailmark_kinect_landmarks.colour import similarity
 
 __all__ = [
@@ -18,9 +19,6 @@ __all__ = [
     "resemblance_where",
 ]
 
-Array = npt.NDArray[np.float64]
-Floats = npt.NDArray[np.float32]
-Pairs = npt.NDArray[np.intp]
 
 _FLOW_WINDOW = (17, 17)
 _FLOW_LEVELS = 3
@@ -29,8 +27,8 @@ _SIZE_RATIO = 2.5
 
 
 def follow(
-    before: npt.NDArray[np.uint8], now: npt.NDArray[np.uint8], uv: Array, guess_uv: Array | None = None
-) -> tuple[Array, npt.NDArray[np.bool_]]:
+    before: npt.NDArray[np.uint8], now: npt.NDArray[np.uint8], uv: Floats, guess_uv: Floats | None = None
+) -> tuple[Floats, npt.NDArray[np.bool_]]:
     """Return where pixels went between two pictures by optical flow (Lucas & Kanade, pyramids), and which did not.
 
     Parameters
@@ -65,8 +63,8 @@ def follow(
 
 
 def resemblance(
-    histogram: Floats, vicinity: Floats, other_histogram: Floats, other_vicinity: Floats, by_colour: bool = True
-) -> Floats:
+    histogram: Float32s, vicinity: Float32s, other_histogram: Float32s, other_vicinity: Float32s, by_colour: bool = True
+) -> Float32s:
     """Return how alike landmarks are, (N, M): the mean of the likeness of colours and of vicinities, at most 1.
 
     Parameters
@@ -91,12 +89,12 @@ def resemblance(
 
 def resemblance_where(
     possible: npt.NDArray[np.bool_],
-    histogram: Floats,
-    vicinity: Floats,
-    other_histogram: Floats,
-    other_vicinity: Floats,
+    histogram: Float32s,
+    vicinity: Float32s,
+    other_histogram: Float32s,
+    other_vicinity: Float32s,
     by_colour: bool = True,
-) -> Floats:
+) -> Float32s:
     """Return the same of the possible pairs alone, (N, M), and -1 for all others: most stand elsewhere.
 
     Parameters
@@ -125,15 +123,15 @@ def resemblance_where(
     return scores
 
 
-def is_near(uv: Array, expected_uv: Array, radius_px: float) -> npt.NDArray[np.bool_]:
+def is_near(uv: Floats, expected_uv: Floats, radius_px: float) -> npt.NDArray[np.bool_]:
     """Return which pixels are within a square around others, (N, M)."""
     miss_px = np.abs(uv[:, None, :] - expected_uv[None]).max(axis=2)
     return np.asarray(miss_px <= radius_px)
 
 
 def match_near(
-    alike: Floats, uv: Array, expected_uv: Array, radius_px: float, size: Array, other_size: Array, least: float
-) -> Pairs:
+    alike: Float32s, uv: Floats, expected_uv: Floats, radius_px: float, size: Floats, other_size: Floats, least: float
+) -> Indices:
     """Return pairs (seen, remembered) that look alike, are of like size and near where they should be.
 
     Each is the other's best; (K, 2).
@@ -164,7 +162,7 @@ def match_near(
     return _mutual(np.where(possible, alike, -1.0).astype(np.float32), least)
 
 
-def match_anywhere(alike: Floats, size: Array, other_size: Array, least: float, n_each: int = 3) -> Pairs:
+def match_anywhere(alike: Float32s, size: Floats, other_size: Floats, least: float, n_each: int = 3) -> Indices:
     """Return candidate pairs (seen, remembered), up to `n_each` for each that is seen; (K, 2).
 
     Parameters
@@ -193,7 +191,7 @@ def match_anywhere(alike: Floats, size: Array, other_size: Array, least: float, 
     return np.asarray(pairs[np.flatnonzero(good)], dtype=np.intp)
 
 
-def consistent(pairs: Pairs, points_base: Array, points_map: Array, tolerance: float = 0.04) -> Pairs:
+def consistent(pairs: Indices, points_base: Floats, points_map: Floats, tolerance: float = 0.04) -> Indices:
     """Return the largest group of pairs whose landmarks stand as far from one another now as they did.
 
     The neighbourhood is identity: distances between landmarks do not depend on where the robot is. Grown greedily
@@ -221,12 +219,12 @@ def consistent(pairs: Pairs, points_base: Array, points_map: Array, tolerance: f
     return np.asarray(pairs[np.sort(kept)], dtype=np.intp)
 
 
-def _like_size(size: Array, other_size: Array) -> npt.NDArray[np.bool_]:
+def _like_size(size: Floats, other_size: Floats) -> npt.NDArray[np.bool_]:
     ratio = size[:, None] / np.maximum(other_size[None], 1e-6)
     return np.asarray((ratio < _SIZE_RATIO) & (ratio > 1.0 / _SIZE_RATIO))
 
 
-def _mutual(scores: Floats, least: float) -> Pairs:
+def _mutual(scores: Float32s, least: float) -> Indices:
     best = scores.argmax(axis=1)
     rows = np.arange(len(scores))
     mutual = (scores.argmax(axis=0)[best] == rows) & (scores[rows, best] >= least)

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Bgr8
 from trailmark.errors import ConfigError
 from trailmark_kinect_landmarks.camera import LandmarkCamera
 from trailmark_kinect_landmarks.eye import PreparedImage
@@ -17,7 +18,6 @@ from trailmark_kinect_landmarks.tracker import TrackedLandmarks
 
 __all__ = ["StagePictures", "depth_colours"]
 
-Bgr = npt.NDArray[np.uint8]
 
 _FAR_M = 6.0
 _MARK = (60, 220, 60)
@@ -57,7 +57,7 @@ class StagePictures:
         self._n += 1
 
 
-def depth_colours(depth_m: npt.NDArray[np.float32]) -> Bgr:
+def depth_colours(depth_m: npt.NDArray[np.float32]) -> Bgr8:
     """Return depth as colours, near ones warm; black where unknown."""
     known = np.isfinite(depth_m)
     share = np.where(known, 255.0 * (1.0 - np.clip(depth_m / _FAR_M, 0.0, 1.0)), 0.0).astype(np.uint8)
@@ -66,7 +66,7 @@ def depth_colours(depth_m: npt.NDArray[np.float32]) -> Bgr:
     return coloured
 
 
-def _where_both_see(picture: PreparedImage) -> Bgr:
+def _where_both_see(picture: PreparedImage) -> Bgr8:
     """Return the compensated colour picture, dark where the depth camera does not look."""
     seen = np.isfinite(picture.registered_m)
     columns, rows = np.flatnonzero(seen.any(axis=0)), np.flatnonzero(seen.any(axis=1))
@@ -77,7 +77,7 @@ def _where_both_see(picture: PreparedImage) -> Bgr:
     return np.asarray(pixels, np.uint8)
 
 
-def _with_landmarks(bgr: Bgr, sighting: TrackedLandmarks) -> Bgr:
+def _with_landmarks(bgr: Bgr8, sighting: TrackedLandmarks) -> Bgr8:
     pixels = bgr.copy()
     for (u, v), kind, row in zip(np.rint(sighting.seen.uv).astype(int), sighting.seen.kind, sighting.rows, strict=True):
         cv2.rectangle(pixels, (int(u) - 7, int(v) - 7), (int(u) + 7, int(v) + 7), _MARK, 1)
@@ -86,7 +86,7 @@ def _with_landmarks(bgr: Bgr, sighting: TrackedLandmarks) -> Bgr:
     return pixels
 
 
-def _with_angles(bgr: Bgr, sighting: TrackedLandmarks, camera: LandmarkCamera) -> Bgr:
+def _with_angles(bgr: Bgr8, sighting: TrackedLandmarks, camera: LandmarkCamera) -> Bgr8:
     """Draw for every landmark the angle from the axis and the distance."""
     pixels = bgr.copy()
     height, width = pixels.shape[:2]

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Floats, Indices
 from trailmark_kinect_landmarks.alignment import (
     AlignmentLimits,
     CloudAlignment,
@@ -38,8 +39,6 @@ from trailmark_kinect_landmarks.systematic import TravelledWay
 
 __all__ = ["Solved", "TrackedLandmarks", "Tracker"]
 
-Array = npt.NDArray[np.float64]
-Rows = npt.NDArray[np.intp]
 
 _STILL_ALIKE = 0.35  # a followed landmark that looks less like itself has slid off
 _ENOUGH = 12  # landmarks that agree, so that those on trial need not be asked
@@ -62,12 +61,12 @@ class TrackedLandmarks:
     """
 
     seen: SeenLandmarks
-    rows: Rows
+    rows: Indices
 
     def __len__(self) -> int:
         return len(self.rows)
 
-    def pick(self, which: Rows | npt.NDArray[np.bool_]) -> TrackedLandmarks:
+    def pick(self, which: Indices | npt.NDArray[np.bool_]) -> TrackedLandmarks:
         """Return some of them."""
         return TrackedLandmarks(self.seen.rows(which), self.rows[which])
 
@@ -90,8 +89,8 @@ class Solved:
         What systematic errors have grown on; they are not in the covariance.
     """
 
-    T_map_base: Array
-    covariance: Array
+    T_map_base: Floats
+    covariance: Floats
     agreeing: TrackedLandmarks
     residual_m: float
     drift: TravelledWay
@@ -125,8 +124,8 @@ class Tracker:
         self._limits, self._rng = limits, rng
         self._level = LevelWatch(config.solve == "plane", notices=config.notice_tilt)
         self._before: PreparedImage | None = None
-        self._spread: Array | None = None  # covariance of the last pose of the few
-        self._followed: tuple[Rows, Array] = (np.empty(0, np.intp), np.empty((0, 2)))
+        self._spread: Floats | None = None  # covariance of the last pose of the few
+        self._followed: tuple[Indices, Floats] = (np.empty(0, np.intp), np.empty((0, 2)))
 
     @property
     def n_dimensions(self) -> int:
@@ -144,7 +143,7 @@ class Tracker:
         return self._level.notices_tilt(stamp_s, able.seen.points_base, self._memory.points[able.rows, 2])
 
     def look(
-        self, picture: PreparedImage, plan: SearchPlan, T_map_base: Array | None
+        self, picture: PreparedImage, plan: SearchPlan, T_map_base: Floats | None
     ) -> tuple[TrackedLandmarks, TrackedLandmarks]:
         """Return the landmarks that are found again, and all others that are seen; `T_map_base`: predicted."""
         numbers = self._memory.forget(self._followed[0])
@@ -238,13 +237,13 @@ class Tracker:
         taught = among.pick(np.asarray(self._memory.is_taught[among.rows] & ~self._memory.is_moved[among.rows]))
         return int(self._agree(*self._misses(solved, taught)).sum()) if len(taught) else 0
 
-    def _misses(self, solved: Solved, sighting: TrackedLandmarks) -> tuple[Array, Array]:
+    def _misses(self, solved: Solved, sighting: TrackedLandmarks) -> tuple[Floats, Floats]:
         R, t = solved.T_map_base[:3, :3], solved.T_map_base[:3, 3]
         points = sighting.seen.points_base @ R.T + t
         cov = R @ sighting.seen.cov_base @ R.T + _MODEL_SIGMA_M**2 * np.eye(3)
         return points - self._memory.points[sighting.rows], cov + self._memory.cov[sighting.rows]
 
-    def _most_telling(self, sighting: TrackedLandmarks) -> Rows:
+    def _most_telling(self, sighting: TrackedLandmarks) -> Indices:
         """Return the rows of the few landmarks that leave the planar pose least uncertain, chosen one by one.
 
         A landmark counts as exact as it was measured and as the pose from which it was remembered: old ones are
@@ -267,7 +266,7 @@ class Tracker:
             total = total + information[chosen[-1]]
         return np.array(sorted(chosen), dtype=np.intp)
 
-    def learn(self, solved: Solved, again: TrackedLandmarks, others: TrackedLandmarks) -> Rows:
+    def learn(self, solved: Solved, again: TrackedLandmarks, others: TrackedLandmarks) -> Indices:
         """Refine what agrees, count what does not, remember what is new; returns the rows that passed their trial."""
         misses, spread = self._misses(solved, again)
         points, cov = misses + self._memory.points[again.rows], spread - self._memory.cov[again.rows]
@@ -275,7 +274,7 @@ class Tracker:
         self._memory.agree(again.rows[agrees], points[agrees], cov[agrees])
         self._memory.disagree(again.rows[~agrees])
         agreeing = again.rows[agrees]
-        passed: Rows = agreeing[self._memory.n_seen[agreeing] == self._memory.limits.trial]
+        passed: Indices = agreeing[self._memory.n_seen[agreeing] == self._memory.limits.trial]
         rows, uv = self._followed
         stays = ~np.isin(rows, again.rows[~agrees])
         room = max(0, self._config.n_followed - int(agrees.sum()))
@@ -284,16 +283,16 @@ class Tracker:
         self._keep(rows[stays], uv[stays], new_rows, new.uv)
         return passed
 
-    def remember(self, others: TrackedLandmarks, anchor: Anchor) -> Rows:
+    def remember(self, others: TrackedLandmarks, anchor: Anchor) -> Indices:
         """Remember all that is seen from a pose that is taken for granted; returns the new rows."""
         rows = self._memory.add(others.seen, anchor, is_trusted=True)
         self._keep(np.empty(0, np.intp), np.empty((0, 2)), rows, others.seen.uv)
         return rows
 
-    def _keep(self, rows: Rows, uv: Array, new_rows: Rows, new_uv: Array) -> None:
+    def _keep(self, rows: Indices, uv: Floats, new_rows: Indices, new_uv: Floats) -> None:
         self._followed = np.concatenate([rows, new_rows]), np.concatenate([uv, new_uv])
 
-    def _follow(self, picture: PreparedImage, plan: SearchPlan, T_map_base: Array | None) -> TrackedLandmarks:
+    def _follow(self, picture: PreparedImage, plan: SearchPlan, T_map_base: Floats | None) -> TrackedLandmarks:
         """Follow the landmarks of the picture before; those that slid off or were set aside are let go."""
         rows, uv = self._followed
         kept = ~self._memory.is_moved[rows]
@@ -315,8 +314,8 @@ class Tracker:
         return TrackedLandmarks(seen.rows(still), rows[still])
 
     def _recognise(
-        self, found: SeenLandmarks, taken: Rows, picture: PreparedImage, plan: SearchPlan, T_map_base: Array | None
-    ) -> Rows:
+        self, found: SeenLandmarks, taken: Indices, picture: PreparedImage, plan: SearchPlan, T_map_base: Floats | None
+    ) -> Indices:
         """Return pairs (row of `found`, row of the memory), (K, 2)."""
         memory = self._memory
         free = ~memory.is_moved
@@ -344,7 +343,7 @@ class Tracker:
             pairs = match_near(alike, found.uv, expected, self._config.search_px, *sizes, self._config.alike)
         return np.stack([pairs[:, 0], rows[pairs[:, 1]]], axis=1)
 
-    def _expected_pixels(self, rows: Rows, picture: PreparedImage, T_map_base: Array) -> Array:
+    def _expected_pixels(self, rows: Indices, picture: PreparedImage, T_map_base: Floats) -> Floats:
         points_base = (self._memory.points[rows] - T_map_base[:3, 3]) @ T_map_base[:3, :3]
         return self._camera.project(points_base, picture.size)
 
@@ -376,14 +375,14 @@ class Tracker:
         self._before = self._spread = None
         self._followed = np.empty(0, np.intp), np.empty((0, 2))
 
-    def _agree(self, misses: Array, cov: Array, gate: float = _GATE) -> npt.NDArray[np.bool_]:
+    def _agree(self, misses: Floats, cov: Floats, gate: float = _GATE) -> npt.NDArray[np.bool_]:
         D = self.n_dimensions
         information = np.linalg.inv(cov[:, :D, :D])
         squared = np.einsum("ni,nij,nj->n", misses[:, :D], information, misses[:, :D])
         return np.atleast_1d(squared < gate)
 
 
-def _homogeneous(alignment: CloudAlignment) -> Array:
+def _homogeneous(alignment: CloudAlignment) -> Floats:
     D = len(alignment.t)
     T = np.eye(4)
     T[:D, :D], T[:D, 3] = alignment.R, alignment.t

@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.frames import Pinhole
 from trailmark.geometry import Pose2
 
@@ -29,7 +30,6 @@ __all__ = [
     "sights",
 ]
 
-Array = npt.NDArray[np.float64]
 DepthKind = Literal["z", "range"]
 AngleModel = Literal["pinhole", "linear"]
 
@@ -48,14 +48,14 @@ class Sights:
         Distance to the right of the axis, from the camera's plane, and above the axis [m].
     """
 
-    alpha: Array
-    beta: Array
-    dM: Array
-    dx: Array
-    dV: Array
-    dy: Array
+    alpha: Floats
+    beta: Floats
+    dM: Floats
+    dx: Floats
+    dV: Floats
+    dy: Floats
 
-    def points_sensor(self) -> Array:
+    def points_sensor(self) -> Floats:
         """Return the landmarks in sensor axes (x forward, y left, z up), (N, 3) [m]."""
         return np.stack([self.dV, -self.dx, self.dy], axis=-1)
 
@@ -89,7 +89,9 @@ class Abscissa:
         return "right" if self.Dir > 0.0 else "left"
 
 
-def pixel_angles(uv: Array, lens: Pinhole, size: tuple[int, int], model: AngleModel = "pinhole") -> tuple[Array, Array]:
+def pixel_angles(
+    uv: Floats, lens: Pinhole, size: tuple[int, int], model: AngleModel = "pinhole"
+) -> tuple[Floats, Floats]:
     """Return the angles alpha and beta of pixels.
 
     Parameters
@@ -119,7 +121,7 @@ def pixel_angles(uv: Array, lens: Pinhole, size: tuple[int, int], model: AngleMo
     return np.arctan(normal[:, 0]), -np.arctan(normal[:, 1])
 
 
-def _undistort(uv: Array, lens: Pinhole) -> Array:
+def _undistort(uv: Floats, lens: Pinhole) -> Floats:
     """Return pixels on the plane one metre before the camera, (N, 2)."""
     if not lens.distortion or len(uv) == 0:
         return np.asarray((uv - (lens.cx, lens.cy)) / (lens.fx, lens.fy))
@@ -129,7 +131,7 @@ def _undistort(uv: Array, lens: Pinhole) -> Array:
     return np.asarray(found.reshape(-1, 2), dtype=np.float64)
 
 
-def planar_range(ray_m: npt.ArrayLike, alpha: npt.ArrayLike, beta: npt.ArrayLike) -> Array:
+def planar_range(ray_m: npt.ArrayLike, alpha: npt.ArrayLike, beta: npt.ArrayLike) -> Floats:
     """Return the part in the plane of alpha of a distance along a ray in space, (N,) [m].
 
     The paper's Figure 3 looks from above, so its dM lies in that plane; a sensor measures along the ray.

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import AnyArray
 from trailmark.kernels import kernel
 
 __all__ = ["bearing_errors", "bearing_scales", "closed_form", "cost_and_step", "hypotheses", "refine", "support"]
 
-Array = npt.NDArray[Any]
-
 
 @kernel
-def bearing_errors(landmarks: Array, bearings: Array, pose: Array) -> Array:
+def bearing_errors(landmarks: AnyArray, bearings: AnyArray, pose: AnyArray) -> AnyArray:
     """Return measured minus predicted bearing of every landmark, alpha - beta of Eq. (4), in [-pi, pi) [rad]."""
     errors = np.empty(bearings.shape[0])
     for n in range(bearings.shape[0]):
@@ -27,7 +24,7 @@ def bearing_errors(landmarks: Array, bearings: Array, pose: Array) -> Array:
 
 
 @kernel
-def bearing_scales(landmarks: Array, covariances: Array, pose: Array, sigma_rad: float) -> Array:
+def bearing_scales(landmarks: AnyArray, covariances: AnyArray, pose: AnyArray, sigma_rad: float) -> AnyArray:
     """Return what makes the error of every landmark comparable: noise of a bearing over that of this one, (N,).
 
     What a landmark was mismeasured by across the line of sight is seen as an error of its bearing.
@@ -59,7 +56,7 @@ def bearing_scales(landmarks: Array, covariances: Array, pose: Array, sigma_rad:
 
 
 @kernel
-def closed_form(landmarks: Array, bearings: Array, weights: Array) -> Array:
+def closed_form(landmarks: AnyArray, bearings: AnyArray, weights: AnyArray) -> AnyArray:
     """Return the pose (x, y, theta) of at least three bearings; NaN where they do not define one.
 
     A landmark lies on its ray: ``sin(phi) (x - X) - cos(phi) (y - Y) = 0`` with ``phi = alpha + Theta``. In
@@ -103,7 +100,7 @@ def closed_form(landmarks: Array, bearings: Array, weights: Array) -> Array:
 
 
 @kernel
-def hypotheses(landmarks: Array, bearings: Array, gate_rad: float, every: int) -> tuple[Array, Array]:
+def hypotheses(landmarks: AnyArray, bearings: AnyArray, gate_rad: float, every: int) -> tuple[AnyArray, AnyArray]:
     """Return closed-form poses (T, 3), NaN where none is defined, and their `support`, (T,).
 
     The first is the pose of all bearings; the others are those of every `every`-th triple of them.
@@ -145,7 +142,7 @@ def hypotheses(landmarks: Array, bearings: Array, gate_rad: float, every: int) -
 
 
 @kernel
-def support(landmarks: Array, bearings: Array, pose: Array, gate_rad: float) -> float:
+def support(landmarks: AnyArray, bearings: AnyArray, pose: AnyArray, gate_rad: float) -> float:
     """Return how many landmarks agree with a pose, each the less the larger its error; -1 for no pose.
 
     Wrong matches that agree by chance fill the gate evenly and count two thirds, right ones nearly one.
@@ -179,7 +176,13 @@ def support(landmarks: Array, bearings: Array, pose: Array, gate_rad: float) -> 
 
 @kernel
 def cost_and_step(
-    landmarks: Array, bearings: Array, scales: Array, pose: Array, corner_rad: float, hessian: Array, gradient: Array
+    landmarks: AnyArray,
+    bearings: AnyArray,
+    scales: AnyArray,
+    pose: AnyArray,
+    corner_rad: float,
+    hessian: AnyArray,
+    gradient: AnyArray,
 ) -> float:
     """Accumulate the Gauss-Newton equations of the bearings with Huber weights; return the robust cost [rad^2].
 
@@ -226,7 +229,9 @@ def cost_and_step(
 
 
 @kernel
-def refine(landmarks: Array, bearings: Array, scales: Array, start: Array, corner_rad: float, iterations: int) -> Array:
+def refine(
+    landmarks: AnyArray, bearings: AnyArray, scales: AnyArray, start: AnyArray, corner_rad: float, iterations: int
+) -> AnyArray:
     """Return the pose of least robust bearing error near the start (Levenberg-Marquardt).
 
     Undamped steps run away on a few badly placed triples; damped ones never end worse than they began.

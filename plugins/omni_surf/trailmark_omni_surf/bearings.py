@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.errors import ShapeError
 from trailmark.geometry import Pose2, wrap_angles
 from trailmark_omni_surf.bearing_kernels import (
@@ -21,7 +22,6 @@ from trailmark_omni_surf.bearing_kernels import (
 
 __all__ = ["BearingFix", "BearingNoise", "locate"]
 
-Array = npt.NDArray[np.float64]
 
 _MAX_TRIPLES = 300
 _ELSEWHERE_M, _ELSEWHERE_RAD = 0.5, math.radians(10.0)
@@ -69,24 +69,24 @@ class BearingFix:
     """
 
     pose_map_base: Pose2
-    information: Array
-    errors_rad: Array
+    information: Floats
+    errors_rad: Floats
     is_inlier: npt.NDArray[np.bool_]
     support: float = 0.0
     rival_support: float = 0.0
 
-    def widest_gap_rad(self, bearings: Array) -> float:
+    def widest_gap_rad(self, bearings: Floats) -> float:
         """Return the widest angle between neighbours among the landmarks that agree, seen from the robot [rad]."""
         seen = np.sort(bearings[self.is_inlier])
         return float(np.diff(seen, append=seen[0] + 2.0 * math.pi).max())
 
 
 def locate(
-    landmarks: Array,
-    bearings: Array,
+    landmarks: Floats,
+    bearings: Floats,
     noise: BearingNoise | None = None,
     start: Pose2 | None = None,
-    covariances: Array | None = None,
+    covariances: Floats | None = None,
 ) -> BearingFix | None:
     """Return the pose that sees the landmarks under the bearings; None when they do not determine it.
 
@@ -133,7 +133,7 @@ def locate(
     return None if fix is None else replace(fix, rival_support=_rival_support(fix.pose_map_base, poses, supports))
 
 
-def _rival_support(pose: Pose2, poses: Array, supports: Array) -> float:
+def _rival_support(pose: Pose2, poses: Floats, supports: Floats) -> float:
     """Return the best support of a hypothesis that is elsewhere."""
     is_far = np.hypot(poses[:, 0] - pose.x, poses[:, 1] - pose.y) > _ELSEWHERE_M
     is_turned = np.abs(wrap_angles(poses[:, 2] - pose.theta)) > _ELSEWHERE_RAD
@@ -141,7 +141,7 @@ def _rival_support(pose: Pose2, poses: Array, supports: Array) -> float:
 
 
 def _refine_fix(
-    landmarks: Array, bearings: Array, covariances: Array, pose: Array, noise: BearingNoise
+    landmarks: Floats, bearings: Floats, covariances: Floats, pose: Floats, noise: BearingNoise
 ) -> BearingFix | None:
     """Refine over the landmarks within the gate, gate again, and refuse what is not determined."""
     is_inlier = np.abs(bearing_errors(landmarks, bearings, pose)) <= noise.gate_rad
@@ -165,7 +165,7 @@ def _refine_fix(
     return BearingFix(Pose2.from_array(pose), information, errors, is_inlier, agreeing)
 
 
-def _information(landmarks: Array, bearings: Array, scales: Array, pose: Array, sigma_rad: float) -> Array | None:
+def _information(landmarks: Floats, bearings: Floats, scales: Floats, pose: Floats, sigma_rad: float) -> Floats | None:
     """Return the information of the pose, with the noise as large as the residuals say it is, if larger."""
     hessian, gradient = np.empty((3, 3)), np.empty(3)
     squared = cost_and_step(landmarks, bearings, scales, pose, math.inf, hessian, gradient)
@@ -176,7 +176,7 @@ def _information(landmarks: Array, bearings: Array, scales: Array, pose: Array, 
     return np.asarray(hessian / variance)
 
 
-def _position_sigma(information: Array) -> float:
+def _position_sigma(information: Floats) -> float:
     """Return the standard deviation of the position along its worst direction [m]."""
     covariance = np.linalg.inv(information)
     return math.sqrt(max(0.0, float(np.linalg.eigvalsh(covariance[:2, :2])[-1])))

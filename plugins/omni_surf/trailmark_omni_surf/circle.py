@@ -10,13 +10,13 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.errors import ShapeError
 from trailmark.frames import Omni
 from trailmark_omni_surf.circle_kernels import rim_coverages
 
 __all__ = ["BearingCamera", "ImageCircle", "find_circle"]
 
-Array = npt.NDArray[np.float64]
 
 _N_SECTORS = 180
 _N_TRIALS = 1500
@@ -114,30 +114,30 @@ class BearingCamera:
         forward = math.radians(calibration.forward_deg)
         return cls(u, v, sign, forward, 0.2 * outer if inner is None else inner, outer)
 
-    def bearings(self, uv: Array) -> Array:
+    def bearings(self, uv: Floats) -> Floats:
         """Return the bearing of every pixel in sensor axes, counter-clockwise from forward, (N,) [rad]."""
         directions = np.arctan2(uv[:, 1] - self.centre_v, uv[:, 0] - self.centre_u)
         return np.asarray(np.mod(self.sign * (directions - self.forward_rad) + np.pi, 2.0 * np.pi) - np.pi)
 
-    def distances(self, uv: Array) -> Array:
+    def distances(self, uv: Floats) -> Floats:
         """Return the distance of every pixel from the image centre, (N,) [px]."""
         return np.hypot(uv[:, 0] - self.centre_u, uv[:, 1] - self.centre_v)
 
-    def pixels(self, bearings: Array, shares: Array) -> Array:
+    def pixels(self, bearings: Floats, shares: Floats) -> Floats:
         """Return the pixels under bearings [rad], (N, 2); shares run from the inner rim, 0, to the outer, 1."""
         inner, outer = self.radius_inner_px + 2.0, self.radius_outer_px - 2.0
         distances, directions = inner + shares * (outer - inner), self.forward_rad + self.sign * bearings
         offsets = distances * np.stack([np.cos(directions), np.sin(directions)])
         return np.asarray(offsets.T + np.array([self.centre_u, self.centre_v]))
 
-    def is_inside(self, uv: Array, margin_px: float = 4.0) -> npt.NDArray[np.bool_]:
+    def is_inside(self, uv: Floats, margin_px: float = 4.0) -> npt.NDArray[np.bool_]:
         """Return which pixels lie in the ring and at least a margin from its rims."""
         distances = self.distances(uv)
         is_within_rim = distances < self.radius_outer_px - margin_px
         return np.asarray(is_within_rim & (distances > self.radius_inner_px + margin_px))
 
 
-def _edges(image: npt.NDArray[np.uint8]) -> tuple[Array, Array]:
+def _edges(image: npt.NDArray[np.uint8]) -> tuple[Floats, Floats]:
     """Return edge pixels (N, 2) and their gradient directions as unit vectors (N, 2)."""
     smooth = cv2.GaussianBlur(image, (0, 0), 1.5)
     gradient_u = cv2.Sobel(smooth, cv2.CV_16S, 1, 0)
@@ -151,7 +151,7 @@ def _edges(image: npt.NDArray[np.uint8]) -> tuple[Array, Array]:
     return np.stack([columns, rows], axis=1).astype(np.float64), gradients / lengths
 
 
-def _candidates(points: Array, directions: Array, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
+def _candidates(points: Floats, directions: Floats, shape: tuple[int, ...], rng: np.random.Generator) -> Floats:
     """Return circles (u, v, radius) proposed by pairs of edge points, those of a sensible size and place."""
     i, j = rng.integers(0, len(points), (2, 20 * _N_TRIALS))
     cross = directions[i, 0] * directions[j, 1] - directions[i, 1] * directions[j, 0]
@@ -175,7 +175,7 @@ def _candidates(points: Array, directions: Array, shape: tuple[int, ...], rng: n
 
 
 def _judge(
-    circle: Array, points: Array, directions: Array, shape: tuple[int, ...], tolerance_px: float
+    circle: Floats, points: Floats, directions: Floats, shape: tuple[int, ...], tolerance_px: float
 ) -> tuple[ImageCircle, npt.NDArray[np.bool_]]:
     """Return the circle with its coverage, and which edges lie on it."""
     away = points - circle[:2]
@@ -196,7 +196,7 @@ def _judge(
 
 
 def _refine_circle(
-    circle: Array, points: Array, directions: Array, shape: tuple[int, ...], tolerance_px: float
+    circle: Floats, points: Floats, directions: Floats, shape: tuple[int, ...], tolerance_px: float
 ) -> ImageCircle:
     """Fit the circle to its own edges by Gauss-Newton, with a gate that closes."""
     for gate_px in (4.0, 3.0, 2.0, 2.0, 1.0, 1.0):
@@ -207,7 +207,7 @@ def _refine_circle(
     return _judge(circle, points, directions, shape, tolerance_px)[0]
 
 
-def _circle_step(points: Array, circle: Array) -> Any:
+def _circle_step(points: Floats, circle: Floats) -> Any:
     away = points - circle[:2]
     distances = np.maximum(np.hypot(away[:, 0], away[:, 1]), 1e-9)
     jacobian = np.column_stack([away / distances[:, None], np.ones(len(points))])

@@ -3,29 +3,26 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import AnyArray
 from trailmark.kernels import kernel
 
 __all__ = ["rim_coverages"]
 
-Array = npt.NDArray[Any]
-
 
 @kernel
 def rim_coverages(
-    circles: Array,
-    points: Array,
-    directions: Array,
+    circles: AnyArray,
+    points: AnyArray,
+    directions: AnyArray,
     width: int,
     height: int,
     tolerance_px: float,
     aligned: float,
     n_sectors: int,
-) -> Array:
+) -> AnyArray:
     """Return the share of each rim that is seen as an edge, of what lies inside the picture, (C,).
 
     Parameters

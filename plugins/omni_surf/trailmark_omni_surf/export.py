@@ -5,18 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.errors import ConfigError
 from trailmark.interfaces import Session
 from trailmark.stores import SqlitePathStore, SqliteStoreConfig
 
 __all__ = ["stored_candidates"]
 
-Array = npt.NDArray[np.float64]
 
-
-def stored_candidates(path: Path, localizer: str) -> tuple[Array, Array]:
+def stored_candidates(path: Path, localizer: str) -> tuple[Floats, Floats]:
     """Return the six features and the measured positions of all candidates, (N, 6) and (N, 2).
 
     Parameters

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Grey8
 from trailmark.geometry import Pose2
 from trailmark_omni_surf.bearings import BearingFix, BearingNoise, locate
 from trailmark_omni_surf.features import FeatureExtractor
@@ -17,7 +18,6 @@ from trailmark_omni_surf.tracking import track_points
 
 __all__ = ["NOTHING", "FlowOptions", "FlowResult", "by_detection", "by_tracking", "chance_agreements"]
 
-Grey = npt.NDArray[np.uint8]
 
 _MAX_CHANCE = 1e-2
 _MIN_EXPECTED = 5  # landmarks that must agree on a pose near where it was expected
@@ -78,7 +78,7 @@ class FlowResult:
 
 
 def by_detection(
-    image: Grey,
+    image: Grey8,
     extract: FeatureExtractor,
     landmarks: LandmarkMap,
     camera: PixelBearings,
@@ -149,8 +149,8 @@ def _is_expected(near: BearingFix, anywhere: BearingFix | None, found: BearingFi
 
 
 def by_tracking(
-    previous: Grey,
-    image: Grey,
+    previous: Grey8,
+    image: Grey8,
     last: FlowResult,
     landmarks: LandmarkMap,
     camera: PixelBearings,

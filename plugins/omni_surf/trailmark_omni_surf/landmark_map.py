@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.errors import StoreError
 from trailmark.geometry import Pose2
 from trailmark.paths import Keyframe
@@ -22,7 +23,6 @@ from trailmark_omni_surf.tracking import Observations
 
 __all__ = ["Candidates", "LandmarkMap", "keyframe_arrays", "measured_candidates"]
 
-Array = npt.NDArray[np.float64]
 
 _MIN_OBSERVATIONS = 3
 _MAX_EXEMPLARS = 6  # descriptors kept of one landmark
@@ -65,9 +65,9 @@ class Candidates:
     """
 
     ids: npt.NDArray[np.int64]
-    positions: Array
-    covariances: Array
-    features: Array
+    positions: Floats
+    covariances: Floats
+    features: Floats
     life: npt.NDArray[np.int64]
     exemplars: Sequence[npt.NDArray[np.float32]]
     sign: npt.NDArray[np.int8]
@@ -121,7 +121,7 @@ def measured_candidates(keyframes: Sequence[Keyframe], n_longest: int) -> Candid
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _PointSighting:
-    pose: Array
+    pose: Floats
     bearing: float
     distance_px: float
     descriptor: npt.NDArray[np.float32]
@@ -188,8 +188,8 @@ class LandmarkMap:
         The descriptors once more, as columns: matching runs along memory.
     """
 
-    positions: Array
-    covariances: Array
+    positions: Floats
+    covariances: Floats
     exemplars: npt.NDArray[np.float32]
     exemplar_sign: npt.NDArray[np.int8]
     first: npt.NDArray[np.intp]

@@ -9,12 +9,12 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.errors import ShapeError
 from trailmark.geometry import wrap_angles
 
 __all__ = ["FEATURE_NAMES", "LandmarkMeasurement", "landmark_features", "measure_landmark"]
 
-Array = npt.NDArray[np.float64]
 
 #: The six features that the selection looks at, in the paper's order.
 FEATURE_NAMES = (
@@ -45,15 +45,15 @@ class LandmarkMeasurement:
         Observations that agree.
     """
 
-    position: Array
-    covariance: Array
-    errors_rad: Array
+    position: Floats
+    covariance: Floats
+    errors_rad: Floats
     is_inlier: npt.NDArray[np.bool_]
 
 
 def measure_landmark(
-    poses: Array,
-    bearings: Array,
+    poses: Floats,
+    bearings: Floats,
     *,
     form: Literal["sine_cosine", "tangent"] = "sine_cosine",
     sigma_rad: float = math.radians(1.0),
@@ -99,8 +99,8 @@ def measure_landmark(
 
 
 def landmark_features(
-    poses: Array, bearings: Array, image_distances_px: Array, measurement: LandmarkMeasurement
-) -> Array:
+    poses: Floats, bearings: Floats, image_distances_px: Floats, measurement: LandmarkMeasurement
+) -> Floats:
     """Return the six features of a candidate, (6,), in the order of `FEATURE_NAMES`.
 
     Parameters
@@ -128,7 +128,7 @@ def landmark_features(
     )
 
 
-def _intersection(poses: Array, directions: Array, form: str) -> Array | None:
+def _intersection(poses: Floats, directions: Floats, form: str) -> Floats | None:
     """Return the least-squares intersection of the rays, Eq. (3); None when they are parallel."""
     if len(poses) < 2:
         return None
@@ -143,12 +143,12 @@ def _intersection(poses: Array, directions: Array, form: str) -> Array | None:
     return np.asarray(np.linalg.pinv(rows) @ right)
 
 
-def _residuals(position: Array, poses: Array, directions: Array) -> Array:
+def _residuals(position: Floats, poses: Floats, directions: Floats) -> Floats:
     to_landmark = position - poses[:, :2]
     return wrap_angles(directions - np.arctan2(to_landmark[:, 1], to_landmark[:, 0]))
 
 
-def _covariance(position: Array, poses: Array, errors: Array, sigma_rad: float) -> Array | None:
+def _covariance(position: Floats, poses: Floats, errors: Floats, sigma_rad: float) -> Floats | None:
     to_landmark = position - poses[:, :2]
     squared = np.maximum((to_landmark**2).sum(axis=1), 1e-4)
     jacobian = np.stack([-to_landmark[:, 1], to_landmark[:, 0]], axis=1) / squared[:, None]

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import AnyArray
 from trailmark.kernels import kernel
 
 __all__ = ["nearest_groups", "squared_unit_distances"]
 
-Array = npt.NDArray[Any]
-
 
 @kernel
 def squared_unit_distances(
-    query: Array, query_sign: Array, train_transposed: Array, train_sign: Array, out: Array
+    query: AnyArray, query_sign: AnyArray, train_transposed: AnyArray, train_sign: AnyArray, out: AnyArray
 ) -> None:
     """Write ``2 - 2 q.t`` of unit vectors to `out`, (N, M) float64; infinite between signs that differ.
 
@@ -45,8 +41,8 @@ def squared_unit_distances(
 
 @kernel
 def nearest_groups(
-    query: Array, query_sign: Array, train_transposed: Array, train_sign: Array, first: Array
-) -> tuple[Array, Array, Array, Array]:
+    query: AnyArray, query_sign: AnyArray, train_transposed: AnyArray, train_sign: AnyArray, first: AnyArray
+) -> tuple[AnyArray, AnyArray, AnyArray, AnyArray]:
     """Find for every query the group of vectors that has the nearest one, and the other way round.
 
     Parameters

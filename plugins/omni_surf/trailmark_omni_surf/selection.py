@@ -9,21 +9,20 @@ from pathlib import Path
 from zipfile import BadZipFile
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.errors import ConfigError, ShapeError
 from trailmark_omni_surf.landmarks import FEATURE_NAMES
 
 __all__ = ["SelectionModel", "log_features", "shipped_model"]
 
-Array = npt.NDArray[np.float64]
 
 _N_FEATURES = len(FEATURE_NAMES)
 _MAX_BYTES = 64 << 20  # a thousand times what training gives
 _FLOOR = np.array([1.0, 1e-7, 1.0, 1e-4, 1e-4, 1e-5])  # below this a feature says "none"
 
 
-def log_features(features: Array) -> Array:
+def log_features(features: Floats) -> Floats:
     """Return the logarithm of the features, (N, 6): they spread over decades, and an RBF kernel sees differences."""
     if features.ndim != 2 or features.shape[1] != _N_FEATURES:
         raise ShapeError(f"features must be (N, {_N_FEATURES}), not {features.shape}")
@@ -48,21 +47,21 @@ class SelectionModel:
         Platt's a and b: probability ``1 / (1 + exp(a f + b))``.
     """
 
-    mean: Array
-    scale: Array
-    support: Array
-    weights: Array
-    intercept: Array
-    gamma: Array
-    sigmoid: Array
+    mean: Floats
+    scale: Floats
+    support: Floats
+    weights: Floats
+    intercept: Floats
+    gamma: Floats
+    sigmoid: Floats
 
-    def decision(self, features: Array) -> Array:
+    def decision(self, features: Floats) -> Floats:
         """Return the signed distance from the boundary, (N,); positive: a landmark."""
         x = (log_features(features) - self.mean) / self.scale
         squared = ((x[:, None, :] - self.support[None, :, :]) ** 2).sum(axis=2)
         return np.asarray(np.exp(-self.gamma * squared) @ self.weights + self.intercept)
 
-    def probability(self, features: Array) -> Array:
+    def probability(self, features: Floats) -> Floats:
         """Return how likely each candidate is measured correctly, (N,)."""
         exponent = np.clip(self.sigmoid[0] * self.decision(features) + self.sigmoid[1], -500.0, 500.0)
         return np.asarray(1.0 / (1.0 + np.exp(exponent)))

@@ -7,19 +7,19 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.geometry import wrap_angles
 from trailmark_omni_surf.landmarks import landmark_features, measure_landmark
 
 __all__ = ["synthetic_candidates"]
 
-Array = npt.NDArray[np.float64]
 
 _FOCAL_PX = 60.0  # of the stand-in mirror: image distance = focal * (pi / 2 + elevation)
 
 
 def synthetic_candidates(
     n: int, rng: np.random.Generator, label_distance_m: float = 0.6
-) -> tuple[Array, npt.NDArray[np.bool_]]:
+) -> tuple[Floats, npt.NDArray[np.bool_]]:
     """Return features and labels of `n` candidates.
 
     Each candidate is one landmark, 0.3 to 2 m above or below the camera, seen from a drive in a hall of 5 to 15 m: a
@@ -43,7 +43,7 @@ def synthetic_candidates(
     is_good : (n,) bool
         |measured - true| < T_d.
     """
-    rows: list[Array] = []
+    rows: list[Floats] = []
     labels: list[bool] = []
     while len(rows) < n:
         candidate = _candidate(rng, label_distance_m)
@@ -53,7 +53,7 @@ def synthetic_candidates(
     return np.array(rows), np.array(labels)
 
 
-def _candidate(rng: np.random.Generator, label_distance_m: float) -> tuple[Array, bool] | None:
+def _candidate(rng: np.random.Generator, label_distance_m: float) -> tuple[Floats, bool] | None:
     hall_m = rng.uniform(5.0, 15.0)
     landmark, other = rng.uniform(0.0, hall_m, (2, 2))
     poses = _drive(rng, hall_m)
@@ -74,7 +74,7 @@ def _candidate(rng: np.random.Generator, label_distance_m: float) -> tuple[Array
     return features, bool(np.hypot(*(measurement.position - landmark)) < label_distance_m)
 
 
-def _drive(rng: np.random.Generator, hall_m: float) -> Array:
+def _drive(rng: np.random.Generator, hall_m: float) -> Floats:
     """Return the poses of a stretch of a drive, one each 0.1 m: an arc, at times with a corner."""
     length_m = float(np.exp(rng.uniform(math.log(0.2), math.log(6.0))))
     n = max(3, round(length_m / 0.1))

@@ -8,12 +8,11 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Floats, Grey8
 from trailmark_omni_surf.features import Features, match, squared_distances
 
 __all__ = ["Observations", "TrackBook", "TrackOptions", "track_points"]
 
-Grey = npt.NDArray[np.uint8]
-Points = npt.NDArray[np.float64]
 
 _WINDOW_PX = (15, 15)
 _N_LEVELS = 3
@@ -23,8 +22,8 @@ _N_ENDED = 400  # ended tracks that may still be joined with a later one
 
 
 def track_points(
-    previous: Grey, current: Grey, uv: Points, return_px: float | None = 1.0
-) -> tuple[Points, npt.NDArray[np.bool_]]:
+    previous: Grey8, current: Grey8, uv: Floats, return_px: float | None = 1.0
+) -> tuple[Floats, npt.NDArray[np.bool_]]:
     """Track points from one picture to the next (Lucas & Kanade, on a pyramid).
 
     Parameters
@@ -56,7 +55,7 @@ def track_points(
 
 
 def _klt(
-    previous: Grey, current: Grey, start: npt.NDArray[np.float32]
+    previous: Grey8, current: Grey8, start: npt.NDArray[np.float32]
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.uint8]]:
     end, status, _ = cv2.calcOpticalFlowPyrLK(
         previous, current, start, None, winSize=_WINDOW_PX, maxLevel=_N_LEVELS, criteria=_STOP
@@ -111,7 +110,7 @@ class Observations:
     """
 
     ids: npt.NDArray[np.int64]
-    uv: Points
+    uv: Floats
     life: npt.NDArray[np.int64]
     descriptors: npt.NDArray[np.float32]
     sign: npt.NDArray[np.int8]
@@ -120,7 +119,7 @@ class Observations:
 @dataclass(slots=True)
 class _LandmarkTrack:
     id: int
-    uv: Points
+    uv: Floats
     reference: npt.NDArray[np.float32]  # F at time 0
     sign: int
     life: int = 1
@@ -140,11 +139,11 @@ class TrackBook:
     options: TrackOptions = field(default_factory=TrackOptions)
     _tracks: list[_LandmarkTrack] = field(default_factory=list)
     _ended: list[_LandmarkTrack] = field(default_factory=list)
-    _previous: Grey | None = None
+    _previous: Grey8 | None = None
     _n_ids: int = 0
     n_rejoined: int = 0
 
-    def update(self, image: Grey, features: Features) -> Observations:
+    def update(self, image: Grey8, features: Features) -> Observations:
         """Carry all tracks into the picture and return those that were found again."""
         self._carry(image)
         pairs = self._confirm(features)
@@ -159,7 +158,7 @@ class TrackBook:
             features.sign[chosen],
         )
 
-    def _carry(self, image: Grey) -> None:
+    def _carry(self, image: Grey8) -> None:
         if self._previous is None or self._previous.shape != image.shape:
             return
         uv = np.array([track.uv for track in self._tracks]).reshape(-1, 2)

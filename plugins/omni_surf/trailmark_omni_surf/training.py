@@ -7,19 +7,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from sklearn.calibration import CalibratedClassifierCV
 from sklearn.model_selection import cross_val_predict
 from sklearn.svm import SVC
 
+from trailmark.arrays import Bools, Floats
 from trailmark.errors import ConfigError
 from trailmark_omni_surf.landmarks import FEATURE_NAMES
 from trailmark_omni_surf.selection import SelectionModel, log_features
 
 __all__ = ["TrainingReport", "read_candidates", "train", "write_candidates"]
 
-Array = npt.NDArray[np.float64]
-Labels = npt.NDArray[np.bool_]
 
 _PLACE_COLUMNS = ("measured_x", "measured_y", "true_x", "true_y")
 _N_FOLDS = 5
@@ -46,7 +44,7 @@ class TrainingReport:
     recall: float
 
 
-def train(features: Array, is_good: Labels, c: float = 10.0) -> tuple[SelectionModel, TrainingReport]:
+def train(features: Floats, is_good: Bools, c: float = 10.0) -> tuple[SelectionModel, TrainingReport]:
     """Train an RBF machine with scaling and a sigmoid for its probability.
 
     Parameters
@@ -90,7 +88,7 @@ def train(features: Array, is_good: Labels, c: float = 10.0) -> tuple[SelectionM
     return model, _report(predicted, is_good)
 
 
-def _report(predicted: Labels, is_good: Labels) -> TrainingReport:
+def _report(predicted: Bools, is_good: Bools) -> TrainingReport:
     hits = int((predicted & is_good).sum())
     return TrainingReport(
         len(is_good),
@@ -101,7 +99,7 @@ def _report(predicted: Labels, is_good: Labels) -> TrainingReport:
     )
 
 
-def read_candidates(path: Path, label_distance_m: float = 0.6) -> tuple[Array, Labels]:
+def read_candidates(path: Path, label_distance_m: float = 0.6) -> tuple[Floats, Bools]:
     """Read candidates and their labels: |measured - true| < T_d. Rows without a true place are left out.
 
     Parameters
@@ -150,7 +148,7 @@ def _number(row: dict[str, str], name: str, path: Path, line: int) -> float:
     return value
 
 
-def write_candidates(path: Path, features: Array, measured: Array) -> None:
+def write_candidates(path: Path, features: Floats, measured: Floats) -> None:
     """Write candidates to be labelled by hand: ``true_x`` and ``true_y`` are left empty."""
     with path.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream)

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.errors import ShapeError
 from trailmark.estimates import Belief, Estimate, Lost, Motion, information_from_covariance
 from trailmark.frames import Frame
@@ -21,7 +21,6 @@ from trailmark_baselines.ground.config import GroundPeerConfig
 
 __all__ = ["GroundPeer", "KeyframeMatch", "Unaligned"]
 
-Matrix = npt.NDArray[np.float64]
 View = TypeVar("View")
 
 #: Share of an alignment's covariance that a motion has at least.
@@ -51,7 +50,7 @@ class KeyframeMatch:
     """
 
     pose_key_now: Pose2
-    covariance: Matrix
+    covariance: Floats
     is_thin: bool = False
     details: Mapping[str, float] = field(default_factory=dict)
 
@@ -191,7 +190,7 @@ class GroundPeer(Localizer, Generic[View]):
         return max(turned, math.hypot(pose.x, pose.y) / limit_m) if limit_m > 0.0 else 1.0
 
     def _motion(
-        self, pose_key_before: Pose2, step: Pose2, covariance: Matrix, stamps: tuple[float, float],
+        self, pose_key_before: Pose2, step: Pose2, covariance: Floats, stamps: tuple[float, float],
         details: Mapping[str, float],
     ) -> Motion:  # fmt: skip
         """Return the motion of base from that of the camera.

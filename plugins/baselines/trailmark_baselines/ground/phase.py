@@ -7,8 +7,8 @@ from functools import cached_property
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Float32s
 from trailmark.geometry import Pose2
 from trailmark.geometry.rigid import fit_pose2
 from trailmark_baselines.ground.camera import Grey, Points
@@ -18,7 +18,6 @@ from trailmark_baselines.ground.rigid import alignment_covariance
 
 __all__ = ["PhaseCorrelation"]
 
-Floats = npt.NDArray[np.float32]
 
 #: Standard deviation that a window's shift has at least [px].
 _SIGMA_PX = 0.05
@@ -33,7 +32,7 @@ class _Spectrum:
         self.image = np.asarray(image, np.float32)
 
     @cached_property
-    def spectrum(self) -> Floats:
+    def spectrum(self) -> Float32s:
         """Magnitudes by direction (half a turn) and logarithm of the frequency: turns with the picture."""
         side = min(self.image.shape)
         top, left = (n - side >> 1 for n in self.image.shape)
@@ -96,7 +95,7 @@ class PhaseCorrelation(GroundPeer[_Spectrum]):
             return Unaligned(f"windows disagree by {spread_px:.1f} px", details)
         return KeyframeMatch(pose, alignment_covariance(a, pose, b, _SIGMA_PX * unit_m), False, details)
 
-    def _as_from_key(self, image: Floats, pose_key_now: Pose2, size: tuple[int, int]) -> Floats:
+    def _as_from_key(self, image: Float32s, pose_key_now: Pose2, size: tuple[int, int]) -> Float32s:
         """Return the picture as it would look from the key frame."""
         three: Points = np.array([[0.0, 0.0], [size[0], 0.0], [0.0, size[1]]])
         ground = pose_key_now.inverse() @ self.camera.on_ground(three, size)

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.errors import ConfigError, SensorMismatchError, ShapeError
 from trailmark.estimates import Belief, Estimate, Lost, Motion, information_from_covariance
 from trailmark.frames import RGBD, DepthCamera, Frame, Pinhole
@@ -19,7 +20,6 @@ from trailmark_baselines.rgbd.rigid import ransac_rigid
 
 __all__ = ["OrbRgbd"]
 
-Array = npt.NDArray[np.float64]
 
 _SENSOR_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # REP-103
 _SIGMA_M = 0.01  # of a pair at 1 m
@@ -31,8 +31,8 @@ _PATIENCE = 5  # pictures without a motion until it begins anew
 class _OrbFeatures:
     stamp_s: float
     descriptors: npt.NDArray[np.uint8]
-    points_base: Array
-    depth_m: Array
+    points_base: Floats
+    depth_m: Floats
 
 
 class OrbRgbd(Localizer):
@@ -101,7 +101,7 @@ class OrbRgbd(Localizer):
         return [self._motion(before.stamp_s, now, R, t, now.points_base[pairs[inliers, 1]], details)]
 
     def _motion(
-        self, since_s: float, now: _OrbFeatures, R: Array, t: Array, points: Array, details: Mapping[str, float]
+        self, since_s: float, now: _OrbFeatures, R: Floats, t: Floats, points: Floats, details: Mapping[str, float]
     ) -> Motion:
         since = Pose3.from_matrix(self._T_first_base).planar()
         step = np.eye(4)
@@ -136,7 +136,7 @@ class OrbRgbd(Localizer):
         return np.array([(match.queryIdx, match.trainIdx) for match in matches], dtype=np.intp).reshape(-1, 2)
 
 
-def _covariance(points: Array) -> Array:
+def _covariance(points: Floats) -> Floats:
     """Return the covariance of the planar motion, every pair being as good as its depth."""
     sigma_m = _SIGMA_M * np.maximum(points[:, 0], 1.0) ** 2
     J = np.zeros((len(points), 2, 3))

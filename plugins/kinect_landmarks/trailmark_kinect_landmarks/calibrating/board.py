@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Bgr8, Floats, Grey8
+
 __all__ = ["BoardView", "find_board"]
 
-Floats = npt.NDArray[np.float64]
-Grey = npt.NDArray[np.uint8]
 
 _MIN_SHARE, _MAX_SHARE = 0.01, 0.5  # of the picture's area
 _STEP = 0.02  # of the depth: a larger step between neighbours is the edge of something
@@ -40,7 +40,7 @@ class BoardView:
     depth_m: Floats
 
 
-def find_board(bgr: Grey, depth_m: npt.NDArray[np.float32]) -> BoardView | None:
+def find_board(bgr: Bgr8, depth_m: npt.NDArray[np.float32]) -> BoardView | None:
     """Return the flat quadrangle that both pictures show whole, the nearest first; None where there is none."""
     grey = np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY), np.uint8)
     candidates = _in_colour(grey)
@@ -72,7 +72,7 @@ def _in_depth(depth_m: npt.NDArray[np.float32]) -> list[tuple[Floats, Floats]]:
     return sorted(found, key=lambda pair: float(pair[1].mean()))
 
 
-def _in_colour(grey: Grey) -> list[Floats]:
+def _in_colour(grey: Grey8) -> list[Floats]:
     """Return corners of the quadrangles that edges enclose."""
     found: list[Floats] = []
     smooth = cv2.GaussianBlur(grey, (5, 5), 0)
@@ -85,14 +85,14 @@ def _in_colour(grey: Grey) -> list[Floats]:
     return found
 
 
-def _patches(inside: Grey) -> list[Grey]:
+def _patches(inside: Grey8) -> list[Grey8]:
     n, labels, stats, _ = cv2.connectedComponentsWithStats(inside, connectivity=4, ltype=cv2.CV_32S)
     area = np.asarray(stats)[:n, cv2.CC_STAT_AREA]
     good = np.flatnonzero((area > _MIN_SHARE * inside.size) & (area < _MAX_SHARE * inside.size))
     return [(np.asarray(labels) == label).astype(np.uint8) for label in good if label != 0]
 
 
-def _quadrangle(mask: Grey, outwards_px: float) -> Floats | None:
+def _quadrangle(mask: Grey8, outwards_px: float) -> Floats | None:
     """Return the corners of a mask that is a convex quadrangle, its sides moved outwards."""
     contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     contour: Any = max(contours, key=cv2.contourArea)
@@ -156,7 +156,7 @@ def _touches(corners: Floats, shape: tuple[int, ...]) -> bool:
     return bool((corners < margin).any() or (corners > np.array(shape[1::-1]) - 1.0 - margin).any())
 
 
-def _plane(depth_m: npt.NDArray[np.float32], mask: Grey, corners: Floats) -> Floats | None:
+def _plane(depth_m: npt.NDArray[np.float32], mask: Grey8, corners: Floats) -> Floats | None:
     """Return the depths of corners of the plane through a mask; None where it is not flat.
 
     The inverse depth of a plane is linear in the pixel.
@@ -182,7 +182,7 @@ def _overlap(first: Floats, second: Floats) -> float:
     return float(shared) / max(sum(areas) - float(shared), 1e-9)
 
 
-def _refine_corners(grey: Grey, corners: Floats) -> Floats | None:
+def _refine_corners(grey: Grey8, corners: Floats) -> Floats | None:
     """Return the corners where the edges are steepest, to a share of a pixel."""
     smooth = cv2.GaussianBlur(grey, (5, 5), 0).astype(np.float32)
     steps = np.arange(-_SEARCH_PX, _SEARCH_PX + 1)

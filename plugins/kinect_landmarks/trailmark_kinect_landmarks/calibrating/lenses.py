@@ -9,9 +9,9 @@ from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import least_squares
 
+from trailmark.arrays import Floats
 from trailmark.errors import ConfigError
 from trailmark.frames import DepthCamera, Pinhole
 from trailmark_kinect_landmarks.calibrating.board import BoardView
@@ -20,7 +20,6 @@ from trailmark_kinect_landmarks.calibration import sensor_transform
 
 __all__ = ["LensFit", "fit_lenses"]
 
-Floats = npt.NDArray[np.float64]
 Size = tuple[int, int]
 
 _MIN_VIEWS = 8

@@ -6,13 +6,12 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import Int32s
 from trailmark_kinect_landmarks.finders.view import Region, WorkingImage
 
 __all__ = ["find_blobs", "find_flats", "find_mser", "patches_of"]
 
-Labels = npt.NDArray[np.int32]
 
 _MIN_BLOB, _MAX_BLOB = 1.0e-4, 0.03  # share of the picture's area
 _MIN_FLAT, _MAX_FLAT = 4.0e-3, 0.25
@@ -65,7 +64,7 @@ def find_flats(view: WorkingImage) -> list[Region]:
 
 
 def patches_of(
-    labels: Labels, min_share: float, max_share: float, skip_zero: bool = False
+    labels: Int32s, min_share: float, max_share: float, skip_zero: bool = False
 ) -> list[tuple[int, int, int, int]]:
     """Return the frames of the connected areas of one label, in one pass over all labels.
 

@@ -11,11 +11,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Bgr8, Grey8
 from trailmark_kinect_landmarks.colour import colour_index
 
 __all__ = ["Region", "WorkingImage"]
-
-Grey = npt.NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,16 +54,16 @@ class WorkingImage:
         Working resolution as a share of the whole, at most 1.
     """
 
-    def __init__(self, bgr: Grey, depth_m: npt.NDArray[np.float32], scale: float = 1.0) -> None:
+    def __init__(self, bgr: Bgr8, depth_m: npt.NDArray[np.float32], scale: float = 1.0) -> None:
         self.whole, self.depth_m, self.scale = bgr, depth_m, scale
 
     @cached_property
-    def bgr(self) -> Grey:
+    def bgr(self) -> Bgr8:
         """Colour at working resolution."""
         return self.whole if self.scale == 1.0 else _reduce_to_grey(self.whole, self.scale)
 
     @cached_property
-    def grey(self) -> Grey:
+    def grey(self) -> Grey8:
         """Grey at working resolution."""
         return np.asarray(cv2.cvtColor(self.bgr, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
 
@@ -74,12 +73,12 @@ class WorkingImage:
         return WorkingImage(self.bgr, self.depth_m, 0.5)
 
     @cached_property
-    def index(self) -> Grey:
+    def index(self) -> Grey8:
         """Colour classes at working resolution."""
         return colour_index(np.asarray(cv2.cvtColor(self.bgr, cv2.COLOR_BGR2HSV), dtype=np.uint8))
 
     @cached_property
-    def edges(self) -> Grey:
+    def edges(self) -> Grey8:
         """Edges (Canny)."""
         smooth = cv2.GaussianBlur(self.grey, (3, 3), 0)
         return np.asarray(cv2.Canny(smooth, 40, 100), dtype=np.uint8)
@@ -102,6 +101,6 @@ class WorkingImage:
         return Region(kind, (u + 0.5) / s - 0.5, (v + 0.5) / s - 0.5, width / s, height / s)
 
 
-def _reduce_to_grey(bgr: Grey, scale: float) -> Grey:
+def _reduce_to_grey(bgr: Bgr8, scale: float) -> Grey8:
     size = max(1, round(bgr.shape[1] * scale)), max(1, round(bgr.shape[0] * scale))
     return np.asarray(cv2.resize(bgr, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)

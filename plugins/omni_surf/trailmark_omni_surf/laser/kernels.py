@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import AnyArray
 from trailmark.geometry.walls import add_line
 from trailmark.kernels import kernel
 
 __all__ = ["normal_equations", "refine", "score_starts", "stamp_nearest", "truncated_cost"]
 
-Array = npt.NDArray[Any]
-
 
 @kernel
 def stamp_nearest(
-    points: Array, origin: Array, cell_m: float, reach_m: float, nearest_idx: Array, distance_m: Array
+    points: AnyArray, origin: AnyArray, cell_m: float, reach_m: float, nearest_idx: AnyArray, distance_m: AnyArray
 ) -> None:
     """Write every point into the cells within its reach, where it is nearer than what stands there.
 
@@ -55,7 +52,14 @@ def stamp_nearest(
 
 @kernel
 def truncated_cost(
-    points: Array, x: float, y: float, theta: float, origin: Array, cell_m: float, distance_m: Array, reach_m: float
+    points: AnyArray,
+    x: float,
+    y: float,
+    theta: float,
+    origin: AnyArray,
+    cell_m: float,
+    distance_m: AnyArray,
+    reach_m: float,
 ) -> float:
     """Return the mean distance of the points to the map at a pose, each at most `reach_m` [m].
 
@@ -94,8 +98,8 @@ def truncated_cost(
 
 @kernel
 def score_starts(
-    points: Array, starts: Array, origin: Array, cell_m: float, distance_m: Array, reach_m: float
-) -> Array:
+    points: AnyArray, starts: AnyArray, origin: AnyArray, cell_m: float, distance_m: AnyArray, reach_m: float
+) -> AnyArray:
     """Return the cost of every start pose (S, 3), (S,) [m].
 
     Parameters
@@ -126,17 +130,17 @@ def score_starts(
 
 @kernel
 def normal_equations(
-    points: Array,
-    pose: Array,
-    map_points: Array,
-    map_normals: Array,
-    origin: Array,
+    points: AnyArray,
+    pose: AnyArray,
+    map_points: AnyArray,
+    map_normals: AnyArray,
+    origin: AnyArray,
     cell_m: float,
-    nearest_idx: Array,
+    nearest_idx: AnyArray,
     gate_m: float,
     to_line: bool,
-    hessian: Array,
-    gradient: Array,
+    hessian: AnyArray,
+    gradient: AnyArray,
 ) -> tuple[float, int]:
     """Accumulate the Gauss-Newton equations of the points within the gate, Huber-weighted at a third of it.
 
@@ -209,17 +213,17 @@ def normal_equations(
 
 @kernel
 def refine(
-    points: Array,
-    start: Array,
-    map_points: Array,
-    map_normals: Array,
-    origin: Array,
+    points: AnyArray,
+    start: AnyArray,
+    map_points: AnyArray,
+    map_normals: AnyArray,
+    origin: AnyArray,
     cell_m: float,
-    nearest_idx: Array,
-    gates_m: Array,
+    nearest_idx: AnyArray,
+    gates_m: AnyArray,
     iterations: int,
     to_line: bool,
-) -> Array:
+) -> AnyArray:
     """Return the pose (3,) after Gauss-Newton steps with each gate in turn; the start when nothing matches.
 
     Parameters
@@ -271,7 +275,7 @@ def refine(
 
 
 @kernel
-def _solve3(matrix: Array, vector: Array) -> tuple[float, float, float]:
+def _solve3(matrix: AnyArray, vector: AnyArray) -> tuple[float, float, float]:
     """Solve a symmetric positive definite system of three unknowns (Cholesky; LAPACK costs more than it saves)."""
     l00 = math.sqrt(matrix[0, 0])
     l10, l20 = matrix[1, 0] / l00, matrix[2, 0] / l00

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.errors import ShapeError
 from trailmark.geometry import Pose2
 from trailmark.geometry.walls import move_to_lines
@@ -16,7 +17,6 @@ from trailmark_omni_surf.laser.kernels import stamp_nearest
 
 __all__ = ["ScanMap"]
 
-Points = npt.NDArray[np.float64]
 
 _LINE_RATIO = 0.15  # a neighbourhood this much thinner than long is a line
 _MAX_CELLS = 60_000_000  # 5 cm cells of 380 x 380 m: beyond it a stray point has blown the map up
@@ -42,11 +42,11 @@ class ScanMap:
         Size of a cell; radius around each point within which the raster answers [m].
     """
 
-    points: Points
-    normals: Points
+    points: Floats
+    normals: Floats
     nearest_idx: npt.NDArray[np.int32]
     distance_m: npt.NDArray[np.float32]
-    origin: Points
+    origin: Floats
     cell_m: float
     reach_m: float
 
@@ -57,7 +57,7 @@ class ScanMap:
     @classmethod
     def from_scans(
         cls,
-        scans: Sequence[Points],
+        scans: Sequence[Floats],
         poses_map_base: Sequence[Pose2],
         *,
         min_hits: int = 2,
@@ -100,7 +100,7 @@ class ScanMap:
         return cls.from_points(*on_walls, cell_m=cell_m, reach_m=reach_m)
 
     @classmethod
-    def from_points(cls, points: Points, normals: Points, *, cell_m: float = 0.05, reach_m: float = 0.5) -> ScanMap:
+    def from_points(cls, points: Floats, normals: Floats, *, cell_m: float = 0.05, reach_m: float = 0.5) -> ScanMap:
         """Build the map of points and normals already in map coordinates, both (N, 2) [m]."""
         if points.ndim != 2 or points.shape[1] != 2 or len(points) == 0 or not np.isfinite(points).all():
             raise ShapeError(f"map points must be (N, 2), finite and at least one, not {points.shape}")
@@ -116,7 +116,7 @@ class ScanMap:
         return cls(points, normals, nearest_idx, distance_m, origin, cell_m, reach_m)
 
 
-def _thin_cells(placed: Sequence[Points], thin_m: float, min_hits: int) -> tuple[Points, Points]:
+def _thin_cells(placed: Sequence[Floats], thin_m: float, min_hits: int) -> tuple[Floats, Floats]:
     """Return the mean point of every cell that at least `min_hits` scans saw, and how many saw it."""
     points = np.concatenate(placed)
     scan_idx = np.repeat(np.arange(len(placed)), [len(scan) for scan in placed])

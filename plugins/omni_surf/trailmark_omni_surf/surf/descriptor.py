@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import AnyArray
 from trailmark.kernels import float_kernel, inlined_kernel, kernel
 
 __all__ = ["describe", "haar", "orient", "region_weights"]
 
-Array = npt.NDArray[Any]
 
 N_SAMPLES = 24  # along each side of the described square, one scale apart
 N_REGIONS = 4
@@ -41,7 +40,7 @@ def region_weights() -> npt.NDArray[np.float32]:
 
 
 @inlined_kernel
-def haar(integral: Array, u: int, v: int, half: int) -> tuple[int, int]:
+def haar(integral: AnyArray, u: int, v: int, half: int) -> tuple[int, int]:
     """Return the Haar responses along u and v of the square of side ``2 * half`` about the pixel corner (u, v).
 
     The corner (u, v) lies between the pixels u - 1 and u. Near the border the square is moved into the image.
@@ -71,7 +70,7 @@ def haar(integral: Array, u: int, v: int, half: int) -> tuple[int, int]:
 
 
 @kernel
-def orient(integral: Array, points: Array, angles: Array) -> None:
+def orient(integral: AnyArray, points: AnyArray, angles: AnyArray) -> None:
     """Write the dominant gradient direction around every point to `angles`, from +u towards +v [rad].
 
     Parameters
@@ -106,7 +105,7 @@ def orient(integral: Array, points: Array, angles: Array) -> None:
 
 
 @kernel
-def _strongest_window(bins: Array) -> float:
+def _strongest_window(bins: AnyArray) -> float:
     """Return the direction of the largest sum within a window of pi / 3."""
     x = y = 0.0
     for k in range(_WINDOW_BINS):
@@ -124,7 +123,7 @@ def _strongest_window(bins: Array) -> float:
 
 
 @float_kernel
-def describe(integral: Array, points: Array, angles: Array, weights: Array, out: Array) -> None:
+def describe(integral: AnyArray, points: AnyArray, angles: AnyArray, weights: AnyArray, out: AnyArray) -> None:
     """Write the descriptors, unit vectors, to `out`.
 
     Per region: the sums of dx, dy, abs(dx) and abs(dy), along and across the orientation. Regions are sums with
@@ -159,7 +158,7 @@ def describe(integral: Array, points: Array, angles: Array, weights: Array, out:
 
 
 @float_kernel
-def _sample(integral: Array, point: Array, angle: float, responses: Array) -> None:
+def _sample(integral: AnyArray, point: AnyArray, angle: float, responses: AnyArray) -> None:
     """Fill `responses` with dx, dy, abs(dx), abs(dy) on the turned grid."""
     scale = point[2]
     half = max(1, int(scale + 0.5))
@@ -179,7 +178,7 @@ def _sample(integral: Array, point: Array, angle: float, responses: Array) -> No
 
 
 @float_kernel
-def _sum_columns(columns: Array, weights: Array, out: Array) -> None:
+def _sum_columns(columns: AnyArray, weights: AnyArray, out: AnyArray) -> None:
     """Sum the columns of each region and make the descriptor a unit vector."""
     length = np.float32(0.0)
     k = 0

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import AnyArray
 from trailmark.kernels import kernel
 
 __all__ = ["find_maxima"]
 
-Array = npt.NDArray[Any]
-
 
 @kernel
 def find_maxima(
-    layers: Array, first_size_px: int, size_step_px: int, step_px: int, threshold: float, out: Array
+    layers: AnyArray, first_size_px: int, size_step_px: int, step_px: int, threshold: float, out: AnyArray
 ) -> int:
     """Write the maxima of one octave to `out` and return how many there are (at most as many as fit).
 
@@ -60,7 +56,7 @@ def find_maxima(
 
 @kernel
 def _mark_peaks(
-    up: Array, here: Array, down: Array, below: Array, above: Array, limit: np.float32, is_peak: Array
+    up: AnyArray, here: AnyArray, down: AnyArray, below: AnyArray, above: AnyArray, limit: np.float32, is_peak: AnyArray
 ) -> bool:
     """Mark what beats its four neighbours and both scales: a cheap, vectorised pass that leaves few to look at."""
     n = here.shape[0] - 2
@@ -84,7 +80,7 @@ def _mark_peaks(
 
 
 @kernel
-def _is_maximum(layers: Array, layer: int, i: int, j: int) -> bool:
+def _is_maximum(layers: AnyArray, layer: int, i: int, j: int) -> bool:
     """Whether nothing among the 26 neighbours is larger; of equal ones the first counts."""
     value = layers[layer, i, j]
     for dl in range(-1, 2):
@@ -98,7 +94,7 @@ def _is_maximum(layers: Array, layer: int, i: int, j: int) -> bool:
 
 
 @kernel
-def _offset(layers: Array, layer: int, i: int, j: int) -> tuple[float, float, float]:
+def _offset(layers: AnyArray, layer: int, i: int, j: int) -> tuple[float, float, float]:
     """Return where the parabola through the neighbours has its top: (du, dv, ds) in grid steps (Brown & Lowe)."""
     c = 2.0 * layers[layer, i, j]
     gu = (layers[layer, i, j + 1] - layers[layer, i, j - 1]) / 2.0

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
 
+from trailmark.arrays import AnyArray
 from trailmark.kernels import kernel
 
 __all__ = ["box_derivatives", "halve_layer", "hessian_layer", "integral_image"]
 
-Array = npt.NDArray[Any]
 
 _DXY_WEIGHT = np.float32(0.81)  # 0.9^2: boxes against Gaussians, Sec. 3.2
 
 
 @kernel
-def integral_image(image: Array, out: Array) -> None:
+def integral_image(image: AnyArray, out: AnyArray) -> None:
     """Fill `out`, (H + 1, W + 1) int32: `out[v, u]` is the sum of all pixels above and left of (u, v)."""
     height, width = image.shape
     out[0] = 0
@@ -31,7 +28,7 @@ def integral_image(image: Array, out: Array) -> None:
 
 
 @kernel
-def hessian_layer(integral: Array, size_px: int, step_px: int, out: Array) -> None:
+def hessian_layer(integral: AnyArray, size_px: int, step_px: int, out: AnyArray) -> None:
     """Fill `out` with the determinant at every `step_px`-th pixel, zero where the filter leaves the image.
 
     Rows are combined first and columns then, all of them and not every `step_px`-th: both loops vectorise.
@@ -75,7 +72,7 @@ def hessian_layer(integral: Array, size_px: int, step_px: int, out: Array) -> No
 
 @kernel
 def _combine_columns(
-    for_xx: Array, for_yy: Array, for_xy: Array, lobe: int, border: int, scale: np.float32, out: Array
+    for_xx: AnyArray, for_yy: AnyArray, for_xy: AnyArray, lobe: int, border: int, scale: np.float32, out: AnyArray
 ) -> None:
     """Write the determinants of a row to `out`, the first about the pixel `border`."""
     half = lobe // 2
@@ -96,7 +93,9 @@ def _combine_columns(
 
 
 @kernel
-def _combine_rows(integral: Array, v: int, lobe: int, border: int, for_xx: Array, for_yy: Array, for_xy: Array) -> None:
+def _combine_rows(
+    integral: AnyArray, v: int, lobe: int, border: int, for_xx: AnyArray, for_yy: AnyArray, for_xy: AnyArray
+) -> None:
     """Combine the rows of the integral image that the three filters at row v need."""
     half = lobe // 2
     xx_0, xx_1 = integral[v - lobe + 1], integral[v + lobe]
@@ -114,7 +113,7 @@ def _combine_rows(integral: Array, v: int, lobe: int, border: int, for_xx: Array
 
 
 @kernel
-def halve_layer(layer: Array, out: Array) -> None:
+def halve_layer(layer: AnyArray, out: AnyArray) -> None:
     """Take every second value: a layer of one octave is a layer of the next one too."""
     for i in range(out.shape[0]):
         for j in range(out.shape[1]):
@@ -122,13 +121,13 @@ def halve_layer(layer: Array, out: Array) -> None:
 
 
 @kernel
-def _box(integral: Array, v: int, u: int, height: int, width: int) -> int:
+def _box(integral: AnyArray, v: int, u: int, height: int, width: int) -> int:
     top, bottom = integral[v], integral[v + height]
     return int(bottom[u + width]) - int(bottom[u]) - int(top[u + width]) + int(top[u])
 
 
 @kernel
-def box_derivatives(integral: Array, v: int, u: int, size_px: int) -> tuple[float, float, float]:
+def box_derivatives(integral: AnyArray, v: int, u: int, size_px: int) -> tuple[float, float, float]:
     """Return Dxx, Dyy and Dxy of the filter at one pixel, over its area [grey levels].
 
     Parameters
