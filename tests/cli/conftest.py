@@ -1,4 +1,4 @@
-"""Running the command line as a user does, in a process of its own or in this one."""
+"""Running the command line as a user does, and a run to give it."""
 
 from __future__ import annotations
 
@@ -10,17 +10,25 @@ from pathlib import Path
 
 import pytest
 
+from trailmark.cli import main
+
 Run = Callable[..., "subprocess.CompletedProcess[str]"]
 
 
 @pytest.fixture
-def trailmark(tmp_path: Path) -> Run:
-    """Runs ``trailmark ARGUMENTS`` in a folder of its own."""
+def trailmark(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Run:
+    """Calls ``trailmark ARGUMENTS`` in a folder of its own, and in this process: it takes longer to start another."""
 
-    def run(*arguments: str | Path, timeout_s: float = 120.0) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-m", "trailmark.cli", *map(str, arguments)]
-        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=timeout_s, check=False)
+    def run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+        words = [*map(str, arguments)]
+        monkeypatch.setattr(sys, "argv", ["trailmark", *words])
+        capfd.readouterr()
+        with pytest.raises(SystemExit) as left:
+            main(words)
+        told = capfd.readouterr()
+        return subprocess.CompletedProcess(arguments, int(left.value.code or 0), told.out, told.err)
 
+    monkeypatch.chdir(tmp_path)
     return run
 
 
