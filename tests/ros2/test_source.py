@@ -14,7 +14,7 @@ pytest.importorskip("cyclonedds", reason="the extra [ros2] is not installed")
 
 
 from trailmark.frames import DepthCamera, Pinhole
-from trailmark.sources.ros_messages import lens, planar_pose
+from trailmark.sources.ros_messages import lens, planar_pose, scan
 from trailmark_ros2.config import TopicOptions
 from trailmark_ros2.message_types import new_message
 from trailmark_ros2.readings import new_reader
@@ -290,6 +290,23 @@ def test_a_quaternion_of_no_length_is_no_orientation(messages, w: float) -> None
 
     with pytest.raises(ValueError, match="its sender does not know it"):
         planar_pose(pose)
+
+
+@pytest.mark.parametrize(("first", "last", "step"), [(-1.0, 1.0, -0.5), (1.0, -1.0, 0.5), (-1.0, 1.0, 0.0)])
+def test_a_scan_whose_steps_do_not_lead_to_its_end_is_refused(first, last, step) -> None:
+    """It would be mirrored: walls on the left are seen on the right."""
+    fields = {"angle_min": first, "angle_max": last, "angle_increment": step, "range_max": 10.0}
+    message = new_message("sensor_msgs/msg/LaserScan", {**fields, "ranges": np.ones(5, np.float32)})
+
+    with pytest.raises(ValueError, match="which side is left"):
+        scan(message)
+
+
+def test_a_scan_that_is_told_clockwise_is_read_so() -> None:
+    fields = {"angle_min": 1.0, "angle_max": -1.0, "angle_increment": -0.5, "range_max": 10.0}
+    message = new_message("sensor_msgs/msg/LaserScan", {**fields, "ranges": np.ones(5, np.float32)})
+
+    np.testing.assert_allclose(scan(message).angles(), [1.0, 0.5, 0.0, -0.5, -1.0])
 
 
 def test_a_driver_that_is_started_again_after_a_turn_goes_on_where_the_robot_was(messages) -> None:

@@ -186,6 +186,11 @@ def scan(message: Any) -> Scan:
     first_rad, step_rad = float(message.angle_min), float(message.angle_increment)
     if not (abs(first_rad) <= _MOST_RAD and abs(step_rad) * len(ranges_m) <= _MOST_RAD):  # NaN is neither
         raise ValueError(f"{len(ranges_m)} beams from {first_rad:g} rad in steps of {step_rad:g} rad are no scan")
+    last_rad = float(message.angle_max)  # some leave it at 0
+    if len(ranges_m) > 1 and (step_rad == 0.0 or (last_rad != 0.0 and (last_rad - first_rad) * step_rad < 0.0)):
+        raise ValueError(
+            f"steps of {step_rad:g} rad lead not from {first_rad:g} to {last_rad:g} rad: which side is left?"
+        )
     range_min_m, range_max_m = float(message.range_min), float(message.range_max)
     ranges_m[~((ranges_m >= range_min_m) & (ranges_m <= range_max_m))] = np.nan
     return Scan(ranges_m, float(message.angle_min), float(message.angle_increment), range_min_m, range_max_m)
