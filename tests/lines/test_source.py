@@ -509,3 +509,21 @@ def test_a_robot_that_is_driven_and_goes_without_a_word_is_said(opened, tmp_path
     assert list(frames) == []
     assert ("the robot's program is gone" in caplog.text) == is_said
     os.close(writer)
+
+
+@pytest.mark.parametrize(("offset_s", "is_said"), [(-1000.0, True), (0.0, False)])
+def test_stamps_of_another_clock_are_said_and_lines_that_waited_are_not(
+    opened, monkeypatch, caplog, offset_s, is_said
+) -> None:
+    monkeypatch.setattr("trailmark_lines.source._MOST_WAITED_S", 0.2)
+    source = opened(over="udp")
+    frames = source.frames()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
+        for k in range(10):  # the first wait, as those do that are sent while we start
+            stamp_s = time.time() + offset_s - (3.0 if k < 2 else 0.0)
+            robot.sendto(wheels(stamp_s), ("127.0.0.1", source.port))
+            next(frames)
+            time.sleep(0.05)
+
+    assert ("stamp_s of 'wheels' are 1e+03 s behind of this machine's clock" in caplog.text) == is_said
+    assert caplog.text.count("this machine's clock") == is_said

@@ -36,8 +36,8 @@ _SILENCE_S = 5.0
 MAX_LINE = 1 << 25
 #: So many lines more of one kind, with a stamp or without, outweigh all that came before.
 _MOST_BALANCE = 5
-#: Stamps that differ more from the time at which lines come are told of [s].
-_MOST_OFFSET_S = 1.0
+#: Stamps that differ more from the time at which lines come, for longer, are told of [s].
+_MOST_OFFSET_S, _MOST_WAITED_S = 1.0, 5.0
 _COMMANDS: Mapping[str, type[Command]] = {"velocity": Velocity, "steer_4ws": Steer4WS}
 
 
@@ -69,6 +69,7 @@ class LinesSource(Drivable):
         self.close()
         self._closed, self._session, self._counts, self._told = threading.Event(), session, Counter(), set()
         self._heard_s, self._is_silent = time.monotonic(), False
+        self._timely_s: dict[str, float] = {}  # when a line of each sensor last came near its stamp
         self.drives_itself = self.config.command is None or session.mode == "teach"
         self._reader = LineReader(self.config.sensors, self.config.pictures)
         self._channel = self._open_channel()
@@ -161,7 +162,7 @@ class LinesSource(Drivable):
                     f"the first stamp of {frame.sensor!r} was {clock.begun_ahead_s:.0f} s ahead of all after it, and"
                     " the run began with it; begin anew"
                 )
-            self._warn_of_another_clock(frame.sensor, clock)
+            self._warn_of_another_clock(frame, came_s)
             if frame.stamp_s <= newest_s.get(frame.sensor, -np.inf):
                 self._leave_out(frame, newest_s[frame.sensor])
                 continue
@@ -189,15 +190,16 @@ class LinesSource(Drivable):
                 sensor, kind, f"most lines of {sensor!r} come {kind} now: they are used, others are skipped"
             )
 
-    def _warn_of_another_clock(self, sensor: str, clock: ClockOffset) -> None:
-        """Say once that the stamps of a sensor are not of this machine's clock, by which commands are due."""
-        if (sensor, "another clock") in self._told or not clock.is_known:
-            return
-        offset_s = clock.median_s
-        if abs(offset_s) > _MOST_OFFSET_S:
+    def _warn_of_another_clock(self, frame: Frame, came_s: float) -> None:
+        """Say once that stamps are not of this machine's clock, by which commands are due; first lines have waited."""
+        offset_s = frame.stamp_s - came_s
+        if abs(offset_s) <= _MOST_OFFSET_S:
+            self._timely_s[frame.sensor] = came_s
+        elif came_s - self._timely_s.setdefault(frame.sensor, came_s) > _MOST_WAITED_S:
             way = "ahead" if offset_s > 0 else "behind"
-            text = f"stamp_s of {sensor!r} are {abs(offset_s):.3g} s {way} of this machine's clock; they are seconds of"
-            self._tell_once(sensor, "another clock", f"{text} the epoch, and a robot without a clock leaves them out")
+            text = f"stamp_s of {frame.sensor!r} are {abs(offset_s):.3g} s {way} of this machine's clock"
+            advice = "they are seconds of the epoch, and a robot without a clock leaves them out"
+            self._tell_once(frame.sensor, "another clock", f"{text}; {advice}")
 
     def _leave_out(self, frame: Frame, newest_s: float) -> None:
         """Count a frame that is not newer than the one before it; of those that went back, the first is said."""
