@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from trailmark_bench.meanings import MEANINGS
 from trailmark_bench.page import write_page, write_site
 from trailmark_bench.quantities import metric_of
 from trailmark_bench.summary import summarize_bench
@@ -85,6 +86,18 @@ def test_a_browser_opens_sorts_filters_and_shows_a_cell(synthetic, tmp_path: Pat
     assert found["hidden"]
     assert found["back"]
     assert found["width"] <= 0  # nothing stands out of the screen; wide tables scroll in themselves
+
+
+def test_every_heading_of_a_table_says_what_it_means_on_hover(synthetic, tmp_path: Path) -> None:
+    with synthetic(tmp_path, fails=0.2) as index:
+        methods = set(summarize_bench(index).methods)
+        text = write_page(index).read_text(encoding="utf-8")
+
+    headings = re.findall(r'<th scope="col"([^>]*)>([^<]*)', text)
+    script = set(re.findall(r'(?:title: |column\()"([^"]+)"', text))
+    assert {title for attributes, title in headings if "title=" not in attributes} <= methods
+    assert script - set(MEANINGS) == set()
+    assert {"median", "p Holm", "reason"} <= script
 
 
 def test_the_page_stands_alone_and_nothing_in_it_escapes(synthetic, tmp_path: Path) -> None:

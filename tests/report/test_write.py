@@ -130,6 +130,14 @@ def test_the_page_fetches_nothing(fake_run: Write) -> None:
     assert not {"link", "iframe", "object"} & set(page.tags)
 
 
+def test_every_heading_of_the_page_says_what_it_means_on_hover(fake_run: Write) -> None:
+    text = write_report(fake_run(seconds=10.0)).read_text(encoding="utf-8")
+
+    headings = re.findall(r'<th scope="col"([^>]*)>([^<]*)', text)
+    assert len(headings) > 20
+    assert [title for attributes, title in headings if "title=" not in attributes] == []
+
+
 def test_the_one_script_of_the_page_is_ours_and_the_policy_names_it(fake_run: Write) -> None:
     text = write_report(fake_run(seconds=10.0)).read_text(encoding="utf-8")
 

@@ -29,11 +29,14 @@ class Column:
         Of its numbers; empty for none.
     is_number : bool
         Whether it is aligned to the right.
+    meaning : str
+        In a sentence, shown on hover; empty: what is known of its title.
     """
 
     title: str
     unit: str = ""
     is_number: bool = True
+    meaning: str = ""
 
 
 #: A column and its cells.

@@ -11,7 +11,7 @@ from importlib.resources import files
 from typing import Any
 
 from trailmark.evaluation import FUSED
-from trailmark.report.meanings import meaning_of, meanings_of
+from trailmark.report.meanings import meaning_of
 from trailmark.report.style import css_variables, embed_svg
 from trailmark.report.tables import Column, Table
 
@@ -20,6 +20,7 @@ __all__ = [
     "data_html",
     "facts_html",
     "figure_html",
+    "folded_meanings_html",
     "notes_html",
     "page_html",
     "script_hash",
@@ -102,10 +103,17 @@ def table_html(table: Table) -> str:
 
 def meanings_html(tables: Sequence[Table]) -> str:
     """Return what the headings of some tables mean, folded, for those who have no mouse to point with."""
-    known = meanings_of(column.title for table in tables for column in table.columns)
-    if not known:
+    known: dict[str, str] = {}
+    for column in (column for table in tables for column in table.columns):
+        known.setdefault(column.title, _meaning(column))
+    return folded_meanings_html({title: meaning for title, meaning in known.items() if meaning})
+
+
+def folded_meanings_html(meanings: Mapping[str, str]) -> str:
+    """Return what headings mean, by heading, folded; nothing for none."""
+    if not meanings:
         return ""
-    facts = "".join(f"<dt>{escape(title)}</dt><dd>{escape(meaning)}</dd>" for title, meaning in known)
+    facts = "".join(f"<dt>{escape(title)}</dt><dd>{escape(meaning)}</dd>" for title, meaning in meanings.items())
     return f"<details>\n<summary>What the columns mean</summary>\n<dl>{facts}</dl>\n</details>"
 
 
@@ -156,9 +164,13 @@ def _value(value: Any) -> str:
 def _header_cell(column: Column, has_units: bool) -> str:
     attribute = ' class="number"' if column.is_number else ""
     unit = f"<span>{escape(column.unit) or '&nbsp;'}</span>" if has_units else ""
-    meaning = meaning_of(column.title)
+    meaning = _meaning(column)
     title = f' title="{escape(meaning)}"' if meaning else ""
     return f'<th scope="col"{attribute}{title}>{escape(column.title)}{unit}</th>'
+
+
+def _meaning(column: Column) -> str:
+    return column.meaning or meaning_of(column.title)
 
 
 def _row(columns: Sequence[Column], cells: Sequence[str]) -> str:

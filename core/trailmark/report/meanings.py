@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
-__all__ = ["meaning_of", "meanings_of"]
+__all__ = ["meaning_of"]
 
 _MEANINGS = {
+    "trajectory": "That of each localizer alone; fused, that of the estimator, which weighs them all; standstill, that"
+    " of who never moves, to compare with.",
+    "localizer": "By its name in the config.",
     "poses": "How many poses the trajectory has.",
     "tracked": "Share of the time of the run in which the trajectory knew a pose.",
     "ATE rmse": "Absolute trajectory error: distance from the true position after the alignment, root mean square.",
@@ -38,7 +39,11 @@ _MEANINGS = {
     "expected": "Where the number lies in 95 of 100 runs if the covariances are right.",
     "along rmse": "Error along the taught path, root mean square.",
     "lateral rmse": "Error across the taught path, root mean square.",
+    "stage": "What the run calls for each frame: sources, localizers, the estimator, the controller, sinks.",
+    "part": "What was started before the first frame.",
+    "took": "Time until it had started.",
     "calls": "How often it was called.",
+    "mean": "Time of a call, on average.",
     "p50": "Half of the calls were faster.",
     "p95": "95 % of the calls were faster.",
     "p99": "99 % of the calls were faster.",
@@ -48,8 +53,3 @@ _MEANINGS = {
 def meaning_of(title: str) -> str:
     """Return what a heading means; empty where it is known, or a plugin's own."""
     return _MEANINGS.get(title) or _MEANINGS.get(title.partition(" over ")[0], "")
-
-
-def meanings_of(titles: Iterable[str]) -> list[tuple[str, str]]:
-    """Return the headings that need an explanation, each once, with it."""
-    return [(title, meaning_of(title)) for title in dict.fromkeys(titles) if meaning_of(title)]

@@ -176,7 +176,11 @@ def details_section(document: Document) -> str:
     ]
     if not rows:
         return ""
-    head = '<tr><th scope="col">of</th><th scope="col">metric</th><th scope="col" class="number">value</th></tr>'
+    head = (
+        '<tr><th scope="col" title="A trajectory or a localizer.">of</th>'
+        '<th scope="col" title="In brackets: how it was aligned, and over how many poses.">metric</th>'
+        '<th scope="col" class="number" title="In the unit that stands in the name.">value</th></tr>'
+    )
     table = f"<table>\n<thead>{head}</thead>\n<tbody>\n" + "\n".join(rows) + "\n</tbody>\n</table>"
     title = "All metrics with their protocols, as in metrics.json"
     return f'<details>\n<summary>{title}</summary>\n<div class="scroll">{table}</div>\n</details>'

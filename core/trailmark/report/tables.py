@@ -177,7 +177,9 @@ def timing_table(stages: Mapping[str, Mapping[str, float]]) -> Table:
         for name, stage in stages.items()
         if not name.startswith(_STARTING) and _is_timed(stage)
     ]
-    columns = (Column("stage", is_number=False), Column("calls"), *(Column(word, "ms") for word in words))
+    slowest = {"max": "The slowest call."}
+    times = (Column(word, "ms", meaning=slowest.get(word, "")) for word in words)
+    columns = (Column("stage", is_number=False), Column("calls"), *times)
     return Table(columns, tuple(rows))
 
 

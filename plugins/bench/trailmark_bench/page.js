@@ -43,6 +43,7 @@ class SortedTable {
     columns.forEach((column, index) => {
       const cell = node("th", { scope: "col", className: kindOf(column), tabIndex: 0 }, node("b", { textContent: column.title }));
       cell.dataset.sort = index;
+      cell.title = data.meanings[column.title] || "";
       if (column.unit !== undefined) cell.append(node("span", { textContent: column.unit || "\u00a0" }));
       const toggle = () => this.sortBy(index);
       cell.addEventListener("click", toggle);

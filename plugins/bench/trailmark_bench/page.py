@@ -15,10 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from trailmark.errors import DataError
-from trailmark.report.html import facts_html, page_html, table_html, text_html
+from trailmark.report.html import facts_html, folded_meanings_html, page_html, table_html, text_html
 from trailmark.report.tables import Table
 from trailmark_bench.cell import Cell
 from trailmark_bench.index import CellRecord, Index
+from trailmark_bench.meanings import MEANINGS, explained
 from trailmark_bench.naming import Namer
 from trailmark_bench.order import first_samples
 from trailmark_bench.quantities import Metric
@@ -179,6 +180,7 @@ def _document(summary: BenchSummary, records: list[CellRecord], places: Mapping[
     ]
     return {
         "name": summary.name,
+        "meanings": dict(MEANINGS),
         "baseline": summary.baseline,
         "metrics": [one.document() for one in shown],
         "axes": axes,
@@ -274,7 +276,7 @@ def _winners(summary: BenchSummary) -> str:
     table = winners_table(summary)
     if not table.rows:
         return ""
-    return f'<section id="winners">{text_html("Who wins where", "h2")}{table_html(table)}</section>'
+    return f'<section id="winners">{text_html("Who wins where", "h2")}{table_html(explained(table))}</section>'
 
 
 def _overview() -> str:
@@ -290,7 +292,7 @@ def _statistics(tables: list[Table]) -> str:
         '<button class="more" id="more-statistics" hidden></button>'
     )
     notes = [f"<p class='note'>{escape(note)}</p>" for table in tables[1:2] for note in table.notes]
-    return "\n".join([text_html("Statistics", "h2"), statistics, *notes])
+    return "\n".join([text_html("Statistics", "h2"), statistics, *notes, folded_meanings_html(MEANINGS)])
 
 
 def _beside_section() -> str:
@@ -322,7 +324,7 @@ def _tables(summary: BenchSummary, tables: list[Table]) -> str:
     """Return the methods over all conditions, and why cells gave nothing."""
     n_tables = (len(summary.methods) > 1) + bool(summary.improvements)
     parts = [text_html("Methods over all conditions", "h2")] if n_tables else []
-    parts += [table_html(table) for table in tables[len(tables) - n_tables :]]
+    parts += [table_html(explained(table)) for table in tables[len(tables) - n_tables :]]
     if summary.reasons:
         rows = "".join(f"<li>{count} &times; {escape(reason)}</li>" for reason, count in summary.reasons.items())
         parts += [text_html("Why cells gave no result", "h2"), f"<ul>{rows}</ul>"]
