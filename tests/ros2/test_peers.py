@@ -161,3 +161,14 @@ def test_a_program_that_is_told_to_go_stops_the_robot(domain, robot, new_peer, t
     busy = max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
     assert max(moving) < stops[0] < told_s + 0.3 * busy
     assert ended_s > stops[0]
+
+
+def test_inspect_finds_a_node_each_time(domain, new_peer) -> None:
+    new_peer(rates_hz={"wheels": 50})
+    command = [sys.executable, "-m", "trailmark.cli", "inspect", f"ros2://{domain}", "--json"]
+    for _ in range(4):  # found within 0.1 to 1.2 s
+        rows = json.loads(subprocess.run(command, capture_output=True, check=True, timeout=60.0).stdout)
+
+        (wheels,) = (row for row in rows if row["topic"] == "/odom")
+        assert (wheels["type"], wheels["sensor"]) == ("nav_msgs/msg/Odometry", "odometry")
+        assert float(wheels["rate"].removesuffix(" Hz")) > 10.0

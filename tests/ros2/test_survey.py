@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import socket
 import sys
+import threading
 import time
 
 import pytest
@@ -87,3 +88,15 @@ def test_a_source_that_reads_no_network_says_so(capsys) -> None:
         main(["inspect", "camera://0"])
 
     assert "Camera reads no network" in capsys.readouterr().err
+
+
+def test_who_is_found_late_is_listed_too(domain, new_robot, messages) -> None:
+    """Fast DDS is found within 0.1 to 1.2 s."""
+    late = threading.Timer(1.2, lambda: new_robot(domain).repeat("/odom", 50.0, lambda k: messages.odometry()))
+    late.start()
+
+    (row,) = survey_network(str(domain))
+
+    late.join()
+    assert row["topic"] == "/odom"
+    assert float(row["rate"].removesuffix(" Hz")) > 25.0

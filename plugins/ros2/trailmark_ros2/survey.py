@@ -13,12 +13,13 @@ from trailmark_ros2.silence import reason_of_emptiness
 
 __all__ = ["survey_network"]
 
-_DISCOVERY_S = 0.6
-_COUNTING_S = 1.2
+#: How long to look; longer, until somebody is seen, and then so long at least [s].
+_LOOK_S, _PATIENCE_S, _COUNTING_S = 1.8, 4.0, 1.2
+_LOOK_EVERY_S = 0.05
 
 
 def survey_network(where: str) -> list[dict[str, str]]:
-    """Return the topics of a domain, within 2 s.
+    """Return the topics of a domain, within 2 s; within 4 s where nobody is seen at first.
 
     Parameters
     ----------
@@ -37,13 +38,11 @@ def survey_network(where: str) -> list[dict[str, str]]:
         raise ConfigError(f"ros2://{where}: {number!r} is no domain of ROS; write ros2://0, or ros2://0/eth0")
     network = dds.Network(int(number) if number else dds.default_domain(), interface or dds.LOOPBACK)
     try:
-        time.sleep(_DISCOVERY_S)
-        endpoints = [endpoint for endpoint in network.writers() if not network.is_own(endpoint)]
+        rates_hz = _rates_hz(network)
         readers = Counter(endpoint.topic for endpoint in network.readers() if not network.is_own(endpoint))
         by_topic: defaultdict[tuple[str, str], list[dds.Endpoint]] = defaultdict(list)
-        for endpoint in endpoints:
+        for endpoint in _writers_of_others(network):
             by_topic[endpoint.topic, endpoint.type_name].append(endpoint)
-        rates_hz = _rates_hz(network, by_topic)
         rows = [_row(*key, writers, rates_hz.get(key), readers) for key, writers in sorted(by_topic.items())]
     finally:
         network.close()
@@ -71,26 +70,36 @@ def _row(
     }
 
 
-def _rates_hz(
-    network: dds.Network, by_topic: defaultdict[tuple[str, str], list[dds.Endpoint]]
-) -> dict[tuple[str, str], float]:
-    """Count what comes of the topics whose types are known; latched messages that stood before count not."""
-    known = [key for key in by_topic if is_known(key[1])]
+def _writers_of_others(network: dds.Network) -> list[dds.Endpoint]:
+    return [endpoint for endpoint in network.writers() if not network.is_own(endpoint)]
+
+
+def _rates_hz(network: dds.Network) -> dict[tuple[str, str], float]:
+    """Count what comes of the topics whose types are known; latched messages that stood before count not.
+
+    Programs are found by and by, Fast DDS within 0.1 to 1.2 s: a topic is listened to once it is seen, and where nobody
+    is seen at all one waits longer.
+    """
     best_effort = dds.Quality(is_reliable=False, depth=1000)
-    subscriptions = {key: network.subscription(*key, best_effort) for key in known}
-    if not subscriptions:
-        return {}
-    waiter = network.waiter(subscriptions.values())
+    subscriptions: dict[tuple[str, str], dds.Subscription] = {}
+    begun_s: dict[tuple[str, str], float] = {}
     stamps_s: defaultdict[tuple[str, str], list[float]] = defaultdict(list)
-    until_s = time.monotonic() + _COUNTING_S
-    while (left_s := until_s - time.monotonic()) > 0.0:
-        waiter.wait(min(left_s, 0.1))
+    began_s = time.monotonic()
+    until_s = began_s + _PATIENCE_S
+    while (now_s := time.monotonic()) < until_s:
+        writers = _writers_of_others(network)
+        if until_s == began_s + _PATIENCE_S and (writers or network.readers()):
+            until_s = max(began_s + _LOOK_S, now_s + _COUNTING_S)
+        for key in {(writer.topic, writer.type_name) for writer in writers if is_known(writer.type_name)}:
+            if key not in subscriptions:
+                subscriptions[key], begun_s[key] = network.subscription(*key, best_effort), now_s
+        network.waiter(subscriptions.values()).wait(_LOOK_EVERY_S)
         for key, subscription in subscriptions.items():
             stamps_s[key] += [time.monotonic()] * len(subscription.take(1000))
-    return {key: _rate_hz(stamps_s[key]) for key in known}
+    return {key: _rate_hz(stamps_s[key], time.monotonic() - begun_s[key]) for key in subscriptions}
 
 
-def _rate_hz(stamps_s: list[float]) -> float:
+def _rate_hz(stamps_s: list[float], counted_s: float) -> float:
     if len(stamps_s) < 2 or stamps_s[-1] - stamps_s[0] < 0.1:
-        return len(stamps_s) / _COUNTING_S
+        return len(stamps_s) / counted_s
     return (len(stamps_s) - 1) / (stamps_s[-1] - stamps_s[0])
