@@ -4,6 +4,8 @@
 
 At its end launch sends SIGINT, and the run stops the robot, writes what is known, and ends; it gets 10 s for that
 before SIGTERM. Nothing of ROS is imported by Trailmark, which may live in an environment of its own: `program`.
+
+It was tested with a stand-in for `launch`, and not run by `ros2 launch`.
 """
 
 from launch import LaunchDescription
