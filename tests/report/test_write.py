@@ -15,6 +15,7 @@ import pytest
 
 from trailmark.errors import DataError
 from trailmark.report import write_report
+from trailmark.report.html import counters_html
 from trailmark.report.style import css_variables
 
 Write = Callable[..., Path]
@@ -136,6 +137,14 @@ def test_every_heading_of_the_page_says_what_it_means_on_hover(fake_run: Write) 
     headings = re.findall(r'<th scope="col"([^>]*)>([^<]*)', text)
     assert len(headings) > 20
     assert [title for attributes, title in headings if "title=" not in attributes] == []
+
+
+def test_counters_of_the_run_say_what_they_count() -> None:
+    told = counters_html({"estimator.repaired_too_certain": 3, "localizer.floor.lost": 0, "localizer.x.own.looks": 1})
+
+    assert '<li title="Estimates that claim to be surer' in told
+    assert 'class="zero" title="The localizer looked' in told
+    assert "<li><span>localizer.x.own.looks</span>" in told
 
 
 def test_the_one_script_of_the_page_is_ours_and_the_policy_names_it(fake_run: Write) -> None:

@@ -11,7 +11,7 @@ from importlib.resources import files
 from typing import Any
 
 from trailmark.evaluation import FUSED
-from trailmark.report.meanings import meaning_of
+from trailmark.report.meanings import meaning_of, meaning_of_counter
 from trailmark.report.style import css_variables, embed_svg
 from trailmark.report.tables import Column, Table
 
@@ -143,7 +143,8 @@ def facts_html(facts: Mapping[str, Any]) -> str:
 
 
 def _counter(name: str, count: Any) -> str:
-    attribute = "" if count else ' class="zero"'
+    meaning = meaning_of_counter(name)
+    attribute = ("" if count else ' class="zero"') + (f' title="{escape(meaning)}"' if meaning else "")
     return f"<li{attribute}><span>{escape(name)}</span><span>{escape(str(count))}</span></li>"
 
 
