@@ -9,13 +9,19 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
+from subprocess import PIPE, STDOUT
 
 import pytest
+
+from trailmark.cli import main
 
 REPOSITORY = Path(__file__).parents[2]
 PAGES = [REPOSITORY / "README.md", *sorted((REPOSITORY / "docs").rglob("*.md"))]
@@ -54,6 +60,31 @@ def is_run(block: Block) -> bool:
     return block.mark != "not run" and (block.mark == "file" or block.language in _RUN)
 
 
+def commands_of(block: Block) -> list[list[str]]:
+    """Return the words of a block of nothing but ``trailmark`` commands, line by line; of another one, nothing."""
+    lines = [shlex.split(line) for line in block.text.splitlines()]
+    plain = block.language == "sh" and not set(block.text) & set("|&;<>$`*~#\\")
+    return lines if plain and all(line[:1] == ["trailmark"] for line in lines) else []
+
+
+def called(commands: list[list[str]]) -> tuple[int, str]:
+    """Return exit code and words of commands, called in this process: many would end before another has started."""
+    with redirect_stdout(StringIO()) as told, redirect_stderr(told):
+        for words in commands:
+            with pytest.raises(SystemExit) as left:
+                main(words[1:])
+            if left.value.code:
+                return int(left.value.code), told.getvalue()
+    return 0, told.getvalue()
+
+
+def typed(block: Block) -> tuple[int, str]:
+    """Return exit code and words of a block that was given to its interpreter."""
+    line = [*_RUN[block.language], block.text]
+    done = subprocess.run(line, stdout=PIPE, stderr=STDOUT, text=True, timeout=_PATIENCE_S, check=False)
+    return done.returncode, done.stdout
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(REPOSITORY)))
 def test_every_block_is_run_or_says_why_not(page: Path) -> None:
     for block in blocks(page):
@@ -80,25 +111,18 @@ def test_a_file_that_is_named_is_a_block(page: Path) -> None:
     [page for page in PAGES if any(is_run(block) for block in blocks(page))],
     ids=lambda page: str(page.relative_to(REPOSITORY)),
 )
-def test_what_the_page_tells_to_type_works(page: Path, tmp_path: Path) -> None:
-    environment = os.environ | {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+def test_what_the_page_tells_to_type_works(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
     folder = tmp_path / "mine"
     folder.mkdir()
     (tmp_path / "trailmark").symlink_to(REPOSITORY)
+    monkeypatch.chdir(folder)
     for block in blocks(page):
         if not is_run(block):
             continue
         if block.mark == "file":
             (folder / block.value).write_text(block.text, encoding="utf-8")
             continue
-        done = subprocess.run(
-            [*_RUN[block.language], block.text],
-            cwd=folder,
-            env=environment,
-            capture_output=True,
-            text=True,
-            timeout=_PATIENCE_S,
-            check=False,
-        )
+        code, told = called(commands) if (commands := commands_of(block)) else typed(block)
         expected = int(block.value) if block.mark == "exit code" else 0
-        assert done.returncode == expected, f"{block.where}: {done.stdout[-2000:]}\n{done.stderr[-2000:]}"
+        assert code == expected, f"{block.where}: {told[-4000:]}"
