@@ -48,9 +48,14 @@ def trees() -> dict[str, ast.Module]:
 
 
 @cache
+def nodes(tree: ast.AST) -> list[ast.AST]:
+    """Return what calls or imports."""
+    return [node for node in ast.walk(tree) if isinstance(node, ast.Call | ast.Import | ast.ImportFrom)]
+
+
 def calls(tree: ast.AST) -> list[tuple[str, ast.Call]]:
     """Return calls, each with the dotted name of what is called."""
-    return [(dotted(node.func), node) for node in ast.walk(tree) if isinstance(node, ast.Call)]
+    return [(dotted(node.func), node) for node in nodes(tree) if isinstance(node, ast.Call)]
 
 
 def dotted(node: ast.expr) -> str:
@@ -68,7 +73,7 @@ def test_nothing_unpickles_evaluates_or_runs_text(trees: dict[str, ast.Module]) 
     told = {"shell", "allow_pickle", "typ"}
     found = []
     for name, tree in trees.items():
-        for node in ast.walk(tree):
+        for node in nodes(tree):
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) and not node.level else []
             found += [f"{name} imports {one}" for one in names if one.partition(".")[0] in modules]
