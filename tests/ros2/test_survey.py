@@ -70,6 +70,7 @@ def test_through_a_network_other_reasons_are_likely() -> None:
 @pytest.mark.skipif(sys.platform != "linux", reason="ports are listed by Linux alone")
 def test_a_robot_in_another_domain_is_pointed_at(monkeypatch, tmp_path) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as program:
+        program.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # two runs of this test at once
         program.bind(("127.0.0.1", 7400 + 250 * 101 + 10))  # as the first program of a domain that no test here opens
 
         assert 101 in _domains_of_others()
