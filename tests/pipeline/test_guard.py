@@ -43,6 +43,27 @@ def test_before_the_first_fix_and_motion_way_and_time_count_from_the_start() -> 
     assert guard.check(Belief(10.2, travelled_m=1.1, fix_age_m=math.inf, motion_age_s=0.0)) is not None
 
 
+def test_a_live_robot_waits_for_motion_where_nobody_wrote_a_limit(caplog) -> None:
+    guard = Guard(StopWhen(), give_up_s=1.0, is_live=True)
+
+    assert guard.check(Belief(0.0, motion_age_s=0.5)) is None
+    assert guard.check(Belief(1.0, motion_age_s=0.6)) == Stop("no motion for 0.60 s")
+    assert guard.check(Belief(9.0, motion_age_s=8.6)) == Stop("no motion for 8.60 s")
+    assert not guard.has_given_up(9.0)  # the camera may be plugged in again
+    assert guard.check(Belief(9.1, motion_age_s=0.0)) is None
+    assert [record.message for record in caplog.records] == [
+        "no motion for 0.60 s: the robot stands until one is measured again; for another limit than 0.5 s, or null for"
+        " none, write stop_when: {motion_age_s: ...}"
+    ]
+
+
+def test_a_live_robot_that_is_led_by_fixes_alone_or_as_the_config_says_does_not_wait() -> None:
+    assert Guard(StopWhen(), is_live=True).check(Belief(9.0, motion_age_s=math.inf)) is None
+    assert Guard(StopWhen(motion_age_s=None), is_live=True).check(Belief(9.0, motion_age_s=8.0)) is None
+    assert Guard(StopWhen(motion_age_s=9.0), is_live=True).check(Belief(9.0, motion_age_s=8.0)) is None
+    assert Guard(StopWhen()).check(Belief(9.0, motion_age_s=8.0)) is None
+
+
 def test_the_guard_overrules_the_controller_and_lets_it_go_on(fakes) -> None:
     def say(frame, belief):  # motion pauses between 0.5 s and 1.5 s
         return () if 0.5 < frame.stamp_s < 1.5 else mover.observe(frame, belief)

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from trailmark.commands import Velocity
+from trailmark.commands import Stop, Velocity
 from trailmark.config import SourceConfig
 from trailmark.errors import ConfigError, RunError, SourceError
 from trailmark.estimates import Fix
@@ -114,6 +114,22 @@ class TestLive:
 
         assert [round(step.stamp_s, 3) for step in steps] == [round(1000 + i / 10, 3) for i in range(11)]
         assert [step.frame is not None for step in steps] == [True] + [False] * 10
+
+    def test_a_robot_whose_motion_ceases_stands_until_it_is_back(self, fakes) -> None:
+        def say(frame, belief):  # the wheels pause, the camera goes on
+            return () if 1000.45 < frame.stamp_s < 1001.55 else mover.observe(frame, belief)
+
+        device, clock, mover = Device.of(fakes), fakes.FakeClock(), fakes.Mover(Pose2(0.1))
+        for frame in fakes.image_frames("cam", [1000 + i / 10 for i in range(19)]):
+            clock.scheduled.append((frame.stamp_s, lambda frame=frame: device.queue.put(frame)))
+        clock.scheduled.append((1001.85, lambda: device.queue.put(None)))
+        parts = fakes.parts({"cam": device}, {"vo": fakes.Scripted(say)}, controller=fakes.Chaser(1e9), control_hz=10.0)
+
+        commands = {round(step.stamp_s, 1): step.command for step in Pipeline(parts, clock=clock)}
+
+        assert commands[1000.8] == Velocity(1.0)
+        assert all(isinstance(commands[round(1000 + i / 10, 1)], Stop) for i in range(10, 16))
+        assert commands[1001.6] == commands[1001.8] == Velocity(1.0)
 
     def test_the_oldest_frame_is_dropped_and_counted(self, fakes) -> None:
         device = Device.of(fakes)

@@ -17,7 +17,6 @@ from trailmark.errors import ConfigError
 from trailmark.interruption import TELL_S, ending_signal, shielded
 
 if TYPE_CHECKING:
-    from trailmark.config import RunConfig
     from trailmark.interfaces import Access, Mode
     from trailmark.pipeline import Pipeline, RunRequest, RunResult, Step
     from trailmark.watching.notes import LiveNotes
@@ -25,9 +24,6 @@ if TYPE_CHECKING:
     OnStep = Callable[[Pipeline, Step], None]
 
 __all__ = ["replay_command", "run_command", "teach_command"]
-
-#: Keys by which controllers that look at it themselves say how doubtful a belief may be.
-_LIMITS_OF_DOUBT = frozenset({"max_motion_age_s", "max_sigma_m"})
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 _STORE = click.Path(path_type=Path, dir_okay=False)
@@ -182,7 +178,7 @@ def _execute(request: RunRequest, target: str, options: Mapping[str, Any]) -> No
     from trailmark.pipeline import link_latest, new_folder
 
     config = request.read()
-    for notice in (*config.notices, *_unwatched(config)):
+    for notice in config.notices:
         say(notice)
     if not config.sources:
         raise ConfigError(f"{target}: there are no sources, so no frames; add a section 'sources:'")
@@ -202,21 +198,6 @@ def _execute(request: RunRequest, target: str, options: Mapping[str, Any]) -> No
         raise click.exceptions.Exit(130)
     if warnings and options["strict"]:
         raise click.exceptions.Exit(1)
-
-
-def _unwatched(config: RunConfig) -> Iterator[str]:
-    """Yield what to say of a controller that drives a live robot however old the motion is that it goes by."""
-    from trailmark.config import LiveSourceConfig
-
-    controller, settings = config.controller, config.settings
-    if controller is None or settings.mode == "teach" or settings.stop_when.motion_age_s is not None:
-        return
-    is_live = any(isinstance(source.config, LiveSourceConfig) for source in config.sources.values())
-    if is_live and not _LIMITS_OF_DOUBT & type(controller.config).model_fields.keys():
-        yield (
-            f"WARNING: {controller.spec.name} drives on when nothing measures the motion any more, as long as frames of"
-            " any sensor come; to stop the robot then, write stop_when: {motion_age_s: 0.5}"
-        )
 
 
 @contextmanager

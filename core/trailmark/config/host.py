@@ -135,13 +135,17 @@ class SensorSection(PluginConfig):
     """A file, or the numbers themselves."""
 
 
+#: How old a motion that once was measured may get before a live robot stands, where nobody says otherwise [s].
+_LIVE_MOTION_AGE_S = 0.5
+
+
 class StopWhen(PluginConfig):
-    """When the robot is stopped whatever the controller says; fixes and motions that are left out: never."""
+    """When the robot is stopped whatever the controller says."""
 
     fix_age_m: float | None = Field(default=None, gt=0)
-    """Way since the last accepted absolute estimate [m]."""
+    """Way since the last accepted absolute estimate; null: never [m]."""
     motion_age_s: float | None = Field(default=None, gt=0)
-    """Time since the last accepted motion [s]."""
+    """Time since the last accepted motion; null: never; left out: never, or 0.5 in a live run that has motion [s]."""
     stall_s: float | None = Field(default=0.5, gt=0)
     """In real time: for how long the run may stand still before another thread stops the robot; null: for ever [s]."""
 
@@ -149,6 +153,11 @@ class StopWhen(PluginConfig):
     def limits_belief(self) -> bool:
         """Whether a belief can be too old."""
         return self.fix_age_m is not None or self.motion_age_s is not None
+
+    @property
+    def live_motion_age_s(self) -> float | None:
+        """How old a motion may get in a live run once one was measured; None where the config says it itself [s]."""
+        return None if "motion_age_s" in self.model_fields_set else _LIVE_MOTION_AGE_S
 
 
 class PluginsSection(PluginConfig):

@@ -177,7 +177,8 @@ class Guard:
     """Says `Stop` while the belief is older than ``stop_when`` allows, whatever the controller says.
 
     Before the first absolute estimate the way counts from the start, and before the first motion the time does:
-    a robot that starts without a fix may drive the same way to find one.
+    a robot that starts without a fix may drive the same way to find one. A limit of motion that nobody wrote counts
+    from the first motion on, for some robots are led by fixes alone, and ends no run: it waits for the next motion.
 
     Parameters
     ----------
@@ -185,10 +186,14 @@ class Guard:
         The limits.
     give_up_s : float
         A robot that was stopped for so long will not find itself any more: the run ends [s].
+    is_live : bool
+        Whether a controller drives a real robot, which motion has to be fresh for even where nobody wrote a limit.
     """
 
-    def __init__(self, stop_when: StopWhen, give_up_s: float = 10.0) -> None:
+    def __init__(self, stop_when: StopWhen, give_up_s: float = 10.0, is_live: bool = False) -> None:
         self._stop_when = stop_when
+        self._live_limit_s = stop_when.live_motion_age_s if is_live else None
+        self._has_told = False
         self._give_up_s = give_up_s
         self._start: Belief | None = None
         self._stopped_s: float | None = None
@@ -200,13 +205,29 @@ class Guard:
         reason = self._too_old(belief, self._start)
         if reason is None:
             self._stopped_s = None
-            return None
+            return self._wait_for_motion(belief)
         self._stopped_s = belief.stamp_s if self._stopped_s is None else self._stopped_s
         return Stop(reason)
 
     def has_given_up(self, now_s: float) -> bool:
         """Return whether the robot has been stopped for too long."""
         return self._stopped_s is not None and now_s - self._stopped_s > self._give_up_s
+
+    def _wait_for_motion(self, belief: Belief) -> Stop | None:
+        """Return why a live robot stands until it is known again how it moves; None while that is known."""
+        limit_s, age_s = self._live_limit_s, belief.motion_age_s
+        if limit_s is None or not math.isfinite(age_s) or age_s <= limit_s + _ROUNDING:
+            return None
+        reason = f"no motion for {age_s:.2f} s"
+        if not self._has_told:
+            logger.warning(
+                "%s: the robot stands until one is measured again; for another limit than %g s, or null for none, write"
+                " stop_when: {motion_age_s: ...}",
+                reason,
+                limit_s,
+            )
+            self._has_told = True
+        return Stop(reason)
 
     def _too_old(self, belief: Belief, start: Belief) -> str | None:
         fix_limit_m, motion_limit_s = self._stop_when.fix_age_m, self._stop_when.motion_age_s
