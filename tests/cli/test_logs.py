@@ -6,6 +6,7 @@ import logging
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -34,3 +35,15 @@ def test_a_level_of_the_log_that_does_not_exist_is_refused_in_one_line(level: st
     assert done.returncode == code
     expected = "trailmark: TRAILMARK_LOG=loud: it takes debug, info, warning, error, critical\n" if code else ""
     assert done.stderr == expected
+
+
+def test_a_warning_reaches_the_user_on_standard_error(tmp_path: Path) -> None:
+    (tmp_path / "broken.py").write_text("raise OSError('no such camera')\n")
+    words = [sys.executable, "-m", "trailmark.cli", "--plugin", "broken.py", "init"]
+
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
+
+    assert done.stderr == (
+        "trailmark: warning: plugin 'broken' (broken.py) did not load: OSError: no such camera;"
+        " run 'trailmark plugins doctor'\n"
+    )

@@ -11,6 +11,7 @@ import pytest
 
 from trailmark.estimates import Belief, Motion, information_from_sigmas
 from trailmark.estimation.kalman.lasting_errors import UNAFFECTED, LastingVariances, lasting_covariance
+from trailmark.estimation.kalman.parting import PartingLog
 from trailmark.geometry import Pose2, wrap_angle
 
 from .conftest import kalman, pose_of
@@ -203,3 +204,9 @@ def test_a_heading_that_is_wrong_by_much_is_wrong_on_an_arc() -> None:
     off_m = lever_m * (1.0 - np.cos(np.random.default_rng(1).normal(size=200_000)))
     assert math.isclose(covariance[0, 0], float(np.mean(off_m**2)), rel_tol=0.02)
     assert math.isclose(covariance[1, 1], lever_m**2)
+
+
+def test_what_two_tell_alike_is_logged_of_the_first_whatever_the_hashes(caplog: pytest.LogCaptureFixture) -> None:
+    PartingLog().note(dict.fromkeys("hgfedcba", "they disagree"))
+
+    assert caplog.messages == ["localizer 'h': they disagree"]

@@ -77,7 +77,7 @@ class PartingLog:
 
     def note(self, told: Mapping[str, str]) -> None:
         """Take note of what is told of the localizers now."""
-        for source in told.keys() - self._logged:
+        for source in [one for one in told if one not in self._logged]:
             if told[source] not in self._logged:
                 logger.warning("localizer %r: %s", source, told[source])
             self._logged |= {source, told[source]}
