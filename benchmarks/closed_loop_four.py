@@ -209,7 +209,7 @@ def page_of(drives: Sequence[Drive]) -> str:
         " `omni_surf`, `kinect_landmarks`, `divs` and `laser_icp`, by pairs of them, or by one; the wheels are with"
         " each. Offsets are those of the true place from the true way of teaching, the 30 mm of the start included."
         f" A place is another supermarket or street (goods, houses, signs, ground); n = {len(places)} places, one"
-        " drive each; pairs in one place of each world.\n",
+        " drive each.\n",
         f"Bar: mean offset of all four <= {BAR_MM:g} mm, no collision, better than each alone in every place.\n",
         *verdicts(drives),
         "\n| led by | arrived | collisions | mean [mm], all places | best place | worst place | largest [mm] |",

@@ -3,6 +3,9 @@
 The line "File `NAME`:" before a block, which a reader sees, writes it to a file. Comments say what else a block is:
 ``<!-- not run: REASON -->`` leaves one out; ``<!-- exit code: 2 -->`` expects a command to fail. Nothing else is done
 than what a reader does: nothing is made behind a page's back, but for a clone of the repository, ``../trailmark``.
+
+Blocks of plain ``trailmark`` commands are called in this process, which is faster and nearly the same: the console
+script, and warnings on standard error, are tried where blocks go to a shell, as all of `TYPED` do.
 """
 
 from __future__ import annotations
@@ -10,10 +13,12 @@ from __future__ import annotations
 import os
 import re
 import shlex
+import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
@@ -34,6 +39,10 @@ _PART = re.compile(
 )
 _RUN = {"sh": ["bash", "-euo", "pipefail", "-c"], "python": [sys.executable, "-c"]}
 _PATIENCE_S = 300
+#: The page of which every block has a process of its own, as with a reader.
+TYPED = REPOSITORY / "README.md"
+#: A command of which a shell makes the same words as `shlex`. A plugin's file is read once in a process, so not here.
+_PLAIN = re.compile(r"""trailmark(?= |$)(?!.* --plugin)([\w./:=,@%+ -]|'[^']*'|"[^"$`\\!]*")*""")
 
 
 @dataclass(frozen=True)
@@ -61,21 +70,34 @@ def is_run(block: Block) -> bool:
 
 
 def commands_of(block: Block) -> list[list[str]]:
-    """Return the words of a block of nothing but ``trailmark`` commands, line by line; of another one, nothing."""
-    lines = [shlex.split(line) for line in block.text.splitlines()]
-    plain = block.language == "sh" and not set(block.text) & set("|&;<>$`*~#\\")
-    return lines if plain and all(line[:1] == ["trailmark"] for line in lines) else []
+    """Return the words of a block of plain ``trailmark`` commands alone, line by line; of another one, nothing."""
+    lines = block.text.splitlines()
+    is_plain = block.language == "sh" and all(_PLAIN.fullmatch(line) for line in lines)
+    return [shlex.split(line) for line in lines] if is_plain else []
 
 
 def called(commands: list[list[str]]) -> tuple[int, str]:
     """Return exit code and words of commands, called in this process: many would end before another has started."""
-    with redirect_stdout(StringIO()) as told, redirect_stderr(told):
+    with redirect_stdout(StringIO()) as told, redirect_stderr(told), pytest.MonkeyPatch.context() as patch:
         for words in commands:
-            with pytest.raises(SystemExit) as left:
+            patch.setattr(sys, "argv", words)
+            with pytest.raises(SystemExit) as left, _interrupted_after(_PATIENCE_S):
                 main(words[1:])
             if left.value.code:
                 return int(left.value.code), told.getvalue()
     return 0, told.getvalue()
+
+
+@contextmanager
+def _interrupted_after(seconds: float) -> Iterator[None]:
+    """Press Ctrl-C when the time is over: of a command it is the exit code 130."""
+    before = signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(signal.SIGINT))
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
 
 
 def typed(block: Block) -> tuple[int, str]:
@@ -123,6 +145,44 @@ def test_what_the_page_tells_to_type_works(page: Path, tmp_path: Path, monkeypat
         if block.mark == "file":
             (folder / block.value).write_text(block.text, encoding="utf-8")
             continue
-        code, told = called(commands) if (commands := commands_of(block)) else typed(block)
+        commands = [] if page == TYPED else commands_of(block)
+        code, told = called(commands) if commands else typed(block)
         expected = int(block.value) if block.mark == "exit code" else 0
         assert code == expected, f"{block.where}: {told[-4000:]}"
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        (
+            "trailmark run a.yaml --set 'x=[1, 2]' --set y=-1.5",
+            ["run", "a.yaml", "--set", "x=[1, 2]", "--set", "y=-1.5"],
+        ),
+        *((f"trailmark {sign}", None) for sign in ("(1)", "{a,b}", "[ab]", "a?", "!a", "$a", "a*", "a | b", "it's")),
+        ("trailmark --plugin ./mine.py run a.yaml", None),
+        ("trailmark-other run", None),
+    ],
+)
+def test_only_what_a_shell_takes_word_by_word_is_called(line: str, words: list[str] | None) -> None:
+    assert commands_of(Block("page.md:1", "sh", line)) == ([] if words is None else [["trailmark", *words]])
+
+
+def test_what_is_not_for_a_shell_is_not_taken_apart() -> None:
+    assert commands_of(Block("page.md:1", "python", "# it's a comment")) == []
+
+
+def test_a_command_that_is_called_is_known_by_its_words_and_not_waited_for_without_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    seen = []
+
+    def hangs(words: list[str]) -> None:
+        seen.append((words, sys.argv))
+        time.sleep(30.0)
+
+    monkeypatch.setattr(sys.modules[__name__], "main", hangs)
+    monkeypatch.setattr(sys.modules[__name__], "_PATIENCE_S", 0.05)
+
+    with pytest.raises(KeyboardInterrupt):
+        called([["trailmark", "run"]])
+    assert seen == [(["run"], ["trailmark", "run"])]
