@@ -86,8 +86,15 @@ def test_a_notebook_shows_the_ends_and_a_sketch_of_a_trajectory() -> None:
     html = WAY._repr_html_()
 
     assert "Trajectory(3 poses, 0 to 2 s, 6 m)" in html
-    assert "<td>last</td><td>2</td><td>3</td><td>5</td><td>0.2</td>" in html
+    assert "<td>last</td><td>2.000</td><td>3.000</td><td>5.000</td><td>0.200</td>" in html
     assert 'points="5.0,185.0 113.0,41.0 113.0,5.0"' in html  # y up, as long as the longer side
+
+
+def test_the_ends_are_told_apart_at_stamps_of_the_epoch_and_far_from_the_origin() -> None:
+    html = Trajectory([1.764e9, 1.764e9 + 12.5], [[123456.7, 0.0, 0.0], [123457.9, 0.0, 0.0]])._repr_html_()
+
+    assert "<td>1764000000.000</td><td>123456.700</td>" in html
+    assert "<td>1764000012.500</td><td>123457.900</td>" in html
 
 
 def test_a_sketch_of_many_poses_is_small_and_one_of_none_or_of_rest_is_possible() -> None:

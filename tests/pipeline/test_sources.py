@@ -295,3 +295,30 @@ def test_ground_truth_beyond_all_reason_is_a_warning(fakes, caplog) -> None:
 
     assert pipeline.result.ground_truth is None
     assert "source 'light' gives no ground truth: ValueError: it reaches 1e+300 m" in caplog.text
+
+
+class TestLasting:
+    """How long a source says it lasts is for a bar alone."""
+
+    @pytest.mark.parametrize("told", ["5", math.nan, math.inf, -1.0, 0, 10**400, [5.0], None])
+    def test_what_is_no_length_is_not_known(self, fakes, told: object) -> None:
+        source = fakes.Recording(fakes.scalar_frames("light", [0.0]))
+        source.lasts_s = lambda: told
+
+        assert SourceStream("s", source, SourceConfig()).lasts_s() is None
+        assert SourceStream("s", source, SourceConfig(stop_s=3.0)).lasts_s() == 3.0
+
+    def test_one_that_fails_to_say_ends_no_run(self, fakes, caplog: pytest.LogCaptureFixture) -> None:
+        source = fakes.Recording(fakes.scalar_frames("light", [0.0]))
+        source.lasts_s = lambda: 1 / 0
+
+        with caplog.at_level(logging.DEBUG):
+            assert SourceStream("s", source, SourceConfig()).lasts_s() is None
+        assert "source 's' does not say how long it lasts: " in caplog.text
+
+    @pytest.mark.parametrize(("start_s", "left_s"), [(0.0, 5.0), (2.0, 3.0), (5.0, None), (9.0, None)])
+    def test_the_time_is_that_of_the_window(self, fakes, start_s: float, left_s: float | None) -> None:
+        source = fakes.Recording(fakes.scalar_frames("light", [0.0]))
+        source.lasts_s = lambda: np.float32(5.0)
+
+        assert SourceStream("s", source, SourceConfig(start_s=start_s)).lasts_s() == left_s

@@ -69,19 +69,24 @@ class RunProgress(AbstractContextManager["RunProgress"]):
 
     def _begin(self, pipeline: Pipeline, step: Step) -> None:
         self._has_begun = True
-        self._first_s, self._lasts_s = step.stamp_s, pipeline.lasts_s
+        self._first_s = step.stamp_s
+        if self._kind == "auto":
+            self._lasts_s = pipeline.lasts_s
         if self._kind != "none":
             for line in pipeline.sensor_origins:
                 click.echo(line, err=True)
 
     def _share(self, pipeline: Pipeline, step: Step) -> float | None:
-        """Return how much of the run is done: of its time, where that is known, else of the taught path it follows."""
+        """Return how much of the run is done: of its time or of the taught path it follows, whichever ends it first."""
+        shares = []
         if self._lasts_s:
-            return (step.stamp_s - self._first_s) / self._lasts_s
+            shares.append((step.stamp_s - self._first_s) / self._lasts_s)
         path = pipeline.path
         if path is None or len(path) < 2 or pipeline.n_waypoints:  # one that is being taught has no end yet
-            return None
-        return step.belief.travelled_m / path.length_m
+            return max(shares, default=None)
+        if pipeline.parts.controller is not None or not shares:
+            shares.append(step.belief.travelled_m / path.length_m)
+        return max(shares)
 
     def _report_waypoints(self, pipeline: Pipeline, step: Step) -> None:
         while self._n_waypoints < pipeline.n_waypoints:
@@ -101,7 +106,8 @@ class RunProgress(AbstractContextManager["RunProgress"]):
         done = share_text(share, now_s - self._began_s)
         text = f"{done}{self._n_frames} frames, {step.belief.travelled_m:.2f} m, {rate_hz:.0f} frames/s"
         if self._bar is not None:
-            self._bar.update(self._task, description=text, completed=share or 0.0, total=1.0 if done else None)
+            completed = min(share or 0.0, 0.999)  # of a task that is done the time stands still
+            self._bar.update(self._task, description=text, completed=completed, total=1.0 if done else None)
         else:
             click.echo(text, err=True)
 

@@ -167,7 +167,7 @@ class Trajectory:
 
 
 def _row_html(end: str, stamp_s: float, pose: Floats) -> str:
-    cells = (end, f"{stamp_s:.6g}", *(f"{value:.4g}" for value in pose))
+    cells = (end, *(f"{value:.3f}" for value in (stamp_s, *pose)))
     return f"<tr>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>"
 
 

@@ -49,29 +49,31 @@ _MEANINGS = {
     "p99": "99 % of the calls were faster.",
 }
 
-#: What the run counts, by the last word of the name; a plugin's own words are told by its method card.
+#: What the run itself counts, by the whole name, * for the name of a part; a plugin's own are told by its method card.
 _COUNTERS = {
-    "commands": "What the robot was told to do, by the controller.",
     "frames": "Readings of sensors.",
-    "guard_stops": "How often 'stop_when' stopped the robot.",
-    "stall_stops": "How often the robot was stopped because the run stood still.",
-    "loops": "Where the taught path met itself, and was straightened.",
-    "waypoints": "Places of the path that were taught.",
-    "collisions": "How often the simulated vehicle came to touch something.",
-    "missing": "Readings that were taken away on purpose ('perturb').",
-    "dropped": "Readings that were given up because newer ones came.",
-    "overwritten": "Readings that a slow localizer never saw, because newer ones came.",
-    "repeated": "Readings with the stamp of the one before; the second is left out.",
-    "skipped": "Readings that could not be used ('on_bad_frame: skip').",
-    "disabled": "It failed, and the run went on without it.",
-    "poses_set": "How often somebody said where the robot is.",
-    "recoveries": "How often the estimator gave its belief up for what nearly all estimates said.",
-    "replayed": "Estimates that were applied again, because one about an earlier instant came after them.",
-    "refused_information": "Estimates whose information is no information: negative, or no number.",
-    "refused_no_information": "Estimates that claim to know nothing.",
-    "repaired_too_certain": "Estimates that claim to be surer than 'floor_m' and 'floor_deg' of the estimator allow."
-    " They were used, as sure as that.",
-    "time_resets": "How often the clock jumped, so that the estimator began anew where the belief was.",
+    "control.commands": "What the robot was told to do, by the controller.",
+    "source.*.frames": "Its readings.",
+    "control.guard_stops": "How often 'stop_when' stopped the robot.",
+    "control.stall_stops": "How often the robot was stopped because the run stood still.",
+    "teach.loops": "Where the taught path met itself, and was straightened.",
+    "teach.waypoints": "Places of the path that were taught.",
+    "source.*.perturb.missing": "Readings that were taken away on purpose ('perturb').",
+    "source.*.dropped": "Readings that were given up because newer ones came.",
+    "localizer.*.overwritten": "Readings that a slow localizer never saw, because newer ones came.",
+    "source.*.repeated": "Readings with the stamp of the one before; the second is left out.",
+    "source.*.skipped": "Readings that could not be used ('on_bad_frame: skip').",
+    "localizer.*.disabled": "It failed, and the run went on without it.",
+    "estimator.poses_set": "How often somebody said where the robot is.",
+    "estimator.recoveries": "How often the estimator gave its belief up for what nearly all estimates said.",
+    "estimator.replayed": "Estimates that were applied again, because one about an earlier instant came after them.",
+    "estimator.refused_information": "Estimates whose information is no information: negative, or no number.",
+    "estimator.refused_no_information": "Estimates that claim to know nothing.",
+    "estimator.repaired_too_certain": "Estimates that claim to be surer than 'floor_m' and 'floor_deg' of the estimator"
+    " allow. They were used, as sure as that.",
+    "estimator.time_resets": "How often the clock jumped, so that the estimator began anew where the belief was.",
+} | {
+    f"localizer.*.{status}": _MEANINGS[status] for status in ("accepted", "gated", "late", "refused", "lost", "unused")
 }
 
 
@@ -82,5 +84,7 @@ def meaning_of(title: str) -> str:
 
 def meaning_of_counter(name: str) -> str:
     """Return what a counter counts, by its dotted name; empty where it is a plugin's own."""
-    word = name.rpartition(".")[2]
-    return _COUNTERS.get(word) or _MEANINGS.get(word, "")
+    first, *rest = name.split(".")
+    if first in ("source", "localizer"):
+        name = ".".join([first, "*", *rest[1:]])
+    return _COUNTERS.get(name, "")

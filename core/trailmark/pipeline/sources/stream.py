@@ -7,6 +7,7 @@ import math
 from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from numbers import Real
 from time import perf_counter_ns
 from typing import TYPE_CHECKING
 
@@ -168,9 +169,21 @@ class SourceStream:
 
     def lasts_s(self) -> float | None:
         """Return about how long the frames between ``start_s`` and ``stop_s`` go on, where it is known [s]."""
-        told = call_guarded(f"source {self.name!r}", "lasts_s", self.source.lasts_s)
-        ends_s = min(math.inf if told is None else told, self._options.stop_s or math.inf)
-        return ends_s - (self._options.start_s or 0.0) if math.isfinite(ends_s) else None
+        ends_s = min(self._told_to_last_s(), self._options.stop_s or math.inf)
+        left_s = ends_s - (self._options.start_s or 0.0)
+        return left_s if 0.0 < left_s < math.inf else None
+
+    def _told_to_last_s(self) -> float:
+        """Return what the source says of its end; infinity for nothing of use: it is for a bar, and ends no run."""
+        try:
+            told = self.source.lasts_s()
+            if isinstance(told, Real) and 0.0 < (lasts_s := float(told)) < math.inf:
+                return lasts_s
+        except BaseException as error:
+            if is_from_user(error):
+                raise
+            logger.debug("source %r does not say how long it lasts: %s", self.name, words_of(error))
+        return math.inf
 
     def _timed(self) -> Iterator[Frame]:
         """Yield the source's frames and note how long each took to come; what it raises names the source."""
