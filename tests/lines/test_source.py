@@ -5,11 +5,13 @@ from __future__ import annotations
 import base64
 import contextlib
 import errno
+import io
 import itertools
 import json
 import math
 import os
 import pty
+import re
 import socket
 import subprocess
 import sys
@@ -491,7 +493,39 @@ def test_a_robot_that_falls_silent_and_comes_back_is_said(opened, monkeypatch, c
         next(frames)
 
     assert caplog.text.count("the robot is silent: nothing has come over udp") == 1
-    assert "the robot is back after 0." in caplog.text
+    assert re.search(r"back after \d", caplog.text)
+
+
+def test_a_run_that_works_long_on_one_frame_is_no_silence(opened, monkeypatch, caplog) -> None:
+    monkeypatch.setattr("trailmark_lines.source._SILENCE_S", 0.3)
+    source = opened(over="udp")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
+        robot.sendto(wheels(1.0), ("127.0.0.1", source.port))
+        frames = source.frames()
+        next(frames)
+        threading.Timer(0.5, lambda: robot.sendto(wheels(1.1), ("127.0.0.1", source.port))).start()
+        time.sleep(0.4)
+        next(frames)
+
+    assert "silent" not in caplog.text
+
+
+def test_a_robot_that_goes_while_it_is_driven_fails_the_run(opened) -> None:
+    source = opened(over="udp", command="velocity")
+    source.drive(Velocity(0.3))
+    source._channel.read = lambda timeout_s: None
+
+    with pytest.raises(SourceError, match=r"the robot's program is gone: .* while it was driven"):
+        list(source.frames())
+
+
+def test_commands_go_to_standard_output_that_is_replaced(monkeypatch) -> None:
+    replaced = io.StringIO()  # as in a notebook
+    monkeypatch.setattr(sys, "stdout", replaced)
+
+    StandardChannel().write(b"{}\n")
+
+    assert replaced.getvalue() == "{}\n"
 
 
 @pytest.mark.parametrize(("command", "is_said"), [("velocity", True), (None, False)])
@@ -511,16 +545,19 @@ def test_a_robot_that_is_driven_and_goes_without_a_word_is_said(opened, tmp_path
     os.close(writer)
 
 
-@pytest.mark.parametrize(("offset_s", "is_said"), [(-1000.0, True), (0.0, False)])
+@pytest.mark.parametrize(
+    ("offset_s", "command", "is_said"),
+    [(-1000.0, "velocity", True), (0.0, "velocity", False), (-1000.0, None, False)],  # commands are due by our clock
+)
 def test_stamps_of_another_clock_are_said_and_lines_that_waited_are_not(
-    opened, monkeypatch, caplog, offset_s, is_said
+    opened, monkeypatch, caplog, offset_s, command, is_said
 ) -> None:
     monkeypatch.setattr("trailmark_lines.source._MOST_WAITED_S", 0.2)
-    source = opened(over="udp")
+    source = opened(over="udp", command=command)
     frames = source.frames()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
-        for k in range(10):  # the first wait, as those do that are sent while we start
-            stamp_s = time.time() + offset_s - (3.0 if k < 2 else 0.0)
+        for k in range(10):  # the first waits, as those do that are sent while we start
+            stamp_s = time.time() + offset_s - (3.0 if k == 0 else 0.0)
             robot.sendto(wheels(stamp_s), ("127.0.0.1", source.port))
             next(frames)
             time.sleep(0.05)

@@ -128,11 +128,20 @@ def test_a_frame_with_two_parents_is_said(tree_message, caplog) -> None:
     assert "/tf_static gives cam two parents, base_link and mast; the latter is used" in caplog.text
 
 
+def test_a_frame_with_two_parents_in_one_message_is_said_with_the_topic(tree_message, caplog) -> None:
+    message = tree_message(("base_link", "cam", 0.5, LEVEL), ("mast", "cam", 0.5, LEVEL))
+
+    static_tree([message], "/robot1/tf_static")
+
+    assert "/robot1/tf_static gives cam two parents, base_link and mast; the latter is used" in caplog.text
+
+
 @pytest.mark.parametrize(
     ("child", "links", "is_said"),
     [
         ("camera_link", [("base_link", "camera_link", 0.3, LEVEL)], True),
         ("camera_link", [], True),
+        ("base_link_frd", [("base_link", "base_link_frd", 0.0, (1.0, 0.0, 0.0, 0.0))], True),  # left is right there
         ("base_footprint", [("base_footprint", "base_link", 0.0, LEVEL)], False),
         ("base_link", [], False),
         ("", [], False),

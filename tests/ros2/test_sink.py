@@ -22,6 +22,7 @@ from trailmark_ros2.believing import BeliefMessages, covariance_of_six, path_byt
 from trailmark_ros2.lostness import Lostness
 from trailmark_ros2.message_types import deserialize, new_message, serialize
 from trailmark_ros2.robot_odometry import RobotOdometry
+from trailmark_ros2.writers import WriterChoice
 
 GOOD = information_from_sigmas(0.01, 0.01, 0.01)
 THERE = Pose2(3.0, -2.0, 0.7)
@@ -353,6 +354,39 @@ class TestRobotOdometry:
         odometry.add(messages.odometry(0.0, stamp_s=2.0))
 
         assert odometry.pose_odom_base(2.0).x == 0.0
+
+    def test_of_another_program_nothing_is_told_before_it_is_certain_that_it_counts(self, messages) -> None:
+        """The first messages of a second program count, until the first one is found to speak on."""
+        odometry, writers, told = RobotOdometry(), WriterChoice(), []
+        for k in range(10):
+            for writer, x in ((1, 1.0), (2, 50.0)):
+                stamp_s = 5.0 + 0.02 * k + 0.01 * (writer - 1)
+                if (k > 0 or writer == 1) and writers.counts(writer, stamp_s):
+                    odometry.add(messages.odometry(x, stamp_s=stamp_s), writer)
+                told += [odometry.pose_odom_base(stamp_s), odometry.pose_odom_base(stamp_s - 0.01)]
+
+        assert {pose.x for pose in told if pose is not None} == {1.0}
+        assert told[-1] is not None
+
+    def test_a_driver_that_is_started_again_in_another_frame_goes_on(self, messages) -> None:
+        odometry = RobotOdometry()
+        odometry.add(messages.odometry(1.0, stamp_s=10.0), 1)
+        for k in range(5):
+            message = messages.odometry(7.0, stamp_s=11.0 + k)
+            message.header.frame_id = "odom_combined"
+            odometry.add(message, 2)
+
+        assert odometry.frame_id == "odom_combined"
+        assert odometry.pose_odom_base(10.5) is None
+        assert odometry.pose_odom_base(14.5).x == 7.0
+
+    def test_a_message_without_a_frame_is_used(self, messages) -> None:
+        odometry, message = RobotOdometry(), messages.odometry(2.0, stamp_s=11.0)
+        odometry.add(messages.odometry(1.0, stamp_s=10.0))
+        message.header.frame_id = ""
+        odometry.add(message)
+
+        assert (odometry.pose_odom_base(11.0).x, odometry.frame_id) == (2.0, "odom")
 
 
 def test_of_two_programs_that_send_odometry_the_first_completes_the_transform(

@@ -13,9 +13,11 @@ import pytest
 pytest.importorskip("cyclonedds", reason="the extra [ros2] is not installed")
 
 
+from trailmark.errors import SourceError
 from trailmark.frames import DepthCamera, Pinhole
 from trailmark.sources.ros_messages import lens, planar_pose, scan
 from trailmark_ros2.config import TopicOptions
+from trailmark_ros2.frame_names import FrameNames
 from trailmark_ros2.message_types import new_message
 from trailmark_ros2.readings import new_reader
 
@@ -283,6 +285,40 @@ def test_a_message_of_another_frame_is_left_out_and_said(robot, messages, starte
     assert caplog.text.count("its frame is ") == 1
 
 
+def test_a_driver_that_is_started_again_in_another_frame_goes_on(
+    robot, new_robot, messages, started, caplog, wait_for
+) -> None:
+    robot.repeat("/odom", 50.0, lambda k: messages.odometry(0.01 * k))
+    source = started(topics={"wheels": "/odom"})
+    frames = source.frames()
+    before = next(frames).payload.pose_start_base.x
+    robot.die()
+
+    def combined(k):
+        message = messages.odometry(5.0 + 0.01 * k)
+        message.header.frame_id = "odom_combined"
+        return message
+
+    new_robot(robot.domain).repeat("/odom", 50.0, combined)
+    wait_for(lambda: next(frames) and source.counters().get("frame_changes.wheels"))
+
+    assert 0.0 <= next(frames).payload.pose_start_base.x - before < 3.0  # from where it was
+    assert source.counters()["restarts.wheels"] == 1
+    assert not source.counters().get("skipped.wheels")
+    assert "('odom_combined', 'base_link') now, and were of ('odom', 'base_link')" in caplog.text
+
+
+def test_one_wrong_first_frame_costs_four_messages(messages) -> None:
+    names, refused = FrameNames(), 0
+    for k in range(7):
+        try:
+            names.note_message(messages.image(GREY, "mono8", frame_id="front_optical" if k else "camera"), 1)
+        except SourceError:
+            refused += 1
+
+    assert (names.frame_id, refused) == ("front_optical", 4)
+
+
 @pytest.mark.parametrize("w", [0.0, 1e-200])
 def test_a_quaternion_of_no_length_is_no_orientation(messages, w: float) -> None:
     pose = messages.pose()
@@ -300,6 +336,22 @@ def test_a_scan_whose_steps_do_not_lead_to_its_end_is_refused(first, last, step)
 
     with pytest.raises(ValueError, match="which side is left"):
         scan(message)
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "step", "n"),
+    [
+        (2.0, -2.0, 0.010014, 229),
+        (math.pi, -math.pi, math.radians(1), 360),
+        (0.0, -0.0174533, math.radians(1), 360),
+        (-2.0, 2.0, -0.010014, 229),
+    ],
+)
+def test_a_scan_whose_end_is_wrapped_is_read(first, last, step, n) -> None:
+    fields = {"angle_min": first, "angle_max": last, "angle_increment": step, "range_max": 10.0}
+    message = new_message("sensor_msgs/msg/LaserScan", {**fields, "ranges": np.ones(n, np.float32)})
+
+    assert scan(message).angle_step_rad == pytest.approx(step)
 
 
 def test_a_scan_that_is_told_clockwise_is_read_so() -> None:

@@ -48,7 +48,8 @@ def test_the_command_shows_them(domain, robot, messages, capsys) -> None:
     assert [row["topic"] for row in json.loads(capsys.readouterr().out)] == ["/odom"]
 
 
-def test_an_empty_network_is_said_with_the_likely_reasons(domain, capsys) -> None:
+def test_an_empty_network_is_said_with_the_likely_reasons(capsys) -> None:
+    domain = 102  # which no other test enters: theirs come around after a hundred
     with pytest.raises(SystemExit) as ended:
         main(["inspect", f"ros2://{domain}"])
 
@@ -77,6 +78,15 @@ def test_a_robot_in_another_domain_is_pointed_at(monkeypatch, tmp_path) -> None:
         assert "; in use on this machine: domain " in reason_of_emptiness(3, "loopback")
     monkeypatch.setattr("trailmark_ros2.silence._UDP_PORTS", tmp_path / "none")  # as on other systems
     assert "in use" not in reason_of_emptiness(3, "loopback")
+
+
+def test_what_is_found_at_the_last_moment_has_no_rate(domain, robot, messages, monkeypatch) -> None:
+    monkeypatch.setattr("trailmark_ros2.survey._LEAST_S", 100.0)
+    robot.repeat("/odom", 50.0, lambda k: messages.odometry())
+
+    (row,) = survey_network(str(domain))
+
+    assert row["rate"] == "unknown"
 
 
 def test_what_is_no_domain_is_said() -> None:

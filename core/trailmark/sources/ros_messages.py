@@ -187,7 +187,11 @@ def scan(message: Any) -> Scan:
     if not (abs(first_rad) <= _MOST_RAD and abs(step_rad) * len(ranges_m) <= _MOST_RAD):  # NaN is neither
         raise ValueError(f"{len(ranges_m)} beams from {first_rad:g} rad in steps of {step_rad:g} rad are no scan")
     last_rad = float(message.angle_max)  # some leave it at 0
-    if len(ranges_m) > 1 and (step_rad == 0.0 or (last_rad != 0.0 and (last_rad - first_rad) * step_rad < 0.0)):
+    is_backward = last_rad != 0.0 and (last_rad - first_rad) * step_rad < 0.0
+    if is_backward and math.isfinite(last_rad):  # unless it was wrapped to +-pi: the last beam is there then
+        beyond_rad = math.remainder(first_rad + step_rad * (len(ranges_m) - 1) - last_rad, math.tau)
+        is_backward = abs(beyond_rad) > 2 * abs(step_rad)
+    if len(ranges_m) > 1 and (step_rad == 0.0 or is_backward):
         raise ValueError(
             f"steps of {step_rad:g} rad lead not from {first_rad:g} to {last_rad:g} rad: which side is left?"
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import logging
 import os
 import select
@@ -57,7 +58,12 @@ class StandardChannel(Channel):
             If nobody reads them, at the other end of a full pipe or of one that is closed.
         """
         sys.stdout.flush()
-        left = _write_in_time(sys.stdout.fileno(), data, "standard output")
+        try:
+            number = sys.stdout.fileno()
+        except io.UnsupportedOperation:  # it is replaced, as in a notebook
+            sys.stdout.write(data.decode())
+            return
+        left = _write_in_time(number, data, "standard output")
         if left:
             raise SourceError("standard output takes no commands: nobody reads them")
 

@@ -55,7 +55,8 @@ class LinesSource(Drivable):
         self._counts: Counter[str] = Counter()
         self._told: set[tuple[str, str]] = set()  # sensors and problems of which a skipped line was told
         self._session = Session()
-        self._heard_s, self._is_silent = time.monotonic(), False
+        self._quiet_since_s: float | None = None
+        self._is_silent = self._is_driven = False
         self.drives_itself = config.command is None
 
     def start(self, session: Session) -> None:
@@ -68,7 +69,7 @@ class LinesSource(Drivable):
         """
         self.close()
         self._closed, self._session, self._counts, self._told = threading.Event(), session, Counter(), set()
-        self._heard_s, self._is_silent = time.monotonic(), False
+        self._quiet_since_s, self._is_silent, self._is_driven = None, False, False
         self._timely_s: dict[str, float] = {}  # when a line of each sensor last came near its stamp
         self.drives_itself = self.config.command is None or session.mode == "teach"
         self._reader = LineReader(self.config.sensors, self.config.pictures)
@@ -115,6 +116,7 @@ class LinesSource(Drivable):
         if channel is None or self.config.command is None or (self.drives_itself and not isinstance(command, Stop)):
             return
         said = {"type": "command", "stamp_s": live_stamp_s(), "kind": type(command).__name__, **asdict(command)}
+        self._is_driven = not isinstance(command, Stop)
         channel.write(json.dumps(said, separators=(",", ":")).encode() + b"\n")
 
     # --- lines -----------------------------------------------------------------------------------------------------
@@ -192,6 +194,8 @@ class LinesSource(Drivable):
 
     def _warn_of_another_clock(self, frame: Frame, came_s: float) -> None:
         """Say once that stamps are not of this machine's clock, by which commands are due; first lines have waited."""
+        if self.drives_itself:
+            return
         offset_s = frame.stamp_s - came_s
         if abs(offset_s) <= _MOST_OFFSET_S:
             self._timely_s[frame.sensor] = came_s
@@ -227,27 +231,33 @@ class LinesSource(Drivable):
             *lines, rest = (rest + (b"\n" if data is None else data)).split(b"\n")
             yield from (line for line in lines if line.strip())
             if data is None:
-                self._warn_of_the_end()
+                self._end()
                 return
             if len(rest) > MAX_LINE:
                 self._refuse(SourceError(f"a line of more than {MAX_LINE} bytes"), "", "too long")
                 rest = b""
 
     def _note_silence(self, *, is_silent: bool) -> None:
-        """Say once that nothing comes, and when something does again."""
+        """Say once that nothing comes, and when something does again; a run that works does not look."""
         now_s = time.monotonic()
-        if is_silent and not self._is_silent and now_s - self._heard_s > _SILENCE_S:
-            self._is_silent = True
-            logger.warning("the robot is silent: nothing has come over %s for %.0f s", self.config.over, _SILENCE_S)
-        elif not is_silent:
-            if self._is_silent:
-                logger.warning("the robot is back after %.1f s", now_s - self._heard_s)
-            self._heard_s, self._is_silent = now_s, False
+        quiet_s = now_s - (now_s if self._quiet_since_s is None else self._quiet_since_s)
+        if is_silent:
+            self._quiet_since_s = now_s - quiet_s
+            if quiet_s > _SILENCE_S and not self._is_silent:
+                self._is_silent = True
+                logger.warning("the robot is silent: nothing has come over %s for %.1f s", self.config.over, quiet_s)
+            return
+        if self._is_silent:
+            logger.warning("the robot is back after %.1f s", quiet_s)
+        self._quiet_since_s, self._is_silent = None, False
 
-    def _warn_of_the_end(self) -> None:
-        """Say that a robot that is driven went away without a word: it may be on its way still."""
+    def _end(self) -> None:
+        """End a run whose robot goes away without a word while it is driven: it may be on its way still."""
+        text = f'the robot\'s program is gone: {self.config.over} ended without a line {{"type": "end"}}'
+        if self._is_driven:
+            raise SourceError(f"{text} while it was driven")
         if not self.drives_itself:
-            logger.warning('the robot\'s program is gone: %s ended without a line {"type": "end"}', self.config.over)
+            logger.warning("%s", text)
 
     def _read(self, channel: Channel) -> bytes | None:
         try:

@@ -87,7 +87,8 @@ class Ros2SourceConfig(NetworkConfig, LiveSourceConfig):
     base_frame: str = "base_link"
     """Name of base in `tf_static`, which tells where sensors sit; `sensors:` of the config overrides it."""
     map_frame: str = "map"
-    """Name of the map in `initial_pose`: a pose that is told in another frame is left alone, as AMCL does."""
+    """Name of the map in `initial_pose`: a pose that is told in another frame is left alone, as AMCL does. The
+    sink has a `map_frame` of its own, which is to be the same."""
     tf_static: str = "/tf_static"
     """Topic of the transforms that never change: `/robot1/tf_static` of a robot in a namespace."""
     start_timeout_s: float = Field(30.0, gt=0)

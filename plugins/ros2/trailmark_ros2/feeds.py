@@ -14,6 +14,7 @@ from trailmark.frames import Frame, Payload
 from trailmark.sources import ros_messages
 from trailmark.sources.rgbd_pairs import RgbdPairs, StampedMessage
 from trailmark_ros2.dds import Network, Quality, Sample, Subscription
+from trailmark_ros2.frame_names import FrameNames
 from trailmark_ros2.message_types import deserialize
 from trailmark_ros2.readings import Reader
 from trailmark_ros2.silence import reason_of_silence
@@ -65,8 +66,6 @@ class TopicFeed:
         Whose frames it gives.
     subscription : Subscription
         Of the topic.
-    frame_id, child_frame_id : str
-        Frames that its messages are of, as the first says; empty before, and where they say none.
     counts : Counter of str
         What was left out, and why.
     last_heard_s : float
@@ -86,11 +85,10 @@ class TopicFeed:
     ) -> None:
         self.sensor, self.subscription = sensor, subscription
         self.reader, self.stamper = reader, stamper
-        self.frame_id = self.child_frame_id = ""
         self.counts: Counter[str] = Counter()
         self.last_heard_s = time.monotonic()
         self.back_by_s = 0.0
-        self._writers = WriterChoice()
+        self._writers, self._names = WriterChoice(), FrameNames()
         self._skips = skips
         self._last_stamp_s, self._n_standing = float("-inf"), 0
         self._is_silent = False
@@ -100,6 +98,16 @@ class TopicFeed:
     def topic(self) -> str:
         """The topic."""
         return self.subscription.topic
+
+    @property
+    def frame_id(self) -> str:
+        """Frame of its messages; empty before the first, and where they say none."""
+        return self._names.frame_id
+
+    @property
+    def child_frame_id(self) -> str:
+        """Frame whose pose they tell, if they tell one."""
+        return self._names.child_frame_id
 
     def take(self) -> Iterator[Frame]:
         """Yield frames of the messages that have come.
@@ -131,7 +139,7 @@ class TopicFeed:
         if not self._writers.counts(sample.writer, self.last_heard_s):
             self._leave_out_other_writer()
             return
-        self._check_frames(message)
+        self._note_frames(message, sample.writer)
         stamp_s = self.stamper.stamp_s(message, came_s)
         if stamp_s is None:
             raise SourceError("the header's stamp is empty; set stamps: receive")
@@ -143,14 +151,16 @@ class TopicFeed:
             self.counts["received"] += 1
             yield Frame(self.sensor, reading_s, payload)
 
-    def _check_frames(self, message: Any) -> None:
-        """Refuse a message of other frames than those before it: its numbers are of another origin or place."""
-        frames = str(message.header.frame_id).lstrip("/"), str(getattr(message, "child_frame_id", "")).lstrip("/")
-        known = self.frame_id, self.child_frame_id
-        for now, before in zip(frames, known, strict=True):
-            if now and before and now != before:
-                raise SourceError(f"its frame is {now!r}, and that of the messages before it was {before!r}")
-        self.frame_id, self.child_frame_id = known[0] or frames[0], known[1] or frames[1]
+    def _note_frames(self, message: Any, writer: int) -> None:
+        before = self.frame_id, self.child_frame_id
+        if self._names.note_message(message, writer):
+            self.counts["frame_changes"] += 1
+            logger.warning(
+                "%s: messages are of the frames %s now, and were of %s; they are used from now on as those before",
+                self.topic,
+                (self.frame_id, self.child_frame_id),
+                before,
+            )
 
     def _leave_out(self, reading_s: float) -> None:
         """Count a reading that is not newer than the one before it; of those that went back, the first is said."""
@@ -192,7 +202,8 @@ class TopicFeed:
             yield from self.reader.readings(message, stamp_s, self.topic)
             return
         n_restarts = self.reader.restarts
-        payload = self.reader.payload(message, stamp_s, writer)
+        sender = hash((writer, self.counts["frame_changes"]))  # who changes frames is another, of another origin
+        payload = self.reader.payload(message, stamp_s, sender)
         if self.reader.restarts > n_restarts:
             logger.warning("%s began anew at another origin; it goes on from where the robot was", self.topic)
         if payload is not None:

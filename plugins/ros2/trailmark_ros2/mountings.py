@@ -17,24 +17,26 @@ __all__ = ["mounting_of", "static_tree", "tell_of_frames"]
 
 logger = logging.getLogger(__name__)
 
-# A frame that sits so near to base, seen from above, and is turned so little, is base [m, rad].
+# A frame that sits so near to base, seen from above, and is turned so little about any axis, is base [m, rad].
 _AT_BASE = 1e-3
 _POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped")
 
 
-def static_tree(messages: Iterable[Any]) -> FrameTree:
-    """Return the transforms of the messages of ``/tf_static``; of one that is told twice, the last.
+def static_tree(messages: Iterable[Any], topic: str = "/tf_static") -> FrameTree:
+    """Return the transforms of the messages of a topic; of one that is told twice, the last.
 
     A frame that is told to have two parents is warned of: which of them is told last is a matter of chance.
     """
     parents: dict[str, tuple[str, Floats | None]] = {}
+    parent_names: dict[str, str] = {}
     for message in messages:
-        told = transforms_by_child(message)
-        for child in told.keys() & parents.keys():
-            before, now = parents[child][0], told[child][0]
+        for transform in message.transforms:
+            child, now = transform.child_frame_id.lstrip("/"), transform.header.frame_id.lstrip("/")
+            before = parent_names.get(child, now)
             if before != now:
-                logger.warning("/tf_static gives %s two parents, %s and %s; the latter is used", child, before, now)
-        parents |= told
+                logger.warning("%s gives %s two parents, %s and %s; the latter is used", topic, child, before, now)
+            parent_names[child] = now
+        parents |= transforms_by_child(message)
     return FrameTree(parents)
 
 
@@ -58,7 +60,7 @@ def tell_of_frames(feed: TopicFeed, tree: FrameTree, *, base_frame: str, map_fra
             child,
             base_frame,
         )
-    if type_name in _POSES and feed.frame_id not in ("", map_frame):
+    if type_name in _POSES and feed.frame_id not in ("", map_frame.lstrip("/")):
         logger.warning(
             "%s tells poses in %r, and they are taken as in the map, %r (map_frame): right only where the two are one",
             feed.topic,
@@ -75,7 +77,9 @@ def _is_at_base(tree: FrameTree, base: str, frame: str) -> bool:
         mounting = tree.mounting(base, frame, is_optical=False)
     except ValueError:
         return False
-    return mounting is not None and max(map(abs, (mounting.x, mounting.y, mounting.yaw))) < _AT_BASE
+    if mounting is None:
+        return False
+    return max(map(abs, (mounting.x, mounting.y, mounting.roll, mounting.pitch, mounting.yaw))) < _AT_BASE
 
 
 def mounting_of(tree: FrameTree, base: str, sensor: str, *, frame: str, kind: str) -> tuple[Pose3 | None, str]:

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 
 from trailmark.commands import Command, Stop
+from trailmark.errors import SourceError
 from trailmark.estimates import Belief, EstimateRecord
 from trailmark.geometry import Pose2
 from trailmark.interfaces import RunEnd, Session, Sink
@@ -60,7 +61,8 @@ class Ros2Sink(Sink):
         self.close()
         config = self.config
         self._lostness, self._robot_odometry = Lostness(), RobotOdometry()
-        self._odom_writers, self._has_left_out = WriterChoice(), False
+        self._odom_writers = WriterChoice()
+        self._told: set[str] = set()  # why messages of the robot's odometry were left out
         self._messages = BeliefMessages(config.map_frame, config.base_frame)
         path_bytes([], 0.0, config.map_frame)  # the first message of a type takes 0.1 s, which the first belief lacks
         self._way: list[Pose2] = []
@@ -167,19 +169,19 @@ class Ros2Sink(Sink):
         for sample in samples:
             if not self._odom_writers.counts(sample.writer, now_s):
                 if self._odom_writers.is_contested:
-                    self._leave_out("two programs send it at once, and the one that came first counts")
+                    self._leave_out("programs", "two programs send it at once, and the one that came first counts")
             elif (message := self._odom.message_of(sample)) is not None:
                 try:
-                    self._robot_odometry.add(message)
-                except ValueError as error:
-                    self._leave_out(str(error))
+                    self._robot_odometry.add(message, sample.writer)
+                except (SourceError, ValueError) as error:
+                    self._leave_out(type(error).__name__, str(error))
         return len(samples) == n_most
 
-    def _leave_out(self, why: str) -> None:
-        """Say the first time that the robot's odometry cannot be used: the transform would be of another origin."""
-        log = logger.debug if self._has_left_out else logger.warning
+    def _leave_out(self, reason: str, why: str) -> None:
+        """Say once for each reason that the robot's odometry cannot be used: the transform would be wrong."""
+        log = logger.debug if reason in self._told else logger.warning
         log("%s: a message is left out, others silently: %s", self.config.odom, why)
-        self._has_left_out = True
+        self._told.add(reason)
 
     def _draw_way(self, stamp_s: float, pose: Pose2) -> None:
         if not self._way or self._way[-1].distance_to(pose) >= self.config.path_spacing_m:

@@ -69,6 +69,7 @@ class Ros2Source(Drivable):
         self._closed = threading.Event()
         self._busy = threading.Lock()  # the network must not go while messages are being taken
         self._session = Session()
+        self._has_told_frame = False
         self._has_topic = config.command is not None
         self.drives_itself = not self._has_topic
 
@@ -83,7 +84,7 @@ class Ros2Source(Drivable):
             If a topic stays away for `start_timeout_s`, or is of another type.
         """
         self.close()
-        self._closed, self._session = threading.Event(), session
+        self._closed, self._session, self._has_told_frame = threading.Event(), session, False
         config = self.config
         self.drives_itself = not self._has_topic or session.mode == "teach"  # a person drives while teaching
         domain = dds.default_domain() if config.domain is None else config.domain
@@ -147,7 +148,8 @@ class Ros2Source(Drivable):
         self._feeds = list(self._new_feeds(network, met))
         firsts = self._first_frames(patience)
         latched = dds.Quality(is_reliable=True, is_latched=True, depth=100)
-        tree = static_tree(first_message(network, self.config.tf_static, _TRANSFORMS, latched, _BESIDE_S))
+        topic = self.config.tf_static
+        tree = static_tree(first_message(network, topic, _TRANSFORMS, latched, _BESIDE_S), topic)
         infos = [self._info(network, tree, sensor, frame) for sensor, frame in firsts.items()]
         for feed in self._feeds:
             tell_of_frames(feed, tree, base_frame=self.config.base_frame, map_frame=self.config.map_frame)
@@ -274,13 +276,16 @@ class Ros2Source(Drivable):
         """Pass on where a person says that the robot is."""
         for message in [] if self._told is None else self._told.messages():
             frame = str(message.header.frame_id).lstrip("/")
-            if frame and frame != self.config.map_frame:
-                logger.warning(
-                    "%s is left alone: it is a pose in %r, and the map is %r (map_frame); in RViz set the Fixed Frame",
+            if frame and frame != self.config.map_frame.lstrip("/"):
+                log = logger.debug if self._has_told_frame else logger.warning
+                log(
+                    "%s is left alone: it is a pose in %r, and the map is %r (map_frame of the source, which is to be"
+                    " that of the sink); in RViz set the Fixed Frame",
                     self.config.initial_pose,
                     frame,
                     self.config.map_frame,
                 )
+                self._has_told_frame = True
                 continue
             try:
                 pose = ros_messages.planar_pose(message.pose.pose)

@@ -16,6 +16,8 @@ __all__ = ["survey_network"]
 #: How long to look; longer, until somebody is seen, and then so long at least [s].
 _LOOK_S, _PATIENCE_S, _COUNTING_S = 1.8, 4.0, 1.2
 _LOOK_EVERY_S = 0.05
+# A rate that was counted for less is none [s].
+_LEAST_S = 0.3
 
 
 def survey_network(where: str) -> list[dict[str, str]]:
@@ -86,17 +88,22 @@ def _rates_hz(network: dds.Network) -> dict[tuple[str, str], float]:
     stamps_s: defaultdict[tuple[str, str], list[float]] = defaultdict(list)
     began_s = time.monotonic()
     until_s = began_s + _PATIENCE_S
+    waiter = network.waiter(())
     while (now_s := time.monotonic()) < until_s:
         writers = _writers_of_others(network)
         if until_s == began_s + _PATIENCE_S and (writers or network.readers()):
             until_s = max(began_s + _LOOK_S, now_s + _COUNTING_S)
-        for key in {(writer.topic, writer.type_name) for writer in writers if is_known(writer.type_name)}:
-            if key not in subscriptions:
-                subscriptions[key], begun_s[key] = network.subscription(*key, best_effort), now_s
-        network.waiter(subscriptions.values()).wait(_LOOK_EVERY_S)
+        seen = {(writer.topic, writer.type_name) for writer in writers if is_known(writer.type_name)}
+        new = seen - subscriptions.keys()
+        for key in new:
+            subscriptions[key], begun_s[key] = network.subscription(*key, best_effort), now_s
+        if new:
+            waiter = network.waiter(subscriptions.values())
+        waiter.wait(_LOOK_EVERY_S)
         for key, subscription in subscriptions.items():
             stamps_s[key] += [time.monotonic()] * len(subscription.take(1000))
-    return {key: _rate_hz(stamps_s[key], time.monotonic() - begun_s[key]) for key in subscriptions}
+    counted_s = {key: time.monotonic() - key_begun_s for key, key_begun_s in begun_s.items()}
+    return {key: _rate_hz(stamps_s[key], counted_s[key]) for key in subscriptions if counted_s[key] >= _LEAST_S}
 
 
 def _rate_hz(stamps_s: list[float], counted_s: float) -> float:
