@@ -229,8 +229,8 @@ def _start_control(parts: Parts, sessions: Sessions, starter: PartStarter, instr
         )
     if robot is not None:
         _check_robot(parts, is_driven=controller is not None or drives_itself)
-    is_watched = parts.is_live and controller is not None and settings.mode != "teach"
-    is_guarded = is_watched or (settings.stop_when.limits_belief and settings.mode != "teach")
+    is_driven_live = parts.is_live and controller is not None
+    is_guarded = settings.mode != "teach" and (is_driven_live or settings.stop_when.limits_belief)
     if controller is None and robot is None and not is_guarded:
         return None
     from trailmark.pipeline.control import Control, Guard, Robot, check_commands  # most runs drive nothing
@@ -239,7 +239,7 @@ def _start_control(parts: Parts, sessions: Sessions, starter: PartStarter, instr
         if robot is not None:
             check_commands(controller, robot)
         starter.start("controller", controller, sessions.session_of("controller", "controller"))
-    guard = Guard(settings.stop_when, is_live=is_watched) if is_guarded else None
+    guard = Guard(settings.stop_when, is_live=is_driven_live) if is_guarded else None
     return Control(controller, None if robot is None else Robot(robot), guard, settings.control_hz, instruments)
 
 

@@ -158,7 +158,7 @@ def planar_pose(pose: Any) -> Pose2:
     """
     position, q = pose.position, pose.orientation
     if math.hypot(q.x, q.y, q.z, q.w) < _LEAST_NORM:
-        raise ValueError("the orientation is the quaternion (0, 0, 0, 0): its sender does not know it")
+        raise ValueError("the orientation is the quaternion (0, 0, 0, 0), or nearly so: its sender does not know it")
     yaw = math.atan2(2 * (q.w * q.z + q.x * q.y), q.w * q.w + q.x * q.x - q.y * q.y - q.z * q.z)
     return Pose2(float(position.x), float(position.y), yaw)
 
@@ -193,7 +193,8 @@ def scan(message: Any) -> Scan:
         is_backward = abs(beyond_rad) > 2 * abs(step_rad)
     if len(ranges_m) > 1 and (step_rad == 0.0 or is_backward):
         raise ValueError(
-            f"steps of {step_rad:g} rad lead not from {first_rad:g} to {last_rad:g} rad: which side is left?"
+            f"steps of {step_rad:g} rad do not lead from {first_rad:g} to {last_rad:g} rad: nobody knows which side is"
+            " left"
         )
     range_min_m, range_max_m = float(message.range_min), float(message.range_max)
     ranges_m[~((ranges_m >= range_min_m) & (ranges_m <= range_max_m))] = np.nan
