@@ -1,13 +1,16 @@
 """What ground_map finds under the conditions of ground_conditions.py: right, or silent, never a wrong place.
 
     python benchmarks/ground_map_conditions.py [--floors planks grass_1k] [--conditions nominal ...] [--searches 100]
-                                               [--taught clean same] [--seed 0] [--out FOLDER]
+                                               [--taught clean same] [--seed 0] [--out FOLDER] [--markdown]
 
 A path of 2 m is taught, in good light (``clean``) or under the condition itself (``same``: the same dirt sticks to the
 lens when the path is taught). Then the robot is put down beside its places (8 mm and 1 deg, 1 sigma) with a belief
 that is wrong by as much, and each picture is searched once. One search in five looks at ground that was never taught.
 
-* found: right answers of the searches on taught ground; wrong: answers more than 5 mm or 1 deg off, or of other ground.
+* found: right answers of the searches on taught ground; wrong: answers more than 5 mm or 1 deg off, or of other ground;
+* sure: wrong answers that are off by more than five of their own sigmas too, and all of other ground.
+
+With ``--out`` it goes on where it ended; ``--markdown`` prints the table of the page in place of a line for each row.
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ import argparse
 import json
 import math
 from collections.abc import Iterator, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +41,8 @@ from trailmark_ground_vo.map_localizer import GroundMap
 CONDITIONS = tuple(name for name in CASES if name not in ("rest", "fast", "lost_frames"))
 WAY_M, STEP_M, SPREAD_M, SPREAD_RAD = 2.0, 0.05, 8e-3, math.radians(1.0)
 WRONG_M, WRONG_RAD = 5e-3, math.radians(1.0)
-COUNTS = ("n_taught", "n_other", "found", "wrong")
+COUNTS = ("n_taught", "n_other", "wrong", "sure")
+SIGMAS = 5.0
 #: Where other ground lies: farther than the path is long, on the same photograph [m].
 OTHER_M = 3.37
 
@@ -105,12 +110,20 @@ def searches(
             yield is_taught, truth, said[0] if isinstance(said[0], Fix) else None
 
 
+def is_within(error: Pose2, fix: Fix) -> bool:
+    """Return whether an error is within five sigmas of the answer, in place and in heading."""
+    x_m, y_m, heading_rad = np.sqrt(np.diag(np.linalg.pinv(fix.information)))
+    is_near = math.hypot(error.x, error.y) <= SIGMAS * math.hypot(x_m, y_m)
+    return bool(is_near and abs(error.theta) <= SIGMAS * heading_rad)
+
+
 def measured(floor: str, condition: str, teaching: str, n_searches: int, seed: int) -> dict[str, Any]:
     """Return how many searches were right, wrong and silent."""
     poses, case = path(seed), CASES[condition]
     places = taught(Eye(floor, CASES["nominal"] if teaching == "clean" else case, seed), poses)
     row: dict[str, Any] = {"floor": floor, "condition": condition, "taught": teaching, "seed": seed}
-    row |= {"n_taught": 0, "found": 0, "n_other": 0, "wrong": 0, "worst_mm": 0.0}
+    row |= {"searches": n_searches}
+    row |= {"n_taught": 0, "found": 0, "n_other": 0, "wrong": 0, "sure": 0, "worst_mm": 0.0}
     for is_taught, truth, fix in searches(Eye(floor, case, seed), places, poses, n_searches, seed):
         row["n_taught" if is_taught else "n_other"] += 1
         if fix is None:
@@ -119,26 +132,43 @@ def measured(floor: str, condition: str, teaching: str, n_searches: int, seed: i
         is_right = is_taught and math.hypot(error.x, error.y) <= WRONG_M and abs(error.theta) <= WRONG_RAD
         row["found"] += is_right
         row["wrong"] += not is_right
+        row["sure"] += not is_right and not (is_taught and is_within(error, fix))
         if is_taught:
             row["worst_mm"] = max(row["worst_mm"], 1e3 * math.hypot(error.x, error.y))
     return row
 
 
 def page(rows: Sequence[dict[str, Any]]) -> str:
-    """Return a table: a line for each condition, over all floors."""
+    """Return the sum, and a table: a line for each condition, over all floors."""
+    n, other, wrong, sure = (sum(row[key] for row in rows) for key in COUNTS)
+    floors = len({row["floor"] for row in rows})
+    heads = "condition", "taught", "searches on taught / other ground", "found [%]", "of clean [%]"
     lines = [
-        "| condition | taught | searches on taught / other ground | found [%] | wrong | largest error [mm] |",
-        "|---" * 6 + "|",
+        f"{n + other:,} searches on {floors} floors: {wrong} wrong, {sure} of them sure (bar: 0).",
+        "",
+        "| " + " | ".join([*heads, "wrong", "sure", "largest error [mm]"]) + " |",
+        "|---" * 8 + "|",
     ]
+    clean = _found(_of(rows, CONDITIONS[0], "clean"))
     for condition in CONDITIONS:
         for teaching in ("clean", "same"):
-            of = [row for row in rows if (row["condition"], row["taught"]) == (condition, teaching)]
-            if of:
-                n, other, found, wrong = (sum(row[key] for row in of) for key in COUNTS)
+            if of := _of(rows, condition, teaching):
+                n, other, wrong, sure = (sum(row[key] for row in of) for key in COUNTS)
                 worst = max(row["worst_mm"] for row in of)
-                cells = [f"{n} / {other}", f"{100 * found / max(1, n):.1f}", f"{wrong}", f"{worst:.2f}"]
+                share = "-" if math.isnan(clean) else f"{100 * _found(of) / clean:.1f}"
+                cells = [f"{n} / {other}", f"{100 * _found(of):.1f}", share, f"{wrong}", f"{sure}", f"{worst:.2f}"]
                 lines.append("| " + " | ".join([condition, teaching, *cells]) + " |")
     return "\n".join(lines) + "\n"
+
+
+def _of(rows: Sequence[dict[str, Any]], condition: str, teaching: str) -> list[dict[str, Any]]:
+    return [row for row in rows if (row["condition"], row["taught"]) == (condition, teaching)]
+
+
+def _found(rows: Sequence[dict[str, Any]]) -> float:
+    """Return the share of the searches on taught ground that were right; not a number without any."""
+    n = sum(row["n_taught"] for row in rows)
+    return sum(row["found"] for row in rows) / n if n else math.nan
 
 
 def main() -> None:
@@ -149,24 +179,39 @@ def main() -> None:
     parser.add_argument("--taught", nargs="+", default=["clean", "same"], choices=["clean", "same"])
     parser.add_argument("--searches", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--out", type=Path, help="folder of ground_map_conditions.jsonl and .md")
+    parser.add_argument("--out", type=Path, help="folder of ground_map_conditions.jsonl")
+    parser.add_argument("--markdown", action="store_true", help="the table of the page")
     options = parser.parse_args()
     cv2.setNumThreads(1)
-    rows = []
-    for floor in [floor for floor in options.floors if floor in photographs()]:
-        for condition in options.conditions:
-            for teaching in options.taught:
-                row = measured(floor, condition, teaching, options.searches, options.seed)
-                rows.append(row)
-                print(json.dumps(row), flush=True)
-    if options.out is not None:
-        options.out.mkdir(parents=True, exist_ok=True)
-        file = options.out / "ground_map_conditions.jsonl"
-        kept = [json.loads(line) for line in file.read_text().splitlines()] if file.is_file() else []
-        key = ("floor", "condition", "taught", "seed")
-        by_key = {tuple(row[name] for name in key): row for row in [*kept, *rows]}
-        file.write_text("".join(json.dumps(row) + "\n" for row in by_key.values()), encoding="utf-8")
-        (options.out / "ground_map_conditions.md").write_text(page(list(by_key.values())), encoding="utf-8")
+    rows = {_key(row): row for row in _kept(options.out)}
+    floors = [floor for floor in options.floors if floor in photographs()]
+    for floor, condition, teaching in product(floors, options.conditions, options.taught):
+        if (floor, condition, teaching, options.seed, options.searches) in rows:
+            continue
+        row = measured(floor, condition, teaching, options.searches, options.seed)
+        rows[_key(row)] = row
+        if not options.markdown:
+            print(json.dumps(row), flush=True)
+        if options.out is not None:
+            with _file(options.out).open("a", encoding="utf-8") as file:
+                file.write(json.dumps(row) + "\n")
+    if options.markdown:
+        print(page(list(rows.values())))
+
+
+def _key(row: dict[str, Any]) -> tuple[Any, ...]:
+    return tuple(row[name] for name in ("floor", "condition", "taught", "seed", "searches"))
+
+
+def _kept(folder: Path | None) -> list[dict[str, Any]]:
+    if folder is None or not _file(folder).is_file():
+        return []
+    return [json.loads(line) for line in _file(folder).read_text(encoding="utf-8").splitlines()]
+
+
+def _file(folder: Path) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder / "ground_map_conditions.jsonl"
 
 
 if __name__ == "__main__":

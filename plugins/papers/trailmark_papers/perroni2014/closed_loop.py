@@ -21,9 +21,15 @@ _WIDTH_PX = 160
 #: In each place.
 _N_SEEDS, _N_PEER_SEEDS = {"street": 4, "corridor": 2}, {"street": 1, "corridor": 1}
 _SIZES = (("street", 640), ("corridor", 320))
-#: Who steers by the streams: as it is, as printed with the paper's own steering, and with a gain that learns (Sec. VI).
-_LEARNED = {**STREAMS, "gain": "learned"}
-_STREAMS: Mapping[str, Mapping[str, Any]] = {"streams": STREAMS, "faithful": FAITHFUL, "learned gain": _LEARNED}
+#: A gain that learns (Sec. VI), and what it is for: a field of view told as 30 deg, half of the 63 that the camera has.
+_LEARNED, _NARROW = {"gain": "learned"}, {"field_of_view_deg": 30.0}
+_GAINS: Mapping[str, Mapping[str, Any]] = {
+    "learned gain": {**STREAMS, **_LEARNED},
+    "half the view told": {**STREAMS, **_NARROW},
+    "half the view told, learned gain": {**STREAMS, **_NARROW, **_LEARNED},
+}
+#: Who steers by the streams: as it is, as printed with the paper's own steering, and by other gains.
+_STREAMS: Mapping[str, Mapping[str, Any]] = {"streams": STREAMS, "faithful": FAITHFUL, **_GAINS}
 _STEERING: Mapping[str, Mapping[str, Any]] = {"faithful": {"preset": "paper"}}
 _END_M, _END_DEG, _GROWTH_M = 0.30, 3.0, 0.10
 
@@ -61,7 +67,7 @@ def _rows_of(
     cases = [_Case("streams", angle) for angle in angles_deg]
     paper_angles = [angle for angle in _PAPER_ANGLES_DEG if angle in angles_deg]
     faithful = [_Case("faithful", angle) for angle in (angles_deg if n_peer_seeds else paper_angles)]
-    peers = [_Case(peer, angle) for peer in ("learned gain", *PEERS) for angle in paper_angles] if n_peer_seeds else []
+    peers = [_Case(peer, angle) for peer in (*_GAINS, *PEERS) for angle in paper_angles] if n_peer_seeds else []
     first = [*cases, *faithful, *peers]
     calls = [(taught, options.seed + k, first if k < max(1, n_peer_seeds) else cases) for k in range(n_seeds)]
     ways: dict[_Case, list[Deviation]] = {}
@@ -76,7 +82,7 @@ def _rows_of(
         printed = ways.get(_Case("faithful", case.turned_deg))
         as_printed = _rows_of_angle(name, case.turned_deg, printed) if printed else []
         rows += beside_faithful(_rows_of_angle(name, case.turned_deg, ways[case]), as_printed)
-    for peer in ("learned gain", *PEERS):
+    for peer in (*_GAINS, *PEERS):
         of_peer = [way for case, several in ways.items() if case.driver == peer for way in several]
         rows += _rows_of_peer(name, f"{peer}, +-5 deg", of_peer) if of_peer else []
     return rows
@@ -88,8 +94,8 @@ def drives_of_seed(taught: Taught, seed: int, cases: Sequence[_Case]) -> Mapping
 
 
 def _drive(taught: Taught, seed: int, case: _Case) -> Deviation:
-    # The localizer that learns its gain looks at the map of the streams.
-    name = "streams" if case.driver == "learned gain" else case.driver
+    # Whatever its gain, it looks at the map of the streams.
+    name = "streams" if case.driver in _GAINS else case.driver
     localizers = {name: {**PEERS, **_STREAMS}[case.driver]}
     return taught.follow(
         Replay(localizers, seed, AFTERNOON, case.turned_deg, controller=_STEERING.get(case.driver, {}))
