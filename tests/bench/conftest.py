@@ -118,7 +118,7 @@ def _finished(rng: np.random.Generator, s: int, m: int, fails: float) -> tuple[O
 
 
 def short(values: Any) -> list[float]:
-    return [float(f"{value:.3g}") for value in values]
+    return list(np.round(values, 3).tolist())
 
 
 @pytest.fixture(scope="session")
