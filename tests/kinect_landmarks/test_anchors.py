@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from trailmark_kinect_landmarks.finders.view import Region
+from trailmark_kinect_landmarks.finders import Regions
 from trailmark_kinect_landmarks.landmarks import anchors
 
 
@@ -17,7 +17,7 @@ def grey() -> np.ndarray:
 
 
 def test_a_region_is_anchored_at_its_best_corner(grey: np.ndarray) -> None:
-    uv, strength = anchors(grey, [Region("rectangle", 26.0, 16.0, 14.0, 14.0)], "corner")
+    uv, strength = anchors(grey, Regions(["rectangle"], np.array([[26.0, 16.0, 14.0, 14.0]])), "corner")
 
     np.testing.assert_allclose(uv, [[29.5, 19.5]], atol=1.0)
     assert strength[0] > 0.0
@@ -26,7 +26,9 @@ def test_a_region_is_anchored_at_its_best_corner(grey: np.ndarray) -> None:
 @pytest.mark.parametrize("at", ["corner", "centre"])
 @pytest.mark.parametrize("corner", [(-40.0, 10.0), (90.0, 10.0), (10.0, -40.0), (10.0, 80.0)])
 def test_a_region_beyond_the_border_is_no_error(grey: np.ndarray, corner: tuple[float, float], at: str) -> None:
-    uv, strength = anchors(grey, [Region("ellipse", *corner, 10.0, 10.0), Region("blob", 30.0, 20.0, 9.0, 9.0)], at)
+    boxes = np.array([[*corner, 10.0, 10.0], [30.0, 20.0, 9.0, 9.0]])
+
+    uv, strength = anchors(grey, Regions(["ellipse", "blob"], boxes), at)
 
     assert np.isfinite(uv).all()
     assert strength.shape == (2,)

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from trailmark_kinect_landmarks.finders import FINDERS, Region, WorkingImage, find
+from trailmark_kinect_landmarks.finders import FINDERS, Region, Regions, WorkingImage, find
 
 WALL_M = np.full((480, 640), 2.0, np.float32)
 
@@ -15,13 +15,13 @@ def _canvas() -> np.ndarray:
     return np.full((480, 640, 3), 150, np.uint8)
 
 
-def _near(regions: list[Region], u: float, v: float, tolerance_px: float = 3.0) -> list[Region]:
+def _near(regions: Regions, u: float, v: float, tolerance_px: float = 3.0) -> list[Region]:
     return [region for region in regions if np.hypot(region.centre[0] - u, region.centre[1] - v) <= tolerance_px]
 
 
 @pytest.mark.parametrize("name", FINDERS)
 def test_nothing_is_found_in_an_empty_picture(name: str) -> None:
-    assert find(WorkingImage(_canvas(), np.full((480, 640), np.nan, np.float32)), [name]) == []
+    assert len(find(WorkingImage(_canvas(), np.full((480, 640), np.nan, np.float32)), [name])) == 0
 
 
 @pytest.mark.parametrize("scale", [1.0, 0.5])
@@ -80,7 +80,7 @@ def test_a_square_is_no_ellipse() -> None:
     bgr = _canvas()
     cv2.rectangle(bgr, (260, 160), (340, 240), (30, 30, 30), -1)
 
-    assert find(WorkingImage(bgr, WALL_M), ["ellipses"]) == []
+    assert len(find(WorkingImage(bgr, WALL_M), ["ellipses"])) == 0
 
 
 def test_hough_s_circles_find_a_circle() -> None:
@@ -100,11 +100,12 @@ def test_the_ends_of_a_line_are_found() -> None:
     assert _near(found, 400, 340, 12.0)
 
 
-def test_a_box_before_a_wall_is_flat() -> None:
+@pytest.mark.parametrize("scale", [1.0, 0.5])
+def test_a_box_before_a_wall_is_flat(scale: float) -> None:
     depth_m = np.full((480, 640), 3.0, np.float32)
     depth_m[160:320, 240:400] = 1.5
 
-    found = find(WorkingImage(_canvas(), depth_m), ["flats"])
+    found = find(WorkingImage(_canvas(), depth_m, scale), ["flats"])
 
     assert _near(found, 319.5, 239.5, 12.0)
 
@@ -122,7 +123,7 @@ def test_finders_keep_the_order_they_are_named_in() -> None:
     cv2.rectangle(bgr, (100, 100), (180, 160), (20, 20, 20), -1)
     view = WorkingImage(bgr, WALL_M)
 
-    kinds = [region.kind for region in find(view, ["edges", "blobs"])]
+    kinds = find(view, ["edges", "blobs"]).kinds
 
     assert kinds == sorted(kinds, reverse=True)
     assert set(kinds) == {"edge", "blob"}

@@ -8,15 +8,17 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from trailmark.arrays import Floats
+from trailmark.arrays import Bools, Floats
 from trailmark.errors import ShapeError
 from trailmark.geometry import Pose2
 from trailmark.geometry.rigid import kabsch
 from trailmark_kinect_landmarks.expectation import Expected
+from trailmark_kinect_landmarks.kernels import normal_equations, whitened_misses, widest_pair
 
 __all__ = [
     "GATES",
@@ -98,6 +100,29 @@ class CloudAlignment:
     residual_m: float
 
 
+class _Missed(NamedTuple):
+    """By how much landmarks miss a motion, as `whitened_misses` returns it."""
+
+    misses: Floats
+    whitening: Floats
+    squared: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Pairs:
+    """Landmarks as remembered (a) and as seen (b), of `align`, contiguous."""
+
+    points_a: Floats
+    points_b: Floats
+    cov_a: Floats
+    cov_b: Floats
+
+    def missed(self, R: Floats, t: Floats) -> _Missed:
+        """Return by how much they miss a motion."""
+        R, t = np.ascontiguousarray(R), np.ascontiguousarray(t)
+        return _Missed(*whitened_misses(self.points_a, self.points_b, self.cov_a, self.cov_b, R, t))
+
+
 def pose_from_two(A_start: Floats, B_start: Floats, A_now: Floats, B_now: Floats) -> Pose2:
     """Return ``pose_start_now`` from two landmarks in the plane, in closed form.
 
@@ -128,13 +153,10 @@ def refusal_of(points_b: Floats, limits: AlignmentLimits) -> Refusal | None:
     needed = max(limits.min_landmarks, D)
     if n < needed:
         return Refusal(f"{n} landmarks agree, {needed} are needed")
-    first, second = np.triu_indices(n, 1)
-    separations = np.linalg.norm(points_b[first] - points_b[second], axis=1)
-    if separations.max() < limits.min_separation_m:
-        return Refusal(f"landmarks only {separations.max():.2f} m apart, less than {limits.min_separation_m:g} m")
-    rays = points_b / np.maximum(np.linalg.norm(points_b, axis=1), 1e-9)[:, None]
-    cosines = np.clip(np.einsum("nd,nd->n", rays[first], rays[second]), -1.0, 1.0)
-    if math.acos(float(cosines.min())) < limits.min_angle_rad:
+    separation_m, cosine = widest_pair(np.ascontiguousarray(points_b))
+    if separation_m < limits.min_separation_m:
+        return Refusal(f"landmarks only {separation_m:.2f} m apart, less than {limits.min_separation_m:g} m")
+    if math.acos(max(-1.0, cosine)) < limits.min_angle_rad:
         return Refusal("landmarks in line with the camera")
     if D == 3:
         spread = np.linalg.svd(points_b - points_b.mean(axis=0), compute_uv=False) / math.sqrt(n)
@@ -182,32 +204,35 @@ def align(
     n, D = points_a.shape
     if points_b.shape != (n, D) or cov_a.shape != (n, D, D) or cov_b.shape != (n, D, D):
         raise ShapeError(f"{points_a.shape}, {points_b.shape}, {cov_a.shape} and {cov_b.shape} do not belong together")
+    pairs = _Pairs(*(np.ascontiguousarray(array, np.float64) for array in (points_a, points_b, cov_a, cov_b)))
     refusal = refusal_of(points_b, limits)
     if refusal is not None:
         return refusal
-    led = None if expected is None else _from_expected(points_a, points_b, cov_a, cov_b, expected)
+    led = None if expected is None else _from_expected(pairs, expected)
     if led is None:
-        able = np.ones(n, dtype=np.bool_)
-        R, t = _consensus(points_a, points_b, cov_a, cov_b, expected, rng, n_tries)
-        inliers = _within_gate(points_a, points_b, cov_a, cov_b, R, t, 4.0)
+        R, t = _consensus(pairs, expected, rng, n_tries)
+        able, slack = np.ones(n, dtype=np.bool_), 4.0
     else:
         R, t, able = led
-        inliers = able
-    H = np.eye(3 if D == 2 else 6)
-    chi2 = 0.0
+        slack = 1.0
+    missed = pairs.missed(R, t)
+    inliers, asked = able & (missed.squared < slack * GATES[D]), np.ones(n, np.bool_)
+    chi2, information = 0.0, np.eye(D)
     for _ in range(_N_GAUSS_NEWTON):
-        refusal = refusal_of(points_b[inliers], limits)
-        if refusal is not None:
-            return refusal
-        chosen = points_a[inliers], points_b[inliers], cov_a[inliers], cov_b[inliers]
-        R, t, H, chi2 = _step(*chosen, R, t, expected=None if led is None else expected)
-        inliers = able & _within_gate(points_a, points_b, cov_a, cov_b, R, t)
+        if not np.array_equal(inliers, asked):
+            refusal, asked = refusal_of(points_b[inliers], limits), inliers
+            if refusal is not None:
+                return refusal
+        chi2 = float(missed.squared[inliers].sum())
+        R, t, information = _step(pairs, missed, inliers, R, t, expected=None if led is None else expected)
+        missed = pairs.missed(R, t)
+        inliers = able & (missed.squared < GATES[D])
     refusal = refusal_of(points_b[inliers], limits)
     if refusal is not None:
         return refusal
     misses = points_a[inliers] - points_b[inliers] @ R.T - t
-    dof = max(1, D * int(inliers.sum()) - len(H))
-    covariance = np.linalg.inv(H) * max(_LEAST_NOISE, chi2 / dof)
+    dof = max(1, D * int(inliers.sum()) - len(information))
+    covariance = np.linalg.inv(information) * max(_LEAST_NOISE, chi2 / dof)
     return CloudAlignment(R, t, covariance, inliers, math.sqrt(float((misses**2).sum(axis=1).mean())))
 
 
@@ -238,26 +263,24 @@ def reachable(
     return np.asarray(squared < GATES[points_a.shape[1]])
 
 
-def _from_expected(
-    points_a: Floats, points_b: Floats, cov_a: Floats, cov_b: Floats, expected: Expected
-) -> tuple[Floats, Floats, npt.NDArray[np.bool_]] | None:
+def _from_expected(pairs: _Pairs, expected: Expected) -> tuple[Floats, Floats, Bools] | None:
     """Return where the expectation leads, and which landmarks agree with it; None when too few do.
 
     What is farther off than landmark and expectation allow moves by itself and is left out at once. The loss is as wide
     as the median residual of the others asks for, and narrows as that falls: an expectation that is off is off for all
     of them alike.
     """
-    able = reachable(points_a, points_b, cov_a, cov_b, expected)
+    able = reachable(pairs.points_a, pairs.points_b, pairs.cov_a, pairs.cov_b, expected)
     if able.mean() < _TRUSTED_SHARE:
         return None
-    a, b, P, Q = points_a[able], points_b[able], cov_a[able], cov_b[able]
     R, t = expected.R, expected.t
     for _ in range(_N_GAUSS_NEWTON):
-        median = float(np.median(_whiten(a, b, P, Q, R, t)[2]))
+        missed = pairs.missed(R, t)
+        median = float(np.median(missed.squared[able]))
         if not math.isfinite(median):
             return None
-        R, t, _, _ = _step(a, b, P, Q, R, t, max(_SOFT, 2.0 * median), expected)
-    agreeing = able & _within_gate(points_a, points_b, cov_a, cov_b, R, t)
+        R, t, _ = _step(pairs, missed, able, R, t, max(_SOFT, 2.0 * median), expected)
+    agreeing = able & (pairs.missed(R, t).squared < GATES[len(t)])
     return (R, t, agreeing) if agreeing.mean() >= _TRUSTED_SHARE else None
 
 
@@ -268,67 +291,39 @@ def _sets(n: int, size: int, rng: np.random.Generator, n_tries: int) -> npt.NDAr
 
 
 def _consensus(
-    points_a: Floats,
-    points_b: Floats,
-    cov_a: Floats,
-    cov_b: Floats,
-    expected: Expected | None,
-    rng: np.random.Generator,
-    n_tries: int,
+    pairs: _Pairs, expected: Expected | None, rng: np.random.Generator, n_tries: int
 ) -> tuple[Floats, Floats]:
     """Return the motion of the minimal set, or the expected one, with the least truncated cost."""
-    n, D = points_a.shape
+    n, D = pairs.points_a.shape
     sets = _sets(n, D, rng, n_tries)
-    Rs, ts = kabsch(points_a[sets], points_b[sets], np.ones(sets.shape))
-    variance = (np.trace(cov_a, axis1=1, axis2=2) + np.trace(cov_b, axis1=1, axis2=2)) / D
-    misses = points_a - np.einsum("hij,nj->hni", Rs, points_b) - ts[:, None, :]
+    Rs, ts = kabsch(pairs.points_a[sets], pairs.points_b[sets], np.ones(sets.shape))
+    variance = (np.trace(pairs.cov_a, axis1=1, axis2=2) + np.trace(pairs.cov_b, axis1=1, axis2=2)) / D
+    misses = pairs.points_a - np.einsum("hij,nj->hni", Rs, pairs.points_b) - ts[:, None, :]
     cost = np.minimum((misses**2).sum(axis=2) / variance, GATES[D]).sum(axis=1)
     candidates = [(Rs[i], ts[i]) for i in np.argsort(cost)[:_N_FINALISTS]]
     if expected is not None:
         candidates.append((expected.R, expected.t))
-    exact = [np.minimum(_whiten(points_a, points_b, cov_a, cov_b, R, t)[2], GATES[D]).sum() for R, t in candidates]
+    exact = [np.minimum(pairs.missed(R, t).squared, GATES[D]).sum() for R, t in candidates]
     return candidates[int(np.argmin(exact))]
 
 
-def _whiten(
-    points_a: Floats, points_b: Floats, cov_a: Floats, cov_b: Floats, R: Floats, t: Floats
-) -> tuple[Floats, Floats, Floats]:
-    """Return residuals (N, D), their information (N, D, D) and squared lengths in sigmas (N,)."""
-    residuals = points_a - points_b @ R.T - t
-    information = np.linalg.inv(cov_a + R @ cov_b @ R.T)
-    squared = np.einsum("ni,nij,nj->n", residuals, information, residuals)
-    return residuals, np.asarray(information, dtype=np.float64), np.asarray(squared)
-
-
-def _within_gate(
-    points_a: Floats, points_b: Floats, cov_a: Floats, cov_b: Floats, R: Floats, t: Floats, slack: float = 1.0
-) -> npt.NDArray[np.bool_]:
-    squared = _whiten(points_a, points_b, cov_a, cov_b, R, t)[2]
-    return np.asarray(squared < GATES[points_a.shape[1]] * slack)
-
-
 def _step(
-    points_a: Floats,
-    points_b: Floats,
-    cov_a: Floats,
-    cov_b: Floats,
+    pairs: _Pairs,
+    missed: _Missed,
+    which: Bools,
     R: Floats,
     t: Floats,
     soft: float = _SOFT,
     expected: Expected | None = None,
-) -> tuple[Floats, Floats, Floats, float]:
-    """Return the motion after one Gauss-Newton step, its information and the weighted sum of squares before it."""
-    residuals, information, squared = _whiten(points_a, points_b, cov_a, cov_b, R, t)
-    weights = np.square(soft / (soft + squared))  # Geman & McClure: what hardly fits hardly counts
-    J = jacobian(points_b @ R.T)
-    informed = information @ J
-    weighted = weights[:, None, None] * informed
-    H, g = np.einsum("nij,nik->jk", J, weighted), np.einsum("nij,ni->j", weighted, residuals)
+) -> tuple[Floats, Floats, Floats]:
+    """Return the motion after one Gauss-Newton step of some pairs, and their information before it."""
+    # Geman & McClure: what hardly fits hardly counts
+    weights = np.where(which, np.square(soft / (soft + missed.squared)), 0.0)
+    H, g, information = normal_equations(pairs.points_b @ R.T, missed.misses, missed.whitening, weights)
     if expected is not None:
         H, g = H + expected.information, g + expected.information @ expected.seen_from(R, t)
-    delta = np.linalg.solve(H, g)
-    D = points_a.shape[1]
-    return _exp(delta[D:]) @ R, t + delta[:D], np.einsum("nij,nik->jk", J, informed), float(squared.sum())
+    delta = np.asarray(np.linalg.solve(H, g), np.float64)
+    return _exp(delta[len(t) :]) @ R, t + delta[: len(t)], information
 
 
 def jacobian(turned: Floats) -> Floats:

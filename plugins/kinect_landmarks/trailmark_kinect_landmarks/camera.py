@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from trailmark.arrays import Floats
+from trailmark.arrays import Floats, Grey8
 from trailmark.errors import ConfigError
 from trailmark.frames import RGBD, DepthCamera, Pinhole, Scan, SensorInfo
 from trailmark.geometry import Pose3
@@ -102,9 +102,9 @@ class LandmarkCamera:
             )
         return payload.depth_m
 
-    def clean_depth(self, registered_m: npt.NDArray[np.float32], bgr: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
+    def clean_depth(self, registered_m: npt.NDArray[np.float32], grey: Grey8) -> npt.NDArray[np.float32]:
         """Return depth without the readings that are not reliable, NaN in their place."""
-        return correct_depth(registered_m, np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY), np.uint8), self._limits)
+        return correct_depth(registered_m, grey, self._limits)
 
     def measure(
         self,

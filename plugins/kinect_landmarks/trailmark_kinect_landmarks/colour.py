@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trailmark.arrays import Bgr8
+from trailmark_kinect_landmarks.kernels import colour_counts
 
 __all__ = ["HUES", "SATURATIONS", "Light", "colour_index", "compensate", "histograms", "picture_light", "similarity"]
 
@@ -86,12 +87,7 @@ def colour_index(hsv: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
 
 def histograms(index: npt.NDArray[np.uint8], uv: npt.NDArray[np.float64], radius_px: int) -> npt.NDArray[np.float32]:
     """Return the colour histograms around pixels, (N, 28), each with sum 1; windows end at the border."""
-    height, width = index.shape
-    found = np.zeros((len(uv), _N_BINS), dtype=np.float32)
-    for row, (u, v) in enumerate(np.rint(uv).astype(int)):
-        u0, v0 = min(max(u, 0), width - 1), min(max(v, 0), height - 1)
-        window = index[max(0, v0 - radius_px) : v0 + radius_px + 1, max(0, u0 - radius_px) : u0 + radius_px + 1]
-        found[row] = np.bincount(window.ravel(), minlength=_N_BINS)
+    found = colour_counts(index, np.rint(uv).astype(np.intp), radius_px, _N_BINS)
     found /= np.maximum(found.sum(axis=1, keepdims=True), 1.0)
     return found
 

@@ -10,14 +10,16 @@ import numpy.typing as npt
 
 from trailmark.arrays import Depth, Floats
 from trailmark.frames import Scalar, Scan
+from trailmark_kinect_landmarks.kernels import believed_depth
 
 __all__ = ["DepthLimits", "as_scan", "correct_depth", "depth_at", "depth_sigma", "scan_depth"]
 
 
 _ONE_BEAM_RAD = 0.1  # any step will do
-_SATURATED = 250  # grey level of a highlight
 _MIN_SHARE = 0.34  # of a landmark's window that must have depth
-_FILL_SHARE = 0.6  # of a hole's surroundings that must have depth
+#: Of the 25 pixels around: more than the first must have depth for a hole to be filled, fewer than the second around
+#: gloss. The grey level of a highlight.
+_COUNTS = 15, 13, 250
 _KINECT_SIGMA = 1.425e-3  # of depth at 1 m, growing with its square: Khoshelham & Oude Elberink 2012
 
 
@@ -55,17 +57,17 @@ def correct_depth(depth_m: Depth, grey: npt.NDArray[np.uint8] | None, limits: De
     (H, W) float32
         NaN where unknown; a hole is filled only where most of its surroundings have depth.
     """
-    known = (depth_m > limits.near_m) & (depth_m < limits.far_m)  # NaN compares false
-    depth = np.where(known, depth_m, np.float32(0.0))
-    median = cv2.medianBlur(depth, 5)
-    share = cv2.blur(known.astype(np.float32), (5, 5))
-    flying = known & (np.abs(depth - median) > limits.flying_share * median)
-    fill = (~known | flying) & (share > _FILL_SHARE) & (median > 0.0)
-    corrected = np.where(fill, median, np.where(known & ~flying, depth, np.float32(np.nan)))
+    near_m, far_m = np.float32(limits.near_m), np.float32(limits.far_m)
+    # between the limits, not on them; NaN is in no range
+    within = float(np.nextafter(near_m, far_m)), float(np.nextafter(far_m, near_m))
+    known = np.asarray(cv2.inRange(depth_m, *within), np.uint8) >> 7
+    depth = np.asarray(cv2.copyTo(depth_m, known), np.float32)  # 0 where it is not known
+    median = np.asarray(cv2.medianBlur(depth, 5), np.float32)
+    n_known = np.asarray(cv2.boxFilter(known, -1, (5, 5), normalize=False), np.uint8)
+    brightest = np.zeros_like(known)
     if grey is not None and grey.shape == depth.shape:
-        shines = cv2.dilate((grey >= _SATURATED).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
-        corrected[shines & (share < 0.5)] = np.nan
-    return np.asarray(corrected, dtype=np.float32)
+        brightest = np.asarray(cv2.dilate(grey, np.ones((5, 5), np.uint8)), np.uint8)
+    return believed_depth(depth, median, n_known, brightest, np.float32(limits.flying_share), _COUNTS)
 
 
 def depth_at(depth_m: Depth, uv: Floats, radius_px: int = 2, limits: DepthLimits | None = None) -> Floats:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -18,7 +19,7 @@ _FLOOR_M, _FLOOR_RAD = 0.003, math.radians(0.1)
 _UNKNOWN_M, _UNKNOWN_RAD = 0.1, math.radians(5.0)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Expected:
     """The motion that is expected, with its covariance.
 
@@ -37,7 +38,7 @@ class Expected:
     sigma_m: Floats
     sigma_rad: float
 
-    @property
+    @cached_property
     def information(self) -> Floats:
         """Inverse covariance of translation and rotation, (3, 3) or (6, 6)."""
         D = len(self.t)

@@ -85,9 +85,11 @@ class LandmarkDetector:
             self.reference_light = light
         bgr = compensate(payload.bgr, light.gain_to(self.reference_light))
         registered_m = self._camera.register_depth(payload)
-        depth_m = self._camera.clean_depth(registered_m, payload.bgr)
-        view = WorkingImage(bgr, depth_m, scale)
-        grey = view.grey if scale == 1.0 else np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY), np.uint8)
+        original_grey = np.asarray(cv2.cvtColor(payload.bgr, cv2.COLOR_BGR2GRAY), np.uint8)
+        depth_m = self._camera.clean_depth(registered_m, original_grey)
+        is_as_it_came = bgr is payload.bgr
+        grey = original_grey if is_as_it_came else np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY), np.uint8)
+        view = WorkingImage(bgr, depth_m, scale, grey)
         return PreparedImage(payload.bgr, view, grey, registered_m, depth_m, light.share_of(self.reference_light), scan)
 
     def find(self, picture: PreparedImage, plan: SearchPlan, taken_uv: Floats, n: int) -> SeenLandmarks:
@@ -102,8 +104,8 @@ class LandmarkDetector:
         # more than wanted, since depth may turn out to be that of two surfaces
         apart_px = max(_APART_PX, _APART_PX * math.sqrt(_APART_AT / self._config.landmarks))
         rows = rows[spread_out(uv[rows], strength[rows], taken_uv, apart_px, 2 * n)]
-        kind = np.array([KINDS.index(regions[row].kind) for row in rows], dtype=np.int8)
-        side = np.array([max(regions[row].width, regions[row].height) for row in rows], dtype=np.float64)
+        kind = np.array([KINDS.index(regions.kinds[row]) for row in rows], dtype=np.int8)
+        side = regions.boxes[rows, 2:].max(axis=1)
         seen = self.look_at(picture, uv[rows], kind, side)
         return seen.rows(np.flatnonzero(np.isfinite(seen.points_base).all(axis=1))[:n])
 

@@ -118,7 +118,7 @@ class KinectFlow(Localizer):
             raise ShapeError(f"kinect_flow takes rgbd, but sensor {frame.sensor!r} gave {type(payload).__name__}")
         grey = np.asarray(cv2.cvtColor(payload.bgr, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
         registered_m = self._camera.register_depth(payload)
-        depth_m = self._camera.clean_depth(registered_m, payload.bgr)
+        depth_m = self._camera.clean_depth(registered_m, grey)
         before, self._before = self._before, grey
         if before is None or before.shape != grey.shape:
             self._renew(grey, depth_m, _NONE)
@@ -134,7 +134,7 @@ class KinectFlow(Localizer):
         """Take all points anew, with depth where it was found to lie."""
         self._n_registered += 1
         self._camera.registration = self._watch.registration.found
-        depth_m = self._camera.clean_depth(self._camera.register_depth(payload), payload.bgr)
+        depth_m = self._camera.clean_depth(self._camera.register_depth(payload), grey)
         self._renew(grey, depth_m, _NONE)
 
     def _estimate_motion(self, stamp_s: float, before: Grey8, grey: Grey8, depth_m: Depth) -> Estimate:

@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from trailmark.arrays import Floats, Grey8
 from trailmark_kinect_landmarks.colour import histograms
-from trailmark_kinect_landmarks.finders import Region
+from trailmark_kinect_landmarks.finders import Regions
+from trailmark_kinect_landmarks.kernels import best_pixels, keep_apart
 
 __all__ = ["KINDS", "SeenLandmarks", "anchors", "describe", "point_covariances", "spread_out", "vicinities"]
 
@@ -20,7 +21,7 @@ KINDS = ("blob", "edge", "rectangle", "circle", "ellipse", "line", "flat", "mser
 _NEAR_PX, _WIDE_PX = 7, 20  # half sizes of the windows whose colours are remembered
 _VICINITY_PX = 24  # the "constantly set vicinity" of the paper
 _VICINITY_CELLS = 8
-_MAX_ANCHOR_BOX_PX = 40
+_MAX_ANCHOR_BOX_PX, _AROUND_BOX_PX = 40.0, 2.0
 _CORNERNESS_BLOCK = 5
 
 
@@ -70,7 +71,7 @@ class SeenLandmarks:
         )
 
 
-def anchors(grey: Grey8, regions: list[Region], at: str) -> tuple[Floats, Floats]:
+def anchors(grey: Grey8, regions: Regions, at: str) -> tuple[Floats, Floats]:
     """Return the pixels that stand for regions, (N, 2), and how well marked each is, (N,).
 
     Parameters
@@ -79,23 +80,16 @@ def anchors(grey: Grey8, regions: list[Region], at: str) -> tuple[Floats, Floats
         ``centre`` of the frame, as in the paper. ``corner``: the best marked pixel within the frame.
         Differs from the paper: the centre of a blob moves with its outline by several pixels, a corner does not.
     """
-    centres = np.array([region.centre for region in regions], dtype=np.float64).reshape(-1, 2)
-    cornerness = cv2.cornerMinEigenVal(grey, _CORNERNESS_BLOCK)
+    cornerness = np.asarray(cv2.cornerMinEigenVal(grey, _CORNERNESS_BLOCK), np.float32)
     height, width = grey.shape
-    if at == "centre" or not regions:
+    if at == "centre" or not len(regions):
+        centres = regions.boxes[:, :2] + (regions.boxes[:, 2:] - 1.0) / 2.0
         whole = np.clip(np.rint(centres).astype(int), 0, (width - 1, height - 1))
         return centres, cornerness[whole[:, 1], whole[:, 0]].astype(np.float64)
-    uv, strength = np.empty_like(centres), np.zeros(len(regions))
-    for row, (region, (u, v)) in enumerate(zip(regions, centres, strict=True)):
-        half_u, half_v = (min(side, _MAX_ANCHOR_BOX_PX) / 2.0 + 2.0 for side in (region.width, region.height))
-        u0, v0 = max(0, int(u - half_u)), max(0, int(v - half_v))
-        window = cornerness[v0 : max(0, int(v + half_v) + 1), u0 : max(0, int(u + half_u) + 1)]
-        if window.size == 0:  # an ellipse that is cut by the border may have its centre beyond
-            uv[row] = min(max(u, 0.0), width - 1.0), min(max(v, 0.0), height - 1.0)
-            continue
-        at_v, at_u = divmod(int(window.argmax()), window.shape[1])
-        uv[row], strength[row] = (u0 + at_u, v0 + at_v), window[at_v, at_u]
-    return _subpixel(grey, uv), strength
+    uv, strength = best_pixels(cornerness, regions.boxes, _MAX_ANCHOR_BOX_PX, _AROUND_BOX_PX)
+    # one corner stands for many regions: it is refined once
+    _, first, each = np.unique(uv[:, 0] + 1j * uv[:, 1], return_index=True, return_inverse=True)
+    return _subpixel(grey, uv[first])[each], strength
 
 
 def _subpixel(grey: Grey8, uv: Floats) -> Floats:
@@ -127,27 +121,17 @@ def spread_out(uv: Floats, strength: Floats, taken_uv: Floats, apart_px: float, 
     (<= n,) int
         Rows of `uv`.
     """
-    kept: list[int] = []
-    free = np.ones(len(uv), dtype=np.bool_)
-    if len(taken_uv):
-        free = np.abs(uv[:, None] - taken_uv[None]).max(axis=2).min(axis=1) >= apart_px
-    for row in np.argsort(-strength, kind="stable"):
-        if len(kept) >= n:
-            break
-        if free[row]:
-            kept.append(int(row))
-            free &= np.abs(uv - uv[row]).max(axis=1) >= apart_px
-    return np.array(kept, dtype=np.intp)
+    return keep_apart(uv, np.argsort(-strength, kind="stable"), taken_uv, apart_px, n)
 
 
 def vicinities(grey: Grey8, uv: Floats) -> npt.NDArray[np.float32]:
     """Return the brightness around pixels on a coarse grid, (N, 64), each with mean 0 and length 1."""
     cell = _VICINITY_PX // _VICINITY_CELLS
-    smooth = cv2.blur(grey, (cell, cell)).astype(np.float32)
+    smooth = np.asarray(cv2.blur(grey, (cell, cell)), np.uint8)
     steps = (np.arange(_VICINITY_CELLS) - (_VICINITY_CELLS - 1) / 2.0) * cell
     rows = np.clip(np.rint(uv[:, 1, None, None] + steps[:, None]).astype(np.intp), 0, grey.shape[0] - 1)
     columns = np.clip(np.rint(uv[:, 0, None, None] + steps[None, :]).astype(np.intp), 0, grey.shape[1] - 1)
-    patches = smooth[rows, columns].reshape(len(uv), _VICINITY_CELLS**2)
+    patches = smooth[rows, columns].reshape(len(uv), _VICINITY_CELLS**2).astype(np.float32)
     patches -= patches.mean(axis=1, keepdims=True)
     lengths = np.linalg.norm(patches, axis=1, keepdims=True)
     return np.asarray(patches / np.maximum(lengths, 1e-6), dtype=np.float32)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 
+import numpy as np
+
 from trailmark_kinect_landmarks.finders.areas import find_blobs, find_flats, find_mser
 from trailmark_kinect_landmarks.finders.shapes import (
     find_edges,
@@ -12,11 +14,11 @@ from trailmark_kinect_landmarks.finders.shapes import (
     find_lines,
     find_rectangles,
 )
-from trailmark_kinect_landmarks.finders.view import Region, WorkingImage
+from trailmark_kinect_landmarks.finders.view import Region, Regions, WorkingImage
 
-__all__ = ["FINDERS", "Finder", "Region", "WorkingImage", "find"]
+__all__ = ["FINDERS", "Finder", "Region", "Regions", "WorkingImage", "find"]
 
-Finder = Callable[[WorkingImage], list[Region]]
+Finder = Callable[[WorkingImage], Regions]
 
 #: All finders by the name a config gives them.
 FINDERS: Mapping[str, Finder] = {
@@ -31,6 +33,8 @@ FINDERS: Mapping[str, Finder] = {
 }
 
 
-def find(view: WorkingImage, names: Iterable[str]) -> list[Region]:
+def find(view: WorkingImage, names: Iterable[str]) -> Regions:
     """Return what the named finders see, in their order."""
-    return [region for name in names for region in FINDERS[name](view)]
+    found = [FINDERS[name](view) for name in names]
+    boxes = [np.empty((0, 4)), *(regions.boxes for regions in found)]
+    return Regions([kind for regions in found for kind in regions.kinds], np.concatenate(boxes))

@@ -11,10 +11,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from trailmark.arrays import Bgr8, Grey8
+from trailmark.arrays import Bgr8, Floats, Grey8
 from trailmark_kinect_landmarks.colour import colour_index
 
-__all__ = ["Region", "WorkingImage"]
+__all__ = ["Region", "Regions", "WorkingImage"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +41,28 @@ class Region:
         return self.u + (self.width - 1.0) / 2.0, self.v + (self.height - 1.0) / 2.0
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Regions:
+    """What finders found, a row each: there are hundreds, of which few become landmarks.
+
+    Attributes
+    ----------
+    kinds : list of str
+        What each is, as in `Region`.
+    boxes : (N, 4) float64
+        Upper left corners, widths and heights, as in `Region` [px].
+    """
+
+    kinds: list[str]
+    boxes: Floats
+
+    def __len__(self) -> int:
+        return len(self.kinds)
+
+    def __getitem__(self, row: int) -> Region:
+        return Region(self.kinds[row], *self.boxes[row].tolist())
+
+
 class WorkingImage:
     """A colour picture with its depth, reduced to a working resolution.
 
@@ -52,10 +74,14 @@ class WorkingImage:
         Depth registered to it, NaN where unknown [m].
     scale : float
         Working resolution as a share of the whole, at most 1.
+    grey : (H, W) uint8, optional
+        The picture in grey, where it is known already.
     """
 
-    def __init__(self, bgr: Bgr8, depth_m: npt.NDArray[np.float32], scale: float = 1.0) -> None:
-        self.whole, self.depth_m, self.scale = bgr, depth_m, scale
+    def __init__(
+        self, bgr: Bgr8, depth_m: npt.NDArray[np.float32], scale: float = 1.0, grey: Grey8 | None = None
+    ) -> None:
+        self.whole, self.depth_m, self.scale, self._whole_grey = bgr, depth_m, scale, grey
 
     @cached_property
     def bgr(self) -> Bgr8:
@@ -65,6 +91,8 @@ class WorkingImage:
     @cached_property
     def grey(self) -> Grey8:
         """Grey at working resolution."""
+        if self._whole_grey is not None and self.scale == 1.0:
+            return self._whole_grey
         return np.asarray(cv2.cvtColor(self.bgr, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
 
     @cached_property
@@ -94,11 +122,23 @@ class WorkingImage:
         """The contours with as few corners as keep them within 2.5 pixels."""
         return [cv2.approxPolyDP(chain, 2.5, closed=True) for chain in self.contours]
 
-    def region(self, kind: str, box: Sequence[float]) -> Region:
-        """Return what was found in a box (u, v, width, height) at working resolution."""
-        u, v, width, height = (float(value) for value in box)
-        s = self.scale
-        return Region(kind, (u + 0.5) / s - 0.5, (v + 0.5) / s - 0.5, width / s, height / s)
+    def regions(self, kinds: str | list[str], boxes: npt.ArrayLike, share: float = 1.0) -> Regions:
+        """Return what was found in boxes (u, v, width, height), (N, 4), at a share of the working resolution.
+
+        Parameters
+        ----------
+        kinds : str or list of str
+            What all of them are, or each.
+        boxes : (N, 4) float
+            At that resolution [px].
+        share : float
+            Of the working resolution.
+        """
+        found = np.array(boxes, dtype=np.float64).reshape(-1, 4)
+        for scale in (share, self.scale):
+            found[:, :2] = (found[:, :2] + 0.5) / scale - 0.5
+            found[:, 2:] /= scale
+        return Regions([kinds] * len(found) if isinstance(kinds, str) else kinds, found)
 
 
 def _reduce_to_grey(bgr: Bgr8, scale: float) -> Grey8:
