@@ -10,7 +10,7 @@ from trailmark.arrays import Floats
 from trailmark.estimates import Fix, PathOffset
 from trailmark.estimation.information import Measured
 from trailmark.estimation.on_path import covariance_on_path
-from trailmark.estimation.symmetric import Sym3, add, congruence, sheared
+from trailmark.estimation.symmetric import ZERO, Sym3, add, congruence, sheared
 from trailmark.geometry import Pose2, wrap_angle
 from trailmark.paths import OnPath, Path
 from trailmark.values import quick_dataclass
@@ -130,6 +130,8 @@ def _gain_of(gain: Floats, *innovation: float) -> tuple[float, float, float]:
 
 def _narrow(covariance: Sym3, measured: Measured, gain: Floats) -> Sym3:
     """Return ``(1 - gain) covariance (1 - gain)^T`` and what was measured; plain floats, see `symmetric`."""
+    if covariance is ZERO:
+        return measured.covariance
     xx, xy, xt, yy, yt, tt = covariance
     (a, b, c), (d, e, f), (g, h, i) = (_UNIT - gain).tolist()
     x = a * xx + b * xy + c * xt, a * xy + b * yy + c * yt, a * xt + b * yt + c * tt

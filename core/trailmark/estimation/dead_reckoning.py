@@ -78,6 +78,12 @@ class _PoseAnchor:
         since_m = plus(odom.unmeasured_m, self.odom.unmeasured_m, -1.0)
         return plus(self.unmeasured_m, since_m, 1.0)
 
+    def pose_alone_at(self, odom: OdomState) -> Pose2 | None:
+        """Return the pose where odometry says something else; None while it is unknown."""
+        if self.pose_map_base is None:
+            return None
+        return self.pose_map_base.moved_as(self.odom.pose_odom_base, odom.pose_odom_base)
+
     def pose_at(self, odom: OdomState) -> tuple[Pose2, Sym3] | None:
         """Return pose and covariance where odometry says something else; None while the pose is unknown."""
         if self.pose_map_base is None:
@@ -173,9 +179,7 @@ class DeadReckoning(Estimator):
             Base in odom.
         """
         odom = self._chain.at(stamp_s)
-        anchor, pose = self._corrections.state_at(odom.stamp_s), None
-        if anchor.pose_map_base is not None:  # as `_PoseAnchor.pose_at`
-            pose = anchor.pose_map_base.moved_as(anchor.odom.pose_odom_base, odom.pose_odom_base)
+        pose = self._corrections.state_at(odom.stamp_s).pose_alone_at(odom)
         return odom.stamp_s, pose, odom.pose_odom_base
 
     def set_pose(
@@ -249,6 +253,10 @@ class DeadReckoning(Estimator):
     def _step(self, anchor: _PoseAnchor, stamp_s: float, correction: Correction) -> _PoseAnchor:
         """Return the anchor after a correction: the step of the history."""
         odom = self._chain.at(stamp_s)
+        if self._poses_alone:  # no pose depends on what is skipped here
+            pose = anchor.pose_alone_at(odom)
+            corrected = correction.apply(None if pose is None else (pose, ZERO))
+            return anchor if corrected is None else _PoseAnchor(odom, corrected[0], is_measured=True)
         corrected = correction.apply(anchor.pose_at(odom))
         if corrected is None:
             return anchor

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import heapq
 import struct
 import traceback
-from collections.abc import Collection, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Collection, Generator, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,12 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import MessageDefinition
 from rosbags.rosbag1 import Reader as Ros1Reader
 from rosbags.rosbag1 import ReaderError
-from rosbags.rosbag1.reader import IndexData
+from rosbags.rosbag1.reader import Header, IndexData, RecordType, read_bytes, read_uint32
 from rosbags.typesys import Stores, get_typestore
 
 from trailmark.errors import SourceError
+from trailmark.values import quick_dataclass
+from trailmark_datasets.ros1_decoding import DECODERS
 
 __all__ = ["BagFile", "Message", "open_bag"]
 
@@ -26,10 +29,13 @@ __all__ = ["BagFile", "Message", "open_bag"]
 # Their words are about the inside of the library, and tell nobody what is wrong with the recording.
 _SPEAK_OF_PYTHON = (struct.error, LookupError, TypeError, AttributeError, AssertionError, RecursionError, OverflowError)
 
+_TIME = struct.Struct("<II")
+_TIME_FIELD = b"\x0d\x00\x00\x00time="
+
 _MOST_WORDS = 200  # letters: some errors quote whole message definitions
 
 
-@dataclass(frozen=True, slots=True)
+@quick_dataclass(frozen=True, slots=True)
 class Message:
     """A message of a recording.
 
@@ -75,6 +81,69 @@ class _Ros1Reader(Ros1Reader):
         file.read(4)  # the length
         entries = np.frombuffer(file.read(12 * count), "<u4").reshape(count, 3).tolist()
         indexes[connection].extend(IndexData(sec * 10**9 + nanosec, pos, offset) for sec, nanosec, offset in entries)
+
+    def messages(
+        self, connections: Collection[Any] = (), start: int | None = None, stop: int | None = None
+    ) -> Generator[tuple[Any, int, bytes], None, None]:
+        """Yield connection, time [ns] and bytes of the messages, as rosbags does, which reads each head anew."""
+        if start is not None or stop is not None or self.bio is None:
+            yield from super().messages(connections, start, stop)
+            return
+        heads = _KnownHeads({connection.id: connection for connection in self.connections})
+        chunk_pos, chunk = -1, b""
+        for time_ns, pos, offset in heapq.merge(*(self.indexes[one.id] for one in connections or self.connections)):
+            if pos != chunk_pos:
+                where = self.chunks[pos]
+                self.bio.seek(where.datapos)
+                chunk_pos, chunk = pos, where.decompressor(read_bytes(self.bio, where.datasize))
+            yield heads.read(chunk, offset, time_ns)
+
+
+class _KnownHeads:
+    """The heads of message records, which differ by their time alone: each is parsed once.
+
+    Parameters
+    ----------
+    connections : mapping of int to Connection
+        By number, as heads name them.
+    """
+
+    def __init__(self, connections: Mapping[int, Any]) -> None:
+        self._connections = connections
+        self._known: dict[bytes, Any] = {}  # what stands around the time -> connection
+        self._time_at = 0
+
+    def read(self, chunk: bytes, offset: int, time_ns: int) -> tuple[Any, int, bytes]:
+        """Return connection, time [ns] and bytes of the message at a place of a chunk."""
+        begin = offset + self._time_at
+        length_at = offset + 4 + int.from_bytes(chunk[offset : offset + 4], "little")
+        connection = self._known.get(chunk[offset:begin] + chunk[begin + 8 : length_at])
+        if connection is not None and chunk[begin : begin + 8] == _TIME.pack(*divmod(time_ns, 10**9)):
+            data_at = length_at + 4
+            data = chunk[data_at : data_at + int.from_bytes(chunk[length_at:data_at], "little")]
+            if len(data) == int.from_bytes(chunk[length_at:data_at], "little"):
+                return connection, time_ns, data
+        return self._parsed(chunk, offset, time_ns)
+
+    def _parsed(self, chunk: bytes, offset: int, time_ns: int) -> tuple[Any, int, bytes]:
+        """Return the same of a message whose head is not known yet, by the steps of rosbags."""
+        file = BytesIO(chunk)
+        file.seek(offset)
+        begin, head = offset, Header.read(file)
+        while head.get_uint8("op") == RecordType.CONNECTION:
+            file.seek(read_uint32(file), 1)
+            begin, head = file.tell(), Header.read(file)
+        if head.get_uint8("op") != RecordType.MSGDATA:
+            raise ReaderError("where a message should be, there is none")
+        end, connection = file.tell(), self._connections[head.get_uint32("conn")]
+        assert head.get_time("time") == time_ns
+        found_at = chunk.find(_TIME_FIELD, begin, end)
+        time_at = found_at + len(_TIME_FIELD)
+        if not self._known:
+            self._time_at = time_at - begin
+        if found_at >= 0 and time_at - begin == self._time_at:
+            self._known[chunk[begin:time_at] + chunk[time_at + 8 : end]] = connection
+        return connection, time_ns, read_bytes(file, read_uint32(file))
 
 
 def _with_known_header(definition: MessageDefinition) -> MessageDefinition:
@@ -129,17 +198,25 @@ class BagFile:
             If the recording is damaged.
         """
         connections = [connection for connection in self._reader.connections if connection.topic in topics]
-        numbers = dict.fromkeys(topics, -1)
+        numbers, prefix = dict.fromkeys(topics, -1), f"{self.path}: message "
         for connection, receive_ns, raw in self._raw(connections):
             topic = connection.topic
             numbers[topic] += 1
-            where = f"{self.path}: message {numbers[topic]} of {topic}"
+            where = f"{prefix}{numbers[topic]} of {topic}"
             try:
-                content = self._reader.deserialize(raw, connection.msgtype)
+                content = self._decoded(connection, raw)
             except Exception as error:  # whatever damaged bytes may cause in there
                 yield SourceError(f"{where} cannot be decoded: {_words_of(error)}")
             else:
                 yield Message(topic, where, receive_ns / 1e9, content)
+
+    def _decoded(self, connection: Any, raw: bytes) -> Any:
+        decoder = None if self._reader.is2 else DECODERS.get(connection.digest)
+        if decoder is not None:
+            with suppress(struct.error, UnicodeDecodeError):  # rosbags says what is wrong
+                if (content := decoder(raw)) is not None:
+                    return content
+        return self._reader.deserialize(raw, connection.msgtype)
 
     def _raw(self, connections: list[Any]) -> Iterator[tuple[Any, int, bytes]]:
         messages = iter(self._reader.messages(connections)) if connections else iter(())

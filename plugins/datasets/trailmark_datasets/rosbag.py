@@ -133,21 +133,23 @@ class Rosbag(RecordedSource):
         by_topic: dict[str, list[Choice]] = defaultdict(list)
         for choice in choices:
             by_topic[choice.topic].append(choice)
+        moving = {topic: [one for one in own if one.pair is not None] for topic, own in by_topic.items()}
         pairs = {name: RgbdPairs(pair.max_difference_s) for name, pair in self.config.rgbd.items()}
         for message in bag.messages(by_topic):
             if isinstance(message, SourceError):
                 yield message
                 continue
-            moving = [choice for choice in by_topic[message.topic] if choice.pair is not None]
-            yield from self._transform_readings(message, moving)
-            if len(moving) == len(by_topic[message.topic]):
-                continue  # a message of transforms has no stamp of its own
+            own = by_topic[message.topic]
+            if moving[message.topic]:
+                yield from self._transform_readings(message, moving[message.topic])
+                if len(moving[message.topic]) == len(own):
+                    continue  # a message of transforms has no stamp of its own
             try:
                 stamp_s = self._stamp(message)
             except SourceError as error:
                 yield error
                 continue
-            for choice in by_topic[message.topic]:
+            for choice in own:
                 if choice.kind == "pose" and not has_fix(message.content):
                     self.counted[f"no_fix_{choice.sensor}"] += 1
                 elif choice.kind == "rgbd":
