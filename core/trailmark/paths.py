@@ -20,7 +20,7 @@ from trailmark.geometry import Pose2, wrap_angle
 __all__ = ["Keyframe", "OnPath", "Path", "PathLine", "TaughtPlaces", "Waypoint"]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, init=False)
 class Waypoint:
     """One pose of a taught path.
 
@@ -37,6 +37,14 @@ class Waypoint:
     index: int
     station_m: float
     pose_map_base: Pose2
+
+    def __init__(self, index: int, station_m: float, pose_map_base: Pose2) -> None:  # 100,000 in a path: by hand
+        _set_index(self, index)
+        _set_station(self, station_m)
+        _set_pose(self, pose_map_base)
+
+
+_set_index, _set_station, _set_pose = (vars(Waypoint)[name].__set__ for name in ("index", "station_m", "pose_map_base"))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -134,7 +142,10 @@ class Path:
         if not self.waypoints:
             raise ShapeError("a path needs at least one waypoint")
         taught = [waypoint.pose_map_base for waypoint in self.waypoints]
-        poses = np.array([(pose.x, pose.y, pose.theta) for pose in taught], dtype=np.float64)
+        poses = np.empty((len(taught), 3))
+        poses[:, 0] = [pose.x for pose in taught]
+        poses[:, 1] = [pose.y for pose in taught]
+        poses[:, 2] = [pose.theta for pose in taught]
         self._stations = np.array([waypoint.station_m for waypoint in self.waypoints])
         self._positions = poses[:, :2]
         self._headings = np.unwrap(poses[:, 2])

@@ -41,6 +41,8 @@ TOTALS = "totals"
 
 # Four floats as `checksum` takes them: each with its type and length before it.
 _FOUR_FLOATS = struct.Struct("<3sd3sd3sd3sd")
+# Checksum of what comes before the index, by the number of its digits.
+_BEGINNINGS = [crc32(b"waypointsi%d:" % n_digits) for n_digits in range(21)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,9 +183,9 @@ def read_waypoints(connection: Connection, count: int | None = None) -> Iterator
 def waypoint_of(row: Row) -> Waypoint:
     """Return the waypoint of a row."""
     index, station_m, x, y, theta, crc = row
-    numbers = station_m, x, y, theta
     is_plain = type(index) is int and type(station_m) is type(x) is type(y) is type(theta) is float
-    if crc != (_checksum_of_numbers(index, *numbers) if is_plain else checksum("waypoints", index, *numbers)):
+    summed = _checksum_of_numbers if is_plain else _checksum_of_row
+    if crc != summed(index, station_m, x, y, theta):
         raise Damage(f"waypoint {_short(index)} is not as it was written")
     try:
         return Waypoint(index, finite(station_m, "its station"), Pose2(x, y, theta))
@@ -191,11 +193,15 @@ def waypoint_of(row: Row) -> Waypoint:
         raise Damage(f"waypoint {_short(index)} cannot be read: {error}") from error
 
 
+def _checksum_of_row(*values: Any) -> int:
+    return checksum("waypoints", *values)
+
+
 def _checksum_of_numbers(index: int, station_m: float, x: float, y: float, theta: float) -> int:
     """Return the checksum of a waypoint's row in one go: a path has a hundred thousand of them."""
     digits = b"%d" % index
-    named = b"waypointsi%d:%b" % (len(digits), digits)
-    return crc32(named + _FOUR_FLOATS.pack(b"f8:", station_m, b"f8:", x, b"f8:", y, b"f8:", theta))
+    floats = _FOUR_FLOATS.pack(b"f8:", station_m, b"f8:", x, b"f8:", y, b"f8:", theta)
+    return crc32(digits + floats, _BEGINNINGS[len(digits)])
 
 
 def finite(value: float, what: str) -> float:
