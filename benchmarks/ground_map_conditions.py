@@ -1,11 +1,13 @@
 """What ground_map finds under the conditions of ground_conditions.py: right, or silent, never a wrong place.
 
-    python benchmarks/ground_map_conditions.py [--floors planks grass_1k] [--conditions nominal ...] [--searches 100]
-                                               [--taught clean same] [--seed 0] [--out FOLDER] [--markdown]
+    python benchmarks/ground_map_conditions.py [--floors planks grass_1k] [--conditions nominal ...]
+                                               [--taught clean same] [--seeds 0] [--out FOLDER] [--markdown]
 
-A path of 2 m is taught, in good light (``clean``) or under the condition itself (``same``: the same dirt sticks to the
-lens when the path is taught). Then the robot is put down beside its places (8 mm and 1 deg, 1 sigma) with a belief
-that is wrong by as much, and each picture is searched once. One search in five looks at ground that was never taught.
+A path of 2.5 m is taught, in good light (``clean``) or under the condition itself (``same``: the same dirt sticks to
+the lens when the path is taught), a picture every 8 mm. Then it is driven again: every 0.5 m the robot is put down anew
+beside the path (8 mm and 1 deg, 1 sigma) with a belief that is wrong by as much, and one such stretch in five is ground
+that was never taught. Motion is known in between, as wheels tell it. A place that was searched for in several pictures
+counts once: for what was told, or for nothing.
 
 * found: right answers of the searches on taught ground; wrong: answers more than 5 mm or 1 deg off, or of other ground;
 * sure: wrong answers that are off by more than five of their own sigmas too, and all of other ground.
@@ -39,7 +41,9 @@ from trailmark_ground_vo.config import GroundMapConfig
 from trailmark_ground_vo.map_localizer import GroundMap
 
 CONDITIONS = tuple(name for name in CASES if name not in ("rest", "fast", "lost_frames"))
-WAY_M, STEP_M, SPREAD_M, SPREAD_RAD = 2.0, 0.05, 8e-3, math.radians(1.0)
+WAY_M, STEP_M, SPREAD_M, SPREAD_RAD = 2.5, 20 * SCALE_M, 8e-3, math.radians(1.0)
+#: How far the robot drives until it is put down anew [m], and which one of five such stretches is other ground.
+STRETCH_M, OTHER = 0.5, 4
 WRONG_M, WRONG_RAD = 5e-3, math.radians(1.0)
 COUNTS = ("n_taught", "n_other", "wrong", "sure")
 SIGMAS = 5.0
@@ -71,7 +75,7 @@ class Eye:
 
 
 def path(seed: int) -> list[Pose2]:
-    """Return poses of base every 5 cm along a bend."""
+    """Return the poses of base in all pictures along a bend."""
     rng = np.random.default_rng([7, seed])
     start = Pose2(*rng.uniform(0.0, 1.0, 2).tolist(), float(rng.uniform(-math.pi, math.pi)))
     return [start @ Pose2.exp(n * STEP_M, 0.0, n * STEP_M / 1.5) for n in range(round(WAY_M / STEP_M))]
@@ -83,31 +87,44 @@ def taught(eye: Eye, poses: Sequence[Pose2]) -> MemoryMap:
     localizer.start(Session(name="floor_map", mode="teach", sensors={"floor": sensor()}, map=places))
     for index, pose in enumerate(poses):
         frame = Frame("floor", index / RATE_HZ, Image(eye.see(pose)))
-        localizer.observe(frame, Belief(frame.stamp_s, pose_map_base=pose, travelled_m=index * STEP_M))
+        belief = Belief(frame.stamp_s, pose_map_base=pose, pose_odom_base=pose, travelled_m=index * STEP_M)
+        localizer.observe(frame, belief)
     localizer.finish()
     return places
 
 
 def searches(
-    eye: Eye, places: MemoryMap, poses: Sequence[Pose2], n_searches: int, seed: int
+    eye: Eye, places: MemoryMap, poses: Sequence[Pose2], seed: int
 ) -> Iterator[tuple[bool, Pose2, Fix | None]]:
-    """Yield, for each search, whether the ground was taught, the true pose, and the answer."""
+    """Yield, for each place that was searched for, whether its ground was taught, the true pose, and the answer."""
     rng = np.random.default_rng([8, seed])
-    localizer = GroundMap(GroundMapConfig(camera="floor", max_attempts=1))
+    localizer = GroundMap(GroundMapConfig(camera="floor"))
     localizer.start(Session(name="floor_map", mode="replay", sensors={"floor": sensor()}, map=places))
-    for index in range(n_searches):
-        place = (7 * index + int(rng.integers(0, 7))) % len(poses)  # a place is tried once in a row
-        off, wrong = (
-            Pose2(*rng.normal(0.0, SPREAD_M, 2).tolist(), float(rng.normal(0.0, SPREAD_RAD))) for _ in range(2)
-        )
-        is_taught = index % 5 != 4
-        truth = poses[place] @ off
-        believed = truth @ wrong
+    n_stretch, unanswered, truth = round(STRETCH_M / STEP_M), -1.0, poses[0]
+    for index, pose in enumerate(poses):
+        stretch = index // n_stretch
+        if index % n_stretch == 0:
+            off, wrong = (
+                Pose2(*rng.normal(0.0, SPREAD_M, 2).tolist(), float(rng.normal(0.0, SPREAD_RAD))) for _ in range(2)
+            )
+        is_taught = stretch % 5 != OTHER
+        truth = pose @ off
         there = truth if is_taught else Pose2(truth.x + OTHER_M, truth.y, truth.theta)
         frame = Frame("floor", index / RATE_HZ, Image(eye.see(there)))
-        said = localizer.observe(frame, Belief(frame.stamp_s, pose_map_base=believed))
-        if said:  # else the belief is out of reach of every place
-            yield is_taught, truth, said[0] if isinstance(said[0], Fix) else None
+        believed = truth @ wrong
+        belief = Belief(frame.stamp_s, pose_map_base=believed, pose_odom_base=truth, travelled_m=index * STEP_M)
+        said = localizer.observe(frame, belief)
+        if not said:
+            continue
+        place = said[0].details["place"]
+        if unanswered not in (-1.0, place):
+            yield is_taught, truth, None
+        unanswered = place
+        if isinstance(said[0], Fix):
+            yield is_taught, truth, said[0]
+            unanswered = -1.0
+    if unanswered >= 0.0:
+        yield is_taught, truth, None
 
 
 def is_within(error: Pose2, fix: Fix) -> bool:
@@ -117,14 +134,13 @@ def is_within(error: Pose2, fix: Fix) -> bool:
     return bool(is_near and abs(error.theta) <= SIGMAS * heading_rad)
 
 
-def measured(floor: str, condition: str, teaching: str, n_searches: int, seed: int) -> dict[str, Any]:
+def measured(floor: str, condition: str, teaching: str, seed: int) -> dict[str, Any]:
     """Return how many searches were right, wrong and silent."""
     poses, case = path(seed), CASES[condition]
     places = taught(Eye(floor, CASES["nominal"] if teaching == "clean" else case, seed), poses)
     row: dict[str, Any] = {"floor": floor, "condition": condition, "taught": teaching, "seed": seed}
-    row |= {"searches": n_searches}
     row |= {"n_taught": 0, "found": 0, "n_other": 0, "wrong": 0, "sure": 0, "worst_mm": 0.0}
-    for is_taught, truth, fix in searches(Eye(floor, case, seed), places, poses, n_searches, seed):
+    for is_taught, truth, fix in searches(Eye(floor, case, seed), places, poses, seed):
         row["n_taught" if is_taught else "n_other"] += 1
         if fix is None:
             continue
@@ -177,18 +193,17 @@ def main() -> None:
     parser.add_argument("--floors", nargs="+", default=["planks", "grass_1k"])
     parser.add_argument("--conditions", nargs="+", default=list(CONDITIONS), choices=CONDITIONS)
     parser.add_argument("--taught", nargs="+", default=["clean", "same"], choices=["clean", "same"])
-    parser.add_argument("--searches", type=int, default=100)
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0])
     parser.add_argument("--out", type=Path, help="folder of ground_map_conditions.jsonl")
     parser.add_argument("--markdown", action="store_true", help="the table of the page")
     options = parser.parse_args()
     cv2.setNumThreads(1)
     rows = {_key(row): row for row in _kept(options.out)}
     floors = [floor for floor in options.floors if floor in photographs()]
-    for floor, condition, teaching in product(floors, options.conditions, options.taught):
-        if (floor, condition, teaching, options.seed, options.searches) in rows:
+    for seed, floor, condition, teaching in product(options.seeds, floors, options.conditions, options.taught):
+        if (floor, condition, teaching, seed) in rows:
             continue
-        row = measured(floor, condition, teaching, options.searches, options.seed)
+        row = measured(floor, condition, teaching, seed)
         rows[_key(row)] = row
         if not options.markdown:
             print(json.dumps(row), flush=True)
@@ -200,7 +215,7 @@ def main() -> None:
 
 
 def _key(row: dict[str, Any]) -> tuple[Any, ...]:
-    return tuple(row[name] for name in ("floor", "condition", "taught", "seed", "searches"))
+    return tuple(row[name] for name in ("floor", "condition", "taught", "seed"))
 
 
 def _kept(folder: Path | None) -> list[dict[str, Any]]:
