@@ -13,7 +13,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-__all__ = ["quick_dataclass"]
+__all__ = ["new_tuple", "quick_dataclass"]
+
+#: ``new_tuple(Named, values)`` is a named tuple of all of its values, in half the time of ``Named(*values)``.
+new_tuple = tuple.__new__
 
 if TYPE_CHECKING:
     from dataclasses import dataclass as quick_dataclass

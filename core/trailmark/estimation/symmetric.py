@@ -25,6 +25,7 @@ __all__ = [
     "sheared",
     "subtract",
     "to_matrix",
+    "turned",
 ]
 
 #: (xx, xy, xt, yy, yt, tt)
@@ -101,6 +102,20 @@ def congruence(a: Sym3, cos: float, sin: float, u: float, v: float) -> Sym3:
         cross_x + u * tt,
         turned_yy + 2.0 * v * cross_y + v * v * tt,
         cross_y + v * tt,
+        tt,
+    )
+
+
+def turned(a: Sym3, cos: float, sin: float) -> Sym3:
+    """Return ``A a A^T`` for ``A = [[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]]``, as `congruence` without a lever."""
+    xx, xy, xt, yy, yt, tt = a
+    cos2, sin2, both = cos * cos, sin * sin, 2.0 * cos * sin * xy
+    return (
+        cos2 * xx - both + sin2 * yy,
+        cos * sin * (xx - yy) + (cos2 - sin2) * xy,
+        cos * xt - sin * yt,
+        sin2 * xx + both + cos2 * yy,
+        sin * xt + cos * yt,
         tt,
     )
 

@@ -12,13 +12,13 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import combinations
-from operator import sub
 
 from trailmark.estimation.kalman.diagnosis import MotionSum
 from trailmark.estimation.kalman.gate import threshold
 from trailmark.estimation.kalman.state import FilterState
 from trailmark.estimation.kalman_config import KalmanConfig
 from trailmark.geometry import wrap_angle
+from trailmark.values import new_tuple
 
 __all__ = [
     "ACQUITTED",
@@ -74,10 +74,13 @@ def motion_since(state: FilterState, anchor: FilterState, source: str) -> Motion
     now, then = state.diagnosis.sums.get(source), anchor.diagnosis.sums.get(source)
     if now is None or then is None or now is then:
         return None
-    x, y, turn, position_m2, turn_rad2, covered_s, open_ways, open_turns = map(sub, now, then)
-    position_m2 = math.inf if open_ways else max(position_m2, 0.0)
-    turn_rad2 = math.inf if open_turns else max(turn_rad2, 0.0)
-    return MotionSum(x, y, turn, position_m2, turn_rad2, covered_s, int(open_ways), int(open_turns))
+    x, y, turn, position_m2, turn_rad2, covered_s, open_ways, open_turns = now
+    then_x, then_y, then_turn, then_m2, then_rad2, then_s, then_ways, then_turns = then
+    open_ways, open_turns = open_ways - then_ways, open_turns - then_turns
+    position_m2 = math.inf if open_ways else max(position_m2 - then_m2, 0.0)
+    turn_rad2 = math.inf if open_turns else max(turn_rad2 - then_rad2, 0.0)
+    way = x - then_x, y - then_y, turn - then_turn, position_m2, turn_rad2, covered_s - then_s, open_ways, open_turns
+    return new_tuple(MotionSum, way)
 
 
 def velocity_change(state: FilterState, anchor: FilterState) -> tuple[float, float]:

@@ -60,18 +60,19 @@ class CertaintyRecord:
         dt_s = max(0.0, stamp_s - self._stamp_s) if self._stamp_s > -math.inf else 0.0
         self._stamp_s = max(self._stamp_s, stamp_s)
         share = 1.0
-        for most, now, most_relative, now_relative in zip(self._most, stated, self._most_relative, relative):
-            if now > _MUCH * most > 0.0 and now_relative > _MUCH * most_relative and now > NOTHING:
-                share = min(share, max(most / now, most_relative / now_relative))
+        most, most_relative = self._most, self._most_relative
+        for k in (0, 1):
+            now = stated[k]
+            if now > _MUCH * most[k] > 0.0 and relative[k] > _MUCH * most_relative[k] and now > NOTHING:
+                share = min(share, max(most[k] / now, most_relative[k] / relative[k]))
         if is_learning or share == 1.0:
-            self._most = (
-                max(self._most[0], stated[0]) if lengths[0] > 0.0 else self._most[0],
-                max(self._most[1], stated[1]) if lengths[1] > 0.0 else self._most[1],
-            )
-            self._most_relative = (
-                max(self._most_relative[0], relative[0]),
-                max(self._most_relative[1], relative[1]),
-            )
+            if (stated[0] > most[0] and lengths[0] > 0.0) or (stated[1] > most[1] and lengths[1] > 0.0):
+                self._most = (
+                    max(most[0], stated[0]) if lengths[0] > 0.0 else most[0],
+                    max(most[1], stated[1]) if lengths[1] > 0.0 else most[1],
+                )
+            if relative[0] > most_relative[0] or relative[1] > most_relative[1]:
+                self._most_relative = max(most_relative[0], relative[0]), max(most_relative[1], relative[1])
             self.n_in_a_row = 0
             return information
         growth = math.exp(2.0 * _RATE * min(dt_s, 1.0))

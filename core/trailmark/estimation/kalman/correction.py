@@ -300,24 +300,25 @@ def _accept(
     if odometry.unmeasured_s is not NOWHERE:
         turn = odometry.pose_odom_base.theta - float(after.x[2])
         odometry = odometry.with_unmeasured(_still_unmeasured(odometry.unmeasured_s, directions, turn))
+    rejections = Rejections(  # by place: names take a third of the time more
+        {**before.counts, source: n - 1} if n else before.counts,
+        before.measurements,
+        {**before.corroborations, source: CorroboratingFix(state.stamp_s, directions)},
+        before.n_recoveries,
+        _with_share(before.shares, source, is_rejected=False) if before.shares else before.shares,
+        before.moved and still_moved(state, measurement),
+        True,
+    )
     return FilterState(
-        stamp_s=state.stamp_s,
-        gaussian=after,
-        odometry=odometry,
-        fixed_at_m=odometry.travelled_m,
-        rejections=Rejections(
-            counts={**before.counts, source: n - 1} if n else before.counts,
-            measurements=before.measurements,
-            corroborations={**before.corroborations, source: CorroboratingFix(state.stamp_s, directions)},
-            n_recoveries=before.n_recoveries,
-            shares=_with_share(before.shares, source, is_rejected=False) if before.shares else before.shares,
-            moved=before.moved and still_moved(state, measurement),
-            was_confirmed=True,
-        ),
-        diagnosis=state.diagnosis,
-        left_out=state.left_out,
-        checks=state.checks,
-        verdicts=(*state.verdicts, verdict),
+        state.stamp_s,
+        after,
+        odometry,
+        odometry.travelled_m,
+        rejections,
+        state.diagnosis,
+        state.left_out,
+        state.checks,
+        (*state.verdicts, verdict),
     )
 
 
@@ -333,7 +334,11 @@ def _still_unmeasured(unmeasured_s: Sym2, directions: Floats, turn_rad: float) -
     turn_rad : float
         Of the map as seen in odom [rad].
     """
-    (xx, xy), (_, yy) = (directions[:, :2].T @ directions[:, :2]).tolist()
+    if len(directions) == 1:  # a compass, a line: the same to the last bit
+        x, y = directions[0, :2].tolist()
+        xx, xy, yy = x * x, x * y, y * y
+    else:
+        (xx, xy), (_, yy) = (directions[:, :2].T @ directions[:, :2]).tolist()
     measured = turned(directions_above((xx, xy, yy), _VAGUE_M**-2), turn_rad)
     return projected(unmeasured_s, (1.0 - measured[0], -measured[1], 1.0 - measured[2]))
 

@@ -51,7 +51,7 @@ class Ekf:
     def update(self, x: Floats, covariance: Floats, seen: Innovation, model: MeasurementModel) -> tuple[Floats, Floats]:
         """Return state and covariance after a measurement of unit noise, given its innovation."""
         gain = seen.gain()
-        updated = x + gain @ seen.innovation
-        kept = self._unit - gain @ seen.jacobian
+        updated = x + gain.dot(seen.innovation)
+        kept = self._unit - gain.dot(seen.jacobian)
         updated[2] = wrap_angle(float(updated[2]))
-        return updated, kept @ covariance @ kept.T + gain @ gain.T
+        return updated, kept.dot(covariance).dot(kept.T) + gain.dot(gain.T)

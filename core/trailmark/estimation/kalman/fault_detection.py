@@ -86,7 +86,7 @@ class FaultDetector:
         after, repeated = self._predict(state, stamp_s), state.diagnosis.repeated
         if after.diagnosis.repeated is repeated:
             return after
-        return after.with_diagnosis(after.diagnosis._replace(repeated=repeated))  # a question was decided
+        return after.with_diagnosis(after.diagnosis.with_repeated(repeated))  # a question was decided
 
     def _predict(self, state: FilterState, stamp_s: float) -> FilterState:
         if stamp_s <= state.stamp_s or state.stamp_s == -float("inf"):
@@ -126,7 +126,7 @@ class FaultDetector:
         if after.diagnosis.overruled is not None:
             after = still_overruled(after, measurement)
         if after.diagnosis.repeated is not repeated:
-            after = after.with_diagnosis(after.diagnosis._replace(repeated=repeated))
+            after = after.with_diagnosis(after.diagnosis.with_repeated(repeated))
         return remembered(after, measurement, repeats)
 
     def _correct(self, state: FilterState, measurement: Measurement) -> FilterState:

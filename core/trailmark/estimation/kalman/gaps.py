@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 from trailmark.arrays import Floats
@@ -140,28 +139,35 @@ class Gaps:
         after_s = plus(before_s, open_ways, dt_s)
         unmeasured_s = turned(after_s, theta)
         if longest(after_s) <= self._coast_s:
-            return piece._replace(unmeasured_s=unmeasured_s)
+            return _unmeasured(piece, step.covariance, unmeasured_s)
         speed_m2ps2 = speed_variance(self._drift, odometry.measured_mps)
         rate_m2ps2 = speed_m2ps2 * dt_s * (2.0 - self._coast_s / longest(after_s))
         xx, xy, yy = after_s
         lasting = (rate_m2ps2 * xx, rate_m2ps2 * xy, 0.0, rate_m2ps2 * yy, 0.0, 0.0)
-        return piece._replace(step=replace(step, covariance=add(step.covariance, lasting)), unmeasured_s=unmeasured_s)
+        return _unmeasured(piece, add(step.covariance, lasting), unmeasured_s)
 
     def _with_lasting_speed(self, piece: Piece, odometry: OdometryState, dt_s: float) -> Piece:
         """Return a piece of a gap with what a speed adds that has been unknown for longer than ``coast_s``."""
         before_s = odometry.unmeasured_s
         after_s = plus(before_s, EVERYWHERE, dt_s)
-        piece = piece._replace(unmeasured_s=after_s)
+        assert piece.step.covariance is not None
         if longest(after_s) <= self._coast_s:
-            return piece
+            return _unmeasured(piece, piece.step.covariance, after_s)
         speed_m2ps2 = speed_variance(self._drift, odometry.measured_mps)
         added = plus(squared_beyond(after_s, self._coast_s), squared_beyond(before_s, self._coast_s), -1.0)
         xx, xy, yy = turned(added, -odometry.pose_odom_base.theta)
         lasting = (speed_m2ps2 * xx, speed_m2ps2 * xy, 0.0, speed_m2ps2 * yy, 0.0, 0.0)
-        assert piece.step.covariance is not None
-        return piece._replace(step=replace(piece.step, covariance=add(piece.step.covariance, lasting)))
+        return _unmeasured(piece, add(piece.step.covariance, lasting), after_s)
 
     def _spread(self, gap_s: float) -> float:
         """Return the variance of the way in a gap, for a unit drift [s^2]."""
         coast_s = self._coast_s
         return gap_s * gap_s if gap_s < coast_s else coast_s * (2.0 * gap_s - coast_s)
+
+
+def _unmeasured(piece: Piece, covariance: Sym3, unmeasured_s: Sym2) -> Piece:
+    """Return a piece whose step has another covariance, in a third of the time of replacing both."""
+    step, driven_s, gap_s, is_measured, columns, held_s, _ = piece
+    if covariance is not step.covariance:
+        step = MotionStep(step.x, step.y, step.turn, covariance, None, step.twist, step.matched_share)
+    return Piece(step, driven_s, gap_s, is_measured, columns, held_s, unmeasured_s)

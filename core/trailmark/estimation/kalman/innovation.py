@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -11,7 +11,11 @@ from trailmark.arrays import Floats
 from trailmark.errors import ShapeError
 from trailmark.estimation.symmetric import Sym3, inverse, to_matrix
 
-__all__ = ["Innovation", "LinearModel", "MeasurementModel", "nis_of"]
+__all__ = ["Innovation", "LinearModel", "MeasurementModel", "least_squares", "nis_of"]
+
+# What `numpy.linalg.lstsq` calls, behind checks of microseconds; not numpy's promise, so that it may be missing.
+_lstsq: Any = getattr(getattr(np.linalg, "_umath_linalg", None), "lstsq", None)
+_RANK = 1e-9
 
 
 class MeasurementModel(Protocol):
@@ -83,11 +87,11 @@ class Innovation:
                 f"innovation {innovation.shape}, jacobian {jacobian.shape} and covariance {covariance.shape} do not fit"
             )
         self.innovation, self.jacobian, self.scale = innovation, jacobian, scale
-        self.cross = covariance @ jacobian.T
-        predicted = jacobian @ self.cross
+        self.cross = covariance.dot(jacobian.T)  # the same as `@`, in two thirds of the time
+        predicted = jacobian.dot(self.cross)
         self.inverse = _inverse(predicted)
         self.spread = predicted.diagonal()
-        self.nis = float(innovation @ self.inverse @ innovation)
+        self.nis = float(innovation.dot(self.inverse).dot(innovation))
         self._size: tuple[float, float, Floats] | None = None
         self._gain: Floats | None = None
         self._pose_gain: Floats | None = None
@@ -99,20 +103,20 @@ class Innovation:
         """
         if self._size is None:
             jacobian = self.jacobian[:, :3]
-            x, y, turn = np.linalg.lstsq(jacobian, self.innovation, rcond=1e-9)[0].tolist()
+            x, y, turn = least_squares(jacobian, self.innovation)
             self._size = math.hypot(x, y), abs(turn), self.pose_gain()
         return self._size
 
     def gain(self) -> Floats:
         """Return the gain ``K``, (n, k)."""
         if self._gain is None:
-            self._gain = self.cross @ self.inverse
+            self._gain = self.cross.dot(self.inverse)
         return self._gain
 
     def pose_gain(self) -> Floats:
         """Return the gain in the pose ``K H``, (3, 3)."""
         if self._pose_gain is None:
-            self._pose_gain = self.gain()[:3] @ self.jacobian[:, :3]
+            self._pose_gain = self.gain()[:3].dot(self.jacobian[:, :3])
         return self._pose_gain
 
     def weighted(self, weight: float | Floats, covariance: Floats) -> Innovation:
@@ -124,7 +128,17 @@ class Innovation:
 
 def nis_of(innovation: Floats, jacobian: Floats, covariance: Floats) -> float:
     """Return ``y^T S^-1 y`` with ``S = H P H^T + 1``."""
-    return float(innovation @ _inverse(jacobian @ covariance @ jacobian.T) @ innovation)
+    return float(innovation.dot(_inverse(jacobian.dot(covariance).dot(jacobian.T))).dot(innovation))
+
+
+def least_squares(matrix: Floats, values: Floats) -> tuple[float, float, float]:
+    """Return the shortest ``(x, y, z)`` of those that are nearest to ``matrix (x, y, z) = values``."""
+    if _lstsq is not None:  # the same bits in a third of the time
+        x, y, z = _lstsq(matrix, values[:, np.newaxis], _RANK, signature="ddd->ddid")[0].ravel().tolist()
+        if math.isfinite(x + y + z):
+            return x, y, z
+    x, y, z = np.linalg.lstsq(matrix, values, rcond=_RANK)[0].tolist()
+    return x, y, z
 
 
 def _inverse(spread: Floats) -> Floats:

@@ -162,7 +162,7 @@ def carry_columns(
 def correct_columns(columns: Columns, gain: Floats) -> Columns:
     """Return how the pose changes with each error after a correction with a gain in the pose ``K H``, (3, 3)."""
     before = np.array(columns).reshape(-1, 3)
-    return tuple((before - before @ gain.T).ravel().tolist())
+    return tuple((before - before.dot(gain.T)).ravel().tolist())
 
 
 def turn_columns(columns: Columns, cos: float, sin: float) -> Columns:

@@ -64,7 +64,7 @@ class Measurement:
         if len(x) > 3:
             jacobian = np.hstack([jacobian, np.zeros((len(jacobian), len(x) - 3))])
         a, b, turn = self.values
-        return self.root @ (a - believed[0], b - believed[1], wrap_angle(turn - believed[2])), jacobian
+        return self.root.dot([a - believed[0], b - believed[1], wrap_angle(turn - believed[2])]), jacobian
 
     def as_start(self) -> tuple[Floats, Floats] | None:
         """Return a pose and its covariance from this alone; None if it does not say a whole pose."""

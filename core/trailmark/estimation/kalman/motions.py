@@ -7,6 +7,7 @@ motions of *one* localizer say of the same time counts once (`MotionTrack`). `we
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from trailmark.deprecation import deprecated_name
@@ -36,6 +37,8 @@ class Motions:
         self._drift = drift
         self._tracks: dict[str, MotionTrack] = {}
         self._changed_since_s = math.inf
+        self._asked = math.nan, math.nan, 0
+        self._steps: Sequence[tuple[str, MotionStep]] = ()
 
     def add(self, source: str, motion: StatedMotion) -> bool:
         """Keep a motion; False if this localizer has told of the same interval already."""
@@ -57,14 +60,19 @@ class Motions:
         found = [at for track in self._tracks.values() for at in track.cuts(since_s, stamp_s)]
         return sorted(set(found)) if found else found
 
-    def steps(self, since_s: float, stamp_s: float) -> list[tuple[str, MotionStep]]:
+    def steps(self, since_s: float, stamp_s: float) -> Sequence[tuple[str, MotionStep]]:
         """Return what each localizer says of an interval without cuts; empty: nobody measured it."""
-        steps = []
-        for source, track in self._tracks.items():
-            motion = track.covering(since_s, stamp_s)
-            if motion is not None:
-                steps.append((source, motion.between(since_s, stamp_s)))
-        return steps
+        asked = since_s, stamp_s, self.n_added
+        if asked != self._asked:  # the filters of a question ask one after the other
+            self._asked, self._steps = (
+                asked,
+                [
+                    (source, motion.between(since_s, stamp_s))
+                    for source, track in self._tracks.items()
+                    if (motion := track.covering(since_s, stamp_s)) is not None
+                ],
+            )
+        return self._steps
 
     def uses(self, source: str, motion: StatedMotion) -> bool:
         """Return whether a motion that was added counts, at least for a part of its time."""

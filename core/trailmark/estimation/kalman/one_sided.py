@@ -19,7 +19,7 @@ import numpy as np
 from trailmark.arrays import Floats
 from trailmark.estimation.kalman.diagnosis import FaultDiagnosis
 from trailmark.estimation.kalman.gate import NOTHING_BESIDE, threshold
-from trailmark.estimation.kalman.innovation import Innovation
+from trailmark.estimation.kalman.innovation import Innovation, least_squares
 from trailmark.estimation.kalman.state import FilterState
 from trailmark.geometry import wrap_angle
 
@@ -45,6 +45,7 @@ class InnovationSums:
         self._sums: list[tuple[Floats, float, float]] = []  # gains, largest way and turn, until each of them
         self._corrections: Floats | None = None
         self._answers: dict[FilterState, bool] = {}  # by anchor, for these corrections
+        self._squares: dict[FilterState, Floats] = {}
 
     def until_now(self, state: FilterState, anchor: FilterState) -> tuple[Floats, float, float]:
         """Return the sum of the gains in the pose, (3, 3), and the largest way and turn of ``H^-1 y`` [m, rad].
@@ -75,8 +76,18 @@ class InnovationSums:
     def answers_for(self, state: FilterState) -> dict[FilterState, bool]:
         """Return since which anchors corrections lie to one side, so far as that was asked since the last of them."""
         if self._corrections is not state.diagnosis.corrections:
-            self._corrections, self._answers = state.diagnosis.corrections, {}
+            self._corrections, self._answers, self._squares = state.diagnosis.corrections, {}, {}
         return self._answers
+
+    def squared_mean(self, state: FilterState, anchor: FilterState) -> Floats:
+        """Return the square of the mean innovation since an anchor, (3, 3), for which `answers_for` was asked."""
+        known = self._squares.get(anchor)
+        if known is None:
+            moved = state.diagnosis.corrections - anchor.diagnosis.corrections
+            moved[2] = wrap_angle(float(moved[2]))
+            mean = _mean_innovation(self.until_now(state, anchor), moved)
+            known = self._squares[anchor] = mean[:, np.newaxis] * mean
+        return known
 
 
 def covariance_of_one_sided_corrections(state: FilterState, sums: InnovationSums | None = None) -> Floats:
@@ -93,11 +104,7 @@ def covariance_of_one_sided_corrections(state: FilterState, sums: InnovationSums
     anchor = next(_one_sided_since(state, _PROBABILITY, sums.answers_for(state)), None)
     if anchor is None:
         return NOTHING_BESIDE
-    diagnosis = state.diagnosis
-    moved = diagnosis.corrections - anchor.diagnosis.corrections
-    moved[2] = wrap_angle(float(moved[2]))
-    mean = _mean_innovation(sums.until_now(state, anchor), moved)
-    return np.outer(mean, mean)
+    return sums.squared_mean(state, anchor)
 
 
 def longest_one_sided_since(state: FilterState) -> FilterState | None:
@@ -148,6 +155,6 @@ def _mean_innovation(sums: tuple[Floats, float, float], moved: Floats) -> Floats
     than the largest ``H^-1 v``.
     """
     gains, largest_m, largest_rad = sums
-    x, y, turn = np.linalg.lstsq(gains, moved, rcond=1e-9)[0].tolist()
+    x, y, turn = least_squares(gains, moved)
     shorter = min(1.0, largest_m / max(math.hypot(x, y), _UNCORRECTED))
     return np.array([shorter * x, shorter * y, math.copysign(min(abs(turn), largest_rad), turn)])

@@ -83,7 +83,7 @@ def remembered(state: FilterState, measurement: Measurement, repeats: RepeatedPo
     else:
         pose = Pose2(*state.gaussian.x[:3].tolist())
         now = RepeatedPose(measurement.said, state.stamp_s, state.odometry.pose_odom_base, pose, diagnosis.sums)
-    return state.with_diagnosis(diagnosis._replace(repeated={**diagnosis.repeated, measurement.source: now}))
+    return state.with_diagnosis(diagnosis.with_repeated({**diagnosis.repeated, measurement.source: now}))
 
 
 def with_frozen_kept_out(state: FilterState, measurement: Measurement, repeats: RepeatedPose) -> FilterState:

@@ -20,6 +20,7 @@ from trailmark.geometry import Pose2, Twist2
 from trailmark.values import quick_dataclass
 
 __all__ = [
+    "NOTHING",
     "CorroboratingFix",
     "FilterState",
     "Gaussian",
@@ -31,11 +32,12 @@ __all__ = [
     "Verdict",
 ]
 
-_EMPTY: Mapping[str, Any] = MappingProxyType({})
+#: No localizer.
+NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 def _empty() -> Mapping[str, Any]:
-    return _EMPTY
+    return NOTHING
 
 
 @quick_dataclass(frozen=True, slots=True)

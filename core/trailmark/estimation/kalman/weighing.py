@@ -187,11 +187,17 @@ def fuse_steps(
     if len(steps) == 1 and first.covariance is not None and says_something(first.covariance, drift):
         return first, True
     share = 1.0 if is_independent else 1.0 / len(steps)
-    information, moment = ZERO, (0.0, 0.0, 0.0)
+    sum_xx = sum_xy = sum_xt = sum_yy = sum_yt = sum_tt = 0.0  # of the information, and below its moment
+    moment_x = moment_y = moment_turn = 0.0
     for step in steps:
-        own = scaled(information_of(step), share)
-        information = add(information, own)
-        moment = _sum(moment, _product(own, step.x, step.y, first.turn + wrap_angle(step.turn - first.turn)))
+        xx, xy, xt, yy, yt, tt = scaled(step.inverse_covariance(), share)
+        x, y, turn = step.x, step.y, first.turn + wrap_angle(step.turn - first.turn)
+        sum_xx, sum_xy, sum_xt = sum_xx + xx, sum_xy + xy, sum_xt + xt
+        sum_yy, sum_yt, sum_tt = sum_yy + yy, sum_yt + yt, sum_tt + tt
+        moment_x += xx * x + xy * y + xt * turn
+        moment_y += xy * x + yy * y + yt * turn
+        moment_turn += xt * x + yt * y + tt * turn
+    information, moment = (sum_xx, sum_xy, sum_xt, sum_yy, sum_yt, sum_tt), (moment_x, moment_y, moment_turn)
     covariance = inverse(information)
     is_measured = covariance is not None and says_something(covariance, drift)
     if not is_measured:
