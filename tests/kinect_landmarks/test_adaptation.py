@@ -103,3 +103,15 @@ def test_with_time_to_spare_the_whole_picture_is_looked_at(
     assert fix.details["scale"] == view.scale == 1.0
     assert view.grey.shape == (480, 640)
     assert fix.details["n_finders"] == len(names) > 1
+
+
+@pytest.mark.parametrize(("refind", "share"), [("flow", 0.5), ("look", 1.0)])
+def test_where_enough_are_followed_finders_look_at_every_second_picture(
+    drive: Drive, shown: list[tuple[WorkingImage, tuple[str, ...]]], refind: str, share: float
+) -> None:
+    n = 12
+
+    fix = drive(landmarks(adapt=False, landmarks=12, refind=refind), arc(n))[-1]
+
+    assert isinstance(fix, Fix)
+    assert len(shown) == pytest.approx(share * n, abs=3)

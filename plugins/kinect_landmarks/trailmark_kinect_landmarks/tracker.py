@@ -125,6 +125,7 @@ class Tracker:
         self._level = LevelWatch(config.solve == "plane", notices=config.notice_tilt)
         self._before: PreparedImage | None = None
         self._spread: Floats | None = None  # covariance of the last pose of the few
+        self._rests = False  # whether finders were left out of the last picture
         self._followed: tuple[Indices, Floats] = (np.empty(0, np.intp), np.empty((0, 2)))
 
     @property
@@ -150,8 +151,7 @@ class Tracker:
         if numbers is not None:
             self._followed = numbers[self._followed[0]], self._followed[1]
         again = self._follow(picture, plan, T_map_base)
-        wanted = max(self._config.n_followed - len(again), self._config.n_followed // 3)
-        found = self._eye.find(picture, plan, again.seen.uv, wanted)
+        found = self._find(picture, plan, again)
         pairs = self._recognise(found, again.rows, picture, plan, T_map_base)
         others = np.setdiff1d(np.arange(len(found)), pairs[:, 0])
         again = _join([again, TrackedLandmarks(found.rows(pairs[:, 0]), pairs[:, 1])])
@@ -291,6 +291,17 @@ class Tracker:
 
     def _keep(self, rows: Indices, uv: Floats, new_rows: Indices, new_uv: Floats) -> None:
         self._followed = np.concatenate([rows, new_rows]), np.concatenate([uv, new_uv])
+
+    def _find(self, picture: PreparedImage, plan: SearchPlan, again: TrackedLandmarks) -> SeenLandmarks:
+        """Return what is seen beside the landmarks that are followed.
+
+        Where these are as many as are wanted, and not few, finders look at every second picture only.
+        """
+        wanted = self._config.n_followed - len(again)
+        self._rests = wanted <= 0 and not self._rests and self._config.landmarks >= FEW
+        if self._rests:
+            return again.seen.rows(np.empty(0, np.intp))
+        return self._eye.find(picture, plan, again.seen.uv, max(wanted, self._config.n_followed // 3))
 
     def _follow(self, picture: PreparedImage, plan: SearchPlan, T_map_base: Floats | None) -> TrackedLandmarks:
         """Follow the landmarks of the picture before; those that slid off or were set aside are let go."""
