@@ -5,7 +5,8 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
-from collections.abc import Collection, Sequence
+import operator
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -52,6 +53,7 @@ class WayGraph:
     def __init__(self, nodes: Sequence[Keyframe]) -> None:
         self.taught = [node.pose_map_base for node in nodes]
         self.poses = list(self.taught)
+        self._chain = self.taught
         self._odometry = _odometry_of(nodes)
         self.loops = self._odometry.select(np.zeros(len(self._odometry), np.bool_))
         self._ties: list[list[tuple[int, Floats]]] = [[] for _ in nodes]
@@ -68,12 +70,38 @@ class WayGraph:
         if self._unsolved > _SOLVE_AT:
             self._solve()
 
+    def step_to(self, node: int) -> tuple[Pose2, Floats]:
+        """Return the step to a node from the one before it, and its covariance (3, 3) in axes of base there."""
+        return Pose2.from_array(self._odometry.measured[node - 1]), np.linalg.inv(self._odometry.information[node - 1])
+
+    def correct_steps(self, told: Mapping[int, tuple[Floats, Floats]]) -> None:
+        """Weigh what is told of steps beside the belief, which is as unsure as they differ; before there are loops.
+
+        Parameters
+        ----------
+        told : mapping of int to (3,) and (3, 3) float64
+            For the node at the end of each step, by how much (x, y, theta) are more than believed, and the information
+            of that, in axes of base at the node before.
+        """
+        if not told:
+            return
+        for node, (more, information) in told.items():
+            loose = np.linalg.inv(self.step_to(node)[1] + np.outer(more, more))
+            both = loose + information
+            self._odometry.measured[node - 1] += np.linalg.solve(both, information @ more)
+            self._odometry.information[node - 1] = both
+        steps = [Pose2.from_array(row) for row in self._odometry.measured]
+        self._chain = list(itertools.accumulate([self.taught[0], *steps], operator.matmul))
+        self.poses = list(self._chain)
+        self._ties = [[] for _ in self.taught]
+        self._tie(self._odometry)
+
     def without_wrong(self) -> int:
         """Leave out the relations that contradict the others, straighten anew, and return how many are left."""
         if len(self.loops):
             solved = self._solve()
             self.loops = self.loops.select(solved.weights[len(self._odometry) :] > _LEAST_WEIGHT)
-            self.poses = list(self.taught)
+            self.poses = list(self._chain)
             if len(self.loops):
                 self._solve()
         return len(self.loops)
