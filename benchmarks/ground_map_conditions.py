@@ -41,9 +41,9 @@ from trailmark_ground_vo.config import GroundMapConfig
 from trailmark_ground_vo.map_localizer import GroundMap
 
 CONDITIONS = tuple(name for name in CASES if name not in ("rest", "fast", "lost_frames"))
-WAY_M, STEP_M, SPREAD_M, SPREAD_RAD = 2.5, 20 * SCALE_M, 8e-3, math.radians(1.0)
-#: How far the robot drives until it is put down anew [m], and which one of five such stretches is other ground.
-STRETCH_M, OTHER = 0.5, 4
+STEP_M, SPREAD_M, SPREAD_RAD = 20 * SCALE_M, 8e-3, math.radians(1.0)
+#: How far the robot drives until it is put down anew [m], how often, and which of these stretches is other ground.
+STRETCH_M, N_STRETCHES, OTHER = 0.5, 5, 4
 WRONG_M, WRONG_RAD = 5e-3, math.radians(1.0)
 COUNTS = ("n_taught", "n_other", "wrong", "sure")
 SIGMAS = 5.0
@@ -78,7 +78,9 @@ def path(seed: int) -> list[Pose2]:
     """Return the poses of base in all pictures along a bend."""
     rng = np.random.default_rng([7, seed])
     start = Pose2(*rng.uniform(0.0, 1.0, 2).tolist(), float(rng.uniform(-math.pi, math.pi)))
-    return [start @ Pose2.exp(n * STEP_M, 0.0, n * STEP_M / 1.5) for n in range(round(WAY_M / STEP_M))]
+    return [
+        start @ Pose2.exp(n * STEP_M, 0.0, n * STEP_M / 1.5) for n in range(N_STRETCHES * round(STRETCH_M / STEP_M))
+    ]
 
 
 def taught(eye: Eye, poses: Sequence[Pose2]) -> MemoryMap:
@@ -100,14 +102,17 @@ def searches(
     rng = np.random.default_rng([8, seed])
     localizer = GroundMap(GroundMapConfig(camera="floor"))
     localizer.start(Session(name="floor_map", mode="replay", sensors={"floor": sensor()}, map=places))
-    n_stretch, unanswered, truth = round(STRETCH_M / STEP_M), -1.0, poses[0]
+    n_stretch, silent = round(STRETCH_M / STEP_M), None  # what was searched for last, and not found so far
     for index, pose in enumerate(poses):
         stretch = index // n_stretch
         if index % n_stretch == 0:
+            if silent is not None:
+                yield silent[1:]
+            silent = None
             off, wrong = (
                 Pose2(*rng.normal(0.0, SPREAD_M, 2).tolist(), float(rng.normal(0.0, SPREAD_RAD))) for _ in range(2)
             )
-        is_taught = stretch % 5 != OTHER
+        is_taught = stretch != OTHER
         truth = pose @ off
         there = truth if is_taught else Pose2(truth.x + OTHER_M, truth.y, truth.theta)
         frame = Frame("floor", index / RATE_HZ, Image(eye.see(there)))
@@ -117,14 +122,14 @@ def searches(
         if not said:
             continue
         place = said[0].details["place"]
-        if unanswered not in (-1.0, place):
-            yield is_taught, truth, None
-        unanswered = place
+        if silent is not None and silent[0] != place:
+            yield silent[1:]
+        silent = place, is_taught, truth, None
         if isinstance(said[0], Fix):
             yield is_taught, truth, said[0]
-            unanswered = -1.0
-    if unanswered >= 0.0:
-        yield is_taught, truth, None
+            silent = None
+    if silent is not None:
+        yield silent[1:]
 
 
 def is_within(error: Pose2, fix: Fix) -> bool:

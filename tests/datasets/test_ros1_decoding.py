@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rosbags.rosbag1 import ReaderError
 from rosbags.typesys import Stores, get_typestore
 
 from trailmark_datasets.bagfile import _KnownHeads
@@ -52,7 +53,8 @@ def test_a_message_is_decoded_as_rosbags_does(name: str) -> None:
     for seed in range(3):
         raw = bytes(STORE.serialize_ros1(_message(name, np.random.default_rng(seed)), name))
 
-        assert _leaves(decode(raw)) == _leaves(STORE.deserialize_ros1(raw, name))
+        for message in (raw, raw[:4] + b"\xff" * 4 + raw[8:]):  # and one second before the epoch
+            assert _leaves(decode(message)) == _leaves(STORE.deserialize_ros1(message, name))
 
 
 @pytest.mark.parametrize("name", ["sensor_msgs/msg/Imu", "nav_msgs/msg/Odometry"])
@@ -87,3 +89,5 @@ def test_known_heads_are_read_as_unknown_ones_are() -> None:
         heads.read(chunk, offsets[2], 5_000_000_011)  # the index says another time than the record
     with pytest.raises(Exception, match="Got only"):
         heads.read(chunk[:-1], offsets[3], ns[3])
+    with pytest.raises(ReaderError):
+        heads.read(chunk[: offsets[3] - 6], offsets[2], ns[2])  # it ends before the length of two bytes

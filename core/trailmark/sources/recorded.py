@@ -9,6 +9,7 @@ from abc import abstractmethod
 from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import closing
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import ClassVar
 
@@ -16,7 +17,6 @@ from trailmark.config import SourceConfig
 from trailmark.errors import SourceError
 from trailmark.frames import RGBD, Frame, Image, Payload, SensorInfo
 from trailmark.interfaces import FrameSource, Session
-from trailmark.values import quick_dataclass
 
 __all__ = ["Reading", "Readings", "RecordedSource", "form_of"]
 
@@ -28,7 +28,7 @@ _PICTURES = frozenset({"image", "rgbd"})
 _REMEDY = "Set on_bad_frame: skip to count such frames and go on"
 
 
-@quick_dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True)
 class Reading:
     """A frame that is known but not read yet.
 

@@ -120,8 +120,9 @@ class _KnownHeads:
         connection = self._known.get(chunk[offset:begin] + chunk[begin + 8 : length_at])
         if connection is not None and chunk[begin : begin + 8] == _TIME.pack(*divmod(time_ns, 10**9)):
             data_at = length_at + 4
-            data = chunk[data_at : data_at + int.from_bytes(chunk[length_at:data_at], "little")]
-            if len(data) == int.from_bytes(chunk[length_at:data_at], "little"):
+            end = data_at + int.from_bytes(chunk[length_at:data_at], "little")
+            data = chunk[data_at:end]
+            if end <= len(chunk):
                 return connection, time_ns, data
         return self._parsed(chunk, offset, time_ns)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -13,8 +13,6 @@ from trailmark.estimation.symmetric import Sym3, inverse, to_matrix
 
 __all__ = ["Innovation", "LinearModel", "MeasurementModel", "least_squares", "nis_of"]
 
-# What `numpy.linalg.lstsq` calls, behind checks of microseconds; not numpy's promise, so that it may be missing.
-_lstsq: Any = getattr(getattr(np.linalg, "_umath_linalg", None), "lstsq", None)
 _RANK = 1e-9
 
 
@@ -133,10 +131,6 @@ def nis_of(innovation: Floats, jacobian: Floats, covariance: Floats) -> float:
 
 def least_squares(matrix: Floats, values: Floats) -> tuple[float, float, float]:
     """Return the shortest ``(x, y, z)`` of those that are nearest to ``matrix (x, y, z) = values``."""
-    if _lstsq is not None:  # the same bits in a third of the time
-        x, y, z = _lstsq(matrix, values[:, np.newaxis], _RANK, signature="ddd->ddid")[0].ravel().tolist()
-        if math.isfinite(x + y + z):
-            return x, y, z
     x, y, z = np.linalg.lstsq(matrix, values, rcond=_RANK)[0].tolist()
     return x, y, z
 

@@ -6,6 +6,7 @@ import math
 from collections import OrderedDict
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
+from operator import is_
 
 import numpy as np
 
@@ -66,8 +67,11 @@ class _Way:
 
     Attributes
     ----------
-    begun : FilterState
-        Where the piece begins.
+    begun_s : float
+        Where the piece begins [s].
+    known : tuple
+        What was known there, as in `FilterState`: sums, faults, doubts and steps left out. Not the state itself, whose
+        diagnosis would keep older ones alive.
     told : sequence of (str, MotionStep)
         What the localizers say of it.
     stamp_s, dt_s : float
@@ -80,7 +84,8 @@ class _Way:
         Those that count.
     """
 
-    begun: FilterState
+    begun_s: float
+    known: tuple[object, ...]
     told: Sequence[SourceStep]
     stamp_s: float
     dt_s: float
@@ -93,16 +98,17 @@ class _Way:
 
     def is_known_of(self, state: FilterState, stamp_s: float, told: Sequence[SourceStep]) -> bool:
         """Return whether another state of the same odometry goes the same way."""
-        begun, now, then = self.begun, state.diagnosis, self.begun.diagnosis
         return (
             self.stamp_s == stamp_s
-            and begun.stamp_s == state.stamp_s
-            and then.sums is now.sums
-            and then.faults is now.faults
-            and then.doubts is now.doubts
-            and begun.left_out is state.left_out
+            and self.begun_s == state.stamp_s
+            and all(map(is_, self.known, _known_of(state)))
             and self.told == told
         )
+
+
+def _known_of(state: FilterState) -> tuple[object, ...]:
+    diagnosis = state.diagnosis
+    return diagnosis.sums, diagnosis.faults, diagnosis.doubts, state.left_out
 
 
 class Prediction:
@@ -320,7 +326,9 @@ class Prediction:
         if selection.left_out:
             left_out = {source: state.left_out.get(source, 0) + 1 for source in selection.left_out}
         dt_s = stamp_s - state.stamp_s
-        return _Way(state, told, stamp_s, dt_s, piece, moved, sums, left_out, selection.checks, steps)
+        return _Way(
+            state.stamp_s, _known_of(state), told, stamp_s, dt_s, piece, moved, sums, left_out, selection.checks, steps
+        )
 
     def _motion_of(
         self, x: Floats, piece: Piece, dt_s: float
