@@ -24,7 +24,7 @@ from trailmark.pipeline.localizers.runner import LocalizerFailedError
 from trailmark.pipeline.parts import LocalizerPart
 from trailmark.pipeline.teaching.logged_way import LoggedWay
 from trailmark.pipeline.teaching.way_graph import Straightened, WayGraph, edge_of
-from trailmark.pipeline.teaching.way_steps import PLAUSIBLE, SLACK, told_steps
+from trailmark.pipeline.teaching.way_steps import PLAUSIBLE, SLACK, chi_square, told_steps
 
 __all__ = ["LoopSearch", "RelatingLocalizer"]
 
@@ -183,7 +183,7 @@ class LoopSearch:
         seen_from = self._graph.poses[first]
         off = here.between(found)
         information = rotate_axes(told.information, -here.theta)
-        if _chi_square(off, information, covariance + SLACK) > PLAUSIBLE:
+        if chi_square(_array_of(off), information, covariance + SLACK) > PLAUSIBLE:
             return None
         return _LoopCandidate(first, node, seen_from.between(found), rotate_axes(told.information, -seen_from.theta))
 
@@ -217,19 +217,18 @@ class LoopSearch:
         first = rotate_axes(one.information, -(one.measured.theta + along_new.theta))
         second = rotate_axes(other.information, -other.measured.theta)
         both = _parallel(first, second)
-        return _chi_square(round_trip, both, spread) <= _AGREE
+        return chi_square(_array_of(round_trip), both, spread) <= _AGREE
 
 
 def _sigma_m(covariance: Floats) -> float:
     return math.sqrt(max(float(np.linalg.eigvalsh(covariance[:2, :2])[1]), 0.0))
 
 
-def _chi_square(off: Pose2, information: Floats, covariance: Floats) -> float:
-    """Return how far two statements differ, one of which may leave directions open."""
+def _array_of(off: Pose2) -> Floats:
+    """Return x, y and theta of a difference, which turns less than half a turn."""
     error = off.array()
     error[2] = math.remainder(error[2], 2.0 * math.pi)
-    mixed = np.linalg.solve(np.eye(3) + information @ covariance, information)
-    return float(error @ mixed @ error)
+    return error
 
 
 def _parallel(first: Floats, second: Floats) -> Floats:

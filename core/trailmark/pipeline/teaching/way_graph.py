@@ -17,13 +17,15 @@ from trailmark.paths import Keyframe
 from trailmark.pipeline.teaching.logged_way import LoggedWay
 from trailmark.pipeline.teaching.way_log import COVARIANCE
 
-__all__ = ["Straightened", "WayGraph", "edge_of"]
+__all__ = ["Straightened", "WayGraph", "edge_of", "unsure_axes"]
 
 # No odometry is better than this over a piece of way: constant, share of the way, turn [m, 1, rad, rad/sqrt(m)].
 _LEAST_M, _LEAST_SHARE = 0.002, 0.01
 _LEAST_RAD, _LEAST_RAD_PER_ROOT_M = math.radians(0.05), math.radians(0.15)
 # Where no covariance was estimated: share of the way, and turn [rad/sqrt(m)].
 _UNKNOWN_SHARE, _UNKNOWN_RAD_PER_ROOT_M = 0.05, math.radians(2.0)
+# The belief is unsure of a step in directions in which its standard deviation is larger: x, y, theta [m, m, rad].
+_SURE = np.array([0.1, 0.1, math.radians(5.0)])
 # A relation that keeps less of its weight is wrong.
 _LEAST_WEIGHT = 0.5
 # The way is straightened anew when relations are off by so much in all; at least this is told in every direction.
@@ -75,7 +77,9 @@ class WayGraph:
         return Pose2.from_array(self._odometry.measured[node - 1]), np.linalg.inv(self._odometry.information[node - 1])
 
     def correct_steps(self, told: Mapping[int, tuple[Floats, Floats]]) -> None:
-        """Weigh what is told of steps beside the belief, which is as unsure as they differ; before there are loops.
+        """Weigh what is told of steps beside the belief; before there are loops.
+
+        In directions in which the belief is unsure, it is taken to be as unsure as they differ. In all others it holds.
 
         Parameters
         ----------
@@ -86,7 +90,10 @@ class WayGraph:
         if not told:
             return
         for node, (more, information) in told.items():
-            loose = np.linalg.inv(self.step_to(node)[1] + np.outer(more, more))
+            spread = self.step_to(node)[1]
+            axes = unsure_axes(spread)
+            differs = _SURE * (axes @ (axes.T @ (more / _SURE)))
+            loose = np.linalg.inv(spread + np.outer(differs, differs))
             both = loose + information
             self._odometry.measured[node - 1] += np.linalg.solve(both, information @ more)
             self._odometry.information[node - 1] = both
@@ -200,6 +207,23 @@ def edge_of(first: int, second: int, measured: Pose2, information: Floats) -> Po
     """
     begin, end = np.array([first], np.intp), np.array([second], np.intp)
     return PoseEdges(begin, end, measured.array()[np.newaxis], information[np.newaxis], np.ones(1, np.bool_))
+
+
+def unsure_axes(spread: Floats) -> Floats:
+    """Return in which directions the belief is unsure of a step.
+
+    Parameters
+    ----------
+    spread : (3, 3) float64
+        Covariance of the step.
+
+    Returns
+    -------
+    (3, N) float64
+        Unit vectors, N of 0 to 3, in units of the standard deviations up to which it is sure.
+    """
+    values, vectors = np.linalg.eigh(spread / np.outer(_SURE, _SURE))
+    return np.asarray(vectors[:, values >= 1.0])
 
 
 def _carry_covariance(covariance: Floats, spread: Floats, seen: Pose2, step: Pose2) -> Floats:

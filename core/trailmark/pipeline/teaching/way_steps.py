@@ -2,7 +2,8 @@
 
 Where wheels and laser contradict each other and nothing decides, the belief lies between both and covers them: half a
 metre of way may be off by as much. Laid on those before it, the keyframe at its end tells what the step was.
-Of steps of which the belief is sure nobody is asked: a single match may be wrong.
+Of steps of which the belief is sure nobody is asked, and what is told counts only where the belief allows it: a single
+match may be wrong.
 """
 
 from __future__ import annotations
@@ -16,9 +17,9 @@ from trailmark.arrays import Floats
 from trailmark.estimates import Fix
 from trailmark.geometry import Pose2
 from trailmark.paths import Keyframe
-from trailmark.pipeline.teaching.way_graph import WayGraph
+from trailmark.pipeline.teaching.way_graph import WayGraph, unsure_axes
 
-__all__ = ["PLAUSIBLE", "SLACK", "told_steps"]
+__all__ = ["PLAUSIBLE", "SLACK", "chi_square", "told_steps"]
 
 #: 99.9 % of right relations of three numbers lie within.
 PLAUSIBLE = 16.3
@@ -28,8 +29,6 @@ SLACK = np.diag(np.square([0.03, 0.03, math.radians(0.5)]))
 _STEP_M, _NEIGHBOURS_M = 0.75, 2.0
 # Standard deviations within which a step is looked for, at least and at most [m, rad].
 _LEAST, _MOST = (0.1, math.radians(3.0)), (0.5, math.radians(13.0))
-# The belief is unsure of a step whose standard deviation is larger [m, rad].
-_SURE_M, _SURE_RAD = 0.1, math.radians(5.0)
 
 #: Keyframes near a place, their number, the guess and its covariance; see `Localizer.relate`.
 _Relate = Callable[[Mapping[int, Pose2], int, Pose2, Floats], Fix | None]
@@ -60,22 +59,41 @@ def told_steps(
     for node in sorted(sites):
         if node == 0 or not _is_near(nodes[node - 1], nodes[node], _STEP_M):
             continue
-        steps[node], spread = graph.step_to(node)
-        if _is_sure(spread):
+        believed, spread = graph.step_to(node)
+        if not unsure_axes(spread).size:
+            steps[node] = believed
             continue
         before = _places_before(node, nodes, sites, steps)
         if not before:
             continue
         number, offset = sites[node]
-        fix = relate(before, number, steps[node] @ offset, _window(spread))
+        fix = relate(before, number, believed @ offset, _window(spread))
         if fix is None:
-            continue
+            continue  # an unsure step that nobody told places no older keyframes: they would be seen doubled
         found = fix.pose_map_base @ offset.inverse()
-        more = found.array() - steps[node].array()
+        more = found.array() - believed.array()
         more[2] = math.remainder(more[2], 2.0 * math.pi)
+        if chi_square(more, fix.information, spread + SLACK) > PLAUSIBLE:
+            continue
         information = np.linalg.solve(np.eye(3) + fix.information @ SLACK, fix.information)
         steps[node], told[node] = found, (more, (information + information.T) / 2.0)
     return told
+
+
+def chi_square(off: Floats, information: Floats, covariance: Floats) -> float:
+    """Return how far two statements differ, one of which may leave directions open.
+
+    Parameters
+    ----------
+    off : (3,) float64
+        By how much they differ: x, y, theta [m, m, rad].
+    information : (3, 3) float64
+        Of the one that may leave directions open.
+    covariance : (3, 3) float64
+        Of the other.
+    """
+    mixed = np.linalg.solve(np.eye(3) + information @ covariance, information)
+    return float(off @ mixed @ off)
 
 
 def _places_before(
@@ -97,14 +115,10 @@ def _is_near(before: Keyframe, now: Keyframe, most_m: float) -> bool:
 
 
 def _window(spread: Floats) -> Floats:
-    """Return the covariance to look within: neither too sure of the step nor looking too far."""
-    sigmas = np.clip([_sigma_m(spread), math.sqrt(spread[2, 2])], _LEAST, _MOST)
-    return np.diag(np.square(sigmas[[0, 0, 1]]))
-
-
-def _is_sure(spread: Floats) -> bool:
-    return _sigma_m(spread) < _SURE_M and float(spread[2, 2]) < _SURE_RAD**2
-
-
-def _sigma_m(covariance: Floats) -> float:
-    return math.sqrt(max(float(np.linalg.eigvalsh(covariance[:2, :2])[1]), 0.0))
+    """Return the covariance to look within: in no direction too sure of the step, nor looking too far."""
+    (least_m, least_rad), (most_m, most_rad) = _LEAST, _MOST
+    window = np.zeros((3, 3))
+    values, vectors = np.linalg.eigh(spread[:2, :2])
+    window[:2, :2] = (vectors * np.clip(values, least_m**2, most_m**2)) @ vectors.T
+    window[2, 2] = np.clip(spread[2, 2], least_rad**2, most_rad**2)
+    return window
