@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ import pytest
 from trailmark.estimates import Fix
 from trailmark_kinect_landmarks import eye as eye_module
 from trailmark_kinect_landmarks.config import KinectLandmarksConfig
+from trailmark_kinect_landmarks.effort import COSTS_MS, Effort
 from trailmark_kinect_landmarks.finders import WorkingImage, find
+from trailmark_kinect_landmarks.fuzzy import SearchPlan
 from trailmark_kinect_landmarks.localizer import KinectLandmarks
 
 from .conftest import Drive, arc
@@ -115,3 +118,60 @@ def test_where_enough_are_followed_finders_look_at_every_second_picture(
 
     assert isinstance(fix, Fix)
     assert len(shown) == pytest.approx(share * n, abs=3)
+
+
+def test_where_finders_rest_none_is_counted_and_none_is_charged(
+    drive: Drive, shown: list[tuple[WorkingImage, tuple[str, ...]]]
+) -> None:
+    localizer = landmarks(adapt=False, landmarks=12)
+    take, looks, modelled_ms = localizer.observe, list[bool](), list[float]()
+
+    def observe(frame: object, belief: object) -> object:
+        before = len(shown)
+        answer = take(frame, belief)
+        looks.append(len(shown) > before)
+        modelled_ms.append(1e3 * localizer.latency_s())
+        return answer
+
+    localizer.observe = observe
+
+    fixes = drive(localizer, arc(8))
+
+    looks, modelled_ms = looks[1:], modelled_ms[1:]  # the first picture begins
+    assert set(looks) == {True, False}
+    assert [fix.details["n_finders"] for fix in fixes] == [len(FINDERS) if look else 0 for look in looks]
+    finders_ms = sum(COSTS_MS[name] for name in FINDERS) * 0.3072
+    least_ms = {look: min(ms for ms, did in zip(modelled_ms, looks) if did == look) for look in (True, False)}
+    assert least_ms[True] - least_ms[False] == pytest.approx(finders_ms, abs=2.0)
+
+
+@pytest.mark.parametrize(("working_s", "resting_s", "scale"), [(0.2, 0.001, 0.5), (0.001, 0.2, 1.0)])
+def test_the_time_of_a_picture_at_which_finders_rest_plans_nothing(
+    drive: Drive,
+    shown: list[tuple[WorkingImage, tuple[str, ...]]],
+    working_s: float,
+    resting_s: float,
+    scale: float,
+) -> None:
+    localizer, n_shown = landmarks(adapt=True, landmarks=12), 0
+
+    def measured_s() -> float:
+        nonlocal n_shown
+        before, n_shown = n_shown, len(shown)
+        return working_s if n_shown > before else resting_s
+
+    drive(localizer, arc(12), last_latency_s=measured_s)
+
+    assert 4 <= len(shown) < 12
+    assert {view.scale for view, _ in shown[1:]} == {scale}
+
+
+def test_a_reading_of_the_light_does_not_hide_how_long_the_picture_took() -> None:
+    effort = Effort(KinectLandmarksConfig(camera="kinect", finders=FINDERS), 30.0)
+    picture = SimpleNamespace(light=1.0, grey=np.zeros((480, 640), np.uint8))
+    effort.note_picture(picture, SearchPlan(FINDERS, 1.0, True), 60, 60)
+
+    effort.note_time(0.2)  # asked when the light comes
+    effort.note_time(1e-5)  # asked when the next picture comes: so long the light took
+
+    assert effort.plan().scale == 0.5

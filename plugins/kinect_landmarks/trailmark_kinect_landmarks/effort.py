@@ -46,27 +46,41 @@ class Effort:
         self._allowed_s = (config.allowed_ms or usual_ms) / 1000.0
         self._light, self._n_agree = 1.0, 0
         self._plan = SearchPlan(config.finders, 1.0, True)
+        self._n_finders = 0  # that looked at the last picture
+        self._took_s = 0.0  # for the last picture at which finders looked
+        self._is_timed = False  # whether the frame before was such a picture
         #: Of the last picture, by the model [s].
         self.latency_s = 0.0
 
-    def plan(self, last_latency_s: float) -> SearchPlan:
+    def note_time(self, last_latency_s: float) -> None:
+        """Take how long the frame before took [s]; it counts only if finders looked at it.
+
+        A picture at which they rested, or a reading of the light, says nothing of what their work costs.
+        """
+        if self._is_timed:
+            self._took_s, self._is_timed = last_latency_s, False
+
+    def plan(self) -> SearchPlan:
         """Return what to do with the next picture; all of it on the whole picture where nothing is to adapt."""
+        self._is_timed = True
         if not self._config.adapt:
             return self._plan
         share = self._n_agree / self._config.landmarks
-        plan = self._fuzzy.plan(self._light, share, last_latency_s / self._allowed_s)
+        plan = self._fuzzy.plan(self._light, share, self._took_s / self._allowed_s)
         if plan != self._plan:
-            logger.debug("light %.2f, landmarks %.2f, last %.3f s: %s", self._light, share, last_latency_s, plan)
+            logger.debug("light %.2f, landmarks %.2f, last %.3f s: %s", self._light, share, self._took_s, plan)
         self._plan = plan
         return plan
 
-    def note_picture(self, picture: PreparedImage, plan: SearchPlan, n_seen: int, n_agree: int) -> None:
-        """Take what the last picture gave."""
+    def note_picture(self, picture: PreparedImage, done: SearchPlan, n_seen: int, n_agree: int) -> None:
+        """Take what the last picture gave, and what was done with it."""
         self._light, self._n_agree = picture.light, n_agree
+        self._n_finders = len(done.finders)
+        self._is_timed = self._n_finders > 0
         megapixels = picture.grey.size * 1e-6
-        finders_ms = sum(COSTS_MS[name] for name in plan.finders) * megapixels * plan.scale**2
+        finders_ms = sum(COSTS_MS[name] for name in done.finders) * megapixels * done.scale**2
         self.latency_s = (finders_ms + _FIXED_MS * megapixels + _EACH_MS * n_seen) / 1000.0
 
     def details(self) -> dict[str, float]:
-        """Return the plan in numbers, for the record."""
-        return {"n_finders": float(len(self._plan.finders)), "scale": self._plan.scale}
+        """Return in numbers what was done with the last picture, for the record."""
+        return {"n_finders": float(self._n_finders), "scale": self._plan.scale}

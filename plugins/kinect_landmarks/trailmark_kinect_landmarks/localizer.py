@@ -77,6 +77,7 @@ class KinectLandmarks(Localizer):
 
     def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
         """Process a picture; readings of the light sensor and the laser are kept for the next one."""
+        self._effort.note_time(self._session.last_latency_s())
         payload = frame.payload
         if frame.sensor == self.config.scan and isinstance(payload, Scan | Scalar):
             self._scan = as_scan(payload)
@@ -89,10 +90,11 @@ class KinectLandmarks(Localizer):
         return self._observe(frame.stamp_s, payload, belief)
 
     def _observe(self, stamp_s: float, payload: RGBD, belief: Belief) -> Sequence[Estimate]:
-        plan = self._effort.plan(self._session.last_latency_s())
+        plan = self._effort.plan()
         picture = self._eye.prepare(payload, self._light, self._scan, plan.scale)
         is_expected = self._is_expected(stamp_s)
-        again, others = self._tracker.look(picture, plan, self._expectation.pose(stamp_s) if is_expected else None)
+        predicted = self._expectation.pose(stamp_s) if is_expected else None
+        again, others, done = self._tracker.look(picture, plan, predicted)
         if self._tracker.notices_tilt(stamp_s, again):
             self._begin_in_space()
         expected = self._expectation.motion(stamp_s, self._tracker.n_dimensions) if is_expected else None
@@ -100,13 +102,13 @@ class KinectLandmarks(Localizer):
             return self._begin(stamp_s, others, belief)
         solved = self._tracker.solve(again, expected)
         if isinstance(solved, Refusal):
-            self._effort.note_picture(picture, plan, len(again), 0)
+            self._effort.note_picture(picture, done, len(again), 0)
             return [self._report_lost(stamp_s, solved.reason, again, others, belief)]
         doubt = self._doubt(solved, again, picture)
         if doubt:
-            self._effort.note_picture(picture, plan, len(again), 0)
+            self._effort.note_picture(picture, done, len(again), 0)
             return [self._report_lost(stamp_s, doubt, again, others, belief)]
-        self._effort.note_picture(picture, plan, len(again) + len(others), len(solved.agreeing))
+        self._effort.note_picture(picture, done, len(again) + len(others), len(solved.agreeing))
         rows = self._tracker.learn(solved, again, others)
         self._remember(stamp_s, belief, solved.T_map_base, rows)
         self._counts["relocalized"] += expected is None
@@ -137,7 +139,7 @@ class KinectLandmarks(Localizer):
         self._memory.clear()
         self._tracker.forget()
         picture = self._eye.prepare(payload, self._light, self._scan, plan.scale)
-        _, others = self._tracker.look(picture, plan, None)
+        _, others, _ = self._tracker.look(picture, plan, None)
         self._tracker.remember(others, anchor)
 
     def latency_s(self) -> float:

@@ -145,20 +145,24 @@ class Tracker:
 
     def look(
         self, picture: PreparedImage, plan: SearchPlan, T_map_base: Floats | None
-    ) -> tuple[TrackedLandmarks, TrackedLandmarks]:
-        """Return the landmarks that are found again, and all others that are seen; `T_map_base`: predicted."""
+    ) -> tuple[TrackedLandmarks, TrackedLandmarks, SearchPlan]:
+        """Return the landmarks that are found again, all others that are seen, and what of the plan was done.
+
+        `T_map_base` is predicted. While finders rest, none is in the plan that was done.
+        """
         numbers = self._memory.forget(self._followed[0])
         if numbers is not None:
             self._followed = numbers[self._followed[0]], self._followed[1]
         again = self._follow(picture, plan, T_map_base)
         found = self._find(picture, plan, again)
+        done = replace(plan, finders=()) if self._rests else plan
         pairs = self._recognise(found, again.rows, picture, plan, T_map_base)
         others = np.setdiff1d(np.arange(len(found)), pairs[:, 0])
         again = _join([again, TrackedLandmarks(found.rows(pairs[:, 0]), pairs[:, 1])])
         self._before = picture
         self._followed = again.rows, again.seen.uv
         measured = np.flatnonzero(np.isfinite(again.seen.points_base).all(axis=1))
-        return again.pick(measured), TrackedLandmarks(found.rows(others), np.full(len(others), -1, np.intp))
+        return again.pick(measured), TrackedLandmarks(found.rows(others), np.full(len(others), -1, np.intp)), done
 
     def solve(self, again: TrackedLandmarks, expected: Expected | None) -> Solved | Refusal:
         """Return the pose that the landmarks agree on: of those that may vote; where few do, of those on trial too."""
