@@ -24,7 +24,6 @@ from trailmark.pipeline.localizers.runner import LocalizerFailedError
 from trailmark.pipeline.parts import LocalizerPart
 from trailmark.pipeline.teaching.logged_way import LoggedWay
 from trailmark.pipeline.teaching.way_graph import Straightened, WayGraph, edge_of
-from trailmark.pipeline.teaching.way_steps import PLAUSIBLE, SLACK, chi_square, told_steps
 
 __all__ = ["LoopSearch", "RelatingLocalizer"]
 
@@ -35,12 +34,14 @@ _SAME_M, _AROUND_M = 2.0, 5.0
 _MOST_KNOWN = 40
 # Looked for within so many standard deviations, and no farther [m, rad].
 _SIGMAS, _FARTHEST_M, _FARTHEST_RAD = 3.0, 8.0, math.radians(40.0)
-# 99 % of right relations of three numbers agree with another.
-_AGREE = 11.3
+# 99.9 % of right relations of three numbers lie within; 99 % agree with another.
+_PLAUSIBLE, _AGREE = 16.3, 11.3
 # So many must agree, over so much way [m].
 _FEWEST, _WITHIN_M = 3, 6.0
 # A keyframe laid that near to a node stands for it [m].
 _SITE_M = 1.0
+# An error of the poses between two looks that no covariance tells [m, rad].
+_SLACK = np.diag(np.square([0.03, 0.03, math.radians(0.5)]))
 # A direction that is told less than this, as a share of the best, is not told.
 _TOLD = 1e-12
 
@@ -139,8 +140,6 @@ class LoopSearch:
 
     def straighten(self) -> Straightened | None:
         """Return the way with its loops closed; None if it has none."""
-        for relating, sites in self._relating:
-            self._graph.correct_steps(told_steps(self._nodes, self._graph, sites, relating.relate))
         looked_m = -math.inf
         for node, keyframe in enumerate(self._nodes):
             if keyframe.station_m - looked_m >= _EVERY_M:
@@ -173,7 +172,7 @@ class LoopSearch:
         known = [one for one in known if self._graph.poses[one].distance_to(here) < window + _AROUND_M][:_MOST_KNOWN]
         number, offset = sites[node]
         places = {sites[one][0]: self._graph.poses[one] @ sites[one][1] for one in known}
-        spread = rotate_axes(covariance + SLACK, here.theta)
+        spread = rotate_axes(covariance + _SLACK, here.theta)
         spread[2, 2] = min(spread[2, 2], (_FARTHEST_RAD / _SIGMAS) ** 2)
         told = relating.relate(places, number, here @ offset, spread)
         if told is None:
@@ -183,7 +182,7 @@ class LoopSearch:
         seen_from = self._graph.poses[first]
         off = here.between(found)
         information = rotate_axes(told.information, -here.theta)
-        if chi_square(_array_of(off), information, covariance + SLACK) > PLAUSIBLE:
+        if _chi_square(off, information, covariance + _SLACK) > _PLAUSIBLE:
             return None
         return _LoopCandidate(first, node, seen_from.between(found), rotate_axes(told.information, -seen_from.theta))
 
@@ -213,22 +212,23 @@ class LoopSearch:
         round_trip = (one.measured @ along_new).between(along_old @ other.measured)
         drift = np.diag(np.square([0.02 * way_m, 0.02 * way_m, math.radians(0.5) * math.sqrt(max(way_m, 0.0))]))
         # Errors of both relations; a direction that one of them does not tell is not compared.
-        spread = SLACK + drift
+        spread = _SLACK + drift
         first = rotate_axes(one.information, -(one.measured.theta + along_new.theta))
         second = rotate_axes(other.information, -other.measured.theta)
         both = _parallel(first, second)
-        return chi_square(_array_of(round_trip), both, spread) <= _AGREE
+        return _chi_square(round_trip, both, spread) <= _AGREE
 
 
 def _sigma_m(covariance: Floats) -> float:
     return math.sqrt(max(float(np.linalg.eigvalsh(covariance[:2, :2])[1]), 0.0))
 
 
-def _array_of(off: Pose2) -> Floats:
-    """Return x, y and theta of a difference, which turns less than half a turn."""
+def _chi_square(off: Pose2, information: Floats, covariance: Floats) -> float:
+    """Return how far two statements differ, one of which may leave directions open."""
     error = off.array()
     error[2] = math.remainder(error[2], 2.0 * math.pi)
-    return error
+    mixed = np.linalg.solve(np.eye(3) + information @ covariance, information)
+    return float(error @ mixed @ error)
 
 
 def _parallel(first: Floats, second: Floats) -> Floats:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
-import operator
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -17,15 +16,13 @@ from trailmark.paths import Keyframe
 from trailmark.pipeline.teaching.logged_way import LoggedWay
 from trailmark.pipeline.teaching.way_log import COVARIANCE
 
-__all__ = ["Straightened", "WayGraph", "edge_of", "unsure_axes"]
+__all__ = ["Straightened", "WayGraph", "edge_of"]
 
 # No odometry is better than this over a piece of way: constant, share of the way, turn [m, 1, rad, rad/sqrt(m)].
 _LEAST_M, _LEAST_SHARE = 0.002, 0.01
 _LEAST_RAD, _LEAST_RAD_PER_ROOT_M = math.radians(0.05), math.radians(0.15)
 # Where no covariance was estimated: share of the way, and turn [rad/sqrt(m)].
 _UNKNOWN_SHARE, _UNKNOWN_RAD_PER_ROOT_M = 0.05, math.radians(2.0)
-# The belief is unsure of a step in directions in which its standard deviation is larger: x, y, theta [m, m, rad].
-_SURE = np.array([0.1, 0.1, math.radians(5.0)])
 # A relation that keeps less of its weight is wrong.
 _LEAST_WEIGHT = 0.5
 # The way is straightened anew when relations are off by so much in all; at least this is told in every direction.
@@ -55,7 +52,6 @@ class WayGraph:
     def __init__(self, nodes: Sequence[Keyframe]) -> None:
         self.taught = [node.pose_map_base for node in nodes]
         self.poses = list(self.taught)
-        self._chain = self.taught
         self._odometry = _odometry_of(nodes)
         self.loops = self._odometry.select(np.zeros(len(self._odometry), np.bool_))
         self._ties: list[list[tuple[int, Floats]]] = [[] for _ in nodes]
@@ -72,43 +68,12 @@ class WayGraph:
         if self._unsolved > _SOLVE_AT:
             self._solve()
 
-    def step_to(self, node: int) -> tuple[Pose2, Floats]:
-        """Return the step to a node from the one before it, and its covariance (3, 3) in axes of base there."""
-        return Pose2.from_array(self._odometry.measured[node - 1]), np.linalg.inv(self._odometry.information[node - 1])
-
-    def correct_steps(self, told: Mapping[int, tuple[Floats, Floats]]) -> None:
-        """Weigh what is told of steps beside the belief; before there are loops.
-
-        In directions in which the belief is unsure, it is taken to be as unsure as they differ. In all others it holds.
-
-        Parameters
-        ----------
-        told : mapping of int to (3,) and (3, 3) float64
-            For the node at the end of each step, by how much (x, y, theta) are more than believed, and the information
-            of that, in axes of base at the node before.
-        """
-        if not told:
-            return
-        for node, (more, information) in told.items():
-            spread = self.step_to(node)[1]
-            axes = unsure_axes(spread)
-            differs = _SURE * (axes @ (axes.T @ (more / _SURE)))
-            loose = np.linalg.inv(spread + np.outer(differs, differs))
-            both = loose + information
-            self._odometry.measured[node - 1] += np.linalg.solve(both, information @ more)
-            self._odometry.information[node - 1] = both
-        steps = [Pose2.from_array(row) for row in self._odometry.measured]
-        self._chain = list(itertools.accumulate([self.taught[0], *steps], operator.matmul))
-        self.poses = list(self._chain)
-        self._ties = [[] for _ in self.taught]
-        self._tie(self._odometry)
-
     def without_wrong(self) -> int:
         """Leave out the relations that contradict the others, straighten anew, and return how many are left."""
         if len(self.loops):
             solved = self._solve()
             self.loops = self.loops.select(solved.weights[len(self._odometry) :] > _LEAST_WEIGHT)
-            self.poses = list(self._chain)
+            self.poses = list(self.taught)
             if len(self.loops):
                 self._solve()
         return len(self.loops)
@@ -207,23 +172,6 @@ def edge_of(first: int, second: int, measured: Pose2, information: Floats) -> Po
     """
     begin, end = np.array([first], np.intp), np.array([second], np.intp)
     return PoseEdges(begin, end, measured.array()[np.newaxis], information[np.newaxis], np.ones(1, np.bool_))
-
-
-def unsure_axes(spread: Floats) -> Floats:
-    """Return in which directions the belief is unsure of a step.
-
-    Parameters
-    ----------
-    spread : (3, 3) float64
-        Covariance of the step.
-
-    Returns
-    -------
-    (3, N) float64
-        Unit vectors, N of 0 to 3, in units of the standard deviations up to which it is sure.
-    """
-    values, vectors = np.linalg.eigh(spread / np.outer(_SURE, _SURE))
-    return np.asarray(vectors[:, values >= 1.0])
 
 
 def _carry_covariance(covariance: Floats, spread: Floats, seen: Pose2, step: Pose2) -> Floats:
