@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from trailmark.arrays import Floats, Grey8
+from trailmark.arrays import Floats, Grey8, Indices
 from trailmark_kinect_landmarks.colour import histograms
 from trailmark_kinect_landmarks.finders import Regions
 from trailmark_kinect_landmarks.kernels import best_pixels, keep_apart
 
-__all__ = ["KINDS", "SeenLandmarks", "anchors", "describe", "point_covariances", "spread_out", "vicinities"]
+__all__ = [
+    "KINDS",
+    "SeenLandmarks",
+    "TrackedLandmarks",
+    "anchors",
+    "describe",
+    "point_covariances",
+    "spread_out",
+    "vicinities",
+]
 
 
 KINDS = ("blob", "edge", "rectangle", "circle", "ellipse", "line", "flat", "mser")
@@ -69,6 +79,37 @@ class SeenLandmarks:
             self.points_base[which],
             self.cov_base[which],
         )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrackedLandmarks:
+    """Landmarks of a picture with their rows in the memory.
+
+    Attributes
+    ----------
+    seen : SeenLandmarks
+        What is seen.
+    rows : (N,) int
+        Their rows; -1: not known yet.
+    """
+
+    seen: SeenLandmarks
+    rows: Indices
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def pick(self, which: Indices | npt.NDArray[np.bool_]) -> TrackedLandmarks:
+        """Return some of them."""
+        return TrackedLandmarks(self.seen.rows(which), self.rows[which])
+
+    @classmethod
+    def join(cls, parts: Sequence[TrackedLandmarks]) -> TrackedLandmarks:
+        """Return the landmarks of all parts, one part after another."""
+        seen = [part.seen for part in parts if len(part)] or [parts[0].seen]
+        fields = ("uv", "kind", "size_m", "histogram", "vicinity", "points_base", "cov_base")
+        arrays = [np.concatenate([getattr(item, name) for item in seen]) for name in fields]
+        return cls(SeenLandmarks(*arrays), np.concatenate([part.rows for part in parts]))
 
 
 def anchors(grey: Grey8, regions: Regions, at: str) -> tuple[Floats, Floats]:

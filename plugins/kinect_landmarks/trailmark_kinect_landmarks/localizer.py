@@ -25,13 +25,15 @@ from trailmark_kinect_landmarks.effort import Effort
 from trailmark_kinect_landmarks.expectation import Expectation
 from trailmark_kinect_landmarks.eye import LandmarkDetector, PreparedImage
 from trailmark_kinect_landmarks.fuzzy import SearchPlan
+from trailmark_kinect_landmarks.landmarks import TrackedLandmarks
 from trailmark_kinect_landmarks.memory import Anchor, LandmarkMemory, MemoryLimits
 from trailmark_kinect_landmarks.paper_numbers import paper_numbers
 from trailmark_kinect_landmarks.place_likeness import place_likeness
 from trailmark_kinect_landmarks.registration import Registration
+from trailmark_kinect_landmarks.solver import PoseSolver, Solved
 from trailmark_kinect_landmarks.stages import StagePictures
 from trailmark_kinect_landmarks.systematic import motion_systematic, systematic_covariance
-from trailmark_kinect_landmarks.tracker import Solved, TrackedLandmarks, Tracker
+from trailmark_kinect_landmarks.tracker import Tracker
 from trailmark_kinect_landmarks.watch import DepthWatch
 
 __all__ = ["KinectLandmarks", "KinectMotion"]
@@ -63,7 +65,8 @@ class KinectLandmarks(Localizer):
         self._watch = DepthWatch(session.name or "kinect_landmarks", config.camera)
         self._eye = LandmarkDetector(config, self._camera)
         self._memory = LandmarkMemory(MemoryLimits(config.trial, config.moved_after, config.remembered))
-        self._tracker = Tracker(config, self._camera, self._eye, self._memory, alignment_limits(config), session.rng)
+        self._solver = PoseSolver(config, self._memory, alignment_limits(config), session.rng)
+        self._tracker = Tracker(config, self._camera, self._eye, self._memory, self._solver)
         self._effort = Effort(config, session.sensors[config.camera].rate_hz)
         self._stages = StagePictures(config.debug_images) if config.debug_images else None
         self._light: float | None = None
@@ -95,12 +98,12 @@ class KinectLandmarks(Localizer):
         is_expected = self._is_expected(stamp_s)
         predicted = self._expectation.pose(stamp_s) if is_expected else None
         again, others, done = self._tracker.look(picture, plan, predicted)
-        if self._tracker.notices_tilt(stamp_s, again):
+        if self._solver.notices_tilt(stamp_s, again):
             self._begin_in_space()
-        expected = self._expectation.motion(stamp_s, self._tracker.n_dimensions) if is_expected else None
+        expected = self._expectation.motion(stamp_s, self._solver.n_dimensions) if is_expected else None
         if len(self._memory) == 0:
             return self._begin(stamp_s, others, belief)
-        solved = self._tracker.solve(again, expected)
+        solved = self._solver.solve(again, expected)
         if isinstance(solved, Refusal):
             self._effort.note_picture(picture, done, len(again), 0)
             return [self._report_lost(stamp_s, solved.reason, again, others, belief)]
@@ -216,7 +219,7 @@ class KinectLandmarks(Localizer):
         needed = self.config.min_agreeing
         if not self._memory.is_taught.any() or self._expectation.last is not None:
             return ""
-        n = self._tracker.n_taught(solved, again)
+        n = self._solver.n_taught(solved, again)
         if n < needed:
             return f"{n} taught landmarks agree on a place, {needed} are needed: it may be another"
         likeness, asked = (
@@ -287,7 +290,7 @@ class KinectLandmarks(Localizer):
         details = paper_numbers(solved.agreeing.seen, (self._start_pose or Pose2()).between(pose), self._camera)
         details |= {
             "n_agree": float(len(solved.agreeing)),
-            "n_reserve": float(len(solved.agreeing) - self._tracker.n_needed),
+            "n_reserve": float(len(solved.agreeing) - self._solver.n_needed),
             "n_remembered": float(len(self._memory)),
             "n_moved": float(self._memory.is_moved.sum()),
             "residual_m": solved.residual_m,

@@ -13,8 +13,7 @@ from trailmark.arrays import Bgr8
 from trailmark.errors import ConfigError
 from trailmark_kinect_landmarks.camera import LandmarkCamera
 from trailmark_kinect_landmarks.eye import PreparedImage
-from trailmark_kinect_landmarks.landmarks import KINDS
-from trailmark_kinect_landmarks.tracker import TrackedLandmarks
+from trailmark_kinect_landmarks.landmarks import KINDS, TrackedLandmarks
 
 __all__ = ["StagePictures", "depth_colours"]
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,11 +17,11 @@ from trailmark_kinect_landmarks.alignment import Refusal
 from trailmark_kinect_landmarks.camera import alignment_limits
 from trailmark_kinect_landmarks.config import KinectLandmarksConfig
 from trailmark_kinect_landmarks.expectation import Expected
-from trailmark_kinect_landmarks.landmarks import SeenLandmarks
+from trailmark_kinect_landmarks.landmarks import SeenLandmarks, TrackedLandmarks
 from trailmark_kinect_landmarks.localizer import KinectLandmarks
 from trailmark_kinect_landmarks.memory import Anchor, LandmarkMemory, MemoryLimits
 from trailmark_kinect_landmarks.registration import Registration
-from trailmark_kinect_landmarks.tracker import Solved, TrackedLandmarks, Tracker
+from trailmark_kinect_landmarks.solver import PoseSolver, Solved
 
 from .conftest import SENSORS, Room
 
@@ -37,43 +36,42 @@ def seen_at(points: np.ndarray) -> SeenLandmarks:
     return SeenLandmarks(np.zeros((n, 2)), np.zeros(n, np.int8), np.ones(n), look, look, points, cov)
 
 
-def at_rest(is_carried: np.ndarray, carried_m: float) -> tuple[Tracker, TrackedLandmarks]:
+def at_rest(is_carried: np.ndarray, carried_m: float) -> tuple[PoseSolver, TrackedLandmarks]:
     """Return what a robot that stands still tracks, while some of the landmarks are carried to the left."""
     config = KinectLandmarksConfig(camera="kinect", solve="plane", landmarks=3, min_landmarks=2, min_agreeing=3)
     points = np.stack([np.linspace(2.0, 4.0, 11), np.linspace(-1.5, 1.5, 11) * (-1.0) ** ROWS, np.zeros(11)], axis=1)
     memory = LandmarkMemory(MemoryLimits(trial=1))
     memory.add(seen_at(points), Anchor(np.eye(4), np.zeros((3, 3))), is_trusted=True)
     now = points + is_carried[:, None] * np.array([0.0, carried_m, 0.0])
-    unused: Any = None  # it neither looks nor measures here
-    tracker = Tracker(config, unused, unused, memory, alignment_limits(config), np.random.default_rng(0))
-    return tracker, TrackedLandmarks(seen_at(now), ROWS)
+    solver = PoseSolver(config, memory, alignment_limits(config), np.random.default_rng(0))
+    return solver, TrackedLandmarks(seen_at(now), ROWS)
 
 
 def solved(is_carried: np.ndarray, carried_m: float, expected: Expected | None) -> Solved | Refusal:
     """Return the pose of such a robot."""
-    tracker, again = at_rest(is_carried, carried_m)
-    return tracker.solve(again, expected)
+    solver, again = at_rest(is_carried, carried_m)
+    return solver.solve(again, expected)
 
 
 def test_after_landmarks_are_forgotten_the_last_pose_is_not_taken_for_known() -> None:
-    tracker, again = at_rest(NEAR, 0.0)
-    tracker.solve(again, None)
-    assert tracker._spread is not None
+    solver, again = at_rest(NEAR, 0.0)
+    solver.solve(again, None)
+    assert solver._spread is not None
 
-    tracker.forget()
+    solver.forget()
 
-    assert tracker._spread is None
+    assert solver._spread is None
 
 
 def test_once_the_camera_tilts_three_must_agree() -> None:
-    tracker, again = at_rest(NEAR, 0.0)
-    assert tracker.n_needed == 2
+    solver, again = at_rest(NEAR, 0.0)
+    assert solver.n_needed == 2
 
     tilted = again.seen.points_base @ Pose3(pitch=np.radians(5.0)).rotation()
     again = TrackedLandmarks(replace(again.seen, points_base=tilted), ROWS)
 
-    assert [tracker.notices_tilt(stamp_s, again) for stamp_s in (0.0, 0.5)] == [False, True]
-    assert tracker.n_needed == 3
+    assert [solver.notices_tilt(stamp_s, again) for stamp_s in (0.0, 0.5)] == [False, True]
+    assert solver.n_needed == 3
 
 
 @pytest.mark.parametrize("carried_m", [0.0, 0.3])
