@@ -7,12 +7,16 @@ import math
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from scipy.special import gammainc, gammaincinv
 
 from trailmark.estimates import Applied, Fix, Lost, Motion, PathOffset, information_from_sigmas
+from trailmark.estimation.kalman import one_sided
+from trailmark.estimation.kalman.agreement import ACQUITTED
 from trailmark.estimation.kalman.clock import ClockGuard
 from trailmark.estimation.kalman.estimator import Kalman
-from trailmark.estimation.kalman.gate import threshold, weight
+from trailmark.estimation.kalman.gate import _QUANTILES, threshold, weight
 from trailmark.estimation.kalman.trust import root_of
+from trailmark.estimation.kalman.variance_components import CLIPPED, CLIPPED_MEANS
 from trailmark.estimation.kalman_config import KalmanConfig
 from trailmark.geometry import Pose2
 
@@ -229,7 +233,18 @@ class TestClock:
 
 class TestGate:
     def test_thresholds_are_the_quantiles_of_chi_square(self) -> None:
-        assert [threshold(0.999, dof) for dof in (1, 2, 3)] == pytest.approx([10.828, 13.816, 16.266], abs=1e-3)
+        for probability in (*_QUANTILES, 0.98):
+            expected = [2.0 * gammaincinv(dof / 2.0, probability) for dof in (1, 2, 3, 4)]
+            assert [threshold(probability, dof) for dof in (1, 2, 3, 4)] == pytest.approx(expected, rel=1e-12)
+
+    def test_probabilities_that_are_asked_for_are_known(self) -> None:
+        assert {CLIPPED, ACQUITTED, one_sided._PROBABILITY, KalmanConfig().gate} <= _QUANTILES.keys()
+
+    def test_means_of_clipped_differences_are_those_of_chi_square(self) -> None:
+        for dof, mean in CLIPPED_MEANS.items():
+            limit = threshold(CLIPPED, dof)
+            below = gammainc(dof / 2.0 + 1.0, limit / 2.0)
+            assert mean == pytest.approx(below + limit * (1.0 - gammainc(dof / 2.0, limit / 2.0)) / dof, rel=1e-12)
 
     def test_losses_weigh_less_with_distance(self) -> None:
         assert [weight("huber", (2.0 * d) ** 2, 1, 2.0) for d in (0.5, 1.0, 4.0)] == [1.0, 1.0, 0.25]

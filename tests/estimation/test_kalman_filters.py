@@ -41,6 +41,20 @@ def test_filterpy_is_imported_for_the_unscented_filter_alone() -> None:
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+def test_scipy_is_not_imported_for_usual_estimates() -> None:
+    code = (
+        "import sys; from trailmark.estimation.kalman.estimator import Kalman;"
+        "from trailmark.estimates import Fix, Motion, information_from_sigmas; from trailmark.geometry import Pose2;"
+        "from trailmark.estimation.kalman_config import KalmanConfig; from trailmark.interfaces import Session;"
+        "estimator = Kalman(KalmanConfig()); estimator.start(Session(start_pose=Pose2()));"
+        "good = information_from_sigmas(1e-3, 1e-3, 1e-3); step = Pose2(0.1);"
+        "[estimator.apply(one, Motion(0.1 * i, 0.1 * (i + 1), step, good)) for i in range(80) for one in ('a', 'b')];"
+        "[estimator.apply('map', Fix(0.5 * i, Pose2(0.5 * i), good)) for i in range(1, 16)];"
+        "assert estimator.belief().pose_map_base.x > 7.0; assert 'scipy' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
 @pytest.mark.parametrize("n", [3, 5])
 def test_the_prediction_is_that_of_filterpy_to_the_last_bit(n: int) -> None:
     rng = np.random.default_rng(n)

@@ -20,7 +20,7 @@ from trailmark.estimation.kalman.clock_offsets import TimeOffset
 from trailmark.estimation.kalman.gate import threshold
 from trailmark.estimation.kalman.noise_residuals import BESIDE_S, Residual
 from trailmark.estimation.kalman.overlapping_differences import WeightedDifferences, variance_of_sum
-from trailmark.estimation.kalman.variance_components import CLIPPED, Key, Pairing, clipped_mean
+from trailmark.estimation.kalman.variance_components import CLIPPED, CLIPPED_MEANS, Key, Pairing
 
 __all__ = ["DelaysInFixes", "StackedDifferences"]
 
@@ -142,7 +142,7 @@ class DelaysInFixes:
         squares = np.einsum("ni,nij,nj->n", away, weight, away)
         limit = threshold(CLIPPED, away.shape[1])
         clipped = np.minimum(1.0, limit / np.maximum(squares, 1e-300))
-        excess = float((clipped * squares).mean()) / (away.shape[1] * clipped_mean(limit, away.shape[1]))
+        excess = float((clipped * squares).mean()) / (away.shape[1] * CLIPPED_MEANS[away.shape[1]])
         weight *= clipped[:, None, None]
         weights = np.einsum("ni,nij->nj", _beside_scale(by_delay, stack.by_scale, weight), weight)
         lengths_s = (stack.stamp_s - stack.since_s)[:, None, None]

@@ -132,8 +132,8 @@ class Timeline:
         if horizon_s < self._kept_since_s + 1.0:
             return
         self._kept_since_s = horizon_s
-        if len(self._nodes) > 2 * len(self._history):  # what is older than the history is asked for no more
-            self._nodes = {at: node for at, node in self._nodes.items() if at >= horizon_s}
+        # what is older than the history is asked for no more, and would keep its states alive
+        self._nodes = {at: node for at, node in self._nodes.items() if at >= horizon_s}
         self._motions.forget(self._history.state_at(-math.inf).stamp_s - LONGEST_S - 2.0 * WINDOW_S)
 
     def _step(self, state: FilterState, stamp_s: float, node: TimeNode) -> FilterState:

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
-from scipy.special import gammainc
 
 from trailmark.arrays import Floats
 from trailmark.estimation.kalman.gate import threshold
@@ -14,6 +11,7 @@ __all__ = [
     "AT_ITS_WORD",
     "AT_ITS_WORD_AGAIN",
     "CLIPPED",
+    "CLIPPED_MEANS",
     "FALLS",
     "GROWS",
     "MOST",
@@ -21,7 +19,6 @@ __all__ = [
     "Pairing",
     "Shares",
     "both_sides",
-    "clipped_mean",
 ]
 
 #: The largest scale. None is below one: a source that has erred by less than it says may have its errors before it.
@@ -32,6 +29,8 @@ AT_ITS_WORD, AT_ITS_WORD_AGAIN = 1.4, 1.15
 GROWS, FALLS = 1.25, 0.97
 #: Beyond this quantile a difference counts as if it were at it.
 CLIPPED = 0.8
+#: Mean of a chi-square variable that is clipped there, over its degrees of freedom, by these.
+CLIPPED_MEANS = {1: 0.6786545589528749, 2: 0.7999999999999998, 3: 0.8482812708372021}
 #: A determinant below this, of a matrix with a unit diagonal, is left to elimination with pivots.
 _SINGULAR = 1e-6
 
@@ -93,7 +92,7 @@ def both_sides(values: Floats, covariances: Floats) -> tuple[Floats, Floats, Flo
     solved = (weight @ values[:, :, None])[:, :, 0]
     squares = (solved * values).sum(axis=1)
     limit = threshold(CLIPPED, size)
-    clipped = np.minimum(1.0, limit / np.maximum(squares, 1e-300)) / clipped_mean(limit, size)
+    clipped = np.minimum(1.0, limit / np.maximum(squares, 1e-300)) / CLIPPED_MEANS[size]
     outer = (clipped[:, None] * solved)[:, :, None] * solved[:, None, :]
     flat = covariances.transpose(1, 0, 2, 3).reshape(covariances.shape[1], -1)
     information = np.einsum("nmij,nmji->m", (of_share := weight[:, None] @ covariances), of_share)
@@ -114,10 +113,3 @@ def _inverse_of_each(matrices: Floats) -> Floats:
     if not (det > _SINGULAR).all():
         return np.asarray(np.linalg.inv(matrices))
     return np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]]).transpose(2, 0, 1) / det[:, None, None]
-
-
-@cache
-def clipped_mean(limit: float, size: int) -> float:
-    """Return the mean of a chi-square variable that is clipped at a limit, over its degrees of freedom."""
-    below = float(gammainc(size / 2.0 + 1.0, limit / 2.0))
-    return below + limit * (1.0 - float(gammainc(size / 2.0, limit / 2.0))) / size
