@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -171,6 +172,7 @@ def test_waiting_for_a_reader_that_hangs_ends(domain, messages, wait_for) -> Non
         publisher = own.publisher("/odom", ODOMETRY, dds.Quality())
         assert wait_for(lambda: publisher.n_matched)
         reader.send_signal(signal.SIGSTOP)
+        os.waitid(os.P_PID, reader.pid, os.WSTOPPED)  # a signal is not yet a stop: it could still acknowledge
 
         publisher.send(messages.odometry())
 
