@@ -11,11 +11,14 @@ from trailmark.errors import ShapeError
 from trailmark.frames import Pinhole
 from trailmark.geometry import Pose2, Pose3
 from trailmark_sim.render.bake import Lighting
+from trailmark_sim.render.cast import cast_tiles
 from trailmark_sim.render.lenses import Catadioptric, Fisheye, Lens, PinholeLens
 from trailmark_sim.render.rays import ray_table
+from trailmark_sim.render.records import RayHits
 from trailmark_sim.render.scene import Scene, SceneBuilder, Surface
-from trailmark_sim.render.shapes import cylinder, ellipsoid, rectangle
+from trailmark_sim.render.shapes import RECTANGLE, cylinder, ellipsoid, rectangle
 from trailmark_sim.render.view import SceneView
+from trailmark_sim.render.viewpoints import Viewpoints
 
 LENSES = {
     "pinhole": PinholeLens(160, 120, Pinhole(130.0, 128.0, 79.5, 59.5)),
@@ -92,6 +95,42 @@ def test_the_edge_of_a_wall_lies_on_its_pixel(lens: Lens) -> None:
     assert np.abs(landed - np.stack([u, v], axis=1)).max() < 0.05
     expected = _slab_ranges(directions[shows] @ pose.rotation().T, np.array([pose.x, pose.y, pose.z]))
     np.testing.assert_allclose(ranges, expected, atol=2e-4)  # 0.2 mm
+
+
+@pytest.mark.parametrize("lens", [*LENSES.values()], ids=[*LENSES])
+@pytest.mark.parametrize("by_row", [False, True], ids=["tiles", "rows"])
+def test_no_ray_misses_a_shape_that_is_left_out_for_its_tile(lens: Lens, by_row: bool) -> None:
+    rng = np.random.default_rng(5)
+    builder = SceneBuilder(Lighting(ambient=(1.0, 1.0, 1.0)))
+    for x, y, z in rng.uniform((-5, -5, 0), (5, 5, 2.5), (40, 3)).tolist():
+        turn, *sizes = rng.uniform((0.0, 0.02, 0.02, 0.02), (6.3, 4.0, 2.0, 0.4)).tolist()
+        along = np.array([math.cos(turn), math.sin(turn), 0.0])
+        builder.rectangle((x, y, z), along * sizes[0], np.cross(along, (0.3, 0.2, -1.0)) * sizes[1], Surface())
+        builder.add(cylinder(y, x, 0.0, sizes[2], z, turn), Surface())
+        builder.add(ellipsoid((-x, y, z), sizes[1:] + sizes[2:], turn), Surface())
+    scene, table = builder.build(), ray_table(*lens.directions(), by_row=by_row)
+    n_rows = lens.height if by_row else 1
+    for x, y, heading in rng.uniform((-4, -4, -3), (4, 4, 3), (4, 3)).tolist():
+        poses = [Pose3(x + 0.002 * row, y, 1.1, 0.02, 0.001 * row, heading) for row in range(n_rows)]
+        points = [Viewpoints.of(pose) for pose in poses]
+        view = SceneView(
+            scene,
+            table,
+            Viewpoints(np.concatenate([p.rotations for p in points]), np.concatenate([p.eyes for p in points])),
+        )
+        everywhere = np.zeros_like(view.shapes.bounds)
+        everywhere[:, 3] = 1e6
+        everywhere[:, 3, len(view.shapes.order) :] = -1e9
+        every = RayHits(np.empty_like(view.met.ranges_m), np.empty_like(view.met.shapes))
+
+        cast_tiles(0, table.n_tiles, table, view.shapes._replace(bounds=everywhere), every)
+
+        # Of rectangles seen from behind at one row and from before at another, bounds alone know.
+        faces = view.shapes.eyes[table.instants[:, None], np.maximum(every.shapes, 0), 0] > 0.0
+        known = faces | (scene.kinds[np.maximum(every.shapes, 0)] != RECTANGLE)
+        assert known.mean() > 0.9
+        np.testing.assert_array_equal(view.met.shapes[known], every.shapes[known])
+        np.testing.assert_array_equal(view.met.ranges_m[known], every.ranges_m[known])
 
 
 def test_an_upright_cylinder_is_met_at_its_side_and_its_top() -> None:

@@ -9,7 +9,6 @@ import numpy as np
 
 from trailmark.kernels import inlined_kernel, kernel
 from trailmark_sim.render.lanes import Footprints
-from trailmark_sim.render.rays import LANES
 from trailmark_sim.render.records import SeenShape, TileRays
 from trailmark_sim.render.shapes import CYLINDER
 
@@ -24,22 +23,20 @@ _TEXEL_PX = _F(0.8)
 
 
 @inlined_kernel
-def place_flat(tile: TileRays, shape: SeenShape, place: Footprints) -> None:
-    """Write what the rays that meet a rectangle cover of it."""
-    hit, ray, far, pixel_rad = tile.shapes, tile.rays, tile.ranges_m, tile.pixel_rad
-    p, m, q = shape.number, shape.frame, shape.eye
+def place_flat(tile: TileRays, n: int, shape: SeenShape, place: Footprints) -> None:
+    """Write what the first `n` rays cover of a rectangle that they meet."""
+    m, q = shape.frame, shape.eye
     u, v, foot_m, ax, ay, bx, by = place
     n1 = math.sqrt(m[1, 0] * m[1, 0] + m[1, 1] * m[1, 1] + m[1, 2] * m[1, 2])
     n2 = math.sqrt(m[2, 0] * m[2, 0] + m[2, 1] * m[2, 1] + m[2, 2] * m[2, 2])
     per_1, per_2 = _ONE / n1, _ONE / n2
-    for lane in range(LANES):
-        dx, dy, dz = ray[0, lane], ray[1, lane], ray[2, lane]
-        t = far[lane] if hit[lane] == p else _ZERO
+    for lane in range(n):
+        dx, dy, dz, t = tile.dx[lane], tile.dy[lane], tile.dz[lane], tile.ranges_m[lane]
         m0 = m[0, 0] * dx + m[0, 1] * dy + m[0, 2] * dz
         m1 = m[1, 0] * dx + m[1, 1] * dy + m[1, 2] * dz
         m2 = m[2, 0] * dx + m[2, 1] * dy + m[2, 2] * dz
         u[lane], v[lane] = q[1] + t * m1, q[2] + t * m2
-        short = t * pixel_rad[lane]
+        short = t * tile.pixel_rad[lane]
         # The footprint is longer the more the surface leans, along the ray's shadow on it.
         stretch = min(_EIGHT, _ONE / max(_F(0.02), abs(m0)))
         a, b = m1 * per_1, m2 * per_2
@@ -54,25 +51,22 @@ def place_flat(tile: TileRays, shape: SeenShape, place: Footprints) -> None:
 
 
 @kernel(error_model="numpy")
-def place_round(tile: TileRays, shape: SeenShape, density: Any, size: tuple[Any, Any], place: Footprints) -> None:
+def place_round(
+    tile: TileRays, n: int, shape: SeenShape, density: Any, size: tuple[Any, Any], place: Footprints
+) -> None:
     """Write the same of a cylinder or an ellipsoid, whose footprints are taken as square.
 
     `density` and `size` are the texels of a metre and of the surface, along u and v.
     """
-    hit, ray, far, pixel_rad = tile.shapes, tile.rays, tile.ranges_m, tile.pixel_rad
-    p, m, q = shape.number, shape.frame, shape.eye
+    m, q = shape.frame, shape.eye
     u, v, foot_m, ax, ay, bx, by = place
-    for lane in range(LANES):
-        u[lane], v[lane], foot_m[lane] = _ZERO, _ZERO, _ZERO
-        ax[lane], ay[lane], bx[lane], by[lane] = _ZERO, _ZERO, _ZERO, _ZERO
-        if hit[lane] != p:
-            continue
-        dx, dy, dz, t = ray[0, lane], ray[1, lane], ray[2, lane], far[lane]
+    for lane in range(n):
+        dx, dy, dz, t = tile.dx[lane], tile.dy[lane], tile.dz[lane], tile.ranges_m[lane]
         l0 = q[0] + t * (m[0, 0] * dx + m[0, 1] * dy + m[0, 2] * dz)
         l1 = q[1] + t * (m[1, 0] * dx + m[1, 1] * dy + m[1, 2] * dz)
         l2 = q[2] + t * (m[2, 0] * dx + m[2, 1] * dy + m[2, 2] * dz)
         u[lane] = math.atan2(l2, l1) * _TURN + _HALF
         v[lane] = l0 if shape.kind == CYLINDER else (l0 + _ONE) * _HALF
-        short = t * pixel_rad[lane]
-        ax[lane], by[lane] = short * density / size[0], short * density / size[1]
+        short = t * tile.pixel_rad[lane]
+        ax[lane], ay[lane], bx[lane], by[lane] = short * density / size[0], _ZERO, _ZERO, short * density / size[1]
         foot_m[lane] = short * _TEXEL_PX

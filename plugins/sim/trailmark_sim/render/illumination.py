@@ -11,7 +11,6 @@ from trailmark.arrays import AnyArray
 from trailmark.kernels import inlined_kernel, kernel
 from trailmark_sim.interpolation import between
 from trailmark_sim.render.lanes import Colours, Footprints, Taps
-from trailmark_sim.render.rays import LANES
 from trailmark_sim.render.records import SeenShape, TileRays
 from trailmark_sim.render.shapes import CYLINDER, RECTANGLE
 
@@ -25,8 +24,10 @@ _HIGHLIGHT = _F(6.0)
 
 
 @inlined_kernel
-def read_baked_light(light: AnyArray, surface: Any, is_flat: bool, place: Footprints, taps: Taps, lit: Colours) -> None:
-    """Write the baked light at each place, bilinear; around a round shape the columns close."""
+def read_baked_light(
+    light: AnyArray, surface: Any, is_flat: bool, n: int, place: Footprints, taps: Taps, lit: Colours
+) -> None:
+    """Write the baked light at `n` places, bilinear; around a round shape the columns close."""
     u, v = place.u, place.v
     _, _, wx, wy, a, b, c, d = taps
     lr, lg, lb = lit
@@ -35,42 +36,41 @@ def read_baked_light(light: AnyArray, surface: Any, is_flat: bool, place: Footpr
     low = _ZERO if is_flat else -_ONE
     high = right if is_flat else _F(columns)
     one, zero = _I(1), _I(0)
-    for lane in range(LANES):
+    beyond, last_row = _I(columns - one) if is_flat else zero, _I(rows - one)
+    for lane in range(n):
         x = min(high, max(low, u[lane] * _F(columns) - _HALF))
         y = min(top, max(_ZERO, v[lane] * _F(rows) - _HALF))
-        fx, fy = math.floor(x), math.floor(y)
-        wx[lane], wy[lane] = x - _F(fx), y - _F(fy)
+        fx, fy = np.floor(x), np.floor(y)
+        wx[lane], wy[lane] = x - fx, y - fy
         i, j = _I(fx), _I(fy)
-        j1 = min(j + one, rows - one)
-        i0 = i + columns if i < zero else i
-        i0 = i0 - columns if i0 >= columns else i0
-        i1 = i0 + one
-        beyond = columns - one if is_flat else zero
+        j1 = _I(min(_I(j + one), last_row))
+        i0 = _I(i + columns) if i < zero else i
+        i0 = _I(i0 - columns) if i0 >= columns else i0
+        i1 = _I(i0 + one)
         i1 = beyond if i1 >= columns else i1
-        a[lane], b[lane] = start + j * columns + i0, start + j * columns + i1
-        c[lane], d[lane] = start + j1 * columns + i0, start + j1 * columns + i1
-    for lane in range(LANES):
+        j0, j1 = _I(start + _I(j * columns)), _I(start + _I(j1 * columns))
+        a[lane], b[lane], c[lane], d[lane] = _I(j0 + i0), _I(j0 + i1), _I(j1 + i0), _I(j1 + i1)
+    for lane in range(n):
         wd = wx[lane] * wy[lane]
         wb, wc = wx[lane] - wd, wy[lane] - wd
         wa = _ONE - wx[lane] - wc
-        ka, kb, kc, kd = a[lane], b[lane], c[lane], d[lane]
+        ka, kb, kc, kd = np.uint64(a[lane]), np.uint64(b[lane]), np.uint64(c[lane]), np.uint64(d[lane])
         lr[lane] = wa * light[ka, 0] + wb * light[kb, 0] + wc * light[kc, 0] + wd * light[kd, 0]
         lg[lane] = wa * light[ka, 1] + wb * light[kb, 1] + wc * light[kc, 1] + wd * light[kd, 1]
         lb[lane] = wa * light[ka, 2] + wb * light[kb, 2] + wc * light[kc, 2] + wd * light[kd, 2]
 
 
 @kernel(error_model="numpy")
-def darken(tile: TileRays, p: int, to_map: AnyArray, shadows: AnyArray, taps: Taps, shade: AnyArray) -> None:
+def darken(tile: TileRays, n: int, to_map: AnyArray, shadows: AnyArray, taps: Taps, shade: AnyArray) -> None:
     """Write the share of the light that people leave on the floor."""
-    ray, far, hit, x, y = tile.rays, tile.ranges_m, tile.shapes, taps.x, taps.y
-    for lane in range(LANES):
-        t = far[lane] if hit[lane] == p else _ZERO
-        dx, dy, dz = ray[0, lane], ray[1, lane], ray[2, lane]
+    x, y = taps.x, taps.y
+    for lane in range(n):
+        dx, dy, dz, t = tile.dx[lane], tile.dy[lane], tile.dz[lane], tile.ranges_m[lane]
         x[lane] = to_map[3, 0] + t * (to_map[0, 0] * dx + to_map[0, 1] * dy + to_map[0, 2] * dz)
         y[lane] = to_map[3, 1] + t * (to_map[1, 0] * dx + to_map[1, 1] * dy + to_map[1, 2] * dz)
     for k in range(shadows.shape[0]):
         sx, sy, per, depth = shadows[k, 0], shadows[k, 1], _ONE / (shadows[k, 2] * shadows[k, 2]), shadows[k, 3]
-        for lane in range(LANES):
+        for lane in range(n):
             kx, ky = x[lane] - sx, y[lane] - sy
             near = max(_ZERO, _ONE - (kx * kx + ky * ky) * per)
             shade[lane] *= _ONE - depth * near * near
@@ -79,8 +79,8 @@ def darken(tile: TileRays, p: int, to_map: AnyArray, shadows: AnyArray, taps: Ta
 @kernel(error_model="numpy")
 def mirrored_light(tile: TileRays, lane: int, shape: SeenShape, to_map: AnyArray, key: AnyArray) -> Any:
     """Return what a shiny surface mirrors: a bright spot where the key light is, a paler ceiling or sky."""
-    ray, kind, m, q = tile.rays, shape.kind, shape.frame, shape.eye
-    dx, dy, dz, t = ray[0, lane], ray[1, lane], ray[2, lane], tile.ranges_m[lane]
+    kind, m, q = shape.kind, shape.frame, shape.eye
+    dx, dy, dz, t = tile.dx[lane], tile.dy[lane], tile.dz[lane], tile.ranges_m[lane]
     w0, w1, w2 = _ONE, _ZERO, _ZERO
     if kind != RECTANGLE:
         w0 = _ZERO if kind == CYLINDER else q[0] + t * (m[0, 0] * dx + m[0, 1] * dy + m[0, 2] * dz)
@@ -104,15 +104,14 @@ def mirrored_light(tile: TileRays, lane: int, shape: SeenShape, to_map: AnyArray
 
 
 @kernel(error_model="numpy")
-def show_sky(out: AnyArray, tile: TileRays, to_map: AnyArray, sky: AnyArray) -> None:
-    """Read the sky off its picture, bilinear, for the rays that meet nothing."""
-    pixels, hit, ray = tile.pixels, tile.shapes, tile.rays
+def show_sky(out: AnyArray, tile: TileRays, n: int, to_map: AnyArray, sky: AnyArray) -> None:
+    """Read the sky off its picture, bilinear, for rays that meet nothing."""
     rows, columns = sky.shape[0], sky.shape[1]
-    for lane in range(LANES):
-        pixel = pixels[lane]
-        if hit[lane] >= 0 or pixel < 0:
+    for lane in range(n):
+        pixel = tile.pixels[lane]
+        if pixel < 0:
             continue
-        dx, dy, dz = ray[0, lane], ray[1, lane], ray[2, lane]
+        dx, dy, dz = tile.dx[lane], tile.dy[lane], tile.dz[lane]
         x = to_map[0, 0] * dx + to_map[0, 1] * dy + to_map[0, 2] * dz
         y = to_map[1, 0] * dx + to_map[1, 1] * dy + to_map[1, 2] * dz
         z = to_map[2, 0] * dx + to_map[2, 1] * dy + to_map[2, 2] * dz

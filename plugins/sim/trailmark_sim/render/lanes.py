@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
 from llvmlite import ir
 from numba import carray  # type: ignore[attr-defined]
 from numba import types as numba_types
@@ -15,10 +16,10 @@ from numba.core import cgutils as numba_cgutils
 from numba.extending import intrinsic
 
 from trailmark.arrays import AnyArray
-from trailmark.kernels import inlined_kernel
+from trailmark.kernels import inlined_kernel, kernel
 from trailmark_sim.render.rays import LANES
 
-__all__ = ["Colours", "Footprints", "Taps", "floats", "ints"]
+__all__ = ["Colours", "Footprints", "Taps", "distinct_shapes", "floats", "ints"]
 
 types: Any = numba_types
 cgutils: Any = numba_cgutils
@@ -103,3 +104,22 @@ def floats() -> Any:
 def ints() -> Any:
     """Return 64 int32 that live as long as the calling kernel."""
     return carray(_int_lanes(), _SHAPE)
+
+
+@kernel
+def distinct_shapes(hit: AnyArray, found: AnyArray) -> int:
+    """Write which shapes the rays of a tile meet, each once, and return how many."""
+    n = 0
+    previous = np.int32(-2)
+    for lane in range(LANES):
+        p = hit[lane]
+        if p == previous:
+            continue
+        previous = p
+        is_new = True
+        for k in range(n):
+            is_new = is_new and found[k] != p
+        if is_new:
+            found[n] = p
+            n += 1
+    return n

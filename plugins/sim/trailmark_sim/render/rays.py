@@ -62,7 +62,10 @@ class RayTable(NamedTuple):
         """Return values (T, 64) of the rays as a picture (H, W)."""
         out = np.full(self.shape[0] * self.shape[1], nothing, dtype=np.float32)
         shows = self.pixels >= 0
-        out[self.pixels[shows]] = values[shows]
+        if shows.all():
+            out[self.pixels] = values
+        else:
+            out[self.pixels[shows]] = values[shows]
         return out.reshape(self.shape)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from trailmark.arrays import AnyArray, Float32s, Int32s
 
-__all__ = ["SURFACE_ROW", "RayHits", "SeenShape", "SeenShapes", "SensorSurroundings", "TileRays"]
+__all__ = ["N_BOUNDS", "SURFACE_ROW", "RayHits", "SeenShape", "SeenShapes", "SensorSurroundings", "TileRays"]
 
 #: A row of `Scene.surfaces`: how a shape looks, and where its baked light stands in `Scene.light`.
 SURFACE_ROW = np.dtype(
@@ -20,6 +20,9 @@ SURFACE_ROW = np.dtype(
     ],
     align=True,
 )
+
+#: Numbers of a column of `SeenShapes.bounds`.
+N_BOUNDS = 16
 
 
 class SeenShapes(NamedTuple):
@@ -33,8 +36,10 @@ class SeenShapes(NamedTuple):
         From the sensor's axes to each shape's own.
     eyes : (G, P, 3) float32
         The eye in each shape's own axes.
-    spheres : (G, P, 4) float32
-        Bounding spheres in the sensor's axes: centre and radius [m].
+    bounds : (G, N_BOUNDS, M) float32
+        Of each shape of `order`, by columns: the centre and the radius of a sphere around it in the sensor's axes [m],
+        and four vectors of length one (zeros: none). No ray meets it whose product with one of them is negative.
+        Columns beyond `order` are of shapes that cannot be met.
     near_m : (P,) float32
         No point of the shape is ever nearer than this [m].
     order : (N,) int32
@@ -44,7 +49,7 @@ class SeenShapes(NamedTuple):
     kinds: AnyArray
     frames: Float32s
     eyes: Float32s
-    spheres: Float32s
+    bounds: Float32s
     near_m: Float32s
     order: Int32s
 
@@ -86,27 +91,26 @@ class SensorSurroundings(NamedTuple):
 
 
 class TileRays(NamedTuple):
-    """The 64 rays of a tile.
+    """Rays of a tile: all 64, or those that meet one surface, without gaps.
 
     Attributes
     ----------
-    rays : array
-        (3, 64) float32, of length one.
+    dx, dy, dz : array
+        (64,) float32, along each ray; of length one.
     pixels : array
-        (64,), index of each in the picture.
+        (64,), index of each in the picture; -1: none.
     pixel_rad : array
         (64,), angle to the next ray [rad].
     ranges_m : array
         (64,), way to what it meets [m].
-    shapes : array
-        (64,), number of the shape that it meets.
     """
 
-    rays: AnyArray
+    dx: AnyArray
+    dy: AnyArray
+    dz: AnyArray
     pixels: AnyArray
     pixel_rad: AnyArray
     ranges_m: AnyArray
-    shapes: AnyArray
 
 
 class SeenShape(NamedTuple):

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from trailmark.arrays import AnyArray, Bools, Float32s, Floats
 from trailmark.deprecation import deprecated_name
 from trailmark.geometry import Pose3
-from trailmark_sim.render.cast import NOTHING_M, cast_tiles
+from trailmark_sim.render.cast import NOTHING_M, bound_shapes, cast_tiles
 from trailmark_sim.render.facing import face_tiles
 from trailmark_sim.render.rays import LANES, RayTable
 from trailmark_sim.render.records import RayHits, SeenShapes, SensorSurroundings
@@ -82,17 +82,15 @@ class SceneView:
         n_shapes = frames.shape[1]
         turned = frames.reshape(-1, 3 * n_shapes, 3) @ points.rotations  # all rows of all shapes in one product
         radii = np.where(faces, scene.radii * 1.0001 + 1e-4, _NEVER_M)
-        self._shapes = SeenShapes(
-            scene.kinds,
-            turned.astype(np.float32).reshape(n_instants, n_shapes, 3, 3),
-            eyes.astype(np.float32),
-            np.concatenate([towards, radii[..., None]], axis=2).astype(np.float32),
-            (near * 0.9999 - 1e-3).astype(np.float32),
-            order[faces.any(axis=0)[order]].astype(np.int32),
-        )
+        order = order[faces.any(axis=0)[order]].astype(np.int32)
+        frames_seen, eyes_seen = turned.astype(np.float32).reshape(n_instants, n_shapes, 3, 3), eyes.astype(np.float32)
+        spheres = np.concatenate([towards, radii[..., None]], axis=2).astype(np.float32)
+        bounds = bound_shapes(scene.kinds, frames_seen, eyes_seen, spheres, order)
+        near_m = (near * 0.9999 - 1e-3).astype(np.float32)
+        self.shapes = SeenShapes(scene.kinds, frames_seen, eyes_seen, bounds, near_m, order)
         size = (table.n_tiles, LANES)
         self.met = RayHits(np.empty(size, np.float32), np.empty(size, np.int32))
-        in_bands(lambda first, last: cast_tiles(first, last, table, self._shapes, self.met), table.n_tiles, threads)
+        in_bands(lambda first, last: cast_tiles(first, last, table, self.shapes, self.met), table.n_tiles, threads)
 
     def radiance(self) -> Float32s:
         """Return the light of every pixel, (H, W, 3) red, green, blue; 1 is a white wall in unit light."""
@@ -121,7 +119,7 @@ class SceneView:
         looks = (scene.surfaces, scene.light, scene.atlas)
 
         def shade(first: int, last: int) -> None:
-            shade_tiles(first, last, table, self.met, self._shapes, *looks, around, out)
+            shade_tiles(first, last, table, self.met, self.shapes, *looks, around, out)
 
         in_bands(shade, table.n_tiles, self._threads)
         return out.reshape(height, width, 3)
@@ -131,7 +129,7 @@ class SceneView:
         cosines, shine = np.empty_like(self.ranges_m), np.empty_like(self.ranges_m)
 
         def face(first: int, last: int) -> None:
-            face_tiles(first, last, self.table, self.met, self._shapes, self._scene.surfaces, cosines, shine)
+            face_tiles(first, last, self.table, self.met, self.shapes, self._scene.surfaces, cosines, shine)
 
         in_bands(face, self.table.n_tiles, self._threads)
         return cosines, shine
