@@ -102,6 +102,13 @@ class Localizer(Part):
         """
         return replace(keyframe, pose_map_base=pose_map_base)
 
+    def health(self) -> str:
+        """Return what is wrong with what it sees, in one line for the belief's `health`; nothing where all is well.
+
+        Asked after every estimate that counts. Of a localizer in a process of its own it is not asked.
+        """
+        return ""
+
     def latency_s(self) -> float | None:
         """Return how long the last call takes by the localizer's own model [s]; None: it has none."""
         return None

@@ -17,13 +17,16 @@ from trailmark.interfaces import Localizer, Session
 from trailmark_landmarks.candidates import candidate_poses
 from trailmark_landmarks.config import KnownLandmarksConfig
 from trailmark_landmarks.consensus import Consensus, find_consensus
+from trailmark_landmarks.lasting import LastingErrors
 from trailmark_landmarks.noise import SightingNoise
-from trailmark_landmarks.sightings import Seen, Sightings, pose_of_base
+from trailmark_landmarks.sightings import Seen, Sightings, lever_of, pose_of_base
 from trailmark_landmarks.single import single_fix
 
 __all__ = ["KnownLandmarks"]
 
 _GATE_SIGMAS = 4.0
+#: For how long errors last that do not average out, as a fix tells it [s].
+_LASTING_S = 100.0
 #: No two numbers stay the same on such a way.
 _HANGING_M = 0.1
 
@@ -53,6 +56,9 @@ class KnownLandmarks(Localizer):
         config = self.config
         bearing_sigma_rad = math.radians(config.bearing_sigma_deg)
         self._noise = SightingNoise(config.range_sigma_m, bearing_sigma_rad, learns=config.learn_noise)
+        self._lasting = LastingErrors()
+        self._all_landmarks = np.array(list(self._positions.values()), dtype=np.float64).reshape(-1, 2)
+        self._health = ""
         self._gates = np.array([config.gate_range_m, math.radians(config.gate_bearing_deg)])
         self._n_unknown, self._has_seen_one = 0, False
         self._newest, self._newest_at_m = b"", 0.0
@@ -72,18 +78,36 @@ class KnownLandmarks(Localizer):
         found = find_consensus(sightings, candidates, self.config.max_position_sigma_m)
         if isinstance(found, Consensus):
             self._noise.learn_from_fit(found, sightings, frame.stamp_s)
-            return (self._fix(frame.stamp_s, found),)
+            fix = self._fix(frame.stamp_s, found, sightings)
+            if self.config.learn_noise:
+                self._lasting.add_fit(found, sightings, frame.stamp_s)
+                self._tell()
+            return (fix,)
         if belief.pose_map_base is None or belief.covariance is None:
             return (Lost(frame.stamp_s, f"{found}, and nothing is believed yet"),)
         believed, covariance = belief.pose_map_base, belief.covariance
         estimates = []
         for one in seen.one_by_one():
-            sighting = self._sightings(one)
+            sighting = self._sightings(one, alone=True)
             estimates.append(self._single(belief, believed, covariance, frame.stamp_s, sighting))
             self._noise.learn_from_belief(
                 believed, covariance, sighting, mounting=self._mounting, stamp_s=frame.stamp_s
             )
+            if self.config.learn_noise:
+                sensor = believed @ self._mounting
+                rows = sighting.derivatives(sensor.array()) @ lever_of(believed, sensor)
+                expected = np.einsum("mi,ij,mj->m", rows, covariance, rows)
+                self._lasting.add_alone(sighting, sighting.errors(sensor.array()), expected, frame.stamp_s)
+        self._tell()
         return estimates
+
+    def health(self) -> str:
+        """Return which landmarks, or whether all ranges, are lastingly off."""
+        return self._health
+
+    def _tell(self) -> None:
+        range_sigma_m, bearing_sigma_rad = self._noise.sigmas.tolist()
+        self._health = self._lasting.in_words(range_sigma_m, bearing_sigma_rad)
 
     def counters(self) -> Mapping[str, int]:
         """Return how many sightings were of no known landmark."""
@@ -113,15 +137,21 @@ class KnownLandmarks(Localizer):
         strangers = ", ".join(str(number) for number in np.unique(record.arrays["ids"])[:5])
         return f"no known landmark is seen: {strangers or 'none'}, and known are {', '.join(map(str, self._positions))}"
 
-    def _sightings(self, seen: Seen) -> Sightings:
+    def _sightings(self, seen: Seen, *, alone: bool = False) -> Sightings:
         sigmas = self._noise.sigmas
-        return Sightings.of(seen, sigmas=sigmas, gates=np.maximum(self._gates, _GATE_SIGMAS * sigmas))
+        told = Sightings.of(seen, sigmas=sigmas, gates=np.maximum(self._gates, _GATE_SIGMAS * sigmas))
+        return replace(told, sigmas=np.sqrt(told.sigmas**2 + self._lasting.variances(told, alone=alone)))
 
-    def _fix(self, stamp_s: float, found: Consensus) -> Fix:
+    def _fix(self, stamp_s: float, found: Consensus, sightings: Sightings) -> Fix:
         covariance = np.linalg.inv(found.information)
+        share = float((self._lasting.variances(sightings) / sightings.sigmas**2)[found.agrees].max())
+        scale_m2 = self._lasting.of_scale(self._all_landmarks)
+        covariance[:2, :2] += scale_m2 * np.eye(2)
+        correlation_s = _LASTING_S if scale_m2 or share > 0.5 else None
         covariance[2, 2] += self._mounting_variance
         pose, information = pose_of_base(found.pose, np.linalg.inv(covariance), self._mounting)
-        return Fix(stamp_s, pose, information, self._details(int(found.agrees.sum()), len(found.agrees)))
+        details = self._details(int(found.agrees.sum()), len(found.agrees))
+        return Fix(stamp_s, pose, information, details, correlation_s)
 
     def _single(
         self, belief: Belief, believed: Pose2, covariance: Floats, stamp_s: float, sighting: Sightings

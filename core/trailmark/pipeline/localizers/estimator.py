@@ -53,6 +53,7 @@ class EstimatorRunner:
 
     def __init__(self, estimator: Estimator, use: frozenset[str] | None, times: array[int]) -> None:
         self.health: dict[str, str] = {}
+        self._said: dict[str, str] = {}  # by localizers of themselves; the estimator's word goes before
         self._estimator = estimator
         self._use = use
         self._times = times
@@ -100,8 +101,8 @@ class EstimatorRunner:
                 raise TypeError("it returned a Belief with a covariance of complex numbers")
             if pose is not None and max(abs(pose.x), abs(pose.y)) > FARTHEST_M:
                 raise ValueError(f"it believes to be at {pose}")
-            if self.health or belief.health is not ALL_HEALTHY or not _is_frozen(covariance):
-                belief = _frozen(belief, {**belief.health, **self.health})
+            if self.health or self._said or belief.health is not ALL_HEALTHY or not _is_frozen(covariance):
+                belief = _frozen(belief, {**self._said, **belief.health, **self.health})
         except BaseException as error:
             raise_failure(error, "the estimator", "belief", keeps=())
         self._times.append(perf_counter_ns() - began_ns)
@@ -139,11 +140,19 @@ class EstimatorRunner:
         except BaseException as error:
             raise_failure(error, "the estimator", f"apply at the {type(estimate).__name__} of {name!r}", keeps=())
         self._times.append(perf_counter_ns() - began_ns)
+        self._take_health(localizer)
         return outcome
+
+    def _take_health(self, localizer: LocalizerPart) -> None:
+        if words := localizer.localizer.health():
+            self._said[localizer.name] = words
+        elif self._said:
+            self._said.pop(localizer.name, None)
 
     def switch_off(self, name: str, why: str) -> None:
         """Expect nothing more of a localizer: what was spare beside its motion counts from now on."""
         self._last_belief = None
+        self._said.pop(name, None)
         self.health[name] = f"switched off: {why}"
         self._moving.pop(name, None)
         self._spared.pop(name, None)
