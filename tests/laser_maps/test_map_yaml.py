@@ -175,3 +175,37 @@ def test_a_grid_has_cells_and_a_size() -> None:
         OccupancyGrid(np.zeros((0, 3), np.int8), 0.05)
     with pytest.raises(ShapeError, match="resolution"):
         OccupancyGrid(np.zeros((2, 3), np.int8), 0.0)
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"origin": [0.0, 0.0, 90.0]}, "radians"),
+        ({"occupied_thresh": 65, "free_thresh": 20}, "percentage"),
+        ({"resolution": 1e-9}, "resolution"),
+        ({"resolution": 1e9}, "resolution"),
+    ],
+)
+def test_numbers_in_another_unit_are_refused(tmp_path, keys, words):
+    path = write_files(tmp_path, np.full((3, 4), 254, np.uint8), **keys)
+    with pytest.raises(ConfigError, match=words):
+        read_map(path)
+
+
+@pytest.mark.parametrize(("white", "kind"), [(100, "u1"), (1000, ">u2")])
+def test_white_of_a_binary_pgm_is_what_its_header_says(tmp_path, white, kind):
+    pixels = np.array([[0, white, white // 2]], dtype=kind)
+    path = write_files(tmp_path, f"P5\n# by hand\n3 1\n{white}\n".encode() + pixels.tobytes(), "pgm", free_thresh=0.1)
+    np.testing.assert_array_equal(read_map(path).cells, [[OCCUPIED, FREE, UNKNOWN]])
+
+
+def test_a_raw_map_of_greys_is_said_to_have_nothing_occupied(tmp_path, caplog):
+    read_map(write_files(tmp_path, np.array([[0, 205, 254]], np.uint8), mode="raw"))
+    assert "trinary" in caplog.text
+
+
+def test_a_corrupt_picture_is_told_once(tmp_path, capfd):
+    path = write_files(tmp_path, b"P5\n100 60\n255\n" + bytes(20), "pgm")
+    with pytest.raises(ConfigError, match=r"plan\.pgm"):
+        read_map(path)
+    assert "ERROR" not in capfd.readouterr().err

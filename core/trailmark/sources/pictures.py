@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import struct
 from pathlib import Path
@@ -23,6 +24,9 @@ __all__ = [
     "read_raw",
 ]
 
+
+if "OPENCV_LOG_LEVEL" not in os.environ:  # what a picture cannot be read for is said below, once
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_FATAL)
 
 #: What `image_folder` and its like take for a picture.
 PICTURE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".pnm", ".tif", ".tiff", ".webp"})

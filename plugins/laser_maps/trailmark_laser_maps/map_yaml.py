@@ -5,7 +5,9 @@ The rules are those of ``map_server`` (ROS 1) and ``nav2_map_server``; where the
 
 from __future__ import annotations
 
+import logging
 import math
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -23,12 +25,19 @@ from trailmark_laser_maps.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
 __all__ = ["cells_of_picture", "read_map", "write_map"]
 
+logger = logging.getLogger(__name__)
+
 #: What map_saver paints; 205 is unknown only with a free threshold of at most 0.196, which Nav2's own 0.25 is not.
 _PAINTED_OCCUPIED, _PAINTED_FREE, _PAINTED_UNKNOWN = 0, 254, 205
 _OCCUPIED_THRESH, _FREE_THRESH = 0.65, 0.196
 #: What ROS 2 takes where the file leaves it out.
 _DEFAULTS = {"occupied_thresh": 0.65, "free_thresh": 0.25}
 _MODES = ("trinary", "scale", "raw")
+#: Sides of a cell that some plan of a building has [m].
+_RESOLUTIONS_M = 1e-3, 10.0
+#: A pgm or ppm with binary pixels, and the number that is white in it; OpenCV scales those with written ones alone.
+_BINARY_PNM = re.compile(rb"P[56](?:(?:\s|#[^\n]*\n)+\d+){2}(?:\s|#[^\n]*\n)+(\d+)")
+_WHOLE_TURN_RAD = 2.0 * math.pi
 
 
 def read_map(path: Path) -> OccupancyGrid:
@@ -41,16 +50,29 @@ def read_map(path: Path) -> OccupancyGrid:
     """
     keys = read_document(path, what="map").data
     resolution_m = _number(path, keys, "resolution")
+    if not _RESOLUTIONS_M[0] <= resolution_m <= _RESOLUTIONS_M[1]:
+        raise ConfigError(
+            f"{path}: resolution is {resolution_m:g}; it is the side of a cell in metres,"
+            f" {_RESOLUTIONS_M[0]:g} to {_RESOLUTIONS_M[1]:g}"
+        )
     mode = str(keys.get("mode", "trinary")).lower()
     if mode not in _MODES:
         raise ConfigError(f"{path}: mode is {mode!r}; it is one of {', '.join(_MODES)}")
     occupied, free = (_number(path, {**_DEFAULTS, **keys}, key) for key in ("occupied_thresh", "free_thresh"))
+    if occupied > 1.0:
+        raise ConfigError(f"{path}: occupied_thresh is {occupied:g}; it is a share, 0 to 1, and no percentage")
     if free >= occupied:
         raise ConfigError(
             f"{path}: free_thresh is {free:g} and occupied_thresh {occupied:g}; the first is the lower one"
         )
     picture = _read_picture(path, keys.get("image"))
     cells = cells_of_picture(picture, mode=mode, negates=_flag(path, keys), thresholds=(free, occupied))
+    if mode == "raw" and not (cells > FREE).any():
+        logger.warning(
+            "%s: mode raw takes pixels for values of cells, 0 to 100, and none is above 0: with a picture of greys the"
+            " mode is trinary",
+            path,
+        )
     try:
         return OccupancyGrid(cells, resolution_m, _origin(path, keys.get("origin")))
     except ShapeError as error:
@@ -146,9 +168,12 @@ def _flag(path: Path, keys: Mapping[str, Any]) -> bool:
 
 def _origin(path: Path, value: Any) -> Pose2:
     try:
-        return Pose2.from_array(value)
+        origin = Pose2.from_array(value)
     except (TypeError, ValueError) as error:
         raise ConfigError(f"{path}: origin is {value!r}; it is [x, y, yaw]") from error
+    if abs(float(value[2])) > _WHOLE_TURN_RAD:
+        raise ConfigError(f"{path}: the yaw of origin is {float(value[2]):g}; it is in radians, not in degrees")
+    return origin
 
 
 def _read_picture(path: Path, name: Any) -> AnyArray:
@@ -161,4 +186,14 @@ def _read_picture(path: Path, name: Any) -> AnyArray:
         raise ConfigError(str(error)) from error
     if picture.dtype not in (np.uint8, np.uint16):
         raise ConfigError(f"{path}: its image {picture_path} has pixels of {picture.dtype}; 8 or 16 bits are read")
-    return picture
+    return _to_full_range(picture, picture_path)
+
+
+def _to_full_range(picture: AnyArray, path: Path) -> AnyArray:
+    """Return the pixels of a binary pgm whose white is less than the largest number, scaled as ROS's loaders do."""
+    with path.open("rb") as file:
+        header = _BINARY_PNM.match(file.read(1024))
+    white, most = int(header[1]) if header else 0, int(np.iinfo(picture.dtype).max)
+    if not 0 < white < most:
+        return picture
+    return np.rint(np.minimum(picture, white) * (most / white)).astype(picture.dtype)
