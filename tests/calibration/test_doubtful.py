@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -119,3 +120,25 @@ def test_the_same_recording_twice_is_refused_and_two_are_not():
     with pytest.raises(DataError, match="the same recording"):
         refuse_one_recording(one, one, "a", "b")
     refuse_one_recording(one, other, "a", "b")
+
+
+@pytest.mark.parametrize("change", ["rounded", "scaled", "reversed"])
+def test_a_copy_that_was_changed_a_little_is_refused(change):
+    one = track(T_S, AHEAD, IRREGULAR, 1)
+    if change == "rounded":
+        twists = np.diff(np.round(np.cumsum(one.twists, axis=0), 3), axis=0, prepend=0.0)
+        other = replace(one, twists=twists)
+    else:
+        other = one.transform_twists(np.diag([1.02, 1.02, 1.0] if change == "scaled" else [-1.0, -1.0, 1.0]))
+
+    with pytest.raises(DataError, match="never part"):
+        refuse_one_recording(one, other, "a", "b")
+
+
+def test_a_slalom_that_is_half_a_period_late_tells_no_sign_of_turns():
+    rates = 0.5 * np.sin(2.0 * math.pi * T_S / 6.0)
+
+    found = calibrate(compared(rates, T_S + 3.0, turn=1.05), KNOWN, (TURN,))
+
+    assert not found.fit.is_told[TURN]
+    assert found.rival is not None

@@ -19,6 +19,8 @@ __all__ = ["Rival", "find_rival", "widened_by"]
 _SURE = 3.0
 #: So many of the highest peaks are tried, and over so many times the longest delay.
 _N_PEAKS, _REACH = 8, 2.0
+#: As far as this on a long drive: a clock may be seconds off [s].
+_FAR_S = 5.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,7 +56,7 @@ def find_rival(pairs: MotionPairs, known: KnownPlacement, found: Fit) -> Rival |
     """
     if not found.is_told[DELAY]:
         return None
-    peaks_s, width_s = delay_peaks(pairs.a, pairs.b, _REACH * known.longest_delay_s)
+    peaks_s, width_s = delay_peaks(pairs.a, pairs.b, _reach_s(pairs, known))
     cost = cost_of(pairs, found.values, found.spread)
     apart, others_s = [], []
     for delay_s in peaks_s[:_N_PEAKS]:
@@ -72,6 +74,12 @@ def find_rival(pairs: MotionPairs, known: KnownPlacement, found: Fit) -> Rival |
         others_s.append(abs(float(other.values[DELAY] - found.values[DELAY])))
         apart.append(_differences(found, other))
     return Rival(np.max(apart, axis=0), min(others_s)) if apart else None
+
+
+def _reach_s(pairs: MotionPairs, known: KnownPlacement) -> float:
+    """Return up to which delay others are tried: a slalom that is half a period off turns the other way."""
+    driven_s = float(pairs.to_s[-1] - pairs.from_s[0])
+    return max(_REACH * known.longest_delay_s, min(_FAR_S, driven_s / 6.0))
 
 
 def widened_by(found: Fit, apart: Floats) -> Fit:

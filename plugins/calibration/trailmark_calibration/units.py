@@ -18,10 +18,15 @@ _TURNS = {math.radians(1.0): "degrees where radians are meant"}
 _WAYS = {1e-3: "millimetres where metres are meant", 1e-2: "centimetres where metres are meant"}
 #: A scale so near to one of them, as a share, is no wheel.
 _NEAR = 0.25
+#: What two sensors have drifted apart by after a minute at least; a copy never does, however it was rounded [m, rad].
+_COPIED_M, _COPIED_RAD = 0.003, 0.002
+_SAME_STAMP_S = 1e-4
 
 
 def refuse_one_recording(a: ComparedTrack, b: ComparedTrack, name_a: str, name_b: str) -> None:
-    """Raise where two localizers say the same at the same time, to the last digit: nothing can be learnt from that.
+    """Raise where two localizers say the same at the same time: nothing can be learnt from that.
+
+    A copy may be rounded, scaled or reversed: its way and its heading never part from those of the original.
 
     Raises
     ------
@@ -33,6 +38,25 @@ def refuse_one_recording(a: ComparedTrack, b: ComparedTrack, name_a: str, name_b
             f"{name_a!r} and {name_b!r} are the same recording, to the last digit: compare with a sensor that measures"
             " by itself"
         )
+    if _is_copy(a, b):
+        raise DataError(
+            f"{name_a!r} and {name_b!r} never part, as one recording and a copy of it that was rounded, scaled or"
+            " reversed: compare with a sensor that measures by itself"
+        )
+
+
+def _is_copy(a: ComparedTrack, b: ComparedTrack) -> bool:
+    """Return whether ways and headings are the same numbers times a factor, at the same stamps."""
+    if len(a) != len(b) or not np.allclose(a.stamp_s, b.stamp_s, rtol=0.0, atol=_SAME_STAMP_S):
+        return False
+    if not (a.measures_way and b.measures_way):
+        return False
+    for column, copied in ((0, _COPIED_M), (2, _COPIED_RAD)):
+        first, second = np.cumsum(a.twists[:, column]), np.cumsum(b.twists[:, column])
+        factor = float(first @ second) / max(float(first @ first), 1e-12)
+        if float(np.std(second - factor * first)) > copied:
+            return False
+    return True
 
 
 def refuse_other_units(pairs: MotionPairs, name_a: str, name_b: str, longest_delay_s: float) -> None:
