@@ -361,7 +361,8 @@ class Belief:
     motion_age_s : float
         Time since the last accepted `Motion`; ``inf`` before the first [s].
     health : mapping of str to str
-        What the estimator wants to be known of its sources, by name: for example ``"silent for 1.2 s"``.
+        What is wrong with localizers, by name, as the estimator (``"silent for 1.2 s"``), they themselves
+        (`Localizer.health`) or the run say; empty where nothing is.
     """
 
     stamp_s: float

@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 from array import array
-from typing import Any
+from collections.abc import Sequence
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from trailmark.errors import RunError
-from trailmark.estimates import ALL_HEALTHY, Applied, Belief, Estimate, Motion
+from trailmark.estimates import ALL_HEALTHY, Applied, Belief, Estimate, Fix, Motion
 from trailmark.estimation.dead_reckoning import DeadReckoning
 from trailmark.estimation.dead_reckoning_config import DeadReckoningConfig
 from trailmark.estimation.kalman.estimator import Kalman
 from trailmark.estimation.kalman_config import KalmanConfig
 from trailmark.estimation.smoother.estimator import Smoother
 from trailmark.estimation.smoother_config import SmootherConfig
+from trailmark.frames import Frame
 from trailmark.frames.payloads import read_only
 from trailmark.geometry import Pose2
-from trailmark.interfaces import Estimator, Session
+from trailmark.interfaces import Estimator, Localizer, Session
 from trailmark.pipeline.localizers.estimator import EstimatorRunner
+from trailmark.pipeline.localizers.runner import LocalizerFailedError
+from trailmark.pipeline.parts import LocalizerPart
 
 
 class Foreign(Estimator):
@@ -116,3 +121,51 @@ def test_a_view_that_is_read_only_of_what_an_estimator_goes_on_with_is_copied() 
     own[0, 0] = 7.0
 
     assert belief.covariance[0, 0] == 1.0
+
+
+class Ailing(Localizer):
+    """Says of its health what it was given, or raises it."""
+
+    said: Any = ""
+
+    def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
+        return ()
+
+    def health(self) -> str:
+        if isinstance(self.said, BaseException):
+            raise self.said
+        return self.said
+
+
+def asked(runner: EstimatorRunner, said: Any) -> EstimatorRunner:
+    """Apply an estimate of a localizer that says this of its health."""
+    localizer = Ailing(None)
+    localizer.said = said
+    part = SimpleNamespace(name="tags", localizer=localizer, sensors=frozenset({"cam"}))
+    runner.apply(cast("LocalizerPart", part), Fix(1.0, Pose2(), np.eye(3)), 1.0)
+    return runner
+
+
+def test_what_a_localizer_says_of_its_health_is_in_the_belief_until_it_is_well() -> None:
+    runner = asked(runner_of(Foreign()), "landmark 3 was moved")
+    assert runner.belief(1.0).health == {"tags": "landmark 3 was moved"}
+
+    asked(runner, "")
+    assert not runner.belief(1.0).health
+
+
+def test_the_word_of_the_estimator_goes_before_that_of_the_localizer() -> None:
+    runner = asked(runner_of(Foreign(health={"tags": "silent"})), "landmark 3 was moved")
+    assert runner.belief(1.0).health == {"tags": "silent"}
+
+
+@pytest.mark.parametrize(
+    ("said", "words"), [(None, "not words"), (7, "not words"), (ZeroDivisionError("by 0"), "by 0")]
+)
+def test_health_that_fails_is_a_failure_of_the_localizer(said: Any, words: str) -> None:
+    with pytest.raises(LocalizerFailedError, match=f"localizer 'tags' failed in health: .*{words}"):
+        asked(runner_of(Foreign()), said)
+
+
+def test_health_that_is_too_long_is_cut() -> None:
+    assert len(asked(runner_of(Foreign()), "x" * 5000).belief(1.0).health["tags"]) == 1000

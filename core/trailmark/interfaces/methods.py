@@ -103,9 +103,16 @@ class Localizer(Part):
         return replace(keyframe, pose_map_base=pose_map_base)
 
     def health(self) -> str:
-        """Return what is wrong with what it sees, in one line for the belief's `health`; nothing where all is well.
+        """Return what is wrong with what it sees, or with the map it sees it by; empty where all is well.
 
-        Asked after every estimate that counts. Of a localizer in a process of its own it is not asked.
+        It stands in `Belief.health` under the localizer's name, where the estimator has no word about it. The run asks
+        after each estimate that the estimator was given; until then what was said before holds. One that runs beside
+        the run (``async``) is asked while it may be at work on the next frame: it returns a text that it keeps.
+
+        Returns
+        -------
+        str
+            A line for people; more than 1000 letters are cut.
         """
         return ""
 

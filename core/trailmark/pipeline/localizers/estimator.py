@@ -12,13 +12,14 @@ from types import MappingProxyType
 import numpy as np
 
 from trailmark.arrays import Floats
-from trailmark.errors import ConfigError
+from trailmark.errors import ConfigError, StoreFailedError
 from trailmark.estimates import ALL_HEALTHY, Applied, Belief, Estimate, Fix, Motion, PathOffset
 from trailmark.failures import raise_failure
 from trailmark.frames.payloads import read_only
 from trailmark.geometry import Pose2
 from trailmark.geometry.trajectory import FARTHEST_M
 from trailmark.interfaces import Estimator
+from trailmark.pipeline.localizers.runner import LONGEST_REASON, LocalizerFailedError
 from trailmark.pipeline.parts import LocalizerPart
 
 __all__ = ["EstimatorRunner"]
@@ -48,12 +49,12 @@ class EstimatorRunner:
     Attributes
     ----------
     health : dict of str to str
-        What a belief says about the health of localizers, besides what the estimator says.
+        What a belief says of localizers that were switched off; this stands before what the estimator says.
     """
 
     def __init__(self, estimator: Estimator, use: frozenset[str] | None, times: array[int]) -> None:
         self.health: dict[str, str] = {}
-        self._said: dict[str, str] = {}  # by localizers of themselves; the estimator's word goes before
+        self._told_health: dict[str, str] = {}  # by localizers of themselves; the estimator's word goes before
         self._estimator = estimator
         self._use = use
         self._times = times
@@ -101,8 +102,8 @@ class EstimatorRunner:
                 raise TypeError("it returned a Belief with a covariance of complex numbers")
             if pose is not None and max(abs(pose.x), abs(pose.y)) > FARTHEST_M:
                 raise ValueError(f"it believes to be at {pose}")
-            if self.health or self._said or belief.health is not ALL_HEALTHY or not _is_frozen(covariance):
-                belief = _frozen(belief, {**self._said, **belief.health, **self.health})
+            if self.health or self._told_health or belief.health is not ALL_HEALTHY or not _is_frozen(covariance):
+                belief = _frozen(belief, {**self._told_health, **belief.health, **self.health})
         except BaseException as error:
             raise_failure(error, "the estimator", "belief", keeps=())
         self._times.append(perf_counter_ns() - began_ns)
@@ -117,6 +118,8 @@ class EstimatorRunner:
         ------
         ConfigError
             If its motion would count twice.
+        LocalizerFailedError
+            If the localizer's `health` raises or returns no text.
         RunError
             If the estimator raises.
         """
@@ -144,15 +147,23 @@ class EstimatorRunner:
         return outcome
 
     def _take_health(self, localizer: LocalizerPart) -> None:
-        if words := localizer.localizer.health():
-            self._said[localizer.name] = words
-        elif self._said:
-            self._said.pop(localizer.name, None)
+        """Note what a localizer says of itself."""
+        try:
+            words = localizer.localizer.health()
+            if not isinstance(words, str):
+                raise TypeError(f"it returned {type(words).__name__}, not words")
+        except BaseException as error:
+            part = f"localizer {localizer.name!r}"
+            raise_failure(error, part, "health", kind=LocalizerFailedError, keeps=StoreFailedError)
+        if words:
+            self._told_health[localizer.name] = words[:LONGEST_REASON]
+        elif self._told_health:
+            self._told_health.pop(localizer.name, None)
 
     def switch_off(self, name: str, why: str) -> None:
         """Expect nothing more of a localizer: what was spare beside its motion counts from now on."""
         self._last_belief = None
-        self._said.pop(name, None)
+        self._told_health.pop(name, None)
         self.health[name] = f"switched off: {why}"
         self._moving.pop(name, None)
         self._spared.pop(name, None)

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from trailmark.worker import PendingCall, Workers
 
 __all__ = [
+    "LONGEST_REASON",
     "LocalizerFailedError",
     "LocalizerRunner",
     "ObserveResult",
@@ -47,7 +48,8 @@ _MOST_ESTIMATES = 1000
 
 #: What is written for each estimate is for people to read: more of it is cut, and that is said.
 _MOST_DETAILS = 1000
-_LONGEST_REASON = 1000  # letters
+#: So are words: letters.
+LONGEST_REASON = 1000
 
 # Of these types nearly all details are; the general question takes longer.
 _PLAIN_MAPPINGS = (MappingProxyType, dict)
@@ -186,7 +188,7 @@ class LocalizerRunner(ABC):
             if isinstance(estimate, Lost):
                 if not isinstance(estimate.reason, str):
                     raise TypeError(f"it returned a Lost whose reason is {type(estimate.reason).__name__}, not words")
-                says_too_much |= len(estimate.reason) > _LONGEST_REASON
+                says_too_much |= len(estimate.reason) > LONGEST_REASON
             says_too_much |= len(details) > _MOST_DETAILS
         return self._cut(estimates) if says_too_much else estimates
 
@@ -201,7 +203,7 @@ class LocalizerRunner(ABC):
                 max(len(estimate.details) for estimate in estimates),
                 max(len(estimate.reason) if isinstance(estimate, Lost) else 0 for estimate in estimates),
                 _MOST_DETAILS,
-                _LONGEST_REASON,
+                LONGEST_REASON,
             )
         return tuple(_shortened(estimate) for estimate in estimates)
 
@@ -224,7 +226,7 @@ class LocalizerRunner(ABC):
 
 def _shortened(estimate: Estimate) -> Estimate:
     if isinstance(estimate, Lost):
-        estimate = replace(estimate, reason=estimate.reason[:_LONGEST_REASON])
+        estimate = replace(estimate, reason=estimate.reason[:LONGEST_REASON])
     return replace(estimate, details=dict(islice(estimate.details.items(), _MOST_DETAILS)))
 
 

@@ -91,6 +91,7 @@ def localizer_checks(
         "starts_or_says_why": lambda: _starts_or_says_why(case),
         "says_something": lambda: _says_something(case),
         "estimates_are_well_formed": lambda: _are_well_formed(case),
+        "health_is_a_line": lambda: _health_is_a_line(case),
         "errors_fit_the_information": lambda: _errors_fit(case),
         "same_seed_same_answers": lambda: _same_seed_same_answers(case),
         "started_again_is_as_new": lambda: _is_as_new(case),
@@ -139,6 +140,19 @@ def _are_well_formed(case: LocalizerCase) -> None:
                     f"motion since {estimate.since_s} s overlaps the one that ended at {until_s} s"
                 )
                 until_s = estimate.stamp_s
+
+
+def _health_is_a_line(case: LocalizerCase) -> None:
+    """Before it has seen anything and after each frame, asking for the health is safe and answers with one line."""
+    with case.ready() as localizer:
+        _assert_is_line(localizer.health())
+        for _ in answers(localizer, case, case.frames_asked_for(), on_path=True):
+            _assert_is_line(localizer.health())
+
+
+def _assert_is_line(words: object) -> None:
+    assert isinstance(words, str), f"health() returned {type(words).__name__}, not words"
+    assert len(words.splitlines()) <= 1, f"health() returned more than one line: {words!r}"
 
 
 def _is_well_formed(estimate: Estimate) -> None:
