@@ -66,7 +66,7 @@ class Other:
 def other(monkeypatch: pytest.MonkeyPatch) -> Other:
     """The process beside."""
     process = Other()
-    monkeypatch.setattr(compiling.subprocess, "Popen", lambda *_, **__: process)
+    monkeypatch.setattr(subprocess, "Popen", lambda *_, **__: process)
     return process
 
 
@@ -144,7 +144,7 @@ def test_what_does_not_start_is_done_here(world: World, read: list[int], monkeyp
     def refuse(*_: object, **__: object) -> None:
         raise OSError("no more processes")
 
-    monkeypatch.setattr(compiling.subprocess, "Popen", refuse)
+    monkeypatch.setattr(subprocess, "Popen", refuse)
 
     FirstReadings(CONFIG, world, STATE)
 
@@ -158,10 +158,10 @@ def test_the_other_process_builds_the_same_sensors(read: list[int], monkeypatch:
         arguments.append(command)
         return Other()
 
-    monkeypatch.setattr(compiling.subprocess, "Popen", note)
+    monkeypatch.setattr(subprocess, "Popen", note)
     compiling._compile_beside(CONFIG)
 
-    compiling._compile_for(arguments[0][-1])
+    compiling._compile_for(arguments[0][-2])
 
     assert read == [1]
 
@@ -178,7 +178,7 @@ def real(world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Itera
 
 def process_of(readings: FirstReadings) -> subprocess.Popen[bytes]:
     assert readings._process is not None
-    return readings._process
+    return readings._process._process
 
 
 def test_ctrl_c_while_the_real_process_compiles_leaves_none_behind(real: FirstReadings) -> None:

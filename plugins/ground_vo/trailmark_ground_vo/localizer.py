@@ -11,6 +11,7 @@ from trailmark.estimates import Belief, Estimate, Lost, Motion
 from trailmark.frames import Frame, SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Localizer, Session
+from trailmark.isolation.compiling import compile_together
 from trailmark_ground_vo.config import GroundVOConfig
 from trailmark_ground_vo.guarding import GroundTracker
 from trailmark_ground_vo.motion import ImageMotion, ground_information, pose_prev_now
@@ -112,6 +113,7 @@ class GroundVO(Localizer):
         return ImageMotion(content.x / self._scale[0], -content.y / self._scale[1], content.theta)
 
     def _warm_up(self, size: tuple[int, int]) -> None:
+        compile_together("trailmark_ground_vo.first_kernels.FIRST_KERNELS")
         self._reader.warm_up()
         tracker = self._new_tracker(size)
         noise = np.random.default_rng(0).integers(0, 256, (size[1], size[0]), np.uint8)

@@ -14,6 +14,7 @@ from trailmark.estimates import Belief, Estimate, Fix, Lost
 from trailmark.frames import Frame, SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Localizer, LocalizerMap, Session
+from trailmark.isolation.compiling import compile_together
 from trailmark.paths import Keyframe
 from trailmark_ground_vo.config import GroundMapConfig
 from trailmark_ground_vo.motion import ImageMotion, ground_information, pose_prev_now
@@ -259,6 +260,7 @@ class GroundMap(Localizer):
         return PatchFinder(self.config, size, self._scale[1] / self._scale[0])
 
     def _warm_up(self, size: tuple[int, int]) -> None:
+        compile_together("trailmark_ground_vo.first_kernels.FIRST_KERNELS")
         self._reader.warm_up()
         self._finder = self._new_finder(size)
         view = self._finder.view(np.random.default_rng(0).integers(0, 256, (size[1], size[0]), np.uint8))

@@ -1,18 +1,18 @@
 """Compiling what sensors are drawn with in a second process, while this one compiles what looks at them.
 
-Numba compiles one kernel at a time in a process. A camera over the ground takes about as long as a localizer that looks
-at it, and on a second core it costs no time: the kernels meet on disk, where numba keeps them.
+Numba compiles one kernel at a time in a process. On a second core a camera costs no time: the kernels meet on disk,
+where numba keeps them. A localizer takes longer to compile than a camera, so that the process then helps with its own.
 """
 
 from __future__ import annotations
 
 import logging
 import os
-import subprocess
 import sys
 from collections.abc import Sequence
-from contextlib import suppress
+from pathlib import Path
 
+from trailmark.isolation.compiling import CompilingProcess, compile_offered
 from trailmark.isolation.orphan import end_with_stdin
 from trailmark.worker import n_cores
 from trailmark_sim.building import build_configured_world
@@ -31,9 +31,6 @@ _KERNEL_KEYS = {"world", "options", "route", "sensors", "rates_hz", "world_seed"
 #: How long the first frame waits for the other process [s]. It needs about 15 s of processor time; one that hangs at a
 #: locked or full disk must not keep the run from beginning.
 _PATIENCE_S = 60.0
-
-#: How long a process that was killed is waited for [s]: one that hangs in the system ends when that lets it.
-_KILLED_S = 5.0
 
 #: How far the other process stands back where there are fewer idle cores than processes.
 _NICENESS = 5
@@ -64,24 +61,17 @@ class FirstReadings:
         if self._process is None:
             return
         try:
-            self._process.wait(_PATIENCE_S)
-        except subprocess.TimeoutExpired:
-            logger.warning("the process that compiles for sensors is not done in %g s: this one does it", _PATIENCE_S)
+            if not self._process.wait(_PATIENCE_S):
+                logger.warning("the process that compiles for sensors is not done in %g s: it is ended", _PATIENCE_S)
         finally:
             self.close()
         _read_all(self._sensors, self._state)  # whatever became of it: what it did not compile is compiled here
 
     def close(self) -> None:
         """End the other process, if it has not ended."""
-        process = self._process
-        if process is None:
-            return
-        process.kill()
-        with suppress(subprocess.TimeoutExpired):
-            process.wait(_KILLED_S)
-        if process.stdin is not None:
-            process.stdin.close()
-        self._process = None  # only now: whoever is interrupted here can close again
+        if self._process is not None:
+            self._process.close()
+            self._process = None  # only now: whoever is interrupted here can close again
 
 
 def _takes_long(world: World) -> bool:
@@ -92,18 +82,13 @@ def _takes_long(world: World) -> bool:
     return not is_kept(world.slow_kernel)
 
 
-def _compile_beside(config: SimConfig) -> subprocess.Popen[bytes] | None:
+def _compile_beside(config: SimConfig) -> CompilingProcess | None:
     """Start a process that reads each sensor of such a world once; None: it does not start."""
-    command = [sys.executable, "-P", "-m", __name__, config.model_dump_json(include=_KERNEL_KEYS)]
-    with suppress(OSError):
-        return subprocess.Popen(
-            command,
-            stdin=subprocess.PIPE,  # ours alone: it ends with us, however we end
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,  # Ctrl-C is for this process, which then ends that one
-        )
-    return None
+    try:
+        return CompilingProcess([sys.executable, "-P", "-m", __name__, config.model_dump_json(include=_KERNEL_KEYS)])
+    except OSError as error:
+        logger.info("no process compiles beside this one: %s", error)
+        return None
 
 
 def _read_all(sensors: Sequence[SensorModel], state: VehicleState) -> None:
@@ -116,7 +101,9 @@ def main() -> None:
     end_with_stdin()
     if hasattr(os, "nice"):  # not on Windows
         os.nice(_NICENESS)
-    _compile_for(sys.argv[1])
+    config_json, folder = sys.argv[1:]
+    _compile_for(config_json)
+    compile_offered(Path(folder))
 
 
 def _compile_for(config_json: str) -> None:
