@@ -208,6 +208,11 @@ def test_other_features_than_taught_are_refused(room: Any, taught: Any) -> None:
         started(room, taught, features="sift")
 
 
+def test_descriptors_of_another_square_than_taught_are_refused(room: Any, taught: Any) -> None:
+    with pytest.raises(ConfigError, match="taught with features: surf, but the config says surf compact"):
+        started(room, taught, quality="compact")
+
+
 def test_another_kind_of_camera_is_refused(room: Any, taught: Any) -> None:
     pinhole = SensorInfo("omni", "image", calibration=Pinhole(300, 300, 160, 120))
 

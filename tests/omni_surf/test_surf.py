@@ -156,27 +156,31 @@ def test_haar_responses_are_differences_of_halves() -> None:
 
 @settings(max_examples=20, deadline=None)
 @given(u=st.floats(5, 75), v=st.floats(5, 55), scale=st.floats(1.2, 4.0), angle=st.floats(-3.1, 3.1))
-def test_the_descriptor_equals_its_plain_twin(u: float, v: float, scale: float, angle: float) -> None:
+@pytest.mark.parametrize("spacing", [1.0, 0.7])
+def test_the_descriptor_equals_its_plain_twin(spacing: float, u: float, v: float, scale: float, angle: float) -> None:
     integral = integral_of(texture(size=(60, 80)))
     point, angles = np.array([[u, v, scale]], np.float32), np.array([angle], np.float32)
     out = np.empty((1, 64), np.float32)
 
-    describe(integral, point, angles, region_weights(), out)
+    describe(integral, point, angles, region_weights(), np.float32(spacing), out)
 
-    np.testing.assert_allclose(out[0], plain_descriptor(integral, point[0], float(angles[0])), atol=0.05)
+    plain = plain_descriptor(integral, point[0], float(angles[0]), spacing)
+    np.testing.assert_allclose(out[0], plain, atol=0.05)
     assert np.linalg.norm(out[0]) == pytest.approx(1.0, abs=1e-5)
 
 
-def plain_descriptor(integral: npt.NDArray[np.int32], point: npt.NDArray[np.float32], angle: float) -> list[float]:
+def plain_descriptor(
+    integral: npt.NDArray[np.int32], point: npt.NDArray[np.float32], angle: float, spacing: float
+) -> list[float]:
     u0, v0, scale = (float(value) for value in point)
     half, cos, sin = max(1, int(scale + 0.5)), math.cos(angle), math.sin(angle)
     sums = np.zeros((4, 4, 4))
     weights = region_weights()
     for i in range(24):
         for j in range(24):
-            along_m, across_m = (j - 11.5) * scale, (i - 11.5) * scale
-            u = math.floor(u0 + 1 + along_m * cos - across_m * sin)
-            v = math.floor(v0 + 1 + along_m * sin + across_m * cos)
+            along_px, across_px = (j - 11.5) * spacing * scale, (i - 11.5) * spacing * scale
+            u = math.floor(u0 + 1 + along_px * cos - across_px * sin)
+            v = math.floor(v0 + 1 + along_px * sin + across_px * cos)
             du, dv = haar(integral, u, v, half)
             x, y = cos * du + sin * dv, cos * dv - sin * du
             sums += np.multiply.outer(np.outer(weights[:, i], weights[:, j]), [x, y, abs(x), abs(y)])
@@ -199,7 +203,7 @@ def test_a_bright_blob_is_found_where_it_is_with_its_scale_and_sign() -> None:
     assert bright.scale_px[0] == pytest.approx(5.0, rel=0.25)
 
 
-@pytest.mark.parametrize("mode", ["fast", "quality"])
+@pytest.mark.parametrize("mode", ["fast", "compact", "quality"])
 @pytest.mark.parametrize(("angle_deg", "scale"), [(90.0, 1.0), (37.0, 1.0), (180.0, 1.2), (-120.0, 0.85)])
 def test_most_matches_survive_turning_and_scaling(mode: str, angle_deg: float, scale: float) -> None:
     image = texture()
@@ -213,6 +217,22 @@ def test_most_matches_survive_turning_and_scaling(mode: str, angle_deg: float, s
     errors = np.linalg.norm(there - second.uv[j], axis=1)
     assert len(i) >= 30
     assert (errors < 3.0).mean() > 0.8
+
+
+def test_compact_features_survive_a_border_that_changes_where_fast_ones_do_not() -> None:
+    image = texture()
+    other = texture(seed=9)
+    other[80:160, 120:200] = image[80:160, 120:200]  # the same patch on another ground
+    shares = {}
+    for mode in ("fast", "compact"):
+        surf = create_features("surf", 200, mode)  # type: ignore[arg-type]
+        first, second = surf(image), surf(other)
+        in_patch = (np.abs(first.uv - (159.5, 119.5)) < 28).all(axis=1)
+        first = first.select(in_patch)
+        i, j, _ = match(first.descriptors, first.sign, second.descriptors, second.sign, 2.0)
+        shares[mode] = (np.linalg.norm(first.uv[i] - second.uv[j], axis=1) < 1.0).sum() / len(first)
+
+    assert shares["compact"] > shares["fast"]
 
 
 def test_orientation_turns_with_the_image() -> None:

@@ -43,8 +43,8 @@ class OmniSurfConfig(PresetConfig):
     """Its pictures are panoramas already, 360 deg wide, as 360 degree cameras give them; there is no circle to find."""
     features: Literal["surf", "sift", "orb", "akaze", "cv2_surf"] = "surf"
     """Kind of features. SURF is covered by patents in some countries; `sift` is the free choice."""
-    quality: Literal["fast", "quality"] = "fast"
-    """Of our SURF: on the picture as it is, or on one of twice the size."""
+    quality: Literal["fast", "compact", "quality"] = "fast"
+    """Of our SURF: on the picture as it is, with fewer octaves and a smaller described square, or on twice the size."""
     n_features: int = Field(250, ge=20)
     """Features of a picture, the strongest."""
     descriptor_gate: float = Field(0.4, gt=0, le=2)
@@ -104,3 +104,8 @@ class OmniSurfConfig(PresetConfig):
     """Largest distance between the centre found and the one named [px]."""
     min_circle_coverage: float = Field(0.6, gt=0, le=1)
     """Share of the rim that must be seen as a circle."""
+
+    @property
+    def descriptor_name(self) -> str:
+        """What a map calls its descriptors: those of ``compact`` tell of a smaller square, and match no others."""
+        return f"{self.features} compact" if (self.features, self.quality) == ("surf", "compact") else self.features

@@ -17,6 +17,7 @@ __all__ = [
     "FeatureExtractor",
     "FeatureName",
     "Features",
+    "SurfMode",
     "create_features",
     "grey_of",
     "match",
@@ -24,6 +25,7 @@ __all__ = [
 ]
 
 FeatureName = Literal["surf", "sift", "orb", "akaze", "cv2_surf"]
+SurfMode = Literal["fast", "compact", "quality"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,7 +73,7 @@ class FeatureExtractor(Protocol):
 
 
 def create_features(
-    name: FeatureName, n_best: int = 200, quality: Literal["fast", "quality"] = "fast", upright: bool = False
+    name: FeatureName, n_best: int = 200, quality: SurfMode = "fast", upright: bool = False
 ) -> FeatureExtractor:
     """Return the extractor of a name.
 
@@ -81,8 +83,8 @@ def create_features(
         ``surf`` is our own; ``cv2_surf`` needs an OpenCV built with its non-free part.
     n_best : int
         How many features to keep.
-    quality : {"fast", "quality"}
-        Of our SURF: on the image as it is, or on one of twice the size.
+    quality : {"fast", "compact", "quality"}
+        Of our SURF; see `SurfOptions.of`.
     upright : bool
         SURF without orientation, for cameras that do not turn.
 

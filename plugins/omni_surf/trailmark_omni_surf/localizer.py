@@ -56,7 +56,7 @@ class OmniSurf(Localizer):
         warm_up(extract)
         self._map_builder = MapBuilder(config, session.map, extract=extract, pose_base_camera=pose_base_camera)
         self._bearing_localizer: BearingLocalizer | None = None
-        landmarks = None if self._is_teaching else _load_landmarks(session.map, config.features)
+        landmarks = None if self._is_teaching else _load_landmarks(session.map, config.descriptor_name)
         if landmarks is not None and len(landmarks):
             views = TaughtViews.of(session.map.keyframes() if session.map is not None and config.place_fit > 0 else ())
             self._bearing_localizer = BearingLocalizer(

@@ -80,7 +80,7 @@ class MapBuilder:
             return
         candidates = measured_candidates(keyframes, self._config.n_longest)
         chosen = self._select_candidates(candidates)
-        landmarks = LandmarkMap.of(candidates, chosen, self._config.features)
+        landmarks = LandmarkMap.of(candidates, chosen, self._config.descriptor_name)
         self._localizer_map.save(LANDMARKS, landmarks.to_arrays())
         self._localizer_map.save(
             "candidates",

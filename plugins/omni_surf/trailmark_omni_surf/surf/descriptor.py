@@ -13,7 +13,7 @@ from trailmark.kernels import float_kernel, inlined_kernel, kernel
 __all__ = ["describe", "haar", "orient", "region_weights"]
 
 
-N_SAMPLES = 24  # along each side of the described square, one scale apart
+N_SAMPLES = 24  # along each side of the described square
 N_REGIONS = 4
 REGION_SAMPLES = 9  # neighbouring regions overlap: a point near the border counts for both (Agrawal et al. 2008)
 
@@ -123,7 +123,9 @@ def _strongest_window(bins: AnyArray) -> float:
 
 
 @float_kernel
-def describe(integral: AnyArray, points: AnyArray, angles: AnyArray, weights: AnyArray, out: AnyArray) -> None:
+def describe(
+    integral: AnyArray, points: AnyArray, angles: AnyArray, weights: AnyArray, spacing: np.float32, out: AnyArray
+) -> None:
     """Write the descriptors, unit vectors, to `out`.
 
     Per region: the sums of dx, dy, abs(dx) and abs(dy), along and across the orientation. Regions are sums with
@@ -139,13 +141,15 @@ def describe(integral: AnyArray, points: AnyArray, angles: AnyArray, weights: An
         Orientation [rad].
     weights : (4, 24) float32
         See `region_weights`.
+    spacing : float32
+        From one sample to the next [scales]; the paper's is 1, and the described square 24 scales wide.
     out : (N, 64) float32
         Descriptors.
     """
     responses = np.empty((4, N_SAMPLES, N_SAMPLES), np.float32)
     columns = np.empty((N_REGIONS, 4, N_SAMPLES), np.float32)
     for n in range(points.shape[0]):
-        _sample(integral, points[n], angles[n], responses)
+        _sample(integral, points[n], angles[n], spacing, responses)
         columns[:] = np.float32(0.0)
         for region in range(N_REGIONS):
             for i in range(5 * region, 5 * region + REGION_SAMPLES):
@@ -158,12 +162,12 @@ def describe(integral: AnyArray, points: AnyArray, angles: AnyArray, weights: An
 
 
 @float_kernel
-def _sample(integral: AnyArray, point: AnyArray, angle: float, responses: AnyArray) -> None:
+def _sample(integral: AnyArray, point: AnyArray, angle: float, spacing: np.float32, responses: AnyArray) -> None:
     """Fill `responses` with dx, dy, abs(dx), abs(dy) on the turned grid."""
     scale = point[2]
     half = max(1, int(scale + 0.5))
     cos, sin = np.float32(math.cos(angle)), np.float32(math.sin(angle))
-    step_u, step_v = scale * cos, scale * sin
+    step_u, step_v = spacing * scale * cos, spacing * scale * sin
     for i in range(N_SAMPLES):
         start_u = point[0] + 1.0 - (i - 11.5) * step_v - 11.5 * step_u
         start_v = point[1] + 1.0 + (i - 11.5) * step_u - 11.5 * step_v

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from trailmark.errors import ShapeError
-from trailmark_omni_surf.features import Features
+from trailmark_omni_surf.features import Features, SurfMode
 from trailmark_omni_surf.surf.descriptor import describe, orient, region_weights
 from trailmark_omni_surf.surf.extrema import find_maxima
 from trailmark_omni_surf.surf.hessian import halve_layer, hessian_layer, integral_image
@@ -42,6 +43,8 @@ class SurfOptions:
         Double the image first: finds smaller features and places all of them better, for twice the time.
     blur_px : float
         Gaussian sigma before all else, on the doubled image if doubled; 0: none [px].
+    spacing : float
+        Between the samples of the described square, which is 24 of them wide [scales].
     """
 
     threshold: float = 2.0
@@ -50,12 +53,24 @@ class SurfOptions:
     upright: bool = False
     up_sample: bool = False
     blur_px: float = 0.8
+    spacing: float = 1.0
 
     @classmethod
-    def of(cls, mode: Literal["fast", "quality"], **changes: Any) -> SurfOptions:
-        """Return the options of a mode: ``fast`` on the image as it is, ``quality`` on the doubled one."""
-        base = cls() if mode == "fast" else cls(up_sample=True, blur_px=1.0, n_octaves=4)
-        return dataclasses.replace(base, **changes)
+    def of(cls, mode: SurfMode, **changes: Any) -> SurfOptions:
+        """Return the options of a mode.
+
+        ``fast`` looks at the image as it is, ``quality`` at one of twice the size. ``compact`` leaves out the third
+        octave, whose grid of 4 px places features badly, and describes a smaller square, of which less is bent or
+        hidden in another view; the stronger blur makes small features come back.
+        """
+        return dataclasses.replace(_MODES[mode], **changes)
+
+
+_MODES: Mapping[SurfMode, SurfOptions] = {
+    "fast": SurfOptions(),
+    "compact": SurfOptions(threshold=1.0, n_octaves=2, blur_px=1.5, spacing=0.7),
+    "quality": SurfOptions(up_sample=True, blur_px=1.0, n_octaves=4),
+}
 
 
 class Surf:
@@ -99,7 +114,7 @@ class Surf:
         if not options.upright:
             orient(self._integral, points, angles)
         descriptors = np.empty((len(points), 64), np.float32)
-        describe(self._integral, points, angles, self._weights, descriptors)
+        describe(self._integral, points, angles, self._weights, np.float32(options.spacing), descriptors)
         signs = laplacian_signs(self._integral, points)
         uv, scale = points[:, :2].astype(np.float64), points[:, 2]
         if options.up_sample:
