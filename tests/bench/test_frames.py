@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Iterator
 from dataclasses import replace
@@ -293,7 +294,11 @@ def test_a_bench_says_the_same_whether_frames_are_rendered_once_or_each_time(tmp
     source = {"plugin": "sim", "world": "ground_course", "duration_s": 1, "sensors": ["floor", "wheels"]}
     cells = {
         "localizers": ["klt", "odometry"],
-        "perturbations": {"clean": {}, "noise": {"sensors": ["floor"], "noise": 12}},
+        "perturbations": {
+            "clean": {},
+            "noise": {"sensors": ["floor"], "noise": 12},
+            "several": {"dropped": 0.2, "late_s": 0.02, "specks": {}, "cover": {"from_s": 0.3, "to_s": 0.6}},
+        },
         "seeds": [3],
     }
     document = {"sources": {"robot": source}, "bench": {"code": "version", "cells": cells}}
@@ -305,11 +310,14 @@ def test_a_bench_says_the_same_whether_frames_are_rendered_once_or_each_time(tmp
             said[name] = {record.label: record.result["metrics"] for record in index.records()}
 
     assert said["each"] == said["once"]
-    assert len(said["once"]) == 4
+    assert len(said["once"]) == 6
     for cell in bench.cells:
         each, once = (tmp_path / name / "cells" / cell.id / "run" for name in ("each", "once"))
         assert all((each / file).read_bytes() == (once / file).read_bytes() for file in FIGURES), cell.label
-    assert len(list((tmp_path / "once" / "frames").iterdir())) == 1
+    counted = [json.loads((tmp_path / "once" / "cells" / cell.id / "result.json").read_bytes()) for cell in bench.cells]
+    assert sum("source.robot.perturb.dropped" in one["counters"] for one in counted) == 2
+    # frames, those with noise, and of several faults: the first of each sensor, two more of the camera
+    assert len(list((tmp_path / "once" / "frames").iterdir())) == 1 + 1 + 4
     assert not (tmp_path / "each" / "frames").exists()
 
 
@@ -329,5 +337,5 @@ def test_a_bench_says_the_same_whether_a_place_is_taught_once_or_each_time(tmp_p
         each, once = (tmp_path / name / "cells" / cell.id for name in ("each", "once"))
         assert all((each / file).read_bytes() == (once / file).read_bytes() for file in files), cell.label
     archives = list((tmp_path / "once" / "frames").iterdir())
-    assert len(archives) == 3  # frames of the teaching, of the replay that is common to both, and the store
+    assert len(archives) == 4  # frames of the teaching, of the replay that is common to both, its gaps, and the store
     assert sum((place / "store").exists() for place in archives) == 1

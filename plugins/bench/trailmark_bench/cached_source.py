@@ -3,77 +3,31 @@
 from __future__ import annotations
 
 import logging
-import platform
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, fields, replace
 from importlib.metadata import version
 from typing import Any
 
 from trailmark import commands
 from trailmark.commands import Command
-from trailmark.config import RunConfig, SourceEntry
-from trailmark.config.run import PartEntry
 from trailmark.frames import Frame, SensorInfo
 from trailmark.geometry import Trajectory
-from trailmark.interfaces import Drivable, FrameSource, Session
-from trailmark.isolation.fingerprint import code_of, digest_of, fingerprint, without_paths
+from trailmark.interfaces import Drivable, Session
+from trailmark.isolation.fingerprint import digest_of
 from trailmark.isolation.plain import to_plain_bytes
 from trailmark_bench.frame_cache import FrameArchive, FrameCache, FrameRecording
 
-__all__ = ["CachedSource", "renderer_versions", "with_cached_frames"]
+__all__ = ["CachedSource", "renderer_versions"]
 
 logger = logging.getLogger(__name__)
 
 # What renders, besides the source's own code.
 _RENDERERS = ("numpy", "scipy", "numba", "opencv-contrib-python-headless")
-# Keys of a source that are applied to its frames, not by it.
-_APPLIED_LATER = ("perturb",)
-
-
-def with_cached_frames(config: RunConfig, cache: FrameCache, data: Mapping[str, str]) -> RunConfig:
-    """Return a run whose simulated sources take their frames from a cache, where no controller drives them.
-
-    Parameters
-    ----------
-    config : RunConfig
-        Of the run; one that is held to the stamps of its frames is left as it is.
-    cache : FrameCache
-        Where frames are.
-    data : mapping of str to str
-        Digests of files that are known.
-    """
-    if config.settings.pace == "realtime":
-        return config
-    sources = {name: _cached_entry(entry, cache, data) for name, entry in config.sources.items()}
-    return replace(config, sources=sources)
 
 
 def renderer_versions() -> list[str]:
     """Return the versions of the numeric libraries that frames depend on."""
     return [version(name) for name in _RENDERERS]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _CachedSourceEntry(SourceEntry):
-    cache: FrameCache
-    facts: Mapping[str, Any]
-
-    def construct(self) -> FrameSource:
-        source: FrameSource = PartEntry.construct(self)
-        return CachedSource(source, self.cache, self.facts) if isinstance(source, Drivable) else source
-
-
-def _cached_entry(entry: SourceEntry, cache: FrameCache, data: Mapping[str, str]) -> SourceEntry:
-    own = {field.name: getattr(entry, field.name) for field in fields(entry)}
-    kept = {key: value for key, value in entry.document.items() if key not in _APPLIED_LATER}
-    facts = {
-        "source": without_paths(kept, lambda path: data.get(path) or fingerprint(path)),
-        "code": code_of([entry.spec]),
-        "renderers": renderer_versions(),
-        "machine": platform.machine(),
-    }
-    return _CachedSourceEntry(**own, cache=cache, facts=facts)
 
 
 class CachedSource(Drivable):
@@ -100,10 +54,12 @@ class CachedSource(Drivable):
         self._archive: FrameArchive | None = None
         self._n_played = 0
         self._is_closed = False
+        #: Whether it has given all of its frames.
+        self.has_ended = False
 
     def start(self, session: Session) -> None:
         """Find the frames; start the source only if there are none."""
-        self._n_played, self._is_closed = 0, False
+        self._n_played, self._is_closed, self.has_ended = 0, False, False
         self._key = _key_of(self._facts, session)
         package = type(self._source).__module__.partition(".")[0]
         self._archive = self._cache.find(self._key, package)
@@ -117,6 +73,11 @@ class CachedSource(Drivable):
         """End the frames."""
         self._is_closed = True
         self._source.close()
+
+    @property
+    def frames_key(self) -> str | None:
+        """Digest of what its frames depend on, once it has started; None: they are those of this run alone."""
+        return self._key if self.drives_itself else None
 
     @property
     def sensors(self) -> Mapping[str, SensorInfo]:
@@ -164,6 +125,7 @@ class CachedSource(Drivable):
             self._n_played = n
             yield frame
         self._n_played = len(archive.frames) + 1  # it was asked for more, and counted once more
+        self.has_ended = True
 
     def _play_and_record(self) -> Iterator[Frame]:
         recording = self._begin()
@@ -171,7 +133,8 @@ class CachedSource(Drivable):
             for frame in self._source.frames():
                 recording = self._keep(recording, frame)
                 yield frame
-            if recording is not None and not self._is_closed:
+            self.has_ended = not self._is_closed
+            if recording is not None and self.has_ended:
                 self._finish(recording)
         finally:
             if recording is not None:

@@ -32,7 +32,7 @@ COMMON = (
     "trailmark.evaluation",
     "trailmark.pipeline",
     "trailmark.plugins",
-    "trailmark_bench.cached_source",
+    "trailmark_bench.cached_run",
     "trailmark_bench.measure",
     "trailmark_bench.taught_cache",
 )
@@ -85,7 +85,7 @@ def _run(request: Mapping[str, Any], folder: Path, *, n_steps: int | None = None
     from trailmark.evaluation import Protocol, evaluate_run_folder, metrics_of, read_run, write_metrics
     from trailmark.evaluation.taught_places import TRUTH_FILE, write_taught_places
     from trailmark.plugins import load_plugins
-    from trailmark_bench.cached_source import with_cached_frames
+    from trailmark_bench.cached_run import with_cached_frames
     from trailmark_bench.frame_cache import FrameCache
     from trailmark_bench.measure import measure_cell
 

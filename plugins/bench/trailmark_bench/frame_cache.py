@@ -52,6 +52,8 @@ class FrameArchive:
         After the last frame.
     n_bytes : int
         Of the arrays.
+    notes : mapping
+        Plain data that who wrote it keeps beside.
     """
 
     sensors: Mapping[str, SensorInfo]
@@ -60,6 +62,7 @@ class FrameArchive:
     counters: Sequence[tuple[int, Mapping[str, int]]]
     ground_truth: Trajectory | None
     n_bytes: int
+    notes: Mapping[str, Any] = field(default_factory=dict)
 
 
 class FrameCache:

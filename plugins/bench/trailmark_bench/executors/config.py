@@ -15,8 +15,9 @@ class LocalConfig(ExecutorConfig):
     jobs: int | None = Field(default=None, ge=1)
     """Cells at a time; left out: 1, so that times are fair."""
     frames_mb: float = Field(default=4000.0, ge=0)
-    """Frames of simulated sources are rendered once and played to every cell of the same source, seed and place, and a
-    place is taught once; what both may take below the bench's folder. 0: every cell renders and teaches itself [MB]."""
+    """Frames of simulated sources are rendered once and played to every cell of the same source, seed and place, faults
+    are applied once, and a place is taught once; what all may take below the bench's folder. 0: every cell does it
+    itself [MB]."""
     warm: bool = True
     """Cells of the same packages are forked from a process that has imported them, on Linux; each is isolated as a
     program of its own is, and one that crashes is run again as such. False: each begins anew."""
