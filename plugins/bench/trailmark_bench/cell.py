@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
-__all__ = ["STATES", "UNSUCCESSFUL", "Cell", "State"]
+__all__ = ["FINISHED", "STATES", "UNSUCCESSFUL", "Cell", "State"]
 
 State = Literal["pending", "running", "ok", "failed", "timeout", "crashed", "skipped"]
 
@@ -15,6 +15,9 @@ STATES: tuple[State, ...] = get_args(State)
 
 #: States of a cell that ran and gave no result.
 UNSUCCESSFUL: tuple[State, ...] = ("failed", "timeout", "crashed")
+
+#: States of a cell that has ended.
+FINISHED: tuple[State, ...] = ("ok", *UNSUCCESSFUL, "skipped")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -16,6 +16,7 @@ from trailmark.errors import ConfigError
 __all__ = ["RunOptions", "bench_group"]
 
 _FOLDER = click.Path(path_type=Path, file_okay=False)
+_FILE = click.Path(path_type=Path, dir_okay=False)
 _RETRY = ("failed", "crashed", "timeout", "skipped", "all")
 
 
@@ -36,6 +37,7 @@ class RunOptions:
     quick: bool = False
     executor: str | None = None
     scheduler: str | None = None
+    results: Path | None = None
     no_report: bool = False
     as_json: bool = False
 
@@ -82,6 +84,7 @@ def bench_group() -> None:
 @click.option("--quick", is_flag=True, help="Only one place and one seed of everything: the first that it has.")
 @click.option("--executor", metavar="NAME", help="Where cells run: local, dask, or a plugin's.")
 @click.option("--scheduler", metavar="ADDRESS", help="Of a Dask cluster.")
+@click.option("--results", type=_FILE, help="Go on from this file of `export json`, and write it anew at the end.")
 @click.option("--no-report", is_flag=True, help="Leave the report out.")
 @click.option("--json", "as_json", is_flag=True, help="Print the cells as JSON.")
 @click.pass_context
@@ -188,20 +191,23 @@ def merge_command(folders: tuple[Path, ...], out: Path) -> None:
 @click.option("--metric", "metrics", multiple=True, metavar="NAME", help="Quantities; default: the bench's.")
 @click.option("--baseline", metavar="NAME", help="Compare with this one.")
 @click.option("--cells", "is_cells", is_flag=True, help="A row for each cell instead of the statistics (csv).")
-@click.option("--to", type=click.Path(path_type=Path, dir_okay=False), help="A file; default: standard output.")
+@click.option("--to", type=_FILE, help="A file; default: standard output.")
 def export_command(
     form: str, folder: Path, metrics: tuple[str, ...], baseline: str | None, is_cells: bool, to: Path | None
 ) -> None:
     """Write the tables of a bench for a paper, a page or another program; as json, all cells, for `merge` elsewhere."""
     from trailmark_bench.export import export_text
     from trailmark_bench.index import Index
-    from trailmark_bench.shared import shared_results
+    from trailmark_bench.shared import shared_results, write_results
 
     if is_cells and form != "csv":
         raise ConfigError(f"--cells is for csv: {form} has tables of statistics")
     if form == "json" and (metrics or baseline):
         raise ConfigError("json holds every cell with all its figures: --metric and --baseline are for tables")
     with Index(folder) as index:
+        if form == "json" and to is not None:
+            write_results(index, to)
+            return
         text = shared_results(index) if form == "json" else export_text(index, form, metrics, baseline, is_cells)
     if to is None:
         click.echo(text, nl=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,6 +29,7 @@ from trailmark_bench.index import INDEX_FILE, Index
 from trailmark_bench.matrix import Bench, load_bench
 from trailmark_bench.order import first_samples
 from trailmark_bench.page import write_page
+from trailmark_bench.passes import going_on_from, noting_pass
 from trailmark_bench.rehearsal import misfits
 from trailmark_bench.scheduler import cells_to_run, run_bench
 
@@ -61,9 +62,13 @@ def run_bench_command(request: RunOptions, plugins: Plugins, chosen: ChosenPlugi
         index.keep_file_digests(cache)
         say_changed(bench, index)
         remember(index, bench, request.config)
-        with BenchProgress() as progress:
-            executor = executor_of(bench, plugins, request)
-            budget_s = math.inf if request.hours is None else 3600.0 * request.hours
+        executor = executor_of(bench, plugins, request)
+        budget_s = math.inf if request.hours is None else 3600.0 * request.hours
+        with ExitStack() as around:
+            if request.results is not None:
+                say(around.enter_context(going_on_from(index, bench.cells, request.results)))
+            around.enter_context(noting_pass(index))
+            progress = around.enter_context(BenchProgress())
             lost = run_bench(bench.cells, index, executor, retry=request.retry, on_progress=progress, budget_s=budget_s)
         conclude(index, request.no_report, request.as_json)
         states = index.states()

@@ -1,0 +1,98 @@
+"""A bench in pieces: each goes on from a file of results, adds to it, and notes what it has cost."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from trailmark_bench.cell import FINISHED, Cell
+from trailmark_bench.index import Index
+from trailmark_bench.shared import read_results, write_results
+
+__all__ = ["going_on_from", "noting_pass"]
+
+
+@contextmanager
+def going_on_from(index: Index, cells: Sequence[Cell], path: Path) -> Iterator[str]:
+    """Take what a file says of cells that have not been run here; write it anew with all that has ended, at the end.
+
+    A cell is taken by its address, which is made of config, code, data and protocol: what is of other code is not
+    taken, and no longer in the file afterwards.
+
+    Parameters
+    ----------
+    index : Index
+        Of the folder of the bench, for writing.
+    cells : sequence of Cell
+        Of the bench.
+    path : Path
+        The file; that there is none yet is no mistake.
+
+    Yields
+    ------
+    str
+        What was taken.
+
+    Raises
+    ------
+    DataError
+        If the file is none of results, or cannot be written.
+    """
+    told = _take(index, cells, path) if path.exists() else f"{path} is begun"
+    try:
+        yield told
+    finally:
+        write_results(index, path, pictured=True)
+
+
+def _take(index: Index, cells: Sequence[Cell], path: Path) -> str:
+    index.enter(cells)
+    ours = index.states()
+    with TemporaryDirectory() as folder:
+        read_results(path, Path(folder))
+        with Index(folder) as other:
+            theirs = other.states()
+            known = [cell.id for cell in cells if cell.id in theirs]
+            index.copy_from(other, [cell_id for cell_id in known if ours[cell_id] not in FINISHED])
+            index.set_meta(passes=_united(other.meta().get("passes", ()), index.meta().get("passes", ())))
+    index.enter(cells)
+    n_other = len(theirs) - len(known)
+    told = f"{len(known)} of {len(cells)} cells are known from {path}"
+    return told + (f"; {n_other} in it are of other code or config, or not asked for: it loses them" * bool(n_other))
+
+
+def _united(*passes: Sequence[object]) -> list[object]:
+    """Return the passes of several benches, each once, in their order."""
+    found: list[object] = []
+    for one in (one for several in passes for one in several):
+        if one not in found:
+            found.append(one)
+    return found
+
+
+@contextmanager
+def noting_pass(index: Index) -> Iterator[None]:
+    """Note with the bench what runs in this context: how many cells, wall and processor time, commit and machine."""
+    ended, began_s, cpu_before_s = _n_ended(index), time.monotonic(), _cpu_s()
+    try:
+        yield
+    finally:
+        n_cells, meta = _n_ended(index) - ended, index.meta()
+        if n_cells:
+            origin = meta.get("provenance") or {}
+            costs = {"wall_s": round(time.monotonic() - began_s, 1), "cpu_s": round(_cpu_s() - cpu_before_s, 1)}
+            about = {key: origin.get(key) for key in ("started", "git", "cpu")}
+            index.set_meta(passes=[*meta.get("passes", ()), {**about, "cells": n_cells, **costs}])
+
+
+def _n_ended(index: Index) -> int:
+    return sum(state in FINISHED for state in index.states().values())
+
+
+def _cpu_s() -> float:
+    """Return the processor time of this process and of those that it has waited for [s]."""
+    return sum(os.times()[:4])
