@@ -10,12 +10,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 from numba.core import event
 
 from trailmark import kernels
-from trailmark.kernels import float_kernel, inlined_kernel, kernel
+from trailmark.kernels import float_kernel, inlined_kernel, inner_kernel, kernel
 
 SQUARES = """
 import logging, sys
@@ -70,6 +71,63 @@ def doubled_ratio(above: float, below: float) -> float:
 @kernel(error_model="numpy")
 def unchecked_doubled_ratio(above: float, below: float) -> float:
     return doubled(above) / below
+
+
+@inner_kernel
+def halved(value: float) -> float:
+    return value / 2.0
+
+
+@kernel
+def quartered(value: float) -> float:
+    return halved(halved(value))
+
+
+def test_an_inner_kernel_works_in_kernels_and_refuses_python():
+    for _ in ("before it is compiled", "after"):
+        if not numba.config.DISABLE_JIT:
+            with pytest.raises(TypeError, match="halved has no entry for Python"):
+                halved(1.0)
+        assert quartered(8.0) == 2.0
+
+
+INNER = """
+import sys
+from trailmark.kernels import inner_kernel, kernel
+
+
+@inner_kernel
+def halved(value):
+    return value / 2.0
+
+
+@kernel
+def quartered(value):
+    return halved(halved(value))
+
+
+@kernel
+def halved_again(value):
+    return halved(value)
+
+
+print({"quarter": quartered, "half": halved_again}[sys.argv[1]](8.0))
+"""
+
+
+def test_an_inner_kernel_is_kept_for_the_kernels_of_another_process(tmp_path: Path) -> None:
+    program = tmp_path / "inner.py"
+    program.write_text(INNER)
+    surroundings = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kept")}
+
+    said = [
+        subprocess.run(
+            [sys.executable, program, which], env=surroundings, capture_output=True, text=True, check=True
+        ).stdout
+        for which in ("quarter", "half", "half")
+    ]
+
+    assert said == ["2.0\n", "4.0\n", "4.0\n"]
 
 
 def test_a_division_by_zero_raises_unless_the_kernel_says_otherwise():

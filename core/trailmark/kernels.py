@@ -9,13 +9,14 @@ import gc
 import logging
 import re
 from collections.abc import Callable
+from functools import partial
 from numbers import Number
 from typing import Any, Literal, TypeVar, overload
 
 import numba
 from numba.core import event as numba_event
 
-__all__ = ["float_kernel", "inlined_kernel", "is_kept", "kernel"]
+__all__ = ["float_kernel", "inlined_kernel", "inner_kernel", "is_kept", "kernel"]
 
 logger = logging.getLogger(__name__)
 
@@ -110,6 +111,27 @@ def float_kernel(function: _Function) -> _Function:
     one that finds all kernels on disk.
     """
     return _compiler(nogil=True, fastmath=set(_REORDER), inline="always")(function)
+
+
+def inner_kernel(function: _Function, error_model: _ErrorModel = "python") -> _Function:
+    """Compile like `kernel` a function that kernels alone call: without an entry for Python, which costs time.
+
+    Called from Python it raises `TypeError`.
+    """
+    compiled: Any = _compiler(nogil=True, no_cpython_wrapper=True, error_model=error_model)(function)
+    if hasattr(compiled, "py_func"):  # and numba is not switched off
+        compiled._insert = _without_entry  # numba's table of entries: it would call an address that is zero
+        compiled._compile_for_args = partial(_refuse_python, function.__name__)  # asked for what is not in the table
+    inner: _Function = compiled
+    return inner
+
+
+def _without_entry(*_: object) -> None:
+    """Take no note of an entry that does not exist."""
+
+
+def _refuse_python(name: str, *_: object, **__: object) -> None:
+    raise TypeError(f"the kernel {name} has no entry for Python: make it a 'kernel', or call its py_func")
 
 
 def inlined_kernel(function: _Function) -> _Function:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trailmark.arrays import Bools, Float32s, Floats, Int64s
-from trailmark.kernels import float_kernel, kernel
+from trailmark.kernels import float_kernel, inner_kernel, kernel
 from trailmark_ground_vo.extremes import Area
 from trailmark_ground_vo.few_numbers import median_of
 from trailmark_ground_vo.texture import SLOPE_U, SLOPE_V, VALUE, Texture, X, Y
@@ -191,7 +191,7 @@ def _decide(sums: Floats) -> tuple[Bools, int, Floats]:
     return agrees, n_voting, scatter
 
 
-@kernel
+@inner_kernel
 def _median_of_voting(values: Floats, votes: Bools) -> float:
     chosen, n = np.empty(values.shape[0]), 0
     for a in range(values.shape[0]):

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trailmark.arrays import Bools, Floats, Grey8
-from trailmark.kernels import kernel
+from trailmark.kernels import inner_kernel, kernel
 
 __all__ = ["Area", "Group", "advance", "select"]
 
@@ -49,12 +49,12 @@ class Group(NamedTuple):
     brightest: Bools
 
 
-@kernel
+@inner_kernel
 def _is_better(value: int, best: int, brightest: bool) -> bool:
     return value > best if brightest else value < best
 
 
-@kernel
+@inner_kernel
 def _extreme_in_column(image: Grey8, u: int, top: int, bottom: int, brightest: bool) -> int:
     best = top
     for v in range(top + 1, bottom):
@@ -63,7 +63,7 @@ def _extreme_in_column(image: Grey8, u: int, top: int, bottom: int, brightest: b
     return best
 
 
-@kernel
+@inner_kernel
 def _free_line(taken: Bools, u: int, area: Area) -> int:
     """Return the free line nearest to column `u`, or `u`."""
     for distance in range(_REACH_PX + 1):
@@ -74,7 +74,7 @@ def _free_line(taken: Bools, u: int, area: Area) -> int:
     return u
 
 
-@kernel
+@inner_kernel
 def _extreme_in_row(image: Grey8, u: int, v: int, area: Area, brightest: bool, taken: Bools) -> int:
     """Return the column of the extreme of a row near column `u`: on a free line, or on any where none is free."""
     first, last = max(area[0], u - _REACH_PX), min(area[2], u + _REACH_PX + 1)
@@ -89,7 +89,7 @@ def _extreme_in_row(image: Grey8, u: int, v: int, area: Area, brightest: bool, t
     return best if best >= 0 else best_of_all
 
 
-@kernel
+@inner_kernel
 def _line_of(u: int, area: Area, n_lines: int) -> int:
     return (u - area[0]) * n_lines // (area[2] - area[0])
 

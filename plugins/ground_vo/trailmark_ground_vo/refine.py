@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from trailmark.arrays import Float32s, Floats, Grey16
-from trailmark.kernels import float_kernel, kernel
+from trailmark.kernels import float_kernel, inner_kernel
 from trailmark_ground_vo.texture import SLOPE_U, SLOPE_V, Texture, X, Y, residuals
 
 __all__ = ["best_start", "mean_clipped", "mean_slopes", "refine"]
@@ -125,7 +125,7 @@ def _normal_equations(
     return a, b
 
 
-@kernel
+@inner_kernel
 def _solve(a: Floats, b: Floats) -> tuple[float, float, float]:
     """Return the solution of a symmetric (3, 3) system; what the system does not determine is left at zero."""
     d_0 = a[0, 0]

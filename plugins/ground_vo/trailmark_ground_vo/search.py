@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 
 from trailmark.arrays import Floats, Grey8, Int32s, Int64s
-from trailmark.kernels import kernel
+from trailmark.kernels import inner_kernel, kernel
 from trailmark_ground_vo.vector import CHUNK, add_window, padded_columns, padded_rows
 
 __all__ = ["centre_out", "places", "reach", "rotation_angles", "sad_search", "sad_search_plain", "summarise"]
@@ -76,7 +76,7 @@ def places(
     return out
 
 
-@kernel
+@inner_kernel
 def _in_bands(v: Int64s) -> Int64s:
     """Return the order of the pixels by bands of rows (a counting sort)."""
     last = 0

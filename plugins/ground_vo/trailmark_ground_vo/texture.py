@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from trailmark.arrays import Bools, Float32s, Grey16
-from trailmark.kernels import float_kernel, kernel
+from trailmark.kernels import float_kernel, inner_kernel, kernel
 from trailmark_ground_vo.extremes import Area
 
 __all__ = [
@@ -47,14 +47,14 @@ _REACH_PX = 16
 Texture = Float32s
 
 
-@kernel
+@inner_kernel
 def _slope(picture: Grey16, u: int, v: int, along_u: bool) -> np.int32:
     if along_u:  # signed, or numba would wrap below zero
         return np.int32(picture[v, u + 1]) - np.int32(picture[v, u - 1])
     return np.int32(picture[v + 1, u]) - np.int32(picture[v - 1, u])
 
 
-@kernel
+@inner_kernel
 def _steepest_in_column(picture: Grey16, u: int, top: int, bottom: int, along_u: bool) -> int:
     best, steepest = top, np.int32(-1)
     for v in range(top, bottom):
@@ -64,7 +64,7 @@ def _steepest_in_column(picture: Grey16, u: int, top: int, bottom: int, along_u:
     return best
 
 
-@kernel
+@inner_kernel
 def _put(texture: Texture, n: int, picture: Grey16, u: int, v: int) -> None:
     texture[X, n], texture[Y, n], texture[VALUE, n] = u, v, picture[v, u]
     texture[SLOPE_U, n] = 0.5 * _slope(picture, u, v, True)
@@ -72,7 +72,7 @@ def _put(texture: Texture, n: int, picture: Grey16, u: int, v: int) -> None:
     texture[AGE, n], texture[SEEN_X, n], texture[SEEN_Y, n] = 1.0, u, v
 
 
-@kernel
+@inner_kernel
 def _learn_anew(texture: Texture, n: int, picture: Grey16, value: float, u: int, v: int) -> None:
     """Remember a pixel as it looks now, where it is."""
     texture[VALUE, n], texture[AGE, n] = value, 1.0
@@ -137,7 +137,7 @@ def select_texture(picture: Grey16, area: Area, n_segments: int, step_px: int) -
     return texture
 
 
-@kernel
+@inner_kernel
 def _free_cell(taken: Bools, u: int, segment: int, n_tried: int, left: int, right: int) -> tuple[int, int]:
     """Return column and segment of the free cell nearest to a column, own segment first; or where it was."""
     n_segments, n_lines = taken.shape
@@ -154,14 +154,14 @@ def _free_cell(taken: Bools, u: int, segment: int, n_tried: int, left: int, righ
     return u, segment
 
 
-@kernel
+@inner_kernel
 def _rows_of(segment: int, n_segments: int, top: int, bottom: int) -> tuple[int, int]:
     height = (bottom - top) // n_segments
     first = top + segment * height
     return first, bottom if segment == n_segments - 1 else first + height
 
 
-@kernel
+@inner_kernel
 def _new_rows(v: int, segment: int, n_segments: int, top: int, bottom: int) -> tuple[int, int]:
     """Return the rows at the edge that came into the area while a pixel went out to row `v` beyond the other one."""
     first, last = _rows_of(segment, n_segments, top, bottom)

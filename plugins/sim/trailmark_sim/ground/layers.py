@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trailmark.arrays import AnyArray
-from trailmark.kernels import kernel
+from trailmark.kernels import inner_kernel, kernel
 from trailmark_sim.hashing import hash2, mix_bits, normal_of, unit_of
 from trailmark_sim.interpolation import between
 
@@ -52,7 +52,7 @@ def add_clouds(
             first = last
 
 
-@kernel
+@inner_kernel
 def _end_of_cell(cells_u: AnyArray, cells_v: AnyArray, first: int) -> int:
     """Return the first texel beyond the cell that `first` lies in."""
     last = first + 1
@@ -61,7 +61,7 @@ def _end_of_cell(cells_u: AnyArray, cells_v: AnyArray, first: int) -> int:
     return last
 
 
-@kernel
+@inner_kernel
 def _add_between(
     out: AnyArray, corners: tuple[float, float, float, float], us: AnyArray, vs: AnyArray, gain: float
 ) -> None:

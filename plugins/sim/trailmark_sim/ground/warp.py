@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from trailmark.arrays import AnyArray
-from trailmark.kernels import kernel
+from trailmark.kernels import inner_kernel, kernel
 from trailmark_sim.ground.regions import TileRegion
 from trailmark_sim.ground.tiles import GREY_STEPS, TILE_TEXELS
 from trailmark_sim.hashing import hash2
@@ -30,7 +31,7 @@ _BYTE = np.uint32(0xFF)
 _MEAN, _PER_SIGMA = np.float32(510.0), np.float32(1.0 / (4.0 * 65535.0 / 12.0) ** 0.5)
 
 # A division that may fail would keep the loops from being done eight at once.
-_kernel = kernel(error_model="numpy")
+_kernel, _inner_kernel = kernel(error_model="numpy"), partial(inner_kernel, error_model="numpy")
 
 
 class GreyResponse(NamedTuple):
@@ -98,14 +99,14 @@ class _RowScratch(NamedTuple):
     pairs: AnyArray
 
 
-@_kernel
+@_inner_kernel
 def _scratch(width: int) -> _RowScratch:
     return _RowScratch(
         np.empty((3, width), np.int32), np.empty((2, width), np.float32), np.empty((2, width), np.uint32)
     )
 
 
-@_kernel
+@_inner_kernel
 def _warp_row(line: AnyArray, row: int, region: TileRegion, scratch: _RowScratch) -> None:
     index, part, pair = scratch
     texel_pixel = region.texel_pixel[row % region.texel_pixel.shape[0]]
@@ -117,7 +118,7 @@ def _warp_row(line: AnyArray, row: int, region: TileRegion, scratch: _RowScratch
         _blend(line, pair[0], pair[1], part[0], part[1], np.float32(1.0 / (GREY_STEPS * texel_pixel.shape[0])))
 
 
-@_kernel
+@_inner_kernel
 def _locate(i: AnyArray, j: AnyArray, fx: AnyArray, fy: AnyArray, m: AnyArray, row: int) -> None:
     """Find the texel and the fractions for every pixel of a row."""
     a, b, c = np.float32(m[0, 0]), np.float32(m[1, 0]), np.float32(m[2, 0])
@@ -131,7 +132,7 @@ def _locate(i: AnyArray, j: AnyArray, fx: AnyArray, fy: AnyArray, m: AnyArray, r
         fx[col], fy[col] = x - np.float32(i[col]), y - np.float32(j[col])
 
 
-@_kernel
+@_inner_kernel
 def _address(at: AnyArray, i: AnyArray, j: AnyArray, slots: AnyArray) -> None:
     """Turn texels of the region into places in memory, one run of pixels on the same tile after the other."""
     first = 0
@@ -143,7 +144,7 @@ def _address(at: AnyArray, i: AnyArray, j: AnyArray, slots: AnyArray) -> None:
         first = last
 
 
-@_kernel
+@_inner_kernel
 def _end_of_tile(i: AnyArray, j: AnyArray, first: int) -> int:
     """Return the first pixel beyond the tile that `first` lies on; along a row a tile is left only once."""
     low, high = first, i.shape[0]
@@ -156,13 +157,13 @@ def _end_of_tile(i: AnyArray, j: AnyArray, first: int) -> int:
     return int(high)
 
 
-@_kernel
+@_inner_kernel
 def _add_base(at: AnyArray, i: AnyArray, j: AnyArray, base: np.int32) -> None:
     for col in range(at.shape[0]):
         at[col] = base + j[col] * np.int32(_SIDE) + i[col]
 
 
-@_kernel
+@_inner_kernel
 def _fetch(above: AnyArray, below: AnyArray, at: AnyArray, pairs: AnyArray) -> None:
     for col in range(at.shape[0]):
         k = np.uint64(at[col])  # unsigned: no test for indices from the end
@@ -170,7 +171,7 @@ def _fetch(above: AnyArray, below: AnyArray, at: AnyArray, pairs: AnyArray) -> N
         below[col] = pairs[k + np.uint64(_SIDE)]
 
 
-@_kernel
+@_inner_kernel
 def _blend(
     line: AnyArray,
     above: AnyArray,
@@ -185,12 +186,12 @@ def _blend(
         line[col] += between(a, b, c, d, fx[col], fy[col]) * scale
 
 
-@_kernel
+@_inner_kernel
 def _texel(bits: np.uint32) -> np.float32:
     return np.float32(np.int32(bits & _LOW16))
 
 
-@_kernel
+@_inner_kernel
 def _develop_row(out: AnyArray, line: AnyArray, light: AnyArray, response: GreyResponse, start: np.uint32) -> None:
     gain, offset = np.float32(response.gain), np.float32(response.offset)
     dark_var, grey_var = np.float32(response.dark_var), np.float32(response.grey_var)
