@@ -54,7 +54,14 @@ def close_loops(
     n_loops = 0
     nodes = store.localizer_map(WAY_LOG).keyframes()
     if len(nodes) >= 2 and not any(bool(node.arrays[FIXED]) for node in nodes):
-        straightened = _straighten(store, nodes, localizers)
+        search = _search_of(store, nodes, localizers)
+        straightened = search.straighten() if search is not None else None
+        if search is not None and search.n_left_open:
+            logger.warning(
+                "%d relations between places were left out, and their loops stay open: places look like others, or"
+                " the way between them says that they differ",
+                search.n_left_open,
+            )
         parts = {part.name: part for part in (*localizers, *switched_off)}
         if missing := owners_beside(store, parts):
             if straightened is not None:
@@ -77,15 +84,13 @@ def owners_beside(store: PathStore, names: Collection[str]) -> list[str]:
     return [owner for owner in others if store.localizer_map(owner).keyframes()]
 
 
-def _straighten(
-    store: PathStore, nodes: Sequence[Keyframe], localizers: Sequence[LocalizerPart]
-) -> Straightened | None:
+def _search_of(store: PathStore, nodes: Sequence[Keyframe], localizers: Sequence[LocalizerPart]) -> LoopSearch | None:
     relating = [
         RelatingLocalizer(part, store.localizer_map(part.name).keyframes())
         for part in localizers
         if part.localizer.relates_keyframes
     ]
-    return LoopSearch(nodes, relating).straighten() if relating else None
+    return LoopSearch(nodes, relating) if relating else None
 
 
 def _move(store: PathStore, straightened: Straightened, parts: dict[str, LocalizerPart]) -> bool:

@@ -2,7 +2,8 @@
 
 Which places may be the same follows from how uncertain the way between them is; whether they are, any localizer that
 relates keyframes says (`Localizer.relate`). What it says must lie within that uncertainty, and agree with what it says
-a little further on, before it counts (pairwise consistency; Mangelson et al., ICRA 2018).
+a little further on, before it counts (pairwise consistency; Mangelson et al., ICRA 2018). The way itself, matched step
+by step, must not exclude it, and the place must not look like another one where the robot may be as well.
 """
 
 from __future__ import annotations
@@ -22,8 +23,10 @@ from trailmark.geometry import Pose2, rotate_axes
 from trailmark.paths import Keyframe
 from trailmark.pipeline.localizers.runner import LocalizerFailedError
 from trailmark.pipeline.parts import LocalizerPart
+from trailmark.pipeline.teaching.alike import LookAlikes
 from trailmark.pipeline.teaching.logged_way import LoggedWay
-from trailmark.pipeline.teaching.way_graph import Straightened, WayGraph, edge_of
+from trailmark.pipeline.teaching.matched_way import PLAUSIBLE, SLACK, sigma_m
+from trailmark.pipeline.teaching.way_graph import Straightened, WayGraph, chi_square, edge_of
 
 __all__ = ["LoopSearch", "RelatingLocalizer"]
 
@@ -34,14 +37,12 @@ _SAME_M, _AROUND_M = 2.0, 5.0
 _MOST_KNOWN = 40
 # Looked for within so many standard deviations, and no farther [m, rad].
 _SIGMAS, _FARTHEST_M, _FARTHEST_RAD = 3.0, 8.0, math.radians(40.0)
-# 99.9 % of right relations of three numbers lie within; 99 % agree with another.
-_PLAUSIBLE, _AGREE = 16.3, 11.3
+# 99 % of right relations of three numbers agree with another.
+_AGREE = 11.3
 # So many must agree, over so much way [m].
 _FEWEST, _WITHIN_M = 3, 6.0
-# A keyframe laid that near to a node stands for it [m].
-_SITE_M = 1.0
-# An error of the poses between two looks that no covariance tells [m, rad].
-_SLACK = np.diag(np.square([0.03, 0.03, math.radians(0.5)]))
+# A keyframe laid that near to a node stands for it, unless the belief has jumped by so much between both [m].
+_SITE_M, _JUMP_M = 1.0, 0.2
 # A direction that is told less than this, as a share of the best, is not told.
 _TOLD = 1e-12
 
@@ -76,7 +77,8 @@ class RelatingLocalizer:
         for number in drive:
             nearest = laid[int(np.argmin(np.abs(stamps - nodes[number].stamp_s)))]
             offset = nodes[number].pose_map_base.between(self._keyframes[nearest].pose_map_base)
-            if math.hypot(offset.x, offset.y) < _SITE_M and nearest != taken:
+            way_m = abs(nodes[number].station_m - self._keyframes[nearest].station_m)
+            if math.hypot(offset.x, offset.y) < min(way_m + _JUMP_M, _SITE_M) and nearest != taken:
                 found[number] = nearest, offset
                 taken = nearest
         return found
@@ -108,12 +110,16 @@ _Sites = dict[int, tuple[int, Pose2]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _LoopCandidate:
-    """A relation that may close a loop: between which nodes, and the second as seen from the first."""
+    """A relation that may close a loop: between which nodes, and the second as seen from the first.
+
+    Its spread is how uncertain the way between them is without it, as seen from the second.
+    """
 
     first: int
     second: int
     measured: Pose2
     information: Floats
+    spread: Floats
 
     def edge(self) -> PoseEdges:
         return edge_of(self.first, self.second, self.measured, self.information)
@@ -128,15 +134,23 @@ class LoopSearch:
         The way log, at least two.
     relating : sequence of RelatingLocalizer
         Say how places lie to each other.
+
+    Attributes
+    ----------
+    n_left_open : int
+        Relations that agreed with each other and did not count: the way excludes them, or their places look alike.
     """
 
     def __init__(self, nodes: Sequence[Keyframe], relating: Sequence[RelatingLocalizer]) -> None:
         self._nodes = nodes
         way = LoggedWay(nodes)
-        self._relating = [(one, one.sites_of(way)) for one in relating]
+        self._relating = [
+            (one, sites, LookAlikes(nodes, sites, one.relate)) for one in relating for sites in [one.sites_of(way)]
+        ]
         self._graph = WayGraph(nodes)
         self._counted: list[_LoopCandidate] = []
         self._pending: list[_LoopCandidate] = []
+        self.n_left_open = 0
 
     def straighten(self) -> Straightened | None:
         """Return the way with its loops closed; None if it has none."""
@@ -144,10 +158,10 @@ class LoopSearch:
         for node, keyframe in enumerate(self._nodes):
             if keyframe.station_m - looked_m >= _EVERY_M:
                 looked_m = keyframe.station_m
-                for relating, sites in self._relating:
+                for relating, sites, alikes in self._relating:
                     look = self._look(node, relating, sites) if node in sites else None
                     if look is not None:
-                        self._take(look)
+                        self._take(look, alikes)
         n_loops = self._graph.without_wrong()
         return Straightened(self._nodes, self._graph.poses, n_loops) if n_loops else None
 
@@ -159,7 +173,7 @@ class LoopSearch:
         if not near:
             return None
         spreads = self._graph.covariances_from(node, near)
-        reach = {one: _SIGMAS * _sigma_m(spread) for one, spread in spreads.items()}
+        reach = {one: _SIGMAS * sigma_m(spread) for one, spread in spreads.items()}
         same = [
             one for one in reach if self._graph.poses[one].distance_to(here) < _SAME_M + min(reach[one], _FARTHEST_M)
         ]
@@ -172,7 +186,7 @@ class LoopSearch:
         known = [one for one in known if self._graph.poses[one].distance_to(here) < window + _AROUND_M][:_MOST_KNOWN]
         number, offset = sites[node]
         places = {sites[one][0]: self._graph.poses[one] @ sites[one][1] for one in known}
-        spread = rotate_axes(covariance + _SLACK, here.theta)
+        spread = rotate_axes(covariance + SLACK, here.theta)
         spread[2, 2] = min(spread[2, 2], (_FARTHEST_RAD / _SIGMAS) ** 2)
         told = relating.relate(places, number, here @ offset, spread)
         if told is None:
@@ -182,24 +196,36 @@ class LoopSearch:
         seen_from = self._graph.poses[first]
         off = here.between(found)
         information = rotate_axes(told.information, -here.theta)
-        if _chi_square(off, information, covariance + _SLACK) > _PLAUSIBLE:
+        if chi_square(off.array(), information, covariance + SLACK) > PLAUSIBLE:
             return None
-        return _LoopCandidate(first, node, seen_from.between(found), rotate_axes(told.information, -seen_from.theta))
+        information = rotate_axes(told.information, -seen_from.theta)
+        return _LoopCandidate(first, node, seen_from.between(found), information, covariance)
 
-    def _take(self, look: _LoopCandidate) -> None:
+    def _take(self, look: _LoopCandidate, alikes: LookAlikes) -> None:
         """Keep a relation until enough others agree with it, then count them all."""
         station_m = self._nodes[look.second].station_m
         recent = [one for one in self._pending if station_m - self._nodes[one.second].station_m <= _WITHIN_M]
         agreeing = [one for one in recent if self._agree(one, look)]
-        if len(agreeing) + 1 >= _FEWEST:
-            self._graph.add([one.edge() for one in (*agreeing, look)])
+        group = [*agreeing, look]
+        if len(group) >= _FEWEST:
             self._pending = [one for one in recent if one not in agreeing]
-            self._counted = [*agreeing, look]
+            if self._is_certain(group, alikes):
+                self._graph.add([one.edge() for one in group])
+                self._counted = group
+            else:
+                self.n_left_open += len(group)
         elif any(self._agree(one, look) for one in self._counted[-_FEWEST:]):
             self._graph.add([look.edge()])
             self._counted = [*self._counted[-_FEWEST:], look]
         else:
             self._pending = [*recent, look]
+
+    def _is_certain(self, group: Sequence[_LoopCandidate], alikes: LookAlikes) -> bool:
+        """Return whether relations that agree are what the way allows for, and their place looks like no other."""
+        if any(alikes.way.contradicts(one.first, one.second, one.measured, one.information) for one in group):
+            return False
+        look = group[-1]
+        return alikes.shift_of(self._graph, (look.first, look.second), look.measured, look.spread) is None
 
     def _agree(self, one: _LoopCandidate, other: _LoopCandidate) -> bool:
         """Return whether two relations, with the ways between their ends, lead back to where they begin."""
@@ -212,23 +238,11 @@ class LoopSearch:
         round_trip = (one.measured @ along_new).between(along_old @ other.measured)
         drift = np.diag(np.square([0.02 * way_m, 0.02 * way_m, math.radians(0.5) * math.sqrt(max(way_m, 0.0))]))
         # Errors of both relations; a direction that one of them does not tell is not compared.
-        spread = _SLACK + drift
+        spread = SLACK + drift
         first = rotate_axes(one.information, -(one.measured.theta + along_new.theta))
         second = rotate_axes(other.information, -other.measured.theta)
         both = _parallel(first, second)
-        return _chi_square(round_trip, both, spread) <= _AGREE
-
-
-def _sigma_m(covariance: Floats) -> float:
-    return math.sqrt(max(float(np.linalg.eigvalsh(covariance[:2, :2])[1]), 0.0))
-
-
-def _chi_square(off: Pose2, information: Floats, covariance: Floats) -> float:
-    """Return how far two statements differ, one of which may leave directions open."""
-    error = off.array()
-    error[2] = math.remainder(error[2], 2.0 * math.pi)
-    mixed = np.linalg.solve(np.eye(3) + information @ covariance, information)
-    return float(error @ mixed @ error)
+        return chi_square(round_trip.array(), both, spread) <= _AGREE
 
 
 def _parallel(first: Floats, second: Floats) -> Floats:

@@ -16,7 +16,7 @@ from trailmark.paths import Keyframe
 from trailmark.pipeline.teaching.logged_way import LoggedWay
 from trailmark.pipeline.teaching.way_log import COVARIANCE
 
-__all__ = ["Straightened", "WayGraph", "edge_of"]
+__all__ = ["Straightened", "WayGraph", "carry_covariance", "chi_square", "edge_of", "odometry_of"]
 
 # No odometry is better than this over a piece of way: constant, share of the way, turn [m, 1, rad, rad/sqrt(m)].
 _LEAST_M, _LEAST_SHARE = 0.002, 0.01
@@ -52,7 +52,7 @@ class WayGraph:
     def __init__(self, nodes: Sequence[Keyframe]) -> None:
         self.taught = [node.pose_map_base for node in nodes]
         self.poses = list(self.taught)
-        self._odometry = _odometry_of(nodes)
+        self._odometry = odometry_of(nodes)
         self.loops = self._odometry.select(np.zeros(len(self._odometry), np.bool_))
         self._ties: list[list[tuple[int, Floats]]] = [[] for _ in nodes]
         self._tie(self._odometry)
@@ -97,7 +97,7 @@ class WayGraph:
             seen = self.poses[node].between(self.poses[at])
             for to, spread in self._ties[at]:
                 if to not in found:
-                    carried = _carry_covariance(covariance, spread, seen, self.poses[at].between(self.poses[to]))
+                    carried = carry_covariance(covariance, spread, seen, self.poses[at].between(self.poses[to]))
                     n_pushed += 1
                     heapq.heappush(queue, (float(carried[0, 0] + carried[1, 1] + carried[2, 2]), n_pushed, to, carried))
         return {one: found[one] for one in wanted if one in found}
@@ -174,7 +174,7 @@ def edge_of(first: int, second: int, measured: Pose2, information: Floats) -> Po
     return PoseEdges(begin, end, measured.array()[np.newaxis], information[np.newaxis], np.ones(1, np.bool_))
 
 
-def _carry_covariance(covariance: Floats, spread: Floats, seen: Pose2, step: Pose2) -> Floats:
+def carry_covariance(covariance: Floats, spread: Floats, seen: Pose2, step: Pose2) -> Floats:
     """Return the covariance of a pose as seen from afar, after one more step with a spread of its own."""
     cos, sin = math.cos(seen.theta), math.sin(seen.theta)
     dx, dy = cos * step.x - sin * step.y, sin * step.x + cos * step.y
@@ -182,7 +182,25 @@ def _carry_covariance(covariance: Floats, spread: Floats, seen: Pose2, step: Pos
     return np.asarray(carry @ covariance @ carry.T + rotate_axes(spread, seen.theta))
 
 
-def _odometry_of(nodes: Sequence[Keyframe]) -> PoseEdges:
+def chi_square(error: Floats, information: Floats, covariance: Floats) -> float:
+    """Return how far two statements differ, one of which may leave directions open.
+
+    Parameters
+    ----------
+    error : (3,) float64
+        Their difference in x, y and theta [m, m, rad].
+    information : (3, 3) float64
+        Of the one that may leave directions open.
+    covariance : (3, 3) float64
+        Of the other.
+    """
+    error = np.array([error[0], error[1], math.remainder(error[2], 2.0 * math.pi)])
+    mixed = np.linalg.solve(np.eye(3) + information @ covariance, information)
+    return float(error @ mixed @ error)
+
+
+def odometry_of(nodes: Sequence[Keyframe]) -> PoseEdges:
+    """Return the steps of a way log as edges of a graph."""
     measured, information = [], []
     for before, now in itertools.pairwise(nodes):
         step = before.pose_map_base.between(now.pose_map_base)
