@@ -97,7 +97,7 @@ class FaultDetector:
         previous, state = state, self._prediction.predict(state, stamp_s)
         if before.trials:
             state = self._trials.predict(state, stamp_s)
-        if previous.left_out and state.left_out and before.anchors:
+        if before.anchors and any(n > 1 for n in state.left_out.values()):
             state = self._test_motions(state, [previous])  # no outlier: it goes on
         is_due = stamp_s - before.tested_s >= _EVERY_S and not state.diagnosis.rivals
         if is_due and (len(state.diagnosis.sums) > 1 or before.faults):

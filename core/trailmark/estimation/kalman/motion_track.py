@@ -101,6 +101,11 @@ class MotionTrack:
                 return self.pieces[index]
         return None
 
+    def begins(self, since_s: float, stamp_s: float) -> bool:
+        """Return whether the piece that covers an interval without cuts begins with it."""
+        piece = self.covering(since_s, stamp_s)
+        return piece is not None and piece.since_s > since_s - _SAME_INSTANT_S
+
     def cuts(self, since_s: float, stamp_s: float) -> list[float]:
         """Return the beginnings and ends of pieces that lie strictly inside an interval."""
         found: list[float] = []

@@ -74,6 +74,10 @@ class Motions:
             )
         return self._steps
 
+    def begins(self, source: str, since_s: float, stamp_s: float) -> bool:
+        """Return whether a motion of a localizer begins where an interval without cuts does that it covers."""
+        return self._tracks[source].begins(since_s, stamp_s)
+
     def uses(self, source: str, motion: StatedMotion) -> bool:
         """Return whether a motion that was added counts, at least for a part of its time."""
         return self._tracks[source].uses(motion)

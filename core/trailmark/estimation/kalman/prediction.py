@@ -40,6 +40,7 @@ from trailmark.estimation.kalman.weighing import (
     fuse_steps,
     replace_impossible_jump,
     select_steps,
+    without_outliers,
 )
 from trailmark.estimation.kalman.windows import without_windows
 from trailmark.estimation.kalman_config import KalmanConfig
@@ -247,8 +248,8 @@ class Prediction:
         held = state.odometry.twist
         if len(believed) > 1:
             selection = select_steps(believed, dt_s, held, self._gaps.drift_of_step(dt_s), self._gate_of)
-            if selection.left_out and not state.left_out:
-                stated = _without_outliers(stated, selection)
+            if selection.left_out:
+                stated = without_outliers(stated, selection, self._left_out_since(state, stamp_s, selection))
         elif state.odometry.is_measured and self._gate_of(believed[0][0]) is not None:
             selection = replace_impossible_jump(believed, dt_s, held)
         else:
@@ -322,13 +323,24 @@ class Prediction:
             speed_mps if piece.is_measured else odometry.measured_mps,
             offsets,
         )
-        left_out: Mapping[str, int] = NOTHING
-        if selection.left_out:
-            left_out = {source: state.left_out.get(source, 0) + 1 for source in selection.left_out}
+        left_out = self._left_out_since(state, stamp_s, selection)
         dt_s = stamp_s - state.stamp_s
         return _Way(
             state.stamp_s, _known_of(state), told, stamp_s, dt_s, piece, moved, sums, left_out, selection.checks, steps
         )
+
+    def _left_out_since(self, state: FilterState, stamp_s: float, selection: StepSelection) -> Mapping[str, int]:
+        """Return whose steps are left out, and in how many of its motions in a row.
+
+        One motion is cut where those of others begin and end, and is one outlier all the same.
+        """
+        if not selection.left_out:
+            return NOTHING
+        before, begins = state.left_out, self._motions.begins
+        return {
+            source: before[source] + begins(source, state.stamp_s, stamp_s) if source in before else 1
+            for source in selection.left_out
+        }
 
     def _motion_of(
         self, x: Floats, piece: Piece, dt_s: float
@@ -381,11 +393,3 @@ def _added(state: FilterState, stated: Sequence[SourceStep], dt_s: float) -> Map
             ),
         )
     return sums
-
-
-def _without_outliers(
-    stated: Sequence[tuple[str, MotionStep]], selection: StepSelection
-) -> list[tuple[str, MotionStep]]:
-    """Return the steps, with that of others in place of one that was left out: a single outlier has had its effect."""
-    instead = selection.steps[0][1]
-    return [(source, instead if source in selection.left_out else step) for source, step in stated]

@@ -279,7 +279,7 @@ class FilterState:
     diagnosis : FaultDiagnosis
         What the localizers say of each other. While it has rivals, `gaussian` is their mixture.
     left_out : mapping of str to int
-        Localizers whose motion was left out just before, and in how many pieces in a row.
+        Localizers whose motion was left out just before, and in how many of its motions in a row.
     checks : tuple of MotionCheck
         Tests of the motion just before.
     verdicts : tuple of Verdict

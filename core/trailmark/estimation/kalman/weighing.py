@@ -8,7 +8,7 @@ step does, nobody knows who is wrong, and all count for as much less as they dis
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,7 +22,15 @@ from trailmark.estimation.symmetric import NOTHING, ZERO, Sym3, add, diagonal, i
 from trailmark.geometry import Pose2, Twist2, wrap_angle
 from trailmark.values import quick_dataclass
 
-__all__ = ["StepSelection", "fuse_steps", "information_of", "nis_between", "replace_impossible_jump", "select_steps"]
+__all__ = [
+    "StepSelection",
+    "fuse_steps",
+    "information_of",
+    "nis_between",
+    "replace_impossible_jump",
+    "select_steps",
+    "without_outliers",
+]
 
 SourceStep = tuple[str, MotionStep]
 
@@ -103,6 +111,24 @@ def replace_impossible_jump(steps: Sequence[SourceStep], dt_s: float, held: Twis
     doubt = diagonal((step.x - ahead.x) ** 2, (step.y - ahead.y) ** 2, wrap_angle(step.turn - ahead.theta) ** 2)
     instead = MotionStep(ahead.x, ahead.y, ahead.theta, add(step.covariance, doubt), None, held)
     return StepSelection([(source, instead)], (source,))
+
+
+def without_outliers(
+    steps: Sequence[SourceStep], selection: StepSelection, left_out: Mapping[str, int]
+) -> list[SourceStep]:
+    """Return steps, with that of others in place of one that is left out for the first time: it has had its effect.
+
+    Parameters
+    ----------
+    steps : sequence of (str, MotionStep)
+        Of all localizers.
+    selection : StepSelection
+        Which of them count.
+    left_out : mapping of str to int
+        Localizers whose steps do not, and in how many of its motions in a row.
+    """
+    instead = selection.steps[0][1]
+    return [(source, instead if left_out.get(source) == 1 else step) for source, step in steps]
 
 
 def _checks(steps: Sequence[SourceStep], dt_s: float, held: Twist2, drift: Sym3) -> list[tuple[str, float, int]]:

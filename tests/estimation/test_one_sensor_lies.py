@@ -1,0 +1,102 @@
+"""One camera whose motion and poses lie alike, beside wheels and two other sensors that tell poses.
+
+All speak at rates of their own, so that a motion of one is cut where those of others begin and end; the camera tells
+poses twice as often as the others.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from trailmark.estimates import Estimate, Fix, Motion, information_from_sigmas
+from trailmark.geometry import Pose2
+
+from .conftest import ORIGIN, kalman, pose_of
+
+SPEED_MPS, UNTIL_S, LIES_S = 0.4, 11.0, (5.0, 8.0)
+SIGMAS = {
+    "camera": (5e-5, 5e-5, 1.3e-4),
+    "wheels": (3.3e-3, 3e-3, 1.5e-2),
+    "camera_map": (2.3e-3, 2.3e-3, 1.2e-3),
+    "laser": (0.012, 0.012, 0.005),
+    "omni": (0.032, 0.032, 0.01),
+    "depth": (0.6, 0.6, 0.05),
+}
+RATES_HZ = {"camera": 30.0, "wheels": 40.0, "camera_map": 7.5, "laser": 4.0, "omni": 4.0, "depth": 4.0}
+CAMERA = ("camera", "camera_map")
+
+Lie = Callable[[float], float]
+
+
+@dataclass
+class Seen:
+    """Largest error, how many beliefs are off by more than 20 mm and 5 sigmas, and who was accused when."""
+
+    largest_m: float = 0.0
+    n_silent: int = 0
+    accused: dict[str, list[float]] = field(default_factory=dict)
+
+
+def at(stamp_s: float) -> Pose2:
+    """Return base on a circle."""
+    return Pose2.exp(SPEED_MPS * stamp_s, 0.0, 0.1 * stamp_s)
+
+
+def at_once(stamp_s: float) -> float:
+    """Return by how much a lie of 1 m is aside that begins and ends at once [m]."""
+    return float(LIES_S[0] <= stamp_s < LIES_S[1])
+
+
+def told_of(seed: int, liars: Sequence[str], lie: Lie) -> list[tuple[float, str, Estimate]]:
+    """Return what all say in the order of time: liars have base elsewhere in the map, as if all of it had moved."""
+    rng = np.random.default_rng(seed)
+    told: list[tuple[float, str, Estimate]] = []
+    for source, rate_hz in RATES_HZ.items():
+        sigmas, aside = SIGMAS[source], lie if source in liars else lambda _: 0.0
+        for i in range(1, round(UNTIL_S * rate_hz) + 1):
+            since_s, stamp_s = (i - 1) / rate_hz, i / rate_hz
+            noise = rng.normal(size=3) * sigmas
+            now = Pose2(0.0, aside(stamp_s), 0.0) @ at(stamp_s)
+            if source in ("camera", "wheels"):
+                step = (Pose2(0.0, aside(since_s), 0.0) @ at(since_s)).between(now)
+                motion = Pose2.from_array(step.array() + noise)
+                told.append((stamp_s, source, Motion(since_s, stamp_s, motion, information_from_sigmas(*sigmas))))
+            else:
+                fix = Pose2.from_array(now.array() + noise)
+                told.append((stamp_s, source, Fix(stamp_s, fix, information_from_sigmas(*sigmas))))
+    return sorted(told, key=lambda one: one[:2])
+
+
+def drive(seed: int, liars: Sequence[str], lie: Lie) -> Seen:
+    """Drive with all localizers, and look every 0.05 s."""
+    estimator, seen, told = kalman(ORIGIN), Seen(), iter(told_of(seed, liars, lie))
+    ahead = next(told)
+    for stamp_s in np.arange(0.5, UNTIL_S - 0.1, 0.05).tolist():
+        while ahead[0] <= stamp_s:
+            estimator.apply(*ahead[1:])
+            ahead = next(told)
+        belief, true = estimator.belief(stamp_s), at(stamp_s)
+        assert belief.covariance is not None
+        off = pose_of(belief).array()[:2] - true.array()[:2]
+        error_m = math.hypot(*off)
+        sigmas_off = math.sqrt(off @ np.linalg.solve(belief.covariance[:2, :2], off))
+        seen.largest_m = max(seen.largest_m, error_m)
+        seen.n_silent += error_m > 0.02 and sigmas_off > 5.0
+        for source, reason in belief.health.items():
+            if "disagree by" not in reason:
+                seen.accused.setdefault(source, []).append(stamp_s)
+    return seen
+
+
+@pytest.mark.parametrize("liars", [("camera",), CAMERA, ("laser",)])
+def test_a_sensor_that_jumps_at_once_moves_nobody(liars: tuple[str, ...]) -> None:
+    seen = drive(1, liars, at_once)
+
+    assert seen.largest_m < 0.02
+    assert set(seen.accused) == set(liars)
+    assert min(map(min, seen.accused.values())) <= LIES_S[0] + 1.0
