@@ -7,10 +7,9 @@ import math
 import numpy as np
 
 from trailmark.arrays import AnyArray
-from trailmark.geometry.walls import add_line
 from trailmark.kernels import kernel
 
-__all__ = ["normal_equations", "refine", "score_starts", "stamp_nearest", "truncated_cost"]
+__all__ = ["cheapest_starts", "normal_equations", "refine", "score_starts", "stamp_nearest", "truncated_cost"]
 
 
 @kernel
@@ -129,6 +128,59 @@ def score_starts(
 
 
 @kernel
+def cheapest_starts(
+    points: AnyArray,
+    starts: AnyArray,
+    origin: AnyArray,
+    cell_m: float,
+    distance_m: AnyArray,
+    reach_m: float,
+    n_best: int,
+) -> AnyArray:
+    """Return the rows of the cheapest starts, the cheapest first, of equal ones the first: those of `score_starts`.
+
+    A start is left as soon as its sum is beyond what the last of the best has in all: distances are never negative.
+
+    Parameters
+    ----------
+    points, starts, origin, cell_m, distance_m, reach_m
+        As for `score_starts`.
+    n_best : int
+        How many are asked for.
+
+    Returns
+    -------
+    (min(n_best, S),) int64
+        Rows of `starts`.
+    """
+    n_points, n_kept = points.shape[0], min(n_best, starts.shape[0])
+    height, width = distance_m.shape
+    rows, totals = np.empty(n_kept, np.int64), np.full(n_kept, np.inf)
+    origin_x, origin_y, last = origin[0], origin[1], n_kept - 1
+    for s in range(starts.shape[0]):
+        x, y, theta = starts[s]
+        cos, sin = math.cos(theta), math.sin(theta)
+        total, limit = 0.0, totals[last]
+        for n in range(n_points):
+            u = (x + cos * points[n, 0] - sin * points[n, 1] - origin_x) / cell_m
+            v = (y + sin * points[n, 0] + cos * points[n, 1] - origin_y) / cell_m
+            if 0.0 <= u < width and 0.0 <= v < height:
+                total += distance_m[int(v), int(u)]
+            else:
+                total += reach_m
+            if total >= limit:
+                break
+        if total >= limit:
+            continue
+        at = last
+        while at > 0 and totals[at - 1] > total:
+            totals[at], rows[at] = totals[at - 1], rows[at - 1]
+            at -= 1
+        totals[at], rows[at] = total, s
+    return rows
+
+
+@kernel
 def normal_equations(
     points: AnyArray,
     pose: AnyArray,
@@ -175,27 +227,26 @@ def normal_equations(
     n_used : int
         Points within the gate.
     """
-    hessian[:] = 0.0
-    gradient[:] = 0.0
     height, width = nearest_idx.shape
-    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    x, y, cos, sin = pose[0], pose[1], math.cos(pose[2]), math.sin(pose[2])
+    origin_x, origin_y = origin[0], origin[1]
     squared, n_used = 0.0, 0
     corner = gate_m / 3.0
-    jacobian = np.empty(3)
+    # twelve numbers in registers: as arrays they would be stored at each point
+    g0 = g1 = g2 = h00 = h01 = h02 = h10 = h11 = h12 = h20 = h21 = h22 = 0.0
     for n in range(points.shape[0]):
         rx = cos * points[n, 0] - sin * points[n, 1]
         ry = sin * points[n, 0] + cos * points[n, 1]
-        u = (pose[0] + rx - origin[0]) / cell_m
-        v = (pose[1] + ry - origin[1]) / cell_m
+        u = (x + rx - origin_x) / cell_m
+        v = (y + ry - origin_y) / cell_m
         if not (0.0 <= u < width and 0.0 <= v < height):
             continue
         idx = nearest_idx[int(v), int(u)]
         if idx < 0:
             continue
-        ex = pose[0] + rx - map_points[idx, 0]
-        ey = pose[1] + ry - map_points[idx, 1]
-        distance_squared = ex * ex + ey * ey
-        if distance_squared > gate_m * gate_m:
+        ex = x + rx - map_points[idx, 0]
+        ey = y + ry - map_points[idx, 1]
+        if ex * ex + ey * ey > gate_m * gate_m:
             continue
         n_used += 1
         nx, ny = map_normals[idx, 0], map_normals[idx, 1]
@@ -205,16 +256,33 @@ def normal_equations(
             if not to_line:
                 nx, ny = (1.0, 0.0) if axis == 0 else (0.0, 1.0)
             residual = nx * ex + ny * ey
-            jacobian[0], jacobian[1], jacobian[2] = nx, ny, ny * rx - nx * ry
+            turn = ny * rx - nx * ry
             squared += residual * residual
-            add_line(hessian, gradient, jacobian, residual, corner)
+            weight = 1.0 if abs(residual) <= corner else corner / abs(residual)  # Huber
+            wx, wy, wt = weight * nx, weight * ny, weight * turn
+            g0 += wx * residual
+            g1 += wy * residual
+            g2 += wt * residual
+            h00 += wx * nx
+            h01 += wx * ny
+            h02 += wx * turn
+            h10 += wy * nx
+            h11 += wy * ny
+            h12 += wy * turn
+            h20 += wt * nx
+            h21 += wt * ny
+            h22 += wt * turn
+    gradient[0], gradient[1], gradient[2] = g0, g1, g2
+    hessian[0, 0], hessian[0, 1], hessian[0, 2] = h00, h01, h02
+    hessian[1, 0], hessian[1, 1], hessian[1, 2] = h10, h11, h12
+    hessian[2, 0], hessian[2, 1], hessian[2, 2] = h20, h21, h22
     return squared, n_used
 
 
 @kernel
 def refine(
     points: AnyArray,
-    start: AnyArray,
+    starts: AnyArray,
     map_points: AnyArray,
     map_normals: AnyArray,
     origin: AnyArray,
@@ -224,15 +292,15 @@ def refine(
     iterations: int,
     to_line: bool,
 ) -> AnyArray:
-    """Return the pose (3,) after Gauss-Newton steps with each gate in turn; the start when nothing matches.
+    """Return the poses (K, 3) after Gauss-Newton steps with each gate in turn; a start when nothing matches.
 
     Parameters
     ----------
     points : (N, 2) float64
         Points of the scan in base axes [m].
-    start : (3,) float64
+    starts : (K, 3) float64
         Base in the map [m, m, rad].
-    map_points, map_normals : (K, 2) float64
+    map_points, map_normals : (M, 2) float64
         As for `normal_equations`.
     origin : (2,) float64
         Corner of the grid [m].
@@ -249,10 +317,31 @@ def refine(
 
     Returns
     -------
-    (3,) float64
+    (K, 3) float64
         Base in the map [m, m, rad].
     """
-    pose = start.copy()
+    poses = starts.copy()
+    for k in range(poses.shape[0]):
+        _refine_pose(
+            points, poses[k], map_points, map_normals, origin, cell_m, nearest_idx, gates_m, iterations, to_line
+        )
+    return poses
+
+
+@kernel
+def _refine_pose(
+    points: AnyArray,
+    pose: AnyArray,
+    map_points: AnyArray,
+    map_normals: AnyArray,
+    origin: AnyArray,
+    cell_m: float,
+    nearest_idx: AnyArray,
+    gates_m: AnyArray,
+    iterations: int,
+    to_line: bool,
+) -> None:
+    """Take the steps of `refine` for one pose (3,), in place."""
     hessian, gradient = np.empty((3, 3)), np.empty(3)
     for gate in range(gates_m.shape[0]):
         for _ in range(iterations):
@@ -261,7 +350,7 @@ def refine(
                 hessian, gradient,
             )  # fmt: skip
             if n_used < 6:
-                return pose
+                return
             trace = hessian[0, 0] + hessian[1, 1] + hessian[2, 2]
             for a in range(3):  # a corridor leaves one direction free: hold it instead of dividing by nothing
                 hessian[a, a] += 1e-4 * trace + 1e-9
@@ -271,7 +360,6 @@ def refine(
             pose[2] -= step[2]
             if abs(step[0]) + abs(step[1]) < 2e-4 and abs(step[2]) < 1e-4:
                 break
-    return pose
 
 
 @kernel

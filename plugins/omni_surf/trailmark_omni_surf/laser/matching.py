@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +12,7 @@ import numpy.typing as npt
 from trailmark.errors import ShapeError
 from trailmark.geometry import Pose2
 from trailmark.geometry.walls import limited_information
-from trailmark_omni_surf.laser.kernels import normal_equations, refine, score_starts
+from trailmark_omni_surf.laser.kernels import cheapest_starts, normal_equations, refine, score_starts
 from trailmark_omni_surf.laser.scan_map import ScanMap, steps
 
 __all__ = [
@@ -62,10 +63,17 @@ class SearchWindow:
     thin: int = 4
 
     def offsets(self) -> npt.NDArray[np.float64]:
-        """Return the start poses relative to the guess, (S, 3) [m, m, rad]."""
-        xy, theta = steps(self.span_m, self.step_m), steps(self.span_rad, self.step_rad)
-        grid = np.meshgrid(xy, xy, theta, indexing="ij")
-        return np.stack([axis.ravel() for axis in grid], axis=1)
+        """Return the start poses relative to the guess, (S, 3) [m, m, rad], which cannot be written to."""
+        return _offsets(self)
+
+
+@cache  # a localizer asks with each scan
+def _offsets(window: SearchWindow) -> npt.NDArray[np.float64]:
+    xy, theta = steps(window.span_m, window.step_m), steps(window.span_rad, window.step_rad)
+    grid = np.meshgrid(xy, xy, theta, indexing="ij")
+    offsets = np.stack([axis.ravel() for axis in grid], axis=1)
+    offsets.flags.writeable = False
+    return offsets
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -187,9 +195,9 @@ def _refine_starts(
     """Score all starts, refine the best, and return those poses with their costs."""
     raster = (scan_map.origin, scan_map.cell_m, scan_map.distance_m, scan_map.reach_m)
     thinned = np.ascontiguousarray(points[:: window.thin]) if len(points) >= 40 * window.thin else points
-    coarse = _best(starts, score_starts(thinned, starts, *raster), window.n_coarse)
+    coarse = starts[cheapest_starts(thinned, starts, *raster, window.n_coarse)]
     coarse = refine_all(scan_map, thinned, coarse, COARSE_GATES_M, to_line)
-    fine = _best(coarse, score_starts(points, coarse, *raster), window.n_fine)
+    fine = coarse[cheapest_starts(points, coarse, *raster, window.n_fine)]
     fine = refine_all(scan_map, points, fine, FINE_GATES_M, to_line)
     return fine, score_starts(points, fine, *raster)
 
@@ -201,10 +209,6 @@ def refined_starts(
     return _refine_starts(scan_map, points, window.offsets() + guess.array(), window, True)
 
 
-def _best(poses: npt.NDArray[np.float64], costs: npt.NDArray[np.float64], count: int) -> npt.NDArray[np.float64]:
-    return np.asarray(poses[np.argsort(costs, kind="stable")[:count]])
-
-
 def refine_all(
     scan_map: ScanMap,
     points: npt.NDArray[np.float64],
@@ -213,13 +217,11 @@ def refine_all(
     to_line: bool,
 ) -> npt.NDArray[np.float64]:
     """Return the poses (K, 3) after a few steps towards the map with each of the gates."""
-    refined = np.empty_like(poses)
-    for i, pose in enumerate(poses):
-        refined[i] = refine(
-            points, pose, scan_map.points, scan_map.normals, scan_map.origin, scan_map.cell_m,
-            scan_map.nearest_idx, gates_m, _ITERATIONS, to_line,
-        )  # fmt: skip
-    return refined
+    refined = refine(
+        points, poses, scan_map.points, scan_map.normals, scan_map.origin, scan_map.cell_m,
+        scan_map.nearest_idx, gates_m, _ITERATIONS, to_line,
+    )  # fmt: skip
+    return np.asarray(refined)
 
 
 def is_elsewhere(
