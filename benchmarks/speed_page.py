@@ -2,6 +2,7 @@
 
     python benchmarks/speed_page.py --before 7a50250 --out DIR # that commit is checked out in DIR
     python benchmarks/speed_page.py --before ../old --only frame,husky --turns 3
+    python benchmarks/speed_page.py --only peers  # beside SIFT, ORB, KLT and small_gicp
 
 The two checkouts take turns, in processes of their own, and medians are compared. An older one that has an environment
 in ``.venv`` runs in it, any other with the packages of this one. Processor time counts, so that others at work on the
@@ -24,6 +25,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from time import process_time, thread_time
+from typing import Any
 
 TOP = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(Path(__file__).resolve().parent))
@@ -219,9 +221,34 @@ def simulator() -> dict[str, float]:
     return figures
 
 
+def absolute() -> dict[str, float]:
+    """The search of `ground_map` for a remembered patch in a pyramid, from the picture to the pose [ms]."""
+    import cv2
+    import numpy as np
+
+    from trailmark_ground_vo.config import GroundMapConfig
+    from trailmark_ground_vo.motion import ImageMotion
+    from trailmark_ground_vo.patch import PatchFinder
+
+    cv2.setNumThreads(1)
+    size, rng = (512, 480), np.random.default_rng(0)
+    ground = cv2.GaussianBlur(rng.normal(128.0, 150.0, size[::-1]), (0, 0), 1.5)
+    turned = np.add(cv2.getRotationMatrix2D((255.5, 239.5), 1.1, 1.0), [[0.0, 0.0, 9.0], [0.0, 0.0, -7.0]])
+    moved = cv2.warpAffine(ground, turned, size, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)
+    seen = [np.clip(one + rng.normal(0.0, 3.0, one.shape), 0, 255).astype(np.uint8) for one in (ground, moved)]
+    finder = PatchFinder(GroundMapConfig.model_validate({"camera": "floor", "search": "pyramid"}), size)
+    patch, times_ms = finder.register(finder.view(seen[0])), []
+    for _ in range(150):
+        began_s = thread_time()
+        found = finder.find(finder.view(seen[1]), patch, ImageMotion(0.0, 0.0, 0.0))
+        times_ms.append(1e3 * (thread_time() - began_s))
+        assert not found.reason
+    return {"ground_map: absolute search, picture to pose, pyramid [ms]": statistics.median(times_ms[10:])}
+
+
 ROWS: Mapping[str, Callable[[], dict[str, float]]] = {
     row.__name__: row
-    for row in (frame, kalman, husky, mrclam, overlap, kinect, store, start, memory, first, demo, simulator)
+    for row in (frame, kalman, husky, mrclam, overlap, kinect, store, start, memory, first, demo, simulator, absolute)
 }
 
 
@@ -237,8 +264,8 @@ def frames_per_second(config: str) -> float:
         return n / (process_time() - began_s)
 
 
-def figures_of(top: Path, row: str) -> dict[str, float]:
-    """Return the figures of a row in a checkout, measured with this very file."""
+def figures_of(top: Path, row: str) -> dict[str, Any]:
+    """Return the figures of a row in a checkout, measured with this very file; of ``peers:NAME`` pairs of figures."""
     own = top / ".venv" / "bin" / "python"
     command = [str(own if own.exists() else sys.executable), __file__, "--measure", row]
     packages = [] if own.exists() or top == TOP else [top / "core", *sorted((top / "plugins").iterdir())]
@@ -260,6 +287,18 @@ def checked_out(commit: str, folder: Path) -> Path:
     return top
 
 
+def beside_peers(turns: int) -> dict[str, tuple[float, float]]:
+    """Return the medians of all figures beside peers, theirs and ours: each turn is one process for both."""
+    import speed_peers
+
+    found: dict[str, list[tuple[float, float]]] = {}
+    for _ in range(turns):
+        for row in speed_peers.PEERS:
+            for name, pair in figures_of(TOP, f"peers:{row}").items():
+                found.setdefault(name, []).append(pair)
+    return {name: tuple(map(statistics.median, zip(*pairs))) for name, pairs in found.items()}
+
+
 def compared(before: Path, row: str, turns: int) -> dict[str, tuple[float, float]]:
     """Return the medians of a row's figures, before and now."""
     found: dict[str, tuple[list[float], list[float]]] = {}
@@ -273,6 +312,14 @@ def compared(before: Path, row: str, turns: int) -> dict[str, tuple[float, float
 def cost_ratio(name: str, before: float, now: float) -> float:
     """Return the cost now beside the cost before: of a rate the inverse."""
     return before / now if name.endswith("/s]") else now / before
+
+
+def _measure(row: str) -> dict[str, Any]:
+    if row.startswith("peers:"):
+        import speed_peers
+
+        return speed_peers.PEERS[row.removeprefix("peers:")]()
+    return ROWS[row]()
 
 
 def commit_of(top: Path) -> str:
@@ -292,7 +339,13 @@ def main() -> None:
     options = parser.parse_args()
     os.environ.setdefault("TRAILMARK_DATA", str(TOP.parent / "shared" / "data"))
     if options.measure:
-        print(json.dumps(ROWS[options.measure]()))
+        print(json.dumps(_measure(options.measure)))
+        return
+    if options.only == "peers":
+        print(f"Commit {commit_of(TOP)}, medians of {options.turns} turns, {dt.date.today()}; processor time.\n")
+        print("| ours / the peer | peer | ours | ours / peer |\n|---|--:|--:|--:|")
+        for name, (peer, ours) in beside_peers(options.turns).items():
+            print(f"| {name} | {peer:,.4g} | {ours:,.4g} | {ours / peer:.2f} |", flush=True)
         return
     if options.before is None:
         parser.error("--before is needed: a figure alone says more of the machine than of the code")

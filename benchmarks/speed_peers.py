@@ -8,7 +8,6 @@ says whether the answers are worth the same. `speed_page.py` prints them (``--on
 
 from __future__ import annotations
 
-import importlib
 import math
 import os
 import time
@@ -49,12 +48,12 @@ def kinect() -> Beside:
     if recording is None:
         raise SystemExit("no recording of a Kinect; set TRAILMARK_DATA")
     names = ("fuzzy rules choose (default)", "ORB + depth + RANSAC-Kabsch")
-    played = {name: [] for name in names}
+    played: dict[str, list[Any]] = {name: [] for name in names}
     for seed in range(3):
         for name in names:
             played[name].append(benchmark.play(benchmark.METHODS[name](), recording, seed))
     ours, orb = played.values()
-    figures = {
+    figures: dict[str, Callable[[Any], float]] = {
         "a picture [ms]": lambda one: float(one.times_ms.mean()),
         "absolute error [m]": lambda one: one.ate_m,
         "relative error over 1 s [m]": lambda one: one.rpe_m,
@@ -157,24 +156,8 @@ def _flat(points: Any) -> Any:
     return np.column_stack([points, np.zeros(len(points))])
 
 
-PEERS: Mapping[str, tuple[Callable[[], Beside], str]] = {
-    "surf": (surf, "skimage"),
-    "kinect": (kinect, "cv2"),
-    "ground": (ground, "cv2"),
-    "scan_to_map": (scan_to_map, "small_gicp"),
-}
-
-
-def peers() -> Beside:
-    """Return all rows beside peers; a peer that is not installed ends it with what to install."""
-    found: Beside = {}
-    for row, module in PEERS.values():
-        try:
-            importlib.import_module(module)
-        except ImportError:
-            raise SystemExit(f"{module} is missing; pip install small_gicp scikit-image") from None
-        found |= row()
-    return found
+#: Rows by name. They need ``pip install small_gicp scikit-image``.
+PEERS: Mapping[str, Callable[[], Beside]] = {row.__name__: row for row in (surf, kinect, ground, scan_to_map)}
 
 
 if __name__ == "__main__":
@@ -182,5 +165,5 @@ if __name__ == "__main__":
 
     os.environ.setdefault("TRAILMARK_DATA", str(Path(__file__).resolve().parents[2] / "shared" / "data"))
     for row in sys.argv[1:]:
-        for name, (peer, ours) in PEERS[row][0]().items():
+        for name, (peer, ours) in PEERS[row]().items():
             print(f"{name:<70}{peer:10.4g}{ours:10.4g}{ours / peer:8.2f}", flush=True)

@@ -11,7 +11,7 @@ from trailmark.geometry import Pose2
 from trailmark.testing.ground import ground_run, straight
 from trailmark_ground_vo.cadence import Cadence
 from trailmark_ground_vo.motion import ImageMotion
-from trailmark_ground_vo.repeats import RepeatWatch
+from trailmark_ground_vo.repeats import RepeatWatch, _difference
 
 FAST, STILL = ImageMotion(12.0, -3.0, 0.0), ImageMotion(0.0, 0.0, 0.0)
 
@@ -151,3 +151,10 @@ def test_a_picture_that_differs_more_than_a_repeat_ends_the_cadence():
     assert cadence.is_repeat(3.1)
     assert not cadence.is_repeat(9.0)
     assert not cadence.is_due
+
+
+@pytest.mark.parametrize("shift", [(0, 0), (7, -3), (-11, 4), (120, 0)])
+def test_the_difference_of_grey_pictures_is_that_of_their_numbers(texture, shift: tuple[int, int]) -> None:
+    before, now = seen(texture, 0, 1), seen(texture, 5, 2)
+
+    assert _difference(before, now, shift) == _difference(before.astype(np.float32), now.astype(np.float32), shift)

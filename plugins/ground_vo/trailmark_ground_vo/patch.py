@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -251,11 +251,10 @@ class PatchFinder:
         shift_px: int,
     ) -> Int32s:
         height, width = bits[0].shape
-        side = 2 * math.isqrt(values.shape[1])
-        v, u = np.asarray(np.mgrid[:side, :side] - (side - 1) / 2.0, np.float64)
         centre = ((width - 1) / 2.0 + shift[0], (height - 1) / 2.0 + shift[1])
         limits = (shift_px, width - 2 - shift_px, shift_px, height - 2 - shift_px)
-        spots = group_places(quadrants(u), quadrants(v), centre, angles, self._aspect, limits)
+        offsets = _offsets(2 * math.isqrt(values.shape[1]))
+        spots = group_places(*offsets, centre, angles, self._aspect, limits)
         return self._kernels.patch_search(shift_px)(*bits, spots, values)
 
     def _consensus(
@@ -273,3 +272,10 @@ class PatchFinder:
         agreeing = np.max(np.abs(own - (j, i)), axis=1) <= tolerance_px
         motion = ImageMotion(shift[0] + i - size // 2, shift[1] + j - size // 2, float(angles[k]))
         return motion, agreeing, least / mean if mean > 0.0 else 1.0
+
+
+@lru_cache
+def _offsets(side: int) -> tuple[Floats, Floats]:
+    """Return how far the pixels of a patch are from its middle, along u and v, by quadrants, (4, N) each [px]."""
+    v, u = np.asarray(np.mgrid[:side, :side] - (side - 1) / 2.0, np.float64)
+    return quadrants(u), quadrants(v)
