@@ -45,8 +45,8 @@ class OdometryConfig(PluginConfig):
     max_turn_dps: float = Field(720.0, gt=0)
     """The same of a turn, if it is more than 15 degrees [deg/s]."""
     max_gap_s: float = Field(2.0, gt=0)
-    """After a longer time without a reading nobody knows what was corrected or driven in it: the step is as uncertain
-    as that the robot drove at 0.5 m/s and turned at 30 deg/s unseen [s]."""
+    """A longer time without a reading is a gap, and a shorter one of four usual ones and 0.25 s. The step across it
+    counts where it is what the robot would have driven; else its way is lost [s]."""
 
 
 class ConstantSpeedConfig(PluginConfig):

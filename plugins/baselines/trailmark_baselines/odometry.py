@@ -2,26 +2,34 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from trailmark.estimates import Belief, Estimate, Lost, Motion, information_along, information_from_covariance
 from trailmark.frames import Frame, Odometry
 from trailmark.geometry import Pose2, Twist2
 from trailmark.interfaces import Localizer, Session
 from trailmark_baselines.config import OdometryConfig
+from trailmark_baselines.reading_gaps import ReadingGaps
 from trailmark_baselines.spread import Spread, random_walk, step_covariance
 
 __all__ = ["OdometryLocalizer"]
 
-# Of a robot that nobody watched: as the estimators take it.
-_UNSEEN_MPS, _UNSEEN_DEG_PER_S = 0.5, 30.0
+logger = logging.getLogger(__name__)
+
+# Along, across and of the turn.
+_Three = tuple[float, float, float]
+_NOTHING: _Three = (0.0, 0.0, 0.0)
 
 # Two readings that come at once, late, may show this of a turn in no time.
 _LEAST_JUMP_RAD = math.radians(15.0)
+# Odometry that was started anew tells this, to rounding [m, rad].
+_ZERO = 1e-3
+# What was missing stands in the health for so long [s].
+_TOLD_S = 30.0
 
 
 class OdometryLocalizer(Localizer):
@@ -29,6 +37,9 @@ class OdometryLocalizer(Localizer):
 
     Odometry that gives a distance only is taken as a straight step along x. That it turned is then not measured but
     assumed: within ``unmeasured_turn_deg``, or, with None, nothing is said but the distance.
+
+    Across a gap a step counts where it is one that the robot would have driven, and is as uncertain as it differs from
+    going on as before. Else it is `Lost`: who measures the way of the gap is the estimator's to know.
     """
 
     config: OdometryConfig
@@ -36,35 +47,71 @@ class OdometryLocalizer(Localizer):
 
     def __init__(self, config: OdometryConfig) -> None:
         super().__init__(config)
-        self._last: tuple[float, Odometry] | None = None
-        self._settled: Twist2 | None = None
+        self._begin("odometry")
 
     def start(self, session: Session) -> None:
         """Forget the last frame."""
-        self._last = self._settled = None
+        self._begin(session.name)
+
+    def _begin(self, name: str) -> None:
+        self._name = name
+        self._last: tuple[float, Odometry] | None = None
+        self._settled: Twist2 | None = None
+        self._gaps = ReadingGaps(self.config.max_gap_s)
+        self._missing, self._missing_s = "", -math.inf
+
+    def health(self) -> str:
+        """Return what is missing of the way since a while ago."""
+        return self._missing
 
     def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:
         """Return the motion since the last frame; the first one is only where it begins."""
-        now = frame.payload
+        now, stamp_s = frame.payload, frame.stamp_s
         if not isinstance(now, Odometry):
             return ()
-        last, self._last = self._last, (frame.stamp_s, now)
+        last, self._last = self._last, (stamp_s, now)
+        if self._missing and stamp_s - self._missing_s > _TOLD_S:
+            self._missing = ""
         if last is None:
             return ()
         since_s, before = last
-        dt_s = frame.stamp_s - since_s
+        dt_s = stamp_s - since_s
         reads_velocity = self.config.reads == "velocity"
         step = _step_of_mean_velocity(before, now, dt_s) if reads_velocity else _step(before, now)
         if step is None:
-            self._settled = None
             missing = "gives no velocity" if reads_velocity else "changed between pose and distance"
-            return (Lost(frame.stamp_s, f"the odometry {missing}"),)
-        if jump := self._jump(step, dt_s):
-            self._settled = None
-            return (Lost(frame.stamp_s, jump),)
+            return (self._lost(stamp_s, f"the odometry {missing}"),)
+        arc, is_gap = step.log(), self._gaps.is_gap(dt_s)
+        self._gaps.note_interval(dt_s)
+        if jump := self._jump(step, dt_s) or self._restart(step, now, dt_s):
+            return (self._lost(stamp_s, jump),)
+        if is_gap and (why := self._why_unknown(arc, now, dt_s)):
+            return (self._lost_in_gap(stamp_s, f"no reading for {dt_s:.1f} s, {why}"),)
+        late = self._variances_of_lag(arc, dt_s)
+        unseen = self._gaps.variances(arc, dt_s, before.twist, late) if is_gap else _NOTHING
+        self._gaps.note_step(arc, dt_s)
         if now.pose_start_base is None and not reads_velocity:
-            return (self._straight(since_s, frame.stamp_s, step.x),)
-        return (self._motion_from_velocity(since_s, frame.stamp_s, step),)
+            return (self._straight((since_s, stamp_s), step.x, late, unseen),)
+        return (self._motion_from_velocity((since_s, stamp_s), step, arc, late, unseen),)
+
+    def _lost(self, stamp_s: float, reason: str) -> Lost:
+        """Return that the way since the last reading is not known; the next one begins anew."""
+        self._settled = None
+        self._gaps.forget_speed()
+        return Lost(stamp_s, reason)
+
+    def _lost_in_gap(self, stamp_s: float, reason: str) -> Lost:
+        self._missing, self._missing_s = f"{reason}: that way is missing, and the belief as wide", stamp_s
+        logger.warning(
+            "%s: %s: what was driven in it is missing, unless another localizer tells it", self._name, reason
+        )
+        return self._lost(stamp_s, reason)
+
+    def _why_unknown(self, arc: _Three, now: Odometry, dt_s: float) -> str:
+        """Return in words why the way of a gap is not known; empty: it is."""
+        if self.config.reads == "velocity" and dt_s > self.config.max_gap_s:
+            return "and velocities do not say what was driven in it"
+        return self._gaps.why_unknown(arc, now.twist, dt_s)
 
     def _jump(self, step: Pose2, dt_s: float) -> str:
         """Return in words how a step is none that a robot can make; empty: it can."""
@@ -75,12 +122,19 @@ class OdometryLocalizer(Localizer):
             return f"a turn of {math.degrees(turn_rad):.3g} deg in {dt_s:.3g} s: restarted, or degrees for radians?"
         return ""
 
-    def _motion_from_velocity(self, since_s: float, stamp_s: float, step: Pose2) -> Motion:
-        config, dt_s = self.config, stamp_s - since_s
-        arc = step.log()
-        forward_m, left_m, _ = arc
-        driven_m = math.hypot(forward_m, left_m)  # the arc, not the chord
-        late = self._variances_of_lag(arc, dt_s)
+    def _restart(self, step: Pose2, now: Odometry, dt_s: float) -> str:
+        """Return in words how odometry begins at zero again, from farther away than this robot drives; empty: not."""
+        pose, way_m = now.pose_start_base, math.hypot(step.x, step.y)
+        at_zero = pose is not None and max(abs(pose.x), abs(pose.y), abs(pose.theta)) < _ZERO
+        if at_zero and self._gaps.is_impossible(way_m, dt_s):
+            return f"from {way_m:.3g} m away to zero in {dt_s:.3g} s: restarted"
+        return ""
+
+    def _motion_from_velocity(
+        self, span_s: tuple[float, float], step: Pose2, arc: _Three, late: _Three, unseen: _Three
+    ) -> Motion:
+        config, dt_s = self.config, span_s[1] - span_s[0]
+        driven_m = math.hypot(arc[0], arc[1])  # the arc, not the chord
         rest_m2 = random_walk((config.rest_sigma, dt_s), (config.slip_sigma, step.theta))
         turn_deg2 = random_walk(
             (config.turn_sigma_deg, driven_m), (config.turning_sigma_deg, step.theta), (config.rest_sigma_deg, dt_s)
@@ -90,10 +144,12 @@ class OdometryLocalizer(Localizer):
             random_walk((config.lateral_sigma, driven_m)) + rest_m2 + late[1],
             turn_deg2 * math.radians(1.0) ** 2 + late[2],
         )
-        covariance = step_covariance(step.x, step.y, spread) + self._unseen(dt_s)
-        return Motion(since_s, stamp_s, step, information_from_covariance(covariance))
+        covariance = step_covariance(step.x, step.y, spread)
+        if unseen is not _NOTHING:
+            covariance = covariance + np.diag(unseen)
+        return Motion(*span_s, step, information_from_covariance(covariance))
 
-    def _variances_of_lag(self, arc: tuple[float, float, float], dt_s: float) -> tuple[float, float, float]:
+    def _variances_of_lag(self, arc: _Three, dt_s: float) -> _Three:
         """Return the variances along, across and of the turn of a body that is behind its readings, or ahead.
 
         The body is taken to reach the speed that is told as a first-order lag does. After a jump by v all steps err to
@@ -103,7 +159,7 @@ class OdometryLocalizer(Localizer):
         told = Twist2(arc[0] * per_s, arc[1] * per_s, arc[2] * per_s)
         if lag_s == 0.0 or self._settled is None or dt_s > self.config.max_gap_s:
             self._settled = told if dt_s <= self.config.max_gap_s else None
-            return 0.0, 0.0, 0.0
+            return _NOTHING
         body, followed = self._settled, 1.0 - math.exp(-dt_s / lag_s)
         ahead = told.forward_mps - body.forward_mps, told.left_mps - body.left_mps, told.yaw_radps - body.yaw_radps
         self._settled = Twist2(
@@ -114,26 +170,18 @@ class OdometryLocalizer(Localizer):
         squared_s2 = lag_s * min(dt_s, lag_s)
         return squared_s2 * ahead[0] ** 2, squared_s2 * ahead[1] ** 2, squared_s2 * ahead[2] ** 2
 
-    def _unseen(self, dt_s: float) -> npt.NDArray[np.float64] | float:
-        """Return the covariance of what may have happened between two readings: zero, or that of a gap."""
-        if dt_s <= self.config.max_gap_s:
-            return 0.0
-        position_m, turn_rad = _UNSEEN_MPS * dt_s, min(math.radians(_UNSEEN_DEG_PER_S) * dt_s, math.pi)
-        return np.diag([position_m**2, position_m**2, turn_rad**2])
-
-    def _straight(self, since_s: float, stamp_s: float, distance_m: float) -> Motion:
-        config, dt_s, step = self.config, stamp_s - since_s, Pose2(distance_m)
-        late_m2, _, _ = self._variances_of_lag((distance_m, 0.0, 0.0), dt_s)
+    def _straight(self, span_s: tuple[float, float], distance_m: float, late: _Three, unseen: _Three) -> Motion:
+        config, dt_s, step = self.config, span_s[1] - span_s[0], Pose2(distance_m)
         rest_m2 = random_walk((config.rest_sigma, dt_s))
-        along_m2 = random_walk((config.distance_sigma, distance_m)) + rest_m2 + late_m2
+        along_m2 = random_walk((config.distance_sigma, distance_m)) + rest_m2 + late[0]
         if config.unmeasured_turn_deg is None:
-            along_m2 += float(np.asarray(self._unseen(dt_s)).flat[0])
-            return Motion(since_s, stamp_s, step, information_along((1.0, 0.0, 0.0), math.sqrt(along_m2)))
+            sigma_m = math.sqrt(along_m2 + unseen[0])
+            return Motion(*span_s, step, information_along((1.0, 0.0, 0.0), sigma_m))
         turn_deg2 = random_walk((config.unmeasured_turn_deg, distance_m), (config.rest_sigma_deg, dt_s))
         across_m2 = random_walk((config.lateral_sigma, distance_m)) + rest_m2
         spread = Spread(along_m2, across_m2, turn_deg2 * math.radians(1.0) ** 2)
-        covariance = step_covariance(distance_m, 0.0, spread) + self._unseen(dt_s)
-        return Motion(since_s, stamp_s, step, information_from_covariance(covariance))
+        covariance = step_covariance(distance_m, 0.0, spread) + np.diag(unseen)
+        return Motion(*span_s, step, information_from_covariance(covariance))
 
 
 def _step(before: Odometry, now: Odometry) -> Pose2 | None:
