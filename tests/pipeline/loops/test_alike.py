@@ -18,7 +18,7 @@ from trailmark.interfaces import Localizer, Session
 from trailmark.paths import Keyframe, Waypoint
 from trailmark.pipeline.teaching.closing import close_loops
 from trailmark.pipeline.teaching.logged_way import LoggedWay
-from trailmark.pipeline.teaching.loops import LoopSearch, RelatingLocalizer
+from trailmark.pipeline.teaching.loops import LoopSearch, RelatingLocalizer, _LoopCandidate
 from trailmark.pipeline.teaching.matched_way import MatchedWay
 from trailmark.pipeline.teaching.way_log import COVARIANCE, FIXED, WAY_LOG
 from trailmark.stores import SqlitePathStore, SqliteStoreConfig
@@ -92,6 +92,22 @@ def test_the_way_between_two_rooms_excludes_that_they_are_the_same() -> None:
     searched = search(way(ahead, 0.75), Corridor(ahead, room_m=6.0))  # no third room shows that they repeat
     assert searched.straighten() is None
     assert searched.n_left_open >= 3
+
+
+def test_what_agrees_only_across_a_corridor_is_tested_like_the_first() -> None:
+    ahead = AHEAD[:24]
+    searched = search(way(ahead, 0.75), Corridor(ahead, room_m=6.0))
+    spread = np.diag([2.0**2, 0.1**2, 0.02**2])
+    across = np.diag([0.0, GOOD[1, 1], GOOD[2, 2]])
+    searched._counted = [_LoopCandidate(2, 16, Pose2(7.0), across, spread)]
+    alikes = searched._relating[0][2]
+
+    searched._take(_LoopCandidate(3, 17, Pose2(1.0), GOOD, spread), alikes)
+    assert (len(searched._graph.loops), searched.n_left_open) == (0, 1)
+
+    surer = np.diag([0.4**2, 0.1**2, 0.02**2])
+    searched._take(_LoopCandidate(4, 18, Pose2(7.0), GOOD, surer), alikes)
+    assert (len(searched._graph.loops), searched.n_left_open) == (1, 1)
 
 
 def test_where_rooms_differ_the_same_belief_is_straightened() -> None:

@@ -43,8 +43,10 @@ _AGREE = 11.3
 _FEWEST, _WITHIN_M = 3, 6.0
 # A keyframe laid that near to a node stands for it, unless the belief has jumped by so much between both [m].
 _SITE_M, _JUMP_M = 1.0, 0.2
-# A direction that is told less than this, as a share of the best, is not told.
-_TOLD = 1e-12
+# A direction that is told less than this, as a share of the best, is not told: of a difference, of a position.
+_TOLD, _TOLD_BESIDE = 1e-12, 1e-6
+# A relation that cannot be off by more is not tested further [m].
+_HARMLESS_M = 0.5
 
 
 class RelatingLocalizer:
@@ -123,6 +125,12 @@ class _LoopCandidate:
 
     def edge(self) -> PoseEdges:
         return edge_of(self.first, self.second, self.measured, self.information)
+
+    def reach_m(self) -> float:
+        """Return how far off it may be without being implausible, in directions that it tells [m]."""
+        values, vectors = np.linalg.eigh(rotate_axes(self.information, -self.measured.theta)[:2, :2])
+        told = vectors[:, values > _TOLD_BESIDE * values[-1]]
+        return math.sqrt(PLAUSIBLE * float(np.linalg.eigvalsh(told.T @ self.spread[:2, :2] @ told)[-1]))
 
 
 class LoopSearch:
@@ -215,13 +223,19 @@ class LoopSearch:
             else:
                 self.n_left_open += len(group)
         elif any(self._agree(one, look) for one in self._counted[-_FEWEST:]):
-            self._graph.add([look.edge()])
-            self._counted = [*self._counted[-_FEWEST:], look]
+            # What it agrees with may leave open the direction in which it is wrong.
+            if self._is_certain([look], alikes):
+                self._graph.add([look.edge()])
+                self._counted = [*self._counted[-_FEWEST:], look]
+            else:
+                self.n_left_open += 1
         else:
             self._pending = [*recent, look]
 
     def _is_certain(self, group: Sequence[_LoopCandidate], alikes: LookAlikes) -> bool:
         """Return whether relations that agree are what the way allows for, and their place looks like no other."""
+        if all(one.reach_m() < _HARMLESS_M for one in group):
+            return True
         if any(alikes.way.contradicts(one.first, one.second, one.measured, one.information) for one in group):
             return False
         look = group[-1]
