@@ -126,6 +126,11 @@ class _LoopCandidate:
     def edge(self) -> PoseEdges:
         return edge_of(self.first, self.second, self.measured, self.information)
 
+    def is_sharp(self) -> bool:
+        """Return whether it tells the position so well in every direction that nothing harmful agrees with it."""
+        weakest = float(np.linalg.eigvalsh(self.information[:2, :2])[0])
+        return weakest * _HARMLESS_M**2 > _AGREE
+
     def reach_m(self) -> float:
         """Return how far off it may be without being implausible, in directions that it tells [m]."""
         values, vectors = np.linalg.eigh(rotate_axes(self.information, -self.measured.theta)[:2, :2])
@@ -222,9 +227,9 @@ class LoopSearch:
                 self._counted = group
             else:
                 self.n_left_open += len(group)
-        elif any(self._agree(one, look) for one in self._counted[-_FEWEST:]):
+        elif beside := [one for one in self._counted[-_FEWEST:] if self._agree(one, look)]:
             # What it agrees with may leave open the direction in which it is wrong.
-            if self._is_certain([look], alikes):
+            if any(one.is_sharp() for one in beside) or self._is_certain([look], alikes):
                 self._graph.add([look.edge()])
                 self._counted = [*self._counted[-_FEWEST:], look]
             else:
