@@ -53,6 +53,18 @@ def test_the_command_prints_tables_and_leaves_a_report(done: Path) -> None:
     assert (done / "out" / "report.html").is_file()
 
 
+def test_list_rehearses_no_kind_of_cell_that_has_run(done: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(config: object) -> None:
+        raise AssertionError("a source was started")
+
+    monkeypatch.setattr("trailmark_bench.rehearsal._sensors_of", refuse)
+
+    result = run(done / "b.yaml", "--out", done / "out", "--list")
+
+    assert result.exit_code == 0, result.output
+    assert "4 cells, 0 to run" in result.output
+
+
 def test_list_finds_a_sensor_that_does_not_exist(tmp_path: Path) -> None:
     (tmp_path / "b.yaml").write_text(
         CONFIG.replace(

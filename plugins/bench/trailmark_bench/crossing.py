@@ -87,30 +87,38 @@ class Matrix:
             named = ", ".join(str(name) for name in coordinates.values())
             self.notices.append(f"'{named}' is left out: {str(error).splitlines()[0]}")  # nobody asked for it
             return []
-        return [self._cell(combination, {**coordinates, "seed": seed}, is_installed) for seed in seeds]
+        address = self._address_of(combination)
+        return [self._cell(combination, address, {**coordinates, "seed": seed}, is_installed) for seed in seeds]
 
-    def _cell(self, combination: Combination, coordinates: dict[str, Any], is_installed: bool) -> Cell:
-        seed = coordinates["seed"]
-        document = combination.document | {"seed": seed}
-        teach = None if combination.teach is None else combination.teach | {"seed": seed}
-        judging = (self._matrix.judging or self._section.judging).model_dump(mode="json")
-        subject = combination.first_localizer if judging["trajectory"] == "localizer" else "fused"
-        address = {
+    def _address_of(self, combination: Combination) -> dict[str, Any]:
+        """Return what a result depends on but for the seed, which stands in the run and in the teaching."""
+        judging = self._judging()
+        return {
             "format": FORMAT,
-            "run": _address_of(document, combination.data),
-            "teach": None if teach is None else _address_of(teach, combination.data),
+            "run": _run_address(combination.document, combination.data),
+            "teach": None if combination.teach is None else _run_address(combination.teach, combination.data),
             "code": combination.code,
-            "judging": judging | {"subject": subject},
+            "judging": judging | {"subject": _subject(combination, judging)},
             "threads": combination.limits["threads"],
         }
-        cell_id = digest_of(address)[:_HEX]
+
+    def _judging(self) -> dict[str, Any]:
+        return (self._matrix.judging or self._section.judging).model_dump(mode="json")
+
+    def _cell(
+        self, combination: Combination, address: Mapping[str, Any], coordinates: dict[str, Any], is_installed: bool
+    ) -> Cell:
+        seeded, judging = {"seed": coordinates["seed"]}, self._judging()
+        teach = None if combination.teach is None else combination.teach | seeded
+        runs = {key: address[key] and address[key] | seeded for key in ("run", "teach")}
+        cell_id = digest_of({**address, **runs})[:_HEX]
         request = {
             "id": cell_id,
             "coordinates": coordinates,
-            "document": document,
+            "document": combination.document | seeded,
             "teach": teach,
             "base_dir": str(self._context.document.base_dir.absolute()),
-            "subject": subject,
+            "subject": _subject(combination, judging),
             "localizer": combination.first_localizer,
             "align": judging["align"],
             "code": combination.code,
@@ -132,7 +140,12 @@ class Matrix:
         )
 
 
-def _address_of(document: Mapping[str, Any], data: Mapping[str, str]) -> Any:
+def _subject(combination: Combination, judging: Mapping[str, Any]) -> str:
+    """Return whose way is judged."""
+    return combination.first_localizer if judging["trajectory"] == "localizer" else "fused"
+
+
+def _run_address(document: Mapping[str, Any], data: Mapping[str, str]) -> Any:
     """Return what of a config a result depends on."""
     kept = {key: value for key, value in document.items() if key not in ("sinks", "plugins")}
     store = kept.get("path_store")

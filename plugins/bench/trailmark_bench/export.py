@@ -12,7 +12,7 @@ from trailmark_bench.index import Index
 from trailmark_bench.summary import BenchSummary, summarize_bench
 from trailmark_bench.tables import bench_tables
 
-__all__ = ["export_text"]
+__all__ = ["export_text", "markdown_of"]
 
 _LATEX = {
     "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
@@ -44,7 +44,7 @@ def export_text(
     summary = summarize_bench(index, metrics, baseline)
     if form == "csv":
         return _statistics_csv(summary)
-    write = _latex if form == "latex" else _markdown
+    write = _latex if form == "latex" else markdown_of
     return "\n".join(write(table) for table in bench_tables(summary)) + _closing(form, summary)
 
 
@@ -88,7 +88,9 @@ def _plain(value: object) -> object:
     return "" if value is None else repr(value) if isinstance(value, float) else value
 
 
-def _markdown(table: Table) -> str:
+def markdown_of(table: Table) -> str:
+    """Return a table as Markdown, its notes below it."""
+
     def row(cells: Sequence[str]) -> str:
         return "| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |"
 

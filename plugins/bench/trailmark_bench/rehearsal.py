@@ -21,8 +21,11 @@ from trailmark_bench.order import first_samples, without_faults
 
 __all__ = ["misfits"]
 
+# A cell that ended so had found its sensors.
+_BEGUN = ("ok", "timeout")
 
-def misfits(cells: Sequence[Cell], plugins: Plugins) -> dict[str, str]:
+
+def misfits(cells: Sequence[Cell], plugins: Plugins, known: Mapping[str, str] | None = None) -> dict[str, str]:
     """Return why cells cannot start, by their id; those that can, and those that are skipped anyway, have no word.
 
     The sources are started, once for each way in which they are written but for faults, of the first place and seed of
@@ -34,11 +37,15 @@ def misfits(cells: Sequence[Cell], plugins: Plugins) -> dict[str, str]:
         Of a bench.
     plugins : Plugins
         Where their parts are found.
+    known : mapping of str to str, optional
+        States of cells by id: what one like it has begun with needs no rehearsal.
     """
+    states = known or {}
+    begun = {_kind(cell) for cell in cells if states.get(cell.id) in _BEGUN}
     found: dict[str, str] = {}
     started: dict[str, Mapping[str, SensorInfo] | str | None] = {}
     of_kind: dict[object, str] = {}
-    for cell in first_samples([cell for cell in cells if cell.request]):
+    for cell in first_samples([cell for cell in cells if cell.request and _kind(cell) not in begun]):
         document = cell.request["document"]
         plain = document | {"sources": {name: without_faults(part) for name, part in document["sources"].items()}}
         looked_at = {key: plain.get(key) for key in ("sources", "sensors", "localizers")}
@@ -50,7 +57,7 @@ def misfits(cells: Sequence[Cell], plugins: Plugins) -> dict[str, str]:
                 started[sources] = _sensors_of(config)
             found[address] = _misfit(config, started[sources])
         of_kind[_kind(cell)] = found[address]
-    return {cell.id: reason for cell in cells if cell.request and (reason := of_kind[_kind(cell)])}
+    return {cell.id: reason for cell in cells if cell.request and (reason := of_kind.get(_kind(cell)))}
 
 
 def _kind(cell: Cell) -> object:

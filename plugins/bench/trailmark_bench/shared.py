@@ -33,7 +33,7 @@ _PACKED, _PACKED_SUFFIX = b"\xfd7zXZ\x00", ".xz"
 #: What of the detail of a cell is drawn: the rest says paths.
 _PICTURE = ("ways", "errors", "stages", "sources")
 #: Facts about the bench that tables need, and where results come from.
-_META = ("name", "version", "metrics", "baseline", "judging", "passes")
+_META = ("name", "version", "metrics", "baseline", "judging", "passes", "asked")
 _ORIGIN = ("trailmark", "started", "python", "platform", "cpu", "packages", "git")
 _COSTS = ("wall_s", "cpu_s", "peak_rss_mb", "load")
 
@@ -73,15 +73,16 @@ def write_results(index: Index, path: Path, *, pictured: bool = False) -> None:
 def _results(index: Index, pictured: Collection[str]) -> dict[str, Any]:
     meta = index.meta()
     origin = meta.get("provenance") or {}
+    records = index.records()
     pictures = {cell_id: _picture(detail) for cell_id, detail, _ in index.details() if cell_id in set(pictured)}
     return {
         "form": _FORM,
         "version": _VERSION,
-        "bench": {key: meta[key] for key in _META if key in meta},
+        "bench": {key: meta[key] for key in _META if key in meta} | {"asked": len(records)},
         "origin": {key: origin[key] for key in _ORIGIN if key in origin},
         "cells": [
             _document(record) | ({"picture": pictures[record.id]} if pictures.get(record.id) else {})
-            for record in index.records()
+            for record in records
             if record.state in FINISHED
         ],
     }

@@ -47,7 +47,7 @@ def list_bench(request: RunOptions, plugins: Plugins, chosen: ChosenPlugins) -> 
     known = Index(request.folder) if (request.folder / INDEX_FILE).is_file() else None
     bench = load(request, plugins, chosen, {} if known is None else known.file_digests())
     say_changed(bench, known)
-    unfit = misfits(bench.cells, plugins)
+    unfit = misfits(bench.cells, plugins, {} if known is None else known.states())
     list_cells(bench, known, unfit, request.as_json)
     named = {cell.id: cell.label for cell in first_samples(bench.cells) if not cell.is_installed}
     if problems := dict.fromkeys(f"{label}: {unfit[cell_id]}" for cell_id, label in named.items() if cell_id in unfit):

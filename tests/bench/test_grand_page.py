@@ -1,0 +1,67 @@
+"""The tables of the page of the grand bench, from a file of results."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from trailmark_bench import Index
+from trailmark_bench.shared import write_results
+
+
+@pytest.fixture(scope="session")
+def grand(load_script: Callable[[str], ModuleType]) -> ModuleType:
+    """`benchmarks/bench_grand.py` as a module."""
+    return load_script("benchmarks/bench_grand.py")
+
+
+@pytest.fixture
+def printed(
+    grand: ModuleType,
+    synthetic: Callable[..., Index],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> Callable[..., str]:
+    """Return what the script prints of a bench of three conditions and four methods that nobody ran."""
+    with synthetic(tmp_path / "bench", fails=0.2) as index:
+        passes = [{"started": "2026-11-27T20:00:00", "cpu": "EPYC", "cells": n, "wall_s": 1800.0, "cpu_s": 3600.0,
+                   "git": {"trailmark": "abc1234"}} for n in (40, 20)]  # fmt: skip
+        index.set_meta(passes=passes)
+        write_results(index, tmp_path / "cells.json.xz")
+
+    def run(*words: str) -> str:
+        monkeypatch.setattr("sys.argv", ["bench_grand.py", *words, "--results", str(tmp_path / "cells.json.xz")])
+        grand.main()
+        return capsys.readouterr().out
+
+    return run
+
+
+def test_passes_add_up(printed: Callable[..., str]) -> None:
+    said = printed("run")
+
+    assert "| all | " in said
+    assert "| 60 | 1.00 | 2.00 |" in said
+    assert "| 2 | abc1234, EPYC, 2026-11-27 20:00 | 20 | 0.50 | 1.00 |" in said
+    assert "60 of 60 cells: " in said
+
+
+def test_the_best_of_a_row_is_bold_and_failures_are_counted(printed: Callable[..., str]) -> None:
+    head, _, *rows = printed("figures").strip().splitlines()
+
+    assert head == "| ATE rmse [mm] | method_0 | method_1 | method_2 | method_3 |"
+    assert [row.split(" | ")[0] for row in rows] == ["| world_0", "| world_1", "| world_2"]
+    assert all(row.split(" | ")[1].startswith("**") for row in rows)
+    assert any("(1)" in row or "(2)" in row for row in rows)
+
+
+@pytest.mark.parametrize(
+    ("what", "said"),
+    [("ranking", "| method | ok |"), ("winners", "| condition | best |"), ("failed", "ended by SIGSEGV")],
+)
+def test_every_block_has_a_table(printed: Callable[..., str], what: str, said: str) -> None:
+    assert said in printed(what)
