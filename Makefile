@@ -2,7 +2,7 @@
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: help install test coverage check long results trust lint types bench docs demo ci
+.PHONY: help install test coverage check long results grand trust lint types bench docs demo ci
 help:            ## list the targets
 	@sed -n 's/^\([a-z]*\): *[^#]*## /\1	/p' $(MAKEFILE_LIST)
 
@@ -26,6 +26,15 @@ long: install    ## the tests that take minutes
 HOURS ?= 2
 results: install ## the pages of results that are older than their code, the quickest first; it goes on any time
 	$(BIN)/python benchmarks/results.py make --hours $(HOURS)
+
+GRAND := docs/results/grand
+grand: install   ## HOURS of the grand bench (recordings in TRAILMARK_DATA), its site and its page; it goes on any time, anywhere
+	@test -d "$(TRAILMARK_DATA)" || { echo "set TRAILMARK_DATA: without recordings, results of their cells would be lost"; exit 1; }
+	$(BIN)/pip install -q --no-compile ./examples/third_party_plugin
+	$(BIN)/trailmark bench grand --only seed=0,1,2 --only place=first,second,third --jobs 2 --hours $(HOURS) \
+	  --out runs/grand --results $(GRAND)/cells.json.xz --no-report
+	$(BIN)/trailmark bench site runs/grand --to $(GRAND)/site
+	$(BIN)/python benchmarks/results.py make grand
 
 trust: install   ## hostile input by the thousand, kills, damage: all of it, and its two pages; goes on where it was
 	$(BIN)/python benchmarks/results.py make hostile-input trust

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from trailmark.interruption import KEEP_S, shielded
 from trailmark_bench.cell import FINISHED, Cell
 from trailmark_bench.index import Index
 from trailmark_bench.shared import read_results, write_results
@@ -46,7 +47,8 @@ def going_on_from(index: Index, cells: Sequence[Cell], path: Path) -> Iterator[s
     try:
         yield told
     finally:
-        write_results(index, path, pictured=True)
+        with shielded(KEEP_S):
+            write_results(index, path, pictured=True)
 
 
 def _take(index: Index, cells: Sequence[Cell], path: Path) -> str:
