@@ -182,3 +182,11 @@ def test_ten_thousand_cells(synthetic, tmp_path: Path) -> None:
     assert peak_mb < 1024
     assert load_s < 3.0
     assert found["errors"] == []
+
+
+def test_a_page_with_few_pictures_shows_the_trajectories_that_it_has(synthetic, tmp_path: Path) -> None:
+    with synthetic(tmp_path / "bench", fails=0.2) as index:
+        whole = write_site(index, tmp_path / "whole")
+        few = write_site(index, tmp_path / "few", most_mb=0.7 * whole.stat().st_size / 1e6)
+
+    assert browse(few, tmp_path)["drawn"] >= 3

@@ -319,8 +319,9 @@ function cellsBeside(condition) {
     if (!groups.has(key)) groups.set(key, new Map());
     if (!groups.get(key).has(cell.method)) groups.get(key).set(cell.method, cell);
   });
-  const nOk = (group) => [...group.values()].filter((cell) => cell.state === "ok").length;
-  const [key, group] = [...groups].reduce((best, one) => (nOk(one[1]) > nOk(best[1]) ? one : best));
+  const isPictured = (cell) => cell.chunk !== null;  // a large page has pictures of one seed and place alone
+  const worth = (group) => [...group.values()].reduce((sum, cell) => sum + (cell.state === "ok") * (isPictured(cell) ? 1000 : 1), 0);
+  const [key, group] = [...groups].reduce((best, one) => (worth(one[1]) > worth(best[1]) ? one : best));
   return { seed: key, cells: data.methods.map((method) => group.get(method)).filter(Boolean) };
 }
 const colourBeside = (index) => `var(--series-${index % 6})`;
