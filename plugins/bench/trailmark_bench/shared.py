@@ -65,7 +65,7 @@ def write_results(index: Index, path: Path, *, pictured: bool = False) -> None:
     content = _text(_results(index, pictures)).encode()
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(path, lzma.compress(content, preset=9) if path.suffix == _PACKED_SUFFIX else content)
+        write_whole(path, lzma.compress(content) if path.suffix == _PACKED_SUFFIX else content)
     except OSError as error:
         raise DataError(f"cannot write {path}: {error.strerror or error}") from error
 
