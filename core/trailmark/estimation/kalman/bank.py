@@ -19,6 +19,7 @@ from trailmark.estimation.kalman.innovation import Innovation
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.kalman.moving_offset import moved_on
 from trailmark.estimation.kalman.state import FilterState, Gaussian
+from trailmark.estimation.kalman.witnesses import SUSPICION, with_testimony
 from trailmark.geometry import Twist2, wrap_angle
 
 __all__ = [
@@ -31,9 +32,6 @@ __all__ = [
     "with_likelihoods",
 ]
 
-# Of a hypothesis by which a moving robot stands still at once, or jumps: what suspicion alone can say. At odds of 16 to
-# 1 the truth is never further than 4 standard deviations from the mixture, whoever is right.
-_SUSPICION = math.log(16.0)
 # One absolute estimate says no more than this of two hypotheses: it may be an outlier itself, one of twenty is.
 _MOST_OF_ONE = math.log(20.0)
 # Nor does it cost more than this that a hypothesis expects little: between motion that is wrong, which leaves the next
@@ -49,7 +47,7 @@ _OFFSET_OF, _OTHER_LIE = 40, 5.0
 
 def posterior(rivals: Sequence[RivalFilter]) -> Floats:
     """Return the probabilities of hypotheses, (n,)."""
-    logs = np.array([rival.log_weight - _SUSPICION * rival.is_implausible for rival in rivals])
+    logs = np.array([rival.log_weight - SUSPICION * rival.is_implausible for rival in rivals])
     weights = np.exp(logs - logs.max())
     return np.asarray(weights / weights.sum())
 
@@ -160,21 +158,35 @@ def log_odds_of_one(difference: float) -> float:
     return min(max(difference, -_MOST_OF_ONE), _MOST_OF_ONE)
 
 
-def with_likelihoods(rivals: Sequence[RivalFilter], logs: Sequence[float]) -> list[RivalFilter]:
-    """Return hypotheses after a measurement: how much it says is bounded, as it may be an outlier."""
+def with_likelihoods(rivals: Sequence[RivalFilter], source: str, logs: Sequence[float]) -> list[RivalFilter]:
+    """Return hypotheses after a measurement: how much it says is bounded, as it may be an outlier, or its localizer.
+
+    Parameters
+    ----------
+    rivals : sequence of RivalFilter
+        The hypotheses.
+    source : str
+        The localizer.
+    logs : sequence of float
+        Log likelihood of the measurement by each.
+    """
     best = max(logs)
-    return [
+    said = [max(log - best, -_MOST_OF_ONE) for log in logs]
+    after = [
         RivalFilter(
             rival.state,
-            rival.log_weight + max(log - best, -_MOST_OF_ONE),
+            rival.log_weight + log,
             rival.n_measurements + 1,
             rival.is_implausible,
             rival.offsets,
             rival.begun,
             rival.log_votes,
+            rival.heard,
+            rival.log_alone,
         )
-        for rival, log in zip(rivals, logs)
+        for rival, log in zip(rivals, said)
     ]
+    return with_testimony(after, source, said)
 
 
 def is_jump(before: Twist2, after: Twist2, dt_s: float, *, position_m2: float, turn_rad2: float) -> bool:

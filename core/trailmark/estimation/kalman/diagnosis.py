@@ -22,6 +22,7 @@ from trailmark.values import new_tuple, quick_dataclass
 
 if TYPE_CHECKING:
     from trailmark.estimation.kalman.state import FilterState, RejectedMeasurement
+    from trailmark.estimation.kalman.witnesses import Testimony
 
 __all__ = [
     "Alternative",
@@ -167,6 +168,10 @@ class RivalFilter:
         Where the question begins, since which the motions that it believes are compared.
     log_votes : float
         What these comparisons say, to a constant; part of `log_weight`.
+    heard : mapping of str to Testimony
+        What absolute estimates say, by localizer.
+    log_alone : float
+        How much of that does not count, as one localizer says it alone (`witnesses`); part of `log_weight`.
     """
 
     state: FilterState
@@ -176,6 +181,8 @@ class RivalFilter:
     offsets: Mapping[str, FixOffset] = field(default_factory=_empty)
     begun: FilterState | None = None
     log_votes: float = 0.0
+    heard: Mapping[str, Testimony] = field(default_factory=_empty)
+    log_alone: float = 0.0
 
 
 class Retrial(NamedTuple):

@@ -115,7 +115,7 @@ class RivalFilters:
             logs.append(log)
             offsets = rival.offsets if offset is None else {**rival.offsets, measurement.source: offset}
             corrected.append(_with_state(rival, self._correction.doubt(state, measurement), offsets=offsets))
-        return with_likelihoods(corrected, logs)
+        return with_likelihoods(corrected, measurement.source, logs)
 
     def _predict_one(self, rival: RivalFilter, cuts: Sequence[float]) -> RivalFilter:
         state, is_implausible = rival.state, rival.is_implausible
@@ -183,6 +183,8 @@ def _with_state(
         rival.offsets if offsets is None else offsets,
         rival.begun,
         rival.log_votes,
+        rival.heard,
+        rival.log_alone,
     )
 
 
@@ -195,7 +197,13 @@ def _begun_later(rival: RivalFilter, at_first: RivalFilter, reference: RivalFilt
     diagnosis = reference.state.diagnosis._replace(
         faults=said.faults, absolute_faults=said.absolute_faults, doubts=said.doubts
     )
-    return RivalFilter(reference.state.with_diagnosis(diagnosis), log_weight, begun=at_first.begun)
+    return RivalFilter(
+        reference.state.with_diagnosis(diagnosis),
+        log_weight,
+        begun=at_first.begun,
+        heard=reference.heard,
+        log_alone=reference.log_alone,
+    )
 
 
 def _jumps(before: FilterState, after: FilterState) -> bool:
