@@ -39,6 +39,16 @@ def test_dirt_is_neutral_in_the_search_and_does_not_spoil_its_neighbours(camera,
     assert np.median(near) <= 8  # of 127
 
 
+def test_shade_has_no_bright_band_along_its_edge(camera, ground):
+    """A band would be found again wherever the shadow falls next."""
+    half = half_picture(camera.view(ground, Pose2()).astype(np.uint8)).astype(float)
+    half[:, 80:] *= 0.5
+
+    in_the_shade = levelled(half.astype(np.uint8))[:, 85:90].astype(float) - 128.0
+
+    assert abs(in_the_shade.mean()) < 10.0  # of 30 levels, one standard deviation of the ground
+
+
 def test_seven_bits_span_their_range_and_raw_pictures_lose_one_bit():
     levels = np.arange(256, dtype=np.uint8).reshape(16, 16)
 

@@ -13,6 +13,7 @@ from trailmark.errors import ConfigError
 from trailmark.geometry import Pose2
 from trailmark.testing.ground import MirroredFloor
 from trailmark_ground_vo.config import GroundMapConfig
+from trailmark_ground_vo.levels import LEFT_OUT
 from trailmark_ground_vo.motion import ImageMotion
 from trailmark_ground_vo.patch import PatchFinder
 
@@ -177,3 +178,25 @@ def test_reach_ends_where_the_search_would_leave_the_picture(camera):
 def test_a_picture_too_small_for_the_search_is_refused():
     with pytest.raises(ConfigError, match=r"pictures of 240 x 240 are too small for patches of 44 px"):
         PatchFinder(GroundMapConfig(camera="floor"), (240, 240))
+
+
+@pytest.mark.parametrize("search", ["exhaustive", "pyramid"])
+def test_a_patch_half_of_which_is_left_out_is_found_by_the_rest(search, camera, ground, patch):
+    finder, half = finder_for(camera, search=search, min_groups=2), patch.copy()
+    half[:, :22] = LEFT_OUT
+
+    found = finder.find(finder.view(moved(camera, ground, 5.0, -8.0, 0.02)), half, ImageMotion(0.0, 0.0, 0.0))
+
+    assert found.n_agreeing == 2
+    assert (found.motion.u, found.motion.v) == pytest.approx((5.0, -8.0), abs=0.3)
+
+
+@pytest.mark.parametrize("search", ["exhaustive", "pyramid"])
+def test_a_patch_without_ground_is_not_found(search, camera, ground, patch):
+    finder = finder_for(camera, search=search)
+    view = finder.view(moved(camera, ground, 0.0, 0.0, 0.0))
+
+    found = finder.find(view, np.full_like(patch, LEFT_OUT), ImageMotion(0.0, 0.0, 0.0))
+
+    assert (found.n_agreeing, found.correlation) == (0, 0.0)
+    assert "only 0 of 4 groups agree" in found.reason

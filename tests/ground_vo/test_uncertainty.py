@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from trailmark_ground_vo.uncertainty import drift_information, response_covariance, whole_pixel_information
+from trailmark_ground_vo.uncertainty import (
+    drift_information,
+    response_covariance,
+    turn_information,
+    whole_pixel_information,
+)
 
 
 def bowl(curve_u, curve_v, n_pixels=768):
@@ -62,3 +67,12 @@ def test_drift_grows_with_the_share_of_replaced_pixels_and_never_vanishes():
     np.testing.assert_allclose(half, alignment)
     assert np.all(np.isfinite(none))
     assert none[0, 0] > half[0, 0]
+
+
+def test_a_turn_that_is_known_with_the_shift_alone_is_not_known():
+    covariance = np.array([[4.0, 0.0, 0.2], [0.0, 1.0, 0.0], [0.2, 0.0, 0.04]])
+
+    assert turn_information(np.linalg.inv(covariance)) == pytest.approx(1 / 0.04)
+    assert turn_information(np.diag([0.0, 1.0, 25.0])) == pytest.approx(25.0)
+    along = np.array([1.0, 0.0, 1.0])
+    assert turn_information(np.outer(along, along)) == pytest.approx(0.0)

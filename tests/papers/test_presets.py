@@ -13,7 +13,9 @@ _DIFFERENT: dict[tuple[Kind, str], set[str]] = {
     ("localizer", "ground_vo"): {
         "mode", "max_shift_px", "margin_px", "wide_search", "max_error_ratio", "max_error_growth",
     },
-    ("localizer", "ground_map"): {"high_pass", "refined", "min_groups", "min_correlation", "max_attempts"},
+    ("localizer", "ground_map"): {
+        "high_pass", "refined", "min_groups", "min_correlation", "heading_sigma_deg", "max_attempts",
+    },
     ("localizer", "divs"): {"threshold", "average", "shift", "confidence", "gain", "when_blind"},
     ("controller", "drift_steering"): {"law"},
     ("localizer", "omni_surf"): {

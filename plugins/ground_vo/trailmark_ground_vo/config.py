@@ -120,6 +120,7 @@ class GroundMapConfig(PresetConfig):
             "refined": PresetValue(False, "Eq. 5: whole pixels"),
             "min_groups": PresetValue(4, "Sec. II-B: all four close together"),
             "min_correlation": PresetValue(-1.0, "not in the paper"),
+            "heading_sigma_deg": PresetValue(90.0, "not in the paper: every heading is told"),
             "max_attempts": PresetValue(1, "Sec. II-B: one search at a registered place"),
         }
     }
@@ -155,6 +156,10 @@ class GroundMapConfig(PresetConfig):
     half-size picture (5 mm): on other ground one search in a thousand has 3 groups agree, anywhere [px]."""
     min_correlation: float = Field(0.4, ge=-1, lt=1)
     """Least correlation of the patch with the place where it was found; -1: any."""
+    heading_sigma_deg: float = Field(0.2, gt=0, le=90)
+    """Headings that are known less well than this are not told: the `Fix` is of the place, and its heading is as good
+    as unknown. Fine ground in light of its own is right to some 0.1; what looks like little else than noise may be off
+    by a degree or two [deg]."""
     max_attempts: int = Field(10, ge=1)
     """Pictures in which a patch is searched for until it is given up for this pass (paper: 1)."""
     global_batch: int = Field(20, ge=1)

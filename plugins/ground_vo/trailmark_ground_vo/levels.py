@@ -3,6 +3,9 @@
 Raw intensities, as in the paper, lose a patch as soon as the light changes: on low-contrast wood a gain of 0.94 with
 a little shading makes 88 % of right matches fail the consensus. The picture is therefore high-passed and brought to
 one contrast, and what stands far out of it (dirt) is left out of the search.
+
+The surroundings are a median: a mean would lay a halo around each mark on the lens, glint and edge of a shadow, and a
+patch would be found where its halos are.
 """
 
 from __future__ import annotations
@@ -11,23 +14,27 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from trailmark.arrays import Float32s, Grey8
+from trailmark.arrays import Bools, Float32s, Grey8
 from trailmark.kernels import kernel
 
-__all__ = ["LEVEL_ZERO", "half_picture", "levelled", "seven_bits", "tamed"]
+__all__ = ["LEFT_OUT", "LEVEL_ZERO", "foreign_pixels", "half_picture", "levelled", "seven_bits", "tamed"]
 
 
 #: Level of a pixel that is as bright as its surroundings, and levels per standard deviation of the picture.
 LEVEL_ZERO = 128
 _LEVELS_PER_SIGMA = 30.0
 
-#: Surroundings: a box of this width, twice over [half-size px].
-_BOX_PX = 19
+#: Level of a pixel that is to count as dirt.
+LEFT_OUT = 0
+
+#: Surroundings: the median of a square of this side in the quarter-size picture, evened out by a box, because medians
+#: jump [quarter-size px]; and then what another box, twice over, still finds around a pixel [half-size px].
+_MEDIAN_PX, _EVEN_PX, _BOX_PX = 15, 5, 19
 
 #: Pixels this many standard deviations away from their surroundings are dirt, or might be.
 _DIRT_SIGMAS = 4.0
 
-#: Differences that enter the mean of the surroundings, in standard deviations: a spot is not to spoil its neighbours.
+#: Differences from the median that enter the mean, in standard deviations: a spot is not to spoil its neighbours.
 _CLIP_SIGMAS = 2.0
 
 #: Standard deviation over median absolute deviation of a normal distribution.
@@ -51,7 +58,9 @@ def levelled(half: Grey8) -> Grey8:
         return np.asarray(cv2.blur(cv2.blur(picture, box), box), np.float32)
 
     grey = half.astype(np.float32)
-    around = smoothed(grey)
+    median = cv2.medianBlur(half_picture(half), _MEDIAN_PX).astype(np.float32)
+    even = cv2.blur(median, (_EVEN_PX, _EVEN_PX))
+    around = np.asarray(cv2.resize(even, half.shape[::-1], interpolation=cv2.INTER_LINEAR), np.float32)
     limit = _CLIP_SIGMAS * _robust_sigma(grey - around)
     around = around + smoothed(np.clip(grey - around, -limit, limit))
     difference = grey - around
@@ -77,6 +86,11 @@ def seven_bits(levels: Grey8, is_levelled: bool) -> npt.NDArray[np.int8]:
         Which of the two.
     """
     return _look_up(levels, _SEARCHED if is_levelled else _UPPER_BITS).view(np.int8)
+
+
+def foreign_pixels(levels: Grey8) -> Bools:
+    """Return which pixels of a levelled picture are dirt, or might be."""
+    return np.asarray(np.abs(levels.astype(np.int16) - LEVEL_ZERO) > _DIRT_SIGMAS * _LEVELS_PER_SIGMA)
 
 
 def tamed(levels: Grey8) -> Grey8:

@@ -17,12 +17,14 @@ from trailmark.interfaces import Localizer, LocalizerMap, Session
 from trailmark.isolation.compiling import compile_together
 from trailmark.paths import Keyframe
 from trailmark_ground_vo.config import GroundMapConfig
+from trailmark_ground_vo.fixed_pixels import fixed_pixels
+from trailmark_ground_vo.levels import LEFT_OUT
 from trailmark_ground_vo.motion import ImageMotion, ground_information, pose_prev_now
 from trailmark_ground_vo.patch import PatchFinder, PatchMatch, PatchView
 from trailmark_ground_vo.picture import PictureReader, camera_of, ground_plane
 from trailmark_ground_vo.start_search import Guess, GuessVerdict, StartSearch
 from trailmark_ground_vo.systematic import nod_covariance
-from trailmark_ground_vo.uncertainty import with_scatter
+from trailmark_ground_vo.uncertainty import turn_information, with_scatter
 
 __all__ = ["GroundMap"]
 
@@ -34,6 +36,9 @@ _ROUNDING_M = 1e-9
 
 #: Patches that a picture is asked for at most when a guess is judged; the paper's picture shows two or three.
 _MOST_IN_VIEW = 3
+
+#: Standard deviation of a heading that is not told: as much as the search covers, so that nobody is led by it [rad].
+_UNTOLD_RAD = math.radians(5.0)
 
 _SETTINGS = "settings"
 
@@ -239,6 +244,8 @@ class GroundMap(Localizer):
         aspect = self._scale[1] / self._scale[0]
         nods = nod_covariance(math.radians(self.config.tilt_deg), self._width_px, aspect)
         widened = with_scatter(found.information, 2.0 * nods)  # then and now
+        if turn_information(widened) < 1.0 / math.radians(self.config.heading_sigma_deg) ** 2:
+            widened = with_scatter(widened, np.diag([0.0, 0.0, _UNTOLD_RAD**2]))
         information = ground_information(widened, motion, self._scale, self._mounting)
         # of the motion of base since the patch was registered, in the axes of base then: turn to those of the map
         heading = self._places.cameras[place].theta - self._mounting.theta
@@ -282,6 +289,9 @@ class GroundMap(Localizer):
                 )
         keyframes = self._localizer_map.keyframes()
         patches = [self._patch(keyframe) for keyframe in keyframes]
+        if self.config.high_pass and patches:
+            stack = np.stack(patches)
+            patches = list(np.where(fixed_pixels(stack), np.uint8(LEFT_OUT), stack))
         cameras = [keyframe.pose_map_base @ self._mounting for keyframe in keyframes]
         positions = np.array([[k.pose_map_base.x, k.pose_map_base.y] for k in keyframes]).reshape(-1, 2)
         return _Places(patches, cameras, positions)

@@ -7,18 +7,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
-from trailmark.arrays import Bools, Floats, Grey8, Grey16, Int32s
+from trailmark.arrays import Bools, Floats, Grey8, Int32s
 from trailmark.errors import ConfigError
 from trailmark_ground_vo.absolute import group_places, quadrants
-from trailmark_ground_vo.alignment import align_patch
+from trailmark_ground_vo.alignment import SmoothPicture, align_patch
 from trailmark_ground_vo.config import GroundMapConfig
 from trailmark_ground_vo.kernels import Kernels, load_kernels
-from trailmark_ground_vo.levels import half_picture, levelled, seven_bits, tamed
+from trailmark_ground_vo.levels import foreign_pixels, half_picture, levelled, seven_bits, tamed
 from trailmark_ground_vo.motion import ImageMotion
 from trailmark_ground_vo.search import centre_out, rotation_angles, summarise
+from trailmark_ground_vo.uncertainty import turn_information
 
 __all__ = ["PatchFinder", "PatchMatch", "PatchView"]
 
@@ -29,6 +31,15 @@ _HALF = 2.0
 
 #: Standard deviation of a match that is not refined: rounding to a pixel and to two steps of the rotation.
 _ROUNDING = 1.0 / math.sqrt(12.0)
+
+#: Standard deviation of the turn of a place that is believed: other ground that fits by chance tells it less well.
+_MOST_TURN_RAD = math.radians(0.6)
+
+#: Smoothing carries dirt so far.
+_RIM = np.ones((3, 3), np.uint8)
+
+#: Share of a group that has to be ground for it to tell its place.
+_LEAST_GROUND = 0.4
 
 #: Range of the fine search after the coarse one of the pyramid, in pixels of the half-size picture.
 _FINE_PX = 4
@@ -104,16 +115,51 @@ class PatchView:
         return self._with_transpose(_halve_bits(self.bits[0]))
 
     @cached_property
-    def smooth(self) -> Grey16:
+    def smooth(self) -> SmoothPicture:
         """The smoothed picture, for the refinement."""
         return self.smooth_levels(self.levels)
 
-    def smooth_levels(self, levels: Grey8) -> Grey16:
+    def smooth_levels(self, levels: Grey8) -> SmoothPicture:
         """Return a picture of this kind, or a part of one, as the refinement compares it."""
-        return self._kernels.smooth(tamed(levels) if self.is_levelled else levels)
+        if not self.is_levelled:
+            return SmoothPicture(self._kernels.smooth(levels), self.ground_of(levels))
+        near_dirt = cv2.dilate(foreign_pixels(levels).astype(np.uint8), _RIM)
+        return SmoothPicture(self._kernels.smooth(tamed(levels)), near_dirt == 0)
+
+    def ground_of(self, levels: Grey8) -> Bools:
+        """Return which pixels of a picture of this kind, or of a part of one, are ground."""
+        return ~foreign_pixels(levels) if self.is_levelled else np.ones(levels.shape, np.bool_)
 
     def _with_transpose(self, bits: Bits7) -> tuple[Bits7, Bits7]:
         return bits, self._kernels.transpose(bits.view(np.uint8)).view(np.int8)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Group:
+    """A quadrant of a patch: the pixels that are ground.
+
+    Attributes
+    ----------
+    values : (1, N) int8
+        In seven bits.
+    u, v : (1, N) float64
+        From the middle of the patch [px].
+    tells : bool
+        They are enough to tell a place.
+    """
+
+    values: Bits7
+    u: Floats
+    v: Floats
+    tells: bool
+
+
+def _groups_of(bits: Bits7, is_ground: Bools) -> list[_Group]:
+    parts = zip(quadrants(bits), *_offsets(len(bits)), quadrants(is_ground), strict=True)
+    return [
+        _Group(values[None, counts], us[None, counts], vs[None, counts], bool(counts.mean() >= _LEAST_GROUND))
+        for values, us, vs, counts in parts
+    ]
 
 
 def _halve_bits(bits: Bits7) -> Bits7:
@@ -216,15 +262,18 @@ class PatchFinder:
             return f"{found.n_agreeing} of 4 groups agree on {place} (covered or changed ground)"
         if found.correlation < self._config.min_correlation:
             return f"correlation {found.correlation:.2f} is too low (covered or changed ground)"
+        if self._config.refined and turn_information(found.information) < 1.0 / _MOST_TURN_RAD**2:
+            return "too little fits to tell how it is turned (covered or changed ground)"
         return ""
 
     def _search_all(
         self, view: PatchView, patch: Grey8, shift: tuple[float, float], turn_rad: float
     ) -> tuple[ImageMotion, Bools, float]:
         """Evaluate Eq. (1) for every candidate and every group."""
-        values = quadrants(seven_bits(patch, view.is_levelled))
-        errors = self._errors(view.bits, values, shift, turn_rad + self._angles, self._config.search_px)
-        return self._consensus(errors, shift, turn_rad + self._angles, self._config.tolerance_px)
+        groups = _groups_of(seven_bits(patch, view.is_levelled), view.ground_of(patch))
+        errors = self._errors(view.bits, groups, shift, turn_rad + self._angles, self._config.search_px)
+        motion, agreeing, ratio = self._consensus(errors, shift, turn_rad + self._angles, self._config.tolerance_px)
+        return motion, agreeing & [group.tells for group in groups], ratio
 
     def _search_pyramid(
         self, view: PatchView, patch: Grey8, shift: tuple[float, float], turn_rad: float
@@ -233,19 +282,23 @@ class PatchFinder:
         bits, angles = seven_bits(patch, view.is_levelled), (turn_rad + self._angles)[::2].copy()
         half_shift = (shift[0] / 2.0, shift[1] / 2.0)
         coarse_px = -(-self._config.search_px // 2)
-        errors = self._errors(view.coarse_bits, quadrants(_halve_bits(bits)), half_shift, angles, coarse_px)
+        is_ground = view.ground_of(patch)
+        groups = _groups_of(bits, is_ground)
+        all_ground = np.asarray(is_ground.reshape(len(bits) // 2, 2, -1, 2).all(axis=(1, 3)), np.bool_)
+        halved = _groups_of(_halve_bits(bits), all_ground)
+        errors = self._errors(view.coarse_bits, halved, half_shift, angles, coarse_px)
         tolerance_px = max(1.0, self._config.tolerance_px / 2.0)
         coarse, agreeing, ratio = self._consensus(errors, half_shift, angles, tolerance_px)
         near = (float(round(2.0 * coarse.u)), float(round(2.0 * coarse.v)))
         around = coarse.turn_rad + rotation_angles(1, self._step_rad)
-        fine = self._errors(view.bits, quadrants(bits), near, around, _FINE_PX)
+        fine = self._errors(view.bits, groups, near, around, _FINE_PX)
         motion, _, _ = self._consensus(fine, near, around, self._config.tolerance_px)
-        return motion, agreeing, ratio
+        return motion, agreeing & [group.tells for group in groups], ratio
 
     def _errors(
         self,
         bits: tuple[Bits7, Bits7],
-        values: Bits7,
+        groups: list[_Group],
         shift: tuple[float, float],
         angles: Floats,
         shift_px: int,
@@ -253,9 +306,11 @@ class PatchFinder:
         height, width = bits[0].shape
         centre = ((width - 1) / 2.0 + shift[0], (height - 1) / 2.0 + shift[1])
         limits = (shift_px, width - 2 - shift_px, shift_px, height - 2 - shift_px)
-        offsets = _offsets(2 * math.isqrt(values.shape[1]))
-        spots = group_places(*offsets, centre, angles, self._aspect, limits)
-        return self._kernels.patch_search(shift_px)(*bits, spots, values)
+        search, errors = self._kernels.patch_search(shift_px), []
+        for group in groups:
+            spots = group_places(group.u, group.v, centre, angles, self._aspect, limits)
+            errors.append(search(*bits, spots, group.values))
+        return np.concatenate(errors)
 
     def _consensus(
         self,

@@ -15,7 +15,7 @@ import numpy as np
 from trailmark.arrays import Floats, Int32s
 from trailmark.kernels import kernel
 
-__all__ = ["drift_information", "response_covariance", "whole_pixel_information", "with_scatter"]
+__all__ = ["drift_information", "response_covariance", "turn_information", "whole_pixel_information", "with_scatter"]
 
 
 #: Variance of rounding to whole pixels.
@@ -122,3 +122,9 @@ def with_scatter(information: Floats, scatter: Floats) -> Floats:
     # (information^-1 + scatter)^-1, without the inverse of what may have none
     out = information @ np.linalg.inv(np.eye(3) + scatter @ information)
     return np.asarray((out + out.T) / 2.0, np.float64)
+
+
+def turn_information(information: Floats) -> float:
+    """Return the information of the turn alone, with the shift unknown, of that of (u, v, turn) [1/rad^2]."""
+    shared = information[:2, 2]
+    return float(information[2, 2] - shared @ np.linalg.pinv(information[:2, :2]) @ shared)
