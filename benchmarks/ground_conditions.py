@@ -1,8 +1,8 @@
 """The downward camera where the light is not ours: ours beside klt, orb and phase_correlation, on the same pictures.
 
     python benchmarks/ground_conditions.py [--floors wood_floor ...] [--conditions nominal ...] [--methods refined ...]
-                                           [--seeds 0 1 2] [--frames 160] [--label NAME] [--minutes 25] [--out FOLDER]
-                                           [--json | --markdown]
+                                           [--seeds 0 1 2] [--frames 160] [--label NAME] [--jobs 2] [--minutes 25]
+                                           [--out FOLDER] [--json | --markdown]
 
 Run by the interpreter of an older checkout, with `--label before`, it adds that code's rows to the same folder. Begun
 again with the same `--out` it goes on where it was ended; delete the folder after a change of the code, unless
@@ -31,6 +31,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from ground_jobs import in_turn
 from ground_scenes import PHOTOGRAPHS, data_folder, photographs
 
 from trailmark.estimates import Belief, Lost, Motion
@@ -556,7 +557,8 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, nargs="+", default=[0])
     parser.add_argument("--frames", type=int, default=160)
     parser.add_argument("--label", default="", help="added to the methods' names: which code this is")
-    parser.add_argument("--minutes", type=float, default=math.inf, help="begin no further drive after so long")
+    parser.add_argument("--jobs", type=int, default=1, help="processes at once, a floor and seed each")
+    parser.add_argument("--minutes", type=float, default=math.inf, help="end after so long")
     parser.add_argument("--out", type=Path, help="folder of ground_conditions.jsonl; goes on where it ended")
     parser.add_argument("--json", action="store_true", help="a list of rows")
     parser.add_argument("--markdown", action="store_true", help="the tables of the page")
@@ -564,9 +566,8 @@ def main() -> None:
     cv2.setNumThreads(1)
     rows, until_s = Rows(options.out), time.monotonic() + 60.0 * options.minutes
     floors = [floor for floor in options.floors if floor in (*photographs(), *MADE)]
+    jobs = []
     for seed, floor in product(options.seeds, floors):  # all floors once, then again
-        if time.monotonic() > until_s:
-            break
         missing = {
             condition: [
                 method
@@ -575,14 +576,15 @@ def main() -> None:
             ]
             for condition in options.conditions
         }
-        wanted = {condition: methods for condition, methods in missing.items() if methods}
-        for row in measured(floor, seed, options.frames, wanted):
-            row["method"] = _named(row["method"], options.label)
-            rows.add(row)
-            if not (options.json or options.markdown):
-                print(_line(row), flush=True)
-            if time.monotonic() > until_s:
-                break
+        if wanted := {condition: methods for condition, methods in missing.items() if methods}:
+            jobs.append((floor, seed, options.frames, wanted))
+    for row in in_turn(measured, jobs, options.jobs):
+        row["method"] = _named(row["method"], options.label)
+        rows.add(row)
+        if not (options.json or options.markdown):
+            print(_line(row), flush=True)
+        if time.monotonic() > until_s:
+            break
     if options.json:
         print(json.dumps(list(rows.by_key.values()), indent=2))
     if options.markdown:

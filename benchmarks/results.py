@@ -60,7 +60,7 @@ _RECKONED_MIN: dict[str, tuple[float, ...]] = {
     "fusion": (10.0, 0.5, 15.0, 0.2),
     "grand": (0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 6.0, 0.1),
     "ground_accuracy": (25.0, 5.0),
-    "ground_conditions": (75.0, 15.0, 75.0, 60.0),
+    "ground_conditions": (25.0, 5.0, 25.0, 8.0),
     "ground_map": (4.0, 4.0, 2.0),
     "hostile-input": (2.0, 10.0, 3.0),
     "kinect_honest": (8.0, 5.0, 8.0, 1.5),
