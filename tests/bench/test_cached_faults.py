@@ -141,7 +141,9 @@ def test_what_a_run_that_ended_early_saw_is_not_kept(cache: FrameCache, tmp_path
 
 
 @pytest.mark.parametrize(
-    "other", [{"told": session(1)}, {"told": replace(session(), mode="teach")}, {"facts": {"code": "new"}}], ids=str
+    "other",
+    [{"told": session(1)}, {"told": replace(session(), mode="teach")}, {"facts": {"code": "new"}}],
+    ids=["seed", "mode", "code"],
 )
 def test_what_is_of_another_run_config_or_code_is_not_taken(cache: FrameCache, other: dict) -> None:
     taken(cache)
