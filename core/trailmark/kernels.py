@@ -8,6 +8,7 @@ from __future__ import annotations
 import gc
 import logging
 import re
+import uuid
 from collections.abc import Callable
 from functools import partial
 from numbers import Number
@@ -161,6 +162,7 @@ def _compiler(**options: Any) -> Callable[[_Function], _Function]:
         try:
             compiled = _njit(cache=_name_variant(function), no_cfunc_wrapper=True, **options)(function)
             _survive_renamed_records(compiled)
+            _name_files_apart(compiled)
         except RuntimeError as error:  # numba found no folder that it can write
             logger.info("kernel %s cannot be cached: %s", function.__name__, error)
             compiled = _njit(no_cfunc_wrapper=True, **options)(function)
@@ -205,3 +207,16 @@ def _survive_renamed_records(compiled: Any) -> None:
             return {}
 
     cache_file._load_index = load_index_or_nothing
+
+
+def _name_files_apart(compiled: Any) -> None:
+    """Give each code of a kernel that is kept a file name that no other process gives.
+
+    Numba names files by a count, and its index, which says what types of arguments a file is for, has no lock: of two
+    processes that keep a code each at once, both would write the first file, and the index may name the types of the
+    other. Now the index may lack one of them, which is then compiled again.
+    """
+    cache_file = _cache_file_of(compiled)
+    if cache_file is not None:
+        base = cache_file._index_name.removesuffix(".nbi")
+        cache_file._data_name = lambda _: f"{base}.{uuid.uuid4().hex[:16]}.nbc"
