@@ -97,9 +97,9 @@ def _excess_of_those_alone(rivals: Sequence[RivalFilter], heard: Sequence[Mappin
     for one in heard:
         excess = 0.0
         for source in heard_of:
-            others = (awaited | set(heard_of)) - {source}
-            if -one[source].log > SUSPICION and _is_alone(one, one[source], for_most[source], others):
-                excess += -one[source].log - SUSPICION
+            said, others = one.get(source, _SILENT), (awaited | set(heard_of)) - {source}
+            if -said.log > SUSPICION and _is_alone(one, said, for_most[source], others):
+                excess += -said.log - SUSPICION
         found.append(excess)
     return found
 
