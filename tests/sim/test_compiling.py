@@ -159,7 +159,9 @@ def test_the_other_process_builds_the_same_sensors(read: list[int], monkeypatch:
         return Other()
 
     monkeypatch.setattr(subprocess, "Popen", note)
-    compiling._compile_beside(CONFIG)
+    beside = compiling._compile_beside(CONFIG)
+    assert beside is not None
+    beside.close()
 
     compiling._compile_for(arguments[0][-2])
 
@@ -200,7 +202,11 @@ def test_ctrl_c_while_the_real_process_compiles_leaves_none_behind(real: FirstRe
 def test_the_real_process_ends_when_this_one_is_gone(real: FirstReadings) -> None:
     process = process_of(real)
     assert process.stdin is not None
+    assert real._process is not None
+    folder = real._process._folder
+    assert folder.exists()
 
     process.stdin.close()  # as the system does for a process that was killed
 
     assert process.wait(30.0) == -signal.SIGTERM
+    assert not folder.exists()

@@ -43,7 +43,8 @@ class CompilingProcess:
     ----------
     command : sequence of str
         Starts it. It gets a folder as its last argument, in which both note what they have taken, and calls
-        `compile_offered` when its own work is done. It ends when its standard input does.
+        `compile_offered` when its own work is done. It ends when its standard input does, and removes the folder then
+        (`trailmark.isolation.orphan.end_with_stdin`).
 
     Raises
     ------

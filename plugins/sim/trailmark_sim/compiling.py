@@ -98,10 +98,10 @@ def _read_all(sensors: Sequence[SensorModel], state: VehicleState) -> None:
 
 def main() -> None:
     """Compile for the config on the command line, beside the process that holds the other end of standard input."""
-    end_with_stdin()
+    config_json, folder = sys.argv[1:]
+    end_with_stdin(Path(folder))
     if hasattr(os, "nice"):  # not on Windows
         os.nice(_NICENESS)
-    config_json, folder = sys.argv[1:]
     _compile_for(config_json)
     compile_offered(Path(folder))
 
