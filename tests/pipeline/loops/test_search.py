@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from trailmark.estimates import Fix, Lost
-from trailmark.geometry import Pose2, rotate_axes
+from trailmark.geometry import Pose2, rotate_axes, wrap_angle
 from trailmark.paths import Keyframe
 from trailmark.pipeline.teaching.logged_way import LoggedWay
 from trailmark.pipeline.teaching.loops import LoopSearch, RelatingLocalizer, _parallel
@@ -64,6 +64,15 @@ def test_two_that_tell_the_same_direction_tell_half_as_much_of_their_difference(
     np.testing.assert_allclose(_parallel(one_way, one_way), one_way / 2.0, rtol=1e-9, atol=1e-9 * told)
     np.testing.assert_allclose(_parallel(one_way, other_way), np.diag([0.0, 0.0, 5e5]), rtol=1e-9, atol=1e-6)
     assert not _parallel(np.zeros((3, 3)), one_way).any()
+
+
+def test_places_that_tell_only_the_heading_straighten_it(rounds: Any) -> None:
+    nodes, only_heading = rounds.log(), np.diag([0.0, 0.0, rounds.good[2, 2]])
+    straightened = searched(nodes, rounds.relating(nodes, lambda pose, n: Fix(0.0, pose, only_heading)))
+    before = [abs(wrap_angle(node.pose_map_base.theta - true.theta)) for node, true in zip(nodes, rounds.truth)]
+    moved = [straightened.at_stamp(node.stamp_s, node.pose_map_base) for node in nodes]
+    after = [abs(wrap_angle(pose.theta - true.theta)) for pose, true in zip(moved, rounds.truth)]
+    assert max(after) < 0.5 * max(before)
 
 
 def test_wrong_places_among_right_ones_bend_nothing(rounds: Any) -> None:

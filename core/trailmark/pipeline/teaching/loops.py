@@ -132,9 +132,11 @@ class _LoopCandidate:
         return weakest * _HARMLESS_M**2 > _AGREE
 
     def reach_m(self) -> float:
-        """Return how far off it may be without being implausible, in directions that it tells [m]."""
+        """Return how far off it may be without being implausible, in directions that it tells, if any [m]."""
         values, vectors = np.linalg.eigh(rotate_axes(self.information, -self.measured.theta)[:2, :2])
         told = vectors[:, values > _TOLD_BESIDE * values[-1]]
+        if told.shape[1] == 0:
+            return 0.0
         return math.sqrt(PLAUSIBLE * float(np.linalg.eigvalsh(told.T @ self.spread[:2, :2] @ told)[-1]))
 
 
