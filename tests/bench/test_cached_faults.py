@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 
 from trailmark.commands import Command, Stop
-from trailmark.config import SourceConfig
+from trailmark.config import SourceConfig, load_run_config
 from trailmark.config.base import PluginConfig
 from trailmark.frames import RGBD, Frame, SensorInfo
 from trailmark.interfaces import Drivable, Fault, Session
 from trailmark.pipeline.sources.perturbing import Perturber
+from trailmark.plugins import load_plugins
 from trailmark_bench.cached_fault import CachedFault
+from trailmark_bench.cached_run import with_cached_frames
 from trailmark_bench.cached_source import CachedSource
 from trailmark_bench.frame_cache import FrameCache
 
@@ -149,6 +151,23 @@ def test_what_is_of_another_run_config_or_code_is_not_taken(cache: FrameCache, o
     taken(cache)
 
     assert applied_by(lambda: taken(cache, **other)) == 60
+
+
+def facts_of(sensors: list[str] | None) -> object:
+    """Return what is known beforehand of the frames of a fault that befalls these sensors."""
+    robot = {"plugin": "sim", "world": "ground_course", "perturb": {"dropped": 0.1, "sensors": sensors}}
+    run = {"sources": {"robot": robot}, "localizers": {"wheels": {"plugin": "odometry"}}}
+    config = load_run_config(run, plugins=load_plugins())
+    (fault,) = with_cached_frames(config, FrameCache(Path("frames"), limit_mb=1.0), {}).sources["robot"].faults
+    return fault.facts
+
+
+def test_the_sensors_that_a_fault_befalls_have_a_say_in_its_time_and_so_in_its_frames() -> None:
+    alone, both = facts_of(["floor"]), facts_of(["floor", "wheels"])
+
+    assert alone == facts_of(["floor"])
+    assert both == facts_of(["wheels", "floor"])
+    assert len({str(facts) for facts in (alone, both, facts_of(None))}) == 3
 
 
 def test_frames_that_hang_on_the_run_are_worsened_each_time(cache: FrameCache, tmp_path: Path) -> None:

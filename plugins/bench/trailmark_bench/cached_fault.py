@@ -39,7 +39,7 @@ class CachedFaultEntry(FaultEntry):
     cache : FrameCache
         Where frames are.
     facts : mapping
-        This fault and those before it, as they are written, and their code: plain data.
+        This fault and those before it, as they are written, their code, and the sensors that they befall: plain data.
     befallen : FaultySource
         What it befalls.
     """

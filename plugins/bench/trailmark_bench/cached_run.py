@@ -70,12 +70,16 @@ def _cached_entry(entry: SourceEntry, cache: FrameCache, data: Mapping[str, str]
 def _cached_fault(
     source: SourceEntry, index: int, cache: FrameCache, befallen: FaultySource, data: Mapping[str, str]
 ) -> FaultEntry:
-    """Return a fault of a source; what it makes of frames depends on the faults before it too."""
+    """Return a fault of a source; what it makes of frames depends on the faults before it too.
+
+    Time counts from the first frame of any sensor that the faults befall, so these sensors have a say as well.
+    """
     entry, so_far = source.faults[index], source.faults[: index + 1]
     own = {field.name: getattr(entry, field.name) for field in fields(entry)}
     written = [[fault.name, fault.document] for fault in so_far]
     facts = {
         "faults": without_paths(written, lambda path: data.get(path) or fingerprint(path)),
         "code": code_of([fault.spec for fault in so_far]),
+        "sensors": None if source.perturbed is None else sorted(source.perturbed),
     }
     return CachedFaultEntry(**own, cache=cache, facts=facts, befallen=befallen)
