@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,20 +18,22 @@ __all__ = ["going_on_from", "noting_pass"]
 
 
 @contextmanager
-def going_on_from(index: Index, cells: Sequence[Cell], path: Path) -> Iterator[str]:
+def going_on_from(index: Index, cells: Sequence[Cell], path: Path, whole: Sequence[Cell] = ()) -> Iterator[str]:
     """Take what a file says of cells that have not been run here; write it anew with all that has ended, at the end.
 
     A cell is taken by its address, which is made of config, code, data and protocol: what is of other code is not
-    taken, and no longer in the file afterwards.
+    taken, and no longer in the file afterwards. What a call leaves out of the same bench stays in the file.
 
     Parameters
     ----------
     index : Index
         Of the folder of the bench, for writing.
     cells : sequence of Cell
-        Of the bench.
+        That this call asks for.
     path : Path
         The file; that there is none yet is no mistake.
+    whole : sequence of Cell
+        Of the whole bench, where this call asks for some of it.
 
     Yields
     ------
@@ -43,15 +45,25 @@ def going_on_from(index: Index, cells: Sequence[Cell], path: Path) -> Iterator[s
     DataError
         If the file is none of results, or cannot be written.
     """
-    told = _take(index, cells, path) if path.exists() else f"{path} is begun"
+    told = _take(index, cells, path, whole) if path.exists() else f"{path} is begun"
     try:
         yield told
     finally:
         with shielded(KEEP_S):
-            write_results(index, path, pictured=True)
+            index.enter(_asked_or_finished(cells, whole, index.states()))
+            try:
+                write_results(index, path, pictured=True)
+            finally:
+                index.enter(cells)  # tables show what was asked for
 
 
-def _take(index: Index, cells: Sequence[Cell], path: Path) -> str:
+def _asked_or_finished(cells: Sequence[Cell], whole: Sequence[Cell], states: Mapping[str, str]) -> Sequence[Cell]:
+    """Return the cells that belong in the file, in the order of the whole bench."""
+    asked = {cell.id for cell in cells}
+    return [cell for cell in whole if cell.id in asked or states.get(cell.id) in FINISHED] or cells
+
+
+def _take(index: Index, cells: Sequence[Cell], path: Path, whole: Sequence[Cell]) -> str:
     index.enter(cells)
     ours = index.states()
     with TemporaryDirectory() as folder:
@@ -59,12 +71,15 @@ def _take(index: Index, cells: Sequence[Cell], path: Path) -> str:
         with Index(folder) as other:
             theirs = other.states()
             known = [cell.id for cell in cells if cell.id in theirs]
-            index.copy_from(other, [cell_id for cell_id in known if ours[cell_id] not in FINISHED])
+            others = theirs.keys() - known
+            staying = [cell.id for cell in whole if cell.id in others]
+            index.copy_from(other, [one for one in (*known, *staying) if ours.get(one) not in FINISHED])
             index.set_meta(passes=_united(other.meta().get("passes", ()), index.meta().get("passes", ())))
     index.enter(cells)
-    n_other = len(theirs) - len(known)
+    n_other = len(others) - len(staying)
     told = f"{len(known)} of {len(cells)} cells are known from {path}"
-    return told + (f"; {n_other} in it are of other code or config, or not asked for: it loses them" * bool(n_other))
+    told += f"; {len(staying)} in it are not asked for: they stay" * bool(staying)
+    return told + f"; {n_other} in it are of other code or config: it loses them" * bool(n_other)
 
 
 def _united(*passes: Sequence[object]) -> list[object]:

@@ -59,6 +59,7 @@ def run_bench_command(request: RunOptions, plugins: Plugins, chosen: ChosenPlugi
     with _saying_what_is_kept(), Index(request.folder, write=True) as index:
         cache = index.file_digests()
         bench = load(request, plugins, chosen, cache)
+        whole = whole_bench(request, plugins, chosen, cache)
         index.keep_file_digests(cache)
         say_changed(bench, index)
         remember(index, bench, request.config)
@@ -66,7 +67,7 @@ def run_bench_command(request: RunOptions, plugins: Plugins, chosen: ChosenPlugi
         budget_s = math.inf if request.hours is None else 3600.0 * request.hours
         with ExitStack() as around:
             if request.results is not None:
-                say(around.enter_context(going_on_from(index, bench.cells, request.results)))
+                say(around.enter_context(going_on_from(index, bench.cells, request.results, whole)))
             around.enter_context(noting_pass(index))
             progress = around.enter_context(BenchProgress())
             lost = run_bench(bench.cells, index, executor, retry=request.retry, on_progress=progress, budget_s=budget_s)
@@ -104,6 +105,22 @@ def _saying_what_is_kept() -> Iterator[None]:
 
 def load(request: RunOptions, plugins: Plugins, chosen: ChosenPlugins, cache: FileCache) -> Bench:
     """Read the config; say what the reader should know."""
+    bench = _read(request, plugins, chosen, cache)
+    for notice in bench.notices:
+        say(notice)
+    if not bench.cells:
+        raise ConfigError(f"{request.config}: nothing is left of the matrix")
+    return bench
+
+
+def whole_bench(request: RunOptions, plugins: Plugins, chosen: ChosenPlugins, cache: FileCache) -> Sequence[Cell]:
+    """Return also the cells that ``--only`` and ``--quick`` leave out, where a file of results may know them."""
+    if request.results is None or not (request.only or request.quick):
+        return ()
+    return _read(replace(request, only=(), quick=False), plugins, chosen, cache).cells
+
+
+def _read(request: RunOptions, plugins: Plugins, chosen: ChosenPlugins, cache: FileCache) -> Bench:
     bench = load_bench(
         request.config,
         plugins=plugins,
@@ -113,13 +130,7 @@ def load(request: RunOptions, plugins: Plugins, chosen: ChosenPlugins, cache: Fi
         block=chosen.block,
         cache=cache,
     )
-    if request.quick:
-        bench = replace(bench, cells=tuple(first_samples(bench.cells)))
-    for notice in bench.notices:
-        say(notice)
-    if not bench.cells:
-        raise ConfigError(f"{request.config}: nothing is left of the matrix")
-    return bench
+    return replace(bench, cells=tuple(first_samples(bench.cells))) if request.quick else bench
 
 
 def remember(index: Index, bench: Bench, config: Path) -> None:
