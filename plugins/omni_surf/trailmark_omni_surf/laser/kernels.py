@@ -81,6 +81,10 @@ def truncated_cost(
     -------
     float
         Mean distance [m].
+
+    Notes
+    -----
+    `cheapest_starts` has the same loop, which it leaves early: what changes here changes there.
     """
     height, width = distance_m.shape
     cos, sin = math.cos(theta), math.sin(theta)
@@ -140,6 +144,7 @@ def cheapest_starts(
     """Return the rows of the cheapest starts, the cheapest first, of equal ones the first: those of `score_starts`.
 
     A start is left as soon as its sum is beyond what the last of the best has in all: distances are never negative.
+    For this it repeats the loop of `truncated_cost`; a test holds both to the same order.
 
     Parameters
     ----------
