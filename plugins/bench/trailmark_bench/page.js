@@ -320,7 +320,8 @@ function cellsBeside(condition) {
     if (!groups.get(key).has(cell.method)) groups.get(key).set(cell.method, cell);
   });
   const isPictured = (cell) => cell.chunk !== null;  // a large page has pictures of one seed and place alone
-  const worth = (group) => [...group.values()].reduce((sum, cell) => sum + (cell.state === "ok") * (isPictured(cell) ? 1000 : 1), 0);
+  const PICTURED = 1000;  // one picture counts more than all results without: methods are fewer
+  const worth = (group) => [...group.values()].reduce((sum, cell) => sum + (cell.state === "ok") * (isPictured(cell) ? PICTURED : 1), 0);
   const [key, group] = [...groups].reduce((best, one) => (worth(one[1]) > worth(best[1]) ? one : best));
   return { seed: key, cells: data.methods.map((method) => group.get(method)).filter(Boolean) };
 }
