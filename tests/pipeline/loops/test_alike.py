@@ -100,7 +100,7 @@ def test_what_agrees_only_across_a_corridor_is_tested_like_the_first() -> None:
     spread = np.diag([2.0**2, 0.1**2, 0.02**2])
     across = np.diag([0.0, GOOD[1, 1], GOOD[2, 2]])
     searched._counted = [_LoopCandidate(2, 16, Pose2(7.0), across, spread)]
-    alikes = searched._relating[0][2]
+    alikes = searched._places[0].alikes
 
     searched._take(_LoopCandidate(3, 17, Pose2(1.0), GOOD, spread), alikes)
     assert (len(searched._graph.loops), searched.n_left_open) == (0, 1)

@@ -106,8 +106,21 @@ class RelatingLocalizer:
         return told
 
 
-#: For nodes: the number of a keyframe, and where it lies as seen from the node.
-_Sites = dict[int, tuple[int, Pose2]]
+@dataclass(frozen=True, slots=True, eq=False)
+class _KnownPlaces:
+    """What one localizer knows of the way.
+
+    Sites say for nodes the number of a keyframe, and where it lies as seen from the node.
+    """
+
+    relating: RelatingLocalizer
+    sites: Mapping[int, tuple[int, Pose2]]
+    alikes: LookAlikes
+
+    @classmethod
+    def along(cls, way: LoggedWay, relating: RelatingLocalizer) -> _KnownPlaces:
+        sites = relating.sites_of(way)
+        return cls(relating, sites, LookAlikes(way.nodes, sites, relating.relate))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -159,9 +172,7 @@ class LoopSearch:
     def __init__(self, nodes: Sequence[Keyframe], relating: Sequence[RelatingLocalizer]) -> None:
         self._nodes = nodes
         way = LoggedWay(nodes)
-        self._relating = [
-            (one, sites, LookAlikes(nodes, sites, one.relate)) for one in relating for sites in [one.sites_of(way)]
-        ]
+        self._places = [_KnownPlaces.along(way, one) for one in relating]
         self._graph = WayGraph(nodes)
         self._counted: list[_LoopCandidate] = []
         self._pending: list[_LoopCandidate] = []
@@ -173,16 +184,16 @@ class LoopSearch:
         for node, keyframe in enumerate(self._nodes):
             if keyframe.station_m - looked_m >= _EVERY_M:
                 looked_m = keyframe.station_m
-                for relating, sites, alikes in self._relating:
-                    look = self._look(node, relating, sites) if node in sites else None
+                for places in self._places:
+                    look = self._look(node, places) if node in places.sites else None
                     if look is not None:
-                        self._take(look, alikes)
+                        self._take(look, places.alikes)
         n_loops = self._graph.without_wrong()
         return Straightened(self._nodes, self._graph.poses, n_loops) if n_loops else None
 
-    def _look(self, node: int, relating: RelatingLocalizer, sites: _Sites) -> _LoopCandidate | None:
+    def _look(self, node: int, places: _KnownPlaces) -> _LoopCandidate | None:
         """Return the relation of a node to a place seen before, if the localizer gives a plausible one."""
-        station_m, here = self._nodes[node].station_m, self._graph.poses[node]
+        station_m, here, sites = self._nodes[node].station_m, self._graph.poses[node], places.sites
         before = [one for one in sites if self._nodes[one].station_m <= station_m - _BACK_M]
         near = [one for one in before if self._graph.poses[one].distance_to(here) < _FARTHEST_M + _AROUND_M]
         if not near:
@@ -200,10 +211,10 @@ class LoopSearch:
         known = sorted(near, key=lambda one: self._graph.poses[one].distance_to(here))
         known = [one for one in known if self._graph.poses[one].distance_to(here) < window + _AROUND_M][:_MOST_KNOWN]
         number, offset = sites[node]
-        places = {sites[one][0]: self._graph.poses[one] @ sites[one][1] for one in known}
+        around = {sites[one][0]: self._graph.poses[one] @ sites[one][1] for one in known}
         spread = rotate_axes(covariance + SLACK, here.theta)
         spread[2, 2] = min(spread[2, 2], (_FARTHEST_RAD / _SIGMAS) ** 2)
-        told = relating.relate(places, number, here @ offset, spread)
+        told = places.relating.relate(around, number, here @ offset, spread)
         if told is None:
             return None
         found = told.pose_map_base @ offset.inverse()
