@@ -113,6 +113,59 @@ def test_who_stood_before_a_gap_may_have_driven_meanwhile() -> None:
     assert isinstance(long, Lost)
 
 
+@pytest.mark.parametrize("period_s", [2.05, 5.0, 40.0])
+@pytest.mark.parametrize("speed_mps", [0.0, 0.2])
+def test_readings_that_always_come_seldom_are_motions_as_wide_as_what_may_have_happened(
+    period_s: float, speed_mps: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Steady for half of the way, then twice as fast: that step is as uncertain as it differs from going on."""
+    ways_m = [speed_mps * period_s * (i + max(i - 10, 0)) for i in range(20)]
+
+    first, second, *answers = observed(localizer(), *[at(period_s * i, Pose2(x)) for i, x in enumerate(ways_m)])
+
+    assert isinstance(first, Lost)
+    assert len(caplog.records) == 1
+    assert all(isinstance(answer, Motion) for answer in answers)
+    assert sigmas(second)[0] > 0.4 * period_s
+    if speed_mps:
+        assert sigmas(answers[5])[0] < 0.1 * speed_mps * period_s
+        assert sigmas(answers[8])[0] > 0.9 * speed_mps * period_s
+
+
+def test_of_readings_that_come_seldom_several_in_a_row_are_a_gap() -> None:
+    made = localizer()
+    observed(made, *[at(5.0 * i, Pose2(1.0 * i)) for i in range(8)])
+
+    (missing,) = observed(made, at(60.0, Pose2(7.0)))
+
+    assert isinstance(missing, Lost)
+
+
+def test_velocities_that_come_seldom_are_warned_of_once(caplog: pytest.LogCaptureFixture) -> None:
+    frames = [Frame("wheels", 5.0 * i, Odometry(Pose2(), twist=Twist2(0.5))) for i in range(10)]
+
+    answers = observed(localizer(reads="velocity"), *frames)
+
+    assert all(isinstance(answer, Lost) for answer in answers)
+    assert len(caplog.records) == 1
+
+
+@pytest.mark.parametrize("is_first", [True, False])
+def test_a_reading_that_was_held_back_does_not_hide_a_restart(is_first: bool) -> None:
+    """It comes 1 ms after another, behind the start or a gap of which the way is missing."""
+    made = localizer()
+    if not is_first:
+        observed(made, *even_drive(4.95, Twist2(0.5)))
+    burst = [at(8.0, Pose2(2.5)), at(8.001, Pose2(2.509, 0.0, 0.1))]
+    back = [at(8.05 + 0.05 * i, Pose2(2.5 - 0.025 * i)) for i in range(85)]
+    observed(made, *burst, *back)
+
+    (restart,) = observed(made, at(back[-1].stamp_s + 0.05, Pose2()))
+
+    assert isinstance(restart, Lost)
+    assert "restarted" in restart.reason
+
+
 @pytest.mark.parametrize("speed_mps", [0.0, 0.5])
 def test_readings_that_come_more_seldom_from_now_on_are_believed_again(speed_mps: float) -> None:
     """From 20 Hz to a reading in 1.5 s, while it stands or drives; before that a restart."""

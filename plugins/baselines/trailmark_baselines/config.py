@@ -45,8 +45,9 @@ class OdometryConfig(PluginConfig):
     max_turn_dps: float = Field(720.0, gt=0)
     """The same of a turn, if it is more than 15 degrees [deg/s]."""
     max_gap_s: float = Field(2.0, gt=0)
-    """A longer time without a reading is a gap, and a shorter one of four usual ones and 0.25 s. The step across it
-    counts where it is what the robot would have driven; else its way is lost [s]."""
+    """A longer time without a reading is a gap. A shorter one is a gap if it is both longer than four usual times and
+    longer than 0.25 s; where usual times are about as long as this or longer, four of them are the limit. The step
+    across a gap counts where it is what the robot would have driven; else its way is lost [s]."""
 
 
 class ConstantSpeedConfig(PluginConfig):

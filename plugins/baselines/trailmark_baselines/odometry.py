@@ -13,16 +13,14 @@ from trailmark.frames import Frame, Odometry
 from trailmark.geometry import Pose2, Twist2
 from trailmark.interfaces import Localizer, Session
 from trailmark_baselines.config import OdometryConfig
-from trailmark_baselines.reading_gaps import ReadingGaps
+from trailmark_baselines.reading_gaps import Components, ReadingGaps
 from trailmark_baselines.spread import Spread, random_walk, step_covariance
 
 __all__ = ["OdometryLocalizer"]
 
 logger = logging.getLogger(__name__)
 
-# Along, across and of the turn.
-_Three = tuple[float, float, float]
-_NOTHING: _Three = (0.0, 0.0, 0.0)
+_NOTHING = Components(0.0, 0.0, 0.0)
 
 # Two readings that come at once, late, may show this of a turn in no time.
 _LEAST_JUMP_RAD = math.radians(15.0)
@@ -81,14 +79,14 @@ class OdometryLocalizer(Localizer):
         if step is None:
             missing = "gives no velocity" if reads_velocity else "changed between pose and distance"
             return (self._lost(stamp_s, f"the odometry {missing}"),)
-        arc, is_gap = step.log(), self._gaps.is_gap(dt_s)
+        arc, is_gap, is_long = Components(*step.log()), self._gaps.is_gap(dt_s), dt_s > self.config.max_gap_s
         self._gaps.note_interval(dt_s)
         if jump := self._jump(step, dt_s) or self._restart(step, now, dt_s):
             return (self._lost(stamp_s, jump),)
-        if is_gap and (why := self._why_unknown(arc, now, dt_s)):
+        if (is_gap or (is_long and reads_velocity)) and (why := self._why_unknown(arc, now, dt_s)):
             return (self._lost_in_gap(stamp_s, f"no reading for {dt_s:.1f} s, {why}"),)
         late = self._variances_of_lag(arc, dt_s)
-        unseen = self._gaps.variances(arc, dt_s, before.twist, late) if is_gap else _NOTHING
+        unseen = self._gaps.variances(arc, dt_s, before.twist, late) if is_gap or is_long else _NOTHING
         self._gaps.note_step(arc, dt_s)
         if now.pose_start_base is None and not reads_velocity:
             return (self._straight((since_s, stamp_s), step.x, late, unseen),)
@@ -101,13 +99,14 @@ class OdometryLocalizer(Localizer):
         return Lost(stamp_s, reason)
 
     def _lost_in_gap(self, stamp_s: float, reason: str) -> Lost:
+        if not self._missing:  # once, where each time is as long
+            logger.warning(
+                "%s: %s: what was driven in it is missing, unless another localizer tells it", self._name, reason
+            )
         self._missing, self._missing_s = f"{reason}: that way is missing, and the belief as wide", stamp_s
-        logger.warning(
-            "%s: %s: what was driven in it is missing, unless another localizer tells it", self._name, reason
-        )
         return self._lost(stamp_s, reason)
 
-    def _why_unknown(self, arc: _Three, now: Odometry, dt_s: float) -> str:
+    def _why_unknown(self, arc: Components, now: Odometry, dt_s: float) -> str:
         """Return in words why the way of a gap is not known; empty: it is."""
         if self.config.reads == "velocity" and dt_s > self.config.max_gap_s:
             return "and velocities do not say what was driven in it"
@@ -131,25 +130,25 @@ class OdometryLocalizer(Localizer):
         return ""
 
     def _motion_from_velocity(
-        self, span_s: tuple[float, float], step: Pose2, arc: _Three, late: _Three, unseen: _Three
+        self, span_s: tuple[float, float], step: Pose2, arc: Components, late: Components, unseen: Components
     ) -> Motion:
         config, dt_s = self.config, span_s[1] - span_s[0]
-        driven_m = math.hypot(arc[0], arc[1])  # the arc, not the chord
+        driven_m = math.hypot(arc.along, arc.across)  # the arc, not the chord
         rest_m2 = random_walk((config.rest_sigma, dt_s), (config.slip_sigma, step.theta))
         turn_deg2 = random_walk(
             (config.turn_sigma_deg, driven_m), (config.turning_sigma_deg, step.theta), (config.rest_sigma_deg, dt_s)
         )
         spread = Spread(
-            random_walk((config.distance_sigma, driven_m)) + rest_m2 + late[0],
-            random_walk((config.lateral_sigma, driven_m)) + rest_m2 + late[1],
-            turn_deg2 * math.radians(1.0) ** 2 + late[2],
+            random_walk((config.distance_sigma, driven_m)) + rest_m2 + late.along,
+            random_walk((config.lateral_sigma, driven_m)) + rest_m2 + late.across,
+            turn_deg2 * math.radians(1.0) ** 2 + late.turn,
         )
         covariance = step_covariance(step.x, step.y, spread)
         if unseen is not _NOTHING:
             covariance = covariance + np.diag(unseen)
         return Motion(*span_s, step, information_from_covariance(covariance))
 
-    def _variances_of_lag(self, arc: _Three, dt_s: float) -> _Three:
+    def _variances_of_lag(self, arc: Components, dt_s: float) -> Components:
         """Return the variances along, across and of the turn of a body that is behind its readings, or ahead.
 
         The body is taken to reach the speed that is told as a first-order lag does. After a jump by v all steps err to
@@ -168,14 +167,14 @@ class OdometryLocalizer(Localizer):
             body.yaw_radps + followed * ahead[2],
         )
         squared_s2 = lag_s * min(dt_s, lag_s)
-        return squared_s2 * ahead[0] ** 2, squared_s2 * ahead[1] ** 2, squared_s2 * ahead[2] ** 2
+        return Components(*(squared_s2 * part**2 for part in ahead))
 
-    def _straight(self, span_s: tuple[float, float], distance_m: float, late: _Three, unseen: _Three) -> Motion:
+    def _straight(self, span_s: tuple[float, float], distance_m: float, late: Components, unseen: Components) -> Motion:
         config, dt_s, step = self.config, span_s[1] - span_s[0], Pose2(distance_m)
         rest_m2 = random_walk((config.rest_sigma, dt_s))
-        along_m2 = random_walk((config.distance_sigma, distance_m)) + rest_m2 + late[0]
+        along_m2 = random_walk((config.distance_sigma, distance_m)) + rest_m2 + late.along
         if config.unmeasured_turn_deg is None:
-            sigma_m = math.sqrt(along_m2 + unseen[0])
+            sigma_m = math.sqrt(along_m2 + unseen.along)
             return Motion(*span_s, step, information_along((1.0, 0.0, 0.0), sigma_m))
         turn_deg2 = random_walk((config.unmeasured_turn_deg, distance_m), (config.rest_sigma_deg, dt_s))
         across_m2 = random_walk((config.lateral_sigma, distance_m)) + rest_m2
