@@ -11,6 +11,7 @@ import io
 import json
 import lzma
 import math
+import re
 import zlib
 from collections.abc import Collection, Mapping
 from pathlib import Path
@@ -35,6 +36,8 @@ _PICTURE = ("ways", "errors", "stages", "sources")
 #: Facts about the bench that tables need, and where results come from.
 _META = ("name", "version", "metrics", "baseline", "judging", "passes", "asked")
 _ORIGIN = ("trailmark", "started", "python", "platform", "cpu", "packages", "git")
+#: What stands for a host that a file names by its digest; no name of a host begins so.
+_READ_HOST = re.compile("#[0-9a-f]{8}")
 _COSTS = ("wall_s", "cpu_s", "peak_rss_mb", "load")
 
 
@@ -99,17 +102,21 @@ def _picture(detail: bytes | None) -> dict[str, Any]:
 
 
 def _document(record: CellRecord) -> dict[str, Any]:
-    machine = hashlib.sha256((record.host or "").encode()).hexdigest()[:8]
     return {
         "id": record.id,
         "matrix": record.matrix,
         "coordinates": dict(record.coordinates),
         "state": record.state,
         "reason": record.reason,
-        "machine": machine,
+        "machine": _machine_of(record.host or ""),
         "costs": {name: getattr(record, name) for name in _COSTS if getattr(record, name) is not None},
         "result": dict(record.result),
     }
+
+
+def _machine_of(host: str) -> str:
+    """Return the digest that stands for a host: of one that was read from a file, the one that stood there."""
+    return host[1:] if _READ_HOST.fullmatch(host) else hashlib.sha256(host.encode()).hexdigest()[:8]
 
 
 def read_results(path: Path, folder: Path) -> None:
@@ -141,7 +148,7 @@ def read_results(path: Path, folder: Path) -> None:
 
 def _outcome(cell: Mapping[str, Any]) -> Outcome:
     wall_s, cpu_s, peak_rss_mb, load = (float(cell["costs"].get(name) or 0.0) for name in _COSTS)
-    return Outcome(cell["state"], cell["reason"], "", wall_s, cpu_s, peak_rss_mb, load, cell["machine"])
+    return Outcome(cell["state"], cell["reason"], "", wall_s, cpu_s, peak_rss_mb, load, f"#{cell['machine']}")
 
 
 def _read(path: Path) -> dict[str, Any]:
