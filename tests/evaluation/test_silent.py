@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -165,6 +166,24 @@ def test_the_belief_is_judged_like_a_localizer(write_run: Write) -> None:
 
     fused = document["trajectories"]["fused"]["metrics"]
     assert find_metric(fused, "silent") == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize(("mode", "silent"), [("teach", 0.0), ("track", 1.0)])
+def test_a_map_that_is_taught_without_a_fix_begins_where_the_robot_stands(
+    write_run: Write, mode: str, silent: float
+) -> None:
+    truth = true_line(0.5)
+    origin = Trajectory(truth.stamps_s, truth.poses + np.array([1.0, 2.0, 0.0]))
+    folder = write_run({"fused": truth}, origin, motions(truth, 0.0, 0.001))
+    (folder / "run.json").write_text(json.dumps({"status": "done", "mode": mode}))
+    rows = [f"{t},{0.5 * t!r},0,0,1e-4,0,0,1e-4,0,1e-4" for t in truth.stamps_s[:80].tolist()]
+    header = "stamp_s,x,y,theta,cov_xx,cov_xy,cov_xt,cov_yy,cov_yt,cov_tt"
+    (folder / "beliefs.csv").write_text("\n".join([header, *rows]) + "\n")
+
+    document = evaluate_run(folder, metrics=metrics_of(load_plugins().registry))
+
+    assert find_metric(document["trajectories"]["fused"]["metrics"], "silent") == silent
+    assert ("begins where it is taught from" in document["map_frame"]) is (mode == "teach")
 
 
 def test_what_was_not_measured_is_not_wrong() -> None:

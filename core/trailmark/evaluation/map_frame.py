@@ -19,7 +19,7 @@ from trailmark.evaluation.relative import between
 from trailmark.geometry import Pose2
 from trailmark.geometry.rigid import fit_pose2
 
-__all__ = ["ONE_FRAME", "MapFrame", "find_map_frame"]
+__all__ = ["ONE_FRAME", "MapFrame", "find_map_frame", "map_frame_of_start"]
 
 # A fit must leave this share of the raw errors at most, before the map is taken for another frame.
 _FRAME_SHARE = 0.1
@@ -109,6 +109,25 @@ def find_map_frame(fixes_map: Floats, truth: Floats, start: tuple[Pose2, Pose2] 
         fixes_map[:, :2].mean(axis=0),
         min(sigma_m, spread_m),
         sigma_rad,
+    )
+
+
+def map_frame_of_start(believed: Pose2, true: Pose2) -> MapFrame:
+    """Return how a map lies in the frame of the truth that the run itself lays, from where its belief begins.
+
+    Parameters
+    ----------
+    believed, true : Pose2
+        The first pose of the run's belief, and the true one at that stamp.
+    """
+    if _is_at_start(believed, true, 0.0):
+        return ONE_FRAME
+    pose_truth_map = true @ believed.inverse()
+    away_m, turned_deg = pose_truth_map.distance_to(Pose2()), math.degrees(pose_truth_map.theta)
+    return MapFrame(
+        pose_truth_map,
+        f"the map begins where it is taught from: the frame of the ground truth is {away_m:.2f} m away and turned by"
+        f" {turned_deg:.1f}°; beliefs are compared from there",
     )
 
 

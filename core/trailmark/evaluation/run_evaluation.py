@@ -11,7 +11,7 @@ from trailmark import paths
 from trailmark.errors import DataError
 from trailmark.evaluation.estimate_errors import true_poses
 from trailmark.evaluation.estimates_table import EstimateTable
-from trailmark.evaluation.map_frame import ONE_FRAME, MapFrame, find_map_frame
+from trailmark.evaluation.map_frame import ONE_FRAME, MapFrame, find_map_frame, map_frame_of_start
 from trailmark.evaluation.run_folder import FUSED, GROUND_TRUTH, RunFolder
 from trailmark.evaluation.source_statistics import SourceStatistics, source_statistics
 from trailmark.evaluation.taught_places import BentMapFrame, bent_map_frame, said_places, with_unknown_error
@@ -140,12 +140,15 @@ def _map_frame(run: RunFolder, estimates: EstimateTable, truth: Trajectory, path
     """Return how the map lies in the frame of the truth.
 
     A taught map lies there as its teaching did, where that is known; otherwise all fixes and where the belief began
-    tell it.
+    tell it. A map that is taught without a fix begins where the robot stands: nothing else says where it lies.
     """
     fixes = estimates.where((estimates.kind == "fix") & (estimates.outcome != "refused"))
     there = true_poses(truth, fixes.stamp_s)
     known = np.isfinite(there).all(axis=1) & np.isfinite(fixes.numbers).all(axis=1)
-    plain = find_map_frame(fixes.numbers[known], there[known], _start(run, truth))
+    start = _start(run, truth)
+    if start is not None and not known.any() and run.run.get("mode") == "teach":
+        return map_frame_of_start(*start)
+    plain = find_map_frame(fixes.numbers[known], there[known], start)
     if run.true_places is None:
         return with_unknown_error(plain, fixes.numbers[known], there[known]) if _is_replay(run) else plain
     return bent_map_frame(run.true_places, plain, *said_places(estimates, truth, path))
