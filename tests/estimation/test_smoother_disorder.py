@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from trailmark.arrays import Floats
 from trailmark.estimates import Fix, Motion, information_from_sigmas
 from trailmark.estimation.smoother.estimator import Smoother
+from trailmark.estimation.smoother.health import SourceRecord, health_of
 from trailmark.estimation.smoother_config import SmootherConfig
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Session
@@ -189,6 +190,10 @@ def test_who_falls_silent_when_the_clock_is_set_back_is_said_to_be() -> None:
 
     assert health.keys() == {"good", "bad"}
     assert health["good"].startswith("silent for 4.")
+
+
+def test_who_was_never_heard_is_not_said_to_be_silent_for_ever() -> None:
+    assert health_of({"good": SourceRecord()}, now_s=9.0, timeout_s=1.0) == {"good": "not heard of yet"}
 
 
 def test_what_was_accepted_before_the_clock_was_set_back_supports_nobody() -> None:

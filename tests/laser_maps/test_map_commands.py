@@ -91,9 +91,16 @@ def test_files_that_stand_there_stay(taught: Path, tmp_path: Path) -> None:
 def test_what_cannot_be_exported_is_said(taught: Path, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="no localizer 'other' that remembers scans"):
         run("export", taught, "--out", tmp_path / "a.yaml", "--localizer", "other")
+    bare = SqlitePathStore(SqliteStoreConfig(path=str(tmp_path / "bare.trail"), access="create"))
+    bare.start(Session())
+    bare.append(Waypoint(0, 0.0, Pose2()))
+    bare.commit()
+    bare.close()
+    with pytest.raises(ConfigError, match="holds nothing of a localizer that remembers scans"):
+        run("export", tmp_path / "bare.trail", "--out", tmp_path / "a.yaml")
     with pytest.raises(ConfigError, match=r"a map is a \.yaml"):
         run("export", taught, "--out", tmp_path / "a.pgm")
-    assert list(tmp_path.iterdir()) == []
+    assert list(tmp_path.iterdir()) == [tmp_path / "bare.trail"]
 
 
 def test_scans_of_several_lasers_are_not_drawn_from_the_wrong_place(tmp_path: Path, walls: Floats) -> None:

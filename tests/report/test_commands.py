@@ -80,6 +80,14 @@ def test_evaluate_refuses_when_nothing_can_be_compared(ways: Path) -> None:
     assert "empty.tum: the estimate has no poses" in str(result.exception)
 
 
+def test_evaluate_names_a_ground_truth_without_poses(ways: Path) -> None:
+    (ways / "empty.tum").write_text("")
+
+    result = _call(evaluate_command, ways / "empty.tum", ways / "floor.tum")
+
+    assert str(result.exception).startswith(str(ways / "empty.tum"))
+
+
 def test_evaluate_names_a_missing_file(ways: Path) -> None:
     result = _call(evaluate_command, ways / "missing.tum", ways / "floor.tum")
 

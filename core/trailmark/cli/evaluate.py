@@ -71,6 +71,8 @@ def evaluate_command(
         raise ConfigError("--store belongs to --noise")
     protocol = Protocol(align=align, max_difference_s=max_difference_s)
     true_way = read_tum(truth)
+    if len(true_way) < 2:
+        raise DataError(f"{truth}: the ground truth has fewer than two poses, so nothing can be compared with it")
     documents = [_document(path, true_way, protocol) for path in estimates]
     problems = [item["problem"] for item in documents if "problem" in item]
     if len(problems) == len(documents):

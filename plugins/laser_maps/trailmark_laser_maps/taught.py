@@ -47,8 +47,8 @@ def taught_scans(path: Path, localizer: str | None = None) -> list[PlacedScan]:
         found = {owner: list(_scans_of(store, owner, laser)) for owner in owners if localizer in (None, owner)}
     remembering = [owner for owner, scans in found.items() if scans]
     if not remembering:
-        whom = "no localizer" if localizer is None else f"no localizer {localizer!r} that"
-        raise ConfigError(f"{path} holds {whom} remembers scans; see 'trailmark store info {path}'")
+        whom = "nothing of a localizer" if localizer is None else f"no localizer {localizer!r}"
+        raise ConfigError(f"{path} holds {whom} that remembers scans; see 'trailmark store info {path}'")
     if len(remembering) > 1:
         raise ConfigError(f"{path} holds scans of {' and '.join(remembering)}: say which with --localizer")
     return found[remembering[0]]

@@ -100,5 +100,6 @@ def health_of(records: Mapping[str, SourceRecord], now_s: float, timeout_s: floa
         elif record.contradicts:
             health[source] = f"contradicts the belief, {record.n_rejected} of late"
         elif now_s - record.last_s > timeout_s:
-            health[source] = f"silent for {now_s - record.last_s:.1f} s"
+            silence_s = now_s - record.last_s
+            health[source] = f"silent for {silence_s:.1f} s" if silence_s < math.inf else "not heard of yet"
     return health
