@@ -200,3 +200,25 @@ def test_a_patch_without_ground_is_not_found(search, camera, ground, patch):
 
     assert (found.n_agreeing, found.correlation) == (0, 0.0)
     assert "only 0 of 4 groups agree" in found.reason
+
+
+def test_no_search_believes_a_place_that_does_not_tell_its_turn(camera, ground, patch):
+    finder = finder_for(camera)
+    found = finder.find(finder.view(moved(camera, ground, 0.0, 0.0, 0.0)), patch, ImageMotion(0.0, 0.0, 0.0))
+
+    hardly = replace(found, information=np.diag([1e4, 1e4, 1.0 / math.radians(1.0) ** 2]))
+
+    assert finder.fits(found)
+    assert finder.confirms(found)
+    assert not finder.fits(hardly)
+    assert not finder.confirms(hardly)
+
+
+def test_a_group_of_which_the_coarse_search_sees_nothing_does_not_agree(camera, ground, patch):
+    finder, dotted = finder_for(camera, search="pyramid"), patch.copy()
+    dotted[:22, :22] = np.random.default_rng(0).integers(8, 248, (22, 22))  # other ground
+    dotted[0:22:2, 0:22:2] = LEFT_OUT
+
+    found = finder.find(finder.view(moved(camera, ground, 0.0, 0.0, 0.0)), dotted, ImageMotion(0.0, 0.0, 0.0))
+
+    assert found.n_agreeing == 3

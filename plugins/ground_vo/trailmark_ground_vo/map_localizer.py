@@ -17,6 +17,7 @@ from trailmark.interfaces import Localizer, LocalizerMap, Session
 from trailmark.isolation.compiling import compile_together
 from trailmark.paths import Keyframe
 from trailmark_ground_vo.config import GroundMapConfig
+from trailmark_ground_vo.covers import covered_pixels
 from trailmark_ground_vo.fixed_pixels import fixed_pixels
 from trailmark_ground_vo.levels import LEFT_OUT
 from trailmark_ground_vo.motion import ImageMotion, ground_information, pose_prev_now
@@ -289,10 +290,13 @@ class GroundMap(Localizer):
                 )
         keyframes = self._localizer_map.keyframes()
         patches = [self._patch(keyframe) for keyframe in keyframes]
+        cameras = [keyframe.pose_map_base @ self._mounting for keyframe in keyframes]
         if self.config.high_pass and patches:
             stack = np.stack(patches)
-            patches = list(np.where(fixed_pixels(stack), np.uint8(LEFT_OUT), stack))
-        cameras = [keyframe.pose_map_base @ self._mounting for keyframe in keyframes]
+            stack[fixed_pixels(stack)] = LEFT_OUT
+            half_size_m = 2.0 * math.sqrt(self._scale[0] * self._scale[1])
+            stack[covered_pixels(stack, np.array([[one.x, one.y] for one in cameras]) / half_size_m)] = LEFT_OUT
+            patches = list(stack)
         positions = np.array([[k.pose_map_base.x, k.pose_map_base.y] for k in keyframes]).reshape(-1, 2)
         return _Places(patches, cameras, positions)
 

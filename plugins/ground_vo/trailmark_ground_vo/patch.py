@@ -230,7 +230,8 @@ class PatchFinder:
 
     def fits(self, found: PatchMatch) -> bool:
         """Return whether a patch may be where it was found, however far from where it was expected."""
-        return found.n_agreeing >= self._config.min_groups and found.correlation >= self._config.min_correlation
+        is_alike = found.correlation >= self._config.min_correlation
+        return found.n_agreeing >= self._config.min_groups and is_alike and self._tells_turn(found)
 
     def confirms(self, found: PatchMatch) -> bool:
         """Return whether a patch was found, and where it was expected."""
@@ -262,9 +263,12 @@ class PatchFinder:
             return f"{found.n_agreeing} of 4 groups agree on {place} (covered or changed ground)"
         if found.correlation < self._config.min_correlation:
             return f"correlation {found.correlation:.2f} is too low (covered or changed ground)"
-        if self._config.refined and turn_information(found.information) < 1.0 / _MOST_TURN_RAD**2:
+        if not self._tells_turn(found):
             return "too little fits to tell how it is turned (covered or changed ground)"
         return ""
+
+    def _tells_turn(self, found: PatchMatch) -> bool:
+        return not self._config.refined or turn_information(found.information) >= 1.0 / _MOST_TURN_RAD**2
 
     def _search_all(
         self, view: PatchView, patch: Grey8, shift: tuple[float, float], turn_rad: float
@@ -293,7 +297,9 @@ class PatchFinder:
         around = coarse.turn_rad + rotation_angles(1, self._step_rad)
         fine = self._errors(view.bits, groups, near, around, _FINE_PX)
         motion, _, _ = self._consensus(fine, near, around, self._config.tolerance_px)
-        return motion, agreeing & [group.tells for group in groups], ratio
+        # a group without a coarse pixel fits everywhere, and says that it agrees
+        tells = [fully.tells and coarsely.tells for fully, coarsely in zip(groups, halved, strict=True)]
+        return motion, agreeing & tells, ratio
 
     def _errors(
         self,
