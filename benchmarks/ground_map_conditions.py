@@ -13,8 +13,11 @@ All conditions see the same clean pictures and the same noise, which are made on
 
 * found: right answers of the searches on taught ground; wrong: answers more than 5 mm or 1 deg off, or of other ground;
 * heading told: of the right answers, those that tell the heading too, that is to better than 1 deg; a heading that is
-  not told is not judged;
+  not told is wrong where it is more than five of its own sigmas off;
 * sure: wrong answers that are off by more than five of their own sigmas too, and all of other ground.
+
+Some photographs show the same pieces several times. Their other ground is the taught one again: no patch can tell, and
+what is said there stands in a row of its own.
 
 With ``--out`` it goes on where it ended; ``--markdown`` prints the table of the page in place of a line for each row.
 """
@@ -57,8 +60,9 @@ COUNTS = ("n_taught", "n_other", "wrong", "sure")
 SIGMAS = 5.0
 #: Where other ground lies: farther than the path is long, on the same photograph [m].
 OTHER_M = 3.37
-#: Photographs that show the same piece several times: other ground is the taught one again there, and is not asked for.
+#: Photographs that show the same piece several times: their other ground is the taught one again, and has its own row.
 REPEATING = ("artificial_turf_1k",)
+COPIES = "copies of the taught ground"
 
 
 class Scene:
@@ -227,8 +231,6 @@ def measured(floor: str, seed: int, wanted: Mapping[str, Collection[str]]) -> It
         for teaching in teachings
     }
     for look in looks(poses, maps[CLEAN], seed):
-        if floor in REPEATING and not look.is_taught:
-            continue
         seen = scene.see(look.there, look.index, False)
         for condition, teachings in wanted.items():
             frame = eyes[condition].see(seen, look.index, look.there)
@@ -236,7 +238,11 @@ def measured(floor: str, seed: int, wanted: Mapping[str, Collection[str]]) -> It
                 searchers[condition, teaching].observe(frame, look)
     for (condition, teaching), searcher in searchers.items():
         row = {"floor": floor, "condition": condition, "taught": teaching, "seed": seed}
-        yield row | judged(searcher.searches)
+        if floor in REPEATING:
+            copies = judged([search for search in searcher.searches if not search[0].is_taught])
+            yield row | {"floor": f"{COPIES}, {floor}"} | copies
+        is_asked = floor not in REPEATING
+        yield row | judged([search for search in searcher.searches if is_asked or search[0].is_taught])
 
 
 def judged(searches: Sequence[tuple[Look, Fix | None]]) -> dict[str, float]:
@@ -247,8 +253,9 @@ def judged(searches: Sequence[tuple[Look, Fix | None]]) -> dict[str, float]:
         if fix is None:
             continue
         error = look.truth.between(fix.pose_map_base)
-        tells_heading = math.sqrt(np.linalg.pinv(fix.information)[2, 2]) < WRONG_RAD
-        is_turned = tells_heading and abs(error.theta) > WRONG_RAD
+        heading_rad = math.sqrt(np.linalg.pinv(fix.information)[2, 2])
+        tells_heading = heading_rad < WRONG_RAD
+        is_turned = abs(error.theta) > (WRONG_RAD if tells_heading else SIGMAS * heading_rad)
         is_right = look.is_taught and math.hypot(error.x, error.y) <= WRONG_M and not is_turned
         row["found"] += is_right
         row["headings"] += is_right and tells_heading
@@ -260,8 +267,10 @@ def judged(searches: Sequence[tuple[Look, Fix | None]]) -> dict[str, float]:
 
 
 def page(rows: Sequence[dict[str, Any]]) -> str:
-    """Return the sum, and a table: a line for each condition, over all floors."""
-    n, other, wrong, sure = (sum(row[key] for row in rows) for key in COUNTS)
+    """Return the sum, and a table: a line for each condition over all floors, and one for copies of taught ground."""
+    copies = [row for row in rows if row["floor"].startswith(COPIES)]
+    rows = [row for row in rows if not row["floor"].startswith(COPIES)]
+    n, other, wrong, sure = _sums(rows)
     floors = len({row["floor"] for row in rows})
     heads = "condition", "taught", "searches on taught / other ground", "found [%]", "of clean [%]", "heading told [%]"
     lines = [
@@ -274,14 +283,22 @@ def page(rows: Sequence[dict[str, Any]]) -> str:
     for condition in CONDITIONS:
         for teaching in ("clean", "same"):
             if of := _of(rows, condition, teaching):
-                n, other, wrong, sure = (sum(row[key] for row in of) for key in COUNTS)
+                n, other, wrong, sure = _sums(of)
                 worst = max(row["worst_mm"] for row in of)
                 share = "-" if math.isnan(clean) else f"{100 * _found(of) / clean:.1f}"
                 headings = 100 * sum(row["headings"] for row in of) / max(1, sum(row["found"] for row in of))
                 cells = [f"{n} / {other}", f"{100 * _found(of):.1f}", share, f"{headings:.0f}", f"{wrong}", f"{sure}"]
                 cells.append(f"{worst:.2f}")
                 lines.append("| " + " | ".join([condition, teaching, *cells]) + " |")
+    if copies:
+        n, other, wrong, sure = _sums(copies)
+        lines[0] += f" On {COPIES}: {other:,} searches, {wrong} wrong, {sure} of them sure."
+        lines.append(f"| {COPIES}, all conditions | both | {n} / {other} | - | - | - | {wrong} | {sure} | - |")
     return "\n".join(lines) + "\n"
+
+
+def _sums(rows: Sequence[dict[str, Any]]) -> list[int]:
+    return [sum(row[key] for row in rows) for key in COUNTS]
 
 
 def _of(rows: Sequence[dict[str, Any]], condition: str, teaching: str) -> list[dict[str, Any]]:
