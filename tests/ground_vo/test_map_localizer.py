@@ -206,14 +206,18 @@ def taught_straight(camera, ground, localizer_map, way_m=0.55):
         localizer.observe(seen_from(camera, ground, pose, float(index), seed=100 + index), belief)
 
 
-def test_where_the_floor_repeats_itself_it_does_not_guess(camera, localizer_map):
-    ground = repeating(0.1)
-    taught_straight(camera, ground, localizer_map)
+@pytest.mark.parametrize(
+    "period_m",
+    [0.1, pytest.param(0.12, marks=pytest.mark.xfail(strict=True, reason="one of the places that look alike is told"))],
+)
+def test_where_the_floor_repeats_itself_it_does_not_guess(period_m, camera, localizer_map):
+    ground = repeating(period_m)
+    taught_straight(camera, ground, localizer_map, way_m=0.8)
 
     said = drive_on(replayed(camera, localizer_map, search="pyramid"), camera, ground, 0.22, 0.3)
 
+    assert said
     assert all(isinstance(answer, Lost) for _, answer in said)
-    assert "6 of 11 places may be this one; drive on, or tell the start" in said[0][1].reason
 
 
 def test_driving_on_tells_two_places_apart(camera, localizer_map):
