@@ -92,6 +92,19 @@ def test_whatever_the_robot_does_in_a_gap_the_belief_covers_it_and_finds_back(na
     assert 0.1 < np.mean(squares) < 2.0
 
 
+@pytest.mark.parametrize("name", list(_ESTIMATORS))
+@pytest.mark.parametrize("gap_s", [61.0, 180.0, 1800.0])
+def test_a_silence_that_looks_like_a_clock_that_was_set_is_covered_as_a_gap(name: str, gap_s: float) -> None:
+    drive = Drive(name, 1)
+    drive.go(5.0, 0.5, 0.02, is_heard=True)
+    drive.go(gap_s, 0.5, 0.0, is_heard=False)
+    drive.go(3.0, 0.5, 0.0, is_heard=True)
+
+    errors, sigmas = drive.errors()
+
+    assert (errors[:2] < 3.0 * sigmas[:2]).all()
+
+
 @pytest.mark.parametrize("name", ["kalman", "velocity", "smoother"])
 def test_a_fix_in_a_gap_begins_it_anew(name: str) -> None:
     """How fast the robot is stays unknown, but how far it has come is known: a second later it is 1 m, not 10 m."""

@@ -5,7 +5,24 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-__all__ = ["ClockGuard"]
+__all__ = ["ClockGuard", "gap_of_jump_s"]
+
+# A clock that was set says nothing of how long it really took: the belief is as uncertain as after this gap.
+_GAP_OF_A_SET_CLOCK_S = 10.0
+
+# Stamps that go on by up to this may as well be those of a robot of which nothing was heard meanwhile.
+_LONGEST_SILENCE_S = 3600.0
+
+
+def gap_of_jump_s(later_s: float) -> float:
+    """Return the gap after which a belief is as uncertain as after stamps have jumped.
+
+    Parameters
+    ----------
+    later_s : float
+        By how much the stamps have gone on; negative where they went back [s].
+    """
+    return max(later_s, _GAP_OF_A_SET_CLOCK_S) if later_s <= _LONGEST_SILENCE_S else _GAP_OF_A_SET_CLOCK_S
 
 
 class ClockGuard:

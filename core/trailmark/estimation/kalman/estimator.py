@@ -12,7 +12,7 @@ from trailmark.arrays import Floats
 from trailmark.estimates import ALL_HEALTHY, Applied, Belief, Estimate, Fix, Lost, Motion
 from trailmark.estimation.information import checked_covariance
 from trailmark.estimation.kalman.belief_places import BeliefPlaces
-from trailmark.estimation.kalman.clock import ClockGuard
+from trailmark.estimation.kalman.clock import ClockGuard, gap_of_jump_s
 from trailmark.estimation.kalman.clock_offsets import TimeOffset
 from trailmark.estimation.kalman.correction import Filter
 from trailmark.estimation.kalman.ekf import Ekf
@@ -42,9 +42,6 @@ __all__ = ["Kalman"]
 
 _ACCEPTED = Applied("accepted")
 _IMPOSSIBLE = "no robot changes its velocity like this between two readings"
-
-# A clock that was set says nothing of how long it really took: the belief is as uncertain as after this gap.
-_GAP_OF_A_JUMP_S = 10.0
 
 
 class Kalman(Estimator):
@@ -289,7 +286,7 @@ class Kalman(Estimator):
         last = self._timeline.state_at(math.inf)
         self._rejoin()
         pose, travelled_m = self._odometry.publish(last.odometry, last.stamp_s)
-        inflated = self._timeline.last_after_gap(_GAP_OF_A_JUMP_S, stamp_s)
+        inflated = self._timeline.last_after_gap(gap_of_jump_s(stamp_s - last.stamp_s), stamp_s)
         self._odometry = PublishedOdometry.continue_from(pose, travelled_m, inflated.odometry)
         self._begin_history(inflated)
         for monitor in self._monitors.values():

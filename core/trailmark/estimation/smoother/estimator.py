@@ -12,7 +12,7 @@ from trailmark.arrays import Floats
 from trailmark.estimates import ALL_HEALTHY, Applied, Belief, Estimate, Fix, Lost, Motion, PathOffset
 from trailmark.estimation.chain import OdomState
 from trailmark.estimation.information import checked_covariance
-from trailmark.estimation.kalman.clock import ClockGuard
+from trailmark.estimation.kalman.clock import ClockGuard, gap_of_jump_s
 from trailmark.estimation.kalman.measurements import Measurement, fix_measurement, path_measurement
 from trailmark.estimation.kalman.motions import StatedMotion
 from trailmark.estimation.kalman.odometry import PublishedOdometry
@@ -30,8 +30,6 @@ from trailmark.interfaces import Estimator, Session
 
 __all__ = ["Smoother"]
 
-# A clock that was set says nothing of how long it really took: the belief is as uncertain as after this gap.
-_GAP_OF_A_JUMP_S = 10.0
 # Half the way around the Earth.
 _FARTHEST_M = 2e7
 
@@ -251,7 +249,8 @@ class Smoother(Estimator):
         self._counted["time_resets"] += 1
         self._rejoin()
         pose, travelled_m = self._odometry.publish(_published(self._line.at(self._newest_s)), self._newest_s)
-        last = None if self._window is None else self._window.predict(self._newest_s + _GAP_OF_A_JUMP_S)
+        gap_s = gap_of_jump_s(stamp_s - self._newest_s)
+        last = None if self._window is None else self._window.predict(self._newest_s + gap_s)
         before = None if self._window is None else self._window.predict(self._newest_s)
         n_sought = self._n_sought + (self._window.n_sought if self._window else 0)
         self._begin()
