@@ -30,7 +30,7 @@ SIGMAS = {
 RATES_HZ = {"camera": 30.0, "wheels": 40.0, "camera_map": 7.5, "laser": 4.0, "omni": 4.0, "depth": 4.0}
 CAMERA = ("camera", "camera_map")
 
-Lie = Callable[[float], float]
+Lie = Callable[[float], Pose2]
 
 
 @dataclass
@@ -47,28 +47,35 @@ def at(stamp_s: float) -> Pose2:
     return Pose2.exp(SPEED_MPS * stamp_s, 0.0, 0.1 * stamp_s)
 
 
-def at_once(stamp_s: float) -> float:
-    """Return by how much a lie of 1 m is aside that begins and ends at once [m]."""
-    return float(LIES_S[0] <= stamp_s < LIES_S[1])
+def at_once(stamp_s: float) -> Pose2:
+    """Return base as a lie has it that is 1 m aside, and begins and ends at once."""
+    return Pose2(0.0, float(LIES_S[0] <= stamp_s < LIES_S[1]), 0.0) @ at(stamp_s)
 
 
-def within_a_tenth(stamp_s: float) -> float:
-    """Return the same of one that grows over several steps [m]."""
-    return float(np.interp(stamp_s, (LIES_S[0], LIES_S[0] + 0.1, LIES_S[1], LIES_S[1] + 0.1), (0.0, 1.0, 1.0, 0.0)))
+def within_a_tenth(stamp_s: float) -> Pose2:
+    """Return the same of one that grows over several steps."""
+    until_s = (LIES_S[0], LIES_S[0] + 0.1, LIES_S[1], LIES_S[1] + 0.1)
+    return Pose2(0.0, float(np.interp(stamp_s, until_s, (0.0, 1.0, 1.0, 0.0))), 0.0) @ at(stamp_s)
+
+
+def too_short(stamp_s: float) -> Pose2:
+    """Return base as a lie has it that tells 0.7 of the way."""
+    told_s = min(max(stamp_s - LIES_S[0], 0.0), LIES_S[1] - LIES_S[0])
+    return at(stamp_s) @ Pose2(-0.3 * SPEED_MPS * told_s * (stamp_s < LIES_S[1]), 0.0, 0.0)
 
 
 def told_of(seed: int, liars: Sequence[str], lie: Lie) -> list[tuple[float, str, Estimate]]:
-    """Return what all say in the order of time: liars have base elsewhere in the map, as if all of it had moved."""
+    """Return what all say in the order of time: liars have base elsewhere in the map, with motion and poses alike."""
     rng = np.random.default_rng(seed)
     told: list[tuple[float, str, Estimate]] = []
     for source, rate_hz in RATES_HZ.items():
-        sigmas, aside = SIGMAS[source], lie if source in liars else lambda _: 0.0
+        sigmas, place = SIGMAS[source], lie if source in liars else at
         for i in range(1, round(UNTIL_S * rate_hz) + 1):
             since_s, stamp_s = (i - 1) / rate_hz, i / rate_hz
             noise = rng.normal(size=3) * sigmas
-            now = Pose2(0.0, aside(stamp_s), 0.0) @ at(stamp_s)
+            now = place(stamp_s)
             if source in ("camera", "wheels"):
-                step = (Pose2(0.0, aside(since_s), 0.0) @ at(since_s)).between(now)
+                step = place(since_s).between(now)
                 motion = Pose2.from_array(step.array() + noise)
                 told.append((stamp_s, source, Motion(since_s, stamp_s, motion, information_from_sigmas(*sigmas))))
             else:
@@ -115,3 +122,29 @@ def test_a_sensor_bears_itself_out_against_nobody(seed: int) -> None:
     assert set(seen.accused) == set(CAMERA)
     assert max(seen.accused[source][0] for source in CAMERA) <= LIES_S[0] + 2.0
     assert max(error_m for at_s, error_m in seen.errors_m.items() if at_s > LIES_S[0] + 2.0) < 0.1
+
+
+@pytest.fixture
+def _loose_wheels(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three sensors tell poses, and the wheels allow for what the camera says."""
+    monkeypatch.delitem(RATES_HZ, "depth")
+    precise = {"camera_map": (4e-3, 4e-3, 3e-3), "laser": (0.01, 0.01, 5e-3), "omni": (0.02, 0.02, 0.01)}
+    for source, sigmas in {"camera": (1.4e-4,) * 3, "wheels": (5e-3, 5e-3, 1e-2), **precise}.items():
+        monkeypatch.setitem(SIGMAS, source, sigmas)
+    for source in ("camera", "wheels"):
+        monkeypatch.setitem(RATES_HZ, source, 20.0)
+
+
+@pytest.mark.usefixtures("_loose_wheels")
+def test_a_sensor_that_tells_too_short_a_way_is_outvoted_by_two_that_agree() -> None:
+    seen = drive(1, CAMERA, too_short)
+
+    assert set(seen.accused) == set(CAMERA)
+    assert max(seen.errors_m.values()) < 0.1
+    assert seen.n_silent < 15
+
+
+@pytest.mark.usefixtures("_loose_wheels")
+@pytest.mark.parametrize("seed", [2, 3])
+def test_where_two_that_agree_are_accused_first_the_belief_covers_them(seed: int) -> None:
+    assert drive(seed, CAMERA, too_short).n_silent < 25

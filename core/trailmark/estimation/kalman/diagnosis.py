@@ -95,6 +95,8 @@ class DetectedFault:
         When the first of `n_agreed` came [s].
     heard : tuple of RejectedMeasurement
         Of the whole poses of one that is drawn away, those of late (`ways_of_fixes`).
+    contradicted_by : frozenset of str
+        Localizers whose absolute estimates outvote its own.
     """
 
     since_s: float
@@ -106,6 +108,7 @@ class DetectedFault:
     is_drawn: bool = False
     agreed_since_s: float = math.inf
     heard: tuple[RejectedMeasurement, ...] = ()
+    contradicted_by: frozenset[str] = frozenset()
 
 
 class FixOffset(NamedTuple):

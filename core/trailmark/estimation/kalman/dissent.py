@@ -29,8 +29,9 @@ _NO_HEADING_RAD2 = math.pi**2 / 3.0
 def covering_covariance(state: FilterState, gaussian: Gaussian) -> Floats:
     """Return the covariance of the pose, (3, 3), larger by the squares of how far others are off who may be right.
 
-    These are localizers that were rejected more often than accepted of late, unless other absolute estimates support
-    the belief. Motions that agree do not: a robot may have been carried. The filter goes on with its own covariance.
+    These are localizers that were rejected more often than accepted of late, unless the absolute estimates of as many
+    others support the belief. Motions that agree do not: a robot may have been carried. The filter goes on with its own
+    covariance.
 
     =======================  ====================  ====================================================================
     what it tells            rejections of late    what is covered
@@ -68,12 +69,20 @@ def covering_covariance(state: FilterState, gaussian: Gaussian) -> Floats:
 
 
 def _may_be_right(state: FilterState, source: str, last: RejectedMeasurement) -> bool:
-    is_of_late = state.rejections.counts.get(source, 0) or state.rejections.shares.get(source, 0.0) > _PERSISTENT
-    corroborations = state.rejections.corroborations.values()
-    is_answered = any(one.stamp_s > last.stamp_s for one in corroborations)
-    if not is_of_late or (is_answered and state.stamp_s - last.stamp_s > _RECENT_S):
+    if not _contradicts(state, source, last):
         return False
-    return not any(other != source and _supports(state, other) for other in state.rejections.corroborations)
+    n_supporting = sum(other != source and _supports(state, other) for other in state.rejections.corroborations)
+    if n_supporting == 0:
+        return True
+    rejected = state.rejections.measurements.items()
+    return sum(bool(some) and _contradicts(state, other, some[-1]) for other, some in rejected) > n_supporting
+
+
+def _contradicts(state: FilterState, source: str, last: RejectedMeasurement) -> bool:
+    """Return whether a localizer has been rejected more often than accepted of late."""
+    is_of_late = state.rejections.counts.get(source, 0) or state.rejections.shares.get(source, 0.0) > _PERSISTENT
+    is_answered = any(one.stamp_s > last.stamp_s for one in state.rejections.corroborations.values())
+    return bool(is_of_late) and not (is_answered and state.stamp_s - last.stamp_s > _RECENT_S)
 
 
 def _supports(state: FilterState, source: str) -> bool:

@@ -9,8 +9,8 @@ and less than calibrations do                 (`lasting_doubts`)
 two motions disagree                          from the anchor on, a filter for each hypothesis: each group of motions
                                               that agree, and none; the belief is their mixture
 absolute estimates, which agreed a moment     the same with the hypotheses: nobody lies, each motion, all motion, and
-ago, contradict the belief, or correct it     these absolute estimates
-always the same way
+ago, contradict the belief, or correct it     these absolute estimates; of three localizers or more also those of one
+always the same way                           that the belief follows, with a motion or without
 one hypothesis is 50 times as probable        it is the belief; what the others say has no weight, and their names
                                               stand in the health with the reason
 absolute estimates of one localizer alone     the belief follows them, and covers where the motion leads
@@ -58,6 +58,8 @@ __all__ = ["FaultDetector", "accused_sources", "outvoted_motions"]
 _EVERY_S = 0.1 - 1e-6
 # Rejections in a row after which absolute estimates are a question.
 _FEWEST = 2
+# Of two localizers of absolute estimates neither outvotes the other.
+_FEWEST_WHO_VOTE = 3
 
 
 class FaultDetector:
@@ -177,7 +179,7 @@ class FaultDetector:
             return after
         is_jump = after.verdicts[-1].status == "gated"
         liars = _contradicting(after, measurement.source) if is_jump else []
-        return self._bank.ask(after, anchor, _answers(trusted, liars))
+        return self._bank.ask(after, anchor, [*_answers(trusted, liars), *_answers_of_most(after, trusted, liars)])
 
     def _predict_question(self, state: FilterState, stamp_s: float) -> FilterState:
         state = self._bank.predict(state, stamp_s)
@@ -275,6 +277,26 @@ def _answers(trusted: Sequence[str], sources: Sequence[str]) -> list[Hypothesis]
     liars = dict.fromkeys([frozenset(sources[:1]), frozenset(sources)]) if sources else {}
     rough = [Hypothesis(frozenset(), is_rough=True)] if len(everyone) == 1 else []
     return [*map(Hypothesis, groups), *rough, *(Hypothesis(everyone, each) for each in liars)]
+
+
+def _answers_of_most(state: FilterState, trusted: Sequence[str], sources: Sequence[str]) -> list[Hypothesis]:
+    """Return that one lies whom the belief follows, and a motion with it, where two others or more may outvote it."""
+    since_s, doubted = state.diagnosis.anchors[0].stamp_s, {*sources, *state.diagnosis.absolute_faults}
+    corroborations = state.rejections.corroborations
+    followed = [
+        source
+        for source, one in sorted(corroborations.items())
+        if source not in doubted and one.stamp_s >= since_s and len(one.directions) == 3
+    ]
+    heard, everyone = {*sources, *followed}, frozenset(trusted)
+    if not sources or len(heard) < _FEWEST_WHO_VOTE:
+        return []
+    groups = dict.fromkeys([everyone, *(everyone - {one} for one in sorted(everyone))])
+    return [
+        Hypothesis(group, frozenset({liar}), contradicted_by=frozenset(heard - {liar}))
+        for liar in followed
+        for group in groups
+    ]
 
 
 def _placed(state: FilterState) -> FilterState:

@@ -23,10 +23,10 @@ def reason_against_motion(state: FilterState, anchor: FilterState, source: str, 
     return f"its motion is not believed: {said} in {dt_s:.1f} s, {against}"
 
 
-def reason_against_fixes(motions: frozenset[str], *, is_outvoted: bool) -> str:
-    """Return why absolute estimates are not believed beside some motions."""
-    names = " and ".join(sorted(motions))
-    reason = f"its absolute estimates are not believed: they have jumped, or drift, against the motion of {names}"
+def reason_against_fixes(motions: frozenset[str], fixes: frozenset[str], *, is_outvoted: bool) -> str:
+    """Return why absolute estimates are not believed beside some motions, or the absolute estimates of others."""
+    against = f"those of {' and '.join(sorted(fixes))}" if fixes else f"the motion of {' and '.join(sorted(motions))}"
+    reason = f"its absolute estimates are not believed: they have jumped, or drift, against {against}"
     return reason if is_outvoted else f"{reason}, and nothing decides who is right: the belief covers both"
 
 

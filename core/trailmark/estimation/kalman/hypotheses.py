@@ -4,7 +4,8 @@ A hypothesis of n liars has the probability 0.01^n to begin with: so agreeing mo
 two against one; absolute estimates can overturn it while they are part of the question. Where a noisy motion agrees
 with each of two that contradict each other, it counts with which it agrees better (`with_votes`). Absolute estimates
 that are said to lie are off by a constant, as those are that match the wrong place: one whose offset grows explains
-less than a motion that is wrong, unless two motions or more agree against it (`moving_offset`).
+less than a motion that is wrong, unless two motions or more agree against it (`moving_offset`), or two localizers
+of absolute estimates. A sensor that lies with its motion and its map is one liar then.
 """
 
 from __future__ import annotations
@@ -46,11 +47,14 @@ class Hypothesis:
         Localizers whose absolute estimates are not.
     is_rough : bool
         Whether motion that is not believed is about right still, where there is no other.
+    contradicted_by : frozenset of str
+        Localizers whose absolute estimates outvote the lying ones, if there are more of them.
     """
 
     motions: frozenset[str]
     lying_fixes: frozenset[str] = frozenset()
     is_rough: bool = False
+    contradicted_by: frozenset[str] = frozenset()
 
 
 def trusted_motions(state: FilterState) -> list[str]:
@@ -118,17 +122,22 @@ class HypothesisBank:
             shows_in_s = window_that_shows(state, source, hypothesis.motions, self._tolerance)
             faults[source] = DetectedFault(state.stamp_s, reason, shows_in_s=shows_in_s, is_rough=hypothesis.is_rough)
         liars = hypothesis.lying_fixes
-        is_outvoted = len(hypothesis.motions) > len(liars)
+        is_outvoted = max(len(hypothesis.motions), len(hypothesis.contradicted_by)) > len(liars)
         for liar in sorted(liars):
-            reason = reason_against_fixes(hypothesis.motions, is_outvoted=is_outvoted)
-            absolute_faults[liar] = DetectedFault(state.stamp_s, reason, is_outvoted=is_outvoted)
+            reason = reason_against_fixes(hypothesis.motions, hypothesis.contradicted_by, is_outvoted=is_outvoted)
+            absolute_faults[liar] = DetectedFault(
+                state.stamp_s, reason, is_outvoted=is_outvoted, contradicted_by=hypothesis.contradicted_by
+            )
         # A lone motion has nobody to part from: that it may be wrong is another hypothesis.
         doubts = state.diagnosis.doubts if len(hypothesis.motions) > 1 else {}
         doubts = {source: one for source, one in doubts.items() if source not in faults}
         diagnosis = FaultDiagnosis(
             sums=anchor.diagnosis.sums, faults=faults, absolute_faults=absolute_faults, doubts=doubts
         )
-        n_liars = len(trusted - hypothesis.motions) + len(liars)
+        n_wrong = len(trusted - hypothesis.motions)
+        # its motion and its map
+        is_one_sensor = bool(hypothesis.contradicted_by) and n_wrong == len(liars) == 1
+        n_liars = 1 if is_one_sensor else n_wrong + len(liars)
         return RivalFilter(anchor.with_diagnosis(diagnosis), -_LIAR * n_liars, begun=anchor)
 
 

@@ -92,14 +92,18 @@ def _excess_of_those_alone(rivals: Sequence[RivalFilter], heard: Sequence[Mappin
         if begun.stamp_s - fix.stamp_s < WINDOW_S and source not in named
     }
     heard_of = sorted({source for one in heard for source in one} - named)
-    for_most = {source: max(heard, key=lambda one: one.get(source, _SILENT).log) for source in heard_of}
     found = []
-    for one in heard:
+    for one, rival in zip(heard, rivals):
+        others = {source: (awaited | set(heard_of)) - {source} for source in heard_of}
+        liars = rival.state.diagnosis.absolute_faults.items()
+        outvoted = {source: fault.contradicted_by for source, fault in liars if fault.contradicted_by}
         excess = 0.0
-        for source in heard_of:
-            said, others = one.get(source, _SILENT), (awaited | set(heard_of)) - {source}
-            if -said.log > SUSPICION and _is_alone(one, said, for_most[source], others):
-                excess += -said.log - SUSPICION
+        for source, among in (others | outvoted).items():
+            said = one.get(source, _SILENT)
+            if -said.log > SUSPICION:
+                for_most = max(heard, key=lambda other: other.get(source, _SILENT).log)
+                if _is_alone(one, said, for_most, among):
+                    excess += -said.log - SUSPICION
         found.append(excess)
     return found
 
