@@ -159,7 +159,7 @@ class GroundMapConfig(PresetConfig):
     heading_sigma_deg: float = Field(0.2, gt=0, le=90)
     """Headings that are known less well than this are not told: the `Fix` is of the place, and its heading is as good
     as unknown. Fine ground in light of its own is right to some 0.1; what looks like little else than noise may be off
-    by a degree or two [deg]."""
+    by a degree or two. A place of which it is known three times less well than that is `Lost` [deg]."""
     max_attempts: int = Field(10, ge=1)
     """Pictures in which a patch is searched for until it is given up for this pass (paper: 1)."""
     global_batch: int = Field(20, ge=1)

@@ -32,8 +32,9 @@ _HALF = 2.0
 #: Standard deviation of a match that is not refined: rounding to a pixel and to two steps of the rotation.
 _ROUNDING = 1.0 / math.sqrt(12.0)
 
-#: Standard deviation of the turn of a place that is believed: other ground that fits by chance tells it less well.
-_MOST_TURN_RAD = math.radians(0.6)
+#: A place is believed whose turn is known within so many times what headings must be known to, to be told: other ground
+#: that fits by chance tells it less well.
+_MOST_TURN = 3.0
 
 #: Smoothing carries dirt so far.
 _RIM = np.ones((3, 3), np.uint8)
@@ -268,7 +269,8 @@ class PatchFinder:
         return ""
 
     def _tells_turn(self, found: PatchMatch) -> bool:
-        return not self._config.refined or turn_information(found.information) >= 1.0 / _MOST_TURN_RAD**2
+        most_rad = _MOST_TURN * math.radians(self._config.heading_sigma_deg)
+        return not self._config.refined or turn_information(found.information) >= 1.0 / most_rad**2
 
     def _search_all(
         self, view: PatchView, patch: Grey8, shift: tuple[float, float], turn_rad: float

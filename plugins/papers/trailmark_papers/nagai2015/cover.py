@@ -16,7 +16,12 @@ from trailmark_papers.nagai2015.runs import course, drive, keys_of, tracking_con
 __all__ = ["cover_rows"]
 
 #: Everything is believed that the search finds: the place of least error, whatever the groups say.
-_NO_CONSENSUS: Mapping[str, Any] = {"tolerance_px": 1e3, "min_groups": 1, "min_correlation": -1.0}
+_NO_CONSENSUS: Mapping[str, Any] = {
+    "tolerance_px": 1e3,
+    "min_groups": 1,
+    "min_correlation": -1.0,
+    "heading_sigma_deg": 90.0,
+}
 _FALSE_M = 5e-3
 _PAPER_NOTE = "the paper: the vehicle deviated from the path"
 
