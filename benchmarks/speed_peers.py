@@ -107,8 +107,8 @@ def scan_to_map() -> Beside:
                     miss = true.between(pose)
                     right[side] += math.hypot(miss.x, miss.y) < 0.1 and abs(miss.theta) < math.radians(2.0)
             name = f"scan to map / small_gicp, {log}, {way_m} m off"
-            found[f"{name}: a scan [ms]"] = tuple(float(np.median(spent)) for spent in times)  # type: ignore[assignment]
-            found[f"{name}: within 0.1 m and 2 deg [%]"] = tuple(100.0 * n / len(tests) for n in right)  # type: ignore[assignment]
+            found[f"{name}: a scan [ms]"] = float(np.median(times[0])), float(np.median(times[1]))
+            found[f"{name}: within 0.1 m and 2 deg [%]"] = 100.0 * right[0] / len(tests), 100.0 * right[1] / len(tests)
     return found
 
 

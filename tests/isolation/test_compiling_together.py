@@ -35,7 +35,7 @@ class Kernel:
 def kernels(monkeypatch: pytest.MonkeyPatch) -> tuple[Kernel, ...]:
     """Three kernels that a module lists."""
     module, listed = ModuleType("some_kernels"), (Kernel(), Kernel(), Kernel())
-    module.FIRST = [(kernel, (f"type {i}",)) for i, kernel in enumerate(listed)]  # type: ignore[attr-defined]
+    vars(module)["FIRST"] = [(kernel, (f"type {i}",)) for i, kernel in enumerate(listed)]
     monkeypatch.setitem(sys.modules, "some_kernels", module)
     return listed
 
