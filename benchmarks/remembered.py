@@ -77,7 +77,8 @@ def keep(config: Mapping[str, Any]) -> tuple[Kept, Plugins]:
     """Render the sources of a config; return the frames, and plugins of which one plays them."""
     plugins = load_plugins(files=[__file__])
     loaded = load_run_config(config, plugins=plugins)
-    alone = replace(loaded, mode="track", localizers={}, controller=None, sinks=(), path_store=None, start="unknown")
+    settings = loaded.settings.model_copy(update={"mode": "track", "start": "unknown"})
+    alone = replace(loaded, settings=settings, localizers={}, controller=None, sinks=(), path_store=None)
     with Pipeline(alone) as pipeline:
         frames = [step.frame for step in pipeline if step.frame is not None]
         kept = Kept(frames, dict(pipeline.sensors))
