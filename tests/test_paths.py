@@ -44,6 +44,29 @@ class TestPath:
         with pytest.raises(ShapeError, match="waypoint 2 does not lie after waypoint 1"):
             Path([Waypoint(0, 0.0, Pose2()), Waypoint(1, 1.0, Pose2()), Waypoint(2, station_m, Pose2())])
 
+    def test_a_path_of_arrays_is_that_of_its_waypoints(self) -> None:
+        poses = np.array([one.pose_map_base.array() for one in CIRCLE.waypoints])
+        path = Path.from_arrays(CIRCLE.stations, poses)
+
+        assert path[7] == CIRCLE[7]
+        assert path[-1] == CIRCLE[-1]
+        for station_m in (-1.0, 0.0, 1.234, 9.0):
+            assert path.pose_at(station_m) == CIRCLE.pose_at(station_m)
+            assert path.line_at(station_m) == CIRCLE.line_at(station_m)
+            assert path.locate(Pose2(0.9, 0.1, 1.0), station_m) == CIRCLE.locate(Pose2(0.9, 0.1, 1.0), station_m)
+        assert path.waypoints == CIRCLE.waypoints
+        with pytest.raises(IndexError):
+            path[len(CIRCLE)]
+
+    def test_headings_of_arrays_are_wrapped_and_numbers_that_are_none_refused(self) -> None:
+        assert (
+            Path.from_arrays(np.array([0.0]), np.array([[1, 2, math.pi]])).waypoints[0].pose_map_base.theta == -math.pi
+        )
+        with pytest.raises(ShapeError, match="not finite"):
+            Path.from_arrays(np.array([0.0, 1.0]), np.array([[0, 0, 0], [1, math.nan, 0]]))
+        with pytest.raises(ShapeError, match="at least one waypoint"):
+            Path.from_arrays(np.empty(0), np.empty((0, 3)))
+
 
 class TestPoseAt:
     def test_it_meets_the_waypoints(self) -> None:

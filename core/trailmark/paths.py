@@ -15,7 +15,7 @@ import numpy.typing as npt
 from trailmark.arrays import Floats
 from trailmark.errors import ShapeError
 from trailmark.frames.payloads import read_only
-from trailmark.geometry import Pose2, wrap_angle
+from trailmark.geometry import Pose2, wrap_angle, wrap_angles
 
 __all__ = ["Keyframe", "OnPath", "Path", "PathLine", "TaughtPlaces", "Waypoint"]
 
@@ -38,7 +38,7 @@ class Waypoint:
     station_m: float
     pose_map_base: Pose2
 
-    def __init__(self, index: int, station_m: float, pose_map_base: Pose2) -> None:  # 100,000 in a path: by hand
+    def __init__(self, index: int, station_m: float, pose_map_base: Pose2) -> None:  # many in a path: by hand
         _set_index(self, index)
         _set_station(self, station_m)
         _set_pose(self, pose_map_base)
@@ -133,36 +133,71 @@ class Path:
         If there is no waypoint or the stations do not increase.
     """
 
-    __slots__ = ("_grid", "_headings", "_lines", "_polyline", "_positions", "_stations", "_turns", "waypoints")
+    __slots__ = ("_grid", "_lines", "_polyline", "_poses", "_stations", "_turns", "_waypoints")
 
     def __init__(self, waypoints: Iterable[Waypoint]) -> None:
+        taught = tuple(waypoints)
+        poses = [waypoint.pose_map_base for waypoint in taught]
+        rows = np.array([(pose.x, pose.y, pose.theta) for pose in poses], dtype=np.float64).reshape(-1, 3)
+        self._lay_out(np.array([waypoint.station_m for waypoint in taught], dtype=np.float64), rows)
+        self._waypoints: tuple[Waypoint, ...] | None = taught
+
+    @classmethod
+    def from_arrays(cls, stations_m: Floats, poses_map_base: Floats) -> Path:
+        """Return the path of waypoints 0, 1, 2, ...; each is made when it is asked for.
+
+        Parameters
+        ----------
+        stations_m : (N,) float64
+            Way driven from the start of the path [m].
+        poses_map_base : (N, 3) float64
+            Base in the map: x, y, heading [m, m, rad].
+
+        Raises
+        ------
+        ShapeError
+            If there is no waypoint, a number is not finite or the stations do not increase.
+        """
+        if not (np.isfinite(stations_m).all() and np.isfinite(poses_map_base).all()):
+            raise ShapeError("a path is not finite")
+        path = cls.__new__(cls)
+        poses = np.array(poses_map_base, dtype=np.float64)
+        outside = (poses[:, 2] < -math.pi) | (poses[:, 2] >= math.pi)
+        poses[outside, 2] = wrap_angles(poses[outside, 2])
+        path._lay_out(np.array(stations_m, dtype=np.float64), poses)
+        path._waypoints = None
+        return path
+
+    def _lay_out(self, stations_m: Floats, poses: Floats) -> None:
         from trailmark.geometry.polyline import Polyline  # most runs have no path
 
-        self.waypoints: tuple[Waypoint, ...] = tuple(waypoints)
-        if not self.waypoints:
+        if not len(stations_m):
             raise ShapeError("a path needs at least one waypoint")
-        taught = [waypoint.pose_map_base for waypoint in self.waypoints]
-        poses = np.empty((len(taught), 3))
-        poses[:, 0] = [pose.x for pose in taught]
-        poses[:, 1] = [pose.y for pose in taught]
-        poses[:, 2] = [pose.theta for pose in taught]
-        self._stations = np.array([waypoint.station_m for waypoint in self.waypoints])
-        self._positions = poses[:, :2]
-        self._headings = np.unwrap(poses[:, 2])
+        self._stations, self._poses = stations_m, poses
         # The same as plain floats: a controller's question costs 1 us with them, and 5 us with arrays.
-        self._grid: list[float] = self._stations.tolist()
-        self._turns: list[float] = self._headings.tolist()
-        self._polyline = Polyline(self._positions)
+        self._grid: list[float] = stations_m.tolist()
+        self._turns: list[float] = np.unwrap(poses[:, 2]).tolist()
+        self._polyline = Polyline(poses[:, :2])
         self._lines: dict[int, PathLine] = {}  # as they were asked for
-        if np.any(np.diff(self._stations) <= 0):
-            first = int(np.flatnonzero(np.diff(self._stations) <= 0)[0])
+        if np.any(np.diff(stations_m) <= 0):
+            first = int(np.flatnonzero(np.diff(stations_m) <= 0)[0])
             raise ShapeError(f"stations must increase, but waypoint {first + 1} does not lie after waypoint {first}")
 
     def __len__(self) -> int:
-        return len(self.waypoints)
+        return len(self._grid)
 
     def __getitem__(self, index: int) -> Waypoint:
-        return self.waypoints[index]
+        if self._waypoints is not None:
+            return self._waypoints[index]
+        number = range(len(self))[index]
+        return Waypoint(number, self._grid[number], Pose2(*self._poses[number].tolist()))
+
+    @property
+    def waypoints(self) -> tuple[Waypoint, ...]:
+        """All waypoints, in order."""
+        if self._waypoints is None:
+            self._waypoints = tuple(self[index] for index in range(len(self)))
+        return self._waypoints
 
     @property
     def length_m(self) -> float:
@@ -177,18 +212,18 @@ class Path:
     @property
     def positions(self) -> npt.NDArray[np.float64]:
         """Position of every waypoint in the map, (N, 2) [m]."""
-        return self._positions
+        return self._poses[:, :2]
 
     def pose_at(self, station_m: float) -> Pose2:
         """Return the taught pose at a station; beyond an end, the pose of that end."""
         if len(self) == 1:
             return self[0].pose_map_base
         index, fraction = self._segment_of(station_m)
-        start, stop = self.waypoints[index].pose_map_base, self.waypoints[index + 1].pose_map_base
+        (start_x, start_y), (stop_x, stop_y) = self._polyline.ends(index)
         fraction = min(1.0, max(0.0, fraction))
         return Pose2(
-            start.x + fraction * (stop.x - start.x),
-            start.y + fraction * (stop.y - start.y),
+            start_x + fraction * (stop_x - start_x),
+            start_y + fraction * (stop_y - start_y),
             self._turns[index] + fraction * (self._turns[index + 1] - self._turns[index]),
         )
 
@@ -258,8 +293,8 @@ class Path:
     def _new_line(self, index: int) -> PathLine:
         if len(self) == 1:
             return PathLine.of(self[0].pose_map_base.theta, 0.0)
-        start, stop = self.waypoints[index].pose_map_base, self.waypoints[index + 1].pose_map_base
-        dx, dy = stop.x - start.x, stop.y - start.y
+        (start_x, start_y), (stop_x, stop_y) = self._polyline.ends(index)
+        dx, dy = stop_x - start_x, stop_y - start_y
         rate_radpm = (self._turns[index + 1] - self._turns[index]) / (self._grid[index + 1] - self._grid[index])
         if dx == 0.0 and dy == 0.0:  # turned on the spot: the heading is all there is
             return PathLine.of(wrap_angle(self._turns[index]), rate_radpm)

@@ -135,4 +135,4 @@ def test_rows_that_differ_in_type_order_or_table_have_other_checksums(left: Any,
 def test_the_quick_checksum_of_a_waypoint_is_that_of_any_row(index: int) -> None:
     numbers = (0.05 * index, -1.25e-3, float(index) ** 0.5, -0.0)
 
-    assert tables._checksum_of_numbers(index, *numbers) == checksum("waypoints", index, *numbers)
+    assert tables._waypoint_checksum(index, *numbers) == checksum("waypoints", index, *numbers)

@@ -25,7 +25,7 @@ class Polyline:
         In order, at least two [m].
     """
 
-    __slots__ = ("_lines", "_pairs", "_points", "_ways")
+    __slots__ = ("_lines", "_points", "_ways", "_xs", "_ys")
 
     def __init__(self, points: Floats) -> None:
         self._points = points
@@ -33,8 +33,13 @@ class Polyline:
             self._lines = np.diff(points, axis=0).T
             ways = np.cumsum(np.hypot(*self._lines))
         # The same as plain floats: a few lines cost 1 us with them, and 15 us with arrays.
-        self._pairs: list[list[float]] = points.tolist()
+        self._xs: list[float] = points[:, 0].tolist()
+        self._ys: list[float] = points[:, 1].tolist()
         self._ways: list[float] = [0.0, *ways.tolist()]
+
+    def ends(self, index: int) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Return where a line begins and where it ends."""
+        return (self._xs[index], self._ys[index]), (self._xs[index + 1], self._ys[index + 1])
 
     def nearest(self, x: float, y: float) -> tuple[int, float]:
         """Return the line that is nearest to a point, the first of several, and where on it, 0 to 1."""
@@ -52,7 +57,7 @@ class Polyline:
         A point of the polyline that is further away than the nearest line so far by some distance has no nearer line
         within that distance along the polyline, before it or after it. So most lines are passed over, in halves.
         """
-        ways, pairs, best = self._ways, self._pairs, guess
+        ways, xs, ys, best = self._ways, self._xs, self._ys, guess
         best_m2, fraction = self._miss_of(best, x, y)
         for beside in (guess - 1, guess + 1):  # without these two, a point on the polyline is clear of all others
             if first <= beside < last:
@@ -66,7 +71,7 @@ class Polyline:
             if low >= high:
                 continue
             half = (low + high + 1) // 2
-            clear_m = math.hypot(x - pairs[half][0], y - pairs[half][1]) - best_m
+            clear_m = math.hypot(x - xs[half], y - ys[half]) - best_m
             if clear_m > ways[half] - ways[low] and clear_m > ways[high] - ways[half]:
                 continue
             if high > low + 1:
@@ -79,15 +84,17 @@ class Polyline:
 
     def miss(self, index: int, fraction: float, x: float, y: float) -> tuple[float, float, float]:
         """Return how far a point is from a place on a line, and where it is as seen from the line's beginning [m]."""
-        (start_x, start_y), (end_x, end_y) = self._pairs[index], self._pairs[index + 1]
+        xs, ys = self._xs, self._ys
+        start_x, start_y = xs[index], ys[index]
         from_x, from_y = x - start_x, y - start_y
-        miss_x, miss_y = from_x - fraction * (end_x - start_x), from_y - fraction * (end_y - start_y)
+        miss_x, miss_y = from_x - fraction * (xs[index + 1] - start_x), from_y - fraction * (ys[index + 1] - start_y)
         return math.sqrt(miss_x * miss_x + miss_y * miss_y), from_x, from_y
 
     def _miss_of(self, index: int, x: float, y: float) -> tuple[float, float]:
         """Return the squared distance to a line, and where on it the nearest point is, 0 to 1."""
-        (start_x, start_y), (end_x, end_y) = self._pairs[index], self._pairs[index + 1]
-        line_x, line_y, from_x, from_y = end_x - start_x, end_y - start_y, x - start_x, y - start_y
+        xs, ys = self._xs, self._ys
+        start_x, start_y = xs[index], ys[index]
+        line_x, line_y, from_x, from_y = xs[index + 1] - start_x, ys[index + 1] - start_y, x - start_x, y - start_y
         squared = max(line_x * line_x + line_y * line_y, _NO_LENGTH_M2)
         fraction = min(max((from_x * line_x + from_y * line_y) / squared, 0.0), 1.0)
         miss_x, miss_y = from_x - fraction * line_x, from_y - fraction * line_y

@@ -116,8 +116,8 @@ def _check_facts(connection: sqlite3.Connection, findings: Findings) -> None:
 
 def _check_waypoints(connection: sqlite3.Connection, totals: tables.Totals | None, findings: Findings) -> None:
     rows = _rows(connection, "waypoints", "id, station_m, x, y, theta, crc", findings)
-    good = [findings.attempt(tables.waypoint_of, row[1:]) for row in rows]
-    n_good = sum(waypoint is not None for waypoint in good)
+    good = [findings.attempt(tables.waypoint_numbers, row[1:]) for row in rows]
+    n_good = sum(numbers is not None for numbers in good)
     findings.count("waypoints", n_good, None if totals is None else totals.waypoints)
 
 

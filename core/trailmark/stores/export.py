@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from trailmark.arrays import Floats
 from trailmark.errors import StoreError
 from trailmark.geometry import Trajectory, write_tum
-from trailmark.paths import Keyframe, Waypoint
+from trailmark.paths import Keyframe
 from trailmark.stores import map_rows, tables
 from trailmark.stores.database import Database
 
@@ -48,7 +49,7 @@ def export_store(path: Path, folder: Path) -> list[Path]:
             if any(folder.iterdir()):
                 raise StoreError(f"{folder} is not empty; name a new folder with --out")
             return [
-                *_write_path(list(tables.read_waypoints(connection)), folder),
+                *_write_path(tables.read_waypoints(connection), folder),
                 _write_json(folder / "sensors.json", tables.read_document(connection, "sensors")),
                 _write_json(folder / "provenance.json", tables.read_document(connection, "meta")),
                 *_write_maps(connection, folder / "drawers"),
@@ -91,17 +92,14 @@ def _write_json(path: Path, document: Any) -> Path:
     return path
 
 
-def _write_path(waypoints: list[Waypoint], folder: Path) -> list[Path]:
-    poses = np.array([waypoint.pose_map_base.array() for waypoint in waypoints]).reshape(-1, 3)
+def _write_path(waypoints: Floats, folder: Path) -> list[Path]:
     tum, table = folder / "path.tum", folder / "waypoints.csv"
-    write_tum(tum, Trajectory(np.array([waypoint.station_m for waypoint in waypoints]), poses))
+    write_tum(tum, Trajectory(waypoints[:, 0], waypoints[:, 1:]))
     tum.write_text("# station_m x y z qx qy qz qw\n" + tum.read_text(encoding="utf-8"), encoding="utf-8")
     with table.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["index", "station_m", "x", "y", "theta"])
-        for waypoint in waypoints:
-            pose = waypoint.pose_map_base
-            writer.writerow([waypoint.index, waypoint.station_m, pose.x, pose.y, pose.theta])
+        writer.writerows([index, *numbers] for index, numbers in enumerate(waypoints.tolist()))
     return [tum, table]
 
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import gc
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -91,9 +89,8 @@ class SqlitePathStore(PathStore):
         database = self._open_database()
         with database.reading() as connection:
             count = self._n_committed if database.is_writable else tables.read_totals(connection).waypoints
-            with _without_garbage_collection():
-                waypoints = list(tables.read_waypoints(connection, count))
-                return Path(waypoints) if waypoints else None
+            waypoints = tables.read_waypoints(connection, count)
+            return Path.from_arrays(waypoints[:, 0], waypoints[:, 1:]) if len(waypoints) else None
 
     def localizer_map(self, owner: str) -> LocalizerMap:
         """Return the localizer map of one localizer; it lives as long as the store is open."""
@@ -188,18 +185,3 @@ class SqlitePathStore(PathStore):
         if self._database is None:
             raise StoreError("the path store is not open; start it first")
         return self._database
-
-
-@contextmanager
-def _without_garbage_collection() -> Iterator[None]:
-    """Do not look for garbage while a path is made: its waypoints refer to nothing that refers to them.
-
-    The collector would go through all of them again and again while they become more: a third of a long path's time.
-    """
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            gc.enable()

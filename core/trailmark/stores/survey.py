@@ -22,13 +22,13 @@ def describe_store(path: Path) -> dict[str, Any]:
         If the file cannot be read as a path store.
     """
     with closing(Database.to_read(path)) as database, database.reading() as connection:
-        waypoints = list(tables.read_waypoints(connection))
+        stations = tables.read_waypoints(connection)[:, 0]
         return {
             "path": str(path),
             "bytes": path.stat().st_size,
             "schema": database.schema,
-            "waypoints": len(waypoints),
-            "length_m": waypoints[-1].station_m - waypoints[0].station_m if waypoints else 0.0,
+            "waypoints": len(stations),
+            "length_m": float(stations[-1] - stations[0]) if len(stations) else 0.0,
             "drawers": [_describe_map(connection, row) for row in map_rows.read_maps(connection)],
             "sensors": tables.read_document(connection, "sensors"),
             "provenance": tables.read_document(connection, "meta"),

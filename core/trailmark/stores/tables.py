@@ -6,11 +6,15 @@ import json
 import math
 import sqlite3
 import struct
-from collections.abc import Iterator, Sequence
+from array import array
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 from zlib import crc32
 
+import numpy as np
+
+from trailmark.arrays import Floats
 from trailmark.errors import ShapeError, StoreError
 from trailmark.geometry import Pose2
 from trailmark.paths import Waypoint
@@ -28,7 +32,7 @@ __all__ = [
     "read_fact",
     "read_totals",
     "read_waypoints",
-    "waypoint_of",
+    "waypoint_numbers",
     "write_fact",
     "write_totals",
 ]
@@ -157,47 +161,51 @@ def move_waypoints(connection: Connection, poses: Sequence[Pose2]) -> None:
     StoreError
         If there are not as many.
     """
-    waypoints = list(read_waypoints(connection))
-    if len(waypoints) != len(poses):
-        raise StoreError(f"{len(poses)} poses for {len(waypoints)} waypoints")
-    for waypoint, pose in zip(waypoints, poses, strict=True):
-        numbers = (waypoint.station_m, *pose_numbers(pose))
-        row = (*numbers[1:], checksum("waypoints", waypoint.index, *numbers), waypoint.index)
+    stations: list[float] = read_waypoints(connection)[:, 0].tolist()
+    if len(stations) != len(poses):
+        raise StoreError(f"{len(poses)} poses for {len(stations)} waypoints")
+    for index, (station_m, pose) in enumerate(zip(stations, poses, strict=True)):
+        numbers = (station_m, *pose_numbers(pose))
+        row = (*numbers[1:], checksum("waypoints", index, *numbers), index)
         connection.execute("UPDATE waypoints SET x = ?, y = ?, theta = ?, crc = ? WHERE id = ?", row)
 
 
-def read_waypoints(connection: Connection, count: int | None = None) -> Iterator[Waypoint]:
-    """Yield the first `count` waypoints; without it, all there must be."""
+def read_waypoints(connection: Connection, count: int | None = None) -> Floats:
+    """Return station, x, y and heading of the first `count` waypoints; without it, of all there must be.
+
+    Returns
+    -------
+    (N, 4) float64
+        [m, m, m, rad].
+    """
     count = read_totals(connection).waypoints if count is None else count
+    numbers = array("d")
     found = 0
     for row in connection.execute("SELECT * FROM waypoints WHERE id < ? ORDER BY id", (count,)):
-        waypoint = waypoint_of(row)
-        if waypoint.index != found:
+        if row[0] != found:
             break
+        numbers.extend(waypoint_numbers(row))
         found += 1
-        yield waypoint
     if found != count:
         raise Damage(f"waypoint {found} of {count} is missing")
+    return np.array(numbers).reshape(-1, 4)
 
 
-def waypoint_of(row: Row) -> Waypoint:
-    """Return the waypoint of a row."""
+def waypoint_numbers(row: Row) -> tuple[float, float, float, float]:
+    """Return station, x, y and heading of a waypoint's row, verified."""
     index, station_m, x, y, theta, crc = row
-    is_plain = type(index) is int and type(station_m) is type(x) is type(y) is type(theta) is float
-    summed = _checksum_of_numbers if is_plain else _checksum_of_row
-    if crc != summed(index, station_m, x, y, theta):
-        raise Damage(f"waypoint {_short(index)} is not as it was written")
     try:
-        return Waypoint(index, finite(station_m, "its station"), Pose2(x, y, theta))
-    except (TypeError, ValueError) as error:
-        raise Damage(f"waypoint {_short(index)} cannot be read: {error}") from error
+        is_intact = crc == _waypoint_checksum(index, station_m, x, y, theta)
+    except (TypeError, struct.error):  # another type stands in a column of numbers
+        is_intact = False
+    if not is_intact:
+        raise Damage(f"waypoint {_short(index)} is not as it was written")
+    if not (math.isfinite(station_m) and math.isfinite(x) and math.isfinite(y) and math.isfinite(theta)):
+        raise Damage(f"waypoint {_short(index)} cannot be read: a number of it is not finite")
+    return station_m, x, y, theta
 
 
-def _checksum_of_row(*values: Any) -> int:
-    return checksum("waypoints", *values)
-
-
-def _checksum_of_numbers(index: int, station_m: float, x: float, y: float, theta: float) -> int:
+def _waypoint_checksum(index: int, station_m: float, x: float, y: float, theta: float) -> int:
     """Return the checksum of a waypoint's row in one go: a path has a hundred thousand of them."""
     digits = b"%d" % index
     floats = _FOUR_FLOATS.pack(b"f8:", station_m, b"f8:", x, b"f8:", y, b"f8:", theta)
