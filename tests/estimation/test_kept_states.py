@@ -28,3 +28,16 @@ def test_states_older_than_history_and_windows_are_let_go() -> None:
     ages_s = [LASTS_S - one.stamp_s for one in gc.get_objects() if type(one) is FilterState and id(one) not in before]
     assert max(ages_s) < HISTORY_S + LONGEST_S + APART_S + 1.5
     assert sum(age_s > HISTORY_S + 1.5 for age_s in ages_s) < 3 * LONGEST_S / APART_S
+
+
+def test_motions_are_let_go_without_a_search_for_garbage() -> None:
+    """One that refers to itself, by what it is a part of, waits for the collector with all of its parts."""
+    estimator = kalman(history_s=1.0)
+    gc.collect()
+    gc.disable()
+    try:
+        for i in range(200):
+            estimator.apply("wheels", motion(i / RATE_HZ, (i + 1) / RATE_HZ, 0.05))
+        assert gc.collect() < 20
+    finally:
+        gc.enable()

@@ -86,8 +86,8 @@ class StatedMotion:
         Its interval [s].
     pose : Pose2
         Base at the end as seen from the beginning.
-    origin : StatedMotion
-        What it is a part of; itself, if it was told as it is.
+    origin : Motion
+        What was told: of its parts, too.
     """
 
     __slots__ = ("_arc", "_parts", "_spread", "_whole", "origin", "pose", "since_s", "stamp_s")
@@ -95,7 +95,7 @@ class StatedMotion:
     def __init__(self, motion: Motion, information: Sym3) -> None:
         self.since_s, self.stamp_s = motion.since_s, motion.stamp_s
         self.pose, dt_s = motion.pose_since_now, motion.stamp_s - motion.since_s
-        self.origin = self
+        self.origin = motion
         pose = self.pose
         self._arc = pose.log()
         forward_m, left_m, turn_rad = self._arc

@@ -89,7 +89,7 @@ class MotionTrack:
         index = bisect_left(self._pieces_since, motion.stamp_s)
         while index and self.pieces[index - 1].stamp_s > motion.since_s:
             index -= 1
-            if self.pieces[index].origin is motion:
+            if self.pieces[index].origin is motion.origin:
                 return True
         return False
 
@@ -161,7 +161,7 @@ class MotionTrack:
         if self.pieces:
             end_s, origin = self.pieces[-1].stamp_s, self.pieces[-1].origin
             index = bisect_left(self._sinces, origin.since_s)
-            while self._motions[index] is not origin:
+            while self._motions[index].origin is not origin:
                 index += 1
             index += 1
         waiting: StatedMotion | None = None
