@@ -19,6 +19,7 @@ from trailmark.pipeline.outputs.result import RunResult, Status, Step
 from trailmark.pipeline.parts import Parts
 from trailmark.pipeline.run.conclusion import Conclusion
 from trailmark.pipeline.run.frame import FrameProcessor
+from trailmark.pipeline.run.garbage import SELDOM
 from trailmark.pipeline.sources.checks import FrameChecks
 from trailmark.pipeline.sources.merging import merge_sources
 from trailmark.pipeline.startup import start_parts
@@ -71,6 +72,7 @@ class Run:
     ) -> None:
         with shielded(0.0):  # devices that do not answer are not waited for
             self.running = running = start_parts(parts, pushed, instruments)
+        running.closing.enter_context(SELDOM)
         self._instruments = instruments
         self._lock = threading.RLock()
         self._push_checks = FrameChecks("feed", pushed, False, instruments.counters, remedy="")
