@@ -23,7 +23,7 @@ KEYS: dict[str, dict[str, Any]] = {
         "occluders": {},
         "dropped": 0.2,
         "late_s": 0.03,
-        "wrong": {"scale": 1.1},
+        "wrong": {"yaw_deg": 1.0},
     },
     "cover": {"contrast": 10.0, "leak": 0.2, "from_s": 0.05},
     "frozen": {"from_s": 0.05, "to_s": 0.2},

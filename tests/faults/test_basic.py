@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import re
 from collections.abc import Callable, Iterable, Iterator
 from itertools import pairwise
 from typing import Any
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from trailmark.errors import ConfigError
 from trailmark.frames import RGBD, Frame, GroundPlane, Image, Pinhole, Scalar, Scan, SensorInfo
 from trailmark.geometry import Pose3
 from trailmark_faults.basic import BasicConfig
@@ -249,3 +251,35 @@ def test_a_seed_gives_the_bytes_that_it_always_gave(faulty, case) -> None:
     faulty.start(perturber, SENSORS, seed=3)
 
     assert digest(perturber.frames(all_payloads())) == expected
+
+
+@pytest.mark.parametrize(
+    ("keys", "kind", "refused"),
+    [
+        ({"noise": 5.0}, "odometry", "perturb.noise: befalls sensors of kind image or rgbd, not it (odometry)"),
+        (
+            {"dropped": 0.1, "blur_px": 1.0},
+            "scan",
+            "perturb.blur_px: befalls sensors of kind image or rgbd, not it (scan)",
+        ),
+        ({"exposure": 0.5}, "imu", "perturb.exposure: befalls"),
+        ({"flicker": 0.1}, "scan", "perturb.flicker: befalls"),
+        ({"occluders": {}}, "scan", "perturb.occluders: befalls"),
+        ({"speckle": 0.1}, "odometry", "perturb.speckle: befalls sensors of kind image or rgbd or scan, not"),
+        ({"range_noise_m": 0.1}, "image", "perturb.range_noise_m: befalls sensors of kind rgbd or scan, not"),
+        ({"wrong": {"scale": 1.1}}, "scan", "perturb.wrong.scale: befalls cameras with metres per pixel or focal"),
+        ({"wrong": {"yaw_deg": 1.0}}, "odometry", "perturb.wrong.yaw_deg: befalls sensors that see from where they"),
+    ],
+)
+def test_a_key_that_changes_no_sensor_is_refused(faulty, keys: dict[str, Any], kind: str, refused: str) -> None:
+    with pytest.raises(ConfigError, match=re.escape(f"sources.robot.{refused}")):
+        faulty.start(faulty.chain({"basic": keys}), {"it": SensorInfo("it", kind)})
+
+
+def test_a_key_is_taken_where_it_changes_one_sensor_of_several(faulty) -> None:
+    sensors = {"wheels": SensorInfo("wheels", "odometry"), "floor": SensorInfo("floor", "image")}
+
+    faulty.start(faulty.chain({"basic": {"noise": 5.0, "dropped": 0.1}}), sensors)
+
+    with pytest.raises(ConfigError, match="noise"):
+        faulty.start(faulty.chain({"basic": {"noise": 5.0}}, ["wheels"]), sensors)

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from pydantic import Field
+
 from trailmark.config.base import PluginConfig
 from trailmark.config.document import Document, Keys, Problems
 from trailmark.config.explain import key_names, validate_at
@@ -23,7 +25,7 @@ _DEFAULT = DEFAULT_PLUGINS["fault"]
 class PerturbOptions(PluginConfig):
     """What ``perturb`` takes besides faults."""
 
-    sensors: tuple[str, ...] | None = None
+    sensors: tuple[str, ...] | None = Field(default=None, min_length=1)
     """Which sensors of the source; left out: all that a fault can befall."""
 
 

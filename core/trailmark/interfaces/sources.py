@@ -137,6 +137,23 @@ class Fault(Part):
             Of the same sensor and of the same size. A later stamp delays it: other frames may pass. None: it is lost.
         """
 
+    def idle_options(self, info: SensorInfo) -> Mapping[str, str]:
+        """Return the options that are in use and change nothing of a sensor, and what they do befall.
+
+        Asked before the start. A run in which an option befalls no sensor is refused.
+
+        Parameters
+        ----------
+        info : SensorInfo
+            A sensor of one of `kinds`.
+
+        Returns
+        -------
+        mapping of str to str
+            By option: ``"sensors of kind image"``.
+        """
+        return {}
+
     def believed(self, info: SensorInfo) -> SensorInfo:
         """Return the sensor as the run shall know it: the truth, unless the fault is a wrong calibration.
 

@@ -86,6 +86,10 @@ class CachedFault(Fault):
         self._archive: FrameArchive | None = None
         self._recording: FrameRecording | None = None
 
+    def idle_options(self, info: SensorInfo) -> Mapping[str, str]:
+        """Return those of the fault."""
+        return self._fault.idle_options(info)
+
     def start(self, session: Session) -> None:
         """Find the frames; the fault starts whether there are any or not, for what is believed of the sensor."""
         key = self._key_of(session)

@@ -18,13 +18,21 @@ from trailmark.arrays import AnyArray
 from trailmark.config import PluginConfig
 from trailmark.frames import RGBD, Frame, Image, Payload, Scan, SensorInfo
 from trailmark.interfaces import Fault, Session
-from trailmark_faults.calibration import WrongCalibration, with_wrong_calibration
+from trailmark_faults.calibration import WrongCalibration, idle_keys, with_wrong_calibration
 from trailmark_faults.depth import add_depth_noise
 from trailmark_faults.image import Occluder, add_speckle, blur, expose, white_of
 from trailmark_faults.scan import worsen_ranges
 from trailmark_faults.timing import FrameLoss
 
 __all__ = ["BasicConfig", "BasicFault", "Occluders"]
+
+_PICTURES = frozenset({"image", "rgbd"})
+#: The kinds of sensor that a key befalls, where it does not befall all.
+_KINDS = {
+    **dict.fromkeys(("noise", "blur_px", "exposure", "flicker", "occluders"), _PICTURES),
+    "speckle": _PICTURES | {"scan"},
+    "range_noise_m": frozenset({"rgbd", "scan"}),
+}
 
 
 class Occluders(PluginConfig):
@@ -96,6 +104,15 @@ class BasicFault(Fault):
     def counters(self) -> Mapping[str, int]:
         """Return how many frames were ``dropped``, ``missing`` and ``late``."""
         return self._counts
+
+    def idle_options(self, info: SensorInfo) -> Mapping[str, str]:
+        """Return the keys that are in use and change nothing of a sensor."""
+        config, fields = self.config, BasicConfig.model_fields
+        used = [key for key in _KINDS if getattr(config, key) != fields[key].default]
+        idle = {
+            key: f"sensors of kind {' or '.join(sorted(_KINDS[key]))}" for key in used if info.kind not in _KINDS[key]
+        }
+        return idle if config.wrong is None else idle | idle_keys(info, config.wrong)
 
     def believed(self, info: SensorInfo) -> SensorInfo:
         """Return the sensor with the calibration that is wrong."""

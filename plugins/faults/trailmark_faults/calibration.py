@@ -13,7 +13,7 @@ from trailmark.deprecation import deprecated_name
 from trailmark.frames import DepthCamera, GroundPlane, Pinhole, SensorInfo
 from trailmark.geometry import Pose3
 
-__all__ = ["WrongCalibration", "with_wrong_calibration"]
+__all__ = ["WrongCalibration", "idle_keys", "with_wrong_calibration"]
 
 
 class WrongCalibration(PluginConfig):
@@ -38,6 +38,17 @@ def with_wrong_calibration(info: SensorInfo, wrong: WrongCalibration) -> SensorI
     turned = Pose3(0.0, 0.0, 0.0, mounted.roll, mounted.pitch, mounted.yaw) @ replace(offset, x=0.0, y=0.0)
     pose = Pose3(mounted.x + offset.x, mounted.y + offset.y, mounted.z, turned.roll, turned.pitch, turned.yaw)
     return replace(info, pose_base_sensor=pose, calibration=_scale_calibration(info.calibration, wrong.scale))
+
+
+def idle_keys(info: SensorInfo, wrong: WrongCalibration) -> dict[str, str]:
+    """Return the keys that change nothing of a sensor, and what they do befall."""
+    idle: dict[str, str] = {}
+    if wrong.scale != 1.0 and _scale_calibration(info.calibration, wrong.scale) is info.calibration:
+        idle["wrong.scale"] = "cameras with metres per pixel or focal lengths"
+    if info.kind == "odometry":  # its poses are those of base, wherever it sits
+        used = [key for key in ("x_m", "y_m", "yaw_deg", "pitch_deg") if getattr(wrong, key)]
+        idle |= {f"wrong.{key}": "sensors that see from where they sit" for key in used}
+    return idle
 
 
 def _scale_calibration(calibration: Any, scale: float) -> Any:

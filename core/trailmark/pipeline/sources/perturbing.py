@@ -43,7 +43,8 @@ class Perturber:
     Raises
     ------
     ConfigError
-        From `start`, if a sensor is wanted that the source does not have, or if a fault can befall none of them.
+        From `start`, if a sensor is wanted that the source does not have, or if a fault, or an option of it, can befall
+        none of them.
     """
 
     def __init__(self, source: str, makers: Mapping[str, Callable[[], Fault]], wanted: Sequence[str] | None) -> None:
@@ -72,11 +73,26 @@ class Perturber:
             made = {sensor: make() for sensor in befallen}
             fitting = {name: fault for name, fault in made.items() if _can_befall(fault, befallen[name])}
             if made and not fitting:
-                raise ConfigError(_idle_message(self._source, fault_name, next(iter(made.values())), befallen))
+                wanted = f"sensors of kind {' or '.join(sorted(next(iter(made.values())).kinds))}"
+                raise ConfigError(_idle_message(self._source, fault_name, wanted, befallen))
+            self._refuse_idle_options(fault_name, fitting, befallen)
             for sensor, fault in fitting.items():
                 seeded = _seeded(fault_name, fault, befallen[sensor], session)
                 self._chains[sensor].append(seeded)
                 call_guarded(self._fault_name(fault_name), "start", partial(_start, seeded, befallen[sensor], session))
+
+    def _refuse_idle_options(
+        self, fault_name: str, fitting: Mapping[str, Fault], befallen: Mapping[str, SensorInfo]
+    ) -> None:
+        """Refuse an option of a fault that would change none of the sensors."""
+        idle = [
+            call_guarded(self._fault_name(fault_name), "idle_options", partial(fault.idle_options, befallen[sensor]))
+            for sensor, fault in fitting.items()
+        ]
+        for option in idle[0] if idle else ():
+            if all(option in others for others in idle):
+                key = option if fault_name == DEFAULT_PLUGINS["fault"] else f"{fault_name}.{option}"
+                raise ConfigError(_idle_message(self._source, key, idle[0][option], befallen))
 
     def close(self) -> None:
         """Close the faults. Any thread, twice."""
@@ -188,10 +204,9 @@ def _can_befall(fault: Fault, info: SensorInfo) -> bool:
     return not fault.kinds or info.kind in fault.kinds
 
 
-def _idle_message(source: str, name: str, fault: Fault, sensors: Mapping[str, SensorInfo]) -> str:
+def _idle_message(source: str, key: str, wanted: str, sensors: Mapping[str, SensorInfo]) -> str:
     have = ", ".join(f"{sensor} ({info.kind})" for sensor, info in sensors.items())
-    wanted = " or ".join(sorted(fault.kinds))
-    return f"sources.{source}.perturb.{name}: befalls sensors of kind {wanted}, not {have}"
+    return f"sources.{source}.perturb.{key}: befalls {wanted}, not {have}"
 
 
 def _seeded(name: str, fault: Fault, info: SensorInfo, session: Session) -> _Seeded:

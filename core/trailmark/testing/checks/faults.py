@@ -109,9 +109,13 @@ def _info(frames: Sequence[Frame]) -> SensorInfo:
 def _surviving_frames(
     make: Callable[[], Fault], frames: Sequence[Frame], others: Sequence[Frame] = (), seed: int = 0
 ) -> list[Frame]:
-    """Return what a source with the fault gives of some frames, and of others of a sensor without the fault."""
-    perturber = Perturber("checked", {"fault": make}, [frames[0].sensor])
-    sensors = {found[0].sensor: _info(found) for found in (frames, others) if found}
+    """Return what a source with the fault gives of some frames, and of others of a sensor without the fault.
+
+    The source has sensors of every kind: an option that changes nothing of this one changes another.
+    """
+    befallen = {found[0].sensor: _info(found) for found in (*_all_frames().values(), frames)}
+    perturber = Perturber("checked", {"fault": make}, list(befallen))
+    sensors = befallen | ({others[0].sensor: _info(others)} if others else {})
     perturber.start(Session("checked", rng=np.random.default_rng(seed)), sensors)
     try:
         merged = sorted([*frames, *others], key=lambda frame: frame.stamp_s)
