@@ -47,7 +47,7 @@ class OdometryConfig(PluginConfig):
     max_gap_s: float = Field(2.0, gt=0)
     """A longer time without a reading is a gap. A shorter one is a gap if it is both longer than four usual times and
     longer than 0.25 s; where usual times are about as long as this or longer, four of them are the limit. The step
-    across a gap counts where it is what the robot would have driven; else its way is lost [s]."""
+    across a gap counts where it is what the robot would have driven; else it is as wide as if it missed the way [s]."""
 
 
 class ConstantSpeedConfig(PluginConfig):

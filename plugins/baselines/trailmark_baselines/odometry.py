@@ -37,7 +37,8 @@ class OdometryLocalizer(Localizer):
     assumed: within ``unmeasured_turn_deg``, or, with None, nothing is said but the distance.
 
     Across a gap a step counts where it is one that the robot would have driven, and is as uncertain as it differs from
-    going on as before. Else it is `Lost`: who measures the way of the gap is the estimator's to know.
+    going on as before. Another one that it could have driven covers both, as the pose may miss the way: who else
+    measures it is the estimator's to know. The rest is `Lost`.
     """
 
     config: OdometryConfig
@@ -83,34 +84,44 @@ class OdometryLocalizer(Localizer):
         self._gaps.note_interval(dt_s)
         if jump := self._jump(step, dt_s) or self._restart(step, now, dt_s):
             return (self._lost(stamp_s, jump),)
-        if (is_gap or (is_long and reads_velocity)) and (why := self._why_unknown(arc, now, dt_s)):
-            return (self._lost_in_gap(stamp_s, f"no reading for {dt_s:.1f} s, {why}"),)
-        late = self._variances_of_lag(arc, dt_s)
-        unseen = self._gaps.variances(arc, dt_s, before.twist, late) if is_gap or is_long else _NOTHING
-        self._gaps.note_step(arc, dt_s)
+        if doubt := self._doubt(arc, now, dt_s) if is_gap or (is_long and reads_velocity) else "":
+            reason = self._told_missing(stamp_s, f"no reading for {dt_s:.1f} s, {doubt}")
+            if reads_velocity or _is_at_zero(now) or not self._gaps.may_be_driven(arc, now.twist, dt_s):
+                return (self._lost(stamp_s, reason),)
+            late, unseen = _NOTHING, self._gaps.variances_of_doubt(arc, dt_s)
+            self._begin_anew()
+        else:
+            late = self._variances_of_lag(arc, dt_s)
+            unseen = self._gaps.variances(arc, dt_s, before.twist, late) if is_gap or is_long else _NOTHING
+            self._gaps.note_step(arc, dt_s)
         if now.pose_start_base is None and not reads_velocity:
             return (self._straight((since_s, stamp_s), step.x, late, unseen),)
         return (self._motion_from_velocity((since_s, stamp_s), step, arc, late, unseen),)
 
     def _lost(self, stamp_s: float, reason: str) -> Lost:
         """Return that the way since the last reading is not known; the next one begins anew."""
-        self._settled = None
-        self._gaps.forget_speed()
+        self._begin_anew()
         return Lost(stamp_s, reason)
 
-    def _lost_in_gap(self, stamp_s: float, reason: str) -> Lost:
+    def _begin_anew(self) -> None:
+        """Forget how the robot drove: it may drive in another way now."""
+        self._settled = None
+        self._gaps.forget_speed()
+
+    def _told_missing(self, stamp_s: float, reason: str) -> str:
+        """Return why the way of a gap may be missing, after it was warned of."""
         if not self._missing:  # once, where each time is as long
             logger.warning(
-                "%s: %s: what was driven in it is missing, unless another localizer tells it", self._name, reason
+                "%s: %s: what was driven in it may be missing, unless another localizer tells it", self._name, reason
             )
-        self._missing, self._missing_s = f"{reason}: that way is missing, and the belief as wide", stamp_s
-        return self._lost(stamp_s, reason)
+        self._missing, self._missing_s = f"{reason}: that way may be missing, and the belief is as wide", stamp_s
+        return reason
 
-    def _why_unknown(self, arc: Components, now: Odometry, dt_s: float) -> str:
-        """Return in words why the way of a gap is not known; empty: it is."""
+    def _doubt(self, arc: Components, now: Odometry, dt_s: float) -> str:
+        """Return in words why a step may miss the way of a gap; empty: it holds it."""
         if self.config.reads == "velocity" and dt_s > self.config.max_gap_s:
             return "and velocities do not say what was driven in it"
-        return self._gaps.why_unknown(arc, now.twist, dt_s)
+        return self._gaps.why_doubtful(arc, now.twist, dt_s)
 
     def _jump(self, step: Pose2, dt_s: float) -> str:
         """Return in words how a step is none that a robot can make; empty: it can."""
@@ -123,9 +134,8 @@ class OdometryLocalizer(Localizer):
 
     def _restart(self, step: Pose2, now: Odometry, dt_s: float) -> str:
         """Return in words how odometry begins at zero again, from farther away than this robot drives; empty: not."""
-        pose, way_m = now.pose_start_base, math.hypot(step.x, step.y)
-        at_zero = pose is not None and max(abs(pose.x), abs(pose.y), abs(pose.theta)) < _ZERO
-        if at_zero and self._gaps.is_impossible(way_m, dt_s):
+        way_m = math.hypot(step.x, step.y)
+        if _is_at_zero(now) and self._gaps.is_impossible(way_m, dt_s):
             return f"from {way_m:.3g} m away to zero in {dt_s:.3g} s: restarted"
         return ""
 
@@ -181,6 +191,11 @@ class OdometryLocalizer(Localizer):
         spread = Spread(along_m2, across_m2, turn_deg2 * math.radians(1.0) ** 2)
         covariance = step_covariance(distance_m, 0.0, spread) + np.diag(unseen)
         return Motion(*span_s, step, information_from_covariance(covariance))
+
+
+def _is_at_zero(now: Odometry) -> bool:
+    pose = now.pose_start_base
+    return pose is not None and max(abs(pose.x), abs(pose.y), abs(pose.theta)) < _ZERO
 
 
 def _step(before: Odometry, now: Odometry) -> Pose2 | None:

@@ -3,6 +3,7 @@
 Wheels of which messages were lost count on, and the next reading holds the whole way. Wheels that were off, or were
 started anew, go on from where their pose had been, or from anywhere: then the way of the gap is missing, and nothing in
 the reading says so. What tells them apart is how the robot drove: a step as long as if it had gone on was counted.
+Behind any other it may have stopped, or turned, or the way is missing: the step is then as uncertain as both are apart.
 """
 
 from __future__ import annotations
@@ -71,8 +72,15 @@ class ReadingGaps:
         knows_speed = self._body is not None or self._fastest_mps > 0.0
         return knows_speed and way_m > _IMPOSSIBLE * self._fastest_mps * dt_s + _LITTLE_M
 
-    def why_unknown(self, arc: Components, after: Twist2 | None, dt_s: float) -> str:
-        """Return in words why a step across a gap does not say what was driven in it; empty: it does.
+    def may_be_driven(self, arc: Components, after: Twist2 | None, dt_s: float) -> bool:
+        """Return whether a step across a gap is no longer than this robot, as it was seen, drives in that time."""
+        is_seen = self._body is not None or self._fastest_mps > 0.0
+        return is_seen and math.hypot(arc.along, arc.across) <= self._farthest_m(after, dt_s)
+
+    def why_doubtful(self, arc: Components, after: Twist2 | None, dt_s: float) -> str:
+        """Return in words how a step across a gap is not what a robot going on would have driven; empty: it is.
+
+        Either it did not go on, or the pose misses the way.
 
         Parameters
         ----------
@@ -83,28 +91,48 @@ class ReadingGaps:
         dt_s : float
             Length of the gap [s].
         """
-        body = self._body
-        if body is None:
+        if self._body is None:
             return "and nothing says how fast the robot was"
-        vx, vy, yaw = body
-        if after is not None:  # it may have changed its speed meanwhile
-            vx, vy, yaw = (vx + after.forward_mps) / 2.0, (vy + after.left_mps) / 2.0, (yaw + after.yaw_radps) / 2.0
+        vx, vy, yaw = _mean_velocity(self._body, after)
         speed_mps, way_m, turn_rad = math.hypot(vx, vy), math.hypot(arc.along, arc.across), abs(arc.turn)
         expected_m, expected_rad = speed_mps * dt_s, abs(yaw) * dt_s
+        told_deg, expected_deg = math.degrees(arc.turn), math.degrees(yaw * dt_s)
         if expected_m > _LITTLE_M:
             ahead_m = (arc.along * vx + arc.across * vy) / speed_mps
             if ahead_m < _LEAST * expected_m:
                 return f"its pose goes on {ahead_m:.2g} m ahead, where the robot would have driven {expected_m:.2g}"
         elif expected_rad > _LITTLE_RAD and arc.turn * yaw < _LEAST * expected_rad * abs(yaw):
-            told_deg, expected_deg = math.degrees(arc.turn), math.degrees(yaw * dt_s)
             return f"its heading goes on by {told_deg:.2g} deg, where the robot would have turned by {expected_deg:.2g}"
         elif dt_s > self._max_gap_s and max(way_m, _LITTLE_M * turn_rad / _LITTLE_RAD) <= _LITTLE_M:
             return "and whether it drove meanwhile its pose does not say"
-        if way_m > max(_MOST * expected_m, _FASTER * self._fastest_mps * dt_s) + _LITTLE_M:
+        if way_m > self._farthest_m(after, dt_s):
             return f"its pose goes on {way_m:.2g} m away, where the robot would have driven {expected_m:.2g}"
         if turn_rad > max(_MOST * expected_rad, _FASTER * self._fastest_radps * dt_s) + _LITTLE_RAD:
-            return f"its heading goes on by {math.degrees(arc.turn):.2g} deg, which is faster than it ever turned"
+            return f"its heading goes on by {told_deg:.2g} deg, which is faster than it ever turned"
         return ""
+
+    def variances_of_doubt(self, arc: Components, dt_s: float) -> Components:
+        """Return the variances of a step that holds its way or misses it: both are within one standard deviation.
+
+        At least as that of a robot that nobody watched, and in each direction: it may have turned.
+
+        Parameters
+        ----------
+        arc : Components
+            Logarithm of the step [m, m, rad].
+        dt_s : float
+            Length of the gap [s].
+        """
+        body = self._body or Components(self._fastest_mps, 0.0, 0.0)
+        ahead_m2, left_m2, turn_rad2 = _squared_apart(arc, body, dt_s)
+        unseen_mps = max(_UNSEEN_MPS, _COVERED * self._fastest_mps)
+        unseen_radps = max(_UNSEEN_RADPS, _COVERED * self._fastest_radps)
+        way_m2 = max(ahead_m2 + left_m2, (unseen_mps * dt_s) ** 2)
+        return Components(way_m2, way_m2, max(turn_rad2, min(unseen_radps * dt_s, math.pi) ** 2))
+
+    def _farthest_m(self, after: Twist2 | None, dt_s: float) -> float:
+        body = _mean_velocity(self._body or _NOTHING, after)
+        return max(_MOST * math.hypot(body.along, body.across), _FASTER * self._fastest_mps) * dt_s + _LITTLE_M
 
     def variances(self, arc: Components, dt_s: float, before: Twist2 | None, late: Components) -> Components:
         """Return the variances that a gap, or a usual time that is as long, adds to a step that holds its way.
@@ -168,6 +196,14 @@ class ReadingGaps:
     def forget_speed(self) -> None:
         """Begin anew behind a gap or a restart; how fast the robot can be is still known."""
         self._body, self._begun, self._begun_s = None, _NOTHING, 0.0
+
+
+def _mean_velocity(body: Components, after: Twist2 | None) -> Components:
+    """Return the velocity before a gap, or its mean with what is told behind it: it may have changed meanwhile."""
+    if after is None:
+        return body
+    told = after.forward_mps, after.left_mps, after.yaw_radps
+    return Components(*((one + other) / 2.0 for one, other in zip(body, told)))
 
 
 def _squared_apart(arc: Components, velocity: Components, dt_s: float) -> Components:
