@@ -92,7 +92,7 @@ class GroundCameraSensor:
         rig: GroundRig,
         optics: Optics,
         seed: int,
-        cap_mb: float = 256.0,
+        cap_mb: float = 128.0,
         threads: int = 2,
     ) -> None:
         self.rig, self.optics = rig, optics

@@ -99,8 +99,8 @@ class CameraOptions(PluginConfig):
     """How much the camera's height varies, as a share of it."""
     tilt_jitter_mrad: float = Field(default=0.2, ge=0, lt=100)
     """How much the camera rolls and pitches [mrad]."""
-    tiles_mb: float = Field(default=256.0, ge=16)
-    """Memory for painted ground [MB]."""
+    tiles_mb: float = Field(default=128.0, ge=16)
+    """Memory for painted ground [MB]; 8 MB hold a metre of the way."""
 
     @model_validator(mode="after")
     def _sees_something(self) -> Self:
