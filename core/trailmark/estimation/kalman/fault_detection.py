@@ -33,11 +33,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from trailmark.estimation.kalman.agreement import Tolerance, agreeing_groups, corrections_are_consistent
 from trailmark.estimation.kalman.alternatives import closed_question, reopened_question
 from trailmark.estimation.kalman.correction import Correction
 from trailmark.estimation.kalman.diagnosis import DetectedFault, FaultDiagnosis
 from trailmark.estimation.kalman.forgiveness import AGREED, GIVES_IN_S, agree_again, with_repentant, without_fault
+from trailmark.estimation.kalman.gate import threshold
 from trailmark.estimation.kalman.hypotheses import Hypothesis, HypothesisBank, trusted_motions
 from trailmark.estimation.kalman.lasting_doubts import doubts_of
 from trailmark.estimation.kalman.lasting_errors import NO_ERRORS
@@ -60,6 +63,8 @@ _EVERY_S = 0.1 - 1e-6
 _FEWEST = 2
 # Of two localizers of absolute estimates neither outvotes the other.
 _FEWEST_WHO_VOTE = 3
+# Probability with which who is right is as near to where the belief should be.
+_SAME = 0.999
 
 
 class FaultDetector:
@@ -293,10 +298,30 @@ def _answers_of_most(state: FilterState, trusted: Sequence[str], sources: Sequen
         return []
     groups = dict.fromkeys([everyone, *(everyone - {one} for one in sorted(everyone))])
     return [
-        Hypothesis(group, frozenset({liar}), contradicted_by=frozenset(heard - {liar}))
+        Hypothesis(
+            group,
+            frozenset({liar}),
+            contradicted_by=frozenset(heard - {liar}),
+            drawn=_drawn_by(state, sources[0], [one for one in followed if one != liar]),
+        )
         for liar in followed
         for group in groups
     ]
+
+
+def _drawn_by(state: FilterState, source: str, others: Sequence[str]) -> tuple[float, float, float]:
+    """Return variances of how far one who lies may have drawn the belief: to where the last that was rejected is not.
+
+    None where others that the belief follows would show it.
+    """
+    assert state.gaussian is not None
+    innovation, jacobian = state.rejections.measurements[source][-1].measurement.innovation(state.gaussian.x)
+    away = np.linalg.pinv(jacobian[:, :3]) @ innovation
+    shown = (state.rejections.corroborations[other].directions @ away for other in others)
+    if any(float(one @ one) > threshold(_SAME, len(one)) for one in shown):
+        return 0.0, 0.0, 0.0
+    position_m2 = float(away[0] * away[0] + away[1] * away[1])
+    return position_m2, position_m2, float(away[2] * away[2])
 
 
 def _placed(state: FilterState) -> FilterState:

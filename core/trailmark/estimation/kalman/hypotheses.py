@@ -24,7 +24,7 @@ from trailmark.estimation.kalman.fault_reasons import reason_against_fixes, reas
 from trailmark.estimation.kalman.forgiveness import window_that_shows
 from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.kalman.prediction import Prediction
-from trailmark.estimation.kalman.rival_filters import RivalFilters
+from trailmark.estimation.kalman.rival_filters import RivalFilters, with_pose_doubted
 from trailmark.estimation.kalman.settling import continued, settle
 from trailmark.estimation.kalman.state import FilterState
 from trailmark.estimation.kalman.votes import with_votes
@@ -49,12 +49,15 @@ class Hypothesis:
         Whether motion that is not believed is about right still, where there is no other.
     contradicted_by : frozenset of str
         Localizers whose absolute estimates outvote the lying ones, if there are more of them.
+    drawn : tuple of 3 float
+        Variances of how far the belief has followed the lying ones already.
     """
 
     motions: frozenset[str]
     lying_fixes: frozenset[str] = frozenset()
     is_rough: bool = False
     contradicted_by: frozenset[str] = frozenset()
+    drawn: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 def trusted_motions(state: FilterState) -> list[str]:
@@ -138,7 +141,8 @@ class HypothesisBank:
         # its motion and its map
         is_one_sensor = bool(hypothesis.contradicted_by) and n_wrong == len(liars) == 1
         n_liars = 1 if is_one_sensor else n_wrong + len(liars)
-        return RivalFilter(anchor.with_diagnosis(diagnosis), -_LIAR * n_liars, begun=anchor)
+        begun = with_pose_doubted(anchor.with_diagnosis(diagnosis), np.diag(hypothesis.drawn))
+        return RivalFilter(begun, -_LIAR * n_liars, begun=anchor)
 
 
 def _most_probable_that_moved(rivals: Sequence[RivalFilter]) -> int:

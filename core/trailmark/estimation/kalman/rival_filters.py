@@ -8,7 +8,11 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
+import numpy as np
+
+from trailmark.arrays import Floats
 from trailmark.estimation.kalman.agreement import motion_since
 from trailmark.estimation.kalman.bank import is_jump, log_likelihood, log_likelihood_of_offset, with_likelihoods
 from trailmark.estimation.kalman.correction import Correction, innovation_of
@@ -17,7 +21,7 @@ from trailmark.estimation.kalman.measurements import Measurement
 from trailmark.estimation.kalman.prediction import Prediction
 from trailmark.estimation.kalman.state import FilterState
 
-__all__ = ["RivalFilters"]
+__all__ = ["RivalFilters", "with_pose_doubted"]
 
 # Steps of the last question that are kept: a motion of a slow localizer redoes no more of them.
 _N_KEPT = 32
@@ -197,13 +201,30 @@ def _begun_later(rival: RivalFilter, at_first: RivalFilter, reference: RivalFilt
     diagnosis = reference.state.diagnosis._replace(
         faults=said.faults, absolute_faults=said.absolute_faults, doubts=said.doubts
     )
+    begun = at_first.begun
+    state = reference.state.with_diagnosis(diagnosis)
+    if begun is not None and begun.gaussian is not at_first.state.gaussian:
+        state = with_pose_doubted(state, _pose_covariance(at_first.state) - _pose_covariance(begun))
     return RivalFilter(
-        reference.state.with_diagnosis(diagnosis),
+        state,
         log_weight,
-        begun=at_first.begun,
+        begun=begun,
         heard=reference.heard,
         log_alone=reference.log_alone,
     )
+
+
+def with_pose_doubted(state: FilterState, covariance: Floats) -> FilterState:
+    """Return a state whose pose is less certain by a covariance, (3, 3)."""
+    if state.gaussian is None or not covariance.any():
+        return state
+    doubted = state.gaussian.covariance.copy()
+    doubted[:3, :3] += covariance
+    return replace(state, gaussian=replace(state.gaussian, covariance=doubted))
+
+
+def _pose_covariance(state: FilterState) -> Floats:
+    return np.zeros((3, 3)) if state.gaussian is None else state.gaussian.covariance[:3, :3]
 
 
 def _jumps(before: FilterState, after: FilterState) -> bool:

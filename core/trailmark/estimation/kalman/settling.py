@@ -16,6 +16,7 @@ from trailmark.estimation.kalman.forgiveness import AGREED, GIVES_IN_S, without_
 from trailmark.estimation.kalman.overruled_motion import overruled_by
 from trailmark.estimation.kalman.state import FilterState, Gaussian, OdometryState
 from trailmark.estimation.kalman.windows import without_windows
+from trailmark.estimation.kalman.witnesses import speaks_against
 
 __all__ = ["continued", "settle"]
 
@@ -75,9 +76,19 @@ def _believes_motion(rival: RivalFilter) -> bool:
 
 def _has_been_heard(state: FilterState, best: RivalFilter) -> bool:
     """Return whether as many absolute estimates have had a say as it takes, or none is part of the question."""
+    if _is_contradicted(state, best):
+        return False
     is_against_all = not _believes_motion(best) or bool(_doubted_fixes(state, best))
     fewest = _FEWEST_OF_ONE_AGAINST_ALL if is_against_all else _FEWEST
     return best.n_measurements >= fewest or not best.n_measurements
+
+
+def _is_contradicted(state: FilterState, best: RivalFilter) -> bool:
+    """Return whether absolute estimates of another localizer contradict that some lie, whom no others outvote."""
+    faults, doubted = best.state.diagnosis.absolute_faults, _doubted_fixes(state, best)
+    if not doubted or any(faults[source].contradicted_by for source in doubted):
+        return False
+    return any(speaks_against(said) for source, said in best.heard.items() if source not in faults)
 
 
 def _doubted_fixes(state: FilterState, rival: RivalFilter) -> list[str]:

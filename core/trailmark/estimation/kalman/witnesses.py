@@ -2,8 +2,8 @@
 
 Poses of one camera err alike, however many come: who lies goes on to lie, and who speaks more often would outvote the
 others by its rate. So what one localizer says against a hypothesis counts in full where another one says so, too, or
-none contradicts it; else no more than suspicion does, at which the belief covers both. Who spoke until a moment ago is
-waited for.
+none contradicts it; else no more than suspicion does, at which the belief covers both. So does, in any case, what one
+says against lying itself, where two others or more may outvote it. Who spoke until a moment ago is waited for.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import NamedTuple
 from trailmark.estimation.kalman.diagnosis import RivalFilter
 from trailmark.estimation.kalman.windows import WINDOW_S
 
-__all__ = ["SUSPICION", "Testimony", "with_testimony"]
+__all__ = ["SUSPICION", "Testimony", "speaks_against", "with_testimony"]
 
 #: What one witness alone, or suspicion, can say: at odds of 16 to 1 the truth is never further than 4 standard
 #: deviations from the mixture, whoever is right.
@@ -74,6 +74,11 @@ def with_testimony(rivals: Sequence[RivalFilter], source: str, said: Sequence[fl
     ]
 
 
+def speaks_against(said: Testimony) -> bool:
+    """Return whether absolute estimates say more against a hypothesis than noise does."""
+    return said.log < -_SAYS
+
+
 def _after(before: Testimony, log: float, stamp_s: float) -> Testimony:
     since_s = math.inf if log > -_SAYS else min(before.since_s, stamp_s)
     return Testimony(log, since_s, stamp_s)
@@ -94,15 +99,15 @@ def _excess_of_those_alone(rivals: Sequence[RivalFilter], heard: Sequence[Mappin
     heard_of = sorted({source for one in heard for source in one} - named)
     found = []
     for one, rival in zip(heard, rivals):
-        others = {source: (awaited | set(heard_of)) - {source} for source in heard_of}
         liars = rival.state.diagnosis.absolute_faults.items()
-        outvoted = {source: fault.contradicted_by for source, fault in liars if fault.contradicted_by}
+        outvoted = [source for source, fault in liars if fault.contradicted_by]
         excess = 0.0
-        for source, among in (others | outvoted).items():
+        for source in dict.fromkeys([*heard_of, *outvoted]):
             said = one.get(source, _SILENT)
             if -said.log > SUSPICION:
                 for_most = max(heard, key=lambda other: other.get(source, _SILENT).log)
-                if _is_alone(one, said, for_most, among):
+                others = (awaited | set(heard_of)) - {source}
+                if source in outvoted or _is_alone(one, said, for_most, others):
                     excess += -said.log - SUSPICION
         found.append(excess)
     return found
