@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -80,6 +81,16 @@ def test_it_does_not_where_another_supports_the_belief() -> None:
     supported = rejected(1.0, beacons=CorroboratingFix(0.5, np.eye(3)))
 
     np.testing.assert_array_equal(covered(supported), np.eye(3) * 1e-6)
+
+
+def test_it_covers_one_against_one_where_that_goes_on() -> None:
+    one = rejected(1.0, beacons=CorroboratingFix(0.5, np.eye(3)))
+    often = replace(one, rejections=replace(one.rejections, shares={"laser": 0.5}))
+    two = {name: CorroboratingFix(0.5, np.eye(3)) for name in ("beacons", "radio")}
+    against_two = replace(often, rejections=replace(often.rejections, corroborations=two))
+
+    assert covered(often)[0, 0] > 0.1
+    np.testing.assert_array_equal(covered(against_two), np.eye(3) * 1e-6)
 
 
 def test_who_was_rejected_long_ago_is_covered_until_anybody_fits() -> None:

@@ -29,9 +29,9 @@ _NO_HEADING_RAD2 = math.pi**2 / 3.0
 def covering_covariance(state: FilterState, gaussian: Gaussian) -> Floats:
     """Return the covariance of the pose, (3, 3), larger by the squares of how far others are off who may be right.
 
-    These are localizers that were rejected more often than accepted of late, unless the absolute estimates of as many
-    others support the belief. Motions that agree do not: a robot may have been carried. The filter goes on with its own
-    covariance.
+    These are localizers that were rejected more often than accepted of late, unless the absolute estimates of more
+    others support the belief, or of as many if it was rarely. Motions that agree do not: a robot may have been carried.
+    The filter goes on with its own covariance.
 
     =======================  ====================  ====================================================================
     what it tells            rejections of late    what is covered
@@ -75,7 +75,9 @@ def _may_be_right(state: FilterState, source: str, last: RejectedMeasurement) ->
     if n_supporting == 0:
         return True
     rejected = state.rejections.measurements.items()
-    return sum(bool(some) and _contradicts(state, other, some[-1]) for other, some in rejected) > n_supporting
+    n_contradicting = sum(bool(some) and _contradicts(state, other, some[-1]) for other, some in rejected)
+    is_persistent = state.rejections.shares.get(source, 0.0) > _PERSISTENT
+    return n_contradicting >= n_supporting if is_persistent else n_contradicting > n_supporting
 
 
 def _contradicts(state: FilterState, source: str, last: RejectedMeasurement) -> bool:
