@@ -52,6 +52,11 @@ def at_once(stamp_s: float) -> Pose2:
     return Pose2(0.0, float(LIES_S[0] <= stamp_s < LIES_S[1]), 0.0) @ at(stamp_s)
 
 
+def for_good(stamp_s: float) -> Pose2:
+    """Return base as a lie has it that is 1 m aside, and goes on."""
+    return Pose2(0.0, float(stamp_s >= LIES_S[0]), 0.0) @ at(stamp_s)
+
+
 def within_a_tenth(stamp_s: float) -> Pose2:
     """Return the same of one that grows over several steps."""
     until_s = (LIES_S[0], LIES_S[0] + 0.1, LIES_S[1], LIES_S[1] + 0.1)
@@ -148,3 +153,12 @@ def test_a_sensor_that_tells_too_short_a_way_is_outvoted_by_two_that_agree(seed:
 @pytest.mark.usefixtures("_loose_wheels")
 def test_where_two_that_agree_are_accused_first_the_belief_covers_them() -> None:
     assert drive(2, CAMERA, too_short).n_silent < 25
+
+
+@pytest.mark.usefixtures("_loose_wheels")
+@pytest.mark.parametrize("liars", [("camera_map", "laser"), ("camera_map", "omni"), ("laser", "omni")])
+def test_two_whose_poses_jump_alike_take_nobody_along(liars: tuple[str, ...]) -> None:
+    seen = drive(1, liars, for_good)
+
+    assert max(seen.errors_m.values()) < 0.02
+    assert set(seen.accused) == set(liars)

@@ -13,7 +13,7 @@ from trailmark.estimation.kalman.state import FilterState, Gaussian, RejectedMea
 from trailmark.estimation.kalman.way_errors import difference_grown
 from trailmark.geometry import Pose2
 
-__all__ = ["covering_covariance"]
+__all__ = ["covering_covariance", "growth_of_difference"]
 
 # Who has said nothing for so long contradicts no more, once any absolute estimate has fitted since [s].
 _RECENT_S = 5.0
@@ -66,6 +66,21 @@ def covering_covariance(state: FilterState, gaussian: Gaussian) -> Floats:
             elif is_persistent:
                 covariance = covariance + _spread_of_parts(x, pose_odom_base, rejected[-_FEW:])
     return covariance
+
+
+def growth_of_difference(x: Floats, pose_odom_base: Pose2, rejected: Sequence[RejectedMeasurement]) -> Floats:
+    """Return by how much more the last of some whole poses differs from the belief than the first, (3,) [m, m, rad].
+
+    Parameters
+    ----------
+    x : (3,) or longer float64
+        The belief now.
+    pose_odom_base : Pose2
+        Where motion has carried base.
+    rejected : sequence of RejectedMeasurement
+        Whole poses of one localizer that the belief contradicted.
+    """
+    return _difference(x, pose_odom_base, rejected[-1]) - _difference(x, pose_odom_base, rejected[0])
 
 
 def _may_be_right(state: FilterState, source: str, last: RejectedMeasurement) -> bool:
@@ -127,7 +142,7 @@ def _turn_between_ways(x: Floats, pose_odom_base: Pose2, rejected: Sequence[Reje
     first, last = rejected[0], rejected[-1]
     begin, end = (here @ pose_odom_base.between(one.pose_odom_base) for one in (first, last))
     way_m = math.hypot(end.x - begin.x, end.y - begin.y)
-    grown = _difference(x, pose_odom_base, last) - _difference(x, pose_odom_base, first)
+    grown = growth_of_difference(x, pose_odom_base, rejected)
     grown_m = math.hypot(grown[0], grown[1])
     turn_rad = 2.0 * math.asin(min(1.0, 0.5 * grown_m / way_m)) if way_m > 0.0 else 0.0
     return turn_rad * np.array([end.y - here.y, here.x - end.x, 1.0])

@@ -33,12 +33,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from trailmark.estimation.kalman.agreement import Tolerance, agreeing_groups, corrections_are_consistent
 from trailmark.estimation.kalman.alternatives import closed_question, reopened_question
 from trailmark.estimation.kalman.correction import Correction
 from trailmark.estimation.kalman.diagnosis import DetectedFault, FaultDiagnosis
+from trailmark.estimation.kalman.dissent import growth_of_difference
 from trailmark.estimation.kalman.forgiveness import AGREED, GIVES_IN_S, agree_again, with_repentant, without_fault
 from trailmark.estimation.kalman.gate import threshold
 from trailmark.estimation.kalman.hypotheses import Hypothesis, HypothesisBank, trusted_motions
@@ -63,8 +62,8 @@ _EVERY_S = 0.1 - 1e-6
 _FEWEST = 2
 # Of two localizers of absolute estimates neither outvotes the other.
 _FEWEST_WHO_VOTE = 3
-# Probability with which who is right is as near to where the belief should be.
-_SAME = 0.999
+# Share of the poses of an honest localizer that are nearer than this to a belief that is right.
+_SHOWN = 0.999
 
 
 class FaultDetector:
@@ -302,7 +301,7 @@ def _answers_of_most(state: FilterState, trusted: Sequence[str], sources: Sequen
             group,
             frozenset({liar}),
             contradicted_by=frozenset(heard - {liar}),
-            drawn=_drawn_by(state, sources[0], [one for one in followed if one != liar]),
+            drawn_variances=_drawn_by(state, sources[0], [one for one in followed if one != liar]),
         )
         for liar in followed
         for group in groups
@@ -310,15 +309,17 @@ def _answers_of_most(state: FilterState, trusted: Sequence[str], sources: Sequen
 
 
 def _drawn_by(state: FilterState, source: str, others: Sequence[str]) -> tuple[float, float, float]:
-    """Return variances of how far one who lies may have drawn the belief: to where the last that was rejected is not.
+    """Return variances of how far one who lies has drawn the belief away from poses of another that it rejected.
 
+    That is what they differ by more than the first of them: who draws does so gradually, and a jump is no drawing.
     None where others that the belief follows would show it.
     """
-    assert state.gaussian is not None
-    innovation, jacobian = state.rejections.measurements[source][-1].measurement.innovation(state.gaussian.x)
-    away = np.linalg.pinv(jacobian[:, :3]) @ innovation
+    rejected = [one for one in state.rejections.measurements[source] if len(one.measurement.root) == 3]
+    if state.gaussian is None or len(rejected) < _FEWEST:
+        return 0.0, 0.0, 0.0
+    away = growth_of_difference(state.gaussian.x, state.odometry.pose_odom_base, rejected)
     shown = (state.rejections.corroborations[other].directions @ away for other in others)
-    if any(float(one @ one) > threshold(_SAME, len(one)) for one in shown):
+    if any(float(one @ one) > threshold(_SHOWN, len(one)) for one in shown):
         return 0.0, 0.0, 0.0
     position_m2 = float(away[0] * away[0] + away[1] * away[1])
     return position_m2, position_m2, float(away[2] * away[2])

@@ -49,15 +49,15 @@ class Hypothesis:
         Whether motion that is not believed is about right still, where there is no other.
     contradicted_by : frozenset of str
         Localizers whose absolute estimates outvote the lying ones, if there are more of them.
-    drawn : tuple of 3 float
-        Variances of how far the belief has followed the lying ones already.
+    drawn_variances : tuple of 3 float
+        Of how far the belief has followed the lying ones already.
     """
 
     motions: frozenset[str]
     lying_fixes: frozenset[str] = frozenset()
     is_rough: bool = False
     contradicted_by: frozenset[str] = frozenset()
-    drawn: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    drawn_variances: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 def trusted_motions(state: FilterState) -> list[str]:
@@ -141,7 +141,7 @@ class HypothesisBank:
         # its motion and its map
         is_one_sensor = bool(hypothesis.contradicted_by) and n_wrong == len(liars) == 1
         n_liars = 1 if is_one_sensor else n_wrong + len(liars)
-        begun = with_pose_doubted(anchor.with_diagnosis(diagnosis), np.diag(hypothesis.drawn))
+        begun = with_pose_doubted(anchor.with_diagnosis(diagnosis), np.diag(hypothesis.drawn_variances))
         return RivalFilter(begun, -_LIAR * n_liars, begun=anchor)
 
 
