@@ -185,6 +185,10 @@ class Motion:
         Whether both ends are poses on one map, as of scans matched to the same walls, and the beginning is the end of
         the motion before: the error of that match is in both, with opposite signs, and cancels. Leave it False where
         the ends are matched to different things, as to the keyframes of an ICP. It is not recorded.
+    is_guess : bool
+        Whether it was not measured, but covers what may have been driven, as behind a gap of which a pose may miss the
+        way. An estimator that weighs motions leaves it aside where another one measures the whole way, and believes
+        it as it is stated, whatever its config says of this localizer's sigmas. It is not recorded.
     """
 
     since_s: float
@@ -193,6 +197,7 @@ class Motion:
     information: Floats
     details: Mapping[str, float] = field(default_factory=_no_details, repr=False)
     is_matched: bool = field(default=False, repr=False)
+    is_guess: bool = field(default=False, repr=False)
 
     def __post_init__(self) -> None:
         if not self.stamp_s > self.since_s:

@@ -45,6 +45,7 @@ def test_a_step_that_may_miss_the_way_of_a_gap_covers_it_and_is_said_once(
     answer = after_gap(made, twist, gap_s, Pose2())
 
     assert isinstance(answer, Motion)
+    assert answer.is_guess
     np.testing.assert_allclose(answer.pose_since_now.array(), 0.0, atol=1e-9)
     assert sigmas(answer)[:2].min() >= max(abs(twist.forward_mps), 0.5) * gap_s - 1e-6
     assert sigmas(answer)[2] >= min(max(twist.yaw_radps, math.radians(30.0)) * gap_s, math.pi) - 1e-6
@@ -226,6 +227,8 @@ def test_a_distance_across_a_gap_is_held_against_the_speed_too() -> None:
     (counted,) = observed(made, at(7.0, distance_m=3.4))
     (missing,) = observed(made, at(11.0, distance_m=3.41))
 
+    assert not counted.is_guess
+    assert missing.is_guess
     assert counted.information[0, 0] == pytest.approx(1.0 / 0.1**2, rel=0.5)
     assert missing.information[0, 0] < 1.0 / 1.9**2
 

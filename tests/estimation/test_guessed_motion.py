@@ -1,4 +1,4 @@
-"""A motion across a gap that is as uncertain as the gap: it counts where no other one measures the way."""
+"""A motion that covers what may have been driven in a gap: it counts where no other one measures the way."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from trailmark.interfaces import Estimator, Session
 _DRIFT = diagonal(0.5**2, 0.5**2, math.radians(30.0) ** 2)
 _GAP_S = 6.0
 # Wheels that begin where they were, behind a gap in which a robot at 1 m/s may have gone on.
-_GUESS = Motion(0.0, _GAP_S, Pose2(), information_from_sigmas(_GAP_S, _GAP_S, math.pi))
+_GUESS = Motion(0.0, _GAP_S, Pose2(), information_from_sigmas(_GAP_S, _GAP_S, math.pi), is_guess=True)
 
 
 def stated(motion: Motion) -> StatedMotion:
@@ -57,15 +57,59 @@ def test_a_guess_counts_beside_what_leaves_a_direction_open(direction: tuple[flo
     assert heard_of(wheels=_GUESS, partial=partial) == {"wheels", "partial"}
 
 
-def test_noise_of_a_single_short_step_makes_no_guess() -> None:
-    """At 10 Hz a white error of 0.2 m is worse than drift, step by step, and measures over seconds."""
-    laser = Motion(0.0, 0.1, Pose2(0.1), information_from_sigmas(0.01, 0.01, 0.01))
-    noisy = Motion(0.0, 0.1, Pose2(0.1), information_from_sigmas(0.2, 0.2, 0.5))
-    known = Motions(_DRIFT)
-    for name, motion in (("laser", laser), ("noisy", noisy)):
-        known.add(name, stated(motion))
+def test_a_motion_that_was_measured_coarsely_is_no_guess() -> None:
+    """Step by step it is worse than drift, but errs anew each time, and so measures over seconds."""
+    laser = Motion(0.0, 1.0, Pose2(0.1), information_from_sigmas(0.01, 0.01, 0.01))
+    radar = Motion(0.0, 1.0, Pose2(0.1), information_from_sigmas(1.0, 1.0, 1.0))
 
-    assert {name for name, _ in known.steps(0.0, 0.1)} == {"laser", "noisy"}
+    assert heard_of(laser=laser, radar=radar) == {"laser", "radar"}
+
+
+@pytest.mark.parametrize(
+    ("speed_mps", "sigmas", "options"),
+    [
+        (1.5, (0.26, 0.26, math.radians(11.0)), {}),
+        (0.5, (0.02, 0.02, math.radians(1.1)), {"drift_sigma_mps": 0.05, "drift_sigma_deg_per_s": 3.0}),
+    ],
+)
+def test_a_coarse_motion_tells_of_a_laser_that_froze(
+    speed_mps: float, sigmas: tuple[float, float, float], options: dict[str, float]
+) -> None:
+    """The laser says from 5 s on that the robot stands, to 5 mm a step; the other one comes twice a second."""
+    rng, kalman = np.random.default_rng(1), Kalman(KalmanConfig.model_validate(options))
+    laser_sigmas = 5e-3, 5e-3, 3e-3
+    kalman.start(Session(start_pose=Pose2()))
+    for i in range(100):
+        since_s, stamp_s = 0.2 * i, 0.2 * (i + 1)
+        seen = np.array([speed_mps * 0.2 if i < 25 else 0.0, 0.0, 0.0]) + rng.normal(0.0, laser_sigmas)
+        told = Motion(since_s, stamp_s, Pose2.from_array(seen), information_from_sigmas(*laser_sigmas))
+        kalman.apply("laser", told)
+        if (i + 1) % 5 == 0:
+            for k in (i // 5 * 2, i // 5 * 2 + 1):
+                step = np.array([speed_mps * 0.5, 0.0, 0.0]) + rng.normal(0.0, sigmas)
+                told = Motion(0.5 * k, 0.5 * (k + 1), Pose2.from_array(step), information_from_sigmas(*sigmas))
+                kalman.apply("radar", told)
+
+    belief = kalman.belief(20.0)
+
+    assert belief.pose_map_base is not None
+    assert belief.covariance is not None
+    error_m = np.array([belief.pose_map_base.x - 20.0 * speed_mps, belief.pose_map_base.y])
+    assert error_m @ np.linalg.solve(belief.covariance[:2, :2], error_m) < 3.0**2
+    assert "laser" in belief.health
+
+
+@pytest.mark.parametrize("options", [{"sigma_scale": 0.1}, {"sigmas": [0.01, 0.01, 1.0]}])
+def test_a_config_makes_no_guess_sharp(options: dict[str, object]) -> None:
+    """It says how good a localizer is that measures."""
+    kalman = Kalman(KalmanConfig.model_validate({"sources": {"wheels": options}}))
+    kalman.start(Session(start_pose=Pose2()))
+
+    kalman.apply("wheels", _GUESS)
+
+    covariance = kalman.belief(_GAP_S).covariance
+    assert covariance is not None
+    assert np.sqrt(np.diag(covariance)).min() > 0.99 * math.pi
 
 
 @pytest.mark.parametrize("make", [lambda: Kalman(KalmanConfig()), lambda: Smoother(SmootherConfig())])

@@ -162,7 +162,7 @@ def _trajectory_of(beliefs: BeliefTable | None) -> Trajectory:
 
 
 def _record_of(row: Mapping[str, str]) -> EstimateRecord:
-    """Return a row of ``estimates.csv`` as what it was; a motion says no more whether its errors cancel."""
+    """Return a row of ``estimates.csv`` as what it was; a motion says no more what kind it is of."""
     status: Any = row["status"]
     return EstimateRecord(float(row["arrived_s"]), row["source"], _estimate_of(row), Applied(status, row["reason"]))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -84,7 +85,8 @@ class OdometryLocalizer(Localizer):
         self._gaps.note_interval(dt_s)
         if jump := self._jump(step, dt_s) or self._restart(step, now, dt_s):
             return (self._lost(stamp_s, jump),)
-        if doubt := self._doubt(arc, now, dt_s) if is_gap or (is_long and reads_velocity) else "":
+        doubt = self._doubt(arc, now, dt_s) if is_gap or (is_long and reads_velocity) else ""
+        if doubt:
             reason = self._told_missing(stamp_s, f"no reading for {dt_s:.1f} s, {doubt}")
             if reads_velocity or _is_at_zero(now) or not self._gaps.may_be_driven(arc, now.twist, dt_s):
                 return (self._lost(stamp_s, reason),)
@@ -95,8 +97,10 @@ class OdometryLocalizer(Localizer):
             unseen = self._gaps.variances(arc, dt_s, before.twist, late) if is_gap or is_long else _NOTHING
             self._gaps.note_step(arc, dt_s)
         if now.pose_start_base is None and not reads_velocity:
-            return (self._straight((since_s, stamp_s), step.x, late, unseen),)
-        return (self._motion_from_velocity((since_s, stamp_s), step, arc, late, unseen),)
+            motion = self._straight((since_s, stamp_s), step.x, late, unseen)
+        else:
+            motion = self._motion_from_velocity((since_s, stamp_s), step, arc, late, unseen)
+        return (replace(motion, is_guess=True) if doubt else motion,)
 
     def _lost(self, stamp_s: float, reason: str) -> Lost:
         """Return that the way since the last reading is not known; the next one begins anew."""

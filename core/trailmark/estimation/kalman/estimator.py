@@ -205,7 +205,7 @@ class Kalman(Estimator):
         if isinstance(estimate, Lost):
             self._timeline.advance(estimate.stamp_s)
             return Applied("unused", f"lost: {estimate.reason}")
-        information = trust.floored_information(estimate.information, self._counted)
+        information = trust.floored_information(estimate, self._counted)
         if isinstance(information, str):
             return Applied("refused", information)
         monitor = self._monitors[source]

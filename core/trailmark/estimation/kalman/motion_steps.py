@@ -14,9 +14,6 @@ from trailmark.values import quick_dataclass
 
 __all__ = ["MotionStep", "StatedMotion", "weakened_by"]
 
-# A motion is a guess if this share of its variances is that of a gap, and it is no single step that is noisy [s].
-_MOSTLY, _SHORT_S = 0.5, 0.25
-
 
 @quick_dataclass(frozen=True, slots=True, eq=False)
 class MotionStep:
@@ -147,22 +144,6 @@ class StatedMotion:
     def is_whole(self) -> bool:
         """Whether it measures the way in each direction, and the turn."""
         return self._whole.covariance is not None
-
-    def says_no_more_than(self, drift: Sym3) -> bool:
-        """Return whether it is about as uncertain as if nobody had measured: a guess across a gap.
-
-        Parameters
-        ----------
-        drift : Sym3
-            Covariance of a step of 1 s that nobody measured.
-        """
-        covariance, dt_s = self._whole.covariance, self.stamp_s - self.since_s
-        if covariance is None or dt_s <= _SHORT_S:
-            return False
-        unmeasured = _MOSTLY * dt_s * dt_s
-        return min(covariance[0], covariance[3]) >= unmeasured * drift[0] and covariance[5] >= min(
-            unmeasured * drift[5], _MOSTLY * math.pi**2
-        )
 
     @property
     def twist(self) -> Twist2:

@@ -70,16 +70,9 @@ class Motions:
                 if (motion := track.covering(since_s, stamp_s)) is not None
             ]
             if len(told) > 1:
-                told = self._without_guesses(told)
+                told = _without_guesses(told)
             self._asked, self._steps = asked, [(source, motion.between(since_s, stamp_s)) for source, motion in told]
         return self._steps
-
-    def _without_guesses(self, told: list[tuple[str, StatedMotion]]) -> list[tuple[str, StatedMotion]]:
-        """Return motions without those that say no more than a gap, where another one measures the whole way."""
-        guesses = [motion.says_no_more_than(self._drift) for _, motion in told]
-        if not any(guesses) or all(is_guess or not motion.is_whole for is_guess, (_, motion) in zip(guesses, told)):
-            return told
-        return [one for is_guess, one in zip(guesses, told) if not is_guess]
 
     def begins(self, source: str, since_s: float, stamp_s: float) -> bool:
         """Return whether a motion of a localizer begins where an interval without cuts does that it covers."""
@@ -101,6 +94,12 @@ class Motions:
         """Drop what lies before a stamp."""
         for track in self._tracks.values():
             track.forget(horizon_s)
+
+
+def _without_guesses(told: list[tuple[str, StatedMotion]]) -> list[tuple[str, StatedMotion]]:
+    """Return motions without guesses, where another one measures the whole way."""
+    measured = [one for one in told if not one[1].origin.is_guess]
+    return measured if any(motion.is_whole for _, motion in measured) else told
 
 
 def __getattr__(name: str) -> Any:

@@ -10,7 +10,8 @@ zero altogether                           refused: it says nothing
 more certain than `floor_m`, `floor_deg`  repaired: reduced to the floor in that direction
 ========================================  =======================================================================
 
-A config's `sigmas` replace the information whatever it is; `sigma_scale` divides it first of all.
+A config's `sigmas` replace the information whatever it is; `sigma_scale` divides it first of all. Neither does so to a
+motion that was not measured (`Motion.is_guess`).
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trailmark.arrays import Floats
+from trailmark.estimates import Fix, Motion, PathOffset
 from trailmark.estimation.information import checked_information
 from trailmark.estimation.kalman_config import KalmanConfig, Loss
 from trailmark.estimation.symmetric import NOTHING, Sym3, diagonal, scaled, to_matrix
@@ -79,13 +81,15 @@ class Trust:
             own.correlation_s if own else None,
         )
 
-    def floored_information(self, information: Floats, counted: Counter[str]) -> Sym3 | str:
+    def floored_information(self, estimate: Motion | Fix | PathOffset, counted: Counter[str]) -> Sym3 | str:
         """Return the information that is believed, or why the estimate is refused; `counted` takes what was done."""
-        checked = self.override or checked_information(information)
+        is_guess = isinstance(estimate, Motion) and estimate.is_guess
+        override = None if is_guess else self.override
+        checked = override or checked_information(estimate.information)
         if isinstance(checked, str):
             counted["refused_information"] += 1
             return checked
-        if self.sigma_scale != 1.0:
+        if self.sigma_scale != 1.0 and not is_guess:
             checked = scaled(checked, 1.0 / (self.sigma_scale * self.sigma_scale))
         xx, _, _, yy, _, tt = checked
         if not (xx > NOTHING or yy > NOTHING or tt > NOTHING):

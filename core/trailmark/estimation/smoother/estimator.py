@@ -159,7 +159,7 @@ class Smoother(Estimator):
         if isinstance(estimate, Lost):
             self._advance(estimate.stamp_s)
             return Applied("unused", f"lost: {estimate.reason}")
-        information = self._trust.floored_information(estimate.information, self._counted)
+        information = self._trust.floored_information(estimate, self._counted)
         if isinstance(information, str):
             return Applied("refused", information)
         if isinstance(estimate, Motion):

@@ -22,7 +22,7 @@ class JsonlSink(Sink):
     """Writes ``{"type": "belief" | "estimate" | "command" | "end", ...}``, one object a line.
 
     Poses are ``[x, y, theta]``, null while unknown; so is an age that is infinite. Of estimates, the information, the
-    details and ``Motion.is_matched`` are left out.
+    details, ``Motion.is_matched`` and ``Motion.is_guess`` are left out.
     """
 
     def __init__(self, config: JsonlConfig) -> None:

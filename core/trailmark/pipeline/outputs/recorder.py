@@ -29,7 +29,7 @@ from trailmark.writing import WholeLines, write_whole
 __all__ = ["ESTIMATE_COLUMNS", "Recorder", "outlines_document"]
 
 #: Columns of ``estimates.csv``; of a path offset x, y, theta are station, lateral, heading.
-#: ``Motion.is_matched`` has none.
+#: ``Motion.is_matched`` and ``Motion.is_guess`` have none.
 ESTIMATE_COLUMNS = (
     *("arrived_s", "source", "kind", "since_s", "stamp_s", "x", "y", "theta"),
     *("info_xx", "info_xy", "info_xt", "info_yy", "info_yt", "info_tt"),
