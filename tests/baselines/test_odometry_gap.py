@@ -74,6 +74,26 @@ def test_a_pose_at_zero_behind_a_gap_is_a_restart() -> None:
     assert isinstance(answer, Lost)
 
 
+def test_a_distance_at_zero_behind_a_gap_is_a_restart() -> None:
+    made = localizer()
+    observed(made, *[at(0.05 * i, distance_m=0.05 * i) for i in range(61)])
+
+    (answer,) = observed(made, at(9.0, distance_m=0.0))
+
+    assert isinstance(answer, Lost)
+
+
+def test_a_speed_told_behind_a_gap_is_covered() -> None:
+    """It crawled before, and may have begun to drive as fast at the beginning of the gap."""
+    made = localizer()
+    observed(made, *even_drive(3.0, Twist2(0.1)))
+
+    (answer,) = observed(made, Frame("wheels", 9.0, Odometry(Pose2(0.3), None, Twist2(3.0))))
+
+    assert isinstance(answer, Motion)
+    assert sigmas(answer)[:2].min() > 0.99 * 18.0
+
+
 @pytest.mark.parametrize("gap_s", [0.5, 2.0, 6.0])
 def test_wheels_that_count_on_while_messages_are_lost_are_believed(gap_s: float) -> None:
     made, twist = localizer(), Twist2(0.5, 0.0, 0.1)

@@ -90,7 +90,7 @@ class OdometryLocalizer(Localizer):
             reason = self._told_missing(stamp_s, f"no reading for {dt_s:.1f} s, {doubt}")
             if reads_velocity or _is_at_zero(now) or not self._gaps.may_be_driven(arc, now.twist, dt_s):
                 return (self._lost(stamp_s, reason),)
-            late, unseen = _NOTHING, self._gaps.variances_of_doubt(arc, dt_s)
+            late, unseen = _NOTHING, self._gaps.variances_of_doubt(arc, now.twist, dt_s)
             self._begin_anew()
         else:
             late = self._variances_of_lag(arc, dt_s)
@@ -118,7 +118,7 @@ class OdometryLocalizer(Localizer):
             logger.warning(
                 "%s: %s: what was driven in it may be missing, unless another localizer tells it", self._name, reason
             )
-        self._missing, self._missing_s = f"{reason}: that way may be missing, and the belief is as wide", stamp_s
+        self._missing, self._missing_s = f"{reason}: that way may be missing", stamp_s
         return reason
 
     def _doubt(self, arc: Components, now: Odometry, dt_s: float) -> str:
@@ -199,7 +199,9 @@ class OdometryLocalizer(Localizer):
 
 def _is_at_zero(now: Odometry) -> bool:
     pose = now.pose_start_base
-    return pose is not None and max(abs(pose.x), abs(pose.y), abs(pose.theta)) < _ZERO
+    if pose is None:
+        return now.distance_m is not None and abs(now.distance_m) < _ZERO
+    return max(abs(pose.x), abs(pose.y), abs(pose.theta)) < _ZERO
 
 
 def _step(before: Odometry, now: Odometry) -> Pose2 | None:

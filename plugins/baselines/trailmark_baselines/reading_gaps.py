@@ -111,7 +111,7 @@ class ReadingGaps:
             return f"its heading goes on by {told_deg:.2g} deg, which is faster than it ever turned"
         return ""
 
-    def variances_of_doubt(self, arc: Components, dt_s: float) -> Components:
+    def variances_of_doubt(self, arc: Components, after: Twist2 | None, dt_s: float) -> Components:
         """Return the variances of a step that holds its way or misses it: both are within one standard deviation.
 
         At least as that of a robot that nobody watched, and in each direction: it may have turned.
@@ -120,11 +120,16 @@ class ReadingGaps:
         ----------
         arc : Components
             Logarithm of the step [m, m, rad].
+        after : Twist2 or None
+            The speed that the reading behind the gap tells: it may have been that all the while.
         dt_s : float
             Length of the gap [s].
         """
         body = self._body or Components(self._fastest_mps, 0.0, 0.0)
         ahead_m2, left_m2, turn_rad2 = _squared_apart(arc, body, dt_s)
+        if after is not None:
+            told = Components(after.forward_mps, after.left_mps, after.yaw_radps)
+            ahead_m2, left_m2, turn_rad2 = map(max, (ahead_m2, left_m2, turn_rad2), _squared_apart(arc, told, dt_s))
         unseen_mps = max(_UNSEEN_MPS, _COVERED * self._fastest_mps)
         unseen_radps = max(_UNSEEN_RADPS, _COVERED * self._fastest_radps)
         way_m2 = max(ahead_m2 + left_m2, (unseen_mps * dt_s) ** 2)
