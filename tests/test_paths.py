@@ -67,6 +67,22 @@ class TestPath:
         with pytest.raises(ShapeError, match="at least one waypoint"):
             Path.from_arrays(np.empty(0), np.empty((0, 3)))
 
+    @pytest.mark.parametrize(
+        ("stations", "poses"),
+        [((4,), (2, 3)), ((2,), (4, 3)), ((4,), (4, 2)), ((4,), (4, 4)), ((0,), (0,)), ((), (1, 3))],
+    )
+    def test_arrays_that_do_not_fit_each_other_are_refused(
+        self, stations: tuple[int, ...], poses: tuple[int, ...]
+    ) -> None:
+        with pytest.raises(ShapeError, match="shape"):
+            Path.from_arrays(np.cumsum(np.ones(stations)).reshape(stations), np.zeros(poses))
+
+    def test_a_slice_of_a_path_is_its_waypoints_however_it_was_made(self) -> None:
+        path = Path.from_arrays(STRAIGHT.stations, np.array([[0, 0, 0], [1, 0, 0], [3, 0, 0]]))
+
+        assert path[1:] == STRAIGHT[1:] == STRAIGHT.waypoints[1:]
+        assert path[::-2] == STRAIGHT[::-2]
+
 
 class TestPoseAt:
     def test_it_meets_the_waypoints(self) -> None:

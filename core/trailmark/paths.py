@@ -7,7 +7,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -156,15 +156,18 @@ class Path:
         Raises
         ------
         ShapeError
-            If there is no waypoint, a number is not finite or the stations do not increase.
+            If the arrays have other shapes, there is no waypoint, a number is not finite or the stations do not
+            increase.
         """
-        if not (np.isfinite(stations_m).all() and np.isfinite(poses_map_base).all()):
+        stations, poses = np.array(stations_m, dtype=np.float64), np.array(poses_map_base, dtype=np.float64)
+        if stations.ndim != 1 or poses.shape != (len(stations), 3):
+            raise ShapeError(f"a path has shapes (N,) and (N, 3), not {stations.shape} and {poses.shape}")
+        if not (np.isfinite(stations).all() and np.isfinite(poses).all()):
             raise ShapeError("a path is not finite")
         path = cls.__new__(cls)
-        poses = np.array(poses_map_base, dtype=np.float64)
         outside = (poses[:, 2] < -math.pi) | (poses[:, 2] >= math.pi)
         poses[outside, 2] = wrap_angles(poses[outside, 2])
-        path._lay_out(np.array(stations_m, dtype=np.float64), poses)
+        path._lay_out(stations, poses)
         path._waypoints = None
         return path
 
@@ -186,9 +189,13 @@ class Path:
     def __len__(self) -> int:
         return len(self._grid)
 
-    def __getitem__(self, index: int) -> Waypoint:
-        if self._waypoints is not None:
-            return self._waypoints[index]
+    @overload
+    def __getitem__(self, index: int) -> Waypoint: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Waypoint, ...]: ...
+    def __getitem__(self, index: int | slice) -> Waypoint | tuple[Waypoint, ...]:
+        if self._waypoints is not None or isinstance(index, slice):
+            return self.waypoints[index]
         number = range(len(self))[index]
         return Waypoint(number, self._grid[number], Pose2(*self._poses[number].tolist()))
 
