@@ -35,3 +35,11 @@ def test_who_wants_less_search_keeps_it(young: int) -> None:
     with SELDOM:
         assert gc.get_threshold() == (young, 10, 10)
     assert gc.get_threshold() == (young, 10, 10)
+
+
+@pytest.mark.parametrize("meanwhile", [(0, 10, 10), (50_000, 20, 20)])
+def test_what_is_set_while_a_run_goes_on_stays(meanwhile: tuple[int, int, int]) -> None:
+    gc.set_threshold(700, 10, 10)
+    with SELDOM:
+        gc.set_threshold(*meanwhile)
+    assert gc.get_threshold() == meanwhile
