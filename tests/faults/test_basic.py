@@ -147,6 +147,22 @@ def test_what_cannot_be_is_refused() -> None:
         BasicConfig(missing_s=(2.0, 1.0))
 
 
+@pytest.mark.parametrize(
+    ("keys", "refused"),
+    [({"dropped_in_a_row": 3.0}, "dropped_in_a_row goes with dropped"), ({"wrong": {}}, "wrong says nothing")],
+)
+def test_a_key_that_says_no_fault_is_refused(keys: dict[str, Any], refused: str) -> None:
+    with pytest.raises(ValidationError, match=refused):
+        BasicConfig.model_validate(keys)
+
+
+@pytest.mark.parametrize("keys", [{"dropped": 0.0, "dropped_in_a_row": 3.0}, {"wrong": {"scale": 1.0}}])
+def test_the_zero_of_a_sweep_is_taken_also_where_it_is_written_out(keys: dict[str, Any]) -> None:
+    config = BasicConfig.model_validate(keys)
+
+    assert BasicConfig.model_validate(config.model_dump(mode="json")) == config
+
+
 def test_a_wrong_mounting_and_scale_of_a_ground_camera() -> None:
     info = SensorInfo(
         "floor", "image", pose_base_sensor=Pose3(0.1, yaw=math.pi / 2), calibration=GroundPlane((1e-3, 2e-3))

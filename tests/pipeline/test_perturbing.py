@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from trailmark.errors import ConfigError, SourceError
+from trailmark.errors import ConfigError, RunError, SourceError
 from trailmark.frames import Frame, Scalar, SensorInfo
 from trailmark.geometry import Pose3
 from trailmark.interfaces import Fault, Session
@@ -191,3 +192,14 @@ def test_a_fault_that_fails_is_named() -> None:
 
     with pytest.raises(SourceError, match="fault 'add' of source 'robot' failed in apply: ZeroDivisionError: no light"):
         left(started({"add": fail}), readings())
+
+
+@pytest.mark.parametrize("answer", [None, ["density"], {"density"}, {"density": 3}, {3: "sensors of kind scan"}])
+def test_a_wrong_answer_about_idle_options_is_the_fault_s(answer: Any) -> None:
+    class Answers(Told):
+        def idle_options(self, info: SensorInfo) -> Mapping[str, str]:
+            return answer
+
+    perturber = Perturber("robot", {"dust": lambda: Answers(double)}, None)
+    with pytest.raises(RunError, match=r"fault 'dust' of source 'robot' failed in idle_options: TypeError: it"):
+        perturber.start(Session(rng=part_rng(0, "source", "robot")), SENSORS)

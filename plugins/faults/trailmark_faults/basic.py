@@ -75,6 +75,15 @@ class BasicConfig(PluginConfig):
     """What is believed of the sensor and is not so."""
 
     @model_validator(mode="after")
+    def _keys_say_a_fault(self) -> Self:
+        """Refuse keys that no fault stands behind; one at its neutral value, as in a sweep, is none of them."""
+        if self.dropped_in_a_row is not None and "dropped" not in self.model_fields_set:
+            raise ValueError("dropped_in_a_row goes with dropped, the share of frames that are lost")
+        if self.wrong is not None and not self.wrong.model_fields_set:
+            raise ValueError(f"wrong says nothing that is wrong: {', '.join(WrongCalibration.model_fields)}")
+        return self
+
+    @model_validator(mode="after")
     def _times_are_in_order(self) -> Self:
         if self.missing_s is not None and not 0.0 <= self.missing_s[0] < self.missing_s[1]:
             raise ValueError(f"missing_s is [from, to] with 0 <= from < to, not {list(self.missing_s)}")

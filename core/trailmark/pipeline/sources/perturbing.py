@@ -86,7 +86,7 @@ class Perturber:
     ) -> None:
         """Refuse an option of a fault that would change none of the sensors."""
         idle = [
-            call_guarded(self._fault_name(fault_name), "idle_options", partial(fault.idle_options, befallen[sensor]))
+            call_guarded(self._fault_name(fault_name), "idle_options", partial(_idle_of, fault, befallen[sensor]))
             for sensor, fault in fitting.items()
         ]
         for option in idle[0] if idle else ():
@@ -194,6 +194,13 @@ def _believed(fault: Fault, info: SensorInfo) -> SensorInfo:
     if not isinstance(believed, SensorInfo):
         raise TypeError(f"it returned {type(believed).__name__}, not a SensorInfo")
     return believed
+
+
+def _idle_of(fault: Fault, info: SensorInfo) -> Mapping[str, str]:
+    idle: object = fault.idle_options(info)
+    if not isinstance(idle, Mapping) or not all(isinstance(text, str) for item in idle.items() for text in item):
+        raise TypeError(f"it returned {idle!r}, not a mapping of str to str")
+    return idle
 
 
 def _counts_of(fault: Fault) -> dict[str, int]:
