@@ -277,13 +277,19 @@ def figures_of(top: Path, row: str) -> dict[str, Any]:
     return json.loads(done.stdout.splitlines()[-1])
 
 
-def checked_out(commit: str, folder: Path) -> Path:
-    """Return a clone of this checkout at a commit, its modules compiled as those of a checkout in use."""
+def checked_out(commit: str, folder: Path, needs_environment: bool) -> Path:
+    """Return a clone of this checkout at a commit, its modules compiled as those of a checkout in use.
+
+    Rows that start programs need its command, and so an environment of its own: of the newest packages that it takes.
+    """
     top = folder.resolve() / f"before-{commit}"
     if not top.is_dir():
         subprocess.run(["git", "clone", "-q", "--shared", "--no-checkout", TOP, top], check=True)
     subprocess.run(["git", "-C", top, "checkout", "-q", "--force", commit], check=True)
     subprocess.run([sys.executable, "-m", "compileall", "-q", top / "core", top / "plugins"], check=True)
+    if needs_environment and not (top / ".venv").is_dir():
+        subprocess.run([sys.executable, "-m", "venv", top / ".venv"], check=True)
+        subprocess.run([top / ".venv" / "bin" / "pip", "install", "-q", "-e", top], check=True)
     return top
 
 
@@ -349,11 +355,15 @@ def main() -> None:
         return
     if options.before is None:
         parser.error("--before is needed: a figure alone says more of the machine than of the code")
-    before = checked_out(options.before, options.out) if options.out else Path(options.before).resolve()
+    rows = options.only.split(",")
+    starts_programs = bool({"first", "demo"} & set(rows))
+    before = (
+        checked_out(options.before, options.out, starts_programs) if options.out else Path(options.before).resolve()
+    )
     sides = f"Commit {commit_of(before)} beside {commit_of(TOP)}"
     print(f"{sides}, medians of {options.turns} turns, {dt.date.today()}; {_CLOCKS}.\n")
     print("| work | before | now | cost: now / before |\n|---|--:|--:|--:|")
-    for row in options.only.split(","):
+    for row in rows:
         for name, (old, new) in compared(before, row, options.turns).items():
             print(f"| {name} | {old:,.4g} | {new:,.4g} | {cost_ratio(name, old, new):.2f} |", flush=True)
 
