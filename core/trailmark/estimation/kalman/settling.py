@@ -31,7 +31,8 @@ def settle(state: FilterState, rivals: Sequence[RivalFilter]) -> FilterState:
     """Return the state of a bank: its mixture, or the one hypothesis that is left.
 
     Between one motion and absolute estimates that have jumped nothing decides, however probable one is, nor between two
-    and two. That these lie is never decided then: they agree again, or in the end they are heard again.
+    and two. That these lie is never decided then: they agree again, or are heard again after 30 s. While another
+    localizer's absolute estimates contradict that they lie, the question stays open, for longer than that, too.
     """
     rivals = _without_recovered(state, rivals)
     weights = posterior(rivals)
