@@ -83,6 +83,13 @@ def test_few_that_were_carried_off_together_do_not_take_the_pose_with_them(carri
     assert NEAR[answer.agreeing.rows].all() == (carried_m == 0.0)
 
 
+def test_where_neither_half_of_the_landmarks_outvotes_the_other_nothing_is_told() -> None:
+    answer = solved(ROWS < 5, 0.3, None)
+
+    assert isinstance(answer, Refusal)
+    assert answer.reason == "the landmarks contradict one another"
+
+
 def test_a_thing_that_shows_more_landmarks_than_the_room_is_left_out_where_the_motion_is_known() -> None:
     stands = Expected(np.eye(2), np.zeros(2), np.full(2, 0.02), 0.01)
 
