@@ -19,6 +19,7 @@ from trailmark_ground_vo.audit import MotionAudit
 from trailmark_ground_vo.closed_places import closed_by
 from trailmark_ground_vo.config import GroundVOConfig
 from trailmark_ground_vo.filters import noise_level
+from trailmark_ground_vo.grain import AlongGrain, Grain
 from trailmark_ground_vo.kernels import load_kernels
 from trailmark_ground_vo.lens_marks import LensMarkEvidence
 from trailmark_ground_vo.motion import ImageMotion
@@ -95,6 +96,7 @@ class GroundTracker:
         self._marks = LensMarkEvidence(size, aspect)
         self._rivals = RivalSearch(self._audit)
         self._weak_axis = WeakAxis(size, aspect)
+        self._grain = AlongGrain(size, aspect)
         self._texture = TextureComparison(size, aspect)
         self._ground: Grey16 | None = None  # the last picture of which something was told
         self._n_doubted = 0
@@ -277,12 +279,15 @@ class GroundTracker:
             spread = self._spread(reference, now, said.motion)
             if spread > _USUAL_SPREAD * noise or stands_still(said.motion):
                 rival = self._better(reference, now, said)
+            grain = self._along_grain(reference, now, said) if rival is None else None
+            rival = grain.rival if grain is not None else rival
             if rival is None and self._is_explained(reference, now, said.motion, _MOST_SPREAD * noise):
                 self._learn_marks(reference, now, said.motion, sigma)
                 self._n_doubted = 0
                 # what noise does not explain, light that is not modelled, moves the motion as well
                 unexplained = max(1.0, spread / (_USUAL_SPREAD * noise))
-                return replace(said, information=self._widened(reference, now, said) / unexplained)
+                information = self._widened(reference, now, said) / unexplained
+                return replace(said, information=information if grain is None else grain.widened(information))
             otherwise = "" if rival is None else f", but by {rival.u:.0f}, {rival.v:.0f} px"
             seen = (
                 "marks lie on all that both pictures show"
@@ -324,6 +329,12 @@ class GroundTracker:
         assert now.smoothed is not None
         return self._weak_axis.widened(before.smoothed, now.smoothed, said.motion, said.information)
 
+    def _along_grain(self, before: SearchPicture, now: SearchPicture, said: TrackedMotion) -> Grain | None:
+        """Return what holds a motion along the grain of the ground; None where it has none."""
+        assert before.smoothed is not None
+        assert now.smoothed is not None
+        return self._grain.compare(before.smoothed, now.smoothed, said.motion)
+
     def _better(self, before: SearchPicture, now: SearchPicture, found: TrackedMotion) -> ImageMotion | None:
         """Return a motion that contradicts what was found; None where there is none."""
         assert self._guarded is not None
@@ -344,6 +355,7 @@ class GroundTracker:
             self._guarded.ignore(weights)
             self._audit.ignore(closed)
             self._weak_axis.ignore(closed)
+            self._grain.ignore(closed)
             self._texture.ignore(closed)
         if self._n_doubted and (weights is not None or self._n_doubted > _PATIENCE_FRAMES):
             self._n_doubted = 0
