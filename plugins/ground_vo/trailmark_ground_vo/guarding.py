@@ -279,7 +279,7 @@ class GroundTracker:
             spread = self._spread(reference, now, said.motion)
             if spread > _USUAL_SPREAD * noise or stands_still(said.motion):
                 rival = self._better(reference, now, said)
-            grain = self._along_grain(reference, now, said) if rival is None else None
+            grain = self._along_grain(reference, now, said) if rival is None and spread < math.inf else None
             rival = grain.rival if grain is not None else rival
             if rival is None and self._is_explained(reference, now, said.motion, _MOST_SPREAD * noise):
                 self._learn_marks(reference, now, said.motion, sigma)
@@ -288,7 +288,8 @@ class GroundTracker:
                 unexplained = max(1.0, spread / (_USUAL_SPREAD * noise))
                 information = self._widened(reference, now, said) / unexplained
                 return replace(said, information=information if grain is None else grain.widened(information))
-            otherwise = "" if rival is None else f", but by {rival.u:.0f}, {rival.v:.0f} px"
+            along = "" if grain is None else " along its grain"
+            otherwise = "" if rival is None else f", but by {rival.u:.0f}, {rival.v:.0f} px{along}"
             seen = (
                 "marks lie on all that both pictures show"
                 if spread == math.inf
