@@ -3,13 +3,14 @@
 Each row is a function that returns, by name, what the peer needs and what we need, in CPU time of one thread, and what
 says whether the answers are worth the same. `speed_page.py` prints them (``--only peers``); one alone:
 
-    TRAILMARK_DATA=/path/to/recordings python benchmarks/speed_peers.py surf kinect ground scan_to_map
+    TRAILMARK_DATA=/path/to/recordings python benchmarks/speed_peers.py surf kinect ground scan_to_map fixed_lag tum
 """
 
 from __future__ import annotations
 
 import math
 import os
+import tempfile
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -156,8 +157,134 @@ def _flat(points: Any) -> Any:
     return np.column_stack([points, np.zeros(len(points))])
 
 
-#: Rows by name. They need ``pip install small_gicp scikit-image``.
-PEERS: Mapping[str, Callable[[], Beside]] = {row.__name__: row for row in (surf, kinect, ground, scan_to_map)}
+def fixed_lag() -> Beside:
+    """`estimator: smoother` and gtsam's incremental fixed-lag smoother, 10 s both, wheels at 50 Hz, 1,350 fixes."""
+    from smoother_drives import simulated
+
+    from trailmark.estimates import Motion
+
+    arrivals, truth = simulated("late fixes", 0)
+    # heard at once, and without those that are off by metres: gtsam has no gate of its own
+    in_time = [one._replace(at_s=one.estimate.stamp_s) for one in arrivals]
+    arrivals = sorted(
+        (
+            one
+            for one in in_time
+            if isinstance(one.estimate, Motion) or _miss_m(one.estimate.pose_map_base, one, truth) < 1.0
+        ),
+        key=lambda one: one.at_s,
+    )
+    found: Beside = {}
+    sides = (_Gtsam(), _Smoother())
+    times: tuple[list[float], list[float]] = ([], [])
+    errors: tuple[list[float], list[float]] = ([], [])
+    for arrival in arrivals:
+        for side, spent, missed in zip(sides, times, errors):
+            began = time.thread_time()
+            pose = side.hear(arrival)
+            took = 1e6 * (time.thread_time() - began)
+            if isinstance(arrival.estimate, Motion):
+                continue
+            spent.append(took)
+            missed.append(_miss_m(pose, arrival, truth) ** 2)
+    for what, of in {"median": 50.0, "99th percentile": 99.0}.items():
+        gtsam_us, ours_us = (float(np.percentile(spent[100:], of)) for spent in times)
+        found[f"smoother / gtsam's fixed lag: a fix, {what} [us]"] = gtsam_us, ours_us
+    gtsam_m, ours_m = (math.sqrt(float(np.mean(missed))) for missed in errors)
+    found["smoother / gtsam's fixed lag: error, rms [m]"] = gtsam_m, ours_m
+    return found
+
+
+def _miss_m(pose: Pose2, arrival: Any, truth: Any) -> float:
+    x, y, _ = truth.at([arrival.at_s]).poses[0]
+    return math.hypot(pose.x - x, pose.y - y)
+
+
+class _Smoother:
+    """Ours, as it ships."""
+
+    def __init__(self) -> None:
+        import trailmark
+        from trailmark.interfaces import Session
+
+        self._estimator = trailmark.create("estimator", "smoother")
+        self._estimator.start(Session(start_pose=Pose2()))
+
+    def hear(self, arrival: Any) -> Pose2:
+        self._estimator.apply(arrival.source, arrival.estimate)
+        pose = self._estimator.belief(arrival.at_s).pose_map_base
+        assert pose is not None
+        return Pose2(pose.x, pose.y, pose.theta)
+
+
+class _Gtsam:
+    """A pose for each fix, and between them what the wheels said, composed with its covariance."""
+
+    def __init__(self) -> None:
+        import gtsam
+
+        self._gtsam, self._lag = gtsam, gtsam.IncrementalFixedLagSmoother(10.0, gtsam.ISAM2Params())
+        self._key, self._moved, self._covariance = 0, Pose2(), np.zeros((3, 3))
+        start = gtsam.noiseModel.Diagonal.Sigmas(np.array([0.01, 0.01, math.radians(0.5)]))
+        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        graph.add(gtsam.PriorFactorPose2(0, gtsam.Pose2(0.0, 0.0, 0.0), start))
+        values.insert(0, gtsam.Pose2(0.0, 0.0, 0.0))
+        self._lag.update(graph, values, {0: 0.0})
+        self._pose = Pose2()
+
+    def hear(self, arrival: Any) -> Pose2:
+        from trailmark.estimates import Motion
+
+        said = arrival.estimate
+        if isinstance(said, Motion):
+            self._carry(said)
+            return self._pose
+        if not self._covariance.any():
+            return self._pose  # a fix of the start itself
+        gtsam, before, self._key = self._gtsam, self._key, self._key + 1
+        graph, values, moved = gtsam.NonlinearFactorGraph(), gtsam.Values(), self._moved
+        noise = gtsam.noiseModel.Gaussian.Covariance(self._covariance + 1e-12 * np.eye(3))
+        graph.add(gtsam.BetweenFactorPose2(before, self._key, gtsam.Pose2(moved.x, moved.y, moved.theta), noise))
+        fix, noise = said.pose_map_base, gtsam.noiseModel.Gaussian.Information(np.asarray(said.information))
+        graph.add(gtsam.PriorFactorPose2(self._key, gtsam.Pose2(fix.x, fix.y, fix.theta), noise))
+        values.insert(self._key, gtsam.Pose2(self._pose.x, self._pose.y, self._pose.theta))
+        self._lag.update(graph, values, {self._key: arrival.at_s})
+        pose = self._lag.calculateEstimatePose2(self._key)
+        self._pose, self._moved, self._covariance = Pose2(pose.x(), pose.y(), pose.theta()), Pose2(), np.zeros((3, 3))
+        return self._pose
+
+    def _carry(self, said: Any) -> None:
+        step = said.pose_since_now
+        back = np.linalg.inv(self._gtsam.Pose2(step.x, step.y, step.theta).AdjointMap())
+        self._covariance = back @ self._covariance @ back.T + np.linalg.inv(said.information)
+        self._moved, self._pose = self._moved @ step, self._pose @ step
+
+
+def tum() -> Beside:
+    """Our reader of trajectories and evo's, on 100,000 poses."""
+    from evo.tools.file_interface import read_tum_trajectory_file
+
+    from trailmark.geometry import read_tum
+
+    rng = np.random.default_rng(0)
+    rows = np.column_stack([0.01 * np.arange(100_000), rng.normal(0.0, 5.0, (100_000, 3)), np.zeros((100_000, 4))])
+    rows[:, 6:] = np.column_stack([np.sin(rows[:, 1]), np.cos(rows[:, 1])])
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "long.tum"
+        np.savetxt(path, rows, fmt="%.6f")
+        times: tuple[list[float], list[float]] = ([], [])
+        for _ in range(5):
+            for read, spent in zip((read_tum_trajectory_file, read_tum), times):
+                began = time.thread_time()
+                read(path)
+                spent.append(1e3 * (time.thread_time() - began))
+    return {"reader of TUM trajectories / evo's: 100,000 poses [ms]": (min(times[0]), min(times[1]))}
+
+
+#: Rows by name. They need ``pip install small_gicp scikit-image gtsam evo``.
+PEERS: Mapping[str, Callable[[], Beside]] = {
+    row.__name__: row for row in (surf, kinect, ground, scan_to_map, fixed_lag, tum)
+}
 
 
 if __name__ == "__main__":
