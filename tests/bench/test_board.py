@@ -113,3 +113,20 @@ def test_what_has_ended_cannot_end_again(board_of) -> None:
 
     with pytest.raises(ValueError, match="'hall, orb, seed 0' is ok: it cannot become failed"):
         board.finish(one, Outcome("failed"), None, None)
+
+
+def test_who_is_interrupted_while_a_cell_starts_leaves_it_pending(board_of, monkeypatch) -> None:
+    one = cell("orb")
+    board, index = board_of(one, cell("klt"))
+    mark = index.mark_running
+
+    def marked_and_interrupted(cell_id: str) -> None:
+        mark(cell_id)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(index, "mark_running", marked_and_interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        board.start(one)
+    board.release()
+
+    assert {record.state for record in index.records()} == {"pending"}

@@ -84,8 +84,8 @@ class CellBoard:
     def start(self, cell: Cell) -> None:
         """Mark a waiting cell as running."""
         self._move(cell, "running")
+        self.running[cell.id] = self.waiting.pop(cell.id)  # first: who is interrupted now knows what to release
         self._index.mark_running(cell.id)
-        self.running[cell.id] = self.waiting.pop(cell.id)
 
     def finish(self, cell: Cell, outcome: Outcome, result: Any, detail: bytes | None) -> None:
         """Mark a running cell as ended; one that found no sensor ends those that differ in seed or faults alone."""
