@@ -2,9 +2,10 @@
 
 The robot carries a floor camera (`ground_vo`, `ground_map`), an omnidirectional camera and a laser (`omni_surf`,
 `laser_icp`), a depth camera (`kinect_landmarks`), a front camera (`divs`) and wheel odometry, and repeats 8 m of a
-taught way through the supermarket. Each seed is driven and rendered once (``record``); what the localizers said is then
-told again to the estimator alone (``replay``), with one of the four switched off, or lying by 1 m to the left with the
-covariance that it always states, for 20 % of the time. The motion of a lying floor camera jumps by 1 m and back.
+taught way through a supermarket, seeds in turn in five of them. Each is driven and rendered once (``record``); what the
+localizers said is then told again to the estimator alone (``replay``), with one of the four switched off, or lying by 1
+m to the left with the covariance that it always states, for 20 % of the time. The motion of a lying floor camera jumps
+by 1 m and back.
 
     python benchmarks/fusion_four.py record DIR [--seeds 1 21]     30 s of processor time a seed; seed 0: the noise;
                                                                    what is recorded is not recorded again
@@ -13,7 +14,7 @@ covariance that it always states, for 20 % of the time. The motion of a lying fl
 Beside the fused belief each of the four alone, in the same fault: `dead_reckoning` on what it says, with wheel odometry
 where it says no motion. ATE is the root mean square distance from the truth at 20 Hz, without alignment, from the
 belief at the time (what comes later does not mend it). Covariances: as stated, but not below what
-`trailmark evaluate --noise` measures on seed 0, which is none of the others.
+`trailmark evaluate --noise` measures on seed 0, which is none of the others and in a place of its own.
 """
 
 from __future__ import annotations
@@ -54,6 +55,7 @@ LIE_M = 1.0
 RATES_HZ = {"floor": 30.0, "omni": 4.0, "rgbd": 4.0, "front": 8.0, "laser": 4.0, "wheels": 40.0}
 TEACH_S, REPLAY_S = 27.0, 20.0
 TEACH_SEED, NOISE_SEED = 100, 0
+N_PLACES = 5
 _SAMPLES_HZ = 20.0
 
 Told = tuple[float, str, Estimate]
@@ -93,13 +95,19 @@ def main() -> None:
     print(json.dumps([asdict(row) for row in rows]) if arguments.json else "\n".join(summary(rows)))
 
 
-def config(seed: int, mode: str, duration_s: float) -> dict[str, Any]:
+def place_of(seed: int) -> int:
+    """Return the ``world_seed`` of a drive: the seeds take turns in five places, that of the noise has its own."""
+    return N_PLACES + 1 if seed == NOISE_SEED else 1 + (seed - 1) % N_PLACES
+
+
+def config(seed: int, place: int, mode: str, duration_s: float) -> dict[str, Any]:
     """Return the config of a run with all sensors."""
     sensors = ["wheels", "floor", "laser", "front", "rgbd", "omni"]
-    world = {"plugin": "sim", "world": "supermarket", "route": "round", "driver": "route", "sensors": sensors}
+    world = {"plugin": "sim", "world": "supermarket", "world_seed": place, "route": "round", "driver": "route"}
+    drive = {"sensors": sensors, "rates_hz": RATES_HZ, "duration_s": duration_s, "threads": 1}
     return {
         "mode": mode,
-        "sources": {"robot": {**world, "rates_hz": RATES_HZ, "duration_s": duration_s, "threads": 1}},
+        "sources": {"robot": {**world, **drive}},
         "localizers": {
             "wheels": {"plugin": "odometry"},
             "floor": {"plugin": "ground_vo", "camera": "floor"},
@@ -118,27 +126,34 @@ def config(seed: int, mode: str, duration_s: float) -> dict[str, Any]:
 
 
 def record(folder: Path, seed: int) -> None:
-    """Teach, unless that is done, and drive the way again; what the localizers say is kept."""
+    """Teach its place, unless that is done, and drive the way again; what the localizers say is kept."""
     folder.mkdir(parents=True, exist_ok=True)
-    place = folder / "place.trail"
-    if not (folder / "taught").exists():
-        place.unlink(missing_ok=True)
-        with Pipeline(config(TEACH_SEED, "teach", TEACH_S), store=place, mode="teach") as pipeline:
+    place, store = place_of(seed), store_of(folder, seed)
+    is_taught = store.with_suffix(".taught")
+    if not is_taught.exists():
+        store.unlink(missing_ok=True)
+        with Pipeline(config(TEACH_SEED, place, "teach", TEACH_S), store=store, mode="teach") as pipeline:
             for _ in pipeline:
                 pass
-        (folder / "taught").touch()
+        is_taught.touch()
     out = folder / f"seed_{seed:02d}"
-    with Pipeline(config(seed, "replay", REPLAY_S), store=place, mode="replay", out=out, overwrite=True) as pipeline:
+    asked = config(seed, place, "replay", REPLAY_S)
+    with Pipeline(asked, store=store, mode="replay", out=out, overwrite=True) as pipeline:
         for _ in pipeline:
             pass
     (out / "recorded").touch()
 
 
+def store_of(folder: Path, seed: int) -> Path:
+    """Return where the way is kept that is taught in the place of a seed."""
+    return folder / f"place_{place_of(seed)}.trail"
+
+
 def replayed(folder: Path, seeds: Sequence[int]) -> Iterator[Row]:
     """Yield a row for each seed, each of the four, and each fault; and one without a fault."""
-    path = taught_path(folder / "place.trail")
-    treatments = noise_figures(folder, path)
+    treatments = noise_figures(folder, taught_path(store_of(folder, NOISE_SEED)))
     for seed in seeds:
+        path = taught_path(store_of(folder, seed))
         told, truth = what_was_told(folder / f"seed_{seed:02d}")
         begin_s, end_s = _failing(seed, truth)
         cases = [("nobody", "none"), *((failed, fault) for failed in GROUPS for fault in FAULTS)]
@@ -240,9 +255,9 @@ def verdicts(rows: Sequence[Row]) -> list[str]:
     faulty = [row for row in rows if row.failed in GROUPS]
     ratios = np.array([row.fused_m / row.best_m for row in faulty])
     failed = np.array([row.fused_m / row.alone_m[row.failed] for row in faulty])
-    seeds, near, far, half = len({row.seed for row in rows}), ratios <= 1.1, ratios > 1.5, failed <= 0.5
+    seeds, near, far, half = {row.seed for row in rows}, ratios <= 1.1, ratios > 1.5, failed <= 0.5
     return [
-        f"{len(faulty)} runs with a fault, {seeds} seeds.",
+        f"{len(faulty)} runs with a fault: {len(seeds)} seeds in {len({place_of(seed) for seed in seeds})} places.",
         f"fused <= 1.1 x the best single one: {near.mean():.1%} of runs (bar 95 %{_missed(near.mean() < 0.95)})",
         f"fused > 1.5 x the best single one: {far.sum()} runs (bar 0{_missed(far.any())}); worst {ratios.max():.2f}",
         f"fused <= 0.5 x the failed one: {half.mean():.1%} of runs (bar 100 %{_missed(not half.all())});"
