@@ -2,7 +2,7 @@
 
     python benchmarks/speed_page.py --before 7a50250 --out DIR # that commit is checked out in DIR
     python benchmarks/speed_page.py --before ../old --only frame,husky --turns 3
-    python benchmarks/speed_page.py --only peers  # beside SIFT, ORB, KLT and small_gicp
+    python benchmarks/speed_page.py --only peers  # beside SIFT, KLT, ORB with depth, small_gicp, gtsam and evo
 
 The two checkouts take turns, in processes of their own, and medians are compared. An older one that has an environment
 in ``.venv`` runs in it, any other with the packages of this one. Processor time counts, so that others at work on the
@@ -22,7 +22,7 @@ import statistics
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from time import process_time, thread_time
 from typing import Any
@@ -39,6 +39,7 @@ localizers: {{v: {{plugin: constant_speed, speed_mps: 1.0}}}}
 """
 WHEELS = "sources: {wheels: {plugin: csv_odometry, path: wheels.csv}}\nlocalizers: {wheels: {plugin: odometry}}\n"
 LONG_RUN = 200_000  # frames: 48 minutes at 70 Hz
+PEERS = "peers"
 _CLOCKS = "processor time; calls of estimators: wall time, the median of single calls"
 
 
@@ -65,10 +66,16 @@ def kalman() -> dict[str, float]:
 
     from trailmark.estimation.kalman.estimator import Kalman
     from trailmark.estimation.kalman_config import KalmanConfig
+    from trailmark.geometry import Pose2
+    from trailmark.paths import Path as TaughtPath
+    from trailmark.paths import Waypoint
 
+    path = TaughtPath(Waypoint(i, 0.05 * i, Pose2(0.05 * i)) for i in range(2000))
     found = core_overhead.estimator_us(3000, None, lambda: Kalman(KalmanConfig()))
+    on_path = core_overhead.estimator_us(3000, path, lambda: Kalman(KalmanConfig()))["belief"]
     names = {"apply": "a motion", "fix": "a fix that is 200 ms late", "belief": "a belief"}
-    return {f"kalman: {name} [us]": found[key] for key, name in names.items()}
+    figures = {f"kalman: {name} [us]": found[key] for key, name in names.items()}
+    return figures | {"kalman: a belief on a path [us]": on_path}
 
 
 def husky() -> dict[str, float]:
@@ -215,14 +222,14 @@ def simulator() -> dict[str, float]:
     import sim_render
 
     figures = {}
-    for row in sim_render.measure(5):
+    for row in sim_render.measure(40):
         shutter = "".join(f", {key} {row[key]}" for key in ("readout_ms", "exposure_ms") if key in row)
         figures[f"simulator: {row['world']}, {row['sensor']}{shutter} [ms]"] = row["frame_ms"]
     return figures
 
 
 def absolute() -> dict[str, float]:
-    """The search of `ground_map` for a remembered patch in a pyramid, from the picture to the pose [ms]."""
+    """The searches of `ground_map` for a remembered patch, from the picture to the pose [ms]."""
     import cv2
     import numpy as np
 
@@ -236,14 +243,18 @@ def absolute() -> dict[str, float]:
     turned = np.add(cv2.getRotationMatrix2D((255.5, 239.5), 1.1, 1.0), [[0.0, 0.0, 9.0], [0.0, 0.0, -7.0]])
     moved = cv2.warpAffine(ground, turned, size, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)
     seen = [np.clip(one + rng.normal(0.0, 3.0, one.shape), 0, 255).astype(np.uint8) for one in (ground, moved)]
-    finder = PatchFinder(GroundMapConfig.model_validate({"camera": "floor", "search": "pyramid"}), size)
-    patch, times_ms = finder.register(finder.view(seen[0])), []
-    for _ in range(150):
-        began_s = thread_time()
-        found = finder.find(finder.view(seen[1]), patch, ImageMotion(0.0, 0.0, 0.0))
-        times_ms.append(1e3 * (thread_time() - began_s))
-        assert not found.reason
-    return {"ground_map: absolute search, picture to pose, pyramid [ms]": statistics.median(times_ms[10:])}
+    figures = {}
+    for search in ("pyramid", "exhaustive"):
+        finder = PatchFinder(GroundMapConfig.model_validate({"camera": "floor", "search": search}), size)
+        patch, times_ms = finder.register(finder.view(seen[0])), []
+        for _ in range(150):
+            began_s = thread_time()
+            found = finder.find(finder.view(seen[1]), patch, ImageMotion(0.0, 0.0, 0.0))
+            times_ms.append(1e3 * (thread_time() - began_s))
+            assert not found.reason
+        name = f"ground_map: absolute search, picture to pose, {search} [ms]"
+        figures[name] = statistics.median(times_ms[10:])
+    return figures
 
 
 ROWS: Mapping[str, Callable[[], dict[str, float]]] = {
@@ -339,7 +350,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--before", help="another checkout, or with --out an older commit of this one")
     parser.add_argument("--out", type=Path, help="folder in which the older commit is checked out")
-    parser.add_argument("--only", default=",".join(ROWS), help="names of rows, separated by commas")
+    parser.add_argument("--only", default=",".join((*ROWS, PEERS)), help="names of rows, separated by commas")
     parser.add_argument("--turns", type=int, default=5)
     parser.add_argument("--measure", help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -347,15 +358,20 @@ def main() -> None:
     if options.measure:
         print(json.dumps(_measure(options.measure)))
         return
-    if options.only == "peers":
-        print(f"Commit {commit_of(TOP)}, medians of {options.turns} turns, {dt.date.today()}; processor time.\n")
-        print("| ours / the peer | peer | ours | ours / peer |\n|---|--:|--:|--:|")
-        for name, (peer, ours) in beside_peers(options.turns).items():
-            print(f"| {name} | {peer:,.4g} | {ours:,.4g} | {ours / peer:.2f} |", flush=True)
-        return
-    if options.before is None:
-        parser.error("--before is needed: a figure alone says more of the machine than of the code")
     rows = options.only.split(",")
+    if unknown := [row for row in rows if row not in (*ROWS, PEERS)]:
+        parser.error(f"--only: there is no row {', '.join(unknown)}; there are {', '.join((*ROWS, PEERS))}")
+    own = [row for row in rows if row != PEERS]
+    if own and options.before is None:
+        parser.error("--before is needed: a figure alone says more of the machine than of the code")
+    if own:
+        print_before_and_now(own, options)
+    if PEERS in rows:
+        print_beside_peers(options.turns)
+
+
+def print_before_and_now(rows: Sequence[str], options: argparse.Namespace) -> None:
+    """Print the table of this checkout beside an older one."""
     starts_programs = bool({"first", "demo"} & set(rows))
     before = (
         checked_out(options.before, options.out, starts_programs) if options.out else Path(options.before).resolve()
@@ -366,6 +382,14 @@ def main() -> None:
     for row in rows:
         for name, (old, new) in compared(before, row, options.turns).items():
             print(f"| {name} | {old:,.4g} | {new:,.4g} | {cost_ratio(name, old, new):.2f} |", flush=True)
+
+
+def print_beside_peers(turns: int) -> None:
+    """Print the table of this checkout beside other packages."""
+    print(f"\nCommit {commit_of(TOP)}, medians of {turns} turns, {dt.date.today()}; processor time.\n")
+    print("| ours / the peer | peer | ours | ours / peer |\n|---|--:|--:|--:|")
+    for name, (peer, ours) in beside_peers(turns).items():
+        print(f"| {name} | {peer:,.4g} | {ours:,.4g} | {ours / peer:.2f} |", flush=True)
 
 
 if __name__ == "__main__":

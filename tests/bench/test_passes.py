@@ -100,6 +100,32 @@ def test_what_ends_a_bench_leaves_the_file_with_what_is_finished(tmp_path: Path)
     assert [cell["id"] for cell in document["cells"]] == ["0" * 20]
 
 
+def test_what_is_to_be_run_is_told_from_the_file_too_and_nothing_is_written(tmp_path: Path) -> None:
+    config, file = tmp_path / "b.yaml", tmp_path / "cells.json.xz"
+    config.write_text(CONFIG.replace("SEEDS", "2"))
+    run(config, "--out", tmp_path / "one", "--results", file, "--no-report")
+    config.write_text(CONFIG.replace("SEEDS", "3"))
+
+    told = run(config, "--list", "--json", "--out", tmp_path / "none", "--results", file)
+
+    cells = json.loads(told.stdout)
+    assert [(cell["state"], cell["estimated_s"] is not None) for cell in cells] == 2 * [("ok", True)] + [
+        ("pending", True)
+    ]
+    assert not (tmp_path / "none").exists()
+
+
+def test_a_pass_costs_what_its_cells_took_though_nobody_waited_for_them(tmp_path: Path) -> None:
+    cells = [Cell(digit * 20, "", {"seed": int(digit)}, {}) for digit in "01"]
+    with Index(tmp_path / "out", write=True) as index:
+        index.enter(cells)
+        index.mark_finished("0" * 20, Outcome("ok", cpu_s=5e3))
+        with noting_pass(index):
+            index.mark_finished("1" * 20, Outcome("ok", cpu_s=1e3))
+
+        assert [(one["cells"], one["cpu_s"]) for one in index.meta()["passes"]] == [(1, 1e3)]
+
+
 def test_a_pass_in_which_nothing_ran_is_not_noted(synthetic: Callable[..., Index], tmp_path: Path) -> None:
     with synthetic(tmp_path / "bench") as index:
         with noting_pass(index):

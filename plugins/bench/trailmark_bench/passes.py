@@ -14,7 +14,7 @@ from trailmark_bench.cell import FINISHED, Cell
 from trailmark_bench.index import Index
 from trailmark_bench.shared import read_results, write_results
 
-__all__ = ["going_on_from", "noting_pass"]
+__all__ = ["going_on_from", "known_from", "noting_pass"]
 
 
 @contextmanager
@@ -63,6 +63,23 @@ def _asked_or_finished(cells: Sequence[Cell], whole: Sequence[Cell], states: Map
     return [cell for cell in whole if cell.id in asked or states.get(cell.id) in FINISHED] or cells
 
 
+@contextmanager
+def known_from(path: Path, own: Index | None) -> Iterator[Index]:
+    """Yield a bench of what a file and a bench say together, to be looked at; neither is changed.
+
+    Raises
+    ------
+    DataError
+        If the file is none of results.
+    """
+    with TemporaryDirectory() as folder:
+        read_results(path, Path(folder))
+        with Index(folder, write=True) as known:
+            if own is not None:
+                known.copy_from(own, [cell_id for cell_id, state in own.states().items() if state in FINISHED])
+            yield known
+
+
 def _take(index: Index, cells: Sequence[Cell], path: Path, whole: Sequence[Cell]) -> str:
     index.enter(cells)
     ours = index.states()
@@ -94,20 +111,25 @@ def _united(*passes: Sequence[object]) -> list[object]:
 @contextmanager
 def noting_pass(index: Index) -> Iterator[None]:
     """Note with the bench what runs in this context: how many cells, wall and processor time, commit and machine."""
-    ended, began_s, cpu_before_s = _n_ended(index), time.monotonic(), _cpu_s()
+    before, began_s, cpu_before_s = _cells_s(index), time.monotonic(), _cpu_s()
     try:
         yield
     finally:
-        n_cells, meta = _n_ended(index) - ended, index.meta()
-        if n_cells:
+        ended_s = [cpu_s for cell_id, cpu_s in _cells_s(index).items() if cell_id not in before]
+        meta = index.meta()
+        if ended_s:
             origin = meta.get("provenance") or {}
-            costs = {"wall_s": round(time.monotonic() - began_s, 1), "cpu_s": round(_cpu_s() - cpu_before_s, 1)}
+            # nobody has waited for processes that an interruption leaves behind: what their cells took, they told
+            cpu_s = max(_cpu_s() - cpu_before_s, sum(ended_s))
+            costs = {"wall_s": round(time.monotonic() - began_s, 1), "cpu_s": round(cpu_s, 1)}
             about = {key: origin.get(key) for key in ("started", "git", "cpu")}
-            index.set_meta(passes=[*meta.get("passes", ()), {**about, "cells": n_cells, **costs}])
+            index.set_meta(passes=[*meta.get("passes", ()), {**about, "cells": len(ended_s), **costs}])
 
 
-def _n_ended(index: Index) -> int:
-    return sum(state in FINISHED for state in index.states().values())
+def _cells_s(index: Index) -> dict[str, float]:
+    """Return the processor time of each cell that has ended, by its id [s]."""
+    records = index.records(everything=True)
+    return {record.id: record.cpu_s or 0.0 for record in records if record.state in FINISHED}
 
 
 def _cpu_s() -> float:

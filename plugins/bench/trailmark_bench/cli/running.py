@@ -29,7 +29,7 @@ from trailmark_bench.index import INDEX_FILE, Index
 from trailmark_bench.matrix import Bench, load_bench
 from trailmark_bench.order import first_samples
 from trailmark_bench.page import write_page
-from trailmark_bench.passes import going_on_from, noting_pass
+from trailmark_bench.passes import going_on_from, known_from, noting_pass
 from trailmark_bench.rehearsal import misfits
 from trailmark_bench.scheduler import cells_to_run, run_bench
 
@@ -43,12 +43,18 @@ def list_bench(request: RunOptions, plugins: Plugins, chosen: ChosenPlugins) -> 
     ------
     ConfigError
         If a localizer does not find its sensor, or a source does not start.
+    DataError
+        If the file of results is none.
     """
-    known = Index(request.folder) if (request.folder / INDEX_FILE).is_file() else None
-    bench = load(request, plugins, chosen, {} if known is None else known.file_digests())
-    say_changed(bench, known)
-    unfit = misfits(bench.cells, plugins, {} if known is None else known.states())
-    list_cells(bench, known, unfit, request.as_json)
+    own = Index(request.folder) if (request.folder / INDEX_FILE).is_file() else None
+    bench = load(request, plugins, chosen, {} if own is None else own.file_digests())
+    say_changed(bench, own)
+    with ExitStack() as around:
+        known = own
+        if request.results is not None and request.results.exists():
+            known = around.enter_context(known_from(request.results, own))
+        unfit = misfits(bench.cells, plugins, {} if known is None else known.states())
+        list_cells(bench, known, unfit, request.as_json)
     named = {cell.id: cell.label for cell in first_samples(bench.cells) if not cell.is_installed}
     if problems := dict.fromkeys(f"{label}: {unfit[cell_id]}" for cell_id, label in named.items() if cell_id in unfit):
         raise ConfigError("these cells cannot start:\n" + "\n".join(problems))
