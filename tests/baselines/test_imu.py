@@ -120,3 +120,55 @@ def test_starting_again_forgets_the_last_reading():
     made.start(Session(sensors={"imu": SensorInfo("imu", "imu")}))
 
     assert observed(made, reading(1.1, 0.1)) == []
+
+
+def pulled(stamp_s: float, force_mps2: tuple[float, float, float]) -> Frame:
+    """What a unit reads that does not turn, and on which this force acts."""
+    return Frame("imu", stamp_s, Imu(np.zeros(3), np.array(force_mps2)))
+
+
+@pytest.mark.parametrize(
+    ("force_mps2", "axis"), [((0.0, 9.8, 0.3), "y"), ((-9.8, 0.5, 0.0), "x"), ((7.5, 1.0, 6.3), "x")]
+)
+def test_a_unit_on_its_side_is_lost_and_says_along_which_axis_gravity_pulls(force_mps2, axis):
+    said = observed(started(), *(pulled(0.02 * i, force_mps2) for i in range(100)))
+
+    assert isinstance(said[-1], Lost)
+    assert f"gravity pulls along {axis} of base" in said[-1].reason
+    assert not any(isinstance(one, Motion) for one in said[30:])
+
+
+def test_with_its_mounting_told_a_unit_on_its_side_is_heard():
+    force = ON_ITS_SIDE.rotation().T @ np.array([0.0, 0.0, 9.81])
+
+    said = observed(started(ON_ITS_SIDE), *(pulled(0.02 * i, tuple(force)) for i in range(100)))
+
+    assert len(said) == 99
+    assert all(isinstance(one, Motion) for one in said)
+
+
+@pytest.mark.parametrize("force_mps2", [(0.2, 0.1, 0.0), (0.0, 30.0, 0.0), (math.nan, 9.8, 0.0)])
+def test_forces_that_are_no_gravity_say_nothing_of_the_mounting(force_mps2):
+    said = observed(started(), *(pulled(0.02 * i, force_mps2) for i in range(100)))
+
+    assert all(isinstance(one, Motion) for one in said)
+
+
+def test_a_robot_that_shakes_and_brakes_lies_as_it_is_said():
+    rng = np.random.default_rng(0)
+    forces = [(6.0 * (20 <= i < 45) + rng.normal(0, 4), rng.normal(0, 4), 9.8 + rng.normal(0, 4)) for i in range(200)]
+
+    said = observed(started(), *(pulled(0.02 * i, force) for i, force in enumerate(forces)))
+
+    assert all(isinstance(one, Motion) for one in said)
+
+
+def test_an_orientation_that_is_not_used_and_a_unit_upside_down_are_told_once(caplog):
+    made = started()
+    for i in range(100):
+        observed(made, pulled(0.02 * i, (0.0, 0.3, -9.8)), reading(0.02 * i + 0.01, 0.0, heading_rad=0.3))
+
+    assert [record.getMessage().split(": ")[1].split(",")[0] for record in caplog.records] == [
+        "it tells an orientation",
+        "gravity says that it hangs upside down",
+    ]

@@ -19,7 +19,7 @@ from trailmark.estimates import Belief, Estimate, Fix, Lost, Motion, information
 from trailmark.frames import Frame, Imu, Odometry, SensorInfo
 from trailmark.geometry import Pose2, Trajectory
 from trailmark.interfaces import FrameSource, Localizer, Session
-from trailmark.testing import SyntheticRun, imu_run, localizer_checks, odometry_run, source_checks
+from trailmark.testing import SyntheticRun, imu_run, localizer_checks, odometry_run, pose_run, source_checks
 
 RUN = odometry_run(n_frames=60)
 INFORMATION = information_from_sigmas(0.01, 0.01, 0.01)
@@ -215,6 +215,38 @@ def test_a_mistake_of_a_localizer_is_caught(mistake: type[Right], check: str) ->
 
     with pytest.raises(AssertionError):
         localizer_checks(mistake, Config(), RUN)[check]()
+
+
+class PoseConfig(PluginConfig):
+    """A config."""
+
+    sensor: Sensor["pose"]
+    """What it looks at."""
+
+
+class Repeating(Localizer):
+    """Tells on the poses that it is given, as certain as they are."""
+
+    wider = 1.0
+
+    def start(self, session):
+        pass
+
+    def observe(self, frame, belief):
+        pose, covariance = (frame.payload.arrays[name] for name in ("pose", "covariance"))
+        return (Fix(frame.stamp_s, Pose2(*pose.tolist()), np.linalg.inv(self.wider**2 * covariance)),)
+
+
+class RepeatingHumbly(Repeating):
+    wider = 100.0
+
+
+def test_fixes_a_hundred_times_too_humble_are_caught_where_the_noise_is_known() -> None:
+    run, check = pose_run(), "information_says_something"
+    localizer_checks(Repeating, PoseConfig(), run)[check]()
+
+    with pytest.raises(AssertionError, match="the sigmas of its fixes are [0-9]+ times its errors"):
+        localizer_checks(RepeatingHumbly, PoseConfig(), run)[check]()
 
 
 def test_a_localizer_that_changes_its_frame_is_caught() -> None:

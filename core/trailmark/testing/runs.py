@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Protocol
 
@@ -41,6 +41,8 @@ class SyntheticRun:
         What a source would say of them.
     truth : Trajectory
         True pose of base in the map.
+    noise : mapping of str to (float, float)
+        Standard deviations of the poses that a sensor tells, by sensor; none where what it tells is exact [m, rad].
 
     Raises
     ------
@@ -51,6 +53,7 @@ class SyntheticRun:
     frames: Sequence[Frame]
     sensors: Mapping[str, SensorInfo]
     truth: Trajectory
+    noise: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not isinstance(self.truth, Trajectory):
@@ -79,7 +82,8 @@ class SyntheticRun:
         """Return this run with the frames of others of the same motion, merged by stamp."""
         frames = sorted((frame for run in (self, *others) for frame in run.frames), key=lambda frame: frame.stamp_s)
         sensors = {name: info for run in (self, *others) for name, info in run.sensors.items()}
-        return SyntheticRun(tuple(frames), sensors, self.truth)
+        noise = {name: sigma for run in (self, *others) for name, sigma in run.noise.items()}
+        return SyntheticRun(tuple(frames), sensors, self.truth, noise)
 
 
 def odometry_run(
@@ -223,7 +227,7 @@ def pose_run(
         )
         for stamp_s, pose in truth
     )
-    return SyntheticRun(frames, {sensor: SensorInfo(sensor, "pose", rate_hz=rate_hz)}, truth)
+    return SyntheticRun(frames, {sensor: SensorInfo(sensor, "pose", rate_hz=rate_hz)}, truth, {sensor: sigma})
 
 
 def landmark_run(

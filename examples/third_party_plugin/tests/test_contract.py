@@ -11,7 +11,6 @@ from trailmark_mrclam.localizer import RangeBearing
 from trailmark_mrclam.source import MrclamLandmarks
 
 from trailmark.testing import (
-    circle,
     landmark_run,
     parametrize_with_localizer_checks,
     parametrize_with_source_checks,
@@ -21,7 +20,7 @@ from trailmark.testing import (
 @parametrize_with_localizer_checks(
     RangeBearing,
     config=RangeBearingConfig(sightings="sightings"),
-    frames=landmark_run(circle(0.3, 1.0), n_frames=30),
+    frames=landmark_run(n_frames=30),
 )
 def test_the_localizer(check: Callable[[], None]) -> None:
     check()

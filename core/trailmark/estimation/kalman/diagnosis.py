@@ -39,6 +39,9 @@ __all__ = [
 
 _EMPTY: Mapping[str, Any] = MappingProxyType({})
 
+# A delay is told where it explains more than a constant offset does by so much, and is so many sigmas.
+_CLEARLY, _SURE = 3.0, 5.0
+
 
 def _empty() -> Mapping[str, Any]:
     return _EMPTY
@@ -97,6 +100,9 @@ class DetectedFault:
         Of the whole poses of one that is drawn away, those of late (`ways_of_fixes`).
     contradicted_by : frozenset of str
         Localizers whose absolute estimates outvote its own.
+    late : (float, float) or None
+        By how much its absolute estimates are late, and the standard deviation of that, where a delay explains them
+        clearly better than a constant offset [s].
     """
 
     since_s: float
@@ -109,6 +115,7 @@ class DetectedFault:
     agreed_since_s: float = math.inf
     heard: tuple[RejectedMeasurement, ...] = ()
     contradicted_by: frozenset[str] = frozenset()
+    late: tuple[float, float] | None = None
 
 
 class FixOffset(NamedTuple):
@@ -148,6 +155,17 @@ class FixOffset(NamedTuple):
     def is_drawn(self) -> bool:
         """Whether that they are drawn away explains them best."""
         return self.moving is not None and self.moving.log > max(self.log_constant, self.log_late)
+
+    @property
+    def late(self) -> tuple[float, float] | None:
+        """By how much they are late, and its standard deviation, where that explains them best; else None [s].
+
+        On an even and straight way a delay and a constant are the same, and nothing is told.
+        """
+        sigma_s, others = math.sqrt(self.variance_s2), self.log_constant + _CLEARLY
+        if self.moving is not None:
+            others = max(others, self.moving.log)
+        return (self.late_s, sigma_s) if self.log_late > others and self.late_s > _SURE * sigma_s else None
 
 
 @quick_dataclass(frozen=True, slots=True, eq=False)

@@ -114,10 +114,10 @@ class Kalman(Estimator):
         if monitor is None:
             monitor = self._monitors[source] = SourceMonitor(Trust.of(self.config, source))
         self._belief = None
-        moved_s = 0.0
+        moved_s, before_s = 0.0, self._learning.moved_s(source)
         if self.config.clock_offsets != "off" and self._clock.is_near(estimate.stamp_s, self._timeline.newest_s):
             estimate, moved_s = self._learning.on_one_clock(source, estimate, self._timeline)
-        applied = self._check_stamp(source, estimate, monitor.trust, moved_s=moved_s)
+        applied = self._check_stamp(source, estimate, monitor.trust, moved_s=(before_s, moved_s))
         if applied.status == "refused":
             monitor.record_refusal(applied.reason)
         elif applied.status != "late":
@@ -184,7 +184,7 @@ class Kalman(Estimator):
         )
         self._belief = None
 
-    def _check_stamp(self, source: str, estimate: Estimate, trust: Trust, *, moved_s: float) -> Applied:
+    def _check_stamp(self, source: str, estimate: Estimate, trust: Trust, *, moved_s: tuple[float, float]) -> Applied:
         stamp_s, newest_s = estimate.stamp_s, self._timeline.newest_s
         if not math.isfinite(stamp_s):
             return self._refuse("stamp", f"the stamp is not finite: {stamp_s}")
@@ -201,7 +201,7 @@ class Kalman(Estimator):
             return Applied("late", message)
         return self._dispatch(source, estimate, trust, moved_s=moved_s)
 
-    def _dispatch(self, source: str, estimate: Estimate, trust: Trust, *, moved_s: float) -> Applied:
+    def _dispatch(self, source: str, estimate: Estimate, trust: Trust, *, moved_s: tuple[float, float]) -> Applied:
         if isinstance(estimate, Lost):
             self._timeline.advance(estimate.stamp_s)
             return Applied("unused", f"lost: {estimate.reason}")
@@ -221,9 +221,10 @@ class Kalman(Estimator):
             if refusal is not None:
                 return self._refuse(*refusal)
             information = monitor.fix_certainty.believed(information, estimate.stamp_s)
-            information = self._learning.believed_of_fix(source, estimate, information, moved_s=moved_s)
+            information = self._learning.believed_of_fix(source, estimate, information, moved_s=moved_s[1])
             correlation_s, learns = self._learning.correlation_s(source, estimate, trust)
-            measurement = fix_measurement(source, estimate, information, trust, correlation_s)
+            shifted_s = moved_s[1] - moved_s[0]
+            measurement = fix_measurement(source, estimate, information, trust, correlation_s, shifted_s)
             return self._apply_measurement(estimate.stamp_s, measurement, learns=learns)
         if self._path is None:
             return self._refuse("no_path", "a path offset needs a path, and this run has none")

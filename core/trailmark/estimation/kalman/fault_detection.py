@@ -35,6 +35,8 @@ from collections.abc import Sequence
 
 from trailmark.estimation.kalman.agreement import Tolerance, agreeing_groups, corrections_are_consistent
 from trailmark.estimation.kalman.alternatives import closed_question, reopened_question
+from trailmark.estimation.kalman.clock_offsets import TOLD_S
+from trailmark.estimation.kalman.clock_shift import beside_another_clock
 from trailmark.estimation.kalman.correction import Correction
 from trailmark.estimation.kalman.diagnosis import DetectedFault, FaultDiagnosis
 from trailmark.estimation.kalman.dissent import growth_of_difference
@@ -139,6 +141,9 @@ class FaultDetector:
         before = state.diagnosis
         if before.absolute_faults and not measurement.replaces and measurement.source in before.absolute_faults:
             return self._hear_liar(state, measurement)
+        if abs(measurement.shifted_s) > TOLD_S:
+            state = beside_another_clock(state, measurement.shifted_s)
+            before = state.diagnosis
         if before.alternatives:
             state = _placed(state) if measurement.replaces else reopened_question(state)
             before = state.diagnosis
@@ -204,6 +209,9 @@ class FaultDetector:
     def _hear_liar(self, state: FilterState, measurement: Measurement) -> FilterState:
         """Return the state after an absolute estimate of one that is not believed: whether it agrees again."""
         doubted = self._correction.doubt(state, measurement)
+        if state.diagnosis.rivals:  # of a question about others: what it says covers their belief, too
+            rivals = self._bank.doubted(state.diagnosis.rivals, measurement)
+            doubted = doubted.with_diagnosis(doubted.diagnosis._replace(rivals=rivals))
         fault = doubted.diagnosis.absolute_faults[measurement.source]
         if fault.n_agreed < AGREED and state.stamp_s - fault.since_s <= GIVES_IN_S:
             return doubted

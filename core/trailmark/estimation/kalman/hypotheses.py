@@ -117,6 +117,10 @@ class HypothesisBank:
             )
         return settle(state, rivals)
 
+    def doubted(self, rivals: Sequence[RivalFilter], measurement: Measurement) -> tuple[RivalFilter, ...]:
+        """Return rivals after a measurement of one whom all of them doubt already: it is no evidence for any."""
+        return self._filters.doubted(rivals, measurement)
+
     def _begin_rival(self, state: FilterState, anchor: FilterState, hypothesis: Hypothesis) -> RivalFilter:
         trusted = frozenset(trusted_motions(state))
         faults, absolute_faults = dict(state.diagnosis.faults), dict(state.diagnosis.absolute_faults)

@@ -41,6 +41,8 @@ class Measurement:
         Time in which the errors of the localizer's measurements last; 0 if each errs anew [s].
     said : tuple of float
         Those of the values that were measured; the others may be anything.
+    shifted_s : float
+        By how much earlier than the one before the localizer's clock puts it since a delay was found [s].
     """
 
     key: tuple[str, tuple[float, ...]]
@@ -52,6 +54,7 @@ class Measurement:
     replaces: bool = False
     correlation_s: float = 0.0
     said: tuple[float, ...] = ()
+    shifted_s: float = 0.0
 
     def innovation(self, x: Floats) -> tuple[Floats, Floats]:
         """Return measured less predicted, (k,), and the Jacobian of the prediction, (k, n), at a state of n numbers."""
@@ -79,12 +82,14 @@ class Measurement:
         return np.array([x, y, wrap_angle(theta)]), inverse @ inverse.T
 
 
-def fix_measurement(source: str, fix: Fix, information: Sym3, trust: Trust, correlation_s: float = 0.0) -> Measurement:
+def fix_measurement(
+    source: str, fix: Fix, information: Sym3, trust: Trust, correlation_s: float = 0.0, shifted_s: float = 0.0
+) -> Measurement:
     """Return a fix as a measurement; `correlation_s` is how long its errors last."""
     values = fix.pose_map_base.x, fix.pose_map_base.y, fix.pose_map_base.theta
     key, root = (source, values + information), root_of(information)
     said = _measured_of(values, root)
-    return Measurement(key, source, trust, values, root, correlation_s=correlation_s, said=said)
+    return Measurement(key, source, trust, values, root, correlation_s=correlation_s, said=said, shifted_s=shifted_s)
 
 
 def pose_measurement(pose: Pose2, covariance: Floats) -> Measurement:

@@ -121,6 +121,10 @@ class RivalFilters:
             corrected.append(_with_state(rival, self._correction.doubt(state, measurement), offsets=offsets))
         return with_likelihoods(corrected, measurement.source, logs)
 
+    def doubted(self, rivals: Sequence[RivalFilter], measurement: Measurement) -> tuple[RivalFilter, ...]:
+        """Return hypotheses after a measurement of one whom none of them believes, which says nothing of them."""
+        return tuple(_with_state(rival, self._correction.doubt(rival.state, measurement)) for rival in rivals)
+
     def _predict_one(self, rival: RivalFilter, cuts: Sequence[float]) -> RivalFilter:
         state, is_implausible = rival.state, rival.is_implausible
         for cut_s in cuts:

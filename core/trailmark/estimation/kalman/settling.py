@@ -98,9 +98,13 @@ def _doubted_fixes(state: FilterState, rival: RivalFilter) -> list[str]:
 
 
 def _not_outvoted(state: FilterState, rival: RivalFilter) -> list[str]:
-    """Return the localizers whose absolute estimates a hypothesis does not believe for the sake of no more motions."""
+    """Return the localizers whose absolute estimates a hypothesis does not believe for the sake of no more motions.
+
+    Motions that say that the robot has stopped as no robot stops outvote nobody: they may have stopped telling.
+    """
     faults = rival.state.diagnosis.absolute_faults
-    return [source for source in _doubted_fixes(state, rival) if not faults[source].is_outvoted]
+    doubted = _doubted_fixes(state, rival)
+    return [source for source in doubted if rival.is_implausible or not faults[source].is_outvoted]
 
 
 def _decided(state: FilterState, best: RivalFilter, rivals: Sequence[RivalFilter]) -> FilterState:
@@ -108,19 +112,24 @@ def _decided(state: FilterState, best: RivalFilter, rivals: Sequence[RivalFilter
     diagnosis = without_windows(state.diagnosis)._replace(
         sums=leader.diagnosis.sums,
         faults=leader.diagnosis.faults,
-        absolute_faults=_with_drawn(best),
+        absolute_faults=_with_offsets(best),
         doubts=leader.diagnosis.doubts,
         accused=state.diagnosis.accused if state.diagnosis.alternatives else frozenset(),
         overruled=overruled_by(state, best, rivals),
     )
-    return _as_leader(state, leader, leader.gaussian, diagnosis)
+    decided = _as_leader(state, leader, leader.gaussian, diagnosis)
+    rejected = leader.rejections.measurements.items()  # by this very belief: what it does not believe, it covers
+    still = {source: some for source, some in rejected if source in leader.diagnosis.absolute_faults}
+    return replace(decided, rejections=replace(decided.rejections, measurements=still))
 
 
-def _with_drawn(best: RivalFilter) -> Mapping[str, DetectedFault]:
-    """Return whose absolute estimates a hypothesis does not believe, and of whom the ways between them are wrong."""
-    drawn = {source for source, offset in best.offsets.items() if offset.is_drawn}
-    faults = best.state.diagnosis.absolute_faults
-    return {source: replace(one, is_drawn=True) if source in drawn else one for source, one in faults.items()}
+def _with_offsets(best: RivalFilter) -> Mapping[str, DetectedFault]:
+    """Return whose absolute estimates a hypothesis does not believe, and whether they are drawn away, or late."""
+    faults = dict(best.state.diagnosis.absolute_faults)
+    for source, offset in best.offsets.items():
+        if source in faults:
+            faults[source] = replace(faults[source], is_drawn=offset.is_drawn, late=offset.late)
+    return faults
 
 
 def _undecided(state: FilterState, rivals: Sequence[RivalFilter], weights: Floats) -> FilterState:

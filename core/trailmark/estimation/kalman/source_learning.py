@@ -47,6 +47,8 @@ class SourceLearning:
         #: Offsets that show only over a minute, and by how much the last stamp of each localizer was moved [s].
         self._slow_offsets: dict[str, TimeOffset] = {}
         self._moved_s: dict[str, float] = {}
+        #: Delays that explain why absolute estimates were outvoted, and when that was [s].
+        self._delays_of_liars: dict[str, tuple[float, TimeOffset]] = {}
         self._told: set[str] = set()  # whose slow offset was warned of
         #: How long the errors of absolute poses last, as they were used last [s].
         self._lasting_s: dict[str, float] = {}
@@ -68,18 +70,21 @@ class SourceLearning:
 
     def clock_offsets(self) -> Mapping[str, TimeOffset]:
         """Return how late or early stamps are found to be, by localizer; nothing where that is not certain."""
-        return {**self._slow_offsets, **self._offsets.certain}
+        of_liars = {source: found for source, (_, found) in self._delays_of_liars.items()}
+        return {**of_liars, **self._slow_offsets, **self._offsets.certain}
 
     def on_one_clock(self, source: str, estimate: Estimate, timeline: Timeline) -> tuple[Estimate, float]:
         """Return a fix that is certainly late with the stamp that it should have, and by how much that is earlier [s].
 
-        Liars are compared with nobody.
+        Liars are compared with nobody; but what lets absolute estimates lie may be a delay.
         """
         if self._offsets.is_due(estimate.stamp_s):
             for liar in outvoted_motions(timeline.state_at(math.inf)):
                 self._offsets.forget(liar)
         self._offsets.note(source, estimate)
-        offset = self._offsets.certain.get(source, self._slow_offsets.get(source))
+        if isinstance(estimate, Fix):
+            self._hear_of_delay(source, timeline.state_at(math.inf))
+        offset = self.clock_offsets().get(source)
         # Motion keeps its stamps: it would overlap with, or leave gaps to, what the same localizer told before. And a
         # belief that is moved by a fix from the future runs ahead of its frames.
         is_used = self._config.clock_offsets == "use" and isinstance(estimate, Fix)
@@ -89,6 +94,25 @@ class SourceLearning:
         self._moved_s[source] = offset.late_s
         self._counted["stamps_corrected"] += 1
         return replace(estimate, stamp_s=estimate.stamp_s - offset.late_s), offset.late_s
+
+    def moved_s(self, source: str) -> float:
+        """Return by how much earlier the last fix of a localizer was put than it was stamped [s]."""
+        return self._moved_s.get(source, 0.0)
+
+    def _hear_of_delay(self, source: str, state: FilterState) -> None:
+        """Take a delay that explains what a localizer was outvoted for; one that explains nothing any more goes."""
+        fault = state.diagnosis.absolute_faults.get(source)
+        since_s, found = self._delays_of_liars.get(source, (-math.inf, None))
+        if fault is None or fault.since_s <= since_s:
+            return
+        if fault.late is None:
+            self._delays_of_liars.pop(source, None)
+            return
+        late_s, sigma_s = fault.late
+        late_s += self.moved_s(source)  # beside what was corrected until then
+        self._delays_of_liars[source] = fault.since_s, TimeOffset("motion", late_s, sigma_s)
+        if found is None and source not in self.clock_offsets().keys() - self._delays_of_liars.keys():
+            warn_of_offset(source, self._delays_of_liars[source][1])
 
     def believed_of_motion(self, source: str, motion: Motion, information: Sym3) -> Sym3:
         """Take note of a motion, and return its information as it is believed."""

@@ -28,6 +28,8 @@ _EXPLAINED = 0.25
 # A drive is uneven when its speed or its turn rate varies by this share of its mean.
 _UNEVEN = 0.25
 _LEAST = 10
+# Sigmas that are so many times the errors are too humble; simulated readings that are not exact have errors in plenty.
+_HUMBLEST = 30.0
 # Frames that the second of two instances is behind.
 _LAG = 3
 
@@ -67,20 +69,26 @@ def _motion_misses(run: AnyRun, motions: Sequence[Motion]) -> Floats | None:
     """Return the mean square error of motions when the truth is taken from other instants, (S,)."""
     if len(motions) < _LEAST:
         return None
-    said = np.array([one.pose_since_now.array() for one in motions])
     measured = np.array([np.diag(one.information) > 0.0 for one in motions])
-    since, now = (np.array([getattr(one, name) for one in motions]) for name in ("since_s", "stamp_s"))
-    errors = [said - between(_true(run, since + shift), _true(run, now + shift)) for shift in _SHIFTS_S]
-    return _mean_squares(errors, measured)
+    return _mean_squares([_errors_of_motions(run, motions, shift) for shift in _SHIFTS_S], measured)
 
 
 def _fix_misses(run: AnyRun, fixes: Sequence[Fix]) -> Floats | None:
     if len(fixes) < _LEAST:
         return None
-    said = np.array([one.pose_map_base.array() for one in fixes])
     measured = np.array([np.diag(one.information) > 0.0 for one in fixes])
-    stamps = np.array([one.stamp_s for one in fixes])
-    return _mean_squares([said - _true(run, stamps + shift) for shift in _SHIFTS_S], measured)
+    return _mean_squares([_errors_of_fixes(run, fixes, shift) for shift in _SHIFTS_S], measured)
+
+
+def _errors_of_motions(run: AnyRun, motions: Sequence[Motion], shift_s: float) -> Floats:
+    said = np.array([one.pose_since_now.array() for one in motions])
+    since, now = (np.array([getattr(one, name) for one in motions]) + shift_s for name in ("since_s", "stamp_s"))
+    return np.asarray(said - between(_true(run, since), _true(run, now)))
+
+
+def _errors_of_fixes(run: AnyRun, fixes: Sequence[Fix], shift_s: float) -> Floats:
+    said = np.array([one.pose_map_base.array() for one in fixes])
+    return np.asarray(said - _true(run, np.array([one.stamp_s for one in fixes]) + shift_s))
 
 
 def _mean_squares(errors: list[Floats], measured: Floats) -> Floats | None:
@@ -122,6 +130,25 @@ def _information_says_something(case: LocalizerCase) -> None:
         assert not len(sigmas) or np.median(sigmas) <= most, (
             f"its sigma of the {name} is {np.median(sigmas):.3g} {unit} on a drive of {length_m:.2g} m:"
             " the information promises nothing (is it a covariance?)"
+        )
+    if getattr(case.run, "noise", None):  # else errors may be as small as they are, and sigmas of real readings right
+        _is_not_too_humble(case.run, told)
+
+
+def _is_not_too_humble(run: AnyRun, told: Sequence[Estimate]) -> None:
+    """Check that errors are not far smaller than their sigmas, where readings have a noise that is known."""
+    motions = [one for one in told if isinstance(one, Motion)]
+    fixes = [one for one in told if isinstance(one, Fix)]
+    for name, said, errors_of in (("motions", motions, _errors_of_motions), ("fixes", fixes, _errors_of_fixes)):
+        if len(said) < _LEAST:
+            continue
+        errors = errors_of(run, said, 0.0)  # type: ignore[operator]
+        errors[:, 2] = wrap_angles(errors[:, 2])
+        information = np.array([np.diag(one.information) for one in said])
+        squares = (errors**2 * information)[(information > 0.0) & np.isfinite(errors)]
+        assert not len(squares) or squares.mean() > _HUMBLEST**-2, (
+            f"the sigmas of its {name} are {1.0 / np.sqrt(max(squares.mean(), 1e-12)):.0f} times its errors, though the"
+            " noise of its readings is known: who fuses it hardly hears it"
         )
 
 
