@@ -122,3 +122,59 @@ def test_an_expectation_that_is_far_off_is_overruled() -> None:
 
     assert isinstance(found, CloudAlignment)
     np.testing.assert_allclose(found.t, [0.8, -0.4], atol=1e-9)
+
+
+def _driven_fast(seconds: float, step_m: float, jump_m: float = 0.0, since_s: float = np.inf) -> Expectation:
+    """30 pictures a second; from a time on each pose is led along by more and more."""
+    expectation = Expectation()
+    expectation.begin(0.0, _T(0.0))
+    for i in range(1, round(30 * seconds) + 1):
+        led_m = jump_m * max(0, i - round(30 * since_s)) if np.isfinite(since_s) else 0.0
+        expectation.took(i / 30, _T(step_m * i + led_m))
+    return expectation
+
+
+def test_what_begins_to_lead_the_newest_poses_along_does_not_lead_the_expectation() -> None:
+    # 1.7 cm a picture more, for the last two pictures
+    expected = _driven_fast(2.0, 0.01, jump_m=0.017, since_s=58 / 30).motion(61 / 30, 2)
+
+    assert expected is not None
+    assert expected.t[0] == pytest.approx(0.61, abs=1e-9)
+    assert expected.sigma_m[0] < 0.01
+
+
+def test_of_a_hand_the_newest_poses_tell_most() -> None:
+    rng = np.random.default_rng(0)
+    x_m, expectation = np.cumsum(np.cumsum(rng.normal(0.0, 0.006, 90))), Expectation()
+    expectation.begin(0.0, _T(0.0))
+    for i, x in enumerate(x_m, start=1):
+        expectation.took(i / 30, _T(float(x)))
+
+    expected = expectation.motion(91 / 30, 2)
+
+    assert expected is not None
+    assert expected.t[0] == pytest.approx(2.0 * x_m[-1] - x_m[-2])
+
+
+def test_rare_pictures_are_expected_by_the_last_two() -> None:
+    expectation = _driven([0.03] * 28 + [0.05])
+
+    expected = expectation.motion(3.0, 2)
+
+    assert expected is not None
+    assert expected.t[0] == pytest.approx(28 * 0.03 + 2 * 0.05)
+
+
+def test_uneven_pictures_have_their_share_of_the_motion() -> None:
+    expectation = Expectation()
+    expectation.begin(0.0, _T(0.0))
+    stamps = np.cumsum(np.tile([0.03, 0.036, 0.033], 30))
+    for stamp_s in stamps.tolist():
+        expectation.took(stamp_s, _T(0.3 * stamp_s, 0.2 * stamp_s))
+
+    expected = expectation.motion(float(stamps[-1]) + 0.03, 2)
+
+    assert expected is not None
+    there = _T(0.3 * (stamps[-1] + 0.03), 0.2 * (stamps[-1] + 0.03))
+    np.testing.assert_allclose(expected.t, there[:2, 3], atol=1e-3)  # it turns on the way
+    np.testing.assert_allclose(expected.R, there[:2, :2], atol=5e-4)

@@ -245,7 +245,7 @@ def test_fixes_a_hundred_times_too_humble_are_caught_where_the_noise_is_known() 
     run, check = pose_run(), "information_says_something"
     localizer_checks(Repeating, PoseConfig(), run)[check]()
 
-    with pytest.raises(AssertionError, match="the sigmas of its fixes are [0-9]+ times its errors"):
+    with pytest.raises(AssertionError, match=r"the sigmas of its fixes are \d+ times its errors"):
         localizer_checks(RepeatingHumbly, PoseConfig(), run)[check]()
 
 

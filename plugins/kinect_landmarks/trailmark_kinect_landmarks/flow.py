@@ -19,7 +19,7 @@ from trailmark_kinect_landmarks.alignment import GATES, CloudAlignment, Refusal,
 from trailmark_kinect_landmarks.camera import DepthPixels, LandmarkCamera, alignment_limits
 from trailmark_kinect_landmarks.config import KinectFlowConfig
 from trailmark_kinect_landmarks.depth import as_scan
-from trailmark_kinect_landmarks.expectation import Expectation
+from trailmark_kinect_landmarks.expectation import LEARNS_EVERY_S, Expectation
 from trailmark_kinect_landmarks.refinding import follow
 from trailmark_kinect_landmarks.systematic import motion_systematic
 from trailmark_kinect_landmarks.watch import DepthWatch
@@ -30,8 +30,8 @@ _SIGMA_PX = 0.7
 _MODEL_SIGMA_M = 0.004
 _FLOOR = np.diag([0.0005**2, 0.0005**2, 0.0003**2])
 _RENEW = 0.7  # share of the points that must be left, else new ones are taken
-_TRIAL = 3  # pictures in agreement before a point votes: what is carried off at a walk has shown itself by then
-_MOVES = 2  # pictures in a row against the others after which a point moves by itself
+_TRIAL = 3  # judgements in agreement before a point votes: what is carried off at a walk has shown itself by then
+_MOVES = 2  # judgements in a row against the others after which a point moves by itself
 _ENOUGH = 12  # points that vote, so that those on trial need not be asked
 _ENOUGH_SHARE = 0.5  # ... and of all that stand: a camera that turns fast has hardly others than new ones
 _CELLS = (6, 8)  # rows and columns of the picture: one thing full of print is not given all the points
@@ -48,7 +48,7 @@ class _Points:
     points_start, cov_start : (N, 3), (N, 3, 3) float64
         Where they stand, in the axes of the start [m].
     n_agreed, n_against : (N,) int
-        Pictures in agreement, and in a row against the others.
+        Judgements in agreement, and in a row against the others; one each `LEARNS_EVERY_S` at most.
     """
 
     uv: Floats
@@ -102,6 +102,7 @@ class KinectFlow(Localizer):
         self._T_start_base = np.eye(4)
         self._expectation = Expectation()
         self._told: tuple[float, Pose2, Floats] | None = None
+        self._voted_s = -math.inf
         self._n_lost = self._n_registered = 0
 
     def counters(self) -> Mapping[str, int]:
@@ -153,7 +154,9 @@ class KinectFlow(Localizer):
         self._T_start_base[:D, :D], self._T_start_base[:D, 3] = answer.R, answer.t
         self._expectation.took(stamp_s, self._T_start_base)
         known, agrees = self._judge_points(followed, measured)
-        followed = followed.after_votes(known, agrees)
+        if not 0.0 <= stamp_s - self._voted_s < LEARNS_EVERY_S:
+            self._voted_s = stamp_s
+            followed = followed.after_votes(known, agrees)
         self._followed = followed
         if (~followed.is_moving).sum() < _RENEW * self.config.points:
             self._renew(grey, depth_m, followed)

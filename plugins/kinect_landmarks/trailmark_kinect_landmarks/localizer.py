@@ -112,7 +112,8 @@ class KinectLandmarks(Localizer):
             self._effort.note_picture(picture, done, len(again), 0)
             return [self._report_lost(stamp_s, doubt, again, others, belief)]
         self._effort.note_picture(picture, done, len(again) + len(others), len(solved.agreeing))
-        rows = self._tracker.learn(solved, again, others)
+        is_surprise = self._expectation.is_surprised(stamp_s, solved.T_map_base)
+        rows = self._tracker.learn(stamp_s, solved, again, others, is_doubtful=is_surprise)
         self._remember(stamp_s, belief, solved.T_map_base, rows)
         self._counts["relocalized"] += expected is None
         self._expectation.took(stamp_s, solved.T_map_base)

@@ -32,9 +32,9 @@ class MemoryLimits:
     Attributes
     ----------
     trial : int
-        Sightings in agreement with the others before it may vote on the pose.
+        Sightings in agreement with the others before it may vote on the pose; one each `LEARNS_EVERY_S` at most.
     moved_after : int
-        Sightings in a row against the others after which it is set aside as moved.
+        Sightings in a row against the others after which it is set aside as moved; likewise.
     most : int
         Landmarks that are remembered at the same time, those of a taught place not counted.
     """

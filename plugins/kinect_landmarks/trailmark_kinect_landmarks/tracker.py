@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from trailmark.arrays import Floats, Indices
 from trailmark_kinect_landmarks.camera import LandmarkCamera
 from trailmark_kinect_landmarks.config import FEW, KinectLandmarksConfig
+from trailmark_kinect_landmarks.expectation import LEARNS_EVERY_S
 from trailmark_kinect_landmarks.eye import LandmarkDetector, PreparedImage
 from trailmark_kinect_landmarks.fuzzy import SearchPlan
 from trailmark_kinect_landmarks.landmarks import SeenLandmarks, TrackedLandmarks
@@ -54,6 +56,7 @@ class Tracker:
         self._config, self._camera, self._eye, self._memory = config, camera, eye, memory
         self._solver = solver
         self._before: PreparedImage | None = None
+        self._learned_s = -math.inf
         self._rests = False  # whether finders were left out of the last picture
         self._followed: tuple[Indices, Floats] = (np.empty(0, np.intp), np.empty((0, 2)))
 
@@ -78,15 +81,26 @@ class Tracker:
         measured = np.flatnonzero(np.isfinite(again.seen.points_base).all(axis=1))
         return again.pick(measured), TrackedLandmarks(found.rows(others), np.full(len(others), -1, np.intp)), done
 
-    def learn(self, solved: Solved, again: TrackedLandmarks, others: TrackedLandmarks) -> Indices:
-        """Refine what agrees, count what does not, remember what is new; returns the rows that passed their trial."""
+    def learn(
+        self, stamp_s: float, solved: Solved, again: TrackedLandmarks, others: TrackedLandmarks, *, is_doubtful: bool
+    ) -> Indices:
+        """Refine what agrees, count what does not, remember what is new; returns the rows that passed their trial.
+
+        Of those that are followed it learns now and then, however fast pictures come; new ones are taken from each.
+        Few, and those that are found again by looks, come and go: of these it learns by each. By a doubtful pose nothing is
+        learned: it may be that of a near thing which is carried off, and what is remembered is what shows that.
+        """
         misses, spread = self._solver.misses(solved, again)
         points, cov = misses + self._memory.points[again.rows], spread - self._memory.cov[again.rows]
         agrees = self._solver.agree(misses, spread)
-        self._memory.agree(again.rows[agrees], points[agrees], cov[agrees])
-        self._memory.disagree(again.rows[~agrees])
-        agreeing = again.rows[agrees]
-        passed: Indices = agreeing[self._memory.n_seen[agreeing] == self._memory.limits.trial]
+        passed: Indices = np.empty(0, np.intp)
+        comes_and_goes = self._config.landmarks < FEW or self._config.refind != "flow"
+        if not is_doubtful:
+            self._memory.disagree(again.rows[~agrees])
+            if comes_and_goes or not 0.0 <= stamp_s - self._learned_s < LEARNS_EVERY_S:
+                self._learned_s, agreeing = stamp_s, again.rows[agrees]
+                self._memory.agree(agreeing, points[agrees], cov[agrees])
+                passed = agreeing[self._memory.n_seen[agreeing] == self._memory.limits.trial]
         rows, uv = self._followed
         stays = ~np.isin(rows, again.rows[~agrees])
         room = max(0, self._config.n_followed - int(agrees.sum()))
