@@ -87,8 +87,8 @@ class Tracker:
         """Refine what agrees, count what does not, remember what is new; returns the rows that passed their trial.
 
         Of those that are followed it learns now and then, however fast pictures come; new ones are taken from each.
-        Few, and those that are found again by looks, come and go: of these it learns by each. By a doubtful pose nothing is
-        learned: it may be that of a near thing which is carried off, and what is remembered is what shows that.
+        Few, and those that are found again by looks, come and go: of these it learns by each. By a doubtful pose
+        nothing is learned: it may be that of a near thing which is carried off, and what is remembered shows that.
         """
         misses, spread = self._solver.misses(solved, again)
         points, cov = misses + self._memory.points[again.rows], spread - self._memory.cov[again.rows]

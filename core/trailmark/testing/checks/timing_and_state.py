@@ -139,10 +139,12 @@ def _is_not_too_humble(run: AnyRun, told: Sequence[Estimate]) -> None:
     """Check that errors are not far smaller than their sigmas, where readings have a noise that is known."""
     motions = [one for one in told if isinstance(one, Motion)]
     fixes = [one for one in told if isinstance(one, Fix)]
-    for name, said, errors_of in (("motions", motions, _errors_of_motions), ("fixes", fixes, _errors_of_fixes)):
-        if len(said) < _LEAST:
+    for name, said, errors in (
+        ("motions", motions, _errors_of_motions(run, motions, 0.0) if len(motions) >= _LEAST else None),
+        ("fixes", fixes, _errors_of_fixes(run, fixes, 0.0) if len(fixes) >= _LEAST else None),
+    ):
+        if errors is None:
             continue
-        errors = errors_of(run, said, 0.0)  # type: ignore[operator]
         errors[:, 2] = wrap_angles(errors[:, 2])
         information = np.array([np.diag(one.information) for one in said])
         squares = (errors**2 * information)[(information > 0.0) & np.isfinite(errors)]
