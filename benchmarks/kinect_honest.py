@@ -42,7 +42,7 @@ from trailmark_papers.kit import Watcher, show, sim_source, started_source
 CHOSEN_ON, REPORTED = (1, 2), (3, 4, 5, 6, 7)
 WORLDS = ("lab", "hallway")
 CAMERA, LIGHT = "rgbd", "light"
-RATE_HZ, SPEED_MPS = 10.0, 0.3
+SPEED_MPS = 0.3
 SEQUENCE = "fr1_rpy_0_5s"
 
 LANDMARKS: Mapping[str, Any] = {"plugin": "kinect_landmarks", "camera": CAMERA, "light": LIGHT}
@@ -67,16 +67,22 @@ class Condition:
     is_registered : bool
         False: depth is that of a camera 25 mm beside, of another lens, and the calibration says that it is the colour
         camera's.
+    rate_hz : float
+        Pictures a second [Hz].
     """
 
     options: Mapping[str, Any]
     length_m: float = 3.0
     is_registered: bool = True
+    rate_hz: float = 10.0
 
 
 CONDITIONS: Mapping[str, Condition] = {
     "straight": Condition({"registered": True}),
     "a box is carried past": Condition({"registered": True, "crate": "walks_off", "crate_s": 2.0}, 1.8),
+    "carried past, 30 pictures a second": Condition(
+        {"registered": True, "crate": "walks_off", "crate_s": 2.0}, 1.8, rate_hz=30.0
+    ),
     "not registered": Condition({"registered": False}, is_registered=False),
 }
 REAL = "fr1_rpy"
@@ -132,9 +138,9 @@ def render(condition: Condition, world: str, place: int, seed: int) -> Scene:
         route="straight",
         world_seed=place,
         speed_mps=SPEED_MPS,
-        duration_s=condition.length_m / SPEED_MPS + 0.5 / RATE_HZ,
+        duration_s=condition.length_m / SPEED_MPS + 0.5 / condition.rate_hz,
         sensors=[LIGHT, CAMERA],
-        rates_hz={CAMERA: RATE_HZ},
+        rates_hz={CAMERA: condition.rate_hz},
         options=condition.options,
         vehicle={"kind": "skid_steer", "max_speed_mps": SPEED_MPS},
         threads=1,

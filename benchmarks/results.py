@@ -63,7 +63,7 @@ _RECKONED_MIN: dict[str, tuple[float, ...]] = {
     "ground_conditions": (25.0, 5.0, 25.0, 8.0),
     "ground_map": (4.0, 4.0, 2.0),
     "hostile-input": (2.0, 10.0, 3.0),
-    "kinect_honest": (8.0, 5.0, 8.0, 1.5, 1.5),
+    "kinect_honest": (8.0, 5.0, 8.0, 1.5, 1.5, 15.0),
     "laser_maps": (10.0, 17.0, 1.0, 5.0, 25.0, 10.0, 2.0, 5.0, 10.0, 5.0, 3.0, 15.0),
     "liars": (3.0,),
     "long-run": (60.0,),
