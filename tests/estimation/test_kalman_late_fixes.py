@@ -62,9 +62,13 @@ def driven(estimator: Kalman, said: Iterator[tuple[int, str, Estimate]]) -> dict
 
 def errors_of(beliefs: dict[int, Belief], poses: list[Pose2], since_s: float) -> tuple[Floats, Floats]:
     """Return how far beliefs are off from a time on, and their standard deviations, (n,) [m]."""
-    late = {i: belief for i, belief in beliefs.items() if i * DT_S > since_s and belief.pose_map_base is not None}
-    off = [belief.pose_map_base.distance_to(poses[i]) for i, belief in late.items()]  # type: ignore[union-attr]
-    sigmas = [math.sqrt(np.trace(belief.covariance[:2, :2]) / 2.0) for belief in late.values()]  # type: ignore[index]
+    off, sigmas = [], []
+    for i, belief in beliefs.items():
+        assert belief.pose_map_base is not None
+        assert belief.covariance is not None
+        if i * DT_S > since_s:
+            off.append(belief.pose_map_base.distance_to(poses[i]))
+            sigmas.append(math.sqrt(np.trace(belief.covariance[:2, :2]) / 2.0))
     return np.array(off), np.array(sigmas)
 
 
