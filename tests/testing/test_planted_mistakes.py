@@ -1,4 +1,4 @@
-"""Twenty mistakes that are made when a part is written: the kit catches every one.
+"""Twenty-one mistakes that are made when a part is written: the kit catches every one.
 
 Each is a localizer or a source that is right but for one thing; beside it stands the check that finds it.
 """
