@@ -255,3 +255,54 @@ def test_motions_that_overlap_are_told_at_the_end_by_the_localizers_name(
 
     assert len(found) == n
     assert all(text.startswith("vo: 28 of its motions began before another one ended") for text in found)
+
+
+@pytest.mark.parametrize(("n", "n_told"), [(5, 0), (6, 1), (1900, 1)])
+def test_readings_that_a_busy_localizer_never_saw_are_told(
+    write_run: Write, straight: Trajectory, n: int, n_told: int
+) -> None:
+    rows = [row(0.1 * k, "cam", "motion", "accepted") for k in range(100)]
+    folder = write_run({"cam": straight}, estimates=rows)
+    (folder / "run.json").write_text(json.dumps({"counters": {"localizer.cam.overwritten": n}}))
+
+    found = told(folder)
+
+    assert len(found) == n_told
+    assert all(text.startswith(f"cam: {n} of {n + 100} readings were overwritten") for text in found)
+
+
+@pytest.mark.parametrize("rate_hz", [5.0, 20.0, 50.0, 100.0, 400.0])
+@pytest.mark.parametrize("unit", [1e3, 1e9])
+def test_stamps_in_other_units_are_told_at_every_rate(write_run: Write, rate_hz: float, unit: float) -> None:
+    stamps_s = np.arange(200) / rate_hz
+    driven = Trajectory(stamps_s * unit, np.column_stack([0.5 * stamps_s, np.zeros((200, 2))]))
+
+    (warning,) = told(write_run({"wheels": driven}))
+
+    assert "stamps are seconds: are these milli- or nanoseconds?" in warning
+
+
+@pytest.mark.parametrize("interval_s", [0.02, 0.5, 2.0, 10.0])
+@pytest.mark.parametrize("sigma_m", [0.0, 0.005, 0.1])
+def test_a_robot_that_rests_or_is_rarely_seen_has_no_wrong_stamps(
+    write_run: Write, noisy: Callable[..., Trajectory], interval_s: float, sigma_m: float
+) -> None:
+    stamps_s = interval_s * np.arange(101)
+    rests = noisy(Trajectory(stamps_s, np.tile([2.0, -1.0, 0.5], (101, 1))), sigma_m)
+    drives = Trajectory(stamps_s, np.column_stack([0.05 * stamps_s, np.zeros((101, 2))]))
+
+    assert told(write_run({"rests": rests, "drives": drives})) == []
+
+
+@pytest.mark.parametrize("key", ["source.robot.repeated", "source.robot.own.repeated"])
+@pytest.mark.parametrize(("n", "n_told"), [(5, 0), (6, 1), (100, 1)])
+def test_readings_of_equal_stamps_are_told(
+    write_run: Write, straight: Trajectory, key: str, n: int, n_told: int
+) -> None:
+    folder = write_run({"fused": straight})
+    (folder / "run.json").write_text(json.dumps({"counters": {key: n, "source.robot.frames": 100}}))
+
+    found = told(folder)
+
+    assert len(found) == n_told
+    assert all(text.startswith(f"robot: {n} of {n + 100} readings had the stamp of the one before") for text in found)

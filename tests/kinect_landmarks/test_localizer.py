@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
+import trailmark
 from trailmark.errors import ConfigError, ShapeError, StoreError
 from trailmark.estimates import Belief, Estimate, Fix, Lost, Motion
 from trailmark.frames import RGBD, Frame, Image, SensorInfo
@@ -168,6 +169,22 @@ def test_a_blank_wall_and_missing_depth_are_lost_with_a_reason(depth_m: float) -
 
     assert isinstance(answer, Lost)
     assert answer.reason == "0 landmarks with depth, 3 are needed"
+
+
+@pytest.mark.parametrize("factor", [5.0, 0.1, 1000.0, 0.001])
+@pytest.mark.parametrize("plugin", ["kinect_landmarks", "kinect_flow"])
+def test_a_wrong_depth_factor_is_said_even_where_no_pose_is_found(
+    room: Room, caplog: pytest.LogCaptureFixture, plugin: str, factor: float
+) -> None:
+    localizer = trailmark.create("localizer", plugin, camera="kinect")
+    localizer.start(Session(sensors=SENSORS, start_pose=Pose2()))
+
+    for i, pose in enumerate(arc(31)):
+        seen = room.look(pose)
+        frame = Frame("kinect", i / 30.0, RGBD(seen.bgr, seen.depth_m * np.float32(factor)))
+        localizer.observe(frame, Belief(i / 30.0, Pose2()))
+
+    assert "look at the source's 'depth_factor'" in caplog.text
 
 
 def test_a_covered_camera_is_lost_and_found_again(room: Room) -> None:

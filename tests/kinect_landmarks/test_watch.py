@@ -9,32 +9,38 @@ import pytest
 
 from trailmark_kinect_landmarks.watch import DepthWatch, complaint_about_depths, complaint_about_way
 
-GREY = np.zeros((48, 64), np.uint8)
+#: What a twentieth, half and all but a twentieth of the depths are nearer than: a desk by hand, two simulated rooms,
+#: the wall that a robot stands before, a hall.
+ROOMS_M = [(0.8, 1.3, 3.3), (1.6, 4.3, 6.3), (1.6, 3.1, 6.0), (0.5, 0.6, 0.8), (1.0, 5.5, 9.0)]
 
 
-@pytest.mark.parametrize("median_m", [0.5, 1.3, 3.0, 5.5])
-def test_depths_of_a_room_are_not_complained_about(median_m: float) -> None:
-    assert complaint_about_depths([median_m] * 10) is None
+@pytest.mark.parametrize("depths_m", ROOMS_M)
+def test_depths_of_a_room_are_not_complained_about(depths_m: tuple[float, float, float]) -> None:
+    assert complaint_about_depths([depths_m] * 10) is None
 
 
-@pytest.mark.parametrize("median_m", [1.3 * 5.0, 1.3 * 1000.0, 1.3 / 5.0, 1.3 / 1000.0])
-def test_a_wrong_depth_factor_is_named(median_m: float) -> None:
-    complaint = complaint_about_depths([median_m] * 10)
+@pytest.mark.parametrize("factor", [5.0, 1000.0, 1.0 / 5.0, 1.0 / 1000.0])
+@pytest.mark.parametrize("depths_m", ROOMS_M[:3])
+def test_a_wrong_depth_factor_is_named(depths_m: tuple[float, float, float], factor: float) -> None:
+    near_m, median_m, far_m = (depth_m * factor for depth_m in depths_m)
+
+    complaint = complaint_about_depths([(near_m, median_m, far_m)] * 10)
 
     assert complaint is not None
+    assert ("implausibly far" if factor > 1.0 else "implausibly near") in complaint
     assert "depth_factor" in complaint
 
 
 def test_no_depth_at_all_is_said() -> None:
-    assert "no depth" in str(complaint_about_depths([np.nan] * 3))
+    assert "no depth" in str(complaint_about_depths([(np.nan, np.nan, np.nan)] * 3))
 
 
 def test_the_user_is_told_once(caplog: pytest.LogCaptureFixture) -> None:
     watch = DepthWatch("landmarks", "kinect")
 
     with caplog.at_level(logging.WARNING):
-        for i in range(100):
-            watch.look(0.1 * i, GREY, np.full((48, 64), 6500.0, np.float32), None)
+        for _ in range(100):
+            watch.look_at_depths(np.full((48, 64), 6500.0, np.float32))
 
     assert len(caplog.records) == 1
     assert "landmarks: half of all depths are beyond 6.5e+03 m" in caplog.text

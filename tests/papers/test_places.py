@@ -74,7 +74,8 @@ def test_a_place_where_nothing_could_be_measured_misses_the_bar(tmp_path: Path) 
     assert mean.ours is None
     assert mean.met is False
     assert "by place: 0.1, nothing, 0.2" in mean.note
-    assert worst.ours == 0.1  # without a bar: of the places where there is one
+    assert mean.n == 3
+    assert (worst.ours, worst.n) == (0.1, 2)  # without a bar: of the places where there is one
 
 
 def test_quick_versions_take_as_many_places_as_are_asked_for(tmp_path: Path) -> None:
@@ -119,6 +120,21 @@ def test_a_fixed_place_has_other_seeds_in_other_folders(tmp_path: Path) -> None:
 
     assert [(trial.seed, trial.place) for trial in seen] == [(0, 7), (1000, 7), (2000, 7)]
     assert len({trial.out for trial in seen}) == 3
+
+
+def test_seeds_of_a_fixed_place_are_of_one_place(tmp_path: Path) -> None:
+    mean, _, _ = over_places(options(tmp_path, place=7), rows_of_place({7: 0.1}), 3)
+
+    assert (mean.n, mean.seeds) == (1, 3)
+    assert mean.note == "as the paper; by seed: 0.1, 0.1, 0.1; 30 samples"
+
+
+@pytest.mark.parametrize(("item", "ours"), [("error, max", 0.6), ("maximum-likelihood error", 0.3)])
+def test_a_word_within_another_makes_no_worst(tmp_path: Path, item: str, ours: float) -> None:
+    def rows(given: ExperimentOptions) -> list[Row]:
+        return [Row("line", item, "m", {1: 0.1, 1001: 0.2, 2001: 0.6}[given.world_seed])]
+
+    assert over_places(options(tmp_path), rows, 3)[0].ours == pytest.approx(ours)
 
 
 def test_the_quick_version_keeps_to_one_place_and_its_rows(tmp_path: Path) -> None:

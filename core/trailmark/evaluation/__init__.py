@@ -12,6 +12,7 @@ from trailmark.evaluation.absolute import (
 from trailmark.evaluation.alignment import ALIGNMENTS, AlignKind, Alignment, align
 from trailmark.evaluation.association import Pairs, associate
 from trailmark.evaluation.consistency import Consistency, chi2_quantile, consistency_of, nees
+from trailmark.evaluation.counter_warnings import collisions_of
 from trailmark.evaluation.estimates_table import OUTCOMES, EstimateTable, read_estimates
 from trailmark.evaluation.latency import Percentiles, percentiles
 from trailmark.evaluation.lateral import LateralError, lateral_error, offsets_from_path
@@ -27,10 +28,11 @@ from trailmark.evaluation.run_metrics import (
     metrics_document,
     write_metrics,
 )
+from trailmark.evaluation.run_warning import RunWarning
 from trailmark.evaluation.source_statistics import SourceStatistics, source_statistics
 from trailmark.evaluation.tracking import Tracked, tracked_fraction
 from trailmark.evaluation.trajectory_metrics import Evaluation, Protocol, evaluate
-from trailmark.evaluation.warnings import RunWarning, collisions_of, run_warnings
+from trailmark.evaluation.warnings import run_warnings
 
 __all__ = [
     "ALIGNMENTS",

@@ -115,6 +115,12 @@ class AlongGrain:
         """Compare no pixel where something is fixed to the lens, (H, W) bool; None: compare all."""
         self._closed = np.zeros_like(self._closed) if closed is None else closed
 
+    def warm_up(self) -> None:
+        """Compile what a first grain needs: random stripes have nothing else."""
+        stripes = np.random.default_rng(0).integers(0, 256 * SMOOTH_SCALE, self._closed.shape[1], np.uint16)
+        picture = np.tile(stripes, (self._closed.shape[0], 1))
+        self.compare(picture, picture, ImageMotion(0.0, 0.0, 0.0))
+
     def compare(self, before: Grey16, now: Grey16, motion: ImageMotion) -> Grain | None:
         """Return what smoothed pictures (see `filters.smooth`) say of a motion of the content; None without a grain."""
         moved = (motion.u, motion.v, motion.turn_rad)

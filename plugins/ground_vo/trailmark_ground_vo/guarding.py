@@ -84,6 +84,7 @@ class GroundTracker:
     """
 
     def __init__(self, config: GroundVOConfig, size: tuple[int, int], aspect: float = 1.0) -> None:
+        self._size = size
         self._plain = RelativeTracker(config, size, aspect)
         self._guarded: RelativeTracker | None = None
         if config.mode == "refined":
@@ -108,6 +109,15 @@ class GroundTracker:
         self._has_film = False
         self._n_calm = self._calm_frames = _CALM_FRAMES
         self._counts = {"suspected": 0, "guarded": 0, "repeated": 0}
+
+    def warm_up(self) -> None:
+        """Compile what pictures will need. The tracker has seen noise then, and is of no more use."""
+        width, height = self._size
+        noise = np.random.default_rng(0).integers(0, 256, (height, width), np.uint8)
+        for stamp_s in range(3):
+            noise[0, 0] += 1  # another picture
+            self.step(noise.copy(), float(stamp_s))
+        self._grain.warm_up()
 
     def step(
         self, image: Grey8, stamp_s: float, expected: ImageMotion | None = None

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-
 from trailmark.estimates import Belief, Estimate, Lost, Motion
 from trailmark.frames import Frame, SensorInfo
 from trailmark.geometry import Pose2
@@ -115,11 +113,7 @@ class GroundVO(Localizer):
     def _warm_up(self, size: tuple[int, int]) -> None:
         compile_together("trailmark_ground_vo.first_kernels.FIRST_KERNELS")
         self._reader.warm_up()
-        tracker = self._new_tracker(size)
-        noise = np.random.default_rng(0).integers(0, 256, (size[1], size[0]), np.uint8)
-        for stamp_s in range(3):
-            noise[0, 0] += 1  # another picture
-            tracker.step(noise.copy(), float(stamp_s))
+        self._new_tracker(size).warm_up()
 
     def _motion(self, step: TrackedMotion, stamp_s: float) -> Motion:
         camera = pose_prev_now(step.motion, self._scale)

@@ -119,6 +119,7 @@ class KinectFlow(Localizer):
             raise ShapeError(f"kinect_flow takes rgbd, but sensor {frame.sensor!r} gave {type(payload).__name__}")
         grey = np.asarray(cv2.cvtColor(payload.bgr, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
         registered_m = self._camera.register_depth(payload)
+        self._watch.look_at_depths(registered_m)
         depth_m = self._camera.clean_depth(registered_m, grey)
         before, self._before = self._before, grey
         if before is None or before.shape != grey.shape:

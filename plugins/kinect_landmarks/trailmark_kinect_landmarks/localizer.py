@@ -96,6 +96,7 @@ class KinectLandmarks(Localizer):
         plan = self._effort.plan()
         picture = self._eye.prepare(payload, self._light, self._scan, plan.scale)
         is_expected = self._is_expected(stamp_s)
+        self._watch.look_at_depths(picture.registered_m)
         predicted = self._expectation.pose(stamp_s) if is_expected else None
         again, others, done = self._tracker.look(picture, plan, predicted)
         if self._solver.notices_tilt(stamp_s, again):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,7 +16,7 @@ __all__ = ["Trial", "over_places"]
 #: Between the seeds of two places: more than any experiment counts on from its own.
 _SEED_STEP = 1000
 #: What an item says that is the worst of many; of several places it is the worst of all.
-_WORST = ("max", "largest", "worst", "p99", "p of the t-test")
+_WORST = re.compile(r"\b(max|largest|worst|p99|p of the t-test)\b")
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,14 +55,18 @@ def over_places(
     rows_of : callable
         The experiment in one place.
     n_places : int
-        How many, where the command line does not say; rows of one alone are returned as they are.
+        How many, where the command line does not say; rows of one alone are returned as they are. In a place that the
+        command line fixes, so many seeds are of that one.
     """
     found = []
     for k in range(options.n_places(n_places)):
         seed = options.seed + _SEED_STEP * k
         out = options.out if k == 0 else options.out / "places" / str(seed + 1)
         found.append(list(rows_of(replace(options, seed=seed, out=out))))
-    return found[0] if len(found) == 1 else [_over(rows) for rows in _align_rows(found)]
+    if len(found) == 1:
+        return found[0]
+    pooled = [_over(rows, "by place" if options.place is None else "by seed") for rows in _align_rows(found)]
+    return pooled if options.place is None else [replace(row, n=min(row.n, 1)) for row in pooled]
 
 
 def _align_rows(found: Sequence[Sequence[Row]]) -> list[list[Row]]:
@@ -71,8 +76,11 @@ def _align_rows(found: Sequence[Sequence[Row]]) -> list[list[Row]]:
     return [[rows[key] for rows in by_key if key in rows] for key in keys]
 
 
-def _over(rows: Sequence[Row]) -> Row:
-    """Return one row for several places: `n` counts them, the spread is over them, and the note names each."""
+def _over(rows: Sequence[Row], by: str) -> Row:
+    """Return one row for several places: `n` counts those that it is of, the spread is over them, the note names each.
+
+    Where there is a bar, a place in which nothing could be measured misses it, and counts.
+    """
     first, values = rows[0], [row.ours for row in rows if row.ours is not None]
     each = ", ".join("nothing" if row.ours is None else f"{row.ours:.3g}" for row in rows)
     samples = sum(row.n for row in rows)
@@ -83,15 +91,15 @@ def _over(rows: Sequence[Row]) -> Row:
         bar=None if first.bar is None else float(np.mean([row.bar for row in rows if row.bar is not None])),
         faithful=_figure_of(first, [row.faithful for row in rows if row.faithful is not None]),
         spread=float(np.std(values)) if len(values) > 1 else None,
-        n=len(rows),
+        n=len(values) if first.bar is None else len(rows),
         seeds=sum(row.seeds for row in rows),
-        note=f"{note}by place: {each}; {samples} samples",
+        note=f"{note}{by}: {each}; {samples} samples",
     )
 
 
 def _figure_of(row: Row, values: Sequence[float]) -> float | None:
     if not values:
         return None
-    if any(word in row.item for word in _WORST):
+    if _WORST.search(row.item):
         return max(values) if row.better == "lower" else min(values)
     return float(np.mean(values))
