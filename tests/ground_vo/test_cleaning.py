@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -42,6 +44,46 @@ def test_light_that_bends_is_even_afterwards():
 
     bands = even[64:-64].reshape(22, -1).mean(axis=1)  # a filter is one-sided at the edges
     assert np.ptp(bands) < 0.025 * EVEN_LEVEL
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("readout_ms", [15.0, 20.0, 25.0, 33.0])
+@pytest.mark.parametrize("depth", [0.1, 0.3, 0.6])
+def test_the_bands_of_a_slow_shutter_are_even_afterwards(axis, readout_ms, depth):
+    waves = 1.0 + depth * np.sin(2.0 * np.pi * 0.1 * readout_ms * np.arange(480) / 480.0)
+    noise = np.random.default_rng(0).normal(0.0, 3.0, (480, 480))
+
+    even = even_brightness(np.rint(110.0 * np.expand_dims(waves, 1 - axis) + noise).astype(np.uint8)).astype(float)
+
+    bands = np.moveaxis(even, axis, 0)[64:-64].reshape(44, -1).mean(axis=1)  # a filter is one-sided at the edges
+    assert np.ptp(bands) < 0.1 * 2.0 * depth * EVEN_LEVEL  # a tenth of the swing
+
+
+def test_rows_of_boards_are_no_bands(picture):
+    joints = picture.copy()
+    joints[::96] //= 2
+    joints[1::96] //= 2
+
+    left = even_brightness(joints).astype(float) - even_brightness(picture)
+
+    assert left[96].mean() < -30.0  # the joint is seen
+    assert np.abs(left[40:60]).mean() < 2.0
+
+
+@pytest.mark.parametrize("left_of_light", [0.4, 0.5, 0.6])
+@pytest.mark.parametrize("place_px", [0, 5, 8])
+@pytest.mark.parametrize("turn_rad", [0.0, 0.3, 1.0, math.pi / 2.0])
+def test_the_edge_of_a_shadow_is_neutral_and_the_ground_beside_it_is_as_it_was(left_of_light, place_px, turn_rad):
+    ground = 150.0 + np.random.default_rng(0).normal(0.0, 8.0, (480, 512))
+    v, u = np.mgrid[:480, :512] - np.array([240, 256])[:, None, None]
+    to_edge = math.cos(turn_rad) * u + math.sin(turn_rad) * v - place_px
+
+    even = even_brightness(np.rint(ground * np.where(to_edge < 0.0, 1.0, left_of_light)).astype(np.uint8)).astype(float)
+
+    far, all_pixels = np.abs(to_edge) > 60.0, even - EVEN_LEVEL
+    plain = EVEN_LEVEL * ground / 150.0
+    assert np.corrcoef(even[far], plain[far])[0, 1] > 0.97
+    assert np.std(all_pixels[np.abs(to_edge) < 40.0]) < 1.1 * np.std(plain)
 
 
 def test_drops_are_neutral_and_the_ground_is_as_it_was(picture):

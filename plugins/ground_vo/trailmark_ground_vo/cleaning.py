@@ -8,7 +8,7 @@ import numpy as np
 from trailmark.arrays import Grey8
 from trailmark_ground_vo.brightness import EVEN_LEVEL, even_brightness
 
-__all__ = ["clean", "contrast_of", "fade_pixels", "neutralise"]
+__all__ = ["clean", "contrast_of", "neutralise"]
 
 #: Pixels this many standard deviations from their surroundings are drops, dirt or glints. Of ten floors at most 1.2 %
 #: of the pixels are (grooves of planks), of eight less than 0.4 %.
@@ -53,17 +53,3 @@ def contrast_of(even: Grey8) -> float:
     """Return the robust standard deviation of a picture in even light [grey levels]."""
     sparse = np.abs(even[::_EVERY, ::_EVERY].astype(np.int16) - EVEN_LEVEL).ravel()
     return _SIGMA_OVER_MEDIAN * float(np.partition(sparse, len(sparse) // 2)[len(sparse) // 2])
-
-
-def fade_pixels(even: Grey8, weights: Grey8) -> Grey8:
-    """Return a picture in even light with some pixels faded to `EVEN_LEVEL`.
-
-    Parameters
-    ----------
-    even : (H, W) uint8
-        Of `even_brightness`.
-    weights : (H, W) uint8
-        From 0, neutral, to 255, as it is.
-    """
-    apart = (even.astype(np.int16) - EVEN_LEVEL) * weights  # at most 128 * 255, which 16 bits just hold
-    return np.asarray(EVEN_LEVEL + (apart >> 8) + (apart > 0), np.uint8)

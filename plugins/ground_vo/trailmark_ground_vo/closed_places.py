@@ -26,7 +26,7 @@ def closed_by(weights: Grey8) -> Bools | None:
     Parameters
     ----------
     weights : (H, W) uint8
-        As of `cleaning.fade_pixels`.
+        As of `brightness.fade_pixels`.
     """
     side = 2 * _NEAR_PX + 1
     faded = cv2.dilate((weights < 255).astype(np.uint8), np.ones((side, side), np.uint8))

@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 
 from trailmark.arrays import Float32s, Grey8, Grey16
-from trailmark_ground_vo.brightness import EVEN_LEVEL
-from trailmark_ground_vo.cleaning import clean, contrast_of, fade_pixels
+from trailmark_ground_vo.brightness import EVEN_LEVEL, fade_pixels
+from trailmark_ground_vo.cleaning import clean, contrast_of
 from trailmark_ground_vo.closed_places import closed_by
 from trailmark_ground_vo.config import GroundVOConfig
 from trailmark_ground_vo.filters import SMOOTH_SCALE, levels_of, noise_level
