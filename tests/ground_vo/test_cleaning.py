@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 
+import cv2
 import numpy as np
 import pytest
 
 from trailmark.geometry import Pose2
 from trailmark_ground_vo.brightness import EVEN_LEVEL, even_brightness
-from trailmark_ground_vo.cleaning import clean
+from trailmark_ground_vo.cleaning import in_even_light
 
 
 @pytest.fixture
@@ -90,11 +91,26 @@ def test_drops_are_neutral_and_the_ground_is_as_it_was(picture):
     wet = picture.copy()
     wet[100:108, 200:208] = 255
 
-    cleaned = clean(wet)
+    cleaned = in_even_light(wet)[0]
 
     assert np.all(cleaned[100:108, 200:208] == EVEN_LEVEL)
-    assert np.mean(cleaned[:, :150] == clean(picture)[:, :150]) > 0.9
+    assert np.mean(cleaned[:, :150] == in_even_light(picture)[0][:, :150]) > 0.9
+
+
+def test_drops_do_not_darken_the_ground_around_them():
+    rng = np.random.default_rng(0)
+    ground = np.rint(120.0 + rng.normal(0.0, 4.0, (480, 512))).astype(np.uint8)
+    wet = ground.copy()
+    for v, u in rng.integers(8, (472, 504), (250, 2)):
+        wet[v - 5 : v + 5, u - 5 : u + 5] = 240
+
+    cleaned, even = in_even_light(wet)
+
+    beside = cv2.dilate((wet == 240).astype(np.uint8), np.ones((25, 25))).astype(bool) & (cleaned != EVEN_LEVEL)
+    dry = even_brightness(ground).astype(float)[beside]
+    assert abs(np.mean(cleaned[beside] - dry)) < 0.3 * abs(np.mean(even_brightness(wet)[beside] - dry))
+    assert np.all(even[wet == 240] > 200)  # for those who learn what stands still
 
 
 def test_a_black_picture_shows_nothing():
-    assert np.ptp(clean(np.zeros((240, 256), np.uint8))) == 0
+    assert np.ptp(in_even_light(np.zeros((240, 256), np.uint8))[0]) == 0

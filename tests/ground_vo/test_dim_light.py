@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from trailmark.testing.ground import MirroredFloor, ground_run, straight
-from trailmark_ground_vo.cleaning import clean
+from trailmark_ground_vo.cleaning import in_even_light
 from trailmark_ground_vo.filters import noise_level, smooth
 from trailmark_ground_vo.refined_moves import _COARSE, _FINE, _dim_filter
 
@@ -26,7 +26,7 @@ def floor(grain_px: float, contrast: float) -> MirroredFloor:
 def test_coarse_ground_in_much_noise_is_filtered_most(grain_px, contrast, wanted):
     texture = floor(grain_px, contrast).texture
     noisy = texture + np.random.default_rng(1).normal(0.0, 6.0, texture.shape)
-    cleaned = clean(np.clip(np.rint(noisy), 0, 255).astype(np.uint8))
+    cleaned = in_even_light(np.clip(np.rint(noisy), 0, 255).astype(np.uint8))[0]
 
     assert _dim_filter(smooth(cleaned), noise_level(cleaned)) == wanted
 

@@ -40,6 +40,9 @@ _LEAST_BANDS, _MOST_BANDS = 2.5, 4.5
 #: the edge of a shadow that takes 30 to 60 % of the light, up to 8 of lamps whose light swings by 10 to 60 %.
 _LEAST_BEND, _BEND_OVER_MEDIAN = 0.04, 9.0
 
+#: Of 255, what is left of a cell that can be measured beside what is foreign.
+_LEAST_KEPT = 85.0
+
 #: Standard deviation of a median of n over the median of the absolute deviations from it, times sqrt(n).
 _SIGMA_OF_MEDIAN = 1.4826 * 1.2533
 
@@ -58,15 +61,22 @@ _MOST_DIFFERENT = 0.1
 _MOST_GAIN = 8.0
 
 
-def even_brightness(image: Grey8) -> Grey8:
+def even_brightness(image: Grey8, foreign: Grey8 | None = None) -> Grey8:
     """Return `EVEN_LEVEL` times the picture over the brightness around each pixel, (H, W) uint8.
 
     Along an edge of the light, as that of a shadow, the surroundings are of two kinds, and what is left of it is no
     ground: there it is faded to `EVEN_LEVEL`.
+
+    Parameters
+    ----------
+    image : (H, W) uint8
+        As it came from the camera.
+    foreign : (H, W) uint8, optional
+        255 where something is seen that is neither ground nor light: the surroundings are measured beside it.
     """
     shorter = min(image.shape)
     side = min(shorter, max(_LEAST_CELL_PX, min(_CELL_PX, shorter // _CELLS_ACROSS)))
-    means = cell_means(image, side)
+    means = cell_means(image, side) if foreign is None else _means_beside(image, foreign, side)
     cells = cv2.medianBlur(means, _MEDIAN_CELLS).astype(np.float32)  # no drop, but a shadow's edge
     around = np.asarray(cv2.GaussianBlur(cells, (0, 0), _AROUND_CELLS), np.float32)
     # a filter flattens the bends of the light; what it leaves of them is filtered and added (Tukey's twicing)
@@ -96,6 +106,14 @@ def fade_pixels(even: Grey8, weights: Grey8) -> Grey8:
     """
     apart = (even.astype(np.int16) - EVEN_LEVEL) * weights  # at most 128 * 255, which 16 bits just hold
     return np.asarray(EVEN_LEVEL + (apart >> 8) + (apart > 0), np.uint8)
+
+
+def _means_beside(image: Grey8, foreign: Grey8, side: int) -> Grey8:
+    """Return the means of cells without what is foreign; cells that hardly have anything else have it."""
+    own = np.bitwise_not(foreign)
+    kept = cell_means(own, side).astype(np.float32)
+    known = 255.0 * cell_means(np.bitwise_and(image, own), side) / np.maximum(kept, np.float32(1.0))
+    return np.asarray(np.where(kept >= _LEAST_KEPT, np.minimum(known + 0.5, 255.0), cell_means(image, side)), np.uint8)
 
 
 def _shares_of_bands(means: Grey8, around: Float32s) -> list[float]:

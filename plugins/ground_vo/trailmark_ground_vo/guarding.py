@@ -254,6 +254,8 @@ class GroundTracker:
         reference, previous = guarded.reference, guarded.latest
         said = guarded.step(image, stamp_s)
         if reference is not None and isinstance(said, TrackedMotion) and not self._is_shared(reference, said.motion):
+            self._learn_what_stands(previous)
+            self._ignore_marks(image, stamp_s, None)
             guarded.resume(image, stamp_s, 0.0, None)
             self._rest.begin(was_told=self._ground is not None)
             self._understood, self._n_calm = (image, self._smooth(image)), 0
@@ -313,8 +315,8 @@ class GroundTracker:
             self._n_doubted += 1
         if rival is not None:
             self._learn_marks(reference, now, rival, sigma)
-        elif _MOST_SPREAD * noise < self._spread(previous, now, _STILL) < math.inf:
-            self._learn_marks(previous, now, None, sigma)
+        else:
+            self._learn_what_stands(previous)
         return said
 
     def _is_shared(self, before: SearchPicture, motion: ImageMotion) -> bool:
@@ -352,6 +354,15 @@ class GroundTracker:
         assert before.smoothed is not None
         assert now.smoothed is not None
         return self._rivals.better(before.smoothed, now.smoothed, found, self._guarded.latest_vote)
+
+    def _learn_what_stands(self, before: SearchPicture | None) -> None:
+        """Take what stands still for marks where the picture as a whole has not stood still since the one before."""
+        assert self._guarded is not None
+        now = self._guarded.latest
+        assert now is not None
+        noise = max(1.0, now.noise or 0.0)
+        if before is not None and _MOST_SPREAD * noise < self._spread(before, now, _STILL) < math.inf:
+            self._learn_marks(before, now, None, _SPREAD_OVER_NOISE * noise)
 
     def _learn_marks(self, before: SearchPicture, now: SearchPicture, motion: ImageMotion | None, sigma: float) -> None:
         if before.unmasked is not None and now.unmasked is not None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from trailmark.arrays import Float32s, Grey8, Grey16
 from trailmark_ground_vo.brightness import EVEN_LEVEL, fade_pixels
-from trailmark_ground_vo.cleaning import clean, contrast_of
+from trailmark_ground_vo.cleaning import contrast_of, in_even_light
 from trailmark_ground_vo.closed_places import closed_by
 from trailmark_ground_vo.config import GroundVOConfig
 from trailmark_ground_vo.filters import SMOOTH_SCALE, levels_of, noise_level
@@ -160,10 +160,12 @@ class GuardedMove(RefinedMove):
 
     def prepare(self, image: Grey8) -> SearchPicture:
         """Return the picture cleaned and smoothed, with what phase correlation compares."""
-        cleaned = clean(image)
-        noise, unmasked = float(noise_level(cleaned)), None
+        cleaned, even = in_even_light(image)
+        noise = float(noise_level(cleaned))
+        unmasked = None
+        if even is not cleaned or self._weights is not None:
+            unmasked = levels_of(self._kernels.smooth(even))
         if self._weights is not None:
-            unmasked = levels_of(self._kernels.smooth(cleaned))
             cleaned = fade_pixels(cleaned, self._weights)
         smoothed, searched = self._kernels.smooth(cleaned), cleaned
         if not self._is_decided:
