@@ -55,6 +55,7 @@ _UNKNOWN_MIN = 30.0
 #: Blocks of a page that were never made so: reckoned from slices of them, and for two quiet cores [min].
 _RECKONED_MIN: dict[str, tuple[float, ...]] = {
     "bench": (5.0,),
+    "bench_warm": (15.0, 5.0),
     "divs_winding": (5.0, 10.0, 3.0),
     "foreign_places": (4.0, 6.0, 10.0, 8.0, 5.0, 6.0, 5.0),
     "fusion": (10.0, 0.5, 15.0, 0.2),
