@@ -36,12 +36,15 @@ def way(seconds: float) -> list[Pose2]:
     return poses
 
 
-def told(poses: list[Pose2], late_s: float, seed: int) -> Iterator[tuple[int, str, Estimate]]:
-    """Wheels, a camera, and a laser whose stamps are late."""
+def told(
+    poses: list[Pose2], late_s: float, seed: int, frozen_s: float = math.inf
+) -> Iterator[tuple[int, str, Estimate]]:
+    """Wheels, a camera that freezes at some time, and a laser whose stamps are late."""
     rng, behind = np.random.default_rng(seed), round(late_s / DT_S)
     for i, (before, now) in enumerate(pairwise(poses), start=1):
         for source in ("wheels", "camera"):
-            step = before.between(now).array() + rng.normal(size=3) * SIGMAS[source]
+            is_frozen = source == "camera" and i * DT_S > frozen_s
+            step = (0.0 if is_frozen else before.between(now).array()) + rng.normal(size=3) * SIGMAS[source]
             information = information_from_sigmas(*SIGMAS[source])
             yield i, source, Motion((i - 1) * DT_S, i * DT_S, Pose2(*step.tolist()), information)
         if i % FIX_EVERY == 0:
@@ -80,6 +83,18 @@ def test_a_laser_that_is_late_from_the_start_is_found_and_used(seed: int) -> Non
 
     assert estimator.clock_offsets()["laser"].late_s == pytest.approx(0.2, abs=0.06)
     assert math.sqrt(np.mean(off_m**2)) < 0.03
+    assert np.mean(off_m > np.maximum(5.0 * sigma_m, 0.02)) < 0.02
+
+
+@pytest.mark.parametrize("seed", [1, 5, 9])
+def test_a_camera_that_freezes_beside_a_laser_known_to_be_late_is_not_believed_and_others_are(seed: int) -> None:
+    poses, estimator = way(35.0), Kalman(KalmanConfig())
+
+    beliefs = driven(estimator, told(poses, 0.2, seed, frozen_s=25.0))
+    off_m, sigma_m = errors_of(beliefs, poses, 27.0)
+
+    health = beliefs[max(beliefs)].health
+    assert {name for name, words in health.items() if "not believed" in words} == {"camera"}, health
     assert np.mean(off_m > np.maximum(5.0 * sigma_m, 0.02)) < 0.02
 
 
