@@ -35,14 +35,24 @@ def test_the_grand_bench_has_every_localizer_and_skips_recordings_that_are_not_t
         "photo_wood",
         "photo_asphalt",
         "fr1_rpy",
-        "robot_1",
-        "robot_2",
-        "barcodes_1",
-        "barcodes_2",
+        *(f"robot_{number}" for number in range(1, 6)),
+        *(f"barcodes_{number}" for number in range(1, 6)),
         "intel",
         "freiburg",
     }
     assert all("TRAILMARK_DATA is not set" in cell.missing for cell in bench.cells if cell.missing)
+
+
+def test_the_grand_bench_has_every_fault(data_folder: Path) -> None:
+    plugins = load_plugins()
+    bench = load_bench(find_config(Path("grand")), plugins=plugins)
+
+    documents = [cell.request["document"] for cell in bench.cells if cell.request]
+    faults = [source.get("perturb") or {} for document in documents for source in document["sources"].values()]
+    used = {name for fault in faults for name in fault}
+
+    ours = {spec.name for spec in plugins.registry.specs("fault") if spec.distribution == "trailmark"}
+    assert ours - used == {"basic"}  # whose keys stand beside the names of the others
 
 
 def test_a_shipped_bench_is_found_by_its_name_and_a_file_of_that_name_comes_first(
