@@ -55,7 +55,13 @@ def slow_shutter(index, frame):
     return changed(frame, 0.75 * frame.payload.pixels * (1.0 + 0.3 * np.sin(2.0 * np.pi * 100.3 * rows_s)))
 
 
-@pytest.mark.parametrize("change", [flicker, low_light, marks, shadow, slow_shutter])
+def headlamp(index, frame):
+    """A lamp on the robot that lights a quarter of the picture, and hardly anything else."""
+    v, u = np.mgrid[:288, :320] - np.array([144, 160])[:, None, None]
+    return changed(frame, frame.payload.pixels * (0.15 + 0.85 * np.exp(-(u**2 + v**2) / (2.0 * 60.0**2))))
+
+
+@pytest.mark.parametrize("change", [flicker, low_light, marks, shadow, slow_shutter, headlamp])
 def test_the_track_is_kept_and_right(change, camera, ground, track):
     run = ground_run(straight(SPEED_MPS), 60, ground=ground, camera=camera)
 

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from trailmark.arrays import Float32s, Grey8
+from trailmark.arrays import Float32s, Floats, Grey8
 from trailmark_ground_vo.filters import GAIN_ONE, cell_means, flatten
 
 __all__ = ["EVEN_LEVEL", "even_brightness", "fade_pixels"]
@@ -36,12 +36,8 @@ _BEND_CELLS = 5
 #: behind marks as well (five floors), under lamps by 3 to 15.
 _LEAST_BANDS, _MOST_BANDS = 2.5, 4.5
 
-#: What a smooth curve leaves of a step, at least [1], and over what it leaves at most places: 9 to 45 of
-#: the edge of a shadow that takes 30 to 60 % of the light, up to 8 of lamps whose light swings by 10 to 60 %.
-_LEAST_BEND, _BEND_OVER_MEDIAN = 0.04, 9.0
-
-#: Of 255, what is left of a cell that can be measured beside what is foreign.
-_LEAST_KEPT = 85.0
+#: Share of a cell that has to be left, so that it is measured beside what is foreign.
+_LEAST_KEPT = 0.3
 
 #: Standard deviation of a median of n over the median of the absolute deviations from it, times sqrt(n).
 _SIGMA_OF_MEDIAN = 1.4826 * 1.2533
@@ -49,10 +45,14 @@ _SIGMA_OF_MEDIAN = 1.4826 * 1.2533
 #: A median is known no better than by the steps of grey levels [1].
 _LEAST_SIGMA = 1e-3
 
-#: Steps of the brightness from cell to cell, smoothed so widely [cells], from which on it is an edge of the light, and
-#: beyond which nothing is seen of the ground there; that of ground changes by up to 0.055, behind marks by 0.067 (five
+#: Steps of the brightness from cell to cell, smoothed so widely [cells], from which on it may be an edge of the light,
+#: and beyond which it surely is as steep as one; that of ground changes by up to 0.055, behind marks by 0.067 (five
 #: floors), at the edge of a shadow that takes half the light by 0.16 [1].
 _EDGE_CELLS, _STEEP, _STEEPEST = 1.5, 0.07, 0.1
+
+#: What a smooth filter leaves in so many cells, from which on it is an edge: 0.12 to 0.34 at that of a shadow that
+#: takes 30 to 60 % of the light, up to 0.1 in the light of a lamp as wide as a quarter of the picture [1].
+_EDGE_SIDE, _BENT, _MOST_BENT = 5, 0.07, 0.12
 
 #: Cells that differ more than this from their surroundings are lit differently: only so much of it is ground [1].
 _MOST_DIFFERENT = 0.1
@@ -76,7 +76,9 @@ def even_brightness(image: Grey8, foreign: Grey8 | None = None) -> Grey8:
     """
     shorter = min(image.shape)
     side = min(shorter, max(_LEAST_CELL_PX, min(_CELL_PX, shorter // _CELLS_ACROSS)))
-    means = cell_means(image, side) if foreign is None else _means_beside(image, foreign, side)
+    means = cell_means(image, side)
+    if foreign is not None:
+        means = _means_beside(image, foreign, means, side)
     cells = cv2.medianBlur(means, _MEDIAN_CELLS).astype(np.float32)  # no drop, but a shadow's edge
     around = np.asarray(cv2.GaussianBlur(cells, (0, 0), _AROUND_CELLS), np.float32)
     # a filter flattens the bends of the light; what it leaves of them is filtered and added (Tukey's twicing)
@@ -86,11 +88,11 @@ def even_brightness(image: Grey8, foreign: Grey8 | None = None) -> Grey8:
         if share > 0.0:
             around *= _medians(_ratios(means, around), axis) ** np.float32(share)
     excess = cells - around
+    weights = _weights_beside_edges(means, np.abs(excess) / np.maximum(around, np.float32(1.0)), shares)
     around += excess - np.clip(excess, -_MOST_DIFFERENT * around, _MOST_DIFFERENT * around)
     gain = GAIN_ONE * np.minimum(np.float32(_MOST_GAIN), EVEN_LEVEL / np.maximum(around, np.float32(1.0)))
     size = (image.shape[1], image.shape[0])
     even = flatten(image, np.asarray(cv2.resize((gain + 0.5).astype(np.uint16), size), np.uint16))
-    weights = _weights_beside_edges(means, shares)
     return even if weights.min() == 255 else fade_pixels(even, np.asarray(cv2.resize(weights, size), np.uint8))
 
 
@@ -108,12 +110,16 @@ def fade_pixels(even: Grey8, weights: Grey8) -> Grey8:
     return np.asarray(EVEN_LEVEL + (apart >> 8) + (apart > 0), np.uint8)
 
 
-def _means_beside(image: Grey8, foreign: Grey8, side: int) -> Grey8:
-    """Return the means of cells without what is foreign; cells that hardly have anything else have it."""
-    own = np.bitwise_not(foreign)
-    kept = cell_means(own, side).astype(np.float32)
-    known = 255.0 * cell_means(np.bitwise_and(image, own), side) / np.maximum(kept, np.float32(1.0))
-    return np.asarray(np.where(kept >= _LEAST_KEPT, np.minimum(known + 0.5, 255.0), cell_means(image, side)), np.uint8)
+def _means_beside(image: Grey8, foreign: Grey8, means: Grey8, side: int) -> Grey8:
+    """Return the means of cells without what is foreign; cells that hardly have anything else have all of it."""
+    rows, columns = means.shape
+    own = (foreign[: rows * side, : columns * side] == 0).astype(np.float32)
+    kept, known = (
+        cv2.resize(picture, (columns, rows), interpolation=cv2.INTER_AREA)
+        for picture in (own, own * image[: rows * side, : columns * side])
+    )
+    beside = np.rint(known / np.maximum(kept, np.float32(1e-3)))
+    return np.asarray(np.where(kept >= _LEAST_KEPT, beside, means), np.uint8)
 
 
 def _shares_of_bands(means: Grey8, around: Float32s) -> list[float]:
@@ -124,9 +130,6 @@ def _shares_of_bands(means: Grey8, around: Float32s) -> list[float]:
     """
     ratios, shares = _ratios(means, around), []
     for axis in (0, 1):
-        if _has_a_step(_medians(means.astype(np.float32), axis)):
-            shares.append(0.0)  # the edge of a shadow that lies along the rows is no band
-            continue
         middle = _medians(ratios, axis)
         scatter = _medians(np.abs(ratios - middle), axis) / math.sqrt(ratios.shape[1 - axis])
         sigmas = (middle - 1.0) / np.maximum(_SIGMA_OF_MEDIAN * scatter, _LEAST_SIGMA)
@@ -135,24 +138,29 @@ def _shares_of_bands(means: Grey8, around: Float32s) -> list[float]:
     return shares
 
 
-def _has_a_step(profile: Float32s) -> bool:
-    """Return whether a profile, (n, 1) or (1, n), bends at one place far more than at all others, as no wave does."""
-    logs = np.log(np.maximum(profile.reshape(-1, 1), np.float32(1.0)))
-    left = logs - cv2.GaussianBlur(logs, (1, 7), sigmaX=1.0)
-    bends = np.abs(left - cv2.GaussianBlur(left, (1, 7), sigmaX=1.0))[1:-1]
-    return float(bends.max()) > max(_LEAST_BEND, _BEND_OVER_MEDIAN * float(np.median(bends)))
+def _weights_beside_edges(means: Grey8, unexplained: Float32s, shares: Sequence[float]) -> Grey8:
+    """Return 255 for cells, 0 along an edge: where the light changes steeply, and more so than a smooth filter follows.
 
-
-def _weights_beside_edges(means: Grey8, shares: Sequence[float]) -> Grey8:
-    """Return 255 for cells, less where the light changes steeply, 0 along an edge; bands are no edges."""
-    light = cv2.medianBlur(means, _BEND_CELLS).astype(np.float32)  # no mark on the lens, no crack in the ground
+    A headlamp is steep and smooth, a mark and a crack are neither smooth nor steep over several cells, and bands, less
+    their share, are no edges.
+    """
+    if min(means.shape) < 2:
+        return np.full(means.shape, 255, np.uint8)
+    light = cv2.medianBlur(means, _BEND_CELLS).astype(np.float32)
     logs = np.log(np.maximum(cv2.GaussianBlur(light, (0, 0), _EDGE_CELLS), np.float32(1.0)))
     for axis, share in enumerate(shares):
         if share > 0.0:
             logs -= np.float32(share) * _medians(logs, axis)
     down, right = np.gradient(logs)
-    left = (_STEEPEST - np.hypot(down, right)) / (_STEEPEST - _STEEP)
-    return np.asarray(255.0 * np.clip(left, 0.0, 1.0), np.uint8)
+    side = np.ones((_EDGE_SIDE, _EDGE_SIDE), np.uint8)
+    beside = np.asarray(cv2.dilate(unexplained, side), np.float32)  # what lies on the edge itself is explained
+    even = np.maximum(_left(np.hypot(down, right), _STEEP, _STEEPEST), _left(beside, _BENT, _MOST_BENT))
+    return np.asarray(255.0 * even, np.uint8)
+
+
+def _left(values: Floats | Float32s, least: float, most: float) -> Floats:
+    """Return 1 up to the least, 0 from the most on."""
+    return np.asarray(np.clip((most - values) / (most - least), 0.0, 1.0), np.float64)
 
 
 def _ratios(means: Grey8, around: Float32s) -> Float32s:

@@ -162,16 +162,16 @@ class GuardedMove(RefinedMove):
         """Return the picture cleaned and smoothed, with what phase correlation compares."""
         cleaned, even = in_even_light(image)
         noise = float(noise_level(cleaned))
-        unmasked = None
-        if even is not cleaned or self._weights is not None:
-            unmasked = levels_of(self._kernels.smooth(even))
+        has_more = even is not cleaned or self._weights is not None
         if self._weights is not None:
             cleaned = fade_pixels(cleaned, self._weights)
         smoothed, searched = self._kernels.smooth(cleaned), cleaned
         if not self._is_decided:
             self._dim, self._is_decided = _dim_filter(smoothed, noise), True
+        unmasked = self._kernels.smooth(even) if has_more else None
         if self._dim is not None:
             smoothed = _blurred(smoothed, self._dim)
+            unmasked = None if unmasked is None else _blurred(unmasked, self._dim)
             noise *= self._dim.noise
         if self._config.smooth_search is not False:
             searched = levels_of(smoothed)
@@ -181,7 +181,7 @@ class GuardedMove(RefinedMove):
             smoothed=smoothed,
             noise=noise if searched is not cleaned else None,
             spectrum=self._witness.spectrum(cleaned),
-            unmasked=searched if unmasked is None else unmasked,
+            unmasked=searched if unmasked is None else levels_of(unmasked),
         )
 
     def on_resume(self, image: Grey8) -> SearchPicture:
