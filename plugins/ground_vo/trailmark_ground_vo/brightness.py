@@ -154,12 +154,12 @@ def _weights_beside_edges(means: Grey8, unexplained: Float32s, shares: Sequence[
     down, right = np.gradient(logs)
     side = np.ones((_EDGE_SIDE, _EDGE_SIDE), np.uint8)
     beside = np.asarray(cv2.dilate(unexplained, side), np.float32)  # what lies on the edge itself is explained
-    even = np.maximum(_left(np.hypot(down, right), _STEEP, _STEEPEST), _left(beside, _BENT, _MOST_BENT))
+    even = np.maximum(_falling(np.hypot(down, right), _STEEP, _STEEPEST), _falling(beside, _BENT, _MOST_BENT))
     return np.asarray(255.0 * even, np.uint8)
 
 
-def _left(values: Floats | Float32s, least: float, most: float) -> Floats:
-    """Return 1 up to the least, 0 from the most on."""
+def _falling(values: Floats | Float32s, least: float, most: float) -> Floats:
+    """Return 1 for values up to the least, 0 from the most on, and what falls evenly between."""
     return np.asarray(np.clip((most - values) / (most - least), 0.0, 1.0), np.float64)
 
 

@@ -255,14 +255,17 @@ class GroundTracker:
         said = guarded.step(image, stamp_s)
         if reference is not None and isinstance(said, TrackedMotion) and not self._is_shared(reference, said.motion):
             self._learn_what_stands(previous)
-            self._ignore_marks(image, stamp_s, None)
+            self._ignore_marks()
             guarded.resume(image, stamp_s, 0.0, None)
             self._rest.begin(was_told=self._ground is not None)
             self._understood, self._n_calm = (image, self._smooth(image)), 0
             return TrackingFailure(_NO_TEXTURE, said.details)
         if reference is not None and previous is not None:
             said = self._credible(said, reference, previous)
-            self._ignore_marks(image, stamp_s, said)
+            is_new = self._ignore_marks()
+            if self._n_doubted and (is_new or self._n_doubted > _PATIENCE_FRAMES):  # begin anew after a wrong motion
+                self._n_doubted = 0
+                guarded.resume(image, stamp_s, 0.0, None)
         now, is_calm = self._smooth(image), False
         if isinstance(said, TrackedMotion):
             if self._understood is not None:
@@ -300,7 +303,9 @@ class GroundTracker:
                 unexplained = max(1.0, spread / (_USUAL_SPREAD * noise))
                 information = self._widened(reference, now, said) / unexplained
                 return replace(said, information=information if grain is None else grain.widened(information))
-            along = "" if grain is None else " along its grain"
+            along, cause = "", "dirt on the lens, reflections?"
+            if grain is not None:
+                along, cause = " along its grain", "streaks that look alike, something that passes?"
             otherwise = "" if rival is None else f", but by {rival.u:.0f}, {rival.v:.0f} px{along}"
             seen = (
                 "marks lie on all that both pictures show"
@@ -309,7 +314,7 @@ class GroundTracker:
             )
             said = TrackingFailure(
                 f"most of the picture does not move as its marks do{otherwise}: {seen} with noise of {noise:.1f}"
-                " (dirt on the lens, reflections?)",
+                f" ({cause})",
                 said.details,
             )
             self._n_doubted += 1
@@ -368,20 +373,19 @@ class GroundTracker:
         if before.unmasked is not None and now.unmasked is not None:
             self._marks.add(before.unmasked, now.unmasked, motion, sigma)
 
-    def _ignore_marks(self, image: Grey8, stamp_s: float, said: TrackedMotion | TrackingFailure | None) -> None:
-        """Make the guarded tracker ignore marks that are fixed to the lens; begin anew after a wrong motion."""
+    def _ignore_marks(self) -> bool:
+        """Ignore what has been learned to be fixed to the lens; return whether that has changed."""
         assert self._guarded is not None
         weights = self._marks.new_weights()
-        if weights is not None:
-            closed = closed_by(weights)
-            self._guarded.ignore(weights)
-            self._audit.ignore(closed)
-            self._weak_axis.ignore(closed)
-            self._grain.ignore(closed)
-            self._texture.ignore(closed)
-        if self._n_doubted and (weights is not None or self._n_doubted > _PATIENCE_FRAMES):
-            self._n_doubted = 0
-            self._guarded.resume(image, stamp_s, 0.0, None)
+        if weights is None:
+            return False
+        closed = closed_by(weights)
+        self._guarded.ignore(weights)
+        self._audit.ignore(closed)
+        self._weak_axis.ignore(closed)
+        self._grain.ignore(closed)
+        self._texture.ignore(closed)
+        return True
 
     def _spread(self, before: SearchPicture, now: SearchPicture, motion: ImageMotion) -> float:
         assert before.smoothed is not None
