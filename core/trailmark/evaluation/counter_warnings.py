@@ -25,15 +25,32 @@ def warnings_of_counters(run: RunFolder) -> Iterator[RunWarning]:
     Yields
     ------
     RunWarning
-        Readings of equal stamps, motions that overlap, stops and collisions.
+        Readings that were overwritten or of equal stamps, motions that overlap, stops and collisions.
     """
     counters = run.run.get("counters")
     if not isinstance(counters, Mapping):
         return
+    yield from _of_overwritten(run, counters)
     yield from _of_repeats(counters)
     yield from _of_overlaps(counters)
     yield from _of_control(counters)
     yield from _of_collisions(counters)
+
+
+def _of_overwritten(run: RunFolder, counters: Mapping[str, Any]) -> Iterator[RunWarning]:
+    """Yield which localizers were busy for so long that they never saw a part of their readings."""
+    if run.estimates is None:
+        return
+    for name in run.estimates.sources():
+        n = counters.get(f"localizer.{name}.overwritten", 0)
+        n_all = n + len(run.estimates.of(name))
+        if n > MOST_LEFT_OUT * n_all:
+            yield RunWarning(
+                name,
+                f"{n} of {n_all} readings were overwritten by newer ones while it was busy, so it answers more rarely",
+                "make it faster, or lower the rate of its sensor",
+                is_worthless=False,
+            )
 
 
 def _of_repeats(counters: Mapping[str, Any]) -> Iterator[RunWarning]:

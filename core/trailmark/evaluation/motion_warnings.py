@@ -20,8 +20,8 @@ MOST_MPS = 60.0
 MOST_RADPS = 30.0
 #: Estimates further apart than this are no odometry: stamps in other units [s].
 LONGEST_INTERVAL_S = 20.0
-#: Nor is a robot one that so rarely tells where it is and then creeps like this [s, m/s, rad/s]: with milliseconds for
-#: seconds, one that drives 5 m/s and is seen 1000 times a second.
+#: Poses this far apart along which a robot creeps so slowly have stamps in other units, too [s, m/s, rad/s]: 5 m/s,
+#: seen nearly 1000 times a second, look so where milliseconds are taken for seconds.
 LONG_INTERVAL_S = 1.0
 CREEPING_MPS, CREEPING_RADPS = 5e-3, 5e-3
 #: What comes further than so many of its usual steps drives, and does not scatter about one place.

@@ -22,7 +22,7 @@ __all__ = ["run_warnings"]
 #: A camera sees no more ground than this, and no less [m].
 WIDEST_GROUND_M = 30.0
 NARROWEST_GROUND_M = 5e-3
-#: A larger share of overwritten, late or refused estimates is told.
+#: A larger share of late or refused estimates is told.
 MOST_UNUSABLE = 0.05
 #: A larger share that contradicts the belief is no matter of outliers.
 MOST_GATED = 0.5
@@ -43,7 +43,6 @@ def run_warnings(run: RunFolder) -> list[RunWarning]:
     """
     return [
         *_of_localizers(run),
-        *_of_overwritten(run),
         *_of_use(run),
         *warnings_of_motion(run),
         *_of_sensors(run.run.get("sensors")),
@@ -95,23 +94,6 @@ _REMEDIES = {
         "it or the belief is wrong all along: look at its mounting, its map and units, and at the start pose",
     ),
 }
-
-
-def _of_overwritten(run: RunFolder) -> Iterator[RunWarning]:
-    """Yield which localizers were busy for so long that they never saw a part of their readings."""
-    counters = run.run.get("counters")
-    if run.estimates is None or not isinstance(counters, Mapping):
-        return
-    for name in run.estimates.sources():
-        n = counters.get(f"localizer.{name}.overwritten", 0)
-        n_all = n + len(run.estimates.of(name))
-        if n > MOST_UNUSABLE * n_all:
-            yield RunWarning(
-                name,
-                f"{n} of {n_all} readings were overwritten by newer ones while it was busy",
-                "make it faster or lower the rate of its sensor; what it answers is right, and comes more rarely",
-                is_worthless=False,
-            )
 
 
 def _of_use(run: RunFolder) -> Iterator[RunWarning]:

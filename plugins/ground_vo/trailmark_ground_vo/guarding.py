@@ -284,9 +284,7 @@ class GroundTracker:
         self, said: TrackedMotion | TrackingFailure | None, reference: SearchPicture, previous: SearchPicture
     ) -> TrackedMotion | TrackingFailure | None:
         """Return what was said, or why the picture as a whole, cleaned, does not move so; marks are learned from it."""
-        assert self._guarded is not None
-        now = self._guarded.latest
-        assert now is not None
+        now = self._latest()
         noise = max(1.0, now.noise or 0.0)
         sigma = _SPREAD_OVER_NOISE * noise
         rival = None
@@ -326,12 +324,8 @@ class GroundTracker:
 
     def _is_shared(self, before: SearchPicture, motion: ImageMotion) -> bool:
         """Return whether the last picture, cleaned, shows the texture of the one before where a motion says so."""
-        assert self._guarded is not None
-        now = self._guarded.latest
-        assert now is not None
-        assert now.smoothed is not None
-        assert before.smoothed is not None
-        return self._texture.compare(before.smoothed, now.smoothed, motion).is_there
+        now = self._latest()
+        return self._texture.compare(_smoothed(before), _smoothed(now), motion).is_there
 
     def _is_explained(self, before: SearchPicture, now: SearchPicture, motion: ImageMotion, by_noise: float) -> bool:
         """Return whether noise explains what a motion leaves, or a wrong one elsewhere leaves more."""
@@ -343,28 +337,20 @@ class GroundTracker:
 
     def _widened(self, before: SearchPicture, now: SearchPicture, said: TrackedMotion) -> Floats:
         """Return the information of a motion, less where others along its weak axis fit as well."""
-        assert before.smoothed is not None
-        assert now.smoothed is not None
-        return self._weak_axis.widened(before.smoothed, now.smoothed, said.motion, said.information)
+        return self._weak_axis.widened(_smoothed(before), _smoothed(now), said.motion, said.information)
 
     def _along_grain(self, before: SearchPicture, now: SearchPicture, said: TrackedMotion) -> Grain | None:
         """Return what holds a motion along the grain of the ground; None where it has none."""
-        assert before.smoothed is not None
-        assert now.smoothed is not None
-        return self._grain.compare(before.smoothed, now.smoothed, said.motion)
+        return self._grain.compare(_smoothed(before), _smoothed(now), said.motion)
 
     def _better(self, before: SearchPicture, now: SearchPicture, found: TrackedMotion) -> ImageMotion | None:
         """Return a motion that contradicts what was found; None where there is none."""
         assert self._guarded is not None
-        assert before.smoothed is not None
-        assert now.smoothed is not None
-        return self._rivals.better(before.smoothed, now.smoothed, found, self._guarded.latest_vote)
+        return self._rivals.better(_smoothed(before), _smoothed(now), found, self._guarded.latest_vote)
 
     def _learn_what_stands(self, before: SearchPicture | None) -> None:
         """Take what stands still for marks where the picture as a whole has not stood still since the one before."""
-        assert self._guarded is not None
-        now = self._guarded.latest
-        assert now is not None
+        now = self._latest()
         noise = max(1.0, now.noise or 0.0)
         if before is not None and _MOST_SPREAD * noise < self._spread(before, now, _STILL) < math.inf:
             self._learn_marks(before, now, None, _SPREAD_OVER_NOISE * noise)
@@ -381,16 +367,18 @@ class GroundTracker:
             return False
         closed = closed_by(weights)
         self._guarded.ignore(weights)
-        self._audit.ignore(closed)
-        self._weak_axis.ignore(closed)
-        self._grain.ignore(closed)
-        self._texture.ignore(closed)
+        for comparison in (self._audit, self._weak_axis, self._grain, self._texture):
+            comparison.ignore(closed)
         return True
 
+    def _latest(self) -> SearchPicture:
+        """Return the last picture, as the guarded tracker reads it."""
+        assert self._guarded is not None
+        assert self._guarded.latest is not None
+        return self._guarded.latest
+
     def _spread(self, before: SearchPicture, now: SearchPicture, motion: ImageMotion) -> float:
-        assert before.smoothed is not None
-        assert now.smoothed is not None
-        return self._audit.spread(before.smoothed, now.smoothed, motion)
+        return self._audit.spread(_smoothed(before), _smoothed(now), motion)
 
     def _noise(self, image: Grey8) -> float:
         reference = self._active.reference
@@ -399,7 +387,11 @@ class GroundTracker:
 
     @staticmethod
     def _smoothed_reference(tracker: RelativeTracker) -> Grey16:
-        reference = tracker.reference
-        assert reference is not None
-        assert reference.smoothed is not None
-        return reference.smoothed
+        assert tracker.reference is not None
+        return _smoothed(tracker.reference)
+
+
+def _smoothed(picture: SearchPicture) -> Grey16:
+    """Return the picture smoothed; in mode refined it always is."""
+    assert picture.smoothed is not None
+    return picture.smoothed
