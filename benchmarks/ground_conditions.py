@@ -43,6 +43,7 @@ from trailmark_baselines.ground.config import KLTConfig, ORBConfig, PhaseCorrela
 from trailmark_baselines.ground.klt import KLT
 from trailmark_baselines.ground.orb import ORB
 from trailmark_baselines.ground.phase import PhaseCorrelation
+from trailmark_faults.lens import GlintsConfig, draw_glints
 from trailmark_ground_vo.config import GroundVOConfig
 from trailmark_ground_vo.localizer import GroundVO
 
@@ -191,6 +192,13 @@ def marks(share: float, grey: float = 250.0, dim: float = 0.12) -> Condition:
     return change
 
 
+def ring_light(light: GreyF, at: Weather) -> GreyF:
+    """Return the reflections of eight lamps around the lens, each with a veil through which the ground is seen."""
+    if "ring" not in at.memory:
+        at.memory["ring"] = draw_glints(light.shape, GlintsConfig(), at.fixed).sum(axis=0)
+    return np.asarray(nominal(light, at) + at.memory["ring"], np.float32)
+
+
 def wet_patch(light: GreyF, at: Weather) -> GreyF:
     """Return a wet third of the way: 0.6 of the light, half the contrast, and glints that slide at another speed."""
     if "glints" not in at.memory:
@@ -263,6 +271,7 @@ CASES: Mapping[str, Case] = {
     "marks_5": Case(marks(0.05)),
     "marks_5_dark": Case(marks(0.05, 25.0)),
     "marks_5_vignette_40": Case(marks(0.05, dim=0.4)),
+    "ring_light": Case(ring_light),
     "wet_patch": Case(wet_patch),
     "specks": Case(specks),
     "occluders": Case(occluders),

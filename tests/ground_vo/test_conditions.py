@@ -42,6 +42,16 @@ def marks(index, frame):
     return changed(frame, frame.payload.pixels * (1 - spots) + 250.0 * spots)
 
 
+def ring_light(index, frame):
+    """Reflections of eight lamps around the lens, each with a veil."""
+    v, u = np.mgrid[:288, :320]
+    light = np.zeros(v.shape)
+    for turn in np.arange(8) * math.pi / 4:
+        squared = (u - 160.0 - 75.0 * math.cos(turn)) ** 2 + (v - 144.0 - 75.0 * math.sin(turn)) ** 2
+        light += 510.0 * np.exp(-squared / (2.0 * 6.0**2)) + 76.0 * np.exp(-squared / (2.0 * 18.0**2))
+    return changed(frame, frame.payload.pixels + light)
+
+
 def shadow(index, frame):
     """Half the light beyond an edge that wanders."""
     edge = 160.0 + 100.0 * math.sin(index / 9.0)
@@ -61,7 +71,7 @@ def headlamp(index, frame):
     return changed(frame, frame.payload.pixels * (0.15 + 0.85 * np.exp(-(u**2 + v**2) / (2.0 * 60.0**2))))
 
 
-@pytest.mark.parametrize("change", [flicker, low_light, marks, shadow, slow_shutter, headlamp])
+@pytest.mark.parametrize("change", [flicker, low_light, marks, ring_light, shadow, slow_shutter, headlamp])
 def test_the_track_is_kept_and_right(change, camera, ground, track):
     run = ground_run(straight(SPEED_MPS), 60, ground=ground, camera=camera)
 

@@ -59,6 +59,20 @@ def test_marks_are_found(camera, pictures, contrast, is_known):
     assert np.mean(weights[~where] < 128) < 0.12  # rims of the marks
 
 
+def test_the_veil_of_a_reflection_is_a_mark_through_which_the_ground_shines(camera, pictures):
+    v, u = np.mgrid[: pictures[0].shape[0], : pictures[0].shape[1]]
+    squared = (u - 150.0) ** 2 + (v - 140.0) ** 2
+    light = 250.0 * np.exp(-squared / (2.0 * 8.0**2)) + 60.0 * np.exp(-squared / (2.0 * 24.0**2))
+    spoilt = [np.minimum(90.0 + 0.3 * picture + light, 255.0).astype(np.uint8) for picture in pictures]
+
+    weights = weights_of(spoilt, content_motion(camera))
+
+    assert weights is not None
+    is_slope = (squared > 10.0**2) & (squared < 25.0**2) & (np.abs(u - 150.0) > np.abs(v - 140.0))
+    assert np.mean(weights[is_slope] < 128) > 0.5
+    assert np.mean(weights[squared > 80.0**2] < 255) < 0.01
+
+
 def test_ground_that_moves_is_no_mark(camera, pictures):
     weights = weights_of(pictures, content_motion(camera))
 

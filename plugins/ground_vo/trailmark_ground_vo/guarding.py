@@ -47,6 +47,10 @@ _SPREAD_OVER_NOISE, _USUAL_SPREAD, _MOST_SPREAD = 0.39, 0.6, 0.9
 #: Or of what a wrong motion leaves, so far from it [px].
 _MOST_OF_ELSEWHERE, _ELSEWHERE_PX = 0.9, 17.0
 
+#: Beside marks that are known a motion tells so much less: their rims pull all motions the same way (8 reflections on
+#: dark wood: 16 deg over 550 pictures, 6.7 standard deviations of their sum).
+_MARKED = 4.0
+
 #: Pictures that may be doubted in a row before other pixels are chosen.
 _PATIENCE_FRAMES = 2
 
@@ -299,6 +303,7 @@ class GroundTracker:
                 self._n_doubted = 0
                 # what noise does not explain, light that is not modelled, moves the motion as well
                 unexplained = max(1.0, spread / (_USUAL_SPREAD * noise))
+                unexplained *= _MARKED if self._marks.are_known else 1.0
                 information = self._widened(reference, now, said) / unexplained
                 return replace(said, information=information if grain is None else grain.widened(information))
             along, cause = "", "dirt on the lens, reflections?"
