@@ -147,7 +147,7 @@ def test_with_its_mounting_told_a_unit_on_its_side_is_heard():
     assert all(isinstance(one, Motion) for one in said)
 
 
-@pytest.mark.parametrize("force_mps2", [(0.2, 0.1, 0.0), (0.0, 30.0, 0.0), (math.nan, 9.8, 0.0)])
+@pytest.mark.parametrize("force_mps2", [(0.2, 0.1, 0.0), (0.0, 30.0, 0.0), (math.nan, 9.8, 0.0), (0.0, 1e308, 0.0)])
 def test_forces_that_are_no_gravity_say_nothing_of_the_mounting(force_mps2):
     said = observed(started(), *(pulled(0.02 * i, force_mps2) for i in range(100)))
 

@@ -21,6 +21,8 @@ logger = logging.getLogger(__name__)
 
 #: Specific forces that are gravity in the main [m/s^2]; units that take it off tell nothing of how they lie.
 _LEAST_GRAVITY, _MOST_GRAVITY = 7.0, 12.5
+#: No robot feels more [m/s^2].
+_MOST_FORCE = 1e6
 #: Time over which forces are averaged, and after which they count: a robot shakes and brakes [s].
 _SETTLES_S, _SETTLED_S = 1.0, 0.5
 #: Share of gravity along the vertical axis of base, below which the unit lies on its side: 45 deg.
@@ -74,7 +76,7 @@ class ImuLocalizer(Localizer):
 
     def _lies_otherwise(self, stamp_s: float, force_mps2: Floats | None) -> str:
         """Return why the mounting cannot be as it is stated, by where gravity pulls on average; empty where it can."""
-        if force_mps2 is None or not np.isfinite(force_mps2).all():
+        if force_mps2 is None or not (np.abs(force_mps2) < _MOST_FORCE).all():  # nor is what is not finite
             return ""
         force = self._rotation_base_imu @ force_mps2
         if self._force is None or not 0.0 <= stamp_s - self._force_s <= self.config.max_gap_s:

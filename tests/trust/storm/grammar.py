@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterator
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -158,7 +159,7 @@ def spoil_document(document: Any, rng: Rng, times: int) -> Any:
         holder, key = places[int(rng.integers(len(places)))]
         match int(rng.integers(8)):
             case 0 | 1 | 2:
-                holder[key] = _WRONG[int(rng.integers(len(_WRONG)))]
+                holder[key] = deepcopy(_WRONG[int(rng.integers(len(_WRONG)))])  # lists among them are spoilt further
             case 3 if isinstance(holder, dict):
                 del holder[key]
             case 4 if isinstance(holder, dict):
