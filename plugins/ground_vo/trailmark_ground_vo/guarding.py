@@ -28,6 +28,7 @@ from trailmark_ground_vo.repeats import RepeatWatch
 from trailmark_ground_vo.rest import RestWatch
 from trailmark_ground_vo.rivals import RivalSearch, stands_still
 from trailmark_ground_vo.shared_texture import TextureComparison
+from trailmark_ground_vo.sudden_rest import SuddenRest
 from trailmark_ground_vo.tracker import RelativeTracker, TrackedMotion, TrackingFailure
 from trailmark_ground_vo.viewpoint import SearchPicture
 from trailmark_ground_vo.weak_axis import WeakAxis
@@ -67,6 +68,7 @@ _SURE_RATIO = 0.5
 #: by its own period resembles itself as much as at rest.
 _GROUND_OVER_FILM = 1.3
 
+_OTHERWISE = "most of the picture does not move as its marks do"
 _NO_TEXTURE = "no texture that moves so is seen in both pictures (lens covered, over-exposed, dark, or blank ground)"
 _FROZEN = "the same picture again, bit by bit, while others move (camera or driver frozen)"
 _COVERED = "something moves beneath what stands still (film, sticker or mesh on the lens, scratched glass, passers-by)"
@@ -105,6 +107,7 @@ class GroundTracker:
         self._texture = TextureComparison(size, aspect)
         self._ground: Grey16 | None = None  # the last picture of which something was told
         self._n_doubted = 0
+        self._sudden_rest = SuddenRest()
         self._understood: tuple[Grey8, Grey16] | None = None
         self._last: ImageMotion | None = None
         self._moved: ImageMotion | None = None  # between the last two pictures, where it is known
@@ -250,6 +253,8 @@ class GroundTracker:
         self._n_calm = 0
         self._guarded.resume(image, since_s, interval_s, self._last)
         self._active = self._guarded
+        if self._last is not None:
+            self._sudden_rest.believe(self._last)
 
     def _step_guarded(self, image: Grey8, stamp_s: float) -> TrackedMotion | TrackingFailure | None:
         guarded = self._guarded
@@ -258,6 +263,7 @@ class GroundTracker:
         reference, previous = guarded.reference, guarded.latest
         said = guarded.step(image, stamp_s)
         if reference is not None and isinstance(said, TrackedMotion) and not self._is_shared(reference, said.motion):
+            self._sudden_rest.doubt(None, is_at_rest=False)
             self._learn_what_stands(previous)
             self._ignore_marks()
             guarded.resume(image, stamp_s, 0.0, None)
@@ -291,16 +297,20 @@ class GroundTracker:
         now = self._latest()
         noise = max(1.0, now.noise or 0.0)
         sigma = _SPREAD_OVER_NOISE * noise
-        rival = None
+        rival, is_at_rest = None, False
         if isinstance(said, TrackedMotion):
             spread = self._spread(reference, now, said.motion)
             if spread > _USUAL_SPREAD * noise or stands_still(said.motion):
                 rival = self._better(reference, now, said)
             grain = self._along_grain(reference, now, said) if rival is None and spread < math.inf else None
             rival = grain.rival if grain is not None else rival
-            if rival is None and self._is_explained(reference, now, said.motion, _MOST_SPREAD * noise):
+            is_explained = rival is None and self._is_explained(reference, now, said.motion, _MOST_SPREAD * noise)
+            is_held = self._sudden_rest.is_doubtful(said.motion)
+            is_at_rest = is_held and is_explained and spread <= _MOST_SPREAD * noise
+            if is_explained and not is_held:
                 self._learn_marks(reference, now, said.motion, sigma)
                 self._n_doubted = 0
+                self._sudden_rest.believe(said.motion)
                 # what noise does not explain, light that is not modelled, moves the motion as well
                 unexplained = max(1.0, spread / (_USUAL_SPREAD * noise))
                 unexplained *= _MARKED if self._marks.are_known else 1.0
@@ -309,18 +319,22 @@ class GroundTracker:
             along, cause = "", "dirt on the lens, reflections?"
             if grain is not None:
                 along, cause = " along its grain", "streaks that look alike, something that passes?"
+            if is_explained:
+                cause = "dirt on the lens holds the match, or the robot stopped at once?"
             otherwise = "" if rival is None else f", but by {rival.u:.0f}, {rival.v:.0f} px{along}"
             seen = (
                 "marks lie on all that both pictures show"
                 if spread == math.inf
                 else f"differences of {spread:.1f} grey levels"
             )
-            said = TrackingFailure(
-                f"most of the picture does not move as its marks do{otherwise}: {seen} with noise of {noise:.1f}"
-                f" ({cause})",
-                said.details,
+            what = (
+                "the content stands still, though it moved and was lost or doubted since"
+                if is_explained
+                else _OTHERWISE
             )
+            said = TrackingFailure(f"{what}{otherwise}: {seen} with noise of {noise:.1f} ({cause})", said.details)
             self._n_doubted += 1
+        self._sudden_rest.doubt(rival, is_at_rest=is_at_rest)
         if rival is not None:
             self._learn_marks(reference, now, rival, sigma)
         else:
