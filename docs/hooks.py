@@ -44,6 +44,7 @@ ROOMS: Mapping[str, tuple[str, ...]] = {
     ),
 }
 
+_CARD_LINK = re.compile(r"\]\(((?:\.\./)*)\.\./plugins/(\w+)/README\.md")
 _LINK = re.compile(r"(!?)\[([^\]]*)\]\((?!https?:|#|mailto:)([^)\s]+)\)")
 
 
@@ -54,6 +55,11 @@ def on_files(files: Any, config: Any) -> Any:
     for path, text in pages():
         files.append(File.generated(config, path, content=text))
     return files
+
+
+def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
+    """Lead links to cards, which readers of the repository follow to their folders, to the pages that hold them."""
+    return _CARD_LINK.sub(r"](\1methods/\2.md", markdown)
 
 
 def pages() -> Iterator[tuple[str, str]]:

@@ -138,3 +138,11 @@ def test_the_manual_builds_without_warnings(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "site" / "reference" / "config" / "index.html").stat().st_size > 10_000
     assert trailmark.__version__
+
+
+def test_the_manual_leads_links_to_cards_to_its_own_pages(hooks: ModuleType) -> None:
+    text = "[the card](../../plugins/sim/README.md#worlds) and [another](../plugins/divs/README.md)"
+
+    led = hooks.on_page_markdown(text, None, None, None)
+
+    assert led == "[the card](../methods/sim.md#worlds) and [another](methods/divs.md)"
