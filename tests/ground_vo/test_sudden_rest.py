@@ -41,16 +41,11 @@ def test_after_a_loss_on_the_move_rest_is_doubtful_and_so_is_much_less_motion_bu
     assert not watch.is_doubtful(FAST)
 
 
-def test_a_rival_that_moves_makes_rest_doubtful(watch):
-    watch.doubt(FAST, is_at_rest=False)
+@pytest.mark.parametrize(("rival", "is_doubtful"), [(FAST, True), (STILL, False)])
+def test_a_rival_makes_rest_doubtful_where_it_moves(watch, rival, is_doubtful):
+    watch.doubt(rival, is_at_rest=False)
 
-    assert watch.is_doubtful(STILL)
-
-
-def test_a_rival_that_stands_makes_nothing_doubtful(watch):
-    watch.doubt(STILL, is_at_rest=False)
-
-    assert not watch.is_doubtful(STILL)
+    assert watch.is_doubtful(STILL) == is_doubtful
 
 
 def test_thirty_pictures_of_rest_in_a_row_are_believed(watch):

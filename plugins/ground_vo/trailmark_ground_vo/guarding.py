@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from trailmark.arrays import Float32s, Floats, Grey8, Grey16
+from trailmark_ground_vo import reasons
 from trailmark_ground_vo.audit import MotionAudit
 from trailmark_ground_vo.closed_places import closed_by
 from trailmark_ground_vo.config import GroundVOConfig
@@ -67,13 +68,6 @@ _SURE_RATIO = 0.5
 #: By how much more the texture moves than stands where it is the ground, seen beside marks that are known: a mesh moved
 #: by its own period resembles itself as much as at rest.
 _GROUND_OVER_FILM = 1.3
-
-_OTHERWISE = "most of the picture does not move as its marks do"
-_NO_TEXTURE = "no texture that moves so is seen in both pictures (lens covered, over-exposed, dark, or blank ground)"
-_FROZEN = "the same picture again, bit by bit, while others move (camera or driver frozen)"
-_COVERED = "something moves beneath what stands still (film, sticker or mesh on the lens, scratched glass, passers-by)"
-_ENCODED_AGAIN = "the same picture again, encoded anew, though the robot was moving (repeated frame?)"
-_REPEATED = "the same picture again, bit by bit, and nobody else tells whether the robot stands or the camera froze"
 
 
 class GroundTracker:
@@ -157,8 +151,8 @@ class GroundTracker:
                 self._repeats.keep(image)
                 self._repeats.add_repeat()
                 self._counts["repeated"] += 1
-                bit_by_bit = _REPEATED if expected is None else _FROZEN
-                return TrackingFailure(_ENCODED_AGAIN if is_encoded_again else bit_by_bit, {})
+                bit_by_bit = reasons.REPEATED if expected is None else reasons.FROZEN
+                return TrackingFailure(reasons.ENCODED_AGAIN if is_encoded_again else bit_by_bit, {})
         self._repeats.keep(image)
         before, self._moved = self._understood, None
         said = self._step_plain(image, stamp_s) if self._active is self._plain else self._step_guarded(image, stamp_s)
@@ -170,7 +164,7 @@ class GroundTracker:
         self._last = said.motion
         others_rest = expected is not None and math.hypot(expected.u, expected.v) <= _RESTING_PX
         if before is not None and self._is_covered(before, image, said.motion, others_rest=others_rest):
-            return TrackingFailure(_COVERED, said.details)
+            return TrackingFailure(reasons.COVERED, said.details)
         if self._rest.lacks_evidence and before is not None:
             self._look_for_ground(before[1], said.motion)
         else:
@@ -236,7 +230,7 @@ class GroundTracker:
             now = self._smoothed_reference(self._plain)
             reason = self._audit.audit(before[1], now, said.motion).reason_suspected(self._noise(image))
             if not reason and not (self._rest.has_moved and said.details["error_ratio"] <= _SURE_RATIO):
-                reason = "" if self._texture.compare(before[1], now, said.motion).is_there else _NO_TEXTURE
+                reason = "" if self._texture.compare(before[1], now, said.motion).is_there else reasons.NO_TEXTURE
             if not reason:
                 self._understood, self._n_calm = (image, now), self._n_calm + 1
                 return said
@@ -269,7 +263,7 @@ class GroundTracker:
             guarded.resume(image, stamp_s, 0.0, None)
             self._rest.begin(was_told=self._ground is not None)
             self._understood, self._n_calm = (image, self._smooth(image)), 0
-            return TrackingFailure(_NO_TEXTURE, said.details)
+            return TrackingFailure(reasons.NO_TEXTURE, said.details)
         if reference is not None and previous is not None:
             said = self._credible(said, reference, previous)
             is_new = self._ignore_marks()
@@ -316,23 +310,9 @@ class GroundTracker:
                 unexplained *= _MARKED if self._marks.are_known else 1.0
                 information = self._widened(reference, now, said) / unexplained
                 return replace(said, information=information if grain is None else grain.widened(information))
-            along, cause = "", "dirt on the lens, reflections?"
-            if grain is not None:
-                along, cause = " along its grain", "streaks that look alike, something that passes?"
-            if is_explained:
-                cause = "dirt on the lens holds the match, or the robot stopped at once?"
-            otherwise = "" if rival is None else f", but by {rival.u:.0f}, {rival.v:.0f} px{along}"
-            seen = (
-                "marks lie on all that both pictures show"
-                if spread == math.inf
-                else f"differences of {spread:.1f} grey levels"
-            )
-            what = (
-                "the content stands still, though it moved and was lost or doubted since"
-                if is_explained
-                else _OTHERWISE
-            )
-            said = TrackingFailure(f"{what}{otherwise}: {seen} with noise of {noise:.1f} ({cause})", said.details)
+            seen = reasons.differences(spread, noise)
+            otherwise = reasons.otherwise(seen, rival, has_grain=grain is not None)
+            said = TrackingFailure(reasons.held(seen) if is_explained else otherwise, said.details)
             self._n_doubted += 1
         self._sudden_rest.doubt(rival, is_at_rest=is_at_rest)
         if rival is not None:

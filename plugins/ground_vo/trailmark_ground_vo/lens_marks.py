@@ -102,12 +102,14 @@ class LensMarkEvidence:
             return None
         self._n_frames = 0
         mask = self._standing(self._veiled)
-        if closed_by(_weights_of(mask, self._size)) is None:  # many small marks, and the ground between them
+        weights = _weights_of(mask, self._size)
+        if closed_by(weights) is None:  # many small marks, and the ground between them
             mask = self._standing(self._fixed)
+            weights = _weights_of(mask, self._size)
         if mask.mean() > _MOST_MASKED or np.count_nonzero(mask != self._mask) <= 0.001 * mask.size:
             return None
         self._mask = mask
-        return _weights_of(mask, self._size)
+        return weights
 
     def _standing(self, stood: Float32s) -> Bools:
         """Return where so much has stood still that it is no chance."""
