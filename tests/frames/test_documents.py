@@ -135,6 +135,8 @@ def test_people_may_write_angles_in_degrees() -> None:
         ({"metres_per_pixel": "a"}, "calibration.metres_per_pixel must be a list of numbers, not 'a'"),
         ({"metres_per_pixel": [1, 2, 3]}, "metres_per_pixel must be two positive numbers"),
         ({"metres_per_pixel": True}, "metres_per_pixel must be a finite number, not True"),
+        ({"metres_per_pixel": 1e300}, "calibration.metres_per_pixel must be from 1e-09 to"),
+        ({"metres_per_pixel": [4e-4, 1e-300]}, "calibration.metres_per_pixel must be from 1e-09 to"),
         (PINHOLE | {"fx": math.nan}, "calibration.fx must be a finite number, not nan"),
         (PINHOLE | {"fx": 10**400}, "calibration.fx must be a finite number"),
         (PINHOLE | {"fx": -1}, "focal lengths must be positive"),

@@ -39,6 +39,9 @@ __all__ = [
 T = TypeVar("T")
 Document = Mapping[str, Any]
 
+_WIDEST_PIXEL_M = 1e9
+"""Beyond this, and below its inverse, what is computed of a picture would overflow where nobody knows the key."""
+
 _MODELS: tuple[type[Calibration], ...] = (Pinhole, Omni, GroundPlane, DepthCamera, Arrays)
 
 
@@ -156,7 +159,12 @@ def _numbers(value: Any, where: str, _: Path | None = None) -> tuple[float, ...]
 
 def _scales(value: Any, where: str, _: Path | None = None) -> tuple[float, ...]:
     """Read metres per pixel: one number for both directions, or one for each."""
-    return (_number(value, where),) * 2 if isinstance(value, Real) else _numbers(value, where)
+    scales = (_number(value, where),) * 2 if isinstance(value, Real) else _numbers(value, where)
+    if any(scale > _WIDEST_PIXEL_M or 0 < scale < 1 / _WIDEST_PIXEL_M for scale in scales):
+        raise ConfigError(
+            f"{where} must be from {1 / _WIDEST_PIXEL_M:.0e} to {_WIDEST_PIXEL_M:.0e} m, not {in_words(value)}"
+        )
+    return scales
 
 
 def _size(value: Any, where: str, _: Path | None = None) -> tuple[int, int]:
