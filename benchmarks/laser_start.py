@@ -13,7 +13,9 @@ import argparse
 import gzip
 import math
 import os
+from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -64,8 +66,19 @@ def started(mode: str, localizer_map: LocalizerMap) -> LaserIcp:
     return localizer
 
 
-def answer_from(localizer: LaserIcp, scans: list[tuple[Scan, Pose2]]) -> tuple[int, float, float, float] | None:
-    """Drive on from a start; return scans and way until an answer, and how far that is off [m, m, deg]."""
+class Answer(NamedTuple):
+    """What a robot was told first: after how many scans and which way, and how far off that is."""
+
+    n_scans: float
+    way_m: float
+    off_m: float
+    off_deg: float
+    nees: float
+    """Of one degree of freedom."""
+
+
+def answer_from(localizer: LaserIcp, scans: list[tuple[Scan, Pose2]]) -> Answer | None:
+    """Drive on from a start until an answer."""
     odom, way_m, before, n_seen = Pose2(), 0.0, scans[0][1], 0
     for k, (scan, pose) in enumerate(scans):
         moved = before.between(pose)
@@ -78,34 +91,45 @@ def answer_from(localizer: LaserIcp, scans: list[tuple[Scan, Pose2]]) -> tuple[i
             return None
         (answer,) = localizer.observe(Frame("laser", float(k), scan), Belief(float(k), pose_odom_base=odom))
         if isinstance(answer, Fix):
-            off = pose.between(answer.pose_map_base)
-            return n_seen, way_m, math.hypot(off.x, off.y), abs(math.degrees(off.theta))
+            told = answer.pose_map_base
+            error = np.array([told.x - pose.x, told.y - pose.y, pose.between(told).theta])
+            nees = float(error @ answer.information @ error) / 3.0
+            return Answer(n_seen, way_m, math.hypot(*error[:2]), abs(math.degrees(error[2])), nees)
     return None
 
 
 def main() -> None:
-    """Measure and print."""
+    """Measure and print a table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--starts", type=int, default=80, help="starts in each log")
     options = parser.parse_args()
     beside = Path(__file__).resolve().parents[2] / "shared" / "data"
     folder = Path(os.environ.get("TRAILMARK_DATA", beside)) / "omni" / "laser2d_carmen"
+    print("| log | starts | answered | wrong | scans until then, median / 90 % | way [m], median / 90 % ", end="")
+    print("| off, median / most [m] | [deg] | NEES, mean | NEES, median |")
+    print("|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|")
     for name in LOGS:
         scans = read_log(folder / f"{name}-corrected.log.gz")
-        localizer_map = teach(scans[0::2])
-        driven = scans[1::2]
+        localizer_map, driven = teach(scans[0::2]), scans[1::2]
         firsts = np.linspace(0, len(driven) - 30, options.starts).astype(int).tolist()
         told = [answer_from(started("replay", localizer_map), driven[first:]) for first in firsts]
-        answers = np.array([one for one in told if one is not None])
-        wrong = (answers[:, 2] > _RIGHT_M) | (answers[:, 3] > _RIGHT_DEG)
-        print(
-            f"{name}: answered {len(answers)} of {len(told)}, wrong {int(wrong.sum())};"
-            f" after {np.median(answers[:, 0]):.0f} scans ({np.quantile(answers[:, 0], 0.9):.0f} at 90 %,"
-            f" {answers[:, 0].max():.0f} at most), {np.median(answers[:, 1]):.2f} m"
-            f" ({np.quantile(answers[:, 1], 0.9):.2f} at 90 %); off {1e3 * np.median(answers[:, 2]):.0f} mm,"
-            f" {np.median(answers[:, 3]):.2f} deg median, {answers[:, 2].max():.2f} m at most",
-            flush=True,
-        )
+        print(_row(name, len(told), [one for one in told if one is not None]), flush=True)
+
+
+def _row(name: str, n_starts: int, told: Sequence[Answer]) -> str:
+    n_scans, way_m, off_m, off_deg, nees = np.array(told).T
+    n_wrong = int(((off_m > _RIGHT_M) | (off_deg > _RIGHT_DEG)).sum())
+    cells = (
+        f"{100.0 * len(told) / n_starts:.0f} %",
+        f"{n_wrong}",
+        f"{np.median(n_scans):.0f} / {np.quantile(n_scans, 0.9):.0f}",
+        f"{np.median(way_m):.2f} / {np.quantile(way_m, 0.9):.2f}",
+        f"{np.median(off_m):.3f} / {off_m.max():.3f}",
+        f"{np.median(off_deg):.2f} / {off_deg.max():.2f}",
+        f"{nees.mean():.2f}",
+        f"{np.median(nees):.2f}",
+    )
+    return f"| {name} | {n_starts} | {' | '.join(cells)} |"
 
 
 if __name__ == "__main__":

@@ -72,7 +72,7 @@ def route_poses(place: int) -> list[Pose2]:
 
 
 def errors(info: SensorInfo, taught: Any, seen: Any, *, unwrapped: bool) -> Floats:
-    """Return how far every answer is off, NaN where there was none, (N, 2) [m, deg]."""
+    """Return how far every answer is off and its NEES of one degree of freedom, NaN where there was none, (N, 3)."""
     config, localizer_map = OmniSurfConfig(camera="omni", unwrapped=unwrapped), MemoryMap()
     localizer = OmniSurf(config)
     localizer.start(Session(name="omni", mode="teach", sensors={"omni": info}, map=localizer_map))
@@ -85,23 +85,29 @@ def errors(info: SensorInfo, taught: Any, seen: Any, *, unwrapped: bool) -> Floa
     return np.array(list(_off(localizer, *seen)))
 
 
-def _off(localizer: OmniSurf, poses: list[Pose2], seen: list[Grey8]) -> Iterator[tuple[float, float]]:
+def _off(localizer: OmniSurf, poses: list[Pose2], seen: list[Grey8]) -> Iterator[tuple[float, float, float]]:
     for k, (pose, picture) in enumerate(zip(poses, seen, strict=True)):
         belief = Belief(k / 15.0, pose_odom_base=poses[0].between(pose), travelled_m=_STEP_M * k)
         (answer,) = localizer.observe(Frame("omni", k / 15.0, Image(picture)), belief)
         if isinstance(answer, Fix):
-            off = pose.between(answer.pose_map_base)
-            yield math.hypot(off.x, off.y), abs(math.degrees(off.theta))
+            told = answer.pose_map_base
+            error = np.array([told.x - pose.x, told.y - pose.y, pose.between(told).theta])
+            nees = float(error @ answer.information @ error) / 3.0
+            yield math.hypot(*error[:2]), abs(math.degrees(error[2])), nees
         else:
-            yield math.nan, math.nan
+            yield math.nan, math.nan, math.nan
 
 
 def main() -> None:
-    """Measure and print."""
+    """Measure and print a table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--places", type=int, default=3)
     options = parser.parse_args()
     cv2.setNumThreads(1)
+    print(
+        "| supermarket | picture | n | answered | median [mm] | mean [mm] | largest [mm] | median [deg] | NEES, mean |"
+    )
+    print("|---|---|--:|--:|--:|--:|--:|--:|--:|")
     found: dict[str, list[Floats]] = {"circular": [], "unwrapped": []}
     for place in range(1, options.places + 1):
         poses = route_poses(place)
@@ -114,19 +120,24 @@ def main() -> None:
         taught, seen = (poses, list(map(change, first))), (again, list(map(change, second)))
         found["unwrapped"].append(errors(plain, taught, seen, unwrapped=True))
         for name, runs in found.items():
-            _print(f"place {place}, {name}", runs[-1])
+            print(_row(f"{place} | {name}", runs[-1]), flush=True)
     for name, runs in found.items():
-        _print(f"all {options.places} places, {name}", np.concatenate(runs))
+        print(_row(f"all | {name}", np.concatenate(runs)))
 
 
-def _print(name: str, off: Floats) -> None:
+def _row(name: str, off: Floats) -> str:
     is_told = ~np.isnan(off[:, 0])
-    told = off[is_told]
-    print(
-        f"{name}: answered {100.0 * is_told.mean():.1f} % of {len(off)}, median {1e3 * np.median(told[:, 0]):.1f} mm"
-        f" {np.median(told[:, 1]):.2f} deg, mean {1e3 * told[:, 0].mean():.1f} mm, most {told[:, 0].max():.3f} m",
-        flush=True,
+    off_m, off_deg, nees = off[is_told].T
+    cells = (
+        f"{len(off)}",
+        f"{100.0 * is_told.mean():.1f} %",
+        f"{1e3 * np.median(off_m):.1f}",
+        f"{1e3 * off_m.mean():.1f}",
+        f"{1e3 * off_m.max():.0f}",
+        f"{np.median(off_deg):.2f}",
+        f"{nees.mean():.2f}",
     )
+    return f"| {name} | {' | '.join(cells)} |"
 
 
 if __name__ == "__main__":
