@@ -104,9 +104,7 @@ def main() -> None:
     parser.add_argument("--places", type=int, default=3)
     options = parser.parse_args()
     cv2.setNumThreads(1)
-    print(
-        "| supermarket | picture | n | answered | median [mm] | mean [mm] | largest [mm] | median [deg] | NEES, mean |"
-    )
+    print("| supermarket | picture | n | answered | median [mm] | mean [mm] | largest [mm] | median [deg] | NEES |")
     print("|---|---|--:|--:|--:|--:|--:|--:|--:|")
     found: dict[str, list[Floats]] = {"circular": [], "unwrapped": []}
     for place in range(1, options.places + 1):
