@@ -38,6 +38,7 @@ class Work:
             shutil.rmtree(self.folder, ignore_errors=True)
         self.folder.mkdir(parents=True, exist_ok=True)
         self.notes.mkdir(exist_ok=True)
+        self.notes.chmod(0o1777)  # tests of permissions go on as another user
         minutes = known["minutes"] if goes_on or (is_same and is_kept) else 0.0
         self._document = {"command": command, "minutes": minutes, "code": dict(before)}
         self._since_s = time.monotonic()

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import collections
 import json
+import os
 import subprocess
+import sys
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
@@ -186,6 +189,26 @@ def test_every_file_that_was_read_makes_a_block_old_whatever_its_kind(
 
     (checkout / "core/tool" / file).write_text("2")
     assert recipe.Results(checkout).why_old(said).startswith(f"core/tool/{file} changed since")
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root may become another user")
+def test_a_process_that_becomes_another_user_goes_on_noting(load_script: Callable[[str], ModuleType]) -> None:
+    work = load_script("benchmarks/results_work.py")
+    with tempfile.TemporaryDirectory() as name:  # others may not enter the folders of pytest
+        top = Path(name)
+        top.chmod(0o755)
+        for file in ("first.py", "then.py"):
+            (top / file).write_text("")
+        notes = work.Work(top / "block", "python first.py", {}).notes
+        reads = "import os; open('first.py'); os.seteuid(65534); open('then.py')"
+        traced = {
+            "PYTHONPATH": str(REPOSITORY / "benchmarks/traced"),
+            "TRAILMARK_TRACED_TOP": name,
+            "TRAILMARK_TRACED_NOTES": str(notes),
+        }
+        subprocess.run([sys.executable, "-c", reads], env=traced, cwd=top, check=True)
+
+        assert work.noted_paths(notes) - set(notes.iterdir()) == {top / "first.py", top / "then.py"}
 
 
 @pytest.mark.parametrize("code", [0, 1])
