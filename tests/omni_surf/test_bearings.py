@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pytest
-from hypothesis import assume, example, given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from trailmark.arrays import Bools
@@ -67,27 +67,34 @@ def two_of_seven_wrong(pose: Pose2, seed: int) -> tuple[BearingFix, Bools]:
     return fix, np.isin(np.arange(7), wrong)
 
 
+def is_told(fix: BearingFix) -> bool:
+    """Return whether `omni_surf` tells this, or refuses it for another place that explains nearly as much."""
+    return fix.rival_support <= OmniSurfConfig(camera="omni").max_rival_share * fix.support
+
+
 @settings(deadline=None)
-@example(x=2.0, y=2.0, theta=0.0, seed=157)  # elsewhere six of the seven agree by chance
 @given(x=st.floats(2, 4), y=st.floats(2, 4), theta=headings, seed=st.integers(0, 1000))
-def test_two_of_seven_wrong_landmarks_are_found_out_where_no_other_place_explains_as_many(
+def test_two_of_seven_wrong_landmarks_are_found_out_or_nothing_is_told(
     x: float, y: float, theta: float, seed: int
 ) -> None:
     pose = Pose2(x, y, theta)
 
     fix, is_wrong = two_of_seven_wrong(pose, seed)
 
-    assume(fix.rival_support <= OmniSurfConfig(camera="omni").max_rival_share * fix.support)  # else it is no answer
-    assert fix.pose_map_base.distance_to(pose) < 0.25
-    assert not fix.is_inlier[is_wrong].any()
+    is_right = fix.pose_map_base.distance_to(pose) < 0.25 and not fix.is_inlier[is_wrong].any()
+    assert is_right or not is_told(fix)
+
+
+def test_where_six_of_seven_agree_elsewhere_by_chance_nothing_is_told() -> None:
+    fix, _ = two_of_seven_wrong(Pose2(2.0, 2.0, 0.0), seed=157)
+
+    assert not is_told(fix)
 
 
 def test_two_of_seven_wrong_landmarks_leave_an_answer_as_a_rule() -> None:
-    share = OmniSurfConfig(camera="omni").max_rival_share
-
     found = [two_of_seven_wrong(Pose2(2.5, 3.0, 0.4), seed)[0] for seed in range(100)]
 
-    assert sum(fix.rival_support <= share * fix.support for fix in found) >= 90
+    assert sum(map(is_told, found)) >= 99
 
 
 def test_landmarks_on_a_circle_with_the_robot_are_refused() -> None:
