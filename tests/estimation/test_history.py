@@ -100,6 +100,25 @@ def test_replay_does_again_what_came_later() -> None:
     assert history.state_at(3.0) == 21.0
 
 
+def test_what_comes_late_together_is_replayed_once() -> None:
+    n_steps = [0]
+
+    def count_step(state: str, stamp_s: float, measured: str) -> str:
+        n_steps[0] += 1
+        return state + measured
+
+    history = History(10.0, count_step, "")
+    for second in range(9):
+        history.insert(float(second), "a")
+    n_before = n_steps[0]
+
+    for letter in "xyz":
+        history.insert(0.5, letter)
+
+    assert history.state_at(8.0) == "axyzaaaaaaaa"
+    assert n_steps[0] - n_before == 3 + 8
+
+
 @settings(max_examples=50, deadline=None)
 @given(st.permutations(range(12)))
 def test_a_filter_does_not_notice_the_order_of_arrival(order: list[int]) -> None:

@@ -1,13 +1,14 @@
-"""Python's search for garbage is seldom while a run goes on, and as it was after the last one."""
+"""Python's search for garbage is seldom while a run goes on, spares what was there, and is as it was after the last."""
 
 from __future__ import annotations
 
 import gc
+import weakref
 from collections.abc import Iterator
 
 import pytest
 
-from trailmark.pipeline.run.garbage import SELDOM
+from trailmark.pipeline.run.garbage import SELDOM, SPARED
 
 
 @pytest.fixture(autouse=True)
@@ -15,6 +16,13 @@ def _kept_threshold() -> Iterator[None]:
     before = gc.get_threshold()
     yield
     gc.set_threshold(*before)
+
+
+@pytest.fixture
+def nothing_spared() -> Iterator[None]:
+    gc.unfreeze()
+    yield
+    gc.unfreeze()
 
 
 def test_search_is_seldom_until_the_last_of_two_runs_has_ended() -> None:
@@ -43,3 +51,36 @@ def test_what_is_set_while_a_run_goes_on_stays(meanwhile: tuple[int, int, int]) 
     with SELDOM:
         gc.set_threshold(*meanwhile)
     assert gc.get_threshold() == meanwhile
+
+
+@pytest.mark.usefixtures("nothing_spared")
+def test_what_was_there_is_spared_until_the_last_of_two_runs_has_ended() -> None:
+    with SPARED:
+        SPARED.__enter__()
+        assert gc.get_freeze_count() > 10_000
+    assert gc.get_freeze_count() > 10_000  # the other goes on
+
+    SPARED.__exit__()
+
+    assert gc.get_freeze_count() == 0
+
+
+@pytest.mark.usefixtures("nothing_spared")
+def test_what_somebody_else_spares_stays_spared() -> None:
+    gc.freeze()
+    with SPARED:
+        pass
+    assert gc.get_freeze_count() > 0
+
+
+@pytest.mark.usefixtures("nothing_spared")
+def test_garbage_of_before_is_not_kept_while_a_run_goes_on() -> None:
+    class Cycle:
+        pass
+
+    one = Cycle()
+    one.itself = one  # type: ignore[attr-defined]
+    gone = weakref.ref(one)
+    del one
+    with SPARED:
+        assert gone() is None

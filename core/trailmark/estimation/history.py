@@ -9,7 +9,8 @@ state is always what it would be had everything come in order::
     state = history.state_at(stamp_s)                 # then predict from it to stamp_s
 
 A filter of its own makes `step` predict to the stamp and update there, and lets the state carry what came of it
-(its innovation, whether it was gated), so that ``history.insert`` hands that back too.
+(its innovation, whether it was gated), so that ``history.insert`` hands that back too. Later states are replayed when
+they are asked for: measurements that come late together are replayed once.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ class History(Generic[M, S]):
         self._before = initial  # the state at the beginning of the window
         self._stamps: list[float] = []
         self._measurements: list[M] = []
-        self._states: list[S] = []
+        self._states: list[S] = []  # after the first measurements; those after the others are not known yet
         self.newest_s = -math.inf
         self.horizon_s = -math.inf
         self.last_stamp_s = -math.inf
@@ -71,12 +72,12 @@ class History(Generic[M, S]):
         self.newest_s, self.horizon_s = stamp_s, stamp_s - self._span_s
         if self._stamps and self._stamps[0] < self.horizon_s:
             n_old = bisect_left(self._stamps, self.horizon_s)
-            self._before = self._states[n_old - 1]
+            self._before = self._state_after(n_old)
             del self._stamps[:n_old], self._measurements[:n_old], self._states[:n_old]
             self.last_stamp_s = self._stamps[-1] if self._stamps else -math.inf
 
     def insert(self, stamp_s: float, measurement: M) -> S | None:
-        """Put a measurement where it belongs and replay what follows it.
+        """Put a measurement where it belongs; what follows it is replayed when it is asked for.
 
         Returns
         -------
@@ -89,21 +90,24 @@ class History(Generic[M, S]):
         index = bisect_right(self._stamps, stamp_s)
         self._stamps.insert(index, stamp_s)
         self._measurements.insert(index, measurement)
-        self._states.insert(index, self._before)
         self.last_stamp_s = self._stamps[-1]
-        self._replay(index)
-        return self._states[index]
+        del self._states[index:]
+        return self._state_after(index + 1)
 
     def replay(self, since_s: float) -> None:
         """Do all measurements later than `since_s` again: something that `step` looks at has changed there."""
-        self._replay(bisect_right(self._stamps, since_s))
+        del self._states[bisect_right(self._stamps, since_s) :]
 
     def state_at(self, stamp_s: float) -> S:
         """Return the state after the last measurement at or before a stamp."""
-        index = bisect_right(self._stamps, stamp_s)
-        return self._states[index - 1] if index else self._before
+        return self._state_after(bisect_right(self._stamps, stamp_s))
 
-    def _replay(self, index: int) -> None:
-        state = self._states[index - 1] if index else self._before
-        for i in range(index, len(self._stamps)):
-            state = self._states[i] = self._step(state, self._stamps[i], self._measurements[i])
+    def _state_after(self, n: int) -> S:
+        """Return the state after the first n measurements of the window."""
+        states = self._states
+        if n > len(states):
+            state = states[-1] if states else self._before
+            for i in range(len(states), n):
+                state = self._step(state, self._stamps[i], self._measurements[i])
+                states.append(state)
+        return states[n - 1] if n else self._before

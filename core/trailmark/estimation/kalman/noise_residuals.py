@@ -8,6 +8,7 @@ constant in place.
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections import deque
 from collections.abc import Iterator
 from itertools import islice
@@ -41,6 +42,8 @@ BESIDE_S = 0.2
 
 #: Stamp, x, y, theta of an absolute pose, and its covariance.
 FixRow = tuple[float, float, float, float, Sym3]
+#: x, y and turn [m, m, rad].
+Step = tuple[float, float, float]
 
 
 class Residual(NamedTuple):
@@ -145,12 +148,12 @@ class _Chain:
         rows = rows[gaps[-1] + 1 :] if len(gaps) else rows
         n = len(rows)
         self.stamps_s: Floats = np.append(rows[0, 0], rows[:, 1])
-        heading = np.append(0.0, np.cumsum(rows[:, 4]))
-        cos, sin = np.cos(heading[:-1]), np.sin(heading[:-1])
+        headings = np.append(0.0, np.cumsum(rows[:, 4]))
+        cos, sin = np.cos(headings[:-1]), np.sin(headings[:-1])
         poses = np.zeros((n + 1, 3))
         poses[1:, 0] = np.cumsum(cos * rows[:, 2] - sin * rows[:, 3])
         poses[1:, 1] = np.cumsum(sin * rows[:, 2] + cos * rows[:, 3])
-        poses[:, 2] = heading
+        poses[:, 2] = headings
         heading_information = rows[:, 10]
         self.knows_place = bool((rows[:, _SHARE] > _LEAST_SHARE).all())
         alone = (rows[:, [7, 9]] == 0.0).all(axis=1)
@@ -165,7 +168,9 @@ class _Chain:
         moved[:, 0, 0] = moved[:, 1, 1] = cos
         moved[:, 0, 1], moved[:, 1, 0], moved[:, 2, 2] = -sin, sin, 1.0
         moved[:, 0, 2], moved[:, 1, 2] = poses[1:, 1], -poses[1:, 0]
-        self.poses = poses
+        # of numbers in lists the search and the arithmetic take a tenth of the time
+        self._stamps: list[float] = self.stamps_s.tolist()
+        self._places: list[Step] = [(x, y, heading) for x, y, heading in poses.tolist()]
         self._sums = np.zeros((n + 1, 3, 3))
         np.cumsum(moved @ covariance @ moved.transpose(0, 2, 1), axis=0, out=self._sums[1:])
 
@@ -173,25 +178,39 @@ class _Chain:
         """Return whether it says something of all of an interval."""
         return bool(self.stamps_s[0] - _SAME_STAMP_S <= since_s and stamp_s <= self.stamps_s[-1] + _SAME_STAMP_S)
 
-    def between(self, since_s: float, stamp_s: float) -> tuple[tuple[float, float, float], Sym3]:
+    def between(self, since_s: float, stamp_s: float) -> tuple[Step, Sym3]:
         """Return the pose at one stamp seen from base at another, and its covariance in these axes."""
-        (x, y, heading), begin = self._at(since_s)
-        (end_x, end_y, end_heading), end = self._at(stamp_s)
+        before, after = self._place_of(since_s), self._place_of(stamp_s)
+        (_, _, heading), (end_x, end_y, _) = self._pose_at(*before), self._pose_at(*after)
+        cos, sin = math.cos(heading), math.sin(heading)
+        lever_x, lever_y = sin * end_x - cos * end_y, cos * end_x + sin * end_y
+        spread = congruence(subtract(self._sum_at(*after), self._sum_at(*before)), cos, -sin, lever_x, lever_y)
+        return self.step(since_s, stamp_s), spread
+
+    def step(self, since_s: float, stamp_s: float) -> Step:
+        """Return the pose at one stamp seen from base at another."""
+        x, y, heading = self._pose_at(*self._place_of(since_s))
+        end_x, end_y, end_heading = self._pose_at(*self._place_of(stamp_s))
         cos, sin = math.cos(heading), math.sin(heading)
         dx, dy = end_x - x, end_y - y
-        lever_x, lever_y = sin * end_x - cos * end_y, cos * end_x + sin * end_y
-        spread = congruence(subtract(end, begin), cos, -sin, lever_x, lever_y)
-        return (cos * dx + sin * dy, cos * dy - sin * dx, end_heading - heading), spread
+        return cos * dx + sin * dy, cos * dy - sin * dx, end_heading - heading
 
-    def _at(self, stamp_s: float) -> tuple[list[float], Sym3]:
-        """Return the pose at a stamp and the sum until it."""
-        index = min(max(int(self.stamps_s.searchsorted(stamp_s)), 1), len(self.stamps_s) - 1)
-        before_s, after_s = self.stamps_s[index - 1 : index + 1].tolist()
-        share = min(max((stamp_s - before_s) / (after_s - before_s), 0.0), 1.0)
-        pose = (1.0 - share) * self.poses[index - 1] + share * self.poses[index]
+    def _place_of(self, stamp_s: float) -> tuple[int, float]:
+        """Return the motion during which a stamp is, and how much of it is over."""
+        stamps_s = self._stamps
+        index = min(max(bisect_left(stamps_s, stamp_s), 1), len(stamps_s) - 1)
+        before_s, after_s = stamps_s[index - 1], stamps_s[index]
+        return index, min(max((stamp_s - before_s) / (after_s - before_s), 0.0), 1.0)
+
+    def _pose_at(self, index: int, share: float) -> Step:
+        (x, y, heading), (end_x, end_y, end_heading) = self._places[index - 1], self._places[index]
+        rest = 1.0 - share
+        return rest * x + share * end_x, rest * y + share * end_y, rest * heading + share * end_heading
+
+    def _sum_at(self, index: int, share: float) -> Sym3:
         total = (1.0 - share) * self._sums[index - 1] + share * self._sums[index]
         xx, xy, xt, _, yy, yt, _, _, tt = total.ravel().tolist()
-        return pose.tolist(), (xx, xy, xt, yy, yt, tt)
+        return xx, xy, xt, yy, yt, tt
 
 
 def motion_residual(a: RecentMotions, b: RecentMotions, since_s: float, stamp_s: float) -> Residual | None:
@@ -231,14 +250,14 @@ def fix_residual(
     begun = congruence(earlier[4], 1.0, 0.0, -moved_y, moved_x)
     shares = _matrices([begun, later[4], congruence(spread, cos, sin, 0.0, 0.0)])
     shares[0, :2, :2] += of_turn * np.outer((moved_x, moved_y), (moved_x, moved_y))
-    before, after = (chain.between(earlier[0] - dt_s, later[0] - dt_s)[0] for dt_s in (BESIDE_S, -BESIDE_S))
+    before, after = (chain.step(earlier[0] - dt_s, later[0] - dt_s) for dt_s in (BESIDE_S, -BESIDE_S))
     slope = [(b - a) / (2.0 * BESIDE_S) for a, b in zip(before, after)]
     by_delay = np.array([*_turned((slope[0], slope[1], 0.0), cos, sin), slope[2]])
     by_scale = np.array([-moved_x, -moved_y, 0.0])
     return Residual(away, shares, earlier[0], later[0], by_delay, by_scale)
 
 
-def _turned(step: tuple[float, float, float], cos: float, sin: float) -> tuple[float, float]:
+def _turned(step: Step, cos: float, sin: float) -> tuple[float, float]:
     return cos * step[0] - sin * step[1], sin * step[0] + cos * step[1]
 
 

@@ -19,7 +19,7 @@ from trailmark.pipeline.outputs.result import RunResult, Status, Step
 from trailmark.pipeline.parts import Parts
 from trailmark.pipeline.run.conclusion import Conclusion
 from trailmark.pipeline.run.frame import FrameProcessor
-from trailmark.pipeline.run.garbage import SELDOM
+from trailmark.pipeline.run.garbage import SELDOM, SPARED
 from trailmark.pipeline.sources.checks import FrameChecks
 from trailmark.pipeline.sources.merging import merge_sources
 from trailmark.pipeline.startup import start_parts
@@ -77,6 +77,8 @@ class Run:
         self._lock = threading.RLock()
         self._push_checks = FrameChecks("feed", pushed, False, instruments.counters, remedy="")
         self._is_realtime = running.parts.is_realtime
+        if self._is_realtime:
+            running.closing.enter_context(SPARED)
         self._step_shield, self._hangs = shielded(STEP_S), HangWatch(parts.settings.patience_s)
         self._events = self._new_events()
         self._conclusion, self._on_end = Conclusion(running, instruments, recorder), on_end
