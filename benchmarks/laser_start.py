@@ -117,6 +117,8 @@ def main() -> None:
 
 
 def _row(name: str, n_starts: int, told: Sequence[Answer]) -> str:
+    if not told:
+        return f"| {name} | {n_starts} | 0 % | 0 |" + " - |" * 6
     n_scans, way_m, off_m, off_deg, nees = np.array(told).T
     n_wrong = int(((off_m > _RIGHT_M) | (off_deg > _RIGHT_DEG)).sum())
     cells = (
