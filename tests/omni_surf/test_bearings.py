@@ -137,6 +137,23 @@ def pose_error(found: Pose2, true: Pose2) -> tuple[float, float, float]:
     return found.x - true.x, found.y - true.y, wrap_angle(found.theta - true.theta)
 
 
+@pytest.mark.parametrize("wrong_deg", [-4.5, -3.0, 3.0, 4.5])
+def test_a_far_landmark_that_decides_alone_and_is_wrong_is_within_what_is_claimed(wrong_deg: float) -> None:
+    """Near ones on one side hold the position; the heading is what the far one says, and no error shows that."""
+    directions = np.radians([105.0, 115.0, 122.0, 130.0, 138.0, 145.0, 150.0, 189.0])
+    distances = np.array([0.7, 0.9, 0.7, 0.8, 0.9, 0.7, 0.9, 7.0])
+    landmarks = distances[:, None] * np.column_stack([np.cos(directions), np.sin(directions)])
+    bearings = bearings_at(Pose2(), landmarks)
+    bearings[-1] += math.radians(wrong_deg)
+
+    fix = locate(landmarks, bearings, BearingNoise(math.radians(1.0)), Pose2())
+
+    assert fix is not None
+    error = np.array(pose_error(fix.pose_map_base, Pose2()))
+    assert abs(error[2]) > math.radians(1.0)
+    assert error @ fix.information @ error < 16.3  # chi square of 3 numbers, 99.9 %
+
+
 @given(x=st.floats(-5, 5), y=st.floats(2, 8))
 def test_rays_of_known_poses_meet_in_the_landmark(x: float, y: float) -> None:
     poses = np.array([[-1.0, 0.0, 0.3], [0.0, 0.1, -2.0], [1.0, -0.1, 1.0], [2.0, 0.0, 3.0]])

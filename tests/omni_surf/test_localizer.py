@@ -275,3 +275,29 @@ def test_tracking_is_refreshed_by_detection(omni: Any, room: Any, taught: Any) -
 
     assert [answer.details["tracked"] for answer in answers] == [0, 1, 1, 1, 0, 1, 1, 1, 0, 1]
     assert localizer.counters()["sub_flow"] == 3
+
+
+def test_what_is_tracked_and_recognised_no_more_is_soon_not_believed(
+    omni: Any, room: Any, taught: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    localizer = started(room, taught, refresh_every=4)
+    look(localizer, omni, room, Pose2(), 0.0)
+    nothing = np.empty(0, dtype=np.intp)
+    monkeypatch.setattr(LandmarkMap, "match", lambda *_: (nothing, nothing))
+
+    answers = [look(localizer, omni, room, Pose2(0.02 * k, 0.0, 0.0), k / 15) for k in range(1, 12)]
+
+    assert [isinstance(answer, Fix) for answer in answers] == [True] * 7 + [False] * 4
+    assert answers[7].reason == "0 landmarks recognised, 10 are needed"
+
+
+def test_errors_last_as_long_as_landmarks_are_seen_from_near_by(omni: Any, room: Any, taught: Any) -> None:
+    localizer = started(room, taught)
+
+    first = look(localizer, omni, room, Pose2(), 0.0)
+    moving = look(localizer, omni, room, Pose2(0.05, 0.0, 0.0), 0.1)
+    resting = look(localizer, omni, room, Pose2(0.05, 0.0, 0.0), 0.2)
+
+    assert first.correlation_s is None
+    assert moving.correlation_s == pytest.approx(0.5)
+    assert resting.correlation_s == pytest.approx(10.0)

@@ -22,8 +22,14 @@ from trailmark_omni_surf.taught_views import TaughtViews, unwrapped_view
 __all__ = ["BearingLocalizer"]
 
 _SAME_PLACE_M, _SAME_PLACE_RAD = 0.5, math.radians(15.0)
+# Errors of landmarks are seen alike on so long a way (1/e, as measured in five simulated places), and while base rests.
+_LASTS_M, _LASTS_S = 0.25, 10.0
 _N_LOOKS = 4  # pictures whose fit counts, the last ones
 _ENOUGH_SHARE = 0.6  # a refresh that finds fewer of the tracked landmarks than this is not taken
+_MOST_UNCONFIRMED = 4  # pictures in a row in which what is tracked is not recognised
+_ONE_POSE = (
+    11.34  # squared distance of two poses in their covariance that chance exceeds in 1 % (chi square, 3 numbers)
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +48,20 @@ class _UnsurePlace:
         if known and float(np.mean(known)) < place_fit:
             return f"it fits what was taught there by {np.mean(known):.1%} of what it could, {place_fit:.1%} are asked"
         return ""
+
+
+@dataclass(frozen=True, slots=True)
+class _LastAnswer:
+    """The last pose that was told, and where odometry was then."""
+
+    stamp_s: float
+    pose_map_base: Pose2
+    pose_odom_base: Pose2
+
+    def correlation_s(self, stamp_s: float, pose_odom_base: Pose2) -> float:
+        """Return how long an error lasts at the speed since then: while the same landmarks are seen from near by."""
+        way_m = self.pose_odom_base.distance_to(pose_odom_base)
+        return min(_LASTS_M * (stamp_s - self.stamp_s) / max(way_m, 1e-9), _LASTS_S)
 
 
 class BearingLocalizer:
@@ -81,8 +101,8 @@ class BearingLocalizer:
         self._unsure: _UnsurePlace | None = None
         self._image: Grey8 | None = None
         self._finding = NOTHING
-        self._n_tracked = 0
-        self._last_pose: tuple[Pose2, Pose2] | None = None
+        self._n_tracked = self._n_unconfirmed = 0
+        self._last: _LastAnswer | None = None
 
     def counters(self) -> Mapping[str, int]:
         """Return how often each flow ran, and how many landmarks the tracking error removed."""
@@ -91,12 +111,12 @@ class BearingLocalizer:
     def locate(self, stamp_s: float, image: Grey8, camera: PixelBearings, belief: Belief) -> Estimate:
         """Track while enough landmarks are tracked (main flow), detect otherwise (sub flow)."""
         start = self._expected_pose(belief)
-        tracked = self._track(image, camera, start)
-        finding, is_tracked = tracked, True
-        if tracked.fix is None or self._n_tracked >= self._config.refresh_every:
+        finding = self._track(image, camera, start)
+        is_tracked = finding.fix is not None
+        if not is_tracked or self._n_tracked >= self._config.refresh_every:
             # Differs from the paper: a failed main flow costs no picture, and one that goes well is refreshed.
             detected = self._detect(image, camera, start)
-            if tracked.fix is None or len(detected.uv) >= _ENOUGH_SHARE * len(tracked.uv):
+            if self._is_refreshed(finding, detected):
                 finding, is_tracked = detected, False
         if finding.fix is None:
             self.forget()
@@ -141,6 +161,21 @@ class BearingLocalizer:
         self._counters["landmarks_removed"] += found.n_seen - len(found.uv)
         return found
 
+    def _is_refreshed(self, tracked: FlowResult, detected: FlowResult) -> bool:
+        """Return whether what was detected replaces what is tracked; where neither confirms the other, look again.
+
+        What is tracked and not recognised for several pictures is not believed any longer.
+        """
+        if tracked.fix is None or len(detected.uv) >= _ENOUGH_SHARE * len(tracked.uv):
+            self._n_unconfirmed = 0
+            return True
+        if detected.fix is not None and _are_one(tracked.fix, detected.fix):
+            self._n_unconfirmed = 0
+            return False
+        self._n_unconfirmed += 1
+        self._n_tracked = self._config.refresh_every
+        return self._n_unconfirmed > _MOST_UNCONFIRMED
+
     def _detect(self, image: Grey8, camera: PixelBearings, start: Pose2 | None) -> FlowResult:
         """Sub flow."""
         self._n_tracked = 0
@@ -157,21 +192,22 @@ class BearingLocalizer:
 
         Without tracking there is none: every picture is looked at by itself.
         """
-        if self._last_pose is None or not self._config.use_tracking:
+        if self._last is None or not self._config.use_tracking:
             return None
-        pose_map_base, pose_odom_base = self._last_pose
-        return pose_map_base @ pose_odom_base.between(belief.pose_odom_base) @ self._pose_base_camera
+        step = self._last.pose_odom_base.between(belief.pose_odom_base)
+        return self._last.pose_map_base @ step @ self._pose_base_camera
 
     def _answer(self, stamp_s: float, finding: FlowResult, fix: BearingFix, belief: Belief, is_tracked: bool) -> Fix:
         pose_map_base = fix.pose_map_base @ self._pose_camera_base
-        self._last_pose = (pose_map_base, belief.pose_odom_base)
+        correlation_s = None if self._last is None else self._last.correlation_s(stamp_s, belief.pose_odom_base)
+        self._last = _LastAnswer(stamp_s, pose_map_base, belief.pose_odom_base)
         details = {
             "landmarks": float(finding.n_seen),
             "agreeing": float(len(finding.uv)),
             "tracked": float(is_tracked),
             "error_deg": math.degrees(float(np.sqrt(np.mean(fix.errors_rad[fix.is_inlier] ** 2)))),
         }
-        return Fix(stamp_s, pose_map_base, self._about_base(fix), details)
+        return Fix(stamp_s, pose_map_base, self._about_base(fix), details, correlation_s)
 
     def _about_base(self, fix: BearingFix) -> Floats:
         """Carry the information from the camera to base, and add what the landmarks are off together."""
@@ -187,8 +223,16 @@ class BearingLocalizer:
         """Expect nothing of the next picture: the one before it cannot be used."""
         self._image = None
         self._finding = NOTHING
-        self._n_tracked = 0
-        self._last_pose = None
+        self._n_tracked = self._n_unconfirmed = 0
+        self._last = None
+
+
+def _are_one(a: BearingFix, b: BearingFix) -> bool:
+    """Return whether two poses are one, as far as they are certain."""
+    off = a.pose_map_base.array() - b.pose_map_base.array()
+    off[2] = math.remainder(off[2], 2.0 * math.pi)
+    covariance = np.linalg.inv(a.information) + np.linalg.inv(b.information)
+    return float(off @ np.linalg.solve(covariance, off)) <= _ONE_POSE
 
 
 def _is_near(expected: Pose2, pose: Pose2) -> bool:

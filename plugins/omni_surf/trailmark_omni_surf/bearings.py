@@ -26,6 +26,8 @@ __all__ = ["BearingFix", "BearingNoise", "locate"]
 _MAX_TRIPLES = 300
 _ELSEWHERE_M, _ELSEWHERE_RAD = 0.5, math.radians(10.0)
 _ITERATIONS = 20
+# Of the error of a landmark that decides alone nothing is left; of others at least this share of the variance is.
+_LEAST_LEFT = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,14 +168,44 @@ def _refine_fix(
 
 
 def _information(landmarks: Floats, bearings: Floats, scales: Floats, pose: Floats, sigma_rad: float) -> Floats | None:
-    """Return the information of the pose, with the noise as large as the residuals say it is, if larger."""
+    """Return the information of the pose, with the noise as large as the residuals say it is, if larger.
+
+    Nor is any landmark believed more than the others bear out.
+    """
     hessian, gradient = np.empty((3, 3)), np.empty(3)
     squared = cost_and_step(landmarks, bearings, scales, pose, math.inf, hessian, gradient)
     spare = len(bearings) - 3
     variance = max(sigma_rad**2, squared / spare) if spare > 0 else sigma_rad**2
     if np.linalg.cond(hessian) > 1e10:
         return None
-    return np.asarray(hessian / variance)
+    return _less_where_one_decides(hessian / variance, landmarks, bearings, scales, pose)
+
+
+def _less_where_one_decides(
+    information: Floats, landmarks: Floats, bearings: Floats, scales: Floats, pose: Floats
+) -> Floats:
+    """Return information that promises no more than the pose keeps when one landmark or another is left out.
+
+    A far landmark among near ones, or one on a side of its own, draws the pose to itself, and little error is left that
+    tells. The covariance is at least what the errors say of it one by one, each weighed by how much of it was left
+    (HC2, which is right in the mean where all err alike; S. D. Horn, R. A. Horn, D. B. Duncan, JASA 70, 1975).
+    """
+    jacobian = _jacobian(landmarks, pose) * scales[:, np.newaxis]
+    errors = bearing_errors(landmarks, bearings, pose) * scales
+    gains = jacobian @ np.linalg.inv(jacobian.T @ jacobian)
+    left = np.maximum(1.0 - (gains * jacobian).sum(axis=1), _LEAST_LEFT)
+    changes = gains * (errors / np.sqrt(left))[:, np.newaxis]
+    root = np.linalg.cholesky(information)
+    times, axes = np.linalg.eigh(root.T @ (changes.T @ changes) @ root)  # how many times the stated variance
+    turned = root @ axes
+    return np.asarray((turned / np.maximum(times, 1.0)) @ turned.T)
+
+
+def _jacobian(landmarks: Floats, pose: Floats) -> Floats:
+    """Return how the error of each bearing changes with the pose, (N, 3)."""
+    dx, dy = (landmarks - pose[:2]).T
+    squared = np.maximum(dx * dx + dy * dy, 1e-4)
+    return np.column_stack([-dy / squared, dx / squared, np.ones(len(dx))])
 
 
 def _position_sigma(information: Floats) -> float:
