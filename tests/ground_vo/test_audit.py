@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -29,6 +30,11 @@ def reason(before, now, motion) -> str:
     height, width = before.shape
     audit = MotionAudit((width, height), 1.0).audit(smooth(before), smooth(now), motion)
     return audit.reason_suspected(noise_level(now))
+
+
+def part_sigmas(before, now, motion) -> float:
+    height, width = before.shape
+    return MotionAudit((width, height), 1.0).audit(smooth(before), smooth(now), motion).part_sigmas
 
 
 def test_the_right_motion_is_beyond_suspicion(pictures):
@@ -78,6 +84,37 @@ def test_a_part_that_moves_otherwise_is_suspected(camera, ground, pictures):
     now[:80, :] = camera.image(ground, STEP @ Pose2(0.0004, 0.0, 0.0), 1)[:80, :]  # one pixel farther
 
     assert reason(before, now, motion)
+
+
+def zoomed(image, by: float):
+    """Return a picture as a camera that is lower by a share sees it."""
+    height, width = image.shape
+    grown = cv2.getRotationMatrix2D(((width - 1) / 2.0, (height - 1) / 2.0), 0.0, 1.0 + by)
+    return cv2.warpAffine(image, grown, (width, height), flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)
+
+
+@pytest.mark.parametrize("by", [-0.003, 0.003])
+def test_no_part_moves_otherwise_where_the_camera_heaves(pictures, by):
+    before, now, motion = pictures
+
+    assert part_sigmas(before, zoomed(now, by), motion) < part_sigmas(before, now, motion) + 0.5
+
+
+@pytest.mark.parametrize("by", [-0.003, 0.003])
+@pytest.mark.parametrize("corner", [(slice(0, 70), slice(0, 70)), (slice(-70, None), slice(-70, None))])
+def test_a_part_that_moves_otherwise_is_suspected_where_the_camera_heaves(pictures, by, corner):
+    before, now, motion = pictures
+    now = zoomed(now, by)
+    now[corner] = np.roll(now, 2, axis=0)[corner]
+
+    assert reason(before, now, motion)
+
+
+@pytest.mark.parametrize("by", [-0.02, 0.02])
+def test_a_picture_that_grows_more_than_a_camera_heaves_is_suspected(pictures, by):
+    before, now, motion = pictures
+
+    assert reason(before, zoomed(now, by), motion)
 
 
 def test_noise_that_could_turn_the_picture_is_suspected(camera, pictures):

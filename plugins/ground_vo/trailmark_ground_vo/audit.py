@@ -51,6 +51,9 @@ _MOST_SPREAD = 0.6
 _MOST_LIGHT_SIGMAS = 3.0
 #: What the whole picture, and a part of it, would correct, beyond so many own standard deviations [px], [rad].
 _MOST_SHIFT_PX, _MOST_TURN_RAD, _SIGMAS, _PART_SIGMAS = 0.1, math.radians(0.01), 5.0, 5.0
+#: By how much a picture grows or shrinks where the camera heaves, by a millimetre of a quarter of a metre, and how many
+#: other parts must tell.
+_MOST_ZOOM, _LEAST_OTHERS = 0.004, 6
 #: Own standard deviation of a turn between two pictures from which on it can be wrong by what matters, 0.05 deg.
 _MOST_TURN_SIGMA_RAD = math.radians(0.01)
 #: Slope along the axis that the ground holds least, over the noise of the picture, that noise alone has, and standard
@@ -75,7 +78,8 @@ class Audit:
     turn_sigma_rad : float
         Standard deviation of that turn [rad].
     part_sigmas : float
-        Largest shift of a part of the picture against the others, over its own standard deviation.
+        Largest shift of a part of the picture against the others, over its own standard deviation. Of that is left out
+        what all parts move outwards or inwards.
     least_slope : float
         Root mean square slope along the axis where it is least [grey levels/px].
     """
@@ -129,6 +133,7 @@ class MotionAudit:
 
     def __init__(self, size: tuple[int, int], aspect: float) -> None:
         self._grid = regular_grid(size)
+        self._part_px = size[0] / N_SIDE, size[1] / N_SIDE
         self._aspect = aspect
         self._closed: Bools | None = None
 
@@ -144,7 +149,7 @@ class MotionAudit:
             return Audit(0.0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         spread = _spread(samples)
         parts, whole, n_out = _equations(samples, self._grid.parts, spread)
-        light, shift, turn, turn_sigma, part = _decide(parts, whole, spread)
+        light, shift, turn, turn_sigma, part = _decide(parts, whole, spread, self._part_px)
         slope = _least_slope(whole) / math.sqrt(samples.shape[1]) / SMOOTH_SCALE
         return Audit(spread / SMOOTH_SCALE, n_out, samples.shape[1], light, shift, turn, turn_sigma, part, slope)
 
@@ -278,8 +283,13 @@ def _equations(samples: Float32s, parts: Int64s, spread: float) -> tuple[Floats,
 
 
 @kernel
-def _decide(parts: Floats, whole: Floats, spread: float) -> tuple[float, float, float, float, float]:
-    """Return change of light, shift, turn, sigma of the turn [rad] and shift of a part, as `Audit` has them."""
+def _decide(
+    parts: Floats, whole: Floats, spread: float, part_px: tuple[float, float]
+) -> tuple[float, float, float, float, float]:
+    """Return change of light, shift, turn, sigma of the turn [rad] and shift of a part, as `Audit` has them.
+
+    Parts are `part_px` wide and high.
+    """
     (u, v, angle), (u_var, v_var, turn_var) = solve_symmetric(
         (whole[0, 0] + 1.0, whole[0, 1], whole[0, 2], whole[1, 1] + 1.0, whole[1, 2], whole[2, 2] + 1.0),
         (whole[0, 3], whole[1, 3], whole[2, 3]),
@@ -289,6 +299,7 @@ def _decide(parts: Floats, whole: Floats, spread: float) -> tuple[float, float, 
     turn = abs(angle) / (turn_sigma + _MOST_TURN_RAD / _SIGMAS)
     light, n_voting = 0.0, 0
     us, vs, own = np.empty(len(parts)), np.empty(len(parts)), np.empty(len(parts))
+    xs, ys, half = np.empty(len(parts)), np.empty(len(parts)), (N_SIDE - 1) / 2.0
     for p in range(len(parts)):
         sums = parts[p]
         if sums[0] < _LEAST_PIXELS:
@@ -298,12 +309,32 @@ def _decide(parts: Floats, whole: Floats, spread: float) -> tuple[float, float, 
         )
         light = max(light, abs(solved[0]) / spread)
         us[n_voting], vs[n_voting] = -solved[1], -solved[2]
+        xs[n_voting], ys[n_voting] = (p % N_SIDE - half) * part_px[0], (p // N_SIDE - half) * part_px[1]
         own[n_voting] = spread * math.sqrt(variances[1] + variances[2])
         n_voting += 1
+    n = n_voting
+    return light, shift, turn, turn_sigma, _stray(us[:n], vs[:n], own[:n], xs[:n], ys[:n])
+
+
+@kernel
+def _stray(us: Floats, vs: Floats, own: Floats, xs: Floats, ys: Floats) -> float:
+    """Return the largest shift of a part against the others, over its own standard deviation.
+
+    A camera that heaves sees all parts move away from the centre, or towards it: by how much, the others tell of each.
+    """
+    if not len(us):
+        return 0.0
+    middle_u, middle_v, outwards, squares = median_of(us), median_of(vs), 0.0, 0.0
+    for p in range(len(us)):
+        weight = 1.0 / (own[p] + _LEAST_OWN_PX) ** 2
+        outwards += weight * (xs[p] * (us[p] - middle_u) + ys[p] * (vs[p] - middle_v))
+        squares += weight * (xs[p] * xs[p] + ys[p] * ys[p])
     stray = 0.0
-    if n_voting:
-        middle_u, middle_v = median_of(us[:n_voting]), median_of(vs[:n_voting])
-        for p in range(n_voting):
-            apart = math.hypot(us[p] - middle_u, vs[p] - middle_v)
-            stray = max(stray, apart / (own[p] + _LEAST_OWN_PX))
-    return light, shift, turn, turn_sigma, stray
+    for p in range(len(us)):
+        u, v, sigma = us[p] - middle_u, vs[p] - middle_v, own[p] + _LEAST_OWN_PX
+        zoom, without = 0.0, squares - (xs[p] * xs[p] + ys[p] * ys[p]) / sigma**2
+        if len(us) > _LEAST_OTHERS and without > 0.0:
+            zoom = (outwards - (xs[p] * u + ys[p] * v) / sigma**2) / without
+            zoom = min(max(zoom, -_MOST_ZOOM), _MOST_ZOOM)
+        stray = max(stray, math.hypot(u - zoom * xs[p], v - zoom * ys[p]) / sigma)
+    return stray

@@ -55,7 +55,7 @@ FIRST_KERNELS: tuple[tuple[Any, tuple[Any, ...]], ...] = (
     (texture.select_texture, (_GREY16, _AREA, _INT, _INT)),
     (audit._samples, (_GREY16, _GREY16, _TEXTURE, _POINT, _POSE, _FLOAT)),
     (absolute.patch_search(32), (types.int8[:, ::1], types.int8[:, ::1], _INT[:, :, :, ::1], types.int8[:, ::1])),
-    (audit._decide, (_SUMS, _SUMS, _FLOAT)),
+    (audit._decide, (_SUMS, _SUMS, _FLOAT, _POINT)),
     (audit._equations, (_TEXTURE, _INDICES, _FLOAT)),
     (shared_texture._sums_of_parts, (_GREY16, _GREY16, _MASK, _POSE, _FLOAT, types.UniTuple(_INT, 2))),
     (extremes.select, (_GREY8, _AREA, _INT)),
