@@ -90,9 +90,9 @@ class OmniSurfConfig(PresetConfig):
     paper.) [deg]"""
     bearing_sigma_deg: float = Field(1.0, gt=0)
     """Noise of a good bearing, positions of landmarks included [deg]."""
-    map_sigma_m: float = Field(0.03, ge=0)
+    map_sigma_m: float = Field(0.015, ge=0)
     """What the taught landmarks are off together: many bearings do not average it away [m]."""
-    map_sigma_deg: float = Field(0.5, ge=0)
+    map_sigma_deg: float = Field(0.25, ge=0)
     """The same of the heading [deg]."""
     max_position_sigma_m: float = Field(0.5, gt=0)
     """A pose less certain than this is none [m]."""
