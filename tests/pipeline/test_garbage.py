@@ -76,10 +76,10 @@ def test_what_somebody_else_spares_stays_spared() -> None:
 @pytest.mark.usefixtures("nothing_spared")
 def test_garbage_of_before_is_not_kept_while_a_run_goes_on() -> None:
     class Cycle:
-        pass
+        itself: object
 
     one = Cycle()
-    one.itself = one  # type: ignore[attr-defined]
+    one.itself = one
     gone = weakref.ref(one)
     del one
     with SPARED:

@@ -321,6 +321,15 @@ def _stray(us: Floats, vs: Floats, own: Floats, xs: Floats, ys: Floats) -> float
     """Return the largest shift of a part against the others, over its own standard deviation.
 
     A camera that heaves sees all parts move away from the centre, or towards it: by how much, the others tell of each.
+
+    Parameters
+    ----------
+    us, vs : (n,) float64
+        Shift of each part along u and v [px].
+    own : (n,) float64
+        Standard deviation of that shift [px].
+    xs, ys : (n,) float64
+        Middle of each part, from the centre of the picture [px].
     """
     if not len(us):
         return 0.0

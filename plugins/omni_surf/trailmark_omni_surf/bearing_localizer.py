@@ -26,10 +26,9 @@ _SAME_PLACE_M, _SAME_PLACE_RAD = 0.5, math.radians(15.0)
 _LASTS_M, _LASTS_S = 0.25, 10.0
 _N_LOOKS = 4  # pictures whose fit counts, the last ones
 _ENOUGH_SHARE = 0.6  # a refresh that finds fewer of the tracked landmarks than this is not taken
-_MOST_UNCONFIRMED = 4  # pictures in a row in which what is tracked is not recognised
-_ONE_POSE = (
-    11.34  # squared distance of two poses in their covariance that chance exceeds in 1 % (chi square, 3 numbers)
-)
+_MOST_UNCONFIRMED = 4  # pictures in a row, at most, in which what is tracked is not recognised
+# Squared distance of two poses, in their covariance, that chance exceeds in 1 % (chi square of three numbers).
+_ONE_POSE = 11.34
 
 
 @dataclass(frozen=True, slots=True)
