@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import hashlib
+import os
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
@@ -90,7 +91,8 @@ def _files_of(keys: Mapping[str, str], kept: Mapping[str, str]) -> Iterator[tupl
 
 def noted_paths(notes: Path) -> set[Path]:
     """Return what programs read, by the notes of `traced/sitecustomize.py`."""
-    return {Path(line) for note in notes.iterdir() for line in note.read_text(encoding="utf-8").splitlines()}
+    lines = (line for note in notes.iterdir() for line in note.read_bytes().split(b"\n") if line)
+    return {Path(os.fsdecode(line)) for line in lines}  # a name need not be text
 
 
 def _folder(name: str) -> str:

@@ -211,6 +211,13 @@ def test_a_process_that_becomes_another_user_goes_on_noting(load_script: Callabl
         assert work.noted_paths(notes) - set(notes.iterdir()) == {top / "first.py", top / "then.py"}
 
 
+def test_files_are_noted_whose_names_are_no_text(load_script: Callable[[str], ModuleType], tmp_path: Path) -> None:
+    code = load_script("benchmarks/results_code.py")
+    (tmp_path / "1-0").write_bytes(b"/top/first.py\n/top/caf\xe9\n")
+
+    assert code.noted_paths(tmp_path) == {Path("/top/first.py"), Path(os.fsdecode(b"/top/caf\xe9"))}
+
+
 @pytest.mark.parametrize("code", [0, 1])
 def test_a_page_that_says_that_something_failed_is_put_and_fails_until_it_is_mended(
     recipe: ModuleType, checkout: Path, capsys: pytest.CaptureFixture[str], code: int

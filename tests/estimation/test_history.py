@@ -119,6 +119,19 @@ def test_what_comes_late_together_is_replayed_once() -> None:
     assert n_steps[0] - n_before == 3 + 8
 
 
+def test_the_window_forgets_what_was_not_replayed_yet() -> None:
+    history = History(10.0, trace_step, "")
+    for second in range(9):
+        history.insert(float(second), "a")
+    history.insert(0.5, "x")
+
+    history.advance(13.0)
+
+    assert len(history) == 6
+    assert history.state_at(2.9) == "axaa"
+    assert history.state_at(8.0) == "axaaaaaaaa"
+
+
 @settings(max_examples=50, deadline=None)
 @given(st.permutations(range(12)))
 def test_a_filter_does_not_notice_the_order_of_arrival(order: list[int]) -> None:

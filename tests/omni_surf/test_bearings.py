@@ -137,7 +137,7 @@ def pose_error(found: Pose2, true: Pose2) -> tuple[float, float, float]:
     return found.x - true.x, found.y - true.y, wrap_angle(found.theta - true.theta)
 
 
-@pytest.mark.parametrize("wrong_deg", [-4.5, -3.0, 3.0, 4.5])
+@pytest.mark.parametrize("wrong_deg", [-4.5, 4.5])
 def test_a_far_landmark_that_decides_alone_and_is_wrong_is_within_what_is_claimed(wrong_deg: float) -> None:
     """Near ones on one side hold the position; the heading is what the far one says, and no error shows that."""
     directions = np.radians([105.0, 115.0, 122.0, 130.0, 138.0, 145.0, 150.0, 189.0])

@@ -15,6 +15,7 @@ from trailmark.frames import Frame, Pinhole, Scalar, SensorInfo
 from trailmark.geometry import Pose2, wrap_angle
 from trailmark.interfaces import Session
 from trailmark.paths import Keyframe
+from trailmark_omni_surf import bearing_localizer
 from trailmark_omni_surf.config import OmniSurfConfig
 from trailmark_omni_surf.export import stored_candidates
 from trailmark_omni_surf.flows import chance_agreements
@@ -50,7 +51,8 @@ def started(
 def look(localizer: OmniSurf, omni: Any, room: Any, pose: Pose2, stamp_s: float = 0.0, **options: Any) -> Any:
     """Show the localizer the picture from a pose of base; it knows the motion, not the pose."""
     image = room.render(pose @ MOUNTING, **options)
-    (answer,) = localizer.observe(omni.frame(image, stamp_s), Belief(stamp_s, pose_odom_base=pose))
+    belief = Belief(stamp_s, pose_odom_base=pose, motion_age_s=0.0)
+    (answer,) = localizer.observe(omni.frame(image, stamp_s), belief)
     return answer
 
 
@@ -301,3 +303,27 @@ def test_errors_last_as_long_as_landmarks_are_seen_from_near_by(omni: Any, room:
     assert first.correlation_s is None
     assert moving.correlation_s == pytest.approx(0.5)
     assert resting.correlation_s == pytest.approx(10.0)
+
+
+def test_where_nothing_tells_of_motion_the_answers_tell_how_long_errors_last(omni: Any, room: Any, taught: Any) -> None:
+    localizer = started(room, taught)
+
+    for k in range(2):
+        frame = omni.frame(room.render(Pose2(0.05 * k, 0.0, 0.0) @ MOUNTING), 0.1 * k)
+        (answer,) = localizer.observe(frame, Belief(0.1 * k))
+
+    assert answer.correlation_s == pytest.approx(0.5, rel=0.3)
+
+
+def test_who_gives_up_what_was_tracked_starts_anew(
+    omni: Any, room: Any, taught: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A place is detected, and not the one that was tracked: what is tracked from then on is recognised in its turn."""
+    localizer = started(room, taught, refresh_every=4)
+    look(localizer, omni, room, Pose2(), 0.0)
+    monkeypatch.setattr(bearing_localizer, "_ENOUGH_SHARE", math.inf)
+    monkeypatch.setattr(bearing_localizer, "_are_one", lambda *_: False)
+
+    answers = [look(localizer, omni, room, Pose2(0.02 * k, 0.0, 0.0), k / 15) for k in range(1, 14)]
+
+    assert [answer.details["tracked"] for answer in answers] == [1] * 7 + [0] + [1] * 5

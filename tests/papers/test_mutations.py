@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 
@@ -51,6 +52,13 @@ def test_the_rules_of_the_list_are_still_where_it_says(mutations: ModuleType) ->
     assert len(listed) >= _FEWEST
     assert [one.name for one in listed if not mutations.is_there(one, REPOSITORY)] == []
     assert all((REPOSITORY / test).is_file() for one in listed for test in one.tests)
+    assert [one.name for one in listed if not has_test(one)] == []
+
+
+def has_test(one: Any) -> bool:
+    """Return whether the test that is expected to notice is one of the mutation's files, where one is named."""
+    file, _, name = one.test.partition("::")
+    return any(f"def {name}(" in (REPOSITORY / test).read_text() for test in one.tests if test.endswith(file))
 
 
 def test_the_test_that_kills_a_mutation_is_named_and_the_text_put_back(

@@ -5,9 +5,13 @@ from __future__ import annotations
 import gc
 import weakref
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
+from trailmark.estimates import Belief
+from trailmark.frames import Frame
+from trailmark.pipeline import Pipeline
 from trailmark.pipeline.run.garbage import SELDOM, SPARED
 
 
@@ -20,9 +24,10 @@ def _kept_threshold() -> Iterator[None]:
 
 @pytest.fixture
 def nothing_spared() -> Iterator[None]:
+    """What the whole session spares is searched meanwhile."""
     gc.unfreeze()
     yield
-    gc.unfreeze()
+    gc.freeze()
 
 
 def test_search_is_seldom_until_the_last_of_two_runs_has_ended() -> None:
@@ -84,3 +89,35 @@ def test_garbage_of_before_is_not_kept_while_a_run_goes_on() -> None:
     del one
     with SPARED:
         assert gone() is None
+
+
+@pytest.mark.usefixtures("nothing_spared")
+@pytest.mark.parametrize(("pace", "is_spared"), [("step", False), ("realtime", True)])
+def test_a_run_in_real_time_spares_what_was_there_until_it_ends(fakes: Any, pace: str, is_spared: bool) -> None:
+    n_spared = []
+
+    def count(frame: Frame, belief: Belief) -> tuple[()]:
+        n_spared.append(gc.get_freeze_count())
+        return ()
+
+    source = fakes.Recording(fakes.image_frames("cam", [0.0, 0.01]))
+    for _ in Pipeline(fakes.parts({"cam": source}, {"counts": fakes.Scripted(count)}, pace=pace)):
+        pass
+
+    assert [n > 0 for n in n_spared] == [is_spared] * 2
+    assert gc.get_freeze_count() == 0
+
+
+@pytest.mark.usefixtures("nothing_spared")
+def test_parts_are_closed_where_sparing_is_interrupted(fakes: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt() -> None:
+        raise KeyboardInterrupt
+
+    source = fakes.Recording(fakes.image_frames("cam", [0.0]))
+    monkeypatch.setattr(gc, "collect", interrupt)
+
+    with pytest.raises(KeyboardInterrupt):
+        list(Pipeline(fakes.parts({"cam": source}, pace="realtime")))
+
+    assert source.log == ["start", "close"]
+    assert gc.get_freeze_count() == 0

@@ -312,8 +312,8 @@ def _decide(
         xs[n_voting], ys[n_voting] = (p % N_SIDE - half) * part_px[0], (p // N_SIDE - half) * part_px[1]
         own[n_voting] = spread * math.sqrt(variances[1] + variances[2])
         n_voting += 1
-    n = n_voting
-    return light, shift, turn, turn_sigma, _stray(us[:n], vs[:n], own[:n], xs[:n], ys[:n])
+    us, vs, own = us[:n_voting], vs[:n_voting], own[:n_voting]
+    return light, shift, turn, turn_sigma, _stray(us, vs, own, xs[:n_voting], ys[:n_voting])
 
 
 @kernel
@@ -333,17 +333,19 @@ def _stray(us: Floats, vs: Floats, own: Floats, xs: Floats, ys: Floats) -> float
     """
     if not len(us):
         return 0.0
-    middle_u, middle_v, outwards, squares = median_of(us), median_of(vs), 0.0, 0.0
+    middle_u, middle_v, middle_x, middle_y = median_of(us), median_of(vs), median_of(xs), median_of(ys)
+    outwards, squares = 0.0, 0.0
     for p in range(len(us)):
-        weight = 1.0 / (own[p] + _LEAST_OWN_PX) ** 2
-        outwards += weight * (xs[p] * (us[p] - middle_u) + ys[p] * (vs[p] - middle_v))
-        squares += weight * (xs[p] * xs[p] + ys[p] * ys[p])
+        x, y, sigma = xs[p] - middle_x, ys[p] - middle_y, own[p] + _LEAST_OWN_PX
+        outwards += (x * (us[p] - middle_u) + y * (vs[p] - middle_v)) / sigma**2
+        squares += (x * x + y * y) / sigma**2
     stray = 0.0
     for p in range(len(us)):
         u, v, sigma = us[p] - middle_u, vs[p] - middle_v, own[p] + _LEAST_OWN_PX
-        zoom, without = 0.0, squares - (xs[p] * xs[p] + ys[p] * ys[p]) / sigma**2
+        x, y = xs[p] - middle_x, ys[p] - middle_y
+        zoom, without = 0.0, squares - (x * x + y * y) / sigma**2
         if len(us) > _LEAST_OTHERS and without > 0.0:
-            zoom = (outwards - (xs[p] * u + ys[p] * v) / sigma**2) / without
+            zoom = (outwards - (x * u + y * v) / sigma**2) / without
             zoom = min(max(zoom, -_MOST_ZOOM), _MOST_ZOOM)
-        stray = max(stray, math.hypot(u - zoom * xs[p], v - zoom * ys[p]) / sigma)
+        stray = max(stray, math.hypot(u - zoom * x, v - zoom * y) / sigma)
     return stray

@@ -9,7 +9,16 @@ import numpy as np
 from trailmark.arrays import AnyArray
 from trailmark.kernels import kernel
 
-__all__ = ["bearing_errors", "bearing_scales", "closed_form", "cost_and_step", "hypotheses", "refine", "support"]
+__all__ = [
+    "bearing_errors",
+    "bearing_jacobian",
+    "bearing_scales",
+    "closed_form",
+    "cost_and_step",
+    "hypotheses",
+    "refine",
+    "support",
+]
 
 
 @kernel
@@ -175,6 +184,17 @@ def support(landmarks: AnyArray, bearings: AnyArray, pose: AnyArray, gate_rad: f
 
 
 @kernel
+def bearing_jacobian(landmarks: AnyArray, pose: AnyArray) -> AnyArray:
+    """Return how the error of every bearing changes with the pose: minus the derivatives of Eq. (6), (N, 3)."""
+    jacobian = np.ones((landmarks.shape[0], 3))
+    for n in range(landmarks.shape[0]):
+        dx, dy = landmarks[n, 0] - pose[0], landmarks[n, 1] - pose[1]
+        squared = max(dx * dx + dy * dy, 1e-4)  # nearer than a centimetre a bearing means nothing
+        jacobian[n, 0], jacobian[n, 1] = -dy / squared, dx / squared
+    return jacobian
+
+
+@kernel
 def cost_and_step(
     landmarks: AnyArray,
     bearings: AnyArray,
@@ -211,13 +231,10 @@ def cost_and_step(
     hessian[:] = 0.0
     gradient[:] = 0.0
     errors = bearing_errors(landmarks, bearings, pose)
-    jacobian = np.empty(3)
+    jacobians = bearing_jacobian(landmarks, pose)
     cost = 0.0
     for n in range(bearings.shape[0]):
-        dx, dy = landmarks[n, 0] - pose[0], landmarks[n, 1] - pose[1]
-        squared = max(dx * dx + dy * dy, 1e-4)  # nearer than a centimetre a bearing means nothing
-        scale = scales[n]
-        jacobian[0], jacobian[1], jacobian[2] = -dy / squared, dx / squared, 1.0  # of the error: minus d beta
+        scale, jacobian = scales[n], jacobians[n]
         size = abs(errors[n]) * scale
         weight = 1.0 if size <= corner_rad else corner_rad / size
         cost += size * size if size <= corner_rad else corner_rad * (2.0 * size - corner_rad)

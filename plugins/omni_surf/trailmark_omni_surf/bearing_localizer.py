@@ -10,7 +10,7 @@ import numpy as np
 
 from trailmark.arrays import Floats, Grey8
 from trailmark.estimates import Belief, Estimate, Fix, Lost, information_from_covariance
-from trailmark.geometry import Pose2
+from trailmark.geometry import Pose2, wrap_angle
 from trailmark_omni_surf.bearings import BearingFix, BearingNoise
 from trailmark_omni_surf.config import OmniSurfConfig
 from trailmark_omni_surf.features import FeatureExtractor
@@ -57,10 +57,16 @@ class _LastAnswer:
     pose_map_base: Pose2
     pose_odom_base: Pose2
 
-    def correlation_s(self, stamp_s: float, pose_odom_base: Pose2) -> float:
+    def correlation_s(self, stamp_s: float, pose_map_base: Pose2, belief: Belief) -> float:
         """Return how long an error lasts at the speed since then: while the same landmarks are seen from near by."""
-        way_m = self.pose_odom_base.distance_to(pose_odom_base)
+        way_m = self._way_m(pose_map_base, belief)
         return min(_LASTS_M * (stamp_s - self.stamp_s) / max(way_m, 1e-9), _LASTS_S)
+
+    def _way_m(self, pose_map_base: Pose2, belief: Belief) -> float:
+        """Return the way since then [m]; that between the answers, where nothing tells of motion."""
+        if math.isinf(belief.motion_age_s):
+            return self.pose_map_base.distance_to(pose_map_base)
+        return self.pose_odom_base.distance_to(belief.pose_odom_base)
 
 
 class BearingLocalizer:
@@ -115,7 +121,7 @@ class BearingLocalizer:
         if not is_tracked or self._n_tracked >= self._config.refresh_every:
             # Differs from the paper: a failed main flow costs no picture, and one that goes well is refreshed.
             detected = self._detect(image, camera, start)
-            if self._is_refreshed(finding, detected):
+            if self._takes_detected(finding, detected):
                 finding, is_tracked = detected, False
         if finding.fix is None:
             self.forget()
@@ -160,10 +166,11 @@ class BearingLocalizer:
         self._counters["landmarks_removed"] += found.n_seen - len(found.uv)
         return found
 
-    def _is_refreshed(self, tracked: FlowResult, detected: FlowResult) -> bool:
-        """Return whether what was detected replaces what is tracked; where neither confirms the other, look again.
+    def _takes_detected(self, tracked: FlowResult, detected: FlowResult) -> bool:
+        """Return whether to go on from what was detected; where it does not confirm what is tracked, look again.
 
-        What is tracked and not recognised for several pictures is not believed any longer.
+        What is tracked and not recognised for several pictures is not believed any longer: what was detected is taken
+        even where that is no place.
         """
         if tracked.fix is None or len(detected.uv) >= _ENOUGH_SHARE * len(tracked.uv):
             self._n_unconfirmed = 0
@@ -172,8 +179,11 @@ class BearingLocalizer:
             self._n_unconfirmed = 0
             return False
         self._n_unconfirmed += 1
+        if self._n_unconfirmed > _MOST_UNCONFIRMED:
+            self._n_unconfirmed = 0
+            return True
         self._n_tracked = self._config.refresh_every
-        return self._n_unconfirmed > _MOST_UNCONFIRMED
+        return False
 
     def _detect(self, image: Grey8, camera: PixelBearings, start: Pose2 | None) -> FlowResult:
         """Sub flow."""
@@ -198,7 +208,7 @@ class BearingLocalizer:
 
     def _answer(self, stamp_s: float, finding: FlowResult, fix: BearingFix, belief: Belief, is_tracked: bool) -> Fix:
         pose_map_base = fix.pose_map_base @ self._pose_camera_base
-        correlation_s = None if self._last is None else self._last.correlation_s(stamp_s, belief.pose_odom_base)
+        correlation_s = None if self._last is None else self._last.correlation_s(stamp_s, pose_map_base, belief)
         self._last = _LastAnswer(stamp_s, pose_map_base, belief.pose_odom_base)
         details = {
             "landmarks": float(finding.n_seen),
@@ -229,7 +239,7 @@ class BearingLocalizer:
 def _are_one(a: BearingFix, b: BearingFix) -> bool:
     """Return whether two poses are one, as far as they are certain."""
     off = a.pose_map_base.array() - b.pose_map_base.array()
-    off[2] = math.remainder(off[2], 2.0 * math.pi)
+    off[2] = wrap_angle(off[2])
     covariance = np.linalg.inv(a.information) + np.linalg.inv(b.information)
     return float(off @ np.linalg.solve(covariance, off)) <= _ONE_POSE
 

@@ -13,6 +13,7 @@ from trailmark.errors import ShapeError
 from trailmark.geometry import Pose2, wrap_angles
 from trailmark_omni_surf.bearing_kernels import (
     bearing_errors,
+    bearing_jacobian,
     bearing_scales,
     cost_and_step,
     hypotheses,
@@ -26,7 +27,7 @@ __all__ = ["BearingFix", "BearingNoise", "locate"]
 _MAX_TRIPLES = 300
 _ELSEWHERE_M, _ELSEWHERE_RAD = 0.5, math.radians(10.0)
 _ITERATIONS = 20
-# Of the error of a landmark that decides alone nothing is left; of others at least this share of the variance is.
+# The share of a landmark's error that a fit leaves is taken as so much at least: of one that decides alone it is 0.
 _LEAST_LEFT = 0.05
 
 
@@ -170,7 +171,7 @@ def _refine_fix(
 def _information(landmarks: Floats, bearings: Floats, scales: Floats, pose: Floats, sigma_rad: float) -> Floats | None:
     """Return the information of the pose, with the noise as large as the residuals say it is, if larger.
 
-    Nor is any landmark believed more than the others bear out.
+    It is less where the errors one by one say so, see `_less_where_one_decides`.
     """
     hessian, gradient = np.empty((3, 3)), np.empty(3)
     squared = cost_and_step(landmarks, bearings, scales, pose, math.inf, hessian, gradient)
@@ -184,13 +185,14 @@ def _information(landmarks: Floats, bearings: Floats, scales: Floats, pose: Floa
 def _less_where_one_decides(
     information: Floats, landmarks: Floats, bearings: Floats, scales: Floats, pose: Floats
 ) -> Floats:
-    """Return information that promises no more than the pose keeps when one landmark or another is left out.
+    """Return information that promises no more than the errors of the landmarks bear out one by one.
 
     A far landmark among near ones, or one on a side of its own, draws the pose to itself, and little error is left that
-    tells. The covariance is at least what the errors say of it one by one, each weighed by how much of it was left
-    (HC2, which is right in the mean where all err alike; S. D. Horn, R. A. Horn, D. B. Duncan, JASA 70, 1975).
+    tells. The covariance is at least the sum over the landmarks of what the error of each, divided by the root of the
+    share of it that the fit leaves, changes in the pose (HC2, which is right in the mean where all err alike;
+    S. D. Horn, R. A. Horn, D. B. Duncan, JASA 70, 1975). Of a landmark that agrees by chance it says nothing.
     """
-    jacobian = _jacobian(landmarks, pose) * scales[:, np.newaxis]
+    jacobian = bearing_jacobian(landmarks, pose) * scales[:, np.newaxis]
     errors = bearing_errors(landmarks, bearings, pose) * scales
     gains = jacobian @ np.linalg.inv(jacobian.T @ jacobian)
     left = np.maximum(1.0 - (gains * jacobian).sum(axis=1), _LEAST_LEFT)
@@ -199,13 +201,6 @@ def _less_where_one_decides(
     times, axes = np.linalg.eigh(root.T @ (changes.T @ changes) @ root)  # how many times the stated variance
     turned = root @ axes
     return np.asarray((turned / np.maximum(times, 1.0)) @ turned.T)
-
-
-def _jacobian(landmarks: Floats, pose: Floats) -> Floats:
-    """Return how the error of each bearing changes with the pose, (N, 3)."""
-    dx, dy = (landmarks - pose[:2]).T
-    squared = np.maximum(dx * dx + dy * dy, 1e-4)
-    return np.column_stack([-dy / squared, dx / squared, np.ones(len(dx))])
 
 
 def _position_sigma(information: Floats) -> float:

@@ -42,8 +42,8 @@ BESIDE_S = 0.2
 
 #: Stamp, x, y, theta of an absolute pose, and its covariance.
 FixRow = tuple[float, float, float, float, Sym3]
-#: x, y and turn [m, m, rad].
-Step = tuple[float, float, float]
+#: x, y and heading or turn [m, m, rad].
+PoseRow = tuple[float, float, float]
 
 
 class Residual(NamedTuple):
@@ -147,7 +147,8 @@ class _Chain:
         gaps = np.flatnonzero(np.abs(apart_s) > _SAME_STAMP_S)
         rows = rows[gaps[-1] + 1 :] if len(gaps) else rows
         n = len(rows)
-        self.stamps_s: Floats = np.append(rows[0, 0], rows[:, 1])
+        # of numbers in lists the search and the arithmetic take a tenth of the time
+        self.stamps_s: list[float] = [float(rows[0, 0]), *rows[:, 1].tolist()]
         headings = np.append(0.0, np.cumsum(rows[:, 4]))
         cos, sin = np.cos(headings[:-1]), np.sin(headings[:-1])
         poses = np.zeros((n + 1, 3))
@@ -168,42 +169,36 @@ class _Chain:
         moved[:, 0, 0] = moved[:, 1, 1] = cos
         moved[:, 0, 1], moved[:, 1, 0], moved[:, 2, 2] = -sin, sin, 1.0
         moved[:, 0, 2], moved[:, 1, 2] = poses[1:, 1], -poses[1:, 0]
-        # of numbers in lists the search and the arithmetic take a tenth of the time
-        self._stamps: list[float] = self.stamps_s.tolist()
-        self._places: list[Step] = [(x, y, heading) for x, y, heading in poses.tolist()]
+        self._poses: list[PoseRow] = [(x, y, heading) for x, y, heading in poses.tolist()]
         self._sums = np.zeros((n + 1, 3, 3))
         np.cumsum(moved @ covariance @ moved.transpose(0, 2, 1), axis=0, out=self._sums[1:])
 
     def covers(self, since_s: float, stamp_s: float) -> bool:
         """Return whether it says something of all of an interval."""
-        return bool(self.stamps_s[0] - _SAME_STAMP_S <= since_s and stamp_s <= self.stamps_s[-1] + _SAME_STAMP_S)
+        return self.stamps_s[0] - _SAME_STAMP_S <= since_s and stamp_s <= self.stamps_s[-1] + _SAME_STAMP_S
 
-    def between(self, since_s: float, stamp_s: float) -> tuple[Step, Sym3]:
+    def between(self, since_s: float, stamp_s: float) -> tuple[PoseRow, Sym3]:
         """Return the pose at one stamp seen from base at another, and its covariance in these axes."""
-        before, after = self._place_of(since_s), self._place_of(stamp_s)
-        (_, _, heading), (end_x, end_y, _) = self._pose_at(*before), self._pose_at(*after)
-        cos, sin = math.cos(heading), math.sin(heading)
-        lever_x, lever_y = sin * end_x - cos * end_y, cos * end_x + sin * end_y
+        before, after = self._motion_at(since_s), self._motion_at(stamp_s)
+        begin, end = self._pose_at(*before), self._pose_at(*after)
+        cos, sin = math.cos(begin[2]), math.sin(begin[2])
+        lever_x, lever_y = sin * end[0] - cos * end[1], cos * end[0] + sin * end[1]
         spread = congruence(subtract(self._sum_at(*after), self._sum_at(*before)), cos, -sin, lever_x, lever_y)
-        return self.step(since_s, stamp_s), spread
+        return _seen_from(begin, end), spread
 
-    def step(self, since_s: float, stamp_s: float) -> Step:
+    def step(self, since_s: float, stamp_s: float) -> PoseRow:
         """Return the pose at one stamp seen from base at another."""
-        x, y, heading = self._pose_at(*self._place_of(since_s))
-        end_x, end_y, end_heading = self._pose_at(*self._place_of(stamp_s))
-        cos, sin = math.cos(heading), math.sin(heading)
-        dx, dy = end_x - x, end_y - y
-        return cos * dx + sin * dy, cos * dy - sin * dx, end_heading - heading
+        return _seen_from(self._pose_at(*self._motion_at(since_s)), self._pose_at(*self._motion_at(stamp_s)))
 
-    def _place_of(self, stamp_s: float) -> tuple[int, float]:
+    def _motion_at(self, stamp_s: float) -> tuple[int, float]:
         """Return the motion during which a stamp is, and how much of it is over."""
-        stamps_s = self._stamps
+        stamps_s = self.stamps_s
         index = min(max(bisect_left(stamps_s, stamp_s), 1), len(stamps_s) - 1)
         before_s, after_s = stamps_s[index - 1], stamps_s[index]
         return index, min(max((stamp_s - before_s) / (after_s - before_s), 0.0), 1.0)
 
-    def _pose_at(self, index: int, share: float) -> Step:
-        (x, y, heading), (end_x, end_y, end_heading) = self._places[index - 1], self._places[index]
+    def _pose_at(self, index: int, share: float) -> PoseRow:
+        (x, y, heading), (end_x, end_y, end_heading) = self._poses[index - 1], self._poses[index]
         rest = 1.0 - share
         return rest * x + share * end_x, rest * y + share * end_y, rest * heading + share * end_heading
 
@@ -211,6 +206,13 @@ class _Chain:
         total = (1.0 - share) * self._sums[index - 1] + share * self._sums[index]
         xx, xy, xt, _, yy, yt, _, _, tt = total.ravel().tolist()
         return xx, xy, xt, yy, yt, tt
+
+
+def _seen_from(begin: PoseRow, end: PoseRow) -> PoseRow:
+    """Return one pose in the axes of another."""
+    cos, sin = math.cos(begin[2]), math.sin(begin[2])
+    dx, dy = end[0] - begin[0], end[1] - begin[1]
+    return cos * dx + sin * dy, cos * dy - sin * dx, end[2] - begin[2]
 
 
 def motion_residual(a: RecentMotions, b: RecentMotions, since_s: float, stamp_s: float) -> Residual | None:
@@ -257,7 +259,7 @@ def fix_residual(
     return Residual(away, shares, earlier[0], later[0], by_delay, by_scale)
 
 
-def _turned(step: Step, cos: float, sin: float) -> tuple[float, float]:
+def _turned(step: PoseRow, cos: float, sin: float) -> tuple[float, float]:
     return cos * step[0] - sin * step[1], sin * step[0] + cos * step[1]
 
 
@@ -274,7 +276,7 @@ def _rotation_of_noisy(heading_rad2: float) -> tuple[float, float]:
 def stamps_apart(chain: _Chain, since_s: float, least_s: float) -> Iterator[tuple[float, float]]:
     """Yield intervals of at least a length between stamps of a chain, end to end, from a stamp on."""
     begin_s = None
-    for stamp_s in chain.stamps_s.tolist():
+    for stamp_s in chain.stamps_s:
         if stamp_s < since_s - _SAME_STAMP_S:
             continue
         if begin_s is None:

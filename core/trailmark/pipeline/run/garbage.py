@@ -58,8 +58,8 @@ class _SparedHeap:
         with self._lock:
             if self._n_runs == 0 and gc.get_freeze_count() == 0:  # else whoever runs us has done so
                 gc.collect()
+                self._is_ours = True  # first: who is interrupted here leaves a heap that the next run lets go of
                 gc.freeze()
-                self._is_ours = True
             self._n_runs += 1
 
     def __exit__(self, *_: object) -> None:

@@ -72,18 +72,18 @@ class Run:
     ) -> None:
         with shielded(0.0):  # devices that do not answer are not waited for
             self.running = running = start_parts(parts, pushed, instruments)
-        running.closing.enter_context(SELDOM)
         self._instruments = instruments
         self._lock = threading.RLock()
         self._push_checks = FrameChecks("feed", pushed, False, instruments.counters, remedy="")
         self._is_realtime = running.parts.is_realtime
-        if self._is_realtime:
-            running.closing.enter_context(SPARED)
         self._step_shield, self._hangs = shielded(STEP_S), HangWatch(parts.settings.patience_s)
         self._events = self._new_events()
         self._conclusion, self._on_end = Conclusion(running, instruments, recorder), on_end
         self._lifeline = ExitStack()
         try:
+            running.closing.enter_context(SELDOM)
+            if self._is_realtime:
+                running.closing.enter_context(SPARED)
             if running.control is not None or recorder is not None:
                 self._enter_lifeline(recorder)
             self._frames = FrameProcessor(running, self._conclusion.open_sinks(), instruments)
