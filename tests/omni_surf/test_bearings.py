@@ -17,7 +17,7 @@ from trailmark.arrays import Bools
 from trailmark.errors import ShapeError
 from trailmark.geometry import Pose2, wrap_angle, wrap_angles
 from trailmark_omni_surf.bearing_kernels import bearing_errors, bearing_scales, closed_form, hypotheses
-from trailmark_omni_surf.bearings import BearingFix, BearingNoise, locate
+from trailmark_omni_surf.bearings import BearingFix, BearingNoise, locate, widened
 from trailmark_omni_surf.config import OmniSurfConfig
 from trailmark_omni_surf.landmarks import FEATURE_NAMES, landmark_features, measure_landmark
 
@@ -152,6 +152,31 @@ def test_a_far_landmark_that_decides_alone_and_is_wrong_is_within_what_is_claime
     error = np.array(pose_error(fix.pose_map_base, Pose2()))
     assert abs(error[2]) > math.radians(1.0)
     assert error @ fix.information @ error < 16.3  # chi square of 3 numbers, 99.9 %
+
+
+def test_many_sightings_in_a_row_tell_no_more_than_four() -> None:
+    """They err alike; and what is seen has a size."""
+    ways = [np.column_stack([np.linspace(-1.0, 1.0, n), np.zeros(n), np.zeros(n)]) for n in (4, 40)]
+
+    few, many = (measure_landmark(way, np.arctan2(3.0, -way[:, 0])) for way in ways)
+
+    assert few is not None
+    assert many is not None
+    assert math.sqrt(many.covariance[1, 1]) > 0.9 * math.sqrt(few.covariance[1, 1])  # the ends weigh more among four
+    assert np.linalg.eigvalsh(many.covariance)[0] > 0.05**2
+
+
+@given(st.floats(0.0, 10.0), st.floats(0.0, math.pi))
+def test_information_is_widened_to_a_covariance_and_where_it_says_more_it_stays(sigma: float, angle: float) -> None:
+    information = np.diag([1.0, 4.0])
+    axis = np.array([math.cos(angle), math.sin(angle)])
+
+    covariance = np.linalg.inv(widened(information, sigma**2 * np.outer(axis, axis)))
+
+    assert axis @ covariance @ axis > (1.0 - 1e-9) * sigma**2
+    assert np.linalg.eigvalsh(covariance - np.linalg.inv(information))[0] > -1e-9
+    if sigma < 0.5:
+        np.testing.assert_allclose(covariance, np.linalg.inv(information), atol=1e-9)
 
 
 @given(x=st.floats(-5, 5), y=st.floats(2, 8))

@@ -28,7 +28,8 @@ PIXELS = np.zeros((2, 3), np.uint8)
 
 
 def image_frames(sensor: str, stamps: Iterable[float]) -> list[Frame]:
-    return [Frame(sensor, stamp_s, Image(PIXELS)) for stamp_s in stamps]
+    """Return pictures that differ, as those of a camera do."""
+    return [Frame(sensor, stamp_s, Image(PIXELS + np.uint8(k % 251))) for k, stamp_s in enumerate(stamps)]
 
 
 def scalar_frames(sensor: str, stamps: Iterable[float]) -> list[Frame]:

@@ -98,6 +98,11 @@ class Payload:
         """What must not change from frame to frame of a sensor: shapes and types of pictures."""
         return ()
 
+    @property
+    def readings(self) -> tuple[AnyArray, ...]:
+        """The arrays of a snapshot that noise makes another one each time; a sensor that repeats one has frozen."""
+        return ()
+
     def numbers(self) -> Mapping[str, float]:
         """Return the reading as a row of a table, by column; empty where it is none.
 
@@ -153,6 +158,11 @@ class Image(Payload):
         """Shape and type."""
         return self.pixels.shape, self.pixels.dtype
 
+    @property
+    def readings(self) -> tuple[AnyArray, ...]:
+        """The pixels."""
+        return (self.pixels,)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RGBD(Payload):
@@ -196,6 +206,11 @@ class RGBD(Payload):
         """Shapes of both pictures."""
         return self.bgr.shape, self.depth_m.shape
 
+    @property
+    def readings(self) -> tuple[AnyArray, ...]:
+        """Both pictures: each is a camera of its own."""
+        return self.bgr, self.depth_m
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scan(Payload):
@@ -225,6 +240,11 @@ class Scan(Payload):
         if ranges.ndim != 1 or not np.issubdtype(ranges.dtype, np.floating):
             raise ShapeError(f"ranges_m must be (N,) of floats, not {ranges.shape} {ranges.dtype}")
         object.__setattr__(self, "ranges_m", read_only(ranges))
+
+    @property
+    def readings(self) -> tuple[AnyArray, ...]:
+        """The ranges."""
+        return (self.ranges_m,)
 
     def angles(self) -> npt.NDArray[np.float64]:
         """Return the direction of every beam, (N,) [rad]."""

@@ -11,13 +11,14 @@ import numpy as np
 from trailmark.arrays import Floats, Grey8
 from trailmark.estimates import Belief, Estimate, Fix, Lost, information_from_covariance
 from trailmark.geometry import Pose2, wrap_angle
-from trailmark_omni_surf.bearings import BearingFix, BearingNoise
+from trailmark_omni_surf.bearings import BearingFix, BearingNoise, widened
 from trailmark_omni_surf.config import OmniSurfConfig
 from trailmark_omni_surf.features import FeatureExtractor
 from trailmark_omni_surf.flows import NOTHING, FlowOptions, FlowResult, by_detection, by_tracking
 from trailmark_omni_surf.landmark_map import LandmarkMap
 from trailmark_omni_surf.pixel_bearings import PixelBearings
 from trailmark_omni_surf.taught_views import TaughtViews, unwrapped_view
+from trailmark_omni_surf.wobble import Wobble
 
 __all__ = ["BearingLocalizer"]
 
@@ -26,6 +27,10 @@ _SAME_PLACE_M, _SAME_PLACE_RAD = 0.5, math.radians(15.0)
 _LASTS_M, _LASTS_S = 0.25, 10.0
 _N_LOOKS = 4  # pictures whose fit counts, the last ones
 _ENOUGH_SHARE = 0.6  # a refresh that finds fewer of the tracked landmarks than this is not taken
+# By how much a pose errs for each metre beside the taught way: landmarks lie on the lines of sight from there, and how
+# far along these shows from aside.
+_ASIDE, _ASIDE_RAD_PER_M = 0.2, 0.04
+_CONTRADICTED = 5  # times as many pictures must find a place to which odometry does not lead from the last answer
 _MOST_UNCONFIRMED = 4  # pictures in a row, at most, in which what is tracked is not recognised
 # Squared distance of two poses, in their covariance, that chance exceeds in 1 % (chi square of three numbers).
 _ONE_POSE = 11.34
@@ -80,6 +85,8 @@ class BearingLocalizer:
         The taught landmarks; not empty.
     views : TaughtViews
         What was seen along the taught way.
+    way : (N, 2) float64
+        Where base was then; not empty [m].
     extract : FeatureExtractor
         Finds the features of a picture.
     pose_base_camera : Pose2
@@ -91,12 +98,13 @@ class BearingLocalizer:
         config: OmniSurfConfig,
         landmarks: LandmarkMap,
         views: TaughtViews,
+        way: Floats,
         *,
         extract: FeatureExtractor,
         pose_base_camera: Pose2,
     ) -> None:
         self._config = config
-        self._views = views
+        self._views, self._way = views, way
         self._landmarks = landmarks
         self._extract = extract
         self._pose_base_camera = pose_base_camera
@@ -108,6 +116,7 @@ class BearingLocalizer:
         self._finding = NOTHING
         self._n_tracked = self._n_unconfirmed = 0
         self._last: _LastAnswer | None = None
+        self._wobble = Wobble()
 
     def counters(self) -> Mapping[str, int]:
         """Return how often each flow ran, and how many landmarks the tracking error removed."""
@@ -131,7 +140,7 @@ class BearingLocalizer:
         if start is not None and _is_near(start, pose_map_camera):
             self._unsure = None
         else:
-            doubt = self._doubt(pose_map_camera, image, camera, belief)
+            doubt = self._doubt(stamp_s, pose_map_camera, image, camera, belief)
             if doubt:
                 self.forget()
                 reason = f"{len(finding.uv)} landmarks agree on a place: {doubt}"
@@ -139,7 +148,9 @@ class BearingLocalizer:
         self._image, self._finding = image, finding
         return self._answer(stamp_s, finding, finding.fix, belief, is_tracked)
 
-    def _doubt(self, pose_map_camera: Pose2, image: Grey8, camera: PixelBearings, belief: Belief) -> str:
+    def _doubt(
+        self, stamp_s: float, pose_map_camera: Pose2, image: Grey8, camera: PixelBearings, belief: Belief
+    ) -> str:
         """Return why a pose that was not expected is not believed; nothing after enough pictures that fit it."""
         shares: tuple[float, ...] = ()
         if self._unsure is not None:
@@ -153,7 +164,10 @@ class BearingLocalizer:
         is_asked = self._config.place_fit > 0.0 and not is_told
         share = self._views.share(pose_map_camera, unwrapped_view(image, camera)) if is_asked else math.nan
         self._unsure = _UnsurePlace(pose_map_camera, belief.pose_odom_base, (*shares, share))
-        return self._unsure.doubt(self._config.confirm_pictures, self._config.place_fit)
+        expected = self._wobble.expected(stamp_s, belief.pose_odom_base)
+        is_contradicted = expected is not None and not _is_near(expected @ self._pose_base_camera, pose_map_camera)
+        n_needed = _CONTRADICTED * self._config.confirm_pictures if is_contradicted else self._config.confirm_pictures
+        return self._unsure.doubt(n_needed, self._config.place_fit)
 
     def _track(self, image: Grey8, camera: PixelBearings, start: Pose2 | None) -> FlowResult:
         """Main flow, where it can be gone."""
@@ -216,7 +230,20 @@ class BearingLocalizer:
             "tracked": float(is_tracked),
             "error_deg": math.degrees(float(np.sqrt(np.mean(fix.errors_rad[fix.is_inlier] ** 2)))),
         }
-        return Fix(stamp_s, pose_map_base, self._about_base(fix), details, correlation_s)
+        information = self._no_surer_than_scattered(self._about_base(fix), stamp_s, pose_map_base, belief)
+        return Fix(stamp_s, pose_map_base, information, details, correlation_s)
+
+    def _no_surer_than_scattered(
+        self, information: Floats, stamp_s: float, pose_map_base: Pose2, belief: Belief
+    ) -> Floats:
+        """Return information that promises no more than the answers of late scatter about the motion between them."""
+        if math.isinf(belief.motion_age_s):
+            return information
+        expected = self._wobble.expected(stamp_s, belief.pose_odom_base)
+        if expected is not None and not _is_near(expected, pose_map_base):
+            self._wobble.clear()
+        scatter = self._wobble.add(stamp_s, pose_map_base, belief.pose_odom_base)
+        return information if scatter is None else widened(information, scatter)
 
     def _about_base(self, fix: BearingFix) -> Floats:
         """Carry the information from the camera to base, and add what the landmarks are off together."""
@@ -224,8 +251,10 @@ class BearingLocalizer:
         dx, dy = fix.pose_map_base.x - lever.x, fix.pose_map_base.y - lever.y
         jacobian = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])  # camera pose after base pose
         covariance = np.linalg.inv(jacobian.T @ fix.information @ jacobian)
-        heading_rad = math.radians(self._config.map_sigma_deg)
-        covariance += np.diag([self._config.map_sigma_m**2, self._config.map_sigma_m**2, heading_rad**2])
+        aside_m = math.sqrt(float(np.square(self._way - (lever.x, lever.y)).sum(axis=1).min()))
+        off_m = math.hypot(self._config.map_sigma_m, _ASIDE * aside_m)
+        off_rad = math.hypot(math.radians(self._config.map_sigma_deg), _ASIDE_RAD_PER_M * aside_m)
+        covariance += np.diag([off_m**2, off_m**2, off_rad**2])
         return information_from_covariance((covariance + covariance.T) / 2.0)
 
     def forget(self) -> None:

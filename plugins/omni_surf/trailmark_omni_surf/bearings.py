@@ -21,7 +21,7 @@ from trailmark_omni_surf.bearing_kernels import (
     support,
 )
 
-__all__ = ["BearingFix", "BearingNoise", "locate"]
+__all__ = ["BearingFix", "BearingNoise", "locate", "widened"]
 
 
 _MAX_TRIPLES = 300
@@ -188,17 +188,33 @@ def _less_where_one_decides(
     """Return information that promises no more than the errors of the landmarks bear out one by one.
 
     A far landmark among near ones, or one on a side of its own, draws the pose to itself, and little error is left that
-    tells. The covariance is at least the sum over the landmarks of what the error of each, divided by the root of the
-    share of it that the fit leaves, changes in the pose (HC2, which is right in the mean where all err alike;
-    S. D. Horn, R. A. Horn, D. B. Duncan, JASA 70, 1975). Of a landmark that agrees by chance it says nothing.
+    tells. The covariance is at least the sum over the landmarks of what the error of each changes in the pose, divided
+    by a power of the share of it that the fit leaves: half the landmark's leverage over the mean leverage (HC4; F.
+    Cribari-Neto, Computational Statistics & Data Analysis 45, 2004). Where all decide alike that is the root, which is
+    right in the mean (HC2; S. D. Horn, R. A. Horn, D. B. Duncan, JASA 70, 1975). Of one that agrees by chance it says
+    nothing.
     """
     jacobian = bearing_jacobian(landmarks, pose) * scales[:, np.newaxis]
     errors = bearing_errors(landmarks, bearings, pose) * scales
     gains = jacobian @ np.linalg.inv(jacobian.T @ jacobian)
-    left = np.maximum(1.0 - (gains * jacobian).sum(axis=1), _LEAST_LEFT)
-    changes = gains * (errors / np.sqrt(left))[:, np.newaxis]
+    leverages = (gains * jacobian).sum(axis=1)
+    powers = np.clip(len(errors) * leverages / 3.0, 1.0, 4.0) / 2.0
+    changes = gains * (errors / np.maximum(1.0 - leverages, _LEAST_LEFT) ** powers)[:, np.newaxis]
+    return widened(information, changes.T @ changes)
+
+
+def widened(information: Floats, covariance: Floats) -> Floats:
+    """Return information that promises no more than a covariance in any direction.
+
+    Parameters
+    ----------
+    information : (D, D) float64
+        Positive definite.
+    covariance : (D, D) float64
+        Of the same numbers; positive semidefinite.
+    """
     root = np.linalg.cholesky(information)
-    times, axes = np.linalg.eigh(root.T @ (changes.T @ changes) @ root)  # how many times the stated variance
+    times, axes = np.linalg.eigh(root.T @ covariance @ root)  # how many times the stated variance
     turned = root @ axes
     return np.asarray((turned / np.maximum(times, 1.0)) @ turned.T)
 

@@ -26,6 +26,11 @@ FEATURE_NAMES = (
     "variance_direction_rad2",
 )
 
+# A tracked point drifts along its edge, and pictures near to one another err alike: more sightings than these tell
+# nothing more of where a landmark is.
+_MOST_INDEPENDENT = 4
+# A blob has a size and a depth: seen from elsewhere, another point is its middle, by so much [m].
+_BLOB_M = 0.05
 _MIN_SPREAD = 1e-6  # rays closer to parallel than a milliradian do not meet
 
 
@@ -38,7 +43,8 @@ class LandmarkMeasurement:
     position : (2,) float64
         In the map [m].
     covariance : (2, 2) float64
-        Of the position, for the bearing noise that the residuals show [m^2].
+        Of the position, for the bearing noise that the residuals show, as if of four sightings at most, and for the
+        size of what is seen [m^2].
     errors_rad : (N,) float64
         Bearing residual of every observation [rad].
     is_inlier : (N,) bool
@@ -157,4 +163,5 @@ def _covariance(position: Floats, poses: Floats, errors: Floats, sigma_rad: floa
         return None
     spare = max(len(poses) - 2, 1)
     variance = max(sigma_rad**2, float((errors**2).sum()) / spare)
-    return np.asarray(np.linalg.inv(information) * variance)
+    alike = max(1.0, len(poses) / _MOST_INDEPENDENT)
+    return np.asarray(np.linalg.inv(information) * variance * alike + _BLOB_M**2 * np.eye(2))

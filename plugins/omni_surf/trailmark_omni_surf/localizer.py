@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from trailmark.errors import ConfigError, SensorMismatchError, ShapeError
 from trailmark.estimates import Belief, Estimate, Lost
 from trailmark.frames import Frame, Image, Omni
@@ -58,9 +60,11 @@ class OmniSurf(Localizer):
         self._bearing_localizer: BearingLocalizer | None = None
         landmarks = None if self._is_teaching else _load_landmarks(session.map, config.descriptor_name)
         if landmarks is not None and len(landmarks):
-            views = TaughtViews.of(session.map.keyframes() if session.map is not None and config.place_fit > 0 else ())
+            keyframes = session.map.keyframes() if session.map is not None else ()
+            views = TaughtViews.of(keyframes if config.place_fit > 0 else ())
+            way = np.array([keyframe.pose_map_base.array()[:2] for keyframe in keyframes])
             self._bearing_localizer = BearingLocalizer(
-                config, landmarks, views, extract=extract, pose_base_camera=pose_base_camera
+                config, landmarks, views, way, extract=extract, pose_base_camera=pose_base_camera
             )
 
     def observe(self, frame: Frame, belief: Belief) -> Sequence[Estimate]:

@@ -12,5 +12,6 @@ from trailmark.pipeline.localizers.runner import (
     beginning_early,
     new_runner,
 )
+from trailmark.pipeline.localizers.standstill import RepeatWatch
 
-__all__ = ["LocalizerFailedError", "LocalizerRunner", "ObserveResult", "beginning_early", "new_runner"]
+__all__ = ["LocalizerFailedError", "LocalizerRunner", "ObserveResult", "RepeatWatch", "beginning_early", "new_runner"]

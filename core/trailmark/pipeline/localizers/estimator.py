@@ -160,6 +160,10 @@ class EstimatorRunner:
         elif self._told_health:
             self._told_health.pop(localizer.name, None)
 
+    def has_motion_beside(self, sensor: str) -> bool:
+        """Return whether a localizer has told of motion that does not look at a sensor."""
+        return any(sensor not in part.sensors for part in self._moving.values())
+
     def switch_off(self, name: str, why: str) -> None:
         """Expect nothing more of a localizer: what was spare beside its motion counts from now on."""
         self._last_belief = None

@@ -11,7 +11,13 @@ from trailmark.estimates import Belief, EstimateRecord, Lost
 from trailmark.frames import Frame
 from trailmark.interfaces import Sink
 from trailmark.pipeline.instruments import Instruments
-from trailmark.pipeline.localizers import LocalizerFailedError, LocalizerRunner, ObserveResult, beginning_early
+from trailmark.pipeline.localizers import (
+    LocalizerFailedError,
+    LocalizerRunner,
+    ObserveResult,
+    RepeatWatch,
+    beginning_early,
+)
 from trailmark.pipeline.outputs.fanout import SinkFanout
 from trailmark.pipeline.outputs.result import Step
 from trailmark.pipeline.parts import LocalizerPart
@@ -33,8 +39,9 @@ class FrameProcessor:
     """Takes frames through the parts of a run, one after the other.
 
     At each frame: results that are due are applied; the localizers that subscribe are asked in the order of the
-    config, each with the belief at the frame's stamp, and its estimates are applied before the next is asked; in
-    teach a waypoint is laid; the controller is asked, if it is time.
+    config, each with the belief at the frame's stamp, and its estimates are applied before the next is asked (all are
+    `Lost` where the sensor has frozen, see `RepeatWatch`); in teach a waypoint is laid; the controller is asked, if it
+    is time.
 
     Parameters
     ----------
@@ -52,6 +59,7 @@ class FrameProcessor:
         self._teaching = None if running.taught is None else running.taught.teaching
         self._is_realtime = running.parts.is_realtime
         self._clock, self._counters, self._times = instruments.clock, instruments.counters, instruments.times
+        self._repeats = RepeatWatch(running.estimator)
         self._switched_off: list[LocalizerPart] = []
         self._set_localizers(running.localizers)
 
@@ -71,6 +79,7 @@ class FrameProcessor:
             records += self._observe(frame)
         belief = self._estimator.belief(now_s)
         if frame is not None:
+            self._repeats.keep(frame, belief)
             self._sinks.tell(Sink.on_belief, belief)
             if self._teaching is not None:
                 self._teaching.on_belief(belief)
@@ -97,7 +106,10 @@ class FrameProcessor:
             self._times.fold()
         self._sinks.tell(Sink.on_frame, frame)
         records: list[EstimateRecord] = []
-        if frame.payload.is_snapshot:  # a reading is not worth a thread
+        if frame.payload.is_snapshot and frame.sensor in self._subscribers:  # a reading is not worth a thread
+            if (lost := self._repeats.lost(frame)) is not None:
+                said = (ObserveResult(frame.stamp_s, frame.stamp_s, (lost,)),)
+                return [record for one in self._subscribers[frame.sensor] for record in self._apply(one, said)]
             for early in self._beginning_early.get(frame.sensor, ()):
                 early.begin(frame)
         for localizer in self._subscribers.get(frame.sensor, ()):
