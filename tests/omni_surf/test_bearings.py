@@ -179,6 +179,23 @@ def test_information_is_widened_to_a_covariance_and_where_it_says_more_it_stays(
         np.testing.assert_allclose(covariance, np.linalg.inv(information), atol=1e-9)
 
 
+@pytest.mark.parametrize("wrong_deg", [6.0, 10.0, 15.0])
+def test_one_near_landmark_that_is_wrong_among_far_ones_is_within_what_is_claimed(wrong_deg: float) -> None:
+    """It holds the position alone against twelve that lie within 80 degrees, so that hardly an error of it is left."""
+    directions = np.radians(np.append(np.linspace(-40.0, 40.0, 12), 100.0))
+    distances = np.append(np.full(12, 6.0), 0.8)
+    landmarks = distances[:, None] * np.column_stack([np.cos(directions), np.sin(directions)])
+    bearings = bearings_at(Pose2(), landmarks)
+    bearings[-1] += math.radians(wrong_deg)
+
+    fix = locate(landmarks, bearings, BearingNoise(math.radians(1.0)), Pose2(0.72 * math.radians(wrong_deg), 0.0, 0.0))
+
+    assert fix is not None
+    error = np.array(pose_error(fix.pose_map_base, Pose2()))
+    assert math.hypot(*error[:2]) > 0.1
+    assert error @ fix.information @ error < 16.3
+
+
 @given(x=st.floats(-5, 5), y=st.floats(2, 8))
 def test_rays_of_known_poses_meet_in_the_landmark(x: float, y: float) -> None:
     poses = np.array([[-1.0, 0.0, 0.3], [0.0, 0.1, -2.0], [1.0, -0.1, 1.0], [2.0, 0.0, 3.0]])

@@ -16,6 +16,7 @@ from trailmark.geometry import Pose2, wrap_angle
 from trailmark.interfaces import Session
 from trailmark.paths import Keyframe
 from trailmark_omni_surf import bearing_localizer
+from trailmark_omni_surf.bearings import position_sigma
 from trailmark_omni_surf.config import OmniSurfConfig
 from trailmark_omni_surf.export import stored_candidates
 from trailmark_omni_surf.flows import chance_agreements
@@ -129,13 +130,75 @@ def test_a_robot_carried_away_finds_itself_again(omni: Any, room: Any, taught: A
     image = room.render(true @ MOUNTING)
     answers = [
         localizer.observe(omni.frame(image, 1.0 + k), Belief(1.0 + k, pose_odom_base=Pose2(-1.0, 0.0, 0.0)))[0]
-        for k in range(7)
+        for k in range(3)
     ]
 
-    assert isinstance(answers[1], Lost)  # odometry denies it: two pictures are not enough
     assert isinstance(answers[-1], Fix)
     assert errors(answers[-1], true)[0] < 0.15
     assert all(isinstance(answer, Lost) or errors(answer, true)[0] < 0.5 for answer in answers)
+
+
+@pytest.mark.parametrize(("ago_s", "is_told", "n_lost"), [(0.1, False, 9), (0.1, True, 1), (7.0, False, 1)])
+def test_a_place_to_which_odometry_does_not_lead_is_told_when_ten_pictures_agree(
+    omni: Any, room: Any, taught: Any, ago_s: float, is_told: bool, n_lost: int
+) -> None:
+    """Not where the belief knows it, nor when the last answer is long ago."""
+    localizer = started(room, taught, confirm_pictures=2)
+    for k in range(2):
+        look(localizer, omni, room, Pose2(-1.0, 0.0, 0.0), k / 15)
+    true = Pose2(0.9, 0.5, 2.0)
+    frames = [omni.frame(room.render(true @ MOUNTING), ago_s + k / 15) for k in range(1, 12)]
+
+    answers = []
+    for frame in frames:
+        belief = Belief(frame.stamp_s, true if is_told else None, pose_odom_base=Pose2(-1.0), motion_age_s=0.0)
+        answers += localizer.observe(frame, belief)
+
+    assert [isinstance(answer, Lost) for answer in answers] == [k < n_lost for k in range(11)]
+
+
+def test_a_pose_beside_the_taught_way_knows_less(omni: Any, room: Any, taught: Any, monkeypatch: Any) -> None:
+    def sigmas(ratio: float, rad_per_m: float) -> Any:
+        monkeypatch.setattr(bearing_localizer, "_ASIDE", ratio)
+        monkeypatch.setattr(bearing_localizer, "_ASIDE_RAD_PER_M", rad_per_m)
+        answer = look(started(room, taught), omni, room, beside)
+        return np.sqrt(np.diag(np.linalg.inv(answer.information)))
+
+    way = np.array([keyframe.pose_map_base.array() for keyframe in taught.keyframes()])
+    beside = Pose2(way[:, 0].mean(), way[:, 1].max() + 0.5, 0.0)
+
+    with_it, without = sigmas(bearing_localizer._ASIDE, bearing_localizer._ASIDE_RAD_PER_M), sigmas(0.0, 0.0)
+
+    np.testing.assert_allclose(np.sqrt(with_it**2 - without**2), [0.1, 0.1, 0.02], rtol=0.1)
+
+
+def test_answers_that_scatter_about_the_motion_say_less(omni: Any, room: Any, taught: Any) -> None:
+    """Odometry that jumps to and fro stands for landmarks that do: who is wrong nobody knows."""
+    localizer, on_way = started(room, taught), taught.keyframes()[len(taught.keyframes()) // 2].pose_map_base
+
+    answers = []
+    for k in range(30):
+        frame = omni.frame(room.render(on_way @ MOUNTING), k / 15)
+        belief = Belief(k / 15, pose_odom_base=Pose2(0.0, 0.2 * (k % 2), 0.0), motion_age_s=0.0)
+        answers += localizer.observe(frame, belief)
+
+    first, last = (position_sigma(answer.information) for answer in (answers[0], answers[-1]))
+    assert first < 0.08
+    assert last > 0.1
+
+
+def test_a_place_that_is_less_certain_than_asked_is_none(omni: Any, room: Any, taught: Any) -> None:
+    on_way = taught.keyframes()[len(taught.keyframes()) // 2].pose_map_base
+    localizer = started(room, taught, max_position_sigma_m=0.08)
+
+    answers = []
+    for k in range(30):
+        frame = omni.frame(room.render(on_way @ MOUNTING), k / 15)
+        belief = Belief(k / 15, pose_odom_base=Pose2(0.0, 0.2 * (k % 2), 0.0), motion_age_s=0.0)
+        answers += localizer.observe(frame, belief)
+
+    assert isinstance(answers[0], Fix)
+    assert answers[-1].reason.endswith("and 0.08 m are asked")
 
 
 def test_an_unexpected_place_is_told_when_two_pictures_agree(omni: Any, room: Any, taught: Any) -> None:

@@ -56,7 +56,7 @@ def _of_overwritten(run: RunFolder, counters: Mapping[str, Any]) -> Iterator[Run
 def _of_repeats(counters: Mapping[str, Any]) -> Iterator[RunWarning]:
     for key, n in counters.items():
         part, _, name = str(key).removesuffix(".repeated").removesuffix(".own").partition("source.")
-        if part or not key.endswith(".repeated") or not isinstance(n, int):
+        if part or ".perturb." in key or not key.endswith(".repeated") or not isinstance(n, int):
             continue
         n_all = n + counters.get(f"source.{name}.frames", 0)
         if n > MOST_LEFT_OUT * n_all:

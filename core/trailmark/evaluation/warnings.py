@@ -65,6 +65,14 @@ def _of_localizers(run: RunFolder) -> Iterator[RunWarning]:
         own = run.estimates.of(name)
         counts, n = own.counts(), len(own)
         if counts.get("lost", 0) == n:
+            if _only_remembers(run, name) and run.run["counters"].get(f"localizer.{name}.frozen", 0) == n:
+                yield RunWarning(
+                    name,
+                    f"remembers nothing of {n} pictures: its sensor repeated itself",
+                    "teach again where these are a large part of the way",
+                    is_worthless=False,
+                )
+                continue
             reason = next(iter(reasons_of(own)), "")
             yield RunWarning(
                 name, f"was lost all the time, {n} of {n} ({reason})", "change what the reason names, or leave it out"

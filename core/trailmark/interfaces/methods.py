@@ -36,6 +36,10 @@ class Localizer(Part):
     #: belief of the frame's stamp in which nothing is known.
     uses_belief: ClassVar[bool] = True
 
+    #: False of one that takes frames for a clock: it is asked also where a sensor repeats itself, and is no witness of
+    #: whether the robot moves.
+    looks_at_frames: ClassVar[bool] = True
+
     #: True lets `observe` be called before its turn, while the localizers before this one are at work on the picture,
     #: in a thread that calls nothing else of it. For one that does not look at the belief, in step pace.
     begins_early: ClassVar[bool] = False
@@ -55,7 +59,8 @@ class Localizer(Part):
         Returns
         -------
         sequence of Estimate
-            Empty: it did not look. `Lost`: it looked and cannot say.
+            Empty: it did not look. `Lost`: it looked and cannot say. It is not asked about a picture or scan that its
+            sensor repeats bit by bit while the robot moves; `Lost` stands for its answer.
         """
 
     #: True where `relate` says how remembered places lie to each other.

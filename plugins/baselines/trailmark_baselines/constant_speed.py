@@ -24,6 +24,7 @@ class ConstantSpeed(Localizer):
 
     config: ConstantSpeedConfig
     uses_belief = False
+    looks_at_frames = False
 
     def __init__(self, config: ConstantSpeedConfig) -> None:
         super().__init__(config)

@@ -11,7 +11,7 @@ import numpy as np
 from trailmark.arrays import Floats, Grey8
 from trailmark.estimates import Belief, Estimate, Fix, Lost, information_from_covariance
 from trailmark.geometry import Pose2, wrap_angle
-from trailmark_omni_surf.bearings import BearingFix, BearingNoise, widened
+from trailmark_omni_surf.bearings import BearingFix, BearingNoise, position_sigma, widened
 from trailmark_omni_surf.config import OmniSurfConfig
 from trailmark_omni_surf.features import FeatureExtractor
 from trailmark_omni_surf.flows import NOTHING, FlowOptions, FlowResult, by_detection, by_tracking
@@ -30,7 +30,7 @@ _ENOUGH_SHARE = 0.6  # a refresh that finds fewer of the tracked landmarks than 
 # By how much a pose errs for each metre beside the taught way: landmarks lie on the lines of sight from there, and how
 # far along these shows from aside.
 _ASIDE, _ASIDE_RAD_PER_M = 0.2, 0.04
-_CONTRADICTED = 5  # times as many pictures must find a place to which odometry does not lead from the last answer
+_DENIED = 9  # times as many pictures must confirm a place to which odometry does not lead from the last answer
 _MOST_UNCONFIRMED = 4  # pictures in a row, at most, in which what is tracked is not recognised
 # Squared distance of two poses, in their covariance, that chance exceeds in 1 % (chi square of three numbers).
 _ONE_POSE = 11.34
@@ -86,7 +86,7 @@ class BearingLocalizer:
     views : TaughtViews
         What was seen along the taught way.
     way : (N, 2) float64
-        Where base was then; not empty [m].
+        Where base was then; empty where that is not known [m].
     extract : FeatureExtractor
         Finds the features of a picture.
     pose_base_camera : Pose2
@@ -165,9 +165,10 @@ class BearingLocalizer:
         share = self._views.share(pose_map_camera, unwrapped_view(image, camera)) if is_asked else math.nan
         self._unsure = _UnsurePlace(pose_map_camera, belief.pose_odom_base, (*shares, share))
         expected = self._wobble.expected(stamp_s, belief.pose_odom_base)
-        is_contradicted = expected is not None and not _is_near(expected @ self._pose_base_camera, pose_map_camera)
-        n_needed = _CONTRADICTED * self._config.confirm_pictures if is_contradicted else self._config.confirm_pictures
-        return self._unsure.doubt(n_needed, self._config.place_fit)
+        n_more = self._config.confirm_pictures - 1
+        if expected is not None and not is_told and not _is_near(expected @ self._pose_base_camera, pose_map_camera):
+            n_more *= _DENIED
+        return self._unsure.doubt(1 + n_more, self._config.place_fit)
 
     def _track(self, image: Grey8, camera: PixelBearings, start: Pose2 | None) -> FlowResult:
         """Main flow, where it can be gone."""
@@ -220,7 +221,9 @@ class BearingLocalizer:
         step = self._last.pose_odom_base.between(belief.pose_odom_base)
         return self._last.pose_map_base @ step @ self._pose_base_camera
 
-    def _answer(self, stamp_s: float, finding: FlowResult, fix: BearingFix, belief: Belief, is_tracked: bool) -> Fix:
+    def _answer(
+        self, stamp_s: float, finding: FlowResult, fix: BearingFix, belief: Belief, is_tracked: bool
+    ) -> Estimate:
         pose_map_base = fix.pose_map_base @ self._pose_camera_base
         correlation_s = None if self._last is None else self._last.correlation_s(stamp_s, pose_map_base, belief)
         self._last = _LastAnswer(stamp_s, pose_map_base, belief.pose_odom_base)
@@ -231,6 +234,10 @@ class BearingLocalizer:
             "error_deg": math.degrees(float(np.sqrt(np.mean(fix.errors_rad[fix.is_inlier] ** 2)))),
         }
         information = self._no_surer_than_scattered(self._about_base(fix), stamp_s, pose_map_base, belief)
+        sigma_m = position_sigma(information)
+        if sigma_m > self._config.max_position_sigma_m:
+            why = f"the place is known to {sigma_m:.2f} m, and {self._config.max_position_sigma_m:g} m are asked"
+            return Lost(stamp_s, why, details)
         return Fix(stamp_s, pose_map_base, information, details, correlation_s)
 
     def _no_surer_than_scattered(
@@ -251,7 +258,8 @@ class BearingLocalizer:
         dx, dy = fix.pose_map_base.x - lever.x, fix.pose_map_base.y - lever.y
         jacobian = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])  # camera pose after base pose
         covariance = np.linalg.inv(jacobian.T @ fix.information @ jacobian)
-        aside_m = math.sqrt(float(np.square(self._way - (lever.x, lever.y)).sum(axis=1).min()))
+        aside_m = math.sqrt(float(np.square(self._way - (lever.x, lever.y)).sum(axis=1).min(initial=math.inf)))
+        aside_m = aside_m if math.isfinite(aside_m) else 0.0
         off_m = math.hypot(self._config.map_sigma_m, _ASIDE * aside_m)
         off_rad = math.hypot(math.radians(self._config.map_sigma_deg), _ASIDE_RAD_PER_M * aside_m)
         covariance += np.diag([off_m**2, off_m**2, off_rad**2])

@@ -21,7 +21,7 @@ from trailmark_omni_surf.bearing_kernels import (
     support,
 )
 
-__all__ = ["BearingFix", "BearingNoise", "locate", "widened"]
+__all__ = ["BearingFix", "BearingNoise", "locate", "position_sigma", "widened"]
 
 
 _MAX_TRIPLES = 300
@@ -162,7 +162,7 @@ def _refine_fix(
     scales = bearing_scales(landmarks, covariances, pose, noise.sigma_rad)
     information = _information(landmarks[is_inlier], bearings[is_inlier], scales[is_inlier], pose, noise.sigma_rad)
     limit_m = noise.max_position_sigma_m / (2.0 if is_inlier.sum() == 3 else 1.0)  # three bearings hide every error
-    if information is None or _position_sigma(information) > limit_m:
+    if information is None or position_sigma(information) > limit_m:
         return None
     agreeing = support(landmarks, bearings, pose, noise.gate_rad)
     return BearingFix(Pose2.from_array(pose), information, errors, is_inlier, agreeing)
@@ -189,10 +189,10 @@ def _less_where_one_decides(
 
     A far landmark among near ones, or one on a side of its own, draws the pose to itself, and little error is left that
     tells. The covariance is at least the sum over the landmarks of what the error of each changes in the pose, divided
-    by a power of the share of it that the fit leaves: half the landmark's leverage over the mean leverage (HC4; F.
-    Cribari-Neto, Computational Statistics & Data Analysis 45, 2004). Where all decide alike that is the root, which is
-    right in the mean (HC2; S. D. Horn, R. A. Horn, D. B. Duncan, JASA 70, 1975). Of one that agrees by chance it says
-    nothing.
+    by a power of the share of it that the fit leaves: half the landmark's leverage over the mean leverage, at most 2
+    (HC4; F. Cribari-Neto, Computational Statistics & Data Analysis 45, 2004). Differs from that: it is 1/2 at least,
+    which is right in the mean where all decide alike (HC2; S. D. Horn, R. A. Horn, D. B. Duncan, JASA 70, 1975). Of a
+    landmark that agrees by chance it says nothing.
     """
     jacobian = bearing_jacobian(landmarks, pose) * scales[:, np.newaxis]
     errors = bearing_errors(landmarks, bearings, pose) * scales
@@ -219,7 +219,7 @@ def widened(information: Floats, covariance: Floats) -> Floats:
     return np.asarray((turned / np.maximum(times, 1.0)) @ turned.T)
 
 
-def _position_sigma(information: Floats) -> float:
+def position_sigma(information: Floats) -> float:
     """Return the standard deviation of the position along its worst direction [m]."""
     covariance = np.linalg.inv(information)
     return math.sqrt(max(0.0, float(np.linalg.eigvalsh(covariance[:2, :2])[-1])))

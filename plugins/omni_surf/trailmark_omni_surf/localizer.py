@@ -62,7 +62,7 @@ class OmniSurf(Localizer):
         if landmarks is not None and len(landmarks):
             keyframes = session.map.keyframes() if session.map is not None else ()
             views = TaughtViews.of(keyframes if config.place_fit > 0 else ())
-            way = np.array([keyframe.pose_map_base.array()[:2] for keyframe in keyframes])
+            way = np.array([keyframe.pose_map_base.array()[:2] for keyframe in keyframes]).reshape(-1, 2)
             self._bearing_localizer = BearingLocalizer(
                 config, landmarks, views, way, extract=extract, pose_base_camera=pose_base_camera
             )

@@ -5,6 +5,7 @@ A localizer is waited for, works beside the run on the virtual clock, or has a t
 
 from __future__ import annotations
 
+from trailmark.pipeline.localizers.freezes import FreezeWatch
 from trailmark.pipeline.localizers.runner import (
     LocalizerFailedError,
     LocalizerRunner,
@@ -12,6 +13,5 @@ from trailmark.pipeline.localizers.runner import (
     beginning_early,
     new_runner,
 )
-from trailmark.pipeline.localizers.standstill import RepeatWatch
 
-__all__ = ["LocalizerFailedError", "LocalizerRunner", "ObserveResult", "RepeatWatch", "beginning_early", "new_runner"]
+__all__ = ["FreezeWatch", "LocalizerFailedError", "LocalizerRunner", "ObserveResult", "beginning_early", "new_runner"]

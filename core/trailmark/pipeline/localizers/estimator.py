@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from array import array
+from collections.abc import Collection
 from dataclasses import replace
 from numbers import Real
 from time import perf_counter_ns
@@ -59,6 +60,7 @@ class EstimatorRunner:
         self._use = use
         self._times = times
         self._moving: dict[str, LocalizerPart] = {}
+        self._moved_s: dict[str, float] = {}  # until when each of them has told of a way
         self._spared: dict[str, str] = {}  # whose motion is left out, and for whose
         self._last_belief: tuple[float, Belief] | None = None  # and the stamp that was asked for; until more is applied
 
@@ -134,6 +136,8 @@ class EstimatorRunner:
             self._admit_motion(localizer)
         if isinstance(estimate, Motion) and (other := self._spared.get(name)) is not None:
             return Applied("unused", f"{other!r} gives motion, and both would count twice")
+        if isinstance(estimate, Motion) and estimate.information[0, 0] > 0.0:  # a gyro knows nothing of the way
+            self._moved_s[name] = estimate.stamp_s
         self._last_belief = None
         began_ns = perf_counter_ns()
         try:
@@ -160,9 +164,13 @@ class EstimatorRunner:
         elif self._told_health:
             self._told_health.pop(localizer.name, None)
 
-    def has_motion_beside(self, sensor: str) -> bool:
-        """Return whether a localizer has told of motion that does not look at a sensor."""
-        return any(sensor not in part.sensors for part in self._moving.values())
+    def has_motion_beside(self, sensors: Collection[str], since_s: float) -> bool:
+        """Return whether a localizer that looks at none of some sensors has told of a way since an instant."""
+        return any(
+            moved_s >= since_s and part.localizer.looks_at_frames and part.sensors.isdisjoint(sensors)
+            for name, moved_s in self._moved_s.items()
+            if (part := self._moving.get(name)) is not None
+        )
 
     def switch_off(self, name: str, why: str) -> None:
         """Expect nothing more of a localizer: what was spare beside its motion counts from now on."""

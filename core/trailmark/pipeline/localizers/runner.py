@@ -99,6 +99,7 @@ class LocalizerRunner(ABC):
         self.part = part
         self.name = part.name
         self.uses_belief = part.localizer.uses_belief
+        self.looks_at_frames = part.localizer.looks_at_frames
         self.begins_early = part.localizer.begins_early and not self.uses_belief
         self._localizer = part.localizer
         self._times = times

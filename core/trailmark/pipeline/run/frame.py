@@ -12,10 +12,10 @@ from trailmark.frames import Frame
 from trailmark.interfaces import Sink
 from trailmark.pipeline.instruments import Instruments
 from trailmark.pipeline.localizers import (
+    FreezeWatch,
     LocalizerFailedError,
     LocalizerRunner,
     ObserveResult,
-    RepeatWatch,
     beginning_early,
 )
 from trailmark.pipeline.outputs.fanout import SinkFanout
@@ -40,7 +40,7 @@ class FrameProcessor:
 
     At each frame: results that are due are applied; the localizers that subscribe are asked in the order of the
     config, each with the belief at the frame's stamp, and its estimates are applied before the next is asked (all are
-    `Lost` where the sensor has frozen, see `RepeatWatch`); in teach a waypoint is laid; the controller is asked, if it
+    `Lost` where the sensor has frozen, see `FreezeWatch`); in teach a waypoint is laid; the controller is asked, if it
     is time.
 
     Parameters
@@ -59,7 +59,7 @@ class FrameProcessor:
         self._teaching = None if running.taught is None else running.taught.teaching
         self._is_realtime = running.parts.is_realtime
         self._clock, self._counters, self._times = instruments.clock, instruments.counters, instruments.times
-        self._repeats = RepeatWatch(running.estimator)
+        self._freezes = FreezeWatch(running.estimator)
         self._switched_off: list[LocalizerPart] = []
         self._set_localizers(running.localizers)
 
@@ -79,7 +79,8 @@ class FrameProcessor:
             records += self._observe(frame)
         belief = self._estimator.belief(now_s)
         if frame is not None:
-            self._repeats.keep(frame, belief)
+            if self._subscribers.get(frame.sensor):
+                self._freezes.keep(frame, belief)
             self._sinks.tell(Sink.on_belief, belief)
             if self._teaching is not None:
                 self._teaching.on_belief(belief)
@@ -106,16 +107,20 @@ class FrameProcessor:
             self._times.fold()
         self._sinks.tell(Sink.on_frame, frame)
         records: list[EstimateRecord] = []
-        if frame.payload.is_snapshot and frame.sensor in self._subscribers:  # a reading is not worth a thread
-            if (lost := self._repeats.lost(frame)) is not None:
-                said = (ObserveResult(frame.stamp_s, frame.stamp_s, (lost,)),)
-                return [record for one in self._subscribers[frame.sensor] for record in self._apply(one, said)]
+        subscribers = self._subscribers.get(frame.sensor, ())
+        lost = self._freezes.lost(frame) if subscribers else None
+        if lost is None and frame.payload.is_snapshot:  # a reading is not worth a thread
             for early in self._beginning_early.get(frame.sensor, ()):
                 early.begin(frame)
-        for localizer in self._subscribers.get(frame.sensor, ()):
-            belief = self._estimator.belief(frame.stamp_s) if localizer.uses_belief else Belief(frame.stamp_s)
+        for localizer in subscribers:
             try:
-                records += self._apply(localizer, localizer.submit(frame, belief))
+                if lost is not None and localizer.looks_at_frames:
+                    self._counters[f"localizer.{localizer.name}.frozen"] += 1
+                    said: Sequence[ObserveResult] = (ObserveResult(frame.stamp_s, frame.stamp_s, (lost,)),)
+                else:
+                    belief = self._estimator.belief(frame.stamp_s) if localizer.uses_belief else Belief(frame.stamp_s)
+                    said = localizer.submit(frame, belief)
+                records += self._apply(localizer, said)
             except LocalizerFailedError as error:
                 self._on_failure(localizer, error)
         return records
