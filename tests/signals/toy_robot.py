@@ -67,7 +67,7 @@ class ToyRobot(Drivable):
             if self._is_closed:
                 return
             stamp_s = live_stamp_s() if self.config.live else i / self.config.rate_hz
-            yield Frame("eye", stamp_s, Image(picture))
+            yield Frame("eye", stamp_s, Image(np.roll(picture, round(100 * stamp_s))))
             if self.config.live:
                 time.sleep(1.0 / self.config.rate_hz)
 
