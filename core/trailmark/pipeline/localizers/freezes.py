@@ -57,7 +57,10 @@ class FreezeWatch:
         repeated = [one for one in found if one is not None]
         if len(repeated) < len(now):
             repeated = [one for one in repeated if frame.stamp_s - one.stamp_s > _RECENT_S]
-        (self._repeating.add if repeated else self._repeating.discard)(frame.sensor)
+        if repeated:
+            self._repeating.add(frame.sensor)
+        else:
+            self._repeating.discard(frame.sensor)
         for one in repeated:
             if reason := self._reason(frame, one.belief):
                 return Lost(frame.stamp_s, f"{frame.sensor!r} gives the same {frame.payload.kind} again, {reason}")
