@@ -91,9 +91,10 @@ def test_half_of_a_camera_may_be_slower_than_the_other_and_freeze(fakes: Any, fr
     [
         Image(np.zeros((20, 30), np.uint8)),
         Scan(np.full(40, np.nan), -1.0, 0.05),
+        Scan(np.empty(0), -1.0, 0.05),
         RGBD(np.full((20, 30, 3), 255, np.uint8), np.full((20, 30), np.nan, np.float32)),
     ],
-    ids=["black", "open", "white"],
+    ids=["black", "open", "empty", "white"],
 )
 def test_what_says_nothing_is_no_proof(fakes: Any, silent: Payload) -> None:
     assert asked_and_lost(fakes, [silent] * 4, step=Pose2(0.03, 0.0, 0.0)) == ([0, 1, 2, 3], {})

@@ -100,8 +100,8 @@ class Payload:
 
     @property
     def readings(self) -> tuple[AnyArray, ...]:
-        """The arrays of a snapshot that noise makes another one each time; a sensor that repeats one has frozen."""
-        return ()
+        """What noise makes another one each time: a sensor that repeats it has frozen. Of a picture the pixels."""
+        return () if self.picture is None else (self.picture,)
 
     def numbers(self) -> Mapping[str, float]:
         """Return the reading as a row of a table, by column; empty where it is none.
@@ -157,11 +157,6 @@ class Image(Payload):
     def layout(self) -> tuple[Any, ...]:
         """Shape and type."""
         return self.pixels.shape, self.pixels.dtype
-
-    @property
-    def readings(self) -> tuple[AnyArray, ...]:
-        """The pixels."""
-        return (self.pixels,)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
