@@ -217,8 +217,8 @@ def page_of(drives: Sequence[Drive]) -> str:
         *(_summary(team, drives) for team in dict.fromkeys(one.team for one in drives)),
         "\nGround alone searches 17 mm around the start, and was put down 30 mm off it. A robot that never finds itself"
         " drives on by its motion, beside the path where it was put down, and stands after 2 m without a fix"
-        " (`max_fix_age_m`), which ends the run (done). Of the street `divs` sees little in the bend, where streams"
-        " are blind; the simulated depth camera is not blinded by the sun, as a real one is.\n",
+        " (`max_fix_age_m`), which ends the run (done). In the street's bend `divs` is told little, because streams"
+        " are blind in a turn; the simulated depth camera is not blinded by the sun, as a real one is.\n",
         "## Drives\n",
         HEAD,
         *(_row(one) for one in drives),
