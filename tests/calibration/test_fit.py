@@ -16,6 +16,7 @@ from trailmark_calibration.checking import calibrate
 from trailmark_calibration.fitting import LIMITS, fit
 from trailmark_calibration.model import BIAS, DELAY, NAMES, TURN, TURN_PER_M, WAY, YAW, X, Y, pairs_of
 from trailmark_calibration.simulating import DriveNoise, draw_truth, simulate
+from trailmark_calibration.solver import GaussNewton
 from trailmark_calibration.starting import correlated_delay
 from trailmark_calibration.tracks import track_of
 
@@ -208,6 +209,15 @@ def test_wheels_that_change_in_the_middle_are_seen_and_make_the_numbers_wider(mi
 
     assert WAY in found.contradictions
     assert 2.0 * found.fit.sigmas[WAY] > 0.01
+
+
+def test_without_intervals_no_direction_is_told_and_nothing_is_divided_by_none(mixed):
+    pairs, _ = pairs_from(mixed)
+    solver = GaussNewton(pairs, numbers(), np.ones(len(NAMES)))
+
+    found = solver.solve(numbers(), np.zeros(len(pairs.residuals(numbers())), dtype=bool))
+
+    assert found == pytest.approx(numbers())
 
 
 def test_limits_are_in_the_order_of_the_names():

@@ -121,7 +121,7 @@ class GaussNewton:
         )
         values, vectors = np.linalg.eigh((both + both.T) / 2.0)
         noises = [np.maximum(np.einsum("ik,ij,jk->k", vectors, of, vectors) - values, 0.0) for of in (of_a, of_b)]
-        chance = np.sqrt(noises[0] * noises[1] / len(weights))
+        chance = np.sqrt(noises[0] * noises[1] / max(len(weights), 1))  # without pairs nothing is told
         rows = values > np.maximum(_CERTAIN * chance, 1.0)
         return vectors[:, rows], 1.0 / (1.0 + values[rows])
 
