@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
+from trailmark.config import Document, load_run_config
+from trailmark.interfaces import Session
+from trailmark.pipeline.parts import build_sources
 from trailmark.plugins import load_plugins
 from trailmark_bench import load_bench
 from trailmark_bench.suites import find_config, suite_names
@@ -53,6 +57,27 @@ def test_the_grand_bench_has_every_fault(data_folder: Path) -> None:
 
     ours = {spec.name for spec in plugins.registry.specs("fault") if spec.distribution == "trailmark"}
     assert ours - used == {"basic"}  # whose keys stand beside the names of the others
+
+
+@pytest.mark.slow
+def test_the_faults_of_the_grand_bench_befall_sensors_that_are_there(data_folder: Path) -> None:
+    plugins = load_plugins()
+    bench = load_bench(find_config(Path("grand")), plugins=plugins)
+    tried = set()
+
+    for cell in bench.cells:
+        sources = cell.request["document"]["sources"].values() if cell.request else ()
+        named = [tuple((source.get("perturb") or {}).get("sensors") or ()) for source in sources]
+        kind = (cell.coordinates["source"], *named)
+        if not any(named) or kind in tried:
+            continue
+        tried.add(kind)
+        config = load_run_config(Document(cell.request["document"], "cell", Path()), plugins=plugins)
+        for source in build_sources(config):
+            with closing(source):
+                source.start(Session(name=source.name))  # it refuses a sensor that it does not have
+
+    assert len(tried) >= 10
 
 
 def test_a_shipped_bench_is_found_by_its_name_and_a_file_of_that_name_comes_first(
